@@ -1,0 +1,179 @@
+"""What a person configures of a navigation run: one TOML file, checked before anything is read or computed.
+
+Every key that carries a number names its unit. Unknown keys are errors, with the nearest known one.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from schuler.exceptions import ConfigError
+from schuler.faults import sentences
+
+Triple = tuple[float, float, float]
+Positive = Annotated[float, Field(gt=0.0)]
+NonNegative = Annotated[float, Field(ge=0.0)]
+
+
+class Section(BaseModel):
+    """Base of all sections: immutable, nothing unknown."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ImuSection(Section):
+    """The IMU: its error budget, how it is mounted, how its clock runs."""
+
+    catalogue: str | None = Field(None, description="name in the IMU catalogue")
+    gyro: dict[str, float | str] = Field(default_factory=dict, description="data-sheet values, see docs/sensors.md")
+    accel: dict[str, float | str] = Field(default_factory=dict, description="data-sheet values, see docs/sensors.md")
+    mount_rpy_deg: Triple = Field((0.0, 0.0, 0.0), description="attitude of the IMU axes in the vehicle: C_bs")
+    clock_shift_s: float = Field(0.0, description="added to the IMU's time stamps")
+    rate_order: Literal[1, 2, 3] = Field(2, description="rule that integrates rates: held, trapezoid, parabola")
+    max_gap_s: Positive = Field(0.5, description="longest pause of the log that is bridged; longer ones are refused")
+
+    @model_validator(mode="after")
+    def _one_source(self) -> ImuSection:
+        if (self.catalogue is None) == (not self.gyro and not self.accel):
+            raise ValueError("give either catalogue = \"name\" or both gyro = {...} and accel = {...}")
+        if self.catalogue is None and not (self.gyro and self.accel):
+            raise ValueError("give both gyro = {...} and accel = {...}")
+        return self
+
+
+class GnssSection(Section):
+    """How GNSS solutions are used."""
+
+    lever_arm_m: Triple = Field((0.0, 0.0, 0.0), description="from the IMU to the antenna, forward right down")
+    velocity: bool = Field(True, description="use velocities where there are any")
+    position_sigma_floor_m: Triple = Field((0.0, 0.0, 0.0), description="smallest 1-sigma N E D that is believed")
+    velocity_sigma_floor_m_s: Triple = Field((0.0, 0.0, 0.0), description="smallest 1-sigma N E D that is believed")
+    sigma_scale: Positive = Field(1.0, description="factor on the receiver's own 1-sigma values")
+    gate: float | None = Field(0.9999, gt=0.0, lt=1.0, description="probability with which a good fix passes")
+    quality: tuple[int, ...] | None = Field(None, description="RTKLIB quality numbers to use; all if left out")
+
+
+class AlignmentSection(Section):
+    """Where the initial attitude comes from."""
+
+    method: Literal["auto", "course", "gyrocompass", "given"] = Field(
+        "auto",
+        description="auto: level at rest and take the heading from the course (or in motion); given: rpy_deg",
+    )
+    rpy_deg: Triple | None = Field(None, description="roll, pitch, yaw for method given")
+    sigma_deg: Triple = Field((1.0, 1.0, 3.0), description="1-sigma about N, E, D for method given")
+    rest_s: Positive = Field(10.0, description="longest stretch at rest used for levelling and gyro biases")
+    min_speed_m_s: Positive = Field(1.0, description="speed from which the course is taken as heading")
+    sideslip_deg: NonNegative = Field(1.0, description="1-sigma angle between course and heading")
+    tilt_floor_deg: NonNegative = Field(0.2, description="smallest 1-sigma tilt, for vibration and bumps")
+
+    @model_validator(mode="after")
+    def _given_needs_angles(self) -> AlignmentSection:
+        if (self.method == "given") != (self.rpy_deg is not None):
+            raise ValueError("rpy_deg goes with method = \"given\" and only with it")
+        return self
+
+
+class ModelSection(Section):
+    """Stochastic model of one state block in SI units, instead of the one that follows from the IMU."""
+
+    sigma: NonNegative
+    noise: NonNegative = 0.0
+    tau_s: Positive | None = None
+
+
+class FilterSection(Section):
+    """States and rates of the filter."""
+
+    states: Literal[9, 15, 21, 27, 33, 42] | tuple[str, ...] = Field(15, description="number, or names of blocks")
+    models: dict[str, ModelSection] = Field(default_factory=dict, description="models of blocks, SI units")
+    covariance_rate_hz: Positive | None = Field(10.0, description="left out: default; see docs")
+    full_rate: bool = Field(False, description="propagate the covariance at every IMU sample")
+    record_s: Positive = Field(1.0, description="spacing of covariance records")
+    output_rate_hz: Positive | None = Field(None, description="rate of the output; every sample if left out")
+    lockout: Annotated[int, Field(ge=0)] = Field(20, description="rejections in a row after which one is accepted")
+    smooth: bool = Field(True, description="also compute the smoothed solution")
+
+
+class OutageSection(Section):
+    """Windows in which GNSS is withheld, in seconds from the start of the recording."""
+
+    windows_s: tuple[tuple[float, float], ...] = ()
+    every_s: Positive | None = Field(None, description="period of repeated outages")
+    length_s: Positive | None = Field(None, description="length of each")
+    first_s: NonNegative | None = Field(None, description="start of the first one; default one period")
+
+    @field_validator("windows_s")
+    @classmethod
+    def _ordered(cls, windows: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        for start, stop in windows:
+            if not stop > start:
+                raise ValueError(f"an outage stops after it starts, got {start}..{stop} s")
+        return windows
+
+    @model_validator(mode="after")
+    def _period_and_length(self) -> OutageSection:
+        if (self.every_s is None) != (self.length_s is None):
+            raise ValueError("every_s and length_s go together")
+        if self.every_s is not None and self.length_s is not None and self.length_s >= self.every_s:
+            raise ValueError(f"length_s must be shorter than every_s, got {self.length_s} and {self.every_s}")
+        return self
+
+    def resolve(self, start: float, stop: float) -> tuple[tuple[float, float], ...]:
+        """Windows on the recording's own time axis; repeated ones end before the recording does."""
+        windows = [(start + a, start + b) for a, b in self.windows_s]
+        if self.every_s is not None and self.length_s is not None:
+            first = self.every_s if self.first_s is None else self.first_s
+            while start + first + self.length_s <= stop:
+                windows.append((start + first, start + first + self.length_s))
+                first += self.every_s
+        return tuple(sorted(windows))
+
+
+class NavigationConfig(Section):
+    """A navigation run.
+
+    Attributes
+    ----------
+    recording : dict
+        How the parts of a folder are read, see docs/reading-data.md.
+    imu, gnss, alignment, filter, outages
+        Sections.
+    """
+
+    recording: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    imu: ImuSection
+    gnss: GnssSection = GnssSection()
+    alignment: AlignmentSection = AlignmentSection()
+    filter: FilterSection = FilterSection()
+    outages: OutageSection = OutageSection()
+
+    @classmethod
+    def parse(cls, data: dict[str, Any], source: str = "configuration") -> NavigationConfig:
+        """Checked configuration of nested dictionaries; all faults are reported at once.
+
+        Raises
+        ------
+        ConfigError
+            Listing every wrong entry with its place.
+        """
+        try:
+            return cls.model_validate(data)
+        except ValidationError as error:
+            raise ConfigError(f"{source}: " + "; ".join(sentences(error, cls))) from None
+
+    @classmethod
+    def load(cls, path: Path | str) -> NavigationConfig:
+        """Checked configuration of a TOML file; see :meth:`parse`."""
+        path = Path(path)
+        try:
+            data = tomllib.loads(path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise ConfigError(f"{path}: no such configuration file") from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise ConfigError(f"{path}: not a TOML file: {error}") from None
+        return cls.parse(data, str(path))

@@ -1,0 +1,210 @@
+"""Aiding measurements as data: a time-sorted schedule that the engine works off, each entry at its own time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from schuler import frames
+from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats, as_vector3
+from schuler.exceptions import InputError
+from schuler.recording.series import GnssSeries
+
+POSITION, VELOCITY, ZERO_VELOCITY = 1, 2, 3
+#: Names of the kinds, used in results.
+KINDS = {POSITION: "position", VELOCITY: "velocity", ZERO_VELOCITY: "zero_velocity"}
+#: Kinds that come from satellites and stop in an outage.
+GNSS_KINDS = (POSITION, VELOCITY)
+UNUSED, ACCEPTED, REJECTED, FORCED = 0, 1, 2, 3
+#: What became of a measurement.
+STATUS = {UNUSED: "unused", ACCEPTED: "accepted", REJECTED: "rejected", FORCED: "accepted after lock-out"}
+
+
+@dataclass(frozen=True)
+class MeasurementSchedule:
+    """Measurements in the order of their time.
+
+    Attributes
+    ----------
+    t : ndarray, shape (m,)
+        Time of validity, non-decreasing. [s]
+    kind : ndarray of int, shape (m,)
+        Keys of :data:`KINDS`.
+    z : ndarray, shape (m, 3)
+        Value: Earth-fixed antenna position [m], or velocity north-east-down [m/s].
+    R : ndarray, shape (m, 3, 3)
+        Covariance in north-east-down axes.
+    lever : ndarray, shape (m, 3)
+        From the IMU to the antenna, body axes. [m]
+    gate : ndarray, shape (m,)
+        Largest accepted normalised innovation squared; inf accepts all.
+    """
+
+    t: FloatArray
+    kind: IntArray
+    z: FloatArray
+    R: FloatArray
+    lever: FloatArray
+    gate: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @classmethod
+    def empty(cls) -> MeasurementSchedule:
+        """No measurement at all: free inertial navigation."""
+        return cls(
+            np.empty(0), np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3, 3)), np.empty((0, 3)), np.empty(0)
+        )
+
+    def where(self, keep: ArrayLike) -> MeasurementSchedule:
+        """The measurements selected by a boolean or index array."""
+        k = np.asarray(keep)
+        return MeasurementSchedule(self.t[k], self.kind[k], self.z[k], self.R[k], self.lever[k], self.gate[k])
+
+    def outside(self, windows: Sequence[tuple[float, float]]) -> MeasurementSchedule:
+        """The schedule without the GNSS measurements in ``start <= t < stop`` of any window. [s]"""
+        return self.where(~(in_windows(self.t, windows) & np.isin(self.kind, GNSS_KINDS)))
+
+
+def in_windows(t: FloatArray, windows: Sequence[tuple[float, float]]) -> BoolArray:
+    """Which times lie in ``start <= t < stop`` of any window. Shape (n,)."""
+    inside = np.zeros(len(t), dtype=bool)
+    for start, stop in windows:
+        inside |= (t >= start) & (t < stop)
+    return inside
+
+
+def merged(*schedules: MeasurementSchedule) -> MeasurementSchedule:
+    """One schedule in order of time; equal times keep the order of the arguments."""
+    parts = [s for s in schedules if len(s)]
+    if not parts:
+        return MeasurementSchedule.empty()
+    joined = MeasurementSchedule(
+        *(np.concatenate([getattr(s, name) for s in parts]) for name in ("t", "kind", "z", "R", "lever", "gate"))
+    )
+    return joined.where(np.argsort(joined.t, kind="stable"))
+
+
+def gate_threshold(probability: float | None, dimension: int) -> float:
+    """Chi-square threshold that a correct measurement passes with the given probability.
+
+    Parameters
+    ----------
+    probability : float or None
+        Such as 0.9999; None for no gate.
+    dimension : int
+        Components of the measurement.
+    """
+    if probability is None:
+        return np.inf
+    if not 0.0 < probability < 1.0:
+        raise InputError(f"gate: expected a probability between 0 and 1 such as 0.9999, got {probability!r}")
+    from scipy.special import gammaincinv
+
+    return float(2.0 * gammaincinv(0.5 * dimension, probability))
+
+
+def gnss_measurements(
+    gnss: GnssSeries, lever_arm_b: ArrayLike, *, use_velocity: bool = True, gate: float | None = 0.9999
+) -> MeasurementSchedule:
+    """Loosely coupled position, and velocity where there is one, of every epoch.
+
+    Parameters
+    ----------
+    gnss : GnssSeries
+    lever_arm_b : array_like, shape (3,)
+        From the IMU to the antenna, body axes. [m]
+    use_velocity : bool
+        False takes positions only.
+    gate : float, optional
+        Probability with which a correct measurement passes; None accepts everything.
+
+    References
+    ----------
+    Groves (2013), eqs. (14.102)-(14.113).
+    """
+    lever = as_vector3(lever_arm_b, "lever_arm_b")
+    threshold = gate_threshold(gate, 3)
+
+    def schedule(kind: int, z: FloatArray, R: FloatArray) -> MeasurementSchedule:
+        n = len(gnss)
+        return MeasurementSchedule(
+            gnss.t, np.full(n, kind, dtype=np.int64), z, R, np.tile(lever, (n, 1)), np.full(n, threshold)
+        )
+
+    positions = schedule(POSITION, frames.ecef_from_llh(gnss.llh), gnss.cov_r_n)
+    if not use_velocity or gnss.v_n is None or gnss.cov_v_n is None:
+        return positions
+    return merged(positions, schedule(VELOCITY, gnss.v_n, gnss.cov_v_n))
+
+
+def zero_velocity(t: ArrayLike, sigma: float, *, gate: float | None = None) -> MeasurementSchedule:
+    """Zero-velocity measurements of the IMU at given times, equal in all directions.
+
+    Parameters
+    ----------
+    t : array_like, shape (n,)
+        Times at rest. [s]
+    sigma : float
+        1-sigma per axis. [m/s]
+    gate : float, optional
+        See :func:`gate_threshold`.
+    """
+    t = as_floats(t, "t", (None,))
+    n = len(t)
+    return MeasurementSchedule(
+        t,
+        np.full(n, ZERO_VELOCITY, dtype=np.int64),
+        np.zeros((n, 3)),
+        np.tile(sigma**2 * np.eye(3), (n, 1, 1)),
+        np.zeros((n, 3)),
+        np.full(n, gate_threshold(gate, 3)),
+    )
+
+
+def position(
+    t: float, llh: ArrayLike, sigma: ArrayLike, lever_arm_b: ArrayLike = (0.0, 0.0, 0.0), *, gate: float | None = 0.9999
+) -> MeasurementSchedule:
+    """One position fix, for live use.
+
+    Parameters
+    ----------
+    t : float
+        Time of validity. [s]
+    llh : array_like, shape (3,)
+        Latitude, longitude [rad], ellipsoidal height [m] of the antenna.
+    sigma : array_like, shape (3,) or (3, 3)
+        1-sigma north, east, down [m], or the covariance [m^2].
+    lever_arm_b : array_like, shape (3,)
+        From the IMU to the antenna. [m]
+    gate : float, optional
+        See :func:`gate_threshold`.
+    """
+    return _one(POSITION, t, frames.ecef_from_llh(as_vector3(llh, "llh")), sigma, lever_arm_b, gate)
+
+
+def velocity(
+    t: float, v_eb_n: ArrayLike, sigma: ArrayLike, lever_arm_b: ArrayLike = (0.0, 0.0, 0.0), *, gate: float | None = 0.9999
+) -> MeasurementSchedule:
+    """One velocity fix of the antenna, north-east-down [m/s]; arguments as for :func:`position`."""
+    return _one(VELOCITY, t, as_vector3(v_eb_n, "v_eb_n"), sigma, lever_arm_b, gate)
+
+
+def _one(
+    kind: int, t: float, z: FloatArray, sigma: ArrayLike, lever: ArrayLike, gate: float | None
+) -> MeasurementSchedule:
+    R = np.asarray(sigma, dtype=np.float64)
+    R = as_floats(R, "sigma", (3, 3)) if R.ndim == 2 else np.diag(as_vector3(sigma, "sigma") ** 2)
+    if np.any(np.diag(R) <= 0.0):
+        raise InputError(f"sigma: expected positive values, got {sigma!r}")
+    return MeasurementSchedule(
+        np.array([float(t)]),
+        np.array([kind], dtype=np.int64),
+        z[None, :],
+        R[None, :, :],
+        as_vector3(lever, "lever_arm_b")[None, :],
+        np.array([gate_threshold(gate, 3)]),
+    )

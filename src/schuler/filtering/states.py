@@ -1,0 +1,271 @@
+"""What a filter estimates: a layout of named state blocks, each with its stochastic model.
+
+Nine navigation errors come first, always in this order: attitude ``dpsi``, velocity ``dv``, position ``dr`` (Earth-fixed
+axes inside, north-east-down wherever a person reads them). Behind them stand parameters, in any selection and order:
+the sensor errors that act through the attitude, then everything else. Errors are estimate minus truth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
+from schuler.exceptions import InputError
+
+if TYPE_CHECKING:
+    from schuler.sensors.spec import ImuSpec, TriadSpec
+
+NAVIGATION = ("dpsi", "dv", "dr")
+
+_GYRO, _ACCEL, _OTHER = 0, 1, -1
+_OFF_DIAGONAL = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
+_UPPER = ((0, 1), (0, 2), (1, 2))
+
+#: Rows (sensor, axis, regressor) of each kind of block: regressor 0 is time, 1-3 specific force, 4-6 angular rate.
+BLOCKS: MappingProxyType[str, tuple[tuple[int, int, int], ...]] = MappingProxyType(
+    {
+        "b_a": tuple((_ACCEL, i, 0) for i in range(3)),
+        "b_g": tuple((_GYRO, i, 0) for i in range(3)),
+        "b_a_run": tuple((_ACCEL, i, 0) for i in range(3)),
+        "b_g_run": tuple((_GYRO, i, 0) for i in range(3)),
+        "S_a": tuple((_ACCEL, i, 1 + i) for i in range(3)),
+        "S_g": tuple((_GYRO, i, 4 + i) for i in range(3)),
+        "M_a": tuple((_ACCEL, i, 1 + j) for i, j in _UPPER),
+        "M_a6": tuple((_ACCEL, i, 1 + j) for i, j in _OFF_DIAGONAL),
+        "M_g": tuple((_GYRO, i, 4 + j) for i, j in _OFF_DIAGONAL),
+        "G_g": tuple((_GYRO, i, 1 + j) for i in range(3) for j in range(3)),
+        "lever": tuple((_OTHER, i, 0) for i in range(3)),
+    }
+)
+
+#: One line on each block, with its unit.
+BLOCK_TEXT: MappingProxyType[str, tuple[str, str]] = MappingProxyType(
+    {
+        "dpsi": ("attitude error", "rad"),
+        "dv": ("velocity error", "m/s"),
+        "dr": ("position error", "m"),
+        "b_a": ("accelerometer bias", "m/s^2"),
+        "b_g": ("gyroscope bias", "rad/s"),
+        "b_a_run": ("accelerometer in-run bias beside a constant one", "m/s^2"),
+        "b_g_run": ("gyroscope in-run bias beside a constant one", "rad/s"),
+        "S_a": ("accelerometer scale factor", "1"),
+        "S_g": ("gyroscope scale factor", "1"),
+        "M_a": ("accelerometer misalignment xy, xz, yz", "rad"),
+        "M_a6": ("accelerometer cross-coupling xy, xz, yx, yz, zx, zy", "rad"),
+        "M_g": ("gyroscope cross-coupling xy, xz, yx, yz, zx, zy", "rad"),
+        "G_g": ("gyroscope g-sensitivity, row by row", "(rad/s)/(m/s^2)"),
+        "lever": ("lever arm IMU to antenna, body axes", "m"),
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class StateModel:
+    """Stochastic model of the elements of one block: how uncertain at first, and how they move.
+
+    Attributes
+    ----------
+    sigma : float
+        Initial 1-sigma uncertainty. [unit]
+    noise : float
+        Root power spectral density of the driving white noise, zero for a constant. [unit/sqrt(s)]
+    tau : float, optional
+        Correlation time of a first-order Gauss-Markov process; None does not decay. [s]
+    """
+
+    sigma: float
+    noise: float = 0.0
+    tau: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.sigma) and self.sigma >= 0.0 and np.isfinite(self.noise) and self.noise >= 0.0):
+            raise InputError(f"StateModel: expected non-negative finite sigma and noise, got {self.sigma}, {self.noise}")
+        if self.tau is not None and not self.tau > 0.0:
+            raise InputError(f"StateModel: expected a positive correlation time [s], got {self.tau}")
+
+    @classmethod
+    def constant(cls, sigma: float) -> StateModel:
+        """A random constant."""
+        return cls(sigma)
+
+    @classmethod
+    def random_walk(cls, sigma: float, noise: float) -> StateModel:
+        """A random walk: variance grows by ``noise**2`` a second."""
+        return cls(sigma, noise)
+
+    @classmethod
+    def gauss_markov(cls, sigma: float, tau: float, initial_sigma: float | None = None) -> StateModel:
+        """First-order Gauss-Markov process of stationary ``sigma`` and correlation time ``tau`` [s]."""
+        return cls(sigma if initial_sigma is None else initial_sigma, sigma * float(np.sqrt(2.0 / tau)), tau)
+
+    def describe(self) -> str:
+        """A phrase for summaries, numbers in the unit of the block."""
+        if self.tau is not None:
+            return f"Gauss-Markov, tau {self.tau:g} s, driving noise {self.noise:.3g}, initial 1-sigma {self.sigma:.3g}"
+        if self.noise > 0.0:
+            return f"random walk {self.noise:.3g}/sqrt(s), initial 1-sigma {self.sigma:.3g}"
+        return f"random constant, 1-sigma {self.sigma:.3g}"
+
+
+@dataclass(frozen=True)
+class StateLayout:
+    """Names, order and models of the states behind the nine navigation errors.
+
+    Attributes
+    ----------
+    models : dict of str to StateModel
+        Blocks in use, in any order; keys of :data:`BLOCKS`. Sensor blocks are moved before the others.
+
+    Examples
+    --------
+    >>> layout = StateLayout({"b_a": StateModel.constant(0.01), "b_g": StateModel.constant(1e-4)})
+    >>> layout.size, layout["b_g"]
+    (15, slice(12, 15, None))
+    """
+
+    models: dict[str, StateModel]
+    _slices: dict[str, slice] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        from schuler.filtering.limits import MAX_STATES
+
+        unknown = [name for name in self.models if name not in BLOCKS]
+        if unknown:
+            raise InputError(f"unknown state block {unknown[0]!r}; known are {', '.join(BLOCKS)}")
+        if "M_a" in self.models and "M_a6" in self.models:
+            raise InputError("M_a and M_a6 are two gauges of the same accelerometer cross-coupling: use one of them")
+        ordered = sorted(self.models, key=lambda name: BLOCKS[name][0][0] == _OTHER)
+        object.__setattr__(self, "models", {name: self.models[name] for name in ordered})
+        slices = {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(NAVIGATION)}
+        position = 9
+        for name in ordered:
+            slices[name] = slice(position, position + len(BLOCKS[name]))
+            position += len(BLOCKS[name])
+        if position > MAX_STATES:
+            raise InputError(f"a filter holds at most {MAX_STATES} states, this layout has {position}")
+        object.__setattr__(self, "_slices", slices)
+
+    def __getitem__(self, name: str) -> slice:
+        if name not in self._slices:
+            raise InputError(f"no state block {name!r} in this layout; it has {', '.join(self._slices)}")
+        return self._slices[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._slices
+
+    @property
+    def size(self) -> int:
+        """Number of states, navigation included."""
+        return 9 + sum(len(BLOCKS[name]) for name in self.models)
+
+    @property
+    def n_sensor(self) -> int:
+        """Number of sensor parameters, which come first among the parameters."""
+        return sum(len(BLOCKS[name]) for name in self.models if BLOCKS[name][0][0] != _OTHER)
+
+    @property
+    def names(self) -> list[str]:
+        """A name for every state, such as ``b_g[0]``."""
+        return [f"{block}[{i}]" for block, part in self._slices.items() for i in range(part.stop - part.start)]
+
+    @property
+    def blocks(self) -> list[str]:
+        """Names of the blocks in order, navigation included."""
+        return list(self._slices)
+
+    def table(self) -> IntArray:
+        """(m, 3): sensor, axis and regressor of every parameter, as the kernels take it."""
+        rows = [row for name in self.models for row in BLOCKS[name]]
+        return np.array(rows, dtype=np.int64).reshape(-1, 3)
+
+    def dynamics(self) -> FloatArray:
+        """(m, 2): inverse correlation time [1/s] and noise density [unit^2/s] of every parameter."""
+        rows = [
+            (0.0 if model.tau is None else 1.0 / model.tau, model.noise**2)
+            for name, model in self.models.items()
+            for _ in BLOCKS[name]
+        ]
+        return np.array(rows, dtype=np.float64).reshape(-1, 2)
+
+    def initial_variances(self) -> FloatArray:
+        """(m,) initial variance of every parameter."""
+        rows = [model.sigma**2 for name, model in self.models.items() for _ in BLOCKS[name]]
+        return np.array(rows, dtype=np.float64)
+
+    def values(self, **blocks: ArrayLike) -> FloatArray:
+        """Parameter vector (m,) from values by block; blocks left out are zero."""
+        vector = np.zeros(self.size - 9)
+        for name, value in blocks.items():
+            part = self[name]
+            if part.stop <= 9:
+                raise InputError(f"{name} is a navigation block; parameters are {', '.join(self.models)}")
+            vector[part.start - 9 : part.stop - 9] = as_floats(value, name, (part.stop - part.start,))
+        return vector
+
+    def to_dict(self) -> dict[str, Any]:
+        """For provenance."""
+        return {name: {"sigma": m.sigma, "noise": m.noise, "tau": m.tau} for name, m in self.models.items()}
+
+
+def layout_for(spec: ImuSpec, states: int | tuple[str, ...] = 15) -> StateLayout:
+    """State layout that fits an IMU's error budget.
+
+    Parameters
+    ----------
+    spec : ImuSpec
+        1-sigma error budget, SI.
+    states : {9, 15, 21, 27, 33, 42} or tuple of str
+        15: both biases; 21: and scale factors; 27: and in-run biases beside the constant ones; 33: 21 and
+        cross-coupling (6 + 6); 42: and g-sensitivity. Or the block names themselves.
+
+    Returns
+    -------
+    StateLayout
+
+    Notes
+    -----
+    A bias that has a turn-on part and wanders is modelled as a random walk from the turn-on uncertainty, with the
+    short-term growth of the wander (``sigma sqrt(2 / tau)``, or K). A Gauss-Markov model would pull the estimate of the
+    turn-on part to zero with its correlation time; with 27 states both parts are modelled as what they are.
+    """
+    named: dict[int, tuple[str, ...]] = {
+        9: (),
+        15: ("b_a", "b_g"),
+        21: ("b_a", "b_g", "S_a", "S_g"),
+        27: ("b_a", "b_g", "S_a", "S_g", "b_a_run", "b_g_run"),
+        33: ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g"),
+        42: ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g", "G_g"),
+    }
+    if isinstance(states, int):
+        if states not in named:
+            raise InputError(f"states: expected one of {', '.join(map(str, named))} or block names, got {states}")
+        blocks = named[states]
+    else:
+        blocks = tuple(states)
+    models = {}
+    for name in blocks:
+        triad = spec.gyro if BLOCKS.get(name, ((_GYRO, 0, 0),))[0][0] == _GYRO else spec.accel
+        models[name] = _model(name, triad, separate=f"{name}_run" in blocks or name.endswith("_run"))
+    return StateLayout(models)
+
+
+def _model(name: str, triad: TriadSpec, *, separate: bool) -> StateModel:
+    if name.endswith("_run"):
+        if not triad.in_run_time:
+            raise InputError(f"{name} needs an in-run bias with its correlation time in the specification")
+        return StateModel.gauss_markov(triad.in_run_bias, triad.in_run_time)
+    if name in ("b_a", "b_g"):
+        wander = 0.0 if separate or not triad.in_run_time else triad.in_run_bias
+        walk = np.hypot(triad.rate_random_walk, wander * np.sqrt(2.0 / triad.in_run_time) if wander else 0.0)
+        return StateModel(float(np.hypot(triad.turn_on_bias, wander)), float(walk))
+    if name in ("S_a", "S_g"):
+        return StateModel.constant(triad.scale_factor)
+    if name in ("M_a", "M_a6", "M_g"):
+        return StateModel.constant(triad.misalignment)
+    if name == "G_g":
+        return StateModel.constant(triad.g_sensitivity)
+    raise InputError(f"the IMU specification says nothing about {name!r}; give its StateModel")

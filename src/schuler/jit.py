@@ -1,0 +1,67 @@
+"""How the package compiles its kernels: one set of options, and a word to the user while it happens.
+
+Kernels are module-level functions in files named ``_kernels.py``; their arguments are C-contiguous float64 and
+int64 arrays and plain numbers, so that another compiled core can take their place. Those files import numba and
+are themselves imported only by the functions that run them (importing the package must stay quick).
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar, cast
+
+import numba
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+_NOTICE_AFTER_S = 1.5
+
+
+def kernel(function: _F) -> _F:
+    """Compile a function when first called, keep the machine code on disk, release the GIL while it runs.
+
+    ``contract`` allows fused multiply-add and nothing else: sums are not reordered, NaN stays NaN.
+    """
+    compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(function)
+    return cast(_F, compiled)
+
+
+def inlined(function: _F) -> _F:
+    """Like :func:`kernel` for small helpers called inside hot loops: asks LLVM to inline them."""
+    compiled = numba.njit(
+        cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, forceinline=True
+    )(function)
+    return cast(_F, compiled)
+
+
+def prepare(kernels: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]]) -> None:
+    """Load or compile kernels for given argument types before the work starts.
+
+    A first compilation takes some seconds; if it does, one line on the terminal says so, once.
+
+    Parameters
+    ----------
+    kernels : iterable of (kernel, types)
+        The compiled function and the numba types of its arguments.
+    """
+    pending = [(k, types) for k, types in kernels if not cast(Any, k).signatures]
+    if not pending:
+        return
+    notice = threading.Timer(_NOTICE_AFTER_S, _say_compiling)
+    notice.daemon = True
+    notice.start()
+    try:
+        for k, types in pending:
+            cast(Any, k).compile(types)
+    finally:
+        notice.cancel()
+
+
+def _say_compiling() -> None:
+    if sys.stderr.isatty():
+        print(
+            "compiling the numerical kernels for this machine (once, up to a minute; later runs start at once)",
+            file=sys.stderr,
+            flush=True,
+        )

@@ -1,0 +1,6 @@
+"""Recordings of sensors, and reading and writing them."""
+
+from schuler.recording.recording import Metadata, Recording
+from schuler.recording.series import GnssSeries, ImuSeries, Increments, OdometerSeries, Trajectory
+
+__all__ = ["GnssSeries", "ImuSeries", "Increments", "Metadata", "OdometerSeries", "Recording", "Trajectory"]

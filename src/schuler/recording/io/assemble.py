@@ -1,0 +1,250 @@
+"""From raw columns to a recording: units, time scale, axes, heights and the checks, for every table-like format."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from schuler import files
+from schuler.arrays import FloatArray
+from schuler.recording.io import checks, columns
+from schuler.recording.io.clock import stamps
+from schuler.recording.io.gnss_table import gnss_series, reference_path
+from schuler.recording.io.hints import COUNTS, ReadHints, axes_matrix, factor, parse_scale, parse_units
+from schuler.recording.io.raw import HUGE, Raw, check_increasing
+from schuler.recording.recording import Metadata, Recording
+from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, Trajectory
+from schuler.timebase import TimeBase
+
+SHORTEST_S = 1e-7  # a sample interval below is a wrong unit of time [s]
+_SI = ("s", "m/s^2", "rad/s", "rad", "m", "m/s", "degC", COUNTS)
+
+
+def recording_from(raw: Raw, hints: ReadHints, *, trusted: bool = False, time: TimeBase | None = None) -> Recording:
+    """Recording of one table.
+
+    Parameters
+    ----------
+    raw : Raw
+    hints : ReadHints
+    trusted : bool
+        The table was written by this package: units and axes are known, gravity is not checked.
+    time : TimeBase, optional
+        Known meaning of the stamps; otherwise the hint ``time`` says.
+
+    Raises
+    ------
+    FileFormatError, InputError
+        If something is missing, contradictory or impossible; with file and line where there is one.
+    """
+    series = _series(raw, hints)
+    if others := [name for name in raw.values if name not in columns.BELONGS[series]]:
+        raw.notes.append(f"Columns of no use to the {series} series: {', '.join(others)}.")
+        raw.values = {name: values for name, values in raw.values.items() if name not in others}
+    _check_finite(raw)
+    _to_si(raw, hints, series)
+    t, base = _time(raw, hints, time)
+    made: dict[str, ImuSeries | GnssSeries | OdometerSeries | Trajectory]
+    if series == "imu":
+        made = {"imu": _imu(raw, hints, t, trusted)}
+    elif series == "gnss":
+        made = {"gnss": gnss_series(raw, hints, t)}
+    elif series == "odometer":
+        made = {"odometer": _odometer(raw, hints, t)}
+    else:
+        made = {"reference": reference_path(raw, hints, t)}
+    return Recording(**made, metadata=metadata_of(raw.path, hints, base, raw.notes))  # type: ignore[arg-type]
+
+
+def metadata_of(path: Path, hints: ReadHints, time: TimeBase, notes: Iterable[str]) -> Metadata:
+    """Metadata of a file that was read: its name, hash, the hints used and what was done."""
+    return Metadata(
+        name=hints.name or path.stem,
+        time=time,
+        sources={path.name: files.sha256(path)},
+        axes=(hints.axes or "FRD").upper(),
+        notes=tuple(notes),
+        options=hints.given(),
+    )
+
+
+def _series(raw: Raw, hints: ReadHints) -> str:
+    found = columns.series_of(raw.values)
+    if hints.series is not None:
+        if hints.series == "reference" and "gnss" in found:
+            return "reference"
+        if hints.series not in found:
+            raise raw.fault(f"series={hints.series!r}, but the columns are {', '.join(raw.values)}")
+        return hints.series
+    if len(found) != 1:
+        what = f"columns of {' and '.join(found)}" if found else f"no series in the columns {', '.join(raw.values)}"
+        raise raw.fault(
+            f"expected one series per table, got {what}; say which with series='imu', or skip columns with -"
+        )
+    return found[0]
+
+
+def _check_finite(raw: Raw) -> None:
+    faults = []
+    for name, values in raw.values.items():
+        bad = np.flatnonzero(~(np.abs(values) <= HUGE))
+        if len(bad):
+            faults.append((int(bad[0]), name))
+    if faults:
+        row, name = min(faults)
+        value = raw.values[name][row]
+        what = "an impossibly large number" if np.isfinite(value) else "no number"
+        raise raw.fault(f"{name} is {value:g}, {what}: correct, fill or delete this row", row)
+
+
+def _to_si(raw: Raw, hints: ReadHints, series: str) -> None:
+    """Scale every column to SI in place and remember its unit."""
+    stated, scale = parse_units(hints.units, hints.kind), parse_scale(hints.scale)
+    if isinstance(scale, str):
+        raise raw.fault(f"scale={scale!r} names an array, which only .mat and .npz files hold; give numbers")
+    for name in raw.values:
+        group = columns.GROUP[name]
+        number = (scale or {}).get(name, (scale or {}).get(group or "", 1.0))
+        if group is None:
+            raw.values[name] = raw.values[name] * number
+            continue
+        unit, said = stated.get(group), raw.stated.get(name)
+        if unit is not None and said is not None and factor(unit, group, hints.kind) != factor(said, group, hints.kind):
+            raise raw.fault(
+                f"the file says {name} is in {said}, the hint units says {unit}: leave one out (skip the header with "
+                "skip=... if it is wrong)"
+            )
+        unit = unit or said
+        if unit is None:
+            unit = _default_unit(raw, group, name)
+        raw.unit[group] = raw.unit.get(group) or unit
+        raw.values[name] = raw.values[name] * (number * factor(unit, group, hints.kind))
+    if scale:
+        given = ", ".join(f"{n} by {v:g}" for n, v in scale.items())
+        raw.notes.append(f"Numbers were multiplied before their units: {given}.")
+    used = {g: u for g, u in raw.unit.items() if u not in _SI}
+    if used:
+        raw.notes.append(f"Converted to SI: {', '.join(f'{g} from {u}' for g, u in used.items())}.")
+
+
+def _default_unit(raw: Raw, group: str, name: str) -> str:
+    if group in ("accel", "gyro"):
+        raise raw.fault(
+            f"the unit of {name} is not known: say units='g,deg/s' (accelerometer, gyro) or whatever they are; "
+            "for raw converter counts units='counts,counts'"
+        )
+    default = {"t": "s", "temp": "degC", "length": "m", "velocity": "m/s", "angle": "deg"}[group]
+    if group == "angle" and name in ("lat", "lon") and raw.has(("lat", "lon")) and group not in raw.unit:
+        largest = max(float(np.abs(raw.values[n]).max()) for n in ("lat", "lon"))
+        if largest <= np.pi:
+            raise raw.fault("latitude and longitude may be degrees or radians: say units='angle=deg' or 'angle=rad'")
+    if group not in raw.unit:
+        raw.notes.append(f"The unit of {group} is not stated; taken as {default}.")
+    return default
+
+
+def _time(raw: Raw, hints: ReadHints, base: TimeBase | None) -> tuple[FloatArray, TimeBase]:
+    n = len(next(iter(raw.values.values())))
+    if "t" not in raw.values:
+        if hints.rate is None:
+            raise raw.fault("there is no time column: name one with columns='t,...', or say rate=... [Hz]")
+        first = 1 if hints.kind == "increment" else 0
+        raw.notes.append(f"No time column: stamps are counted at {hints.rate:g} Hz from {first / hints.rate:g} s.")
+        raw.values["t"] = (np.arange(n) + first) / hints.rate
+        base = base or (TimeBase("local") if hints.time is None else None)
+    elif hints.rate is not None:
+        raise raw.fault("there is a time column and rate is given: leave rate out, or skip the column with -")
+    t, base = (raw.values["t"], base) if base is not None else stamps(raw.values["t"], hints.time, raw.fault, raw.notes)
+    check_increasing(raw, t)
+    if len(t) > 1 and np.median(np.diff(t)) < SHORTEST_S:
+        raise raw.fault(
+            f"the sample interval is {np.median(np.diff(t)):.3g} s: is the unit of time right (units='t=s')?"
+        )
+    if hints.offset:
+        raw.notes.append(f"{hints.offset:g} s was added to every time stamp.")
+        t = t + hints.offset
+    raw.notes += checks.timing_notes(t)
+    return t, base
+
+
+def _imu(raw: Raw, hints: ReadHints, t: FloatArray, trusted: bool) -> ImuSeries:
+    triads = {}
+    for group, names in (("accel", columns.ACCEL), ("gyro", columns.GYRO)):
+        missing = [name for name in names if name not in raw.values]
+        if len(missing) == 3 and hints.allows(f"no-{group}"):
+            raw.notes.append(f"The log has no {group}: its values are zero and mean nothing.")
+            triads[group] = np.zeros((len(t), 3))
+        elif missing:
+            raise raw.fault(
+                f"expected ax, ay, az, gx, gy and gz, but {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} "
+                f"missing: name the columns; if the log has no {group}, pass allow='no-{group}'; if it is in another "
+                "file, read the folder with accel= and gyro="
+            )
+        else:
+            triads[group] = raw.stack(names)
+    if not trusted:
+        C_bs = axes_matrix(hints.axes)
+        if hints.axes is None:
+            raw.notes.append("Axes are not stated; taken as forward, right, down.")
+        elif not np.array_equal(C_bs, np.eye(3)):
+            raw.notes.append(f"Axes were turned from {hints.axes.upper()} to forward, right, down.")
+            triads = {group: values @ C_bs.T for group, values in triads.items()}
+        _check_imu(raw, hints, t, triads["accel"], triads["gyro"])
+    return ImuSeries(t, triads["gyro"], triads["accel"], hints.kind, raw.values.get("temp"))
+
+
+def _check_imu(raw: Raw, hints: ReadHints, t: FloatArray, accel: FloatArray, gyro: FloatArray) -> None:
+    interval = float(np.median(np.diff(t))) if len(t) > 1 else 1.0 / (hints.rate or np.nan)
+    if hints.kind == "increment":
+        raw.notes.append("The log holds increments over the interval that ends at each stamp.")
+        accel, gyro = accel / interval, gyro / interval
+    counts = [g for g in ("accel", "gyro") if raw.unit.get(g) == COUNTS]
+    if counts:
+        raw.notes.append(f"{' and '.join(counts)}: raw counts, not SI; calibrate before any other use.")
+    for group, values, limit, si in (
+        ("gyro", gyro, checks.MAX_RATE, "rad/s"),
+        ("accel", accel, checks.MAX_FORCE, "m/s^2"),
+    ):
+        row = None if group in counts else checks.too_large(values, limit)
+        if row is None:
+            continue
+        unit = raw.unit.get(group, si)
+        message = (
+            f"{group} reaches {np.abs(values[row]).max():.4g} {si} (limit {limit:.4g}): is its unit really {unit}? "
+            + _magnitude_advice(group, unit)
+        )
+        if not hints.allows("magnitude"):
+            raise raw.fault(message + "; pass allow='magnitude' if it is right", row)
+        raw.notes.append(f"Passed over: {message}")
+    if "accel" in counts or (hints.allows("no-accel") and not accel.any()):
+        return
+    fault, note, row = checks.gravity_fault(
+        t, accel, gyro, raw.unit.get("accel", "m/s^2"), interval, hints.kind, hints.rest
+    )
+    if fault and not hints.allows("norm"):
+        raise raw.fault(fault + "; pass allow='norm' if it is right", row)
+    if fault:
+        raw.notes.append(f"Passed over: {fault}.")
+    if note:
+        raw.notes.append(note)
+
+
+def _magnitude_advice(group: str, unit: str) -> str:
+    if group == "gyro":
+        return "did you mean deg/s?" if unit.startswith("rad") else "counts need scale='gyro=...'"
+    return "did you mean mg or m/s^2?" if unit == "g" else "counts need scale='accel=...'"
+
+
+def _odometer(raw: Raw, hints: ReadHints, t: FloatArray) -> OdometerSeries:
+    if "sspeed" in raw.values:
+        sigma = raw.values["sspeed"]
+    elif hints.sigma_speed is None:
+        raise raw.fault(
+            "an odometer needs the 1-sigma of its speed: say sigma_speed=... [m/s], or name a column sspeed"
+        )
+    else:
+        sigma = np.full(len(t), hints.sigma_speed)
+        raw.notes.append(f"1-sigma of the odometer is taken as {hints.sigma_speed:g} m/s.")
+    return OdometerSeries(t, raw.values["speed"], sigma)

@@ -1,0 +1,189 @@
+"""Is this IMU log what it was said to be? Magnitudes, gravity at rest, gaps and jitter.
+
+A wrong unit is the commonest fault of a log and the dearest: everything computed from it looks like a result. Gravity
+gives it away wherever the sensor rests for a second, whatever its attitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from schuler import units
+from schuler.arrays import FloatArray
+
+MAX_RATE = 100.0  # beyond any gyro in use, about 5700 deg/s [rad/s]
+MAX_FORCE = 200.0 * units.G0  # [m/s^2]
+NORM_TOLERANCE = 0.05  # far above the 0.5 % by which gravity varies and the 3 % of an uncalibrated MEMS sensor [-]
+NO_GRAVITY = 0.5  # a log whose median specific force is less is free fall or holds no gravity [m/s^2]
+JITTER = 0.2  # of the sample interval [-]
+
+Complain = Callable[[str, int | None], Exception]
+
+
+def too_large(values: FloatArray, limit: float) -> int | None:
+    """First row with a component beyond a limit, ``None`` if there is none. Shape (n, 3)."""
+    rows = np.flatnonzero(np.any(np.abs(values) > limit, axis=1))
+    return int(rows[0]) if len(rows) else None
+
+
+def find_rest(t: FloatArray, accel: FloatArray, gyro: FloatArray) -> slice | None:
+    """First window of a second or more in which the sensor rests, judged without trusting any unit.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        [s]
+    accel, gyro : ndarray, shape (n, 3)
+        Specific force and angular rate in whatever unit.
+
+    Returns
+    -------
+    slice or None
+        Rows of the window.
+
+    Notes
+    -----
+    Rest is a specific force steady to 2 % of its own norm on each axis, and rates as quiet as the quietest tenth of
+    the log and small against its largest, unless the whole log is equally quiet. Only ratios within the log are used.
+    """
+    if len(t) < 10:
+        return None
+    interval = float(np.median(np.diff(t)))
+    per_window = max(10, int(np.ceil(1.0 / interval)) + 1)
+    m = len(t) // per_window
+    if m == 0:
+        return None
+    f = accel[: m * per_window].reshape(m, per_window, 3)
+    w = gyro[: m * per_window].reshape(m, per_window, 3)
+    ends = t[: m * per_window].reshape(m, per_window)
+    norm = np.linalg.norm(f, axis=2)
+    level = norm.mean(axis=1)
+    half = per_window // 2
+    drift = np.abs(norm[:, :half].mean(axis=1) - norm[:, half:].mean(axis=1))
+    steady = (f.std(axis=1).max(axis=1) <= 0.02 * level) & (drift <= 0.01 * level) & (level > 0.0)
+    noise = w.std(axis=1).max(axis=1)
+    quietest, loudest = np.quantile(noise, 0.1), np.quantile(noise, 0.9)
+    rate = np.linalg.norm(w.mean(axis=1), axis=1)
+    quiet = (noise <= 3.0 * quietest) & ((rate <= 0.1 * np.abs(gyro).max()) | (loudest <= 3.0 * quietest))
+    whole = ends[:, -1] - ends[:, 0] < 1.5 * per_window * interval  # no gap inside
+    found = np.flatnonzero(steady & quiet & whole)
+    return slice(int(found[0]) * per_window, int(found[0] + 1) * per_window) if len(found) else None
+
+
+def gravity_fault(
+    t: FloatArray, accel: FloatArray, gyro: FloatArray, unit: str, interval: float, kind: str, rest: float | None
+) -> tuple[str | None, str | None, int | None]:
+    """Fault in the specific force at rest, a sentence on what was found, and the row where the rest begins.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        [s]
+    accel, gyro : ndarray, shape (n, 3)
+        Mean specific force [m/s^2] and angular rate [rad/s] as the stated units make them.
+    unit : str
+        Unit stated for the accelerometer, for the message.
+    interval : float
+        Sample interval. [s]
+    kind : {"rate", "increment"}
+        What the log was said to hold.
+    rest : float or None
+        Stillness stated for the start; looked for if ``None``. [s]
+
+    Returns
+    -------
+    fault, note : str or None
+    row : int or None
+    """
+    if rest is not None:
+        window: slice | None = slice(0, max(int(np.searchsorted(t, t[0] + rest, side="right")), 1))
+    else:
+        window = find_rest(t, accel, gyro)
+    if window is None:
+        level = float(np.median(np.linalg.norm(accel, axis=1)))
+        if level >= NO_GRAVITY:
+            return (
+                None,
+                "No second of rest was found, so the unit of specific force was not checked against gravity.",
+                None,
+            )
+        causes = norm_causes(level, unit, interval, kind) or "gravity was taken out of the log, or the unit is wrong"
+        return f"expected gravity in the log, got a median specific force of {level:.4g} m/s^2: {causes}", None, None
+    mean = accel[window].mean(axis=0)
+    level = float(np.linalg.norm(accel[window], axis=1).mean())
+    span = f"{t[window.start]:.3f}..{t[window.stop - 1]:.3f} s"
+    if abs(level / 9.81 - 1.0) > NORM_TOLERANCE:
+        causes = norm_causes(level, unit, interval, kind) or "an unknown scale, or a sensor that needs calibration"
+        return (
+            (
+                f"expected the specific force at rest ({span}) to be gravity, 9.81 m/s^2 within 5 %, "
+                f"got {level:.4g} m/s^2: {causes}"
+            ),
+            None,
+            window.start,
+        )
+    note = f"At rest ({span}) the mean specific force is {level:.3f} m/s^2."
+    if mean[2] > 0.7 * level:
+        note += (
+            " It points along the down axis, where a level sensor shows its opposite: the sensor is mounted upside "
+            "down, its axes were not stated (axes='FLU' or the like), or the log holds gravity, not specific force."
+        )
+    return None, note, window.start
+
+
+def norm_causes(level: float, unit: str, interval: float, kind: str) -> str:
+    """What would turn the norm seen at rest into gravity; empty if nothing simple would.
+
+    Parameters
+    ----------
+    level : float
+        Norm with the stated unit. [m/s^2]
+    unit : str
+        The stated unit.
+    interval : float
+        Sample interval. [s]
+    kind : {"rate", "increment"}
+    """
+    if level <= 0.0:
+        return ""
+    bare = unit.split("*")[0].strip()
+    stated = {"g": units.G0, "mg": units.MG, "ug": units.UG, "m/s^2": 1.0, "ft/s^2": units.FT, "cm/s^2": 0.01}
+    found = []
+    if bare in stated:
+        for other, value in stated.items():
+            if other != bare and _is_gravity(level / stated[bare] * value):
+                found.append(f"the numbers look like {other}, not {bare}")
+    if kind == "rate" and _is_gravity(level / interval):
+        found.append("the numbers look like increments (kind='increment', for example units='m/s,rad')")
+    if kind == "increment" and _is_gravity(level * interval):
+        found.append("the numbers look like rates, not increments (kind='rate')")
+    return " or ".join(found)
+
+
+def _is_gravity(level: float) -> bool:
+    return abs(level / 9.81 - 1.0) < 0.08
+
+
+def timing_notes(t: FloatArray) -> list[str]:
+    """Sentences on gaps (steps above 1.5 intervals) and on jitter above a fifth of the interval."""
+    if len(t) < 3:
+        return []
+    step = np.diff(t)
+    interval = float(np.median(step))
+    gap = step > 1.5 * interval
+    notes = []
+    if gap.any():
+        longest = int(np.argmax(step))
+        notes.append(
+            f"The log has {int(gap.sum())} gap{'s' if gap.sum() > 1 else ''} of more than 1.5 sample intervals; the "
+            f"longest is {step[longest]:.4g} s at {t[longest]:.3f} s. Nothing was filled in."
+        )
+    spread = float(np.quantile(np.abs(step[~gap] - interval), 0.95)) if (~gap).any() else 0.0
+    if spread > JITTER * interval:
+        notes.append(
+            f"The time stamps jitter: one step in twenty differs from the interval of {interval * 1e3:.4g} ms by more "
+            f"than {spread * 1e3:.3g} ms."
+        )
+    return notes

@@ -1,0 +1,106 @@
+"""Time stamps of a log to seconds of a named epoch.
+
+Stamps on the GPS scale are counted from the start of the GPS week of the first one, so that they read as time of week
+and keep a resolution of 1e-10 s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.exceptions import InputError
+from schuler.recording.io.hints import parse_time
+from schuler.timebase import UNIX_TO_GPS_S, WEEK_S, TimeBase, calendar, gps_from_unix, gps_seconds
+
+LATEST_S = 4.0e9  # GPS seconds of the year 2106, beyond any log [s]
+LATEST_LOCAL_S = 1e12  # 30 000 years; a counter in a wrong unit [s]
+
+Fault = Callable[[str, int | None], Exception]
+
+
+def stamps(t: FloatArray, time: str | None, fault: Fault, notes: list[str]) -> tuple[FloatArray, TimeBase]:
+    """Seconds of a time base, and the time base.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Stamps in seconds of whatever they count from. [s]
+    time : str or None
+        The hint ``time``.
+    fault : callable
+        Makes the error for a message and a row.
+    notes : list of str
+        Takes the sentence on what was done.
+
+    Returns
+    -------
+    t : ndarray, shape (n,)
+        Since the epoch of the time base. [s]
+    base : TimeBase
+
+    Raises
+    ------
+    FileFormatError
+        If a stamp is impossible for what they were said to be.
+    """
+    spec = parse_time(time)
+    if spec.kind == "local":
+        if (row := _outside(t, -LATEST_LOCAL_S, LATEST_LOCAL_S)) is not None:
+            raise fault(f"time {t[row]:.6g} s is impossible: is its unit right (units='t=ns')?", row)
+        if time is None:
+            notes.append("Time stamps are taken as the log's own clock (hint time relates them to GPS time).")
+        return t, TimeBase("local")
+    if spec.kind == "gps-tow":
+        return _from_tow(t, spec.week, fault, notes)
+    if (row := _outside(t, 0.0, LATEST_S + UNIX_TO_GPS_S)) is not None:
+        raise fault(f"time {t[row]:.10g} s is impossible for time={time!r}: is its unit right (units='t=ms')?", row)
+    if spec.kind == "unix":
+        if (row := _outside(t, UNIX_TO_GPS_S, np.inf)) is not None:
+            raise fault(
+                f"Unix time {t[row]:.10g} s is before GPS time began (1980-01-06): is it time='gps' or 'local'?", row
+            )
+        try:
+            gps = gps_from_unix(t)
+        except InputError as error:
+            raise fault(str(error), len(t) - 1) from error
+        leaps = gps[0] - (t[0] - UNIX_TO_GPS_S)
+        notes.append(f"Unix (UTC) stamps were turned to GPS time; {leaps:.0f} leap seconds were added to the first.")
+    elif spec.kind == "gps-unix":
+        if (row := _outside(t, UNIX_TO_GPS_S, np.inf)) is not None:
+            raise fault(f"time {t[row]:.10g} s since 1970 is before GPS time began (1980-01-06)", row)
+        gps = t - UNIX_TO_GPS_S
+        notes.append("Stamps count seconds since 1970 on the GPS scale; no leap second was added.")
+    else:
+        gps = t
+        notes.append("Stamps count seconds since 1980-01-06 on the GPS scale.")
+    return from_gps(gps)
+
+
+def from_gps(gps_s: FloatArray, rest: FloatArray | float = 0.0) -> tuple[FloatArray, TimeBase]:
+    """GPS seconds since 1980, plus a rest that has more digits, to time of the first one's week. Shapes (n,). [s]"""
+    start = float(np.floor((gps_s + rest)[0] / WEEK_S) * WEEK_S)
+    return (gps_s - start) + rest, TimeBase("gps", start)
+
+
+def _from_tow(t: FloatArray, week: int, fault: Fault, notes: list[str]) -> tuple[FloatArray, TimeBase]:
+    if (row := _outside(t, 0.0, WEEK_S)) is not None:
+        raise fault(
+            f"time of week {t[row]:.10g} s is not within 0..604800: is its unit right (units='t=ms'), "
+            "or is it time='gps'?",
+            row,
+        )
+    # the stamps of a log that runs into the next week start again at zero
+    weeks = np.concatenate(([0.0], np.cumsum(np.diff(t) < -0.5 * WEEK_S)))
+    if weeks[-1] > 0.0:
+        notes.append(f"Time of week starts again {weeks[-1]:.0f} times; the weeks were counted on from {week}.")
+    start = gps_seconds(week, 0.0)
+    notes.append(f"Stamps are GPS time of week {week}, which starts on {calendar(start).date().isoformat()}.")
+    return t + weeks * WEEK_S, TimeBase("gps", start)
+
+
+def _outside(t: FloatArray, low: float, high: float) -> int | None:
+    rows = np.flatnonzero(~((t >= low) & (t <= high)))
+    return int(rows[0]) if len(rows) else None

@@ -1,0 +1,168 @@
+"""What a column of a table may be: its short name, the quantity it measures, and the names others give it.
+
+The short names (``ax``, ``lat``, ``svn``, ...) are what users write in the hint ``columns`` and what our own CSV files
+carry. Columns of one quantity share a unit, which is stated once per *group* (``accel``, ``gyro``, ``t``, ...).
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+
+from schuler.exceptions import InputError
+
+#: Group of columns that share a unit and a scale, to the quantity :func:`schuler.units.factor_for` checks.
+GROUP_QUANTITY = {
+    "t": "time",
+    "accel": "specific force",
+    "gyro": "angular rate",
+    "temp": "temperature",
+    "angle": "angle",
+    "length": "length",
+    "velocity": "velocity",
+}
+#: The same for increments: integrals over the sample interval.
+INCREMENT_QUANTITY = {**GROUP_QUANTITY, "accel": "velocity", "gyro": "angle"}
+
+ACCEL, GYRO = ("ax", "ay", "az"), ("gx", "gy", "gz")
+GEODETIC, ECEF = ("lat", "lon", "h"), ("x", "y", "z")
+VELOCITY, ECEF_VELOCITY = ("vn", "ve", "vd"), ("vx", "vy", "vz")
+SIGMA, VELOCITY_SIGMA = ("sn", "se", "sd"), ("svn", "sve", "svd")
+CROSS, VELOCITY_CROSS = ("cne", "cnd", "ced"), ("cvne", "cvnd", "cved")
+EULER, QUATERNION = ("roll", "pitch", "yaw"), ("qw", "qx", "qy", "qz")
+
+#: Column name to its group; ``None`` where the column has no unit or, for covariances, only the SI one.
+GROUP: dict[str, str | None] = {
+    "t": "t",
+    **dict.fromkeys(ACCEL, "accel"),
+    **dict.fromkeys(GYRO, "gyro"),
+    "temp": "temp",
+    "lat": "angle",
+    "lon": "angle",
+    **dict.fromkeys(EULER, "angle"),
+    "h": "length",
+    **dict.fromkeys((*SIGMA, *ECEF), "length"),
+    **dict.fromkeys((*VELOCITY, *VELOCITY_SIGMA, *ECEF_VELOCITY, "speed", "sspeed"), "velocity"),
+    **dict.fromkeys((*CROSS, *VELOCITY_CROSS, *QUATERNION, "q", "ns"), None),
+}
+SKIPS = ("-", "_")
+#: Stand for three columns where a name is mapped to an N x 3 array (MATLAB and NumPy files).
+TRIADS = {"accel": ACCEL, "gyro": GYRO}
+
+
+def _spellings() -> dict[str, str]:
+    table = {name: name for name in GROUP}
+    for axis in "xyz":
+        for stem in ("acc", "accel", "accelerometer", "specific_force", "f"):
+            table |= {f"{stem}_{axis}": f"a{axis}", f"{stem}{axis}": f"a{axis}"}
+        for stem in ("gyr", "gyro", "gyroscope", "omega", "w", "angular_rate", "angular_velocity"):
+            table |= {f"{stem}_{axis}": f"g{axis}", f"{stem}{axis}": f"g{axis}"}
+        table |= {f"a_{axis}": f"a{axis}", f"g_{axis}": f"g{axis}"}
+    for axis in "ned":
+        table |= {f"v_{axis}": f"v{axis}", f"vel_{axis}": f"v{axis}", f"sigma_{axis}": f"s{axis}"}
+        table |= {f"sigma_v{axis}": f"sv{axis}", f"sd_{axis}": f"s{axis}"}
+    for word in ("time", "timestamp", "stamp", "tow", "gps_tow", "gpstow", "gps_time", "seconds"):
+        table[word] = "t"
+    table |= {"temperature": "temp", "latitude": "lat", "longitude": "lon", "lng": "lon", "height": "h"}
+    table |= {"quality": "q", "n_satellites": "ns", "nsat": "ns"}
+    return table
+
+
+_SPELLINGS = _spellings()
+# what follows an underscore in names such as ax_m_s2; longer endings are tried first
+_ENDINGS = {
+    "m_s2": "m/s^2", "mps2": "m/s^2", "ms2": "m/s^2", "mg": "mg", "g": "g", "rad_s": "rad/s", "rads": "rad/s",
+    "rps": "rad/s", "deg_s": "deg/s", "dps": "deg/s", "degs": "deg/s", "deg_h": "deg/h", "s": "s", "sec": "s",
+    "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "deg": "deg", "m_s": "m/s", "mps": "m/s", "km_h": "km/h",
+    "m": "m", "degc": "degC", "c": "degC",
+}  # fmt: skip
+_LONGEST = 200  # characters of a name worth looking at
+_BRACKETED = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
+
+
+def recognise(header: str) -> tuple[str, str | None] | None:
+    """Column that a header field names, and the unit it states.
+
+    Parameters
+    ----------
+    header : str
+        For example ``"ax"``, ``"acc_x_m_s2"``, ``"imu.gyro.z"`` or ``"IMU::Accel::X [m/s^2]"``.
+
+    Returns
+    -------
+    tuple of str and str or None, or None
+        The column's short name and the text of the unit if there is one; ``None`` if the name is not known.
+    """
+    if len(header) > _LONGEST:
+        return None
+    word, unit = _word_and_unit(header)
+    if word in _SPELLINGS:
+        return _SPELLINGS[word], unit
+    if unit is None and (ending := _ending(word)) is not None:
+        stem = word.removesuffix(f"_{ending}")
+        if stem in _SPELLINGS:
+            return _SPELLINGS[stem], _ENDINGS[ending]
+    return None
+
+
+def unit_in(header: str) -> str | None:
+    """Unit that a header field states, in brackets or as a known ending of a known name; ``None`` if there is none."""
+    if len(header) > _LONGEST:
+        return None
+    found = recognise(header)
+    return found[1] if found else _word_and_unit(header)[1]
+
+
+def _word_and_unit(header: str) -> tuple[str, str | None]:
+    text, unit = header.strip().strip("\"'"), None
+    if match := _BRACKETED.match(text):
+        text, unit = match.group(1), match.group(2) or None
+    return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_").removeprefix("imu_"), unit
+
+
+def _ending(word: str) -> str | None:
+    for ending in sorted(_ENDINGS, key=len, reverse=True):
+        if word.endswith(f"_{ending}") and word.removesuffix(f"_{ending}") in _SPELLINGS:
+            return ending
+    return None
+
+
+def check_known(word: str, known: Iterable[str], what: str) -> str:
+    """The word itself if it is one of those known.
+
+    Raises
+    ------
+    InputError
+        Otherwise; the message lists what is known and proposes the nearest.
+    """
+    known = list(known)
+    if word in known:
+        return word
+    near = difflib.get_close_matches(word, known, n=1)
+    suggestion = f"; did you mean {near[0]!r}?" if near else ""
+    raise InputError(f"{what}: {word!r} is not known{suggestion} Known are: {', '.join(known)}")
+
+
+#: Columns that make up each series.
+BELONGS = {
+    "imu": {"t", *ACCEL, *GYRO, "temp"},
+    "gnss": {"t", *GEODETIC, *VELOCITY, *SIGMA, *VELOCITY_SIGMA, *CROSS, *VELOCITY_CROSS, "q", "ns"},
+    "odometer": {"t", "speed", "sspeed"},
+    "reference": {"t", *GEODETIC, *VELOCITY, *ECEF, *ECEF_VELOCITY, *EULER, *QUATERNION},
+}
+
+
+def series_of(names: Iterable[str]) -> list[str]:
+    """Series that a set of columns holds something of: "imu", "gnss", "odometer", "reference"."""
+    present = set(names)
+    found = []
+    if present & {*ACCEL, *GYRO}:
+        found.append("imu")
+    if present & set(GEODETIC):
+        found.append("gnss")
+    if "speed" in present:
+        found.append("odometer")
+    if present & set(ECEF):
+        found.append("reference")
+    return found

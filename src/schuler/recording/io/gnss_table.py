@@ -1,0 +1,158 @@
+"""GNSS tables and reference paths in SI: heights made ellipsoidal, covariances built, quality checked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from schuler import frames, rotation, units
+from schuler.arrays import FloatArray, IntArray
+from schuler.exceptions import InputError
+from schuler.recording.io import columns
+from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.raw import Raw
+from schuler.recording.recording import Recording
+from schuler.recording.series import QUALITY, GnssSeries, Trajectory
+
+
+def gnss_series(raw: Raw, hints: ReadHints, t: FloatArray) -> GnssSeries:
+    """GNSS series of columns in SI.
+
+    Parameters
+    ----------
+    raw : Raw
+        With lat, lon, h and any of the other GNSS columns, in SI; takes the notes.
+    hints : ReadHints
+        ``height``, ``geoid_separation``, ``sigma`` and ``allow`` are used.
+    t : ndarray, shape (n,)
+        [s]
+
+    Raises
+    ------
+    FileFormatError
+        For impossible positions and qualities, and for accuracies that are missing or not positive.
+    """
+    llh = _geodetic(raw, hints)
+    v_n, cov_v_n = None, None
+    cov_r_n = _covariance(raw, hints, columns.SIGMA, columns.CROSS, 0)
+    if any(name in raw.values for name in columns.VELOCITY):
+        if not raw.has(columns.VELOCITY):
+            raise raw.fault("a velocity needs vn, ve and vd (north, east, down); name all three or skip them with -")
+        known = raw.has(columns.VELOCITY_SIGMA) or len(hints.sigmas or ()) == 6
+        if known or not hints.allows("no-velocity"):
+            v_n = raw.stack(columns.VELOCITY)
+            cov_v_n = _covariance(raw, hints, columns.VELOCITY_SIGMA, columns.VELOCITY_CROSS, 3)
+        else:
+            raw.notes.append("Velocities come without an accuracy and were left out.")
+    quality = _integers(raw, "q")
+    if quality is not None:
+        bad = np.flatnonzero((quality < min(QUALITY)) | (quality > max(QUALITY)))
+        if len(bad):
+            meanings = ", ".join(f"{k} {v}" for k, v in QUALITY.items())
+            raise raw.fault(f"expected a quality q of {meanings}, got {quality[bad[0]]}: skip the column", int(bad[0]))
+    return GnssSeries(t, llh, cov_r_n, v_n, cov_v_n, quality, _integers(raw, "ns"))
+
+
+def _geodetic(raw: Raw, hints: ReadHints) -> FloatArray:
+    if not raw.has(columns.GEODETIC):
+        missing = [name for name in columns.GEODETIC if name not in raw.values]
+        raise raw.fault(f"a position needs lat, lon and h, but {', '.join(missing)} is missing: name the columns")
+    llh = raw.stack(columns.GEODETIC)
+    for column, name, limit in ((0, "latitude", 90.0), (1, "longitude", 360.0)):
+        bad = np.flatnonzero(np.abs(llh[:, column]) > (limit + 1e-9) * units.DEG)
+        if len(bad):
+            raise raw.fault(
+                f"{name} {llh[bad[0], column] / units.DEG:.6g} deg is beyond +-{limit:g}: are latitude and longitude "
+                "exchanged, or in another unit (units='angle=...')?",
+                int(bad[0]),
+            )
+    # rounding of 90 deg must not make a latitude beyond the pole
+    llh[:, 0] = np.clip(llh[:, 0], -0.5 * np.pi, 0.5 * np.pi)
+    llh[:, 1] = np.where(np.abs(llh[:, 1]) <= np.pi, llh[:, 1], frames.wrap_angle(llh[:, 1]))
+    if hints.height == "msl":
+        llh[:, 2] += float(hints.geoid_separation or 0.0)
+        raw.notes.append(
+            f"Heights above mean sea level were made ellipsoidal with a geoid separation {hints.geoid_separation:g} m."
+        )
+    elif hints.height is None and not raw.ellipsoidal:
+        raw.notes.append("Heights are taken as ellipsoidal (hint height says otherwise).")
+    return llh
+
+
+def _covariance(raw: Raw, hints: ReadHints, names: tuple[str, ...], cross: tuple[str, ...], first: int) -> FloatArray:
+    """Covariances north, east, down of 1-sigma columns, the hint sigma in place of those missing or zero."""
+    n, given = len(next(iter(raw.values.values()))), (hints.sigmas or ())[first : first + 3]
+    what = "position" if first == 0 else "velocity"
+    advice = (
+        "say sigma='N,E,D' [m]"
+        if first == 0
+        else "say sigma with six numbers (position [m], velocity [m/s]), or pass allow='no-velocity'"
+    )
+    if not raw.has(names):
+        if not given:
+            raise raw.fault(f"there is no accuracy of {what} ({', '.join(names)}): {advice}")
+        sigma = np.tile(np.array(given), (n, 1))
+        raw.notes.append(f"The log has no accuracy of {what}; 1-sigma north, east, down is taken as {given}.")
+    else:
+        sigma = raw.stack(names)
+        if given and np.all(sigma > 0.0):
+            raw.notes.append(f"The hint sigma was not used: the file has accuracies of {what}.")
+        zero = np.flatnonzero(np.any(sigma <= 0.0, axis=1))
+        if len(zero):
+            if not given:
+                raise raw.fault(
+                    f"expected a positive 1-sigma of {what}, got {sigma[zero[0]].min():g}: {advice}", int(zero[0])
+                )
+            sigma[zero] = given
+            raw.notes.append(f"{len(zero)} epochs had no accuracy of {what}; 1-sigma was set to {given}.")
+    cov = np.zeros((n, 3, 3))
+    cov[:, [0, 1, 2], [0, 1, 2]] = sigma**2
+    if raw.has(cross):
+        upper = ([0, 0, 1], [1, 2, 2])
+        cov[:, upper[0], upper[1]] = cov[:, upper[1], upper[0]] = raw.stack(cross)
+        definite = np.linalg.eigvalsh(cov).min(axis=1) > 0.0
+        if not definite.all():
+            cov[~definite] *= np.eye(3)
+            raw.notes.append(
+                f"At {int((~definite).sum())} epochs the rounded covariance of {what} was not positive definite; "
+                "its cross terms were dropped."
+            )
+    return cov
+
+
+def _integers(raw: Raw, name: str) -> IntArray | None:
+    if name not in raw.values:
+        return None
+    values = raw.values[name]
+    bad = np.flatnonzero((values != np.round(values)) | (values < 0.0) | (values > 1e6))
+    if len(bad):
+        raise raw.fault(f"{name}: expected a whole number, got {values[bad[0]]:g}", int(bad[0]))
+    return values.astype(np.int64)
+
+
+def reference_path(raw: Raw, hints: ReadHints, t: FloatArray) -> Trajectory:
+    """Reference of columns in SI, Earth-fixed or geodetic, with velocity and attitude where there are any."""
+    if raw.has(columns.ECEF):
+        v = raw.stack(columns.ECEF_VELOCITY) if raw.has(columns.ECEF_VELOCITY) else None
+        q = raw.stack(columns.QUATERNION) if raw.has(columns.QUATERNION) else None
+        if q is not None:
+            bad = np.flatnonzero(np.abs(np.linalg.norm(q, axis=1) - 1.0) > 1e-3)
+            if len(bad):
+                raise raw.fault("qw, qx, qy, qz: expected a unit quaternion, scalar first", int(bad[0]))
+        return Trajectory(t, raw.stack(columns.ECEF), v, q)
+    llh = _geodetic(raw, hints)
+    v_n = raw.stack(columns.VELOCITY) if raw.has(columns.VELOCITY) else None
+    C_nb = rotation.dcm_from_rpy(raw.stack(columns.EULER)) if raw.has(columns.EULER) else None
+    raw.notes.append("The reference is taken as the path of the IMU itself; no lever arm was applied.")
+    return Trajectory.from_geodetic(t, llh, v_n, C_nb)
+
+
+def reference_from_gnss(recording: Recording) -> Recording:
+    """The same recording with its GNSS solution as the reference instead of as a measurement."""
+    gnss = recording.gnss
+    if gnss is None:
+        raise InputError(f"{recording.metadata.name} has no GNSS series to take as the reference")
+    note = "The reference is a GNSS solution, of the antenna; no lever arm was applied."
+    reference = Trajectory.from_geodetic(gnss.t, gnss.llh, gnss.v_n)
+    return replace(recording, gnss=None, reference=reference, metadata=recording.metadata.noting(note))

@@ -1,0 +1,282 @@
+"""Numbers in the lines of a text file, read at the speed of compiled code, and the line a fault is on.
+
+The fast way knows only whether a file is good. When it is not, the file is gone through again line by line for the
+first line that is at fault: errors are rare, and then a second pass is the smaller cost.
+"""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import re
+import warnings
+from collections.abc import Generator, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.exceptions import FileFormatError
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+_HEAD_BYTES = 1 << 16
+
+
+@dataclass(frozen=True, slots=True)
+class TextTable:
+    """How the lines of a file are cut into fields.
+
+    Attributes
+    ----------
+    path : Path
+    first : int
+        One-based number of the first line that may hold numbers.
+    delimiter : str
+        One character; a blank stands for any run of white space.
+    comment : str
+        What starts a comment; the rest of the line is ignored.
+    encoding : str
+        ``latin-1`` unless there is a byte-order mark: numbers are ASCII, and comments may be in any encoding.
+    replaced : str
+        Characters that stand for a blank (the strokes and colons of dates).
+    """
+
+    path: Path
+    first: int = 1
+    delimiter: str = ","
+    comment: str = "#"
+    encoding: str = "latin-1"
+    replaced: str = ""
+
+    def split(self, line: str) -> list[str]:
+        """Fields of one line without its comment; none of a blank line."""
+        line = line.partition(self.comment)[0]
+        for character in self.replaced:
+            line = line.replace(character, " ")
+        line = line.strip(" \r\n") if self.delimiter == "\t" else line.strip()
+        if not line:
+            return []
+        if self.delimiter == " ":
+            return line.split()
+        if '"' in line:
+            try:
+                return [field.strip() for field in next(csv.reader([line], delimiter=self.delimiter))]
+            except csv.Error:
+                return [line]
+        return [field.strip() for field in line.split(self.delimiter)]
+
+    def rows(self) -> Iterator[tuple[int, list[str]]]:
+        """Line number and fields of every line that has any, from ``first`` on."""
+        with self.path.open(encoding=self.encoding, errors="replace", newline=None) as stream:
+            for number, line in enumerate(itertools.islice(stream, self.first - 1, None), self.first):
+                if fields := self.split(line):
+                    yield number, fields
+
+    def line_of(self, row: int) -> int | None:
+        """Line of the file that holds a row (counted from zero)."""
+        return next((number for number, _ in itertools.islice(self.rows(), row, None)), None)
+
+
+def is_number(field: str) -> bool:
+    """Whether a field is a finite decimal number as written by a logger."""
+    return _NUMBER.fullmatch(field) is not None
+
+
+def is_value(field: str) -> bool:
+    """Whether a field is a number or stands for a missing one: anything but a word."""
+    return not field or is_number(field) or _NOT_FINITE.fullmatch(field) is not None
+
+
+def is_decimal_comma(field: str) -> bool:
+    """Whether a field is a number with a comma for its point."""
+    return _DECIMAL_COMMA.fullmatch(field) is not None
+
+
+def decode(text: str) -> str:
+    """Text that was read as Latin-1 but is UTF-8, as UTF-8; other text as it is."""
+    try:
+        return text.encode("latin-1").decode("utf-8")
+    except UnicodeError:
+        return text
+
+
+def shorten(text: str, length: int = 80) -> str:
+    """A piece of a file in quotes for a message, cut to a length."""
+    text = decode(text)
+    return repr(text if len(text) <= length else f"{text[: length - 3]}...")
+
+
+def check_file(path: Path) -> bytes:
+    """First bytes of a file that exists and is not empty.
+
+    Raises
+    ------
+    FileFormatError
+        If there is no such file, or nothing in it.
+    """
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(_HEAD_BYTES)
+    except FileNotFoundError as error:
+        raise FileFormatError(f"there is no such file (working folder {Path.cwd()})", path) from error
+    except OSError as error:
+        raise FileFormatError(f"cannot be opened: {error.strerror or error}", path) from error
+    if not head:
+        raise FileFormatError("the file is empty", path)
+    return head
+
+
+def encoding_of(head: bytes, path: Path) -> str:
+    """Encoding to open a text file with.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is UTF-16 or not text at all.
+    """
+    if head.startswith(b"\xef\xbb\xbf"):
+        return "utf-8-sig"
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise FileFormatError("expected UTF-8 or ASCII text, got UTF-16: save the file as UTF-8 or plain CSV", path)
+    if b"\x00" in head:
+        raise FileFormatError(
+            "expected text, got a binary file (with zero bytes); text, .parquet, .mat, .npy, .npz and .pos are read",
+            path,
+        )
+    return "latin-1"
+
+
+def load(
+    table: TextTable, n_columns: int, used: list[int], *, allow_truncated: bool = False
+) -> tuple[FloatArray, bool]:
+    """Numbers of the used columns of every line.
+
+    Parameters
+    ----------
+    table : TextTable
+    n_columns : int
+        Fields every line must have.
+    used : list of int
+        Columns wanted, counted from zero, in the order wanted.
+    allow_truncated : bool
+        Leave out a last line that was cut off.
+
+    Returns
+    -------
+    values : ndarray, shape (n, len(used))
+        Finite and not finite numbers as they stand.
+    truncated : bool
+        Whether a last line was left out.
+
+    Raises
+    ------
+    FileFormatError
+        With the line of the first fault.
+    """
+    count = None
+    values = _fast(table, n_columns, used, None)
+    if values is None:
+        count, cut = _check_lines(table, n_columns, used, allow_truncated)
+        if count == 0:
+            raise FileFormatError("there are no rows of numbers", table.path)
+        values = _fast(table, n_columns, used, count)
+        if values is None:
+            raise FileFormatError(
+                "cannot be read as a table of numbers; check that it is plain text with one delimiter", table.path
+            )
+        return values, cut
+    return values, False
+
+
+def _fast(table: TextTable, n_columns: int, used: list[int], count: int | None) -> FloatArray | None:
+    """All rows by NumPy's compiled reader, ``None`` if it stumbles; ``count`` says that so many lines were checked."""
+    # NumPy reads the file itself as long as nothing has to be taken out of its lines. Without usecols it also checks
+    # that every line has as many fields; once each line was checked the unused columns may hold words.
+    direct = count is None and not table.replaced
+    delimiter = None if table.delimiter == " " else table.delimiter
+    with warnings.catch_warnings(), closing(_bare_lines(table)) as bare:
+        warnings.simplefilter("error")
+        try:
+            values = np.loadtxt(
+                str(table.path) if direct else bare,
+                delimiter=delimiter,
+                comments=table.comment if direct else None,
+                skiprows=table.first - 1 if direct else 0,
+                usecols=None if count is None else used,
+                max_rows=count,
+                ndmin=2,
+                encoding=table.encoding,
+                quotechar=None if delimiter is None else '"',
+            )
+        except (ValueError, TypeError, OverflowError, RuntimeError, Warning):
+            return None
+    if count is None:
+        if values.shape[1] != n_columns:
+            return None
+        if used != list(range(n_columns)):
+            values = values[:, used]
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
+def _bare_lines(table: TextTable) -> Generator[str, None, None]:
+    """Lines without comments and without characters to be replaced, those left blank dropped."""
+    with table.path.open(encoding=table.encoding, errors="replace", newline=None) as stream:
+        for line in itertools.islice(stream, table.first - 1, None):
+            text = line.partition(table.comment)[0]
+            for character in table.replaced:
+                text = text.replace(character, " ")
+            if text.strip():
+                yield text
+
+
+def _check_lines(table: TextTable, n_columns: int, used: list[int], allow_truncated: bool) -> tuple[int, bool]:
+    """Number of good rows, and whether a cut last one follows; raises at the first line at fault."""
+    count, fault = 0, None
+    for number, fields in table.rows():
+        if fault is not None:
+            raise fault
+        message = _fault(table, fields, n_columns, used)
+        if message is None:
+            count += 1
+        else:
+            fault = FileFormatError(message, table.path, number)
+    if fault is None:
+        return count, False
+    if _ends_with_newline(table.path) or count == 0:
+        raise fault
+    if allow_truncated:
+        return count, True
+    raise FileFormatError(
+        "the last line is incomplete, the log was cut off there: delete that line, or pass allow='truncated'",
+        table.path,
+        fault.line,
+    )
+
+
+def _fault(table: TextTable, fields: list[str], n_columns: int, used: list[int]) -> str | None:
+    if len(fields) != n_columns:
+        ending = "; the last one is empty, so lines end in a delimiter: end columns with ',-'" if not fields[-1] else ""
+        return (
+            f"expected {n_columns} columns, got {len(fields)}{ending}; correct the line, or say what the columns are "
+            "(columns, delimiter, skip)"
+        )
+    for column in used:
+        field = fields[column]
+        if not is_value(field):
+            shown = shorten(field, 40)
+            if is_decimal_comma(field):
+                return f"column {column + 1}: decimal commas are not read, got {shown}; write points"
+            return f"column {column + 1}: expected a number, got {shown}; correct the line, or skip the column with -"
+        if not field:
+            return f"column {column + 1}: the field is empty; fill or delete the line, or skip the column with -"
+    return None
+
+
+def _ends_with_newline(path: Path) -> bool:
+    with path.open("rb") as stream:
+        stream.seek(-1, 2)
+        return stream.read(1) in b"\r\n"

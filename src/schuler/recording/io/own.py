@@ -1,0 +1,245 @@
+"""The flat form of a recording that our own CSV and Parquet files share: columns in SI and a document of the rest."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler import files
+from schuler.arrays import FloatArray
+from schuler.exceptions import FileFormatError, InputError
+from schuler.recording.io import columns
+from schuler.recording.io.hints import SERIES, ReadHints
+from schuler.recording.recording import Metadata, Recording
+from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, Trajectory
+from schuler.timebase import TimeBase
+
+#: SI unit of each column in files.
+UNITS = {
+    **{name: {"t": "s", "temp": "degC", "angle": "rad", "length": "m", "velocity": "m/s"}.get(group or "", "1")
+       for name, group in columns.GROUP.items()},
+    **dict.fromkeys(columns.ACCEL, "m/s^2"),
+    **dict.fromkeys(columns.GYRO, "rad/s"),
+    **dict.fromkeys((*columns.CROSS, "cnn", "cee", "cdd"), "m^2"),
+    **dict.fromkeys((*columns.VELOCITY_CROSS, "cvnn", "cvee", "cvdd"), "m^2/s^2"),
+}  # fmt: skip
+INCREMENT_UNITS = {**UNITS, **dict.fromkeys(columns.ACCEL, "m/s"), **dict.fromkeys(columns.GYRO, "rad")}
+_ELEMENTS = {"nn": (0, 0), "ne": (0, 1), "nd": (0, 2), "ee": (1, 1), "ed": (1, 2), "dd": (2, 2)}
+
+Columns = dict[str, np.ndarray[Any, np.dtype[Any]]]
+
+
+def package_version() -> str:
+    """Version of this package, for the provenance of files."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("schuler")
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def flatten(recording: Recording) -> dict[str, Columns]:
+    """Columns in SI of each series of a recording, time first. Shapes (n,)."""
+    flat: dict[str, Columns] = {}
+    if (imu := recording.imu) is not None:
+        flat["imu"] = {"t": imu.t, **_split(columns.ACCEL, imu.accel), **_split(columns.GYRO, imu.gyro)}
+        if imu.temperature is not None:
+            flat["imu"]["temp"] = imu.temperature
+    if (gnss := recording.gnss) is not None:
+        table: Columns = {"t": gnss.t, **_split(columns.GEODETIC, gnss.llh), **_split_cov("c", gnss.cov_r_n)}
+        if gnss.v_n is not None and gnss.cov_v_n is not None:
+            table |= {**_split(columns.VELOCITY, gnss.v_n), **_split_cov("cv", gnss.cov_v_n)}
+        table |= {n: v for n, v in (("q", gnss.quality), ("ns", gnss.n_satellites)) if v is not None}
+        flat["gnss"] = table
+    if (odometer := recording.odometer) is not None:
+        flat["odometer"] = {"t": odometer.t, "speed": odometer.speed, "sspeed": odometer.sigma}
+    if (reference := recording.reference) is not None:
+        flat["reference"] = {"t": reference.t, **_split(columns.ECEF, reference.r_eb_e)}
+        if reference.v_eb_e is not None:
+            flat["reference"] |= _split(columns.ECEF_VELOCITY, reference.v_eb_e)
+        if reference.q_eb is not None:
+            flat["reference"] |= _split(columns.QUATERNION, reference.q_eb)
+    return flat
+
+
+def unflatten(name: str, flat: Columns, kind: str = "rate") -> ImuSeries | GnssSeries | OdometerSeries | Trajectory:
+    """Series of its columns in SI; the inverse of :func:`flatten`.
+
+    Raises
+    ------
+    KeyError
+        If a column is missing.
+    """
+    if name == "imu":
+        accel, gyro = _join(columns.ACCEL, flat), _join(columns.GYRO, flat)
+        return ImuSeries(flat["t"], gyro, accel, kind, flat.get("temp"))  # type: ignore[arg-type]
+    if name == "gnss":
+        has_velocity = "vn" in flat
+        return GnssSeries(
+            flat["t"],
+            _join(columns.GEODETIC, flat),
+            _join_cov("c", flat),
+            _join(columns.VELOCITY, flat) if has_velocity else None,
+            _join_cov("cv", flat) if has_velocity else None,
+            flat.get("q"),
+            flat.get("ns"),
+        )
+    if name == "odometer":
+        return OdometerSeries(flat["t"], flat["speed"], flat["sspeed"])
+    if name == "reference":
+        return Trajectory(
+            flat["t"],
+            _join(columns.ECEF, flat),
+            _join(columns.ECEF_VELOCITY, flat) if "vx" in flat else None,
+            _join(columns.QUATERNION, flat) if "qw" in flat else None,
+        )
+    raise KeyError(name)
+
+
+def document(recording: Recording) -> dict[str, Any]:
+    """What is not in the columns: metadata, and for each series its number of rows and kind."""
+    m = recording.metadata
+    series: dict[str, dict[str, Any]] = {n: {"rows": len(f["t"])} for n, f in flatten(recording).items()}
+    if recording.imu is not None:
+        series["imu"]["kind"] = recording.imu.kind
+    return {
+        "package": f"schuler {package_version()}",
+        "series": series,
+        "metadata": {
+            "name": m.name,
+            "time": time_document(m.time),
+            "sources": dict(m.sources),
+            "axes": m.axes,
+            "notes": list(m.notes),
+            "options": dict(m.options),
+        },
+    }
+
+
+def time_document(time: TimeBase) -> dict[str, Any]:
+    """A time base as plain values."""
+    return {"scale": time.scale, "epoch_gps_s": time.epoch_gps_s}
+
+
+def to_json(document: Mapping[str, Any], indent: int | None = None) -> str:
+    """JSON text of a document; paths and the like become text.
+
+    Raises
+    ------
+    InputError
+        If it holds NaN or infinity, which JSON has not.
+    """
+    try:
+        return json.dumps(document, allow_nan=False, default=_plain, indent=indent, ensure_ascii=True)
+    except ValueError as error:
+        raise InputError("metadata: expected finite numbers, got NaN or infinity, which JSON cannot hold") from error
+
+
+def metadata_from(document: Mapping[str, Any], path: Path) -> Metadata:
+    """Metadata of a document, with the file it was read from among the sources.
+
+    Raises
+    ------
+    FileFormatError
+        If an entry is missing or of the wrong type.
+    """
+    try:
+        m = document["metadata"]
+        return Metadata(
+            name=str(m["name"]),
+            time=time_from(m["time"]),
+            sources={**{str(k): str(v) for k, v in m["sources"].items()}, path.name: files.sha256(path)},
+            axes=str(m["axes"]),
+            notes=tuple(str(note) for note in m["notes"]),
+            options=dict(m["options"]),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise FileFormatError(
+            f"the metadata written with the file is damaged ({error!r}); write it anew", path
+        ) from error
+
+
+def time_from(entry: Mapping[str, Any]) -> TimeBase:
+    """Time base of its plain values; ``ValueError`` if they are none."""
+    scale, epoch = entry["scale"], float(entry["epoch_gps_s"])
+    if scale not in ("gps", "utc", "local") or not abs(epoch) < 1e11:
+        raise ValueError(f"time base {scale!r}, {epoch!r}")
+    return TimeBase(scale, epoch)
+
+
+def refuse_hints(hints: ReadHints, path: Path) -> None:
+    """Our own files say everything themselves.
+
+    Raises
+    ------
+    InputError
+        If any hint but ``name`` and ``series`` is given.
+    """
+    if surplus := sorted(set(hints.given()) - {"name", "series"}):
+        raise InputError(f"{path} was written by schuler and needs no hints; leave out {', '.join(surplus)}")
+
+
+def check_format(name: object, expected: str, path: Path, package: object = None) -> None:
+    """Check a format name such as ``schuler/recording/1``.
+
+    Raises
+    ------
+    FileFormatError
+        If it is another format, or a newer version of this one.
+    """
+    family, _, version = str(name).rpartition("/")
+    known_family, _, known = expected.rpartition("/")
+    if family != known_family or not (version.isascii() and version.isdigit() and len(version) < 7):
+        raise FileFormatError(f"expected the format {expected}, got {name!r}: this file holds something else", path)
+    if int(version) > int(known):
+        raise FileFormatError(
+            f"the file is {name}, written by {package or 'a newer schuler'}; this one reads up to {expected}: "
+            "update with pip install -U schuler",
+            path,
+        )
+
+
+def check_series(document: Mapping[str, Any], path: Path) -> dict[str, Mapping[str, Any]]:
+    """The entry ``series`` of a document; a :class:`FileFormatError` if it is damaged."""
+    series = document.get("series")
+    if (
+        not isinstance(series, Mapping)
+        or not series
+        or not all(name in SERIES and isinstance(entry, Mapping) for name, entry in series.items())
+    ):
+        raise FileFormatError("the list of series written with the file is damaged; write it anew", path)
+    return dict(series)
+
+
+def _split(names: tuple[str, ...], values: FloatArray) -> Columns:
+    return {name: values[:, k] for k, name in enumerate(names)}
+
+
+def _join(names: tuple[str, ...], flat: Columns) -> FloatArray:
+    return np.stack([flat[name] for name in names], axis=1)
+
+
+def _split_cov(stem: str, cov: FloatArray) -> Columns:
+    return {f"{stem}{key}": cov[:, i, j] for key, (i, j) in _ELEMENTS.items()}
+
+
+def _join_cov(stem: str, flat: Columns) -> FloatArray:
+    cov = np.empty((len(flat["t"]), 3, 3))
+    for key, (i, j) in _ELEMENTS.items():
+        cov[:, i, j] = cov[:, j, i] = flat[f"{stem}{key}"]
+    return cov
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, (set, frozenset)):
+        return sorted(value)
+    return str(value)

@@ -1,0 +1,263 @@
+"""Our own Parquet files: every series of a recording, and other tables, with all that is known about them.
+
+A recording is one table: a column ``series`` and the columns of all series, one row group per series, null where a
+series has no such column. What is not a column is a JSON document in the schema's metadata under the key ``schuler``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler import files
+from schuler.exceptions import FileFormatError, InputError, MissingExtraError, SchulerError
+from schuler.recording.io import columns, own
+from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.own import Columns
+from schuler.recording.io.variables import recording_of_arrays
+from schuler.recording.recording import Recording
+
+FORMAT = "schuler/recording/1"
+KEY = b"schuler"
+
+
+def write_parquet(recording: Recording, path: Path | str) -> list[Path]:
+    """Write a recording as one Parquet file, bit for bit.
+
+    Parameters
+    ----------
+    recording : Recording
+    path : Path or str
+
+    Returns
+    -------
+    list of Path
+        The file.
+
+    Raises
+    ------
+    MissingExtraError
+        Without pyarrow (extra ``data``).
+    """
+    pa, pq = _pyarrow("writing Parquet")
+    flat = own.flatten(recording)
+    names = list(dict.fromkeys(name for table in flat.values() for name in table))
+    kind = "rate" if recording.imu is None else recording.imu.kind
+    si = own.INCREMENT_UNITS if kind == "increment" else own.UNITS
+    types = {name: pa.int64() if name in ("q", "ns") else pa.float64() for name in names}
+    document = {"format": FORMAT, **own.document(recording)}
+    schema = pa.schema(
+        [pa.field("series", pa.string()), *(pa.field(n, types[n], metadata={"unit": si[n]}) for n in names)],
+        metadata={KEY: own.to_json(document).encode()},
+    )
+    with files.replacing(path) as temporary, pq.ParquetWriter(temporary, schema) as writer:
+        for series, table in flat.items():
+            rows = len(table["t"])
+            arrays = [pa.array([series] * rows, pa.string())]
+            arrays += [
+                pa.array(np.ascontiguousarray(table[n]), types[n]) if n in table else pa.nulls(rows, types[n])
+                for n in names
+            ]
+            writer.write_table(pa.Table.from_arrays(arrays, schema=schema), row_group_size=rows)
+    return [Path(path)]
+
+
+def read_parquet(path: Path, hints: ReadHints) -> Recording:
+    """Recording of a Parquet file: our own without hints, another table with ``columns`` and ``units``.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is damaged, newer than this package, or holds something other than a recording.
+    MissingExtraError
+        Without pyarrow (extra ``data``).
+    """
+    file, document = _open(path)
+    with file:
+        if document is None:
+            return _read_foreign(path, file, hints)
+        own.refuse_hints(hints, path)
+        own.check_format(document.get("format"), FORMAT, path, document.get("package"))
+        metadata = own.metadata_from(document, path)
+        made = _series(path, file, own.check_series(document, path))
+    if hints.name:
+        metadata = replace(metadata, name=hints.name)
+    return Recording(**made, metadata=metadata)
+
+
+def _series(path: Path, file: Any, entries: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Each series of one of our files, from the row group that is its own."""
+    if file.num_row_groups != len(entries):
+        raise FileFormatError(
+            f"expected {len(entries)} series, got {file.num_row_groups} row groups; write it anew", path
+        )
+    made: dict[str, Any] = {}
+    for group, (name, entry) in enumerate(entries.items()):
+        table = _guarded(path, lambda group=group: file.read_row_group(group))
+        flat = {n: column for n, column in _to_numpy(table, path).items() if n != "series" and column is not None}
+        if table.num_rows != entry.get("rows"):
+            raise FileFormatError(f"expected {entry.get('rows')} rows of {name}, got {table.num_rows}", path)
+        try:
+            made[name] = own.unflatten(name, flat, str(entry.get("kind", "rate")))
+        except KeyError as error:
+            raise FileFormatError(f"the column {error} of {name} is missing; write the file anew", path) from error
+        except SchulerError as error:
+            raise FileFormatError(f"{name}: {error}", path) from error
+    return made
+
+
+def write_table(
+    path: Path | str, columns: Mapping[str, np.ndarray[Any, np.dtype[Any]]], meta: Mapping[str, Any]
+) -> Path:
+    """Write a table of equally long columns with a document about it.
+
+    Parameters
+    ----------
+    path : Path or str
+    columns : mapping of str to ndarray, shape (n,)
+        Floating-point, integer, boolean or text columns.
+    meta : mapping
+        Plain values for the JSON document, with at least ``format``, for example ``"schuler/solution/1"``.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If columns differ in length or have more than one axis, or the document cannot be JSON.
+    MissingExtraError
+        Without pyarrow (extra ``data``).
+    """
+    pa, pq = _pyarrow("writing Parquet")
+    if not columns or "format" not in meta:
+        raise InputError("write_table: expected at least one column, and a format name in meta")
+    arrays = {name: np.ascontiguousarray(values) for name, values in columns.items()}
+    shapes = {name: array.shape for name, array in arrays.items()}
+    if any(len(shape) != 1 for shape in shapes.values()) or len(set(shapes.values())) != 1:
+        raise InputError(f"write_table: expected columns of one length and one axis, got {shapes}")
+    bad = [name for name, array in arrays.items() if array.dtype.kind not in "fiubU"]
+    if bad:
+        raise InputError(f"write_table: expected numbers, booleans or text, got {arrays[bad[0]].dtype} in {bad[0]!r}")
+    document = own.to_json({"package": f"schuler {own.package_version()}", **meta})
+    table = pa.table({name: pa.array(array) for name, array in arrays.items()})
+    table = table.replace_schema_metadata({KEY: document.encode()})
+    with files.replacing(path) as temporary:
+        pq.write_table(table, temporary)
+    return Path(path)
+
+
+def read_table(path: Path | str, format: str | None = None) -> tuple[Columns, dict[str, Any]]:
+    """Columns and document of a file written by :func:`write_table`.
+
+    Parameters
+    ----------
+    path : Path or str
+    format : str, optional
+        The format expected, for example ``"schuler/solution/1"``; older versions of it are let through.
+
+    Returns
+    -------
+    columns : dict of str to ndarray, shape (n,)
+        Missing values of number columns are NaN.
+    meta : dict
+
+    Raises
+    ------
+    FileFormatError
+        If the file is damaged, of another format, or newer than ``format``.
+    MissingExtraError
+        Without pyarrow (extra ``data``).
+    """
+    path = Path(path)
+    file, document = _open(path)
+    with file:
+        table = _guarded(path, file.read)
+    if document is None:
+        raise FileFormatError(
+            "this Parquet file was not written by schuler; read its columns with read(..., columns=...)", path
+        )
+    if format is not None:
+        own.check_format(document.get("format"), format, path, document.get("package"))
+    empty = np.full(table.num_rows, np.nan)
+    return {n: empty if column is None else column for n, column in _to_numpy(table, path).items()}, document
+
+
+def _open(path: Path) -> tuple[Any, dict[str, Any] | None]:
+    """An open Parquet file, and our document in it if there is one."""
+    _, pq = _pyarrow("reading Parquet")
+    if not path.is_file():
+        raise FileFormatError(f"there is no such file (working folder {Path.cwd()})", path)
+    file = _guarded(path, lambda: pq.ParquetFile(path))
+    text = (file.schema_arrow.metadata or {}).get(KEY)
+    if text is None:
+        return file, None
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise FileFormatError(
+            f"the document schuler wrote with the file is damaged ({error}); write it anew", path
+        ) from error
+    if not isinstance(document, dict):
+        raise FileFormatError("the document schuler wrote with the file is damaged; write it anew", path)
+    return file, document
+
+
+def _read_foreign(path: Path, file: Any, hints: ReadHints) -> Recording:
+    names = list(file.schema_arrow.names)
+    if hints.columns is None or hints.units is None:
+        raise FileFormatError(
+            "this Parquet file was not written by schuler: say which column is what with columns='t=stamp,ax=acc_x,...'"
+            f" and units='m/s^2,rad/s'; it has {', '.join(names)}",
+            path,
+        )
+    table = _guarded(path, file.read)
+    arrays = {n: a for n, a in _to_numpy(table, path).items() if a is not None and a.dtype.kind in "fiu"}
+    if "=" not in hints.columns:
+        # names in order are meant for the columns in order
+        specs = [entry.strip() for entry in hints.columns.split(",")]
+        if len(specs) != len(names):
+            raise FileFormatError(f"columns names {len(specs)} of {len(names)} columns: {', '.join(names)}", path)
+        mapped = [f"{spec}={n}" for spec, n in zip(specs, names, strict=True) if spec not in columns.SKIPS]
+        hints = replace(hints, columns=",".join(mapped))
+    return recording_of_arrays(path, arrays, hints, [])
+
+
+def _to_numpy(table: Any, path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]] | None]:
+    """Columns as arrays, ``None`` for one without any value; nulls among numbers become NaN."""
+    result: dict[str, np.ndarray[Any, np.dtype[Any]] | None] = {}
+    for name in table.column_names:
+        column = table.column(name)
+        if column.null_count == len(column) and len(column):
+            result[name] = None
+        else:
+            result[name] = _guarded(
+                path, lambda column=column: np.asarray(column.to_numpy(zero_copy_only=False)).copy()
+            )
+    return result
+
+
+def _guarded(path: Path, action: Any) -> Any:
+    """The action's value; whatever pyarrow raises on damaged files becomes an error of ours."""
+    pa, _ = _pyarrow("reading Parquet")
+    try:
+        return action()
+    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
+        first = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise FileFormatError(f"cannot be read as Parquet ({first}); is the file complete?", path) from error
+
+
+def _pyarrow(purpose: str) -> tuple[Any, Any]:
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError as error:
+        raise MissingExtraError("pyarrow", "data", purpose) from error
+    return pa, pq

@@ -1,0 +1,179 @@
+"""A recording: the series of one run with what must be known to use them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from schuler import units
+from schuler.arrays import ArrayLike
+from schuler.exceptions import InputError
+from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, Trajectory
+from schuler.timebase import TimeBase
+
+
+@dataclass(frozen=True)
+class Metadata:
+    """Where a recording came from and what was done to it on the way in.
+
+    Attributes
+    ----------
+    name : str
+        Short name for titles.
+    time : TimeBase
+        What zero seconds means.
+    sources : dict
+        File name to SHA-256 of each file read.
+    axes : str
+        Axes of the original log (the series themselves are always forward-right-down).
+    notes : tuple of str
+        Sentences on every conversion, repair and assumption, in order.
+    options : dict
+        Reader options or scenario, for provenance.
+    """
+
+    name: str = "recording"
+    time: TimeBase = field(default_factory=TimeBase)
+    sources: dict[str, str] = field(default_factory=dict)
+    axes: str = "FRD"
+    notes: tuple[str, ...] = ()
+    options: dict[str, Any] = field(default_factory=dict)
+
+    def noting(self, *sentences: str) -> Metadata:
+        """The same metadata with more notes."""
+        return replace(self, notes=self.notes + sentences)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """IMU, and where there are any GNSS, odometer and reference series on one time axis.
+
+    Attributes
+    ----------
+    imu : ImuSeries, optional
+    gnss : GnssSeries, optional
+    odometer : OdometerSeries, optional
+    reference : Trajectory, optional
+        Truth or a better solution to compare with, of the IMU's position.
+    metadata : Metadata
+    """
+
+    imu: ImuSeries | None = None
+    gnss: GnssSeries | None = None
+    odometer: OdometerSeries | None = None
+    reference: Trajectory | None = None
+    metadata: Metadata = field(default_factory=Metadata)
+
+    def __post_init__(self) -> None:
+        if all(series is None for series in (self.imu, self.gnss, self.odometer, self.reference)):
+            raise InputError("a recording needs at least one series")
+
+    @property
+    def start(self) -> float:
+        """Earliest time of any series. [s]"""
+        return min(float(s.t[0]) for s in self._series())
+
+    @property
+    def stop(self) -> float:
+        """Latest time of any series. [s]"""
+        return max(float(s.t[-1]) for s in self._series())
+
+    def _series(self) -> list[ImuSeries | GnssSeries | OdometerSeries | Trajectory]:
+        return [s for s in (self.imu, self.gnss, self.odometer, self.reference) if s is not None]
+
+    def need_imu(self) -> ImuSeries:
+        """The IMU series, or an error that says it is missing."""
+        if self.imu is None:
+            raise InputError(f"{self.metadata.name} has no IMU series, which is needed here")
+        return self.imu
+
+    def need_gnss(self) -> GnssSeries:
+        """The GNSS series, or an error that says it is missing."""
+        if self.gnss is None:
+            raise InputError(f"{self.metadata.name} has no GNSS series, which is needed here")
+        return self.gnss
+
+    def merged_with(self, other: Recording) -> Recording:
+        """This recording with the series of another that it lacks, brought to one time axis.
+
+        Raises
+        ------
+        InputError
+            If both have the same series, or their clocks cannot be related.
+        """
+        both = [n for n in ("imu", "gnss", "odometer", "reference") if getattr(self, n) and getattr(other, n)]
+        if both:
+            raise InputError(f"{self.metadata.name} and {other.metadata.name} both have: {', '.join(both)}")
+        mine, theirs = self.metadata.time, other.metadata.time
+        if mine.scale != theirs.scale:
+            raise InputError(
+                f"{self.metadata.name} runs on {mine.scale} time, {other.metadata.name} on {theirs.scale} time; "
+                "say what the stamps of the local one mean (option time)"
+            )
+        other = other.shifted(theirs.epoch_gps_s - mine.epoch_gps_s)
+        metadata = replace(
+            self.metadata,
+            sources={**self.metadata.sources, **other.metadata.sources},
+            notes=self.metadata.notes + other.metadata.notes,
+            options={**self.metadata.options, **other.metadata.options},
+        )
+        return Recording(
+            imu=self.imu or other.imu,
+            gnss=self.gnss or other.gnss,
+            odometer=self.odometer or other.odometer,
+            reference=self.reference or other.reference,
+            metadata=metadata,
+        )
+
+    def shifted(self, seconds: float) -> Recording:
+        """The recording with ``seconds`` added to every time stamp and taken off its epoch."""
+        if seconds == 0.0:
+            return self
+        moved = {
+            name: None if series is None else replace(series, t=series.t + seconds)
+            for name, series in (("imu", self.imu), ("gnss", self.gnss), ("odometer", self.odometer))
+        }
+        gnss = moved["gnss"]
+        if isinstance(gnss, GnssSeries) and gnss.received is not None:
+            moved["gnss"] = replace(gnss, received=gnss.received + seconds)
+        reference = None
+        if self.reference is not None:
+            r = self.reference
+            reference = Trajectory(r.t + seconds, r.r_eb_e, r.v_eb_e, r.q_eb)
+        time = replace(self.metadata.time, epoch_gps_s=self.metadata.time.epoch_gps_s - seconds)
+        return Recording(**moved, reference=reference, metadata=replace(self.metadata, time=time))  # type: ignore[arg-type]
+
+    def rotated(self, C_bs: ArrayLike, note: str) -> Recording:
+        """The recording with its IMU in other axes (see :meth:`ImuSeries.rotated`), and a note that says so."""
+        return replace(self, imu=self.need_imu().rotated(C_bs), metadata=self.metadata.noting(note))
+
+    def summary(self) -> str:
+        """What is in the recording, in a few lines of text."""
+        lines = [f"{self.metadata.name}: {self.stop - self.start:.1f} s, {self.metadata.time.describe()}"]
+        if self.imu is not None:
+            imu = self.imu.rates()
+            f, w = np.linalg.norm(imu.accel, axis=1), np.linalg.norm(imu.gyro, axis=1)
+            gaps = self.imu.gaps()
+            lines.append(
+                f"  IMU   {len(imu)} samples at {imu.rate_hz:.4g} Hz ({self.imu.kind}), {self.imu.t[0]:.3f}..{self.imu.t[-1]:.3f} s"
+            )
+            lines.append(
+                f"        specific force {np.median(f):.3f} m/s^2 (median), angular rate up to "
+                f"{w.max() / units.DEG:.1f} deg/s, {len(gaps)} gaps"
+                + (f", the longest {gaps[:, 1].max():.3f} s" if len(gaps) else "")
+            )
+        if self.gnss is not None:
+            sigma = np.sqrt(np.einsum("nii->ni", self.gnss.cov_r_n))
+            lines.append(
+                f"  GNSS  {len(self.gnss)} epochs, {self.gnss.t[0]:.3f}..{self.gnss.t[-1]:.3f} s, 1-sigma "
+                f"{np.median(np.hypot(sigma[:, 0], sigma[:, 1])):.3f} m horizontal, {np.median(sigma[:, 2]):.3f} m vertical"
+                + ("" if self.gnss.v_n is not None else "; no velocity")
+            )
+        if self.odometer is not None:
+            lines.append(f"  odometer   {len(self.odometer)} samples, up to {np.abs(self.odometer.speed).max():.1f} m/s")
+        if self.reference is not None:
+            lines.append(f"  reference  {len(self.reference)} samples")
+        lines += [f"  - {note}" for note in self.metadata.notes]
+        return "\n".join(lines)

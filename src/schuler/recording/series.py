@@ -1,0 +1,463 @@
+"""Series of a recording: what an IMU, a GNSS receiver, an odometer reported, and a reference trajectory.
+
+All are frozen data classes of SI arrays with time along axis 0, body axes forward-right-down, navigation axes
+north-east-down. They are checked when made: times increase, values are finite, shapes agree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from schuler import frames, rotation
+from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
+from schuler.exceptions import InputError
+
+Kind = Literal["rate", "increment"]
+
+#: GNSS solution quality, RTKLIB's numbers.
+QUALITY = {1: "fixed", 2: "float", 3: "sbas", 4: "dgps", 5: "single", 6: "ppp", 7: "dead reckoning"}
+
+
+def check_times(t: ArrayLike, name: str) -> FloatArray:
+    """Strictly increasing finite times; the message names the first that is not.
+
+    Raises
+    ------
+    InputError
+        If there is no time, or one is not greater than the one before it.
+    """
+    t = as_floats(t, name, (None,))
+    if len(t) == 0:
+        raise InputError(f"{name}: expected at least one sample, got none")
+    step = np.diff(t)
+    if np.any(step <= 0.0):
+        k = int(np.flatnonzero(step <= 0.0)[0]) + 1
+        what = "repeats" if step[k - 1] == 0.0 else "goes back"
+        raise InputError(
+            f"{name}: expected increasing times, but sample {k} {what}: {t[k]:.6f} s after {t[k - 1]:.6f} s; "
+            "remove repeated samples or sort the log"
+        )
+    return t
+
+
+@dataclass(frozen=True)
+class Increments:
+    """Integrals of angular rate and specific force over consecutive intervals: what the mechanization takes.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        End of each interval. [s]
+    dt : ndarray, shape (n,)
+        Length of each interval; interval k is ``(t[k] - dt[k], t[k]]``. [s]
+    dtheta_ib_b, dv_ib_b : ndarray, shape (n, 3)
+        Integrals of angular rate [rad] and specific force [m/s], body axes.
+    """
+
+    t: FloatArray
+    dt: FloatArray
+    dtheta_ib_b: FloatArray
+    dv_ib_b: FloatArray
+
+    def __post_init__(self) -> None:
+        n = len(self.t)
+        object.__setattr__(self, "t", check_times(self.t, "Increments.t"))
+        for name, shape in (("dt", (n,)), ("dtheta_ib_b", (n, 3)), ("dv_ib_b", (n, 3))):
+            object.__setattr__(self, name, as_floats(getattr(self, name), f"Increments.{name}", shape))
+        if np.any(self.dt <= 0.0):
+            raise InputError(f"Increments.dt: expected positive intervals, got {self.dt.min()} s")
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def start(self) -> float:
+        """Beginning of the first interval. [s]"""
+        return float(self.t[0] - self.dt[0])
+
+    def between(self, start: float, stop: float) -> Increments:
+        """The whole intervals within ``[start, stop]``. [s]"""
+        keep = (self.t - self.dt >= start - 1e-9) & (self.t <= stop + 1e-9)
+        if not keep.any():
+            raise InputError(
+                f"no IMU interval lies within {start:.3f}..{stop:.3f} s; the log runs {self.start:.3f}..{self.t[-1]:.3f} s"
+            )
+        return Increments(self.t[keep], self.dt[keep], self.dtheta_ib_b[keep], self.dv_ib_b[keep])
+
+
+@dataclass(frozen=True)
+class ImuSeries:
+    """Gyroscope and accelerometer output in body axes.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Time of each sample: of validity for rates, of the end of the interval for increments. [s]
+    gyro, accel : ndarray, shape (n, 3)
+        Angular rate [rad/s] and specific force [m/s^2] if ``kind`` is "rate", their integrals over
+        ``(t[k - 1], t[k]]`` [rad], [m/s] if it is "increment".
+    kind : {"rate", "increment"}
+    temperature : ndarray, shape (n,), optional
+        [degC]
+    """
+
+    t: FloatArray
+    gyro: FloatArray
+    accel: FloatArray
+    kind: Kind = "rate"
+    temperature: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("rate", "increment"):
+            raise InputError(f"kind: expected 'rate' or 'increment', got {self.kind!r}")
+        object.__setattr__(self, "t", check_times(self.t, "ImuSeries.t"))
+        n = len(self.t)
+        object.__setattr__(self, "gyro", as_floats(self.gyro, "ImuSeries.gyro", (n, 3)))
+        object.__setattr__(self, "accel", as_floats(self.accel, "ImuSeries.accel", (n, 3)))
+        if self.temperature is not None:
+            object.__setattr__(self, "temperature", as_floats(self.temperature, "ImuSeries.temperature", (n,)))
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def interval(self) -> float:
+        """Median spacing of the samples. [s]"""
+        return float(np.median(np.diff(self.t))) if len(self.t) > 1 else float("nan")
+
+    @property
+    def rate_hz(self) -> float:
+        """Sampling rate, from the median spacing."""
+        return 1.0 / self.interval
+
+    def gaps(self, factor: float = 1.5) -> FloatArray:
+        """Start and length of the pauses longer than ``factor`` sample intervals. Shape (k, 2). [s]"""
+        step = np.diff(self.t)
+        where = np.flatnonzero(step > factor * self.interval) if len(step) else np.empty(0, dtype=int)
+        return np.stack((self.t[where], step[where]), axis=-1)
+
+    def increments(self, *, order: int = 2) -> Increments:
+        """The log as increments, see :func:`schuler.sensors.increments.increments_from_rates` for rates.
+
+        Parameters
+        ----------
+        order : {1, 2, 3}
+            How rates are integrated: held from the sample before (1), trapezoid (2), parabola through three (3).
+
+        Returns
+        -------
+        Increments
+            Of n samples of rates, n - 1 intervals between them; of n increments, n intervals, the first taken as long
+            as the median.
+        """
+        from schuler.sensors.increments import integrate_rates
+
+        if self.kind == "increment":
+            first = self.interval if len(self.t) > 1 else 1.0
+            return Increments(self.t, np.diff(self.t, prepend=self.t[0] - first), self.gyro, self.accel)
+        dt = np.diff(self.t)
+        return Increments(
+            self.t[1:], dt, integrate_rates(self.t, self.gyro, order), integrate_rates(self.t, self.accel, order)
+        )
+
+    def rates(self) -> ImuSeries:
+        """The log as mean rates over the sample intervals; itself if it already holds rates."""
+        if self.kind == "rate":
+            return self
+        inc = self.increments()
+        return replace(
+            self, gyro=inc.dtheta_ib_b / inc.dt[:, None], accel=inc.dv_ib_b / inc.dt[:, None], kind="rate"
+        )
+
+    def rotated(self, C_bs: ArrayLike) -> ImuSeries:
+        """The log in other axes.
+
+        Parameters
+        ----------
+        C_bs : array_like, shape (3, 3)
+            Maps the present axes to the wanted ones, ``v_b = C_bs @ v_s``; a rotation, or a signed permutation.
+        """
+        C = as_floats(C_bs, "C_bs", (3, 3))
+        if not np.allclose(C @ C.T, np.eye(3), atol=1e-6) or np.linalg.det(C) < 0.0:
+            raise InputError("C_bs: expected a rotation matrix (orthonormal, determinant +1)")
+        return replace(self, gyro=self.gyro @ C.T, accel=self.accel @ C.T)
+
+    def shifted(self, seconds: float) -> ImuSeries:
+        """The log with ``seconds`` added to every time stamp."""
+        return replace(self, t=self.t + float(seconds))
+
+    def between(self, start: float, stop: float) -> ImuSeries:
+        """The samples with ``start <= t <= stop``. [s]"""
+        keep = (self.t >= start) & (self.t <= stop)
+        if not keep.any():
+            raise InputError(
+                f"no IMU sample lies within {start:.3f}..{stop:.3f} s; the log runs {self.t[0]:.3f}..{self.t[-1]:.3f} s"
+            )
+        temperature = None if self.temperature is None else self.temperature[keep]
+        return ImuSeries(self.t[keep], self.gyro[keep], self.accel[keep], self.kind, temperature)
+
+
+@dataclass(frozen=True)
+class GnssSeries:
+    """Position, and if there is one velocity, solutions of a GNSS receiver's antenna.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Time of validity. [s]
+    llh : ndarray, shape (n, 3)
+        Latitude, longitude [rad], **ellipsoidal** height [m].
+    cov_r_n : ndarray, shape (n, 3, 3)
+        Covariance of position north, east, down. [m^2]
+    v_n : ndarray, shape (n, 3), optional
+        Velocity north, east, down. [m/s]
+    cov_v_n : ndarray, shape (n, 3, 3), optional
+        Its covariance. [m^2/s^2]
+    quality : ndarray of int, shape (n,), optional
+        See :data:`QUALITY`.
+    n_satellites : ndarray of int, shape (n,), optional
+    received : ndarray, shape (n,), optional
+        When the solution was delivered, for live replay. [s]
+    """
+
+    t: FloatArray
+    llh: FloatArray
+    cov_r_n: FloatArray
+    v_n: FloatArray | None = None
+    cov_v_n: FloatArray | None = None
+    quality: IntArray | None = None
+    n_satellites: IntArray | None = None
+    received: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t", check_times(self.t, "GnssSeries.t"))
+        n = len(self.t)
+        object.__setattr__(self, "llh", as_floats(self.llh, "GnssSeries.llh", (n, 3)))
+        object.__setattr__(self, "cov_r_n", _covariances(self.cov_r_n, "GnssSeries.cov_r_n", n))
+        if np.any(np.abs(self.llh[:, 0]) > 0.5 * np.pi + 1e-12):
+            raise InputError("GnssSeries.llh: a latitude is beyond +-90 deg; angles are radians, order lat, lon, height")
+        if (self.v_n is None) != (self.cov_v_n is None):
+            raise InputError("GnssSeries: a velocity and its covariance are given together or not at all")
+        if self.v_n is not None and self.cov_v_n is not None:
+            object.__setattr__(self, "v_n", as_floats(self.v_n, "GnssSeries.v_n", (n, 3)))
+            object.__setattr__(self, "cov_v_n", _covariances(self.cov_v_n, "GnssSeries.cov_v_n", n))
+        if self.received is not None:
+            object.__setattr__(self, "received", as_floats(self.received, "GnssSeries.received", (n,)))
+        for name in ("quality", "n_satellites"):
+            value = getattr(self, name)
+            if value is not None:
+                value = np.ascontiguousarray(value, dtype=np.int64)
+                if value.shape != (n,):
+                    raise InputError(f"GnssSeries.{name}: expected shape ({n},), got {value.shape}")
+                object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def where(self, keep: ArrayLike) -> GnssSeries:
+        """The epochs selected by a boolean array or an index array."""
+        k = np.asarray(keep)
+        pick = {
+            name: None if getattr(self, name) is None else getattr(self, name)[k]
+            for name in ("v_n", "cov_v_n", "quality", "n_satellites", "received")
+        }
+        return GnssSeries(self.t[k], self.llh[k], self.cov_r_n[k], **pick)
+
+    def between(self, start: float, stop: float) -> GnssSeries:
+        """The epochs with ``start <= t <= stop``. [s]"""
+        return self.where((self.t >= start) & (self.t <= stop))
+
+
+@dataclass(frozen=True)
+class OdometerSeries:
+    """Forward speed of the vehicle.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Time of validity. [s]
+    speed : ndarray, shape (n,)
+        Along the body's x axis, negative backwards. [m/s]
+    sigma : ndarray, shape (n,)
+        1-sigma error. [m/s]
+    """
+
+    t: FloatArray
+    speed: FloatArray
+    sigma: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t", check_times(self.t, "OdometerSeries.t"))
+        n = len(self.t)
+        object.__setattr__(self, "speed", as_floats(self.speed, "OdometerSeries.speed", (n,)))
+        object.__setattr__(self, "sigma", as_floats(self.sigma, "OdometerSeries.sigma", (n,)))
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Position, velocity and attitude over time, in Earth-fixed axes; everything else is derived when asked for.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Time. [s]
+    r_eb_e : ndarray, shape (n, 3)
+        Position. [m]
+    v_eb_e : ndarray, shape (n, 3), optional
+        Velocity. [m/s]
+    q_eb : ndarray, shape (n, 4), optional
+        Attitude, body to Earth-fixed axes.
+    """
+
+    t: FloatArray
+    r_eb_e: FloatArray
+    v_eb_e: FloatArray | None = None
+    q_eb: FloatArray | None = None
+    _cache: dict[str, FloatArray] = field(default_factory=dict, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t", check_times(self.t, "Trajectory.t"))
+        n = len(self.t)
+        object.__setattr__(self, "r_eb_e", as_floats(self.r_eb_e, "Trajectory.r_eb_e", (n, 3)))
+        if self.v_eb_e is not None:
+            object.__setattr__(self, "v_eb_e", as_floats(self.v_eb_e, "Trajectory.v_eb_e", (n, 3)))
+        if self.q_eb is not None:
+            object.__setattr__(self, "q_eb", as_floats(self.q_eb, "Trajectory.q_eb", (n, 4)))
+
+    @classmethod
+    def from_geodetic(
+        cls, t: ArrayLike, llh: ArrayLike, v_eb_n: ArrayLike | None = None, C_nb: ArrayLike | None = None
+    ) -> Trajectory:
+        """From latitude, longitude [rad], height [m], velocity north-east-down [m/s] and attitude ``C_nb``."""
+        llh = as_floats(llh, "llh", (None, 3))
+        v = None if v_eb_n is None else np.einsum("nij,nj->ni", frames.C_en(llh), as_floats(v_eb_n, "v_eb_n"))
+        q = None if C_nb is None else rotation.quat_from_dcm(frames.C_en(llh) @ as_floats(C_nb, "C_nb"))
+        return cls(as_floats(t, "t"), frames.ecef_from_llh(llh), v, q)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def llh(self) -> FloatArray:
+        """Latitude, longitude [rad], ellipsoidal height [m]. Shape (n, 3)."""
+        if "llh" not in self._cache:
+            self._cache["llh"] = frames.llh_from_ecef(self.r_eb_e)
+        return self._cache["llh"]
+
+    @property
+    def v_eb_n(self) -> FloatArray:
+        """Velocity north, east, down. Shape (n, 3). [m/s]"""
+        if self.v_eb_e is None:
+            raise InputError("this trajectory has no velocity")
+        if "v_eb_n" not in self._cache:
+            self._cache["v_eb_n"] = rotation.rotate(rotation.quat_conjugate(frames.q_en(self.llh)), self.v_eb_e)
+        return self._cache["v_eb_n"]
+
+    @property
+    def q_nb(self) -> FloatArray:
+        """Attitude, body to north-east-down axes. Shape (n, 4)."""
+        if self.q_eb is None:
+            raise InputError("this trajectory has no attitude")
+        if "q_nb" not in self._cache:
+            conjugate = rotation.quat_conjugate(frames.q_en(self.llh))
+            self._cache["q_nb"] = rotation.quat_multiply(conjugate, self.q_eb)
+        return self._cache["q_nb"]
+
+    @property
+    def C_nb(self) -> FloatArray:
+        """Attitude matrix, body to north-east-down axes. Shape (n, 3, 3)."""
+        return rotation.dcm_from_quat(self.q_nb)
+
+    @property
+    def rpy_nb(self) -> FloatArray:
+        """Roll, pitch, yaw. Shape (n, 3). [rad]"""
+        return rotation.rpy_from_quat(self.q_nb)
+
+    def at(self, t: ArrayLike) -> Trajectory:
+        """State at other times within the span, by cubic Hermite curves and constant turns between samples.
+
+        Parameters
+        ----------
+        t : array_like, shape (m,)
+            Increasing times within ``[self.t[0], self.t[-1]]``. [s]
+
+        Raises
+        ------
+        InputError
+            If a time is outside the span: nothing is extrapolated.
+
+        Notes
+        -----
+        Without velocities positions are interpolated linearly. Between samples of 0.25 s a car's position is good to a
+        millimetre (error ``a'' dt^4 / 384``).
+        """
+        t = as_floats(t, "t", (None,))
+        if len(t) and (t[0] < self.t[0] - 1e-9 or t[-1] > self.t[-1] + 1e-9):
+            raise InputError(
+                f"asked for {t[0]:.3f}..{t[-1]:.3f} s of a trajectory that runs {self.t[0]:.3f}..{self.t[-1]:.3f} s"
+            )
+        if len(self.t) == 1:
+            pick = np.zeros(len(t), dtype=int)
+            return Trajectory(
+                t,
+                self.r_eb_e[pick],
+                None if self.v_eb_e is None else self.v_eb_e[pick],
+                None if self.q_eb is None else self.q_eb[pick],
+            )
+        k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
+        h = (self.t[k + 1] - self.t[k])[:, None]
+        s = (t - self.t[k])[:, None] / h
+        r0, r1 = self.r_eb_e[k], self.r_eb_e[k + 1]
+        q = None if self.q_eb is None else rotation.interpolate_quat(t, self.t, self.q_eb)
+        if self.v_eb_e is None:
+            return Trajectory(t, r0 + s * (r1 - r0), None, q)
+        v0, v1 = self.v_eb_e[k], self.v_eb_e[k + 1]
+        d = r1 - r0
+        r = r0 + s * (h * v0 + s * (3.0 * d - h * (2.0 * v0 + v1) + s * (h * (v0 + v1) - 2.0 * d)))
+        v = v0 + s * (6.0 * d / h - 4.0 * v0 - 2.0 * v1 + s * (3.0 * (v0 + v1) - 6.0 * d / h))
+        return Trajectory(t, r, v, q)
+
+    def between(self, start: float, stop: float) -> Trajectory:
+        """The samples with ``start <= t <= stop``. [s]"""
+        k = (self.t >= start) & (self.t <= stop)
+        return Trajectory(
+            self.t[k],
+            self.r_eb_e[k],
+            None if self.v_eb_e is None else self.v_eb_e[k],
+            None if self.q_eb is None else self.q_eb[k],
+        )
+
+    def moved_by(self, l_bp_b: ArrayLike) -> Trajectory:
+        """Trajectory of another point of the body, for example the antenna.
+
+        Parameters
+        ----------
+        l_bp_b : array_like, shape (3,)
+            From this trajectory's point to the other one, body axes. [m]
+
+        Returns
+        -------
+        Trajectory
+            Position and attitude; velocities need the angular rate and are left out.
+        """
+        if self.q_eb is None:
+            raise InputError("a lever arm needs an attitude, and this trajectory has none")
+        return Trajectory(self.t, self.r_eb_e + rotation.rotate(self.q_eb, as_floats(l_bp_b, "l_bp_b", (3,))), None, self.q_eb)
+
+
+def _covariances(value: ArrayLike, name: str, n: int) -> FloatArray:
+    C = as_floats(value, name, (n, 3, 3))
+    if np.any(np.abs(C - np.swapaxes(C, -1, -2)) > 1e-9 * np.abs(C).max(initial=1.0)):
+        raise InputError(f"{name}: expected symmetric matrices")
+    if np.any(np.einsum("nii->ni", C) <= 0.0):
+        raise InputError(
+            f"{name}: expected positive variances, got {np.einsum('nii->ni', C).min()}; a receiver that reports no "
+            "accuracy needs one given (option sigma)"
+        )
+    return C

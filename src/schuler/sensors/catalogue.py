@@ -1,0 +1,186 @@
+"""Known inertial sensors, grades and classes, from ``catalogue.toml`` beside this file."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import resources
+from types import MappingProxyType
+from typing import Any, Literal, TypeAlias
+
+from schuler.exceptions import InputError
+from schuler.sensors.spec import ImuSpec, TriadSpec
+
+Kind: TypeAlias = Literal["imu", "gyro", "accelerometer", "grade", "class"]
+_KINDS = ("imu", "gyro", "accelerometer", "grade", "class")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """One entry of the catalogue, in the units of its source.
+
+    Attributes
+    ----------
+    name : str
+    kind : {"imu", "gyro", "accelerometer", "grade", "class"}
+        A class has no full error budget.
+    source : str
+        Thesis and table, data sheet.
+    notes : str
+        Corrections, assumptions, what is missing.
+    aliases : tuple of str
+    rate_hz : float or None
+        [Hz]
+    gyro, accel : mapping
+        Keywords of :meth:`TriadSpec.gyro` and :meth:`TriadSpec.accelerometer`; empty where the source has none.
+    printed : mapping
+        What the source states besides; each key names its unit.
+    """
+
+    name: str
+    kind: Kind
+    source: str
+    notes: str = ""
+    aliases: tuple[str, ...] = ()
+    rate_hz: float | None = None
+    gyro: Mapping[str, Any] = field(default_factory=dict)
+    accel: Mapping[str, Any] = field(default_factory=dict)
+    printed: Mapping[str, Any] = field(default_factory=dict)
+
+
+def names(kind: Kind | None = None) -> list[str]:
+    """Names of all entries, or of those of one kind, in the order of the file.
+
+    Raises
+    ------
+    InputError
+        If the kind is unknown.
+    """
+    if kind is not None and kind not in _KINDS:
+        raise InputError(f"kind: expected one of {', '.join(_KINDS)}, got {kind!r}")
+    return [e.name for e in _entries().values() if kind in (None, e.kind)]
+
+
+def entry(name: str) -> Entry:
+    """Look up an entry by name or alias; case, spaces, hyphens and underscores do not matter.
+
+    Raises
+    ------
+    InputError
+        If there is none; the message proposes similar names.
+    """
+    index = _index()
+    key = _plain(name)
+    if key not in index:
+        near = difflib.get_close_matches(key, index, n=4, cutoff=0.5) or [k for k in index if key and key in k][:4]
+        proposals = list(dict.fromkeys(index[k] for k in near))
+        hint = f"did you mean {' or '.join(proposals)}?" if proposals else "catalogue.names() lists what there is"
+        raise InputError(f"no sensor {name!r} in the catalogue; {hint}")
+    return _entries()[index[key]]
+
+
+def spec(name: str) -> ImuSpec:
+    """Error budget of an IMU or grade in SI.
+
+    Parameters
+    ----------
+    name : str
+        See :func:`entry`.
+
+    Returns
+    -------
+    ImuSpec
+
+    Raises
+    ------
+    InputError
+        If the entry is unknown or lacks what an error budget needs; the message says what.
+    """
+    e = entry(name)
+    missing = [what for what, table in (("gyroscope", e.gyro), ("accelerometer", e.accel)) if not table]
+    if missing:
+        raise InputError(
+            f"{e.name} ({e.kind}; {e.source}) has no {' and no '.join(missing)} noise and bias figures, so it is no "
+            f"full IMU; {_way_out(e)}"
+        )
+    return ImuSpec(e.name, gyro=triad(name, "gyro"), accel=triad(name, "accel"), rate_hz=e.rate_hz, source=e.source)
+
+
+def triad(name: str, which: Literal["gyro", "accel"]) -> TriadSpec:
+    """Error budget of one triad of an entry in SI; also for single gyroscopes and accelerometers.
+
+    Parameters
+    ----------
+    name : str
+        See :func:`entry`.
+    which : {"gyro", "accel"}
+
+    Returns
+    -------
+    TriadSpec
+
+    Raises
+    ------
+    InputError
+        If the entry is unknown or has no figures for that triad.
+    """
+    e = entry(name)
+    if which not in ("gyro", "accel"):
+        raise InputError(f"which: expected 'gyro' or 'accel', got {which!r}")
+    sheet = e.gyro if which == "gyro" else e.accel
+    if not sheet:
+        raise InputError(f"{e.name} ({e.kind}; {e.source}) has no {which} figures; {_way_out(e)}")
+    try:
+        return TriadSpec.gyro(**sheet) if which == "gyro" else TriadSpec.accelerometer(**sheet)
+    except InputError as error:  # a slip in the file: say where
+        raise InputError(f"catalogue entry {e.name}: {error}") from error
+
+
+def table() -> str:
+    """Text table of all entries: name, kind, gyroscope and accelerometer figures as in the sources, source."""
+    rows = [("name", "kind", "gyroscope", "accelerometer", "source")]
+    rows += [(e.name, e.kind, _headline(e.gyro), _headline(e.accel), e.source) for e in _entries().values()]
+    widths = [max(len(row[k]) for row in rows) for k in range(4)]
+    return "\n".join("  ".join([*(c.ljust(w) for c, w in zip(row, widths, strict=False)), row[4]]) for row in rows)
+
+
+def _headline(sheet: Mapping[str, Any]) -> str:
+    """White noise and the first bias figure."""
+    shown = [key for key in sheet if key.startswith(("arw", "vrw", "noise"))]
+    shown += [key for key in sheet if key.startswith(("bias_", "in_run_")) and key != "in_run_time_s"][:1]
+    return ", ".join(f"{key} {sheet[key]:g}" for key in shown) or "-"
+
+
+def _way_out(e: Entry) -> str:
+    emulated = f"{e.name}-emulated"
+    if emulated in _entries():
+        return f"{emulated} adds assumed figures"
+    if e.gyro or e.accel:
+        return "use triad() for the part it has and put an ImuSpec together from two entries"
+    return "it only has " + (", ".join(e.printed) or "a name")
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\s_-]+", "", str(name)).lower()
+
+
+@cache
+def _entries() -> dict[str, Entry]:
+    text = resources.files("schuler.sensors").joinpath("catalogue.toml").read_text(encoding="utf-8")
+    entries = {}
+    for name, data in tomllib.loads(text).items():
+        data["notes"] = " ".join(data.get("notes", "").split())
+        data["aliases"] = tuple(data.get("aliases", ()))
+        for key in ("gyro", "accel", "printed"):
+            data[key] = MappingProxyType(data.get(key, {}))  # read-only: every caller gets the same cached object
+        entries[name] = Entry(name=name, **data)
+    return entries
+
+
+@cache
+def _index() -> dict[str, str]:
+    return {_plain(alias): e.name for e in _entries().values() for alias in (e.name, *e.aliases)}

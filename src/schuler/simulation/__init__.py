@@ -1,0 +1,1 @@
+"""Simulated motion, sensors and aiding."""

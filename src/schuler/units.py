@@ -1,0 +1,220 @@
+"""Conversion factors and a small reader of unit strings, for the edges of the package only.
+
+Inside the package every number is SI and every angle in radians. A factor converts *to* SI by multiplication:
+``rate = 3.0 * DEG_PER_HR`` is three degrees an hour in rad/s.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from math import pi
+
+from schuler.exceptions import UnitError
+
+DEG = pi / 180.0  # [rad]
+ARCSEC = DEG / 3600.0  # [rad]
+MIN = 60.0  # [s]
+HR = 3600.0  # [s]
+G0 = 9.80665  # standard gravity, the "g" of data sheets, never the local gravity [m/s^2]
+MG = 1e-3 * G0  # [m/s^2]
+UG = 1e-6 * G0  # [m/s^2]
+MGAL = 1e-5  # [m/s^2]
+PPM = 1e-6  # [-]
+PERCENT = 1e-2  # [-]
+NMI = 1852.0  # [m]
+KM = 1000.0  # [m]
+FT = 0.3048  # [m]
+KNOT = NMI / HR  # [m/s]
+KMH = KM / HR  # [m/s]
+DEG_PER_HR = DEG / HR  # [rad/s]
+DEG_PER_RTHR = DEG / 60.0  # angle random walk, deg/sqrt(h) [rad/sqrt(s) = (rad/s)/sqrt(Hz)]
+DEG_PER_S_PER_RTHZ = DEG  # [(rad/s)/sqrt(Hz)]
+DEG_PER_HR_PER_RTHZ = DEG_PER_HR  # [(rad/s)/sqrt(Hz)]
+MPS_PER_RTHR = 1.0 / 60.0  # velocity random walk, m/s/sqrt(h) [(m/s^2)/sqrt(Hz)]
+UG_PER_RTHZ = UG  # [(m/s^2)/sqrt(Hz)]
+DEG_PER_HR_PER_G = DEG_PER_HR / G0  # [(rad/s)/(m/s^2)]
+
+# Exponents of (length, time, angle, temperature); an angle is kept as a dimension so that "1/s" is no angular rate.
+Dimension = tuple[Fraction, Fraction, Fraction, Fraction]
+
+
+def _dim(length: int = 0, time: int = 0, angle: int = 0, temperature: int = 0) -> Dimension:
+    return (Fraction(length), Fraction(time), Fraction(angle), Fraction(temperature))
+
+
+#: What the readers may ask for; the SI unit of each is the second entry.
+QUANTITIES: dict[str, tuple[Dimension, str]] = {
+    "time": (_dim(time=1), "s"),
+    "angle": (_dim(angle=1), "rad"),
+    "angular rate": (_dim(time=-1, angle=1), "rad/s"),
+    "specific force": (_dim(length=1, time=-2), "m/s^2"),
+    "velocity": (_dim(length=1, time=-1), "m/s"),
+    "length": (_dim(length=1), "m"),
+    "temperature": (_dim(temperature=1), "degC"),
+    "ratio": (_dim(), "1"),
+}
+
+_ATOMS: dict[str, tuple[float, Dimension]] = {
+    "1": (1.0, _dim()),
+    "rad": (1.0, _dim(angle=1)),
+    "mrad": (1e-3, _dim(angle=1)),
+    "urad": (1e-6, _dim(angle=1)),
+    "deg": (DEG, _dim(angle=1)),
+    "arcmin": (DEG / 60.0, _dim(angle=1)),
+    "arcsec": (ARCSEC, _dim(angle=1)),
+    "rev": (2.0 * pi, _dim(angle=1)),
+    "s": (1.0, _dim(time=1)),
+    "ms": (1e-3, _dim(time=1)),
+    "us": (1e-6, _dim(time=1)),
+    "ns": (1e-9, _dim(time=1)),
+    "min": (MIN, _dim(time=1)),
+    "h": (HR, _dim(time=1)),
+    "Hz": (1.0, _dim(time=-1)),
+    "m": (1.0, _dim(length=1)),
+    "cm": (1e-2, _dim(length=1)),
+    "mm": (1e-3, _dim(length=1)),
+    "km": (KM, _dim(length=1)),
+    "ft": (FT, _dim(length=1)),
+    "nmi": (NMI, _dim(length=1)),
+    "kn": (KNOT, _dim(length=1, time=-1)),
+    "g": (G0, _dim(length=1, time=-2)),
+    "mg": (MG, _dim(length=1, time=-2)),
+    "ug": (UG, _dim(length=1, time=-2)),
+    "mGal": (MGAL, _dim(length=1, time=-2)),
+    "ppm": (PPM, _dim()),
+    "%": (PERCENT, _dim()),
+    "degC": (1.0, _dim(temperature=1)),
+    "K": (1.0, _dim(temperature=1)),
+}
+_SPELLINGS = {
+    "hr": "h", "hour": "h", "sec": "s", "second": "s", "dps": "deg/s", "dph": "deg/h", "kph": "km/h", "kmh": "km/h",
+    "knots": "kn", "knot": "kn", "gal": "cm/s^2", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
+    "celsius": "degC", "µg": "ug", "μg": "ug", "µs": "us", "μs": "us", "µrad": "urad", "μrad": "urad", "°": "deg",
+    "°C": "degC", "mps": "m/s", "mps2": "m/s^2", "arcs": "arcsec", "microg": "ug", "mgal": "mGal",
+}  # fmt: skip
+_TOKEN = re.compile(r"\s*(sqrt\(|√\(?|\(|\)|\*|·|/|\^-?\d+|²|³|°C|[A-Za-zµμ°%]+\d?(?![\w^])|[A-Za-zµμ°%]+|1)")
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit read from text: multiply by ``factor`` to get SI."""
+
+    text: str
+    factor: float
+    dimension: Dimension
+
+
+def parse_unit(text: str) -> Unit:
+    """Read a unit such as ``deg/s``, ``g``, ``ug/√Hz``, ``deg/sqrt(h)`` or ``m/s^2``.
+
+    Division applies to everything behind the stroke up to the next ``*`` or ``/``: ``deg/h/√Hz`` is
+    (deg/h)/√Hz. Letters are case-sensitive only where case matters (``Hz``, ``mGal``).
+
+    Parameters
+    ----------
+    text : str
+        The unit. Square roots are written ``sqrt(...)``, ``√(...)`` or ``√Hz``.
+
+    Returns
+    -------
+    Unit
+
+    Raises
+    ------
+    UnitError
+        If a part of the text is no unit known here; the message lists what is.
+    """
+    tokens, position = [], 0
+    while position < len(text.rstrip()):
+        match = _TOKEN.match(text, position)
+        if match is None:
+            raise UnitError(f"cannot read the unit {text!r} at {text[position:]!r}; write for example deg/s, g, ug/√Hz")
+        tokens.append(match.group(1))
+        position = match.end()
+    if not tokens:
+        raise UnitError("expected a unit such as deg/s or m/s^2, got an empty text")
+    factor, dimension, rest = _product(tokens, text)
+    if rest:
+        raise UnitError(f"cannot read the unit {text!r}: unexpected {rest[0]!r}")
+    return Unit(text=text.strip(), factor=factor, dimension=dimension)
+
+
+def factor_for(text: str, quantity: str) -> float:
+    """Factor that turns numbers in the unit ``text`` into the SI unit of ``quantity``.
+
+    Parameters
+    ----------
+    text : str
+        The unit, see :func:`parse_unit`.
+    quantity : str
+        A key of :data:`QUANTITIES`, for example ``"angular rate"``.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    UnitError
+        If the unit measures something else; the message names the SI unit expected.
+    """
+    unit = parse_unit(text)
+    dimension, si = QUANTITIES[quantity]
+    if unit.dimension != dimension:
+        raise UnitError(f"{text!r} is no unit of {quantity}; expected one such as {si}")
+    return unit.factor
+
+
+def _product(tokens: list[str], text: str) -> tuple[float, Dimension, list[str]]:
+    factor, dimension, rest = _power(tokens, text)
+    while rest and rest[0] in ("*", "·", "/"):
+        sign = -1 if rest[0] == "/" else 1
+        other, other_dimension, rest = _power(rest[1:], text)
+        factor *= other**sign
+        dimension = _combine(dimension, other_dimension, sign)
+    return factor, dimension, rest
+
+
+def _power(tokens: list[str], text: str) -> tuple[float, Dimension, list[str]]:
+    if not tokens:
+        raise UnitError(f"the unit {text!r} ends too early")
+    head, rest = tokens[0], tokens[1:]
+    if head in ("sqrt(", "√(", "("):
+        factor, dimension, rest = _product(rest, text)
+        if not rest or rest[0] != ")":
+            raise UnitError(f"the unit {text!r} lacks a closing bracket")
+        rest = rest[1:]
+        if head != "(":
+            factor, dimension = factor**0.5, _scale(dimension, Fraction(1, 2))
+    elif head == "√":
+        factor, dimension, rest = _power(rest, text)
+        factor, dimension = factor**0.5, _scale(dimension, Fraction(1, 2))
+    else:
+        factor, dimension = _atom(head, text)
+    while rest and (rest[0].startswith("^") or rest[0] in ("²", "³")):
+        exponent = {"²": 2, "³": 3}.get(rest[0]) or int(rest[0][1:])
+        factor, dimension, rest = factor**exponent, _scale(dimension, Fraction(exponent)), rest[1:]
+    return factor, dimension, rest
+
+
+def _atom(name: str, text: str) -> tuple[float, Dimension]:
+    if name in _ATOMS:
+        return _ATOMS[name]
+    spelling = _SPELLINGS.get(name) or _SPELLINGS.get(name.lower())
+    if spelling is None and name.lower() in _ATOMS:
+        spelling = name.lower()
+    if spelling is None:
+        known = ", ".join(sorted(_ATOMS))
+        raise UnitError(f"unknown unit {name!r} in {text!r}; known are {known} and their products, quotients and roots")
+    unit = parse_unit(spelling)
+    return unit.factor, unit.dimension
+
+
+def _combine(a: Dimension, b: Dimension, sign: int) -> Dimension:
+    return (a[0] + sign * b[0], a[1] + sign * b[1], a[2] + sign * b[2], a[3] + sign * b[3])
+
+
+def _scale(a: Dimension, exponent: Fraction) -> Dimension:
+    return (a[0] * exponent, a[1] * exponent, a[2] * exponent, a[3] * exponent)

@@ -1,0 +1,127 @@
+"""Measurement rows against finite differences of the predicted measurement, and the schedule itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from schuler import earth, frames, rotation
+from schuler.exceptions import InputError
+from schuler.filtering import measurements as ms
+from schuler.filtering.states import StateLayout, StateModel
+from schuler.recording.series import GnssSeries
+
+LAYOUT = StateLayout({n: StateModel.constant(1.0) for n in ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g", "G_g", "lever")})
+M = LAYOUT.size - 9
+
+
+def rows(kind, nav, est, raw_rate, raw_force, lever, z):
+    """H and y of the kernel, with the rate that the given parameter estimates make of the raw samples."""
+    from schuler.filtering import _covariance_kernels as cov
+    from schuler.filtering import _update_kernels as upd
+
+    sens = np.zeros(33)
+    cov.spread_estimates(est, LAYOUT.table(), LAYOUT.n_sensor, sens)
+    h = 0.01
+    f = sens[15:24].reshape(3, 3) @ (raw_force - sens[3:6])
+    w = sens[6:15].reshape(3, 3) @ (raw_rate - sens[0:3] - sens[24:33].reshape(3, 3) @ f)
+    reg = np.concatenate(([h], h * f, h * w))
+    H, y, U = np.zeros((3, 64)), np.zeros(3), np.zeros((3, 3))
+    n = upd.measurement_rows(
+        kind, z, lever, nav, est, reg, sens, LAYOUT.table(), LAYOUT.n_sensor, LAYOUT["lever"].start,
+        earth.WGS84.omega_ie, H, y, U,
+    )  # fmt: skip
+    return H[:n, : LAYOUT.size], y.copy(), U
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("kind", [ms.POSITION, ms.VELOCITY, ms.ZERO_VELOCITY])
+def test_measurement_rows_are_the_jacobian_of_the_prediction(kind, seed):
+    rng = np.random.default_rng(seed)
+    llh = np.array([rng.uniform(-1.2, 1.2), rng.uniform(-3, 3), 200.0])
+    C_en = frames.C_en(llh)
+    C_eb = C_en @ rotation.dcm_from_rpy(rng.uniform(-1, 1, 3))
+    nav = np.concatenate((rotation.quat_from_dcm(C_eb), rng.normal(size=3) * 20, frames.ecef_from_llh(llh)))
+    est = 0.01 * rng.normal(size=M)
+    omega, f, lever = rng.normal(size=3), rng.normal(size=3) * 10, rng.normal(size=3)
+    z = nav[7:10].copy() if kind == ms.POSITION else np.zeros(3)
+    H, y0, U = rows(kind, nav, est, omega, f, lever, z)
+    np.testing.assert_allclose(U, C_en.T, atol=1e-9)
+
+    def predicted(dx):
+        n = nav.copy()
+        n[:4] = rotation.quat_multiply(rotation.quat_from_rotvec(dx[:3]), nav[:4])
+        n[4:7] += dx[3:6]
+        n[7:10] += dx[6:9]
+        _, y, U1 = rows(kind, n, est + dx[9:], omega, f, lever, z)
+        return U @ U1.T @ y  # in the axes of the linearisation point
+
+    steps = np.concatenate((np.full(3, 1e-4), np.full(3, 1e-2), np.full(3, 1.0), np.full(M - 3, 1e-4), np.full(3, 0.1)))
+    for k, step in enumerate(steps):
+        dx = np.zeros(LAYOUT.size)
+        dx[k] = step
+        column = (predicted(dx) - predicted(-dx)) / (2 * step)
+        if kind == ms.VELOCITY and 6 <= k < 9:
+            np.testing.assert_allclose(column, 0.0, atol=1e-4)  # NED axes lean by 1/R with position, left out of H
+        else:
+            # discretisation of the central difference, and positions that round at 1e-9 m / 1e-4
+            np.testing.assert_allclose(H[:, k], column, atol=1e-5)
+
+
+def test_lever_arm_velocity_is_that_of_a_turning_body():
+    """Body turning about down at 1 rad/s with the antenna 2 m ahead: it moves to the right with 2 m/s."""
+    llh = np.array([0.8, 0.1, 0.0])
+    nav = np.concatenate((frames.q_en(llh), np.zeros(3), frames.ecef_from_llh(llh)))
+    _, y, _ = rows(ms.VELOCITY, nav, np.zeros(M), np.array([0, 0, 1.0]), np.zeros(3), np.array([2.0, 0, 0]), np.zeros(3))
+    np.testing.assert_allclose(y, [0.0, 2.0, 0.0], atol=1e-3)  # Earth rate on two metres
+
+
+def test_rows_at_a_pole_are_finite():
+    nav = np.concatenate(([1.0, 0, 0, 0], np.zeros(3), [0.0, 0.0, earth.WGS84.b]))
+    H, y, U = rows(ms.POSITION, nav, np.zeros(M), np.zeros(3), np.zeros(3), np.ones(3), nav[7:10])
+    assert np.isfinite(H).all()
+    np.testing.assert_allclose(U @ U.T, np.eye(3), atol=1e-12)
+
+
+def gnss(n=4):
+    return GnssSeries(
+        np.arange(n) + 0.25, np.tile([0.8, 0.1, 50.0], (n, 1)), np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1))
+    )
+
+
+def test_gnss_gives_position_then_velocity_at_each_epoch():
+    s = ms.gnss_measurements(gnss(), [1.0, 0.0, 0.0])
+    assert s.kind.tolist() == [ms.POSITION, ms.VELOCITY] * 4
+    assert s.t.tolist() == [0.25, 0.25, 1.25, 1.25, 2.25, 2.25, 3.25, 3.25]
+    assert np.all(s.lever == [1.0, 0.0, 0.0])
+    assert len(ms.gnss_measurements(gnss(), [0, 0, 0], use_velocity=False)) == 4
+
+
+def test_outages_take_gnss_only():
+    s = ms.merged(ms.gnss_measurements(gnss(), [0, 0, 0]), ms.zero_velocity([0.5, 1.5, 2.5], 0.02))
+    left = s.outside([(1.0, 2.3)])
+    assert left.t.tolist() == [0.25, 0.25, 0.5, 1.5, 2.5, 3.25, 3.25]
+
+
+def test_gate_threshold_is_the_chi_square_quantile():
+    assert ms.gate_threshold(0.95, 3) == pytest.approx(7.8147, abs=1e-4)  # printed digits
+    assert ms.gate_threshold(None, 3) == np.inf
+    with pytest.raises(InputError, match="between 0 and 1"):
+        ms.gate_threshold(1.5, 3)
+
+
+def test_sigmas_must_be_positive():
+    with pytest.raises(InputError, match="expected positive values"):
+        ms.position(0.0, [0, 0, 0], [1.0, 0.0, 1.0])
+
+
+def test_single_measurements_take_sigmas_or_covariances():
+    a = ms.position(1.0, [0.5, 0.2, 3.0], [1.0, 2.0, 3.0], [0.1, 0.2, 0.3])
+    b = ms.position(1.0, [0.5, 0.2, 3.0], np.diag([1.0, 4.0, 9.0]), [0.1, 0.2, 0.3])
+    np.testing.assert_array_equal(a.R, b.R)
+    np.testing.assert_allclose(frames.llh_from_ecef(a.z[0]), [0.5, 0.2, 3.0], atol=1e-9)
+
+
+def test_merging_nothing_is_empty():
+    assert len(ms.merged()) == 0
+    assert len(ms.merged(ms.MeasurementSchedule.empty())) == 0

@@ -1,0 +1,121 @@
+"""The smoother against a dense Rauch-Tung-Striebel recursion, and its consistency."""
+
+from __future__ import annotations
+
+import cases
+import numpy as np
+import pytest
+
+from schuler import rotation
+from schuler.analysis.consistency import chi_square_band, nees
+from schuler.exceptions import InputError
+from schuler.filtering.engine import unpack_symmetric
+
+
+def dense_transition(nodes, j, n):
+    """Phi of node j from what the filter kept of it."""
+    from schuler.filtering import _covariance_kernels as k
+
+    A, nav = np.zeros((9, 9)), np.zeros(10)
+    A[2, 2] = 1.0
+    nav[7:10] = nodes.phi[j, 8:11]
+    k.transition(A, nodes.phi[j, :8].copy(), nav, nodes.omega)
+    Phi = np.eye(n)
+    Phi[:9, :9] = A
+    Phi[:9, 9 : 9 + nodes.n_sensor] = nodes.B[j]
+    Phi[range(9, n), range(9, n)] = np.exp(-nodes.pmod[:, 0] * nodes.phi[j, 0])
+    return Phi
+
+
+def test_smoother_equals_dense_rauch_tung_striebel(drive_case):
+    """State corrections and covariances at all nodes, by the recursion with inverses."""
+    lay = cases.StateLayout(
+        {"b_a": cases.StateModel.gauss_markov(0.03, 200.0), "b_g": cases.StateModel.random_walk(1e-3, 1e-6), "S_g": cases.StateModel.constant(1e-3)}
+    )
+    n = lay.size
+    result, _ = cases.filtered(drive_case, lay, 1, smoother=True)
+    nodes = result._nodes
+    K = len(nodes.t)
+    P_minus = unpack_symmetric(nodes.P, n)
+    P_plus, inj = P_minus.copy(), np.zeros((K, n))
+    for j in range(K):
+        for u in range(nodes.upd[j - 1] if j else 0, nodes.upd[j]):
+            P_plus[j] -= nodes.W[u].T @ nodes.W[u]
+            inj[j] += nodes.W[u].T @ nodes.e[u]
+    plus, P_s = np.zeros((K, n)), P_plus.copy()
+    for j in range(K - 2, -1, -1):
+        Phi = dense_transition(nodes, j + 1, n)
+        D = np.sqrt(np.diag(P_minus[j + 1]))
+        G = P_plus[j] @ Phi.T @ (np.linalg.inv(P_minus[j + 1] / np.outer(D, D)) / np.outer(D, D))
+        plus[j] = G @ (plus[j + 1] - inj[j + 1])
+        P_s[j] = P_plus[j] + G @ (P_s[j + 1] - P_minus[j + 1]) @ G.T
+    smoothed = result.smooth()
+    at = np.searchsorted(nodes.t, result.t - 1e-9)
+    sigma = np.sqrt(np.einsum("kii->ki", P_s))[at]
+    ours = np.concatenate(
+        (
+            rotation.rotvec_from_quat(rotation.quat_multiply(smoothed.states.q_eb, rotation.quat_conjugate(result.states.q_eb))),
+            smoothed.states.v_eb_e - result.states.v_eb_e,
+            smoothed.states.r_eb_e - result.states.r_eb_e,
+            smoothed.parameters - result.parameters,
+        ),
+        axis=1,
+    )
+    # rounding: the recursion with inverses loses digits where sigmas differ by 1e8
+    np.testing.assert_allclose(ours / sigma, plus[at] / sigma, atol=1e-4)
+    scale = sigma[:, :, None] * sigma[:, None, :]
+    np.testing.assert_allclose(smoothed.covariance_e / scale, P_s[at] / scale, atol=1e-4)
+
+
+def test_smoothed_solution_is_better_and_honest(drive_case):
+    lay = cases.layout(21)
+    values, ratio = [], []
+    for seed in range(25):
+        result, parameters = cases.filtered(drive_case, lay, seed, smoother=True)
+        smoothed = result.smooth()
+        values.append(nees(smoothed, drive_case.truth, parameters))
+        ratio.append(smoothed.errors(drive_case.truth).rms_horizontal / result.errors(drive_case.truth).rms_horizontal)
+    values = np.array(values)
+    low, high = chi_square_band(lay.size, 25, 0.9999)
+    at = values[:, [5, 30, 60, 90, 115]].mean(axis=0)
+    assert np.all((at > low) & (at < high)), (low, at, high)
+    assert np.mean(ratio) < 0.75
+
+
+def test_smoothed_covariance_is_never_larger(drive_case):
+    result, _ = cases.filtered(drive_case, cases.layout(21), 0, smoother=True)
+    smoothed = result.smooth()
+    before, after = (np.sqrt(np.einsum("kii->ki", r.covariance_e)) for r in (result, smoothed))
+    assert np.all(after <= before * (1.0 + 1e-9))
+    np.testing.assert_allclose(after[-1], before[-1], rtol=1e-12)  # the end has no later measurement
+
+
+def test_constants_stay_constant_when_smoothed(drive_case):
+    """A random constant has one best estimate: smoothed, it is the same at all times and the filter's last."""
+    result, _ = cases.filtered(drive_case, cases.layout(21), 2, smoother=True)
+    S = result.smooth().parameter("S_g")
+    np.testing.assert_allclose(S, np.broadcast_to(S[-1], S.shape), rtol=1e-9)  # rounding
+    np.testing.assert_allclose(S[-1], result.parameter("S_g")[-1], rtol=1e-12)
+
+
+def test_corrections_between_nodes_follow_the_motion(drive_case):
+    """The trajectory at IMU rate has no steps at the nodes: its velocity is the derivative of its position."""
+    result, _ = cases.filtered(drive_case, cases.layout(15), 4, smoother=True)
+    T = result.smooth().trajectory
+    middle = 0.5 * (T.v_eb_e[1:] + T.v_eb_e[:-1]) * np.diff(T.t)[:, None]
+    step = np.abs(np.diff(T.r_eb_e, axis=0) - middle).max()
+    raw = result.trajectory
+    rough = np.abs(np.diff(raw.r_eb_e, axis=0) - 0.5 * (raw.v_eb_e[1:] + raw.v_eb_e[:-1]) * np.diff(raw.t)[:, None]).max()
+    assert step < 2e-4  # m per sample, linear interpolation of corrections over 0.1 s
+    assert rough > 100 * step  # the filtered one jumps at every fix
+
+
+def test_a_run_that_kept_nothing_cannot_be_smoothed(drive_case):
+    result, _ = cases.filtered(drive_case, cases.layout(15), 0)
+    with pytest.raises(InputError, match="kept nothing to smooth: navigate with smoother=True"):
+        result.smooth()
+
+
+def test_smoothing_twice_changes_nothing(drive_case):
+    smoothed = cases.filtered(drive_case, cases.layout(15), 0, smoother=True)[0].smooth()
+    assert smoothed.smooth() is smoothed

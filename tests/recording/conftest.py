@@ -1,0 +1,70 @@
+"""Recordings made for the tests, and writers of the formats under test that share no code with the readers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from schuler.recording import GnssSeries, ImuSeries, Metadata, OdometerSeries, Recording, Trajectory
+from schuler.timebase import TimeBase
+
+
+@pytest.fixture
+def still(rng) -> np.ndarray:
+    """t [s], f_x..f_z [m/s^2], omega_x..omega_z [rad/s] of a level sensor at rest, 3 s at 100 Hz, axes FRD."""
+    n = 300
+    table = np.empty((n, 7))
+    table[:, 0] = np.arange(n) / 100.0
+    table[:, 1:4] = (0.12, -0.2, -9.79) + 0.01 * rng.standard_normal((n, 3))
+    table[:, 4:7] = 0.001 * rng.standard_normal((n, 3))
+    return table
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Callable[..., Path]:
+    """Write rows as text: ``table(rows, header=..., delimiter=..., name=...)``."""
+
+    def write(rows, *, header: str = "", delimiter: str = ",", name: str = "log.csv", footer: str = "") -> Path:
+        path = tmp_path / name
+        lines = [delimiter.join(v if isinstance(v, str) else repr(float(v)) for v in row) for row in rows]
+        path.write_text((header + "\n" if header else "") + "\n".join(lines) + "\n" + footer, encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.fixture
+def run(rng) -> Recording:
+    """A recording with all four series on GPS time, with times and covariances that are not round numbers."""
+    t = 259_200.0 + np.cumsum(rng.uniform(0.008, 0.012, 400))
+    imu = ImuSeries(
+        t, 0.1 * rng.standard_normal((400, 3)), rng.standard_normal((400, 3)) - (0, 0, 9.8), "rate", 20.0 + t % 7
+    )
+    k = 12
+    llh = np.stack((np.linspace(0.69, 0.6901, k), np.linspace(-1.83, -1.8299, k), rng.uniform(900, 910, k)), axis=1)
+    A, B = rng.standard_normal((2, k, 3, 3))
+    gnss = GnssSeries(
+        259_200.25 + np.arange(k) * 0.25,
+        llh,
+        0.01 * (A @ np.swapaxes(A, 1, 2) + np.eye(3)),
+        rng.standard_normal((k, 3)),
+        0.01 * (B @ np.swapaxes(B, 1, 2) + np.eye(3)),
+        rng.integers(1, 8, k),
+        rng.integers(4, 30, k),
+    )
+    odometer = OdometerSeries(t[::10], rng.uniform(-1, 20, 40), rng.uniform(0.01, 0.2, 40))
+    q = rng.standard_normal((k, 4))
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    reference = Trajectory(gnss.t, 6.37e6 + rng.standard_normal((k, 3)), rng.standard_normal((k, 3)), q)
+    metadata = Metadata(
+        name="ring road",
+        time=TimeBase("gps", 2374 * 604_800.0),
+        sources={"raw.csv": "ab" * 32},
+        axes="RFU",
+        notes=("Axes were turned.", "Größe: 5 µg"),
+        options={"units": "g,deg/s", "rate": 100.0},
+    )
+    return Recording(imu, gnss, odometer, reference, metadata)

@@ -1,0 +1,288 @@
+"""Our own CSV and Parquet files: nothing is lost, and damaged, newer and foreign files are explained."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from schuler.exceptions import FileFormatError, InputError, MissingExtraError
+from schuler.recording import ImuSeries, Recording
+from schuler.recording.io import read, write
+from schuler.recording.io.parquet import read_table, write_table
+from schuler.timebase import TimeBase
+
+
+def assert_same(back: Recording, run: Recording, rtol: float = 0.0) -> None:
+    for series, names in (
+        ("imu", ("t", "gyro", "accel", "temperature")),
+        ("gnss", ("t", "llh", "cov_r_n", "v_n", "cov_v_n", "quality", "n_satellites")),
+        ("odometer", ("t", "speed", "sigma")),
+        ("reference", ("t", "r_eb_e", "v_eb_e", "q_eb")),
+    ):
+        mine, other = getattr(back, series), getattr(run, series)
+        assert (mine is None) == (other is None), series
+        for name in names if mine is not None else ():
+            a, b = getattr(mine, name), getattr(other, name)
+            assert (a is None) == (b is None), (series, name)
+            if a is not None:
+                np.testing.assert_allclose(a, b, rtol=rtol, atol=0.0, err_msg=f"{series}.{name}")
+    if back.imu is not None:
+        assert back.imu.kind == run.imu.kind
+    m, n = back.metadata, run.metadata
+    assert (m.name, m.time, m.axes, m.notes, m.options) == (n.name, n.time, n.axes, n.notes, n.options)
+    assert n.sources.items() <= m.sources.items()
+
+
+def test_parquet_keeps_every_bit(run, tmp_path):
+    [path] = write(run, tmp_path / "run.parquet")
+    assert_same(read(path), run)
+
+
+def test_csv_keeps_every_digit_and_needs_no_hint(run, tmp_path):
+    paths = write(run, tmp_path / "run.csv")
+    assert [p.name for p in paths] == ["run.csv", "run_gnss.csv", "run_odometer.csv", "run_reference.csv"]
+    # rounding: degrees and roots are converted back, everything else is exact
+    assert_same(read(paths[0]), run, rtol=4e-16)
+    np.testing.assert_array_equal(read(paths[0]).imu.accel, run.imu.accel)
+    assert paths[0].read_text().splitlines()[1] == (
+        "t [s],ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s],temp [degC]"
+    )
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_parts_of_a_recording_are_kept_as_they_are(run, tmp_path, suffix):
+    gnss = replace(run.gnss, v_n=None, cov_v_n=None, quality=None, n_satellites=None)
+    imu = ImuSeries(run.imu.t, run.imu.gyro, run.imu.accel, "increment")
+    reference = replace(run.reference, v_eb_e=None, q_eb=None, _cache={})
+    local = replace(run.metadata, time=TimeBase())
+    for part in (
+        Recording(imu=imu, metadata=local),
+        Recording(gnss=gnss, metadata=run.metadata),
+        Recording(reference=reference, metadata=run.metadata),
+        Recording(imu=imu, reference=reference, metadata=run.metadata),
+        Recording(odometer=run.odometer, metadata=run.metadata),
+    ):
+        [path, *_] = write(part, tmp_path / f"part{suffix}")
+        assert_same(read(path), part, rtol=4e-16)  # rounding, as above
+
+
+def test_a_renamed_recording(run, tmp_path):
+    for suffix in (".csv", ".parquet"):
+        [path, *_] = write(run, tmp_path / f"run{suffix}")
+        assert read(path, name="other").metadata.name == "other"
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_our_own_files_take_no_hints(run, tmp_path, suffix):
+    [path, *_] = write(run, tmp_path / f"run{suffix}")
+    with pytest.raises(InputError, match="was written by schuler and needs no hints; leave out axes, units"):
+        read(path, axes="RFU", units="g,deg/s")
+
+
+def test_a_missing_companion_is_noted(run, tmp_path):
+    paths = write(run, tmp_path / "run.csv")
+    paths[1].unlink()
+    back = read(paths[0])
+    assert back.gnss is None
+    assert "run_gnss.csv, written with this file, is not beside it and was not read." in back.metadata.notes
+
+
+def test_a_companion_that_names_itself_is_read_once(run, tmp_path):
+    paths = write(run, tmp_path / "run.csv")
+    paths[1].write_text(paths[0].read_text())
+    with pytest.raises(InputError, match="both have: imu"):
+        read(paths[0])
+
+
+def test_an_edited_csv_is_checked_line_by_line(run, tmp_path):
+    path = write(Recording(imu=run.imu, metadata=run.metadata), tmp_path / "run.csv")[0]
+    lines = path.read_text().splitlines()
+    lines[10] = lines[9]
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(FileFormatError, match=r"run.csv:11: expected increasing times"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda d: d.update(format="schuler/csv/2"),
+            r"the file is schuler/csv/2, written by schuler .* pip install -U",
+        ),
+        (lambda d: d.update(format="other/csv/1"), "expected the format schuler/csv/1, got 'other/csv/1'"),
+        (lambda d: d.pop("metadata"), "the metadata written with the file is damaged"),
+        (lambda d: d["metadata"].update(time={"scale": "tai", "epoch_gps_s": 0}), "time base 'tai'"),
+        (lambda d: d["metadata"].update(sources=5), "the metadata written with the file is damaged"),
+        (lambda d: d.update(series={}), "the list of series written with the file is damaged"),
+        (lambda d: d.update(holds=["imu"]), "the line that describes this file is damaged"),
+        (lambda d: d.update(holds="gnss2"), "the line that describes this file is damaged"),
+        (lambda d: d["series"]["imu"].update(kind=5), "kind: '5' is not known"),
+    ],
+)
+def test_damaged_descriptions_of_a_csv_are_explained(run, tmp_path, change, message):
+    path = write(run, tmp_path / "run.csv")[0]
+    first, rest = path.read_text().split("\n", 1)
+    document = json.loads(first.removeprefix("# schuler "))
+    change(document)
+    path.write_text(f"# schuler {json.dumps(document)}\n{rest}")
+    with pytest.raises(InputError, match=message):
+        read(path)
+
+
+def test_a_broken_description_of_a_csv_names_its_line(run, tmp_path):
+    path = write(run, tmp_path / "run.csv")[0]
+    text = path.read_text()
+    path.write_text(text.replace('{"format"', '{"format', 1))
+    with pytest.raises(FileFormatError, match=r"run.csv:1: the line that describes this file is damaged"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda d: d.update(format="schuler/recording/9"),
+            r"the file is schuler/recording/9, written by schuler .*: update",
+        ),
+        (
+            lambda d: d.update(format="schuler/solution/1"),
+            "expected the format schuler/recording/1, got 'schuler/solution/1'",
+        ),
+        (lambda d: d["series"].pop("gnss"), "expected 3 series, got 4 row groups"),
+        (lambda d: d["series"]["imu"].update(rows=3), "expected 3 rows of imu, got 400"),
+        (lambda d: d.update(series={"gnss": {"rows": 400}, "imu": {}, "odometer": {}, "reference": {}}), "is missing"),
+        (lambda d: d["series"]["imu"].update(kind="x"), "imu: kind: expected 'rate' or 'increment', got 'x'"),
+    ],
+)
+def test_damaged_descriptions_of_a_parquet_file_are_explained(run, tmp_path, change, message):
+    [path] = write(run, tmp_path / "run.parquet")
+    with pq.ParquetFile(path) as file:
+        groups = [file.read_row_group(k) for k in range(file.num_row_groups)]
+    document = json.loads(groups[0].schema.metadata[b"schuler"])
+    change(document)
+    schema = groups[0].schema.with_metadata({"schuler": json.dumps(document)})
+    with pq.ParquetWriter(path, schema) as writer:
+        for group in groups:
+            writer.write_table(group.cast(schema))
+    with pytest.raises(FileFormatError, match=message):
+        read(path)
+
+
+def test_a_parquet_file_carries_units_and_one_row_group_per_series(run, tmp_path):
+    [path] = write(run, tmp_path / "run.parquet")
+    with pq.ParquetFile(path) as file:
+        assert file.num_row_groups == 4
+        schema = file.schema_arrow
+        assert schema.field("gx").metadata == {b"unit": b"rad/s"}
+        assert schema.field("cned" if "cned" in schema.names else "cne").metadata == {b"unit": b"m^2"}
+        table = file.read()
+    assert table.column("series").to_pylist()[0] == "imu"
+    assert table.column("lat").null_count == len(run.imu) + len(run.odometer) + len(run.reference)
+    document = json.loads(schema.metadata[b"schuler"])
+    assert document["format"] == "schuler/recording/1"
+    assert document["metadata"]["sources"] == run.metadata.sources
+
+
+@pytest.mark.parametrize("damage", [lambda b: b[:-200], lambda b: b[:100], lambda b: b"PAR1" + b"\xff" * 300 + b"PAR1"])
+def test_damaged_parquet_files_are_errors_of_ours(run, tmp_path, damage):
+    [path] = write(run, tmp_path / "run.parquet")
+    path.write_bytes(damage(path.read_bytes()))
+    with pytest.raises(FileFormatError, match="cannot be read as Parquet .*is the file complete"):
+        read(path)
+
+
+def test_a_foreign_parquet_file_is_read_with_hints(still, tmp_path):
+    names = ["stamp", "fx", "fy", "fz", "wx", "wy", "wz"]
+    path = tmp_path / "foreign.parquet"
+    pq.write_table(pa.table(dict(zip(names, still.T, strict=True))), path)
+    with pytest.raises(FileFormatError, match=r"not written by schuler: say which column .* it has stamp, fx, fy"):
+        read(path)
+    mapped = "t=stamp,ax=fx,ay=fy,az=fz,gx=wx,gy=wy,gz=wz"
+    for columns in (mapped, "t,ax,ay,az,gx,gy,gz"):
+        np.testing.assert_array_equal(read(path, columns=columns, units="m/s^2,rad/s").imu.accel, still[:, 1:4])
+    with pytest.raises(FileFormatError, match="columns names 2 of 7 columns"):
+        read(path, columns="t,ax", units="m/s^2,rad/s")
+    with pytest.raises(FileFormatError, match=r"there is no array 'f'; the file holds stamp \(300\)"):
+        read(path, columns="t=stamp,ax=f", units="m/s^2,rad/s")
+    with pytest.raises(FileFormatError, match="was not written by schuler"):
+        read_table(path)
+
+
+def test_tables_are_written_and_read_back(tmp_path):
+    columns = {
+        "t": np.array([0.0, 0.1]),
+        "rejected": np.array([3, -4]),
+        "used": np.array([True, False]),
+        "kind": np.array(["position", "zupt"]),
+    }
+    meta = {"format": "schuler/solution/1", "states": ["dpsi", "dv"], "seed": np.int64(7), "path": tmp_path}
+    path = write_table(tmp_path / "deep" / "solution.parquet", columns, meta)
+    back, document = read_table(path, "schuler/solution/1")
+    for name, values in columns.items():
+        np.testing.assert_array_equal(back[name], values)
+    assert back["rejected"].dtype == np.int64
+    assert document["states"] == ["dpsi", "dv"]
+    assert document["seed"] == 7
+    assert document["package"].startswith("schuler")
+    with pytest.raises(FileFormatError, match="expected the format schuler/allan/1, got 'schuler/solution/1'"):
+        read_table(path, "schuler/allan/1")
+    with pytest.raises(FileFormatError, match="there is no such file"):
+        read_table(tmp_path / "absent.parquet")
+    with pytest.raises(FileFormatError, match="expected the format schuler/recording/1, got 'schuler/solution/1'"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("columns", "meta", "message"),
+    [
+        ({}, {"format": "a/1"}, "expected at least one column"),
+        ({"t": np.zeros(3)}, {}, "a format name in meta"),
+        ({"t": np.zeros(3), "x": np.zeros(4)}, {"format": "a/1"}, "expected columns of one length"),
+        ({"t": np.zeros((3, 2))}, {"format": "a/1"}, "expected columns of one length and one axis"),
+        ({"t": np.zeros(3, dtype=complex)}, {"format": "a/1"}, "got complex128 in 't'"),
+        ({"t": np.zeros(3)}, {"format": "a/1", "x": float("nan")}, "expected finite numbers, got NaN"),
+    ],
+)
+def test_tables_that_cannot_be_written_are_explained(tmp_path, columns, meta, message):
+    with pytest.raises(InputError, match=message):
+        write_table(tmp_path / "x.parquet", columns, meta)
+    assert not list(tmp_path.iterdir())
+
+
+def test_unknown_suffixes_and_options_are_explained(run, tmp_path):
+    with pytest.raises(InputError, match=r"cannot tell the format from '.xlsx'; write to .parquet, .csv"):
+        write(run, tmp_path / "run.xlsx")
+    with pytest.raises(InputError, match="option of .kml: 'color' is not known; did you mean 'colour'"):
+        write(run, tmp_path / "run.kml", color="quality")
+    with pytest.raises(InputError, match="option of .csv: 'digits' is not known"):
+        write(run, tmp_path / "run.csv", digits=3)
+
+
+def test_without_pyarrow_the_extra_is_named(run, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(MissingExtraError, match=r"writing Parquet needs pyarrow.*pip install 'schuler\[data\]'"):
+        write(run, tmp_path / "run.parquet")
+    (tmp_path / "x.parquet").write_bytes(b"PAR1")
+    with pytest.raises(MissingExtraError, match="reading Parquet needs pyarrow"):
+        read(tmp_path / "x.parquet")
+
+
+def test_importing_the_readers_is_cheap():
+    code = "import sys, schuler.recording.io; print([m for m in ('scipy', 'pyarrow', 'pandas', 'numba') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_a_failed_write_leaves_nothing_behind(run, tmp_path):
+    bad = replace(run, metadata=replace(run.metadata, options={"x": float("inf")}))
+    for suffix in (".csv", ".parquet"):
+        with pytest.raises(InputError, match="expected finite numbers, got NaN or infinity"):
+            write(bad, tmp_path / f"run{suffix}")
+    assert not list(tmp_path.iterdir())

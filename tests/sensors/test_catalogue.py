@@ -1,0 +1,256 @@
+"""The catalogue: every entry loads; the numbers are those of the sources, in SI by hand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from schuler import units as u
+from schuler.exceptions import InputError
+from schuler.sensors import ImuErrors, ImuSpec, catalogue
+
+G = 9.80665
+
+
+@pytest.mark.parametrize("name", catalogue.names())
+def test_every_entry_loads(name):
+    e = catalogue.entry(name)
+    assert e.source
+    assert e.notes
+    for key, value in e.printed.items():
+        assert np.isfinite(value).all(), key
+    for which, sheet in (("gyro", e.gyro), ("accel", e.accel)):
+        if sheet:
+            triad = catalogue.triad(name, which)
+            for field in fields(triad):
+                value = getattr(triad, field.name)
+                assert value is None or (math.isfinite(value) and value >= 0.0)
+            assert triad.random_walk > 0.0
+    if e.kind in ("gyro", "accelerometer"):
+        assert bool(e.gyro) != bool(e.accel)
+        assert bool(e.gyro) == (e.kind == "gyro")
+    if e.kind == "class":
+        assert not e.gyro
+        assert not e.accel
+    else:
+        assert e.gyro or e.accel
+
+
+@pytest.mark.parametrize("name", [n for n in catalogue.names() if catalogue.entry(n).gyro and catalogue.entry(n).accel])
+def test_every_full_entry_gives_a_budget_an_imu_and_a_round_trip(name):
+    spec = catalogue.spec(name)
+    assert spec.name == name
+    assert spec.source
+    assert ImuSpec.from_dict(spec.to_dict()) == spec
+    assert name in spec.summary()
+    zero = np.zeros((3, 3))
+    for x in ImuErrors.draw(spec, np.random.default_rng(0)).apply_increments(
+        zero, zero, 0.01, np.random.default_rng(1)
+    )[:2]:
+        assert np.isfinite(x).all()
+
+
+def test_all_named_sensors_are_there():
+    kinds = {
+        "imu": "LN-200 HG1700 HG1700-flenniken HG1900 HG1900-flenniken MPU-6000 MPU-9150 VN-200 MTi-G MTi-G-710 NAV440",
+        "gyro": "KVH-5000 AQRS-000640-104 AQRS-000640-109 Systron-Donner",
+        "accelerometer": "Humphrey",
+        "grade": "flenniken-consumer flenniken-automotive flenniken-tactical flenniken-tactical-printed "
+        "yaman-automotive yaman-tactical hayal-simulated du-bias du-scale du-installation",
+        "class": "yaman-class-military yaman-class-navigation yaman-class-tactical yaman-class-ahrs "
+        "yaman-class-control-system stefanisko-marine stefanisko-aviation stefanisko-intermediate stefanisko-tactical "
+        "stefanisko-automotive",
+    }
+    for kind, text in kinds.items():
+        assert set(text.split()) <= set(catalogue.names(kind))
+    assert sorted(n for kind in kinds for n in catalogue.names(kind)) == sorted(catalogue.names())
+
+
+def test_names_and_aliases_are_unique():
+    plain = [
+        a.lower().replace("-", "").replace("_", "").replace(" ", "")
+        for n in catalogue.names()
+        for a in (n, *catalogue.entry(n).aliases)
+    ]
+    assert len(plain) == len(set(plain))
+
+
+# (name, triad, field, value in SI by hand); tolerance: printed digits
+DEG = math.pi / 180.0
+NUMBERS = [
+    ("LN-200", "gyro", "random_walk", 0.10 * DEG / 60),
+    ("LN-200", "gyro", "in_run_bias", 0.35 * DEG / 3600),
+    ("LN-200", "accel", "random_walk", 50e-6 * G),
+    ("LN-200", "accel", "in_run_bias", 50e-6 * G),
+    ("LN-200", "accel", "range", 40 * G),
+    ("HG1700-flenniken", "gyro", "bias_instability", 2.0 * DEG / 3600),
+    ("HG1700-flenniken", "accel", "random_walk", 30e-6 * G),
+    ("HG1900-flenniken", "gyro", "bias_instability", 10.0 * DEG / 3600),
+    ("HG1900-flenniken", "accel", "bias_instability", 1e-3 * G),
+    ("KVH-5000", "gyro", "random_walk", 1.383e-3 * DEG),
+    ("KVH-5000", "gyro", "scale_factor", 1e-3),
+    ("KVH-5000-measured", "gyro", "random_walk", 8.5e-4 * DEG),
+    ("Systron-Donner", "gyro", "random_walk", 0.33 * DEG / 60),
+    ("Systron-Donner", "gyro", "scale_factor", 0.005),
+    ("AQRS-104", "gyro", "random_walk", 0.025 * DEG),
+    ("AQRS-104", "gyro", "in_run_bias", 0.05 * DEG),
+    ("AQRS-104", "gyro", "in_run_time", 1000.0),
+    ("AQRS-104", "gyro", "range", 64 * DEG),
+    ("AQRS-104-measured", "gyro", "random_walk", 0.02373 * DEG),
+    ("AQRS-104-measured", "gyro", "in_run_bias", 0.054 * DEG),
+    ("AQRS-104-measured", "gyro", "in_run_time", 1171.0),
+    ("AQRS-109", "gyro", "scale_factor", 0.05),
+    ("AQRS-109", "gyro", "range", 75 * DEG),
+    ("Humphrey", "accel", "random_walk", 9.5e-6 * G),
+    ("Humphrey", "accel", "in_run_bias", 8.5e-5 * G),
+    ("Humphrey", "accel", "in_run_time", 700.0),
+    ("consumer", "gyro", "random_walk", 0.05 * DEG),
+    ("consumer", "gyro", "in_run_bias", 0.1 * DEG),
+    ("consumer", "gyro", "in_run_time", 300.0),
+    ("consumer", "accel", "random_walk", 0.003 * G),
+    ("consumer", "accel", "in_run_bias", 2.4e-3 * G),
+    ("consumer", "accel", "in_run_time", 100.0),
+    ("automotive", "gyro", "in_run_bias", 0.05 * DEG),
+    ("automotive", "accel", "random_walk", 0.001 * G),
+    ("automotive", "accel", "in_run_bias", 1.2e-3 * G),
+    ("tactical", "gyro", "random_walk", 0.0017 * DEG),
+    ("tactical", "gyro", "in_run_bias", 0.35 * DEG / 3600),
+    ("tactical", "gyro", "in_run_time", 100.0),
+    ("tactical", "accel", "random_walk", 50e-6 * G),
+    ("tactical", "accel", "in_run_bias", 50e-6 * G),
+    ("tactical", "accel", "in_run_time", 60.0),
+    ("tactical_printed", "accel", "random_walk", 0.0005 * G),
+    ("tactical_printed", "accel", "in_run_bias", 50e-5 * G),
+    ("HG1700", "gyro", "random_walk", 3.636e-5),
+    ("HG1700", "gyro", "turn_on_bias", 4.848e-6),
+    ("HG1700", "gyro", "misalignment", 5e-4),
+    ("HG1700", "gyro", "range", 1074 * DEG),
+    ("HG1700", "accel", "random_walk", 3.667e-3),
+    ("HG1700", "accel", "turn_on_bias", 1e-3 * G),
+    ("HG1900", "gyro", "random_walk", 2.618e-5),
+    ("HG1900", "gyro", "turn_on_bias", 17 * DEG / 3600),
+    ("HG1900", "gyro", "bias_instability", 7 * DEG / 3600),
+    ("HG1900", "gyro", "g_sensitivity", 3 * DEG / 3600 / G),
+    ("HG1900", "gyro", "misalignment", 80e-6),
+    ("HG1900", "accel", "random_walk", 3.667e-3),
+    ("hayal-simulated", "gyro", "turn_on_bias", 4.848e-6),
+    ("hayal-simulated", "gyro", "misalignment", 1e-4),
+    ("hayal-simulated", "accel", "turn_on_bias", 0.01),
+    ("hayal-simulated", "accel", "scale_factor", 3e-4),
+    ("yaman-automotive", "gyro", "random_walk", 1.4544e-4),
+    ("yaman-automotive", "gyro", "turn_on_bias", 9.696e-4),
+    ("yaman-automotive", "gyro", "scale_factor", 1e-2),
+    ("yaman-automotive", "gyro", "misalignment", 1e-2),
+    ("yaman-automotive", "gyro", "g_sensitivity", 4.4493e-5),
+    ("yaman-automotive", "accel", "turn_on_bias", 0.49033),
+    ("yaman-automotive", "accel", "random_walk", 0.0083),
+    ("yaman-tactical", "gyro", "random_walk", 3.636e-5),
+    ("yaman-tactical", "gyro", "turn_on_bias", 4.848e-6),
+    ("yaman-tactical", "gyro", "scale_factor", 1.5e-4),
+    ("yaman-tactical", "gyro", "g_sensitivity", 0.0),
+    ("yaman-tactical", "accel", "turn_on_bias", 9.80665e-3),
+    ("yaman-tactical", "accel", "random_walk", 3.302e-4),
+    ("yaman-tactical", "accel", "misalignment", 5e-4),
+    ("MPU-6000", "gyro", "random_walk", 0.30 * DEG / 60),
+    ("MPU-6000", "gyro", "turn_on_bias", 20 * DEG),
+    ("MPU-6000", "gyro", "g_sensitivity", 0.1 * DEG / G),
+    ("MPU-6000", "accel", "random_walk", 3.9227e-3),
+    ("MPU-6000", "accel", "scale_factor", 0.03),
+    ("MPU-6000", "accel", "scale_temperature", 2e-4),
+    ("MPU-9150", "gyro", "resolution", 0.015259 * DEG),
+    ("MPU-9150", "gyro", "range", 500 * DEG),
+    ("MPU-9150", "accel", "resolution", 122.07e-6 * G),
+    ("MPU-9150", "accel", "range", 4 * G),
+    ("VN-200", "gyro", "random_walk", 0.0035 * DEG),
+    ("VN-200", "gyro", "bias_instability", 10 * DEG / 3600),
+    ("VN-200", "accel", "random_walk", 140e-6 * G),
+    ("VN-200", "accel", "bias_instability", 40e-6 * G),
+    ("MTi-G-710", "gyro", "random_walk", 0.01 * DEG),
+    ("MTi-G-710", "gyro", "turn_on_bias", 0.2 * DEG),
+    ("MTi-G-710", "gyro", "g_sensitivity", 0.003 * DEG / G),
+    ("MTi-G-710", "accel", "random_walk", 80e-6 * G),
+    ("MTi-G-710", "accel", "turn_on_bias", 0.03),
+    ("MTi-G-710", "accel", "bias_instability", 40e-6 * G),
+    ("MTi-G-710", "accel", "range", 50.0),
+    ("MTi-G", "gyro", "random_walk", 0.05 * DEG),
+    ("MTi-G", "gyro", "bias_instability", 1.0 * DEG),
+    ("MTi-G", "gyro", "range", 300 * DEG),
+    ("NAV440", "gyro", "random_walk", 0.4 * DEG / 60),
+    ("NAV440", "gyro", "bias_instability", 20 * DEG / 3600),
+    ("NAV440", "gyro", "range", 400 * DEG),
+    ("MTi-G-emulated", "accel", "random_walk", 0.002),
+    ("NAV440-emulated", "accel", "random_walk", 0.1 / 60),
+    ("du-bias", "gyro", "turn_on_bias", 30 * DEG / 3600),
+    ("du-bias", "gyro", "random_walk", 0.2 * DEG / 60),
+    ("du-bias", "accel", "turn_on_bias", 0.2),
+    ("du-bias", "accel", "random_walk", 0.1 / 60),
+    ("du-scale", "gyro", "scale_factor", 3000e-6),
+    ("du-installation", "gyro", "misalignment", 1745e-6),
+]
+
+
+@pytest.mark.parametrize(("name", "which", "field", "expected"), NUMBERS)
+def test_numbers_of_the_sources(name, which, field, expected):
+    assert getattr(catalogue.triad(name, which), field) == pytest.approx(expected, rel=3e-4)
+
+
+def test_every_sensor_with_numbers_is_checked():
+    checked = {catalogue.entry(name).name for name, *_ in NUMBERS}
+    assert checked == {n for n in catalogue.names() if catalogue.entry(n).kind != "class"}
+
+
+def test_sampled_noise_of_the_sources():
+    """Hayal's sample deviations at 1 Hz, Stefanisko's at 6 ms (digest 4.2), Yaman's noise limit of a 540 s mean."""
+    assert catalogue.spec("HG1700").gyro.random_walk == pytest.approx(
+        catalogue.entry("hayal-simulated").printed["gyro_sigma_1hz_rad_s"], rel=2e-4
+    )
+    mpu = catalogue.spec("MPU-9150")
+    assert mpu.rate_hz == pytest.approx(1 / 0.006)
+    assert mpu.gyro.random_walk * math.sqrt(mpu.rate_hz) / u.DEG == pytest.approx(0.0646, abs=1e-4)  # printed digits
+    assert mpu.accel.random_walk * math.sqrt(mpu.rate_hz) == pytest.approx(0.0506, abs=5e-5)  # printed digits
+    tactical = catalogue.spec("yaman-tactical").gyro
+    assert tactical.random_walk / math.sqrt(540.0) / u.DEG_PER_HR == pytest.approx(0.323, abs=5e-4)  # printed digits
+
+
+@pytest.mark.parametrize("name", ["ln200", "LN 200", "ln_200", "LN-200"])
+def test_lookup_ignores_case_and_separators(name):
+    assert catalogue.entry(name).name == "LN-200"
+    assert catalogue.spec(name).name == "LN-200"
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: catalogue.spec("HG1800"), "no sensor 'HG1800' in the catalogue; did you mean .*HG1900"),
+        (lambda: catalogue.entry("yaman"), "did you mean yaman"),
+        (lambda: catalogue.entry("zzzzzz"), r"catalogue.names\(\) lists what there is"),
+        (lambda: catalogue.spec("NAV440"), "has no accelerometer noise and bias figures.*NAV440-emulated adds"),
+        (lambda: catalogue.spec("AQRS-104"), r"has no accelerometer noise .*use triad\(\) for the part it has"),
+        (lambda: catalogue.spec("Humphrey"), "Humphrey .*has no gyroscope noise and bias figures"),
+        (
+            lambda: catalogue.spec("stefanisko-marine"),
+            "no gyroscope and no accelerometer .* only has drift_km_day_below, price_eur_above",
+        ),
+        (lambda: catalogue.triad("Humphrey", "gyro"), "Humphrey .* has no gyro figures"),
+        (lambda: catalogue.triad("LN-200", "magnetometer"), "which: expected 'gyro' or 'accel'"),
+        (lambda: catalogue.names("IMU"), "kind: expected one of imu, gyro"),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(InputError, match=message):
+        call()
+
+
+def test_entries_cannot_be_changed():
+    with pytest.raises(TypeError):
+        catalogue.entry("LN-200").gyro["arw_deg_rthr"] = 0.0
+
+
+def test_table_lists_everything():
+    lines = catalogue.table().splitlines()
+    assert len(lines) == 1 + len(catalogue.names())
+    assert all(line.startswith(name) for line, name in zip(lines[1:], catalogue.names(), strict=True))
+    assert "arw_deg_rthr 0.1, in_run_deg_hr 0.35" in catalogue.table()

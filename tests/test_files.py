@@ -1,0 +1,154 @@
+"""Files are replaced whole or not at all, and hashes name what a result was made from."""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+from pathlib import Path
+
+import pytest
+
+from schuler.files import replacing, sha256, write_text
+
+posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no permission bits or umask")
+
+
+@pytest.fixture(params=[0o022, 0o077, 0o002, 0o000], ids=lambda m: f"umask {m:03o}")
+def umask(request):
+    before = os.umask(request.param)
+    yield request.param
+    os.umask(before)
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(p.name for p in folder.iterdir())
+
+
+def test_the_file_appears_when_the_block_ends(tmp_path):
+    target = tmp_path / "result.csv"
+    with replacing(target) as temporary:
+        assert temporary.parent == target.parent  # same file system, so that the rename is atomic
+        assert temporary.suffix == ".csv"  # libraries that choose a format by the suffix still do
+        assert temporary != target
+        temporary.write_text("t,x\n")
+        assert not target.exists()
+    assert target.read_text() == "t,x\n"
+    assert names(tmp_path) == ["result.csv"]
+
+
+def test_until_then_the_old_file_stays(tmp_path):
+    target = tmp_path / "result.csv"
+    target.write_text("old")
+    with replacing(target) as temporary:
+        temporary.write_text("new")
+        assert target.read_text() == "old"
+    assert target.read_text() == "new"
+
+
+@pytest.mark.parametrize("error", [RuntimeError("disk on fire"), KeyboardInterrupt(), SystemExit(3)])
+@pytest.mark.parametrize("existed", [True, False])
+def test_an_error_inside_leaves_the_old_file_and_nothing_else(tmp_path, error, existed):
+    target = tmp_path / "result.csv"
+    if existed:
+        target.write_text("old")
+
+    def write_half():
+        with replacing(target) as temporary:
+            temporary.write_text("half of the n")
+            raise error
+
+    with pytest.raises(type(error)):
+        write_half()
+    assert names(tmp_path) == (["result.csv"] if existed else [])
+    if existed:
+        assert target.read_text() == "old"
+
+
+def test_a_target_that_cannot_be_replaced_leaves_no_temporary(tmp_path):
+    target = tmp_path / "taken"
+    target.mkdir()
+    with pytest.raises(OSError, match="taken"), replacing(target) as temporary:
+        temporary.write_text("x")
+    assert names(tmp_path) == ["taken"]
+
+
+def test_a_temporary_removed_inside_the_block_is_an_error_and_no_file(tmp_path):
+    target = tmp_path / "result.csv"
+    with pytest.raises(FileNotFoundError), replacing(target) as temporary:
+        temporary.unlink()
+    assert names(tmp_path) == []
+
+
+def test_missing_folders_are_made(tmp_path):
+    target = tmp_path / "a" / "b" / "result.txt"
+    assert write_text(target, "x") == target
+    assert target.read_text() == "x"
+    assert names(target.parent) == ["result.txt"]
+
+
+def test_nested_and_parallel_writes_do_not_meet(tmp_path):
+    target = tmp_path / "result.txt"
+    with replacing(target) as first, replacing(target) as second:
+        assert first != second
+        first.write_text("first")
+        second.write_text("second")
+    assert target.read_text() == "first"  # the outer block ends last
+    assert names(tmp_path) == ["result.txt"]
+
+
+@posix
+def test_permissions_are_those_of_an_ordinary_new_file(tmp_path, umask):
+    """mkstemp makes files for the owner's eyes only; a result is made as ``open`` would make it."""
+    target = write_text(tmp_path / "result.txt", "x")
+    assert stat.S_IMODE(target.stat().st_mode) == 0o666 & ~umask
+    plain = tmp_path / "plain.txt"
+    with plain.open("w"):
+        pass
+    assert stat.S_IMODE(target.stat().st_mode) == stat.S_IMODE(plain.stat().st_mode)
+    current = os.umask(umask)
+    assert current == umask  # asking for the mask did not change it
+
+
+@posix
+def test_while_it_is_written_the_file_is_private(tmp_path, umask):
+    with replacing(tmp_path / "result.txt") as temporary:
+        assert stat.S_IMODE(temporary.stat().st_mode) == 0o600 & ~umask
+
+
+def test_text_is_utf8_and_paths_may_be_text(tmp_path):
+    path = write_text(str(tmp_path / "notes.txt"), "0.125 °/√h, µg")
+    assert isinstance(path, Path)
+    assert path.read_bytes().decode("utf-8") == "0.125 °/√h, µg"
+
+
+@pytest.mark.parametrize(
+    ("content", "digest"),
+    [
+        # FIPS 180-2, appendix B, and the empty message
+        (b"", "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"),
+        (b"abc", "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"),
+        (
+            b"abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq",
+            "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1",
+        ),
+        (b"a" * 1_000_000, "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0"),
+    ],
+    ids=["empty", "abc", "two blocks", "a million a"],
+)
+def test_sha256_of_known_messages(tmp_path, content, digest):
+    path = tmp_path / "message"
+    path.write_bytes(content)
+    assert sha256(path) == digest
+    assert sha256(str(path)) == digest
+
+
+def test_sha256_of_more_than_one_read(tmp_path):
+    """Three megabytes are read in pieces; a change of the last byte changes the hash."""
+    path, block = tmp_path / "log.bin", bytes(range(256)) * 4096
+    path.write_bytes(block * 3)
+    before = sha256(path)
+    path.write_bytes(block * 3 + b"\x00")
+    assert sha256(path) != before
+    path.write_bytes(block * 3)
+    assert sha256(path) == before

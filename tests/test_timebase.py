@@ -1,0 +1,219 @@
+"""Time scales against SOFA (pyerfa) and calendars worked out by hand."""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+
+import erfa
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from schuler import timebase
+from schuler.exceptions import InputError
+from schuler.timebase import WEEK_S, TimeBase
+
+LAW = settings(max_examples=300, deadline=None, derandomize=True, database=None)
+TAI_MINUS_GPS = 19.0  # [s], fixed since 1980-01-06
+FIRST_DAY, SOFA_DAY = dt.date(1980, 1, 6), dt.date(2026, 12, 31)
+
+
+def unix(moment: dt.datetime) -> float:
+    return (moment - dt.datetime(1970, 1, 1)).total_seconds()
+
+
+# ----------------------------------------------------------------------------------------- leap seconds
+
+
+def test_leap_seconds_of_every_day_agree_with_sofa():
+    """``iauDat`` gives TAI - UTC; GPS time is 19 s behind TAI."""
+    days = [FIRST_DAY + dt.timedelta(days=k) for k in range((SOFA_DAY - FIRST_DAY).days + 1)]
+    theirs = erfa.dat([d.year for d in days], [d.month for d in days], [d.day for d in days], 0.0) - TAI_MINUS_GPS
+    ours = [timebase.leap_seconds(d) for d in days]
+    np.testing.assert_array_equal(ours, theirs)
+    assert (ours[0], ours[-1]) == (0, 18)
+
+
+def test_leap_days_are_in_order_and_first_of_january_or_july():
+    assert list(timebase.LEAP_DAYS) == sorted(timebase.LEAP_DAYS)
+    assert all((month, day) in ((1, 1), (7, 1)) for _, month, day in timebase.LEAP_DAYS)
+    assert len(timebase.LEAP_DAYS) == 18
+
+
+def test_the_leap_second_of_2017_by_the_day():
+    assert timebase.leap_seconds(dt.date(2016, 12, 31)) == 17
+    assert timebase.leap_seconds(dt.date(2017, 1, 1)) == 18
+
+
+def test_days_outside_the_table_are_refused():
+    valid_to = timebase.LEAP_TABLE_VALID_TO
+    assert timebase.leap_seconds(valid_to) == 18
+    with pytest.raises(InputError, match=rf"leap seconds are known to {valid_to}, got .*: update schuler, or give times"):
+        timebase.leap_seconds(valid_to + dt.timedelta(days=1))
+    with pytest.raises(InputError, match="GPS time starts on 1980-01-06, got 1980-01-05"):
+        timebase.leap_seconds(dt.date(1980, 1, 5))
+
+
+# -------------------------------------------------------------------------------------- calendars, weeks
+
+
+def test_week_and_time_of_week_of_a_known_moment():
+    """2025-07-08 is the Tuesday of week 2374: 2 days and 19:34:18.499 after Sunday midnight."""
+    moment = dt.datetime(2025, 7, 8, 19, 34, 18, 499_000)
+    week, tow = timebase.week_tow(timebase.gps_from_calendar(moment))
+    assert week == 2374
+    assert tow == pytest.approx(243_258.499, abs=1e-6)  # rounding of 1.4e9 s
+    # the same reading of a UTC clock is 18 s later
+    week, tow = timebase.week_tow(timebase.gps_from_calendar(moment, utc=True))
+    assert (week, round(tow, 3)) == (2374, 243_276.499)
+
+
+@pytest.mark.parametrize(
+    ("moment", "week", "tow"),
+    [
+        ((1980, 1, 6), 0, 0.0),
+        ((1980, 1, 12, 23, 59, 59), 0, 604_799.0),
+        ((1980, 1, 13), 1, 0.0),
+        ((1999, 8, 22), 1024, 0.0),  # first rollover of the ten-bit week number
+        ((2019, 4, 7), 2048, 0.0),  # second rollover
+        ((2000, 1, 1), 1042, 518_400.0),  # a Saturday
+    ],
+)
+def test_weeks_by_hand(moment, week, tow):
+    gps = timebase.gps_from_calendar(dt.datetime(*moment))
+    assert timebase.week_tow(gps) == (week, tow)
+    assert timebase.gps_seconds(week, tow) == gps
+    assert timebase.calendar(gps) == dt.datetime(*moment)
+
+
+def test_utc_to_gps_agrees_with_sofa(rng):
+    """Through ``dtf2d`` and ``utctai``, a hundred random moments between 1980 and 2026."""
+    for days in rng.uniform(0.0, (SOFA_DAY - FIRST_DAY).days, 100):
+        moment = dt.datetime(1980, 1, 6) + dt.timedelta(seconds=int(days * 86_400))
+        utc = erfa.dtf2d("UTC", moment.year, moment.month, moment.day, moment.hour, moment.minute, moment.second)
+        tai = erfa.utctai(*utc)
+        epoch = erfa.dtf2d("TAI", 1980, 1, 6, 0, 0, 0.0)
+        theirs = ((tai[0] - epoch[0]) + (tai[1] - epoch[1])) * 86_400.0 - TAI_MINUS_GPS
+        # rounding of a Julian date, split in two
+        assert timebase.gps_from_calendar(moment, utc=True) == pytest.approx(theirs, abs=1e-5)
+
+
+def test_reading_utc_beyond_the_table_is_refused_and_gps_time_is_not():
+    late = dt.datetime(2027, 6, 29)
+    assert timebase.week_tow(timebase.gps_from_calendar(late))[0] == 2477
+    with pytest.raises(InputError, match="leap seconds are known to"):
+        timebase.gps_from_calendar(late, utc=True)
+
+
+@LAW
+@given(st.integers(0, 5000), st.floats(0.0, WEEK_S, exclude_max=True))
+def test_weeks_survive_the_round_trip(week, tow):
+    gps = timebase.gps_seconds(week, tow)
+    back, rest = timebase.week_tow(gps)
+    assert 0.0 <= rest < WEEK_S
+    assert timebase.gps_seconds(back, rest) == gps
+    assert abs((back - week) * WEEK_S + rest - tow) <= 5e-7  # rounding of 3e9 s
+
+
+@LAW
+@given(st.datetimes(dt.datetime(1980, 1, 6), dt.datetime(2050, 1, 1)))
+def test_calendars_survive_the_round_trip(moment):
+    # rounding of 2e9 s
+    assert abs(timebase.calendar(timebase.gps_from_calendar(moment)) - moment) <= dt.timedelta(microseconds=1)
+
+
+# ---------------------------------------------------------------------------------------------- Unix time
+
+
+def test_unix_time_of_known_moments():
+    assert unix(dt.datetime(1980, 1, 6)) == timebase.UNIX_TO_GPS_S
+    for moment in (dt.datetime(1980, 1, 6), dt.datetime(1999, 12, 31, 23), dt.datetime(2025, 7, 8, 19, 34, 18)):
+        stamp = np.array([unix(moment)])
+        np.testing.assert_array_equal(timebase.gps_from_unix(stamp), [timebase.gps_from_calendar(moment, utc=True)])
+
+
+def test_unix_time_around_a_leap_second():
+    """Unix time takes the stamp of 2017-01-01 00:00:00 right after 23:59:59; two seconds passed."""
+    midnight = unix(dt.datetime(2017, 1, 1))
+    gps = timebase.gps_from_unix(midnight + np.array([-2.0, -1.0, -0.001, 0.0, 1.0]))
+    np.testing.assert_allclose(np.diff(gps), [1.0, 0.999, 1.001, 1.0], rtol=0, atol=1e-6)  # rounding of 1.2e9 s
+    assert gps[3] - gps[1] == 2.0
+    assert timebase.week_tow(gps[3]) == (1930, 18.0)  # a Sunday, 18 leap seconds
+
+
+def test_every_leap_second_steps_the_unix_conversion_by_one():
+    for leap in timebase.LEAP_DAYS:
+        midnight = unix(dt.datetime(*leap))
+        before, after = timebase.gps_from_unix(np.array([midnight - 1.0, midnight]))
+        assert after - before == 2.0
+
+
+@pytest.mark.parametrize("shape", [(), (0,), (1,), (2, 3)])
+def test_unix_shapes_follow_the_input(shape):
+    stamps = np.full(shape, 1.6e9)
+    gps = timebase.gps_from_unix(stamps)
+    assert np.shape(gps) == shape
+    np.testing.assert_array_equal(gps, np.full(shape, 1.6e9 - 315_964_800.0 + 18.0))
+    np.testing.assert_array_equal(stamps, np.full(shape, 1.6e9))
+
+
+def test_unix_times_beyond_the_table_are_refused():
+    late = unix(dt.datetime(2027, 6, 29))
+    np.testing.assert_array_equal(timebase.gps_from_unix(np.array([late - 1.0])), late - 1.0 - 315_964_800.0 + 18.0)
+    with pytest.raises(InputError, match="leap seconds are known to 2027-06-28, got 2027-06-29"):
+        timebase.gps_from_unix(np.array([1.6e9, late, 1.6e9]))
+
+
+@pytest.mark.parametrize(
+    ("stamps", "what"),
+    [
+        ([0.0], "before GPS time"),
+        ([0.0, 1.6e9], "one before GPS time"),
+        ([1.6e12], "milliseconds taken for seconds"),
+        ([1.6e18], "nanoseconds taken for seconds"),
+        ([np.nan], "no number"),
+        ([1.6e9, np.inf], "infinity"),
+    ],
+    ids=lambda x: x if isinstance(x, str) else "",
+)
+def test_unix_times_without_a_gps_time_are_refused(stamps, what):
+    """Whatever stands in a log, the answer is an :class:`InputError`, and it does not depend on the other stamps."""
+    with pytest.raises(InputError):
+        timebase.gps_from_unix(np.array(stamps))
+
+
+# ----------------------------------------------------------------------------------------------- TimeBase
+
+
+def test_the_clock_of_a_log_is_described_as_such():
+    assert TimeBase() == TimeBase("local", 0.0)
+    assert TimeBase().describe() == "seconds of the log's own clock"
+
+
+def test_a_gps_time_base_is_described_by_calendar_and_week():
+    epoch = timebase.gps_from_calendar(dt.datetime(2025, 7, 8, 19, 34, 18, 499_000))
+    said = "seconds since 2025-07-08T19:34:18.499 GPS (week 2374, 243258.499 s)"
+    assert TimeBase("gps", epoch).describe() == said
+
+
+@pytest.mark.parametrize("fraction", [0.0, 0.499, 0.0006, 0.9994, 0.9996, 0.99999])
+def test_both_forms_of_one_epoch_are_the_same_time(fraction):
+    """The date and the time of week in one phrase agree to the printed millisecond."""
+    epoch = timebase.gps_seconds(2374, 243_258.0) + fraction
+    match = re.fullmatch(
+        r"seconds since (\S+) GPS \(week (\d+), (\d+\.\d{3}) s\)", TimeBase("gps", epoch).describe()
+    )
+    assert match is not None
+    from_date = timebase.gps_from_calendar(dt.datetime.fromisoformat(match[1]))
+    from_week = timebase.gps_seconds(int(match[2]), float(match[3]))
+    assert from_date == pytest.approx(from_week, abs=1e-6)  # rounding of 1.4e9 s
+    assert from_week == pytest.approx(epoch, abs=0.0005001)  # printed digits
+
+
+def test_time_bases_are_values():
+    assert TimeBase("gps", 5.0) == TimeBase("gps", 5.0)
+    assert hash(TimeBase("gps", 5.0)) == hash(TimeBase("gps", 5.0))
+    with pytest.raises(AttributeError):
+        TimeBase().scale = "gps"

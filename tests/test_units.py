@@ -1,0 +1,353 @@
+"""Units: factors of data sheets, the reader of unit texts, and its refusals."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from schuler import units
+from schuler.exceptions import InputError, SchulerError, UnitError
+from schuler.units import factor_for, parse_unit
+
+PI = math.pi
+LAW = settings(max_examples=500, deadline=None, derandomize=True, database=None)
+
+
+def dim(length=0, time=0, angle=0, temperature=0):
+    return tuple(Fraction(x) for x in (length, time, angle, temperature))
+
+
+RATE = dim(time=-1, angle=1)
+FORCE = dim(length=1, time=-2)
+ARW = dim(time=Fraction(-1, 2), angle=1)  # rad/sqrt(s), the same as (rad/s)/sqrt(Hz)
+VRW = dim(length=1, time=Fraction(-3, 2))  # (m/s)/sqrt(s)
+
+
+# --------------------------------------------------------------------------------------- known numbers
+
+
+@pytest.mark.parametrize(
+    ("text", "printed", "dimension"),
+    [
+        # numbers printed in data sheets and textbooks beside their SI values
+        ("deg", "1.745e-02", dim(angle=1)),
+        ("arcsec", "4.848e-06", dim(angle=1)),
+        ("deg/h", "4.848e-06", RATE),
+        ("deg/sqrt(h)", "2.909e-04", ARW),
+        ("deg/h/√Hz", "4.848e-06", ARW),
+        ("deg/s/√Hz", "1.745e-02", ARW),
+        ("ug", "9.807e-06", FORCE),
+        ("mg", "9.807e-03", FORCE),
+        ("ug/√Hz", "9.807e-06", VRW),
+        ("m/s/√h", "1.667e-02", VRW),
+        ("km/h", "2.778e-01", dim(length=1, time=-1)),
+        ("kn", "5.144e-01", dim(length=1, time=-1)),
+    ],
+)
+def test_factors_to_their_printed_digits(text, printed, dimension):
+    unit = parse_unit(text)
+    assert f"{unit.factor:.3e}" == printed
+    assert unit.dimension == dimension
+
+
+def test_a_line_of_a_data_sheet():
+    """0.125 deg/sqrt(h) is 3.636e-5 rad/sqrt(s); 1 deg/h is 4.848e-6 rad/s; 0.008 m/s/sqrt(h) is 1.333e-4."""
+    assert f"{0.125 * parse_unit('deg/√h').factor:.3e}" == "3.636e-05"
+    assert f"{0.125 * units.DEG_PER_RTHR:.3e}" == "3.636e-05"
+    assert f"{1.0 * parse_unit('deg/h').factor:.3e}" == "4.848e-06"
+    assert f"{0.008 * parse_unit('m/s/√h').factor:.3e}" == "1.333e-04"
+    assert f"{50.0 * parse_unit('ug/√Hz').factor:.3e}" == "4.903e-04"
+
+
+G0 = 9.80665
+SAME = [
+    # (text, SI factor, dimension); each row another habit of writing
+    ("rad/s", 1.0, RATE),
+    ("dps", PI / 180, RATE),
+    ("°/s", PI / 180, RATE),
+    ("deg/sec", PI / 180, RATE),
+    ("degrees/second", PI / 180, RATE),
+    ("DEG/S", PI / 180, RATE),
+    ("dph", PI / 180 / 3600, RATE),
+    ("deg/hr", PI / 180 / 3600, RATE),
+    ("deg/hour", PI / 180 / 3600, RATE),
+    ("°/h", PI / 180 / 3600, RATE),
+    ("arcsec/s", PI / 180 / 3600, RATE),
+    ("mrad/s", 1e-3, RATE),
+    ("µrad/s", 1e-6, RATE),
+    ("μrad/s", 1e-6, RATE),
+    ("rev/min", 2 * PI / 60, RATE),
+    ("rad*Hz", 1.0, RATE),
+    ("rad·s^-1", 1.0, RATE),
+    ("g", G0, FORCE),
+    ("G", G0, FORCE),
+    ("mg", 1e-3 * G0, FORCE),
+    ("µg", 1e-6 * G0, FORCE),
+    ("μg", 1e-6 * G0, FORCE),
+    ("ug", 1e-6 * G0, FORCE),
+    ("mGal", 1e-5, FORCE),
+    ("Gal", 1e-2, FORCE),
+    ("m/s^2", 1.0, FORCE),
+    ("m/s²", 1.0, FORCE),
+    ("m/s/s", 1.0, FORCE),
+    ("m*s^-2", 1.0, FORCE),
+    ("mps2", 1.0, FORCE),
+    ("cm/s²", 1e-2, FORCE),
+    ("mm / s^2", 1e-3, FORCE),
+    ("ft/s^2", 0.3048, FORCE),
+    ("km/h/s", 1 / 3.6, FORCE),
+    ("deg/√h", PI / 180 / 60, ARW),
+    ("deg/sqrt(h)", PI / 180 / 60, ARW),
+    ("deg/sqrt(hr)", PI / 180 / 60, ARW),
+    ("°/√hr", PI / 180 / 60, ARW),
+    ("deg/√(h)", PI / 180 / 60, ARW),
+    ("dps/√Hz", PI / 180, ARW),
+    ("deg/s/sqrt(Hz)", PI / 180, ARW),
+    ("deg/(s*√Hz)", PI / 180, ARW),
+    ("(deg/s)/√(Hz)", PI / 180, ARW),
+    ("((deg)/(s))/(sqrt((Hz)))", PI / 180, ARW),
+    ("deg/hr/√Hz", PI / 180 / 3600, ARW),
+    ("rad/√s", 1.0, ARW),
+    ("√(deg²/h)", PI / 180 / 60, ARW),
+    ("ug/√Hz", 1e-6 * G0, VRW),
+    ("µg/sqrt(Hz)", 1e-6 * G0, VRW),
+    ("mg/√Hz", 1e-3 * G0, VRW),
+    ("g/√Hz", G0, VRW),
+    ("m/s/√h", 1 / 60, VRW),
+    ("m/s/sqrt(hr)", 1 / 60, VRW),
+    ("m/s^2/√Hz", 1.0, VRW),
+    ("m/s²/√Hz", 1.0, VRW),
+    ("mps/√hr", 1 / 60, VRW),
+    ("m/√h/s", 1 / 60, VRW),
+    ("deg/h/√h", PI / 180 / 3600 / 60, dim(time=Fraction(-3, 2), angle=1)),  # rate random walk
+    ("deg/h/g", PI / 180 / 3600 / G0, dim(time=1, angle=1, length=-1)),  # g-sensitivity
+    ("s", 1.0, dim(time=1)),
+    ("ms", 1e-3, dim(time=1)),
+    ("µs", 1e-6, dim(time=1)),
+    ("ns", 1e-9, dim(time=1)),
+    ("min", 60.0, dim(time=1)),
+    ("1/Hz", 1.0, dim(time=1)),
+    ("km/h", 1 / 3.6, dim(length=1, time=-1)),
+    ("kph", 1 / 3.6, dim(length=1, time=-1)),
+    ("knots", 1852 / 3600, dim(length=1, time=-1)),
+    ("nmi/h", 1852 / 3600, dim(length=1, time=-1)),
+    ("mps", 1.0, dim(length=1, time=-1)),
+    ("ppm", 1e-6, dim()),
+    ("%", 1e-2, dim()),
+    ("1", 1.0, dim()),
+    ("ppm/°C", 1e-6, dim(temperature=-1)),
+    ("mg/degC", 1e-3 * G0, dim(length=1, time=-2, temperature=-1)),
+    ("°C", 1.0, dim(temperature=1)),
+    ("Celsius", 1.0, dim(temperature=1)),
+    ("K", 1.0, dim(temperature=1)),
+    ("m^3/m^2", 1.0, dim(length=1)),
+    ("m³/m²", 1.0, dim(length=1)),
+    ("(m^2)^-1", 1.0, dim(length=-2)),
+    ("ft^2", 0.3048**2, dim(length=2)),
+    ("(ft²)²", 0.3048**4, dim(length=4)),
+    ("deg^0", 1.0, dim()),
+    ("√√(s^4)", 1.0, dim(time=1)),
+    ("  deg / s  ", PI / 180, RATE),
+]
+
+
+@pytest.mark.parametrize(("text", "factor", "dimension"), SAME, ids=[row[0] for row in SAME])
+def test_ways_of_writing_a_unit(text, factor, dimension):
+    unit = parse_unit(text)
+    assert unit.factor == pytest.approx(factor, rel=1e-15)  # rounding
+    assert unit.dimension == dimension
+    assert unit.text == text.strip()
+
+
+def test_named_factors_agree_with_the_texts():
+    for name, text in {
+        "DEG": "deg", "ARCSEC": "arcsec", "MIN": "min", "HR": "h", "G0": "g", "MG": "mg", "UG": "ug", "MGAL": "mGal",
+        "PPM": "ppm", "PERCENT": "%", "NMI": "nmi", "KM": "km", "FT": "ft", "KNOT": "kn", "KMH": "km/h",
+        "DEG_PER_HR": "deg/h", "DEG_PER_RTHR": "deg/√h", "DEG_PER_S_PER_RTHZ": "deg/s/√Hz",
+        "DEG_PER_HR_PER_RTHZ": "deg/h/√Hz", "MPS_PER_RTHR": "m/s/√h", "UG_PER_RTHZ": "ug/√Hz",
+        "DEG_PER_HR_PER_G": "deg/h/g",
+    }.items():  # fmt: skip
+        assert getattr(units, name) == pytest.approx(parse_unit(text).factor, rel=1e-15), name  # rounding
+
+
+def test_the_g_of_data_sheets_is_the_standard_one():
+    assert units.G0 == 9.80665
+
+
+# ----------------------------------------------------------------------------------------- ambiguities
+
+
+def test_random_walk_is_not_a_rate():
+    """deg/√h and deg/h differ in dimension, so one can never be read as the other."""
+    walk, rate = parse_unit("deg/√h"), parse_unit("deg/h")
+    assert walk.dimension != rate.dimension
+    assert walk.factor == pytest.approx(60.0 * rate.factor)
+    with pytest.raises(UnitError, match=r"'deg/√h' is no unit of angular rate"):
+        factor_for("deg/√h", "angular rate")
+
+
+def test_an_angle_is_a_dimension():
+    """A frequency is no angular rate, a ratio no angle, a reciprocal second no rate of turn."""
+    for text in ("Hz", "1/s", "s^-1"):
+        with pytest.raises(UnitError, match="no unit of angular rate"):
+            factor_for(text, "angular rate")
+    with pytest.raises(UnitError, match="no unit of ratio"):
+        factor_for("rad", "ratio")
+
+
+def test_division_reaches_to_the_next_sign_only():
+    """``a/b*c`` is (a/b) c and ``a/b/c`` is a/(b c); a power binds to its own factor, a root to what follows it."""
+    assert parse_unit("m/s*s").dimension == dim(length=1)
+    assert parse_unit("m/(s*s)").dimension == dim(length=1, time=-2)
+    assert parse_unit("m/s/s").dimension == parse_unit("m/(s*s)").dimension
+    assert parse_unit("m/s^2").dimension == dim(length=1, time=-2)
+    assert parse_unit("(m/s)^2").dimension == dim(length=2, time=-2)
+    assert parse_unit("km/h^2").factor == pytest.approx(1000.0 / 3600.0**2)
+    assert parse_unit("√Hz/s").dimension == dim(time=Fraction(-3, 2))
+    assert parse_unit("√(Hz/s)").dimension == dim(time=-1)
+
+
+def test_letters_that_differ_only_in_case_where_case_matters():
+    assert parse_unit("mGal").factor == 1e-5
+    assert parse_unit("mg").factor == pytest.approx(9.80665e-3)
+    assert parse_unit("Hz").dimension == dim(time=-1)
+    assert parse_unit("h").dimension == dim(time=1)
+    assert parse_unit("m").dimension != parse_unit("min").dimension
+    assert parse_unit("K").dimension == dim(temperature=1)
+
+
+def test_mu_in_both_code_points():
+    """U+00B5 (micro sign) and U+03BC (Greek mu) look the same and mean the same."""
+    for tail in ("g", "s", "rad"):
+        assert parse_unit("\u00b5" + tail).factor == parse_unit("\u03bc" + tail).factor == parse_unit("u" + tail).factor
+
+
+# --------------------------------------------------------------------------------------- factor_for
+
+
+@pytest.mark.parametrize(
+    ("quantity", "text", "factor"),
+    [
+        ("time", "ms", 1e-3),
+        ("angle", "deg", PI / 180),
+        ("angular rate", "deg/s", PI / 180),
+        ("specific force", "g", G0),
+        ("velocity", "kn", 1852 / 3600),
+        ("length", "ft", 0.3048),
+        ("temperature", "degC", 1.0),
+        ("ratio", "ppm", 1e-6),
+    ],
+)
+def test_factor_for_a_quantity(quantity, text, factor):
+    assert factor_for(text, quantity) == pytest.approx(factor, rel=1e-15)
+    assert factor_for(units.QUANTITIES[quantity][1], quantity) == 1.0  # the SI unit it names is read back as SI
+
+
+@pytest.mark.parametrize("quantity", list(units.QUANTITIES))
+def test_a_unit_of_another_quantity_is_refused_with_the_expected_one(quantity):
+    wrong = "m" if quantity != "length" else "s"
+    si = units.QUANTITIES[quantity][1].replace("^", r"\^")
+    with pytest.raises(UnitError, match=rf"'{wrong}' is no unit of {quantity}; expected one such as {si}"):
+        factor_for(wrong, quantity)
+
+
+# ------------------------------------------------------------------------------------------- refusals
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("furlong", r"unknown unit 'furlong' in 'furlong'; known are .*deg.*rad"),
+        ("deg/fortnight", r"unknown unit 'fortnight' in 'deg/fortnight'"),
+        ("", "expected a unit such as deg/s or m/s\\^2, got an empty text"),
+        ("   ", "got an empty text"),
+        ("deg/", "the unit 'deg/' ends too early"),
+        ("(deg/s", r"lacks a closing bracket"),
+        ("deg/s)", r"unexpected '\)'"),
+        ("deg s", r"unexpected 's'"),
+        ("deg/sqrt(h", "lacks a closing bracket"),
+        ("√", "ends too early"),
+        ("sqrt(", "ends too early"),
+        ("()", r"unknown unit '\)'"),
+        ("*deg", r"unknown unit '\*'"),
+        ("^2", r"unknown unit '\^2'"),
+        ("m/s^", r"cannot read the unit 'm/s\^' at '\^'; write for example deg/s"),
+        ("m/s^1.5", r"at '\.5'"),
+        ("m/s^x", r"at '\^x'"),
+        ("deg;s", r"at ';s'"),
+        ("3 deg", r"at '3 deg'"),
+        ("deg\x00", "cannot read"),
+        ("deg//s", "unknown unit '/'"),
+    ],
+)
+def test_texts_that_are_no_unit_are_refused_with_a_reason(text, message):
+    with pytest.raises(UnitError, match=message):
+        parse_unit(text)
+
+
+def test_a_unit_error_is_an_input_error_and_a_value_error():
+    with pytest.raises(UnitError) as caught:
+        parse_unit("nonsense")
+    assert isinstance(caught.value, InputError)
+    assert isinstance(caught.value, SchulerError)
+    assert isinstance(caught.value, ValueError)
+
+
+def parses_or_refuses(text):
+    try:
+        unit = parse_unit(text)
+    except UnitError:
+        return
+    assert isinstance(unit.factor, float)
+    assert math.isfinite(unit.factor)
+    assert unit.factor > 0.0
+    assert all(isinstance(e, Fraction) for e in unit.dimension)
+
+
+@LAW
+@given(st.text(max_size=30))
+def test_any_text_is_a_unit_or_a_unit_error(text):
+    parses_or_refuses(text)
+
+
+PIECES = st.sampled_from(
+    ["deg", "s", "h", "Hz", "g", "µg", "°", "°C", "m", "1", "%", "/", "*", "·", "√", "√(", "sqrt(", "(", ")", "^2", "^-1",
+     "^0", "²", "³", " ", "Gal", "dps", "mps2", "s2", "^", "-", "2", "x"]
+)  # fmt: skip
+
+
+@LAW
+@given(st.lists(PIECES, max_size=12).map("".join))
+def test_any_text_made_of_pieces_of_units_is_a_unit_or_a_unit_error(text):
+    parses_or_refuses(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["h^999", "h^-999", "deg^999", "1/deg^999", "m^" + "9" * 5000, "s^99999999999999999999", "(" * 5000, "√" * 5000,
+     "(" * 5000 + "m" + ")" * 5000],
+    ids=["overflow", "underflow", "zero", "division by zero", "5000 digits", "20 digits", "brackets", "roots", "nested"],
+)  # fmt: skip
+def test_absurd_texts_are_a_unit_or_a_unit_error(text):
+    """A header of a corrupt file may hold anything; the reader's only error is its own."""
+    parses_or_refuses(text)
+
+
+NAMES = st.sampled_from(["deg", "rad", "s", "h", "m", "g", "ug", "ft", "kn", "K", "ppm", "min", "mGal"])
+
+
+@LAW
+@given(NAMES, NAMES, NAMES)
+def test_products_and_quotients_multiply_and_divide(a, b, c):
+    A, B, C = (parse_unit(x) for x in (a, b, c))
+    both = parse_unit(f"{a}*{b}/{c}")
+    assert both.factor == pytest.approx(A.factor * B.factor / C.factor, rel=1e-14)  # rounding
+    assert both.dimension == tuple(x + y - z for x, y, z in zip(A.dimension, B.dimension, C.dimension, strict=True))
+    assert parse_unit(f"√({a}²)").factor == pytest.approx(A.factor, rel=1e-14)
+    assert parse_unit(f"√({a}²)").dimension == A.dimension
+    assert parse_unit(f"({a}/{b})/({a}/{b})").dimension == dim()
+    assert parse_unit(f"{a}^-2").factor == pytest.approx(A.factor**-2, rel=1e-14)

@@ -12,7 +12,8 @@ from schuler.exceptions import FileFormatError, InputError, MissingExtraError, S
 @pytest.mark.parametrize(
     "value",
     [[1, 2, 3], (1.0, 2.0, 3.0), np.array([1, 2, 3]), np.array([1, 2, 3], dtype=np.float32), range(1, 4),
-     np.array([9.0, 1.0, 9.0, 2.0, 9.0, 3.0])[1::2], np.array([3.0, 2.0, 1.0])[::-1], np.array([1, 2, 3], dtype=np.uint8)],
+     np.array([9.0, 1.0, 9.0, 2.0, 9.0, 3.0])[1::2], np.array([3.0, 2.0, 1.0])[::-1],
+     np.array([1, 2, 3], dtype=np.uint8)],
 )  # fmt: skip
 def test_numbers_become_contiguous_float64(value):
     array = as_floats(value, "x", (3,))
@@ -30,7 +31,14 @@ def test_fortran_order_becomes_c_order():
 
 @pytest.mark.parametrize(
     ("shape", "wanted"),
-    [((5, 3), (None, 3)), ((0, 3), (None, 3)), ((3,), (3,)), ((7,), (None,)), ((2, 3, 4), (2, None, 4)), ((4, 4), None)],
+    [
+        ((5, 3), (None, 3)),
+        ((0, 3), (None, 3)),
+        ((3,), (3,)),
+        ((7,), (None,)),
+        ((2, 3, 4), (2, None, 4)),
+        ((4, 4), None),
+    ],
 )
 def test_shapes_that_fit(shape, wanted):
     assert as_floats(np.ones(shape), "x", wanted).shape == shape
@@ -102,12 +110,12 @@ def test_long_values_are_shortened_in_the_message():
 
 @pytest.mark.parametrize(
     "value",
-    [np.array([1.0 + 0.0j, 2.0j]), np.array(["2020-01-01"], dtype="datetime64[ns]"), np.array([5], dtype="timedelta64[s]"),
-     [10**400]],
+    [np.array([1.0 + 0.0j, 2.0j]), np.array(["2020-01-01"], dtype="datetime64[ns]"),
+     np.array([5], dtype="timedelta64[s]"), [10**400]],
     ids=["complex", "dates", "durations", "beyond float64"],
 )  # fmt: skip
 def test_arrays_that_numpy_would_squeeze_into_floats_are_refused(value):
-    """Lists of complex numbers are refused, so are arrays; a date is no number of seconds until someone says of what."""
+    """Lists of complex numbers are refused, so are arrays of them; a date is no number of seconds by itself."""
     with pytest.raises(InputError, match=r"^t: expected"):
         as_floats(value, "t")
 
@@ -133,7 +141,11 @@ def test_readonly_is_the_same_array_with_writing_off():
 
 @pytest.mark.parametrize(
     ("path", "line", "said"),
-    [(None, None, "no header"), ("a/log.csv", None, "a/log.csv: no header"), ("a/log.csv", 7, "a/log.csv:7: no header")],
+    [
+        (None, None, "no header"),
+        ("a/log.csv", None, "a/log.csv: no header"),
+        ("a/log.csv", 7, "a/log.csv:7: no header"),
+    ],
 )
 def test_file_errors_start_with_the_place(path, line, said):
     error = FileFormatError("no header", path, line)

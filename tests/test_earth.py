@@ -1,7 +1,7 @@
 """The Earth model against printed constants, the exact field of a level ellipsoid, its own physics, and authorities.
 
-Authorities: boule (Leibniz and TU Graz formulas of normal gravity), pymap3d (radii), pyproj (arc lengths), and the numbers
-printed by Yaman (2017), Stefanisko (2015), Hayal, Moritz (GRS 80) and NIMA TR 8350.2 (WGS 84).
+Authorities: boule (normal gravity), pymap3d (radii), pyproj (arc lengths), and the numbers printed by
+Yaman (2017), Stefanisko (2015), Hayal, Moritz (GRS 80) and NIMA TR 8350.2 (WGS 84).
 """
 
 from __future__ import annotations
@@ -195,7 +195,7 @@ def test_north_component_at_height():
 
 
 def yaman_gravity(lat, h):
-    """Yaman (2017), appendix A: gravitation of the surface scaled with the inverse square, height in both coordinates."""
+    """Yaman (2017), appendix A: gravitation of the surface falls with the inverse square; FIX 3 applied."""
     g_0 = np.array([0.0, 0.0, earth.gravity_somigliana(lat)])
     C_ne, Omega = frames.C_en([lat, 0.0]).T, rotation.skew(earth.earth_rate_ned(lat))
     r_s, r_b = (C_ne @ frames.ecef_from_llh([lat, 0.0, height]) for height in (0.0, h))
@@ -223,7 +223,7 @@ def test_value_printed_by_hayal():
 
 
 def test_gravity_formula_of_1980_printed_by_stefanisko():
-    """9.780327 (1 + 0.0053024 sin^2 L - 0.0000058 sin^2 2L), eq. (1.24): GRS 80 within its printed digits, WGS 84 2.1e-6."""
+    """9.780327 (1 + 0.0053024 sin^2 L - 0.0000058 sin^2 2L), eq. (1.24): is GRS 80; WGS 84 differs by 2.1e-6."""
     lat = np.linspace(0.0, np.pi / 2, 181)
     printed = 9.780327 * (1.0 + 0.0053024 * np.sin(lat) ** 2 - 0.0000058 * np.sin(2.0 * lat) ** 2)
     assert np.abs(printed - earth.gravity_somigliana(lat, 0.0, GRS80)).max() < 1.0e-6  # printed digits
@@ -237,7 +237,9 @@ def test_j2_gravitation_as_stefanisko_writes_it():
     x, y, z = r
     r2 = r @ r
     ratio = 5.0 * z * z / r2
-    bracket = r + 1.5 * 1.082629821313e-3 * 6378137.0**2 / r2 * np.array([(1 - ratio) * x, (1 - ratio) * y, (3 - ratio) * z])
+    bracket = r + 1.5 * 1.082629821313e-3 * 6378137.0**2 / r2 * np.array(
+        [(1 - ratio) * x, (1 - ratio) * y, (3 - ratio) * z]
+    )
     gravitation = earth.gravitation_j2(r)
     np.testing.assert_allclose(gravitation, -3.986004418e14 / r2**1.5 * bracket, rtol=16 * EPS)  # rounding
     gravity = gravitation + OMEGA_E[2] ** 2 * np.array([x, y, 0.0])

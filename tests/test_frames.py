@@ -1,4 +1,4 @@
-"""Positions and axes: exact cases, round trips from deep underground to orbit, and PROJ, pymap3d and SOFA as authorities."""
+"""Positions and axes: exact cases, round trips from underground to orbit; PROJ, pymap3d and SOFA as authorities."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def transpose(C):
 
 
 def assert_same_place(llh, expected, metres=6e-9):
-    """Compare in metres, longitude as an arc of its own parallel and modulo a turn. 6e-9: rounding of 7e6 m, there and back."""
+    """Compare in metres, longitude as an arc and modulo a turn. 6e-9: rounding of 7e6 m, there and back."""
     llh, expected = np.asarray(llh), np.asarray(expected)
     north = (llh[..., 0] - expected[..., 0]) * A
     turn = llh[..., 1] - expected[..., 1]
@@ -223,13 +223,13 @@ def test_navigation_axes_are_the_directions_of_growing_latitude_longitude_and_de
     for llh in random_llh(rng, (50,), 0.0, 1e5):
         R_N, R_E = earth.radii_of_curvature(llh[0])
         lengths = np.array([R_N + llh[2], (R_E + llh[2]) * np.cos(llh[0]), -1.0])
-        for axis, step in zip(range(3), (1e-4, 1e-4, 100.0), strict=True):
+        for axis, step in zip(range(3), (1e-3, 1e-3, 100.0), strict=True):
             d = step * np.eye(3)[axis]
             f = frames.ecef_from_llh
             slope = (8.0 * (f(llh + d) - f(llh - d)) - (f(llh + 2 * d) - f(llh - 2 * d))) / (12.0 * step)
-            # rounding of the position, 1e-9 m, over the step: relative 2e-12 near the equator, more near a pole
+            # rounding of the position, 1e-9 m, over the step; discretisation: R step^4 / 30 = 2e-7
             np.testing.assert_allclose(
-                frames.C_en(llh)[:, axis] * lengths[axis], slope, rtol=0, atol=2e-5 if axis < 2 else 2e-10
+                frames.C_en(llh)[:, axis] * lengths[axis], slope, rtol=0, atol=5e-6 if axis < 2 else 2e-10
             )
 
 
@@ -290,7 +290,9 @@ def test_inertial_axes_turn_with_the_earth():
     np.testing.assert_array_equal(frames.C_ie(0.0), np.eye(3))
     day = 2.0 * PI / 7.292115e-5
     assert day == pytest.approx(86164.1, abs=0.05)
-    np.testing.assert_allclose(frames.C_ie(day / 4) @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], rtol=0, atol=2 * EPS)  # rounding
+    np.testing.assert_allclose(
+        frames.C_ie(day / 4) @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], rtol=0, atol=2 * EPS
+    )  # rounding
     np.testing.assert_allclose(frames.C_ie(day), np.eye(3), rtol=0, atol=4 * EPS)  # rounding
     slope = (frames.C_ie(1001.0) - frames.C_ie(999.0)) / 2.0
     expected = frames.C_ie(1000.0) @ rotation.skew([0.0, 0.0, 7.292115e-5])
@@ -308,7 +310,9 @@ def test_local_coordinates_survive_the_round_trip(shape, many_origins, rng):
     r_e = frames.ecef_from_ned(r_n, origin)
     assert r_e.shape == (*shape, 3)
     np.testing.assert_allclose(frames.ned_from_ecef(r_e, origin), r_n, rtol=0, atol=4e-9)  # rounding of 6.4e6 m
-    np.testing.assert_allclose(np.linalg.norm(r_e - frames.ecef_from_llh(origin), axis=-1), np.linalg.norm(r_n, axis=-1))
+    np.testing.assert_allclose(
+        np.linalg.norm(r_e - frames.ecef_from_llh(origin), axis=-1), np.linalg.norm(r_n, axis=-1)
+    )
 
 
 def test_local_coordinates_by_hand(rng):
@@ -319,9 +323,9 @@ def test_local_coordinates_by_hand(rng):
         frames.ned_from_ecef(frames.ecef_from_llh(origin - [0, 0, 1.0]), origin), [0, 0, 1.0], rtol=0, atol=4e-9
     )  # rounding
     R_N, R_E = earth.radii_of_curvature(origin[0])
-    north = frames.ned_from_ecef(frames.ecef_from_llh(origin + [1e-6, 0, 0]), origin)
+    north = frames.ned_from_ecef(frames.ecef_from_llh(origin + np.array([1e-6, 0, 0])), origin)
     np.testing.assert_allclose(north, [1e-6 * (R_N + 100.0), 0.0, 0.0], rtol=0, atol=1e-5)  # curvature, (6.4 m)^2 / 2R
-    east = frames.ned_from_ecef(frames.ecef_from_llh(origin + [0, 1e-6, 0]), origin)
+    east = frames.ned_from_ecef(frames.ecef_from_llh(origin + np.array([0, 1e-6, 0])), origin)
     np.testing.assert_allclose(east, [0.0, 1e-6 * (R_E + 100.0) * np.cos(0.8), 0.0], rtol=0, atol=1e-5)
 
 
@@ -330,8 +334,9 @@ def test_local_coordinates_by_hand(rng):
 
 @pytest.mark.parametrize(
     ("angle", "expected"),
-    [(0.0, 0.0), (PI, PI), (-PI, PI), (3 * PI, PI), (-3 * PI, PI), (2 * PI, 0.0), (-2 * PI, 0.0), (1.0, 1.0), (-1.0, -1.0),
-     (PI + 0.25, -PI + 0.25), (-PI - 0.25, PI - 0.25), (5.0, 5.0 - 2 * PI), (-5.0, 2 * PI - 5.0), (4 * PI + 0.5, 0.5)],
+    [(0.0, 0.0), (PI, PI), (-PI, PI), (3 * PI, PI), (-3 * PI, PI), (2 * PI, 0.0), (-2 * PI, 0.0), (1.0, 1.0),
+     (-1.0, -1.0), (PI + 0.25, -PI + 0.25), (-PI - 0.25, PI - 0.25), (5.0, 5.0 - 2 * PI),
+     (-5.0, 2 * PI - 5.0), (4 * PI + 0.5, 0.5)],
 )  # fmt: skip
 def test_wrapped_angles_by_hand(angle, expected):
     assert frames.wrap_angle(angle) == pytest.approx(expected, abs=8 * EPS)  # rounding
@@ -388,7 +393,9 @@ def test_stacks_are_loops(shape, rng):
         for index in np.ndindex(shape):
             one = function(*(a[index] for a in arguments))
             # rounding: SIMD and scalar sines of NumPy may differ in the last place
-            np.testing.assert_allclose(stacked[index], one, rtol=8 * EPS, atol=8e-9 if np.max(np.abs(one)) > 10 else 4 * EPS)
+            np.testing.assert_allclose(
+                stacked[index], one, rtol=8 * EPS, atol=8e-9 if np.max(np.abs(one)) > 10 else 4 * EPS
+            )
         for a, b in zip(arguments, kept, strict=True):
             np.testing.assert_array_equal(a, b)
 

@@ -52,7 +52,7 @@ def test_the_order_of_a_matrix_has_to_be_said(archive, still):
 def test_time_may_lie_in_an_array_of_its_own(archive, still):
     check(read(archive(imu=still[:, 1:], ts=still[None, :, 0]), columns=COLUMNS[2:], **SI), still)
     check(read(archive(imu=still[:, 1:], clock=still[:, :1]), columns="t=clock," + COLUMNS[2:], **SI), still)
-    with pytest.raises(FileFormatError, match="there is no time column: name one with columns='t,...', or say rate"):
+    with pytest.raises(FileFormatError, match="there is no time column: name one with columns"):
         read(archive(imu=still[:, 1:]), columns=COLUMNS[2:], **SI)
     r = read(archive(imu=still[:, 1:], ts=np.zeros(300)), columns=COLUMNS[2:], rate=100, **SI)
     np.testing.assert_allclose(r.imu.t, still[:, 0], atol=1e-12)  # rounding
@@ -79,7 +79,7 @@ def test_structures_are_looked_into(tmp_path, still):
 @pytest.mark.parametrize(
     ("arrays", "hints", "message"),
     [
-        ({"a": (5, 7), "b": (9, 7)}, {"columns": COLUMNS}, r"a, b have as many: say variable='...'; the file holds a \(5 x 7\), b"),
+        ({"a": (5, 7), "b": (9, 7)}, {"columns": COLUMNS}, r"a, b have as many: say variable=.* a \(5 x 7\), b"),
         ({"a": (5, 6)}, {"columns": COLUMNS}, "columns names 7 columns, and no array has as many"),
         ({"a": (7, 7)}, {"columns": COLUMNS}, r"a has the shape \(7, 7\), which does not tell its 7 columns"),
         ({"a": (5, 7)}, {"columns": COLUMNS, "variable": "b"}, "there is no array 'b'; the file holds a"),

@@ -80,6 +80,17 @@ def test_rest_is_found_after_motion_and_only_there(table, rng):
     assert any("No second of rest was found" in note for note in notes)
 
 
+def test_steady_rotation_is_no_rest(table, still):
+    """On a rate table the specific force is steady and may be far from gravity."""
+    turning = still.copy()
+    turning[:, 1] += 5.0
+    turning[:, 6] += 3.0
+    still[:, 0] += 3.0
+    rows = np.vstack((turning, still))
+    assert checks.find_rest(rows[:, 0], rows[:, 1:4], rows[:, 4:7]).start >= 300
+    assert any("At rest (3." in n for n in read(table(rows), columns=COLUMNS, units="m/s^2,rad/s").metadata.notes)
+
+
 def test_finding_rest_trusts_no_unit(still):
     t, f, w = still[:, 0], still[:, 1:4], still[:, 4:7]
     assert checks.find_rest(t, f, w) == checks.find_rest(t, 1e-3 * f, 57.3 * w) == slice(0, 101)

@@ -89,6 +89,7 @@ def test_unknown_hint_lists_the_known_and_proposes_the_nearest():
         ({"rate": 0}, "rate: expected a positive number, got 0"),
         ({"rate": 1e-9}, "between 1e-4 and 1e7"),
         ({"rate": "fast"}, "rate: expected a positive number, got 'fast'"),
+        ({"offset": 1e11}, "offset: expected seconds within"),
         ({"kind": "delta"}, "kind: 'delta' is not known"),
         ({"time": "gps-tow"}, "expected gps-tow:WEEK"),
         ({"time": "gps-tow:12345"}, "expected gps-tow:WEEK"),

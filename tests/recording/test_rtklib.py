@@ -222,6 +222,11 @@ def test_a_solution_may_serve_as_the_reference(pos):
     assert any("of the antenna; no lever arm" in note for note in r.metadata.notes)
 
 
+def test_another_series_than_the_solution_is_refused(pos):
+    with pytest.raises(InputError, match="series='imu' was asked for, the file holds gnss"):
+        read(pos(LLH, ROW.format(CROSS)), series="imu")
+
+
 def test_a_cut_off_last_line(pos):
     path = pos(LLH, ROW.format(CROSS), ROW.format(CROSS).replace("18.499", "19.499")[:60])
     path.write_text(path.read_text().rstrip("\n"))
@@ -246,12 +251,12 @@ def test_what_is_written_is_read_back(run, tmp_path):
 
 def test_stamps_just_below_a_minute_are_not_printed_as_sixty_seconds(run, tmp_path):
     t = 259_200.0 + np.array([59.999, 59.9996, 59.9999999, 60.0])
-    gnss = GnssSeries(t, run.gnss.llh[:4], np.tile(np.eye(3) * 1e-10, (4, 1, 1)))
+    gnss = GnssSeries(t, run.gnss.llh[:4], np.tile(np.eye(3) * 1.7e-14, (4, 1, 1)))
     [path] = write(Recording(gnss=gnss, metadata=run.metadata), tmp_path / "run.pos")
     assert ":60" not in path.read_text()
     back = read(path).gnss
     np.testing.assert_allclose(back.t, t, rtol=0, atol=1e-9)  # printed digits
-    # accuracies of 10 um must not be printed as none
+    # accuracies of 0.1 um must not be printed as none
     np.testing.assert_allclose(back.cov_r_n, gnss.cov_r_n, rtol=1e-3, atol=1e-20)
 
 

@@ -90,6 +90,30 @@ def test_columns_may_be_mapped_by_header(table, still):
         read(table(still, name="b.csv"), columns="t=T")
 
 
+def test_a_header_shorter_or_longer_than_the_rows_serves_no_mapping(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t [s],ax [m/s^2],ay\n0,1\n")
+    with pytest.raises(FileFormatError, match=at(path, 1) + "the header names 3 columns, the first row .* has 2"):
+        read(path, columns="t=t [s],ax=ax [m/s^2]")
+
+
+def test_units_of_a_header_are_kept_when_columns_are_given(table, still):
+    header = "a [s],b [m/s^2],c [m/s^2],d [m/s^2],e [deg/s],f [deg/s],g [deg/s]"
+    path = table(still, header=header)
+    r = read(path, columns=SI["columns"])
+    np.testing.assert_allclose(r.imu.gyro, np.deg2rad(still[:, 4:7]), rtol=1e-15)  # rounding
+    assert any("header in line 1 was passed over but for the units" in note for note in r.metadata.notes)
+    with pytest.raises(FileFormatError, match="the file says gx is in deg/s, the hint units says rad/s"):
+        read(path, **SI)
+
+
+def test_a_unit_nobody_knows_is_passed_over_for_a_stated_one(table, still):
+    header = "t,ax [LSB],ay [LSB],az [LSB],gx [mps],gy,gz"
+    r = read(table(still, header=header), units="m/s^2,rad/s")
+    np.testing.assert_array_equal(r.imu.accel, still[:, 1:4])
+    assert any("The unit 'LSB' in the header of ax was passed over" in note for note in r.metadata.notes)
+
+
 def test_units_are_converted(table, still):
     stated = still / ([1e-3, *3 * [units.G0], *3 * [np.pi / 180.0]])
     r = read(table(stated), columns=SI["columns"], units="g,deg/s,ms")
@@ -136,6 +160,15 @@ def test_axes_are_turned_and_noted(table, still):
     assert "Axes were turned from RFU to forward, right, down." in r.metadata.notes
 
 
+def test_axes_that_are_exchanged_in_a_cycle_are_turned_the_right_way(table, still):
+    """x points left, y forward, z down: the matrix is not its own inverse."""
+    f, w = still[:, 1:4], still[:, 4:7]
+    lfd = np.column_stack((still[:, 0], -f[:, 1], f[:, 0], f[:, 2], -w[:, 1], w[:, 0], w[:, 2]))
+    r = read(table(lfd), **SI, axes="LFD")
+    np.testing.assert_array_equal(r.imu.accel, f)
+    np.testing.assert_array_equal(r.imu.gyro, w)
+
+
 def test_a_sensor_that_looks_upside_down_is_noted(table, still):
     still[:, 3] *= -1.0
     notes = read(table(still), **SI).metadata.notes
@@ -178,6 +211,8 @@ def test_comments_in_latin_1_do_no_harm(tmp_path, still):
 def test_lines_skipped_at_the_top_are_not_looked_at(table, still):
     path = table(still, header="1 2 3\nnonsense, more\n\x01")
     np.testing.assert_array_equal(read(path, **SI, skip=3).imu.accel, still[:, 1:4])
+    path = table(still, header="0,1,2,3,4,5,6\n0,1,2,3,4,5,6", name="numbers.csv")
+    np.testing.assert_array_equal(read(path, **SI, skip=2).imu.accel, still[:, 1:4])
 
 
 # --- time ----------------------------------------------------------------------------------------------------------
@@ -251,6 +286,10 @@ def test_an_offset_is_added_and_noted(table, still):
     r = read(table(still), **SI, offset=-0.125)
     np.testing.assert_allclose(r.imu.t, still[:, 0] - 0.125, atol=1e-15)  # rounding
     assert "-0.125 s was added to every time stamp." in r.metadata.notes
+    still[:, 0] *= 1e-4
+    path = table(still)
+    with pytest.raises(FileFormatError, match="expected increasing times, but 10000000000.0"):
+        read(path, **SI, offset=1e10, allow="norm")  # steps of 1 us are lost among 2e-6 s of rounding
 
 
 # --- refusals with line --------------------------------------------------------------------------------------------

@@ -53,7 +53,9 @@ class GnssSection(Section):
     position_sigma_floor_m: Triple = Field((0.0, 0.0, 0.0), description="smallest 1-sigma N E D that is believed")
     velocity_sigma_floor_m_s: Triple = Field((0.0, 0.0, 0.0), description="smallest 1-sigma N E D that is believed")
     sigma_scale: Positive = Field(1.0, description="factor on the receiver's own 1-sigma values")
-    gate: float | None = Field(0.9999, gt=0.0, lt=1.0, description="probability with which a good fix passes")
+    gate: Annotated[float, Field(gt=0.0, lt=1.0)] | Literal["off"] = Field(
+        0.9999, description="probability with which a good fix passes, or off"
+    )
     quality: tuple[int, ...] | None = Field(None, description="RTKLIB quality numbers to use; all if left out")
 
 
@@ -95,7 +97,7 @@ class FilterSection(Section):
     full_rate: bool = Field(False, description="propagate the covariance at every IMU sample")
     record_s: Positive = Field(1.0, description="spacing of covariance records")
     output_rate_hz: Positive | None = Field(None, description="rate of the output; every sample if left out")
-    lockout: Annotated[int, Field(ge=0)] = Field(20, description="rejections in a row after which one is accepted")
+    lockout: Annotated[int, Field(ge=0)] = Field(10, description="rejections in a row after which one is accepted")
     smooth: bool = Field(True, description="also compute the smoothed solution")
 
 

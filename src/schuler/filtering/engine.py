@@ -20,6 +20,7 @@ from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.limits import MAX_STATES
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout
+from schuler.mechanization.alignment import Alignment
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import Increments
 
@@ -57,7 +58,7 @@ class FilterOptions:
     flush_angle: float = 0.3
     record_s: float = 1.0
     output_rate_hz: float | None = None
-    lockout: int = 20
+    lockout: int = 10
     smoother: bool = False
     earth_rotation: bool = True
 
@@ -130,6 +131,32 @@ class InitialState:
             P[part, part] = as_floats(block, name, (3, 3)) if block.ndim == 2 else np.diag(as_vector3(value, name) ** 2)
         P[range(9, layout.size), range(9, layout.size)] = layout.initial_variances()
         return cls(nav, P, np.zeros(layout.size - 9) if parameters is None else parameters)
+
+    def aligned(self, alignment: Alignment, layout: StateLayout) -> InitialState:
+        """This state with the covariance of an attitude and of the biases that spoiled it, correlated as they are.
+
+        Parameters
+        ----------
+        alignment : Alignment
+            Where the attitude of ``nav`` came from.
+        layout : StateLayout
+            Its bias blocks are correlated with the attitude; where it has none, the alignment's own bias sigmas count.
+        """
+        P = self.P.copy()
+        P[:3, :] = P[:, :3] = 0.0
+        P[:3, :3] = alignment.cov_noise_n
+        for block, psi, sigma in (
+            ("b_a", alignment.psi_accel, alignment.sigma_b_a),
+            ("b_g", alignment.psi_gyro, alignment.sigma_b_g),
+        ):
+            part = layout[block] if block in layout else slice(0, 0)
+            P_b = P[part, part] if block in layout else sigma**2 * np.eye(3)
+            if sigma > 0.0:
+                P[:3, :3] += psi @ P_b @ psi.T
+                if block in layout:
+                    P[:3, part] = psi @ P_b
+                    P[part, :3] = P[:3, part].T
+        return InitialState(self.nav, P, self.parameters)
 
 
 class FilterState:

@@ -77,7 +77,10 @@ def navigate(
         later = gnss.where(gnss.t > initial.nav.t + 1e-6)
         if len(later):
             schedule = gnss_measurements(
-                later, config.gnss.lever_arm_m, use_velocity=config.gnss.velocity, gate=config.gnss.gate
+                later,
+                config.gnss.lever_arm_m,
+                use_velocity=config.gnss.velocity,
+                gate=None if config.gnss.gate == "off" else config.gnss.gate,
             )
     if not len(schedule):
         notes.append("no GNSS measurement is used: this is a free inertial solution")
@@ -207,8 +210,10 @@ def align(
             still.accel,
             float(gnss.llh[k, 0]),
             t=float(gnss.t[k]),
-            sigma_gyro=float(np.hypot(spec.gyro.turn_on_bias, spec.gyro.random_walk / np.sqrt(section.rest_s))),
-            sigma_accel=spec.accel.turn_on_bias,
+            sigma_gyro_bias=spec.gyro.turn_on_bias,
+            sigma_gyro_noise=spec.gyro.random_walk / float(np.sqrt(section.rest_s)),
+            sigma_accel_bias=spec.accel.turn_on_bias,
+            sigma_accel_noise=section.tilt_floor_deg * units.DEG * 9.81,
         )
         gyro_bias = None  # the same data cannot fix both the heading and the bias
     else:
@@ -222,15 +227,12 @@ def align(
         else:
             alignment = _level_in_motion(rates, gnss, k, heading, sigma, section, spec)
             gyro_bias = None
-    nav, P = _start_from_fix(gnss, k, alignment, rates, config)
-    estimates = np.zeros(layout.size - 9)
-    full = np.zeros((layout.size, layout.size))
-    full[:9, :9] = P
-    full[range(9, layout.size), range(9, layout.size)] = layout.initial_variances()
+    initial = _start_from_fix(gnss, k, alignment, rates, layout, config)
+    estimates, P = initial.parameters.copy(), initial.P.copy()
     if gyro_bias is not None and "b_g" in layout:
         part = layout["b_g"]
         estimates[part.start - 9 : part.stop - 9], sigma_b = gyro_bias
-        full[part, part] = sigma_b**2 * np.eye(3)
+        P[part, part] = sigma_b**2 * np.eye(3)
         notes.append(
             "gyro biases start from the mean at rest: "
             + ", ".join(f"{b / units.DEG:+.3f}" for b in gyro_bias[0])
@@ -239,10 +241,10 @@ def align(
     rpy = alignment.rpy_nb / units.DEG
     sigma = np.sqrt(np.diag(alignment.cov_psi_n)) / units.DEG
     notes.append(
-        f"aligned {nav.t - imu.t[0]:.2f} s into the IMU log ({alignment.method}): roll {rpy[0]:.2f}, pitch {rpy[1]:.2f}, "
+        f"aligned {initial.nav.t - imu.t[0]:.2f} s into the IMU log ({alignment.method}): roll {rpy[0]:.2f}, pitch {rpy[1]:.2f}, "
         f"yaw {rpy[2]:.2f} deg; 1-sigma {sigma[0]:.2f} {sigma[1]:.2f} {sigma[2]:.2f} deg about N, E, D"
     )
-    return InitialState(nav, full, estimates)
+    return InitialState(initial.nav, P, estimates)
 
 
 def _prepared_imu(imu: ImuSeries, config: NavigationConfig, notes: list[str]) -> ImuSeries:
@@ -302,9 +304,8 @@ def _at_rest(
         return None, None, end
     still = rates.between(start, end)
     length = end - start
-    sigma_accel = float(np.hypot(spec.accel.turn_on_bias, spec.accel.random_walk / np.sqrt(length)))
-    floor = section.tilt_floor_deg * units.DEG * 9.81
-    level = levelling(still.accel, t=end, sigma_accel=max(sigma_accel, floor))
+    noise = float(np.hypot(spec.accel.random_walk / np.sqrt(length), section.tilt_floor_deg * units.DEG * 9.81))
+    level = levelling(still.accel, t=end, sigma_bias=spec.accel.turn_on_bias, sigma_noise=noise)
     # Earth rate is taken off as far as it is known without a heading: its vertical part; the rest goes into sigma
     omega_ie_n = earth.earth_rate_ned(float(gnss.llh[0, 0]))
     vertical = level.C_nb.T @ np.array([0.0, 0.0, omega_ie_n[2]])
@@ -377,9 +378,9 @@ def _level_in_motion(
 
 
 def _start_from_fix(
-    gnss: GnssSeries, k: int, alignment: Alignment, rates: ImuSeries, config: NavigationConfig
-) -> tuple[NavState, FloatArray]:
-    """Navigation state and its 9 x 9 covariance of the IMU from a fix of the antenna and an attitude."""
+    gnss: GnssSeries, k: int, alignment: Alignment, rates: ImuSeries, layout: StateLayout, config: NavigationConfig
+) -> InitialState:
+    """Initial state of the IMU from a fix of the antenna and an attitude, with the correlations between them."""
     lever = np.array(config.gnss.lever_arm_m)
     t = float(gnss.t[k])
     C_nb = alignment.C_nb
@@ -392,15 +393,13 @@ def _start_from_fix(
     origin = gnss.llh[k]
     r_e = frames.ecef_from_llh(origin) - frames.C_en(origin) @ arm_n
     nav = NavState.from_geodetic(t, frames.llh_from_ecef(r_e), v_n, alignment.rpy_nb)
-    # dr = dr_antenna - dpsi x (C l): attitude and position errors are correlated through the lever arm
-    J = rotation.skew(arm_n)
-    P = np.zeros((9, 9))
-    P[:3, :3] = alignment.cov_psi_n
-    P[3:6, 3:6] = cov_v
-    P[6:9, 6:9] = gnss.cov_r_n[k] + J @ alignment.cov_psi_n @ J.T
-    P[6:9, :3] = J @ alignment.cov_psi_n
-    P[:3, 6:9] = P[6:9, :3].T
-    return nav, P
+    start = InitialState.from_sigmas(
+        nav, layout, attitude=np.zeros(3), velocity=cov_v, position=gnss.cov_r_n[k]
+    ).aligned(alignment, layout)
+    # the antenna is where the fix says, so dr + dpsi x (C l) is the fix's error: dr = error + [C l x] dpsi
+    T = np.eye(layout.size)
+    T[6:9, 0:3] = rotation.skew(arm_n)
+    return InitialState(nav, T @ start.P @ T.T, start.parameters)
 
 
 def _moved_to(initial: InitialState, increments: Increments) -> InitialState:

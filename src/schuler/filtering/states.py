@@ -15,6 +15,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
+from schuler.sensors.spec import allan_minimum
 
 if TYPE_CHECKING:
     from schuler.sensors.spec import ImuSpec, TriadSpec
@@ -230,7 +231,9 @@ def layout_for(spec: ImuSpec, states: int | tuple[str, ...] = 15) -> StateLayout
     -----
     A bias that has a turn-on part and wanders is modelled as a random walk from the turn-on uncertainty, with the
     short-term growth of the wander (``sigma sqrt(2 / tau)``, or K). A Gauss-Markov model would pull the estimate of the
-    turn-on part to zero with its correlation time; with 27 states both parts are modelled as what they are.
+    turn-on part to zero with its correlation time; with 27 states both parts are modelled as what they are. A bias
+    instability B has no model of finite order: its walk is chosen to reach the flat 0.664 B of the Allan deviation at
+    100 s, and the wander over a run, 1.9 B, goes into the initial uncertainty.
     """
     named: dict[int, tuple[str, ...]] = {
         9: (),
@@ -260,8 +263,11 @@ def _model(name: str, triad: TriadSpec, *, separate: bool) -> StateModel:
         return StateModel.gauss_markov(triad.in_run_bias, triad.in_run_time)
     if name in ("b_a", "b_g"):
         wander = 0.0 if separate or not triad.in_run_time else triad.in_run_bias
-        walk = np.hypot(triad.rate_random_walk, wander * np.sqrt(2.0 / triad.in_run_time) if wander else 0.0)
-        return StateModel(float(np.hypot(triad.turn_on_bias, wander)), float(walk))
+        walks = [triad.rate_random_walk, allan_minimum(triad.bias_instability) * np.sqrt(3.0 / 100.0)]
+        if wander:
+            walks.append(wander * np.sqrt(2.0 / triad.in_run_time))
+        sigmas = [triad.turn_on_bias, wander, 1.9 * triad.bias_instability]
+        return StateModel(float(np.linalg.norm(sigmas)), float(np.linalg.norm(walks)))
     if name in ("S_a", "S_g"):
         return StateModel.constant(triad.scale_factor)
     if name in ("M_a", "M_a6", "M_g"):

@@ -1,11 +1,12 @@
 """Initial attitude: levelling, gyrocompassing, heading from course.
 
-Every result carries its covariance, because the filter that starts from it must know how wrong it may be.
+Every result says how wrong it may be, and which part of that comes from the sensors' biases: a filter that starts from
+an attitude and estimates the biases that spoiled it must know that the two errors are one.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,21 +25,40 @@ class Alignment:
         Time of validity. [s]
     rpy_nb : ndarray, shape (3,)
         Roll, pitch, yaw. [rad]
-    cov_psi_n : ndarray, shape (3, 3)
-        Covariance of the attitude error about north, east and down (estimate minus truth). [rad^2]
+    cov_noise_n : ndarray, shape (3, 3)
+        Covariance of the attitude error about north, east, down from everything but biases. [rad^2]
     method : str
         How it was found, a phrase for reports.
+    psi_accel, psi_gyro : ndarray, shape (3, 3)
+        Attitude error (n axes, estimate minus truth) per error of the accelerometer and gyro bias estimates used
+        (body axes, estimate minus truth). [rad/(m/s^2)], [rad/(rad/s)]
+    sigma_b_a, sigma_b_g : float
+        1-sigma of those bias errors, per axis. [m/s^2], [rad/s]
     """
 
     t: float
     rpy_nb: FloatArray
-    cov_psi_n: FloatArray
+    cov_noise_n: FloatArray
     method: str
+    psi_accel: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+    psi_gyro: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+    sigma_b_a: float = 0.0
+    sigma_b_g: float = 0.0
 
     @property
     def C_nb(self) -> FloatArray:
         """Attitude matrix, body to north-east-down."""
         return rotation.dcm_from_rpy(self.rpy_nb)
+
+    @property
+    def cov_psi_n(self) -> FloatArray:
+        """Covariance of the attitude error about north, east, down, biases included. [rad^2]"""
+        cov: FloatArray = (
+            self.cov_noise_n
+            + self.sigma_b_a**2 * self.psi_accel @ self.psi_accel.T
+            + self.sigma_b_g**2 * self.psi_gyro @ self.psi_gyro.T
+        )
+        return cov
 
     def with_heading(self, heading: float, sigma: float, method: str) -> Alignment:
         """The same roll and pitch with a heading from elsewhere.
@@ -52,17 +72,22 @@ class Alignment:
         """
         if not sigma > 0.0:
             raise InputError(f"sigma: expected a positive 1-sigma heading error [rad], got {sigma!r}")
-        # the tilt covariance was about north and east of the old heading; it belongs to the body, so it turns along
+        # tilt errors belong to the body: about north and east they turn with it
         turn = rotation.dcm_from_rpy(np.array([0.0, 0.0, heading - self.rpy_nb[2]]))
-        cov = turn @ self.cov_psi_n @ turn.T
-        cov[2, :] = cov[:, 2] = 0.0
-        cov[2, 2] = sigma**2
+        noise = turn @ self.cov_noise_n @ turn.T
+        noise[2, :] = noise[:, 2] = 0.0
+        noise[2, 2] = sigma**2
+        accel = turn @ self.psi_accel
+        accel[2] = 0.0
         rpy = np.array([self.rpy_nb[0], self.rpy_nb[1], float(frames.wrap_angle(heading))])
-        return Alignment(self.t, rpy, cov, f"{self.method}, {method}")
+        return replace(
+            self, rpy_nb=rpy, cov_noise_n=noise, method=f"{self.method}, {method}", psi_accel=accel,
+            psi_gyro=np.zeros((3, 3)), sigma_b_g=0.0,
+        )  # fmt: skip
 
 
 def levelling(
-    f_ib_b: ArrayLike, *, t: float = 0.0, sigma_accel: float = 0.0, sigma_heading: float = np.pi
+    f_ib_b: ArrayLike, *, t: float = 0.0, sigma_bias: float = 0.0, sigma_noise: float = 0.0, sigma_heading: float = np.pi
 ) -> Alignment:
     """Roll and pitch from the specific force at rest; the heading stays unknown.
 
@@ -72,8 +97,8 @@ def levelling(
         Specific force at rest, body axes; samples are averaged. [m/s^2]
     t : float
         Time of validity. [s]
-    sigma_accel : float
-        1-sigma error of the mean specific force, bias included. [m/s^2]
+    sigma_bias, sigma_noise : float
+        1-sigma of the accelerometer biases, and of everything else in the mean: noise, sway. [m/s^2]
     sigma_heading : float
         1-sigma of the heading, which is set to zero. [rad]
 
@@ -98,8 +123,12 @@ def levelling(
             "Use a stretch at rest, and check the unit and whether the log holds increments"
         )
     rpy = np.array([np.arctan2(-f[1], -f[2]), np.arctan2(f[0], np.hypot(f[1], f[2])), 0.0])
-    tilt = (sigma_accel / norm) ** 2
-    return Alignment(float(t), rpy, np.diag([tilt, tilt, sigma_heading**2]), "levelled")
+    # the levelled force has no horizontal part: dpsi x f_n = C db_a, with f_n = (0, 0, -g)
+    psi_accel = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) / norm @ rotation.dcm_from_rpy(rpy)
+    tilt = (sigma_noise / norm) ** 2
+    return Alignment(
+        float(t), rpy, np.diag([tilt, tilt, sigma_heading**2]), "levelled", psi_accel=psi_accel, sigma_b_a=sigma_bias
+    )
 
 
 def gyrocompass(
@@ -108,8 +137,10 @@ def gyrocompass(
     lat: float,
     *,
     t: float = 0.0,
-    sigma_gyro: float = 0.0,
-    sigma_accel: float = 0.0,
+    sigma_gyro_bias: float = 0.0,
+    sigma_gyro_noise: float = 0.0,
+    sigma_accel_bias: float = 0.0,
+    sigma_accel_noise: float = 0.0,
 ) -> Alignment:
     """Attitude at rest from gravity and Earth rate.
 
@@ -121,13 +152,16 @@ def gyrocompass(
         Geodetic latitude. [rad]
     t : float
         Time of validity. [s]
-    sigma_gyro, sigma_accel : float
-        1-sigma errors of the means, biases included. [rad/s], [m/s^2]
+    sigma_gyro_bias, sigma_gyro_noise : float
+        1-sigma of the gyro biases, and of the noise in the mean rate. [rad/s]
+    sigma_accel_bias, sigma_accel_noise : float
+        The same of the accelerometers. [m/s^2]
 
     Returns
     -------
     Alignment
-        Its heading error is the east gyro error over ``omega_ie cos(lat)``, plus tilt times the tangent of latitude.
+        Its heading error is the east gyro error over ``omega_ie cos(lat)``, less tilt about north times the tangent of
+        the latitude.
 
     Raises
     ------
@@ -142,24 +176,34 @@ def gyrocompass(
     ----------
     Groves (2013), section 5.6.2; Du (2015), section 4.2.1.
     """
-    level = levelling(f_ib_b, t=t, sigma_accel=sigma_accel)
+    level = levelling(f_ib_b, t=t, sigma_bias=sigma_accel_bias, sigma_noise=sigma_accel_noise)
     omega = np.atleast_2d(as_floats(omega_ib_b, "omega_ib_b")).mean(axis=0)
-    horizontal = rotation.dcm_from_rpy(level.rpy_nb) @ omega
+    horizontal = level.C_nb @ omega
     heading = float(np.arctan2(-horizontal[1], horizontal[0]))
     north_rate = earth.WGS84.omega_ie * np.cos(lat)
-    tilt = level.cov_psi_n[0, 0]
-    variance = (sigma_gyro / north_rate) ** 2 + np.tan(lat) ** 2 * tilt if north_rate > 0 else np.inf
-    if not np.sqrt(variance) < np.pi / 3.0:
+    sigma = np.inf
+    if north_rate > 1e-12:
+        tilt = np.hypot(sigma_accel_bias, sigma_accel_noise) / 9.81
+        sigma = np.hypot(np.hypot(sigma_gyro_bias, sigma_gyro_noise) / north_rate, np.tan(lat) * tilt)
+    if not sigma < np.pi / 3.0:
         raise InputError(
-            f"gyrocompassing at latitude {lat:.4f} rad with a gyro error of {sigma_gyro:.2e} rad/s would leave the heading "
-            f"unknown (1-sigma {np.sqrt(variance):.2f} rad); give a heading from GNSS course, a compass or a survey"
+            f"gyrocompassing at latitude {lat:.4f} rad with a gyro error of {np.hypot(sigma_gyro_bias, sigma_gyro_noise):.2e} "
+            f"rad/s would leave the heading unknown (1-sigma {sigma:.2f} rad); give a heading from GNSS course, a compass "
+            "or a survey"
         )
-    # levelling leaves the body's x axis north in its own axes: the heading turns them
-    result = level.with_heading(heading, max(float(np.sqrt(variance)), 1e-12), "gyrocompassed")
-    cov = result.cov_psi_n.copy()
-    # a tilt about north leaks vertical Earth rate into the east direction the heading is taken from
-    cov[0, 2] = cov[2, 0] = np.tan(lat) * tilt
-    return Alignment(result.t, result.rpy_nb, cov, "levelled and gyrocompassed")
+    turned = level.with_heading(heading, 1.0, "gyrocompassed")
+    # no east component of Earth rate is left: dpsi_D omega_N - dpsi_N omega_D = (C db_g)_E
+    accel = turned.psi_accel.copy()
+    accel[2] = -np.tan(lat) * accel[0]
+    gyro = np.zeros((3, 3))
+    gyro[2] = turned.C_nb[1] / north_rate
+    noise = turned.cov_noise_n.copy()
+    noise[2, :] = noise[:, 2] = -np.tan(lat) * noise[0]
+    noise[2, 2] = (sigma_gyro_noise / north_rate) ** 2 + np.tan(lat) ** 2 * noise[0, 0]
+    return replace(
+        turned, cov_noise_n=noise, psi_accel=accel, psi_gyro=gyro, sigma_b_g=sigma_gyro_bias,
+        method="levelled and gyrocompassed",
+    )  # fmt: skip
 
 
 def heading_from_course(v_eb_n: ArrayLike, sigma_v: float, *, sigma_sideslip: float = 0.0) -> tuple[float, float]:

@@ -7,7 +7,7 @@ north-east-down. They are checked when made: times increase, values are finite, 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
 
 Kind = Literal["rate", "increment"]
+
+_MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
 
 #: GNSS solution quality, RTKLIB's numbers.
 QUALITY = {1: "fixed", 2: "float", 3: "sbas", 4: "dgps", 5: "single", 6: "ppp", 7: "dead reckoning"}
@@ -347,7 +349,12 @@ class Trajectory:
     def llh(self) -> FloatArray:
         """Latitude, longitude [rad], ellipsoidal height [m]. Shape (n, 3)."""
         if "llh" not in self._cache:
-            self._cache["llh"] = frames.llh_from_ecef(self.r_eb_e)
+            if len(self) < _MANY:
+                self._cache["llh"] = frames.llh_from_ecef(self.r_eb_e)
+            else:
+                llh = np.empty_like(self.r_eb_e)
+                _axes_kernels().geodetic(self.r_eb_e, llh)
+                self._cache["llh"] = llh
         return self._cache["llh"]
 
     @property
@@ -356,7 +363,12 @@ class Trajectory:
         if self.v_eb_e is None:
             raise InputError("this trajectory has no velocity")
         if "v_eb_n" not in self._cache:
-            self._cache["v_eb_n"] = rotation.rotate(rotation.quat_conjugate(frames.q_en(self.llh)), self.v_eb_e)
+            if len(self) < _MANY:
+                v_n = rotation.rotate(rotation.quat_conjugate(frames.q_en(self.llh)), self.v_eb_e)
+            else:
+                v_n = np.empty_like(self.v_eb_e)
+                _axes_kernels().vectors_to_ned(self.v_eb_e, self.llh, v_n)
+            self._cache["v_eb_n"] = v_n
         return self._cache["v_eb_n"]
 
     @property
@@ -365,8 +377,12 @@ class Trajectory:
         if self.q_eb is None:
             raise InputError("this trajectory has no attitude")
         if "q_nb" not in self._cache:
-            conjugate = rotation.quat_conjugate(frames.q_en(self.llh))
-            self._cache["q_nb"] = rotation.quat_multiply(conjugate, self.q_eb)
+            if len(self) < _MANY:
+                q_nb = rotation.quat_multiply(rotation.quat_conjugate(frames.q_en(self.llh)), self.q_eb)
+            else:
+                q_nb = np.empty_like(self.q_eb)
+                _axes_kernels().attitudes_to_ned(self.q_eb, self.llh, q_nb)
+            self._cache["q_nb"] = q_nb
         return self._cache["q_nb"]
 
     @property
@@ -449,6 +465,13 @@ class Trajectory:
         if self.q_eb is None:
             raise InputError("a lever arm needs an attitude, and this trajectory has none")
         return Trajectory(self.t, self.r_eb_e + rotation.rotate(self.q_eb, as_floats(l_bp_b, "l_bp_b", (3,))), None, self.q_eb)
+
+
+def _axes_kernels() -> Any:
+    from schuler.recording import _kernels
+
+    _kernels.prepare_axes()
+    return _kernels
 
 
 def _covariances(value: ArrayLike, name: str, n: int) -> FloatArray:

@@ -13,6 +13,29 @@ from schuler.sensors.errors import ApplyReport, ImuErrors
 from schuler.simulation.motion import Motion, ideal_increments, ideal_rates
 
 
+class IdealImu(NamedTuple):
+    """What a perfect IMU would report along a motion, and where the body was.
+
+    Attributes
+    ----------
+    kind : {"increment", "rate"}
+    rate_hz : float
+    t : ndarray, shape (n + 1,)
+        Limits of the intervals, which are the samples for rates. [s]
+    gyro, accel : ndarray, shape (n, 3) for increments, (n + 1, 3) for rates
+        Integrals [rad], [m/s] or rates [rad/s], [m/s^2].
+    truth : Trajectory
+        Position, velocity and attitude of the IMU at ``t``.
+    """
+
+    kind: Kind
+    rate_hz: float
+    t: FloatArray
+    gyro: FloatArray
+    accel: FloatArray
+    truth: Trajectory
+
+
 class SimulatedImu(NamedTuple):
     """IMU series with what is true of it.
 
@@ -20,49 +43,31 @@ class SimulatedImu(NamedTuple):
     ----------
     imu : ImuSeries
         Body axes.
-    truth : Trajectory
-        Position, velocity, attitude of the IMU at the start and at every sample. n + 1 entries for increments.
     report : ApplyReport
         True biases by sample, clipping.
     """
 
     imu: ImuSeries
-    truth: Trajectory
     report: ApplyReport
 
 
-def simulate_imu(
-    motion: Motion,
-    errors: ImuErrors,
-    rate_hz: float,
-    rng: np.random.Generator,
-    *,
-    kind: Kind = "increment",
-    earth_rotation: bool = True,
-    temperature: FloatArray | float | None = None,
-) -> SimulatedImu:
-    """IMU output along a motion.
+def ideal_imu(motion: Motion, rate_hz: float, *, kind: Kind = "increment", earth_rotation: bool = True) -> IdealImu:
+    """Ideal IMU output along a motion.
 
     Parameters
     ----------
     motion : Motion
-    errors : ImuErrors
-        One realisation, see :meth:`ImuErrors.draw`; :meth:`ImuErrors.none` for an ideal IMU.
     rate_hz : float
         Sampling rate.
-    rng : numpy.random.Generator
-        For the noise.
     kind : {"increment", "rate"}
-        Increments are exact integrals of the motion over each interval; rates are samples at the stamps, noise scaled
-        for the same rate.
+        Increments are exact integrals of the motion over each interval; rates are samples at the stamps.
     earth_rotation : bool
         See :func:`schuler.simulation.motion.inertial_quantities`.
-    temperature : float or ndarray, shape (n,), optional
-        [degC]
 
-    Returns
-    -------
-    SimulatedImu
+    Raises
+    ------
+    InputError
+        If the rate is not positive or the motion holds no two samples.
     """
     if not rate_hz > 0.0:
         raise InputError(f"rate_hz: expected a positive rate, got {rate_hz!r}")
@@ -70,18 +75,37 @@ def simulate_imu(
     if n < 2:
         raise InputError(f"a motion of {motion.duration} s holds no two samples at {rate_hz} Hz")
     t = np.arange(n + 1) / rate_hz
-    dt = 1.0 / rate_hz
-    if kind == "increment":
-        dtheta, dv, report = errors.apply_increments(
-            *ideal_increments(motion, t, earth_rotation=earth_rotation), dt, rng, temperature
-        )
-        imu = ImuSeries(t[1:], dtheta, dv, "increment")
-    else:
-        gyro, accel, report = errors.apply_rates(
-            *ideal_rates(motion, t, earth_rotation=earth_rotation), dt, rng, temperature
-        )
-        imu = ImuSeries(t, gyro, accel, "rate")
-    return SimulatedImu(imu, truth(motion, t), report)
+    sensed = ideal_increments if kind == "increment" else ideal_rates
+    gyro, accel = sensed(motion, t, earth_rotation=earth_rotation)
+    return IdealImu(kind, rate_hz, t, gyro, accel, truth(motion, t))
+
+
+def simulate_imu(
+    ideal: IdealImu, errors: ImuErrors, rng: np.random.Generator, *, temperature: FloatArray | float | None = None
+) -> SimulatedImu:
+    """One realisation of an IMU's output.
+
+    Parameters
+    ----------
+    ideal : IdealImu
+        Computed once for any number of realisations.
+    errors : ImuErrors
+        See :meth:`ImuErrors.draw`; :meth:`ImuErrors.none` for an ideal IMU.
+    rng : numpy.random.Generator
+        For the noise.
+    temperature : float or ndarray, shape (n,), optional
+        [degC]
+
+    Returns
+    -------
+    SimulatedImu
+    """
+    dt = 1.0 / ideal.rate_hz
+    if ideal.kind == "increment":
+        dtheta, dv, report = errors.apply_increments(ideal.gyro, ideal.accel, dt, rng, temperature)
+        return SimulatedImu(ImuSeries(ideal.t[1:], dtheta, dv, "increment"), report)
+    gyro, accel, report = errors.apply_rates(ideal.gyro, ideal.accel, dt, rng, temperature)
+    return SimulatedImu(ImuSeries(ideal.t, gyro, accel, "rate"), report)
 
 
 def truth(motion: Motion, t: FloatArray) -> Trajectory:

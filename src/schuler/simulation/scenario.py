@@ -21,7 +21,7 @@ from schuler.sensors import catalogue
 from schuler.sensors.errors import ApplyReport, ImuErrors
 from schuler.sensors.spec import ImuSpec, TriadSpec
 from schuler.simulation.aiding import GnssModel, simulate_gnss, simulate_odometer
-from schuler.simulation.imu import simulate_imu
+from schuler.simulation.imu import IdealImu, ideal_imu, simulate_imu
 from schuler.simulation.motion import Motion, StaticMotion
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion, Waypoint, WaypointMotion, polynomial_motion
 from schuler.simulation.splines import SplineMotion
@@ -227,6 +227,24 @@ class Scenario(_Section):
         return cls.parse(data, str(path))
 
 
+class Mission(NamedTuple):
+    """A scenario with everything that does not depend on chance, for one run or for thousands.
+
+    Attributes
+    ----------
+    scenario : Scenario
+    motion : Motion
+    ideal : IdealImu
+    spec : ImuSpec or None
+        Error budget of the IMU, None for an ideal one.
+    """
+
+    scenario: Scenario
+    motion: Motion
+    ideal: IdealImu
+    spec: ImuSpec | None
+
+
 class Simulation(NamedTuple):
     """A simulated recording with what a real one keeps to itself.
 
@@ -238,21 +256,29 @@ class Simulation(NamedTuple):
         The realisation that was applied.
     report : ApplyReport
         True biases by sample, clipping.
-    spec : ImuSpec or None
     """
 
     recording: Recording
     errors: ImuErrors
     report: ApplyReport
-    spec: ImuSpec | None
 
 
-def simulate_mission(scenario: Scenario | dict[str, Any] | Path | str, rng: np.random.Generator | None = None) -> Simulation:
-    """Simulate a scenario and keep what is true.
+def prepare_mission(scenario: Scenario | dict[str, Any] | Path | str) -> Mission:
+    """Motion and ideal IMU output of a scenario (an object, nested dictionaries, or the path of a TOML file)."""
+    if not isinstance(scenario, Scenario):
+        scenario = Scenario.parse(scenario) if isinstance(scenario, dict) else Scenario.load(scenario)
+    motion = scenario.motion.build()
+    imu = scenario.imu
+    ideal = ideal_imu(motion, imu.rate_hz, kind=imu.kind, earth_rotation=scenario.motion.earth_rotation)
+    return Mission(scenario, motion, ideal, imu.spec())
+
+
+def simulate_mission(mission: Mission, rng: np.random.Generator | None = None) -> Simulation:
+    """One realisation of a mission.
 
     Parameters
     ----------
-    scenario : Scenario, dict, or path of a TOML file
+    mission : Mission
     rng : numpy.random.Generator, optional
         Default: from the scenario's seed. IMU errors, IMU noise, GNSS and odometer draw from children of their own, so
         changing one leaves the others as they were.
@@ -261,32 +287,22 @@ def simulate_mission(scenario: Scenario | dict[str, Any] | Path | str, rng: np.r
     -------
     Simulation
     """
-    if not isinstance(scenario, Scenario):
-        scenario = Scenario.parse(scenario) if isinstance(scenario, dict) else Scenario.load(scenario)
+    scenario = mission.scenario
     rng = np.random.default_rng(scenario.seed) if rng is None else rng
     errors_rng, imu_rng, gnss_rng, odometer_rng = rng.spawn(4)
-    motion = scenario.motion.build()
-    spec = scenario.imu.spec()
-    errors = ImuErrors.none() if spec is None else ImuErrors.draw(spec, errors_rng)
-    simulated = simulate_imu(
-        motion,
-        errors,
-        scenario.imu.rate_hz,
-        imu_rng,
-        kind=scenario.imu.kind,
-        earth_rotation=scenario.motion.earth_rotation,
-        temperature=scenario.imu.temperature_degC,
-    )
+    errors = ImuErrors.none() if mission.spec is None else ImuErrors.draw(mission.spec, errors_rng)
+    simulated = simulate_imu(mission.ideal, errors, imu_rng, temperature=scenario.imu.temperature_degC)
     notes = ["simulated; the reference is the true trajectory of the IMU"]
     if simulated.report.gyro_clipped.any() or simulated.report.accel_clipped.any():
         notes.append(simulated.report.summary())
-    gnss = None if scenario.gnss is None else simulate_gnss(motion, scenario.gnss.model(), gnss_rng)
+    gnss = None if scenario.gnss is None else simulate_gnss(mission.motion, scenario.gnss.model(), gnss_rng)
     odometer = None
     if scenario.odometer is not None:
         o = scenario.odometer
         odometer = simulate_odometer(
-            motion, o.rate_hz, odometer_rng, sigma=o.sigma_m_s, scale_error=o.scale_error, lever_arm_b=o.lever_arm_m
-        )
+            mission.motion, o.rate_hz, odometer_rng, sigma=o.sigma_m_s, scale_error=o.scale_error,
+            lever_arm_b=o.lever_arm_m,
+        )  # fmt: skip
     metadata = Metadata(
         name=scenario.name,
         time=TimeBase("gps", gps_seconds(scenario.start_week, scenario.start_tow_s)),
@@ -294,13 +310,27 @@ def simulate_mission(scenario: Scenario | dict[str, Any] | Path | str, rng: np.r
         notes=tuple(notes),
         options={"scenario": scenario.model_dump(mode="json", exclude_defaults=True)},
     )
-    recording = Recording(simulated.imu, gnss, odometer, simulated.truth, metadata)
-    return Simulation(recording, errors, simulated.report, spec)
+    recording = Recording(simulated.imu, gnss, odometer, mission.ideal.truth, metadata)
+    return Simulation(recording, errors, simulated.report)
 
 
-def simulate(scenario: Scenario | dict[str, Any] | Path | str, rng: np.random.Generator | None = None) -> Recording:
-    """Recording of a simulated scenario, see :func:`simulate_mission`."""
-    return simulate_mission(scenario, rng).recording
+def simulate(
+    scenario: Scenario | dict[str, Any] | Path | str, rng: np.random.Generator | None = None
+) -> Recording:
+    """Recording of a simulated scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario, dict, or path of a TOML file
+    rng : numpy.random.Generator, optional
+        Default: from the scenario's seed.
+
+    Returns
+    -------
+    Recording
+        With the true trajectory of the IMU as its reference; :func:`simulate_mission` also returns the true errors.
+    """
+    return simulate_mission(prepare_mission(scenario), rng).recording
 
 
 def _place(p: WaypointSection, origin: FloatArray) -> FloatArray:

@@ -165,6 +165,7 @@ def _time(raw: Raw, hints: ReadHints, base: TimeBase | None) -> tuple[FloatArray
     if hints.offset:
         raw.notes.append(f"{hints.offset:g} s was added to every time stamp.")
         t = t + hints.offset
+        check_increasing(raw, t)  # a very large offset leaves no digits for the interval
     raw.notes += checks.timing_notes(t)
     return t, base
 

@@ -85,7 +85,8 @@ def _read_part(path: Path, part: str, entry: Mapping[str, Any]) -> Recording:
             **dict.fromkeys(surplus),
             metadata=recording.metadata.noting(f"{file.name}: not used are its {', '.join(surplus)}."),
         )
-    notes = tuple(f"{file.name}: {note}" for note in recording.metadata.notes if not note.startswith(file.name))
+    said = recording.metadata.notes
+    notes = tuple(note if note.startswith(f"{file.name}: ") else f"{file.name}: {note}" for note in said)
     return replace(recording, metadata=replace(recording.metadata, notes=notes))
 
 

@@ -148,6 +148,8 @@ class ReadHints:
                 f"{self.geoid_separation:g}; is it in feet, or the height itself?"
             )
         object.__setattr__(self, "offset", _number(self.offset, "offset", None))
+        if abs(self.offset) > 1e10:
+            raise InputError(f"offset: expected seconds within +-1e10, got {self.offset:g}")
         skip = _number(self.skip, "skip", None)
         if skip < 0 or skip != int(skip):
             raise InputError(f"skip: expected a number of lines, got {self.skip!r}")

@@ -31,12 +31,14 @@ def read_numpy(path: Path, hints: ReadHints) -> Recording:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            loaded = np.load(path, allow_pickle=False)
-            if isinstance(loaded, np.ndarray):
-                arrays = {"array": loaded}
-            else:
-                with loaded:
-                    arrays = {name: loaded[name] for name in loaded.files}
+            # opened here because NumPy leaves a damaged archive open
+            with path.open("rb") as stream:
+                loaded = np.load(stream, allow_pickle=False)
+                if isinstance(loaded, np.ndarray):
+                    arrays = {"array": loaded}
+                else:
+                    with loaded:
+                        arrays = {name: loaded[name] for name in loaded.files}
         # a damaged file makes zip and header parsers fail in ways that are not listed anywhere
         except Exception as error:
             raise FileFormatError(

@@ -100,7 +100,9 @@ def read_pos(path: Path, hints: ReadHints) -> Recording:
     raw.values |= {"q": body[:, 3], "ns": body[:, 4]}
     if hints.offset:
         raw.notes.append(f"{hints.offset:g} s was added to every time stamp.")
-    gnss = gnss_series(raw, hints, t + hints.offset)
+        t = t + hints.offset
+        check_increasing(raw, t)
+    gnss = gnss_series(raw, hints, t)
     raw.notes += checks.timing_notes(t)
     return Recording(gnss=gnss, metadata=metadata_of(path, hints, base, raw.notes))
 

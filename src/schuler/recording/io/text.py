@@ -11,7 +11,7 @@ from typing import Any
 from schuler.exceptions import FileFormatError, SchulerError
 from schuler.recording.io import columns, lines, own
 from schuler.recording.io.assemble import recording_from
-from schuler.recording.io.hints import ReadHints, factor, parse_columns, parse_units
+from schuler.recording.io.hints import ColumnSpec, ReadHints, factor, parse_columns, parse_units
 from schuler.recording.io.lines import TextTable
 from schuler.recording.io.raw import Raw
 from schuler.recording.recording import Recording
@@ -136,46 +136,44 @@ def _layout(opening: Opening, hints: ReadHints) -> tuple[list[str], list[int], d
     """Names and positions of the columns to read, the units the header states, and notes."""
     notes: list[str] = []
     path, header = opening.table.path, opening.header
-    if header is not None and len(header[1]) != len(opening.fields):
-        if hints.columns is None:
-            raise FileFormatError(
-                f"the header names {len(header[1])} columns, the first row of numbers (line {opening.table.first}) has "
-                f"{len(opening.fields)}: correct the file, or say {_EXAMPLE} and skip={header[0]}",
-                path,
-                header[0],
-            )
-        header = None
     parsed = parse_columns(hints.columns)
+    specs = [] if parsed is None else [spec for spec in parsed[0] if spec is not None]
+    in_order = parsed is not None and all(spec.source is None for spec in specs)
+    fits = header is not None and len(header[1]) == len(opening.fields)
+    if header is not None and not fits and not in_order:
+        raise FileFormatError(
+            f"the header names {len(header[1])} columns, the first row of numbers (line {opening.table.first}) has "
+            f"{len(opening.fields)}: correct the file, or say {_EXAMPLE} and skip={header[0]}",
+            path,
+            header[0],
+        )
     if parsed is None:
         chosen = _by_header(opening, hints, notes)
+    elif in_order:
+        chosen = _by_order(opening, hints, *parsed)
     else:
-        specs, rest = parsed
-        if any(spec is not None and spec.source is not None for spec in specs):
-            chosen = {}
-            for spec in specs:
-                if spec is None:
-                    continue
-                if spec.source is None or spec.name in columns.TRIADS:
-                    raise FileFormatError(
-                        f"columns: in a text file all names are mapped to headers or none, got {hints.columns!r}",
-                        path,
-                    )
-                chosen[spec.name] = _find_header(opening, spec.source)
-        else:
-            n = len(opening.fields)
-            if len(specs) > n or (len(specs) < n and not rest):
-                raise FileFormatError(
-                    f"expected {len(specs)} columns ({hints.columns}), got {n} fields between delimiters "
-                    f"{opening.table.delimiter!r}: add - for each column to skip or * for the rest, or give delimiter",
-                    path,
-                    opening.table.first,
-                )
-            chosen = {spec.name: k for k, spec in enumerate(specs) if spec is not None}
-            if header is not None:
-                notes.append(f"The header in line {header[0]} was passed over, since the columns were given.")
-                return list(chosen), list(chosen.values()), {}, notes
-    stated = {} if header is None else _stated_units(opening, hints, chosen, notes)
+        if any(spec.source is None or spec.name in columns.TRIADS for spec in specs):
+            raise FileFormatError(
+                f"columns: in a text file all names are mapped to headers or none, got {hints.columns!r}", path
+            )
+        chosen = {spec.name: _find_header(opening, spec.source or "") for spec in specs}
+    stated = _stated_units(opening, hints, chosen, notes) if fits else {}
+    if header is not None and in_order:
+        kept = " but for the units it states" if stated else ""
+        notes.append(f"The header in line {header[0]} was passed over{kept}, since the columns were given.")
     return list(chosen), list(chosen.values()), stated, notes
+
+
+def _by_order(opening: Opening, hints: ReadHints, specs: list[ColumnSpec | None], rest: bool) -> dict[str, int]:
+    n = len(opening.fields)
+    if len(specs) > n or (len(specs) < n and not rest):
+        raise FileFormatError(
+            f"expected {len(specs)} columns ({hints.columns}), got {n} fields between delimiters "
+            f"{opening.table.delimiter!r}: add - for each column to skip or * for the rest, or give delimiter",
+            opening.table.path,
+            opening.table.first,
+        )
+    return {spec.name: k for k, spec in enumerate(specs) if spec is not None}
 
 
 def _by_header(opening: Opening, hints: ReadHints, notes: list[str]) -> dict[str, int]:

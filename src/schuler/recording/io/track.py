@@ -236,6 +236,8 @@ def _prepare(
         kinds = np.where((t >= start) & (t <= stop), -1, kinds)
     starts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist()]
     stops = [*(k + 1 for k in starts[1:]), len(t)]
+    if len(starts) > 1 and starts[-1] == len(t) - 1:
+        starts, stops = starts[:-1], stops[:-1]  # the leg before ends on the last point
     legs = [
         _Leg(*(_OUTAGE if kinds[a] == -1 else styles[int(kinds[a])]), slice(a, b))
         for a, b in zip(starts, stops, strict=True)

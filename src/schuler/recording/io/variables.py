@@ -93,7 +93,7 @@ def _from_matrix(
     if hints.variable is not None:
         name = _named(path, arrays, hints.variable)
     else:
-        fitting = [name for name, array in arrays.items() if sides(array)]
+        fitting = [name for name, array in arrays.items() if sides(array) and name != parse_scale(hints.scale)]
         if "imu" in fitting:
             fitting = ["imu"]
         if len(fitting) != 1:

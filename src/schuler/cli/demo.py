@@ -1,0 +1,115 @@
+"""``schuler demo``."""
+
+from __future__ import annotations
+
+import time
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.cli.navigate import Outcome, evaluated, sentences, write_outputs
+from schuler.cli.output import Flag, print_json, progress, say
+
+_OUTAGE_S = (300.0, 340.0)
+_RUNS = 25  # repetitions with other errors, for the consistency of the filter
+
+
+def demo(*, out: Path = Path("demo"), seed: int | None = None, report: bool = True, json: Flag = False) -> None:
+    """Simulate a drive with a MEMS IMU and GNSS, lose GNSS for 40 s, navigate, smooth, and write a report.
+
+    Example: schuler demo --out demo
+
+    Parameters
+    ----------
+    out
+        Folder for the files.
+    seed
+        Draw other sensor errors and noise.
+    report
+        Write report.html and figures.
+    json
+        Print one JSON object.
+    """
+    began = time.perf_counter()
+    say("simulating ten minutes of driving: MEMS IMU at 100 Hz, GNSS at 1 Hz, 40 s without GNSS")
+    with progress("running the demo") as bar:
+        outcome, recording, repeated = run_demo(seed, bar)
+    numbers = outcome.numbers
+    numbers["nees_this_run"] = numbers["nees_mean"]
+    numbers["nees_mean"], numbers["nees_runs"] = repeated, _RUNS
+    numbers["max_horizontal_outage_m"] = max(o["max_horizontal_m"] for o in numbers["outages"])
+    numbers["smoothed_rms_horizontal_m"] = numbers["smoothed"]["rms_horizontal_m"]
+    written = write_outputs(out, recording, outcome, report=report)
+    numbers["elapsed_s"] = time.perf_counter() - began
+    if json:
+        print_json({"command": "demo", **numbers, "files": written})
+        return
+    print(outcome.result.summary())
+    print(sentences(numbers) + f", mean of {_RUNS} drives with other errors")
+    print("\n".join(f"{name}: {path}" for name, path in written.items() if not name.startswith("figure")))
+    if "report" in written:
+        print(f"open {written['report']} in a browser")
+
+
+def run_demo(seed: int | None, bar: Any = None) -> tuple[Outcome, Any, float]:
+    """The drive, its solution, and the mean normalised estimation error over repetitions.
+
+    Parameters
+    ----------
+    seed : int, optional
+        Default: the scenario's.
+    bar : callable, optional
+        Called with the fraction done.
+    """
+    import tomllib
+
+    from schuler.filtering.config import NavigationConfig
+    from schuler.filtering.navigate import navigate
+    from schuler.simulation.scenario import Scenario, prepare_mission, simulate_mission
+
+    data = tomllib.loads((files("schuler.cli") / "demo.toml").read_text(encoding="utf-8"))
+    scenario = Scenario.parse(data)
+    config = NavigationConfig.parse(
+        {
+            "imu": {"gyro": data["imu"]["gyro"], "accel": data["imu"]["accel"]},
+            "gnss": {"lever_arm_m": data["gnss"]["lever_arm_m"], "gate": 0.99999},
+            "alignment": {"sideslip_deg": 0.5},
+            "filter": {"states": 33},
+            "outages": {"windows_s": [_OUTAGE_S]},
+        }
+    )
+    mission = prepare_mission(scenario)
+    # a generator for each drive, so that the first does not depend on how many follow
+    seeds = np.random.SeedSequence(scenario.seed if seed is None else seed).spawn(_RUNS + 1)
+    nees = []
+    for k in range(_RUNS, -1, -1):
+        simulation = simulate_mission(mission, np.random.default_rng(seeds[k]))
+        quick = config if k == 0 else config.model_copy(update={"filter": config.filter.model_copy(update={"smooth": False})})
+        result = navigate(simulation.recording, quick)
+        truth = true_parameters(simulation, result)
+        if k > 0:
+            nees.append(float(np.mean(result.nees(mission.ideal.truth, truth))))
+        if bar is not None:
+            bar((_RUNS + 1 - k) / (_RUNS + 1))
+    outcome = evaluated(simulation.recording, result, True, truth)
+    outcome.numbers["seed"] = scenario.seed if seed is None else seed
+    return outcome, simulation.recording, float(np.mean(nees))
+
+
+def true_parameters(simulation: Any, result: Any) -> FloatArray:
+    """What the filter's parameters should be at its records. Shape (k, m)."""
+    errors, report, imu = simulation.errors, simulation.report, simulation.recording.imu
+    k = np.clip(np.searchsorted(imu.t, result.t + 1e-9, side="right") - 1, 0, len(imu.t) - 1)
+    off = ~np.eye(3, dtype=bool)
+    constant = {
+        "S_a": np.diag(errors.M_a), "S_g": np.diag(errors.M_g), "M_a6": errors.M_a[off], "M_g": errors.M_g[off],
+        "G_g": errors.G_g.ravel(),
+    }  # fmt: skip
+    blocks = [
+        {"b_a": report.b_a, "b_g": report.b_g}[name][k] if name in ("b_a", "b_g") else np.tile(constant[name], (len(k), 1))
+        for name in result.layout.models
+    ]
+    return np.concatenate(blocks, axis=1)

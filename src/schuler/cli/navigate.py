@@ -1,0 +1,178 @@
+"""``schuler navigate``."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from schuler.cli.output import Flag, Texts, period, print_json, progress, say, window
+from schuler.filtering.result import NavigationResult
+from schuler.recording.recording import Recording
+from schuler.recording.series import Trajectory
+
+
+def navigate(
+    log: Path,
+    /,
+    *,
+    config: Path,
+    out: Path | None = None,
+    outage: Texts = (),
+    outage_every: str | None = None,
+    smooth: bool | None = None,
+    report: bool = True,
+    json: Flag = False,
+) -> None:
+    """Navigate a log and write solution, smoothed solution, report and track.
+
+    Example: schuler navigate drive.parquet --config drive.toml --outage 120:150
+
+    Parameters
+    ----------
+    log
+        File or folder; how it is read stands in the [recording] section of the configuration.
+    config
+        TOML file, see docs/navigation.md.
+    out
+        Folder for the files. Default: the log's name with -solution.
+    outage
+        Withhold GNSS from START:STOP, seconds from the start of the recording; may be given several times.
+    outage_every
+        Withhold GNSS every PERIOD seconds for LENGTH: PERIOD:LENGTH, or PERIOD:LENGTH:FIRST.
+    smooth
+        Also the smoothed solution; as configured if left out.
+    report
+        Write report.html and figures.
+    json
+        Print one JSON object.
+    """
+    from schuler.cli.convert import read_log
+    from schuler.filtering.config import NavigationConfig
+    from schuler.filtering.navigate import navigate as run
+
+    began = time.perf_counter()
+    loaded = NavigationConfig.load(config)
+    changes: dict[str, Any] = {}
+    if outage:
+        changes["windows_s"] = (*loaded.outages.windows_s, *(window(text) for text in outage))
+    if outage_every is not None:
+        changes.update(period(outage_every))
+    update: dict[str, Any] = {}
+    if changes:
+        sections = loaded.outages.model_dump() | changes
+        update["outages"] = type(loaded.outages).model_validate(sections)
+    if smooth is not None:
+        update["filter"] = loaded.filter.model_copy(update={"smooth": smooth})
+    loaded = loaded.model_copy(update=update)
+    recording = read_log(log, config)
+    with progress("navigating") as bar:
+        result = run(recording, loaded, progress=bar)
+    folder = Path(f"{log.resolve().stem}-solution") if out is None else out
+    outcome = evaluated(recording, result, loaded.filter.smooth)
+    outcome.numbers["elapsed_s"] = time.perf_counter() - began
+    files = write_outputs(folder, recording, outcome, report=report)
+    if json:
+        print_json({"command": "navigate", **outcome.numbers, "files": files})
+        return
+    say(recording.summary())
+    print(result.summary())
+    print(sentences(outcome.numbers))
+    print("\n".join(f"{name}: {path}" for name, path in files.items()))
+
+
+@dataclass
+class Outcome:
+    """A solution, its smoothed twin and what is known of their errors."""
+
+    result: NavigationResult
+    smoothed: NavigationResult | None
+    reference: Trajectory | None
+    at_antenna: bool
+    numbers: dict[str, Any]
+    truth_parameters: Any = None
+
+
+def evaluated(
+    recording: Recording, result: NavigationResult, smooth: bool, truth_parameters: Any = None
+) -> Outcome:
+    """Compare a solution with the recording's reference, or with all its GNSS fixes where there is none."""
+    from schuler.analysis.evaluation import evaluate
+
+    reference, at_antenna = recording.reference, False
+    if reference is None and recording.gnss is not None:
+        g = recording.gnss
+        reference, at_antenna = Trajectory.from_geodetic(g.t, g.llh, g.v_n), True
+    smoothed = result.smooth() if smooth and result.complete else None
+    how = {"at_antenna": at_antenna, "origin": recording.start}
+    numbers: dict[str, Any] = {
+        "epochs": result.epochs,
+        "elapsed_s": None,
+        "states": result.layout.size,
+        "start_s": float(result.trajectory.t[0]) - recording.start,
+        "stop_s": float(result.trajectory.t[-1]) - recording.start,
+        "reference": "none" if reference is None else "GNSS fixes at the antenna" if at_antenna else "true trajectory",
+        **evaluate(result, reference, parameters=truth_parameters, **how),
+        "nis_mean": result.innovations.mean_nis(),
+        "measurements": result.innovations.counts(),
+        "rejected": result.innovations.rejected(),
+        "complete": result.complete,
+        "notes": result.notes,
+    }
+    if smoothed is not None:
+        numbers["smoothed"] = evaluate(smoothed, reference, **how)
+    return Outcome(result, smoothed, reference, at_antenna, numbers, truth_parameters)
+
+
+def write_outputs(folder: Path, recording: Recording, outcome: Outcome, *, report: bool) -> dict[str, Path]:
+    """Write all files of a run; return their paths by name."""
+    from schuler.recording.io.track import write_kml
+
+    folder.mkdir(parents=True, exist_ok=True)
+    result, smoothed = outcome.result, outcome.smoothed
+    files = {"solution": result.to_parquet(folder / "solution.parquet")}
+    best = result
+    if smoothed is not None:
+        files["smoothed"] = smoothed.to_parquet(folder / "smoothed.parquet")
+        best = smoothed
+    files["track"] = write_kml(
+        folder / "track.kml", best.antenna() if outcome.at_antenna else best.trajectory,
+        name=recording.metadata.name, outages=result.outages, time=recording.metadata.time,
+    )  # fmt: skip
+    if report:
+        from schuler.report.document import navigation_report
+        from schuler.report.figures import save_figures
+
+        shown = {
+            "smoothed": smoothed, "reference": outcome.reference, "at_antenna": outcome.at_antenna,
+            "truth_parameters": outcome.truth_parameters, "origin": recording.start,
+        }  # fmt: skip
+        files["report"] = navigation_report(
+            result, folder / "report.html", title=recording.metadata.name, recording_summary=recording.summary(), **shown
+        )
+        for path in save_figures(result, folder / "figures", **shown):
+            files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
+    return files
+
+
+def sentences(numbers: dict[str, Any]) -> str:
+    """The numbers people ask for first, in a few lines."""
+    lines = []
+    if numbers["rms_horizontal_m"] is not None:
+        lines.append(
+            f"horizontal error against {numbers['reference']}: {numbers['rms_horizontal_m']:.3f} m RMS, "
+            f"{numbers['max_horizontal_m']:.3f} m largest"
+        )
+    for key, what in ((numbers, "filtered"), (numbers.get("smoothed", {}), "smoothed")):
+        if key.get("outages"):
+            lines.append(
+                f"{what}, {len(key['outages'])} outages: largest horizontal error {key['mean_outage_max_horizontal_m']:.3f} m "
+                f"on average, {max(o['max_horizontal_m'] for o in key['outages']):.3f} m at worst; "
+                f"{key['rms_horizontal_aided_m']:.3f} m RMS with GNSS"
+            )
+    if "smoothed" in numbers and numbers["smoothed"]["rms_horizontal_m"] is not None:
+        lines.append(f"smoothed: {numbers['smoothed']['rms_horizontal_m']:.3f} m RMS horizontal")
+    if numbers["nees_mean"] is not None:
+        lines.append(f"normalised estimation error squared per degree of freedom: {numbers['nees_mean']:.2f} (honest: 1)")
+    return "\n".join(lines)

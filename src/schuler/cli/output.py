@@ -1,0 +1,87 @@
+"""What commands share: JSON on stdout, prose and progress on stderr, options of readers."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from cyclopts import Parameter
+
+from schuler.exceptions import InputError
+
+Flag = Annotated[bool, Parameter(negative=())]
+Texts = Annotated[tuple[str, ...], Parameter(negative=())]
+
+
+def say(text: str) -> None:
+    """Prose, to stderr."""
+    print(text, file=sys.stderr)
+
+
+def print_json(data: dict[str, Any]) -> None:
+    """One JSON object on stdout; numbers that do not exist become null."""
+    print(json.dumps(_plain(data), indent=1, allow_nan=False))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_plain(v) for v in value]
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, (np.integer, np.bool_)):
+        return value.item()
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+@contextmanager
+def progress(what: str) -> Iterator[Callable[[float], None] | None]:
+    """A progress bar on stderr if that is a terminal; yields a function of the fraction done, or None."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=1.0)
+
+        def report(fraction: float) -> None:
+            bar.update(task, completed=fraction)
+
+        yield report
+
+
+def window(text: str) -> tuple[float, float]:
+    """``START:STOP`` in seconds."""
+    numbers = _numbers(text)
+    if len(numbers) != 2 or not numbers[1] > numbers[0]:
+        raise InputError(f"--outage: expected START:STOP in seconds, such as 50:90, got {text!r}")
+    return numbers[0], numbers[1]
+
+
+def period(text: str) -> dict[str, float]:
+    """``PERIOD:LENGTH`` or ``PERIOD:LENGTH:FIRST`` in seconds, as entries of the outage section."""
+    numbers = _numbers(text)
+    if len(numbers) not in (2, 3) or not 0.0 < numbers[1] < numbers[0]:
+        raise InputError(
+            f"--outage-every: expected PERIOD:LENGTH or PERIOD:LENGTH:FIRST in seconds, such as 45:15, got {text!r}"
+        )
+    return dict(zip(("every_s", "length_s", "first_s"), numbers, strict=False))
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(":")]
+    except ValueError:
+        return []

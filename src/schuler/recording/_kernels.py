@@ -1,0 +1,72 @@
+"""Compiled change of axes of whole trajectories; the NumPy twins are in ``frames`` and ``rotation``."""
+
+from __future__ import annotations
+
+import math
+
+from schuler.earth import WGS84
+from schuler.jit import inlined, kernel, prepare
+
+_A = WGS84.a
+_B = WGS84.b
+_F = WGS84.f
+_E2 = WGS84.e2
+
+
+@inlined
+def axes_quaternion(lat, lon):
+    """``q_en`` of a place."""
+    a, b = 0.5 * lon, -0.5 * (0.5 * math.pi + lat)
+    sz, cz, sy, cy = math.sin(a), math.cos(a), math.sin(b), math.cos(b)
+    return cz * cy, -sz * sy, cz * sy, sz * cy
+
+
+@kernel
+def geodetic(r, llh):
+    """Latitude, longitude, height of Earth-fixed positions (n, 3): two of Bowring's steps, as in ``llh_from_ecef``."""
+    for k in range(r.shape[0]):
+        x, y, z = r[k, 0], r[k, 1], r[k, 2]
+        p = math.sqrt(x * x + y * y)
+        S, C = _A * z, _B * p
+        for _ in range(2):
+            n = 1.0 / math.sqrt(S * S + C * C)
+            s, c = S * n, C * n
+            S, C = (1.0 - _F) * (z + _E2 / (1.0 - _E2) * _B * s * s * s), p - _E2 * _A * c * c * c
+        S /= 1.0 - _F
+        n = 1.0 / math.sqrt(S * S + C * C)
+        s, c = S * n, C * n
+        llh[k, 0] = math.atan2(S, C)
+        llh[k, 1] = math.atan2(y, x)
+        llh[k, 2] = p * c + z * s - _A * math.sqrt(1.0 - _E2 * s * s)
+
+
+@kernel
+def vectors_to_ned(v_e, llh, v_n):
+    """North-east-down components of Earth-fixed vectors (n, 3) at places ``llh``."""
+    for k in range(v_e.shape[0]):
+        sL, cL, sl, cl = math.sin(llh[k, 0]), math.cos(llh[k, 0]), math.sin(llh[k, 1]), math.cos(llh[k, 1])
+        x, y, z = v_e[k, 0], v_e[k, 1], v_e[k, 2]
+        h = cl * x + sl * y
+        v_n[k, 0] = -sL * h + cL * z
+        v_n[k, 1] = -sl * x + cl * y
+        v_n[k, 2] = -cL * h - sL * z
+
+
+@kernel
+def attitudes_to_ned(q_eb, llh, q_nb):
+    """``q_nb`` of ``q_eb`` (n, 4) at places ``llh``."""
+    for k in range(q_eb.shape[0]):
+        w, x, y, z = axes_quaternion(llh[k, 0], llh[k, 1])
+        a, b, c, d = q_eb[k, 0], q_eb[k, 1], q_eb[k, 2], q_eb[k, 3]
+        q_nb[k, 0] = w * a + x * b + y * c + z * d
+        q_nb[k, 1] = w * b - x * a - y * d + z * c
+        q_nb[k, 2] = w * c + x * d - y * a - z * b
+        q_nb[k, 3] = w * d - x * c + y * b - z * a
+
+
+def prepare_axes() -> None:
+    """Compile or load the kernels before they are run."""
+    import numba as nb
+
+    m = nb.float64[:, ::1]
+    prepare([(geodetic, (m, m)), (vectors_to_ned, (m, m, m)), (attitudes_to_ned, (m, m, m))])

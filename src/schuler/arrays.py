@@ -37,14 +37,20 @@ def as_floats(value: ArrayLike, name: str, shape: tuple[int | None, ...] | None 
         If the value is not numeric, has another shape or contains NaN or infinity.
     """
     try:
-        array = np.ascontiguousarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        array = np.asarray(value)
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name}: expected numbers, got {_describe(value)}") from error
+    if array.dtype.kind not in "fiub":
+        raise InputError(f"{name}: expected real numbers, got {_describe(value)}")
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        raise InputError(f"{name}: expected plain numbers, got a masked array; fill or cut what is masked")
+    array = np.asarray(array, dtype=np.float64, order="C")
     if shape is not None and not _fits(array.shape, shape):
         wanted = "(" + ", ".join("n" if s is None else str(s) for s in shape) + ("," if len(shape) == 1 else "") + ")"
         raise InputError(f"{name}: expected shape {wanted}, got {array.shape}")
     if not np.isfinite(array).all():
-        bad = int(np.flatnonzero(~np.isfinite(array.reshape(len(array) if array.ndim else 1, -1)).all(axis=1))[0])
+        rows = np.atleast_1d(array)
+        bad = int(np.flatnonzero(~np.isfinite(rows.reshape(len(rows), -1)).all(axis=1))[0])
         raise InputError(f"{name}: expected finite numbers, got NaN or infinity first at index {bad}; cut or fill it")
     return array
 

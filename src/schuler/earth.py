@@ -151,9 +151,7 @@ def gravity_somigliana(lat: ArrayLike, h: ArrayLike = 0.0, ellipsoid: Ellipsoid 
     E = ellipsoid
     surface = E.gamma_e * (1.0 + E.k * s2) / np.sqrt(1.0 - E.e2 * s2)
     m = E.omega_ie**2 * E.a**2 * E.b / E.GM
-    gravity: FloatArray = surface * (
-        1.0 - 2.0 / E.a * (1.0 + E.f * (1.0 - 2.0 * s2) + m) * h + 3.0 / E.a**2 * h**2
-    )
+    gravity: FloatArray = surface * (1.0 - 2.0 / E.a * (1.0 + E.f * (1.0 - 2.0 * s2) + m) * h + 3.0 / E.a**2 * h**2)
     return gravity
 
 

@@ -57,7 +57,7 @@ def llh_from_ecef(r_eb_e: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatArray
     Notes
     -----
     Two of Bowring's steps on the reduced latitude, which converge quadratically: 1e-15 rad and rounding of the height
-    (2e-9 m) from -100 km to satellite orbits, poles and equator included, with no branch.
+    (4e-9 m for a round trip) from -100 km to satellite orbits, poles and equator included, with no branch.
 
     References
     ----------
@@ -76,7 +76,8 @@ def llh_from_ecef(r_eb_e: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatArray
     norm = np.sqrt(S * S + C * C)
     s, c = S / norm, C / norm
     h = p * c + z * s - a * np.sqrt(1.0 - e2 * s * s)
-    return np.stack((np.arctan2(S, C), np.arctan2(y, x), h), axis=-1)
+    # adding zero turns -0.0 into 0.0, which keeps longitudes in (-pi, pi] and zero at the poles
+    return np.stack((np.arctan2(S, C), np.arctan2(y + 0.0, x + 0.0), h), axis=-1)
 
 
 def C_en(llh: ArrayLike) -> FloatArray:

@@ -10,29 +10,26 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable, Iterable
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numba
 
-_F = TypeVar("_F", bound=Callable[..., Any])
 _NOTICE_AFTER_S = 1.5
 
 
-def kernel(function: _F) -> _F:
+def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function when first called, keep the machine code on disk, release the GIL while it runs.
 
     ``contract`` allows fused multiply-add and nothing else: sums are not reordered, NaN stays NaN.
     """
     compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(function)
-    return cast(_F, compiled)
+    return cast(Callable[..., Any], compiled)
 
 
-def inlined(function: _F) -> _F:
+def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """Like :func:`kernel` for small helpers called inside hot loops: asks LLVM to inline them."""
-    compiled = numba.njit(
-        cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, forceinline=True
-    )(function)
-    return cast(_F, compiled)
+    options = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "forceinline": True}
+    return cast(Callable[..., Any], numba.njit(**options)(function))
 
 
 def prepare(kernels: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]]) -> None:

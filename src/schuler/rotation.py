@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
+from schuler.exceptions import InputError
 
 
 def skew(v: ArrayLike) -> FloatArray:
@@ -237,8 +238,9 @@ def rpy_from_dcm(C_nb: ArrayLike) -> FloatArray:
     C = np.asarray(C_nb, dtype=np.float64)
     pitch = np.arctan2(-C[..., 2, 0], np.hypot(C[..., 2, 1], C[..., 2, 2]))
     lock = np.hypot(C[..., 2, 1], C[..., 2, 2]) < 1e-6
-    roll = np.where(lock, 0.0, np.arctan2(C[..., 2, 1], C[..., 2, 2]))
-    yaw = np.where(lock, np.arctan2(-C[..., 0, 1], C[..., 1, 1]), np.arctan2(C[..., 1, 0], C[..., 0, 0]))
+    # adding zero turns -0.0 into 0.0: half a turn is +pi
+    roll = np.where(lock, 0.0, np.arctan2(C[..., 2, 1] + 0.0, C[..., 2, 2]))
+    yaw = np.where(lock, np.arctan2(0.0 - C[..., 0, 1], C[..., 1, 1]), np.arctan2(C[..., 1, 0] + 0.0, C[..., 0, 0]))
     return np.stack((roll, pitch, yaw), axis=-1)
 
 
@@ -320,6 +322,8 @@ def interpolate_quat(t: ArrayLike, t_nodes: ArrayLike, q_nodes: ArrayLike) -> Fl
     ndarray, shape (m, 4)
     """
     t, t_nodes, q_nodes = (np.asarray(a, dtype=np.float64) for a in (t, t_nodes, q_nodes))
+    if len(t_nodes) == 0 or len(t_nodes) != len(q_nodes):
+        raise InputError(f"expected as many attitudes as times, at least one; got {len(q_nodes)} and {len(t_nodes)}")
     if len(t_nodes) == 1:
         return np.broadcast_to(q_nodes[0], (*t.shape, 4)).copy()
     k = np.clip(np.searchsorted(t_nodes, t, side="right") - 1, 0, len(t_nodes) - 2)

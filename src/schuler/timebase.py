@@ -49,8 +49,12 @@ class TimeBase:
         """One phrase for summaries."""
         if self.scale == "local":
             return "seconds of the log's own clock"
-        week, tow = week_tow(self.epoch_gps_s)
-        return f"seconds since {calendar(self.epoch_gps_s).isoformat(timespec='milliseconds')} GPS (week {week}, {tow:.3f} s)"
+        if not abs(self.epoch_gps_s) < 1e11:
+            return f"seconds since {self.epoch_gps_s:.6g} s of GPS time, which is no date"
+        epoch = round(self.epoch_gps_s, 3)
+        week, tow = week_tow(epoch)
+        moment = calendar(epoch) + dt.timedelta(microseconds=500)  # isoformat cuts, it does not round
+        return f"seconds since {moment.isoformat(timespec='milliseconds')} GPS (week {week}, {tow:.3f} s)"
 
 
 def gps_seconds(week: int, tow_s: float) -> float:
@@ -61,7 +65,8 @@ def gps_seconds(week: int, tow_s: float) -> float:
 def week_tow(gps_s: float) -> tuple[int, float]:
     """GPS week (no rollover) and time of week [s] of seconds since the GPS epoch."""
     week = int(gps_s // WEEK_S)
-    return week, gps_s - week * WEEK_S
+    tow = gps_s - week * WEEK_S
+    return (week + 1, 0.0) if tow >= WEEK_S else (week, tow)
 
 
 def gps_from_calendar(moment: dt.datetime, *, utc: bool = False) -> float:
@@ -79,6 +84,10 @@ def gps_from_calendar(moment: dt.datetime, *, utc: bool = False) -> float:
     float
         Seconds since 1980-01-06 00:00 GPS time. [s]
     """
+    if moment.tzinfo is not None:
+        raise InputError(
+            f"expected a date and time without time zone, got {moment}; convert it to UTC or GPS time first"
+        )
     seconds = (moment - GPS_EPOCH).total_seconds()
     return seconds + leap_seconds(moment.date()) if utc else seconds
 
@@ -97,6 +106,8 @@ def leap_seconds(day: dt.date) -> int:
         Before 1980-01-06, or after the last day the table is known to be complete: a newer release or the correct
         offset is needed, guessing would shift every position by hundreds of metres.
     """
+    if isinstance(day, dt.datetime):
+        day = day.date()
     if day < GPS_EPOCH.date():
         raise InputError(f"GPS time starts on 1980-01-06, got {day}")
     if day > LEAP_TABLE_VALID_TO:
@@ -107,9 +118,24 @@ def leap_seconds(day: dt.date) -> int:
 
 
 def gps_from_unix(unix_s: FloatArray) -> FloatArray:
-    """GPS seconds of Unix (UTC, no leap seconds counted) time stamps. Shapes follow the input. [s]"""
+    """GPS seconds of Unix (UTC, no leap seconds counted) time stamps. Shapes follow the input. [s]
+
+    Raises
+    ------
+    InputError
+        If a stamp is not finite, before the GPS epoch, or beyond the leap-second table; milliseconds taken for seconds
+        are found out that way.
+    """
     t = np.asarray(unix_s, dtype=np.float64)
     steps = np.array([(dt.datetime(*d) - dt.datetime(1970, 1, 1)).total_seconds() for d in LEAP_DAYS])
     if t.size:
-        leap_seconds((dt.datetime(1970, 1, 1) + dt.timedelta(seconds=float(t.max()))).date())
+        if not np.isfinite(t).all():
+            raise InputError("Unix time stamps: expected finite numbers, got NaN or infinity")
+        last = (LEAP_TABLE_VALID_TO - dt.date(1970, 1, 1)).days * 86_400.0
+        if t.min() < UNIX_TO_GPS_S or t.max() > last:
+            raise InputError(
+                f"Unix time stamps: expected seconds between {UNIX_TO_GPS_S:.0f} (1980-01-06) and {last:.0f} "
+                f"({LEAP_TABLE_VALID_TO}, end of the leap-second table), got {t.min():.6g}..{t.max():.6g}; "
+                "are they milliseconds, or seconds of another epoch?"
+            )
     return t - UNIX_TO_GPS_S + np.searchsorted(steps, t, side="right")

@@ -85,10 +85,13 @@ _ATOMS: dict[str, tuple[float, Dimension]] = {
     "mGal": (MGAL, _dim(length=1, time=-2)),
     "ppm": (PPM, _dim()),
     "%": (PERCENT, _dim()),
-    "degC": (1.0, _dim(temperature=1)),
-    "K": (1.0, _dim(temperature=1)),
+    "degC": (1.0, _dim(temperature=1)),  # no kelvin: a factor cannot turn one into the other
 }
+# written in capitals or with a capital somewhere these still mean one thing; "Mg" and "Ms" would not
+_ANY_CASE = {"deg", "rad", "rev", "min", "arcsec", "arcmin", "km", "kn", "nmi", "ft", "hz", "degc", "g", "s", "h", "m"}
+_MAX_EXPONENT, _MAX_DEPTH = 9, 8
 _SPELLINGS = {
+    "hz": "Hz", "degc": "degC", "rpm": "rev/min", "rthz": "sqrt(Hz)", "rthr": "sqrt(h)", "rth": "sqrt(h)",
     "hr": "h", "hour": "h", "sec": "s", "second": "s", "dps": "deg/s", "dph": "deg/h", "kph": "km/h", "kmh": "km/h",
     "knots": "kn", "knot": "kn", "gal": "cm/s^2", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
     "celsius": "degC", "µg": "ug", "μg": "ug", "µs": "us", "μs": "us", "µrad": "urad", "μrad": "urad", "°": "deg",
@@ -135,7 +138,7 @@ def parse_unit(text: str) -> Unit:
         position = match.end()
     if not tokens:
         raise UnitError("expected a unit such as deg/s or m/s^2, got an empty text")
-    factor, dimension, rest = _product(tokens, text)
+    factor, dimension, rest = _product(tokens, text, 0)
     if rest:
         raise UnitError(f"cannot read the unit {text!r}: unexpected {rest[0]!r}")
     return Unit(text=text.strip(), factor=factor, dimension=dimension)
@@ -167,34 +170,36 @@ def factor_for(text: str, quantity: str) -> float:
     return unit.factor
 
 
-def _product(tokens: list[str], text: str) -> tuple[float, Dimension, list[str]]:
-    factor, dimension, rest = _power(tokens, text)
+def _product(tokens: list[str], text: str, depth: int) -> tuple[float, Dimension, list[str]]:
+    factor, dimension, rest = _power(tokens, text, depth)
     while rest and rest[0] in ("*", "·", "/"):
         sign = -1 if rest[0] == "/" else 1
-        other, other_dimension, rest = _power(rest[1:], text)
+        other, other_dimension, rest = _power(rest[1:], text, depth)
         factor *= other**sign
         dimension = _combine(dimension, other_dimension, sign)
     return factor, dimension, rest
 
 
-def _power(tokens: list[str], text: str) -> tuple[float, Dimension, list[str]]:
+def _power(tokens: list[str], text: str, depth: int) -> tuple[float, Dimension, list[str]]:
     if not tokens:
         raise UnitError(f"the unit {text!r} ends too early")
+    if depth > _MAX_DEPTH:
+        raise UnitError(f"the unit {text[:40]!r}... nests brackets or roots deeper than any unit does")
     head, rest = tokens[0], tokens[1:]
     if head in ("sqrt(", "√(", "("):
-        factor, dimension, rest = _product(rest, text)
+        factor, dimension, rest = _product(rest, text, depth + 1)
         if not rest or rest[0] != ")":
             raise UnitError(f"the unit {text!r} lacks a closing bracket")
         rest = rest[1:]
         if head != "(":
             factor, dimension = factor**0.5, _scale(dimension, Fraction(1, 2))
     elif head == "√":
-        factor, dimension, rest = _power(rest, text)
+        factor, dimension, rest = _power(rest, text, depth + 1)
         factor, dimension = factor**0.5, _scale(dimension, Fraction(1, 2))
     else:
         factor, dimension = _atom(head, text)
     while rest and (rest[0].startswith("^") or rest[0] in ("²", "³")):
-        exponent = {"²": 2, "³": 3}.get(rest[0]) or int(rest[0][1:])
+        exponent = {"²": 2, "³": 3}.get(rest[0]) or _exponent(rest[0][1:], text)
         factor, dimension, rest = factor**exponent, _scale(dimension, Fraction(exponent)), rest[1:]
     return factor, dimension, rest
 
@@ -203,13 +208,21 @@ def _atom(name: str, text: str) -> tuple[float, Dimension]:
     if name in _ATOMS:
         return _ATOMS[name]
     spelling = _SPELLINGS.get(name) or _SPELLINGS.get(name.lower())
-    if spelling is None and name.lower() in _ATOMS:
+    if spelling is None and name.lower() in _ANY_CASE:
         spelling = name.lower()
+    if spelling is None and name[-1] in "23":  # m/s2, as table headers have it
+        spelling = f"{name[:-1]}^{name[-1]}"
     if spelling is None:
         known = ", ".join(sorted(_ATOMS))
         raise UnitError(f"unknown unit {name!r} in {text!r}; known are {known} and their products, quotients and roots")
     unit = parse_unit(spelling)
     return unit.factor, unit.dimension
+
+
+def _exponent(digits: str, text: str) -> int:
+    if len(digits) > 2 or not 1 <= abs(int(digits)) <= _MAX_EXPONENT:
+        raise UnitError(f"the unit {text[:40]!r} has an exponent beyond +-{_MAX_EXPONENT}, which no unit has")
+    return int(digits)
 
 
 def _combine(a: Dimension, b: Dimension, sign: int) -> Dimension:

@@ -51,12 +51,17 @@ class Case:
     truth: Trajectory
 
     @classmethod
-    def of(cls, motion: Motion, seconds: float, rate_hz: float = 100.0, fix_s: float = 1.0, offset: float = 0.0037) -> Case:
+    def of(
+        cls, motion: Motion, seconds: float, rate_hz: float = 100.0, fix_s: float = 1.0, offset: float = 0.0037
+    ) -> Case:
         t = np.arange(round(seconds * rate_hz) + 1) / rate_hz
         dtheta, dv = ideal_increments(motion, t)
         fixes = np.arange(fix_s + offset, seconds, fix_s)
         return cls(
-            Increments(t[1:], np.diff(t), dtheta, dv), fixes, motion.state(fixes), truth(motion, np.arange(0.0, seconds + 0.5))
+            Increments(t[1:], np.diff(t), dtheta, dv),
+            fixes,
+            motion.state(fixes),
+            truth(motion, np.arange(0.0, seconds + 0.5)),
         )
 
 
@@ -94,7 +99,14 @@ def corrupted(
             w = step[k] * rng.standard_normal(n)
             history[1:, k] = lfilter([1.0], [1.0, -e[k]], w, zi=[e[k] * parameters[k]])[0]
     b_g, b_a, M_g, M_a, G_g = sensor_matrices(lay, np.zeros(lay.size - 9))
-    bias = {name: 0.5 * (history[1:, lay[name].start - 9 : lay[name].stop - 9] + history[:-1, lay[name].start - 9 : lay[name].stop - 9]) for name in ("b_a", "b_g")}
+    bias = {
+        name: 0.5
+        * (
+            history[1:, lay[name].start - 9 : lay[name].stop - 9]
+            + history[:-1, lay[name].start - 9 : lay[name].stop - 9]
+        )
+        for name in ("b_a", "b_g")
+    }
     fixed = parameters.copy()
     fixed[:6] = 0.0
     b_g, b_a, M_g, M_a, G_g = sensor_matrices(lay, fixed)
@@ -114,7 +126,11 @@ def fixes(case: Case, rng: np.random.Generator, lever: np.ndarray = LEVER) -> Gn
     r = r + np.einsum("nij,nj->ni", C, SIGMA_R * rng.standard_normal((n, 3)))
     v_n = np.einsum("nji,nj->ni", C, v) + SIGMA_V * rng.standard_normal((n, 3))
     return GnssSeries(
-        case.fixes_t, frames.llh_from_ecef(r), np.tile(np.diag(SIGMA_R**2), (n, 1, 1)), v_n, np.tile(np.diag(SIGMA_V**2), (n, 1, 1))
+        case.fixes_t,
+        frames.llh_from_ecef(r),
+        np.tile(np.diag(SIGMA_R**2), (n, 1, 1)),
+        v_n,
+        np.tile(np.diag(SIGMA_V**2), (n, 1, 1)),
     )
 
 

@@ -94,7 +94,9 @@ def test_each_parameter_is_found_with_either_sign(drive_case, block, sign):
     lever = cases.LEVER + (true[lay["lever"].start - 9 : lay["lever"].stop - 9])
     schedule = gnss_measurements(cases.fixes(drive_case, rng, lever), cases.LEVER, gate=None)
     initial = cases.start(drive_case, lay, rng)
-    forward = run(log, schedule, initial, lay, np.full(3, cases.GYRO_N**2), np.full(3, cases.ACCEL_N**2), FilterOptions())
+    forward = run(
+        log, schedule, initial, lay, np.full(3, cases.GYRO_N**2), np.full(3, cases.ACCEL_N**2), FilterOptions()
+    )
     result = NavigationResult.from_run(forward, schedule.t, schedule.kind, lay)
     _, dx, P = state_errors(result, drive_case.truth, true)
     part = lay[block]

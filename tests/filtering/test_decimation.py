@@ -35,7 +35,9 @@ def vibrating():
         ph = np.outer(t, w[::-1])
         b = 0.008
         rpy = np.stack((0.1 * np.sin(0.2 * t), 0.05 * np.cos(0.17 * t), 0.3 * t), -1) + b * np.sin(ph)
-        return rpy, np.stack((0.02 * np.cos(0.2 * t), -0.0085 * np.sin(0.17 * t), 0.3 + 0 * t), -1) + b * w[::-1] * np.cos(ph)
+        return rpy, np.stack((0.02 * np.cos(0.2 * t), -0.0085 * np.sin(0.17 * t), 0.3 + 0 * t), -1) + b * w[
+            ::-1
+        ] * np.cos(ph)
 
     return LocalMotion(cases.ORIGIN, path, euler_attitude(angles), 130.0), 400.0
 
@@ -45,7 +47,11 @@ def turntable():
 
     def path(t):
         r = np.stack((0.5 * t, 3 * np.sin(0.3 * t), 0 * t), -1)
-        return r, np.stack((0.5 + 0 * t, 0.9 * np.cos(0.3 * t), 0 * t), -1), np.stack((0 * t, -0.27 * np.sin(0.3 * t), 0 * t), -1)
+        return (
+            r,
+            np.stack((0.5 + 0 * t, 0.9 * np.cos(0.3 * t), 0 * t), -1),
+            np.stack((0 * t, -0.27 * np.sin(0.3 * t), 0 * t), -1),
+        )
 
     def angles(t):
         rpy = np.stack((0.4 * np.sin(0.5 * t), 0.3 * np.cos(0.4 * t), 3.0 * t), -1)
@@ -68,7 +74,9 @@ def test_ten_hertz_equals_every_sample(motion, states):
     t = np.arange(round(seconds * rate_hz) + 1) / rate_hz
     dtheta, dv = ideal_increments(body, t)
     fixes = np.arange(1.0037, seconds, 1.0)
-    case = cases.Case(Increments(t[1:], np.diff(t), dtheta, dv), fixes, body.state(fixes), truth(body, np.arange(0.0, seconds + 0.5)))
+    case = cases.Case(
+        Increments(t[1:], np.diff(t), dtheta, dv), fixes, body.state(fixes), truth(body, np.arange(0.0, seconds + 0.5))
+    )
     lay = cases.layout(states)
     rng = np.random.default_rng(5)
     log, _ = cases.corrupted(case, lay, np.sqrt(lay.initial_variances()) * rng.standard_normal(lay.size - 9), rng)
@@ -97,7 +105,12 @@ def test_ten_hertz_equals_every_sample(motion, states):
 def test_a_large_turn_forces_a_propagation(drive_case):
     lay = cases.layout(15)
     n = 200
-    inc = Increments(np.arange(1, n + 1) * 0.01, np.full(n, 0.01), np.tile([0.0, 0.0, 0.05], (n, 1)), np.tile([0, 0, -0.0981], (n, 1)))
+    inc = Increments(
+        np.arange(1, n + 1) * 0.01,
+        np.full(n, 0.01),
+        np.tile([0.0, 0.0, 0.05], (n, 1)),
+        np.tile([0, 0, -0.0981], (n, 1)),
+    )
     forward = run(
         inc, MeasurementSchedule.empty(), start_at_truth(drive_case, lay), lay,
         np.full(3, 1e-8), np.full(3, 1e-6), FilterOptions(covariance_rate_hz=1.0, flush_angle=0.3),

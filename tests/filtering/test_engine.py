@@ -175,7 +175,11 @@ def test_covariance_stays_symmetric_and_positive(drive_case):
     """Centimetre fixes on a start that is kilometres and tens of degrees uncertain."""
     log, schedule, initial, lay = setup(drive_case)
     tight = MeasurementSchedule(schedule.t, schedule.kind, schedule.z, schedule.R * 1e-6, schedule.lever, schedule.gate)
-    vague = InitialState(initial.nav, initial.P + np.diag(np.r_[np.full(3, 0.1), np.full(3, 1e2), np.full(3, 1e6), np.zeros(12)]), initial.parameters)
+    vague = InitialState(
+        initial.nav,
+        initial.P + np.diag(np.r_[np.full(3, 0.1), np.full(3, 1e2), np.full(3, 1e6), np.zeros(12)]),
+        initial.parameters,
+    )
     forward = run(log, tight, vague, lay, *NOISE)
     P = engine.unpack_symmetric(forward.rec_P, lay.size)
     d = np.sqrt(np.einsum("kii->ki", P))
@@ -251,7 +255,9 @@ def test_zero_velocity_holds_a_static_imu():
     t = np.linspace(0.0, 120.0, 12001)
     dtheta, dv = ideal_increments(motion, t)
     rng = np.random.default_rng(0)
-    log = Increments(t[1:], np.diff(t), dtheta + 1e-5 * rng.standard_normal(dtheta.shape), dv + np.array([1e-4, -2e-4, 3e-4]))
+    log = Increments(
+        t[1:], np.diff(t), dtheta + 1e-5 * rng.standard_normal(dtheta.shape), dv + np.array([1e-4, -2e-4, 3e-4])
+    )
     s = motion.state(np.zeros(1))
     lay = cases.layout(15)
     nav = cases.NavState(0.0, s.r_eb_e[0], s.v_eb_e[0], s.q_eb[0])

@@ -122,7 +122,9 @@ def test_ned_and_ecef_matrices_describe_one_motion():
     F_e = T.T @ system_matrix_ecef(lay, C_en @ C_nb, frames.ecef_from_llh(llh), omega, f) @ T
     F_n = system_matrix_ned(lay, C_nb, v_n, llh, omega, f)
     np.testing.assert_allclose(F_n[0:3, 0:3], F_e[0:3, 0:3], atol=1e-15)
-    np.testing.assert_allclose(F_n[3:6, [0, 1, 2, 3, 4, 5, *range(9, 15)]], F_e[3:6, [0, 1, 2, 3, 4, 5, *range(9, 15)]], atol=1e-12)
+    np.testing.assert_allclose(
+        F_n[3:6, [0, 1, 2, 3, 4, 5, *range(9, 15)]], F_e[3:6, [0, 1, 2, 3, 4, 5, *range(9, 15)]], atol=1e-12
+    )
     np.testing.assert_allclose(F_n[6:9, 3:6], F_e[6:9, 3:6], atol=1e-12)
 
 

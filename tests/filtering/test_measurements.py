@@ -72,7 +72,9 @@ def test_lever_arm_velocity_is_that_of_a_turning_body():
     """Body turning about down at 1 rad/s with the antenna 2 m ahead: it moves to the right with 2 m/s."""
     llh = np.array([0.8, 0.1, 0.0])
     nav = np.concatenate((frames.q_en(llh), np.zeros(3), frames.ecef_from_llh(llh)))
-    _, y, _ = rows(ms.VELOCITY, nav, np.zeros(M), np.array([0, 0, 1.0]), np.zeros(3), np.array([2.0, 0, 0]), np.zeros(3))
+    _, y, _ = rows(
+        ms.VELOCITY, nav, np.zeros(M), np.array([0, 0, 1.0]), np.zeros(3), np.array([2.0, 0, 0]), np.zeros(3)
+    )
     np.testing.assert_allclose(y, [0.0, 2.0, 0.0], atol=1e-3)  # Earth rate on two metres
 
 
@@ -85,7 +87,11 @@ def test_rows_at_a_pole_are_finite():
 
 def gnss(n=4):
     return GnssSeries(
-        np.arange(n) + 0.25, np.tile([0.8, 0.1, 50.0], (n, 1)), np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1))
+        np.arange(n) + 0.25,
+        np.tile([0.8, 0.1, 50.0], (n, 1)),
+        np.tile(np.eye(3), (n, 1, 1)),
+        np.zeros((n, 3)),
+        np.tile(np.eye(3), (n, 1, 1)),
     )
 
 

@@ -30,7 +30,11 @@ def dense_transition(nodes, j, n):
 def test_smoother_equals_dense_rauch_tung_striebel(drive_case):
     """State corrections and covariances at all nodes, by the recursion with inverses."""
     lay = cases.StateLayout(
-        {"b_a": cases.StateModel.gauss_markov(0.03, 200.0), "b_g": cases.StateModel.random_walk(1e-3, 1e-6), "S_g": cases.StateModel.constant(1e-3)}
+        {
+            "b_a": cases.StateModel.gauss_markov(0.03, 200.0),
+            "b_g": cases.StateModel.random_walk(1e-3, 1e-6),
+            "S_g": cases.StateModel.constant(1e-3),
+        }
     )
     n = lay.size
     result, _ = cases.filtered(drive_case, lay, 1, smoother=True)
@@ -54,7 +58,9 @@ def test_smoother_equals_dense_rauch_tung_striebel(drive_case):
     sigma = np.sqrt(np.einsum("kii->ki", P_s))[at]
     ours = np.concatenate(
         (
-            rotation.rotvec_from_quat(rotation.quat_multiply(smoothed.states.q_eb, rotation.quat_conjugate(result.states.q_eb))),
+            rotation.rotvec_from_quat(
+                rotation.quat_multiply(smoothed.states.q_eb, rotation.quat_conjugate(result.states.q_eb))
+            ),
             smoothed.states.v_eb_e - result.states.v_eb_e,
             smoothed.states.r_eb_e - result.states.r_eb_e,
             smoothed.parameters - result.parameters,
@@ -105,7 +111,9 @@ def test_corrections_between_nodes_follow_the_motion(drive_case):
     middle = 0.5 * (T.v_eb_e[1:] + T.v_eb_e[:-1]) * np.diff(T.t)[:, None]
     step = np.abs(np.diff(T.r_eb_e, axis=0) - middle).max()
     raw = result.trajectory
-    rough = np.abs(np.diff(raw.r_eb_e, axis=0) - 0.5 * (raw.v_eb_e[1:] + raw.v_eb_e[:-1]) * np.diff(raw.t)[:, None]).max()
+    rough = np.abs(
+        np.diff(raw.r_eb_e, axis=0) - 0.5 * (raw.v_eb_e[1:] + raw.v_eb_e[:-1]) * np.diff(raw.t)[:, None]
+    ).max()
     assert step < 2e-4  # m per sample, linear interpolation of corrections over 0.1 s
     assert rough > 100 * step  # the filtered one jumps at every fix
 

@@ -40,7 +40,11 @@ def test_gyrocompass_errors_are_those_it_claims():
     sigma_g, sigma_a, runs = 0.02 * units.DEG_PER_HR, 0.02, 4000
     omega, f = at_rest(rpy)
     C = rotation.dcm_from_rpy(rpy)
-    errors, b_g, b_a = np.empty((runs, 3)), sigma_g * rng.standard_normal((runs, 3)), sigma_a * rng.standard_normal((runs, 3))
+    errors, b_g, b_a = (
+        np.empty((runs, 3)),
+        sigma_g * rng.standard_normal((runs, 3)),
+        sigma_a * rng.standard_normal((runs, 3)),
+    )
     for k in range(runs):
         found = gyrocompass(omega + b_g[k], f + b_a[k], LAT, sigma_gyro_bias=sigma_g, sigma_accel_bias=sigma_a)
         errors[k] = rotation.rotvec_from_dcm(found.C_nb @ C.T)

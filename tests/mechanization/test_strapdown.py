@@ -74,7 +74,10 @@ def test_increments_converge_with_fourth_order(frame):
     motion = flight(300.0, step=5.0)
     rates = np.array([12.5, 25.0, 50.0])
     errors = np.array(
-        [errors_at_end(mechanize(increments_of(motion, r, 300.0), start_of(motion), frame=frame), motion) for r in rates]
+        [
+            errors_at_end(mechanize(increments_of(motion, r, 300.0), start_of(motion), frame=frame), motion)
+            for r in rates
+        ]
     )
     slopes = np.log2(errors[:-1] / errors[1:])
     assert np.all(slopes[:, 2] > 3.7), slopes  # attitude
@@ -103,7 +106,9 @@ def test_a_body_at_rest_on_the_turning_earth_stays_put(frame, lat_deg):
     """Ten minutes at rest with any attitude: no motion, no turn."""
     llh = np.array([np.radians(lat_deg), 1.0, 100.0])
     motion = StaticMotion(llh, np.array([0.3, -0.4, 2.0]), 600.0)
-    position, velocity, attitude = errors_at_end(mechanize(increments_of(motion, 100.0), start_of(motion), frame=frame), motion)
+    position, velocity, attitude = errors_at_end(
+        mechanize(increments_of(motion, 100.0), start_of(motion), frame=frame), motion
+    )
     # rounding: 60 000 steps of 1e-9 m, carried through the unstable vertical channel
     assert position < 1e-5
     assert velocity < 5e-8
@@ -176,7 +181,9 @@ def test_coning_is_followed_without_drift(frame):
     a, w = np.radians(2.0), 2.0 * np.pi * 5.0
     motion = coning_motion(LLH, a, w, 60.0)
     inc = increments_of(motion, 200.0)
-    omega_ie_b = np.mean(np.einsum("nji,nj->ni", motion.state(inc.t).C_nb, np.tile(earth.earth_rate_ned(LLH[0]), (len(inc), 1))), 0)
+    omega_ie_b = np.mean(
+        np.einsum("nji,nj->ni", motion.state(inc.t).C_nb, np.tile(earth.earth_rate_ned(LLH[0]), (len(inc), 1))), 0
+    )
     axial = inc.dtheta_ib_b[:, 2].mean() * 200.0 - omega_ie_b[2]
     assert axial == pytest.approx(-2.0 * w * np.sin(a / 2.0) ** 2, rel=1e-9)  # rounding
     *_, attitude = errors_at_end(mechanize(inc, start_of(motion), frame=frame), motion)
@@ -187,7 +194,9 @@ def test_coning_is_followed_without_drift(frame):
 def test_coning_error_falls_with_the_fourth_power_of_the_interval():
     a, w = np.radians(2.0), 2.0 * np.pi * 5.0
     motion = coning_motion(LLH, a, w, 20.0)
-    errors = [errors_at_end(mechanize(increments_of(motion, r), start_of(motion)), motion)[2] for r in (100.0, 200.0, 400.0)]
+    errors = [
+        errors_at_end(mechanize(increments_of(motion, r), start_of(motion)), motion)[2] for r in (100.0, 200.0, 400.0)
+    ]
     slopes = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
     assert np.all(slopes > 3.5), slopes
 
@@ -198,7 +207,10 @@ def test_both_frames_agree_on_noisy_data(rng):
     motion = StaticMotion(LLH, np.array([0.1, 0.2, 0.3]), n / rate)
     inc = increments_of(motion, rate)
     inc = Increments(
-        inc.t, inc.dt, inc.dtheta_ib_b + 2e-3 * rng.standard_normal((n, 3)), inc.dv_ib_b + 0.05 * rng.standard_normal((n, 3))
+        inc.t,
+        inc.dt,
+        inc.dtheta_ib_b + 2e-3 * rng.standard_normal((n, 3)),
+        inc.dv_ib_b + 0.05 * rng.standard_normal((n, 3)),
     )
     a, b = (mechanize(inc, start_of(motion), frame=f) for f in FRAMES)
     np.testing.assert_allclose(a.r_eb_e, b.r_eb_e, atol=2e-5)  # discretisation of the turning axes
@@ -219,7 +231,9 @@ def test_uneven_intervals_lose_nothing():
 
 def test_quaternion_stays_of_unit_length_over_an_hour(rng):
     n = 360_000
-    inc = Increments(np.arange(1, n + 1) / 100.0, np.full(n, 0.01), 1e-2 * rng.standard_normal((n, 3)), np.zeros((n, 3)))
+    inc = Increments(
+        np.arange(1, n + 1) / 100.0, np.full(n, 0.01), 1e-2 * rng.standard_normal((n, 3)), np.zeros((n, 3))
+    )
     q = mechanize(inc, NavState.from_geodetic(0.0, LLH)).q_eb
     np.testing.assert_allclose(np.linalg.norm(q, axis=1), 1.0, atol=1e-14)  # rounding
 

@@ -54,6 +54,7 @@ def run(rng) -> Recording:
         0.01 * (B @ np.swapaxes(B, 1, 2) + np.eye(3)),
         rng.integers(1, 8, k),
         rng.integers(4, 30, k),
+        259_200.25 + np.arange(k) * 0.25 + rng.uniform(0.01, 0.1, k),
     )
     odometer = OdometerSeries(t[::10], rng.uniform(-1, 20, 40), rng.uniform(0.01, 0.2, 40))
     q = rng.standard_normal((k, 4))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pyarrow as pa
@@ -22,11 +22,13 @@ from schuler.timebase import TimeBase
 def assert_same(back: Recording, run: Recording, rtol: float = 0.0) -> None:
     for series, names in (
         ("imu", ("t", "gyro", "accel", "temperature")),
-        ("gnss", ("t", "llh", "cov_r_n", "v_n", "cov_v_n", "quality", "n_satellites")),
+        ("gnss", ("t", "llh", "cov_r_n", "v_n", "cov_v_n", "quality", "n_satellites", "received")),
         ("odometer", ("t", "speed", "sigma")),
         ("reference", ("t", "r_eb_e", "v_eb_e", "q_eb")),
     ):
         mine, other = getattr(back, series), getattr(run, series)
+        known = {*names, "kind", "_cache"}
+        assert mine is None or {f.name for f in fields(mine)} <= known, "a new field has to be written and compared"
         assert (mine is None) == (other is None), series
         for name in names if mine is not None else ():
             a, b = getattr(mine, name), getattr(other, name)
@@ -58,7 +60,7 @@ def test_csv_keeps_every_digit_and_needs_no_hint(run, tmp_path):
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_parts_of_a_recording_are_kept_as_they_are(run, tmp_path, suffix):
-    gnss = replace(run.gnss, v_n=None, cov_v_n=None, quality=None, n_satellites=None)
+    gnss = replace(run.gnss, v_n=None, cov_v_n=None, quality=None, n_satellites=None, received=None)
     imu = ImuSeries(run.imu.t, run.imu.gyro, run.imu.accel, "increment")
     reference = replace(run.reference, v_eb_e=None, q_eb=None, _cache={})
     local = replace(run.metadata, time=TimeBase())

@@ -288,7 +288,7 @@ def test_an_offset_is_added_and_noted(table, still):
     assert "-0.125 s was added to every time stamp." in r.metadata.notes
     still[:, 0] *= 1e-4
     path = table(still)
-    with pytest.raises(FileFormatError, match="expected increasing times, but 10000000000.0"):
+    with pytest.raises(FileFormatError, match=r"expected increasing times, but 10000000000\.0"):
         read(path, **SI, offset=1e10, allow="norm")  # steps of 1 us are lost among 2e-6 s of rounding
 
 
@@ -312,6 +312,8 @@ def with_line(still: np.ndarray, line: int, text: str) -> list[list[str]]:
         ("1.99,0,0,-9.8,0,1e31,0", r"gy is 1e\+31, an impossibly large number"),
         ("1.99,0,,-9.8,0,0,0", "column 3: the field is empty"),
         ("1.99,0,0,-9.8,0,0,none", "column 7: expected a number, got 'none'"),
+        ("2025-07-08T12:00:00Z,0,0,-9.8,0,0,0", "column 1: dates and clock times are not read, got '2025-07-08T12"),
+        ("12:00:01.5,0,0,-9.8,0,0,0", "column 1: dates and clock times are not read, got '12:00:01.5'"),
         ("1.99,0,0,-9.8,0,0,0x10", "column 7: expected a number, got '0x10'"),
         ("1.99,0,0,-9.8,0,0,1_0", "column 7: expected a number, got '1_0'"),
         ("1.99,0,0,-9.8,0,0", "expected 7 columns, got 6"),
@@ -438,6 +440,16 @@ def test_gnss_tables_are_read(table, fixes):
     np.testing.assert_array_equal(gnss.v_n[0], [1, 2, -1])
     np.testing.assert_array_equal(gnss.quality, 1)
     np.testing.assert_array_equal(gnss.n_satellites, 12)
+
+
+def test_times_of_delivery_are_on_the_time_base_of_the_fixes(table, fixes):
+    rows = np.column_stack((fixes[:, :4], fixes[:, 0] + 0.08))
+    rows[:, [0, 4]] += 604_798.5
+    rows[:, [0, 4]] %= 604_800.0
+    rows[:, 4] += 604_800.0 * (rows[:, 4] < rows[:, 0])
+    r = read(table(rows, header="t,lat,lon,h,received"), sigma="1,1,2", time="gps-tow:2374", offset=0.5)
+    np.testing.assert_allclose(r.gnss.t, 604_799.0 + np.arange(5), atol=1e-9)  # rounding, here and below
+    np.testing.assert_allclose(r.gnss.received, r.gnss.t + 0.08, atol=1e-9)
 
 
 def test_other_units_of_gnss_tables(table, fixes):

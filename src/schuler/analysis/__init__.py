@@ -1,0 +1,1 @@
+"""Errors, consistency and outages of navigation solutions."""

@@ -15,7 +15,10 @@ app = App(
 
 #: Name, where it is, and the line that ``schuler --help`` shows.
 COMMANDS = {
-    "demo": ("schuler.cli.demo:demo", "Simulate a drive with a GNSS outage, navigate it, write a report. Needs no file."),
+    "demo": (
+        "schuler.cli.demo:demo",
+        "Simulate a drive with a GNSS outage, navigate it, write a report. Needs no file.",
+    ),
     "info": ("schuler.cli.convert:info", "Say what is in a log."),
     "convert": ("schuler.cli.convert:convert", "Convert any readable log to Parquet, CSV, .pos, KML or GeoJSON."),
     "simulate": ("schuler.cli.simulate:simulate", "Truth, IMU and GNSS of a scenario in a TOML file."),

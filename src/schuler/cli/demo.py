@@ -87,7 +87,11 @@ def run_demo(seed: int | None, bar: Any = None) -> tuple[Outcome, Any, float]:
     nees = []
     for k in range(_RUNS, -1, -1):
         simulation = simulate_mission(mission, np.random.default_rng(seeds[k]))
-        quick = config if k == 0 else config.model_copy(update={"filter": config.filter.model_copy(update={"smooth": False})})
+        quick = (
+            config
+            if k == 0
+            else config.model_copy(update={"filter": config.filter.model_copy(update={"smooth": False})})
+        )
         result = navigate(simulation.recording, quick)
         truth = true_parameters(simulation, result)
         if k > 0:
@@ -109,7 +113,9 @@ def true_parameters(simulation: Any, result: Any) -> FloatArray:
         "G_g": errors.G_g.ravel(),
     }  # fmt: skip
     blocks = [
-        {"b_a": report.b_a, "b_g": report.b_g}[name][k] if name in ("b_a", "b_g") else np.tile(constant[name], (len(k), 1))
+        {"b_a": report.b_a, "b_g": report.b_g}[name][k]
+        if name in ("b_a", "b_g")
+        else np.tile(constant[name], (len(k), 1))
         for name in result.layout.models
     ]
     return np.concatenate(blocks, axis=1)

@@ -94,9 +94,7 @@ class Outcome:
     truth_parameters: Any = None
 
 
-def evaluated(
-    recording: Recording, result: NavigationResult, smooth: bool, truth_parameters: Any = None
-) -> Outcome:
+def evaluated(recording: Recording, result: NavigationResult, smooth: bool, truth_parameters: Any = None) -> Outcome:
     """Compare a solution with the recording's reference, or with all its GNSS fixes where there is none."""
     from schuler.analysis.evaluation import evaluate
 
@@ -149,7 +147,11 @@ def write_outputs(folder: Path, recording: Recording, outcome: Outcome, *, repor
             "truth_parameters": outcome.truth_parameters, "origin": recording.start,
         }  # fmt: skip
         files["report"] = navigation_report(
-            result, folder / "report.html", title=recording.metadata.name, recording_summary=recording.summary(), **shown
+            result,
+            folder / "report.html",
+            title=recording.metadata.name,
+            recording_summary=recording.summary(),
+            **shown,
         )
         for path in save_figures(result, folder / "figures", **shown):
             files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
@@ -174,5 +176,7 @@ def sentences(numbers: dict[str, Any]) -> str:
     if "smoothed" in numbers and numbers["smoothed"]["rms_horizontal_m"] is not None:
         lines.append(f"smoothed: {numbers['smoothed']['rms_horizontal_m']:.3f} m RMS horizontal")
     if numbers["nees_mean"] is not None:
-        lines.append(f"normalised estimation error squared per degree of freedom: {numbers['nees_mean']:.2f} (honest: 1)")
+        lines.append(
+            f"normalised estimation error squared per degree of freedom: {numbers['nees_mean']:.2f} (honest: 1)"
+        )
     return "\n".join(lines)

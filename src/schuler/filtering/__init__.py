@@ -1,0 +1,1 @@
+"""One error-state filter: states, error model, measurements, engine, smoother, live use."""

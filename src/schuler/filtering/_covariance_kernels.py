@@ -365,5 +365,3 @@ def clear(acc, B):
     for i in range(9):
         for k in range(B.shape[1]):
             B[i, k] = 0.0
-
-

@@ -214,5 +214,3 @@ def rotate_by(nav, x, y, z):
     nav[1] = c * q1 + x * q0 + y * q3 - z * q2
     nav[2] = c * q2 - x * q3 + y * q0 + z * q1
     nav[3] = c * q3 + x * q2 - y * q1 + z * q0
-
-

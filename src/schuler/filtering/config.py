@@ -39,7 +39,7 @@ class ImuSection(Section):
     @model_validator(mode="after")
     def _one_source(self) -> ImuSection:
         if (self.catalogue is None) == (not self.gyro and not self.accel):
-            raise ValueError("give either catalogue = \"name\" or both gyro = {...} and accel = {...}")
+            raise ValueError('give either catalogue = "name" or both gyro = {...} and accel = {...}')
         if self.catalogue is None and not (self.gyro and self.accel):
             raise ValueError("give both gyro = {...} and accel = {...}")
         return self
@@ -76,7 +76,7 @@ class AlignmentSection(Section):
     @model_validator(mode="after")
     def _given_needs_angles(self) -> AlignmentSection:
         if (self.method == "given") != (self.rpy_deg is not None):
-            raise ValueError("rpy_deg goes with method = \"given\" and only with it")
+            raise ValueError('rpy_deg goes with method = "given" and only with it')
         return self
 
 

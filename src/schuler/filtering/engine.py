@@ -205,7 +205,9 @@ class FilterState:
         self.q_imu = np.concatenate((as_vector3(gyro_psd, "gyro_psd"), as_vector3(accel_psd, "accel_psd")))
         if np.any(self.q_imu < 0.0):
             raise InputError("noise densities: expected non-negative values of N**2")
-        every = 1 if options.covariance_rate_hz is None else max(1, round(1.0 / (options.covariance_rate_hz * interval)))
+        every = (
+            1 if options.covariance_rate_hz is None else max(1, round(1.0 / (options.covariance_rate_hz * interval)))
+        )
         out_every = 1 if options.output_rate_hz is None else max(1, round(1.0 / (options.output_rate_hz * interval)))
         sources = {name for name in layout.models if name[0] in "SMG"}
         self.cfg = np.zeros(run_k.N_CFG)

@@ -187,7 +187,12 @@ def position(
 
 
 def velocity(
-    t: float, v_eb_n: ArrayLike, sigma: ArrayLike, lever_arm_b: ArrayLike = (0.0, 0.0, 0.0), *, gate: float | None = 0.9999
+    t: float,
+    v_eb_n: ArrayLike,
+    sigma: ArrayLike,
+    lever_arm_b: ArrayLike = (0.0, 0.0, 0.0),
+    *,
+    gate: float | None = 0.9999,
 ) -> MeasurementSchedule:
     """One velocity fix of the antenna, north-east-down [m/s]; arguments as for :func:`position`."""
     return _one(VELOCITY, t, as_vector3(v_eb_n, "v_eb_n"), sigma, lever_arm_b, gate)

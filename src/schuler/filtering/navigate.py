@@ -74,10 +74,10 @@ def navigate(
     initial = _moved_to(initial, increments)
     schedule = MeasurementSchedule.empty()
     if gnss is not None:
-        later = gnss.where(gnss.t > initial.nav.t + 1e-6)
-        if len(later):
+        later = gnss.t > initial.nav.t + 1e-6
+        if later.any():
             schedule = gnss_measurements(
-                later,
+                gnss.where(later),
                 config.gnss.lever_arm_m,
                 use_velocity=config.gnss.velocity,
                 gate=None if config.gnss.gate == "off" else config.gnss.gate,
@@ -137,9 +137,7 @@ def imu_spec(config: NavigationConfig) -> ImuSpec:
 
 def state_layout(config: NavigationConfig, spec: ImuSpec) -> StateLayout:
     """State layout of a configuration: from the IMU's budget, with the models given instead."""
-    given = {
-        name: StateModel(model.sigma, model.noise, model.tau_s) for name, model in config.filter.models.items()
-    }
+    given = {name: StateModel(model.sigma, model.noise, model.tau_s) for name, model in config.filter.models.items()}
     states = config.filter.states
     if isinstance(states, tuple):
         fitted = layout_for(spec, tuple(name for name in states if name not in given)).models
@@ -186,9 +184,11 @@ def align(
     from schuler.filtering.measurements import in_windows
 
     usable = (gnss.t >= imu.t[0]) & (gnss.t <= imu.t[-1]) & ~in_windows(gnss.t, windows)
+    if not usable.any():
+        raise InputError(
+            "no GNSS fix lies within the IMU log (outside outages): nothing to start from; check the clocks"
+        )
     gnss = gnss.where(usable)
-    if not len(gnss):
-        raise InputError("no GNSS fix lies within the IMU log (outside outages): nothing to start from; check the clocks")
     rates = imu.rates()
     level, gyro_bias, rest_end = _at_rest(rates, gnss, section, spec)
     if section.method == "given":
@@ -203,7 +203,8 @@ def align(
     elif section.method == "gyrocompass":
         if level is None or gyro_bias is None:
             raise InputError("gyrocompassing needs a stretch at rest at the start of the log, and none was found")
-        k = int(np.flatnonzero(gnss.t <= rest_end)[-1])
+        # the fix in the middle of the recording would do as well: the last one at rest that leaves a log to navigate
+        k = max(int(np.flatnonzero(gnss.t <= rest_end)[-1]) - 1, 0)
         still = rates.between(rest_end - section.rest_s, rest_end)
         alignment = gyrocompass(
             still.gyro,
@@ -223,7 +224,9 @@ def align(
         sigma_v = float(np.sqrt(max(gnss.cov_v_n[k, 0, 0], gnss.cov_v_n[k, 1, 1])))
         heading, sigma = heading_from_course(gnss.v_n[k], sigma_v, sigma_sideslip=section.sideslip_deg * units.DEG)
         if level is not None and gnss.t[k] - rest_end < 20.0:
-            alignment = level.with_heading(heading, sigma, f"heading from course at {np.linalg.norm(gnss.v_n[k]):.2f} m/s")
+            alignment = level.with_heading(
+                heading, sigma, f"heading from course at {np.linalg.norm(gnss.v_n[k]):.2f} m/s"
+            )
         else:
             alignment = _level_in_motion(rates, gnss, k, heading, sigma, section, spec)
             gyro_bias = None
@@ -312,7 +315,9 @@ def _at_rest(
     mean = still.gyro.mean(axis=0) - vertical
     wander = spec.gyro.in_run_bias if spec.gyro.in_run_time else 0.0
     sigma = float(np.sqrt(spec.gyro.random_walk**2 / length + omega_ie_n[0] ** 2 + wander**2))
-    spread = float(still.gyro.std(axis=0).max()) / np.sqrt(max(length, 1.0) * 5.0)  # vibration, a fifth of a second apart
+    spread = float(still.gyro.std(axis=0).max()) / np.sqrt(
+        max(length, 1.0) * 5.0
+    )  # vibration, a fifth of a second apart
     return level, (mean, max(sigma, spread)), end
 
 
@@ -406,9 +411,7 @@ def _moved_to(initial: InitialState, increments: Increments) -> InitialState:
     """The initial state carried to the first interval's beginning, at most one sample later."""
     step = increments.start - initial.nav.t
     if step > 0.5:
-        raise InputError(
-            f"the IMU log begins {step:.2f} s after the initial state; alignment and log must overlap"
-        )
+        raise InputError(f"the IMU log begins {step:.2f} s after the initial state; alignment and log must overlap")
     nav = initial.nav
     moved = NavState(increments.start, nav.r_eb_e + step * nav.v_eb_e, nav.v_eb_e, nav.q_eb)
     return InitialState(moved, initial.P, initial.parameters)

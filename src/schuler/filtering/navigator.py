@@ -197,7 +197,9 @@ class Navigator:
         if taken is not None:
             status, nis, innovation = arrays[6], arrays[7], arrays[8]
             self._outcomes += [
-                Outcome(float(taken.t[i]), KINDS[int(taken.kind[i])], STATUS[int(status[i])], float(nis[i]), innovation[i])
+                Outcome(
+                    float(taken.t[i]), KINDS[int(taken.kind[i])], STATUS[int(status[i])], float(nis[i]), innovation[i]
+                )
                 for i in range(len(taken))
             ]
 

@@ -131,7 +131,9 @@ class NavigationResult:
     _nodes: SmootherNodes | None = field(default=None, repr=False, compare=False)
 
     @classmethod
-    def from_run(cls, forward: ForwardRun, schedule_t: FloatArray, kinds: IntArray, layout: StateLayout, **rest: Any) -> NavigationResult:
+    def from_run(
+        cls, forward: ForwardRun, schedule_t: FloatArray, kinds: IntArray, layout: StateLayout, **rest: Any
+    ) -> NavigationResult:
         """Result object of a forward run; ``rest`` are further fields."""
         rec = forward.rec_nav
         return cls(
@@ -254,8 +256,7 @@ class NavigationResult:
         kind = "smoothed" if self.smoothed else "filtered"
         lines = [
             f"{kind} solution: {self.epochs} IMU epochs, {self.trajectory.t[0]:.3f}..{self.trajectory.t[-1]:.3f} s, "
-            f"{self.layout.size} states ({', '.join(self.layout.blocks)})"
-            + ("" if self.complete else "; INTERRUPTED"),
+            f"{self.layout.size} states ({', '.join(self.layout.blocks)})" + ("" if self.complete else "; INTERRUPTED"),
             f"  at the end, 1-sigma: position {sigma_r[0]:.3f} {sigma_r[1]:.3f} {sigma_r[2]:.3f} m (NED), "
             f"attitude {sigma_psi[0]:.4f} {sigma_psi[1]:.4f} {sigma_psi[2]:.4f} deg (NED)",
         ]
@@ -266,7 +267,9 @@ class NavigationResult:
                 f"{count[STATUS[UNUSED]]} unused" + (f", {forced} after lock-out" if forced else "")
             )
         if len(self.innovations):
-            lines.append(f"  mean normalised innovation squared per degree of freedom: {self.innovations.mean_nis():.3f}")
+            lines.append(
+                f"  mean normalised innovation squared per degree of freedom: {self.innovations.mean_nis():.3f}"
+            )
         for block in self.layout.models:
             value, spread = self.parameter(block)[-1], self.sigma(block)[-1]
             text = "  ".join(f"{v:+.3e} +- {s:.1e}" for v, s in zip(value, spread, strict=True))

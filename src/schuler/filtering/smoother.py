@@ -15,9 +15,7 @@ if TYPE_CHECKING:
     from schuler.filtering.result import NavigationResult
 
 
-def smooth_run(
-    result: NavigationResult, nodes: SmootherNodes
-) -> tuple[Trajectory, Trajectory, FloatArray, FloatArray]:
+def smooth_run(result: NavigationResult, nodes: SmootherNodes) -> tuple[Trajectory, Trajectory, FloatArray, FloatArray]:
     """Backward pass over the nodes of a forward run.
 
     Parameters

@@ -84,7 +84,9 @@ class StateModel:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.sigma) and self.sigma >= 0.0 and np.isfinite(self.noise) and self.noise >= 0.0):
-            raise InputError(f"StateModel: expected non-negative finite sigma and noise, got {self.sigma}, {self.noise}")
+            raise InputError(
+                f"StateModel: expected non-negative finite sigma and noise, got {self.sigma}, {self.noise}"
+            )
         if self.tau is not None and not self.tau > 0.0:
             raise InputError(f"StateModel: expected a positive correlation time [s], got {self.tau}")
 

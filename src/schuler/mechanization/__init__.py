@@ -1,0 +1,1 @@
+"""Strapdown mechanization and initial alignment."""

@@ -87,7 +87,12 @@ class Alignment:
 
 
 def levelling(
-    f_ib_b: ArrayLike, *, t: float = 0.0, sigma_bias: float = 0.0, sigma_noise: float = 0.0, sigma_heading: float = np.pi
+    f_ib_b: ArrayLike,
+    *,
+    t: float = 0.0,
+    sigma_bias: float = 0.0,
+    sigma_noise: float = 0.0,
+    sigma_heading: float = np.pi,
 ) -> Alignment:
     """Roll and pitch from the specific force at rest; the heading stays unknown.
 

@@ -138,9 +138,7 @@ def mechanize(
     nav = np.concatenate((initial.q_nb, initial.v_eb_n, initial.llh))
     _kernels.strapdown(*log, nav, omega, 1, q, v, r)
     q_en = frames.q_en(r)
-    return Trajectory(
-        increments.t, frames.ecef_from_llh(r), rotation.rotate(q_en, v), rotation.quat_multiply(q_en, q)
-    )
+    return Trajectory(increments.t, frames.ecef_from_llh(r), rotation.rotate(q_en, v), rotation.quat_multiply(q_en, q))
 
 
 def derivative_ecef(

@@ -36,7 +36,7 @@ def geodetic(r, llh):
         n = 1.0 / math.sqrt(S * S + C * C)
         s, c = S * n, C * n
         llh[k, 0] = math.atan2(S, C)
-        llh[k, 1] = math.atan2(y, x)
+        llh[k, 1] = math.atan2(y + 0.0, x + 0.0)  # no minus zero
         llh[k, 2] = p * c + z * s - _A * math.sqrt(1.0 - _E2 * s * s)
 
 

@@ -112,11 +112,16 @@ class Recording:
                 f"{self.metadata.name} runs on {mine.scale} time, {other.metadata.name} on {theirs.scale} time; "
                 "say what the stamps of the local one mean (option time)"
             )
+        notes: tuple[str, ...] = ()
+        if mine.scale == "local":
+            notes = (
+                f"{self.metadata.name} and {other.metadata.name} are taken to run on one clock, whose epoch is unknown.",
+            )
         other = other.shifted(theirs.epoch_gps_s - mine.epoch_gps_s)
         metadata = replace(
             self.metadata,
             sources={**self.metadata.sources, **other.metadata.sources},
-            notes=self.metadata.notes + other.metadata.notes,
+            notes=self.metadata.notes + other.metadata.notes + notes,
             options={**self.metadata.options, **other.metadata.options},
         )
         return Recording(
@@ -150,7 +155,7 @@ class Recording:
         return replace(self, imu=self.need_imu().rotated(C_bs), metadata=self.metadata.noting(note))
 
     def summary(self) -> str:
-        """What is in the recording, in a few lines of text."""
+        """Contents of the recording in a few lines of text."""
         lines = [f"{self.metadata.name}: {self.stop - self.start:.1f} s, {self.metadata.time.describe()}"]
         if self.imu is not None:
             imu = self.imu.rates()
@@ -172,7 +177,9 @@ class Recording:
                 + ("" if self.gnss.v_n is not None else "; no velocity")
             )
         if self.odometer is not None:
-            lines.append(f"  odometer   {len(self.odometer)} samples, up to {np.abs(self.odometer.speed).max():.1f} m/s")
+            lines.append(
+                f"  odometer   {len(self.odometer)} samples, up to {np.abs(self.odometer.speed).max():.1f} m/s"
+            )
         if self.reference is not None:
             lines.append(f"  reference  {len(self.reference)} samples")
         lines += [f"  - {note}" for note in self.metadata.notes]

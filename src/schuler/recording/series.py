@@ -17,6 +17,7 @@ from schuler.exceptions import InputError
 
 Kind = Literal["rate", "increment"]
 
+_SAME_TIME = 1e-6  # times closer than this are one [s]
 _MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
 
 #: GNSS solution quality, RTKLIB's numbers.
@@ -82,7 +83,7 @@ class Increments:
 
     def between(self, start: float, stop: float) -> Increments:
         """The whole intervals within ``[start, stop]``. [s]"""
-        keep = (self.t - self.dt >= start - 1e-9) & (self.t <= stop + 1e-9)
+        keep = (self.t - self.dt >= start - _SAME_TIME) & (self.t <= stop + _SAME_TIME)
         if not keep.any():
             raise InputError(
                 f"no IMU interval lies within {start:.3f}..{stop:.3f} s; the log runs {self.start:.3f}..{self.t[-1]:.3f} s"
@@ -170,9 +171,7 @@ class ImuSeries:
         if self.kind == "rate":
             return self
         inc = self.increments()
-        return replace(
-            self, gyro=inc.dtheta_ib_b / inc.dt[:, None], accel=inc.dv_ib_b / inc.dt[:, None], kind="rate"
-        )
+        return replace(self, gyro=inc.dtheta_ib_b / inc.dt[:, None], accel=inc.dv_ib_b / inc.dt[:, None], kind="rate")
 
     def rotated(self, C_bs: ArrayLike) -> ImuSeries:
         """The log in other axes.
@@ -240,7 +239,9 @@ class GnssSeries:
         object.__setattr__(self, "llh", as_floats(self.llh, "GnssSeries.llh", (n, 3)))
         object.__setattr__(self, "cov_r_n", _covariances(self.cov_r_n, "GnssSeries.cov_r_n", n))
         if np.any(np.abs(self.llh[:, 0]) > 0.5 * np.pi + 1e-12):
-            raise InputError("GnssSeries.llh: a latitude is beyond +-90 deg; angles are radians, order lat, lon, height")
+            raise InputError(
+                "GnssSeries.llh: a latitude is beyond +-90 deg; angles are radians, order lat, lon, height"
+            )
         if (self.v_n is None) != (self.cov_v_n is None):
             raise InputError("GnssSeries: a velocity and its covariance are given together or not at all")
         if self.v_n is not None and self.cov_v_n is not None:
@@ -464,7 +465,9 @@ class Trajectory:
         """
         if self.q_eb is None:
             raise InputError("a lever arm needs an attitude, and this trajectory has none")
-        return Trajectory(self.t, self.r_eb_e + rotation.rotate(self.q_eb, as_floats(l_bp_b, "l_bp_b", (3,))), None, self.q_eb)
+        return Trajectory(
+            self.t, self.r_eb_e + rotation.rotate(self.q_eb, as_floats(l_bp_b, "l_bp_b", (3,))), None, self.q_eb
+        )
 
 
 def _axes_kernels() -> Any:

@@ -103,10 +103,13 @@ def velocity_changes(dtheta: ArrayLike, dv: ArrayLike, dt: ArrayLike | None = No
     a0, a1, a2 = _polynomial(dtheta, dt)
     b0, b1, b2 = _polynomial(dv, dt)
     dtheta, dv = np.asarray(dtheta, dtype=np.float64), np.asarray(dv, dtype=np.float64)
+    if dtheta.shape != dv.shape:
+        raise InputError(f"expected as many velocity as angle increments, got {dv.shape} and {dtheta.shape}")
     angle = np.linalg.norm(dtheta, axis=-1, keepdims=True)
     first = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
-        second = np.where(angle > 1e-2, (angle - np.sin(angle)) / angle**3, 1.0 / 6.0 - angle**2 / 120.0 + angle**4 / 5040.0)
+        exact = (angle - np.sin(angle)) / angle**3
+    second = np.where(angle > 1e-2, exact, 1.0 / 6.0 - angle**2 / 120.0 + angle**4 / 5040.0)
     turned = np.cross(dtheta, dv)
     sculling = np.cross(a0, b1 / 12.0 + b2 / 24.0) + np.cross(b0, a1 / 12.0 + a2 / 24.0)
     fourth = (np.cross(a0, np.cross(a0, b1)) - np.cross(a1, np.cross(a0, b0))) / 24.0
@@ -118,6 +121,8 @@ def _polynomial(x: ArrayLike, dt: ArrayLike | None) -> tuple[FloatArray, FloatAr
     """Coefficients of ``rate(s) h = a0 + a1 s + a2 s^2 / 2`` on each interval; the NumPy twin of ``fit_interval``."""
     x = as_floats(x, "increments", (None, 3))
     h = np.ones(len(x)) if dt is None else as_floats(dt, "dt", (len(x),))
+    if np.any(h <= 0.0):
+        raise InputError(f"dt: expected positive intervals, got {h.min()}")
     u = x / h[:, None]
     d2, d3 = np.zeros_like(x), np.zeros_like(x)
     d2[1:] = (u[1:] - u[:-1]) / (h[1:] + h[:-1])[:, None]

@@ -130,6 +130,8 @@ def simulate_odometer(
     """
     t = np.arange(0.0, motion.duration + 1e-9, 1.0 / rate_hz)
     s = motion.state(t)
-    v_b = rotation.rotate(rotation.quat_conjugate(s.q_eb), s.v_eb_e) + np.cross(s.omega_eb_b, as_vector3(lever_arm_b, "lever"))
+    v_b = rotation.rotate(rotation.quat_conjugate(s.q_eb), s.v_eb_e) + np.cross(
+        s.omega_eb_b, as_vector3(lever_arm_b, "lever")
+    )
     speed = (1.0 + scale_error) * v_b[:, 0] + sigma * rng.standard_normal(len(t))
     return OdometerSeries(t, speed, np.full(len(t), sigma))

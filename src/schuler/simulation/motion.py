@@ -85,6 +85,12 @@ class Motion(Protocol):
         ...
 
 
+def check_span(t: FloatArray, duration: float) -> None:
+    """Refuse times outside ``[0, duration]``: a motion is not extrapolated. [s]"""
+    if len(t) and (t.min() < -1e-6 or t.max() > duration + 1e-6):
+        raise InputError(f"asked for {t.min():.3f}..{t.max():.3f} s of a motion that lasts {duration:.3f} s")
+
+
 def inertial_quantities(state: MotionState, *, earth_rotation: bool = True) -> tuple[FloatArray, FloatArray]:
     """Angular rate and specific force an ideal IMU senses.
 

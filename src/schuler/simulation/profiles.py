@@ -16,7 +16,7 @@ import numpy as np
 from schuler import earth, frames
 from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3
 from schuler.exceptions import InputError
-from schuler.simulation.motion import LocalMotion, MotionState, euler_attitude
+from schuler.simulation.motion import LocalMotion, MotionState, check_span, euler_attitude
 from schuler.simulation.splines import geodetic_state
 
 _STEEPEST = 1.875  # largest slope of the blend
@@ -95,7 +95,9 @@ class Waypoint:
     def __post_init__(self) -> None:
         object.__setattr__(self, "llh", as_vector3(self.llh, "Waypoint.llh"))
         if not (self.speed > 0.0 and self.stop >= 0.0):
-            raise InputError(f"a way-point needs a positive speed and stop >= 0, got {self.speed} m/s and {self.stop} s")
+            raise InputError(
+                f"a way-point needs a positive speed and stop >= 0, got {self.speed} m/s and {self.stop} s"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +150,9 @@ class WaypointMotion:
         chord = np.linalg.norm(np.diff(local, axis=0), axis=1)
         if np.any(chord < 0.1):
             i = int(np.argmin(chord))
-            raise InputError(f"way-points {i} and {i + 1} are {chord[i]:.3f} m apart; to pause, use stop at one of them")
+            raise InputError(
+                f"way-points {i} and {i + 1} are {chord[i]:.3f} m apart; to pause, use stop at one of them"
+            )
         u = np.concatenate(([0.0], np.cumsum(chord)))
         curve: Any = CubicSpline(u, local, bc_type="natural") if len(u) > 2 else make_interp_spline(u, local, k=1)
         dense = np.unique(np.concatenate((np.linspace(0.0, u[-1], max(200, int(u[-1] / 2.0)) + 1), u)))
@@ -193,6 +197,7 @@ class WaypointMotion:
 
     def state(self, t: FloatArray) -> MotionState:
         """See :class:`~schuler.simulation.motion.Motion`."""
+        check_span(t, self.duration)
         llh, rate, accel, rpy, rpy_rate = self._along(t)
         if self._roll is not None:
             rpy[:, 0], rpy_rate[:, 0] = self._roll(t), self._roll(t, 1)
@@ -274,7 +279,9 @@ class Manoeuvre:
 
     def __post_init__(self) -> None:
         if not self.duration > 0.0 or (self.speed is not None and self.speed < 0.0):
-            raise InputError(f"a manoeuvre needs a positive duration and speed >= 0, got {self.duration} s, {self.speed}")
+            raise InputError(
+                f"a manoeuvre needs a positive duration and speed >= 0, got {self.duration} s, {self.speed}"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -338,9 +345,7 @@ class ManoeuvreMotion:
             vh, yaw = v.at(at)[1][0], psi.at(at)[1][0]
             h = llh[2] + w.at(at)[0][0]
             R_N, R_E = earth.radii_of_curvature(llh[0] + x[0])
-            return np.array(
-                [vh * np.cos(yaw) / (R_N + h), vh * np.sin(yaw) / ((R_E + h) * np.cos(llh[0] + x[0]))]
-            )
+            return np.array([vh * np.cos(yaw) / (R_N + h), vh * np.sin(yaw) / ((R_E + h) * np.cos(llh[0] + x[0]))])
 
         knots = np.linspace(0.0, total, max(12, int(total / 0.1)) + 1)
         solution = solve_ivp(
@@ -352,6 +357,7 @@ class ManoeuvreMotion:
 
     def state(self, t: FloatArray) -> MotionState:
         """See :class:`~schuler.simulation.motion.Motion`."""
+        check_span(t, self.duration)
         _, v, v1, _ = self._speed.at(t)
         _, psi, psi1, psi2 = self._turn.at(t)
         _, w, w1, _ = self._climb.at(t)

@@ -94,15 +94,11 @@ class MotionSection(_Section):
                 raise ConfigError("motion: a static motion needs duration_s")
             return StaticMotion(origin, np.array(self.rpy_deg) * units.DEG, self.duration_s)
         if self.type == "waypoints":
-            points = [
-                Waypoint(llh=_place(p, origin), speed=p.speed_m_s, stop=p.stop_s) for p in self.waypoints
-            ]
+            points = [Waypoint(llh=_place(p, origin), speed=p.speed_m_s, stop=p.stop_s) for p in self.waypoints]
             return WaypointMotion.through(points, acceleration=self.acceleration_m_s2, bank=self.bank)
         if self.type == "manoeuvres":
             commands = [
-                Manoeuvre(
-                    duration=c.duration_s, speed=c.speed_m_s, turn=c.turn_deg * units.DEG, climb=c.climb_m_s
-                )
+                Manoeuvre(duration=c.duration_s, speed=c.speed_m_s, turn=c.turn_deg * units.DEG, climb=c.climb_m_s)
                 for c in self.manoeuvres
             ]
             return ManoeuvreMotion.of(
@@ -314,9 +310,7 @@ def simulate_mission(mission: Mission, rng: np.random.Generator | None = None) -
     return Simulation(recording, errors, simulated.report)
 
 
-def simulate(
-    scenario: Scenario | dict[str, Any] | Path | str, rng: np.random.Generator | None = None
-) -> Recording:
+def simulate(scenario: Scenario | dict[str, Any] | Path | str, rng: np.random.Generator | None = None) -> Recording:
     """Recording of a simulated scenario.
 
     Parameters

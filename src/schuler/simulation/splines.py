@@ -10,7 +10,7 @@ import numpy as np
 from schuler import earth, frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.exceptions import InputError
-from schuler.simulation.motion import MotionState
+from schuler.simulation.motion import MotionState, check_span
 
 
 def geodetic_state(
@@ -104,6 +104,7 @@ class SplineMotion:
 
     def state(self, t: FloatArray) -> MotionState:
         """See :class:`~schuler.simulation.motion.Motion`."""
+        check_span(t, self.duration)
         return geodetic_state(
             t,
             self._position(t) + self._origin,

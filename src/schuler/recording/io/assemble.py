@@ -45,7 +45,10 @@ def recording_from(raw: Raw, hints: ReadHints, *, trusted: bool = False, time: T
         raw.values = {name: values for name, values in raw.values.items() if name not in others}
     _check_finite(raw)
     _to_si(raw, hints, series)
+    delay = raw.values["received"] - raw.values["t"] if raw.has(("received", "t")) else None
     t, base = _time(raw, hints, time)
+    if delay is not None and time is None:
+        raw.values["received"] = t + delay  # on the time base of t
     made: dict[str, ImuSeries | GnssSeries | OdometerSeries | Trajectory]
     if series == "imu":
         made = {"imu": _imu(raw, hints, t, trusted)}

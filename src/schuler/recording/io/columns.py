@@ -35,6 +35,7 @@ EULER, QUATERNION = ("roll", "pitch", "yaw"), ("qw", "qx", "qy", "qz")
 #: Column name to its group; ``None`` where the column has no unit or, for covariances, only the SI one.
 GROUP: dict[str, str | None] = {
     "t": "t",
+    "received": "t",
     **dict.fromkeys(ACCEL, "accel"),
     **dict.fromkeys(GYRO, "gyro"),
     "temp": "temp",
@@ -147,7 +148,7 @@ def check_known(word: str, known: Iterable[str], what: str) -> str:
 #: Columns that make up each series.
 BELONGS = {
     "imu": {"t", *ACCEL, *GYRO, "temp"},
-    "gnss": {"t", *GEODETIC, *VELOCITY, *SIGMA, *VELOCITY_SIGMA, *CROSS, *VELOCITY_CROSS, "q", "ns"},
+    "gnss": {"t", *GEODETIC, *VELOCITY, *SIGMA, *VELOCITY_SIGMA, *CROSS, *VELOCITY_CROSS, "q", "ns", "received"},
     "odometer": {"t", "speed", "sspeed"},
     "reference": {"t", *GEODETIC, *VELOCITY, *ECEF, *ECEF_VELOCITY, *EULER, *QUATERNION},
 }

@@ -51,7 +51,7 @@ def gnss_series(raw: Raw, hints: ReadHints, t: FloatArray) -> GnssSeries:
         if len(bad):
             meanings = ", ".join(f"{k} {v}" for k, v in QUALITY.items())
             raise raw.fault(f"expected a quality q of {meanings}, got {quality[bad[0]]}: skip the column", int(bad[0]))
-    return GnssSeries(t, llh, cov_r_n, v_n, cov_v_n, quality, _integers(raw, "ns"))
+    return GnssSeries(t, llh, cov_r_n, v_n, cov_v_n, quality, _integers(raw, "ns"), raw.values.get("received"))
 
 
 def _geodetic(raw: Raw, hints: ReadHints) -> FloatArray:

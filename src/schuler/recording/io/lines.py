@@ -23,6 +23,7 @@ from schuler.exceptions import FileFormatError
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+_DATE = re.compile(r"\d{1,4}[-/:]\d{1,2}[-/:]\d{1,4}")
 _HEAD_BYTES = 1 << 16
 
 
@@ -270,6 +271,11 @@ def _fault(table: TextTable, fields: list[str], n_columns: int, used: list[int])
             shown = shorten(field, 40)
             if is_decimal_comma(field):
                 return f"column {column + 1}: decimal commas are not read, got {shown}; write points"
+            if _DATE.match(field):
+                return (
+                    f"column {column + 1}: dates and clock times are not read, got {shown}; write seconds, and say "
+                    "what they count from with the hint time"
+                )
             return f"column {column + 1}: expected a number, got {shown}; correct the line, or skip the column with -"
         if not field:
             return f"column {column + 1}: the field is empty; fill or delete the line, or skip the column with -"

@@ -54,7 +54,8 @@ def flatten(recording: Recording) -> dict[str, Columns]:
         table: Columns = {"t": gnss.t, **_split(columns.GEODETIC, gnss.llh), **_split_cov("c", gnss.cov_r_n)}
         if gnss.v_n is not None and gnss.cov_v_n is not None:
             table |= {**_split(columns.VELOCITY, gnss.v_n), **_split_cov("cv", gnss.cov_v_n)}
-        table |= {n: v for n, v in (("q", gnss.quality), ("ns", gnss.n_satellites)) if v is not None}
+        optional = {"q": gnss.quality, "ns": gnss.n_satellites, "received": gnss.received}
+        table |= {name: values for name, values in optional.items() if values is not None}
         flat["gnss"] = table
     if (odometer := recording.odometer) is not None:
         flat["odometer"] = {"t": odometer.t, "speed": odometer.speed, "sspeed": odometer.sigma}
@@ -88,6 +89,7 @@ def unflatten(name: str, flat: Columns, kind: str = "rate") -> ImuSeries | GnssS
             _join_cov("cv", flat) if has_velocity else None,
             flat.get("q"),
             flat.get("ns"),
+            flat.get("received"),
         )
     if name == "odometer":
         return OdometerSeries(flat["t"], flat["speed"], flat["sspeed"])

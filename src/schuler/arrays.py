@@ -39,7 +39,7 @@ def as_floats(value: ArrayLike, name: str, shape: tuple[int | None, ...] | None 
     try:
         array = np.asarray(value)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{name}: expected numbers, got {_describe(value)}") from error
+        raise InputError(f"{name}: expected real numbers, got {_describe(value)}") from error
     if array.dtype.kind not in "fiub":
         raise InputError(f"{name}: expected real numbers, got {_describe(value)}")
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):

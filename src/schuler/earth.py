@@ -201,7 +201,7 @@ def gravity_ecef(r_eb_e: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatArray:
     it has the small north component at height that the usual formula lacks, 8e-9 m/s^2 per metre at 45 deg.
     """
     r = np.asarray(r_eb_e, dtype=np.float64)
-    centrifugal = ellipsoid.omega_ie**2 * r * np.array([1.0, 1.0, 0.0])
+    centrifugal: FloatArray = ellipsoid.omega_ie**2 * r * np.array([1.0, 1.0, 0.0])
     return gravitation_ecef(r, ellipsoid) + centrifugal
 
 
@@ -284,7 +284,8 @@ def transport_rate_ned(lat: ArrayLike, h: ArrayLike, v_eb_n: ArrayLike, ellipsoi
     Returns
     -------
     omega_en_n : ndarray, shape (..., 3)
-        Unbounded towards the poles, where north stops meaning anything: use the Earth-fixed mechanization there. [rad/s]
+        Unbounded towards the poles, where north stops meaning anything: use the Earth-fixed mechanization there.
+        [rad/s]
 
     References
     ----------
@@ -317,4 +318,5 @@ def _gravitation(r_eb_e: ArrayLike, zonals: tuple[float, float, float], ellipsoi
         + p6 * (245.0 - s * (2205.0 - s * (4851.0 - 3003.0 * s)))
     )
     factor = -ellipsoid.GM / (r2 * np.sqrt(r2))
-    return factor[..., None] * r * np.stack((equatorial, equatorial, polar), axis=-1)
+    gravitation: FloatArray = factor[..., None] * r * np.stack((equatorial, equatorial, polar), axis=-1)
+    return gravitation

@@ -116,7 +116,7 @@ def q_en(llh: ArrayLike) -> FloatArray:
 
 
 def C_ie(t: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> FloatArray:
-    """Direction cosine matrix from Earth-fixed to inertial axes that coincide at ``t = 0``. Shapes (...) to (..., 3, 3).
+    """Direction cosines from Earth-fixed to inertial axes that coincide at ``t = 0``. Shapes (...) to (..., 3, 3).
 
     References
     ----------

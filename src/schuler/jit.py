@@ -17,19 +17,22 @@ import numba
 _NOTICE_AFTER_S = 1.5
 
 
+_OPTIONS: Any = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+
+
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function when first called, keep the machine code on disk, release the GIL while it runs.
 
     ``contract`` allows fused multiply-add and nothing else: sums are not reordered, NaN stays NaN.
     """
-    compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(function)
+    compiled = numba.njit(**_OPTIONS)(function)
     return cast(Callable[..., Any], compiled)
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """Like :func:`kernel` for small helpers called inside hot loops: asks LLVM to inline them."""
-    options = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "forceinline": True}
-    return cast(Callable[..., Any], numba.njit(**options)(function))
+    compiled = numba.njit(forceinline=True, **_OPTIONS)(function)
+    return cast(Callable[..., Any], compiled)
 
 
 def prepare(kernels: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]]) -> None:
@@ -57,8 +60,7 @@ def prepare(kernels: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]]) -> No
 
 def _say_compiling() -> None:
     if sys.stderr.isatty():
-        print(
-            "compiling the numerical kernels for this machine (once, up to a minute; later runs start at once)",
-            file=sys.stderr,
-            flush=True,
+        sys.stderr.write(
+            "compiling the numerical kernels for this machine (once, up to a minute; later runs start at once)\n"
         )
+        sys.stderr.flush()

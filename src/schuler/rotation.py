@@ -155,7 +155,8 @@ def quat_from_dcm(C_ab: ArrayLike) -> FloatArray:
     largest = np.argmax(squares, axis=-1)
     q = np.take_along_axis(products, largest[..., None, None], axis=-2)[..., 0, :]
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    return np.where(q[..., :1] < 0.0, -q, q)
+    signed: FloatArray = np.where(q[..., :1] < 0.0, -q, q)
+    return signed
 
 
 def quat_multiply(q_ab: ArrayLike, q_bc: ArrayLike) -> FloatArray:
@@ -175,7 +176,8 @@ def quat_multiply(q_ab: ArrayLike, q_bc: ArrayLike) -> FloatArray:
 
 def quat_conjugate(q_ab: ArrayLike) -> FloatArray:
     """The inverse rotation ``q_ba`` of a unit quaternion. Shape (..., 4)."""
-    return np.asarray(q_ab, dtype=np.float64) * np.array([1.0, -1.0, -1.0, -1.0])
+    conjugate: FloatArray = np.asarray(q_ab, dtype=np.float64) * np.array([1.0, -1.0, -1.0, -1.0])
+    return conjugate
 
 
 def rotate(q_ab: ArrayLike, v_b: ArrayLike) -> FloatArray:

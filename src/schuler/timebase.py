@@ -18,6 +18,7 @@ from schuler.exceptions import InputError
 WEEK_S = 604_800.0
 GPS_EPOCH = dt.datetime(1980, 1, 6)
 UNIX_TO_GPS_S = 315_964_800.0  # Unix time of the GPS epoch [s]
+_YEAR_2100_UNIX_S = 4_102_444_800.0  # later stamps are no seconds
 
 #: Days at whose start GPS - UTC grew by one second (IERS Bulletin C; the table is complete to ``LEAP_TABLE_VALID_TO``).
 LEAP_DAYS = (
@@ -112,7 +113,8 @@ def leap_seconds(day: dt.date) -> int:
         raise InputError(f"GPS time starts on 1980-01-06, got {day}")
     if day > LEAP_TABLE_VALID_TO:
         raise InputError(
-            f"leap seconds are known to {LEAP_TABLE_VALID_TO}, got {day}: update schuler, or give times on the GPS scale"
+            f"leap seconds are known to {LEAP_TABLE_VALID_TO}, got {day}: "
+            "update schuler, or give times on the GPS scale"
         )
     return sum(day >= dt.date(*leap) for leap in LEAP_DAYS)
 
@@ -131,11 +133,10 @@ def gps_from_unix(unix_s: FloatArray) -> FloatArray:
     if t.size:
         if not np.isfinite(t).all():
             raise InputError("Unix time stamps: expected finite numbers, got NaN or infinity")
-        last = (LEAP_TABLE_VALID_TO - dt.date(1970, 1, 1)).days * 86_400.0
-        if t.min() < UNIX_TO_GPS_S or t.max() > last:
+        if t.min() < UNIX_TO_GPS_S or t.max() > _YEAR_2100_UNIX_S:
             raise InputError(
-                f"Unix time stamps: expected seconds between {UNIX_TO_GPS_S:.0f} (1980-01-06) and {last:.0f} "
-                f"({LEAP_TABLE_VALID_TO}, end of the leap-second table), got {t.min():.6g}..{t.max():.6g}; "
-                "are they milliseconds, or seconds of another epoch?"
+                f"Unix time stamps: expected seconds since 1970, from {UNIX_TO_GPS_S:.0f} (1980-01-06) on, "
+                f"got {t.min():.6g}..{t.max():.6g}; are they milliseconds, or seconds of another epoch?"
             )
+        leap_seconds((dt.datetime(1970, 1, 1) + dt.timedelta(seconds=float(t.max()))).date())  # within the table
     return t - UNIX_TO_GPS_S + np.searchsorted(steps, t, side="right")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from fractions import Fraction
-from math import pi
+from math import inf, pi
 
 from schuler.exceptions import UnitError
 
@@ -85,7 +85,8 @@ _ATOMS: dict[str, tuple[float, Dimension]] = {
     "mGal": (MGAL, _dim(length=1, time=-2)),
     "ppm": (PPM, _dim()),
     "%": (PERCENT, _dim()),
-    "degC": (1.0, _dim(temperature=1)),  # no kelvin: a factor cannot turn one into the other
+    "degC": (1.0, _dim(temperature=1)),
+    "K": (1.0, _dim(temperature=1)),  # of a difference, as in ppm/K; factor_for refuses it for temperatures themselves
 }
 # written in capitals or with a capital somewhere these still mean one thing; "Mg" and "Ms" would not
 _ANY_CASE = {"deg", "rad", "rev", "min", "arcsec", "arcmin", "km", "kn", "nmi", "ft", "hz", "degc", "g", "s", "h", "m"}
@@ -138,7 +139,12 @@ def parse_unit(text: str) -> Unit:
         position = match.end()
     if not tokens:
         raise UnitError("expected a unit such as deg/s or m/s^2, got an empty text")
-    factor, dimension, rest = _product(tokens, text, 0)
+    try:
+        factor, dimension, rest = _product(tokens, text, 0)
+    except (OverflowError, ZeroDivisionError):
+        factor, rest = inf, []
+    if not 0.0 < factor < inf:
+        raise UnitError(f"the unit {text[:40]!r} raises its parts to powers no number can hold")
     if rest:
         raise UnitError(f"cannot read the unit {text!r}: unexpected {rest[0]!r}")
     return Unit(text=text.strip(), factor=factor, dimension=dimension)
@@ -165,6 +171,8 @@ def factor_for(text: str, quantity: str) -> float:
     """
     unit = parse_unit(text)
     dimension, si = QUANTITIES[quantity]
+    if quantity == "temperature" and unit.text == "K":
+        raise UnitError("no factor turns kelvin into degC: subtract 273.15 and call the column degC")
     if unit.dimension != dimension:
         raise UnitError(f"{text!r} is no unit of {quantity}; expected one such as {si}")
     return unit.factor
@@ -210,7 +218,7 @@ def _atom(name: str, text: str) -> tuple[float, Dimension]:
     spelling = _SPELLINGS.get(name) or _SPELLINGS.get(name.lower())
     if spelling is None and name.lower() in _ANY_CASE:
         spelling = name.lower()
-    if spelling is None and name[-1] in "23":  # m/s2, as table headers have it
+    if spelling is None and name[-1] in "23" and name[:-1].isalpha():  # m/s2, as table headers have it
         spelling = f"{name[:-1]}^{name[-1]}"
     if spelling is None:
         known = ", ".join(sorted(_ATOMS))
@@ -220,7 +228,7 @@ def _atom(name: str, text: str) -> tuple[float, Dimension]:
 
 
 def _exponent(digits: str, text: str) -> int:
-    if len(digits) > 2 or not 1 <= abs(int(digits)) <= _MAX_EXPONENT:
+    if len(digits) > 2 or abs(int(digits)) > _MAX_EXPONENT:
         raise UnitError(f"the unit {text[:40]!r} has an exponent beyond +-{_MAX_EXPONENT}, which no unit has")
     return int(digits)
 

@@ -98,7 +98,7 @@ def corrupted(
         for k in np.flatnonzero((q > 0) | (beta > 0)):
             w = step[k] * rng.standard_normal(n)
             history[1:, k] = lfilter([1.0], [1.0, -e[k]], w, zi=[e[k] * parameters[k]])[0]
-    b_g, b_a, M_g, M_a, G_g = sensor_matrices(lay, np.zeros(lay.size - 9))
+    _, _, M_g, M_a, G_g = sensor_matrices(lay, np.zeros(lay.size - 9))
     bias = {
         name: 0.5
         * (
@@ -109,7 +109,7 @@ def corrupted(
     }
     fixed = parameters.copy()
     fixed[:6] = 0.0
-    b_g, b_a, M_g, M_a, G_g = sensor_matrices(lay, fixed)
+    _, _, M_g, M_a, G_g = sensor_matrices(lay, fixed)
     f, w = inc.dv_ib_b, inc.dtheta_ib_b
     root = np.sqrt(h)
     dv = f + f @ M_a.T + bias["b_a"] * h + ACCEL_N * root * rng.standard_normal((n, 3))

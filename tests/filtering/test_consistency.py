@@ -26,7 +26,7 @@ def campaign(case, lay, seeds, **options):
 
 @pytest.mark.parametrize("states", [15, 21])
 def test_nees_over_a_hundred_seeds(drive_case, states):
-    """Each run draws biases, scale factors, initial errors and noise; the mean over runs stays in its chi-square band."""
+    """Each run draws biases, scale factors, initial errors and noise; the mean stays in its chi-square band."""
     lay = cases.layout(states)
     values, nis, final = campaign(drive_case, lay, range(100))
     low, high = chi_square_band(lay.size, 100, 0.9999)
@@ -85,7 +85,7 @@ def test_nees_over_an_hour(runs):
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("block", ["b_a", "b_g", "S_a", "S_g", "M_a6", "M_g", "G_g", "lever"])
 def test_each_parameter_is_found_with_either_sign(drive_case, block, sign):
-    """One parameter block off, everything else exact and almost noise-free: its estimate goes to the truth, not away."""
+    """One parameter block off, all else exact and almost noise-free: its estimate goes to the truth, not away."""
     lay = cases.layout(45)
     rng = np.random.default_rng(3)
     size = lay[block].stop - lay[block].start

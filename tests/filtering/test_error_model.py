@@ -104,7 +104,7 @@ def test_ned_system_matrix_is_the_jacobian_of_the_mechanization(seed, position):
 
 def test_a_sign_error_in_the_gyro_bias_column_would_be_seen():
     """The comparison above has teeth: the error a rival ships changes a block by twice its size."""
-    llh, v_n, C_nb, omega, f, parameters = random_state(0)
+    llh, _, C_nb, omega, f, _ = random_state(0)
     C, r = frames.C_en(llh) @ C_nb, frames.ecef_from_llh(llh)
     F = system_matrix_ecef(LAYOUT, C, r, omega, f)
     part = LAYOUT["b_g"]
@@ -129,7 +129,7 @@ def test_ned_and_ecef_matrices_describe_one_motion():
 
 
 def test_noise_density_turns_with_the_body():
-    llh, _, C_nb, *_ = random_state(1)
+    _, _, C_nb, *_ = random_state(1)
     Q = noise_density(LAYOUT, C_nb, [1.0, 2.0, 3.0], [4.0, 5.0, 6.0])
     np.testing.assert_allclose(Q[0:3, 0:3], C_nb @ np.diag([1.0, 2.0, 3.0]) @ C_nb.T)
     np.testing.assert_allclose(np.trace(Q[3:6, 3:6]), 15.0)

@@ -45,7 +45,7 @@ def test_measurement_rows_are_the_jacobian_of_the_prediction(kind, seed):
     est = 0.01 * rng.normal(size=M)
     omega, f, lever = rng.normal(size=3), rng.normal(size=3) * 10, rng.normal(size=3)
     z = nav[7:10].copy() if kind == ms.POSITION else np.zeros(3)
-    H, y0, U = rows(kind, nav, est, omega, f, lever, z)
+    H, _, U = rows(kind, nav, est, omega, f, lever, z)
     np.testing.assert_allclose(U, C_en.T, atol=1e-9)
 
     def predicted(dx):
@@ -80,7 +80,7 @@ def test_lever_arm_velocity_is_that_of_a_turning_body():
 
 def test_rows_at_a_pole_are_finite():
     nav = np.concatenate(([1.0, 0, 0, 0], np.zeros(3), [0.0, 0.0, earth.WGS84.b]))
-    H, y, U = rows(ms.POSITION, nav, np.zeros(M), np.zeros(3), np.zeros(3), np.ones(3), nav[7:10])
+    H, _, U = rows(ms.POSITION, nav, np.zeros(M), np.zeros(3), np.zeros(3), np.ones(3), nav[7:10])
     assert np.isfinite(H).all()
     np.testing.assert_allclose(U @ U.T, np.eye(3), atol=1e-12)
 

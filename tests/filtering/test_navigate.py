@@ -155,9 +155,14 @@ def test_repeated_outages_follow_their_period():
 def test_states_can_be_chosen_and_modelled(recording):
     result = navigate(
         recording,
-        config(filter={"states": ["b_a", "b_g", "lever"], "models": {"lever": {"sigma": 0.3}, "b_a": {"sigma": 0.05, "noise": 1e-5}}},
-               gnss={"lever_arm_m": [0.5, 0.1, -1.0]}),
-    )  # fmt: skip
+        config(
+            filter={
+                "states": ["b_a", "b_g", "lever"],
+                "models": {"lever": {"sigma": 0.3}, "b_a": {"sigma": 0.05, "noise": 1e-5}},
+            },
+            gnss={"lever_arm_m": [0.5, 0.1, -1.0]},
+        ),
+    )
     assert result.layout.blocks == ["dpsi", "dv", "dr", "b_a", "b_g", "lever"]
     assert result.layout.models["b_a"].sigma == 0.05
     error = result.parameter("lever")[-1] + [0.5, 0.1, -1.0] - LEVER
@@ -243,7 +248,7 @@ def test_gyrocompassing_starts_a_good_imu():
 
 def test_clocks_that_do_not_overlap_are_said_so(recording):
     off = Recording(recording.imu.shifted(1e5), recording.gnss, None, recording.reference)
-    with pytest.raises(InputError, match="no GNSS fix lies within the IMU log .* check the clocks"):
+    with pytest.raises(InputError, match=r"no GNSS fix lies within the IMU log .* check the clocks"):
         navigate(off, config())
 
 

@@ -34,7 +34,7 @@ def test_levelling_does_not_know_the_heading():
 
 
 def test_gyrocompass_errors_are_those_it_claims():
-    """Biases drawn with their sigmas: attitude errors about N, E, D have the claimed covariance, correlation included."""
+    """Biases drawn with their sigmas: attitude errors about N, E, D have the claimed covariance and correlation."""
     rng = np.random.default_rng(1)
     rpy = np.array([0.3, -0.2, 1.1])
     sigma_g, sigma_a, runs = 0.02 * units.DEG_PER_HR, 0.02, 4000
@@ -73,7 +73,7 @@ def test_heading_replaces_heading_only():
 
 @pytest.mark.parametrize("scale", [0.5, 9.80665, 1.0 / 9.80665])
 def test_levelling_refuses_what_is_no_rest(scale):
-    with pytest.raises(InputError, match="needs the specific force of a body at rest, about 9.81"):
+    with pytest.raises(InputError, match=r"needs the specific force of a body at rest, about 9\.81"):
         levelling(at_rest((0.0, 0.0, 0.0))[1] * scale)
 
 

@@ -251,7 +251,7 @@ def test_large_turns_in_one_interval_are_exact():
 
 def test_the_log_must_start_where_the_state_is():
     motion = StaticMotion(LLH, np.zeros(3), 10.0)
-    with pytest.raises(InputError, match="initial state is at 5.0000 s but the first interval begins at 0.0000 s"):
+    with pytest.raises(InputError, match=r"initial state is at 5\.0000 s but the first interval begins at 0\.0000 s"):
         mechanize(increments_of(motion, 10.0), NavState.from_geodetic(5.0, LLH))
 
 

@@ -38,7 +38,11 @@ def test_an_ideal_imu_navigates_back_to_the_truth(earth_rotation):
     data = {
         "motion": {
             "type": "manoeuvres", "lat_deg": 47.0, "lon_deg": 8.0, "earth_rotation": earth_rotation,
-            "manoeuvres": [{"duration_s": 5.0}, {"duration_s": 20.0, "speed_m_s": 40.0}, {"duration_s": 30.0, "turn_deg": 200.0, "climb_m_s": 3.0}],
+            "manoeuvres": [
+                {"duration_s": 5.0},
+                {"duration_s": 20.0, "speed_m_s": 40.0},
+                {"duration_s": 30.0, "turn_deg": 200.0, "climb_m_s": 3.0},
+            ],
         },
         "imu": {"rate_hz": 100.0, "ideal": True},
     }  # fmt: skip

@@ -82,7 +82,9 @@ def nees(result: NavigationResult, reference: Trajectory, parameters: ArrayLike 
     scale = np.sqrt(np.einsum("kii->ki", P))  # solve in units of sigma: positions and biases differ by 1e9
     correlation = P / (scale[:, :, None] * scale[:, None, :])
     z = dx / scale
-    return np.einsum("ki,ki->k", z, np.linalg.solve(correlation, z[:, :, None])[:, :, 0]) / dx.shape[1]
+    squared = np.einsum("ki,ki->k", z, np.linalg.solve(correlation, z[:, :, None])[:, :, 0])
+    per_degree: FloatArray = squared / dx.shape[1]
+    return per_degree
 
 
 def chi_square_band(degrees: int, runs: int = 1, probability: float = 0.95) -> tuple[float, float]:

@@ -154,9 +154,9 @@ def convert(
     from schuler.recording.io import write
 
     recording = read_log(
-        log, config, columns=columns, units=units, axes=axes, rate=rate, kind=kind, scale=scale, time=time, height=height,
-        geoid_separation=geoid_separation, sigma=sigma, delimiter=delimiter, skip=skip, variable=variable, series=series,
-        allow=allow,
+        log, config, columns=columns, units=units, axes=axes, rate=rate, kind=kind, scale=scale, time=time,
+        height=height, geoid_separation=geoid_separation, sigma=sigma, delimiter=delimiter, skip=skip,
+        variable=variable, series=series, allow=allow,
     )  # fmt: skip
     written = write(recording, out)
     if json:

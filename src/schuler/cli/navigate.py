@@ -103,7 +103,7 @@ def evaluated(recording: Recording, result: NavigationResult, smooth: bool, trut
         g = recording.gnss
         reference, at_antenna = Trajectory.from_geodetic(g.t, g.llh, g.v_n), True
     smoothed = result.smooth() if smooth and result.complete else None
-    how = {"at_antenna": at_antenna, "origin": recording.start}
+    origin = recording.start
     numbers: dict[str, Any] = {
         "epochs": result.epochs,
         "elapsed_s": None,
@@ -111,7 +111,7 @@ def evaluated(recording: Recording, result: NavigationResult, smooth: bool, trut
         "start_s": float(result.trajectory.t[0]) - recording.start,
         "stop_s": float(result.trajectory.t[-1]) - recording.start,
         "reference": "none" if reference is None else "GNSS fixes at the antenna" if at_antenna else "true trajectory",
-        **evaluate(result, reference, parameters=truth_parameters, **how),
+        **evaluate(result, reference, parameters=truth_parameters, at_antenna=at_antenna, origin=origin),
         "nis_mean": result.innovations.mean_nis(),
         "measurements": result.innovations.counts(),
         "rejected": result.innovations.rejected(),
@@ -119,7 +119,7 @@ def evaluated(recording: Recording, result: NavigationResult, smooth: bool, trut
         "notes": result.notes,
     }
     if smoothed is not None:
-        numbers["smoothed"] = evaluate(smoothed, reference, **how)
+        numbers["smoothed"] = evaluate(smoothed, reference, at_antenna=at_antenna, origin=origin)
     return Outcome(result, smoothed, reference, at_antenna, numbers, truth_parameters)
 
 
@@ -169,8 +169,9 @@ def sentences(numbers: dict[str, Any]) -> str:
     for key, what in ((numbers, "filtered"), (numbers.get("smoothed", {}), "smoothed")):
         if key.get("outages"):
             lines.append(
-                f"{what}, {len(key['outages'])} outages: largest horizontal error {key['mean_outage_max_horizontal_m']:.3f} m "
-                f"on average, {max(o['max_horizontal_m'] for o in key['outages']):.3f} m at worst; "
+                f"{what}, {len(key['outages'])} outages: "
+                f"largest horizontal error {key['mean_outage_max_horizontal_m']:.3f} m on average, "
+                f"{max(o['max_horizontal_m'] for o in key['outages']):.3f} m at worst; "
                 f"{key['rms_horizontal_aided_m']:.3f} m RMS with GNSS"
             )
     if "smoothed" in numbers and numbers["smoothed"]["rms_horizontal_m"] is not None:

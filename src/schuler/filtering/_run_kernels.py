@@ -104,7 +104,6 @@ def run_filter(
         compensate(poly, raw, sens, h, matrix)
         s0 = 0.0
         j = cnt[CNT_MEAS]
-        updated = False
         while j < n_meas and m_t[j] <= t_k + 1e-9:
             s1 = 1.0 - (t_k - m_t[j]) / h
             if s1 > 1.0 - 1e-6:
@@ -151,7 +150,6 @@ def run_filter(
                     cnt[CNT_UPD] = u + 1
                     node_upd[cnt[CNT_NODE] - 1] = u + 1
             m_status[j] = status
-            updated = True
             j += 1
         cnt[CNT_MEAS] = j
         if s0 == 0.0:
@@ -241,11 +239,11 @@ def prepare_filter() -> None:
     f, m, c = nb.float64[::1], nb.float64[:, ::1], nb.float64[:, :, ::1]
     i, im = nb.int64[::1], nb.int64[:, ::1]
     types = (
-        (m, m, f, f)  # increments
-        + (f, i, m, m, m, f, i, f, m, m)  # measurements
-        + (f, f, m, f, f, m, f, im, m, f, f, i, i, i)  # state, model, settings
-        + (f, m, m, m)  # trajectory
-        + (f, m, m, m)  # records
-        + (f, m, m, c, i, c, c, m)  # smoother
+        *(m, m, f, f),  # increments
+        *(f, i, m, m, m, f, i, f, m, m),  # measurements
+        *(f, f, m, f, f, m, f, im, m, f, f, i, i, i),  # state, model, settings
+        *(f, m, m, m),  # trajectory
+        *(f, m, m, m),  # records
+        *(f, m, m, c, i, c, c, m),  # smoother
     )
     prepare([(run_filter, types), (spread_estimates, (f, im, nb.int64, f))])

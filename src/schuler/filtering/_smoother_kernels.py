@@ -131,9 +131,9 @@ def smooth(node_P, node_phi, node_B, node_upd, upd_W, upd_G, upd_e, pmod, n_sens
                 for j in range(wide):
                     row[j] = 0.0
                 for k in range(n):
-                    v, l = P[i, k], Lam[k]
+                    v, other = P[i, k], Lam[k]
                     for j in range(wide):
-                        row[j] += v * l[j]
+                        row[j] += v * other[j]
             out, o = rec_P[record[node]], 0
             for i in range(n):
                 for j in range(i + 1):

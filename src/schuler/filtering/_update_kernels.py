@@ -1,4 +1,4 @@
-"""Compiled measurement updates: rows of H, innovation, correction and feedback. Arrays as in ``_covariance_kernels``."""
+"""Compiled measurement updates: rows of H, innovation, correction, feedback. Arrays as in ``_covariance_kernels``."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def ned_axes(r, U):
 
 @kernel
 def measurement_rows(kind, z, lever, nav, est, reg, sens, ptab, n_sensor, i_lever, omega, H, y, U):
-    """Rows ``H`` (3, n) and difference ``y`` = predicted minus measured, both in north-east-down axes; returns how many.
+    """Rows ``H`` (3, n) and difference ``y`` = predicted minus measured, both north, east, down; returns how many.
 
     Position: ``r + C l``. Velocity: ``v + C (omega_ib x l) - omega_ie x (C l)``. ``reg`` holds the regressors of the
     current interval (time, force and rate integrals), whose means stand for the instant.

@@ -133,7 +133,7 @@ class InitialState:
         return cls(nav, P, np.zeros(layout.size - 9) if parameters is None else parameters)
 
     def aligned(self, alignment: Alignment, layout: StateLayout) -> InitialState:
-        """This state with the covariance of an attitude and of the biases that spoiled it, correlated as they are.
+        """The same state with the covariance of an attitude and of the biases that spoiled it, correlated as they are.
 
         Parameters
         ----------
@@ -393,14 +393,17 @@ def run(
     if options.smoother and complete:
         a, u = int(cnt[k.CNT_NODE]), int(cnt[k.CNT_UPD])
         nodes = SmootherNodes(
-            *(array[:a] for array in node[:5]), *(array[:u] for array in node[5:]),
-            state.pmod, layout.n_sensor, float(state.cfg[k.CFG_OMEGA]),
+            t=node[0][:a], P=node[1][:a], phi=node[2][:a], B=node[3][:a], upd=node[4][:a],
+            W=node[5][:u], G=node[6][:u], e=node[7][:u],
+            pmod=state.pmod, n_sensor=layout.n_sensor, omega=float(state.cfg[k.CFG_OMEGA]),
         )  # fmt: skip
+    o, c = int(cnt[k.CNT_OUT]), int(cnt[k.CNT_REC])
     return ForwardRun(
-        *(array[: cnt[k.CNT_OUT]] for array in out),
-        *(array[: cnt[k.CNT_REC]] for array in rec),
-        everywhere, _spread(nis, in_span), _spread(innovation, in_span), _spread(variance, in_span),
-        int(cnt[k.CNT_EPOCH]), int(cnt[k.CNT_FLUSH]), complete, nodes,
+        t=out[0][:o], q=out[1][:o], v=out[2][:o], r=out[3][:o],
+        rec_t=rec[0][:c], rec_nav=rec[1][:c], rec_est=rec[2][:c], rec_P=rec[3][:c],
+        status=everywhere, nis=_spread(nis, in_span), innovation=_spread(innovation, in_span),
+        variance=_spread(variance, in_span),
+        epochs=int(cnt[k.CNT_EPOCH]), propagations=int(cnt[k.CNT_FLUSH]), complete=complete, nodes=nodes,
     )  # fmt: skip
 
 

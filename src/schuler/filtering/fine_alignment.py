@@ -63,8 +63,8 @@ def fine_alignment(
     At rest an accelerometer bias cannot be told from a tilt, nor an east gyro bias from a heading error: the claimed
     covariance stops there, at ``b_a / g`` and ``b_g / (omega_ie cos(lat))``, and so does any method.
 
-    The coarse attitude owes its error to the very biases that are estimated here. It is therefore started from with that
-    correlation: taken as independent knowledge the biases would be counted twice.
+    The coarse attitude owes its error to the very biases that are estimated here. It is therefore started from with
+    that correlation: taken as independent knowledge the biases would be counted twice.
 
     References
     ----------

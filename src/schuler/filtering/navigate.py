@@ -203,9 +203,8 @@ def align(
     elif section.method == "gyrocompass":
         if level is None or gyro_bias is None:
             raise InputError("gyrocompassing needs a stretch at rest at the start of the log, and none was found")
-        # the fix in the middle of the recording would do as well: the last one at rest that leaves a log to navigate
-        k = max(int(np.flatnonzero(gnss.t <= rest_end)[-1]) - 1, 0)
-        still = rates.between(rest_end - section.rest_s, rest_end)
+        still = rates.between(rates.t[0], min(rest_end, rates.t[0] + section.rest_s))
+        k = max(int(np.searchsorted(gnss.t, still.t[-1], side="right")) - 1, 0)
         alignment = gyrocompass(
             still.gyro,
             still.accel,
@@ -242,10 +241,11 @@ def align(
             + f" deg/s, 1-sigma {sigma_b / units.DEG:.4f}"
         )
     rpy = alignment.rpy_nb / units.DEG
-    sigma = np.sqrt(np.diag(alignment.cov_psi_n)) / units.DEG
+    spread = np.sqrt(np.diag(alignment.cov_psi_n)) / units.DEG
     notes.append(
-        f"aligned {initial.nav.t - imu.t[0]:.2f} s into the IMU log ({alignment.method}): roll {rpy[0]:.2f}, pitch {rpy[1]:.2f}, "
-        f"yaw {rpy[2]:.2f} deg; 1-sigma {sigma[0]:.2f} {sigma[1]:.2f} {sigma[2]:.2f} deg about N, E, D"
+        f"aligned {initial.nav.t - imu.t[0]:.2f} s into the IMU log ({alignment.method}): "
+        f"roll {rpy[0]:.2f}, pitch {rpy[1]:.2f}, yaw {rpy[2]:.2f} deg; "
+        f"1-sigma {spread[0]:.2f} {spread[1]:.2f} {spread[2]:.2f} deg about N, E, D"
     )
     return InitialState(initial.nav, P, estimates)
 
@@ -292,9 +292,10 @@ def _prepared_gnss(gnss: GnssSeries, config: NavigationConfig, notes: list[str])
 
 def _floored(cov: FloatArray, scale: float, floor: tuple[float, float, float]) -> FloatArray:
     """Covariances scaled, and variances lifted to a floor without touching the correlations below it."""
-    cov = cov * scale**2
-    lift = np.maximum(np.array(floor) ** 2 - np.einsum("nii->ni", cov), 0.0)
-    return cov + lift[:, :, None] * np.eye(3)
+    scaled: FloatArray = cov * scale**2
+    lift = np.maximum(np.array(floor) ** 2 - np.einsum("nii->ni", scaled), 0.0)
+    floored: FloatArray = scaled + lift[:, :, None] * np.eye(3)
+    return floored
 
 
 def _at_rest(
@@ -346,7 +347,8 @@ def _first_moving(gnss: GnssSeries, section: AlignmentSection) -> int:
     enough = speed > np.maximum(section.min_speed_m_s, 4.0 * np.sqrt(gnss.cov_v_n[:, 0, 0]))
     if not enough.any():
         raise InputError(
-            f"the vehicle never moves faster than {section.min_speed_m_s} m/s (largest GNSS speed {speed.max():.2f} m/s), "
+            f"the vehicle never moves faster than {section.min_speed_m_s} m/s "
+            f"(largest GNSS speed {speed.max():.2f} m/s), "
             "so its course gives no heading; lower alignment.min_speed_m_s, give the attitude, or gyrocompass"
         )
     return int(np.argmax(enough))

@@ -129,8 +129,9 @@ class Navigator:
         now = self.state.t
         if len(measurement) and measurement.t.min() <= now:
             raise InputError(
-                f"a measurement of {measurement.t.min():.4f} s comes too late, the filter is at {now:.4f} s; announce it "
-                f"before the IMU sample that covers it, or use a Navigator with delay_s > {now - measurement.t.min():.3f}"
+                f"a measurement of {measurement.t.min():.4f} s comes too late, the filter is at {now:.4f} s; "
+                "announce it before the IMU sample that covers it, or use a Navigator with delay_s > "
+                f"{now - measurement.t.min():.3f}"
             )
         self._pending = merged(self._pending, measurement)
 

@@ -170,9 +170,11 @@ class NavigationResult:
         """
         part = self.layout[block]
         if part.stop > 9:
-            return np.sqrt(np.einsum("kii->ki", self.covariance_e[:, part, part]))
-        C = frames.C_en(self.states.llh)
-        return np.sqrt(np.einsum("kji,kjl,kli->ki", C, self.covariance_e[:, part, part], C))
+            variance: FloatArray = np.einsum("kii->ki", self.covariance_e[:, part, part])
+        else:
+            C = frames.C_en(self.states.llh)
+            variance = np.einsum("kji,kjl,kli->ki", C, self.covariance_e[:, part, part], C)
+        return np.sqrt(variance)
 
     def parameter(self, block: str) -> FloatArray:
         """Estimates of a parameter block at the records. Shape (k, block size)."""

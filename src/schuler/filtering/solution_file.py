@@ -32,9 +32,10 @@ def write_solution(result: NavigationResult, path: Path | str) -> Path:
     Notes
     -----
     Columns, one row for each output epoch: ``t_s``; ``lat_deg``, ``lon_deg``, ``height_m``; ``v_north_m_s`` ...;
-    ``roll_deg``, ``pitch_deg``, ``yaw_deg``; ``q_eb_w`` ... ``z``; ``x_ecef_m`` ...; 1-sigma values of position, velocity
-    and attitude about north, east, down, interpolated from the covariance records; the parameters with their sigmas,
-    held from record to record. The metadata key ``schuler`` holds format, layout, options, notes and input hashes.
+    ``roll_deg``, ``pitch_deg``, ``yaw_deg``; ``q_eb_w`` ... ``z``; ``x_ecef_m`` ...; 1-sigma values of position,
+    velocity and attitude about north, east, down, interpolated from the covariance records; the parameters with
+    their sigmas, held from record to record. The metadata key ``schuler`` holds format, layout, options,
+    notes and input hashes.
     """
     from schuler.recording.io.parquet import write_table
 

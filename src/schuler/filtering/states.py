@@ -1,8 +1,9 @@
 """What a filter estimates: a layout of named state blocks, each with its stochastic model.
 
-Nine navigation errors come first, always in this order: attitude ``dpsi``, velocity ``dv``, position ``dr`` (Earth-fixed
-axes inside, north-east-down wherever a person reads them). Behind them stand parameters, in any selection and order:
-the sensor errors that act through the attitude, then everything else. Errors are estimate minus truth.
+Nine navigation errors come first, always in this order: attitude ``dpsi``, velocity ``dv``, position ``dr``
+(Earth-fixed axes inside, north-east-down wherever a person reads them). Behind them stand parameters, in any
+selection and order: the sensor errors that act through the attitude, then everything else. Errors are
+estimate minus truth.
 """
 
 from __future__ import annotations

@@ -160,7 +160,7 @@ def half_angle_series(px, py, pz):
 
 @inlined
 def advance_ecef(nav, poly, h, omega_ie):
-    """Carry ``nav`` over an interval of ``h`` seconds in Earth-fixed axes; returns the specific force integral there."""
+    """Carry ``nav`` over an interval of ``h`` seconds in Earth-fixed axes; returns the velocity increment there."""
     px, py, pz, ux, uy, uz, jx, jy, jz = body_integrals(poly)
     qw, qx, qy, qz = nav[0], nav[1], nav[2], nav[3]
     vx, vy, vz = nav[4], nav[5], nav[6]

@@ -192,9 +192,9 @@ def gyrocompass(
         sigma = np.hypot(np.hypot(sigma_gyro_bias, sigma_gyro_noise) / north_rate, np.tan(lat) * tilt)
     if not sigma < np.pi / 3.0:
         raise InputError(
-            f"gyrocompassing at latitude {lat:.4f} rad with a gyro error of {np.hypot(sigma_gyro_bias, sigma_gyro_noise):.2e} "
-            f"rad/s would leave the heading unknown (1-sigma {sigma:.2f} rad); give a heading from GNSS course, a compass "
-            "or a survey"
+            f"gyrocompassing at latitude {lat:.4f} rad with a gyro error of "
+            f"{np.hypot(sigma_gyro_bias, sigma_gyro_noise):.2e} rad/s would leave the heading unknown "
+            f"(1-sigma {sigma:.2f} rad); give a heading from GNSS course, a compass or a survey"
         )
     turned = level.with_heading(heading, 1.0, "gyrocompassed")
     # no east component of Earth rate is left: dpsi_D omega_N - dpsi_N omega_D = (C db_g)_E

@@ -96,7 +96,7 @@ class Recording:
         return self.gnss
 
     def merged_with(self, other: Recording) -> Recording:
-        """This recording with the series of another that it lacks, brought to one time axis.
+        """The same recording with the series of another that it lacks, brought to one time axis.
 
         Raises
         ------
@@ -114,9 +114,7 @@ class Recording:
             )
         notes: tuple[str, ...] = ()
         if mine.scale == "local":
-            notes = (
-                f"{self.metadata.name} and {other.metadata.name} are taken to run on one clock, whose epoch is unknown.",
-            )
+            notes = (f"{self.metadata.name} and {other.metadata.name} are taken to run on one clock of unknown epoch.",)
         other = other.shifted(theirs.epoch_gps_s - mine.epoch_gps_s)
         metadata = replace(
             self.metadata,
@@ -162,7 +160,8 @@ class Recording:
             f, w = np.linalg.norm(imu.accel, axis=1), np.linalg.norm(imu.gyro, axis=1)
             gaps = self.imu.gaps()
             lines.append(
-                f"  IMU   {len(imu)} samples at {imu.rate_hz:.4g} Hz ({self.imu.kind}), {self.imu.t[0]:.3f}..{self.imu.t[-1]:.3f} s"
+                f"  IMU   {len(imu)} samples at {imu.rate_hz:.4g} Hz ({self.imu.kind}), "
+                f"{self.imu.t[0]:.3f}..{self.imu.t[-1]:.3f} s"
             )
             lines.append(
                 f"        specific force {np.median(f):.3f} m/s^2 (median), angular rate up to "
@@ -173,8 +172,8 @@ class Recording:
             sigma = np.sqrt(np.einsum("nii->ni", self.gnss.cov_r_n))
             lines.append(
                 f"  GNSS  {len(self.gnss)} epochs, {self.gnss.t[0]:.3f}..{self.gnss.t[-1]:.3f} s, 1-sigma "
-                f"{np.median(np.hypot(sigma[:, 0], sigma[:, 1])):.3f} m horizontal, {np.median(sigma[:, 2]):.3f} m vertical"
-                + ("" if self.gnss.v_n is not None else "; no velocity")
+                f"{np.median(np.hypot(sigma[:, 0], sigma[:, 1])):.3f} m horizontal, "
+                f"{np.median(sigma[:, 2]):.3f} m vertical" + ("" if self.gnss.v_n is not None else "; no velocity")
             )
         if self.odometer is not None:
             lines.append(

@@ -86,7 +86,8 @@ class Increments:
         keep = (self.t - self.dt >= start - _SAME_TIME) & (self.t <= stop + _SAME_TIME)
         if not keep.any():
             raise InputError(
-                f"no IMU interval lies within {start:.3f}..{stop:.3f} s; the log runs {self.start:.3f}..{self.t[-1]:.3f} s"
+                f"no IMU interval lies within {start:.3f}..{stop:.3f} s; "
+                f"the log runs {self.start:.3f}..{self.t[-1]:.3f} s"
             )
         return Increments(self.t[keep], self.dt[keep], self.dtheta_ib_b[keep], self.dv_ib_b[keep])
 

@@ -25,7 +25,8 @@ class GnssModel:
     sigma_position, sigma_velocity : ndarray, shape (3,)
         White 1-sigma north, east, down. [m], [m/s]
     drift_position, drift_velocity : ndarray, shape (3,)
-        1-sigma of first-order Gauss-Markov errors beside them, which a receiver's own accuracy does not show. [m], [m/s]
+        1-sigma of first-order Gauss-Markov errors beside them, which a receiver's own accuracy does not show.
+        [m], [m/s]
     drift_time : float
         Their correlation time. [s]
     lever_arm_b : ndarray, shape (3,)

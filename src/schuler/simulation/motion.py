@@ -54,12 +54,14 @@ class MotionState:
     @property
     def v_eb_n(self) -> FloatArray:
         """Velocity north, east, down. Shape (n, 3). [m/s]"""
-        return np.einsum("nji,nj->ni", frames.C_en(self.llh), self.v_eb_e)
+        v_n: FloatArray = np.einsum("nji,nj->ni", frames.C_en(self.llh), self.v_eb_e)
+        return v_n
 
     @property
     def C_nb(self) -> FloatArray:
         """Attitude, body to north-east-down axes. Shape (n, 3, 3)."""
-        return np.einsum("nji,njk->nik", frames.C_en(self.llh), self.C_eb)
+        C_nb: FloatArray = np.einsum("nji,njk->nik", frames.C_en(self.llh), self.C_eb)
+        return C_nb
 
     @property
     def q_eb(self) -> FloatArray:

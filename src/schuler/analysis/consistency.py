@@ -35,10 +35,20 @@ def state_errors(
     dx : ndarray, shape (j, n)
         Estimate minus truth, Earth-fixed axes, order of the layout.
     P : ndarray, shape (j, n, n)
+
+    Raises
+    ------
+    InputError
+        If the reference lacks velocity or attitude, or has no time in common with the records.
     """
     if reference.v_eb_e is None or reference.q_eb is None:
         raise InputError("state errors need a reference with velocity and attitude")
     inside = (result.t >= reference.t[0] - 1e-9) & (result.t <= reference.t[-1] + 1e-9)
+    if not inside.any():
+        raise InputError(
+            f"no record of the solution ({result.t[0]:.3f}..{result.t[-1]:.3f} s) lies within the reference "
+            f"({reference.t[0]:.3f}..{reference.t[-1]:.3f} s)"
+        )
     t = result.t[inside]
     truth = reference.at(np.clip(t, reference.t[0], reference.t[-1]))
     s = result.states

@@ -58,8 +58,13 @@ class TrajectoryErrors:
         return float(np.quantile(self.horizontal, share))
 
     def between(self, start: float, stop: float) -> TrajectoryErrors:
-        """Errors with ``start <= t <= stop``. [s]"""
+        """Errors with ``start <= t <= stop``, at least one. [s]"""
         k = (self.t >= start) & (self.t <= stop)
+        if not k.any():
+            raise InputError(
+                f"no reference epoch lies within {start:.3f}..{stop:.3f} s; "
+                f"there are errors from {self.t[0]:.3f} to {self.t[-1]:.3f} s"
+            )
         return TrajectoryErrors(
             self.t[k],
             self.position_n[k],

@@ -37,13 +37,12 @@ class OutageError:
 def outage_errors(errors: TrajectoryErrors, windows: Sequence[tuple[float, float]]) -> list[OutageError]:
     """Errors inside each outage; windows without a reference epoch are left out."""
     found = []
+    horizontal, vertical = errors.horizontal, np.abs(errors.position_n[:, 2])
     for start, stop in windows:
-        e = errors.between(start, stop)
-        if len(e.t):
-            h = e.horizontal
-            found.append(
-                OutageError(start, stop, float(h.max()), float(h[-1]), float(np.abs(e.position_n[:, 2]).max()))
-            )
+        k = np.flatnonzero((errors.t >= start) & (errors.t <= stop))
+        if len(k):
+            h = horizontal[k]
+            found.append(OutageError(start, stop, float(h.max()), float(h[-1]), float(vertical[k].max())))
     return found
 
 
@@ -58,7 +57,7 @@ def drift_curve(
     windows : sequence of (start, stop)
         [s]
     step : float
-        Width of the time bins. [s]
+        Width of the time bins; the last one takes what is left of the longest outage. [s]
 
     Returns
     -------
@@ -69,12 +68,15 @@ def drift_curve(
     """
     longest = max((stop - start for start, stop in windows), default=0.0)
     age = np.arange(step, longest + 0.5 * step, step)
-    squares: list[list[float]] = [[] for _ in age]
+    total, count, largest = np.zeros(len(age)), np.zeros(len(age)), np.full(len(age), -np.inf)
     for start, stop in windows:
-        e = errors.between(start, stop)
-        bins = np.ceil((e.t - start) / step).astype(int) - 1
-        for b, h in zip(np.clip(bins, 0, len(age) - 1), e.horizontal, strict=True):
-            squares[b].append(h**2)
-    rms = np.array([np.sqrt(np.mean(s)) if s else np.nan for s in squares])
-    largest = np.array([np.sqrt(np.max(s)) if s else np.nan for s in squares])
-    return age, rms, largest
+        k = (errors.t >= start) & (errors.t <= stop)
+        bins = np.clip(np.ceil((errors.t[k] - start) / step).astype(int) - 1, 0, len(age) - 1)
+        h = errors.horizontal[k]
+        np.add.at(total, bins, h**2)
+        np.add.at(count, bins, 1.0)
+        np.maximum.at(largest, bins, h)
+    seen = count > 0.0
+    rms = np.full(len(age), np.nan)
+    rms[seen] = np.sqrt(total[seen] / count[seen])
+    return age, rms, np.where(seen, largest, np.nan)

@@ -93,6 +93,8 @@ def run_demo(seed: int | None, bar: Any = None) -> tuple[Outcome, Any, float]:
             else config.model_copy(update={"filter": config.filter.model_copy(update={"smooth": False})})
         )
         result = navigate(simulation.recording, quick)
+        if not result.complete:
+            raise KeyboardInterrupt
         truth = true_parameters(simulation, result)
         if k > 0:
             nees.append(float(np.mean(result.nees(mission.ideal.truth, truth))))

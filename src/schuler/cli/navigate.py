@@ -24,7 +24,7 @@ def navigate(
     smooth: bool | None = None,
     report: bool = True,
     json: Flag = False,
-) -> None:
+) -> int:
     """Navigate a log and write solution, smoothed solution, report and track.
 
     Example: schuler navigate drive.parquet --config drive.toml --outage 120:150
@@ -75,11 +75,12 @@ def navigate(
     files = write_outputs(folder, recording, outcome, report=report)
     if json:
         print_json({"command": "navigate", **outcome.numbers, "files": files})
-        return
-    say(recording.summary())
-    print(result.summary())
-    print(sentences(outcome.numbers))
-    print("\n".join(f"{name}: {path}" for name, path in files.items()))
+    else:
+        say(recording.summary())
+        print(result.summary())
+        print(sentences(outcome.numbers))
+        print("\n".join(f"{name}: {path}" for name, path in files.items() if not name.startswith("figure")))
+    return 0 if result.complete else 1
 
 
 @dataclass

@@ -372,10 +372,10 @@ def run(
     )  # fmt: skip
     R = np.ascontiguousarray(used.R.reshape(M, 9))
     complete = True
-    for first in range(0, N, _CHUNK):
-        part = slice(first, min(first + _CHUNK, N))
-        state.icfg[k.ICFG_LAST] = int(part.stop == N)
-        try:
+    try:
+        for first in range(0, N, _CHUNK):
+            part = slice(first, min(first + _CHUNK, N))
+            state.icfg[k.ICFG_LAST] = int(part.stop == N)
             k.run_filter(
                 increments.dtheta_ib_b[part], increments.dv_ib_b[part], increments.dt[part], increments.t[part],
                 used.t, used.kind, used.z, R, used.lever, used.gate, status, nis, innovation, variance,
@@ -383,9 +383,8 @@ def run(
             )  # fmt: skip
             if progress is not None:
                 progress(part.stop / N)
-        except KeyboardInterrupt:
-            complete = False
-            break
+    except KeyboardInterrupt:
+        complete = False
     cnt = state.cnt
     everywhere = np.zeros(len(schedule), dtype=np.int64)
     everywhere[in_span] = status

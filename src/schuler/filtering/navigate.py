@@ -102,6 +102,8 @@ def navigate(
         options,
         progress,
     )
+    if forward.epochs == 0 or not len(forward.rec_t):
+        raise KeyboardInterrupt  # stopped before there was anything to keep
     if not forward.complete:
         notes.append(f"interrupted at {forward.t[-1] - start:.1f} s of the recording; the solution ends there")
     return NavigationResult.from_run(

@@ -254,8 +254,16 @@ def layout_for(spec: ImuSpec, states: int | tuple[str, ...] = 15) -> StateLayout
         blocks = tuple(states)
     models = {}
     for name in blocks:
-        triad = spec.gyro if BLOCKS.get(name, ((_GYRO, 0, 0),))[0][0] == _GYRO else spec.accel
-        models[name] = _model(name, triad, separate=f"{name}_run" in blocks or name.endswith("_run"))
+        if name not in BLOCKS:
+            raise InputError(f"unknown state block {name!r}; known are {', '.join(BLOCKS)}")
+        triad = spec.gyro if BLOCKS[name][0][0] == _GYRO else spec.accel
+        model = _model(name, triad, separate=f"{name}_run" in blocks or name.endswith("_run"))
+        if model.sigma == model.noise == 0.0:
+            raise InputError(
+                f"the state block {name} ({BLOCK_TEXT[name][0]}) has nothing to estimate: the error budget of "
+                f"{spec.name} has zero for it; complete the budget, give the block a model, or use fewer states"
+            )
+        models[name] = model
     return StateLayout(models)
 
 
@@ -277,4 +285,7 @@ def _model(name: str, triad: TriadSpec, *, separate: bool) -> StateModel:
         return StateModel.constant(triad.misalignment)
     if name == "G_g":
         return StateModel.constant(triad.g_sensitivity)
-    raise InputError(f"the IMU specification says nothing about {name!r}; give its StateModel")
+    raise InputError(
+        f"an IMU's error budget says nothing about {name}: give it a StateModel "
+        f"(in a configuration, filter.models.{name})"
+    )

@@ -193,7 +193,7 @@ class ImuSeries:
 
     def between(self, start: float, stop: float) -> ImuSeries:
         """The samples with ``start <= t <= stop``. [s]"""
-        keep = (self.t >= start) & (self.t <= stop)
+        keep = (self.t >= start - _SAME_TIME) & (self.t <= stop + _SAME_TIME)
         if not keep.any():
             raise InputError(
                 f"no IMU sample lies within {start:.3f}..{stop:.3f} s; the log runs {self.t[0]:.3f}..{self.t[-1]:.3f} s"
@@ -272,7 +272,7 @@ class GnssSeries:
 
     def between(self, start: float, stop: float) -> GnssSeries:
         """The epochs with ``start <= t <= stop``. [s]"""
-        return self.where((self.t >= start) & (self.t <= stop))
+        return self.where((self.t >= start - _SAME_TIME) & (self.t <= stop + _SAME_TIME))
 
 
 @dataclass(frozen=True)
@@ -340,9 +340,10 @@ class Trajectory:
     ) -> Trajectory:
         """From latitude, longitude [rad], height [m], velocity north-east-down [m/s] and attitude ``C_nb``."""
         llh = as_floats(llh, "llh", (None, 3))
-        v = None if v_eb_n is None else np.einsum("nij,nj->ni", frames.C_en(llh), as_floats(v_eb_n, "v_eb_n"))
-        q = None if C_nb is None else rotation.quat_from_dcm(frames.C_en(llh) @ as_floats(C_nb, "C_nb"))
-        return cls(as_floats(t, "t"), frames.ecef_from_llh(llh), v, q)
+        n, C_en = len(llh), frames.C_en(llh)
+        v = None if v_eb_n is None else np.einsum("nij,nj->ni", C_en, as_floats(v_eb_n, "v_eb_n", (n, 3)))
+        q = None if C_nb is None else rotation.quat_from_dcm(C_en @ as_floats(C_nb, "C_nb", (n, 3, 3)))
+        return cls(as_floats(t, "t", (n,)), frames.ecef_from_llh(llh), v, q)
 
     def __len__(self) -> int:
         return len(self.t)
@@ -443,7 +444,7 @@ class Trajectory:
 
     def between(self, start: float, stop: float) -> Trajectory:
         """The samples with ``start <= t <= stop``. [s]"""
-        k = (self.t >= start) & (self.t <= stop)
+        k = (self.t >= start - _SAME_TIME) & (self.t <= stop + _SAME_TIME)
         return Trajectory(
             self.t[k],
             self.r_eb_e[k],

@@ -13,17 +13,34 @@ app = App(
     version=lambda: version("schuler"),
 )
 
-#: Name, where it is, and the line that ``schuler --help`` shows.
+#: Name, where it is, the line that ``schuler --help`` shows, and an example. Here, so that help loads no command.
 COMMANDS = {
     "demo": (
         "schuler.cli.demo:demo",
         "Simulate a drive with a GNSS outage, navigate it, write a report. Needs no file.",
+        "schuler demo --out demo",
     ),
-    "info": ("schuler.cli.convert:info", "Say what is in a log."),
-    "convert": ("schuler.cli.convert:convert", "Convert any readable log to Parquet, CSV, .pos, KML or GeoJSON."),
-    "simulate": ("schuler.cli.simulate:simulate", "Truth, IMU and GNSS of a scenario in a TOML file."),
-    "navigate": ("schuler.cli.navigate:navigate", "Navigate a log: INS, INS/GNSS, outages, smoothing, report."),
+    "info": (
+        "schuler.cli.convert:info",
+        "Say what is in a log.",
+        "schuler info drive.csv --columns t,ax,ay,az,gx,gy,gz --units g,deg/s --axes FLU",
+    ),
+    "convert": (
+        "schuler.cli.convert:convert",
+        "Convert any readable log to Parquet, CSV, .pos, KML or GeoJSON.",
+        "schuler convert drive.csv drive.parquet --columns ax,ay,az,gx,gy,gz,t --units g,deg/s,ms --axes FLU",
+    ),
+    "simulate": (
+        "schuler.cli.simulate:simulate",
+        "Truth, IMU and GNSS of a scenario in a TOML file.",
+        "schuler simulate examples/town.toml --out town.parquet --seed 7",
+    ),
+    "navigate": (
+        "schuler.cli.navigate:navigate",
+        "Navigate a log: INS, INS/GNSS, outages, smoothing, report.",
+        "schuler navigate drive.parquet --config drive.toml --outage 120:150",
+    ),
 }
 
-for _name, (_where, _text) in COMMANDS.items():
-    app.command(_where, name=_name, help=_text)
+for _name, (_where, _text, _example) in COMMANDS.items():
+    app.command(_where, name=_name, help=_text, help_epilogue=f"Example: {_example}")

@@ -53,8 +53,6 @@ def info(
 ) -> None:
     """Say what is in a log: series, rates, gaps, accuracy, and every assumption made on reading it.
 
-    Example: schuler info drive.csv --columns t,ax,ay,az,gx,gy,gz --units g,deg/s --axes FLU
-
     Parameters
     ----------
     log
@@ -107,8 +105,6 @@ def convert(
     json: Flag = False,
 ) -> None:
     """Convert a readable log to another format, in SI and forward-right-down.
-
-    Example: schuler convert drive.csv drive.parquet --columns ax,ay,az,gx,gy,gz,t --units g,deg/s,ms --axes FLU
 
     Parameters
     ----------

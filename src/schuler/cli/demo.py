@@ -20,8 +20,6 @@ _RUNS = 25  # repetitions with other errors, for the consistency of the filter
 def demo(*, out: Path = Path("demo"), seed: int | None = None, report: bool = True, json: Flag = False) -> None:
     """Simulate a drive with a MEMS IMU and GNSS, lose GNSS for 40 s, navigate, smooth, and write a report.
 
-    Example: schuler demo --out demo
-
     Parameters
     ----------
     out

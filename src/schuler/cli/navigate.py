@@ -27,8 +27,6 @@ def navigate(
 ) -> int:
     """Navigate a log and write solution, smoothed solution, report and track.
 
-    Example: schuler navigate drive.parquet --config drive.toml --outage 120:150
-
     Parameters
     ----------
     log

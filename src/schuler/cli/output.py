@@ -70,7 +70,7 @@ def progress(what: str) -> Iterator[Callable[[float], None] | None]:
 def window(text: str) -> tuple[float, float]:
     """``START:STOP`` in seconds."""
     numbers = _numbers(text)
-    if len(numbers) != 2 or not numbers[1] > numbers[0]:
+    if len(numbers) != 2 or not numbers[1] > numbers[0] or not all(map(math.isfinite, numbers)):
         raise InputError(f"--outage: expected START:STOP in seconds, such as 50:90, got {text!r}")
     return numbers[0], numbers[1]
 
@@ -78,7 +78,7 @@ def window(text: str) -> tuple[float, float]:
 def period(text: str) -> dict[str, float]:
     """``PERIOD:LENGTH`` or ``PERIOD:LENGTH:FIRST`` in seconds, as entries of the outage section."""
     numbers = _numbers(text)
-    if len(numbers) not in (2, 3) or not 0.0 < numbers[1] < numbers[0]:
+    if len(numbers) not in (2, 3) or not 0.0 < numbers[1] < numbers[0] or not all(map(math.isfinite, numbers)):
         raise InputError(
             f"--outage-every: expected PERIOD:LENGTH or PERIOD:LENGTH:FIRST in seconds, such as 45:15, got {text!r}"
         )

@@ -20,8 +20,6 @@ def simulate(
 ) -> None:
     """Simulate a scenario: true motion, IMU with errors, GNSS with errors and outages.
 
-    Example: schuler simulate examples/town.toml --out town.parquet --seed 7
-
     Parameters
     ----------
     scenario

@@ -1,0 +1,305 @@
+"""Figures for print and slides, drawn with matplotlib: PNG and SVG files, or axes of your own.
+
+Nothing here touches ``pyplot`` or the backend in use; no display is needed. Sizes are chosen so that a figure is
+legible when printed 100 mm wide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from schuler.exceptions import InputError, MissingExtraError
+from schuler.files import replacing
+from schuler.filtering.result import NavigationResult
+from schuler.report import accuracy, build, content, estimates, residuals, track
+from schuler.report.content import Band, Bars, Line, Markers, Panel, Span, Text
+from schuler.report.style import style
+from schuler.report.subject import Subject
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_WIDTH = 4.5  # one column of panels; 8 pt letters here are 7 pt in a figure 100 mm wide [in]
+_WIDE = 6.8  # several columns [in]
+_FONT = 8.0  # [pt]
+_DPI = 220
+_SYMBOLS = {"dot": "o", "cross": "x", "triangle": "^", "ring": "o", "square": "s"}
+
+
+def overview(
+    result: NavigationResult,
+    smoothed: NavigationResult | None = None,
+    reference: Any = None,
+    **options: Any,
+) -> Figure:
+    """Four panels on one page: track, horizontal error, heading error and innovations, or what there is instead.
+
+    Parameters
+    ----------
+    result : NavigationResult
+    smoothed : NavigationResult, optional
+    reference : Trajectory, optional
+    **options
+        ``at_antenna``, ``truth_parameters``, ``origin``, ``gnss`` as in :class:`~schuler.report.subject.Subject`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    subject = Subject(result, smoothed, reference, **options)
+    by_name = {f.name: f for f in build.error_figures(subject)}
+    chosen: list[tuple[content.Figure, int]] = [(track.track(subject), 0)]
+    if "horizontal_error" in by_name:
+        chosen.append((by_name["horizontal_error"], 0))
+        chosen.append((by_name.get("attitude_error", by_name["position_error"]), 2))
+    elif "uncertainty" in by_name:
+        chosen += [(by_name["uncertainty"], 0), (by_name["uncertainty"], 2)]
+    tested = residuals.kinds(subject)
+    chosen.append((residuals.innovations(subject, tested[0]), -1) if tested else (track.motion(subject), 1))
+    panels = tuple(replace(figure.panels[i], title=figure.title) for figure, i in chosen)
+    return draw(content.Figure("overview", "Overview", "", panels, columns=2, linked=False))
+
+
+def plot_track(result: NavigationResult, *, ax: Axes | None = None, **options: Any) -> Figure:
+    """Track in plan; ``options`` as in :class:`~schuler.report.subject.Subject`, ``ax`` to draw into your own axes."""
+    return draw(track.track(Subject(result, **options)), ax)
+
+
+def plot_motion(result: NavigationResult, **options: Any) -> Figure:
+    """Height, speed, roll, pitch, heading; ``options`` as in :class:`~schuler.report.subject.Subject`."""
+    return draw(track.motion(Subject(result, **options)))
+
+
+def plot_horizontal_error(result: NavigationResult, *, ax: Axes | None = None, **options: Any) -> Figure:
+    """Horizontal error over time; needs ``reference``."""
+    return draw(_there(accuracy.horizontal(Subject(result, **options)), "a reference"), ax)
+
+
+def plot_errors(result: NavigationResult, block: str = "dr", **options: Any) -> Figure:
+    """Errors north, east, down of ``dr``, ``dv`` or ``dpsi`` with the 3-sigma band; needs ``reference``."""
+    return draw(_there(accuracy.errors(Subject(result, **options), block), f"a reference that has {block}"))
+
+
+def plot_uncertainty(result: NavigationResult, **options: Any) -> Figure:
+    """1-sigma of position, velocity and attitude over time."""
+    return draw(accuracy.sigmas(Subject(result, **options)))
+
+
+def plot_nees(result: NavigationResult, *, ax: Axes | None = None, **options: Any) -> Figure:
+    """Normalised estimation error squared; needs a ``reference`` of the IMU with velocity and attitude."""
+    figure = accuracy.normalised_errors(Subject(result, **options))
+    return draw(_there(figure, "a reference of the IMU with velocity and attitude"), ax)
+
+
+def plot_outages(result: NavigationResult, **options: Any) -> Figure:
+    """Largest error by outage, and drift curve; needs outages and ``reference``."""
+    return draw(_there(accuracy.outage_figure(Subject(result, **options)), "outages and a reference that covers them"))
+
+
+def plot_parameters(result: NavigationResult, block: str, **options: Any) -> Figure:
+    """Estimates of one block of parameters with their 3-sigma band, in data-sheet units."""
+    return draw(estimates.parameters(Subject(result, **options), block))
+
+
+def plot_innovations(result: NavigationResult, kind: str = "position", **options: Any) -> Figure:
+    """Innovations of one kind of measurement and their normalised squares."""
+    subject = Subject(result, **options)
+    figure = residuals.innovations(subject, kind) if kind in residuals.kinds(subject) else None
+    return draw(_there(figure, f"measurements of the kind {kind!r}"))
+
+
+def save_figures(
+    result: NavigationResult, folder: Path | str, formats: Sequence[str] = ("png", "svg"), **options: Any
+) -> list[Path]:
+    """Write every figure of a solution.
+
+    Parameters
+    ----------
+    result : NavigationResult
+    folder : Path or str
+        Made if missing; files of the same name are replaced.
+    formats : sequence of str
+        ``png``, ``svg``, ``pdf``.
+    **options
+        ``smoothed``, ``reference``, ``at_antenna``, ``truth_parameters``, ``origin``, ``gnss`` as in
+        :class:`~schuler.report.subject.Subject`.
+
+    Returns
+    -------
+    list of Path
+        ``overview``, ``track``, ``motion``, ... in each format; the same bytes for the same input.
+    """
+    unknown = [f for f in formats if f not in ("png", "svg", "pdf")]
+    if unknown:
+        raise InputError(f"formats: expected png, svg or pdf, got {unknown[0]!r}")
+    written = save(overview(result, **options), Path(folder) / "overview", formats)
+    for figure in build.all_figures(Subject(result, **options)):
+        written += save(draw(figure), Path(folder) / figure.name, formats)
+    return written
+
+
+def save(figure: Figure, stem: Path, formats: Sequence[str]) -> list[Path]:
+    """Write a matplotlib figure as ``stem.<format>`` for each format, without date or random names in the files."""
+    import matplotlib as mpl
+
+    # the layout is found once, not anew for each format
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    written = []
+    for suffix in formats:
+        target = stem.with_name(f"{stem.name}.{suffix}")
+        metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}[suffix]
+        with mpl.rc_context({"svg.hashsalt": stem.name}), replacing(target) as temporary:
+            figure.savefig(temporary, format=suffix, dpi=_DPI, metadata=metadata)
+        written.append(target)
+    return written
+
+
+def draw(figure: content.Figure, ax: Axes | None = None) -> Figure:
+    """Draw a figure's description.
+
+    Parameters
+    ----------
+    figure : schuler.report.content.Figure
+    ax : matplotlib axes, optional
+        To draw into; only for a figure of one panel.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A new one, or that of ``ax``.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure as MplFigure
+    except ImportError:
+        raise MissingExtraError("matplotlib", "plot", "drawing figures") from None
+    if ax is not None:
+        if len(figure.panels) != 1:
+            raise InputError(f"{figure.name} has {len(figure.panels)} panels and cannot be drawn into one pair of axes")
+        _paint(figure.panels[0], ax)
+        handles = _handles([ax])
+        ax.legend(handles.values(), handles.keys(), fontsize=_FONT - 1.0, frameon=False)
+        host = ax.get_figure(root=True)
+        assert isinstance(host, MplFigure)
+        return host
+    rows, columns, size = _arrangement(figure)
+    canvas = MplFigure(figsize=size, layout="constrained")
+    FigureCanvasAgg(canvas)
+    axes = canvas.subplots(rows, columns, squeeze=False)
+    for panel, axis in zip(figure.panels, axes.flat, strict=False):
+        _paint(panel, axis)
+    for axis in axes.flat[len(figure.panels) :]:
+        axis.set_visible(False)
+    if columns == 1 and figure.linked:
+        for axis in axes[:-1, 0]:
+            axis.set_xlabel("")
+            axis.tick_params(labelbottom=False)
+    _legend(canvas, figure, columns)
+    return canvas
+
+
+def _arrangement(figure: content.Figure) -> tuple[int, int, tuple[float, float]]:
+    n = len(figure.panels)
+    if figure.panels[0].equal and n == 1:
+        return 1, 1, (_WIDTH, _WIDTH * 1.05)
+    if figure.name in ("overview", "outages"):
+        rows = -(-n // 2)
+        return rows, 2, (_WIDE, 0.5 + 2.6 * rows)
+    columns = 1 if n <= 5 else 2 if n <= 6 else 3
+    rows = -(-n // columns)
+    return rows, columns, (_WIDTH if columns == 1 else _WIDE, 0.6 + (1.9 if n == 1 else 1.3) * rows)
+
+
+def _paint(panel: Panel, ax: Axes) -> None:
+    bars = [item for item in panel.items if isinstance(item, Bars)]
+    for item in panel.items:
+        look = None if isinstance(item, Text) else style(item.role)
+        match item, look:
+            case Text(), _:
+                ax.annotate(
+                    item.text, (item.x, item.y), (0, 3), textcoords="offset points", ha="center", va="bottom",
+                    fontsize=_FONT - 1.0,
+                )  # fmt: skip
+            case Span(), s if s is not None:
+                ax.axvspan(item.start, item.stop, color=s.light, alpha=s.alpha, lw=0, zorder=0.5, label=item.label)
+            case Band(), s if s is not None:
+                ax.fill_between(
+                    item.x, item.low, item.high, color=s.light, alpha=s.alpha, lw=0, zorder=1, label=item.label
+                )
+            case Bars(), s if s is not None:
+                width = 0.8 / len(bars)
+                ax.bar(
+                    item.x + width * (bars.index(item) - 0.5 * (len(bars) - 1)), item.height, width, color=s.light,
+                    label=item.label,
+                )  # fmt: skip
+            case Line(), s if s is not None:
+                ax.plot(
+                    item.x, item.y, color=s.light, lw=s.width, ls=(0, (4, 2)) if s.dash else "-", alpha=s.alpha,
+                    label=item.label, solid_capstyle="butt", zorder=1.5 if s.alpha < 1.0 else 3,
+                )  # fmt: skip
+            case Markers(), s if s is not None:
+                hollow = s.symbol == "ring"
+                ax.plot(
+                    item.x, item.y, ls="none", marker=_SYMBOLS[s.symbol], ms=s.size,
+                    mew=s.width if s.symbol != "dot" else 0.0, color=s.light,
+                    mfc="none" if hollow else s.light, label=item.label,
+                    zorder=2 if s.symbol in ("dot", "ring") else 4,
+                )  # fmt: skip
+    _dress(panel, ax)
+
+
+def _dress(panel: Panel, ax: Axes) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    if panel.log:
+        ax.set_yscale("log")
+    if panel.x_limits is not None and panel.x_limits[1] > panel.x_limits[0]:
+        ax.set_xlim(*panel.x_limits)
+    if panel.y_limits is not None:
+        ax.set_ylim(*panel.y_limits)
+    if panel.equal:
+        ax.set_aspect("equal", adjustable="datalim")
+    if any(isinstance(item, Bars) for item in panel.items):
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=12, min_n_ticks=1))
+    ax.set_xlabel(panel.x_label, fontsize=_FONT)
+    ax.set_ylabel(panel.y_label, fontsize=_FONT)
+    if panel.title:
+        ax.set_title(panel.title, fontsize=_FONT - 1.0, loc="left", pad=3)
+    ax.tick_params(labelsize=_FONT - 1.0, length=2.5)
+    ax.grid(True, color="0.88", lw=0.5)
+    ax.set_axisbelow(True)
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+
+
+def _legend(canvas: Figure, figure: content.Figure, columns: int) -> None:
+    handles = _handles(canvas.axes)
+    if len(handles) > 1 or any(isinstance(i, Span) for p in figure.panels for i in p.items):
+        # as many beside each other as fit, by the length of the labels
+        room = (64 if columns == 1 else 100) / (6.0 + float(np.mean([len(label) for label in handles])))
+        canvas.legend(
+            handles.values(), handles.keys(), loc="outside upper center", ncols=int(np.clip(room, 1, 6)),
+            fontsize=_FONT - 1.0, frameon=False, columnspacing=1.2, handlelength=1.6, markerscale=1.3,
+        )  # fmt: skip
+
+
+def _handles(axes: Sequence[Axes]) -> dict[str, Any]:
+    """What stands for each label in a legend, every label once."""
+    handles: dict[str, Any] = {}
+    for ax in axes:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    return handles
+
+
+def _there(figure: content.Figure | None, needed: str) -> content.Figure:
+    if figure is None:
+        raise InputError(f"this figure needs {needed}")
+    return figure

@@ -1,0 +1,131 @@
+"""The track in plan, and height, speed and attitude over time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schuler import frames, units
+from schuler.arrays import FloatArray
+from schuler.filtering.measurements import ACCEPTED, FORCED, REJECTED, UNUSED, in_windows
+from schuler.recording.series import Trajectory
+from schuler.report.content import Figure, Item, Line, Markers, Panel, Span, Text, line, path
+from schuler.report.subject import WITHHELD, Subject
+
+TIME = "time [s]"
+#: Label and role of a fix by what became of it; in the order of drawing.
+FIXES = {
+    UNUSED: ("GNSS fix not used", "unused"),
+    ACCEPTED: ("GNSS fix", "measured"),
+    WITHHELD: ("GNSS fix withheld", "withheld"),
+    FORCED: ("fix accepted after lock-out", "forced"),
+    REJECTED: ("GNSS fix rejected", "rejected"),
+}
+_FIXES_SHOWN = 1500
+
+
+def outages(subject: Subject) -> list[Span]:
+    """Shading for the stretches without GNSS, on a time axis."""
+    return [
+        Span(float(a), float(b), "outage", "GNSS withheld")
+        for a, b in (subject.seconds(window) for window in subject.result.outages)
+    ]
+
+
+def track(subject: Subject) -> Figure:
+    """North over east in metres about the first point of the solution."""
+    T = _shown(subject, subject.result.trajectory)
+    origin = frames.llh_from_ecef(T.r_eb_e[0])
+    ne = frames.ned_from_ecef(T.r_eb_e, origin)
+    items: list[Item] = []
+    lost = np.where(in_windows(T.t, subject.result.outages), 1.0, np.nan)
+    if np.isfinite(lost).any():
+        items.append(path(ne[:, 1] * lost, ne[:, 0] * lost, "outage", "GNSS withheld"))
+    items += _fixes(subject, origin)
+    if subject.reference is not None and not subject.reference_is_fixes:
+        R = subject.reference
+        inside = (R.t >= T.t[0]) & (R.t <= T.t[-1])
+        r = frames.ned_from_ecef(R.r_eb_e[inside], origin)
+        items.append(path(r[:, 1], r[:, 0], "reference", "reference"))
+    for role, result in subject.solutions:
+        plan = frames.ned_from_ecef(_shown(subject, result.trajectory).r_eb_e, origin)
+        items.append(path(plan[:, 1], plan[:, 0], role, role))
+    for k, role in ((0, "start"), (-1, "end")):
+        items.append(Markers(ne[[k], 1], ne[[k], 0], role, role))
+    items += _scale_bar(items)
+    point = "antenna" if subject.at_antenna else "IMU"
+    caption = (
+        f"The way of the {point}, a metre being as long to the north as to the east: the curves should lie on each "
+        "other, "
+    ) + (
+        "and where GNSS was withheld they show how far the filtered solution drifts."
+        if subject.result.outages
+        else "and pass through the GNSS fixes."
+    )
+    panel = Panel("east [m]", "north [m]", tuple(items), equal=True)
+    return Figure("track", "Track", caption, (panel,), linked=False)
+
+
+def motion(subject: Subject) -> Figure:
+    """Height, speed, roll, pitch and heading over time."""
+    curves: list[list[Item]] = [[] for _ in range(4)]
+    shade = outages(subject)
+    for role, result in subject.solutions:
+        T = result.trajectory
+        t = subject.seconds(T.t)
+        curves[0].append(line(t, T.llh[:, 2], role, role))
+        curves[1].append(line(t, np.linalg.norm(T.v_eb_n, axis=1), role, role))
+        rpy = T.rpy_nb / units.DEG
+        curves[2].append(line(t, rpy[:, 0], role, role))
+        curves[3].append(line(t, rpy[:, 1], role, role))
+    heading: list[Item] = []
+    for role, result in subject.solutions:
+        yaw = np.mod(result.trajectory.rpy_nb[:, 2] / units.DEG, 360.0)
+        # a turn through north jumps from 360 to 0: that is no motion, so the curve is broken there
+        jump = np.flatnonzero(np.abs(np.diff(yaw)) > 180.0) + 1
+        t = subject.seconds(result.trajectory.t)
+        heading.append(line(np.insert(t, jump, t[jump]), np.insert(yaw, jump, np.nan), role, role))
+    names = ("height [m]", "speed [m/s]", "roll [deg]", "pitch [deg]", "heading [deg]")
+    panels = tuple(
+        Panel(TIME, name, (*shade, *items), x_limits=subject.span)
+        for name, items in zip(names, [*curves, heading], strict=True)
+    )
+    caption = (
+        "The motion as the filter saw it: height above the ellipsoid, speed, and attitude (roll: right wing down, "
+        "pitch: nose up, heading: from north towards east); look here first whether the run is what you think it is."
+    )
+    return Figure("motion", "Motion", caption, panels)
+
+
+def _shown(subject: Subject, trajectory: Trajectory) -> Trajectory:
+    return trajectory.moved_by(subject.result.lever_arm_b) if subject.at_antenna else trajectory
+
+
+def _fixes(subject: Subject, origin: FloatArray) -> list[Item]:
+    if subject.fixes is None:
+        return []
+    _, r, status = subject.fixes
+    ne = frames.ned_from_ecef(r, origin)
+    items: list[Item] = []
+    for code, (label, role) in FIXES.items():
+        k = np.flatnonzero(status == code)
+        k = k[:: max(1, -(-len(k) // _FIXES_SHOWN))]
+        if len(k):
+            items.append(Markers(ne[k, 1], ne[k, 0], role, label))
+    return items
+
+
+def _scale_bar(items: list[Item]) -> list[Item]:
+    """A bar of a round length, a fifth to a half of the width, below the track on the left."""
+    x = np.concatenate([i.x for i in items if isinstance(i, Line | Markers)])
+    y = np.concatenate([i.y for i in items if isinstance(i, Line | Markers)])
+    low, size = float(np.nanmin(x)), max(float(np.nanmax(x) - np.nanmin(x)), float(np.nanmax(y) - np.nanmin(y)))
+    if not size > 0.0:
+        return []
+    power = 10.0 ** np.floor(np.log10(0.4 * size))
+    length = float(max(f for f in (1.0, 2.0, 5.0) if f * power <= 0.4 * size) * power)
+    below = float(np.nanmin(y)) - 0.07 * size
+    text = f"{length / 1000.0:g} km" if length >= 1000.0 else f"{length:g} m"
+    return [
+        Line(np.array([low, low + length]), np.array([below, below]), "scale"),
+        Text(low + 0.5 * length, below, text),
+    ]

@@ -1,0 +1,266 @@
+"""The commands as scripts use them: JSON on stdout, prose on stderr, exit codes, files, one-line errors."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import schuler
+from schuler.cli import main
+from schuler.cli.app import COMMANDS
+from schuler.filtering.solution_file import read_solution
+from schuler.recording import io
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLES = ROOT / "examples"
+
+
+def run(capsys, *arguments):
+    """Exit code, stdout and stderr of a command."""
+    code = main([str(a) for a in arguments])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory):
+    """The example town drive, simulated once."""
+    folder = tmp_path_factory.mktemp("town")
+    path = folder / "town.parquet"
+    assert main(["simulate", str(EXAMPLES / "town.toml"), "--out", str(path), "--seed", "7"]) == 0
+    return path
+
+
+CONFIG = EXAMPLES / "town_navigation.toml"
+
+
+# --------------------------------------------------------------------------------------------------- demo
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    """One full demo in a process of its own, as a stranger runs it."""
+    folder = tmp_path_factory.mktemp("demo")
+    done = subprocess.run(
+        [sys.executable, "-m", "schuler", "demo", "--json", "--out", "result"],
+        cwd=folder, capture_output=True, text=True, timeout=600, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout), folder / "result", done.stderr
+
+
+def test_demo_shows_an_honest_filter(demo):
+    numbers, _, _ = demo
+    for key in ("rms_horizontal_m", "max_horizontal_outage_m", "smoothed_rms_horizontal_m", "nees_mean", "elapsed_s"):
+        assert np.isfinite(numbers[key]), key
+    assert numbers["smoothed_rms_horizontal_m"] < numbers["rms_horizontal_m"]
+    assert 0.8 < numbers["nees_mean"] < 1.25
+    assert len(numbers["outages"]) == 1
+    assert numbers["max_horizontal_outage_m"] > numbers["rms_horizontal_aided_m"]
+    assert numbers["complete"]
+
+
+def test_demo_writes_what_it_says(demo):
+    numbers, folder, _ = demo
+    for name in ("report.html", "solution.parquet", "smoothed.parquet", "track.kml"):
+        assert (folder / name).stat().st_size > 1000, name
+    assert all((folder.parent / path).exists() for path in numbers["files"].values())
+    solution, meta = read_solution(folder / "solution.parquet")
+    assert len(solution) == numbers["epochs"]
+    assert meta["provenance"]["schuler"] == schuler.__version__
+
+
+def test_demo_with_another_seed_is_another_drive(demo, tmp_path, capsys):
+    code, out, _ = run(capsys, "demo", "--json", "--no-report", "--seed", 5, "--out", tmp_path)
+    numbers = json.loads(out)
+    assert code == 0
+    assert numbers["seed"] == 5
+    assert numbers["rms_horizontal_m"] != demo[0]["rms_horizontal_m"]
+    assert not (tmp_path / "report.html").exists()
+
+
+# ------------------------------------------------------------------------------- simulate, info, convert
+
+
+def test_simulate_repeats_with_its_seed(town, tmp_path, capsys):
+    code, out, _ = run(
+        capsys, "simulate", EXAMPLES / "town.toml", "--out", tmp_path / "a.parquet", "--seed", 7, "--json"
+    )
+    data = json.loads(out)
+    assert code == 0
+    assert data["seed"] == 7
+    assert np.shape(data["true_errors"]["b_g"]) == (3,)
+    np.testing.assert_array_equal(io.read(tmp_path / "a.parquet").imu.gyro, io.read(town).imu.gyro)
+
+
+def test_info_counts_what_is_there(town, capsys):
+    code, out, err = run(capsys, "info", town, "--json")
+    data, recording = json.loads(out), io.read(town)
+    assert (code, err) == (0, "")
+    assert data["imu"]["samples"] == len(recording.imu)
+    assert data["gnss"]["epochs"] == len(recording.gnss)
+    assert data["reference"]["attitude"] is True
+    code, out, _ = run(capsys, "info", town)
+    assert code == 0
+    assert f"{len(recording.imu)} samples" in out
+
+
+def test_convert_round_trip_through_text(town, tmp_path, capsys):
+    code, out, _ = run(capsys, "convert", town, tmp_path / "town.csv", "--json")
+    assert code == 0
+    written = [Path(p) for p in json.loads(out)["files"]["written"]]
+    assert {p.name for p in written} == {"town.csv", "town_gnss.csv", "town_odometer.csv", "town_reference.csv"}
+    code, out, _ = run(capsys, "convert", tmp_path / "town.csv", tmp_path / "back.parquet")
+    assert code == 0
+    np.testing.assert_allclose(
+        io.read(tmp_path / "back.parquet").imu.accel, io.read(town).imu.accel, rtol=1e-12
+    )  # printed digits
+
+
+def test_a_plain_log_is_converted_with_hints(tmp_path, capsys):
+    log = tmp_path / "drive.txt"
+    rows = [f"{10 * k} 0.01 -0.02 {1.0 + 1e-4 * k:.4f} 0.5 -0.25 0.125" for k in range(300)]
+    log.write_text("\n".join(rows), encoding="utf-8")
+    hints = ("--columns", "t,ax,ay,az,gx,gy,gz", "--units", "g,deg/s,ms", "--axes", "FLU")
+    code, _, err = run(capsys, "convert", log, tmp_path / "drive.parquet", *hints)
+    assert code == 0, err
+    imu = io.read(tmp_path / "drive.parquet").imu
+    np.testing.assert_allclose(imu.t[1] - imu.t[0], 0.01)
+    np.testing.assert_allclose(imu.accel[0], np.array([0.01, 0.02, -1.0]) * 9.80665)  # left and up are -right, -down
+    np.testing.assert_allclose(imu.gyro[0], np.radians([0.5, 0.25, -0.125]))
+
+
+# ----------------------------------------------------------------------------------------------- navigate
+
+
+def test_navigate_with_outages_on_the_command_line(town, tmp_path, capsys):
+    code, out, _ = run(
+        capsys, "navigate", town, "--config", CONFIG, "--out", tmp_path / "out", "--json", "--no-report",
+        "--outage", "60:80", "--outage", "100:110", "--smooth",
+    )  # fmt: skip
+    numbers = json.loads(out)
+    assert code == 0
+    assert [(o["start_s"], o["stop_s"]) for o in numbers["outages"]] == [(60.0, 80.0), (100.0, 110.0)]
+    assert numbers["smoothed"]["mean_outage_max_horizontal_m"] < numbers["mean_outage_max_horizontal_m"]
+    assert numbers["measurements"]["position"]["accepted"] > 100
+    assert sum(numbers["rejected"].values()) < 10
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"solution.parquet", "smoothed.parquet", "track.kml"}
+
+
+def test_navigate_writes_a_report_and_prose(town, tmp_path, capsys):
+    code, out, err = run(capsys, "navigate", town, "--config", CONFIG, "--out", tmp_path, "--outage-every", "50:10:60")
+    assert code == 0
+    assert "horizontal error against true trajectory" in out
+    assert "mean normalised innovation squared" in out
+    assert "report: " in out
+    assert "samples at 100 Hz" in err
+    assert (tmp_path / "report.html").read_text(encoding="utf-8").lstrip().startswith("<!DOCTYPE html>")
+    assert list((tmp_path / "figures").glob("*.png"))
+    assert list((tmp_path / "figures").glob("*.svg"))
+
+
+def test_an_interrupted_run_keeps_what_was_done(town, tmp_path, capsys, monkeypatch):
+    from schuler.filtering import engine
+
+    original, calls = engine.FilterState, []
+
+    class Interrupting(original):
+        @property
+        def arrays(self):
+            calls.append(1)
+            if len(calls) == 3:
+                raise KeyboardInterrupt
+            return super().arrays
+
+    monkeypatch.setattr(engine, "_CHUNK", 3000)
+    monkeypatch.setattr(engine, "FilterState", Interrupting)
+    code, out, _ = run(
+        capsys, "navigate", town, "--config", CONFIG, "--out", tmp_path, "--json", "--no-report", "--smooth"
+    )
+    numbers = json.loads(out)
+    assert code == 1
+    assert not numbers["complete"]
+    assert numbers["epochs"] == 6000
+    assert "interrupted at" in numbers["notes"][-1]
+    assert len(read_solution(tmp_path / "solution.parquet")[0]) == 6000
+
+
+# ------------------------------------------------------------------------------------------------- errors
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("navigate", "{town}", "--config", "missing.toml"), r"missing\.toml: no such"),
+        (("navigate", "missing.csv", "--config", "{config}"), r"missing\.csv: no such file or folder"),
+        (("navigate", "{town}"), r"requires an argument|--config"),
+        (
+            ("navigate", "{town}", "--config", "{config}", "--outage", "80:60"),
+            r"--outage: expected START:STOP in seconds",
+        ),
+        (("navigate", "{town}", "--config", "{config}", "--outage-every", "15:45"), r"expected PERIOD:LENGTH"),
+        (("navigate", "{town}", "--config", "{config}", "--outage-every", "a:b"), r"expected PERIOD:LENGTH"),
+        (("info", "{config}"), r"town_navigation\.toml"),
+        (("convert", "{town}", "town.xyz"), r"\.xyz"),
+        (("simulate", "{config}"), r"motion"),
+        (("nonsense",), r"nonsense"),
+        (("info", "{town}", "--nonsense"), r"--nonsense"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line_and_exit_code_2(arguments, message, town, capsys, monkeypatch):
+    monkeypatch.chdir(town.parent)
+    code, out, err = run(capsys, *(a.format(town=town, config=CONFIG) for a in arguments))
+    assert code == 2
+    assert out == ""
+    assert err.startswith("schuler: ")
+    assert err.count("\n") == 1
+    assert re.search(message, err)
+
+
+def test_a_broken_configuration_is_shown_with_its_place(town, tmp_path, capsys):
+    config = tmp_path / "c.toml"
+    config.write_text('[imu]\ncatalogue = "MPU-6000"\n[gnss]\nleverarm_m = [0, 0, 0]\n', encoding="utf-8")
+    code, _, err = run(capsys, "navigate", town, "--config", config)
+    assert code == 2
+    assert "gnss.leverarm_m: unknown entry; did you mean lever_arm_m?" in err
+
+
+# ----------------------------------------------------------------------------------------- help and documents
+
+
+def test_help_lists_every_command():
+    done = subprocess.run([sys.executable, "-m", "schuler", "--help"], capture_output=True, text=True, check=True)
+    assert all(re.search(rf"^\W*{name}\b", done.stdout, re.MULTILINE) for name in COMMANDS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help_with_an_example(name, capsys):
+    assert main([name, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert f"schuler {name}" in text
+    assert "Example:" in text
+
+
+def options(name):
+    """Long options a command has, as its help shows them."""
+    done = subprocess.run([sys.executable, "-m", "schuler", name, "--help"], capture_output=True, text=True, check=True)
+    return set(re.findall(r"(?<!\S)--[a-z][a-z-]*", done.stdout))
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_documents_have_every_command_and_no_option_that_does_not_exist(name):
+    text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    section = text.partition(f"## `schuler {name}`")[2].partition("\n## ")[0]
+    assert section, f"docs/commands.md has no section on {name}"
+    assert set(re.findall(r"--[a-z][a-z-]*", section)) <= options(name) | {"--no-report"}
+
+
+def test_version_is_that_of_the_package(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == schuler.__version__

@@ -1,0 +1,60 @@
+"""What commands share: times of outages, JSON without NaN, progress on terminals only."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from schuler.cli.output import period, print_json, progress, window
+from schuler.exceptions import InputError
+
+
+@pytest.mark.parametrize(("text", "expected"), [("50:90", (50.0, 90.0)), ("0:1.5", (0.0, 1.5))])
+def test_windows(text, expected):
+    assert window(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("45:15", {"every_s": 45.0, "length_s": 15.0}),
+        ("45:15:40", {"every_s": 45.0, "length_s": 15.0, "first_s": 40.0}),
+    ],
+)
+def test_periods(text, expected):
+    assert period(text) == expected
+
+
+@pytest.mark.parametrize("text", ["", "5", "5:5", "9:5", "a:b", "1:2:3", "1:nan", "0:inf", ":"])
+def test_faulty_windows_are_refused(text):
+    with pytest.raises(InputError, match=f"--outage: expected START:STOP in seconds, such as 50:90, got '{text}'"):
+        window(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "45", "15:45", "45:0", "45:-1", "x:y", "1:2:3:4", "45:15:x", "nan:15", "45:15:nan"]
+)
+def test_faulty_periods_are_refused(text):
+    with pytest.raises(InputError, match="--outage-every: expected PERIOD:LENGTH"):
+        period(text)
+
+
+def test_json_holds_numbers_or_null(capsys):
+    print_json({"a": np.float64(1.5), "b": np.nan, "c": np.array([1.0, np.inf]), "d": np.int64(3), "e": np.bool_(True)})
+    assert json.loads(capsys.readouterr().out) == {"a": 1.5, "b": None, "c": [1.0, None], "d": 3, "e": True}
+
+
+def test_no_progress_where_nobody_looks(capsys):
+    with progress("working") as bar:
+        assert bar is None
+    assert capsys.readouterr().err == ""
+
+
+def test_progress_on_a_terminal(capsys, monkeypatch):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    with progress("working") as bar:
+        bar(0.5)
+        bar(1.0)
+    assert "working" in capsys.readouterr().err

@@ -333,3 +333,30 @@ def real_drive(shared_data):
     recording = read(shared_data / "rtkexp_drive", **data["recording"])
     g = recording.gnss
     return recording, Trajectory.from_geodetic(g.t, g.llh, g.v_n)
+
+
+def test_a_log_simulated_on_a_still_earth_is_navigated_on_one():
+    data = {
+        "seed": 4,
+        "motion": {
+            "type": "waypoints", "lat_deg": 47.0, "lon_deg": 8.0, "waypoints": POINTS, "earth_rotation": False,
+        },
+        "imu": {"rate_hz": 100.0, "kind": "increment", **IMU},
+        "gnss": {"rate_hz": 1.0, "lever_arm_m": LEVER},
+    }  # fmt: skip
+    recording = simulate_mission(prepare_mission(data)).recording
+    with pytest.raises(ConfigError, match="earth_rotation is true, but the recording was simulated with false"):
+        navigate(recording, config())
+    result = navigate(recording, config(filter={"earth_rotation": False}))
+    assert 0.9 < result.innovations.mean_nis() < 1.1
+
+
+def test_provenance_repeats_the_simulation(recording):
+    """Scenario and seed are in the result, so that the log can be made again from a solution file alone."""
+    options = navigate(recording, config()).provenance["recording_options"]
+    again = simulate_mission(prepare_mission(options["scenario"]), np.random.default_rng(options["seed"])).recording
+    np.testing.assert_array_equal(again.imu.gyro, recording.imu.gyro)
+    np.testing.assert_array_equal(again.gnss.llh, recording.gnss.llh)
+    child = np.random.default_rng(np.random.SeedSequence(5).spawn(3)[2])
+    seed = simulate_mission(prepare_mission(options["scenario"]), child).recording.metadata.options["seed"]
+    assert seed == {"entropy": 5, "spawn_key": [2]}

@@ -143,7 +143,7 @@ def write_outputs(folder: Path, recording: Recording, outcome: Outcome, *, repor
 
         shown = {
             "smoothed": smoothed, "reference": outcome.reference, "at_antenna": outcome.at_antenna,
-            "truth_parameters": outcome.truth_parameters, "origin": recording.start,
+            "truth_parameters": outcome.truth_parameters, "origin": recording.start, "gnss": recording.gnss,
         }  # fmt: skip
         files["report"] = navigation_report(
             result,

@@ -99,6 +99,7 @@ class FilterSection(Section):
     output_rate_hz: Positive | None = Field(None, description="rate of the output; every sample if left out")
     lockout: Annotated[int, Field(ge=0)] = Field(10, description="rejections in a row after which one is accepted")
     smooth: bool = Field(True, description="also compute the smoothed solution")
+    earth_rotation: bool = Field(True, description="false for a log simulated on an Earth that stands still")
 
 
 class OutageSection(Section):

@@ -60,6 +60,13 @@ def navigate(
     if not isinstance(config, NavigationConfig):
         config = NavigationConfig.parse(config) if isinstance(config, dict) else NavigationConfig.load(config)
     began = time.perf_counter()
+    simulated = recording.metadata.options.get("scenario", {}).get("motion", {})
+    turns = simulated.get("earth_rotation", True)
+    if turns != config.filter.earth_rotation:
+        raise ConfigError(
+            f"filter.earth_rotation is {str(config.filter.earth_rotation).lower()}, but the recording was simulated "
+            f"with {str(turns).lower()}; set the same"
+        )
     notes = list(recording.metadata.notes)
     spec = imu_spec(config)
     layout = state_layout(config, spec)
@@ -91,6 +98,7 @@ def navigate(
         output_rate_hz=config.filter.output_rate_hz,
         lockout=config.filter.lockout,
         smoother=config.filter.smooth,
+        earth_rotation=config.filter.earth_rotation,
     )
     forward = run(
         increments,
@@ -118,6 +126,7 @@ def navigate(
             "config": config.model_dump(mode="json", exclude_defaults=True),
             "sources": recording.metadata.sources,
             "recording": recording.metadata.name,
+            "recording_options": recording.metadata.options,
             "imu": spec.name,
             "elapsed_s": time.perf_counter() - began,
         },

@@ -285,6 +285,7 @@ def simulate_mission(mission: Mission, rng: np.random.Generator | None = None) -
     """
     scenario = mission.scenario
     rng = np.random.default_rng(scenario.seed) if rng is None else rng
+    seed = _seed(rng)
     errors_rng, imu_rng, gnss_rng, odometer_rng = rng.spawn(4)
     errors = ImuErrors.none() if mission.spec is None else ImuErrors.draw(mission.spec, errors_rng)
     simulated = simulate_imu(mission.ideal, errors, imu_rng, temperature=scenario.imu.temperature_degC)
@@ -304,7 +305,7 @@ def simulate_mission(mission: Mission, rng: np.random.Generator | None = None) -
         time=TimeBase("gps", gps_seconds(scenario.start_week, scenario.start_tow_s)),
         axes="FRD",
         notes=tuple(notes),
-        options={"scenario": scenario.model_dump(mode="json", exclude_defaults=True)},
+        options={"scenario": scenario.model_dump(mode="json", exclude_defaults=True), "seed": seed},
     )
     recording = Recording(simulated.imu, gnss, odometer, mission.ideal.truth, metadata)
     return Simulation(recording, errors, simulated.report)
@@ -325,6 +326,13 @@ def simulate(scenario: Scenario | dict[str, Any] | Path | str, rng: np.random.Ge
         With the true trajectory of the IMU as its reference; :func:`simulate_mission` also returns the true errors.
     """
     return simulate_mission(prepare_mission(scenario), rng).recording
+
+
+def _seed(rng: np.random.Generator) -> Any:
+    """What a generator was seeded with, to be written down: a number, or one with the path of spawned children."""
+    sequence = rng.bit_generator.seed_seq
+    entropy, path = getattr(sequence, "entropy", None), getattr(sequence, "spawn_key", ())
+    return {"entropy": entropy, "spawn_key": list(path)} if path else entropy
 
 
 def _place(p: WaypointSection, origin: FloatArray) -> FloatArray:

@@ -166,11 +166,13 @@ def sentences(numbers: dict[str, Any]) -> str:
             f"{numbers['max_horizontal_m']:.3f} m largest"
         )
     for key, what in ((numbers, "filtered"), (numbers.get("smoothed", {}), "smoothed")):
-        if key.get("outages"):
+        outages = key.get("outages")
+        if outages:
+            worst = max(o["max_horizontal_m"] for o in outages)
+            among = "one outage" if len(outages) == 1 else f"{len(outages)} outages"
+            mean = "" if len(outages) == 1 else f"{key['mean_outage_max_horizontal_m']:.3f} m on average, "
             lines.append(
-                f"{what}, {len(key['outages'])} outages: "
-                f"largest horizontal error {key['mean_outage_max_horizontal_m']:.3f} m on average, "
-                f"{max(o['max_horizontal_m'] for o in key['outages']):.3f} m at worst; "
+                f"{what}, {among}: largest horizontal error {mean}{worst:.3f} m{' at worst' if mean else ''}; "
                 f"{key['rms_horizontal_aided_m']:.3f} m RMS with GNSS"
             )
     if "smoothed" in numbers and numbers["smoothed"]["rms_horizontal_m"] is not None:

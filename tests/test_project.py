@@ -127,6 +127,18 @@ def test_compiled_kernels_are_imported_only_inside_functions(path):
     assert not early, f"move into the function that runs the kernel: {early}"
 
 
+@for_each(p for p in MODULES if is_kernel_file(p))
+def test_kernels_take_constants_only_from_files_that_outdate_the_machine_code(path):
+    """Numbers and helpers of other files are compiled in: a change there must not leave old code on disk in use."""
+    from schuler.jit import SOURCES
+
+    outdating = {"schuler." + name.removesuffix(".py").replace("/", ".") for name in SOURCES}
+    for name, line in imports_when_loaded(parsed(path)):
+        if name.startswith("schuler."):
+            module = name.rpartition(".")[0]
+            assert names_a_kernel_module(module) or module in outdating, f"line {line}: add {module} to jit.SOURCES"
+
+
 @for_each(MODULES)
 def test_heavy_libraries_are_imported_only_inside_functions(path):
     """The same for the libraries themselves; numba is for kernel files and for the module that compiles them."""

@@ -7,17 +7,22 @@ are themselves imported only by the functions that run them (importing the packa
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import sys
 import threading
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any, cast
 
 import numba
 
 _NOTICE_AFTER_S = 1.5
 
+_OPTIONS: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
-_OPTIONS: Any = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+# Besides the kernel files: what they take constants from (tests/test_project.py holds them to it).
+SOURCES = ("jit.py", "earth.py", "filtering/limits.py")
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -25,14 +30,37 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 
     ``contract`` allows fused multiply-add and nothing else: sums are not reordered, NaN stays NaN.
     """
-    compiled = numba.njit(**_OPTIONS)(function)
-    return cast(Callable[..., Any], compiled)
+    return _kept(function, {})
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     """Like :func:`kernel` for small helpers called inside hot loops: asks LLVM to inline them."""
-    compiled = numba.njit(forceinline=True, **_OPTIONS)(function)
+    return _kept(function, {"forceinline": True})
+
+
+def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Callable[..., Any]:
+    """Compiled function whose machine code on disk is used only while no kernel source has changed.
+
+    numba itself asks only whether the function's own file is newer, and would go on running code into which the old
+    version of a helper from another file has been inlined.
+    """
+    compiled: Any = numba.njit(cache=True, **options, **_OPTIONS)(function)
+    try:
+        file = compiled._cache._cache_file
+        file._source_stamp = (file._source_stamp, sources_digest())
+    except AttributeError:  # a numba that keeps it elsewhere: better to compile at every start than to run old code
+        compiled = numba.njit(**options, **_OPTIONS)(function)
     return cast(Callable[..., Any], compiled)
+
+
+@functools.cache
+def sources_digest() -> str:
+    """SHA-256 over all kernel files and what they take constants from."""
+    root = Path(__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted([*root.rglob("_*kernels.py"), *(root / name for name in SOURCES)]):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def prepare(kernels: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]]) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import schuler
+from schuler.analysis.errors import trajectory_errors
 from schuler.cli import main
 from schuler.cli.app import COMMANDS
 from schuler.filtering.solution_file import read_solution
@@ -163,6 +164,29 @@ def test_navigate_writes_a_report_and_prose(town, tmp_path, capsys):
     assert (tmp_path / "report.html").read_text(encoding="utf-8").lstrip().startswith("<!DOCTYPE html>")
     assert list((tmp_path / "figures").glob("*.png"))
     assert list((tmp_path / "figures").glob("*.svg"))
+
+
+def test_without_a_reference_the_antenna_is_compared_with_the_fixes(town, tmp_path, capsys):
+    from dataclasses import replace
+
+    recording = replace(io.read(town), reference=None)
+    io.write(recording, tmp_path / "town.parquet")
+    code, out, _ = run(
+        capsys, "navigate", tmp_path / "town.parquet", "--config", CONFIG, "--out", tmp_path, "--json", "--no-report",
+        "--smooth",
+    )  # fmt: skip
+    numbers = json.loads(out)
+    assert code == 0
+    assert numbers["reference"] == "GNSS fixes at the antenna"
+    assert numbers["nees_mean"] is None
+    g = recording.gnss
+    fixes = schuler.Trajectory.from_geodetic(g.t, g.llh, g.v_n)
+    for key, file in ((numbers, "solution"), (numbers["smoothed"], "smoothed")):
+        track, meta = read_solution(tmp_path / f"{file}.parquet")
+        lever = meta["provenance"]["config"]["gnss"]["lever_arm_m"]
+        assert np.linalg.norm(lever) > 1.0
+        rms = trajectory_errors(track.moved_by(np.array(lever)), fixes).rms_horizontal
+        assert key["rms_horizontal_m"] == pytest.approx(rms, rel=1e-9)  # rounding
 
 
 def test_an_interrupted_run_keeps_what_was_done(town, tmp_path, capsys, monkeypatch):

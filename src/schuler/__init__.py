@@ -12,6 +12,9 @@ from importlib import import_module, metadata
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from schuler.characterisation.allan import allan_deviation
+    from schuler.characterisation.identify import identify_noise
+    from schuler.characterisation.result import NoiseIdentification
     from schuler.filtering.config import NavigationConfig
     from schuler.filtering.engine import FilterOptions, InitialState
     from schuler.filtering.fine_alignment import fine_alignment
@@ -28,6 +31,9 @@ if TYPE_CHECKING:
     from schuler.simulation.scenario import Scenario, simulate
 
 _PLACES = {
+    "schuler.characterisation.allan": ("allan_deviation",),
+    "schuler.characterisation.identify": ("identify_noise",),
+    "schuler.characterisation.result": ("NoiseIdentification",),
     "schuler.filtering.config": ("NavigationConfig",),
     "schuler.filtering.engine": ("FilterOptions", "InitialState"),
     "schuler.filtering.fine_alignment": ("fine_alignment",),
@@ -58,6 +64,7 @@ __all__ = [
     "NavigationConfig",
     "NavigationResult",
     "Navigator",
+    "NoiseIdentification",
     "OdometerSeries",
     "ReadHints",
     "Recording",
@@ -66,7 +73,9 @@ __all__ = [
     "StateModel",
     "Trajectory",
     "TriadSpec",
+    "allan_deviation",
     "fine_alignment",
+    "identify_noise",
     "layout_for",
     "mechanize",
     "navigate",

@@ -12,6 +12,7 @@ from scipy.integrate import quad
 
 from schuler.exceptions import InputError
 from schuler.sensors import (
+    Flicker,
     GaussMarkov,
     NoiseModel,
     Ramp,
@@ -240,7 +241,7 @@ def test_noise_model_of_a_budget():
     model = noise_model(triad, start="zero")
     assert model.white == White(1e-3)
     assert model.terms[1:4] == (GaussMarkov(4e-4, 60.0, "zero"), RandomWalk(3e-5), Ramp(1e-9))
-    assert NoiseModel(model.terms[4:]) == flicker(2e-4)
+    assert model.terms[4:] == (Flicker(2e-4),)
     assert noise_model(TriadSpec(random_walk=1.0)) == NoiseModel((White(1.0),))
 
 

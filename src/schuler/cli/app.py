@@ -30,6 +30,11 @@ COMMANDS = {
         "Convert any readable log to Parquet, CSV, .pos, KML or GeoJSON.",
         "schuler convert drive.csv drive.parquet --columns ax,ay,az,gx,gy,gz,t --units g,deg/s,ms --axes FLU",
     ),
+    "allan": (
+        "schuler.cli.allan:allan",
+        "Identify the noise of an IMU from a log at rest: Allan deviation, model, report, other tools' files.",
+        "schuler allan rest.csv --columns t,ax,ay,az,gx,gy,gz --units g,deg/s --axes FLU --export kalibr",
+    ),
     "simulate": (
         "schuler.cli.simulate:simulate",
         "Truth, IMU and GNSS of a scenario in a TOML file.",

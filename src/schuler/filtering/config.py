@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from schuler.exceptions import ConfigError
 from schuler.faults import sentences
+from schuler.sensors.spec_file import anchored
 
 Triple = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0)]
@@ -29,6 +30,7 @@ class ImuSection(Section):
     """The IMU: its error budget, how it is mounted, how its clock runs."""
 
     catalogue: str | None = Field(None, description="name in the IMU catalogue")
+    spec: str | None = Field(None, description="file of an identified budget, relative to this one")
     gyro: dict[str, float | str] = Field(default_factory=dict, description="data-sheet values, see docs/sensors.md")
     accel: dict[str, float | str] = Field(default_factory=dict, description="data-sheet values, see docs/sensors.md")
     mount_rpy_deg: Triple = Field((0.0, 0.0, 0.0), description="attitude of the IMU axes in the vehicle: C_bs")
@@ -38,9 +40,12 @@ class ImuSection(Section):
 
     @model_validator(mode="after")
     def _one_source(self) -> ImuSection:
-        if (self.catalogue is None) == (not self.gyro and not self.accel):
-            raise ValueError('give either catalogue = "name" or both gyro = {...} and accel = {...}')
-        if self.catalogue is None and not (self.gyro and self.accel):
+        sheet = bool(self.gyro or self.accel)
+        if (self.catalogue is not None) + (self.spec is not None) + sheet != 1:
+            raise ValueError(
+                'give either catalogue = "name", spec = "file.toml", or both gyro = {...} and accel = {...}'
+            )
+        if sheet and not (self.gyro and self.accel):
             raise ValueError("give both gyro = {...} and accel = {...}")
         return self
 
@@ -171,7 +176,7 @@ class NavigationConfig(Section):
 
     @classmethod
     def load(cls, path: Path | str) -> NavigationConfig:
-        """Checked configuration of a TOML file; see :meth:`parse`."""
+        """Checked configuration of a TOML file, to whose folder ``imu.spec`` is relative; see :meth:`parse`."""
         path = Path(path)
         try:
             data = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -179,4 +184,4 @@ class NavigationConfig(Section):
             raise ConfigError(f"{path}: no such configuration file") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ConfigError(f"{path}: not a TOML file: {error}") from None
-        return cls.parse(data, str(path))
+        return cls.parse(anchored(data, path), str(path))

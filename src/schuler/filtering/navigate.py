@@ -24,6 +24,7 @@ from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries, ImuSeries, Increments
 from schuler.sensors import catalogue
 from schuler.sensors.spec import ImuSpec, TriadSpec
+from schuler.sensors.spec_file import configured_spec
 
 _REST_SPEED = 0.3  # GNSS speed below which a vehicle may be at rest, before its uncertainty is added [m/s]
 
@@ -139,6 +140,8 @@ def imu_spec(config: NavigationConfig) -> ImuSpec:
     section = config.imu
     if section.catalogue is not None:
         return catalogue.spec(section.catalogue)
+    if section.spec is not None:
+        return configured_spec(section.spec)
     try:
         gyro, accel = TriadSpec.gyro(**section.gyro), TriadSpec.accelerometer(**section.accel)  # type: ignore[arg-type]
     except TypeError as error:

@@ -102,6 +102,8 @@ class Panel:
         A metre is as long on both axes.
     log : bool
         Logarithmic y axis; ``y_limits`` are values, not exponents.
+    log_x : bool
+        Logarithmic x axis, likewise.
     """
 
     x_label: str
@@ -112,6 +114,7 @@ class Panel:
     y_limits: Limits | None = None
     equal: bool = False
     log: bool = False
+    log_x: bool = False
 
 
 @dataclass(frozen=True, eq=False)

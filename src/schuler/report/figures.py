@@ -214,7 +214,10 @@ def _arrangement(figure: content.Figure) -> tuple[int, int, tuple[float, float]]
         return rows, 2, (_WIDE, 0.5 + 2.6 * rows)
     columns = 1 if n <= 5 else 2 if n <= 6 else 3
     rows = -(-n // columns)
-    return rows, columns, (_WIDTH if columns == 1 else _WIDE, 0.6 + (1.9 if n == 1 else 1.3) * rows)
+    # slopes of a log-log plot are read by eye: it needs height
+    steep = figure.panels[0].log_x and figure.panels[0].log
+    height = 2.5 if steep and n == 1 else 2.0 if steep else 1.9 if n == 1 else 1.3
+    return rows, columns, (_WIDTH if columns == 1 else _WIDE, 0.6 + height * rows)
 
 
 def _paint(panel: Panel, ax: Axes) -> None:
@@ -260,6 +263,8 @@ def _dress(panel: Panel, ax: Axes) -> None:
 
     if panel.log:
         ax.set_yscale("log")
+    if panel.log_x:
+        ax.set_xscale("log")
     if panel.x_limits is not None and panel.x_limits[1] > panel.x_limits[0]:
         ax.set_xlim(*panel.x_limits)
     if panel.y_limits is not None:
@@ -273,6 +278,7 @@ def _dress(panel: Panel, ax: Axes) -> None:
     if panel.title:
         ax.set_title(panel.title, fontsize=_FONT - 1.0, loc="left", pad=3)
     ax.tick_params(labelsize=_FONT - 1.0, length=2.5)
+    ax.tick_params(which="minor", labelsize=_FONT - 2.0)
     ax.grid(True, color="0.88", lw=0.5)
     ax.set_axisbelow(True)
     for side in ("top", "right"):

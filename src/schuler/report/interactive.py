@@ -47,7 +47,7 @@ def panel_data(figure: Figure, panel: Panel) -> dict[str, Any]:
         "xaxis": _axis(
             "" if figure.linked and figure.columns == 1 and panel is not figure.panels[-1] else panel.x_label,
             panel.x_limits,
-            log=False,
+            log=panel.log_x,
         ),
         "yaxis": _axis(panel.y_label, panel.y_limits, log=panel.log),
         "hovermode": "closest" if panel.equal else "x",
@@ -70,32 +70,34 @@ def panel_data(figure: Figure, panel: Panel) -> dict[str, Any]:
     if texts:
         layout["annotations"] = [
             {
-                "x": _round(w.x, 4), "y": _round(w.y, 4), "text": w.text, "showarrow": False, "yanchor": "bottom",
-                "font": {"size": 12},
+                # plotly wants exponents here, unlike for lines and shapes
+                "x": _round(math.log10(w.x) if panel.log_x else w.x, 4),
+                "y": _round(math.log10(w.y) if panel.log else w.y, 4),
+                "text": w.text, "showarrow": False, "yanchor": "bottom", "font": {"size": 12},
             }
             for w in texts
         ]  # fmt: skip
     drawn = [item for item in panel.items if not isinstance(item, Span | Text)]
     # areas first: plotly draws in the order of the traces
     drawn.sort(key=lambda item: not isinstance(item, Band))
-    return {"data": [trace(item, log=panel.log) for item in drawn], "layout": layout}
+    return {"data": [trace(item, log=panel.log, log_x=panel.log_x) for item in drawn], "layout": layout}
 
 
-def trace(item: Item, *, log: bool = False) -> dict[str, Any]:
-    """The plotly trace of a line, band, bars or markers; ``log`` if it goes into a panel with a logarithmic axis."""
+def trace(item: Item, *, log: bool = False, log_x: bool = False) -> dict[str, Any]:
+    """The plotly trace of a line, band, bars or markers; ``log`` and ``log_x`` if it goes onto logarithmic axes."""
     match item:
         case Band():
             x, y = _outline(item)
             return {
-                "type": "scatter", "mode": "lines", "x": _numbers(x), "y": _numbers(y, log=log), "fill": "toself",
-                "fillcolor": css_name(item.role, area=True), "line": {"width": 0}, "hoverinfo": "skip",
-                "name": item.label, "showlegend": False,
+                "type": "scatter", "mode": "lines", "x": _numbers(x, log=log_x), "y": _numbers(y, log=log),
+                "fill": "toself", "fillcolor": css_name(item.role, area=True), "line": {"width": 0},
+                "hoverinfo": "skip", "name": item.label, "showlegend": False,
             }  # fmt: skip
         case Line():
             s = style(item.role)
             quiet = s.alpha < 1.0 or not item.label
             return {
-                "type": "scatter", "mode": "lines", "x": _numbers(item.x), "y": _numbers(item.y, log=log),
+                "type": "scatter", "mode": "lines", "x": _numbers(item.x, log=log_x), "y": _numbers(item.y, log=log),
                 "line": {
                     "color": css_name(item.role, area=s.alpha < 1.0), "width": round(s.width * _PX, 2),
                     "dash": "6px,3px" if s.dash else "solid", "simplify": False,
@@ -105,7 +107,7 @@ def trace(item: Item, *, log: bool = False) -> dict[str, Any]:
         case Markers():
             s = style(item.role)
             return {
-                "type": "scatter", "mode": "markers", "x": _numbers(item.x), "y": _numbers(item.y, log=log),
+                "type": "scatter", "mode": "markers", "x": _numbers(item.x, log=log_x), "y": _numbers(item.y, log=log),
                 "marker": {
                     "color": css_name(item.role), "symbol": _SYMBOLS[s.symbol], "size": round(s.size * _PX * 1.3, 1),
                     "line": {

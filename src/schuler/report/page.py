@@ -49,6 +49,7 @@ table.texts :is(th, td) { overflow-wrap: anywhere; }
 table.texts thead th:first-child { width: 40%; }
 th { font-weight: 600; }
 tbody th { font-weight: 400; }
+tr.told > * { border-bottom: 0; padding-bottom: 0; }
 td.n, th.n { text-align: right; overflow-wrap: normal; padding-right: 0.4rem; padding-left: 0.4rem; }
 figure { margin: 1.2rem 0; }
 figure h3 { margin-bottom: 0.1rem; }

@@ -58,6 +58,18 @@ STYLES: MappingProxyType[str, Style] = MappingProxyType(
         "start": Style("#202020", "#e6e6e6", symbol="triangle", size=7.0),
         "end": Style("#202020", "#e6e6e6", symbol="square", size=6.0),
         "scale": Style("#202020", "#e6e6e6", width=2.5),
+        "allan": Style("#0072b2", "#56b4e9", width=1.6),
+        "allan_band": Style("#0072b2", "#56b4e9", alpha=0.25),
+        "model": Style("#d55e00", "#ff9a4d", width=1.2, dash=True),
+        "term": Style("#707070", "#a0a0a0", width=0.7),
+        "read_off": Style("#202020", "#e6e6e6", width=1.1, symbol="ring", size=4.5),
+        "finding": Style("#e6c200", "#c8a800", width=6.0, alpha=0.35),
+        "axis_x": Style("#0072b2", "#56b4e9", width=1.4),
+        "axis_y": Style("#d55e00", "#ff9a4d", width=1.4, dash=True),
+        "axis_z": Style("#009e73", "#3fcf9f", width=0.9),
+        "axis_x_band": Style("#0072b2", "#56b4e9", alpha=0.18),
+        "axis_y_band": Style("#d55e00", "#ff9a4d", alpha=0.18),
+        "axis_z_band": Style("#009e73", "#3fcf9f", alpha=0.18),
     }
 )
 

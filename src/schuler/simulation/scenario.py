@@ -20,6 +20,7 @@ from schuler.recording.recording import Metadata, Recording
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ApplyReport, ImuErrors
 from schuler.sensors.spec import ImuSpec, TriadSpec
+from schuler.sensors.spec_file import anchored, configured_spec
 from schuler.simulation.aiding import GnssModel, simulate_gnss, simulate_odometer
 from schuler.simulation.imu import IdealImu, ideal_imu, simulate_imu
 from schuler.simulation.motion import Motion, StaticMotion
@@ -120,6 +121,7 @@ class ImuModelSection(_Section):
     rate_hz: Positive = 100.0
     kind: Literal["increment", "rate"] = "increment"
     catalogue: str | None = None
+    spec: str | None = Field(None, description="file of an identified budget, relative to this one")
     gyro: dict[str, float | str] = Field(default_factory=dict)
     accel: dict[str, float | str] = Field(default_factory=dict)
     ideal: bool = Field(False, description="no errors at all")
@@ -127,17 +129,22 @@ class ImuModelSection(_Section):
 
     @model_validator(mode="after")
     def _one_source(self) -> ImuModelSection:
-        given = [self.catalogue is not None, bool(self.gyro or self.accel), self.ideal]
+        given = [self.catalogue is not None, self.spec is not None, bool(self.gyro or self.accel), self.ideal]
         if sum(given) != 1 or bool(self.gyro) != bool(self.accel):
-            raise ValueError('give one of catalogue = "name", both gyro = {...} and accel = {...}, or ideal = true')
+            raise ValueError(
+                'give one of catalogue = "name", spec = "file.toml", both gyro = {...} and accel = {...}, '
+                "or ideal = true"
+            )
         return self
 
-    def spec(self) -> ImuSpec | None:
+    def budget(self) -> ImuSpec | None:
         """Error budget, None for an ideal IMU."""
         if self.ideal:
             return None
         if self.catalogue is not None:
             return catalogue.spec(self.catalogue)
+        if self.spec is not None:
+            return configured_spec(self.spec)
         return ImuSpec(
             "as configured",
             TriadSpec.gyro(**self.gyro),  # type: ignore[arg-type]
@@ -212,7 +219,7 @@ class Scenario(_Section):
 
     @classmethod
     def load(cls, path: Path | str) -> Scenario:
-        """Checked scenario of a TOML file; see :meth:`parse`."""
+        """Checked scenario of a TOML file, to whose folder ``imu.spec`` is relative; see :meth:`parse`."""
         path = Path(path)
         try:
             data = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -220,7 +227,7 @@ class Scenario(_Section):
             raise ConfigError(f"{path}: no such scenario file") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ConfigError(f"{path}: not a TOML file: {error}") from None
-        return cls.parse(data, str(path))
+        return cls.parse(anchored(data, path), str(path))
 
 
 class Mission(NamedTuple):
@@ -266,7 +273,7 @@ def prepare_mission(scenario: Scenario | dict[str, Any] | Path | str) -> Mission
     motion = scenario.motion.build()
     imu = scenario.imu
     ideal = ideal_imu(motion, imu.rate_hz, kind=imu.kind, earth_rotation=scenario.motion.earth_rotation)
-    return Mission(scenario, motion, ideal, imu.spec())
+    return Mission(scenario, motion, ideal, imu.budget())
 
 
 def simulate_mission(mission: Mission, rng: np.random.Generator | None = None) -> Simulation:

@@ -1,0 +1,378 @@
+"""Test statistics of standing still over a moving window, for zero-velocity updates and for calibration.
+
+All are ratios: about 1 while the unit rests, larger in motion, if the noise given is right. Sums are taken block by
+block with the mean of the block removed, so a log of days in many poses loses no digits.
+"""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import Literal, get_args
+
+import numpy as np
+
+from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3
+from schuler.exceptions import InputError
+from schuler.recording.series import ImuSeries
+from schuler.units import G0
+
+Kind = Literal[
+    "moving deviation", "printed", "glrt", "acceleration variance", "acceleration magnitude", "angular rate energy"
+]
+KINDS: tuple[str, ...] = get_args(Kind)
+
+#: Mean rate that counts as turning in the moving deviation, about 1 deg/s (Yaman 2017, chapter 6). [rad/s]
+MAX_RATE = 0.0175
+
+
+def moving_moments(x: ArrayLike, window: int) -> tuple[FloatArray, FloatArray]:
+    """Mean and variance over a centred moving window.
+
+    Parameters
+    ----------
+    x : array_like, shape (n,) or (n, k)
+        Time along axis 0.
+    window : int
+        Samples in a window, at least 1 and at most n. Window k covers samples ``k - (window - 1) // 2`` to
+        ``k + window // 2``; the half windows at the ends take the value of the nearest whole one.
+
+    Returns
+    -------
+    mean, variance : ndarray, shape of x
+        The variance is the sum of squares about the window's own mean divided by ``window``. [x], [x^2]
+
+    Raises
+    ------
+    InputError
+        If x is not finite, or the window does not fit into it.
+
+    Notes
+    -----
+    A window is the end of one block of ``window`` samples and the beginning of the next. Sums from the end and from
+    the beginning of each block, about the block's mean, give both parts; they are joined by the rule of Chan, Golub
+    and LeVeque (1983). No sum is longer than a window, and the effort does not depend on its length.
+    """
+    x = as_floats(x, "x")
+    n, W = len(x), int(window)
+    if not 1 <= W <= n:
+        raise InputError(f"window: expected 1 to {n} samples, the length of the log, got {W}; choose a shorter window")
+    flat = x.reshape(n, -1)
+    blocks = ceil(n / W) + 1
+    padded = np.concatenate((flat, np.broadcast_to(flat[-1], (blocks * W - n, flat.shape[1]))))
+    padded = padded.reshape(blocks, W, -1)
+    centre = padded.mean(axis=1, keepdims=True)
+    d = padded - centre
+    count = np.arange(W + 1.0)[:, None]
+
+    def parts(d: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Mean and sum of squares about it of the first 0..W samples of every block."""
+        zero = np.zeros((blocks, 1, d.shape[2]))
+        s = np.concatenate((zero, np.cumsum(d, axis=1)), axis=1)
+        q = np.concatenate((zero, np.cumsum(d * d, axis=1)), axis=1)
+        mean = s / np.maximum(count, 1.0)
+        return mean, np.maximum(q - s * mean, 0.0)
+
+    m_head, q_head = parts(d)
+    m_tail, q_tail = parts(d[:, ::-1])
+    # the window that starts at sample j of block b: the last W - j samples of b and the first j of b + 1
+    m1, q1 = m_tail[:-1, :0:-1] + centre[:-1], q_tail[:-1, :0:-1]
+    m2, q2 = m_head[1:, :-1] + centre[1:], q_head[1:, :-1]
+    share = count[:-1] / W
+    mean = (m1 + share * (m2 - m1)).reshape(-1, flat.shape[1])[: n - W + 1]
+    squares = (q1 + q2 + W * share * (1.0 - share) * (m2 - m1) ** 2).reshape(-1, flat.shape[1])[: n - W + 1]
+    pick = np.clip(np.arange(n) - (W - 1) // 2, 0, n - W)
+    return mean[pick].reshape(x.shape), (squares[pick] / W).reshape(x.shape)
+
+
+def window_samples(imu: ImuSeries, window_s: float) -> int:
+    """Samples in a window of ``window_s`` seconds at the median rate, at least 2.
+
+    Raises
+    ------
+    InputError
+        If the window is not positive or longer than the log.
+    """
+    if not (np.isfinite(window_s) and window_s > 0.0):
+        raise InputError(f"window_s: expected a positive time, got {window_s} s")
+    if len(imu) < 2:
+        raise InputError(f"the log has {len(imu)} sample; a window needs at least 2")
+    W = max(2, round(window_s * imu.rate_hz))
+    if len(imu) < W:
+        raise InputError(
+            f"window_s: {window_s} s are {W} samples, but the log has only {len(imu)}; choose a shorter one"
+        )
+    return W
+
+
+def statistic(
+    imu: ImuSeries,
+    kind: Kind = "moving deviation",
+    window_s: float = 1.0,
+    *,
+    sigma_f: ArrayLike,
+    sigma_w: ArrayLike,
+    gravity: float = G0,
+    gyro_bias: ArrayLike = (0.0, 0.0, 0.0),
+    max_rate: float = MAX_RATE,
+) -> FloatArray:
+    """How unlike rest the log is around every sample.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+        Rates or increments; increments are divided by their intervals.
+    kind : str
+        ``moving deviation``
+            ``max(s_i^2 / sigma_i^2, |mean omega - b_g|^2 / max_rate^2)`` over the six axes i, s_i the standard
+            deviation over the window. Needs no calibrated accelerometer.
+        ``printed``
+            ``max(s^2(|f|) / sigma_f^2, s^2(|omega|) / sigma_w^2)`` as printed by Yaman: turning uniformly about any
+            axis looks like rest. For comparison only.
+        ``glrt``
+            ``mean(|f - g f_m / |f_m||^2 / sigma_f^2 + |omega - b_g|^2 / sigma_w^2)``, f_m the mean over the window:
+            the likelihood-ratio test ("SHOE").
+        ``acceleration variance``
+            ``mean(|f - f_m|^2) / sigma_f^2``
+        ``acceleration magnitude``
+            ``mean((|f| - g)^2) / sigma_f^2``
+        ``angular rate energy``
+            ``mean(|omega - b_g|^2) / sigma_w^2``
+    window_s : float
+        Length of the window, centred on the sample. [s]
+    sigma_f, sigma_w : float or array_like of shape (3,)
+        Standard deviation of a sample at rest, of specific force [m/s^2] and angular rate [rad/s]; three values are
+        for the axes. The two of norms (``printed``, ``acceleration magnitude``) take their root mean square.
+    gravity : float
+        Local gravity, for ``glrt`` and ``acceleration magnitude``. [m/s^2]
+    gyro_bias : array_like, shape (3,)
+        Subtracted from the rates. [rad/s]
+    max_rate : float
+        Mean rate that counts as 1 in ``moving deviation``. [rad/s]
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Dimensionless; compare with :func:`threshold`. Within half a window of the ends it is that of the nearest
+        whole window.
+
+    Raises
+    ------
+    InputError
+        If the kind is unknown, a sigma is not positive, or the window does not fit.
+
+    References
+    ----------
+    Skog, Handel, Nilsson, Rantakokko (2010), eqs. (10)-(18), without their common threshold; Yaman (2017), eqs.
+    (4-65), (4-66). Departure from Yaman: deviations are taken of every axis, not of the norms, and the mean rate is
+    tested as well, since the norms are constant in uniform rotation.
+    """
+    if kind not in KINDS:
+        raise InputError(f"kind: expected one of {', '.join(KINDS)}, got {kind!r}")
+    W = window_samples(imu, window_s)
+    sf, sw = _three(sigma_f, "sigma_f"), _three(sigma_w, "sigma_w")
+    rates = imu.rates()
+    f, omega = rates.accel, rates.gyro - as_vector3(gyro_bias, "gyro_bias")
+    if kind == "moving deviation":
+        ratios = np.concatenate((moving_moments(f, W)[1] / sf**2, moving_moments(omega, W)[1] / sw**2), axis=1)
+        turning = mean_rate(imu, window_s, gyro_bias) / _positive(max_rate, "max_rate")
+        return np.asarray(np.maximum(ratios.max(axis=1), turning**2))
+    if kind == "printed":
+        norms = np.stack((np.linalg.norm(f, axis=1) / _rms(sf), np.linalg.norm(omega, axis=1) / _rms(sw)), axis=1)
+        return np.asarray(moving_moments(norms, W)[1].max(axis=1))
+    if kind == "acceleration magnitude":
+        return moving_moments((np.linalg.norm(f, axis=1) - _positive(gravity, "gravity")) ** 2, W)[0] / _rms(sf) ** 2
+    if kind == "angular rate energy":
+        return moving_moments(np.sum((omega / sw) ** 2, axis=1), W)[0]
+    f_m, variance = moving_moments(f, W)
+    spread: FloatArray = np.sum(variance / sf**2, axis=1)
+    if kind == "acceleration variance":
+        return spread
+    # the part of f - g f_m/|f_m| that is common to the window, along f_m
+    excess = f_m * (1.0 - _positive(gravity, "gravity") / np.linalg.norm(f_m, axis=1, keepdims=True))
+    energy = moving_moments(np.sum((omega / sw) ** 2, axis=1), W)[0]
+    return np.asarray(spread + np.sum((excess / sf) ** 2, axis=1) + energy)
+
+
+def mean_rate(imu: ImuSeries, window_s: float, gyro_bias: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
+    """Magnitude of the mean angular rate over the window, bias removed. Shape (n,). [rad/s]"""
+    mean = moving_moments(imu.rates().gyro, window_samples(imu, window_s))[0] - as_vector3(gyro_bias, "gyro_bias")
+    return np.asarray(np.linalg.norm(mean, axis=1))
+
+
+def threshold(kind: Kind, window: int, false_alarm: float = 1e-3) -> float:
+    """Value that a window at rest exceeds with probability ``false_alarm``, for white Gaussian noise.
+
+    Parameters
+    ----------
+    kind : str
+        As in :func:`statistic`.
+    window : int
+        Samples in a window, see :func:`window_samples`.
+    false_alarm : float
+        Probability that one window at rest is taken for motion. Overlapping windows fail together: a log of n
+        samples has about ``n / window`` independent ones.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range.
+
+    Notes
+    -----
+    With W samples, W times the statistic is chi-square distributed with 3 W (energy), 3 W - 3 (variance), W
+    (magnitude), 6 W - 2 (glrt) degrees of freedom; the moving deviation is the largest of six with W - 1. For
+    ``printed`` that is an upper bound where the rate is zero, because the norm of noise alone varies less than noise.
+    ``glrt`` and ``acceleration magnitude`` assume a calibrated accelerometer and all but the variances a known gyro
+    bias: an error c in either adds ``c^2 / sigma^2``. Where that is not small, as in most raw logs, use
+    :func:`threshold_from_rest`. Noise correlated over several samples has fewer degrees of freedom than counted here.
+
+    References
+    ----------
+    Skog et al. (2010), eqs. (10)-(18), for the statistics; the degrees of freedom follow from them.
+    """
+    from scipy.stats import chi2
+
+    W = int(window)
+    if W < 2:
+        raise InputError(f"window: expected at least 2 samples, got {window}")
+    p = _probability(false_alarm, "false_alarm")
+    if kind in ("moving deviation", "printed"):
+        axes = 6 if kind == "moving deviation" else 2
+        return float(chi2.isf(-np.expm1(np.log1p(-p) / axes), W - 1) / W)
+    return float(chi2.isf(p, _freedom(kind, W)) / W)
+
+
+def threshold_from_rest(
+    values: ArrayLike, kind: Kind, window: int, false_alarm: float = 1e-3, share: float = 0.1
+) -> float:
+    """Threshold from the quietest part of the log itself, for sensors whose noise or biases are not known.
+
+    Parameters
+    ----------
+    values : array_like, shape (n,)
+        Of :func:`statistic`.
+    kind, window, false_alarm
+        As in :func:`threshold`.
+    share : float
+        Share of the log that certainly rests.
+
+    Returns
+    -------
+    float
+        Median of the smallest ``share`` of the values, times the ratio between the chi-square quantiles of
+        ``1 - false_alarm`` and ``1/2``.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range.
+
+    Notes
+    -----
+    If more than ``share`` of the log rests, the median lies low: with everything at rest and ``share`` = 0.1 it is the
+    5 % quantile, and the false-alarm rate is higher than asked, by the more the shorter the window. A constant error
+    (bias in the magnitude tests) raises the threshold in proportion, which is on the safe side for noise.
+    """
+    v = np.sort(as_floats(values, "values", (None,)))
+    if len(v) == 0:
+        raise InputError("values: expected at least one, got none")
+    quiet = v[: max(1, round(_probability(share, "share") * len(v)))]
+    return float(np.median(quiet) * threshold(kind, window, false_alarm) / threshold(kind, window, 0.5))
+
+
+def noise_at_rest(imu: ImuSeries, window_s: float = 1.0, share: float = 0.1) -> tuple[FloatArray, FloatArray]:
+    """Standard deviation of every axis at rest, from the quietest windows of a log that also moves.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+    window_s : float
+        Length of the windows, which do not overlap here. [s]
+    share : float
+        At least this share of the windows is at rest.
+
+    Returns
+    -------
+    sigma_f, sigma_w : ndarray, shape (3,)
+        Of a sample of specific force [m/s^2] and angular rate [rad/s], not below what rounding alone makes.
+
+    Raises
+    ------
+    InputError
+        If the log has fewer than 10 windows, or an axis never changes.
+
+    Notes
+    -----
+    The median of the lowest ``share`` of the window variances is a low quantile of the variances at rest; which one
+    depends on how much of the log rests, which is counted with the variance found, and so on until both agree.
+    """
+    W = window_samples(imu, window_s)
+    rates = imu.rates()
+    if len(imu) // W < 10:
+        raise InputError(
+            f"the log has {len(imu) // W} windows of {window_s} s; expected at least 10 to tell rest from motion"
+        )
+    sigma = [
+        _quiet_deviation(x, W, _probability(share, "share"), f"{name}_{axis}")
+        for name, triad in (("accel", rates.accel), ("gyro", rates.gyro))
+        for axis, x in zip("xyz", triad.T, strict=True)
+    ]
+    return np.array(sigma[:3]), np.array(sigma[3:])
+
+
+def _quiet_deviation(x: FloatArray, W: int, share: float, name: str) -> float:
+    from scipy.stats import chi2
+
+    variance = np.sort(x[: len(x) // W * W].reshape(-1, W).var(axis=1, ddof=1))
+    low = float(np.median(variance[: max(1, round(share * len(variance)))]))
+    level = np.unique(x)
+    if len(level) == 1:
+        raise InputError(f"{name}: expected noise, but the axis always reads {level[0]:.6g}; is it connected?")
+    # smallest step between readings: tiny for unrounded numbers, then no restriction
+    rounding = float(np.diff(level).min()) ** 2 / 12.0
+    rest, at_rest = max(low, rounding), share
+    for _ in range(20):
+        rest = max(low / (chi2.ppf(min(0.5, 0.5 * share / at_rest), W - 1) / (W - 1)), rounding)
+        limit = rest * chi2.ppf(0.99, W - 1) / (W - 1)
+        at_rest = max(share, np.count_nonzero(variance <= limit) / len(variance) / 0.99)
+    return float(np.sqrt(rest))
+
+
+def _freedom(kind: str, W: int) -> int:
+    """Degrees of freedom of W times the statistic."""
+    freedom = {
+        "glrt": 6 * W - 2,
+        "acceleration variance": 3 * W - 3,
+        "acceleration magnitude": W,
+        "angular rate energy": 3 * W,
+    }
+    if kind not in freedom:
+        raise InputError(f"kind: expected one of {', '.join(KINDS)}, got {kind!r}")
+    return freedom[kind]
+
+
+def _three(value: ArrayLike, name: str) -> FloatArray:
+    sigma = as_floats(value, name)
+    if sigma.shape not in ((), (3,)) or not np.all(sigma > 0.0):
+        raise InputError(f"{name}: expected one positive number or three, got {value!r}")
+    return np.broadcast_to(sigma, (3,))
+
+
+def _rms(sigma: FloatArray) -> float:
+    return float(np.sqrt(np.mean(sigma**2)))
+
+
+def _positive(value: float, name: str) -> float:
+    if not (np.isfinite(value) and value > 0.0):
+        raise InputError(f"{name}: expected a positive number, got {value}")
+    return float(value)
+
+
+def _probability(value: float, name: str) -> float:
+    if not 0.0 < value < 1.0:
+        raise InputError(f"{name}: expected a number between 0 and 1, got {value}")
+    return float(value)

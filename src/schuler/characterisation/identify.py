@@ -1,0 +1,420 @@
+"""From a log at rest to a noise model: every axis, with uncertainty, and one budget for the IMU."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from importlib import metadata
+from typing import Any, Literal
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.characterisation import moments
+from schuler.characterisation.allan import allan_deviation
+from schuler.characterisation.curve import AllanCurve
+from schuler.characterisation.findings import Finding
+from schuler.characterisation.fitting import Fit, Moments, NoFitError, Weights, filtered_sigma, spectrum
+from schuler.characterisation.grid import on_grid
+from schuler.characterisation.health import check_static_imu
+from schuler.characterisation.lines import Line, find_lines
+from schuler.characterisation.outliers import without_outliers
+from schuler.characterisation.result import AXES, AxisNoise, Estimate, NoiseIdentification
+from schuler.characterisation.selection import Selection, select
+from schuler.characterisation.trends import mean_with_sigma, temperature_trend, warm_up
+from schuler.exceptions import InputError
+from schuler.recording.recording import Recording
+from schuler.recording.series import ImuSeries
+from schuler.sensors.noise import (
+    Flicker,
+    GaussMarkov,
+    NoiseModel,
+    Process,
+    Quantisation,
+    Ramp,
+    RandomWalk,
+    Sinusoid,
+    White,
+)
+from schuler.sensors.spec import ImuSpec, TriadSpec
+from schuler.units import G0
+
+Method = Literal["gmwm", "allan"]
+Progress = Callable[[float], None]
+
+_UNITS = {"Q": "{}*s", "N": "({})/sqrt(Hz)", "B": "{}", "K": "({})*sqrt(Hz)", "R": "({})/s"}
+_FIELDS = {
+    "Q": "quantisation", "N": "random_walk", "B": "bias_instability", "K": "rate_random_walk", "R": "rate_ramp",
+    "sigma_1": "in_run_bias", "tau_1": "in_run_time",
+}  # fmt: skip
+_PROCESSES: dict[str, Callable[[float], Process]] = {
+    "Q": Quantisation, "N": White, "B": Flicker, "K": RandomWalk, "R": Ramp
+}  # fmt: skip
+#: What a TriadSpec can hold: at most one Gauss-Markov process.
+_BUDGET_MODELS = ("N", "N+B", "N+K", "N+GM", "N+B+K", "N+K+GM", "N+B+GM")
+_LEAST = 1000  # samples below which nothing is identified
+
+
+@dataclass(frozen=True)
+class _Signal:
+    """One axis of one recording."""
+
+    x: FloatArray
+    rate_hz: float
+    replaced: int
+    temperature: FloatArray | None = None
+
+
+def identify_noise(
+    recordings: Recording | ImuSeries | Sequence[Recording | ImuSeries],
+    *,
+    method: Method = "gmwm",
+    robust: bool = False,
+    models: tuple[str, ...] | None = None,
+    progress: Progress | None = None,
+    name: str = "",
+) -> NoiseIdentification:
+    """Identify the noise of every axis of an IMU from one or several recordings at rest.
+
+    Parameters
+    ----------
+    recordings : Recording, ImuSeries, or a sequence of them
+        Several are recordings of one unit: their Allan variances are averaged by length. Gaps are kept as gaps.
+    method : {"gmwm", "allan"}
+        Weights of the fit to the Allan variances at octaves: the inverse of their whole covariance (generalised method
+        of wavelet moments), or of its diagonal only (a weighted fit to the Allan curve).
+    robust : bool
+        Replace outliers before (:func:`.outliers.without_outliers`).
+    models : tuple of str, optional
+        Models to choose from, such as ``("N+B+K", "N+GM")``; None: see :mod:`.selection`.
+    progress : callable, optional
+        Called with the fraction done.
+    name : str
+        Of the result.
+
+    Returns
+    -------
+    NoiseIdentification
+
+    Raises
+    ------
+    InputError
+        If there is no IMU, sampling rates differ, or an option is unknown. An axis that cannot be identified is no
+        error: it stands in ``refused`` with its findings.
+
+    Notes
+    -----
+    The bounds of the curve shown are recomputed for the model found. The budget is fitted to the mean Allan variance of
+    a triad's axes, with at most one Gauss-Markov term; its turn-on bias is the size of the mean that the log shows,
+    which for gyroscopes includes Earth rate and for accelerometers is the departure of the mean from 9.80665 m/s^2.
+
+    References
+    ----------
+    Guerrier, Skaloud, Stebler and Victoria-Feser (2013), J. Am. Stat. Assoc. 108(503); IEEE Std 952, annex C;
+    Flenniken (2005), chapter 2, whose manual route is :mod:`.manual`.
+    """
+    if method not in ("gmwm", "allan"):
+        raise InputError(f"method: expected 'gmwm' or 'allan', got {method!r}")
+    several = [recordings] if isinstance(recordings, (Recording, ImuSeries)) else list(recordings)
+    if not several:
+        raise InputError("recordings: expected at least one, got none")
+    imus = [(r.need_imu() if isinstance(r, Recording) else r) for r in several]
+    rates = np.array([imu.rate_hz for imu in imus])
+    if np.ptp(rates) > 1e-3 * rates[0]:
+        raise InputError(f"recordings: expected one sampling rate, got {', '.join(f'{r:.4g}' for r in rates)} Hz")
+    checks = [check_static_imu(imu) for imu in imus]
+    imus = [imu.rates() for imu in imus]
+    findings = tuple(f for check in checks for f in check["recording"])
+    found: dict[str, AxisNoise] = {}
+    refused: dict[str, tuple[Finding, ...]] = {}
+    data: dict[str, Moments] = {}
+    lines: tuple[Line, ...]
+    for k, axis in enumerate(AXES):
+        seen = tuple(f for check in checks for f in check[axis])
+        signals = [_signal(imu, k, robust) for imu in imus]
+        fatal = tuple(f for f in seen if f.severity == "refused")
+        if not fatal and min(len(s.x) for s in signals) < _LEAST:
+            text = (
+                f"{axis}: {min(len(s.x) for s in signals)} samples are too few to identify noise; {_LEAST} are needed"
+            )
+            fatal = (Finding("too_short", text, severity="refused"),)
+        if not fatal:
+            try:
+                longest = max(signals, key=lambda s: len(s.x))
+                lines = find_lines(longest.x, longest.rate_hz)
+                data[axis] = _moments(signals, lines)
+                found[axis] = _identified(axis, signals, data[axis], lines, seen, method, models)
+            except NoFitError as error:
+                data.pop(axis, None)
+                fatal = (Finding("no_fit", f"{axis}: {error}", severity="refused"),)
+        if fatal:
+            refused[axis] = (*fatal, *(f for f in seen if f not in fatal))
+        if progress is not None:
+            progress((k + 1) / (len(AXES) + 1))
+    title = name or (several[0].metadata.name if isinstance(several[0], Recording) else "IMU")
+    spec, spec_sigma = _budget(title, found, data, float(rates[0]), method)
+    if progress is not None:
+        progress(1.0)
+    notes = tuple(n for r in several if isinstance(r, Recording) for n in r.metadata.notes)
+    if spec is not None:
+        notes += (
+            "The budget's turn-on bias is the mean of this log: Earth rate is in the gyroscopes', and only what the "
+            "norm of the specific force shows in the accelerometers'.",
+        )
+    provenance: dict[str, Any] = {
+        "schuler": metadata.version("schuler"),
+        "method": method,
+        "robust": robust,
+        "models": "default" if models is None else list(models),
+        "sources": {k: v for r in several if isinstance(r, Recording) for k, v in r.metadata.sources.items()},
+        "recordings": [r.metadata.name for r in several if isinstance(r, Recording)],
+        "recording_options": [r.metadata.options for r in several if isinstance(r, Recording)],
+    }
+    return NoiseIdentification(title, found, refused, spec, spec_sigma, findings, notes, provenance)
+
+
+def _signal(imu: ImuSeries, k: int, robust: bool) -> _Signal:
+    """One axis of rates, on a regular grid."""
+    rate_hz = imu.rate_hz
+    x: FloatArray = np.ascontiguousarray((imu.gyro if k < 3 else imu.accel)[:, k % 3])
+    temperature = imu.temperature
+    if not np.all(np.abs(np.diff(imu.t) * rate_hz - 1.0) < 0.5):
+        x = on_grid(imu.t, x, rate_hz)
+        temperature = None if temperature is None else on_grid(imu.t, temperature, rate_hz)
+    replaced = 0
+    if robust:
+        x, outlier = without_outliers(x)
+        replaced = int(outlier.sum())
+    return _Signal(x, rate_hz, replaced, temperature)
+
+
+def _unbroken(signal: _Signal) -> _Signal:
+    """The longest part without a pause that the tests for trends cannot bridge."""
+    there = np.flatnonzero(np.isfinite(signal.x))
+    pause = np.flatnonzero(np.diff(there) > max(1, len(signal.x) // 300))
+    edges = np.concatenate(([-1], pause, [len(there) - 1]))
+    k = int(np.argmax(np.diff(edges)))
+    part = slice(int(there[edges[k] + 1]), int(there[edges[k + 1]]) + 1)
+    return replace(
+        signal, x=signal.x[part], temperature=None if signal.temperature is None else signal.temperature[part]
+    )
+
+
+def _moments(signals: list[_Signal], lines: tuple[Line, ...]) -> Moments:
+    """Allan variances at octaves without those of lines, averaged over recordings by their number of differences."""
+    dt = 1.0 / signals[0].rate_hz
+    longest = max(int(np.log2(len(s.x) / 4)) for s in signals)
+    m = 2 ** np.arange(longest + 1)
+    total, count = np.zeros(len(m)), np.zeros(len(m))
+    for s in signals:
+        here = m[m <= len(s.x) // 4]
+        curve = allan_deviation(s.x, s.rate_hz, taus=here * dt, noise=0.0)
+        total[: len(here)] += curve.count * curve.variance
+        count[: len(here)] += curve.count
+    if not np.all(total > 0.0):
+        raise NoFitError("the signal does not change at all")
+    variance = total / count
+    # a tenth stays: the power of a line is not known better, and a variance is positive
+    noise = np.maximum(variance - sum((line.allan_variance(m, dt) for line in lines), np.zeros(len(m))), 0.1 * variance)
+    return Moments(m, noise, dt, np.array([len(s.x) for s in signals]))
+
+
+def _identified(
+    axis: str,
+    signals: list[_Signal],
+    data: Moments,
+    lines: tuple[Line, ...],
+    findings: tuple[Finding, ...],
+    method: Method,
+    models: tuple[str, ...] | None,
+) -> AxisNoise:
+    chosen = select(data, models, "full" if method == "gmwm" else "diagonal")
+    fit = chosen.fit
+    unit = "rad/s" if axis.startswith("gyro") else "m/s^2"
+    main = max(signals, key=lambda s: len(s.x))
+    duration = float(data.lengths.sum() * data.dt)
+    curve = _with_bounds(_pooled_curve(signals), data, fit)
+    estimates = _estimates(fit, unit)
+    steady = _unbroken(main)
+    mean, sigma = mean_with_sigma(steady.x, steady.rate_hz)
+    told = [*findings, *_lines(axis, lines, unit), *_about(axis, chosen, duration), *_trends(axis, steady)]
+    replaced = sum(s.replaced for s in signals)
+    if replaced:
+        share = 100.0 * replaced / float(data.lengths.sum())
+        told.append(Finding("outliers", f"{axis}: {replaced} outliers ({share:.2g} %) were replaced.", severity="note"))
+    return AxisNoise(
+        axis=axis,
+        unit=unit,
+        rate_hz=main.rate_hz,
+        duration_s=duration,
+        mean=Estimate(mean, sigma, mean - 1.96 * sigma, mean + 1.96 * sigma, unit),
+        curve=curve,
+        terms={n: estimates[n] for n in fit.names if n in _UNITS},
+        gauss_markov=tuple((estimates[n], estimates["tau" + n[5:]]) for n in fit.names if n.startswith("sigma")),
+        model=NoiseModel(
+            (*noise_model_of(fit, data.dt).terms, *(Sinusoid(line.amplitude, line.frequency) for line in lines))
+        ),
+        names=fit.names,
+        covariance=fit.covariance,
+        candidates=chosen.candidates,
+        read_off=_read_off(curve),
+        method={"gmwm": "generalised method of wavelet moments", "allan": "weighted fit to the Allan curve"}[method],
+        findings=tuple(told),
+    )
+
+
+def noise_model_of(fit: Fit, dt: float) -> NoiseModel:
+    """A fit as something to simulate at the sampling interval ``dt`` [s]."""
+    value = dict(zip(fit.names, (float(v) for v in fit.values), strict=True))
+    terms: list[Process] = []
+    for name, v in value.items():
+        if name == "N" and "tau_N" in value:
+            terms.append(GaussMarkov(filtered_sigma(v, value["tau_N"], dt), value["tau_N"]))
+        elif name.startswith("sigma"):
+            terms.append(GaussMarkov(v, value["tau" + name[5:]]))
+        elif not name.startswith("tau"):
+            terms.append(_PROCESSES[name](v))
+    return NoiseModel(tuple(terms))
+
+
+def _estimates(fit: Fit, unit: str) -> dict[str, Estimate]:
+    """Parameters with their uncertainty; intervals are symmetric in the logarithm."""
+    found = {}
+    for name, value, s in zip(fit.names, fit.values, fit.sigma, strict=True):
+        text = "s" if name.startswith("tau") else unit if name.startswith("sigma") else _UNITS[name].format(unit)
+        low, high = value * np.exp(-1.96 * s), value * np.exp(min(1.96 * s, 700.0))
+        found[name] = Estimate(float(value), float(value * s), float(low), float(high), text)
+    return found
+
+
+def _pooled_curve(signals: list[_Signal]) -> AllanCurve:
+    """Curve of the longest recording, or of all of them where there are several."""
+    curves = [allan_deviation(s.x, s.rate_hz, taus="log", noise=0.0) for s in signals]
+    longest = max(curves, key=len)
+    if len(curves) == 1:
+        return longest
+    total, count = np.zeros(len(longest)), np.zeros(len(longest), dtype=np.int64)
+    for curve in curves:
+        at = np.searchsorted(longest.tau, curve.tau * (1.0 - 1e-9))
+        total[at] += curve.count * curve.variance
+        count[at] += curve.count
+    return replace(
+        longest,
+        deviation=np.sqrt(total / count),
+        count=count,
+        samples=sum(c.samples for c in curves),
+        missing=sum(c.missing for c in curves),
+    )
+
+
+def _with_bounds(curve: AllanCurve, data: Moments, fit: Fit) -> AllanCurve:
+    """The curve with bounds for the noise that was found."""
+    from scipy.stats import chi2
+
+    def psd(f: FloatArray) -> FloatArray:
+        return spectrum(fit.names, fit.values, data.dt, f)
+
+    m = np.round(curve.tau / data.dt).astype(np.int64)
+    edf = moments.degrees_of_freedom(m, data.lengths, data.dt, psd)
+    tail = 0.5 * (1.0 - curve.confidence)
+    f = 0.5 / curve.tau
+    alpha = np.log(psd(1.1 * f) / psd(f / 1.1)) / np.log(1.21)
+    return replace(
+        curve,
+        low=curve.deviation * np.sqrt(edf / chi2.ppf(1.0 - tail, edf)),
+        high=curve.deviation * np.sqrt(edf / chi2.ppf(tail, edf)),
+        edf=edf,
+        alpha=alpha,
+    )
+
+
+def _read_off(curve: AllanCurve) -> dict[str, float]:
+    """What the eye reads, where the curve reaches there."""
+    log_tau, log_dev = np.log(curve.tau), np.log(curve.deviation)
+    lowest = int(np.argmin(curve.deviation))
+    read = {"minimum": float(curve.deviation[lowest]), "minimum_tau_s": float(curve.tau[lowest])}
+    for key, at in (("N_at_1s", 1.0), ("K_at_3s", 3.0)):
+        if curve.tau[0] <= at <= curve.tau[-1]:
+            read[key] = float(np.exp(np.interp(np.log(at), log_tau, log_dev)))
+    return read
+
+
+def _lines(axis: str, lines: tuple[Line, ...], unit: str) -> list[Finding]:
+    if not lines:
+        return []
+    strongest = ", ".join(f"{line.frequency:.4g} Hz ({line.amplitude:.2g} {unit})" for line in lines[:3])
+    text = (
+        f"{axis}: {len(lines)} narrow lines in the spectrum, the strongest at {strongest}: vibration or interference; "
+        "they are in the model as sines and not in its noise terms"
+    )
+    return [Finding("lines", text, severity="note")]
+
+
+def _about(axis: str, chosen: Selection, duration: float) -> list[Finding]:
+    """What the fit itself says."""
+    told = []
+    if not chosen.fits:
+        text = (
+            f"{axis}: no model fits: the curve departs from all of them by more than {100 * chosen.departure:.0f} % in "
+            "variance; look at the figure for vibration or disturbances and do not use the numbers before"
+        )
+        told.append(Finding("no_model", text))
+    elif chosen.departure >= 0.02:
+        text = (
+            f"{axis}: the curve departs from every sum of terms by about {100 * chosen.departure:.2g} % in variance "
+            "(the sensor's filter, vibration); the uncertainties allow for it"
+        )
+        told.append(Finding("departure", text, severity="note" if chosen.departure < 0.1 else "warning"))
+    for name, value, sigma in zip(chosen.fit.names, chosen.fit.values, chosen.fit.sigma, strict=True):
+        if name.startswith("tau") and name != "tau_N" and (value > duration / 10.0 or sigma > 0.7):
+            text = (
+                f"{axis}: a correlation time of {value:.3g} s from a log of {duration:.3g} s is good to a factor of "
+                f"{np.exp(1.96 * min(sigma, 3.0)):.2g}; a longer log would tell it from a random walk"
+            )
+            told.append(Finding("short_for_tau", text, severity="note"))
+    return told
+
+
+def _trends(axis: str, signal: _Signal) -> list[Finding]:
+    """Warm-up and temperature, which a noise model cannot stand for."""
+    told = list(warm_up(signal.x, signal.rate_hz, axis=axis).findings)
+    T = signal.temperature
+    if T is not None and np.ptp(there := T[np.isfinite(T)]) > 0.0:
+        filled = np.interp(np.arange(len(T)), np.flatnonzero(np.isfinite(T)), there)
+        told += temperature_trend(signal.x, filled, signal.rate_hz, axis=axis).findings
+    return told
+
+
+def _budget(
+    name: str, found: dict[str, AxisNoise], data: dict[str, Moments], rate_hz: float, method: Method
+) -> tuple[ImuSpec | None, dict[str, dict[str, float]]]:
+    """One triad budget from the mean Allan variance of its axes."""
+    triads: dict[str, TriadSpec] = {}
+    spread: dict[str, dict[str, float]] = {}
+    for triad in ("gyro", "accel"):
+        axes = [a for a in AXES if a.startswith(triad) and a in found]
+        if not axes:
+            return None, {}
+        parts = [data[a] for a in axes]
+        k = min(len(p.m) for p in parts)
+        mean = Moments(
+            parts[0].m[:k],
+            np.mean([p.variance[:k] for p in parts], axis=0),
+            parts[0].dt,
+            np.concatenate([p.lengths for p in parts]),
+        )
+        weights: Weights = "full" if method == "gmwm" else "diagonal"
+        try:
+            fit = select(mean, None, weights, default=_BUDGET_MODELS, probes=("N", *_BUDGET_MODELS[-3:])).fit
+        except NoFitError:
+            return None, {}
+        means = np.array([found[a].mean.value for a in axes])
+        if triad == "gyro":
+            bias = float(np.sqrt(np.mean(means**2)))
+        else:
+            bias = abs(float(np.linalg.norm(means)) - G0) if len(axes) == 3 else 0.0
+        fields = {_FIELDS[n]: float(v) for n, v in zip(fit.names, fit.values, strict=True) if n in _FIELDS}
+        triads[triad] = TriadSpec(**fields, turn_on_bias=bias)
+        spread[triad] = {_FIELDS[n]: float(s) for n, s in zip(fit.names, fit.sigma, strict=True) if n in _FIELDS}
+    spec = ImuSpec(name, triads["gyro"], triads["accel"], rate_hz=rate_hz, source="identified by schuler")
+    return spec, spread

@@ -1,0 +1,178 @@
+"""What identification finds out: noise terms of every axis with their uncertainty, and the budget made of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from schuler.arrays import ArrayLike, FloatArray
+from schuler.characterisation.curve import AllanCurve
+from schuler.characterisation.findings import Finding
+from schuler.sensors.noise import NoiseModel
+from schuler.sensors.spec import ImuSpec
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: What each term is called; the unit of x is rad/s or m/s^2.
+TERMS = {
+    "Q": "quantisation",
+    "N": "white noise (angle or velocity random walk)",
+    "B": "bias instability",
+    "K": "rate random walk",
+    "R": "rate ramp",
+}
+AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A number with its uncertainty.
+
+    Attributes
+    ----------
+    value : float
+    sigma : float
+        1-sigma uncertainty.
+    low, high : float
+        95 % interval, not necessarily symmetric.
+    unit : str
+        SI, for people.
+    """
+
+    value: float
+    sigma: float
+    low: float
+    high: float
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A combination of terms that was tried.
+
+    Attributes
+    ----------
+    terms : str
+        Such as ``"N + K + GM"``.
+    misfit : float
+        Weighted sum of squares between curve and model; near ``freedom`` if the model is right.
+    freedom : int
+        Averaging times less parameters.
+    criterion : float
+        What was minimised over the candidates.
+    """
+
+    terms: str
+    misfit: float
+    freedom: int
+    criterion: float
+
+
+@dataclass(frozen=True)
+class AxisNoise:
+    """Noise of one axis.
+
+    Attributes
+    ----------
+    axis : str
+        One of :data:`AXES`.
+    unit : str
+        Unit of the signal, ``rad/s`` or ``m/s^2``.
+    rate_hz, duration_s : float
+    mean : Estimate
+        Mean of the log: bias plus what the sensor really felt (Earth rate, gravity). [x]
+    curve : AllanCurve
+        Overlapping Allan deviation, the one that is shown.
+    terms : dict of str to Estimate
+        Those of Q [x s], N [x/sqrt(Hz)], B [x], K [x*sqrt(Hz)], R [x/s] that the model has.
+    gauss_markov : tuple of (Estimate, Estimate)
+        Standard deviation [x] and correlation time [s] of each Gauss-Markov term, shortest first.
+    model : NoiseModel
+        The same as something to simulate.
+    names : tuple of str
+        Parameters in the order of ``covariance``: Q, N, B, K, R as far as they are there, sigma_1, tau_1, ...
+    covariance : ndarray, shape (p, p)
+        Covariance of the natural logarithms of the parameters.
+    candidates : tuple of Candidate
+        All models tried, best first.
+    read_off : dict of str to float
+        What the eye reads from the curve, for comparison: ``N_at_1s``, ``minimum``, ``minimum_tau_s``, ``K_at_3s``.
+    method : str
+    findings : tuple of Finding
+    """
+
+    axis: str
+    unit: str
+    rate_hz: float
+    duration_s: float
+    mean: Estimate
+    curve: AllanCurve
+    terms: dict[str, Estimate]
+    gauss_markov: tuple[tuple[Estimate, Estimate], ...]
+    model: NoiseModel
+    names: tuple[str, ...]
+    covariance: FloatArray
+    candidates: tuple[Candidate, ...] = ()
+    read_off: dict[str, float] = field(default_factory=dict)
+    method: str = ""
+    findings: tuple[Finding, ...] = ()
+
+    def fitted(self, tau: ArrayLike) -> FloatArray:
+        """Allan deviation of the identified model at averaging times ``tau`` [s]. [x]"""
+        deviation: FloatArray = np.sqrt(self.model.allan_variance(tau))
+        return deviation
+
+
+@dataclass(frozen=True)
+class NoiseIdentification:
+    """Noise of an IMU, as found in one or several recordings at rest.
+
+    Attributes
+    ----------
+    name : str
+    axes : dict of str to AxisNoise
+        The axes that could be identified.
+    refused : dict of str to tuple of Finding
+        The axes that could not, and why.
+    spec : ImuSpec or None
+        One budget for each triad, for simulator and filter; None if a triad has no axis left.
+    spec_sigma : dict of str to dict of str to float
+        Relative 1-sigma uncertainty of the entries of ``spec``: ``{"gyro": {"random_walk": 0.01, ...}, "accel": ...}``.
+    findings : tuple of Finding
+        About the recording as a whole.
+    notes : tuple of str
+        What was assumed or left out.
+    provenance : dict
+        Version, options, sources and their SHA-256.
+    """
+
+    name: str
+    axes: dict[str, AxisNoise]
+    refused: dict[str, tuple[Finding, ...]]
+    spec: ImuSpec | None
+    spec_sigma: dict[str, dict[str, float]]
+    findings: tuple[Finding, ...] = ()
+    notes: tuple[str, ...] = ()
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    def summary(self) -> str:
+        """Terms of every axis with their intervals, findings and the budget, as text."""
+        from schuler.report.noise_text import summary
+
+        return summary(self)
+
+    def plot(self, **options: Any) -> Figure:
+        """Allan figure of every axis (matplotlib), see :func:`schuler.report.noise_figures.allan_figure`."""
+        from schuler.report.noise_figures import allan_figure
+
+        return allan_figure(self, **options)
+
+    def report(self, path: Path | str, **options: Any) -> Path:
+        """Write one self-contained HTML page, see :func:`schuler.report.noise_document.noise_report`."""
+        from schuler.report.noise_document import noise_report
+
+        return noise_report(self, path, **options)

@@ -1,0 +1,252 @@
+"""``schuler allan``."""
+
+from __future__ import annotations
+
+import time as clock
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from schuler.characterisation.result import TERMS, AxisNoise, Estimate, NoiseIdentification
+from schuler.cli.output import Flag, Texts, print_json, progress, say
+from schuler.exceptions import InputError
+from schuler.recording.recording import Recording
+
+
+def allan(
+    log: Path,
+    /,
+    *more: Path,
+    config: Path | None = None,
+    columns: str | None = None,
+    units: str | None = None,
+    axes: str | None = None,
+    rate: float | None = None,
+    kind: str | None = None,
+    scale: str | None = None,
+    time: str | None = None,
+    delimiter: str | None = None,
+    skip: int | None = None,
+    variable: str | None = None,
+    allow: str | None = None,
+    start: Annotated[float | None, Parameter(name="--from")] = None,
+    stop: Annotated[float | None, Parameter(name="--to")] = None,
+    method: Literal["gmwm", "allan"] = "gmwm",
+    robust: Flag = False,
+    out: Path | None = None,
+    export: Texts = (),
+    inflate: float | None = None,
+    report: bool = True,
+    json: Flag = False,
+) -> int:
+    """Identify the noise of an IMU from logs at rest and write budget, report, figures and other programs' files.
+
+    Parameters
+    ----------
+    log
+        File or folder with a recording at rest.
+    more
+        More recordings of the same IMU, identified together.
+    config
+        TOML file whose [recording] section says how to read the logs.
+    columns
+        Meaning of the columns of a plain text log, such as t,ax,ay,az,gx,gy,gz; - skips one.
+    units
+        Units of accelerometer and gyro, such as g,deg/s.
+    axes
+        Directions of the sensor's x, y, z: FRD, FLU, RFU, ...
+    rate
+        Sampling rate in Hz of a log without time column.
+    kind
+        rate or increment.
+    scale
+        Factors applied before the units, such as accel=0.00333,gyro=0.05.
+    time
+        Meaning of the stamps: gps-tow:WEEK, gps, unix, local.
+    delimiter
+        comma, semicolon, tab or blank; guessed if left out.
+    skip
+        Lines at the top to pass over.
+    variable
+        Array of a MATLAB or NumPy file.
+    allow
+        Checks to pass over with a note, such as norm,magnitude.
+    start
+        Leave out what is before this second of each log.
+    stop
+        Leave out what is after this second of each log.
+    method
+        gmwm takes account of what averaging times have in common, allan is a weighted fit to the curve.
+    robust
+        Bound the influence of outliers.
+    out
+        Folder for the files. Default: the first log's name with -noise.
+    export
+        Also write the file of another program: kalibr, openvins, vins, gtsam, px4, ardupilot, kf-gins; several allowed.
+    inflate
+        Factor on the noise in exported files; budget and report are never inflated.
+    report
+        Write noise.html and figures.
+    json
+        Print one JSON object.
+    """
+    from schuler.characterisation.exports import EXPORTS
+    from schuler.characterisation.identify import identify_noise
+    from schuler.cli.convert import read_log
+
+    began = clock.perf_counter()
+    for name in export:
+        if name not in EXPORTS:
+            raise InputError(f"--export: expected one of {', '.join(EXPORTS)}, got {name!r}")
+    hints = {
+        "columns": columns, "units": units, "axes": axes, "rate": rate, "kind": kind, "scale": scale, "time": time,
+        "delimiter": delimiter, "skip": skip, "variable": variable, "allow": allow,
+    }  # fmt: skip
+    recordings = [cut(read_log(path, config, **hints), start, stop) for path in (log, *more)]
+    name = recordings[0].metadata.name + (f" and {len(more)} more" if more else "")
+    with progress("identifying the noise") as bar:
+        found = identify_noise(
+            recordings if more else recordings[0], method=method, robust=robust, progress=bar, name=name
+        )
+    folder = Path(f"{log.resolve().stem}-noise") if out is None else out
+    files = write_report(folder, recordings, found) if report else {}
+    if not found.axes:
+        raise InputError(nothing_left(found))
+    exported, failures = write_exports(folder, found, export, inflate)
+    files = {**exported, **files}
+    if json:
+        print_json(
+            {
+                "command": "allan", **numbers(found), "warnings": [*warnings(found), *failures],
+                "elapsed_s": clock.perf_counter() - began, "files": files,
+            }
+        )  # fmt: skip
+    else:
+        from schuler.report.noise_text import summary
+
+        for recording in recordings:
+            say(recording.summary())
+        print(summary(found))
+        print("\n".join(f"{what}: {path}" for what, path in files.items() if not what.startswith("figure")))
+    for failure in failures:
+        say(f"schuler: {failure}")
+    # a file that was asked for and is not there is no success
+    return 2 if failures and export else 0
+
+
+def cut(recording: Recording, start: float | None, stop: float | None) -> Recording:
+    """The recording's IMU series between two times from its start. [s]"""
+    imu = recording.need_imu()
+    if start is None and stop is None:
+        return recording
+    first, last = 0.0 if start is None else start, float(imu.t[-1] - imu.t[0]) if stop is None else stop
+    if not 0.0 <= first < last:
+        raise InputError(f"--from and --to: expected 0 <= FROM < TO in seconds, got {first:g} and {last:g}")
+    part = imu.between(float(imu.t[0]) + first, float(imu.t[0]) + last)
+    note = f"Only {first:g} to {last:g} s of {recording.metadata.name} were used, as asked for."
+    return replace(recording, imu=part, metadata=recording.metadata.noting(note))
+
+
+def write_report(folder: Path, recordings: list[Recording], found: NoiseIdentification) -> dict[str, Path]:
+    """Page and figures; the log itself is shown if there is only one."""
+    from schuler.report.noise_document import noise_report
+    from schuler.report.noise_figures import save_noise_figures
+    from schuler.report.noise_spectra import log_spectra
+
+    imus = [recording.need_imu() for recording in recordings]
+    spectra = log_spectra(max(imus, key=lambda imu: float(imu.t[-1] - imu.t[0])))
+    imu = imus[0] if len(imus) == 1 else None
+    described = "\n".join(recording.summary() for recording in recordings)
+    files = {
+        "report": noise_report(
+            found, folder / "noise.html", imu=imu, spectra=spectra, recording_summary=described
+        )
+    }  # fmt: skip
+    for path in save_noise_figures(found, folder / "figures", imu=imu, spectra=spectra):
+        files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
+    return files
+
+
+def write_exports(
+    folder: Path, found: NoiseIdentification, names: tuple[str, ...], inflate: float | None
+) -> tuple[dict[str, Path], list[str]]:
+    """Budget file and what was asked for; files by name, and sentences on those that cannot be."""
+    from schuler.characterisation.exports import EXPORTS, export
+
+    files: dict[str, Path] = {}
+    failures: list[str] = []
+    for name in dict.fromkeys(("schuler", *names)):
+        path = folder / ("imu.toml" if name == "schuler" else f"imu_{name}{EXPORTS[name].suffix}")
+        options = {} if inflate is None or name == "schuler" else {"inflation": inflate}
+        try:
+            files["budget" if name == "schuler" else name] = export(found, name, path, **options)
+        except InputError as error:
+            failures.append(f"{path.name} was not written: {error}")
+    return files, failures
+
+
+def numbers(found: NoiseIdentification) -> dict[str, Any]:
+    """An identification for JSON; every axis is there, a refused one with empty curves and no terms."""
+    axes = {name: _axis(axis) for name, axis in found.axes.items()}
+    for name, reasons in found.refused.items():
+        axes[name] = {
+            "tau_s": [], "adev": [], "adev_low": [], "adev_high": [], "terms": {**dict.fromkeys(TERMS), "GM": []},
+            "warnings": [f.text for f in reasons], "refused": True, "findings": [asdict(f) for f in reasons],
+        }  # fmt: skip
+    some = next(iter(found.axes.values()), None)
+    return {
+        "name": found.name,
+        "rate_hz": None if some is None else some.rate_hz,
+        "duration_s": None if some is None else some.duration_s,
+        "method": None if some is None else some.method,
+        "axes": axes,
+        "refused": {name: [asdict(f) for f in reasons] for name, reasons in found.refused.items()},
+        "findings": [asdict(f) for f in found.findings],
+        "spec": None if found.spec is None else found.spec.to_dict(),
+        "spec_sigma": found.spec_sigma,
+        "notes": found.notes,
+        "provenance": found.provenance,
+    }
+
+
+def warnings(found: NoiseIdentification) -> list[str]:
+    """Sentences on what a script should not overlook."""
+    from schuler.report.noise_text import findings, located
+
+    return [located(where, f) for where, f in findings(found) if f.severity != "note"]
+
+
+def nothing_left(found: NoiseIdentification) -> str:
+    """Why there is no result at all, in one line."""
+    from schuler.report.noise_text import located
+
+    about = [located(name, f) for name, several in found.refused.items() for f in several if f.severity == "refused"]
+    about += [f.text for f in found.findings if f.severity == "refused"]
+    return f"{found.name}: no axis could be identified; {'; '.join(dict.fromkeys(about)) or 'no reason was given'}"
+
+
+def _axis(axis: AxisNoise) -> dict[str, Any]:
+    c = axis.curve
+    terms: dict[str, Any] = {letter: _estimate(axis.terms.get(letter)) for letter in TERMS}
+    terms["GM"] = [{"sigma": _estimate(sigma), "tau": _estimate(tau)} for sigma, tau in axis.gauss_markov]
+    return {
+        "tau_s": c.tau,
+        "adev": c.deviation,
+        "adev_low": c.low,
+        "adev_high": c.high,
+        "adev_model": axis.fitted(c.tau),
+        "terms": terms,
+        "warnings": [f.text for f in axis.findings if f.severity != "note"],
+        "refused": False,
+        "unit": axis.unit,
+        "mean": _estimate(axis.mean),
+        "read_off": axis.read_off,
+        "candidates": [asdict(candidate) for candidate in axis.candidates],
+        "findings": [asdict(f) for f in axis.findings],
+    }
+
+
+def _estimate(e: Estimate | None) -> dict[str, Any] | None:
+    return None if e is None else asdict(e)

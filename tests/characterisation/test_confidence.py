@@ -1,0 +1,315 @@
+"""Degrees of freedom and bounds: exact moments, the published algorithm, the true coverage."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+from scipy.stats import chi2
+
+from schuler.characterisation.allan import allan_deviation
+from schuler.characterisation.confidence import equivalent_dof, power_law, total_bias
+from schuler.characterisation.noise_type import exponents, fit_mixture, lag1_exponent, lag1_exponents
+from schuler.characterisation.structure import (
+    Differences,
+    autocovariance,
+    dof,
+    exp_tail,
+    lags,
+    shape_quantiles,
+    weighted_chi_square_quantiles,
+)
+from schuler.exceptions import InputError
+from schuler.sensors.noise import GaussMarkov, Process, Ramp, RandomWalk, White, flicker
+
+WHITE = ((1.0, White(1.0)),)
+MODELS = {
+    "white": White(1.0),
+    "white + flicker": White(1.0) + flicker(0.1, 2.0, 2e4),
+    "white + random walk": White(1.0) + RandomWalk(0.01),
+    "white + Gauss-Markov": White(1.0) + GaussMarkov(0.2, 300.0),
+}
+
+
+def covariance_from_samples(d: Differences, C: np.ndarray) -> np.ndarray:
+    """Covariance of the differences of the integral from the covariance C of the samples, by matrices."""
+    n, m = d.n, d.m
+    S = np.vstack((np.zeros(n), np.tril(np.ones((n, n)))))
+    D = S
+    for _ in range(d.order):
+        D = D[m:] - D[:-m]
+    if d.modified:
+        D = np.array([D[i : i + m].mean(axis=0) for i in range(len(D) - m + 1)])
+    D = D[:: d.stride]
+    return D @ C @ D.T
+
+
+@pytest.mark.parametrize(
+    "d",
+    [
+        Differences(2, 1, 40),
+        Differences(2, 7, 60),
+        Differences(2, 25, 60),
+        Differences(2, 6, 60, overlapping=False),
+        Differences(3, 5, 60),
+        Differences(3, 5, 60, overlapping=False),
+        Differences(2, 9, 60, modified=True),
+    ],
+)
+def test_white_noise_against_matrices(d):
+    """Every autocovariance and the degrees of freedom; rounding. Modified: the window is a continuous one (1/m^2)."""
+    full = covariance_from_samples(d, np.eye(d.n))
+    assert len(full) == d.count
+    k = np.arange(d.count, dtype=float) * d.stride
+    tolerance = 3.0 / d.m**2 if d.modified else 1e-12
+    np.testing.assert_allclose(autocovariance(d, WHITE, 1.0, k), full[0], atol=tolerance * full[0, 0])
+    exact = 2.0 * np.trace(full) ** 2 / (2.0 * np.sum(full**2))
+    assert dof(d, WHITE, 1.0) == pytest.approx(max(1.0, exact), rel=tolerance + 1e-12)
+
+
+def test_random_walk_and_gauss_markov_against_fine_matrices():
+    """Processes sampled 40 times per averaging time; discretisation 1/40^2."""
+    d = Differences(2, 40, 200)
+    i = np.arange(200.0)
+    for process, C in (
+        (RandomWalk(1.0), np.minimum.outer(i, i)),
+        (GaussMarkov(1.0, 60.0), np.exp(-np.abs(np.subtract.outer(i, i)) / 60.0)),
+    ):
+        full = covariance_from_samples(d, C)
+        ours = autocovariance(d, ((1.0, process),), 1.0, np.arange(float(d.count)))
+        np.testing.assert_allclose(ours, full[0], atol=2e-3 * full[0, 0])
+        assert ours[0] / 2.0 / 40.0**2 == pytest.approx(process.allan_variance(40.0), rel=1e-9)  # rounding
+
+
+@pytest.mark.parametrize("alpha", [2, 1, 0, -1, -2, -3, -4])
+def test_graded_sum_over_lags(alpha):
+    """The trapezoid over some 300 lags against the sum over all; discretisation below 1 %."""
+    order = 2 if alpha >= -2 else 3
+    for m, n in ((300, 5000), (1000, 2700), (800, 20_000)):
+        d = Differences(order, m, n)
+        if d.count < 1:
+            continue
+        k = np.arange(d.count, dtype=float)
+        r = autocovariance(d, ((1.0, alpha),), 1.0, k)
+        exact = d.count**2 * r[0] ** 2 / (np.sum(2.0 * (d.count - k) * r**2) - d.count * r[0] ** 2)
+        assert dof(d, ((1.0, alpha),), 1.0) == pytest.approx(max(1.0, exact), rel=0.012)
+        assert np.sum(lags(d)[1]) == pytest.approx(
+            min(d.count, 8 * m + 1) * (2 * d.count - min(d.count, 8 * m + 1)), rel=0.01
+        )
+
+
+def test_exp_tail_has_no_cancellation():
+    """Against the leading term and against the closed form; rounding."""
+    for order, leading in ((2, 0.5), (3, -1.0 / 6.0), (4, 1.0 / 24.0)):
+        z = np.array([1e-6, 1e-4])
+        np.testing.assert_allclose(exp_tail(z, order), leading * z**order * (1.0 - z / (order + 1)), rtol=1e-8)
+        near = exp_tail(np.array([0.0299999, 0.0300001, 0.4999999, 0.5000001]), order)
+        np.testing.assert_allclose(near[0::2], near[1::2], rtol=1e-4)
+    assert exp_tail(np.array([3.0]), 2)[0] == pytest.approx(np.exp(-3.0) + 2.0, rel=1e-15)
+
+
+def test_equivalent_dof_of_greenhall_and_riley():
+    """Against allantools (it fails at alpha = -4): 1 % for fitted tables, 1.5 % for flicker (long lags)."""
+    peer = pytest.importorskip("allantools.ci")
+    kinds = {"overlapping": (2, True, False), "non-overlapping": (2, False, False), "modified": (2, True, True),
+             "overlapping hadamard": (3, True, False)}  # fmt: skip
+    compared = 0
+    for kind, (d, overlapping, modified) in kinds.items():
+        for alpha in range(-3 if d == 3 else -2, 3):
+            for n, m in ((1000, 1), (1000, 10), (1000, 128), (100_000, 16), (100_000, 1024), (100_000, 12_000)):
+                try:
+                    theirs = peer.edf_greenhall(
+                        alpha=alpha, d=d, m=m, N=n + 1, overlapping=overlapping, modified=modified
+                    )
+                except NotImplementedError:
+                    continue
+                assert equivalent_dof(kind, alpha, m, n) == pytest.approx(theirs, rel=0.015), (kind, alpha, n, m)
+                compared += 1
+    assert compared > 100
+
+
+def test_dof_by_simulation():
+    """Scatter of 2000 estimates: 2 mean^2 / variance; statistical, relative error of a variance 3 sqrt(2/2000)."""
+    rng = np.random.default_rng(1)
+    for process, alpha in ((White(1.0), 0.0), (RandomWalk(1.0), -2.0)):
+        x = process.sample((512, 2000), 1.0, rng)
+        X = np.vstack((np.zeros(2000), np.cumsum(x, axis=0)))
+        d = X[128:] - 2.0 * X[64:-64] + X[:-128]
+        v = np.mean(d**2, axis=0)
+        assert 2.0 * v.mean() ** 2 / v.var() == pytest.approx(equivalent_dof("overlapping", alpha, 64, 512), rel=0.12)
+
+
+def test_total_variance():
+    """Tables of Greenhall, Howe and Percival."""
+    assert equivalent_dof("total", 0.0, 100, 1000) == pytest.approx(15.0)
+    assert equivalent_dof("total", -1.0, 100, 1000) == pytest.approx(11.68 - 0.222)
+    assert equivalent_dof("total", -2.0, 100, 1000) == pytest.approx(9.27 - 0.358)
+    assert total_bias(0.0, 500, 1000) == 1.0
+    assert total_bias(-1.0, 500, 1000) == pytest.approx(1.0 - 0.240, abs=1e-3)
+    assert total_bias(-2.0, 500, 1000) == pytest.approx(0.625)
+
+
+def test_dof_between_exponents_and_at_the_end():
+    values = [equivalent_dof("overlapping", a, 100, 1000) for a in (0.0, -0.5, -1.0, -1.5, -2.0)]
+    assert np.all(np.diff(values) < 0.0)
+    assert equivalent_dof("overlapping", 0.0, 500, 1000) == pytest.approx(1.0)
+    assert equivalent_dof("overlapping", -3.5, 100, 1000) == equivalent_dof("overlapping", -2.0, 100, 1000)
+    with pytest.raises(InputError, match="at least one difference"):
+        equivalent_dof("overlapping", 0.0, 501, 1000)
+    with pytest.raises(InputError, match="expected one of"):
+        equivalent_dof("allan", 0.0, 5, 1000)
+
+
+# ------------------------------------------------------------------------------------- the distribution
+
+
+def test_weighted_chi_square_quantiles():
+    """Equal weights are chi-square; saddlepoint error of the probability below 3 % of it."""
+    p = np.array([0.005, 0.025, 0.16, 0.84, 0.975, 0.995])
+    for weights in (1, 2, 3, 10, 40):
+        q = weighted_chi_square_quantiles(np.ones(weights), p)
+        reached = chi2.cdf(q * weights, weights)
+        np.testing.assert_allclose(np.minimum(reached, 1.0 - reached), np.minimum(p, 1.0 - p), rtol=0.04)
+
+
+@pytest.mark.parametrize("alpha", [0, -1, -2])
+@pytest.mark.parametrize("ratio", [2.1, 2.6, 4.0, 8.0, 15.0])
+def test_shape_by_simulation(alpha, ratio):
+    """20 000 quadratic forms at four times the resolution; 4 binomial standard errors, and 0.3 % of resolution."""
+    d = Differences(2, 240, round(ratio * 240))
+    k = np.arange(0, d.count, 6, dtype=float)
+    r = autocovariance(d, ((1.0, alpha),), 1.0, k)
+    weights = np.linalg.eigvalsh(toeplitz(r / r[0])) / len(k)
+    weights = weights[weights > 1e-6]
+    q = (np.random.default_rng(2).standard_normal((20_000, len(weights))) ** 2) @ weights
+    low, high = shape_quantiles(d, ((1.0, alpha),), 1.0, np.array([0.025, 0.975]))
+    assert np.mean(q < low) == pytest.approx(0.025, abs=4.0 * 0.0011 + 0.003)
+    assert np.mean(q > high) == pytest.approx(0.025, abs=4.0 * 0.0011 + 0.003)
+
+
+def test_chi_square_is_too_low_at_few_degrees_of_freedom():
+    """Why the shape is computed: with four averaging times in the record the 2.5 % quantiles differ by 1.7."""
+    d = Differences(2, 250, 1000)
+    freedom = dof(d, WHITE, 1.0)
+    true = shape_quantiles(d, WHITE, 1.0, np.array([0.025]))[0]
+    assert true / (chi2.ppf(0.025, freedom) / freedom) == pytest.approx(1.73, abs=0.1)
+    x = White(1.0).sample(1000, 1.0, np.random.default_rng(5))
+    curve = allan_deviation(x, 1.0, taus=[250.0], noise=White(1.0))
+    assert curve.high[0] == pytest.approx(curve.deviation[0] / np.sqrt(true), rel=1e-6)
+
+
+# ------------------------------------------------------------------------------------------ which noise
+
+
+@pytest.mark.parametrize(
+    ("alpha", "draw"),
+    [
+        (2, lambda rng: np.diff(rng.standard_normal(6001))),
+        (0, lambda rng: rng.standard_normal(6000)),
+        (-2, lambda rng: rng.standard_normal(6000).cumsum()),
+        (-4, lambda rng: rng.standard_normal(6000).cumsum().cumsum()),
+    ],
+)
+def test_lag1_exponent(alpha, draw):
+    """Rounded, at averaging times with 60 values or more."""
+    rng = np.random.default_rng(3)
+    for m in (1, 4, 16, 100):
+        X = np.concatenate(([0.0], np.cumsum(draw(rng))))
+        assert lag1_exponent(X, m) == pytest.approx(alpha, abs=0.5 if alpha > -4 else 0.8)
+    assert lag1_exponent(X, 300) is None
+    assert lag1_exponent(np.zeros(500), 1) is None
+    carried = lag1_exponents(X, np.array([1, 100, 300, 2000]))
+    assert carried.tolist() == [alpha] * 4
+
+
+def test_mixture_finds_the_parts():
+    """From exact Allan variances: local exponents within 0.3; the correlation times are a factor of 4 apart.
+
+    Without the first (quantisation is taken for a rest of the fit) and the last two (which have no vote).
+    """
+    n, dt = 2**20, 0.01
+    ms = 2 ** np.arange(18)
+    model = White(0.01) + GaussMarkov(0.05, 30.0) + RandomWalk(0.001)
+    variance = model.allan_variance(ms * dt)
+    mixture = fit_mixture(ms, variance, n, dt)
+    ours, f = exponents(mixture, ms * dt), 0.5 / (ms * dt)
+    true = np.log(model.psd(f * 1.1) / model.psd(f / 1.1)) / (2.0 * np.log(1.1))
+    np.testing.assert_allclose(ours[1:16], true[1:16], atol=0.3)
+    quantised = fit_mixture(ms, 3e-4 / (ms * dt) ** 2, n, dt)
+    assert exponents(quantised, ms[:10] * dt) == pytest.approx(2.0, abs=0.01)
+
+
+class Odd(Process):
+    """A process this package does not know: white in disguise."""
+
+    def sample(self, n, dt, rng):
+        return White(1.0).sample(n, dt, rng)
+
+    def allan_variance(self, tau):
+        return White(1.0).allan_variance(tau)
+
+    def psd(self, f):
+        return White(1.0).psd(f)
+
+    def state_space(self):
+        raise NotImplementedError
+
+
+def test_noise_can_be_stated():
+    x = White(1.0).sample(3000, 1.0, np.random.default_rng(4))
+    stated = [allan_deviation(x, 1.0, noise=n) for n in (0.0, White(5.0), Odd(), np.zeros(10))]
+    for curve in stated[1:]:
+        # a published power law is band-limited to one sample, samples of White are independent: the first values differ
+        late = slice(5, None) if curve is stated[1] else slice(None)
+        np.testing.assert_allclose(curve.edf[late], stated[0].edf[late], rtol=0.03)
+        np.testing.assert_allclose(curve.low[late], stated[0].low[late], rtol=0.01)
+        np.testing.assert_allclose(curve.high[late], stated[0].high[late], rtol=0.02)
+    assert stated[1].edf[0] == pytest.approx(2.0 / 3.0 * 3000, rel=1e-3)
+    assert np.all(stated[0].alpha == 0.0)
+    found = allan_deviation(x, 1.0, noise="lag1")
+    assert np.all(found.alpha == 0.0)
+    drift = allan_deviation(x, 1.0, noise=Ramp(1.0))
+    np.testing.assert_allclose(drift.edf, 1.0, rtol=1e-6)  # the differences of a ramp are all the same
+
+
+def test_power_law_shares():
+    d = Differences(2, 10, 100)
+    parts = power_law(-0.25, d)
+    assert [a for _, a in parts] == [-1, 0]
+    shares = [s * autocovariance(d, ((1.0, a),), 1.0, np.zeros(1))[0] for s, a in parts]
+    np.testing.assert_allclose(shares, [0.25, 0.75])
+
+
+# --------------------------------------------------------------------------------------------- coverage
+
+
+def coverage(process, n, logs, seed, **options):
+    """Share of logs whose bounds contain the true deviation, at every octave to half of the record."""
+    rng = np.random.default_rng(seed)
+    tau = 2.0 ** np.arange(int(np.log2(n)))
+    truth = np.sqrt(process.allan_variance(tau))
+    hits = np.zeros(len(tau))
+    naive = np.zeros(len(tau))
+    for _ in range(logs):
+        curve = allan_deviation(process.sample(n, 1.0, rng), 1.0, taus=tau, **options)
+        hits += (curve.low <= truth) & (truth <= curve.high)
+        naive += np.abs(curve.deviation - truth) <= 1.96 * curve.deviation / np.sqrt(curve.count)
+    return hits / logs, naive / logs
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_coverage(name):
+    """95 % intervals, 120 logs of 2048: 4 binomial standard errors at each octave, and 2 % in the mean over them."""
+    hits, naive = coverage(MODELS[name], 2048, 120, 11)
+    assert np.all(np.abs(hits - 0.95) < 4.0 * np.sqrt(0.95 * 0.05 / 120))
+    assert np.mean(hits) == pytest.approx(0.95, abs=0.02)
+    assert naive[-2] < 0.3  # deviation / sqrt(number of differences), what allantools returns as error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MODELS)
+def test_coverage_full(name):
+    """500 logs of 16384: 93 % to 97 % within one more standard error (1 %) at every octave, longest included."""
+    hits, _ = coverage(MODELS[name], 16384, 500, 8)
+    assert np.all((hits > 0.92) & (hits < 0.98))
+    assert np.mean(hits) == pytest.approx(0.95, abs=0.006)

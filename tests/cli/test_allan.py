@@ -272,3 +272,117 @@ def test_white_noise_is_found_again(tmp_path, capsys):
     for name, axis in data["axes"].items():
         assert axis["terms"]["N"]["value"] == pytest.approx(true[name.partition("_")[0]], rel=0.02), name
     assert (tmp_path / "o" / "imu.toml").exists()
+
+
+# ------------------------------------------------------------------------------------------------ the real thing
+
+
+def real_log(path, seconds=900.0, seed=1, spoil=None):
+    """Gyroscopes with white noise and flicker, accelerometers with white noise and random walk, at 50 Hz."""
+    from schuler.sensors.noise import Flicker, RandomWalk, White
+
+    rng, n = np.random.default_rng(seed), int(50.0 * seconds)
+    gyro = (White(2e-4) + Flicker(1e-4)).sample((n, 3), 0.02, rng)
+    accel = (White(1e-3) + RandomWalk(2e-4)).sample((n, 3), 0.02, rng) + np.array([0.0, 0.0, -9.80665])
+    if spoil is not None:
+        spoil(gyro, accel)
+    imu = replace(cases.recording(1.0), t=100.0 + np.arange(n) / 50.0, gyro=gyro, accel=accel, temperature=None)
+    io.write(Recording(imu=imu, metadata=Metadata(name=path.stem)), path)
+    return path
+
+
+@needs_identify
+def test_budget_of_the_real_command(tmp_path, capsys):
+    """The file that is written holds the numbers of the JSON, and they are those put in."""
+    from schuler.sensors.spec_file import read_spec
+
+    path = real_log(tmp_path / "rest.parquet")
+    code, out, err = run(capsys, "allan", path, "--out", tmp_path / "o", "--json", "--no-report")
+    assert code == 0, err
+    data = json.loads(out)
+    assert data["warnings"] == []
+    assert data["refused"] == {}
+    spec = read_spec(tmp_path / "o" / "imu.toml")
+    written, sigma = spec.to_dict(), data["spec_sigma"]
+    for triad in ("gyro", "accel"):
+        for key, value in data["spec"][triad].items():
+            assert written[triad][key] == pytest.approx(value, rel=1e-6), key  # printed digits
+    # statistical: three axes; the numbers are what the log's own uncertainty allows
+    true = {"gyro": {"random_walk": 2e-4, "bias_instability": 1e-4}, "accel": {"random_walk": 1e-3}}
+    for triad, terms in true.items():
+        for key, value in terms.items():
+            assert abs(math.log(getattr(getattr(spec, triad), key) / value)) < 4.0 * sigma[triad][key], key
+    assert spec.accel.rate_random_walk == pytest.approx(2e-4, rel=4.0 * sigma["accel"]["rate_random_walk"])
+
+
+@needs_identify
+def test_warnings_of_a_bad_log_reach_the_script(tmp_path, capsys):
+    """A step, a stuck axis and outliers: exit code 0, each in the warnings; --robust and --from take them away."""
+
+    def spoil(gyro, accel):
+        gyro[:10_000, 0] += 0.02
+        accel[:, 1] = 0.1
+        where = np.random.default_rng(8).choice(len(gyro), len(gyro) // 20, replace=False)
+        gyro[where, 2] += 0.1
+
+    path = real_log(tmp_path / "bad.parquet", spoil=spoil)
+    code, out, err = run(capsys, "allan", path, "--out", tmp_path / "a", "--json", "--no-report")
+    assert (code, err) == (0, "")
+    data = json.loads(out)
+    for part in ("gyro_x: the level shifts by", "accel_y: every sample reads 0.1", "gyro_z: 2250 outliers"):
+        assert any(part in text for text in data["warnings"]), part
+    step = next(f for f in data["axes"]["gyro_x"]["findings"] if f["code"] == "step")
+    assert step["start_s"] == pytest.approx(200.0, abs=2.5)  # blocks of a second
+    assert data["axes"]["accel_y"]["refused"]
+    assert data["axes"]["gyro_z"]["terms"]["N"]["value"] > 3e-4
+    options = ("--out", tmp_path / "b", "--json", "--no-report", "--robust", "--from", 201, "--to", 890)
+    code, out, err = run(capsys, "allan", path, *options)
+    assert (code, err) == (0, "")
+    data = json.loads(out)
+    assert data["duration_s"] == pytest.approx(689.0, abs=0.1)
+    assert [text for text in data["warnings"] if "accel_y" not in text] == []
+    assert data["axes"]["gyro_z"]["terms"]["N"]["value"] == pytest.approx(2e-4, rel=0.05)  # as asked for
+    assert data["provenance"]["robust"] is True
+
+
+@needs_identify
+def test_two_real_logs_are_pooled(tmp_path, capsys):
+    paths = [real_log(tmp_path / f"{name}.parquet", 300.0 + 60.0 * k, k) for k, name in enumerate("ab")]
+    one, both = (
+        json.loads(run(capsys, "allan", *logs, "--out", tmp_path / "o", "--json", "--no-report")[1])
+        for logs in (paths[:1], paths)
+    )
+    assert both["duration_s"] == pytest.approx(660.0, abs=0.1)
+    assert both["provenance"]["recordings"] == ["a", "b"]
+    for name, axis in both["axes"].items():
+        N, N_1 = axis["terms"]["N"], one["axes"][name]["terms"]["N"]
+        assert N["value"] == pytest.approx(2e-4 if name.startswith("gyro") else 1e-3, rel=0.05)  # statistical
+        if all((axis["terms"][k] is None) == (one["axes"][name]["terms"][k] is None) for k in "QNBKR"):
+            # the same terms: 660 s against 300 s; another term costs more than the time brings
+            assert N["sigma"] / N["value"] < 0.9 * N_1["sigma"] / N_1["value"]
+
+
+@pytest.mark.realdata
+def test_adis16405_through_the_command(shared_data, tmp_path, capsys):
+    """N of the gyroscopes against the curve that R's package avar publishes of this recording, at 1 s."""
+    from schuler.recording.series import ImuSeries
+    from schuler.units import DEG, G0
+
+    folder = shared_data / "adis16405_static"
+    archive = np.load(folder / "adis16405_imu1.npz")
+    x = (archive["counts"] * archive["lsb"])[:400_000]
+    imu = ImuSeries(np.arange(len(x)) / 100.0, x[:, :3] * DEG, x[:, 3:] * G0)
+    io.write(Recording(imu=imu, metadata=Metadata(name="adis")), tmp_path / "adis.parquet")
+    code, out, err = run(capsys, "allan", tmp_path / "adis.parquet", "--out", tmp_path / "o", "--json", "--no-report")
+    assert (code, err) == (0, "")
+    data = json.loads(out)
+    rows = np.loadtxt(folder / "imu1_oadev_reference_avar_pkg.csv", delimiter=",", comments="#")
+    for name, column in (("gyro_x", 1), ("gyro_y", 4), ("gyro_z", 7)):
+        curve = np.interp(np.log([0.64, 1.28, 2.56]), np.log(rows[:, 0]), np.log(rows[:, column]))
+        published = np.exp(curve) * DEG  # of the whole recording, 2.8 h; here is the first 1.1 h
+        here = data["axes"][name]
+        adev = np.exp(np.interp(np.log([0.64, 1.28, 2.56]), np.log(here["tau_s"]), np.log(here["adev"])))
+        np.testing.assert_allclose(adev, published, rtol=0.05)  # statistical, another part of the recording
+        at_1s = math.exp(np.interp(0.0, np.log(rows[:, 0]), np.log(rows[:, column]))) * DEG
+        assert here["terms"]["N"]["value"] == pytest.approx(at_1s, rel=0.06), name  # drift adds a few percent at 1 s
+    assert data["spec"] is not None

@@ -34,9 +34,11 @@ def estimate(value: float, relative: float = 0.02, unit: str = "") -> Estimate:
 
 def curve_of(model: NoiseModel, rng: np.random.Generator, rate: float = RATE, length: float = LENGTH) -> AllanCurve:
     """The model's own curve with chi-square scatter, one factor for each averaging time."""
-    tau = np.geomspace(1.0 / rate, length / 5.0, 40)
+    m = np.round(np.geomspace(1.0, rate * length / 5.0, 40)).astype(np.int64)
+    m = np.maximum(m, np.arange(1, 41))
+    tau = m / rate
     edf = np.maximum(length / tau, 2.0)
-    variance = model.allan_variance(tau)
+    variance = model.discrete_allan_variance(m, 1.0 / rate)
     spread = 1.96 * np.sqrt(2.0 / edf)
     measured = variance * np.exp(np.sqrt(2.0 / edf) * 0.5 * rng.standard_normal(len(tau)))
     low, high = measured * np.exp(-spread), measured * np.exp(spread)

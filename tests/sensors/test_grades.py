@@ -82,6 +82,9 @@ def test_summary():
     assert text.startswith("MPU-6000: automotive grade")
     assert "gyro: tactical, by N" in text
     assert "sigma_b not stated" in text
+    tactical = catalogue.spec("tactical")
+    worse = replace(tactical, accel=replace(tactical.accel, random_walk=1.5 * tactical.accel.random_walk))
+    assert "tactical, 1.5 times" in grade(worse).summary()
     perfect = ImuSpec("x", TriadSpec(random_walk=0.0), catalogue.triad("tactical", "accel"))
     assert "gyro: no verdict" in grade(perfect).summary()
 
@@ -92,3 +95,4 @@ def test_refusals():
         grade(nothing)
     with pytest.raises(InputError, match="names: expected at least two"):
         grade(nothing, GRADES[:1])
+    assert grade(catalogue.spec("consumer"), GRADES[:2]).grade == "consumer"

@@ -69,6 +69,7 @@ def test_gauss_markov_from_zero():
     process = GaussMarkov(2.0, 3.0, start="zero")
     P = exact_covariance(lambda shape, rng: process.sample(shape, 0.5, rng), 8, 8)
     np.testing.assert_allclose(np.diag(P), process.variance(0.5 * np.arange(8)), rtol=1e-12, atol=1e-16)  # rounding
+    np.testing.assert_allclose(process.sampled(0.5).covariance(8), P, rtol=1e-12, atol=1e-16)  # rounding
 
 
 def test_random_walk_covariance_is_exact():

@@ -43,6 +43,15 @@ NOISY = [
 DRAWN_ONCE = [Sinusoid(1.5, 0.37), RandomConstant(2.0), Ramp(0.1)]
 EVERY = [*NOISY, *DRAWN_ONCE, White(0.3) + GaussMarkov(1.0, 2.0) + RandomWalk(0.3)]
 AT_ANY_RATE = [p for p in EVERY if not isinstance(p, AutoRegressive)]
+FAST = 0.02  # s; a second rate for what is compared with samples
+AR_FAST = AutoRegressive((1.2, -0.5), 0.7, 1.0 / FAST)
+
+
+def at_two_rates(processes):
+    """Pairs of process and interval; an autoregressive process has one rate only."""
+    slow = [(p, DT) for p in processes]
+    fast = [(p, FAST) for p in processes if not isinstance(p, AutoRegressive)]
+    return [pytest.param(p, dt, id=f"{p}-{dt:g}") for p, dt in [*slow, *fast, (AR_FAST, FAST)]]
 
 
 def overlapping_allan(x: np.ndarray, m: int) -> np.ndarray:
@@ -212,12 +221,12 @@ def test_models_put_their_states_side_by_side():
 # ---------------------------------------------------------------------------------------------------- samples
 
 
-@pytest.mark.parametrize("process", EVERY, ids=str)
-def test_covariance_of_samples(process):
+@pytest.mark.parametrize(("process", "dt"), at_two_rates(EVERY))
+def test_covariance_of_samples(process, dt):
     """From the first sample on, at short and long lags, over an ensemble of columns."""
     n, columns = 41, 20_000
-    x = process.sample((n, columns), DT, np.random.default_rng(31))[[0, 1, 2, 5, 40]]
-    expected = process.sampled(DT).covariance(n)[np.ix_([0, 1, 2, 5, 40], [0, 1, 2, 5, 40])]
+    x = process.sample((n, columns), dt, np.random.default_rng(31))[[0, 1, 2, 5, 40]]
+    expected = process.sampled(dt).covariance(n)[np.ix_([0, 1, 2, 5, 40], [0, 1, 2, 5, 40])]
     variance = np.diag(expected)
     # of normal variables; the uniform ones and sines scatter less
     error = np.sqrt((np.outer(variance, variance) + expected**2) / columns)
@@ -238,29 +247,29 @@ def test_the_states_draw_what_the_process_draws(process):
     assert np.abs((x @ x.T / columns - expected) / np.where(error == 0.0, 1.0, error)).max() < SIGMAS
 
 
-@pytest.mark.parametrize("process", [*NOISY, Sinusoid(1.5, 0.37), *EVERY[-1:]], ids=str)
-def test_allan_variance_of_samples(process):
+@pytest.mark.parametrize(("process", "dt"), at_two_rates([*NOISY, Sinusoid(1.5, 0.37), *EVERY[-1:]]))
+def test_allan_variance_of_samples(process, dt):
     n, columns, m = 2**12, 40, np.array([1, 2, 4, 15, 60, 250])
-    x = process.sample((n, columns), DT, np.random.default_rng(33))
+    x = process.sample((n, columns), dt, np.random.default_rng(33))
     avar = np.stack([overlapping_allan(x, k) for k in m])
-    expected = process.discrete_allan_variance(m, DT)
+    expected = process.discrete_allan_variance(m, dt)
     if isinstance(process, Sinusoid):  # no scatter but that of the phase
         np.testing.assert_allclose(avar.mean(axis=1), expected, rtol=0.01, atol=1e-4)
     else:
         assert np.abs(z_scores(avar, expected)).max() < SIGMAS
 
 
-@pytest.mark.parametrize("process", [p for p in NOISY if not isinstance(p, RandomWalk)], ids=str)
-def test_welch_spectrum_of_samples(process):
+@pytest.mark.parametrize(("process", "dt"), at_two_rates([p for p in NOISY if not isinstance(p, RandomWalk)]))
+def test_welch_spectrum_of_samples(process, dt):
     """One-sided densities from SciPy are twice ours; a Hann window leaks little where the spectrum is smooth."""
     n, columns, segment = 2**13, 24, 512
-    x = process.sample((n, columns), DT, np.random.default_rng(34))
-    f, S = welch(x, fs=1.0 / DT, nperseg=segment, axis=0)
+    x = process.sample((n, columns), dt, np.random.default_rng(34))
+    f, S = welch(x, fs=1.0 / dt, nperseg=segment, axis=0)
     bands = [slice(k, k + 16) for k in range(8, 240, 29)]
     got = np.stack([0.5 * S[b].mean(axis=0) for b in bands])
     # what a window of four bins does to the curvature of the density
     window = np.array([0.25, 1.0, 0.25]) / 1.5
-    expected = [np.convolve(process.discrete_psd(f, DT), window, "same")[b].mean() for b in bands]
+    expected = [np.convolve(process.discrete_psd(f, dt), window, "same")[b].mean() for b in bands]
     relative = np.abs(got.mean(axis=1) / expected - 1.0)
     error = got.std(axis=1, ddof=1) / np.sqrt(columns) / expected
     assert (relative < SIGMAS * error + 0.01).all()  # statistical, 1 % leakage

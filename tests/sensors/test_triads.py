@@ -5,16 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.earth import WGS84
 from schuler.exceptions import InputError
-from schuler.frames import ecef_from_llh, ned_from_ecef
 from schuler.rotation import dcm_from_rotvec, skew
 from schuler.sensors import (
     AccelerometerTriad,
     GaussMarkov,
     GyroTriad,
     ImuErrors,
-    InitialErrors,
     NoiseModel,
     RandomWalk,
     SimpleTriad,
@@ -25,6 +22,7 @@ from schuler.sensors.triads import C_FRD_FUR, frd_from_fur, fur_from_frd
 
 SIGMAS = 4.0  # statistical tolerances: standard errors, seeds fixed
 ANGLES = {"misalignment": [1e-3, -2e-3, 3e-3], "non_orthogonality": [-4e-3, 5e-3, 6e-3]}
+TWO = White(1.0) + GaussMarkov(1.0, 2.0) + GaussMarkov(1.0, 3.0)
 NOISE = {"bias": [0.1, -0.2, 0.3], "N": [0.01] * 3, "sigma_b": [0.02] * 3, "tau": [5.0] * 3}
 
 
@@ -106,6 +104,51 @@ def test_rows_of_the_thesis():
     np.testing.assert_allclose(got, [a_x, a_y, a_z], rtol=1e-14)  # rounding
 
 
+@pytest.mark.parametrize("printed", [False, True])
+def test_rows_of_the_gyroscopes(printed):
+    """(6.7) corrected and as printed, (6.8), (6.9), written out with rates of the thesis: roll, yaw, pitch."""
+    triad = GyroTriad(scale_factor=[1e-3, 2e-3, 3e-3], bias=[0.1, 0.2, 0.3], printed=printed, **ANGLES)
+    (roll, yaw, pitch), d, D = (0.3, -0.4, 0.5), ANGLES["misalignment"], ANGLES["non_orthogonality"]
+    sign = -1.0 if printed else 1.0
+    g_roll = 1.001 * roll + np.sin(D[1] - sign * d[1]) * pitch + np.sin(D[2] + sign * d[2]) * yaw + 0.1
+    g_yaw = 1.002 * yaw + np.sin(D[2] - d[2]) * roll + np.sin(D[0] + d[0]) * pitch + 0.2
+    g_pitch = 1.003 * pitch + np.sin(D[1] + d[1]) * roll + np.sin(D[0] - d[0]) * yaw + 0.3
+    got = triad.apply([[roll, yaw, pitch]], 0.01, np.random.default_rng(0))[0]
+    np.testing.assert_allclose(got, [g_roll, g_yaw, g_pitch], rtol=1e-14)  # rounding
+
+
+def test_angles_are_what_an_axis_reads_of_another():
+    """(6.13)-(6.15): the angle about x from y and z, about y from x and z, about z from x and y; Delta alike."""
+    for axis, (i, j) in enumerate([(1, 2), (0, 2), (0, 1)]):
+        angle = np.zeros(3)
+        angle[axis] = 0.2  # large: the sine shows
+        turned = AccelerometerTriad(misalignment=angle).matrix()
+        leaning = AccelerometerTriad(non_orthogonality=angle).matrix()
+        assert np.arcsin([abs(turned[i, j]), abs(turned[j, i])]) == pytest.approx([0.2, 0.2], rel=1e-12)
+        assert turned[i, j] == -turned[j, i]
+        assert np.arcsin([leaning[i, j], leaning[j, i]]) == pytest.approx([0.2, 0.2], rel=1e-12)
+        assert np.count_nonzero(turned) == np.count_nonzero(leaning) == 2
+
+
+@pytest.mark.parametrize(("kind", "number"), [(SimpleTriad, 12), (GyroTriad, 21), (AccelerometerTriad, 27)])
+def test_every_parameter_has_an_effect_of_its_own(kind, number):
+    """None without effect, none with that of another; tau only beside a sigma_b."""
+    u = np.array([[3.0, -4.0, 5.0], [-2.0, 1.0, -7.0]])
+    effects = []
+    for name in kind.names():
+        for k in range(3):
+            also = {"sigma_b": [1e-3] * 3} if name == "tau" else {}
+            value = np.ones(3) if name == "tau" else np.zeros(3)
+            value[k] = 0.01
+            pair = kind(**also), kind(**also, **{name: value})
+            without, with_it = (triad.apply(u, 0.1, np.random.default_rng(9)) for triad in pair)
+            effects.append(with_it - without)
+    flat = np.array(effects).reshape(number, -1)
+    apart = np.abs(flat[:, None] - flat).max(axis=-1) + np.eye(number)
+    assert np.abs(flat).max(axis=1).min() > 1e-7
+    assert apart.min() > 1e-7
+
+
 def test_print_differs_in_the_roll_row_only():
     """And there only by the signs of delta_Gy and delta_Gz."""
     d, D = np.array(ANGLES["misalignment"]), ANGLES["non_orthogonality"]
@@ -169,6 +212,7 @@ def test_there_and_back():
     np.testing.assert_allclose(again.M_a, M.T, rtol=1e-12)
     np.testing.assert_array_equal(again.b_g, errors.b_g)
     assert again.gyro_noise.white == White(0.1)
+    assert not triads_of(errors)[0].sigma_b.any()
 
 
 def test_nonlinear_terms_are_dropped_only_on_request():
@@ -176,31 +220,6 @@ def test_nonlinear_terms_are_dropped_only_on_request():
     with pytest.raises(InputError, match="asymmetry: ImuErrors is linear"):
         imu_errors(SimpleTriad(), accel)
     assert imu_errors(SimpleTriad(), accel, drop_nonlinear=True).M_a[0, 0] == 1e-3
-
-
-def test_initial_errors():
-    llh, rpy = np.array([0.7, 0.2, 300.0]), np.array([0.01, 0.02, 1.0])
-    errors = InitialErrors(np.array([30.0, -40.0, 5.0]), np.array([1e-3, 2e-3, -3e-3]))
-    llh_hat, rpy_hat = errors.apply(llh, rpy)
-    offset = ned_from_ecef(ecef_from_llh(llh_hat, WGS84), llh)
-    np.testing.assert_allclose(offset, errors.dr_n, atol=2e-8)  # rounding of ECEF
-    np.testing.assert_allclose(rpy_hat - rpy, errors.drpy, rtol=1e-12)
-    # actual = assumed + error, up instead of down, yaw to the west
-    thesis = InitialErrors.from_flenniken([-30.0, 40.0, 5.0], [-1e-3, -2e-3, -3e-3])
-    np.testing.assert_array_equal(thesis.dr_n, errors.dr_n)
-    np.testing.assert_array_equal(thesis.drpy, errors.drpy)
-    none = InitialErrors().apply(llh, rpy)
-    np.testing.assert_allclose(none[0], llh, rtol=1e-14, atol=1e-8)  # rounding of ECEF: 4e-9 m
-    np.testing.assert_array_equal(none[1], rpy)
-
-
-def test_initial_errors_drawn():
-    n, rng = 4000, np.random.default_rng(52)
-    drawn = [InitialErrors.draw(rng, [3.0, 4.0, 0.0], 0.01) for _ in range(n)]
-    dr, drpy = np.array([e.dr_n for e in drawn]), np.array([e.drpy for e in drawn])
-    np.testing.assert_allclose(dr[:, :2].std(axis=0), [3.0, 4.0], rtol=SIGMAS / np.sqrt(2 * n))
-    assert not dr[:, 2].any()
-    np.testing.assert_allclose(drpy.std(axis=0), 0.01, rtol=SIGMAS / np.sqrt(2 * n))
 
 
 @pytest.mark.parametrize(
@@ -214,11 +233,13 @@ def test_initial_errors_drawn():
         (lambda: AccelerometerTriad(quadratic=[1.0] * 3).compensate(np.full((1, 3), -9.0)), "a small part of the resp"),
         (lambda: AccelerometerTriad(printed=True), "only the gyroscope's"),
         (lambda: imu_errors(SimpleTriad(N=[1.0, 2.0, 3.0]), SimpleTriad()), "gyro: expected the same N"),
+        (lambda: imu_errors(SimpleTriad(N=[1.0, 2.0, 2.0]), SimpleTriad()), "gyro: expected the same N"),
+        (lambda: imu_errors(SimpleTriad(), SimpleTriad(sigma_b=[2.0, 2.0, 1.0])), "accel: expected the same N"),
+        (lambda: triads_of(ImuErrors(gyro_noise=TWO)), "gyro_noise: expected white noise and at most one Gauss"),
         (lambda: triads_of(ImuErrors(G_g=np.eye(3))), "G_g: the triads have no such error"),
         (lambda: triads_of(ImuErrors(gyro_range=1.0)), "gyro_range: the triads have no such error"),
         (lambda: triads_of(ImuErrors(M_a=np.full((3, 3), 2.0))), "M_a: expected off-diagonal elements that are sines"),
         (lambda: triads_of(ImuErrors(accel_noise=NoiseModel((RandomWalk(1.0),)))), "accel_noise: expected white"),
-        (lambda: InitialErrors.draw(np.random.default_rng(0), -1.0, 0.1), "position_sigma: expected one or three"),
     ],
 )
 def test_refusals(call, message):

@@ -255,7 +255,9 @@ def fit(
         low, high = theta - 23.0, theta + 14.0
         for i, name in enumerate(names):
             if name.startswith("tau"):
-                low[i], high[i] = np.log(0.2 * data.dt), np.log(10.0 * duration)
+                # faster than the shortest averaging time is white
+                fastest = data.m[0] if data.m[0] > 1 else 0.2
+                low[i], high[i] = np.log(fastest * data.dt), np.log(10.0 * duration)
                 theta[i] = np.clip(theta[i], low[i] + 1e-3, high[i] - 1e-3)
         # degrees of freedom as for white noise are near enough to find the neighbourhood
         s = np.sqrt(2.0 * data.m / np.maximum(data.lengths.sum() - 2.0 * data.m, 1.0) + model_error**2 + 1e-4)

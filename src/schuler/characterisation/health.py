@@ -166,10 +166,11 @@ def check_static_imu(
     scale = imu.interval if imu.kind == "increment" else 1.0  # the median: dividing by each would hide the resolution
     signals = np.concatenate((imu.gyro, imu.accel), axis=1).T / scale
     rate_hz = imu.rate_hz
-    found = {
-        name: check_static_log(x, rate_hz, name, full_scale=full_scale[0 if name.startswith("gyro") else 1])
-        for name, x in zip(AXES, signals, strict=True)
-    }
+    found = {}
+    for name, x in zip(AXES, signals, strict=True):
+        limit = full_scale[0 if name.startswith("gyro") else 1]
+        # gaps are told once for the recording; the stamps are there for the places of all else
+        found[name] = [f for f in check_static_log(x, rate_hz, name, imu.t, full_scale=limit) if f.code != "gap"]
     found["recording"] = gaps(imu.t) + _attitude(signals[3:].T, imu.t - imu.t[0], gravity)
     return found
 
@@ -273,8 +274,9 @@ def _saturated(
                 top = y.max()
                 at_top = y >= top - 1e-9 * abs(top)
                 below = (y >= top - (1.5 * step if step is not None else 0.02 * np.ptp(y))) & ~at_top
-                # noise thins out towards its extremes: the last reading is not the most frequent one there
-                if np.count_nonzero(at_top) >= 5 and np.count_nonzero(at_top) > 3 * np.count_nonzero(below):
+                # noise thins out towards its extremes: the last reading is not more frequent than those next to it
+                last, others = np.count_nonzero(at_top), np.count_nonzero(below)
+                if last >= 5 and (last > 3 * others or last - others > 5.0 * sqrt(last + others)):
                     clipped |= at_top
     k = np.flatnonzero(clipped)
     if not len(k):
@@ -315,7 +317,7 @@ def _stuck(x: FloatArray, time: FloatArray, axis: str, step: float | None) -> li
     # noise that comes and goes makes longer runs: none may be beyond the tail of the others either
     q = float(np.quantile(length, 0.99))
     tail = np.sort(length[length > q] - q)[:-3]
-    if len(tail):
+    if len(tail) and (held or step is not None):  # readings that are not rounded do not repeat at all
         longest = max(longest, q + float(np.mean(tail)) * log(len(tail) / FALSE_ALARM))
     where = np.flatnonzero(length > longest)
     where = np.array([k for k in where if length[k] > _longest_here(x, start, length, int(k), step)], dtype=np.int64)
@@ -465,7 +467,7 @@ def _steps(x: FloatArray, time: FloatArray, axis: str, step: float | None) -> li
     y = x[: len(x) // base * base].reshape(-1, base).mean(axis=1)
     interval = float(np.median(np.diff(time)))
     total = np.concatenate(([0.0], np.cumsum(y - y.mean())))
-    candidates, tests, m = [], 0, 4
+    candidates, scales, m = [], 0, 4
     rounding = 1e-300 if step is None else step  # means of pulses are good to a pulse in the window
     while len(y) >= 40 * m:
         starts = np.arange(0, len(y) - 4 * m + 1, m // 4)  # windows of m base blocks
@@ -476,15 +478,16 @@ def _steps(x: FloatArray, time: FloatArray, axis: str, step: float | None) -> li
         z = e / max(1.4826 * float(np.median(np.abs(e))), rounding / (m * base))
         # the median absolute deviation of k values is as good as the deviation of 0.37 k, if independent
         freedom = 0.37 * 0.375 * len(e)
-        tests += len(e)
-        p = 2.0 * student.sf(np.abs(z), freedom)
+        scales += 1
+        # every scale has the same share of the false alarms: the long ones have few windows and show the small shifts
+        p = len(e) * 2.0 * student.sf(np.abs(z), freedom)
         score = 0.5 * (freedom + 1.0) * np.log1p(z**2 / freedom)  # orders what underflows in p
-        candidates += [(-score[i], p[i], starts[i] + m, m) for i in np.flatnonzero(p < 1e-3)]
+        candidates += [(-score[i], p[i], starts[i] + m, m) for i in np.flatnonzero(p < FALSE_ALARM)]
         m *= 2
     found: list[tuple[float, Finding]] = []
     taken: list[int] = []
     for _, p, a, m in sorted(candidates):
-        if p * tests > FALSE_ALARM:
+        if p * scales > FALSE_ALARM:
             continue
         if len(taken) >= 20 * _SHOWN:
             break

@@ -9,23 +9,25 @@ from typing import Any, Literal
 
 import numpy as np
 
-from schuler.arrays import FloatArray
+from schuler.arrays import BoolArray, FloatArray
 from schuler.characterisation import moments
 from schuler.characterisation.allan import allan_deviation
 from schuler.characterisation.curve import AllanCurve
 from schuler.characterisation.findings import Finding
 from schuler.characterisation.fitting import Fit, Moments, NoFitError, Weights, filtered_sigma, spectrum
 from schuler.characterisation.grid import on_grid
-from schuler.characterisation.health import check_static_imu
-from schuler.characterisation.lines import Line, find_lines
+from schuler.characterisation.health import FEWEST, check_static_imu
+from schuler.characterisation.lines import CleanSpectrum, Line, clean_spectrum
 from schuler.characterisation.outliers import without_outliers
 from schuler.characterisation.result import AXES, AxisNoise, Estimate, NoiseIdentification
 from schuler.characterisation.selection import Selection, select
+from schuler.characterisation.shifts import level_shifts
 from schuler.characterisation.trends import mean_with_sigma, temperature_trend, warm_up
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.sensors.noise import (
+    Coloured,
     Flicker,
     GaussMarkov,
     NoiseModel,
@@ -52,6 +54,9 @@ _PROCESSES: dict[str, Callable[[float], Process]] = {
 }  # fmt: skip
 #: What a TriadSpec can hold: at most one Gauss-Markov process.
 _BUDGET_MODELS = ("N", "N+B", "N+K", "N+GM", "N+B+K", "N+K+GM", "N+B+GM")
+_SHORT = ("Q", "N", "tau_N")  # terms of the shortest averaging times
+_SHAPED = 16  # samples
+_LOWEST, _HIGHEST = 0.03, 0.15  # frequency times averaging time between which model passes over into measurement
 _LEAST = 1000  # samples below which nothing is identified
 
 
@@ -63,6 +68,7 @@ class _Signal:
     rate_hz: float
     replaced: int
     temperature: FloatArray | None = None
+    start_s: float = 0.0
 
 
 def identify_noise(
@@ -119,7 +125,7 @@ def identify_noise(
     if not several:
         raise InputError("recordings: expected at least one, got none")
     imus = [(r.need_imu() if isinstance(r, Recording) else r) for r in several]
-    rates = np.array([imu.rate_hz for imu in imus])
+    rates = np.array([_rate(imu) for imu in imus])
     if np.ptp(rates) > 1e-3 * rates[0]:
         raise InputError(f"recordings: expected one sampling rate, got {', '.join(f'{r:.4g}' for r in rates)} Hz")
     checks = [check_static_imu(imu) for imu in imus]
@@ -128,10 +134,9 @@ def identify_noise(
     found: dict[str, AxisNoise] = {}
     refused: dict[str, tuple[Finding, ...]] = {}
     data: dict[str, Moments] = {}
-    lines: tuple[Line, ...]
     for k, axis in enumerate(AXES):
-        seen = tuple(f for check in checks for f in check[axis])
         signals = [_signal(imu, k, robust) for imu in imus]
+        seen = tuple(f for i, check in enumerate(checks) for f in _seen(check[axis], signals[i], i + 1, len(imus)))
         fatal = tuple(f for f in seen if f.severity == "refused")
         if not fatal and min(len(s.x) for s in signals) < _LEAST:
             text = (
@@ -141,9 +146,9 @@ def identify_noise(
         if not fatal:
             try:
                 longest = max(signals, key=lambda s: len(s.x))
-                lines = find_lines(longest.x, longest.rate_hz)
-                data[axis] = _moments(signals, lines)
-                found[axis] = _identified(axis, signals, data[axis], lines, seen, method, models)
+                clean = clean_spectrum(longest.x, longest.rate_hz)
+                data[axis] = _moments(signals, () if clean is None else clean.lines)
+                found[axis] = _identified(axis, signals, data[axis], clean, seen, method, models)
             except NoFitError as error:
                 data.pop(axis, None)
                 fatal = (Finding("no_fit", f"{axis}: {error}", severity="refused"),)
@@ -161,6 +166,9 @@ def identify_noise(
             "The budget's turn-on bias is the mean of this log: Earth rate is in the gyroscopes', and only what the "
             "norm of the specific force shows in the accelerometers'.",
         )
+    spoiled = [name for name, axis in found.items() if any(f.severity == "warning" for f in axis.findings)]
+    if spec is not None and spoiled:
+        notes += (f"The budget is made of all axes, also of those with warnings: {', '.join(spoiled)}.",)
     provenance: dict[str, Any] = {
         "schuler": metadata.version("schuler"),
         "method": method,
@@ -173,9 +181,20 @@ def identify_noise(
     return NoiseIdentification(title, found, refused, spec, spec_sigma, findings, notes, provenance)
 
 
+def _rate(imu: ImuSeries) -> float:
+    """Sampling rate [Hz]: the median spacing is off by a part of the jitter where samples are missing, too."""
+    if len(imu.t) < 2:
+        return imu.rate_hz
+    step = np.diff(imu.t)
+    single = step[np.round(step * imu.rate_hz) == 1.0]
+    rate_hz = 1.0 / float(single.mean())
+    samples = float(np.round(step * rate_hz).sum())
+    return samples / float(imu.t[-1] - imu.t[0])
+
+
 def _signal(imu: ImuSeries, k: int, robust: bool) -> _Signal:
     """One axis of rates, on a regular grid."""
-    rate_hz = imu.rate_hz
+    rate_hz = _rate(imu)
     x: FloatArray = np.ascontiguousarray((imu.gyro if k < 3 else imu.accel)[:, k % 3])
     temperature = imu.temperature
     if not np.all(np.abs(np.diff(imu.t) * rate_hz - 1.0) < 0.5):
@@ -188,6 +207,17 @@ def _signal(imu: ImuSeries, k: int, robust: bool) -> _Signal:
     return _Signal(x, rate_hz, replaced, temperature)
 
 
+def _seen(findings: list[Finding], signal: _Signal, number: int, of: int) -> list[Finding]:
+    """Findings about one axis of one recording, with its number if there are several; outliers replaced are a note."""
+    seen = []
+    for f in findings:
+        if signal.replaced and f.code == "too_short" and f.severity == "note":
+            continue  # made of the outliers
+        severity = "note" if signal.replaced and f.code == "outliers" else f.severity
+        seen.append(replace(f, severity=severity, text=f.text if of == 1 else f"{f.text} (recording {number})"))
+    return seen
+
+
 def _unbroken(signal: _Signal) -> _Signal:
     """The longest part without a pause that the tests for trends cannot bridge."""
     there = np.flatnonzero(np.isfinite(signal.x))
@@ -195,9 +225,8 @@ def _unbroken(signal: _Signal) -> _Signal:
     edges = np.concatenate(([-1], pause, [len(there) - 1]))
     k = int(np.argmax(np.diff(edges)))
     part = slice(int(there[edges[k] + 1]), int(there[edges[k + 1]]) + 1)
-    return replace(
-        signal, x=signal.x[part], temperature=None if signal.temperature is None else signal.temperature[part]
-    )
+    temperature = None if signal.temperature is None else signal.temperature[part]
+    return replace(signal, x=signal.x[part], temperature=temperature, start_s=part.start / signal.rate_hz)
 
 
 def _moments(signals: list[_Signal], lines: tuple[Line, ...]) -> Moments:
@@ -207,37 +236,45 @@ def _moments(signals: list[_Signal], lines: tuple[Line, ...]) -> Moments:
     m = 2 ** np.arange(longest + 1)
     total, count = np.zeros(len(m)), np.zeros(len(m))
     for s in signals:
-        here = m[m <= len(s.x) // 4]
-        curve = allan_deviation(s.x, s.rate_hz, taus=here * dt, noise=0.0)
-        total[: len(here)] += curve.count * curve.variance
-        count[: len(here)] += curve.count
+        curve = allan_deviation(s.x, s.rate_hz, taus="octave", noise=0.0)
+        # gaps leave no difference at some averaging times
+        place = np.searchsorted(m, np.round(curve.tau / dt).astype(np.int64))
+        there = place[(place < len(m)) & (np.round(curve.tau / dt) <= len(s.x) // 4)]
+        total[there] += (curve.count * curve.variance)[: len(there)]
+        count[there] += curve.count[: len(there)]
+    m, total, count = m[count > 0], total[count > 0], count[count > 0]
     if not np.all(total > 0.0):
         raise NoFitError("the signal does not change at all")
     variance = total / count
     # a tenth stays: the power of a line is not known better, and a variance is positive
     noise = np.maximum(variance - sum((line.allan_variance(m, dt) for line in lines), np.zeros(len(m))), 0.1 * variance)
-    return Moments(m, noise, dt, np.array([len(s.x) for s in signals]))
+    return Moments(m, noise, dt, np.array([np.count_nonzero(np.isfinite(s.x)) for s in signals]))
 
 
 def _identified(
     axis: str,
     signals: list[_Signal],
     data: Moments,
-    lines: tuple[Line, ...],
+    clean: CleanSpectrum | None,
     findings: tuple[Finding, ...],
     method: Method,
     models: tuple[str, ...] | None,
 ) -> AxisNoise:
     chosen = select(data, models, "full" if method == "gmwm" else "diagonal")
     fit = chosen.fit
+    lines = () if clean is None else clean.lines
+    model = noise_model_of(fit, data.dt, shape_of(chosen, clean, data.dt))
     unit = "rad/s" if axis.startswith("gyro") else "m/s^2"
     main = max(signals, key=lambda s: len(s.x))
     duration = float(data.lengths.sum() * data.dt)
-    curve = _with_bounds(_pooled_curve(signals), data, fit)
+    curve = _with_bounds(_pooled_curve(signals), data, model)
     estimates = _estimates(fit, unit)
     steady = _unbroken(main)
+    if len(steady.x) < FEWEST:
+        raise NoFitError(f"the longest part without a pause has {len(steady.x)} samples, {FEWEST} are needed")
     mean, sigma = mean_with_sigma(steady.x, steady.rate_hz)
-    told = [*findings, *_lines(axis, lines, unit), *_about(axis, chosen, duration), *_trends(axis, steady)]
+    told = [*findings, *_lines(axis, lines, unit), *_about(axis, chosen, data.dt, duration)]
+    told += _trends(axis, steady, findings)
     replaced = sum(s.replaced for s in signals)
     if replaced:
         share = 100.0 * replaced / float(data.lengths.sum())
@@ -249,12 +286,11 @@ def _identified(
         duration_s=duration,
         mean=Estimate(mean, sigma, mean - 1.96 * sigma, mean + 1.96 * sigma, unit),
         curve=curve,
-        terms={n: estimates[n] for n in fit.names if n in _UNITS},
+        # what looks like rounding from many samples on is the rest of a vibration; as Q it is absurd at one sample
+        terms={n: estimates[n] for n in fit.names if n in _UNITS and not (n == "Q" and chosen.shortest > 1)},
         gauss_markov=tuple((estimates[n], estimates["tau" + n[5:]]) for n in fit.names if n.startswith("sigma")),
-        model=NoiseModel(
-            (*noise_model_of(fit, data.dt).terms, *(Sinusoid(line.amplitude, line.frequency) for line in lines))
-        ),
-        names=fit.names,
+        model=NoiseModel((*model.terms, *(Sinusoid(line.amplitude, line.frequency) for line in lines))),
+        names=tuple("V" if name == "Q" and chosen.shortest > 1 else name for name in fit.names),
         covariance=fit.covariance,
         candidates=chosen.candidates,
         read_off=_read_off(curve),
@@ -263,11 +299,13 @@ def _identified(
     )
 
 
-def noise_model_of(fit: Fit, dt: float) -> NoiseModel:
-    """A fit as something to simulate at the sampling interval ``dt`` [s]."""
+def noise_model_of(fit: Fit, dt: float, shape: Coloured | None = None) -> NoiseModel:
+    """A fit as something to simulate at the sampling interval ``dt`` [s]; ``shape`` stands for its N, F and Q."""
     value = dict(zip(fit.names, (float(v) for v in fit.values), strict=True))
-    terms: list[Process] = []
+    terms: list[Process] = [] if shape is None else [shape]
     for name, v in value.items():
+        if shape is not None and name in _SHORT:
+            continue
         if name == "N" and "tau_N" in value:
             terms.append(GaussMarkov(filtered_sigma(v, value["tau_N"], dt), value["tau_N"]))
         elif name.startswith("sigma"):
@@ -275,6 +313,39 @@ def noise_model_of(fit: Fit, dt: float) -> NoiseModel:
         elif not name.startswith("tau"):
             terms.append(_PROCESSES[name](v))
     return NoiseModel(tuple(terms))
+
+
+def shape_of(chosen: Selection, clean: CleanSpectrum | None, dt: float) -> Coloured | None:
+    """What stands for N, F and Q where they do not describe the shortest averaging times: the spectrum that is there.
+
+    Parameters
+    ----------
+    chosen : Selection
+    clean : CleanSpectrum or None
+    dt : float
+        Sampling interval. [s]
+
+    Returns
+    -------
+    Coloured or None
+        The measured density less that of the other terms above the frequency of the shortest averaging time that was
+        fitted, the density of the terms below; None if the terms describe everything.
+    """
+    if clean is None or (chosen.shortest == 1 and chosen.departure == 0.0):
+        return None
+    # a departure without anything left out: the first few samples are known too well for any model
+    shortest = max(chosen.shortest, _SHAPED) * dt
+    f = np.maximum(clean.f, 1e-3 * clean.f[1])
+    f[-1] *= 1.0 - 1e-9
+    names, values = chosen.fit.names, chosen.fit.values
+    short = np.array([name in _SHORT for name in names])
+
+    def density(which: BoolArray) -> FloatArray:
+        return spectrum(tuple(n for n, yes in zip(names, which, strict=True) if yes), values[which], dt, f)
+
+    measured = np.maximum(clean.density - density(~short), 0.05 * clean.density)
+    share = np.clip(np.log(f * shortest / _LOWEST) / np.log(_HIGHEST / _LOWEST), 0.0, 1.0)
+    return Coloured(clean.f, share * measured + (1.0 - share) * density(short), 1.0 / dt)
 
 
 def _estimates(fit: Fit, unit: str) -> dict[str, Estimate]:
@@ -307,12 +378,14 @@ def _pooled_curve(signals: list[_Signal]) -> AllanCurve:
     )
 
 
-def _with_bounds(curve: AllanCurve, data: Moments, fit: Fit) -> AllanCurve:
+def _with_bounds(curve: AllanCurve, data: Moments, model: NoiseModel) -> AllanCurve:
     """The curve with bounds for the noise that was found."""
     from scipy.stats import chi2
 
+    wandering = NoiseModel(tuple(term for term in model.terms if not isinstance(term, Ramp)))
+
     def psd(f: FloatArray) -> FloatArray:
-        return spectrum(fit.names, fit.values, data.dt, f)
+        return np.maximum(wandering.discrete_psd(f, data.dt), 1e-300)
 
     m = np.round(curve.tau / data.dt).astype(np.int64)
     edf = moments.degrees_of_freedom(m, data.lengths, data.dt, psd)
@@ -350,7 +423,7 @@ def _lines(axis: str, lines: tuple[Line, ...], unit: str) -> list[Finding]:
     return [Finding("lines", text, severity="note")]
 
 
-def _about(axis: str, chosen: Selection, duration: float) -> list[Finding]:
+def _about(axis: str, chosen: Selection, dt: float, duration: float) -> list[Finding]:
     """What the fit itself says."""
     told = []
     if not chosen.fits:
@@ -359,12 +432,18 @@ def _about(axis: str, chosen: Selection, duration: float) -> list[Finding]:
             "variance; look at the figure for vibration or disturbances and do not use the numbers before"
         )
         told.append(Finding("no_model", text))
-    elif chosen.departure >= 0.02:
+    elif chosen.departure > 0.0:
         text = (
-            f"{axis}: the curve departs from every sum of terms by about {100 * chosen.departure:.2g} % in variance "
-            "(the sensor's filter, vibration); the uncertainties allow for it"
+            f"{axis}: the curve departs from every sum of terms by about {100 * chosen.departure:.2g} % in variance, "
+            "more than chance does (vibration, temperature, disturbances); the uncertainties allow for it"
         )
         told.append(Finding("departure", text, severity="note" if chosen.departure < 0.1 else "warning"))
+    if chosen.shortest > 1:
+        text = (
+            f"{axis}: below {chosen.shortest * dt:.3g} s the noise is no sum of terms (sensor filter, vibration); "
+            "the numbers hold from there on, and the model has the measured spectrum above that frequency"
+        )
+        told.append(Finding("shape", text, severity="note"))
     for name, value, sigma in zip(chosen.fit.names, chosen.fit.values, chosen.fit.sigma, strict=True):
         if name.startswith("tau") and name != "tau_N" and (value > duration / 10.0 or sigma > 0.7):
             text = (
@@ -375,14 +454,24 @@ def _about(axis: str, chosen: Selection, duration: float) -> list[Finding]:
     return told
 
 
-def _trends(axis: str, signal: _Signal) -> list[Finding]:
-    """Warm-up and temperature, which a noise model cannot stand for."""
+def _trends(axis: str, signal: _Signal, findings: tuple[Finding, ...]) -> list[Finding]:
+    """Warm-up, small shifts of level and temperature, which a noise model cannot stand for."""
     told = list(warm_up(signal.x, signal.rate_hz, axis=axis).findings)
+    if not told and all(f.code != "step" for f in findings):
+        told += level_shifts(signal.x, signal.rate_hz, axis=axis)
     T = signal.temperature
     if T is not None and np.ptp(there := T[np.isfinite(T)]) > 0.0:
         filled = np.interp(np.arange(len(T)), np.flatnonzero(np.isfinite(T)), there)
         told += temperature_trend(signal.x, filled, signal.rate_hz, axis=axis).findings
-    return told
+    return [_later(f, signal.start_s) for f in told]
+
+
+def _later(f: Finding, by: float) -> Finding:
+    """A finding about a part of a recording that begins ``by`` seconds after its start."""
+    if by == 0.0:
+        return f
+    start, stop = (None if at is None else at + by for at in (f.start_s, f.stop_s))
+    return replace(f, text=f"{f.text} (seconds from {by:.0f} s on, after a pause)", start_s=start, stop_s=stop)
 
 
 def _budget(
@@ -405,16 +494,18 @@ def _budget(
         )
         weights: Weights = "full" if method == "gmwm" else "diagonal"
         try:
-            fit = select(mean, None, weights, default=_BUDGET_MODELS, probes=("N", *_BUDGET_MODELS[-3:])).fit
+            chosen = select(mean, None, weights, default=_BUDGET_MODELS, probes=_BUDGET_MODELS)
         except NoFitError:
             return None, {}
+        fit = chosen.fit
         means = np.array([found[a].mean.value for a in axes])
         if triad == "gyro":
             bias = float(np.sqrt(np.mean(means**2)))
         else:
             bias = abs(float(np.linalg.norm(means)) - G0) if len(axes) == 3 else 0.0
-        fields = {_FIELDS[n]: float(v) for n, v in zip(fit.names, fit.values, strict=True) if n in _FIELDS}
+        kept = [i for i, n in enumerate(fit.names) if n in _FIELDS and not (n == "Q" and chosen.shortest > 1)]
+        fields = {_FIELDS[fit.names[i]]: float(fit.values[i]) for i in kept}
         triads[triad] = TriadSpec(**fields, turn_on_bias=bias)
-        spread[triad] = {_FIELDS[n]: float(s) for n, s in zip(fit.names, fit.sigma, strict=True) if n in _FIELDS}
+        spread[triad] = {_FIELDS[fit.names[i]]: float(fit.sigma[i]) for i in kept}
     spec = ImuSpec(name, triads["gyro"], triads["accel"], rate_hz=rate_hz, source="identified by schuler")
     return spec, spread

@@ -36,8 +36,25 @@ class Line:
         return np.asarray(self.amplitude**2 * np.sin(m * phase) ** 4 / np.square(m * np.sin(phase)))
 
 
-def find_lines(x: ArrayLike, rate_hz: float) -> tuple[Line, ...]:
-    """Lines that stand out of the spectrum around them, strongest first.
+@dataclass(frozen=True)
+class CleanSpectrum:
+    """Spectrum of a log and its lines.
+
+    Attributes
+    ----------
+    f, density : ndarray, shape (k,)
+        Frequencies from zero to half the rate [Hz]; two-sided density with the lines taken out. [x^2/Hz]
+    lines : tuple of Line
+        Strongest first, at most 30.
+    """
+
+    f: FloatArray
+    density: FloatArray
+    lines: tuple[Line, ...]
+
+
+def clean_spectrum(x: ArrayLike, rate_hz: float) -> CleanSpectrum | None:
+    """Spectrum of a log without the lines that stand out of it.
 
     Parameters
     ----------
@@ -48,8 +65,8 @@ def find_lines(x: ArrayLike, rate_hz: float) -> tuple[Line, ...]:
 
     Returns
     -------
-    tuple of Line
-        At most 30; empty for a log too short to tell (fewer than 16 segments of 256 samples).
+    CleanSpectrum or None
+        None for a log too short to tell (fewer than 16 segments of 256 samples).
 
     Notes
     -----
@@ -62,13 +79,15 @@ def find_lines(x: ArrayLike, rate_hz: float) -> tuple[Line, ...]:
     from scipy.stats import chi2
 
     signal: FloatArray = np.asarray(x, dtype=np.float64)
-    signal = np.where(np.isfinite(signal), signal, np.nanmean(signal))
+    there = np.isfinite(signal)
+    if not there.all():
+        signal = np.where(there, signal, np.nanmean(signal))
     segment = int(min(_LONGEST, 2 ** int(np.log2(max(len(signal) / 16.0, 1.0)))))
     if segment < 256:
-        return ()
+        return None
     f, S = welch(signal, rate_hz, "hann", segment, detrend="constant", return_onesided=True)
     # half-overlapping Hann segments: 18/11 as many degrees of freedom as segments without overlap
-    freedom = 2.0 * (18.0 / 11.0) * len(signal) / segment
+    freedom = 2.0 * (18.0 / 11.0) * np.count_nonzero(there) / segment
     level = median_filter(S, _AROUND, mode="nearest")
     ratio = max(_LEAST, float(chi2.ppf(1.0 - _FALSE_ALARM / len(f), freedom) / chi2.median(freedom)))
     low = 2 * _AROUND  # the spectrum of drift is too steep for a median below
@@ -81,5 +100,19 @@ def find_lines(x: ArrayLike, rate_hz: float) -> tuple[Line, ...]:
     for first, stop in edges.reshape(-1, 2):
         excess = np.maximum(S[first:stop] - level[first:stop], 0.0)
         power = float(excess.sum() * (f[1] - f[0]))
-        found.append(Line(float(np.sum(excess * f[first:stop]) / excess.sum()), float(np.sqrt(2.0 * power))))
-    return tuple(sorted(found, key=lambda line: -line.amplitude)[:_MOST])
+        line = Line(float(np.sum(excess * f[first:stop]) / excess.sum()), float(np.sqrt(2.0 * power)))
+        found.append((line, first, stop))
+    found = sorted(found, key=lambda item: -item[0].amplitude)[:_MOST]
+    rest = S.copy()
+    for _, first, stop in found:
+        rest[first:stop] = np.minimum(S[first:stop], level[first:stop])
+    # one-sided doubles all but the ends; those are as their neighbours, the mean having been taken away
+    rest = 0.5 * rest / (np.mean(there) if not there.all() else 1.0)
+    rest[0], rest[-1] = rest[1], rest[-2]
+    return CleanSpectrum(f, rest, tuple(line for line, _, _ in found))
+
+
+def find_lines(x: ArrayLike, rate_hz: float) -> tuple[Line, ...]:
+    """Lines that stand out of the spectrum around them, strongest first; see :func:`clean_spectrum`."""
+    spectrum = clean_spectrum(x, rate_hz)
+    return () if spectrum is None else spectrum.lines

@@ -94,7 +94,8 @@ class AxisNoise:
     model : NoiseModel
         The same as something to simulate.
     names : tuple of str
-        Parameters in the order of ``covariance``: Q, N, B, K, R as far as they are there, sigma_1, tau_1, ...
+        Parameters in the order of ``covariance``: Q, N, B, K, R as far as they are there, sigma_1, tau_1, ...; V in
+        place of Q is the rest of a vibration, which is in the model's spectrum and not among the terms.
     covariance : ndarray, shape (p, p)
         Covariance of the natural logarithms of the parameters.
     candidates : tuple of Candidate
@@ -122,8 +123,9 @@ class AxisNoise:
     findings: tuple[Finding, ...] = ()
 
     def fitted(self, tau: ArrayLike) -> FloatArray:
-        """Allan deviation of the identified model at averaging times ``tau`` [s]. [x]"""
-        deviation: FloatArray = np.sqrt(self.model.allan_variance(tau))
+        """Allan deviation of samples of the identified model, at ``tau`` [s] rounded to whole samples. [x]"""
+        m = np.maximum(np.round(np.asarray(tau, dtype=np.float64) * self.rate_hz), 1.0).astype(np.int64)
+        deviation: FloatArray = np.sqrt(self.model.discrete_allan_variance(m, 1.0 / self.rate_hz))
         return deviation
 
 

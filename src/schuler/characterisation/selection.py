@@ -1,9 +1,12 @@
 """Which noise terms a curve shows: several models are fitted, and the one that explains it with fewest parameters kept.
 
 The criterion is ``misfit + 4 p``: another parameter must lower the weighted sum of squares by four, which chance does
-about once in twenty cases. A sensor follows no sum of terms exactly; where the best of the models fails its chi-square
-test, a relative departure is added to every averaging time, the smallest one with which it passes, and all models are
-compared with that. It is reported, and the uncertainty of the parameters includes it.
+about once in twenty cases. Models with a parameter that is not even known to a factor of e come last.
+
+A sensor follows no sum of terms exactly. Where the best of the models fails its chi-square test, the shortest averaging
+times, which are a matter of the sensor's filter and of vibration, are left out, as few as possible; where that does not
+help, a relative departure is added to every averaging time, the smallest one with which a model passes. Both are
+reported, and the uncertainty of the parameters includes them.
 """
 
 from __future__ import annotations
@@ -17,11 +20,22 @@ from schuler.characterisation.result import Candidate
 MODELS = (
     "N", "N+B", "N+K", "N+GM", "N+R", "N+B+K", "N+B+R", "N+K+R", "N+K+GM", "N+B+GM", "N+2GM", "N+K+2GM",
 )  # fmt: skip
-_PROBES = ("N", "N+B+K", "N+K+GM", "N+2GM")  # enough to tell what the shortest times and the departure ask for
+_PROBES = (
+    "N",
+    "N+B",
+    "N+K",
+    "N+GM",
+    "N+B+K",
+    "N+K+GM",
+    "N+2GM",
+)  # enough to tell what the shortest times and the departure ask for
+_WITHOUT_N = ("Q", "B+Q", "K+Q")
 _SIMPLE = 4  # so many of the first are tried without filter or quantisation even if richer ones ask for them
 _PRICE = 4.0
-_TYPICAL = 0.05  # departure with which models are compared before the real one is known
-_DEPARTURES = (0.003, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
+_DEPARTURES = (0.0, 0.01, 0.03, 0.1, 0.3)
+# samples of the shortest averaging time, and what is added to every model for the rest of a vibration seen from there
+_STAGES = ((1, ""), (4, ""), (16, ""), (64, ""), (256, ""), (16, "+Q"), (64, "+Q"), (256, "+Q"))
+_FEWEST = 9  # averaging times that must be left
 
 
 @dataclass(frozen=True)
@@ -33,6 +47,8 @@ class Selection:
     fit : Fit
     candidates : tuple of Candidate
         Best first.
+    shortest : int
+        Samples of the shortest averaging time that was used.
     departure : float
         Relative 1-sigma by which the Allan variance departs from every model tried.
     fits : bool
@@ -41,6 +57,7 @@ class Selection:
 
     fit: Fit
     candidates: tuple[Candidate, ...]
+    shortest: int
     departure: float
     fits: bool
 
@@ -75,28 +92,42 @@ def select(
     """
     given = models is not None
     tried = tuple(models) if models is not None else default
-    first = tried if given else tuple(p for extra in ("", "+F", "+Q") for p in _with(extra, probes))
-    departure = 0.0
-    fits = _fitted(data, first, weights, departure)
-    if not any(_passes(found) for found in fits.values()):
-        fits = _fitted(data, first, weights, _TYPICAL)
-        extra = _best_extra(fits)
-        kept = tuple(p for p in first if given or p in _with(extra, probes))
-        for departure in _DEPARTURES:
-            fits = _fitted(data, kept, weights, departure)
-            if any(_passes(found) for found in fits.values()):
-                break
+    part, fits, departure = _first_that_pass(data, tried if given else probes, given, weights)
     if not given:
         extra = _best_extra(fits)
         more = _with(extra, tried) + (tried[:_SIMPLE] if extra else ())
-        fits |= _fitted(data, tuple(m for m in more if m not in fits), weights, departure)
+        fits |= _fitted(part, tuple(m for m in more if m not in fits), weights, departure)
     if not fits:
         raise NoFitError(f"none of the models {', '.join(tried)} can be fitted to this curve")
-    order = sorted(fits, key=lambda name: _criterion(fits[name]))
+    order = sorted(fits, key=lambda name: (not _seen(fits[name]), _criterion(fits[name])))
     candidates = tuple(
         Candidate(" + ".join(parse_terms(n)), fits[n].misfit, fits[n].freedom, _criterion(fits[n])) for n in order
     )
-    return Selection(fits[order[0]], candidates, departure, _passes(fits[order[0]]))
+    return Selection(fits[order[0]], candidates, int(part.m[0]), departure, _passes(fits[order[0]]))
+
+
+def _first_that_pass(
+    data: Moments, models: tuple[str, ...], given: bool, weights: Weights
+) -> tuple[Moments, dict[str, Fit], float]:
+    """Least departure, then fewest averaging times left out, with which one of the models passes."""
+    fits: dict[str, Fit] = {}
+    part = data
+    for departure in _DEPARTURES:
+        for cut, extra in _STAGES:
+            keep = data.m >= cut
+            if cut > 1 and ((given and extra) or keep.sum() < _FEWEST):
+                continue
+            part = Moments(data.m[keep], data.variance[keep], data.dt, data.lengths)
+            these = _with(extra, models)
+            if cut == 1 and not given:
+                # the filter of a sensor shows at the first few samples only, rounding may hide white noise
+                these += _with("+F", models) + _with("+Q", models) + _WITHOUT_N
+            fits = _fitted(part, these, weights, departure)
+            # what has been doctored must agree better than a log taken as it is
+            level = 0.999 if cut == 1 and departure == 0.0 else 0.99
+            if any(_passes(found, level) for found in fits.values()):
+                return part, fits, departure
+    return part, fits, departure
 
 
 def _with(extra: str, models: tuple[str, ...]) -> tuple[str, ...]:
@@ -119,11 +150,16 @@ def _fitted(data: Moments, models: tuple[str, ...], weights: Weights, departure:
     return found
 
 
+def _seen(found: Fit) -> bool:
+    """Whether every parameter is known to a factor of e (1 sigma)."""
+    return bool(found.sigma.max() < 1.0)
+
+
 def _criterion(found: Fit) -> float:
     return found.misfit + _PRICE * len(found.names)
 
 
-def _passes(found: Fit) -> bool:
+def _passes(found: Fit, level: float = 0.999) -> bool:
     from scipy.stats import chi2
 
-    return bool(found.freedom > 0 and found.misfit < chi2.ppf(0.999, found.freedom))
+    return bool(found.freedom > 0 and found.misfit < chi2.ppf(level, found.freedom))

@@ -6,6 +6,7 @@ from schuler.sensors.grades import GradeVerdict, grade
 from schuler.sensors.initial_errors import InitialErrors
 from schuler.sensors.noise import (
     AutoRegressive,
+    Coloured,
     Flicker,
     GaussMarkov,
     GaussMarkov2,
@@ -34,6 +35,7 @@ __all__ = [
     "AccelerometerTriad",
     "ApplyReport",
     "AutoRegressive",
+    "Coloured",
     "Flicker",
     "GaussMarkov",
     "GaussMarkov2",

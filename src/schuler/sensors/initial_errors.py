@@ -27,7 +27,8 @@ class InitialErrors:
     -----
     Flenniken's errors have the other sign, actual = assumed + error, and other axes: see :meth:`from_flenniken`. His
     Table 6.2 prints degrees for positions and metres for angles, and (6.17), (6.18) exchange east and up, since body y
-    is up and z is east: ``rho_U = i_yy``, ``rho_E = i_zz``.
+    is up and z is east: ``rho_U = i_yy``, ``rho_E = i_zz``. The signs of the projections (6.19)-(6.21) hang on a
+    figure; here his angles turn as his rotations (5.34)-(5.36) do, right-handed about forward, up and right.
 
     References
     ----------

@@ -9,6 +9,7 @@ negative and positive f and integrates to the variance over both.
 from schuler.sensors.noise._checks import Shape, Start
 from schuler.sensors.noise.autoregressive import AutoRegressive
 from schuler.sensors.noise.budget import noise_model
+from schuler.sensors.noise.coloured import Coloured
 from schuler.sensors.noise.drawn_once import Ramp, RandomConstant, Sinusoid
 from schuler.sensors.noise.flicker import Flicker, flicker
 from schuler.sensors.noise.generators import gauss_markov, quantise, quantise_increments, random_walk, white
@@ -19,6 +20,7 @@ from schuler.sensors.noise.terms import Quantisation, RandomWalk, White
 
 __all__ = [
     "AutoRegressive",
+    "Coloured",
     "Flicker",
     "GaussMarkov",
     "GaussMarkov2",

@@ -38,6 +38,34 @@ def counts(m: ArrayLike) -> FloatArray:
     return out
 
 
+def times(tau: ArrayLike, name: str = "tau") -> FloatArray:
+    """Averaging times."""
+    out = array(tau)
+    if not ((out > 0.0) & (out < np.inf)).all():
+        raise InputError(f"{name}: expected positive finite times in seconds, got {tau!r}")
+    return out
+
+
+def frequencies(f: ArrayLike) -> FloatArray:
+    out = array(f)
+    if not np.isfinite(out).all():
+        raise InputError(f"f: expected finite frequencies in Hz, got {f!r}")
+    return out
+
+
+def over(power: float, x: FloatArray) -> FloatArray:
+    """``power / x``: infinite where x is zero, but zero everywhere for no power at all, where 0/0 would be NaN."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(power / x) if power else np.zeros_like(x)
+
+
+def since_start(t: ArrayLike) -> FloatArray:
+    out = array(t)
+    if not ((out >= 0.0) & (out < np.inf)).all():
+        raise InputError(f"t: expected finite times in seconds since the start, not negative, got {t!r}")
+    return out
+
+
 def positive(value: float, name: str) -> float:
     if not (np.ndim(value) == 0 and isfinite(value) and value > 0.0):
         raise InputError(f"{name}: expected one positive finite number, got {value!r}")

@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.exceptions import InputError
-from schuler.sensors.noise._checks import Shape, array, magnitude, positive, shape_of
+from schuler.sensors.noise._checks import Shape, array, frequencies, magnitude, positive, shape_of, times
 from schuler.sensors.noise.process import Process
 from schuler.sensors.noise.state_space import SampledStateSpace, StateSpace
 
@@ -100,7 +100,7 @@ class AutoRegressive(Process):
         InputError
             If an averaging time is none.
         """
-        return self.sampled(1.0 / self.rate_hz).allan_variance(self._whole(array(tau), "tau"))
+        return self.sampled(1.0 / self.rate_hz).allan_variance(self._whole(times(tau), "tau"))
 
     def psd(self, f: ArrayLike) -> FloatArray:
         """``sigma_w^2 dt / |1 - sum a_k exp(-2 pi j f k dt)|^2`` up to half the rate. [x^2/Hz]
@@ -110,7 +110,7 @@ class AutoRegressive(Process):
         InputError
             If a frequency is above half the rate.
         """
-        f = array(f)
+        f = frequencies(f)
         if (np.abs(f) > 0.5 * self.rate_hz * (1.0 + 1e-12)).any():
             raise InputError(
                 f"f: expected at most {0.5 * self.rate_hz:g} Hz, half the rate at which the process is defined, got "
@@ -122,7 +122,7 @@ class AutoRegressive(Process):
         """The same, periodic in the rate. [x^2/Hz]"""
         self._check(dt)
         k = np.arange(1, len(self.coefficients) + 1)
-        response = 1.0 - np.exp(-2j * np.pi * np.multiply.outer(array(f) * dt, k)) @ np.array(self.coefficients)
+        response = 1.0 - np.exp(-2j * np.pi * np.multiply.outer(frequencies(f) * dt, k)) @ np.array(self.coefficients)
         return np.asarray(self.sigma_w**2 * dt / np.abs(response) ** 2)
 
     def state_space(self) -> StateSpace:

@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
-from schuler.sensors.noise._checks import Shape, array, counts, magnitude, positive, shape_of
+from schuler.sensors.noise._checks import Shape, array, counts, frequencies, magnitude, over, positive, shape_of, times
 from schuler.sensors.noise.process import Process
 from schuler.sensors.noise.state_space import StateSpace
 
@@ -36,7 +36,7 @@ class RandomConstant(Process):
 
     def allan_variance(self, tau: ArrayLike) -> FloatArray:
         """Zero: differences do not see a constant. [x^2]"""
-        return np.zeros_like(array(tau))
+        return np.zeros_like(times(tau))
 
     def discrete_allan_variance(self, m: ArrayLike, dt: float) -> FloatArray:
         """Zero. [x^2]"""
@@ -48,7 +48,7 @@ class RandomConstant(Process):
 
     def discrete_psd(self, f: ArrayLike, dt: float) -> FloatArray:
         """The same, and at multiples of the rate. [x^2/Hz]"""
-        return _line(np.remainder(array(f), 1.0 / positive(dt, "dt")), 0.0, self.sigma)
+        return _line(np.remainder(frequencies(f), 1.0 / positive(dt, "dt")), 0.0, self.sigma)
 
     def state_space(self) -> StateSpace:
         """One state without a drive."""
@@ -83,12 +83,11 @@ class Ramp(Process):
 
     def allan_variance(self, tau: ArrayLike) -> FloatArray:
         """``R^2 tau^2 / 2``, in the mean over slopes. [x^2]"""
-        return 0.5 * (self.R * array(tau)) ** 2
+        return 0.5 * (self.R * times(tau)) ** 2
 
     def psd(self, f: ArrayLike) -> FloatArray:
         """``R^2 / (2 pi f)^3``, the apparent density that IEEE Std 952 assigns to a ramp. [x^2/Hz]"""
-        with np.errstate(divide="ignore"):
-            return np.asarray(self.R**2 / (2.0 * pi * np.abs(array(f))) ** 3)
+        return over(self.R**2, (2.0 * pi * np.abs(frequencies(f))) ** 3)
 
     def discrete_allan_variance(self, m: ArrayLike, dt: float) -> FloatArray:
         """``R^2 (m dt)^2 / 2``, the same. [x^2]"""
@@ -141,7 +140,7 @@ class Sinusoid(Process):
 
     def allan_variance(self, tau: ArrayLike) -> FloatArray:
         """``(A sin^2(pi f tau) / (pi f tau))^2``, IEEE Std 952, annex C. [x^2]"""
-        u = pi * self.frequency * array(tau)
+        u = pi * self.frequency * times(tau)
         return np.asarray((self.amplitude * np.sin(u) ** 2 / u) ** 2)
 
     def discrete_allan_variance(self, m: ArrayLike, dt: float) -> FloatArray:
@@ -161,7 +160,7 @@ class Sinusoid(Process):
         """Lines at the frequency and its aliases. [x^2/Hz]"""
         rate = 1.0 / positive(dt, "dt")
         first = np.remainder(self.frequency, rate)
-        f = np.remainder(array(f), rate)
+        f = np.remainder(frequencies(f), rate)
         return np.maximum(_line(f, first, self.amplitude), _line(f, np.remainder(-first, rate), self.amplitude))
 
     def state_space(self) -> StateSpace:
@@ -172,4 +171,4 @@ class Sinusoid(Process):
 
 
 def _line(f: ArrayLike, at: float, size: float) -> FloatArray:
-    return np.where((np.abs(array(f)) == at) & (size > 0.0), np.inf, 0.0)
+    return np.where((np.abs(frequencies(f)) == at) & (size > 0.0), np.inf, 0.0)

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, log, log10, pi, sqrt
+from math import floor, log, log10, pi, sqrt
 
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
 from schuler.exceptions import InputError
-from schuler.sensors.noise._checks import Shape, array, counts, magnitude, positive, shape_of
+from schuler.sensors.noise._checks import Shape, counts, frequencies, magnitude, over, positive, shape_of, times
 from schuler.sensors.noise.markov import GaussMarkov
 from schuler.sensors.noise.process import NoiseModel, Process
 from schuler.sensors.noise.state_space import StateSpace
 
 # Correlation times of the samples' processes: from 0.72 sampling intervals, where what point sampling adds and what the
-# missing shorter times lack cancel best, in steps of sqrt(10), to three times the record.
-_FIRST, _STEP, _RECORDS = 0.72, sqrt(10.0), 3.0
+# missing shorter times lack cancel best, in steps of sqrt(10), to five times the record, where the mean of a record has
+# the standard deviation B.
+_FIRST, _STEP, _RECORDS = 0.72, sqrt(10.0), 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +41,10 @@ class Flicker(Process):
     Allan variance and density are those of ideal 1/f noise, which has no finite variance. Samples and states are sums
     of Gauss-Markov processes:
 
-    - :meth:`sample` takes two per decade from 0.72 dt to three times the record, so that the band follows the rate and
+    - :meth:`sample` takes two per decade from 0.72 dt to five times the record, so that the band follows the rate and
       the duration. The Allan deviation of the samples is 4 % above 0.664 B at one sample and within 2 % from two to
-      half the record, the density within 4 % below a twentieth of the rate and within 14 % up to half of it.
+      half the record, the density within 4 % below a twentieth of the rate and within 14 % up to half of it. The mean
+      of the record, and with it the drift, does not depend on the rate: its standard deviation is B, within 1 %.
     - :meth:`state_space`, and with it ``sampled``, is that of :func:`flicker`, one process per decade from 1 s to
       10^4 s: few states, within 3 % from 10 s to 4000 s.
 
@@ -64,12 +66,24 @@ class Flicker(Process):
             raise InputError(f"longest: expected more than shortest = {self.shortest} s, got {self.longest} s")
 
     def approximation(self, n: int, dt: float) -> NoiseModel:
-        """The Gauss-Markov processes of which a record of ``n`` samples every ``dt`` [s] is made."""
-        shortest = self.shortest or _FIRST * positive(dt, "dt")
+        """The Gauss-Markov processes of which a record of ``n`` samples every ``dt`` [s] is made.
+
+        Each stands for the correlation times within half a step around its own. The last has what is left of a step, so
+        that the band ends where it shall for every rate and duration.
+        """
+        dt = positive(dt, "dt")
+        shortest = self.shortest or _FIRST * dt
         longest = self.longest or _RECORDS * max(n, 1) * dt
-        steps = max(0, ceil(log(longest / shortest) / log(_STEP)))
+        steps = max(1.0, 1.0 + log(longest / shortest) / log(_STEP))
+        whole = floor(steps + 1e-9)
+        sizes = [1.0] * whole + ([steps - whole] if steps - whole > 1e-9 else [])
         sigma = self.B * sqrt(log(_STEP) / pi)
-        return NoiseModel(tuple(GaussMarkov(sigma, shortest * _STEP**k) for k in range(steps + 1)))
+        return NoiseModel(
+            tuple(
+                GaussMarkov(sigma * sqrt(size), shortest * _STEP ** (k + 0.5 * (size - 1.0)))
+                for k, size in enumerate(sizes)
+            )
+        )
 
     def sample(self, n: Shape, dt: float, rng: np.random.Generator) -> FloatArray:
         """Sum of the processes of :meth:`approximation`; its mean wanders as far as the record is long. [x]"""
@@ -78,7 +92,7 @@ class Flicker(Process):
 
     def allan_variance(self, tau: ArrayLike) -> FloatArray:
         """``2 ln 2 / pi B^2`` at every averaging time. [x^2]"""
-        return np.full_like(array(tau), 2.0 * log(2.0) / pi * self.B**2)
+        return np.full_like(times(tau), 2.0 * log(2.0) / pi * self.B**2)
 
     def discrete_allan_variance(self, m: ArrayLike, dt: float) -> FloatArray:
         """The same: ideal samples are means over the interval. See the class on how near :meth:`sample` is. [x^2]"""
@@ -86,8 +100,7 @@ class Flicker(Process):
 
     def psd(self, f: ArrayLike) -> FloatArray:
         """``B^2 / (2 pi |f|)``. [x^2/Hz]"""
-        with np.errstate(divide="ignore"):
-            return np.asarray(self.B**2 / (2.0 * pi * np.abs(array(f))))
+        return over(self.B**2, 2.0 * pi * np.abs(frequencies(f)))
 
     def discrete_psd(self, f: ArrayLike, dt: float) -> FloatArray:
         """The same, without aliases. [x^2/Hz]"""

@@ -9,7 +9,17 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
 from schuler.exceptions import InputError
-from schuler.sensors.noise._checks import Shape, Start, array, counts, magnitude, positive
+from schuler.sensors.noise._checks import (
+    Shape,
+    Start,
+    array,
+    counts,
+    frequencies,
+    magnitude,
+    positive,
+    since_start,
+    times,
+)
 from schuler.sensors.noise.generators import gauss_markov
 from schuler.sensors.noise.process import Process
 from schuler.sensors.noise.state_space import StateSpace
@@ -44,7 +54,7 @@ class GaussMarkov(Process):
 
     def variance(self, t: ArrayLike) -> FloatArray:
         """``sigma^2``, or ``sigma^2 (1 - exp(-2 t / tau))`` at ``t`` [s] after a zero start. [x^2]"""
-        t = array(t)
+        t = since_start(t)
         return self.sigma**2 * (np.ones_like(t) if self.start == "stationary" else -np.expm1(-2.0 * t / self.tau))
 
     def autocovariance(self, lag: ArrayLike) -> FloatArray:
@@ -69,7 +79,7 @@ class GaussMarkov(Process):
         ----------
         Flenniken (2005), appendix A; IEEE Std 952, annex C (exponentially correlated noise).
         """
-        x = array(tau) / self.tau
+        x = times(tau) / self.tau
         return self.sigma**2 * _continuous(x)
 
     def discrete_allan_variance(self, m: ArrayLike, dt: float) -> FloatArray:
@@ -86,20 +96,20 @@ class GaussMarkov(Process):
         -----
         With ``h = dt / tau_c``, ``u = 1 - exp(-m h)``: ``sigma^2 (2 m sinh h - 2 u - u^2) / (2 m sinh(h / 2))^2``; at
         m = 1 it is ``sigma^2 (1 - exp(-h))``, whose root is 22 % above that of the continuous formula for small h, and
-        less than 2 % above from m = 4. Summed as the continuous formula plus what ``sinh h`` exceeds h by, which keeps
-        its digits for small h.
+        less than 2 % above from m = 4. Summed as the continuous formula plus what ``sinh h`` exceeds h by, both over
+        h^2, which keeps its digits for any small h.
         """
         m, h = counts(m), positive(dt, "dt") / self.tau
         x = m * h
         if h > 1.0:
             e, u = exp(-h), -np.expm1(-x)
             return np.asarray(self.sigma**2 * (m * (1.0 + e) / (1.0 - e) - e * u * (2.0 + u) / (1.0 - e) ** 2) / m**2)
-        excess = sum(h**k / factorial(k) for k in range(3, 20, 2))  # sinh(h) - h
-        return np.asarray(self.sigma**2 * (x**2 * _continuous(x) + 2.0 * m * excess) / (2.0 * m * sinh(0.5 * h)) ** 2)
+        excess = sum(h ** (k - 2) / factorial(k) for k in range(3, 20, 2))  # (sinh(h) - h) / h^2
+        return np.asarray(self.sigma**2 * (_continuous(x) + 2.0 * excess / m) / (2.0 * sinh(0.5 * h) / h) ** 2)
 
     def psd(self, f: ArrayLike) -> FloatArray:
         """``2 sigma^2 tau / (1 + (2 pi f tau)^2)``. [x^2/Hz]"""
-        return 2.0 * self.sigma**2 * self.tau / (1.0 + (2.0 * pi * array(f) * self.tau) ** 2)
+        return 2.0 * self.sigma**2 * self.tau / (1.0 + (2.0 * pi * frequencies(f) * self.tau) ** 2)
 
     def discrete_psd(self, f: ArrayLike, dt: float) -> FloatArray:
         """``sigma^2 dt (1 - e^2) / (1 - 2 e cos(2 pi f dt) + e^2)``, ``e = exp(-dt / tau)``. [x^2/Hz]"""
@@ -107,7 +117,7 @@ class GaussMarkov(Process):
         e = exp(-h)
         # (1 - e)^2 + 4 e sin^2: the same without the cancellation
         return np.asarray(
-            -(self.sigma**2) * dt * expm1(-2.0 * h) / (expm1(-h) ** 2 + 4.0 * e * np.sin(pi * array(f) * dt) ** 2)
+            -(self.sigma**2) * dt * expm1(-2.0 * h) / (expm1(-h) ** 2 + 4.0 * e * np.sin(pi * frequencies(f) * dt) ** 2)
         )
 
     def state_space(self) -> StateSpace:
@@ -179,7 +189,7 @@ class GaussMarkov2(Process):
 
     def psd(self, f: ArrayLike) -> FloatArray:
         """``4 zeta omega_0^3 sigma^2 / ((omega_0^2 - w^2)^2 + (2 zeta omega_0 w)^2)``, ``w = 2 pi f``. [x^2/Hz]"""
-        w = 2.0 * pi * array(f) / self.omega_0
+        w = 2.0 * pi * frequencies(f) / self.omega_0
         return 4.0 * self.zeta * self.sigma**2 / self.omega_0 / ((1.0 - w**2) ** 2 + (2.0 * self.zeta * w) ** 2)
 
     def state_space(self) -> StateSpace:
@@ -192,7 +202,9 @@ class GaussMarkov2(Process):
 
 def _continuous(x: FloatArray) -> FloatArray:
     """Allan variance of a first-order process of unit variance over x correlation times."""
-    series = sum(((-1) ** k * (4 - 2**k) / factorial(k) * x ** (k - 2) for k in range(3, 13)), np.zeros_like(x))
+    small = np.minimum(x, 0.1)  # powers of a large x would overflow
+    series = sum(((-1) ** k * (4 - 2**k) / factorial(k) * small ** (k - 2) for k in range(3, 13)), np.zeros_like(x))
     u = -np.expm1(-x)
-    closed = (2.0 * x - 2.0 * u - u * u) / np.maximum(x, 0.1) ** 2
+    large = np.maximum(x, 0.1)
+    closed = (2.0 * x - 2.0 * u - u * u) / large / large
     return np.asarray(np.where(x < 0.1, series, closed))

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
-from schuler.sensors.noise._checks import Shape, array, positive, shape_of
+from schuler.exceptions import InputError
+from schuler.sensors.noise._checks import Shape, counts, frequencies, positive, shape_of, times
 from schuler.sensors.noise.state_space import SampledStateSpace, StateSpace
 
 if TYPE_CHECKING:
@@ -47,7 +48,8 @@ class Process(ABC):
         Raises
         ------
         InputError
-            If there is none in continuous time (:class:`AutoRegressive`); :meth:`sampled` always works.
+            If there is none in continuous time: an :class:`AutoRegressive` process has only :meth:`sampled`, a
+            :class:`Coloured` one neither.
         """
 
     def sampled(self, dt: float) -> SampledStateSpace:
@@ -97,11 +99,19 @@ class NoiseModel(Process):
     ----------
     terms : tuple of Process
         Nested sums are flattened.
+
+    Raises
+    ------
+    InputError
+        If a term is none.
     """
 
     terms: tuple[Process, ...] = ()
 
     def __post_init__(self) -> None:
+        for term in self.terms:
+            if not isinstance(term, Process):
+                raise InputError(f"terms: expected noise processes such as White(N), got {term!r}")
         flat = tuple(t for term in self.terms for t in terms_of(term))
         object.__setattr__(self, "terms", flat)
 
@@ -111,18 +121,19 @@ class NoiseModel(Process):
         Each term draws from its own child of ``rng``, so a change in one leaves the others as they were.
         """
         total = np.zeros(shape_of(n))
+        positive(dt, "dt")
         for term, child in zip(self.terms, rng.spawn(len(self.terms)), strict=True):
             total += term.sample(n, dt, child)
         return total
 
     def allan_variance(self, tau: ArrayLike) -> FloatArray:
         """Sum over the terms. [x^2]"""
-        tau = array(tau)
+        tau = times(tau)
         return sum((term.allan_variance(tau) for term in self.terms), np.zeros_like(tau))
 
     def psd(self, f: ArrayLike) -> FloatArray:
         """Sum over the terms. [x^2/Hz]"""
-        f = array(f)
+        f = frequencies(f)
         return sum((term.psd(f) for term in self.terms), np.zeros_like(f))
 
     def state_space(self) -> StateSpace:
@@ -135,11 +146,11 @@ class NoiseModel(Process):
 
     def discrete_allan_variance(self, m: ArrayLike, dt: float) -> FloatArray:
         """Sum over the terms. [x^2]"""
-        return sum((term.discrete_allan_variance(m, dt) for term in self.terms), np.zeros(np.shape(m)))
+        return sum((term.discrete_allan_variance(m, dt) for term in self.terms), np.zeros_like(counts(m)))
 
     def discrete_psd(self, f: ArrayLike, dt: float) -> FloatArray:
         """Sum over the terms. [x^2/Hz]"""
-        return sum((term.discrete_psd(f, dt) for term in self.terms), np.zeros(np.shape(f)))
+        return sum((term.discrete_psd(f, dt) for term in self.terms), np.zeros_like(frequencies(f)))
 
     @property
     def white(self) -> White:

@@ -13,7 +13,7 @@ from math import pi
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats, readonly
-from schuler.sensors.noise._checks import Shape, array, count, magnitude, positive, shape_of
+from schuler.sensors.noise._checks import Shape, count, frequencies, magnitude, positive, shape_of, times
 from schuler.sensors.noise._linear import cluster_variance, density, diagonal, discretised, repeated, root
 
 
@@ -101,7 +101,7 @@ class StateSpace:
 
         Rounding counts as ``3 Q^2 / tau^2``: the ends of the clusters are samples.
         """
-        tau = array(tau)
+        tau = times(tau)
         out = np.empty(tau.shape)
         k = len(self.H)
         F = np.zeros((k + 1, k + 1))
@@ -109,7 +109,7 @@ class StateSpace:
         Q = np.zeros_like(F)
         Q[:k, :k] = self.Q
         for i, value in np.ndenumerate(tau):
-            T = positive(value, "tau")
+            T = float(value)
             v = cluster_variance(*discretised(F, Q, T), self.P0)
             out[i] = 0.5 * v / T**2 + self.white / T + 3.0 * self.rounding / T**2
         return out
@@ -119,7 +119,7 @@ class StateSpace:
 
         Rounding is left out, since its density depends on the sampling interval: see :meth:`SampledStateSpace.psd`.
         """
-        return density(2j * pi * array(f), self.F, self.Q, self.H) + self.white
+        return density(2j * pi * frequencies(f), self.F, self.Q, self.H) + self.white
 
     @classmethod
     def sum(cls, parts: Sequence[StateSpace]) -> StateSpace:
@@ -233,7 +233,7 @@ class SampledStateSpace:
 
         Its mean over one period, times the rate, is the variance; aliases are therefore folded in.
         """
-        z = np.exp(2j * pi * array(f) * self.dt)
+        z = np.exp(2j * pi * frequencies(f) * self.dt)
         return self.dt * (density(z, self.Phi, self.Qd, self.H) + self.R)
 
     @classmethod

@@ -9,7 +9,17 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
 from schuler.exceptions import InputError
-from schuler.sensors.noise._checks import Shape, array, counts, magnitude, positive, shape_of
+from schuler.sensors.noise._checks import (
+    Shape,
+    counts,
+    frequencies,
+    magnitude,
+    over,
+    positive,
+    shape_of,
+    since_start,
+    times,
+)
 from schuler.sensors.noise.generators import random_walk, white
 from schuler.sensors.noise.process import Process
 from schuler.sensors.noise.state_space import StateSpace
@@ -38,15 +48,15 @@ class White(Process):
 
     def variance(self, dt: float) -> float:
         """Variance of a sample that is the mean over ``dt`` [s]. [x^2]"""
-        return self.N**2 / dt
+        return self.N**2 / positive(dt, "dt")
 
     def allan_variance(self, tau: ArrayLike) -> FloatArray:
         """``N^2 / tau``. [x^2]"""
-        return self.N**2 / array(tau)
+        return self.N**2 / times(tau)
 
     def psd(self, f: ArrayLike) -> FloatArray:
         """``N^2`` at every frequency. [x^2/Hz]"""
-        return np.full_like(array(f), self.N**2)
+        return np.full_like(frequencies(f), self.N**2)
 
     def state_space(self) -> StateSpace:
         """No state, density ``N^2`` straight to the output."""
@@ -87,11 +97,11 @@ class Quantisation(Process):
 
     def variance(self, dt: float) -> float:
         """``2 Q^2 / dt^2``, of a sample that is the mean over ``dt`` [s]. [x^2]"""
-        return 2.0 * (self.Q / dt) ** 2
+        return 2.0 * (self.Q / positive(dt, "dt")) ** 2
 
     def allan_variance(self, tau: ArrayLike) -> FloatArray:
         """``3 Q^2 / tau^2``. [x^2]"""
-        return 3.0 * (self.Q / array(tau)) ** 2
+        return 3.0 * (self.Q / times(tau)) ** 2
 
     def discrete_allan_variance(self, m: ArrayLike, dt: float) -> FloatArray:
         """``3 Q^2 / (m dt)^2``, the same. [x^2]"""
@@ -114,7 +124,7 @@ class Quantisation(Process):
     def discrete_psd(self, f: ArrayLike, dt: float) -> FloatArray:
         """``4 Q^2 sin^2(pi f dt) / dt``. [x^2/Hz]"""
         dt = positive(dt, "dt")
-        return 4.0 * self.Q**2 * np.sin(pi * array(f) * dt) ** 2 / dt
+        return 4.0 * self.Q**2 * np.sin(pi * frequencies(f) * dt) ** 2 / dt
 
     def state_space(self) -> StateSpace:
         """No state; the delay of one sample appears in :meth:`Process.sampled`."""
@@ -142,16 +152,15 @@ class RandomWalk(Process):
 
     def variance(self, t: ArrayLike) -> FloatArray:
         """``K^2 t`` at times ``t`` [s] after the start. [x^2]"""
-        return self.K**2 * array(t)
+        return self.K**2 * since_start(t)
 
     def allan_variance(self, tau: ArrayLike) -> FloatArray:
         """``K^2 tau / 3``. [x^2]"""
-        return self.K**2 * array(tau) / 3.0
+        return self.K**2 * times(tau) / 3.0
 
     def psd(self, f: ArrayLike) -> FloatArray:
         """``K^2 / (2 pi f)^2``, of the increments over any finite time. [x^2/Hz]"""
-        with np.errstate(divide="ignore"):
-            return (self.K / (2.0 * pi * array(f))) ** 2
+        return over(self.K**2, (2.0 * pi * frequencies(f)) ** 2)
 
     def discrete_allan_variance(self, m: ArrayLike, dt: float) -> FloatArray:
         """``K^2 dt (2 m^2 + 1) / (6 m)``: half as much again as the continuous formula at m = 1. [x^2]"""
@@ -161,8 +170,7 @@ class RandomWalk(Process):
     def discrete_psd(self, f: ArrayLike, dt: float) -> FloatArray:
         """``K^2 dt^2 / (4 sin^2(pi f dt))``. [x^2/Hz]"""
         dt = positive(dt, "dt")
-        with np.errstate(divide="ignore"):
-            return (0.5 * self.K * dt / np.sin(pi * array(f) * dt)) ** 2
+        return over((0.5 * self.K * dt) ** 2, np.sin(pi * frequencies(f) * dt) ** 2)
 
     def state_space(self) -> StateSpace:
         """One state, known to be zero at the first sample."""

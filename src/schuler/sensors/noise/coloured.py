@@ -1,0 +1,160 @@
+"""Noise of any spectrum, as measured in a log at its own rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+
+from schuler.arrays import ArrayLike, FloatArray, as_floats, readonly
+from schuler.exceptions import InputError
+from schuler.sensors.noise._checks import Shape, array, positive, shape_of
+from schuler.sensors.noise.process import Process
+from schuler.sensors.noise.state_space import SampledStateSpace, StateSpace
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Coloured(Process):
+    """Stationary Gaussian noise of a tabulated density: what a sensor's filter and vibration make of white noise.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (k,)
+        Increasing from zero to half the rate. [Hz]
+    density : ndarray, shape (k,)
+        Two-sided, linear between the frequencies. [x^2/Hz]
+    rate_hz : float
+        The one rate at which the process is defined. [Hz]
+
+    Raises
+    ------
+    InputError
+        If lengths differ, frequencies are others or a density is negative.
+
+    Notes
+    -----
+    For simulation and for comparison with a log. A filter needs finitely many states: give it the terms that hold at
+    longer times, white noise N first of all.
+    """
+
+    frequency: FloatArray
+    density: FloatArray
+    rate_hz: float
+
+    def __post_init__(self) -> None:
+        f = as_floats(self.frequency, "frequency", (None,))
+        S = as_floats(self.density, "density", (len(f),))
+        half = 0.5 * positive(self.rate_hz, "rate_hz")
+        if len(f) < 2 or f[0] != 0.0 or not (np.diff(f) > 0.0).all() or abs(f[-1] / half - 1.0) > 1e-9:
+            raise InputError(f"frequency: expected increasing numbers from 0 to half the rate, {half:g} Hz, got {f}")
+        if (S < 0.0).any():
+            raise InputError(f"density: expected no negative numbers, got {S.min():g}")
+        object.__setattr__(self, "frequency", readonly(f.copy()))
+        object.__setattr__(self, "density", readonly(S.copy()))
+
+    def sample(self, n: Shape, dt: float, rng: np.random.Generator) -> FloatArray:
+        """A piece of a periodic series of twice the length or more, drawn in the frequency domain. [x]
+
+        Raises
+        ------
+        InputError
+            If ``dt`` is not ``1 / rate_hz``.
+        """
+        from scipy.fft import irfft, next_fast_len, rfftfreq
+
+        self._check(dt)
+        shape = shape_of(n)
+        # long enough for the covariance to have decayed, or a short series would not have the variance
+        decayed = int(2.0 * self.rate_hz / np.diff(self.frequency).min())
+        length = next_fast_len(max(2 * shape[0], decayed), real=True)
+        f = rfftfreq(length, dt)
+        amplitude = np.sqrt(0.5 * length / dt * self.psd(f))
+        amplitude[0] *= np.sqrt(2.0)  # real, with all of the power
+        if length % 2 == 0:
+            amplitude[-1] *= np.sqrt(2.0)
+        rest = shape[1:]
+        z = rng.standard_normal((2, len(f), *rest))
+        z[1, 0] = 0.0
+        if length % 2 == 0:
+            z[1, -1] = 0.0
+        spectrum = amplitude.reshape(-1, *[1] * len(rest)) * (z[0] + 1j * z[1])
+        return np.asarray(irfft(spectrum, length, axis=0)[: shape[0]])
+
+    def autocovariance(self, lag: ArrayLike) -> FloatArray:
+        """Covariance at lags that are whole numbers of samples, given in seconds. [x^2]"""
+        k = np.round(np.abs(array(lag)) * self.rate_hz).astype(np.int64)
+        r = self._covariance()
+        return np.where(k < len(r), r[np.minimum(k, len(r) - 1)], 0.0)
+
+    def allan_variance(self, tau: ArrayLike) -> FloatArray:
+        """Allan variance of the series at averaging times of one sample or more. [x^2]
+
+        With V(m) the variance of a sum of m samples, ``(4 V(m) - V(2 m)) / (2 m^2)``; linear between whole m.
+        """
+        m = np.maximum(array(tau) * self.rate_hz, 1.0)
+        r = self._covariance()
+        once = np.cumsum(np.concatenate(([r[0]], 2.0 * r[1:])))
+        twice = np.cumsum(2.0 * np.arange(len(r)) * r)
+
+        def V(m: FloatArray) -> FloatArray:
+            k = np.minimum(np.maximum(np.ceil(m - 1e-6).astype(np.int64) - 1, 0), len(r) - 1)
+            return np.asarray(m * once[k] - twice[k])
+
+        return np.asarray((4.0 * V(m) - V(2.0 * m)) / (2.0 * m**2))
+
+    def discrete_allan_variance(self, m: ArrayLike, dt: float) -> FloatArray:
+        """The same at m samples. [x^2]"""
+        self._check(dt)
+        return self.allan_variance(array(m) * dt)
+
+    def psd(self, f: ArrayLike) -> FloatArray:
+        """The density, zero above half the rate. [x^2/Hz]"""
+        return np.interp(np.abs(array(f)), self.frequency, self.density, right=0.0)
+
+    def discrete_psd(self, f: ArrayLike, dt: float) -> FloatArray:
+        """The same, periodic in the rate. [x^2/Hz]"""
+        self._check(dt)
+        f = np.abs(array(f)) % self.rate_hz
+        return np.interp(np.minimum(f, self.rate_hz - f), self.frequency, self.density)
+
+    def state_space(self) -> StateSpace:
+        """Refused: a tabulated density has no finite number of states.
+
+        Raises
+        ------
+        InputError
+            Always.
+        """
+        raise InputError(
+            "a Coloured process has no finite state space; give a filter the terms that hold at longer times "
+            "(White(N), ...), or fit an AutoRegressive process"
+        )
+
+    def sampled(self, dt: float) -> SampledStateSpace:
+        """Refused, as :meth:`state_space`.
+
+        Raises
+        ------
+        InputError
+            Always.
+        """
+        raise InputError(
+            "a Coloured process has no finite state space; give a filter the terms that hold at longer times "
+            "(White(N), ...), or fit an AutoRegressive process"
+        )
+
+    def _covariance(self) -> FloatArray:
+        """Autocovariance up to where lines between the frequencies have let it decay."""
+        narrow = float(np.diff(self.frequency).min())
+        length = 2 * int(np.ceil(8.0 * self.rate_hz / narrow))
+        f = np.arange(length // 2 + 1) * (self.rate_hz / length)
+        r: FloatArray = np.fft.irfft(self.psd(np.minimum(f, self.frequency[-1])) * self.rate_hz)
+        return r[: length // 2]
+
+    def _check(self, dt: float) -> None:
+        if not (isfinite(dt) and abs(dt * self.rate_hz - 1.0) < 1e-6):
+            raise InputError(
+                f"dt: expected {1.0 / self.rate_hz:g} s, since this Coloured process was measured at "
+                f"{self.rate_hz:g} Hz, got {dt!r} s; identify a log of the rate wanted, or take its White(N) instead"
+            )

@@ -1,0 +1,132 @@
+"""Outliers are replaced, so that the noise found is that of the log without them; clean logs are left alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from schuler.characterisation.allan import allan_deviation
+from schuler.characterisation.identify import identify_noise
+from schuler.characterisation.outliers import without_outliers
+from schuler.characterisation.result import AXES
+from schuler.exceptions import InputError
+from schuler.recording.series import ImuSeries
+from schuler.sensors.noise import GaussMarkov, RandomWalk, White
+
+RATE, N = 100.0, 60_000
+SIGMA = 0.01  # of a sample
+MODELS = {
+    "white": White(1e-3),
+    "Gauss-Markov": White(1e-3) + GaussMarkov(1e-3, 20.0),
+    "random walk": White(1e-3) + RandomWalk(3e-4),
+}
+KINDS = {  # sigmas, sides
+    "5, both": (5.0, 2),
+    "5, one": (5.0, 1),
+    "8, one": (8.0, 1),
+    "30, both": (30.0, 2),
+    "1000, one": (1000.0, 1),
+    "5 to 1000": (None, 2),
+}
+
+
+def injected(x, kind, rng, share=0.05):
+    """The signal with outliers added, and where."""
+    size, sides = KINDS[kind]
+    where = np.zeros(len(x), dtype=bool)
+    where[rng.choice(len(x), int(share * len(x)), replace=False)] = True
+    k = np.count_nonzero(where)
+    sizes = np.full(k, size) if size is not None else np.geomspace(5.0, 1000.0, k)
+    sign = np.ones(k) if sides == 1 else rng.choice([-1.0, 1.0], k)
+    y = x.copy()
+    y[where] += SIGMA * rng.permutation(sizes) * sign
+    return y, where
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("model", MODELS)
+def test_the_allan_deviation_of_what_is_left_is_the_clean_one(model, kind):
+    rng = np.random.default_rng(1)
+    x = MODELS[model].sample(N, 1.0 / RATE, rng)
+    y, where = injected(x, kind, rng)
+    repaired, outlier = without_outliers(y)
+    taus = np.array([0.01, 0.02, 0.04, 0.16, 0.64, 2.56, 10.24])
+    clean = allan_deviation(x, RATE, taus=taus, noise=0.0).deviation
+    ratio = allan_deviation(repaired, RATE, taus=taus, noise=0.0).deviation / clean
+    # statistical: 5 % of new noise; beyond the window of the level its own error is repeated, too
+    np.testing.assert_allclose(ratio[:4], 1.0, atol=0.02)
+    np.testing.assert_allclose(ratio[4:], 1.0, atol=0.09)
+    assert allan_deviation(y, RATE, taus=taus[:1], noise=0.0).deviation[0] > 1.4 * clean[0]
+    # 2 % of those of 5 sigma come to lie below 3; a tenth of the samples replaced may be good ones
+    assert np.mean(outlier[where]) > 0.96
+    assert np.mean(~where[outlier]) < 0.12
+    np.testing.assert_array_equal(repaired[~outlier], y[~outlier])
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_clean_log_loses_nothing(model):
+    x = MODELS[model].sample(N, 1.0 / RATE, np.random.default_rng(2))
+    repaired, outlier = without_outliers(x)
+    assert np.count_nonzero(outlier) <= 6  # statistical: 0.4 expected of white noise, more of a level that moves
+    assert np.std(np.diff(repaired)) == pytest.approx(np.std(np.diff(x)), rel=1e-3)
+
+
+def test_an_outlier_at_either_end_does_not_become_the_level():
+    x = MODELS["white"].sample(5000, 1.0 / RATE, np.random.default_rng(3))
+    x[[0, -1]] += 10.0
+    repaired, outlier = without_outliers(x)
+    assert np.flatnonzero(outlier).tolist() == [0, 4999]
+    assert np.abs(repaired[[0, -1]]).max() < 5.0 * SIGMA
+
+
+def test_missing_samples_stay_missing_and_a_constant_stays():
+    x = MODELS["white"].sample(5000, 1.0 / RATE, np.random.default_rng(4))
+    x[100:300] = np.nan
+    x[1000] += 1.0
+    repaired, outlier = without_outliers(x)
+    np.testing.assert_array_equal(np.isnan(repaired), np.isnan(x))
+    assert np.flatnonzero(outlier).tolist() == [1000]
+    for same in (np.full(500, 3.0), np.full(500, np.nan)):
+        repaired, outlier = without_outliers(same)
+        np.testing.assert_array_equal(repaired, same)
+        assert not outlier.any()
+
+
+def test_the_same_seed_gives_the_same_repair(rng):
+    y, _ = injected(MODELS["white"].sample(5000, 1.0 / RATE, rng), "30, both", rng)
+    np.testing.assert_array_equal(without_outliers(y, seed=5)[0], without_outliers(y, seed=5)[0])
+    assert np.any(without_outliers(y, seed=5)[0] != without_outliers(y, seed=6)[0])
+
+
+def test_more_than_one_signal_is_refused():
+    with pytest.raises(InputError, match=r"x: expected one signal, got shape \(10, 3\)"):
+        without_outliers(np.zeros((10, 3)))
+
+
+def test_identification_with_outliers_finds_the_noise_of_the_clean_log():
+    """Two axes of each model, one kind of outliers each: N within 5 % of the clean fit, and far off if not robust."""
+    rng = np.random.default_rng(5)
+    models = [MODELS[name] for name in MODELS for _ in range(2)]
+    clean = np.stack([m.sample(N, 1.0 / RATE, rng) for m in models], axis=1)
+    dirty = np.stack([injected(x, kind, rng)[0] for x, kind in zip(clean.T, KINDS, strict=True)], axis=1)
+
+    def identified(x, robust):
+        imu = ImuSeries(np.arange(N) / RATE, x[:, :3], x[:, 3:] + [0.0, 0.0, -9.80665])
+        return identify_noise(imu, robust=robust, models=("N", "N+GM", "N+K"))
+
+    truth, kept = identified(clean, False), identified(clean, True)
+    repaired, spoiled = identified(dirty, True), identified(dirty, False)
+    for axis in AXES:
+        N_clean = truth.axes[axis].terms["N"].value
+        assert kept.axes[axis].terms["N"].value == pytest.approx(N_clean, rel=0.01), axis
+        assert repaired.axes[axis].terms["N"].value == pytest.approx(N_clean, rel=0.05), axis  # as asked for
+        assert spoiled.axes[axis].terms["N"].value > 1.3 * N_clean, axis
+        assert [f.severity for f in spoiled.axes[axis].findings if f.code == "outliers"] == ["warning"]
+        told = [f for f in repaired.axes[axis].findings if f.code == "outliers"]
+        assert [f.severity for f in told] == ["note", "note"]  # where they were, and that they are replaced
+        assert "were replaced" in told[1].text
+        # nothing is said of the reach of a curve that nobody sees
+        assert not [f for f in repaired.axes[axis].findings if f.code == "too_short"]
+    assert repaired.provenance["robust"] is True
+    assert "sigma_1" in repaired.axes["gyro_z"].names
+    assert "K" in repaired.axes["accel_y"].terms

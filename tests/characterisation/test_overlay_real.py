@@ -1,0 +1,63 @@
+"""The model identified in a real log, simulated, against that log."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from schuler.characterisation import NoiseIdentification, identify_noise
+from schuler.characterisation.comparison import overlay
+from schuler.characterisation.result import AXES
+from schuler.recording.series import ImuSeries
+from schuler.units import DEG, G0
+
+pytestmark = pytest.mark.realdata
+
+
+def adis(folder, number: int) -> ImuSeries:
+    """2.8 h at 100 Hz of one ADIS16405."""
+    with np.load(folder / "adis16405_static" / f"adis16405_imu{number}.npz") as data:
+        x = data["counts"] * data["lsb"]
+    return ImuSeries(np.arange(len(x)) / 100.0, x[:, :3] * DEG, x[:, 3:] * G0)
+
+
+@pytest.fixture(scope="module", params=[1, 2], ids="imu{}".format)
+def identified(request, shared_data) -> tuple[ImuSeries, NoiseIdentification]:
+    imu = adis(shared_data, request.param)
+    return imu, identify_noise(imu)
+
+
+def test_every_axis_is_identified_without_departure(identified):
+    """What the terms cannot describe (filter, vibration) is at short times and has the measured spectrum."""
+    _, found = identified
+    assert not found.refused
+    assert set(found.axes) == set(AXES)
+    for axis in found.axes.values():
+        codes = {f.code for f in axis.findings}
+        assert not codes & {"departure", "no_model"}, axis.axis
+        tau = axis.curve.tau
+        inside = (axis.fitted(tau) > axis.curve.low) & (axis.fitted(tau) < axis.curve.high)
+        assert inside.mean() > 0.93, axis.axis  # 95 % bounds; neighbours go together
+
+
+@pytest.mark.parametrize("name", ["gyro_z", "accel_z"])
+def test_simulated_the_model_reproduces_the_curve(identified, name):
+    """Statistical: the log's Allan curve is an ordinary one among 39 simulated ones (p > 2.5 %)."""
+    imu, found = identified
+    check(imu, found, name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", AXES)
+def test_simulated_every_axis_reproduces_the_curve(identified, name):
+    imu, found = identified
+    check(imu, found, name)
+
+
+def check(imu: ImuSeries, found: NoiseIdentification, name: str) -> None:
+    k = AXES.index(name)
+    x = (imu.gyro if k < 3 else imu.accel)[:, k % 3]
+    laid = overlay(found.axes[name], x, imu.rate_hz, np.random.default_rng(1))
+    print(name, laid.summary())
+    assert laid.allan.share > 0.9
+    assert laid.allan.p > 0.025

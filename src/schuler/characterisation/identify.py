@@ -9,12 +9,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from schuler.arrays import BoolArray, FloatArray
+from schuler.arrays import FloatArray
 from schuler.characterisation import moments
 from schuler.characterisation.allan import allan_deviation
 from schuler.characterisation.curve import AllanCurve
 from schuler.characterisation.findings import Finding
-from schuler.characterisation.fitting import Fit, Moments, NoFitError, Weights, filtered_sigma, spectrum
+from schuler.characterisation.fitting import Fit, Moments, NoFitError, Weights
 from schuler.characterisation.grid import on_grid
 from schuler.characterisation.health import FEWEST, check_static_imu
 from schuler.characterisation.lines import CleanSpectrum, Line, clean_spectrum
@@ -22,21 +22,15 @@ from schuler.characterisation.outliers import without_outliers
 from schuler.characterisation.result import AXES, AxisNoise, Estimate, NoiseIdentification
 from schuler.characterisation.selection import Selection, select
 from schuler.characterisation.shifts import level_shifts
+from schuler.characterisation.simulation_model import simulation_model
 from schuler.characterisation.trends import mean_with_sigma, temperature_trend, warm_up
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.sensors.noise import (
-    Coloured,
-    Flicker,
-    GaussMarkov,
     NoiseModel,
-    Process,
-    Quantisation,
     Ramp,
-    RandomWalk,
     Sinusoid,
-    White,
 )
 from schuler.sensors.spec import ImuSpec, TriadSpec
 from schuler.units import G0
@@ -49,14 +43,8 @@ _FIELDS = {
     "Q": "quantisation", "N": "random_walk", "B": "bias_instability", "K": "rate_random_walk", "R": "rate_ramp",
     "sigma_1": "in_run_bias", "tau_1": "in_run_time",
 }  # fmt: skip
-_PROCESSES: dict[str, Callable[[float], Process]] = {
-    "Q": Quantisation, "N": White, "B": Flicker, "K": RandomWalk, "R": Ramp
-}  # fmt: skip
 #: What a TriadSpec can hold: at most one Gauss-Markov process.
 _BUDGET_MODELS = ("N", "N+B", "N+K", "N+GM", "N+B+K", "N+K+GM", "N+B+GM")
-_SHORT = ("Q", "N", "tau_N")  # terms of the shortest averaging times
-_SHAPED = 16  # samples
-_LOWEST, _HIGHEST = 0.03, 0.15  # frequency times averaging time between which model passes over into measurement
 _LEAST = 1000  # samples below which nothing is identified
 
 
@@ -263,11 +251,12 @@ def _identified(
     chosen = select(data, models, "full" if method == "gmwm" else "diagonal")
     fit = chosen.fit
     lines = () if clean is None else clean.lines
-    model = noise_model_of(fit, data.dt, shape_of(chosen, clean, data.dt))
+    pooled = _pooled_curve(signals)
+    model = simulation_model(chosen, clean, pooled, data.dt)
     unit = "rad/s" if axis.startswith("gyro") else "m/s^2"
     main = max(signals, key=lambda s: len(s.x))
     duration = float(data.lengths.sum() * data.dt)
-    curve = _with_bounds(_pooled_curve(signals), data, model)
+    curve = _with_bounds(pooled, data, model)
     estimates = _estimates(fit, unit)
     steady = _unbroken(main)
     if len(steady.x) < FEWEST:
@@ -297,55 +286,6 @@ def _identified(
         method={"gmwm": "generalised method of wavelet moments", "allan": "weighted fit to the Allan curve"}[method],
         findings=tuple(told),
     )
-
-
-def noise_model_of(fit: Fit, dt: float, shape: Coloured | None = None) -> NoiseModel:
-    """A fit as something to simulate at the sampling interval ``dt`` [s]; ``shape`` stands for its N, F and Q."""
-    value = dict(zip(fit.names, (float(v) for v in fit.values), strict=True))
-    terms: list[Process] = [] if shape is None else [shape]
-    for name, v in value.items():
-        if shape is not None and name in _SHORT:
-            continue
-        if name == "N" and "tau_N" in value:
-            terms.append(GaussMarkov(filtered_sigma(v, value["tau_N"], dt), value["tau_N"]))
-        elif name.startswith("sigma"):
-            terms.append(GaussMarkov(v, value["tau" + name[5:]]))
-        elif not name.startswith("tau"):
-            terms.append(_PROCESSES[name](v))
-    return NoiseModel(tuple(terms))
-
-
-def shape_of(chosen: Selection, clean: CleanSpectrum | None, dt: float) -> Coloured | None:
-    """What stands for N, F and Q where they do not describe the shortest averaging times: the spectrum that is there.
-
-    Parameters
-    ----------
-    chosen : Selection
-    clean : CleanSpectrum or None
-    dt : float
-        Sampling interval. [s]
-
-    Returns
-    -------
-    Coloured or None
-        The measured density less that of the other terms above the frequency of the shortest averaging time that was
-        fitted, the density of the terms below; None if the terms describe everything.
-    """
-    if clean is None or (chosen.shortest == 1 and chosen.departure == 0.0):
-        return None
-    # a departure without anything left out: the first few samples are known too well for any model
-    shortest = max(chosen.shortest, _SHAPED) * dt
-    f = np.maximum(clean.f, 1e-3 * clean.f[1])
-    f[-1] *= 1.0 - 1e-9
-    names, values = chosen.fit.names, chosen.fit.values
-    short = np.array([name in _SHORT for name in names])
-
-    def density(which: BoolArray) -> FloatArray:
-        return spectrum(tuple(n for n, yes in zip(names, which, strict=True) if yes), values[which], dt, f)
-
-    measured = np.maximum(clean.density - density(~short), 0.05 * clean.density)
-    share = np.clip(np.log(f * shortest / _LOWEST) / np.log(_HIGHEST / _LOWEST), 0.0, 1.0)
-    return Coloured(clean.f, share * measured + (1.0 - share) * density(short), 1.0 / dt)
 
 
 def _estimates(fit: Fit, unit: str) -> dict[str, Estimate]:
@@ -435,7 +375,8 @@ def _about(axis: str, chosen: Selection, dt: float, duration: float) -> list[Fin
     elif chosen.departure > 0.0:
         text = (
             f"{axis}: the curve departs from every sum of terms by about {100 * chosen.departure:.2g} % in variance, "
-            "more than chance does (vibration, temperature, disturbances); the uncertainties allow for it"
+            "more than chance does (vibration, temperature, disturbances); the uncertainties allow for it, "
+            "and the model for simulation is the measured spectrum"
         )
         told.append(Finding("departure", text, severity="note" if chosen.departure < 0.1 else "warning"))
     if chosen.shortest > 1:

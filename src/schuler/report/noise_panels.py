@@ -104,7 +104,7 @@ def _allan_panel(axis: AxisNoise, unit: Unit) -> Panel:
         *([1.0] if "N_at_1s" in axis.read_off else []),
         *([3.0] if "K_at_3s" in axis.read_off and "K" in axis.terms else []),
     )
-    tau = np.geomspace(*limits, 200)
+    tau = np.unique(np.maximum(np.round(np.geomspace(*limits, 200) * axis.rate_hz), 1.0)) / axis.rate_hz
     model = axis.fitted(tau) / factor
     parts = {label: np.sqrt(v) / factor for label, v in term_variances(axis, tau).items()}
     points = _read_off(axis, factor)

@@ -13,6 +13,8 @@ from schuler.sensors.noise._checks import Shape, array, positive, shape_of
 from schuler.sensors.noise.process import Process
 from schuler.sensors.noise.state_space import SampledStateSpace, StateSpace
 
+_LONGEST = 2**18  # samples of the period of a short series
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coloured(Process):
@@ -67,7 +69,7 @@ class Coloured(Process):
         shape = shape_of(n)
         # long enough for the covariance to have decayed, or a short series would not have the variance
         decayed = int(2.0 * self.rate_hz / np.diff(self.frequency).min())
-        length = next_fast_len(max(2 * shape[0], decayed), real=True)
+        length = next_fast_len(max(2 * shape[0], min(decayed, _LONGEST)), real=True)
         f = rfftfreq(length, dt)
         amplitude = np.sqrt(0.5 * length / dt * self.psd(f))
         amplitude[0] *= np.sqrt(2.0)  # real, with all of the power
@@ -84,7 +86,7 @@ class Coloured(Process):
     def autocovariance(self, lag: ArrayLike) -> FloatArray:
         """Covariance at lags that are whole numbers of samples, given in seconds. [x^2]"""
         k = np.round(np.abs(array(lag)) * self.rate_hz).astype(np.int64)
-        r = self._covariance()
+        r = self._covariance(int(k.max(initial=0)))
         return np.where(k < len(r), r[np.minimum(k, len(r) - 1)], 0.0)
 
     def allan_variance(self, tau: ArrayLike) -> FloatArray:
@@ -93,7 +95,7 @@ class Coloured(Process):
         With V(m) the variance of a sum of m samples, ``(4 V(m) - V(2 m)) / (2 m^2)``; linear between whole m.
         """
         m = np.maximum(array(tau) * self.rate_hz, 1.0)
-        r = self._covariance()
+        r = self._covariance(int(2.0 * m.max(initial=1.0)))
         once = np.cumsum(np.concatenate(([r[0]], 2.0 * r[1:])))
         twice = np.cumsum(2.0 * np.arange(len(r)) * r)
 
@@ -144,10 +146,10 @@ class Coloured(Process):
             "(White(N), ...), or fit an AutoRegressive process"
         )
 
-    def _covariance(self) -> FloatArray:
-        """Autocovariance up to where lines between the frequencies have let it decay."""
+    def _covariance(self, lags: int) -> FloatArray:
+        """Autocovariance up to where lines between the frequencies have let it decay, or to four times ``lags``."""
         narrow = float(np.diff(self.frequency).min())
-        length = 2 * int(np.ceil(8.0 * self.rate_hz / narrow))
+        length = 2 * min(int(np.ceil(8.0 * self.rate_hz / narrow)), max(4 * lags, _LONGEST))
         f = np.arange(length // 2 + 1) * (self.rate_hz / length)
         r: FloatArray = np.fft.irfft(self.psd(np.minimum(f, self.frequency[-1])) * self.rate_hz)
         return r[: length // 2]

@@ -12,6 +12,15 @@ from importlib import import_module, metadata
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from schuler.calibration.ferraris import calibrate_ferraris
+    from schuler.calibration.fleet import calibrate_fleet
+    from schuler.calibration.freepose import calibrate_freepose
+    from schuler.calibration.multiposition import calibrate_multiposition
+    from schuler.calibration.poses import Poses, poses_of
+    from schuler.calibration.ratetable import calibrate_angle_rate, calibrate_ratetable
+    from schuler.calibration.result import CalibrationResult
+    from schuler.calibration.sixposition import calibrate_sixposition
+    from schuler.calibration.thermal import calibrate_thermal
     from schuler.characterisation.allan import allan_deviation
     from schuler.characterisation.identify import identify_noise
     from schuler.characterisation.result import NoiseIdentification
@@ -31,6 +40,15 @@ if TYPE_CHECKING:
     from schuler.simulation.scenario import Scenario, simulate
 
 _PLACES = {
+    "schuler.calibration.ferraris": ("calibrate_ferraris",),
+    "schuler.calibration.fleet": ("calibrate_fleet",),
+    "schuler.calibration.freepose": ("calibrate_freepose",),
+    "schuler.calibration.multiposition": ("calibrate_multiposition",),
+    "schuler.calibration.poses": ("Poses", "poses_of"),
+    "schuler.calibration.ratetable": ("calibrate_angle_rate", "calibrate_ratetable"),
+    "schuler.calibration.result": ("CalibrationResult",),
+    "schuler.calibration.sixposition": ("calibrate_sixposition",),
+    "schuler.calibration.thermal": ("calibrate_thermal",),
     "schuler.characterisation.allan": ("allan_deviation",),
     "schuler.characterisation.identify": ("identify_noise",),
     "schuler.characterisation.result": ("NoiseIdentification",),
@@ -52,6 +70,7 @@ _PLACES = {
 _HOME = {name: place for place, names in _PLACES.items() for name in names}
 
 __all__ = [
+    "CalibrationResult",
     "FilterOptions",
     "GnssSeries",
     "ImuErrors",
@@ -66,6 +85,7 @@ __all__ = [
     "Navigator",
     "NoiseIdentification",
     "OdometerSeries",
+    "Poses",
     "ReadHints",
     "Recording",
     "Scenario",
@@ -74,11 +94,20 @@ __all__ = [
     "Trajectory",
     "TriadSpec",
     "allan_deviation",
+    "calibrate_angle_rate",
+    "calibrate_ferraris",
+    "calibrate_fleet",
+    "calibrate_freepose",
+    "calibrate_multiposition",
+    "calibrate_ratetable",
+    "calibrate_sixposition",
+    "calibrate_thermal",
     "fine_alignment",
     "identify_noise",
     "layout_for",
     "mechanize",
     "navigate",
+    "poses_of",
     "read",
     "simulate",
     "write",

@@ -14,7 +14,7 @@ import pytest
 import schuler
 from schuler.analysis.errors import trajectory_errors
 from schuler.cli import main
-from schuler.cli.app import COMMANDS
+from schuler.cli.app import COMMANDS, METHODS
 from schuler.filtering.solution_file import read_solution
 from schuler.recording import io
 
@@ -272,9 +272,13 @@ def test_every_command_has_help_with_an_example(name, capsys):
 
 
 def options(name):
-    """Long options a command has, as its help shows them."""
-    done = subprocess.run([sys.executable, "-m", "schuler", name, "--help"], capture_output=True, text=True, check=True)
-    return set(re.findall(r"(?<!\S)--[a-z][a-z-]*", done.stdout))
+    """Long options a command has, or all of its methods, as its help shows them."""
+    calls = [[name, method] for method in METHODS] if name == "calibrate" else [[name]]
+    shown = [
+        subprocess.run([sys.executable, "-m", "schuler", *call, "--help"], capture_output=True, text=True, check=True)
+        for call in calls
+    ]
+    return set(re.findall(r"(?<!\S)--[a-z][a-z-]*", "".join(done.stdout for done in shown)))
 
 
 @pytest.mark.parametrize("name", COMMANDS)

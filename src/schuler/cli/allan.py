@@ -3,36 +3,23 @@
 from __future__ import annotations
 
 import time as clock
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from cyclopts import Parameter
+from typing import Any, Literal
 
 from schuler.characterisation.result import TERMS, AxisNoise, Estimate, NoiseIdentification
+from schuler.cli.options import Reading
 from schuler.cli.output import Flag, Texts, print_json, progress, say
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
+
+_READING = Reading()
 
 
 def allan(
     log: Path,
     /,
     *more: Path,
-    config: Path | None = None,
-    columns: str | None = None,
-    units: str | None = None,
-    axes: str | None = None,
-    rate: float | None = None,
-    kind: str | None = None,
-    scale: str | None = None,
-    time: str | None = None,
-    delimiter: str | None = None,
-    skip: int | None = None,
-    variable: str | None = None,
-    allow: str | None = None,
-    start: Annotated[float | None, Parameter(name="--from")] = None,
-    stop: Annotated[float | None, Parameter(name="--to")] = None,
     method: Literal["gmwm", "allan"] = "gmwm",
     robust: Flag = False,
     out: Path | None = None,
@@ -40,6 +27,7 @@ def allan(
     inflate: float | None = None,
     report: bool = True,
     json: Flag = False,
+    reading: Reading = _READING,
 ) -> int:
     """Identify the noise of an IMU from logs at rest and write budget, report, figures and other programs' files.
 
@@ -49,34 +37,6 @@ def allan(
         File or folder with a recording at rest.
     more
         More recordings of the same IMU, identified together.
-    config
-        TOML file whose [recording] section says how to read the logs.
-    columns
-        Meaning of the columns of a plain text log, such as t,ax,ay,az,gx,gy,gz; - skips one.
-    units
-        Units of accelerometer and gyro, such as g,deg/s.
-    axes
-        Directions of the sensor's x, y, z: FRD, FLU, RFU, ...
-    rate
-        Sampling rate in Hz of a log without time column.
-    kind
-        rate or increment.
-    scale
-        Factors applied before the units, such as accel=0.00333,gyro=0.05.
-    time
-        Meaning of the stamps: gps-tow:WEEK, gps, unix, local.
-    delimiter
-        comma, semicolon, tab or blank; guessed if left out.
-    skip
-        Lines at the top to pass over.
-    variable
-        Array of a MATLAB or NumPy file.
-    allow
-        Checks to pass over with a note, such as norm,magnitude.
-    start
-        Leave out what is before this second of each log.
-    stop
-        Leave out what is after this second of each log.
     method
         gmwm takes account of what averaging times have in common, allan is a weighted fit to the curve.
     robust
@@ -94,17 +54,12 @@ def allan(
     """
     from schuler.characterisation.exports import EXPORTS
     from schuler.characterisation.identify import identify_noise
-    from schuler.cli.convert import read_log
 
     began = clock.perf_counter()
     for name in export:
         if name not in EXPORTS:
             raise InputError(f"--export: expected one of {', '.join(EXPORTS)}, got {name!r}")
-    hints = {
-        "columns": columns, "units": units, "axes": axes, "rate": rate, "kind": kind, "scale": scale, "time": time,
-        "delimiter": delimiter, "skip": skip, "variable": variable, "allow": allow,
-    }  # fmt: skip
-    recordings = [cut(read_log(path, config, **hints), start, stop) for path in (log, *more)]
+    recordings = [reading.read(path) for path in (log, *more)]
     name = recordings[0].metadata.name + (f" and {len(more)} more" if more else "")
     with progress("identifying the noise") as bar:
         found = identify_noise(
@@ -134,19 +89,6 @@ def allan(
         say(f"schuler: {failure}")
     # a file that was asked for and is not there is no success
     return 2 if failures and export else 0
-
-
-def cut(recording: Recording, start: float | None, stop: float | None) -> Recording:
-    """The recording's IMU series between two times from its start. [s]"""
-    imu = recording.need_imu()
-    if start is None and stop is None:
-        return recording
-    first, last = 0.0 if start is None else start, float(imu.t[-1] - imu.t[0]) if stop is None else stop
-    if not 0.0 <= first < last:
-        raise InputError(f"--from and --to: expected 0 <= FROM < TO in seconds, got {first:g} and {last:g}")
-    part = imu.between(float(imu.t[0]) + first, float(imu.t[0]) + last)
-    note = f"Only {first:g} to {last:g} s of {recording.metadata.name} were used, as asked for."
-    return replace(recording, imu=part, metadata=recording.metadata.noting(note))
 
 
 def write_report(folder: Path, recordings: list[Recording], found: NoiseIdentification) -> dict[str, Path]:

@@ -35,6 +35,11 @@ COMMANDS = {
         "Identify the noise of an IMU from a log at rest: Allan deviation, model, report, other tools' files.",
         "schuler allan rest.csv --columns t,ax,ay,az,gx,gy,gz --units g,deg/s --axes FLU --export kalibr",
     ),
+    "calibrate": (
+        "",
+        "Calibrate an IMU on a bench; one method each, see schuler calibrate --help.",
+        "schuler calibrate freepose hand.csv --columns t,ax,ay,az,gx,gy,gz --units g,deg/s --axes FLU",
+    ),
     "simulate": (
         "schuler.cli.simulate:simulate",
         "Truth, IMU and GNSS of a scenario in a TOML file.",
@@ -47,5 +52,23 @@ COMMANDS = {
     ),
 }
 
+#: The methods of ``schuler calibrate``.
+METHODS = {
+    "sixposition": ("Six faces up in turn.", "schuler calibrate sixposition faces.parquet --latitude 47.4"),
+    "multiposition": ("Many poses, no fixture.", "schuler calibrate multiposition poses.parquet --imu imu.toml"),
+    "freepose": ("Put down by hand in many poses.", "schuler calibrate freepose hand.csv --units g,deg/s"),
+    "ratetable": ("Turned at known rates.", "schuler calibrate ratetable table.csv --rates 30,60"),
+    "ferraris": ("Six faces and three turns by hand.", "schuler calibrate ferraris session.csv --units g,deg/s"),
+    "thermal": ("Heated and cooled.", "schuler calibrate thermal chamber.csv --degree 3"),
+}
+
+_text, _example = COMMANDS["calibrate"][1:]
+calibrate = App(name="calibrate", help=_text, help_epilogue=f"Example: {_example}", help_format="plaintext")
+for _name, (_text, _example) in METHODS.items():
+    _where = f"schuler.cli.calibrate:{_name}"
+    calibrate.command(_where, name=_name, help=_text, help_epilogue=f"Example: {_example}")
 for _name, (_where, _text, _example) in COMMANDS.items():
-    app.command(_where, name=_name, help=_text, help_epilogue=f"Example: {_example}")
+    if _name == "calibrate":
+        app.command(calibrate)
+    else:
+        app.command(_where, name=_name, help=_text, help_epilogue=f"Example: {_example}")

@@ -1,0 +1,526 @@
+"""``schuler calibrate``: one command for each method, the same files and the same JSON from all of them."""
+
+from __future__ import annotations
+
+import csv
+import time as clock
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from cyclopts import Parameter
+
+from schuler import units as u
+from schuler.cli.options import Reading, Site
+from schuler.cli.output import Flag, print_json, progress, say
+from schuler.exceptions import InputError
+from schuler.recording.recording import Recording
+from schuler.recording.series import ImuSeries
+
+if TYPE_CHECKING:
+    from schuler.calibration.poses import Poses
+    from schuler.calibration.result import CalibrationResult
+    from schuler.sensors.spec import ImuSpec
+
+_READING, _SITE = Reading(), Site()
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Sensor:
+    """What is known of the IMU.
+
+    Parameters
+    ----------
+    imu
+        Budget of the IMU for weights and as data sheet: a catalogue name or the imu.toml of schuler allan.
+    """
+
+    imu: str | None = None
+
+    @property
+    def spec(self) -> ImuSpec | None:
+        """The budget."""
+        from schuler.sensors import catalogue
+        from schuler.sensors.spec_file import read_spec
+
+        if self.imu is None:
+            return None
+        return read_spec(Path(self.imu)) if self.imu.endswith(".toml") else catalogue.spec(self.imu)
+
+    @property
+    def noise(self) -> tuple[float, float] | None:
+        """N of gyroscopes and accelerometers, if both are known."""
+        spec = self.spec
+        if spec is None or not (spec.gyro.random_walk and spec.accel.random_walk):
+            return None
+        return spec.gyro.random_walk, spec.accel.random_walk
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Output:
+    """What is written.
+
+    Parameters
+    ----------
+    out
+        Folder for the files. Default: the first log's name with -calibration.
+    gauge
+        Body axes of the result: lower, upper, symmetric. Default: those of the method.
+    previous
+        An earlier calibration.yaml of the same unit: what changed beyond its uncertainty.
+    report
+        Write calibration.html and figures.
+    json
+        Print one JSON object.
+    """
+
+    out: Path | None = None
+    gauge: Literal["lower", "upper", "symmetric"] | None = None
+    previous: Path | None = None
+    report: bool = True
+    json: Flag = False
+
+
+_SENSOR, _OUTPUT = Sensor(), Output()
+
+
+def sixposition(
+    log: Path,
+    /,
+    *more: Path,
+    standard: Flag = False,
+    headings: str | None = None,
+    min_rest: float = 1.0,
+    intervals: Path | None = None,
+    reading: Reading = _READING,
+    site: Site = _SITE,
+    sensor: Sensor = _SENSOR,
+    output: Output = _OUTPUT,
+) -> int:
+    """Six faces up in turn: bias, scale factors and cross-coupling of the accelerometers, bias of the gyroscopes.
+
+    Parameters
+    ----------
+    log
+        File or folder with the unit at rest on its six faces.
+    more
+        More logs, if each face has its own.
+    standard
+        Bias and scale factor of each axis by itself instead of all twelve parameters.
+    headings
+        Heading of each pose in degrees, such as 0,90,...: with --latitude the gyroscopes' response to Earth rate.
+    min_rest
+        Shortest rest in seconds.
+    intervals
+        CSV file with the rests: START,STOP in seconds from the start of the log. Default: found.
+    """
+    from schuler.calibration.sixposition import calibrate_sixposition
+
+    began = clock.perf_counter()
+    recordings = [reading.read(path, uncalibrated=True) for path in (log, *more)]
+    poses = _poses(recordings, sensor, site, min_rest, intervals)
+    angles = None if headings is None else np.array(_numbers("--headings", headings)) * u.DEG
+    result = calibrate_sixposition(
+        poses, gravity=site.g, improved=not standard, latitude=site.lat, headings=angles
+    )  # fmt: skip
+    return finish(result, log, recordings, output, began)
+
+
+def multiposition(
+    log: Path,
+    /,
+    *more: Path,
+    accel_order: Literal[9, 6, 3, 0] = 9,
+    gyro_order: Literal["auto", "9", "6", "3", "0"] = "auto",
+    table_rate: str | None = None,
+    prior: Flag = False,
+    fixed: Path | None = None,
+    between_triads: Flag = False,
+    min_rest: float = 1.0,
+    intervals: Path | None = None,
+    reading: Reading = _READING,
+    site: Site = _SITE,
+    sensor: Sensor = _SENSOR,
+    output: Output = _OUTPUT,
+) -> int:
+    """Many poses, no fixture: only the magnitude of gravity and Earth rate (or of a table's rate) is used.
+
+    Parameters
+    ----------
+    log
+        File or folder with the unit at rest in many poses.
+    more
+        More logs, if poses are in files of their own.
+    accel_order
+        9: bias, scale factors, non-orthogonality; 6: without non-orthogonality; 3: bias; 0: nothing.
+    gyro_order
+        The same for the gyroscopes; auto takes as many as the readings justify.
+    table_rate
+        Rate of a table about the vertical in deg/s for each pose, such as 0,0,30,-30,..., positive counter-clockwise.
+    prior
+        Add the data sheet of --imu as a prior.
+    fixed
+        An earlier calibration.yaml whose non-orthogonality is held.
+    between_triads
+        Estimate the rotation between the triads from the angle between gravity and Earth rate; needs --latitude.
+    min_rest
+        Shortest rest in seconds.
+    intervals
+        CSV file with the rests: START,STOP in seconds from the start of the log. Default: found.
+    """
+    from schuler.calibration.multiposition import calibrate_multiposition
+    from schuler.calibration.result import CalibrationResult
+
+    began = clock.perf_counter()
+    recordings = [reading.read(path, uncalibrated=True) for path in (log, *more)]
+    poses = _poses(recordings, sensor, site, min_rest, intervals)
+    table = None if table_rate is None else np.array(_numbers("--table-rate", table_rate)) * u.DEG
+    if table is not None and len(table) != len(poses):
+        raise InputError(f"--table-rate: expected {len(poses)} numbers, one for each pose, got {len(table)}")
+    result = calibrate_multiposition(
+        poses, gravity=site.g, latitude=site.lat, table_rate=table, accel_order=accel_order,
+        gyro_order="auto" if gyro_order == "auto" else int(gyro_order),  # type: ignore[arg-type]
+        prior_spec=sensor.spec, use_prior=prior, between_triads=between_triads,
+        fixed=None if fixed is None else CalibrationResult.from_yaml(fixed),
+    )  # fmt: skip
+    return finish(result, log, recordings, output, began)
+
+
+def freepose(
+    log: Path,
+    /,
+    *,
+    initial_rest: float | None = None,
+    estimate_gyro_bias: Flag = False,
+    g_sensitivity: Flag = False,
+    size_effect: Flag = False,
+    delay: Flag = False,
+    robust: bool = True,
+    min_rest: float = 1.0,
+    intervals: Path | None = None,
+    reading: Reading = _READING,
+    site: Site = _SITE,
+    sensor: Sensor = _SENSOR,
+    output: Output = _OUTPUT,
+) -> int:
+    """Put down by hand in many poses: accelerometers from gravity, gyroscopes from the turns between the poses.
+
+    Parameters
+    ----------
+    log
+        File or folder, raw counts too (--units counts,counts).
+    initial_rest
+        The log begins with so many seconds at rest.
+    estimate_gyro_bias
+        From the turns, instead of measured at rest.
+    g_sensitivity
+        Estimate the gyroscopes' sensitivity to specific force too.
+    size_effect
+        Estimate the places of the accelerometers too.
+    delay
+        Estimate the delay of the gyroscopes behind the accelerometers too.
+    robust
+        Less weight for disturbed poses and turns.
+    min_rest
+        Shortest rest in seconds.
+    intervals
+        CSV file with the rests: START,STOP in seconds from the start of the log. Default: found.
+    """
+    from schuler.calibration.freepose import calibrate_freepose
+
+    began = clock.perf_counter()
+    recording = reading.read(log, uncalibrated=True)
+    imu = recording.need_imu()
+    result = calibrate_freepose(
+        imu, gravity=site.g, noise=sensor.noise, initial_rest_s=initial_rest, robust=robust, min_s=min_rest,
+        gyro_bias="estimate" if estimate_gyro_bias else "rest", g_sensitivity=g_sensitivity, size_effect=size_effect,
+        delay=delay,
+        intervals=None if intervals is None else _spans(intervals, imu),
+    )  # fmt: skip
+    return finish(result, log, [recording], output, began)
+
+
+def ratetable(
+    log: Path,
+    /,
+    *more: Path,
+    rates: str,
+    min_turn: float = 5.0,
+    settle: float = 1.0,
+    g_sensitivity: bool = True,
+    rate_sigma: float = 0.0,
+    min_rest: float = 1.0,
+    reading: Reading = _READING,
+    site: Site = _SITE,
+    sensor: Sensor = _SENSOR,
+    output: Output = _OUTPUT,
+) -> int:
+    """Turned at known rates about its axes: response, bias and g-sensitivity of the gyroscopes.
+
+    Parameters
+    ----------
+    log
+        File or folder with plateaus of constant rate, and rests on the faces for accelerometers and g-sensitivity.
+    more
+        More logs of the same session.
+    rates
+        Rates the table was set to in deg/s, magnitudes, such as 30,60.
+    min_turn
+        Shortest plateau in seconds.
+    settle
+        Seconds left out at both ends of a plateau.
+    g_sensitivity
+        Estimate the sensitivity to specific force.
+    rate_sigma
+        1-sigma error of the table's rate, relative.
+    min_rest
+        Shortest rest in seconds.
+    """
+    from schuler.calibration.ratetable import calibrate_ratetable
+    from schuler.calibration.turns import joined
+    from schuler.calibration.turns_in_log import rate_plateaus
+
+    began = clock.perf_counter()
+    recordings = [reading.read(path, uncalibrated=True) for path in (log, *more)]
+    speeds = np.array(_numbers("--rates", rates)) * u.DEG
+    found, failures = [], []
+    for recording in recordings:
+        try:
+            found.append(rate_plateaus(recording.need_imu(), speeds, min_s=min_turn, settle_s=settle))
+        except InputError as error:
+            failures.append(f"{recording.metadata.name}: {error}")
+    if not found:
+        raise InputError("; ".join(failures))
+    try:
+        poses = _poses(recordings, sensor, site, min_rest, None)
+    except InputError:
+        poses = None  # plateaus alone are a calibration of the gyroscopes
+    result = calibrate_ratetable(
+        joined(found), poses, gravity=site.g, g_sensitivity=g_sensitivity, latitude=site.lat, rate_sigma=rate_sigma
+    )
+    return finish(result, log, recordings, output, began)
+
+
+def ferraris(
+    log: Path,
+    /,
+    *,
+    sections: Path | None = None,
+    turn_angle: float = 360.0,
+    g_sensitivity: bool = True,
+    reading: Reading = _READING,
+    site: Site = _SITE,
+    sensor: Sensor = _SENSOR,
+    output: Output = _OUTPUT,
+) -> int:
+    """Six faces and one turn about each axis by hand: both triads and the g-sensitivity.
+
+    Parameters
+    ----------
+    log
+        File or folder with the session.
+    sections
+        CSV file with NAME,START,STOP in seconds from the start of the log; names x_p, x_a, x_rot, ... Default: found.
+    turn_angle
+        Angle of each turn in degrees.
+    g_sensitivity
+        Estimate the gyroscopes' sensitivity to specific force.
+    """
+    from schuler.calibration.ferraris import calibrate_ferraris
+
+    began = clock.perf_counter()
+    recording = reading.read(log, uncalibrated=True)
+    imu = recording.need_imu()
+    named = None if sections is None else _sections(sections, imu)
+    result = calibrate_ferraris(
+        imu, named, turn_angle=turn_angle * u.DEG, gravity=site.g, g_sensitivity=g_sensitivity, latitude=site.lat,
+        noise=sensor.noise,
+    )  # fmt: skip
+    return finish(result, log, [recording], output, began)
+
+
+def thermal(
+    log: Path,
+    /,
+    *more: Path,
+    degree: Literal["auto", "0", "1", "2", "3", "4", "5", "6"] = "3",
+    reference_temperature: float | None = None,
+    table_step: float | None = None,
+    soak: Flag = False,
+    min_rest: float = 1.0,
+    reading: Reading = _READING,
+    site: Site = _SITE,
+    sensor: Sensor = _SENSOR,
+    output: Output = _OUTPUT,
+) -> int:
+    """Heated and cooled: biases (from soaks also scale factors) against temperature, with hysteresis.
+
+    Parameters
+    ----------
+    log
+        File or folder with temperature.
+    more
+        With --soak one log for each temperature.
+    degree
+        Of the polynomials, or auto.
+    reference_temperature
+        Where the values hold, in degrees Celsius.
+    table_step
+        Between knots of the table, in kelvins.
+    soak
+        Poses at rest at several temperatures instead of one ramp.
+    min_rest
+        Shortest rest in seconds.
+    """
+    from schuler.calibration.thermal import calibrate_thermal
+
+    began = clock.perf_counter()
+    recordings = [reading.read(path, uncalibrated=True) for path in (log, *more)]
+    if more and not soak:
+        raise InputError(f"--soak: expected it with {len(recordings)} logs, a ramp is one; got several logs without it")
+    source: Any = (
+        [_poses([recording], sensor, site, min_rest, None) for recording in recordings]
+        if soak
+        else recordings[0].need_imu()
+    )
+    result = calibrate_thermal(
+        source, degree="auto" if degree == "auto" else int(degree), reference_temperature=reference_temperature,
+        table_step=table_step, gravity=site.g,
+    )  # fmt: skip
+    return finish(result, log, recordings, output, began)
+
+
+# ---------------------------------------------------------------------------------------------- what all of them share
+
+
+def finish(result: CalibrationResult, log: Path, recordings: Sequence[Recording], output: Output, began: float) -> int:
+    """Write files, print the result, return the exit code: 2 for a log that is refused."""
+    from schuler.calibration.result import CalibrationResult
+
+    sources = {k: v for recording in recordings for k, v in recording.metadata.sources.items()}
+    options = [recording.metadata.options for recording in recordings]
+    result = replace(result, provenance={**result.provenance, "sources": sources, "recording_options": options})
+    if output.gauge is not None and result.status != "refused":
+        result = result.in_gauge(output.gauge)
+    folder = Path(f"{log.resolve().stem}-calibration") if output.out is None else output.out
+    earlier = None if output.previous is None else CalibrationResult.from_yaml(output.previous)
+    difference = None if earlier is None or result.status == "refused" else result.compare(earlier)
+    files: dict[str, Path] = {}
+    # what was refused has no numbers to be used, but its report shows why
+    if result.status != "refused":
+        files["calibration"] = result.to_yaml(folder / "calibration.yaml")
+    if output.report:
+        from schuler.report.calibration_figures import save_calibration_figures
+
+        said = "\n".join(recording.summary() for recording in recordings)
+        files["report"] = result.report(folder / "calibration.html", previous=earlier, recording_summary=said)
+        for path in save_calibration_figures(result, folder / "figures"):
+            files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
+    if output.json:
+        data = numbers(result)
+        if difference is not None:
+            data["changed"] = list(difference.changed)
+        print_json({"command": "calibrate", **data, "elapsed_s": clock.perf_counter() - began, "files": files})
+    else:
+        for recording in recordings:
+            say(recording.summary())
+        print(result.summary())
+        if difference is not None:
+            print(difference.summary())
+        print("\n".join(f"{what}: {path}" for what, path in files.items() if not what.startswith("figure")))
+    if result.status == "refused":
+        say(f"schuler: {log}: refused; {' '.join(result.verdicts)}")
+        return 2
+    return 0
+
+
+def numbers(result: CalibrationResult) -> dict[str, Any]:
+    """A calibration for JSON."""
+    from schuler.calibration.parameters import GAUGES, unit
+
+    estimated = {
+        name: {"value": float(v), "sigma": float(s), "unit": unit(name)}
+        for name, v, s in zip(result.names, result.values, result.sigma, strict=True)
+    }
+    held = {name: {"value": v, "sigma": 0.0, "unit": unit(name), "fixed": True} for name, v in result.fixed.items()}
+    return {
+        "method": result.method,
+        "status": result.status,
+        "gauge": result.gauge,
+        "gauge_means": GAUGES[result.gauge],
+        "parameters": estimated | held,
+        "undetermined": [name for name, s in zip(result.names, result.sigma, strict=True) if not np.isfinite(s)],
+        "condition": result.condition,
+        "variance_of_unit_weight": result.variance_of_unit_weight,
+        "freedom": result.freedom,
+        "residual_rms": {name: r.rms for name, r in result.residuals.items()},
+        "observability": result.observability,
+        "verdicts": list(result.verdicts),
+        "next_pose": result.next_pose,
+        "nominal": list(result.nominal),
+        "temperature_deg_c": result.temperature,
+        "extra": result.extra,
+        "provenance": result.provenance,
+    }
+
+
+def _poses(
+    recordings: Sequence[Recording], sensor: Sensor, site: Site, min_rest: float, intervals: Path | None
+) -> Poses:
+    """Rests of all logs, one after the other."""
+    from schuler.calibration.poses import joined, poses_of
+
+    found = []
+    with progress("looking for rests") as bar:
+        for i, recording in enumerate(recordings):
+            imu = recording.need_imu()
+            spans = None if intervals is None else _spans(intervals, imu)
+            found.append(poses_of(imu, spans, min_s=min_rest, noise=sensor.noise, gravity=site.g))
+            if bar is not None:
+                bar((i + 1) / len(recordings))
+    return joined(found)
+
+
+def _spans(path: Path, imu: ImuSeries) -> list[tuple[float, float]]:
+    return [(start, stop) for _, start, stop in _table(path, imu, named=False)]
+
+
+def _sections(path: Path, imu: ImuSeries) -> dict[str, tuple[float, float]]:
+    return {name: (start, stop) for name, start, stop in _table(path, imu, named=True)}
+
+
+def _table(path: Path, imu: ImuSeries, named: bool) -> list[tuple[str, float, float]]:
+    """Lines of (NAME,)START,STOP in seconds from the start of the log, in the time of the log."""
+    shape = "NAME,START,STOP" if named else "START,STOP"
+    try:
+        lines = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: expected a CSV file with lines {shape}: {error}") from None
+    rows = []
+    for number, line in enumerate(lines, 1):
+        if not line or line[0].startswith("#"):
+            continue
+        try:
+            name = line[0].strip() if named else ""
+            start, stop = (float(cell) for cell in line[int(named) :])
+        except ValueError:
+            if number == 1:
+                continue  # a header
+            raise InputError(f"{path}, line {number}: expected {shape} in seconds, got {','.join(line)!r}") from None
+        if not 0.0 <= start < stop:
+            raise InputError(f"{path}, line {number}: expected 0 <= START < STOP in seconds, got {start:g}, {stop:g}")
+        rows.append((name, start + float(imu.t[0]), stop + float(imu.t[0])))
+    if not rows:
+        raise InputError(f"{path}: expected lines {shape}, got none")
+    return rows
+
+
+def _numbers(option: str, text: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(f"{option}: expected numbers with commas between them, got {text!r}") from None

@@ -1,0 +1,129 @@
+"""Groups of options that several commands share."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from schuler import units as u
+from schuler.exceptions import InputError
+from schuler.recording.recording import Recording
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Reading:
+    """How logs are read.
+
+    Parameters
+    ----------
+    config
+        TOML file whose [recording] section says how to read the logs.
+    columns
+        Meaning of the columns of a plain text log, such as t,ax,ay,az,gx,gy,gz; - skips one.
+    units
+        Units of accelerometer and gyro, such as g,deg/s, or counts,counts.
+    axes
+        Directions of the sensor's x, y, z: FRD, FLU, RFU, ...
+    rate
+        Sampling rate in Hz of a log without time column.
+    kind
+        rate or increment.
+    scale
+        Factors applied before the units, such as accel=0.00333,gyro=0.05.
+    time
+        Meaning of the stamps: gps-tow:WEEK, gps, unix, local.
+    delimiter
+        comma, semicolon, tab or blank; guessed if left out.
+    skip
+        Lines at the top to pass over.
+    variable
+        Array of a MATLAB or NumPy file.
+    allow
+        Checks to pass over with a note, such as norm,magnitude.
+    start
+        Leave out what is before this second of each log.
+    stop
+        Leave out what is after this second of each log.
+    """
+
+    config: Path | None = None
+    columns: str | None = None
+    units: str | None = None
+    axes: str | None = None
+    rate: float | None = None
+    kind: str | None = None
+    scale: str | None = None
+    time: str | None = None
+    delimiter: str | None = None
+    skip: int | None = None
+    variable: str | None = None
+    allow: str | None = None
+    start: Annotated[float | None, Parameter(name="--from")] = None
+    stop: Annotated[float | None, Parameter(name="--to")] = None
+
+    def read(self, log: Path, *, uncalibrated: bool = False) -> Recording:
+        """The log, cut as asked for; the norm of an uncalibrated sensor's specific force is not checked in a file."""
+        from schuler.cli.convert import read_log
+
+        hints = {k: v for k, v in asdict(self).items() if k not in ("config", "start", "stop")}
+        # our own files need no hints and take none
+        if uncalibrated and not log.is_dir() and any(value is not None for value in hints.values()):
+            hints["allow"] = "norm" if self.allow is None else f"{self.allow},norm"
+        return cut(read_log(log, self.config, **hints), self.start, self.stop)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Site:
+    """Where the unit stands.
+
+    Parameters
+    ----------
+    gravity
+        Local gravity in m/s^2. Default: normal gravity at --latitude and --height, else 9.80665.
+    latitude
+        Degrees, for gravity and Earth rate.
+    height
+        Above the ellipsoid in metres, for gravity.
+    """
+
+    gravity: float | None = None
+    latitude: float | None = None
+    height: float = 0.0
+
+    @property
+    def lat(self) -> float | None:
+        """Latitude. [rad]"""
+        if self.latitude is not None and not abs(self.latitude) <= 90.0:
+            raise InputError(f"--latitude: expected degrees between -90 and 90, got {self.latitude:g}")
+        return None if self.latitude is None else self.latitude * u.DEG
+
+    @property
+    def g(self) -> float:
+        """Local gravity. [m/s^2]"""
+        if self.gravity is not None:
+            if not 9.0 < self.gravity < 10.5:
+                raise InputError(f"--gravity: expected local gravity in m/s^2, such as 9.81, got {self.gravity:g}")
+            return self.gravity
+        if self.lat is None:
+            return u.G0
+        from schuler.earth import gravity_somigliana
+
+        return float(gravity_somigliana(self.lat, self.height))
+
+
+def cut(recording: Recording, start: float | None, stop: float | None) -> Recording:
+    """The recording's IMU series between two times from its start. [s]"""
+    imu = recording.need_imu()
+    if start is None and stop is None:
+        return recording
+    first, last = 0.0 if start is None else start, float(imu.t[-1] - imu.t[0]) if stop is None else stop
+    if not 0.0 <= first < last:
+        raise InputError(f"--from and --to: expected 0 <= FROM < TO in seconds, got {first:g} and {last:g}")
+    part = imu.between(float(imu.t[0]) + first, float(imu.t[0]) + last)
+    note = f"Only {first:g} to {last:g} s of {recording.metadata.name} were used, as asked for."
+    return replace(recording, imu=part, metadata=recording.metadata.noting(note))

@@ -1,0 +1,107 @@
+"""Figures of a calibration for print and slides (matplotlib); the same descriptions as in the HTML page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.calibration.plans import ATTITUDES, words_of
+from schuler.calibration.result import CalibrationResult
+from schuler.exceptions import InputError
+from schuler.report import content
+from schuler.report.calibration_panels import all_figures
+from schuler.report.figures import draw, save
+from schuler.report.pose_figure import plan_figure
+from schuler.report.thermal_figure import thermal_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def calibration_figure(result: CalibrationResult, which: str | None = None, *, ax: Axes | None = None) -> Figure:
+    """Residuals per pose, directions covered, before and after, parameters with one sigma.
+
+    Parameters
+    ----------
+    result : CalibrationResult
+    which : {"residuals", "coverage", "before_after", "parameters"}, optional
+        One of them by itself; default all on one page, as far as the result has them.
+    ax : matplotlib axes, optional
+        To draw into, for one that has a single panel.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError
+        If the result has nothing for what was asked.
+    MissingExtraError
+        If matplotlib is not installed (extra ``plot``).
+    """
+    figures = {f.name: f for f in all_figures(result)}
+    if which is not None:
+        if which not in figures:
+            there = ", ".join(figures) or "nothing"
+            raise InputError(f"which: expected one of what this result has ({there}), got {which!r}")
+        return draw(figures[which], ax)
+    if not figures:
+        raise InputError("result: expected parameters or residuals to draw, got none")
+    panels = [panel for figure in figures.values() for panel in figure.panels]
+    # half the width: no room for where the gap is
+    panels = [p if not p.equal else replace(p, title=p.title.partition(" around")[0]) for p in panels]
+    return draw(content.Figure("overview", "Calibration", "", tuple(panels), columns=2, linked=False), ax)
+
+
+def save_calibration_figures(
+    result: CalibrationResult, folder: Path | str, formats: Sequence[str] = ("png", "svg")
+) -> list[Path]:
+    """Write every figure of a calibration.
+
+    Parameters
+    ----------
+    result : CalibrationResult
+    folder : Path or str
+        Made if missing; files of the same name are replaced.
+    formats : sequence of str
+        ``png``, ``svg``, ``pdf``.
+
+    Returns
+    -------
+    list of Path
+        ``residuals``, ``coverage``, ``before_after``, ``parameters``, with a thermal calibration ``temperature``, with
+        advice ``next_pose`` (how the unit lies in it), in each format; the same bytes for the same input.
+
+    Raises
+    ------
+    InputError
+        If a format is unknown.
+    MissingExtraError
+        If matplotlib is not installed (extra ``plot``).
+    """
+    unknown = [f for f in formats if f not in ("png", "svg", "pdf")]
+    if unknown:
+        raise InputError(f"formats: expected png, svg or pdf, got {unknown[0]!r}")
+    drawn = {f.name: draw(f) for f in all_figures(result)}
+    if "thermal" in result.extra:
+        drawn["temperature"] = thermal_figure(result)
+    following = next_direction(result)
+    if following is not None:
+        done = result.residuals["accel"].direction if "accel" in result.residuals else None
+        poses = following[None] if done is None else np.concatenate((done, following[None]))
+        drawn["next_pose"] = plan_figure(poses, len(poses) - 1, following)
+    return [path for name, figure in drawn.items() for path in save(figure, Path(folder) / name, formats)]
+
+
+def next_direction(result: CalibrationResult) -> FloatArray | None:
+    """Up in body axes in the pose that ``next_pose`` advises, shape (3,); None without such advice."""
+    # "z up" is also the end of "+x and -z up alike"
+    said = [d for d in ATTITUDES if words_of(d) in result.next_pose]
+    return np.asarray(max(said, key=lambda d: len(words_of(d))), dtype=np.float64) if said else None

@@ -1,0 +1,243 @@
+"""``schuler calibrate`` as scripts use it: keys of the JSON, files, exit codes, one-line errors."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from schuler.calibration.freepose_simulation import hand_log
+from schuler.calibration.result import CalibrationResult
+from schuler.cli import main
+from schuler.cli.app import METHODS
+from schuler.recording import io
+from schuler.recording.recording import Metadata, Recording
+from schuler.recording.series import ImuSeries
+from schuler.sensors.errors import ImuErrors
+from schuler.sensors.noise import White
+from schuler.units import DEG, G0
+
+ERRORS = ImuErrors(
+    b_a=np.array([0.05, -0.03, 0.02]),
+    M_a=np.array([[0.004, 0.001, -0.002], [0.0, -0.003, 0.0015], [0.0, 0.0, 0.002]]),
+    b_g=np.array([0.004, -0.002, 0.001]),
+    M_g=np.array([[0.005, 0.002, -0.001], [0.001, -0.004, 0.003], [-0.002, 0.001, 0.003]]),
+    gyro_noise=White(1e-4) + White(0.0),
+    accel_noise=White(1e-3) + White(0.0),
+)
+#: The keys scripts rely on (design, section 5).
+KEYS = {"status", "gauge", "parameters", "condition", "residual_rms", "verdicts", "next_pose"}
+HALF = 0.5 * np.pi
+
+
+def run(capsys, *arguments):
+    code = main([str(a) for a in arguments])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def write(imu: ImuSeries, path, name: str = "unit"):
+    io.write(Recording(imu=imu, metadata=Metadata(name=name)), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def hand(tmp_path_factory):
+    """A unit put down in 24 poses by hand."""
+    path = tmp_path_factory.mktemp("hand") / "hand.parquet"
+    return write(hand_log(ERRORS, np.random.default_rng(1)).rates(), path)
+
+
+@pytest.fixture(scope="module")
+def faces(tmp_path_factory):
+    """Six faces and back: z down, x up, x down, z up, y ... by quarter and half turns."""
+    turns = np.array([[0.0, HALF, 0.0], [0.0, np.pi, 0.0], [0.0, HALF, 0.0], [HALF, 0.0, 0.0], [np.pi, 0.0, 0.0]])
+    path = tmp_path_factory.mktemp("faces") / "faces.parquet"
+    return write(hand_log(ERRORS, np.random.default_rng(2), rotvecs=turns, rest_s=6.0).rates(), path)
+
+
+def within(data, name, value, sigmas=4.0):
+    found = data["parameters"][name]
+    assert abs(found["value"] - value) < sigmas * found["sigma"] + 1e-12, (name, found, value)
+
+
+def test_freepose_finds_the_errors_and_writes_its_files(hand, tmp_path, capsys):
+    code, out, err = run(capsys, "calibrate", "freepose", hand, "--out", tmp_path, "--json")
+    assert code == 0, err
+    data = json.loads(out)
+    assert data.keys() >= KEYS
+    assert (data["command"], data["method"], data["gauge"]) == ("calibrate", "freepose", "upper")
+    within(data, "b_a_x", 0.05)
+    within(data, "M_a_xy", 0.001)
+    within(data, "M_g_yz", 0.003)
+    assert data["parameters"]["b_g_x"]["unit"] == "rad/s"
+    files = data["files"]
+    assert {"calibration", "report"} <= files.keys()
+    again = CalibrationResult.from_yaml(files["calibration"])
+    assert again["b_a_x"][0] == data["parameters"]["b_a_x"]["value"]
+    assert again.provenance["sources"] == data["provenance"]["sources"]
+    assert (tmp_path / "calibration.html").read_text().startswith("<!")
+
+
+def test_another_gauge_and_an_earlier_calibration(hand, tmp_path, capsys):
+    first = tmp_path / "a" / "calibration.yaml"
+    code, _, err = run(capsys, "calibrate", "freepose", hand, "--out", tmp_path / "a", "--no-report")
+    assert code == 0, err
+    code, out, err = run(
+        capsys, "calibrate", "freepose", hand, "--out", tmp_path / "b", "--no-report", "--json", "--gauge", "lower",
+        "--previous", first,
+    )  # fmt: skip
+    assert code == 0, err
+    data = json.loads(out)
+    assert data["gauge"] == "lower"
+    assert data["changed"] == []
+    assert data["parameters"]["M_a_xy"].get("fixed")
+
+
+def test_sixposition(faces, tmp_path, capsys):
+    code, out, err = run(
+        capsys, "calibrate", "sixposition", faces, "--out", tmp_path, "--no-report", "--json", "--gravity", G0
+    )
+    assert code == 0, err
+    data = json.loads(out)
+    assert data["gauge"] == "full"
+    within(data, "b_a_z", 0.02)
+    within(data, "M_a_xx", 0.004)
+    within(data, "M_a_yz", 0.0015)
+
+
+def test_multiposition_needs_no_fixture(hand, tmp_path, capsys):
+    code, out, err = run(
+        capsys, "calibrate", "multiposition", hand, "--out", tmp_path, "--no-report", "--json", "--gyro-order", "3",
+        "--latitude", 47.0, "--gravity", G0,
+    )  # fmt: skip
+    assert code == 0, err
+    data = json.loads(out)
+    assert data["gauge"] == "lower"
+    assert data["parameters"]["M_a_yy"]["sigma"] < 1e-3
+
+
+def test_ratetable(tmp_path, capsys):
+    """Both ways about each axis, level, then the six parameters of bias and response."""
+    dt, rng = 0.01, np.random.default_rng(3)
+    omega, f = [], []
+    for axis in range(3):
+        up = -G0 * np.eye(3)[axis]
+        for speed in (30.0, -30.0):
+            for rate, seconds in ((0.0, 4.0), (speed, 14.0)):
+                n = round(seconds / dt)
+                omega.append(np.tile(rate * DEG * np.eye(3)[axis], (n, 1)))
+                f.append(np.tile(up, (n, 1)))
+    gyro, accel, _ = ERRORS.apply_rates(np.concatenate(omega), np.concatenate(f), dt, rng)
+    log = write(ImuSeries(np.arange(len(gyro)) * dt, gyro, accel), tmp_path / "table.parquet")
+    code, out, err = run(
+        capsys, "calibrate", "ratetable", log, "--rates", "30", "--no-g-sensitivity", "--latitude", 0.0,
+        "--out", tmp_path, "--no-report", "--json",
+    )  # fmt: skip
+    assert code == 0, err
+    data = json.loads(out)
+    within(data, "M_g_xx", 0.005, 6.0)
+    within(data, "b_g_y", -0.002, 6.0)
+
+
+def test_thermal_ramp(tmp_path, capsys):
+    rng = np.random.default_rng(4)
+    n = 20_000
+    T = np.concatenate((np.linspace(-10.0, 60.0, n // 2), np.linspace(60.0, -10.0, n // 2)))
+    gyro = 1e-3 * rng.standard_normal((n, 3)) + 1e-4 * (T[:, None] - 25.0) + [0.01, 0.0, 0.0]
+    accel = 1e-2 * rng.standard_normal((n, 3)) + [0.0, 0.0, -G0]
+    log = write(ImuSeries(0.1 * np.arange(n), gyro, accel, temperature=T), tmp_path / "chamber.parquet")
+    code, out, err = run(capsys, "calibrate", "thermal", log, "--out", tmp_path, "--no-report", "--json")
+    assert code == 0, err
+    data = json.loads(out)
+    within(data, "b_g_x", 0.01, 5.0)
+    assert data["parameters"]["b_a_x"]["sigma"] is None
+    assert "b_a_x" in data["undetermined"]
+    assert data["extra"]["thermal"]["coefficients"]["b_g_x"][1] == pytest.approx(1e-4, rel=0.05)
+
+
+def test_too_few_poses_are_refused_with_what_to_do(tmp_path, capsys):
+    log = write(hand_log(ERRORS, np.random.default_rng(1), poses=4).rates(), tmp_path / "few.parquet")
+    code, out, err = run(capsys, "calibrate", "freepose", log, "--out", tmp_path / "o", "--json", "--no-report")
+    assert code == 2
+    data = json.loads(out)
+    assert data["status"] == "refused"
+    assert data["next_pose"] or any("Collect" in v or "put" in v for v in data["verdicts"])
+    assert not (tmp_path / "o" / "calibration.yaml").exists()
+    assert "refused" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("freepose", "missing.parquet"), "no such file or folder"),
+        (("freepose", "{hand}", "--gravity", "32"), "--gravity: expected local gravity in m/s^2"),
+        (("freepose", "{hand}", "--intervals", "{hand}"), "expected a CSV file with lines START,STOP"),
+        (("sixposition", "{hand}", "--latitude", "95"), "--latitude: expected degrees between -90 and 90"),
+        (("sixposition", "{hand}", "--headings", "north"), "--headings: expected numbers with commas"),
+        (("multiposition", "{hand}", "--table-rate", "0,30"), "--table-rate: expected"),
+        (("ratetable", "{hand}"), "--rates"),
+        (("thermal", "{hand}"), "temperature"),
+        (("thermal", "{hand}", "{hand}"), "--soak"),
+        (("freepose", "{hand}", "--imu", "no such IMU"), "no such IMU"),
+        (("sevenposition", "{hand}"), "sevenposition"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line_and_exit_code_2(arguments, message, hand, capsys):
+    code, out, err = run(capsys, "calibrate", *(a.format(hand=hand) for a in arguments))
+    assert (code, out) == (2, "")
+    assert err.startswith("schuler: ")
+    assert err.count("\n") == 1
+    assert message in err
+
+
+def test_intervals_of_a_file_are_used(hand, tmp_path, capsys):
+    imu = io.read(hand).need_imu()
+    found = hand_rests(imu)
+    table = tmp_path / "rests.csv"
+    table.write_text("start,stop\n# seconds\n" + "\n".join(f"{a:.3f},{b:.3f}" for a, b in found), encoding="utf-8")
+    code, out, err = run(
+        capsys, "calibrate", "freepose", hand, "--intervals", table, "--out", tmp_path, "--no-report", "--json"
+    )
+    assert code == 0, err
+    within(json.loads(out), "M_a_zz", 0.002)
+
+
+def hand_rests(imu: ImuSeries) -> list[tuple[float, float]]:
+    """20 s, then every 5 s three seconds of rest, with a margin."""
+    starts = [0.0, *(20.0 + 2.0 + 5.0 * k for k in range(23))]
+    return [(a + 0.2, a + (19.8 if a == 0.0 else 2.8)) for a in starts]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_has_help_with_an_example(method, capsys):
+    assert main(["calibrate", method, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert f"schuler calibrate {method}" in text
+    assert "Example:" in text
+
+
+def test_counts_are_a_unit(tmp_path, capsys):
+    """A log in counts gives factors to SI, and parameters relative to them."""
+    imu = hand_log(ERRORS, np.random.default_rng(1)).rates()
+    counts = replace(imu, gyro=np.round(imu.gyro * 5000.0), accel=np.round(imu.accel * 400.0))
+    lines = ["t,ax,ay,az,gx,gy,gz"]
+    lines += [
+        f"{t:.3f},{','.join(f'{v:.0f}' for v in (*a, *g))}"
+        for t, a, g in zip(counts.t, counts.accel, counts.gyro, strict=True)
+    ]
+    log = tmp_path / "counts.csv"
+    log.write_text("\n".join(lines), encoding="utf-8")
+    code, out, err = run(
+        capsys, "calibrate", "freepose", log, "--units", "counts,counts", "--out", tmp_path, "--no-report", "--json"
+    )
+    assert code == 0, err
+    data = json.loads(out)
+    assert data["nominal"][0] == pytest.approx(1.0 / 400.0, rel=0.01)
+    assert data["nominal"][1] == pytest.approx(1.0 / 5000.0, rel=0.02)
+    # bias over scale does not depend on the factor
+    true = ERRORS.b_a[0] / (1.0 + ERRORS.M_a[0, 0])
+    p = data["parameters"]
+    assert p["b_a_x"]["value"] / (1.0 + p["M_a_xx"]["value"]) == pytest.approx(true, abs=1e-3)

@@ -18,7 +18,7 @@ from schuler.sensors.noise import NoiseModel, White
 from schuler.units import G0
 
 RELATIVE = np.array([[0.0, 0.0, 0.0], [0.02, -0.01, 0.03], [-0.02, 0.015, 0.01]])
-COMMON = np.array([0.05, 0.0, 0.1])
+COMMON = np.array([0.05, 0.07, 0.1])
 ERRORS = ImuErrors(
     b_g=[0.01, -0.02, 0.005], b_a=[0.2, 0.1, -0.3], M_g=0.01 * np.arange(-4, 5).reshape(3, 3),
     M_a=[[0.01, 0.02, -0.01], [0.0, -0.01, 0.03], [0.0, 0.0, 0.02]],

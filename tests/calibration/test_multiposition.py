@@ -84,6 +84,12 @@ def test_perfect_data_in_other_gauges(rng, gauge):
     np.testing.assert_allclose(result.errors.b_a, truth.b_a, atol=1e-14)
 
 
+def test_gyroscopes_in_axes_of_their_own_are_not_turned(rng):
+    result = calibrate_multiposition(simulated(rng, 0.0), gravity=G, gyro_order=9)
+    with pytest.raises(InputError, match="M_g of this calibration is in the gyroscopes' own axes"):
+        result.in_gauge("upper")
+
+
 def test_the_result_takes_the_errors_out_of_a_log(rng):
     result = calibrate_multiposition(simulated(rng, 0.0), gravity=G, gyro_order=9)
     f, w = rng.normal(size=(50, 3)), rng.normal(size=(50, 3))

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure as MplFigure
 
+from schuler.calibration.plans import ATTITUDES, words_of
 from schuler.calibration.result import CalibrationResult, Residuals, result_from
 from schuler.exceptions import InputError
 from schuler.report import calibration_document, calibration_panels
@@ -313,15 +314,15 @@ def test_one_figure_or_all(result):
         nothing.plot()
 
 
-def test_the_next_pose_is_drawn_as_it_is_said():
-    """ "z up" is the end of the words of an edge, too."""
-    some = {"b_a_x": (0.0, 1.0)}
-    np.testing.assert_allclose(
-        next_direction(result_from("m", some, "full", next_pose="put +x and -z up alike")),
-        np.sqrt([0.5, 0.0, 0.5]) * [1, 1, -1],
-    )
-    np.testing.assert_array_equal(next_direction(result_from("m", some, "full", next_pose="put z up")), [0, 0, 1])
-    assert next_direction(result_from("m", some, "full", next_pose="heat it")) is None
+@pytest.mark.parametrize("direction", ATTITUDES, ids=words_of)
+def test_the_next_pose_is_drawn_as_it_is_said(direction):
+    """ "z up" is in the words of an edge, too."""
+    said = result_from("m", {"b_a_x": (0.0, 1.0)}, "full", next_pose=f"put the unit with {words_of(direction)}")
+    np.testing.assert_array_equal(next_direction(said), direction)
+
+
+def test_advice_on_other_things_is_not_drawn():
+    assert next_direction(result_from("m", {"b_a_x": (0.0, 1.0)}, "full", next_pose="heat it")) is None
 
 
 def test_files_of_all_figures(result, tmp_path):

@@ -102,7 +102,8 @@ def fit_gyroscopes(
     GyroFit
         Weights are the inverse of the covariance of the residuals: noise of both poses (a pose is the end of one turn
         and the start of the next), the accelerometer parameters found from the same means, gyroscope noise
-        ``N^2 T``, the bias measured at rest, and what is beyond noise, see :func:`~schuler.calibration.freepose_weights.spread_beyond`.
+        ``N^2 T``, the bias measured at rest, and what is beyond noise, see
+        :func:`~schuler.calibration.freepose_weights.spread_beyond`.
 
     References
     ----------
@@ -177,7 +178,9 @@ def fit_gyroscopes(
             V_a = _spread_of(S, sigma_f.ravel() ** 2)
             if not free_bias:  # its error is that of all turns
                 V_a = V_a + (J2[:, 9:12] * bias_sigma**2) @ J2[:, 9:12].T
-            gyro_var = float(np.mean((nominal * rests.density_g) ** 2)) * seconds
+            # noise is that of what is read; the calibrated rate has it divided by the response
+            Q = np.linalg.inv(np.eye(3) + M)
+            gyro_var = float(np.mean(Q**2 @ (nominal * rests.density_g) ** 2)) * seconds
             own = np.repeat(gyro_var, 2)
             sigma = np.sqrt(0.5 * np.diag(V_a).reshape(n, 2).sum(axis=1) + gyro_var)
         size = np.linalg.norm(r2.reshape(n, 2), axis=1)

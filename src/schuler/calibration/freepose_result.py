@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
-import schuler
 from schuler.arrays import FloatArray
 from schuler.calibration import freepose_motion
 from schuler.calibration import freepose_verdicts as verdicts
@@ -17,6 +17,7 @@ from schuler.calibration.freepose_rest import Rests
 from schuler.calibration.freepose_turns import Turns, predicted
 from schuler.calibration.freepose_weights import chance
 from schuler.calibration.parameters import LINEAR
+from schuler.calibration.plans import words_of
 from schuler.calibration.result import CalibrationResult, Residuals, Status
 from schuler.recording.series import ImuSeries
 from schuler.rotation import rotvec_from_dcm
@@ -28,7 +29,7 @@ MISFIT = 0.2
 
 
 def _provenance(options: dict[str, Any]) -> dict[str, Any]:
-    return {"schuler": schuler.__version__, "method": "freepose", "options": options}
+    return {"schuler": version("schuler"), "method": "freepose", "options": options}
 
 
 def _temperature(imu: ImuSeries) -> float | None:
@@ -153,15 +154,15 @@ def assemble(
     for vector in combinations:  # a direction without information is the one to be filled
         known = known + 1e6 * np.outer(vector, vector)
     direction, _ = verdicts.next_pose(accel, known, gravity)
-    advice = f"put {verdicts.in_words(direction)}"
+    advice = f"put the unit with {words_of(direction)}"
     if useless:
         status = "warning"
-        sentences.append(f"{_with_sigma(useless, names, sigma)} not determined by these poses: {advice} next.")
+        sentences.append(f"{_with_sigma(useless, names, sigma)} not determined by these poses: next {advice}.")
     if diluted:
         status = "warning"
         sentences.append(
             f"{_with_sigma(diluted, names, sigma)} poorly determined, {verdicts.DILUTION:.0f} times worse or more than "
-            f"by as many poses all round: {advice} next."
+            f"by as many poses all round: next {advice}."
         )
     if gyro is not None and fits:
         noise = float(np.sqrt(np.mean(gyro.sigma**2) + gyro.spread**2))

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray
 from schuler.calibration.freepose_accel import AccelFit, magnitude_residuals, response
-from schuler.calibration.parameters import AXES
+from schuler.calibration.plans import ATTITUDES, words_of
 
 #: 1 sigma beyond which a value says less than a data sheet: elements of M [-], b_a [m/s^2], b_g [rad/s], G_g.
 USELESS = {"M_a": 0.01, "M_g": 0.02, "b_a": 0.1, "b_g": 0.01, "G_g": 1e-3}
@@ -16,18 +14,6 @@ USELESS = {"M_a": 0.01, "M_g": 0.02, "b_a": 0.1, "b_g": 0.01, "G_g": 1e-3}
 DILUTION = 8.0
 # eigenvalue of the normal matrix with unit diagonal, relative to the largest, that counts as none
 _NOTHING = 1e-11
-
-#: Six faces, twelve edges, eight corners: directions that can be put up by hand.
-DIRECTIONS = np.array(sorted((d for d in product((1, 0, -1), repeat=3) if any(d)), key=lambda d: (np.abs(d).sum(), d)))
-_UNIT = DIRECTIONS / np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
-
-
-def in_words(direction: FloatArray) -> str:
-    """Such as ``+x up`` or ``+x and -z up, between them``."""
-    signs = [f"{'+' if d > 0 else '-'}{axis}" for d, axis in zip(direction, AXES, strict=True) if d]
-    if len(signs) == 1:
-        return f"{signs[0]} up"
-    return f"{', '.join(signs[:-1])} and {signs[-1]} up alike"
 
 
 def lost(normal: FloatArray) -> tuple[BoolArray, list[FloatArray], float]:
@@ -53,7 +39,7 @@ def lost(normal: FloatArray) -> tuple[BoolArray, list[FloatArray], float]:
 
 def even_sigma(fit: AccelFit, gravity: float) -> FloatArray:
     """1 sigma of the nine accelerometer parameters if as many poses had been spread evenly. Shape (9,)."""
-    y = fit.p[:3] + gravity * _UNIT @ response(fit.p).T
+    y = fit.p[:3] + gravity * ATTITUDES @ response(fit.p).T
     _, J, _ = magnitude_residuals(fit.p, y, gravity)
     weight = float((fit.weight / (fit.sigma**2 + fit.spread**2)).sum()) / len(J)
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(weight * J.T @ J))))
@@ -65,20 +51,21 @@ def next_pose(fit: AccelFit, covariance: FloatArray, gravity: float) -> tuple[Fl
     The residual of a new pose has variance ``J P J^T`` by the present parameters; where that is largest, most is learnt
     (D-optimality, one pose at a time).
     """
-    y = fit.p[:3] + gravity * _UNIT @ response(fit.p).T
+    y = fit.p[:3] + gravity * ATTITUDES @ response(fit.p).T
     _, J, _ = magnitude_residuals(fit.p, y, gravity)
     variance = np.einsum("kp,pq,kq->k", J, covariance, J)
     # ties go to faces, which are easiest
-    k = int(np.argmax(variance * (1.0 - 1e-3 * np.abs(DIRECTIONS).sum(axis=1))))
-    return DIRECTIONS[k], float(np.sqrt(variance[k]))
+    kinds = np.abs(ATTITUDES).sum(axis=1)  # 1 of a face, 1.4 of an edge, 1.7 of a corner
+    k = int(np.argmax(variance * (1.0 - 1e-3 * kinds)))
+    return np.asarray(ATTITUDES[k]), float(np.sqrt(variance[k]))
 
 
 def missing_directions(up: FloatArray | None, wanted: int) -> str:
     """Which faces and edges have not been up yet, at most ``wanted`` of them, in words."""
     todo = np.ones(18, dtype=bool)
     if up is not None and len(up):
-        todo = (up @ _UNIT[:18].T).max(axis=0) < np.cos(0.4)
-    chosen = [in_words(d) for d in DIRECTIONS[:18][todo][:wanted]]
+        todo = (up @ ATTITUDES[:18].T).max(axis=0) < np.cos(0.4)
+    chosen = [words_of(d) for d in ATTITUDES[:18][todo][:wanted]]
     return "; ".join(chosen)
 
 

@@ -90,8 +90,8 @@ def joined(several: Sequence[Poses]) -> Poses:
         return several[0]
     warm = [p.temperature for p in several]
     temperature = None if any(T is None for T in warm) else np.concatenate([T for T in warm if T is not None])
-    fields = (np.concatenate([getattr(p, name) for p in several]) for name in _ARRAYS)
-    return Poses(*fields, temperature)
+    f, omega, sigma_f, sigma_omega, start, stop = (np.concatenate([getattr(p, n) for p in several]) for n in _ARRAYS)
+    return Poses(f, omega, sigma_f, sigma_omega, start, stop, temperature)
 
 
 def poses_of(
@@ -136,7 +136,12 @@ def poses_of(
         spans = [(float(a), float(b)) for a, b in zip(intervals.start, intervals.stop, strict=True)]
     else:
         spans = [(float(a), float(b)) for a, b in intervals]
-    index, f, omega, sigma_f, sigma_omega, T = [], [], [], [], [], []
+    index: list[tuple[int, int]] = []
+    f: list[FloatArray] = []
+    omega: list[FloatArray] = []
+    sigma_f: list[FloatArray] = []
+    sigma_omega: list[FloatArray] = []
+    T: list[float] = []
     for start, stop in spans:
         a = int(np.searchsorted(rates.t, start + trim_s - 1e-9))
         b = int(np.searchsorted(rates.t, stop - trim_s + 1e-9, side="right"))
@@ -155,7 +160,7 @@ def poses_of(
             else:
                 sigma.append(_sigma_of_mean(part))
         if rates.temperature is not None:
-            T.append(rates.temperature[a:b].mean())
+            T.append(float(rates.temperature[a:b].mean()))
     if not index:
         raise InputError(
             "imu: no interval at rest was found; put the unit down for some seconds in each pose, or give intervals"
@@ -173,4 +178,4 @@ def _sigma_of_mean(x: FloatArray) -> FloatArray:
     parts = x[: 10 * m].reshape(10, m, 3).mean(axis=1)
     coloured = parts.std(axis=0, ddof=1) / np.sqrt(10.0)
     white = x.std(axis=0, ddof=1) / np.sqrt(len(x))
-    return np.maximum(np.maximum(coloured, white), 1e-300)
+    return np.asarray(np.maximum(np.maximum(coloured, white), 1e-300))

@@ -253,8 +253,7 @@ class CalibrationResult:
         if gauge == self.gauge:
             return self
         # as calibrate_multiposition leaves it
-        own = self.method == "multiposition" and "gyro" in self.extra and "turn" not in self.extra
-        if own and any(n.startswith("M_g") for n in self.names):
+        if self.method == "multiposition" and "gyro" in self.extra and "turn" not in self.extra:
             raise InputError(
                 "gauge: M_g of this calibration is in the gyroscopes' own axes, magnitudes having told nothing on the "
                 "rotation between the triads; calibrate with between_triads=True, or change the gauge of a result "

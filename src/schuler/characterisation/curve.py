@@ -21,7 +21,7 @@ class AllanCurve:
         Allan (or modified, Hadamard, ...) deviation. [x]
     low, high : ndarray, shape (k,)
         Bounds between which the true deviation lies with probability ``confidence``: chi-square with ``edf`` degrees of
-        freedom. [x]
+        freedom; from :func:`.allan.allan_deviation` with fewer than 20 of them the estimate's own distribution. [x]
     edf : ndarray, shape (k,)
         Equivalent degrees of freedom of the variance estimate.
     count : ndarray of int, shape (k,)

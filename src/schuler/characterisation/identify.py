@@ -382,7 +382,7 @@ def _about(axis: str, chosen: Selection, dt: float, duration: float) -> list[Fin
     if chosen.shortest > 1:
         text = (
             f"{axis}: below {chosen.shortest * dt:.3g} s the noise is no sum of terms (sensor filter, vibration); "
-            "the numbers hold from there on, and the model has the measured spectrum above that frequency"
+            "the numbers hold from there on, and the model has the measured spectrum at shorter times"
         )
         told.append(Finding("shape", text, severity="note"))
     for name, value, sigma in zip(chosen.fit.names, chosen.fit.values, chosen.fit.sigma, strict=True):

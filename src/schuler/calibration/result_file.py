@@ -133,7 +133,7 @@ def read_result(path: Path | str) -> CalibrationResult:
 def _loaded(text: str, path: Path) -> Any:
     import yaml
 
-    class Loader(yaml.SafeLoader):
+    class Loader(yaml.SafeLoader):  # type: ignore[misc]
         """Plain data only, and no name twice: plain YAML would silently take the last."""
 
     def mapping(loader: Any, node: Any) -> dict[Any, Any]:

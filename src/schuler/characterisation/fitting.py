@@ -335,7 +335,7 @@ def _solve(
             last[:] = p.copy(), white @ (np.log(v) - target), white @ (J / v[:, None])
         return last[1], last[2]
 
-    found, _, info, _, _ = leastsq(  # type: ignore[call-overload]
+    found, _, info, _, _ = leastsq(
         lambda p: both(p)[0], theta, Dfun=lambda p: both(p)[1], full_output=True, ftol=1e-7, xtol=1e-6, maxfev=60
     )
     return np.clip(found, *bounds), 0.5 * float(np.sum(np.square(info["fvec"])))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from schuler.characterisation import health
-from schuler.characterisation.health import check_static_imu, check_static_log, length_needed, resolution
+from schuler.characterisation.findings import FALSE_ALARM, SHOWN
+from schuler.characterisation.health import check_static_imu, check_static_log, gaps, length_needed
+from schuler.characterisation.readings import resolution
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.sensors.noise import GaussMarkov, NoiseModel, Ramp, RandomWalk, White, flicker
@@ -177,8 +178,8 @@ def test_missing_samples_and_gaps_have_places(log):
 def test_many_gaps_are_summed_up():
     t = np.arange(2000) * 0.01
     t += 0.05 * (np.arange(2000) // 200)
-    found = health.gaps(t)
-    assert len(found) == health._SHOWN + 1
+    found = gaps(t)
+    assert len(found) == SHOWN + 1
     assert "6 more gaps" in found[-1].text
 
 
@@ -245,7 +246,7 @@ def test_clean_logs_draw_no_more_findings_than_stated():
             else:
                 others += code not in ("too_short",)
     # statistical: a count beyond this happens once in a thousand with the stated probability
-    allowed = binom.isf(1e-3, 200, health.FALSE_ALARM)
+    allowed = binom.isf(1e-3, 200, FALSE_ALARM)
     assert max(counts.values()) <= allowed, counts
     assert others == 0
 
@@ -258,7 +259,7 @@ def test_clean_logs_draw_no_more_findings_than_stated_at_full_size():
         x = list(COLOURS.values())[k % len(COLOURS)].sample(50_000, 0.02, rng)
         for code in {f.code for f in check_static_log(x, 50.0)} & counts.keys():
             counts[code] += 1
-    assert max(counts.values()) <= binom.isf(1e-3, 1200, health.FALSE_ALARM), counts  # statistical
+    assert max(counts.values()) <= binom.isf(1e-3, 1200, FALSE_ALARM), counts  # statistical
 
 
 # ------------------------------------------------------------------------------------------ whole IMU

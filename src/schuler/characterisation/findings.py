@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
+
+Severity: TypeAlias = Literal["note", "warning", "refused"]
+#: Probability of a false finding of one kind (motion, outliers, steps, stuck values) in a clean log.
+FALSE_ALARM = 0.01
+#: Places named for one kind of finding.
+SHOWN = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,4 +33,9 @@ class Finding:
     text: str
     start_s: float | None = None
     stop_s: float | None = None
-    severity: Literal["note", "warning", "refused"] = "warning"
+    severity: Severity = "warning"
+
+
+def found_at(code: str, text: str, start: float, stop: float, severity: Severity = "warning") -> Finding:
+    """A finding with its place, in seconds from the start of the recording."""
+    return Finding(code, text, float(start), float(stop), severity)

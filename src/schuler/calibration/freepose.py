@@ -97,10 +97,10 @@ def calibrate_freepose(
 
     Notes
     -----
-    Rests: variance of both triads over a moving window, relative to that at rest, below a multiple. Eight multiples
-    are tried and the one kept whose poses determine the accelerometers best (smallest determinant of the covariance,
-    scatter included). Accelerometers come first, gyroscopes in their axes second; the covariance of the second step
-    carries the first.
+    Rests: variance of both triads over a moving window, relative to that at rest, below a multiple. The multiples of
+    the source, 2 to 10, are tried and the one kept whose poses determine the accelerometers best (smallest determinant
+    of the covariance, scatter included). Accelerometers come first, gyroscopes in their axes second; the covariance of
+    the second step carries the first.
 
     References
     ----------

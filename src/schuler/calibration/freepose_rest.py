@@ -11,8 +11,8 @@ from schuler.calibration.freepose_weights import median
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 
-#: Multiples of the variance at rest that are tried; the one whose poses determine the accelerometers best is kept.
-MARGINS = (3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 14.0, 20.0)
+#: Multiples of the variance at rest that are tried, those of Tedaldi's program; the one whose poses determine the accelerometers best is kept.
+MARGINS = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
 #: Share of the log that is believed to be at rest when the noise is taken from the log itself.
 SHARE = 0.1
 # The median of a chi-square with 9 degrees of freedom over its mean: part means of one pose are ten.

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from schuler import units as u
+from schuler.cli.output import Flag
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from schuler.sensors.spec import ImuSpec
 
 
 @Parameter(name="*")
@@ -114,6 +118,64 @@ class Site:
         from schuler.earth import gravity_somigliana
 
         return float(gravity_somigliana(self.lat, self.height))
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Sensor:
+    """What is known of the IMU.
+
+    Parameters
+    ----------
+    imu
+        Budget of the IMU for weights and as data sheet: a catalogue name or the imu.toml of schuler allan.
+    """
+
+    imu: str | None = None
+
+    @property
+    def spec(self) -> ImuSpec | None:
+        """The budget."""
+        from schuler.sensors import catalogue
+        from schuler.sensors.spec_file import read_spec
+
+        if self.imu is None:
+            return None
+        return read_spec(Path(self.imu)) if self.imu.endswith(".toml") else catalogue.spec(self.imu)
+
+    @property
+    def noise(self) -> tuple[float, float] | None:
+        """N of gyroscopes and accelerometers, if both are known."""
+        spec = self.spec
+        if spec is None or not (spec.gyro.random_walk and spec.accel.random_walk):
+            return None
+        return spec.gyro.random_walk, spec.accel.random_walk
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Output:
+    """What is written.
+
+    Parameters
+    ----------
+    out
+        Folder for the files. Default: the first log's name with -calibration.
+    gauge
+        Body axes of the result: lower, upper, symmetric. Default: those of the method.
+    previous
+        An earlier calibration.yaml of the same unit: what changed beyond its uncertainty.
+    report
+        Write calibration.html and figures.
+    json
+        Print one JSON object.
+    """
+
+    out: Path | None = None
+    gauge: Literal["lower", "upper", "symmetric"] | None = None
+    previous: Path | None = None
+    report: bool = True
+    json: Flag = False
 
 
 def cut(recording: Recording, start: float | None, stop: float | None) -> Recording:

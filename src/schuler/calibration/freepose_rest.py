@@ -11,7 +11,8 @@ from schuler.calibration.freepose_weights import median
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 
-#: Multiples of the variance at rest that are tried, those of Tedaldi's program; the one whose poses determine the accelerometers best is kept.
+#: Multiples of the variance at rest that are tried, those of Tedaldi's program; the one is kept whose poses determine
+#: the accelerometers best.
 MARGINS = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
 #: Share of the log that is believed to be at rest when the noise is taken from the log itself.
 SHARE = 0.1

@@ -9,6 +9,7 @@ from schuler.characterisation import NoiseIdentification, identify_noise
 from schuler.characterisation.comparison import overlay
 from schuler.characterisation.result import AXES
 from schuler.recording.series import ImuSeries
+from schuler.sensors.noise import Counted
 from schuler.units import ARCSEC, DEG, G0, UG
 
 pytestmark = pytest.mark.realdata
@@ -64,8 +65,9 @@ def test_simulated_every_axis_reproduces_the_curve(identified, name):
 
 
 def test_a_parked_car_is_reproduced_and_said_to_be_no_sensor_noise(shared_data):
-    """Disturbances have their places; the model is the measured spectrum. The z accelerometer pulses in patterns,
-    five readings of six being the same, which no Gaussian process has: it is called coarse and not reproduced."""
+    """Disturbances have their places; the model is the measured spectrum. The z accelerometer shows its pulses, five
+    readings of six being the same, which no Gaussian process has: its model counts. That passes here, not with 199
+    realisations (docs/noise-validation.md)."""
     imu = laser_gyro(shared_data)
     found = identify_noise(imu)
     for name in ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y"):
@@ -73,7 +75,14 @@ def test_a_parked_car_is_reproduced_and_said_to_be_no_sensor_noise(shared_data):
         assert codes & {"departure", "no_model"}, name
         check(imu.rates(), found, name)
     assert {"motion", "step"} <= {f.code for f in found.axes["gyro_x"].findings}
-    assert "coarse" in {f.code for f in found.axes["accel_z"].findings}
+    counted = found.axes["accel_z"]
+    assert {"coarse", "counted"} <= {f.code for f in counted.findings}
+    (process,) = counted.model.terms
+    assert isinstance(process, Counted)
+    # four counts of the file a pulse, read at 125 Hz: 99.98 % of the readings can be told from the log, and are whole
+    assert process.quantum == pytest.approx(4.0 * 125.0 * UG, rel=1e-6)
+    assert process.read_rate_hz == pytest.approx(125.0)
+    check(imu.rates(), found, "accel_z")
 
 
 def check(imu: ImuSeries, found: NoiseIdentification, name: str) -> None:

@@ -154,6 +154,24 @@ def test_navigate_with_outages_on_the_command_line(town, tmp_path, capsys):
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"solution.parquet", "smoothed.parquet", "track.kml"}
 
 
+def test_aids_and_entries_are_changed_on_the_command_line(town, tmp_path, capsys):
+    common = ("navigate", town, "--config", CONFIG, "--out", tmp_path / "out", "--json", "--no-report", "--no-smooth")
+    code, out, _ = run(
+        capsys, *common, "--aid", "zero_velocity", "--aid", "non_holonomic", "--set", "filter.states=9",
+        "--set", "aiding.non_holonomic.max_turn_rate_deg_s=1",
+    )  # fmt: skip
+    numbers = json.loads(out)
+    assert code == 0
+    assert numbers["states"] == 11  # and two mount angles
+    assert {"zero_velocity", "lateral", "vertical"} <= set(numbers["measurements"])
+    assert numbers["measurements"]["lateral"]["condition not met"] > 0
+    code, out, _ = run(capsys, *common, "--coupling", "reset")
+    assert code == 0
+    assert set(json.loads(out)["measurements"]) == {"reset_position", "reset_velocity"}
+    code, out, _ = run(capsys, *common, "--aid", "non_holonomic", "--without", "non_holonomic")
+    assert "lateral" not in json.loads(out)["measurements"]
+
+
 def test_navigate_writes_a_report_and_prose(town, tmp_path, capsys):
     code, out, err = run(capsys, "navigate", town, "--config", CONFIG, "--out", tmp_path, "--outage-every", "50:10:60")
     assert code == 0
@@ -228,6 +246,11 @@ def test_an_interrupted_run_keeps_what_was_done(town, tmp_path, capsys, monkeypa
             ("navigate", "{town}", "--config", "{config}", "--outage", "80:60"),
             r"--outage: expected START:STOP in seconds",
         ),
+        (("navigate", "{town}", "--config", "{config}", "--set", "states=21"), r"--set: expected SECTION\.KEY=VALUE"),
+        (("navigate", "{town}", "--config", "{config}", "--set", "filter.state=21"), r"filter\.state\b"),
+        (("navigate", "{town}", "--config", "{config}", "--aid", "nonsense"), r"aiding\.nonsense"),
+        (("navigate", "{town}", "--config", "{config}", "--aid", "heading"), r"heading series"),
+        (("navigate", "{town}", "--config", "{config}", "--coupling", "tight"), r"raw satellite measurements"),
         (("navigate", "{town}", "--config", "{config}", "--outage-every", "15:45"), r"expected PERIOD:LENGTH"),
         (("navigate", "{town}", "--config", "{config}", "--outage-every", "a:b"), r"expected PERIOD:LENGTH"),
         (("info", "{config}"), r"town_navigation\.toml"),

@@ -290,3 +290,25 @@ def test_initial_state_is_checked(drive_case):
     late = drive_case.increments.between(5.0, 10.0)
     with pytest.raises(InputError, match=r"initial state is at 0\.0000 s but the first interval begins at 5\.0000 s"):
         run(late, MeasurementSchedule.empty(), initial, lay, *NOISE)
+
+
+def test_the_covariance_grows_over_a_bridged_pause(drive_case):
+    """Closed form: rates unknown by a constant c over a pause h leave c h of velocity and attitude."""
+    log, _, initial, lay = setup(drive_case, 15)
+    k = 200
+    t, dt, w, f = (np.delete(x, slice(k, k + 50), axis=0) for x in (log.t, log.dt, log.dtheta_ib_b, log.dv_ib_b))
+    dt[k] = t[k] - t[k - 1]
+    w[k], f[k] = (log.dtheta_ib_b[k : k + 51].sum(axis=0), log.dv_ib_b[k : k + 51].sum(axis=0))
+    paused = Increments(t, dt, w, f)
+    options = {"record_s": 0.01, "covariance_rate_hz": None}
+    plain = run(paused, MeasurementSchedule.empty(), initial, lay, *NOISE, FilterOptions(**options))
+    doubt = FilterOptions(**options, gap_s=0.1, gap_gyro=0.02, gap_accel=0.5)
+    grown = run(paused, MeasurementSchedule.empty(), initial, lay, *NOISE, doubt)
+    at = int(np.argmin(np.abs(plain.rec_t - t[k])))
+    P, Q = (engine.unpack_symmetric(x.rec_P[at : at + 1], lay.size)[0] for x in (plain, grown))
+    added = np.diag(Q - P)[:6]
+    # discretisation: attitude noise halved before and after the transition also turns gravity into velocity
+    np.testing.assert_allclose(added[:3], (0.02 * dt[k]) ** 2, rtol=1e-3)
+    assert np.all(added[3:6] >= 0.999 * (0.5 * dt[k]) ** 2)
+    before = engine.unpack_symmetric(np.array([plain.rec_P[at - 2], grown.rec_P[at - 2]]), lay.size)
+    np.testing.assert_array_equal(before[0], before[1])

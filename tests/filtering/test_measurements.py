@@ -8,64 +8,125 @@ import pytest
 from schuler import earth, frames, rotation
 from schuler.exceptions import InputError
 from schuler.filtering import measurements as ms
+from schuler.filtering.limits import N_VALUES, PLACES
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.recording.series import GnssSeries
 
-LAYOUT = StateLayout({n: StateModel.constant(1.0) for n in ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g", "G_g", "lever")})
+SENSORS = ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g", "G_g")
+LAYOUT = StateLayout({n: StateModel.constant(1.0) for n in (*SENSORS, "lever", "b_r", "b_v", "delay")})
+AIDS = ("lever", "lever_v", "mount", "odometer", "clock", "clock_drift", "clock_2", "b_heading", "baro")
+AIDED = StateLayout({n: StateModel.constant(1.0) for n in ("b_a", "b_g", "S_a", "S_g", "M_a", "M_g", "G_g", *AIDS)})
 M = LAYOUT.size - 9
 
 
-def rows(kind, nav, est, raw_rate, raw_force, lever, z):
+def rows(kind, nav, est, raw_rate, raw_force, lever, z, layout=LAYOUT):
     """H and y of the kernel, with the rate that the given parameter estimates make of the raw samples."""
     from schuler.filtering import _covariance_kernels as cov
     from schuler.filtering import _update_kernels as upd
 
     sens = np.zeros(33)
-    cov.spread_estimates(est, LAYOUT.table(), LAYOUT.n_sensor, sens)
+    cov.spread_estimates(est, layout.table(), layout.n_sensor, sens)
     h = 0.01
     f = sens[15:24].reshape(3, 3) @ (raw_force - sens[3:6])
     w = sens[6:15].reshape(3, 3) @ (raw_rate - sens[0:3] - sens[24:33].reshape(3, 3) @ f)
     reg = np.concatenate(([h], h * f, h * w))
     H, y, U = np.zeros((3, 64)), np.zeros(3), np.zeros((3, 3))
+    at = np.array([layout[name].start if name in layout else -1 for name in PLACES])
+    values = np.zeros(N_VALUES)
+    values[: len(z)] = z
     n = upd.measurement_rows(
-        kind, z, lever, nav, est, reg, sens, LAYOUT.table(), LAYOUT.n_sensor, LAYOUT["lever"].start,
-        earth.WGS84.omega_ie, H, y, U,
-    )  # fmt: skip
-    return H[:n, : LAYOUT.size], y.copy(), U
+        kind, values, lever, nav, est, reg, sens, layout.table(), layout.n_sensor, at, earth.WGS84.omega_ie, H, y, U
+    )
+    assert n == ms.DIMENSIONS[kind]
+    return H[:n, : layout.size], y[:n].copy(), U
+
+
+def somewhere(rng):
+    llh = np.array([rng.uniform(-1.2, 1.2), rng.uniform(-3, 3), 200.0])
+    C_eb = frames.C_en(llh) @ rotation.dcm_from_rpy(rng.uniform(-1, 1, 3))
+    return np.concatenate((rotation.quat_from_dcm(C_eb), rng.normal(size=3) * 20, frames.ecef_from_llh(llh)))
+
+
+def moved(nav, dx):
+    n = nav.copy()
+    n[:4] = rotation.quat_multiply(rotation.quat_from_rotvec(dx[:3]), nav[:4])
+    n[4:7] += dx[3:6]
+    n[7:10] += dx[6:9]
+    return n
 
 
 @pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("kind", [ms.POSITION, ms.VELOCITY, ms.ZERO_VELOCITY])
+@pytest.mark.parametrize("kind", [ms.POSITION, ms.VELOCITY, ms.ZERO_VELOCITY, ms.FIX])
 def test_measurement_rows_are_the_jacobian_of_the_prediction(kind, seed):
     rng = np.random.default_rng(seed)
-    llh = np.array([rng.uniform(-1.2, 1.2), rng.uniform(-3, 3), 200.0])
-    C_en = frames.C_en(llh)
-    C_eb = C_en @ rotation.dcm_from_rpy(rng.uniform(-1, 1, 3))
-    nav = np.concatenate((rotation.quat_from_dcm(C_eb), rng.normal(size=3) * 20, frames.ecef_from_llh(llh)))
+    nav = somewhere(rng)
     est = 0.01 * rng.normal(size=M)
     omega, f, lever = rng.normal(size=3), rng.normal(size=3) * 10, rng.normal(size=3)
-    z = nav[7:10].copy() if kind == ms.POSITION else np.zeros(3)
+    z = nav[7:10].copy() if kind in (ms.POSITION, ms.FIX) else np.zeros(3)
     H, _, U = rows(kind, nav, est, omega, f, lever, z)
-    np.testing.assert_allclose(U, C_en.T, atol=1e-9)
+    np.testing.assert_allclose(U, frames.C_en(frames.llh_from_ecef(nav[7:10])).T, atol=1e-9)
 
     def predicted(dx):
-        n = nav.copy()
-        n[:4] = rotation.quat_multiply(rotation.quat_from_rotvec(dx[:3]), nav[:4])
-        n[4:7] += dx[3:6]
-        n[7:10] += dx[6:9]
-        _, y, U1 = rows(kind, n, est + dx[9:], omega, f, lever, z)
+        _, y, U1 = rows(kind, moved(nav, dx), est + dx[9:], omega, f, lever, z)
         return U @ U1.T @ y  # in the axes of the linearisation point
 
-    steps = np.concatenate((np.full(3, 1e-4), np.full(3, 1e-2), np.full(3, 1.0), np.full(M - 3, 1e-4), np.full(3, 0.1)))
+    steps = np.full(LAYOUT.size, 1e-4)
+    steps[3:9], steps[LAYOUT["lever"].start :] = [1e-2] * 3 + [1.0] * 3, 0.1
+    left_out = 6e-4 if kind == ms.VELOCITY else 0.0  # sensor errors on the acceleration times the delay of 10 ms
     for k, step in enumerate(steps):
         dx = np.zeros(LAYOUT.size)
         dx[k] = step
         column = (predicted(dx) - predicted(-dx)) / (2 * step)
         if kind == ms.VELOCITY and 6 <= k < 9:
             np.testing.assert_allclose(column, 0.0, atol=1e-4)  # NED axes lean by 1/R with position, left out of H
+        elif left_out and 9 <= k < 9 + LAYOUT.n_sensor:
+            delayed = 0.05 * abs(est[LAYOUT["delay"].start - 9]) * 500.0
+            np.testing.assert_allclose(H[:, k], column, atol=delayed)
         else:
             # discretisation of the central difference, and positions that round at 1e-9 m / 1e-4
             np.testing.assert_allclose(H[:, k], column, atol=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "kind",
+    [
+        ms.LATERAL, ms.VERTICAL, ms.SPEED, ms.ZERO_RATE, ms.PSEUDORANGE, ms.RANGE_RATE, ms.HEADING, ms.HEIGHT,
+        ms.GNSS_HEADING,
+    ],
+)  # fmt: skip
+def test_rows_of_aids_are_the_jacobian_of_the_prediction(kind, seed):
+    rng = np.random.default_rng(seed)
+    nav = somewhere(rng)
+    n = AIDED.size
+    est = 0.05 * rng.normal(size=n - 9)
+    omega, f, lever = rng.normal(size=3), rng.normal(size=3) * 10, rng.normal(size=3)
+    up = nav[7:10] / np.linalg.norm(nav[7:10])
+    to_sat = up + rng.normal(size=3) * 0.5
+    satellite = nav[7:10] + 2.2e7 * to_sat / np.linalg.norm(to_sat)
+    z = {
+        ms.PSEUDORANGE: [*satellite, 2.2e7, seed % 2],
+        ms.RANGE_RATE: [*satellite, *(rng.normal(size=3) * 3e3), 100.0],
+        ms.ZERO_RATE: omega,
+    }.get(kind, [0.1])
+    H, _, _ = rows(kind, nav, est, omega, f, lever, z, AIDED)
+    steps = np.full(n, 1e-4)
+    steps[3:9] = [1e-2] * 3 + [10.0] * 3
+    for name in ("clock", "clock_drift", "clock_2", "baro", "lever", "lever_v"):
+        steps[AIDED[name]] = 0.1
+    for k, step in enumerate(steps):
+        dx = np.zeros(n)
+        dx[k] = step
+        ahead = rows(kind, moved(nav, dx), est + dx[9:], omega, f, lever, z, AIDED)[1]
+        behind = rows(kind, moved(nav, -dx), est - dx[9:], omega, f, lever, z, AIDED)[1]
+        column = (ahead - behind) / (2 * step)
+        if kind == ms.ZERO_RATE and 9 <= k < 9 + AIDED.n_sensor:
+            # regressors are those of the interval, which the same errors change: products of errors are left out
+            np.testing.assert_allclose(H[:, k], column, rtol=0.1, atol=0.1 * np.abs(H).max())
+            continue
+        # discretisation of the central difference; ranges and heights round at 4e-9 m / 1e-4
+        bound = 5e-5 if kind in (ms.PSEUDORANGE, ms.HEIGHT) else 3e-6
+        np.testing.assert_allclose(H[:, k], column, atol=bound * max(1.0, np.abs(column).max()))
 
 
 def test_lever_arm_velocity_is_that_of_a_turning_body():
@@ -125,7 +186,7 @@ def test_single_measurements_take_sigmas_or_covariances():
     a = ms.position(1.0, [0.5, 0.2, 3.0], [1.0, 2.0, 3.0], [0.1, 0.2, 0.3])
     b = ms.position(1.0, [0.5, 0.2, 3.0], np.diag([1.0, 4.0, 9.0]), [0.1, 0.2, 0.3])
     np.testing.assert_array_equal(a.R, b.R)
-    np.testing.assert_allclose(frames.llh_from_ecef(a.z[0]), [0.5, 0.2, 3.0], atol=1e-9)
+    np.testing.assert_allclose(frames.llh_from_ecef(a.z[0, :3]), [0.5, 0.2, 3.0], atol=1e-9)
 
 
 def test_merging_nothing_is_empty():

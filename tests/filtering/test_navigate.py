@@ -305,7 +305,8 @@ def test_real_drive_with_rtk_on(shared_data):
     result = navigate(recording, EXAMPLES / "rtkexp_drive.toml")
     errors = result.errors(reference, at_antenna=True)
     assert errors.rms_horizontal < 0.05
-    assert 0.7 < result.innovations.mean_nis() < 1.3
+    # its noise is that of ten seconds without a fix (test_drive.py), four times a second it is more than there is
+    assert 0.1 < result.innovations.of("position").mean_nis() < 1.0
 
 
 @pytest.mark.realdata

@@ -176,3 +176,15 @@ def test_smoothed_covariance_stays_positive_through_a_long_outage(drive_case):
         Lam = Phi.T @ Lam @ Phi
     expected = np.sqrt(np.einsum("kii->ki", dense[at]))
     np.testing.assert_allclose(scale, expected, rtol=1e-5)  # rounding; sigmas fall by 2e4 at the fix
+
+
+def test_states_that_are_hardly_seen_leave_no_infinities():
+    """Rows of the square root that decay to denormal numbers once made the covariance NaN, compiled only."""
+    from pathlib import Path
+
+    from schuler.filtering.navigate import navigate
+    from schuler.simulation.scenario import simulate
+
+    examples = Path(__file__).parents[2] / "examples"
+    result = navigate(simulate(examples / "town_tight.toml"), examples / "town_tight_navigation.toml").smooth()
+    assert np.isfinite(result.covariance_e).all()

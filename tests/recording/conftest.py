@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from schuler.gnss.constellation import nominal_orbits
+from schuler.gnss.ephemerides import Ephemerides
+from schuler.gnss.observations import Observations
+from schuler.gnss.ranges import Ranges
 from schuler.recording import GnssSeries, ImuSeries, Metadata, OdometerSeries, Recording, Trajectory
+from schuler.recording.scalar_series import ScalarSeries
 from schuler.timebase import TimeBase
 
 
@@ -69,3 +75,37 @@ def run(rng) -> Recording:
         options={"units": "g,deg/s", "rate": 100.0},
     )
     return Recording(imu, gnss, odometer, reference, metadata)
+
+
+@pytest.fixture
+def aided(run, rng) -> Recording:
+    """The same with a heading, a height and all satellite parts, numbers not round and some not measured."""
+    t = run.imu.t
+    n, m = 60, 45
+    holes = np.where(rng.uniform(size=(3, n)) < 0.2, np.nan, 1.0)
+    observations = Observations(
+        np.repeat(t[:20], 3), rng.integers(1, 33, n), rng.integers(0, 3, n), ("1C", "2W", "5Q"),
+        2.2e7 * rng.uniform(0.9, 1.1, n), 900.0 * rng.standard_normal(n) * holes[0],
+        1.1e8 * rng.uniform(0.9, 1.1, n) * holes[1], rng.uniform(20, 50, n) * holes[2],
+        run.metadata.time.epoch_gps_s, {101: -7, 124: 6}, (4.0e6 + 0.1, 8.5e5, 4.8e6), ("Größe: 5 µs",),
+    )  # fmt: skip
+    ranges = Ranges(
+        np.repeat(t[:15], 3), rng.integers(1, 33, m), rng.integers(0, 2, m), ("G", "E"),
+        2.6e7 * rng.standard_normal((m, 3)), 3e3 * rng.standard_normal((m, 3)), 2.2e7 * rng.uniform(0.9, 1.1, m),
+        np.where(rng.uniform(size=m) < 0.2, np.nan, 900.0), rng.uniform(0.5, 9.0, m), rng.uniform(0.05, 0.5, m),
+        rng.uniform(0.1, 1.5, m), rng.uniform(0.0, 6.2, m), rng.uniform(20, 50, m), rng.integers(0, 7, m), ("a note",),
+    )  # fmt: skip
+    start = run.metadata.time.epoch_gps_s
+    made = nominal_orbits("GER", epoch_gps_s=start).ephemerides(start, start + 1800.0)
+    ephemerides = Ephemerides(
+        replace(made.kepler, af0=1e-5 * rng.standard_normal(len(made.kepler))), made.glonass,
+        (1.1e-8, -7.5e-9, 5.9e-8, 1e-7), None, (63.7, 0.1, 3e-3), 18, ("orbits", "made up"),
+    )  # fmt: skip
+    return replace(
+        run,
+        heading=ScalarSeries(t[::7], rng.uniform(-3.1, 3.1, len(t[::7])), rng.uniform(0.01, 0.1, len(t[::7]))),
+        height=ScalarSeries(t[::9], rng.uniform(200, 300, len(t[::9])), rng.uniform(0.1, 1.0, len(t[::9]))),
+        observations=observations,
+        ranges=ranges,
+        ephemerides=ephemerides,
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import pyarrow as pa
@@ -13,17 +13,43 @@ import pyarrow.parquet as pq
 import pytest
 
 from schuler.exceptions import FileFormatError, InputError, MissingExtraError
+from schuler.gnss.ephemerides import Ephemerides, no_glonass, no_kepler
 from schuler.recording import ImuSeries, Recording
 from schuler.recording.io import read, write
+from schuler.recording.io.dispatch import left_out
 from schuler.recording.io.parquet import read_table, write_table
 from schuler.timebase import TimeBase
 
 
+def assert_same_satellites(back: Recording, run: Recording) -> None:
+    """Equal to the bit, NaN where NaN was, kinds of numbers and all constants."""
+
+    def same(a, b, name: str) -> None:
+        assert type(a) is type(b), name
+        if is_dataclass(a):
+            for f in fields(a):
+                same(getattr(a, f.name), getattr(b, f.name), f"{name}.{f.name}")
+        elif isinstance(a, np.ndarray):
+            assert a.dtype == b.dtype, name
+            np.testing.assert_array_equal(a, b, err_msg=name)
+        else:
+            assert a == b, name
+
+    for part in ("observations", "ranges", "ephemerides"):
+        same(getattr(back, part), getattr(run, part), part)
+
+
 def assert_same(back: Recording, run: Recording, rtol: float = 0.0) -> None:
+    assert {f.name for f in fields(Recording)} == {
+        "imu", "gnss", "odometer", "reference", "metadata", "heading", "height", "observations", "ephemerides", "ranges"
+    }, "a new part has to be written and compared"  # fmt: skip
+    assert_same_satellites(back, run)
     for series, names in (
         ("imu", ("t", "gyro", "accel", "temperature")),
         ("gnss", ("t", "llh", "cov_r_n", "v_n", "cov_v_n", "quality", "n_satellites", "received")),
         ("odometer", ("t", "speed", "sigma")),
+        ("heading", ("t", "value", "sigma")),
+        ("height", ("t", "value", "sigma")),
         ("reference", ("t", "r_eb_e", "v_eb_e", "q_eb")),
     ):
         mine, other = getattr(back, series), getattr(run, series)
@@ -56,6 +82,128 @@ def test_csv_keeps_every_digit_and_needs_no_hint(run, tmp_path):
     assert paths[0].read_text().splitlines()[1] == (
         "t [s],ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s],temp [degC]"
     )
+
+
+def test_parquet_keeps_every_bit_of_all_aids(aided, tmp_path):
+    [path] = write(aided, tmp_path / "run.parquet")
+    assert_same(read(path), aided)
+    with pq.ParquetFile(path) as file:
+        assert json.loads(file.schema_arrow.metadata[b"schuler"])["format"] == "schuler/recording/2"
+        assert file.num_row_groups == 9
+        assert file.schema_arrow.field("sqrt_a").metadata == {b"unit": b"m^0.5"}
+
+
+def test_csv_keeps_every_digit_of_all_aids(aided, tmp_path):
+    paths = write(aided, tmp_path / "run.csv")
+    assert [p.name for p in paths] == ["run.csv"] + [
+        f"run_{part}.csv"
+        for part in (
+            "gnss", "odometer", "heading", "height", "reference", "observations", "ranges", "ephemerides",
+        )
+    ]  # fmt: skip
+    # rounding: degrees and roots are converted back; satellite parts are compared to the bit
+    assert_same(read(paths[0]), aided, rtol=4e-16)
+    lines = paths[6].read_text().splitlines()
+    assert lines[0].startswith('# schuler {"format": "schuler/csv/2"')
+    assert lines[1] == "t [s],sat,signal,pseudorange [m],range_rate [m/s],carrier [cycle],cn0 [dB-Hz]"
+    assert paths[3].read_text().splitlines()[1] == "t [s],heading [deg],sheading [deg]"
+
+
+def test_what_older_releases_can_read_keeps_its_version(run, tmp_path):
+    """A file without new parts is of version 1, whose readers know no other."""
+    [path] = write(run, tmp_path / "run.parquet")
+    with pq.ParquetFile(path) as file:
+        assert json.loads(file.schema_arrow.metadata[b"schuler"])["format"] == "schuler/recording/1"
+        assert not {"heading", "sat", "sqrt_a"} & set(file.schema_arrow.names)
+    assert '"schuler/csv/1"' in write(run, tmp_path / "run.csv")[0].read_text().splitlines()[0]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_each_new_part_alone(aided, tmp_path, suffix):
+    for part in ("heading", "height", "observations", "ranges", "ephemerides"):
+        alone = Recording(**{part: getattr(aided, part)}, metadata=aided.metadata)
+        [path] = write(alone, tmp_path / f"{part}{suffix}")
+        assert_same(read(path), alone, rtol=4e-16)
+        assert read(path, series=part).metadata.name == "ring road"
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_parts_without_rows_come_back_empty(aided, tmp_path, suffix):
+    nothing = np.zeros(0, dtype=bool)
+    empty = replace(
+        aided,
+        observations=aided.observations.where(nothing[:0].astype(int)),
+        ranges=aided.ranges.where(nothing[:0].astype(int)),
+        ephemerides=Ephemerides(no_kepler(), no_glonass(), leap_seconds=18),
+    )
+    [path, *_] = write(empty, tmp_path / f"run{suffix}")
+    assert_same(read(path), empty, rtol=4e-16)
+    for kepler, glonass in ((aided.ephemerides.kepler, no_glonass()), (no_kepler(), aided.ephemerides.glonass)):
+        half = replace(aided, ephemerides=Ephemerides(kepler, glonass))
+        [path, *_] = write(half, tmp_path / f"half{suffix}")
+        assert_same(read(path), half, rtol=4e-16)
+    with pytest.raises(InputError, match="nothing to write; all its parts are empty"):
+        write(Recording(ephemerides=empty.ephemerides), tmp_path / f"empty{suffix}")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda d: d.pop("satellites"), r"the satellite measurements written with the file are damaged \(KeyError"),
+        (lambda d: d["satellites"]["ephemerides"].update(kepler_rows=3), "rows instead of 3 Keplerian"),
+        (lambda d: d["satellites"]["observations"].update(signals=["1C"]), "expected places in signals"),
+        (lambda d: d["satellites"]["observations"].update(position_e=[1.0]), "instead of 3 numbers"),
+        (lambda d: d.update(satellites=[]), "satellite measurements written with the file are damaged"),
+    ],
+)
+def test_damaged_satellite_parts_are_explained(aided, tmp_path, change, message):
+    [path] = write(aided, tmp_path / "run.parquet")
+    with pq.ParquetFile(path) as file:
+        groups = [file.read_row_group(k) for k in range(file.num_row_groups)]
+    document = json.loads(groups[0].schema.metadata[b"schuler"])
+    change(document)
+    schema = groups[0].schema.with_metadata({"schuler": json.dumps(document)})
+    with pq.ParquetWriter(path, schema) as writer:
+        for group in groups:
+            writer.write_table(group.cast(schema))
+    with pytest.raises(FileFormatError, match=message):
+        read(path)
+
+
+def test_a_csv_of_ranges_without_a_column_is_explained(aided, tmp_path):
+    [path] = write(Recording(ranges=aided.ranges, metadata=aided.metadata), tmp_path / "run.csv")
+    path.write_text(path.read_text().replace(",cn0 [dB-Hz]", ",snr", 1))
+    with pytest.raises(FileFormatError, match=r"run.csv:2: expected the columns of ranges .* got cn0 missing"):
+        read(path)
+
+
+def test_formats_of_one_series_say_what_they_leave_out(aided):
+    assert left_out(aided, "run.pos") == "imu, odometer, heading, height, reference, observations, ephemerides, ranges"
+    assert "heading" in left_out(aided, "run.kml")
+    assert "gnss" not in left_out(aided, "run.kml")
+    assert left_out(aided, "run.csv") == left_out(aided, "run.parquet") == ""
+
+
+def test_shifting_and_merging_move_every_part(aided):
+    back = aided.shifted(12.5).shifted(-12.5)
+    assert_same(back, aided, rtol=1e-15)  # rounding of the times
+    late = aided.shifted(12.5)
+    for part in ("heading", "height", "observations", "ranges"):
+        np.testing.assert_allclose(getattr(late, part).t, getattr(aided, part).t + 12.5, rtol=1e-15)
+    # the same instants: stamps later, epoch earlier
+    assert late.observations.epoch_gps_s + late.observations.t[3] == pytest.approx(
+        aided.observations.epoch_gps_s + aided.observations.t[3], abs=1e-6
+    )  # rounding of seconds since 1980
+    a = Recording(imu=aided.imu, height=aided.height, metadata=aided.metadata)
+    b = Recording(
+        heading=aided.heading, observations=aided.observations, ephemerides=aided.ephemerides, ranges=aided.ranges,
+        gnss=aided.gnss, odometer=aided.odometer, reference=aided.reference, metadata=aided.metadata,
+    ).shifted(100.0)  # fmt: skip
+    merged = a.merged_with(b)
+    for part in ("heading", "height", "observations", "ranges"):
+        np.testing.assert_allclose(getattr(merged, part).t, getattr(aided, part).t, rtol=1e-15)
+    assert merged.observations.epoch_gps_s == merged.metadata.time.epoch_gps_s
+    assert len(merged.ephemerides.kepler) == len(aided.ephemerides.kepler)
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
@@ -116,10 +264,10 @@ def test_an_edited_csv_is_checked_line_by_line(run, tmp_path):
     ("change", "message"),
     [
         (
-            lambda d: d.update(format="schuler/csv/2"),
-            r"the file is schuler/csv/2, written by schuler .* pip install -U",
+            lambda d: d.update(format="schuler/csv/9"),
+            r"the file is schuler/csv/9, written by schuler .* pip install -U",
         ),
-        (lambda d: d.update(format="other/csv/1"), "expected the format schuler/csv/1, got 'other/csv/1'"),
+        (lambda d: d.update(format="other/csv/1"), "expected the format schuler/csv/2, got 'other/csv/1'"),
         (lambda d: d.pop("metadata"), "the metadata written with the file is damaged"),
         (lambda d: d["metadata"].update(time={"scale": "tai", "epoch_gps_s": 0}), "time base 'tai'"),
         (lambda d: d["metadata"].update(sources=5), "the metadata written with the file is damaged"),
@@ -156,7 +304,7 @@ def test_a_broken_description_of_a_csv_names_its_line(run, tmp_path):
         ),
         (
             lambda d: d.update(format="schuler/solution/1"),
-            "expected the format schuler/recording/1, got 'schuler/solution/1'",
+            "expected the format schuler/recording/2, got 'schuler/solution/1'",
         ),
         (lambda d: d["series"].pop("gnss"), "expected 3 series, got 4 row groups"),
         (lambda d: d["series"]["imu"].update(rows=3), "expected 3 rows of imu, got 400"),
@@ -238,7 +386,7 @@ def test_tables_are_written_and_read_back(tmp_path):
         read_table(path, "schuler/allan/1")
     with pytest.raises(FileFormatError, match="there is no such file"):
         read_table(tmp_path / "absent.parquet")
-    with pytest.raises(FileFormatError, match="expected the format schuler/recording/1, got 'schuler/solution/1'"):
+    with pytest.raises(FileFormatError, match="expected the format schuler/recording/2, got 'schuler/solution/1'"):
         read(path)
 
 

@@ -108,8 +108,6 @@ def test_counts_of_two_sensors_in_two_ascii_files_called_mat(shared_data):
 
 def test_increments_right_forward_up(shared_data):
     path = shared_data / "psins_tc" / "insgpseo_tc.mat"
-    with pytest.raises(FileFormatError, match=r"the order of the columns of imu is not known.*obss \(10584 x 6\)"):
-        read(path)
     hints = {"columns": "gx,gy,gz,ax,ay,az,t", "units": "m/s,rad", "axes": "RFU"}
     r = read(path, kind="increment", **hints)
     raw = scipy.io.loadmat(path)["imu"]
@@ -181,8 +179,6 @@ def test_scaled_increments_below_a_preamble(shared_data):
 
 def test_mapped_headers_words_among_numbers_and_an_uncalibrated_sensor(shared_data):
     path = shared_data / "instinct_tckf" / "vn310-imu.csv"
-    with pytest.raises(FileFormatError, match=r"vn310-imu.csv:1: t may be any of Time \[s\], GpsTow \[s\]: say which"):
-        read(path)
     accel = ",".join(f"a{k.lower()}=IMU::Accel::{k} [m/s^2]" for k in "XYZ")
     gyro = "gx=IMU::AngularRate::X,gy=IMU::AngularRate::Y [rad/s],gz=IMU::AngularRate::Z [rad/s]"
     r = read(path, columns=f"t=GpsTow [s],{accel},{gyro}", units="gyro=rad/s", time="gps-tow:2268")

@@ -211,3 +211,17 @@ def test_summary_names_every_series():
         assert part in text
     turned = whole.rotated(rotation.dcm_from_rpy([0.0, 0.0, 1.0]), "axes turned by 1 rad")
     assert turned.metadata.notes[-1] == "axes turned by 1 rad"
+
+
+def test_an_increment_after_a_pause_is_stretched_over_it_only_if_samples_were_lost():
+    """At rest, 0.4 s without samples: lost ones are held; a sensor that went on integrating is left as it is."""
+    t = np.arange(1, 1001) / 100.0
+    kept = (t < 4.0) | (t >= 4.4)
+    dv = np.tile((0.0, 0.0, -0.0981), (int(kept.sum()), 1))
+    after = int(np.argmax(t[kept] >= 4.4))
+    for factor in (1.0, 41.0):
+        given = dv.copy()
+        given[after] *= factor
+        inc = ImuSeries(t[kept], np.zeros_like(dv), given, "increment").increments()
+        np.testing.assert_allclose(inc.dv_ib_b[:, 2] / inc.dt, -9.81, rtol=1e-6)
+        np.testing.assert_allclose(inc.dv_ib_b[:, 2].sum(), -98.1, rtol=1e-6)

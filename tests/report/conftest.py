@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,20 +14,17 @@ import pytest
 
 from schuler.filtering import engine
 from schuler.filtering.engine import FilterOptions
-from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements
+from schuler.filtering.measurements import GNSS_HEADING, MeasurementSchedule, gnss_measurements
 from schuler.filtering.result import NavigationResult
 from schuler.filtering.states import StateLayout
 
 
-def _cases() -> Any:
-    name = "cases"
-    if name not in sys.modules:
-        path = Path(__file__).parents[1] / "filtering" / "cases.py"
-        spec = importlib.util.spec_from_file_location(name, path)
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[name] = module
-        spec.loader.exec_module(module)
-    return sys.modules[name]
+def _cases(name: str = "cases") -> Any:
+    """A module of the filter tests, which import each other by name."""
+    folder = str(Path(__file__).parents[1] / "filtering")
+    if folder not in sys.path:
+        sys.path.append(folder)
+    return importlib.import_module(name)
 
 
 @dataclass(frozen=True)
@@ -39,6 +36,7 @@ class Run:
     truth: Any
     parameters: Any
     gnss: Any
+    ranges: Any = None
 
 
 NOTES = ('a note with <b>markup</b> & an "apostrophe"\'s trouble', "gyro biases start from zero")
@@ -101,3 +99,41 @@ def wild() -> Run:
 @pytest.fixture(scope="session")
 def make_run():
     return solution
+
+
+#: Blocks of the run with every aid, beside both biases.
+BLOCKS = (
+    "lever", "lever_v", "mount", "odometer", "clock", "clock_drift", "clock_2", "b_heading", "baro", "b_r", "b_v",
+    "delay",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def everything() -> Run:
+    """Every kind of measurement but resets, every block that aids need; ranges partly left out, and one fault."""
+    ac = _cases("aided_cases")
+    drive = ac.Drive.of(ac.town(1.5), 90.0)
+    over = ac.sky(drive, "GE", 10)
+    satellites = np.unique(over.sat)
+    reason = np.zeros(len(over), dtype=np.int64)
+    reason[(over.sat == satellites[0]) & (over.t < 30.0)] = 3
+    reason[(over.sat == satellites[1]) & (over.t > 60.0)] = 4
+    reason[::97] = 6
+    rng = np.random.default_rng(5)
+    over = replace(over, reason=reason, cn0=35.0 + 15.0 * np.sin(over.elevation) + rng.standard_normal(len(over)))
+    seen = {}
+
+    def spoiled(ranges):
+        wrong = (ranges.sat == satellites[2]) & (ranges.t > 50.0) & (ranges.t < 55.0)
+        seen["ranges"] = replace(ranges, pseudorange=ranges.pseudorange + np.where(wrong, 60.0, 0.0))
+        return seen["ranges"]
+
+    def two_antennas(truth):
+        return replace(ac.heading(truth), kind=np.full(len(truth.drive.fixes_t), GNSS_HEADING))
+
+    aids = [
+        ac.gnss, ac.satellites(over, gate=0.9999, spoil=spoiled), ac.zero_velocity, ac.zero_rate, ac.wheels,
+        ac.odometer, ac.heading, two_antennas, ac.height, ac.known_places,
+    ]  # fmt: skip
+    one = ac.filtered(drive, ac.layout(*BLOCKS), aids, 1, lockout=0, smoother=True)
+    return Run(one.result, one.result.smooth(), one.truth.reference, one.parameters, None, seen["ranges"])

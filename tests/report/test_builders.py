@@ -14,6 +14,7 @@ from schuler.filtering.measurements import ACCEPTED, FORCED, REJECTED
 from schuler.recording.series import Trajectory
 from schuler.report import accuracy, build, estimates, residuals, track, verdict
 from schuler.report.content import Band, Bars, Line, Markers, Span, Text
+from schuler.report.numbers import number
 from schuler.report.subject import WITHHELD, Subject, inside_share
 
 
@@ -78,8 +79,7 @@ def test_track_is_metres_about_the_first_point(full):
     (lost,) = items(panel, Line, "outage")
     assert np.isnan(lost.x).any()
     (bar,) = items(panel, Line, "scale")
-    (word,) = items(panel, Text)
-    assert word.text == f"{np.ptp(bar.x):g} m"
+    assert f"{np.ptp(bar.x):g} m" in [w.text for w in items(panel, Text)]
 
 
 def test_fixes_are_recovered_from_the_innovations(full):
@@ -95,7 +95,7 @@ def test_fixes_are_recovered_from_the_innovations(full):
     withheld = status == WITHHELD
     assert withheld.sum() == 25
     assert np.all(((t[withheld] >= 40) & (t[withheld] < 55)) | ((t[withheld] >= 70) & (t[withheld] < 80)))
-    labels = {i.label for i in track.track(given).panels[0].items if isinstance(i, Markers)}
+    labels = {i.label for i in track.track(given).panels[0].items if isinstance(i, Markers) and i.label}
     assert labels == {"GNSS fix", "GNSS fix withheld", "start", "end"}
 
 
@@ -245,11 +245,11 @@ def test_key_numbers_are_those_of_the_analysis(full):
     assert heads == ("filtered", "smoothed")
     table = {r.name: r.values for r in rows}
     e = full.result.errors(full.truth)
-    assert table["horizontal error, RMS [m]"][0] == verdict.number(e.rms_horizontal)
-    assert table["horizontal error, largest [m]"][1] == verdict.number(full.smoothed.errors(full.truth).max_horizontal)
+    assert table["horizontal error, RMS [m]"][0] == number(e.rms_horizontal)
+    assert table["horizontal error, largest [m]"][1] == number(full.smoothed.errors(full.truth).max_horizontal)
     with_gnss = (e.t < 40) | ((e.t > 55) & (e.t < 70)) | (e.t > 80)
     expected = float(np.sqrt(np.mean(e.horizontal[with_gnss] ** 2)))
-    assert table["horizontal error with GNSS, RMS [m]"][0] == verdict.number(expected)
+    assert table["horizontal error with GNSS, RMS [m]"][0] == number(expected)
     assert [row[0] for row in verdict.outage_rows(subject_of(full))] == ["1", "2"]
 
 
@@ -258,8 +258,8 @@ def test_key_numbers_are_those_of_the_analysis(full):
     [(0.0, "0.000"), (1234.5, "1234"), (12.34, "12.3"), (-1.234, "-1.23"), (0.1234, "0.123"), (4e-5, "4e-05")],
 )
 def test_numbers_have_three_digits(value, text):
-    assert verdict.number(value) == text
-    assert verdict.number(None) == verdict.number(float("nan")) == "-"
+    assert number(value) == text
+    assert number(None) == number(float("nan")) == "-"
 
 
 def test_verdict_tells_a_proud_filter_from_an_honest_and_a_shy_one(full):
@@ -272,7 +272,7 @@ def test_verdict_tells_a_proud_filter_from_an_honest_and_a_shy_one(full):
     assert "too cautious" in words(100.0)
 
 
-def test_verdict_has_three_sentences_in_every_case(full, wild, make_run):
+def test_verdict_has_four_sentences_in_every_case(full, wild, make_run):
     free = make_run(gnss=False, outages=())
     cases = [
         subject_of(full), subject_of(wild), subject_of(free), Subject(full.result), Subject(free.result),
@@ -280,7 +280,7 @@ def test_verdict_has_three_sentences_in_every_case(full, wild, make_run):
     ]  # fmt: skip
     for subject in cases:
         sentences = verdict.verdict(subject)
-        assert len(sentences) == 3
+        assert len(sentences) == 4
         assert all(s.endswith(".") and s[0].isupper() and "nan" not in s for s in sentences), sentences
     assert "No GNSS position was used" in verdict.verdict(subject_of(free))[2]
     assert "never withheld" in verdict.verdict(subject_of(wild))[2]
@@ -291,7 +291,7 @@ def test_negative_variances_are_said_and_not_drawn(full):
     broken = full.result.covariance_e.copy()
     broken[5, 6:9, 6:9] *= -1.0
     subject = Subject(replace(full.result, covariance_e=broken), reference=full.truth)
-    assert "negative variances at 1 of" in verdict.verdict(subject)[1]
+    assert "negative or unknown variances at 1 of" in verdict.verdict(subject)[1]
     assert np.isnan(items(accuracy.errors(subject, "dr").panels[0], Band)[0].high).sum() == 1
 
 

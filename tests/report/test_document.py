@@ -90,8 +90,8 @@ def test_it_is_a_well_formed_page(page, source):
 
 def test_sections_stand_in_order(page):
     assert page.text["h2"] == [
-        "Key numbers", "Track and motion", "Errors", "Outages", "Sensor parameters", "Innovations", "Notes",
-        "Provenance",
+        "Key numbers", "Track and motion", "Errors", "Outages", "Filtered against smoothed", "Parameters",
+        "Innovations", "Notes", "Provenance",
     ]  # fmt: skip
 
 
@@ -185,7 +185,7 @@ def test_unusual_runs(make_run, states, options, tmp_path):
         run.result.report(tmp_path / "r.html", smoothed=run.smoothed, reference=run.truth, origin=-5.0).read_text()
     )
     assert page.open == []
-    assert ("Sensor parameters" in page.text["h2"]) == (states > 9)
+    assert ("Parameters" in page.text["h2"]) == (states > 9)
     assert ("Innovations" in page.text["h2"]) == options.get("gnss", True)
     assert any("INTERRUPTED" in t for t in page.text["p"]) == ("stop" in options)
 

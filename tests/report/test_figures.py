@@ -37,8 +37,9 @@ def written(full, tmp_path_factory):
 def test_every_figure_in_both_formats(written):
     names = {p.stem for p in written}
     assert names == {
-        "overview", "track", "motion", "horizontal_error", "position_error", "velocity_error", "attitude_error", "nees",
-        "outages", "parameters_b_a", "parameters_b_g", "innovations_position", "innovations_velocity",
+        "overview", "track", "profile", "motion", "horizontal_error", "position_error", "velocity_error",
+        "attitude_error", "nees", "outages", "separation", "parameters_b_a", "parameters_b_g", "innovations_position",
+        "innovations_velocity",
     }  # fmt: skip
     assert {(p.stem, p.suffix) for p in written} == {(n, s) for n in names for s in (".png", ".svg")}
     assert all(p.is_file() for p in written)

@@ -97,7 +97,8 @@ def trajectory_errors(estimate: Trajectory, reference: Trajectory) -> Trajectory
     Parameters
     ----------
     estimate : Trajectory
-        Interpolated to the times of the reference that lie in its span (cubic Hermite, constant turns).
+        Interpolated to the times of the reference that lie in its span (positions by cubic Hermite curves, velocities
+        linearly, attitude by constant turns).
     reference : Trajectory
         Of the same point of the body; see :meth:`Trajectory.moved_by` for another.
 
@@ -123,7 +124,11 @@ def trajectory_errors(estimate: Trajectory, reference: Trajectory) -> Trajectory
     position = np.einsum("nji,nj->ni", C, e.r_eb_e - reference.r_eb_e[inside])
     velocity = attitude = None
     if e.v_eb_e is not None and reference.v_eb_e is not None:
-        velocity = np.einsum("nji,nj->ni", C, e.v_eb_e - reference.v_eb_e[inside])
+        v = estimate.v_eb_e
+        assert v is not None
+        # not the derivative of the curve through the positions: a filter's correction is a step in it
+        v_e = np.column_stack([np.interp(t, estimate.t, v[:, i]) for i in range(3)])
+        velocity = np.einsum("nji,nj->ni", C, v_e - reference.v_eb_e[inside])
     if e.q_eb is not None and reference.q_eb is not None:
         attitude = np.einsum("nji,nj->ni", C, attitude_difference(e.q_eb, reference.q_eb[inside]))
     return TrajectoryErrors(t, position, velocity, attitude)

@@ -12,6 +12,8 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.characterisation import moments
 from schuler.characterisation.allan import allan_deviation
+from schuler.characterisation.counted_model import counted_model
+from schuler.characterisation.counting import Lattice, counted, pulse_lattice
 from schuler.characterisation.curve import AllanCurve
 from schuler.characterisation.findings import Finding
 from schuler.characterisation.fitting import Fit, Moments, NoFitError, Weights
@@ -28,6 +30,7 @@ from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.sensors.noise import (
+    Counted,
     NoiseModel,
     Ramp,
     Sinusoid,
@@ -252,7 +255,12 @@ def _identified(
     fit = chosen.fit
     lines = () if clean is None else clean.lines
     pooled = _pooled_curve(signals)
-    model = simulation_model(chosen, clean, pooled, data.dt)
+    pulses = _pulses(signals, pooled, data.dt, findings)
+    if pulses is None:
+        model = simulation_model(chosen, clean, pooled, data.dt)
+        model = NoiseModel((*model.terms, *(Sinusoid(line.amplitude, line.frequency) for line in lines)))
+    else:
+        model = NoiseModel((pulses,))  # what looks like lines is the pulses
     unit = "rad/s" if axis.startswith("gyro") else "m/s^2"
     main = max(signals, key=lambda s: len(s.x))
     duration = float(data.lengths.sum() * data.dt)
@@ -261,8 +269,16 @@ def _identified(
     steady = _unbroken(main)
     if len(steady.x) < FEWEST:
         raise NoFitError(f"the longest part without a pause has {len(steady.x)} samples, {FEWEST} are needed")
-    mean, sigma = mean_with_sigma(steady.x, steady.rate_hz)
-    told = [*findings, *_lines(axis, lines, unit), *_about(axis, chosen, data.dt, duration)]
+    try:
+        mean, sigma = mean_with_sigma(steady.x, steady.rate_hz)
+    except InputError as error:  # a coarse sensor whose block means are all equal
+        raise NoFitError(f"its mean has no scatter to judge it by: {error}") from None
+    told = list(findings)
+    if pulses is None:
+        told += _lines(axis, lines, unit)
+    else:
+        told.append(counted(axis, Lattice(pulses.quantum, pulses.read_rate_hz), main.rate_hz, unit))
+    told += _about(axis, chosen, data.dt, duration, "the measured spectrum" if pulses is None else "of counted pulses")
     told += _trends(axis, steady, findings)
     replaced = sum(s.replaced for s in signals)
     if replaced:
@@ -278,7 +294,7 @@ def _identified(
         # what looks like rounding from many samples on is the rest of a vibration; as Q it is absurd at one sample
         terms={n: estimates[n] for n in fit.names if n in _UNITS and not (n == "Q" and chosen.shortest > 1)},
         gauss_markov=tuple((estimates[n], estimates["tau" + n[5:]]) for n in fit.names if n.startswith("sigma")),
-        model=NoiseModel((*model.terms, *(Sinusoid(line.amplitude, line.frequency) for line in lines))),
+        model=model,
         names=tuple("V" if name == "Q" and chosen.shortest > 1 else name for name in fit.names),
         covariance=fit.covariance,
         candidates=chosen.candidates,
@@ -363,8 +379,17 @@ def _lines(axis: str, lines: tuple[Line, ...], unit: str) -> list[Finding]:
     return [Finding("lines", text, severity="note")]
 
 
-def _about(axis: str, chosen: Selection, dt: float, duration: float) -> list[Finding]:
-    """What the fit itself says."""
+def _pulses(signals: list[_Signal], curve: AllanCurve, dt: float, findings: tuple[Finding, ...]) -> Counted | None:
+    """The model of a counter, where one recording is coarse because its readings are counted pulses."""
+    x = signals[0].x
+    if len(signals) > 1 or all(f.code != "coarse" for f in findings) or not np.isfinite(x).all():
+        return None
+    lattice = pulse_lattice(x, signals[0].rate_hz)
+    return None if lattice is None else counted_model(curve, lattice, float(x.mean()), dt, len(x))
+
+
+def _about(axis: str, chosen: Selection, dt: float, duration: float, stands: str) -> list[Finding]:
+    """What the fit itself says; ``stands`` is what the model for simulation is where terms do not do."""
     told = []
     if not chosen.fits:
         text = (
@@ -376,13 +401,13 @@ def _about(axis: str, chosen: Selection, dt: float, duration: float) -> list[Fin
         text = (
             f"{axis}: the curve departs from every sum of terms by about {100 * chosen.departure:.2g} % in variance, "
             "more than chance does (vibration, temperature, disturbances); the uncertainties allow for it, "
-            "and the model for simulation is the measured spectrum"
+            f"and the model for simulation is {stands}"
         )
         told.append(Finding("departure", text, severity="note" if chosen.departure < 0.1 else "warning"))
     if chosen.shortest > 1:
         text = (
             f"{axis}: below {chosen.shortest * dt:.3g} s the noise is no sum of terms (sensor filter, vibration); "
-            "the numbers hold from there on, and the model has the measured spectrum at shorter times"
+            f"the numbers hold from there on, and the model is {stands} at shorter times"
         )
         told.append(Finding("shape", text, severity="note"))
     for name, value, sigma in zip(chosen.fit.names, chosen.fit.values, chosen.fit.sigma, strict=True):

@@ -45,10 +45,20 @@ COMMANDS = {
         "Truth, IMU and GNSS of a scenario in a TOML file.",
         "schuler simulate examples/town.toml --out town.parquet --seed 7",
     ),
+    "foot": (
+        "schuler.cli.foot:foot",
+        "Navigate an IMU on a shoe: rests, strides, the walk and its uncertainty.",
+        "schuler foot walk.mat --config examples/foot_mounted.toml",
+    ),
     "navigate": (
         "schuler.cli.navigate:navigate",
         "Navigate a log: INS, INS/GNSS, outages, smoothing, report.",
         "schuler navigate drive.parquet --config drive.toml --outage 120:150",
+    ),
+    "compare": (
+        "schuler.cli.compare:compare",
+        "Navigate a log with several architectures, with and without outages: one table.",
+        "schuler compare drive.parquet --config drive.toml --outage-every 45:15 --lengths 2,10,30,60",
     ),
 }
 

@@ -11,7 +11,8 @@ import numpy as np
 from schuler import units
 from schuler.cli.output import Flag, print_json, say
 from schuler.exceptions import ConfigError, InputError
-from schuler.recording.recording import Recording
+from schuler.gnss.signals import satellite_name
+from schuler.recording.recording import TIMED, Recording
 
 
 def read_log(log: Path, config: Path | None, **hints: Any) -> Recording:
@@ -109,7 +110,7 @@ def convert(
     Parameters
     ----------
     log
-        File or folder: plain text, Parquet, RTKLIB .pos, MATLAB .mat, NumPy .npy and .npz.
+        File or folder: plain text, Parquet, RTKLIB .pos, RINEX, u-blox .ubx, NMEA, MATLAB .mat, NumPy .npy and .npz.
     out
         What to write; the suffix names the format: .parquet, .csv, .pos, .kml, .geojson.
     config
@@ -141,13 +142,14 @@ def convert(
     variable
         Array of a MATLAB or NumPy file.
     series
-        imu, gnss, odometer or reference, where a table leaves it open.
+        imu, gnss, odometer, heading, height or reference, where a table leaves it open.
     allow
         Checks to pass over with a note, such as norm,magnitude.
     json
         Print one JSON object.
     """
     from schuler.recording.io import write
+    from schuler.recording.io.dispatch import left_out
 
     recording = read_log(
         log, config, columns=columns, units=units, axes=axes, rate=rate, kind=kind, scale=scale, time=time,
@@ -155,19 +157,25 @@ def convert(
         variable=variable, series=series, allow=allow,
     )  # fmt: skip
     written = write(recording, out)
+    missing = left_out(recording, out)
     if json:
-        print_json({**described(recording), "files": {"written": written}})
+        print_json(
+            {**described(recording), "files": {"written": written}, "left_out": missing.split(", ") if missing else []}
+        )
     else:
         say(recording.summary())
+        if missing:
+            say(f"not in {out.name}, whose format does not hold them: {missing}")
         print("\n".join(str(path) for path in written))
 
 
 def described(recording: Recording) -> dict[str, Any]:
     """What is in a recording, for JSON."""
+    timed = any(getattr(recording, name) is not None for name in TIMED)
     data: dict[str, Any] = {
         "name": recording.metadata.name,
-        "start_s": recording.start,
-        "stop_s": recording.stop,
+        "start_s": recording.start if timed else None,
+        "stop_s": recording.stop if timed else None,
         "time": recording.metadata.time.describe(),
         "notes": recording.metadata.notes,
         "sources": recording.metadata.sources,
@@ -194,6 +202,25 @@ def described(recording: Recording) -> dict[str, Any]:
         }
     if recording.odometer is not None:
         data["odometer"] = {"samples": len(recording.odometer)}
+    for name in ("heading", "height"):
+        if (series := getattr(recording, name)) is not None:
+            data[name] = {"samples": len(series)}
+    if (observed := recording.observations) is not None:
+        data["observations"] = {
+            "epochs": len(observed.epochs),
+            "samples": len(observed),
+            "satellites": [satellite_name(int(sat)) for sat in np.unique(observed.sat)],
+            "signals": observed.signals,
+        }
+    if (broadcast := recording.ephemerides) is not None:
+        data["ephemerides"] = {
+            "kepler": len(broadcast.kepler),
+            "glonass": len(broadcast.glonass),
+            "satellites": [satellite_name(int(s)) for s in np.unique((*broadcast.kepler.sat, *broadcast.glonass.sat))],
+            "klobuchar": broadcast.klobuchar_alpha is not None and broadcast.klobuchar_beta is not None,
+        }
+    if recording.ranges is not None:
+        data["ranges"] = {"samples": len(recording.ranges), "used": int(recording.ranges.used.sum())}
     if recording.reference is not None:
         data["reference"] = {"samples": len(recording.reference), "attitude": recording.reference.q_eb is not None}
     return data

@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from schuler.cli.output import Flag, Texts, period, print_json, progress, say, window
+from schuler.cli.output import Flag, Texts, entries, period, print_json, progress, say, window
 from schuler.filtering.result import NavigationResult
 from schuler.recording.recording import Recording
 from schuler.recording.series import Trajectory
@@ -22,6 +22,11 @@ def navigate(
     outage: Texts = (),
     outage_every: str | None = None,
     smooth: bool | None = None,
+    coupling: Literal["loose", "tight", "reset", "off"] | None = None,
+    aid: Texts = (),
+    without: Texts = (),
+    background: Path | None = None,
+    set: Texts = (),
     report: bool = True,
     json: Flag = False,
 ) -> int:
@@ -41,6 +46,18 @@ def navigate(
         Withhold GNSS every PERIOD seconds for LENGTH: PERIOD:LENGTH, or PERIOD:LENGTH:FIRST.
     smooth
         Also the smoothed solution; as configured if left out.
+    coupling
+        How GNSS is used: solutions (loose), satellite by satellite (tight), as resets, or not at all (off).
+    aid
+        Switch an aid on, as configured or with its defaults: zero_velocity, zero_rate, non_holonomic, odometer,
+        heading, barometer; may be given several times.
+    without
+        Switch a configured aid off; may be given several times.
+    background
+        Map under the track: GeoJSON, GeoTIFF, or a picture with a world file; see docs/reports.md.
+    set
+        Any entry of the configuration: SECTION.KEY=VALUE in TOML's spelling, such as filter.states=21; may be given
+        several times.
     report
         Write report.html and figures.
     json
@@ -51,26 +68,30 @@ def navigate(
     from schuler.filtering.navigate import navigate as run
 
     began = time.perf_counter()
-    loaded = NavigationConfig.load(config)
-    changes: dict[str, Any] = {}
-    if outage:
-        changes["windows_s"] = (*loaded.outages.windows_s, *(window(text) for text in outage))
-    if outage_every is not None:
-        changes.update(period(outage_every))
-    update: dict[str, Any] = {}
-    if changes:
-        sections = loaded.outages.model_dump() | changes
-        update["outages"] = type(loaded.outages).model_validate(sections)
+    changes = entries(set)
+    if coupling is not None:
+        changes.append(("gnss.coupling", coupling))
     if smooth is not None:
-        update["filter"] = loaded.filter.model_copy(update={"smooth": smooth})
-    loaded = loaded.model_copy(update=update)
+        changes.append(("filter.smooth", smooth))
+    changes += [(f"aiding.{name}", {}) for name in aid] + [(f"aiding.{name}", None) for name in without]
+    if outage_every is not None:
+        changes += [(f"outages.{key}", value) for key, value in period(outage_every).items()]
+    loaded = NavigationConfig.load(config, changes)
+    if outage:
+        windows = (*loaded.outages.windows_s, *(window(text) for text in outage))
+        loaded = loaded.model_copy(update={"outages": loaded.outages.model_copy(update={"windows_s": windows})})
     recording = read_log(log, config)
+    backdrop = None
+    if background is not None:
+        from schuler.report.backdrop import read_backdrop
+
+        backdrop = read_backdrop(background)
     with progress("navigating") as bar:
         result = run(recording, loaded, progress=bar)
     folder = Path(f"{log.resolve().stem}-solution") if out is None else out
     outcome = evaluated(recording, result, loaded.filter.smooth)
     outcome.numbers["elapsed_s"] = time.perf_counter() - began
-    files = write_outputs(folder, recording, outcome, report=report)
+    files = write_outputs(folder, recording, outcome, report=report, background=backdrop)
     if json:
         print_json({"command": "navigate", **outcome.numbers, "files": files})
     else:
@@ -101,7 +122,7 @@ def evaluated(recording: Recording, result: NavigationResult, smooth: bool, trut
     if reference is None and recording.gnss is not None:
         g = recording.gnss
         reference, at_antenna = Trajectory.from_geodetic(g.t, g.llh, g.v_n), True
-    smoothed = result.smooth() if smooth and result.complete else None
+    smoothed = result.smooth() if smooth and result.can_smooth else None
     origin = recording.start
     numbers: dict[str, Any] = {
         "epochs": result.epochs,
@@ -109,7 +130,7 @@ def evaluated(recording: Recording, result: NavigationResult, smooth: bool, trut
         "states": result.layout.size,
         "start_s": float(result.trajectory.t[0]) - recording.start,
         "stop_s": float(result.trajectory.t[-1]) - recording.start,
-        "reference": "none" if reference is None else "GNSS fixes at the antenna" if at_antenna else "true trajectory",
+        "reference": _reference_name(recording, reference is not None, at_antenna),
         **evaluate(result, reference, parameters=truth_parameters, at_antenna=at_antenna, origin=origin),
         "nis_mean": result.innovations.mean_nis(),
         "measurements": result.innovations.counts(),
@@ -122,7 +143,17 @@ def evaluated(recording: Recording, result: NavigationResult, smooth: bool, trut
     return Outcome(result, smoothed, reference, at_antenna, numbers, truth_parameters)
 
 
-def write_outputs(folder: Path, recording: Recording, outcome: Outcome, *, report: bool) -> dict[str, Path]:
+def _reference_name(recording: Recording, there: bool, at_antenna: bool) -> str:
+    if not there:
+        return "none"
+    if at_antenna:
+        return "GNSS fixes at the antenna"
+    return "true trajectory" if "scenario" in recording.metadata.options else "the reference in the log"
+
+
+def write_outputs(
+    folder: Path, recording: Recording, outcome: Outcome, *, report: bool, background: Any = None
+) -> dict[str, Path]:
     """Write all files of a run; return their paths by name."""
     from schuler.recording.io.track import write_kml
 
@@ -144,6 +175,7 @@ def write_outputs(folder: Path, recording: Recording, outcome: Outcome, *, repor
         shown = {
             "smoothed": smoothed, "reference": outcome.reference, "at_antenna": outcome.at_antenna,
             "truth_parameters": outcome.truth_parameters, "origin": recording.start, "gnss": recording.gnss,
+            "ranges": result.ranges, "points": result.points, "background": background,
         }  # fmt: skip
         files["report"] = navigation_report(
             result,

@@ -85,6 +85,22 @@ def period(text: str) -> dict[str, float]:
     return dict(zip(("every_s", "length_s", "first_s"), numbers, strict=False))
 
 
+def entries(texts: tuple[str, ...]) -> list[tuple[str, Any]]:
+    """``SECTION.KEY=VALUE`` with the value in TOML's spelling; what is no TOML is taken as a string."""
+    import tomllib
+
+    found = []
+    for text in texts:
+        key, sign, value = text.partition("=")
+        if not sign or "." not in key or not all(key.strip().split(".")):
+            raise InputError(f"--set: expected SECTION.KEY=VALUE, such as filter.states=21, got {text!r}")
+        try:
+            found.append((key.strip(), tomllib.loads(f"x = {value}")["x"]))
+        except tomllib.TOMLDecodeError:
+            found.append((key.strip(), value.strip()))
+    return found
+
+
 def _numbers(text: str) -> list[float]:
     try:
         return [float(part) for part in text.split(":")]

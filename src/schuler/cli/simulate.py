@@ -18,7 +18,7 @@ def simulate(
     seed: int | None = None,
     json: Flag = False,
 ) -> None:
-    """Simulate a scenario: true motion, IMU with errors, GNSS with errors and outages.
+    """Simulate a scenario: true motion, IMU, GNSS solutions, satellite ranges and other aids, with all their errors.
 
     Parameters
     ----------
@@ -33,6 +33,7 @@ def simulate(
     """
     from schuler.cli.convert import described
     from schuler.recording.io import write
+    from schuler.recording.io.dispatch import left_out
     from schuler.simulation.scenario import Scenario, prepare_mission, simulate_mission
 
     began = time.perf_counter()
@@ -41,6 +42,7 @@ def simulate(
     simulation = simulate_mission(prepare_mission(loaded), np.random.default_rng(used))
     path = Path(f"{loaded.name}.parquet") if out is None else out
     written = write(simulation.recording, path)
+    missing = left_out(simulation.recording, path)
     if json:
         errors = simulation.errors
         print_json(
@@ -49,9 +51,13 @@ def simulate(
                 "seed": used,
                 "elapsed_s": time.perf_counter() - began,
                 "true_errors": {name: getattr(errors, name) for name in ("b_g", "b_a", "M_g", "M_a", "G_g")},
+                "truth": simulation.recording.metadata.options["truth"],
+                "left_out": missing.split(", ") if missing else [],
                 "files": {"written": written},
             }
         )
     else:
         say(simulation.recording.summary())
+        if missing:
+            say(f"not in {path.name}, whose format does not hold them: {missing}")
         print("\n".join(str(p) for p in written))

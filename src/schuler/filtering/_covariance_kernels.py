@@ -5,10 +5,11 @@ Transition over one flush interval T, columns dpsi, dv, dr, parameters::
     dpsi:  R_e        0            0           B_psi
     dv:    -[a x]     I - 2 W T    G T         B_v       a = sum of dv_e,  W = [omega_ie x],
     dr:    -[s x]     I T - W T^2  I + G T^2/2 B_r       s = double sum,   G = gravity gradient
-    p:     0          0            0           D         (Coriolis also acts on a and s to first order)
+    p:     0          0            0           S D       (Coriolis also acts on a and s to first order)
 
 ``a``, ``s`` and ``B`` are accumulated at every IMU sample by the mid-point rule, so the transition is right whatever
-the body does between flushes; only terms of order (omega_ie T)^2 and G T^3 are left out.
+the body does between flushes; only terms of order (omega_ie T)^2 and G T^3 are left out. D is the decay of
+Gauss-Markov states; S adds T times a receiver clock's drift to its offset, the only parameters that act on each other.
 
 Arrays (C-contiguous float64 and int64, owned by the caller), with m parameters and n = 9 + m states:
 
@@ -310,10 +311,11 @@ def add_half_noise(P, nav, T, q_imu, pmod, m):
 
 
 @kernel
-def flush(P, nav, acc, B, A, work, D, pmod, n_sensor, omega):
+def flush(P, nav, acc, B, A, work, D, pmod, n_sensor, i_clock, omega):
     """Carry the covariance over the accumulated transition: ``P <- Phi P Phi'``. Noise is added by the caller.
 
-    ``work`` is (18 + n, PAD) and zero beyond column n; only navigation rows are ever multiplied.
+    ``i_clock`` is the state of the clock offset, -1 for none. ``work`` is (18 + n, PAD) and zero beyond column n; only
+    navigation rows are ever multiplied.
     """
     n = P.shape[0]
     m = n - 9
@@ -355,6 +357,12 @@ def flush(P, nav, acc, B, A, work, D, pmod, n_sensor, omega):
             p, d = P[9 + k], D[k]
             for j in range(m):
                 p[9 + j] *= d * D[j]
+    if i_clock >= 0:  # the clock's offset grows by its drift
+        a, b = P[i_clock], P[i_clock + 1]
+        for j in range(n):
+            a[j] += T * b[j]
+        for j in range(n):
+            P[j, i_clock] += T * P[j, i_clock + 1]
 
 
 @inlined

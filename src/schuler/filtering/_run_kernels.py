@@ -24,7 +24,18 @@ from schuler.filtering._covariance_kernels import (
     flush,
     spread_estimates,
 )
-from schuler.filtering._update_kernels import correct, innovate, measurement_rows
+from schuler.filtering._update_kernels import (
+    AT_CLOCK,
+    LATERAL,
+    RESET_POSITION,
+    RESET_VELOCITY,
+    SPEED,
+    correct,
+    innovate,
+    measurement_rows,
+    reset,
+)
+from schuler.filtering.limits import PLACES
 from schuler.jit import inlined, kernel, prepare
 from schuler.mechanization._kernels import advance_ecef, cut_interval, fit_interval
 
@@ -34,17 +45,12 @@ ACCEPTED = 1
 REJECTED = 2
 FORCED = 3
 
-CFG_OMEGA, CFG_ANGLE, CFG_RECORD, CFG_NEXT_RECORD, CFG_TIME, N_CFG = 0, 1, 2, 3, 4, 5
-ICFG_EVERY, ICFG_MATRIX, ICFG_SENSORS, ICFG_LEVER, ICFG_LOCKOUT, ICFG_OUT_EVERY, ICFG_LAST, N_ICFG = (
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    7,
-)
+GATED = 4  # a condition of the measurement was not met
+
+CFG_OMEGA, CFG_ANGLE, CFG_RECORD, CFG_NEXT_RECORD, CFG_TIME = 0, 1, 2, 3, 4
+CFG_GAP, CFG_GAP_GYRO, CFG_GAP_ACCEL, N_CFG = 5, 6, 7, 8
+ICFG_EVERY, ICFG_MATRIX, ICFG_SENSORS, ICFG_LOCKOUT, ICFG_OUT_EVERY, ICFG_LAST, ICFG_AT = 0, 1, 2, 3, 4, 5, 6
+N_ICFG = ICFG_AT + len(PLACES)
 CNT_SINCE, CNT_MEAS, CNT_REC, CNT_NODE, CNT_UPD, CNT_OUT, CNT_EPOCH, CNT_FLUSH, N_CNT = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
 
@@ -79,6 +85,7 @@ def run_filter(
     matrix = icfg[ICFG_MATRIX] != 0
     n_sensor = icfg[ICFG_SENSORS]
     every = icfg[ICFG_EVERY]
+    at = icfg[ICFG_AT:]
     raw, poly, part = np.zeros(18), np.zeros(18), np.zeros(18)
     reg, cols = np.zeros(7), np.zeros(27)
     A, work, D = np.zeros((9, 9)), np.zeros((18 + n, PAD)), np.zeros(max(m, 1))
@@ -94,15 +101,27 @@ def run_filter(
     last = dtheta.shape[0] - 1 if icfg[ICFG_LAST] else -1
     if node_t.shape[0] > 0 and cnt[CNT_NODE] == 0:  # the smoother's first node is the start itself
         keep_node(P, nav, acc, B, n_sensor, t_end[0] - dt[0], cnt, node_t, node_P, node_phi, node_B, node_upd)
+    noise, q_gap = q_imu, np.zeros(6)
     for k in range(dtheta.shape[0]):
         h = dt[k]
         t_k = t_end[k]
+        gap = h > cfg[CFG_GAP]
+        if gap:  # bridged: rates are unknown by a constant over the pause, as white noise of the same effect
+            if acc[0] > 0.0:
+                propagate(
+                    P, nav, est, sens, ptab, acc, B, A, work, D, pmod, n_sensor, at[AT_CLOCK], omega, noise,
+                    t_k - h, cnt, node_t, node_P, node_phi, node_B, node_upd,
+                )  # fmt: skip
+            for i in range(3):
+                q_gap[i] = q_imu[i] + cfg[CFG_GAP_GYRO] * cfg[CFG_GAP_GYRO] * h
+                q_gap[3 + i] = q_imu[3 + i] + cfg[CFG_GAP_ACCEL] * cfg[CFG_GAP_ACCEL] * h
+            noise = q_gap
         for i in range(3):
             now[i] = dtheta[k, i]
             now[3 + i] = dv[k, i]
         fit_interval(raw, now, before, earlier, h, h1, h2)
         compensate(poly, raw, sens, h, matrix)
-        s0 = 0.0
+        s0, sa = 0.0, 0.0
         j = cnt[CNT_MEAS]
         while j < n_meas and m_t[j] <= t_k + 1e-9:
             s1 = 1.0 - (t_k - m_t[j]) / h
@@ -112,21 +131,32 @@ def run_filter(
                 cut_interval(part, poly, s0, s1)
                 fx, fy, fz = advance_ecef(nav, part, (s1 - s0) * h, omega)
                 accumulate(acc, B, nav, fx, fy, fz, part, (s1 - s0) * h, sens, ptab, n_sensor, matrix, reg, cols)
-                s0 = s1
+                sa, s0 = s0, s1
             if acc[0] > 0.0:
                 propagate(
-                    P, nav, acc, B, A, work, D, pmod, n_sensor, omega, q_imu,
+                    P, nav, est, sens, ptab, acc, B, A, work, D, pmod, n_sensor, at[AT_CLOCK], omega, noise,
                     m_t[j], cnt, node_t, node_P, node_phi, node_B, node_upd,
                 )  # fmt: skip
-            d = measurement_rows(
-                m_kind[j], m_z[j], m_lever[j], nav, est, reg, sens, ptab, n_sensor, icfg[ICFG_LEVER], omega, H, y, U
-            )
+            kind = m_kind[j]
+            if m_gate[j] < 0.0 or (
+                LATERAL <= kind <= SPEED and nav[4] * nav[4] + nav[5] * nav[5] + nav[6] * nav[6] < m_z[j, 7] * m_z[j, 7]
+            ):
+                m_status[j] = GATED
+                j += 1
+                continue
+            d = measurement_rows(kind, m_z[j], m_lever[j], nav, est, reg, sens, ptab, n_sensor, at, omega, H, y, U)
+            if kind in (RESET_POSITION, RESET_VELOCITY):
+                reset(kind, m_R[j], P, nav, y, U)
+                for i in range(d):
+                    m_innov[j, i] = -y[i]
+                m_status[j] = ACCEPTED
+                j += 1
+                continue
             nis = innovate(P, H, y, m_R[j], d, W, G, e, S)
             m_nis[j] = nis
             for i in range(d):
                 m_innov[j, i] = -y[i]
                 m_var[j, i] = S[i, i]
-            kind = m_kind[j]
             status = ACCEPTED
             if nis < 0.0 or not math.isfinite(nis):
                 status = REJECTED
@@ -136,10 +166,16 @@ def run_filter(
                 if icfg[ICFG_LOCKOUT] > 0 and locks[kind] > icfg[ICFG_LOCKOUT]:
                     status = FORCED
             if status != REJECTED:
-                locks[kind] = 0
+                # one good satellite does not make up for several that are rejected; a fix forced in has to be borne out
+                locks[kind] = 0 if status == FORCED and d == 3 else max(locks[kind] - 1, 0)
                 correct(P, nav, est, W, e, d, dx)
                 spread_estimates(est, ptab, n_sensor, sens)
                 compensate(poly, raw, sens, h, matrix)
+                if s0 > sa:  # the next measurement of this time sees the corrected rate, not the one before
+                    cut_interval(part, poly, sa, s0)
+                    for i in range(3):
+                        reg[1 + i] = part[9 + i] + 0.5 * part[12 + i] + part[15 + i] / 6.0
+                        reg[4 + i] = part[i] + 0.5 * part[3 + i] + part[6 + i] / 6.0
                 if node_t.shape[0] > 0:
                     u = cnt[CNT_UPD]
                     for a in range(3):
@@ -162,11 +198,12 @@ def run_filter(
         if acc[0] > 0.0:
             cnt[CNT_SINCE] += 1
         due = rec_t.shape[0] > 0 and (t_k >= cfg[CFG_NEXT_RECORD] - 1e-9 or k == last)
-        if acc[0] > 0.0 and (cnt[CNT_SINCE] >= every or acc[1] > cfg[CFG_ANGLE] or due or k == last):
+        if acc[0] > 0.0 and (cnt[CNT_SINCE] >= every or acc[1] > cfg[CFG_ANGLE] or due or gap or k == last):
             propagate(
-                P, nav, acc, B, A, work, D, pmod, n_sensor, omega, q_imu,
+                P, nav, est, sens, ptab, acc, B, A, work, D, pmod, n_sensor, at[AT_CLOCK], omega, noise,
                 t_k, cnt, node_t, node_P, node_phi, node_B, node_upd,
             )  # fmt: skip
+        noise = q_imu
         if due:
             r = cnt[CNT_REC]
             if r < rec_t.shape[0]:
@@ -200,14 +237,26 @@ def run_filter(
 
 @inlined
 def propagate(
-    P, nav, acc, B, A, work, D, pmod, n_sensor, omega, q_imu,
+    P, nav, est, sens, ptab, acc, B, A, work, D, pmod, n_sensor, i_clock, omega, q_imu,
     t, cnt, node_t, node_P, node_phi, node_B, node_upd,
 ):  # fmt: skip
-    """Flush the covariance with its process noise and, for the smoother, keep the transition that was used."""
+    """Flush the covariance with its process noise and, for the smoother, keep the transition that was used.
+
+    Estimates move as their models say: Gauss-Markov states decay, a clock offset grows by its drift.
+    """
     m = P.shape[0] - 9
     add_half_noise(P, nav, acc[0], q_imu, pmod, m)
-    flush(P, nav, acc, B, A, work, D, pmod, n_sensor, omega)
+    flush(P, nav, acc, B, A, work, D, pmod, n_sensor, i_clock, omega)
     add_half_noise(P, nav, acc[0], q_imu, pmod, m)
+    decays = False
+    for k in range(m):
+        if D[k] != 1.0:
+            est[k] *= D[k]
+            decays = decays or k < n_sensor
+    if decays:
+        spread_estimates(est, ptab, n_sensor, sens)
+    if i_clock >= 0:
+        est[i_clock - 9] += acc[0] * est[i_clock - 8]
     if node_t.shape[0] > 0:
         keep_node(P, nav, acc, B, n_sensor, t, cnt, node_t, node_P, node_phi, node_B, node_upd)
     clear(acc, B)

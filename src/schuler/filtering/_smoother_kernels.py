@@ -82,7 +82,7 @@ def root_update(Y, Z, W, G, E, R, v, t, n, wide):
             s += v[i] * v[i]
         z0, z1, z2 = Z[0, k], Z[1, k], Z[2, k]
         s += z0 * z0 + z1 * z1 + z2 * z2
-        if s == 0.0:
+        if s < 1e-280:  # nothing there; and the reciprocal of a smaller one is infinite
             continue
         r = -math.copysign(math.sqrt(s), d)
         d -= r
@@ -110,8 +110,11 @@ def root_update(Y, Z, W, G, E, R, v, t, n, wide):
 
 
 @inlined
-def root_transition(Y, Phi, D, n, wide, decays):
-    """``Y <- Y Phi``; Phi (9, PAD) are the navigation rows, the parameters keep to themselves (diagonal D)."""
+def root_transition(Y, Phi, D, n, wide, decays, i_clock, T):
+    """``Y <- Y Phi``; Phi (9, PAD) are the navigation rows, the parameters keep to themselves: diagonal D, clock S."""
+    if i_clock >= 0:
+        for i in range(n):
+            Y[i, i_clock + 1] += T * Y[i, i_clock]
     p0, p1, p2, p3, p4, p5, p6, p7, p8 = Phi[0], Phi[1], Phi[2], Phi[3], Phi[4], Phi[5], Phi[6], Phi[7], Phi[8]
     for i in range(9):
         row = Y[i]
@@ -134,7 +137,9 @@ def root_transition(Y, Phi, D, n, wide, decays):
 
 
 @kernel
-def smooth(node_P, node_phi, node_B, node_upd, upd_W, upd_G, upd_e, pmod, n_sensor, omega, record, minus, plus, rec_P):
+def smooth(
+    node_P, node_phi, node_B, node_upd, upd_W, upd_G, upd_e, pmod, n_sensor, i_clock, omega, record, minus, plus, rec_P
+):
     """Run backwards over all nodes.
 
     Parameters
@@ -223,6 +228,8 @@ def smooth(node_P, node_phi, node_B, node_upd, upd_W, upd_G, upd_e, pmod, n_sens
             if pmod[k, 0] > 0.0:
                 D[k] = math.exp(-pmod[k, 0] * T)
                 decays = True
+        if i_clock >= 0:
+            lam[i_clock + 1] += T * lam[i_clock]
         for i in range(n):
             s = D[i - 9] * lam[i] if i >= 9 else 0.0
             for k in range(9):
@@ -230,7 +237,7 @@ def smooth(node_P, node_phi, node_B, node_upd, upd_W, upd_G, upd_e, pmod, n_sens
             c[i] = s
         for i in range(n):
             lam[i] = c[i]
-        root_transition(Y, Phi, D, n, wide, decays)
+        root_transition(Y, Phi, D, n, wide, decays, i_clock, T)
     return 0
 
 
@@ -294,7 +301,7 @@ def prepare_smoother() -> None:
     f, m, c, i = nb.float64[::1], nb.float64[:, ::1], nb.float64[:, :, ::1], nb.int64[::1]
     prepare(
         [
-            (smooth, (m, m, c, i, c, c, m, m, nb.int64, nb.float64, i, m, m, m)),
+            (smooth, (m, m, c, i, c, c, m, m, nb.int64, nb.int64, nb.float64, i, m, m, m)),
             (apply_corrections, (f, m, m, m, f, m, m)),
         ]
     )

@@ -8,8 +8,10 @@ import numpy as np
 
 from schuler.earth import WGS84
 from schuler.filtering._covariance_kernels import PAD, dcm, padded
+from schuler.filtering._range_kernels import pseudorange, range_rate
+from schuler.filtering._vehicle_kernels import heading, height, rate_columns, vehicle_velocity, zero_rate
 from schuler.jit import inlined, kernel
-from schuler.mechanization._kernels import half_angle_series
+from schuler.mechanization._kernels import gravity_e, half_angle_series
 
 _A = WGS84.a
 _B = WGS84.b
@@ -19,7 +21,24 @@ _E2 = WGS84.e2
 POSITION = 1
 VELOCITY = 2
 ZERO_VELOCITY = 3
-N_KINDS = 8
+LATERAL = 4
+VERTICAL = 5
+SPEED = 6
+ZERO_RATE = 7
+PSEUDORANGE = 8
+RANGE_RATE = 9
+HEADING = 10
+HEIGHT = 11
+FIX = 12
+RESET_POSITION = 13
+RESET_VELOCITY = 14
+GNSS_HEADING = 15
+N_KINDS = 16
+
+(
+    AT_LEVER, AT_MOUNT, AT_ODOMETER, AT_LEVER_V, AT_CLOCK, AT_CLOCK_2, AT_CLOCK_3, AT_CLOCK_4, AT_HEADING, AT_BARO,
+    AT_B_R, AT_B_V, AT_DELAY,
+) = range(13)  # order of limits.PLACES  # fmt: skip
 
 
 @inlined
@@ -43,25 +62,65 @@ def ned_axes(r, U):
 
 
 @kernel
-def measurement_rows(kind, z, lever, nav, est, reg, sens, ptab, n_sensor, i_lever, omega, H, y, U):
-    """Rows ``H`` (3, n) and difference ``y`` = predicted minus measured, both north, east, down; returns how many.
+def measurement_rows(kind, z, lever, nav, est, reg, sens, ptab, n_sensor, at, omega, H, y, U):
+    """Rows ``H`` (3, n) and difference ``y`` = predicted minus measured; returns how many.
 
-    Position: ``r + C l``. Velocity: ``v + C (omega_ib x l) - omega_ie x (C l)``. ``reg`` holds the regressors of the
-    current interval (time, force and rate integrals), whose means stand for the instant.
+    Position: ``r + C l``, velocity: ``v + C (omega_ib x l) - omega_ie x (C l)``, both north, east, down. Other kinds
+    are in ``_vehicle_kernels`` and ``_range_kernels``. ``reg`` holds the regressors of the current interval (integrals
+    of time, force and rate), whose means stand for the instant. ``at`` are the first states of the blocks in
+    ``limits.PLACES``, -1 for those not estimated.
     """
     for i in range(3):
         for j in range(PAD):
             H[i, j] = 0.0
     ned_axes(nav, U)
-    c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm(nav)
+    if kind == ZERO_RATE:
+        return zero_rate(z, nav, reg, sens, ptab, n_sensor, omega, H, y)
+    if kind in (HEADING, GNSS_HEADING):
+        return heading(z, nav, est, at[AT_HEADING], H, y, U)
     l0, l1, l2 = lever[0], lever[1], lever[2]
-    if kind == ZERO_VELOCITY:  # of the IMU itself
-        l0 = l1 = l2 = 0.0
-    elif i_lever >= 0:
-        l0, l1, l2 = l0 + est[i_lever - 9], l1 + est[i_lever - 8], l2 + est[i_lever - 7]
+    if LATERAL <= kind <= SPEED:
+        i_lever = at[AT_LEVER_V]
+        if i_lever >= 0:
+            l0, l1, l2 = l0 + est[i_lever - 9], l1 + est[i_lever - 8], l2 + est[i_lever - 7]
+        axis = 0 if kind == SPEED else kind - 3
+        return vehicle_velocity(
+            axis,
+            z,
+            l0,
+            l1,
+            l2,
+            nav,
+            est,
+            reg,
+            sens,
+            ptab,
+            n_sensor,
+            at[AT_MOUNT],
+            at[AT_ODOMETER],
+            i_lever,
+            omega,
+            H,
+            y,
+        )
+    c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm(nav)
+    i_lever = -1
+    if kind != HEIGHT and kind != FIX:  # those have lever arms of their own
+        i_lever = at[AT_LEVER_V] if kind == ZERO_VELOCITY else at[AT_LEVER]
+        if i_lever >= 0:
+            l0, l1, l2 = l0 + est[i_lever - 9], l1 + est[i_lever - 8], l2 + est[i_lever - 7]
     L0, L1, L2 = c00 * l0 + c01 * l1 + c02 * l2, c10 * l0 + c11 * l1 + c12 * l2, c20 * l0 + c21 * l1 + c22 * l2
-    if kind == POSITION:
+    if kind == HEIGHT:
+        return height(z, L0, L1, L2, nav, est, at[AT_BARO], H, y, U)
+    if kind == PSEUDORANGE:
+        group = int(z[4])
+        other = at[AT_CLOCK + group] if 0 < group < 4 else -1
+        return pseudorange(z, L0, L1, L2, nav, est, at[AT_CLOCK], other, i_lever, omega, H, y)
+    delay = est[at[AT_DELAY] - 9] if at[AT_DELAY] >= 0 and kind != ZERO_VELOCITY and kind != FIX else 0.0
+    has_delay = at[AT_DELAY] >= 0 and kind != ZERO_VELOCITY and kind != FIX
+    if kind in (POSITION, FIX, RESET_POSITION):
         d0, d1, d2 = nav[7] + L0 - z[0], nav[8] + L1 - z[1], nav[9] + L2 - z[2]
+        correlated = at[AT_B_R] if kind == POSITION else -1
         for i in range(3):
             u0, u1, u2 = U[i, 0], U[i, 1], U[i, 2]
             H[i, 0], H[i, 1], H[i, 2] = L1 * u2 - L2 * u1, L2 * u0 - L0 * u2, L0 * u1 - L1 * u0
@@ -71,20 +130,40 @@ def measurement_rows(kind, z, lever, nav, est, reg, sens, ptab, n_sensor, i_leve
                 H[i, i_lever + 1] = u0 * c01 + u1 * c11 + u2 * c21
                 H[i, i_lever + 2] = u0 * c02 + u1 * c12 + u2 * c22
             y[i] = u0 * d0 + u1 * d1 + u2 * d2
+            if has_delay:  # the fix belongs to a time later by ``delay`` than its stamp says
+                speed = u0 * nav[4] + u1 * nav[5] + u2 * nav[6]
+                y[i] += delay * speed
+                H[i, at[AT_DELAY]] = speed
+                H[i, 3], H[i, 4], H[i, 5] = delay * u0, delay * u1, delay * u2
+            if correlated >= 0:
+                y[i] += est[correlated - 9 + i]
+                H[i, correlated + i] = 1.0
         return 3
-    # velocity of the antenna, or of the IMU itself for a zero-velocity update
+    # velocity of the antenna; of a zero-velocity update that of the point that rests: axle, sole of a shoe
     k = 1.0 / reg[0] if reg[0] > 0.0 else 0.0
     w0, w1, w2 = k * reg[4], k * reg[5], k * reg[6]
     x0, x1, x2 = w1 * l2 - w2 * l1, w2 * l0 - w0 * l2, w0 * l1 - w1 * l0
     M0, M1, M2 = c00 * x0 + c01 * x1 + c02 * x2, c10 * x0 + c11 * x1 + c12 * x2, c20 * x0 + c21 * x1 + c22 * x2
+    if kind == RANGE_RATE:
+        g0, g1, g2 = range_rate(z, L0, L1, L2, M0, M1, M2, w0, w1, w2, nav, est, at[AT_CLOCK], i_lever, omega, H, y)
+        t0, t1, t2 = g0 * c00 + g1 * c10 + g2 * c20, g0 * c01 + g1 * c11 + g2 * c21, g0 * c02 + g1 * c12 + g2 * c22
+        if l0 != 0.0 or l1 != 0.0 or l2 != 0.0:
+            s0, s1, s2 = l1 * t2 - l2 * t1, l2 * t0 - l0 * t2, l0 * t1 - l1 * t0
+            rate_columns(H, 0, s0, s1, s2, k, reg, sens, ptab, n_sensor)
+        return 1
     v0, v1, v2 = nav[4] + M0 + omega * L1, nav[5] + M1 - omega * L0, nav[6] + M2
     has_lever = l0 != 0.0 or l1 != 0.0 or l2 != 0.0
+    correlated = at[AT_B_V] if kind == VELOCITY else -1
+    f0 = f1 = f2 = a0 = a1 = a2 = 0.0
+    if has_delay:  # acceleration: specific force, gravity, Coriolis; of the IMU, its turning about it left out
+        f0, f1, f2 = k * reg[1], k * reg[2], k * reg[3]
+        f0, f1, f2 = c00 * f0 + c01 * f1 + c02 * f2, c10 * f0 + c11 * f1 + c12 * f2, c20 * f0 + c21 * f1 + c22 * f2
+        a0, a1, a2 = gravity_e(nav[7], nav[8], nav[9])
+        a0, a1, a2 = a0 + f0 + 2.0 * omega * nav[5], a1 + f1 - 2.0 * omega * nav[4], a2 + f2
     for i in range(3):
         u0, u1, u2 = U[i, 0], U[i, 1], U[i, 2]
         y[i] = u0 * v0 + u1 * v1 + u2 * v2 - z[i]
         H[i, 3], H[i, 4], H[i, 5] = u0, u1, u2
-        if kind == ZERO_VELOCITY:
-            continue
         e0, e1 = -omega * u1, omega * u0  # omega_ie x u
         H[i, 0] = M1 * u2 - M2 * u1 - L2 * e1
         H[i, 1] = M2 * u0 - M0 * u2 + L2 * e0
@@ -96,24 +175,42 @@ def measurement_rows(kind, z, lever, nav, est, reg, sens, ptab, n_sensor, i_leve
             H[i, i_lever + 1] = t2 * w0 - t0 * w2 + (e0 * c01 + e1 * c11)
             H[i, i_lever + 2] = t0 * w1 - t1 * w0 + (e0 * c02 + e1 * c12)
         if has_lever:
-            # t . (g x l) with g = (I + M_g)^-1 e_axis, sign of the sensor error, times the regressor
             s0, s1, s2 = l1 * t2 - l2 * t1, l2 * t0 - l0 * t2, l0 * t1 - l1 * t0
-            for j in range(n_sensor):
-                a, source = ptab[j, 1], ptab[j, 2]
-                r = 1.0 if source == 0 else k * reg[source]
-                if ptab[j, 0] == 0:
-                    g0, g1, g2 = sens[6 + a], sens[9 + a], sens[12 + a]
-                    H[i, 9 + j] = -r * (g0 * s0 + g1 * s1 + g2 * s2)
-                else:
-                    f0, f1, f2 = sens[15 + a], sens[18 + a], sens[21 + a]
-                    p0 = sens[24] * f0 + sens[25] * f1 + sens[26] * f2
-                    p1 = sens[27] * f0 + sens[28] * f1 + sens[29] * f2
-                    p2 = sens[30] * f0 + sens[31] * f1 + sens[32] * f2
-                    g0 = sens[6] * p0 + sens[7] * p1 + sens[8] * p2
-                    g1 = sens[9] * p0 + sens[10] * p1 + sens[11] * p2
-                    g2 = sens[12] * p0 + sens[13] * p1 + sens[14] * p2
-                    H[i, 9 + j] = r * (g0 * s0 + g1 * s1 + g2 * s2)
+            rate_columns(H, i, s0, s1, s2, k, reg, sens, ptab, n_sensor)
+        if has_delay:
+            y[i] += delay * (u0 * a0 + u1 * a1 + u2 * a2)
+            H[i, at[AT_DELAY]] = u0 * a0 + u1 * a1 + u2 * a2
+            H[i, 0] += delay * (f1 * u2 - f2 * u1)
+            H[i, 1] += delay * (f2 * u0 - f0 * u2)
+            H[i, 2] += delay * (f0 * u1 - f1 * u0)
+            H[i, 3] -= 2.0 * omega * delay * u1
+            H[i, 4] += 2.0 * omega * delay * u0
+        if correlated >= 0:
+            y[i] += est[correlated - 9 + i]
+            H[i, correlated + i] = 1.0
     return 3
+
+
+@kernel
+def reset(kind, R, P, nav, y, U):
+    """Put position or velocity where the measurement says, with its covariance and no memory: no filter update.
+
+    ``y`` is predicted minus measured, north, east, down.
+    """
+    first = 6 if kind == RESET_POSITION else 3
+    n = P.shape[0]
+    for i in range(3):
+        nav[first + 1 + i] -= U[0, i] * y[0] + U[1, i] * y[1] + U[2, i] * y[2]
+        for j in range(n):
+            P[first + i, j] = 0.0
+            P[j, first + i] = 0.0
+    for i in range(3):
+        for j in range(3):
+            v = 0.0
+            for a in range(3):
+                for b in range(3):
+                    v += U[a, i] * R[3 * a + b] * U[b, j]
+            P[first + i, first + j] = v
 
 
 @kernel

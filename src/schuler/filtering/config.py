@@ -6,24 +6,17 @@ Every key that carries a number names its unit. Unknown keys are errors, with th
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from schuler.exceptions import ConfigError
 from schuler.faults import sentences
+from schuler.filtering.aiding_config import AidingSection, CorrelatedSection, TightSection
+from schuler.filtering.config_types import NonNegative, Positive, Section, Triple
 from schuler.sensors.spec_file import anchored
-
-Triple = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0.0)]
-NonNegative = Annotated[float, Field(ge=0.0)]
-
-
-class Section(BaseModel):
-    """Base of all sections: immutable, nothing unknown."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class ImuSection(Section):
@@ -51,10 +44,22 @@ class ImuSection(Section):
 
 
 class GnssSection(Section):
-    """How GNSS solutions are used."""
+    """How GNSS is used: as solutions (loose, reset) or satellite by satellite (tight)."""
 
+    coupling: Literal["loose", "tight", "reset", "off"] = Field(
+        "loose", description="reset: position and velocity are put where GNSS is; off: only for alignment and rest"
+    )
+    tight: TightSection = TightSection()
+    correlated: CorrelatedSection = CorrelatedSection()
+    reset_every_s: NonNegative = Field(0.0, description="coupling reset: least time between two; 0 takes every fix")
+    every_s: NonNegative = Field(0.0, description="least time between two fixes used; 0 takes every fix")
+    lever_sigma_m: NonNegative = Field(0.0, description="1-sigma of the lever arm; 0 does not estimate it")
+    delay_sigma_s: NonNegative = Field(
+        0.0, description="1-sigma of a time offset of GNSS stamps, estimated; 0 takes them as right"
+    )
     lever_arm_m: Triple = Field((0.0, 0.0, 0.0), description="from the IMU to the antenna, forward right down")
     velocity: bool = Field(True, description="use velocities where there are any")
+    velocity_delay_s: float = Field(0.0, description="how long before their stamps velocities were valid")
     position_sigma_floor_m: Triple = Field((0.0, 0.0, 0.0), description="smallest 1-sigma N E D that is believed")
     velocity_sigma_floor_m_s: Triple = Field((0.0, 0.0, 0.0), description="smallest 1-sigma N E D that is believed")
     sigma_scale: Positive = Field(1.0, description="factor on the receiver's own 1-sigma values")
@@ -62,6 +67,14 @@ class GnssSection(Section):
         0.9999, description="probability with which a good fix passes, or off"
     )
     quality: tuple[int, ...] | None = Field(None, description="RTKLIB quality numbers to use; all if left out")
+
+    @model_validator(mode="after")
+    def _delay_needs_solutions(self) -> GnssSection:
+        if self.delay_sigma_s > 0.0 and self.coupling != "loose":
+            raise ValueError(
+                f'delay_sigma_s goes with coupling = "loose": with "{self.coupling}" nothing would show the time offset'
+            )
+        return self
 
 
 class AlignmentSection(Section):
@@ -102,7 +115,9 @@ class FilterSection(Section):
     full_rate: bool = Field(False, description="propagate the covariance at every IMU sample")
     record_s: Positive = Field(1.0, description="spacing of covariance records")
     output_rate_hz: Positive | None = Field(None, description="rate of the output; every sample if left out")
-    lockout: Annotated[int, Field(ge=0)] = Field(10, description="rejections in a row after which one is accepted")
+    lockout: Annotated[int, Field(ge=0)] = Field(
+        10, description="rejections, less acceptances, after which one is accepted"
+    )
     smooth: bool = Field(True, description="also compute the smoothed solution")
     earth_rotation: bool = Field(True, description="false for a log simulated on an Earth that stands still")
 
@@ -149,7 +164,7 @@ class NavigationConfig(Section):
     ----------
     recording : dict
         How the parts of a folder are read, see docs/reading-data.md.
-    imu, gnss, alignment, filter, outages
+    imu, gnss, alignment, filter, aiding, outages
         Sections.
     """
 
@@ -158,6 +173,7 @@ class NavigationConfig(Section):
     gnss: GnssSection = GnssSection()
     alignment: AlignmentSection = AlignmentSection()
     filter: FilterSection = FilterSection()
+    aiding: AidingSection = AidingSection()
     outages: OutageSection = OutageSection()
 
     @classmethod
@@ -175,8 +191,16 @@ class NavigationConfig(Section):
             raise ConfigError(f"{source}: " + "; ".join(sentences(error, cls))) from None
 
     @classmethod
-    def load(cls, path: Path | str) -> NavigationConfig:
-        """Checked configuration of a TOML file, to whose folder ``imu.spec`` is relative; see :meth:`parse`."""
+    def load(cls, path: Path | str, changes: Sequence[tuple[str, Any]] = ()) -> NavigationConfig:
+        """Checked configuration of a TOML file, to whose folder ``imu.spec`` is relative; see :meth:`parse`.
+
+        Parameters
+        ----------
+        path : Path or str
+        changes : sequence of (str, value)
+            Entries put over those of the file, such as ``("filter.states", 21)``; an empty dict keeps what is there
+            and makes an empty section otherwise, None takes the entry out.
+        """
         path = Path(path)
         try:
             data = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -184,4 +208,21 @@ class NavigationConfig(Section):
             raise ConfigError(f"{path}: no such configuration file") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ConfigError(f"{path}: not a TOML file: {error}") from None
+        for key, value in changes:
+            _change(data, key, value)
         return cls.parse(anchored(data, path), str(path))
+
+
+def _change(data: dict[str, Any], key: str, value: Any) -> None:
+    """Put one entry, named with dots, into nested sections."""
+    *sections, last = key.split(".")
+    for name in sections:
+        data = data.setdefault(name, {})
+        if not isinstance(data, dict):
+            raise ConfigError(f"{key}: {name} is no section of the configuration")
+    if value is None:
+        data.pop(last, None)
+    elif value == {} and isinstance(data.get(last), dict):
+        pass
+    else:
+        data[last] = value

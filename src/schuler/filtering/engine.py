@@ -17,8 +17,8 @@ from schuler import earth
 from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3
 from schuler.exceptions import InputError
 from schuler.filtering.error_model import ecef_from_ned_states
-from schuler.filtering.limits import MAX_STATES
-from schuler.filtering.measurements import MeasurementSchedule
+from schuler.filtering.limits import MAX_STATES, PLACES
+from schuler.filtering.measurements import KINDS, RESET_KINDS, MeasurementSchedule
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.alignment import Alignment
 from schuler.mechanization.strapdown import NavState
@@ -46,12 +46,16 @@ class FilterOptions:
     output_rate_hz : float, optional
         Rate of the output trajectory; None for every IMU sample.
     lockout : int
-        Consecutive rejections of a kind after which the next one is accepted all the same (and marked), so that an
-        over-confident filter finds back; 0 never does.
+        Rejections of a kind, less acceptances, after which the next one is accepted all the same (and marked), so that
+        an over-confident filter finds back, also one that a few of many satellites suit; 0 never does.
     smoother : bool
         Keep what the smoother needs: about 1.5 kB (15 states) or 2.9 kB (21) for each propagation.
     earth_rotation : bool
         False for simulations on an Earth that stands still.
+    gap_s : float, optional
+        Intervals longer than this are pauses that were bridged: over them the rates are unknown by ...
+    gap_gyro, gap_accel : float
+        ... these 1-sigma values, constant over the pause, all axes. [rad/s], [m/s^2]
     """
 
     covariance_rate_hz: float | None = 10.0
@@ -61,9 +65,12 @@ class FilterOptions:
     lockout: int = 10
     smoother: bool = False
     earth_rotation: bool = True
+    gap_s: float | None = None
+    gap_gyro: float = 0.0
+    gap_accel: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("covariance_rate_hz", "flush_angle", "record_s", "output_rate_hz"):
+        for name in ("covariance_rate_hz", "flush_angle", "record_s", "output_rate_hz", "gap_s"):
             value = getattr(self, name)
             if value is not None and not value > 0.0:
                 raise InputError(f"{name}: expected a positive number, got {value!r}")
@@ -216,15 +223,18 @@ class FilterState:
         self.cfg[run_k.CFG_RECORD] = options.record_s
         self.cfg[run_k.CFG_NEXT_RECORD] = initial.nav.t + options.record_s
         self.cfg[run_k.CFG_TIME] = initial.nav.t
+        self.cfg[run_k.CFG_GAP] = np.inf if options.gap_s is None else options.gap_s
+        self.cfg[run_k.CFG_GAP_GYRO] = options.gap_gyro
+        self.cfg[run_k.CFG_GAP_ACCEL] = options.gap_accel
         self.icfg = np.zeros(run_k.N_ICFG, dtype=np.int64)
         self.icfg[run_k.ICFG_EVERY] = every
         self.icfg[run_k.ICFG_MATRIX] = int(bool(sources))
         self.icfg[run_k.ICFG_SENSORS] = layout.n_sensor
-        self.icfg[run_k.ICFG_LEVER] = layout["lever"].start if "lever" in layout else -1
+        self.icfg[run_k.ICFG_AT :] = [layout[name].start if name in layout else -1 for name in PLACES]
         self.icfg[run_k.ICFG_LOCKOUT] = options.lockout
         self.icfg[run_k.ICFG_OUT_EVERY] = out_every
         self.cnt = np.zeros(run_k.N_CNT, dtype=np.int64)
-        self.locks = np.zeros(8, dtype=np.int64)
+        self.locks = np.zeros(max(KINDS) + 1, dtype=np.int64)
         run_k.prepare_filter()
         cov.spread_estimates(self.est, self.ptab, layout.n_sensor, self.sens)
 
@@ -266,6 +276,7 @@ class SmootherNodes:
     e: FloatArray
     pmod: FloatArray
     n_sensor: int
+    i_clock: int
     omega: float
 
 
@@ -351,6 +362,8 @@ def run(
     in_span = (schedule.t >= increments.start - 1e-9) & (schedule.t <= increments.t[-1] + 1e-9)
     used = schedule.where(in_span)
     M = len(used)
+    if options.smoother and np.isin(used.kind, RESET_KINDS).any():
+        raise InputError("a run with resets has no memory to smooth over: smoother=False (filter.smooth = false)")
     out_every = int(state.icfg[k.ICFG_OUT_EVERY])
     n_out = (N + out_every - 1) // out_every
     n_rec = int((increments.t[-1] - increments.start) / options.record_s) + 2
@@ -360,6 +373,8 @@ def run(
         turned = float(np.linalg.norm(increments.dtheta_ib_b, axis=1).sum())
         n_node = N // int(state.icfg[k.ICFG_EVERY]) + M + n_rec + int(2.0 * turned / options.flush_angle) + 4
         n_node = min(n_node, N + M + 2)
+        if options.gap_s is not None:
+            n_node += 2 * int(np.sum(increments.dt > options.gap_s))
     n_upd = M if options.smoother else 0
     status = np.zeros(M, dtype=np.int64)
     nis, innovation, variance = np.full(M, np.nan), np.full((M, 3), np.nan), np.full((M, 3), np.nan)
@@ -394,7 +409,8 @@ def run(
         nodes = SmootherNodes(
             t=node[0][:a], P=node[1][:a], phi=node[2][:a], B=node[3][:a], upd=node[4][:a],
             W=node[5][:u], G=node[6][:u], e=node[7][:u],
-            pmod=state.pmod, n_sensor=layout.n_sensor, omega=float(state.cfg[k.CFG_OMEGA]),
+            pmod=state.pmod, n_sensor=layout.n_sensor,
+            i_clock=layout["clock"].start if "clock" in layout else -1, omega=float(state.cfg[k.CFG_OMEGA]),
         )  # fmt: skip
     o, c = int(cnt[k.CNT_OUT]), int(cnt[k.CNT_REC])
     return ForwardRun(

@@ -1,4 +1,11 @@
-"""Sizes fixed when the kernels were written, kept apart so that reading them does not import numba."""
+"""Sizes and places fixed when the kernels were written, kept apart so that reading them does not import numba."""
 
 #: Largest number of states; the row length of covariance arrays in the kernels.
 MAX_STATES = 64
+#: Numbers a measurement consists of, see ``measurements.py`` for their meaning by kind.
+N_VALUES = 8
+#: State blocks that measurements ask for; the kernels know them by their place here.
+PLACES = (
+    "lever", "mount", "odometer", "lever_v", "clock", "clock_2", "clock_3", "clock_4", "b_heading", "baro", "b_r",
+    "b_v", "delay",
+)  # fmt: skip

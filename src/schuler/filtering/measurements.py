@@ -10,16 +10,44 @@ import numpy as np
 from schuler import frames
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats, as_vector3
 from schuler.exceptions import InputError
+from schuler.filtering.limits import N_VALUES
 from schuler.recording.series import GnssSeries
 
-POSITION, VELOCITY, ZERO_VELOCITY = 1, 2, 3
+POSITION, VELOCITY, ZERO_VELOCITY, LATERAL, VERTICAL, SPEED, ZERO_RATE, PSEUDORANGE, RANGE_RATE = range(1, 10)
+HEADING, HEIGHT, FIX, RESET_POSITION, RESET_VELOCITY, GNSS_HEADING = range(10, 16)
 #: Names of the kinds, used in results.
-KINDS = {POSITION: "position", VELOCITY: "velocity", ZERO_VELOCITY: "zero_velocity"}
+KINDS = {
+    POSITION: "position",
+    VELOCITY: "velocity",
+    ZERO_VELOCITY: "zero_velocity",
+    LATERAL: "lateral",
+    VERTICAL: "vertical",
+    SPEED: "speed",
+    ZERO_RATE: "zero_rate",
+    PSEUDORANGE: "pseudorange",
+    RANGE_RATE: "range_rate",
+    HEADING: "heading",
+    HEIGHT: "height",
+    FIX: "fix",
+    RESET_POSITION: "reset_position",
+    RESET_VELOCITY: "reset_velocity",
+    GNSS_HEADING: "gnss_heading",
+}
+#: Components of each kind.
+DIMENSIONS = {k: 3 if k in (1, 2, 3, 7, 12, 13, 14) else 1 for k in KINDS}
 #: Kinds that come from satellites and stop in an outage.
-GNSS_KINDS = (POSITION, VELOCITY)
-UNUSED, ACCEPTED, REJECTED, FORCED = 0, 1, 2, 3
+GNSS_KINDS = (POSITION, VELOCITY, PSEUDORANGE, RANGE_RATE, RESET_POSITION, RESET_VELOCITY, GNSS_HEADING)
+#: Kinds that are put into the state instead of being weighed: no innovation test, no smoother.
+RESET_KINDS = (RESET_POSITION, RESET_VELOCITY)
+UNUSED, ACCEPTED, REJECTED, FORCED, GATED = 0, 1, 2, 3, 4
 #: What became of a measurement.
-STATUS = {UNUSED: "unused", ACCEPTED: "accepted", REJECTED: "rejected", FORCED: "accepted after lock-out"}
+STATUS = {
+    UNUSED: "unused",
+    ACCEPTED: "accepted",
+    REJECTED: "rejected",
+    FORCED: "accepted after lock-out",
+    GATED: "condition not met",
+}
 
 
 @dataclass(frozen=True)
@@ -32,14 +60,18 @@ class MeasurementSchedule:
         Time of validity, non-decreasing. [s]
     kind : ndarray of int, shape (m,)
         Keys of :data:`KINDS`.
-    z : ndarray, shape (m, 3)
-        Value: Earth-fixed antenna position [m], or velocity north-east-down [m/s].
+    z : ndarray, shape (m, 8)
+        Values by kind, the rest zero: Earth-fixed antenna position [m]; velocity north-east-down [m/s]; lateral,
+        vertical or forward velocity of the vehicle [m/s], in the last column the least speed at which it counts; mean
+        raw angular rate at rest [rad/s]; satellite position [m], pseudorange [m], place of its clock; satellite
+        position, its velocity [m/s], range rate [m/s]; heading [rad]; height [m].
     R : ndarray, shape (m, 3, 3)
-        Covariance in north-east-down axes.
+        Covariance, of vectors in north-east-down axes (zero rate: body axes), of single numbers in the first place.
     lever : ndarray, shape (m, 3)
-        From the IMU to the antenna, body axes. [m]
+        From the IMU to what is measured (antenna, axle), body axes. [m]
     gate : ndarray, shape (m,)
-        Largest accepted normalised innovation squared; inf accepts all.
+        Largest accepted normalised innovation squared; inf accepts all; negative: its condition is not met, it is
+        counted and not used.
     """
 
     t: FloatArray
@@ -56,7 +88,49 @@ class MeasurementSchedule:
     def empty(cls) -> MeasurementSchedule:
         """No measurement at all: free inertial navigation."""
         return cls(
-            np.empty(0), np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3, 3)), np.empty((0, 3)), np.empty(0)
+            np.empty(0), np.empty(0, np.int64), np.empty((0, 8)), np.empty((0, 3, 3)), np.empty((0, 3)), np.empty(0)
+        )
+
+    @classmethod
+    def of(
+        cls,
+        kind: int,
+        t: ArrayLike,
+        z: ArrayLike,
+        R: ArrayLike,
+        lever: ArrayLike = (0.0, 0.0, 0.0),
+        gate: ArrayLike = np.inf,
+    ) -> MeasurementSchedule:
+        """Measurements of one kind, with shapes filled up.
+
+        Parameters
+        ----------
+        kind : int
+        t : array_like, shape (m,)
+        z : array_like, shape (m,) or (m, k)
+            First values, see above; the others are zero.
+        R : array_like, shape (m,), (m, 3, 3) or scalar
+            Variances of single numbers, or covariances.
+        lever : array_like, shape (3,) or (m, 3)
+        gate : array_like, shape () or (m,)
+        """
+        t = as_floats(t, "t", (None,))
+        m = len(t)
+        given = np.asarray(z, dtype=np.float64).reshape(m, -1) if m else np.zeros((0, 1))
+        values, covariance = np.zeros((m, N_VALUES)), np.zeros((m, 3, 3))
+        values[:, : given.shape[1]] = given
+        R = np.asarray(R, dtype=np.float64)
+        if R.ndim == 3:
+            covariance[:] = R
+        else:
+            covariance[:, range(3), range(3)] = np.broadcast_to(R, (m,))[:, None]
+        return cls(
+            t,
+            np.full(m, kind, dtype=np.int64),
+            values,
+            covariance,
+            np.ascontiguousarray(np.broadcast_to(np.asarray(lever, dtype=np.float64), (m, 3))),
+            np.ascontiguousarray(np.broadcast_to(np.asarray(gate, dtype=np.float64), (m,))),
         )
 
     def where(self, keep: ArrayLike) -> MeasurementSchedule:
@@ -128,17 +202,11 @@ def gnss_measurements(
     """
     lever = as_vector3(lever_arm_b, "lever_arm_b")
     threshold = gate_threshold(gate, 3)
-
-    def schedule(kind: int, z: FloatArray, R: FloatArray) -> MeasurementSchedule:
-        n = len(gnss)
-        return MeasurementSchedule(
-            gnss.t, np.full(n, kind, dtype=np.int64), z, R, np.tile(lever, (n, 1)), np.full(n, threshold)
-        )
-
-    positions = schedule(POSITION, frames.ecef_from_llh(gnss.llh), gnss.cov_r_n)
+    of = MeasurementSchedule.of
+    positions = of(POSITION, gnss.t, frames.ecef_from_llh(gnss.llh), gnss.cov_r_n, lever, threshold)
     if not use_velocity or gnss.v_n is None or gnss.cov_v_n is None:
         return positions
-    return merged(positions, schedule(VELOCITY, gnss.v_n, gnss.cov_v_n))
+    return merged(positions, of(VELOCITY, gnss.t, gnss.v_n, gnss.cov_v_n, lever, threshold))
 
 
 def zero_velocity(t: ArrayLike, sigma: float, *, gate: float | None = None) -> MeasurementSchedule:
@@ -154,15 +222,7 @@ def zero_velocity(t: ArrayLike, sigma: float, *, gate: float | None = None) -> M
         See :func:`gate_threshold`.
     """
     t = as_floats(t, "t", (None,))
-    n = len(t)
-    return MeasurementSchedule(
-        t,
-        np.full(n, ZERO_VELOCITY, dtype=np.int64),
-        np.zeros((n, 3)),
-        np.tile(sigma**2 * np.eye(3), (n, 1, 1)),
-        np.zeros((n, 3)),
-        np.full(n, gate_threshold(gate, 3)),
-    )
+    return MeasurementSchedule.of(ZERO_VELOCITY, t, np.zeros(len(t)), sigma**2, gate=gate_threshold(gate, 3))
 
 
 def position(
@@ -205,11 +265,5 @@ def _one(
     R = as_floats(R, "sigma", (3, 3)) if R.ndim == 2 else np.diag(as_vector3(sigma, "sigma") ** 2)
     if np.any(np.diag(R) <= 0.0):
         raise InputError(f"sigma: expected positive values, got {sigma!r}")
-    return MeasurementSchedule(
-        np.array([float(t)]),
-        np.array([kind], dtype=np.int64),
-        z[None, :],
-        R[None, :, :],
-        as_vector3(lever, "lever_arm_b")[None, :],
-        np.array([gate_threshold(gate, 3)]),
-    )
+    lever = as_vector3(lever, "lever_arm_b")
+    return MeasurementSchedule.of(kind, [float(t)], z[None, :], R[None, :, :], lever, gate_threshold(gate, 3))

@@ -33,6 +33,9 @@ class Navigator:
     report late, so a ``delay_s`` can be given: IMU samples are then held back that long before the filter takes them,
     and :attr:`predicted` carries the state on to the newest sample.
 
+    The numbers are those of a batch run: to the last bit with ``covariance_rate_hz=None``, else to 1e-8 m, since a
+    batch run also propagates its covariance for records.
+
     Parameters
     ----------
     initial : InitialState

@@ -13,7 +13,7 @@ from schuler.arrays import ArrayLike, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.filtering.engine import ForwardRun, SmootherNodes, unpack_symmetric
 from schuler.filtering.error_model import ecef_from_ned_states
-from schuler.filtering.measurements import ACCEPTED, FORCED, KINDS, REJECTED, STATUS, UNUSED
+from schuler.filtering.measurements import ACCEPTED, DIMENSIONS, FORCED, GATED, KINDS, REJECTED, STATUS, UNUSED
 from schuler.filtering.states import BLOCK_TEXT, StateLayout
 from schuler.recording.series import Trajectory
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from schuler.analysis.errors import TrajectoryErrors
+    from schuler.gnss.point_result import PointSolution
+    from schuler.gnss.ranges import Ranges
 
 SCHEMA = "schuler/solution/1"
 
@@ -36,9 +38,10 @@ class Innovations:
     kind, status : ndarray of int, shape (m,)
         Keys of :data:`~schuler.filtering.measurements.KINDS` and ``STATUS``.
     nis : ndarray, shape (m,)
-        Normalised innovation squared, three degrees of freedom; NaN where unused.
+        Normalised innovation squared, with the degrees of freedom of :attr:`freedom`; NaN where unused.
     innovation, sigma : ndarray, shape (m, 3)
-        Measured minus predicted north, east, down, and its predicted 1-sigma. [m] or [m/s]
+        Measured minus predicted, and its predicted 1-sigma: north, east, down for vectors, in the first column for
+        single numbers. [unit of the measurement]
     """
 
     t: FloatArray
@@ -50,6 +53,14 @@ class Innovations:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    @property
+    def freedom(self) -> IntArray:
+        """Components of each measurement. Shape (m,)."""
+        table = np.zeros(max(DIMENSIONS) + 1, dtype=np.int64)
+        for kind, size in DIMENSIONS.items():
+            table[kind] = size
+        return np.asarray(table[self.kind])
 
     def where(self, keep: ArrayLike) -> Innovations:
         """The entries selected by a boolean or index array."""
@@ -77,8 +88,8 @@ class Innovations:
 
     def mean_nis(self) -> float:
         """Mean of the normalised innovations squared per degree of freedom, over what was used or gated."""
-        tested = self.status != UNUSED
-        return float(np.mean(self.nis[tested]) / 3.0) if tested.any() else float("nan")
+        tested = np.isfinite(self.nis)
+        return float(self.nis[tested].sum() / self.freedom[tested].sum()) if tested.any() else float("nan")
 
 
 @dataclass(frozen=True)
@@ -111,6 +122,10 @@ class NavigationResult:
         Package version, options, input hashes.
     notes : tuple of str
         What was assumed, repaired or left out.
+    ranges : Ranges, optional
+        Of a tightly coupled run: every satellite, with the reason if it was not used. Not in files.
+    points : PointSolution, optional
+        Of a tightly coupled run: its single-point solutions. Not in files.
     """
 
     trajectory: Trajectory
@@ -128,6 +143,8 @@ class NavigationResult:
     lever_arm_b: FloatArray = field(default_factory=lambda: np.zeros(3))
     provenance: dict[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    ranges: Ranges | None = field(default=None, repr=False, compare=False)
+    points: PointSolution | None = field(default=None, repr=False, compare=False)
     _nodes: SmootherNodes | None = field(default=None, repr=False, compare=False)
 
     @classmethod
@@ -183,9 +200,18 @@ class NavigationResult:
             raise InputError(f"{block} is a navigation block; parameters are {', '.join(self.layout.models)}")
         return self.parameters[:, part.start - 9 : part.stop - 9]
 
+    @property
+    def can_smooth(self) -> bool:
+        """Whether :meth:`smooth` has what it needs: a complete run that kept it, without resets."""
+        return self.smoothed or self._nodes is not None
+
     def antenna(self) -> Trajectory:
-        """Trajectory of the antenna instead of the IMU (position and attitude)."""
-        return self.trajectory.moved_by(self.lever_arm_b)
+        """Trajectory of the antenna instead of the IMU (position and attitude), with the lever arm as estimated."""
+        arm = self.lever_arm_b
+        if "lever" in self.layout:
+            more = self.parameter("lever")
+            arm = arm + np.column_stack([np.interp(self.trajectory.t, self.t, more[:, i]) for i in range(3)])
+        return self.trajectory.moved_by(arm)
 
     def smooth(self) -> NavigationResult:
         """The fixed-interval smoothed solution: every state uses all measurements, later ones too.
@@ -266,7 +292,9 @@ class NavigationResult:
             forced = count[STATUS[FORCED]]
             lines.append(
                 f"  {name}: {count[STATUS[ACCEPTED]] + forced} used, {count[STATUS[REJECTED]]} rejected, "
-                f"{count[STATUS[UNUSED]]} unused" + (f", {forced} after lock-out" if forced else "")
+                f"{count[STATUS[UNUSED]]} unused"
+                + (f", {count[STATUS[GATED]]} without their condition" if count[STATUS[GATED]] else "")
+                + (f", {forced} after lock-out" if forced else "")
             )
         if len(self.innovations):
             lines.append(

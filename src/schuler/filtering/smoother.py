@@ -49,7 +49,8 @@ def smooth_run(result: NavigationResult, nodes: SmootherNodes) -> tuple[Trajecto
     minus, plus = np.empty((n_nodes, n)), np.empty((n_nodes, n))
     packed = np.empty((len(result.t), n * (n + 1) // 2))
     k.smooth(
-        nodes.P, nodes.phi, nodes.B, nodes.upd, nodes.W, nodes.G, nodes.e, nodes.pmod, nodes.n_sensor, nodes.omega,
+        nodes.P, nodes.phi, nodes.B, nodes.upd, nodes.W, nodes.G, nodes.e, nodes.pmod, nodes.n_sensor, nodes.i_clock,
+        nodes.omega,
         record, minus, plus, packed,
     )  # fmt: skip
     trajectory, states = result.trajectory, result.states

@@ -40,7 +40,25 @@ BLOCKS: MappingProxyType[str, tuple[tuple[int, int, int], ...]] = MappingProxyTy
         "M_a6": tuple((_ACCEL, i, 1 + j) for i, j in _OFF_DIAGONAL),
         "M_g": tuple((_GYRO, i, 4 + j) for i, j in _OFF_DIAGONAL),
         "G_g": tuple((_GYRO, i, 1 + j) for i in range(3) for j in range(3)),
-        "lever": tuple((_OTHER, i, 0) for i in range(3)),
+        **{
+            name: tuple((_OTHER, i, 0) for i in range(size))
+            for name, size in (
+                ("lever", 3),
+                ("lever_v", 3),
+                ("mount", 2),
+                ("odometer", 1),
+                ("clock", 1),
+                ("clock_drift", 1),
+                ("clock_2", 1),
+                ("clock_3", 1),
+                ("clock_4", 1),
+                ("b_heading", 1),
+                ("baro", 1),
+                ("b_r", 3),
+                ("b_v", 3),
+                ("delay", 1),
+            )
+        },
     }
 )
 
@@ -61,6 +79,19 @@ BLOCK_TEXT: MappingProxyType[str, tuple[str, str]] = MappingProxyType(
         "M_g": ("gyroscope cross-coupling xy, xz, yx, yz, zx, zy", "rad"),
         "G_g": ("gyroscope g-sensitivity, row by row", "(rad/s)/(m/s^2)"),
         "lever": ("lever arm IMU to antenna, body axes", "m"),
+        "lever_v": ("lever arm IMU to the point that does not slip or rests (axle, sole), body axes", "m"),
+        "mount": ("pitch and yaw of the IMU axes in the vehicle", "rad"),
+        "odometer": ("odometer scale factor", "1"),
+        "clock": ("receiver clock offset, of the first satellite system", "m"),
+        "clock_drift": ("receiver clock drift", "m/s"),
+        "clock_2": ("clock of the second satellite system against the first", "m"),
+        "clock_3": ("clock of the third satellite system against the first", "m"),
+        "clock_4": ("clock of the fourth satellite system against the first", "m"),
+        "b_heading": ("bias of the heading sensor", "rad"),
+        "baro": ("bias of the barometric height", "m"),
+        "b_r": ("correlated error of GNSS positions, north east down", "m"),
+        "b_v": ("correlated error of GNSS velocities, north east down", "m/s"),
+        "delay": ("time by which GNSS fixes belong to a later moment than their stamp", "s"),
     }
 )
 
@@ -142,7 +173,14 @@ class StateLayout:
             raise InputError(f"unknown state block {unknown[0]!r}; known are {', '.join(BLOCKS)}")
         if "M_a" in self.models and "M_a6" in self.models:
             raise InputError("M_a and M_a6 are two gauges of the same accelerometer cross-coupling: use one of them")
-        ordered = sorted(self.models, key=lambda name: BLOCKS[name][0][0] == _OTHER)
+        if ("clock" in self.models) != ("clock_drift" in self.models):
+            raise InputError("clock and clock_drift go together: give both or none")
+        # sensor blocks first, then as given, but the drift behind its clock
+        places = {name: i for i, name in enumerate(self.models)}
+        places["clock_drift"] = places.get("clock", 0)
+        ordered = sorted(
+            self.models, key=lambda name: (BLOCKS[name][0][0] == _OTHER, places[name], name == "clock_drift")
+        )
         object.__setattr__(self, "models", {name: self.models[name] for name in ordered})
         slices = {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(NAVIGATION)}
         position = 9

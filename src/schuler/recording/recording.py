@@ -10,8 +10,15 @@ import numpy as np
 from schuler import units
 from schuler.arrays import ArrayLike
 from schuler.exceptions import InputError
+from schuler.gnss.ephemerides import Ephemerides
+from schuler.gnss.observations import Observations
+from schuler.gnss.ranges import Ranges
+from schuler.recording.scalar_series import ScalarSeries
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, Trajectory
 from schuler.timebase import TimeBase
+
+#: Parts of a recording that have times.
+TIMED = ("imu", "gnss", "odometer", "heading", "height", "observations", "ranges", "reference")
 
 
 @dataclass(frozen=True)
@@ -55,6 +62,14 @@ class Recording:
     imu : ImuSeries, optional
     gnss : GnssSeries, optional
     odometer : OdometerSeries, optional
+    heading, height : ScalarSeries, optional
+        Of a magnetometer or two antennas [rad]; of a barometer [m].
+    observations : Observations, optional
+        Raw measurements of a satellite receiver.
+    ephemerides : Ephemerides, optional
+        What the satellites broadcast, for the observations.
+    ranges : Ranges, optional
+        Ranges ready for positioning, where they do not come from observations (simulation, other programs).
     reference : Trajectory, optional
         Truth or a better solution to compare with, of the IMU's position.
     metadata : Metadata
@@ -65,23 +80,35 @@ class Recording:
     odometer: OdometerSeries | None = None
     reference: Trajectory | None = None
     metadata: Metadata = field(default_factory=Metadata)
+    heading: ScalarSeries | None = None
+    height: ScalarSeries | None = None
+    observations: Observations | None = None
+    ephemerides: Ephemerides | None = None
+    ranges: Ranges | None = None
 
     def __post_init__(self) -> None:
-        if all(series is None for series in (self.imu, self.gnss, self.odometer, self.reference)):
+        if not self._series() and self.ephemerides is None:
             raise InputError("a recording needs at least one series")
 
     @property
     def start(self) -> float:
         """Earliest time of any series. [s]"""
-        return min(float(s.t[0]) for s in self._series())
+        return min(float(s.t[0]) for s in self._need_series())
 
     @property
     def stop(self) -> float:
         """Latest time of any series. [s]"""
-        return max(float(s.t[-1]) for s in self._series())
+        return max(float(s.t[-1]) for s in self._need_series())
 
-    def _series(self) -> list[ImuSeries | GnssSeries | OdometerSeries | Trajectory]:
-        return [s for s in (self.imu, self.gnss, self.odometer, self.reference) if s is not None]
+    def _need_series(self) -> list[Any]:
+        series = self._series()
+        if not series:
+            raise InputError(f"{self.metadata.name} holds broadcast messages only, which have no start and end")
+        return series
+
+    def _series(self) -> list[Any]:
+        """Whatever is there and has times."""
+        return [s for s in (getattr(self, name) for name in TIMED) if s is not None and len(s)]
 
     def need_imu(self) -> ImuSeries:
         """The IMU series, or an error that says it is missing."""
@@ -103,7 +130,7 @@ class Recording:
         InputError
             If both have the same series, or their clocks cannot be related.
         """
-        both = [n for n in ("imu", "gnss", "odometer", "reference") if getattr(self, n) and getattr(other, n)]
+        both = [n for n in TIMED if getattr(self, n) is not None and getattr(other, n) is not None]
         if both:
             raise InputError(f"{self.metadata.name} and {other.metadata.name} both have: {', '.join(both)}")
         mine, theirs = self.metadata.time, other.metadata.time
@@ -122,11 +149,14 @@ class Recording:
             notes=self.metadata.notes + other.metadata.notes + notes,
             options={**self.metadata.options, **other.metadata.options},
         )
+        series = {n: getattr(other if getattr(self, n) is None else self, n) for n in TIMED}
         return Recording(
-            imu=self.imu or other.imu,
-            gnss=self.gnss or other.gnss,
-            odometer=self.odometer or other.odometer,
-            reference=self.reference or other.reference,
+            **series,
+            ephemerides=(
+                self.ephemerides.merged_with(other.ephemerides)
+                if self.ephemerides is not None and other.ephemerides is not None
+                else self.ephemerides or other.ephemerides
+            ),
             metadata=metadata,
         )
 
@@ -134,10 +164,12 @@ class Recording:
         """The recording with ``seconds`` added to every time stamp and taken off its epoch."""
         if seconds == 0.0:
             return self
-        moved = {
+        moved: dict[str, Any] = {
             name: None if series is None else replace(series, t=series.t + seconds)
-            for name, series in (("imu", self.imu), ("gnss", self.gnss), ("odometer", self.odometer))
+            for name, series in ((n, getattr(self, n)) for n in TIMED if n != "reference")
         }
+        if self.observations is not None:
+            moved["observations"] = replace(moved["observations"], epoch_gps_s=self.observations.epoch_gps_s - seconds)
         gnss = moved["gnss"]
         if isinstance(gnss, GnssSeries) and gnss.received is not None:
             moved["gnss"] = replace(gnss, received=gnss.received + seconds)
@@ -146,7 +178,8 @@ class Recording:
             r = self.reference
             reference = Trajectory(r.t + seconds, r.r_eb_e, r.v_eb_e, r.q_eb)
         time = replace(self.metadata.time, epoch_gps_s=self.metadata.time.epoch_gps_s - seconds)
-        return Recording(**moved, reference=reference, metadata=replace(self.metadata, time=time))  # type: ignore[arg-type]
+        metadata = replace(self.metadata, time=time)
+        return Recording(**moved, reference=reference, ephemerides=self.ephemerides, metadata=metadata)
 
     def rotated(self, C_bs: ArrayLike, note: str) -> Recording:
         """The recording with its IMU in other axes (see :meth:`ImuSeries.rotated`), and a note that says so."""
@@ -154,7 +187,8 @@ class Recording:
 
     def summary(self) -> str:
         """Contents of the recording in a few lines of text."""
-        lines = [f"{self.metadata.name}: {self.stop - self.start:.1f} s, {self.metadata.time.describe()}"]
+        span = f"{self.stop - self.start:.1f} s" if self._series() else "broadcast messages only"
+        lines = [f"{self.metadata.name}: {span}, {self.metadata.time.describe()}"]
         if self.imu is not None:
             imu = self.imu.rates()
             f, w = np.linalg.norm(imu.accel, axis=1), np.linalg.norm(imu.gyro, axis=1)
@@ -179,6 +213,19 @@ class Recording:
             lines.append(
                 f"  odometer   {len(self.odometer)} samples, up to {np.abs(self.odometer.speed).max():.1f} m/s"
             )
+        if self.heading is not None:
+            lines.append(f"  heading    {len(self.heading)} samples")
+        if self.height is not None:
+            lines.append(f"  height     {len(self.height)} samples")
+        if self.observations is not None:
+            lines.append(f"  satellites {self.observations.summary()}")
+        if self.ephemerides is not None:
+            lines.append(
+                f"  broadcast  {len(self.ephemerides.kepler)} Keplerian and {len(self.ephemerides.glonass)} GLONASS "
+                "messages"
+            )
+        if self.ranges is not None:
+            lines.append(f"  ranges     {len(self.ranges)} of {len(np.unique(self.ranges.sat))} satellites")
         if self.reference is not None:
             lines.append(f"  reference  {len(self.reference)} samples")
         lines += [f"  - {note}" for note in self.metadata.notes]

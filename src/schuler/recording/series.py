@@ -14,6 +14,7 @@ import numpy as np
 from schuler import frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
+from schuler.units import G0
 
 Kind = Literal["rate", "increment"]
 
@@ -156,12 +157,22 @@ class ImuSeries:
         Increments
             Of n samples of rates, n - 1 intervals between them; of n increments, n intervals, the first taken as long
             as the median.
+
+        Notes
+        -----
+        An increment after a pause is either that of all the pause (a sensor that goes on integrating) or of the last
+        interval only (samples that were lost). Which one, its size beside gravity's says; in the second case it is
+        stretched over the pause, as a rate would be held.
         """
         from schuler.sensors.increments import integrate_rates
 
         if self.kind == "increment":
             first = self.interval if len(self.t) > 1 else 1.0
-            return Increments(self.t, np.diff(self.t, prepend=self.t[0] - first), self.gyro, self.accel)
+            dt = np.diff(self.t, prepend=self.t[0] - first)
+            stretch = _lost(dt, first, self.accel)
+            if stretch is None:
+                return Increments(self.t, dt, self.gyro, self.accel)
+            return Increments(self.t, dt, self.gyro * stretch[:, None], self.accel * stretch[:, None])
         dt = np.diff(self.t)
         return Increments(
             self.t[1:], dt, integrate_rates(self.t, self.gyro, order), integrate_rates(self.t, self.accel, order)
@@ -457,8 +468,8 @@ class Trajectory:
 
         Parameters
         ----------
-        l_bp_b : array_like, shape (3,)
-            From this trajectory's point to the other one, body axes. [m]
+        l_bp_b : array_like, shape (3,) or (n, 3)
+            From this trajectory's point to the other one, body axes; one, or one for each time. [m]
 
         Returns
         -------
@@ -467,9 +478,21 @@ class Trajectory:
         """
         if self.q_eb is None:
             raise InputError("a lever arm needs an attitude, and this trajectory has none")
-        return Trajectory(
-            self.t, self.r_eb_e + rotation.rotate(self.q_eb, as_floats(l_bp_b, "l_bp_b", (3,))), None, self.q_eb
-        )
+        arm = np.asarray(l_bp_b)
+        arm = as_floats(l_bp_b, "l_bp_b", (len(self.t), 3) if arm.ndim == 2 else (3,))
+        return Trajectory(self.t, self.r_eb_e + rotation.rotate(self.q_eb, arm), None, self.q_eb)
+
+
+def _lost(dt: FloatArray, interval: float, dv: FloatArray) -> FloatArray | None:
+    """Factors that stretch increments over pauses in which samples were lost; None if there are none. Shape (n,)."""
+    pause = np.flatnonzero(dt > 1.5 * interval)
+    size = np.linalg.norm(dv[pause], axis=1)
+    lost = pause[np.abs(size - G0 * interval) < np.abs(size - G0 * dt[pause])]
+    if not len(lost):
+        return None
+    stretch = np.ones(len(dt))
+    stretch[lost] = dt[lost] / interval
+    return stretch
 
 
 def _axes_kernels() -> Any:

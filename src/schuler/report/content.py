@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 
@@ -19,6 +20,7 @@ from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 LIMIT = 2000
 
 Limits: TypeAlias = tuple[float, float]
+ByteArray: TypeAlias = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,14 +76,26 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class Text:
-    """A word at a point of the panel, centred above it."""
+    """A word at a point of the panel: centred above it, or ``place`` = ``right`` of it."""
 
     x: float
     y: float
     text: str
+    place: str = "above"
 
 
-Item: TypeAlias = Line | Band | Markers | Bars | Span | Text
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """An image behind everything else: ``pixels`` (h, w, 4) of bytes, the first row at the top."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+    pixels: ByteArray
+
+
+Item: TypeAlias = Line | Band | Markers | Bars | Span | Text | Picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +118,14 @@ class Panel:
         Logarithmic y axis; ``y_limits`` are values, not exponents.
     log_x : bool
         Logarithmic x axis, likewise.
+    grid : bool
+        Lines at the ticks.
+    bare : bool
+        Neither axes nor ticks: what is drawn has its own.
+    y_ticks : tuple of (value, text)
+        Words along the y axis in place of numbers.
+    height : float
+        In heights of a usual panel.
     """
 
     x_label: str
@@ -115,6 +137,10 @@ class Panel:
     equal: bool = False
     log: bool = False
     log_x: bool = False
+    grid: bool = True
+    bare: bool = False
+    y_ticks: tuple[tuple[float, str], ...] = ()
+    height: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,15 +173,15 @@ class Figure:
         entries: dict[str, tuple[str, str]] = {}
         for panel in self.panels:
             for item in panel.items:
-                if not isinstance(item, Text) and item.label:
+                if not isinstance(item, Text | Picture) and item.label:
                     entries.setdefault(item.label, (type(item).__name__.lower(), item.role))
         return entries
 
 
-def line(x: ArrayLike, y: ArrayLike, role: str, label: str = "") -> Line:
+def line(x: ArrayLike, y: ArrayLike, role: str, label: str = "", *, limit: int = LIMIT) -> Line:
     """A curve over increasing x, broken where x pauses, thinned to what can be seen."""
     x, y = _broken(x, y)
-    k = thin([y])
+    k = thin([y], limit)
     return Line(x[k], y[k], role, label)
 
 
@@ -166,18 +192,18 @@ def path(x: ArrayLike, y: ArrayLike, role: str, label: str = "") -> Line:
     return Line(x[k], y[k], role, label)
 
 
-def band(x: ArrayLike, low: ArrayLike, high: ArrayLike, role: str, label: str = "") -> Band:
+def band(x: ArrayLike, low: ArrayLike, high: ArrayLike, role: str, label: str = "", *, limit: int = LIMIT) -> Band:
     """A band over increasing x, broken where x pauses, thinned so that it never gets narrower."""
     x, low, high = _broken(x, low, high)
-    k = thin([low, high])
+    k = thin([low, high], limit)
     return Band(x[k], low[k], high[k], role, label)
 
 
-def markers(x: ArrayLike, y: ArrayLike, role: str, label: str = "") -> Markers:
+def markers(x: ArrayLike, y: ArrayLike, role: str, label: str = "", *, limit: int = LIMIT) -> Markers:
     """Points over increasing x, thinned by their extremes."""
     x, y = (np.asarray(c, dtype=np.float64) for c in (x, y))
     x, y = x[np.isfinite(y)], y[np.isfinite(y)]
-    k = thin([y])
+    k = thin([y], limit)
     return Markers(x[k], y[k], role, label)
 
 
@@ -251,7 +277,8 @@ def _broken(x: ArrayLike, *columns: ArrayLike) -> tuple[FloatArray, ...]:
     if len(x) < 3:
         return (x, *arrays)
     step = np.diff(x)
-    after = np.flatnonzero(step > 5.0 * np.median(step)) + 1
+    forward = step[step > 0.0]  # several values at one time are no step
+    after = np.flatnonzero(step > 5.0 * np.median(forward)) + 1 if len(forward) else np.empty(0, dtype=np.int64)
     if not len(after):
         return (x, *arrays)
     middle = 0.5 * (x[after - 1] + x[after])

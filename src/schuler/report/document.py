@@ -9,8 +9,11 @@ from schuler.arrays import ArrayLike
 from schuler.files import write_text
 from schuler.filtering.result import NavigationResult
 from schuler.filtering.states import BLOCK_TEXT
+from schuler.gnss.point_result import PointSolution
+from schuler.gnss.ranges import Ranges
 from schuler.recording.series import GnssSeries, Trajectory
-from schuler.report import build, estimates, parts, verdict
+from schuler.report import aids_text, build, by_satellite, estimates, parts, verdict
+from schuler.report.backdrop import Backdrop
 from schuler.report.parts import Section
 from schuler.report.parts import plotly_script as _plotly
 from schuler.report.subject import Subject
@@ -28,6 +31,9 @@ def navigation_report(
     recording_summary: str | None = None,
     origin: float | None = None,
     gnss: GnssSeries | None = None,
+    ranges: Ranges | None = None,
+    points: PointSolution | None = None,
+    background: Backdrop | Path | str | None = None,
 ) -> Path:
     """Write the report of a navigation solution.
 
@@ -53,6 +59,12 @@ def navigation_report(
         Time that is called zero; default the first time of the solution. [s]
     gnss : GnssSeries, optional
         The fixes, so that those withheld in outages are shown too.
+    ranges : Ranges, optional
+        What a tightly coupled run was given, with what was left out and why: satellites are then shown one by one.
+    points : PointSolution, optional
+        Single-point solutions of these ranges, for their dilutions and to draw them.
+    background : Backdrop, Path or str, optional
+        Map behind the track, see :func:`schuler.report.backdrop.read_backdrop`.
 
     Returns
     -------
@@ -61,11 +73,15 @@ def navigation_report(
 
     Raises
     ------
+    InputError
+        If the background is not usable, or does not show the track.
     MissingExtraError
         If plotly is not installed (extra ``report``).
     """
     script = _plotly()
-    subject = Subject(result, smoothed, reference, at_antenna, truth_parameters, origin, gnss)
+    subject = Subject(
+        result, smoothed, reference, at_antenna, truth_parameters, origin, gnss, ranges, points, background
+    )
     text = _page(
         subject, script, title or str(result.provenance.get("recording", "Navigation solution")), recording_summary
     )
@@ -79,8 +95,10 @@ def _page(subject: Subject, script: str, title: str, recording_summary: str | No
         Section("errors", "Errors" if subject.errors else "Uncertainty", (*build.error_figures(subject),)),
         # figures stand before the table that lists every single one of the same numbers
         Section("outages", "Outages", (*build.outage_figures(subject), _outage_table(subject))),
-        Section("parameters", "Sensor parameters", (_parameter_table(subject), *build.parameter_figures(subject))),
-        Section("innovations", "Innovations", (*build.innovation_figures(subject),)),
+        Section("separation", "Filtered against smoothed", (*build.separation_figures(subject),)),
+        Section("satellites", "Satellites", (*build.satellite_figures(subject),)),
+        Section("parameters", "Parameters", (_parameter_table(subject), *build.parameter_figures(subject))),
+        Section("innovations", "Innovations", (*build.innovation_figures(subject), _satellite_table(subject))),
         Section("notes", "Notes", (parts.notes(subject.result.notes),)),
         Section("provenance", "Provenance", (_provenance(subject, recording_summary),)),
     ]
@@ -114,13 +132,23 @@ def _numbers(subject: Subject) -> str:
     text = parts.table(
         f"Accuracy{against}, and what the filter claims", ("quantity", *heads), [(r.name, *r.values) for r in rows]
     )
-    counts = verdict.measurement_rows(subject)
+    counts = aids_text.measurement_rows(subject)
     if counts:
-        heads = ("measurement", "used", "rejected", "after lock-out", "outside the run")
+        heads = ("measurement", "used", "rejected", "after lock-out", "condition not met", "outside the run")
         text += "\n" + parts.table(
             "Measurements offered to the filter; those taken after lock-out are among the used", heads, counts
         )
     return text
+
+
+def _satellite_table(subject: Subject) -> str:
+    rows = by_satellite.satellite_rows(subject)
+    if not rows:
+        return ""
+    heads = ("satellite", "used", "rejected", "mean [m]", "RMS [m]", "NIS of ranges", "NIS of range rates")
+    return parts.table(
+        "Innovations of pseudoranges by satellite, and their sizes against what was predicted", heads, rows
+    )
 
 
 def _outage_table(subject: Subject) -> str:

@@ -16,14 +16,17 @@ import numpy as np
 from schuler.exceptions import InputError, MissingExtraError
 from schuler.files import replacing
 from schuler.filtering.result import NavigationResult
-from schuler.report import accuracy, build, content, estimates, residuals, track
-from schuler.report.content import Band, Bars, Line, Markers, Panel, Span, Text
+from schuler.report import accuracy, build, content, estimates, residuals, satellites_view, separation, track
+from schuler.report.content import Band, Bars, Line, Markers, Panel, Picture, Span, Text
 from schuler.report.style import style
 from schuler.report.subject import Subject
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from schuler.gnss.point_result import PointSolution
+    from schuler.gnss.ranges import Ranges
 
 _WIDTH = 4.5  # one column of panels; 8 pt letters here are 7 pt in a figure 100 mm wide [in]
 _WIDE = 6.8  # several columns [in]
@@ -46,7 +49,7 @@ def overview(
     smoothed : NavigationResult, optional
     reference : Trajectory, optional
     **options
-        ``at_antenna``, ``truth_parameters``, ``origin``, ``gnss`` as in :class:`~schuler.report.subject.Subject`.
+        As in :class:`~schuler.report.subject.Subject`.
 
     Returns
     -------
@@ -60,7 +63,7 @@ def overview(
         chosen.append((by_name.get("attitude_error", by_name["position_error"]), 2))
     elif "uncertainty" in by_name:
         chosen += [(by_name["uncertainty"], 0), (by_name["uncertainty"], 2)]
-    tested = residuals.kinds(subject)
+    tested = [k for k in residuals.kinds(subject) if k not in residuals.RESETS]
     chosen.append((residuals.innovations(subject, tested[0]), -1) if tested else (track.motion(subject), 1))
     panels = tuple(replace(figure.panels[i], title=figure.title) for figure, i in chosen)
     return draw(content.Figure("overview", "Overview", "", panels, columns=2, linked=False))
@@ -114,6 +117,21 @@ def plot_innovations(result: NavigationResult, kind: str = "position", **options
     return draw(_there(figure, f"measurements of the kind {kind!r}"))
 
 
+def plot_separation(result: NavigationResult, **options: Any) -> Figure:
+    """Filtered minus smoothed solution with the sigma of that difference; needs ``smoothed``."""
+    return draw(_there(separation.separation(Subject(result, **options)), "a filtered solution and its smoothed one"))
+
+
+def plot_profile(result: NavigationResult, *, ax: Axes | None = None, **options: Any) -> Figure:
+    """Height over the distance travelled."""
+    return draw(_there(track.profile(Subject(result, **options)), "a solution that goes somewhere"), ax)
+
+
+def plot_satellites(ranges: Ranges, points: PointSolution | None = None) -> dict[str, Figure]:
+    """Sky, satellites over time, numbers and dilutions, signal strengths: each drawn, by its name."""
+    return {f.name: draw(f) for f in satellites_view.satellite_figures(ranges, points)}
+
+
 def save_figures(
     result: NavigationResult, folder: Path | str, formats: Sequence[str] = ("png", "svg"), **options: Any
 ) -> list[Path]:
@@ -127,8 +145,8 @@ def save_figures(
     formats : sequence of str
         ``png``, ``svg``, ``pdf``.
     **options
-        ``smoothed``, ``reference``, ``at_antenna``, ``truth_parameters``, ``origin``, ``gnss`` as in
-        :class:`~schuler.report.subject.Subject`.
+        ``smoothed``, ``reference``, ``at_antenna``, ``truth_parameters``, ``origin``, ``gnss``, ``ranges``, ``points``,
+        ``background`` as in :class:`~schuler.report.subject.Subject`.
 
     Returns
     -------
@@ -138,8 +156,9 @@ def save_figures(
     unknown = [f for f in formats if f not in ("png", "svg", "pdf")]
     if unknown:
         raise InputError(f"formats: expected png, svg or pdf, got {unknown[0]!r}")
-    written = save(overview(result, **options), Path(folder) / "overview", formats)
-    for figure in build.all_figures(Subject(result, **options)):
+    subject = Subject(result, **options)
+    written = save(overview(result, **{**options, "background": subject.map}), Path(folder) / "overview", formats)
+    for figure in build.all_figures(subject):
         written += save(draw(figure), Path(folder) / figure.name, formats)
     return written
 
@@ -192,7 +211,8 @@ def draw(figure: content.Figure, ax: Axes | None = None) -> Figure:
     rows, columns, size = _arrangement(figure)
     canvas = MplFigure(figsize=size, layout="constrained")
     FigureCanvasAgg(canvas)
-    axes = canvas.subplots(rows, columns, squeeze=False)
+    heights = [max(p.height for p in figure.panels[i * columns : (i + 1) * columns]) for i in range(rows)]
+    axes = canvas.subplots(rows, columns, squeeze=False, height_ratios=heights)
     for panel, axis in zip(figure.panels, axes.flat, strict=False):
         _paint(panel, axis)
     for axis in axes.flat[len(figure.panels) :]:
@@ -217,19 +237,23 @@ def _arrangement(figure: content.Figure) -> tuple[int, int, tuple[float, float]]
     # slopes of a log-log plot are read by eye: it needs height
     steep = figure.panels[0].log_x and figure.panels[0].log
     height = 2.5 if steep and n == 1 else 2.0 if steep else 1.9 if n == 1 else 1.3
-    return rows, columns, (_WIDTH if columns == 1 else _WIDE, 0.6 + height * rows)
+    total = height * rows if columns > 1 else height * sum(p.height for p in figure.panels)
+    return rows, columns, (_WIDTH if columns == 1 else _WIDE, 0.6 + total)
 
 
 def _paint(panel: Panel, ax: Axes) -> None:
     bars = [item for item in panel.items if isinstance(item, Bars)]
     for item in panel.items:
-        look = None if isinstance(item, Text) else style(item.role)
+        look = None if isinstance(item, Text | Picture) else style(item.role)
         match item, look:
             case Text(), _:
+                right = item.place == "right"
                 ax.annotate(
-                    item.text, (item.x, item.y), (0, 3), textcoords="offset points", ha="center", va="bottom",
-                    fontsize=_FONT - 1.0,
+                    item.text, (item.x, item.y), (2 if right else 0, 1 if right else 3), textcoords="offset points",
+                    ha="left" if right else "center", va="bottom", fontsize=_FONT - (2.0 if right else 1.0),
                 )  # fmt: skip
+            case Picture(), _:
+                ax.imshow(item.pixels, extent=(item.left, item.right, item.bottom, item.top), zorder=0.1, aspect="auto")
             case Span(), s if s is not None:
                 ax.axvspan(item.start, item.stop, color=s.light, alpha=s.alpha, lw=0, zorder=0.5, label=item.label)
             case Band(), s if s is not None:
@@ -270,7 +294,7 @@ def _dress(panel: Panel, ax: Axes) -> None:
     if panel.y_limits is not None:
         ax.set_ylim(*panel.y_limits)
     if panel.equal:
-        ax.set_aspect("equal", adjustable="datalim")
+        ax.set_aspect("equal", adjustable="datalim" if panel.x_limits is None else "box")
     if any(isinstance(item, Bars) for item in panel.items):
         ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=12, min_n_ticks=1))
     ax.set_xlabel(panel.x_label, fontsize=_FONT)
@@ -280,6 +304,12 @@ def _dress(panel: Panel, ax: Axes) -> None:
     ax.tick_params(labelsize=_FONT - 1.0, length=2.5)
     ax.tick_params(which="minor", labelsize=_FONT - 2.0)
     ax.grid(True, color="0.88", lw=0.5)
+    if not panel.grid:
+        ax.grid(False)
+    if panel.y_ticks:
+        ax.set_yticks([v for v, _ in panel.y_ticks], [w for _, w in panel.y_ticks])
+    if panel.bare:
+        ax.set_axis_off()
     ax.set_axisbelow(True)
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.report.content import Band, Bars, Figure, Item, Line, Markers, Panel, Span, Text
+from schuler.report.content import Band, Bars, Figure, Item, Line, Markers, Panel, Picture, Span, Text
 from schuler.report.style import style
 
 _SYMBOLS = {
@@ -55,6 +55,24 @@ def panel_data(figure: Figure, panel: Panel) -> dict[str, Any]:
     }
     if panel.equal:
         layout["yaxis"] |= {"scaleanchor": "x", "scaleratio": 1}
+    if not panel.grid:
+        layout["xaxis"]["showgrid"] = layout["yaxis"]["showgrid"] = False
+    if panel.bare:
+        layout["xaxis"]["visible"] = layout["yaxis"]["visible"] = False
+    if panel.y_ticks:
+        layout["yaxis"] |= {
+            "tickmode": "array", "tickvals": [v for v, _ in panel.y_ticks], "ticktext": [w for _, w in panel.y_ticks],
+        }  # fmt: skip
+    pictures = [item for item in panel.items if isinstance(item, Picture)]
+    if pictures:
+        layout["images"] = [
+            {
+                "source": _encoded(p), "xref": "x", "yref": "y", "x": _round(p.left, 2), "y": _round(p.top, 2),
+                "sizex": _round(p.right - p.left, 2), "sizey": _round(p.top - p.bottom, 2), "sizing": "stretch",
+                "layer": "below",
+            }
+            for p in pictures
+        ]  # fmt: skip
     if any(isinstance(item, Bars) for item in panel.items):
         # every outage has its number under it as long as there is room
         layout["xaxis"] |= {"dtick": 1} if panel.x_limits is not None and panel.x_limits[1] < 20.0 else {}
@@ -74,13 +92,21 @@ def panel_data(figure: Figure, panel: Panel) -> dict[str, Any]:
                 "x": _round(math.log10(w.x) if panel.log_x else w.x, 4),
                 "y": _round(math.log10(w.y) if panel.log else w.y, 4),
                 "text": w.text, "showarrow": False, "yanchor": "bottom", "font": {"size": 12},
+                **({"xanchor": "left"} if w.place == "right" else {}),
             }
             for w in texts
         ]  # fmt: skip
-    drawn = [item for item in panel.items if not isinstance(item, Span | Text)]
+    drawn = [item for item in panel.items if not isinstance(item, Span | Text | Picture)]
     # areas first: plotly draws in the order of the traces
     drawn.sort(key=lambda item: not isinstance(item, Band))
-    return {"data": [trace(item, log=panel.log, log_x=panel.log_x) for item in drawn], "layout": layout}
+    traces = [trace(item, log=panel.log, log_x=panel.log_x) for item in drawn]
+    if panel.bare or panel.y_ticks:  # the coordinates say nothing there
+        for one in traces:
+            if "hovertemplate" in one:
+                one["hovertemplate"] = (
+                    f"<extra>{one['name']}</extra>" if panel.bare else f"%{{x:.5~g}}<extra>{one['name']}</extra>"
+                )
+    return {"data": traces, "layout": layout}
 
 
 def trace(item: Item, *, log: bool = False, log_x: bool = False) -> dict[str, Any]:
@@ -167,6 +193,20 @@ def _numbers(values: FloatArray, *, log: bool = False) -> list[float | None]:
     return [
         None if not math.isfinite(v) else int(v) if v.is_integer() and abs(v) < 1e15 else v for v in rounded.tolist()
     ]
+
+
+def _encoded(picture: Picture) -> str:
+    """The image as a data URI, in few enough colours to stay small."""
+    import base64
+    import io
+
+    from PIL import Image
+
+    # with transparency only this method of choosing colours works
+    image = Image.fromarray(picture.pixels, "RGBA").quantize(192, method=Image.Quantize.FASTOCTREE)
+    stream = io.BytesIO()
+    image.save(stream, "PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
 
 
 def _round(value: float, places: int) -> float:

@@ -130,6 +130,7 @@ SCRIPT = """
     if (printing) {
       layout.width = div.closest(".c2, .c3") ? 310 : 640;
       layout.height = div.classList.contains("plan") ? 560 : div.classList.contains("tall") ? 220 : 150;
+      if (div.dataset.height) layout.height = 150 * div.dataset.height;
     }
     [layout.xaxis, layout.yaxis].forEach(function (axis) {
       axis.gridcolor = grid;
@@ -138,7 +139,7 @@ SCRIPT = """
       if (touch) axis.fixedrange = true;
     });
     layout.yaxis.zeroline = false;
-    layout.yaxis.nticks = 6;
+    if (!layout.yaxis.tickvals) layout.yaxis.nticks = 6;
     return { data: coloured(own.data, css), layout: layout };
   }
 

@@ -145,9 +145,14 @@ def figure_html(figure: Figure) -> str:
         size = "plan" if panel.equal else "tall" if len(figure.panels) == 1 or figure.columns == 2 else ""
         says = f'<p class="says">{escape(panel.title)}</p>' if panel.title else ""
         linked = ' data-linked="yes"' if figure.linked and len(figure.panels) > 1 else ""
+        high = (
+            f' data-height="{panel.height:g}" style="height: {190.0 * panel.height:.0f}px"'
+            if panel.height != 1.0
+            else ""
+        )
         panels.append(
             f'<div>{says}<div class="plot {size}" role="img" aria-label="{escape(label)}" '
-            f'data-figure="{escape(figure.name)}" data-panel="{k}"{linked}></div></div>'
+            f'data-figure="{escape(figure.name)}" data-panel="{k}"{linked}{high}></div></div>'
         )
     return (
         f'<figure aria-labelledby="{title_id}">\n<h3 id="{title_id}">{escape(figure.title)}</h3>\n{_keys(figure)}\n'

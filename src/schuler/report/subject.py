@@ -4,21 +4,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from schuler import frames, rotation
 from schuler.analysis.consistency import nees, state_errors
 from schuler.analysis.errors import TrajectoryErrors
+from schuler.analysis.separation import Separation, separation
 from schuler.arrays import ArrayLike, FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.filtering.measurements import KINDS, POSITION, UNUSED, in_windows
+from schuler.filtering.measurements import KINDS, POSITION, PSEUDORANGE, UNUSED, in_windows
 from schuler.filtering.result import NavigationResult
+from schuler.gnss.point_result import PointSolution
+from schuler.gnss.ranges import Ranges
 from schuler.recording.series import GnssSeries, Trajectory
+from schuler.report.backdrop import Backdrop, read_backdrop
+from schuler.report.matching import SAME_TIME, matched_satellites, nearest
 
 #: What became of a fix, beside the filter's own status: inside an outage and never offered to the filter.
 WITHHELD = -1
-_SAME_TIME = 1e-5  # fixes and measurements closer than this are the same [s]
 _SHORT_STEP = 0.1  # output steps up to this let fixes be recovered from innovations to a centimetre or two [s]
 
 
@@ -42,6 +47,12 @@ class Subject:
         Time that is called zero: the start of the recording; the first time of the solution if left out. [s]
     gnss : GnssSeries, optional
         The fixes, to show those withheld too; without it they are found from the reference or the innovations.
+    ranges : Ranges, optional
+        What a tightly coupled run was given, with the ranges left out and why; tells the satellites apart.
+    points : PointSolution, optional
+        Single-point solutions of these ranges.
+    background : Backdrop, Path or str, optional
+        Map behind the track, see :func:`schuler.report.backdrop.read_backdrop`.
     """
 
     result: NavigationResult
@@ -51,6 +62,9 @@ class Subject:
     truth_parameters: ArrayLike | None = None
     origin: float | None = None
     gnss: GnssSeries | None = None
+    ranges: Ranges | None = None
+    points: PointSolution | None = None
+    background: Backdrop | Path | str | None = None
 
     def __post_init__(self) -> None:
         r = self.result
@@ -63,6 +77,32 @@ class Subject:
             m, shape = r.layout.size - 9, np.shape(self.truth_parameters)
             if shape not in ((m,), (len(r.t), m)):
                 raise InputError(f"truth_parameters: expected shape ({m},) or ({len(r.t)}, {m}), got {shape}")
+
+    @cached_property
+    def map(self) -> Backdrop | None:
+        """The map behind the track, read."""
+        if self.background is None or isinstance(self.background, Backdrop):
+            return self.background
+        return read_backdrop(self.background)
+
+    def satellite_of(self, kind: str) -> IntArray:
+        """Satellite of each innovation of a kind (``pseudorange``, ``range_rate``), 0 where it is not known.
+
+        The filter works off the ranges of an epoch in their order, so they are told by time and place.
+        """
+        if kind not in self._satellites:
+            t = self.result.innovations.of(kind).t
+            of_rates = kind != KINDS[PSEUDORANGE]
+            self._satellites[kind] = (
+                np.zeros(len(t), dtype=np.int64)
+                if self.ranges is None
+                else matched_satellites(t, self.ranges, self.ranges.range_rate if of_rates else self.ranges.pseudorange)
+            )
+        return self._satellites[kind]
+
+    @cached_property
+    def _satellites(self) -> dict[str, IntArray]:
+        return {}
 
     @property
     def start(self) -> float:
@@ -93,6 +133,13 @@ class Subject:
         if self.reference is None:
             return {}
         return {role: r.errors(self.reference, at_antenna=self.at_antenna) for role, r in self.solutions}
+
+    @cached_property
+    def apart(self) -> Separation | None:
+        """Filtered minus smoothed solution at the records; None if there is only one of them."""
+        if self.smoothed is None or self.result.smoothed or not len(self.result.t):
+            return None
+        return separation(self.result, self.smoothed)
 
     @cached_property
     def truth(self) -> FloatArray | None:
@@ -130,7 +177,7 @@ class Subject:
         if self.reference is None or not self.at_antenna:
             return False
         t = self.result.innovations.of(KINDS[POSITION]).t
-        return bool(len(t)) and float(np.mean(_nearest(t, self.reference.t)[1] < _SAME_TIME)) > 0.9
+        return bool(len(t)) and float(np.mean(nearest(t, self.reference.t)[1] < SAME_TIME)) > 0.9
 
     @property
     def reference_name(self) -> str:
@@ -192,8 +239,8 @@ class Subject:
         t, r = t[inside], r[inside]
         status = np.full(len(t), UNUSED, dtype=np.int64)
         if len(offered) and len(t):
-            k, distance = _nearest(t, offered.t)
-            status = np.where(distance < _SAME_TIME, offered.status[k], status)
+            k, distance = nearest(t, offered.t)
+            status = np.where(distance < SAME_TIME, offered.status[k], status)
         status[(status == UNUSED) & in_windows(t, self.result.outages)] = WITHHELD
         if not self.at_antenna and len(t) and T.q_eb is not None:
             q = rotation.interpolate_quat(t, T.t, T.q_eb) if len(T.t) > 1 else T.q_eb
@@ -207,7 +254,7 @@ class Subject:
         close = len(T) > 1 and float(np.median(np.diff(T.t))) <= _SHORT_STEP
         if self.result.smoothed or not len(offered) or not close or T.v_eb_e is None:
             return None
-        k = np.searchsorted(T.t, offered.t - _SAME_TIME) - 1
+        k = np.searchsorted(T.t, offered.t - SAME_TIME) - 1
         offered, k = offered.where(k >= 0), k[k >= 0]
         r = T.r_eb_e[k] + T.v_eb_e[k] * (offered.t - T.t[k])[:, None]
         r = r + np.einsum("nij,nj->ni", frames.C_en(frames.llh_from_ecef(r)), offered.innovation)
@@ -244,12 +291,3 @@ def inside_share(t: FloatArray, error: FloatArray, t_sigma: FloatArray, sigma: F
     bound = times * np.maximum(sigma[left], sigma[right])
     known = np.isfinite(bound)
     return float(np.mean(np.abs(error[inside])[known] <= bound[known])) if known.any() else float("nan")
-
-
-def _nearest(t: FloatArray, among: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Index of the nearest of increasing times, and how far it is. Shapes (n,), (n,). [s]"""
-    k = np.clip(np.searchsorted(among, t), 1, max(len(among) - 1, 1))
-    left = np.clip(k - 1, 0, len(among) - 1)
-    right = np.clip(k, 0, len(among) - 1)
-    k = np.where(np.abs(among[left] - t) <= np.abs(among[right] - t), left, right)
-    return k.astype(np.int64), np.abs(among[k] - t)

@@ -8,7 +8,8 @@ from schuler import frames, units
 from schuler.arrays import FloatArray
 from schuler.filtering.measurements import ACCEPTED, FORCED, REJECTED, UNUSED, in_windows
 from schuler.recording.series import Trajectory
-from schuler.report.content import Figure, Item, Line, Markers, Panel, Span, Text, line, path
+from schuler.report.backdrop import Window, backdrop_items, graticule, north_arrow
+from schuler.report.content import Figure, Item, Line, Markers, Panel, Span, Text, line, path, view
 from schuler.report.subject import WITHHELD, Subject
 
 TIME = "time [s]"
@@ -21,6 +22,8 @@ FIXES = {
     REJECTED: ("GNSS fix rejected", "rejected"),
 }
 _FIXES_SHOWN = 1500
+_SHORTEST = 20.0  # way from which a profile of heights is worth drawing [m]
+_KILOMETRES = 3000.0  # way from which it is drawn over kilometres [m]
 
 
 def outages(subject: Subject) -> list[Span]:
@@ -32,7 +35,7 @@ def outages(subject: Subject) -> list[Span]:
 
 
 def track(subject: Subject) -> Figure:
-    """North over east in metres about the first point of the solution."""
+    """North over east in metres about the first point of the solution, over a map or a graticule."""
     T = _shown(subject, subject.result.trajectory)
     origin = frames.llh_from_ecef(T.r_eb_e[0])
     ne = frames.ned_from_ecef(T.r_eb_e, origin)
@@ -52,17 +55,72 @@ def track(subject: Subject) -> Figure:
     for k, role in ((0, "start"), (-1, "end")):
         items.append(Markers(ne[[k], 1], ne[[k], 0], role, role))
     items += _scale_bar(items)
-    point = "antenna" if subject.at_antenna else "IMU"
+    window = _window(items, origin)
     caption = (
-        f"The way of the {point}, a metre being as long to the north as to the east: the curves should lie on each "
-        "other, "
+        f"The way of the {'antenna' if subject.at_antenna else 'IMU'}, a metre being as long to the north as to the "
+        "east: the curves should lie on each other, "
     ) + (
         "and where GNSS was withheld they show how far the filtered solution drifts."
         if subject.result.outages
         else "and pass through the GNSS fixes."
     )
-    panel = Panel("east [m]", "north [m]", tuple(items), equal=True)
+    ground: list[Item] = []
+    if window is not None:
+        if subject.map is None:
+            ground += graticule(window)
+        else:
+            ground += backdrop_items(subject.map, window)
+            credit = f" ({subject.map.credit.rstrip('.')})" if subject.map.credit else ""
+            caption += f" Background: {subject.map.name}{credit}."
+        ground += north_arrow(window)
+    limits = (None, None) if window is None else (window.box(1.0)[:2], window.box(1.0)[2:])
+    panel = Panel(
+        "east [m]", "north [m]", (*ground, *items), x_limits=limits[0], y_limits=limits[1], equal=True, grid=False
+    )
     return Figure("track", "Track", caption, (panel,), linked=False)
+
+
+def profile(subject: Subject) -> Figure | None:
+    """Height over the distance travelled; None for a solution that stays where it is."""
+    T = _shown(subject, subject.result.trajectory)
+    ne = frames.ned_from_ecef(T.r_eb_e, frames.llh_from_ecef(T.r_eb_e[0]))[:, :2]
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ne, axis=0), axis=1))])
+    if not way[-1] > _SHORTEST:
+        return None
+    kilo = way[-1] > _KILOMETRES
+    way = way / (1000.0 if kilo else 1.0)
+    items: list[Item] = [
+        Span(float(a), float(b), "outage", "GNSS withheld")
+        for a, b in (np.interp(w, T.t, way) for w in subject.result.outages)
+        if b > a
+    ]
+    heights: list[FloatArray] = []
+    if subject.fixes is not None:
+        t, r, status = subject.fixes
+        h = frames.llh_from_ecef(r)[:, 2]
+        for code, (label, role) in FIXES.items():
+            k = np.flatnonzero(status == code)
+            if len(k):
+                k = k[:: max(1, -(-len(k) // _FIXES_SHOWN))]
+                items.append(Markers(np.interp(t[k], T.t, way), h[k], role, label))
+    if subject.reference is not None and not subject.reference_is_fixes:
+        R = subject.reference
+        inside = (R.t >= T.t[0]) & (R.t <= T.t[-1])
+        heights.append(R.llh[inside, 2])
+        items.append(path(np.interp(R.t[inside], T.t, way), heights[-1], "reference", "reference"))
+    for role, result in subject.solutions:
+        shown = _shown(subject, result.trajectory)
+        heights.append(shown.llh[:, 2])
+        items.append(path(np.interp(shown.t, T.t, way), heights[-1], role, role))
+    panel = Panel(
+        f"distance travelled [{'km' if kilo else 'm'}]", "height [m]", tuple(items), x_limits=(0.0, float(way[-1])),
+        y_limits=view(heights, least=2.0),
+    )  # fmt: skip
+    caption = (
+        "Height above the ellipsoid along the way: places passed twice should have the same height both times, and "
+        "without GNSS heights it is the first to drift."
+    )
+    return Figure("profile", "Height profile", caption, (panel,), linked=False)
 
 
 def motion(subject: Subject) -> Figure:
@@ -101,8 +159,8 @@ def _shown(subject: Subject, trajectory: Trajectory) -> Trajectory:
 
 
 def _fixes(subject: Subject, origin: FloatArray) -> list[Item]:
-    if subject.fixes is None:
-        return []
+    if subject.fixes is None or not len(subject.fixes[0]):
+        return _single_points(subject, origin)
     _, r, status = subject.fixes
     ne = frames.ned_from_ecef(r, origin)
     items: list[Item] = []
@@ -112,6 +170,26 @@ def _fixes(subject: Subject, origin: FloatArray) -> list[Item]:
         if len(k):
             items.append(Markers(ne[k, 1], ne[k, 0], role, label))
     return items
+
+
+def _single_points(subject: Subject, origin: FloatArray) -> list[Item]:
+    """Single-point solutions of a tightly coupled run, which the filter does not use."""
+    P, T = subject.points, subject.result.trajectory
+    if P is None:
+        return []
+    k = np.flatnonzero(P.ok & (P.t >= T.t[0]) & (P.t <= T.t[-1]))
+    k = k[:: max(1, -(-len(k) // _FIXES_SHOWN))]
+    ne = frames.ned_from_ecef(P.r_e[k], origin)
+    return [Markers(ne[:, 1], ne[:, 0], "measured", "single-point solution")] if len(k) else []
+
+
+def _window(items: list[Item], origin: FloatArray) -> Window | None:
+    """A square about everything drawn so far."""
+    x = np.concatenate([i.x for i in items if isinstance(i, Line | Markers)])
+    y = np.concatenate([i.y for i in items if isinstance(i, Line | Markers)])
+    west, east, south, north = (float(f(v)) for v in (x, y) for f in (np.nanmin, np.nanmax))
+    half = 0.56 * max(east - west, north - south)
+    return Window(origin, 0.5 * (west + east), 0.5 * (south + north), half) if half > 0.0 else None
 
 
 def _scale_bar(items: list[Item]) -> list[Item]:

@@ -10,7 +10,21 @@ from schuler.analysis.consistency import chi_square_band
 from schuler.analysis.errors import TrajectoryErrors
 from schuler.analysis.outages import outage_errors
 from schuler.arrays import FloatArray
-from schuler.filtering.measurements import ACCEPTED, FORCED, KINDS, POSITION, REJECTED, STATUS, UNUSED, in_windows
+from schuler.filtering.measurements import (
+    ACCEPTED,
+    FORCED,
+    GNSS_KINDS,
+    POSITION,
+    PSEUDORANGE,
+    REJECTED,
+    RESET_POSITION,
+    in_windows,
+)
+from schuler.report import separation
+from schuler.report.aids_text import aids
+from schuler.report.kinds import shown
+from schuler.report.numbers import number
+from schuler.report.residuals import judged, mean_nis
 from schuler.report.subject import Subject, inside_share
 
 # Claimed and actual sizes may differ by this factor before the words change: a fifth is what a careful tuning reaches.
@@ -25,19 +39,9 @@ class Row(NamedTuple):
     values: tuple[str, ...]
 
 
-def number(value: float | None, unit: str = "") -> str:
-    """Three significant digits without exponents, with the unit; a dash for what is not known."""
-    if value is None or not np.isfinite(value):
-        return "-"
-    size = abs(value)
-    digits = 0 if size >= 100.0 else 1 if size >= 10.0 else 2 if size >= 1.0 else 3
-    text = f"{value:.{digits}f}" if size >= 1e-3 or value == 0.0 else f"{value:.2g}"
-    return f"{text} {unit}".strip()
-
-
-def verdict(subject: Subject) -> tuple[str, str, str]:
-    """How good, whether the filter is honest about it, and what happened without GNSS: a sentence each."""
-    return _how_good(subject), _how_honest(subject), _without_gnss(subject)
+def verdict(subject: Subject) -> tuple[str, str, str, str]:
+    """How good, whether the filter is honest about it, what happened without GNSS, what aided: a sentence each."""
+    return _how_good(subject), _how_honest(subject), _without_gnss(subject), aids(subject)
 
 
 def key_numbers(subject: Subject) -> tuple[tuple[str, ...], list[Row]]:
@@ -71,27 +75,23 @@ def key_numbers(subject: Subject) -> tuple[tuple[str, ...], list[Row]]:
                 (number(float(np.mean(subject.nees[1]))), *("-",) * (len(heads) - 1)),
             )
         )
+    apart = subject.apart
+    if apart is not None:
+        for block, name in (("dr", "position"), ("dpsi", "attitude")):
+            share = number(100.0 * separation.share(subject, apart, block))
+            rows.append(
+                Row(
+                    f"filtered minus smoothed {name}, inside 3 sigma (honest: 99.7) [%]",
+                    (share, *("-",) * (len(heads) - 1)),
+                )
+            )
     for kind in subject.result.innovations.counts():
         inn = subject.result.innovations.of(kind)
-        nis = inn.nis[(inn.status != UNUSED) & np.isfinite(inn.nis)] / 3.0
-        if len(nis):
-            name = f"NIS per axis, {kind.replace('_', ' ')}, mean (honest: 1) [-]"
-            rows.append(Row(name, (number(float(nis.mean())), *("-",) * (len(heads) - 1))))
+        mean, _ = mean_nis(inn)
+        if np.isfinite(mean):
+            name = f"NIS per axis, {shown(kind).text}, mean (honest: 1) [-]"
+            rows.append(Row(name, (number(mean), *("-",) * (len(heads) - 1))))
     return heads, rows
-
-
-def measurement_rows(subject: Subject) -> list[tuple[str, str, str, str, str]]:
-    """Rows of a table: kind, used, rejected, accepted after lock-out, outside the run."""
-    return [
-        (
-            kind.replace("_", " "),
-            str(count[STATUS[ACCEPTED]] + count[STATUS[FORCED]]),
-            str(count[STATUS[REJECTED]]),
-            str(count[STATUS[FORCED]]),
-            str(count[STATUS[UNUSED]]),
-        )
-        for kind, count in subject.result.innovations.counts().items()
-    ]
 
 
 def outage_rows(subject: Subject) -> list[tuple[str, ...]]:
@@ -179,7 +179,6 @@ def _how_good(subject: Subject) -> str:
 
 def _how_honest(subject: Subject) -> str:
     inn = subject.result.innovations
-    tested = (inn.status != UNUSED) & np.isfinite(inn.nis)
     parts = []
     if subject.nees is not None:
         _, values, degrees = subject.nees
@@ -192,10 +191,17 @@ def _how_honest(subject: Subject) -> str:
                 f"{low:.2f} to {high:.2f}",
             )
         )
-    if tested.any():
-        mean = float(np.mean(inn.nis[tested]) / 3.0)
+    tested = np.isfinite(inn.nis)
+    # assumptions about a vehicle are given more room on purpose, so GNSS is asked where there is any
+    told = inn.where(judged(inn))
+    gnss = told.where(np.isin(told.kind, GNSS_KINDS))
+    mean, whose = (gnss.mean_nis(), "GNSS") if len(gnss) else (told.mean_nis(), "its aids")
+    if np.isfinite(mean):
         parts.append(
-            (np.sqrt(mean), f"its normalised innovation squared (NIS) averages {number(mean)}, where 1 is right")
+            (
+                np.sqrt(mean),
+                f"the normalised innovation squared (NIS) of {whose} averages {number(mean)}, where 1 is right",
+            )
         )
     if not parts:
         return "Nothing was measured that could tell whether the filter's uncertainty is honest."
@@ -205,16 +211,24 @@ def _how_honest(subject: Subject) -> str:
     factor, sized = float(parts[0][0]), "errors" if subject.nees is not None else "innovations"
     if factor > _HONEST:
         text = f"The filter is too sure of itself, its {sized} being {number(factor)} times what it claims on average"
-    elif factor < 1.0 / _HONEST:
-        text = f"The filter is too cautious, its {sized} being only {number(factor)} times what it claims on average"
     elif shares < _INSIDE:
         text = "The filter's uncertainty fits what it was given, but not all of its errors"
+    elif factor < 1.0 / _HONEST:
+        text = f"The filter is too cautious, its {sized} being only {number(factor)} times what it claims on average"
     else:
         text = "The filter's uncertainty can be believed"
     if shares < _INSIDE:
         parts.append(
             (shares, f"{100.0 * shares:.0f} % of its position errors lie inside three sigma, where 99.7 % should")
         )
+    apart = subject.apart
+    if apart is not None:
+        share = separation.share(subject, apart, "dr")
+        if share < _INSIDE:  # more than this is no news; NaN neither
+            parts.append(
+                (share, f"smoothing moved the position by more than three sigma of the difference in "
+                 f"{100.0 * (1.0 - share):.0f} % of the records")
+            )  # fmt: skip
     rejected = int(np.sum(inn.status == REJECTED))
     text += ": " + "; ".join(words for _, words in parts)
     if tested.any():
@@ -223,11 +237,9 @@ def _how_honest(subject: Subject) -> str:
             f" ({share:.0f} %), look at the innovations" if share > 2.0 else ""
         )
     for role, result in subject.solutions:
-        bad = int(np.sum(np.any(np.einsum("kii->ki", result.covariance_e) < 0.0, axis=1)))
+        bad = int(np.sum(~np.all(np.einsum("kii->ki", result.covariance_e) >= 0.0, axis=1)))
         if bad:
-            text += (
-                f"; the {role} covariance has negative variances at {bad} of {len(result.t)} records and no sigma there"
-            )
+            text += f"; the {role} covariance has negative or unknown variances at {bad} of {len(result.t)} records"
     return text + "."
 
 
@@ -247,11 +259,11 @@ def _outages_left(subject: Subject) -> tuple[int, int]:
 def _without_gnss(subject: Subject) -> str:
     windows = subject.result.outages
     offered = subject.result.innovations
-    if not np.any(offered.kind == POSITION) and not windows:
+    placing = offered.where(np.isin(offered.kind, (POSITION, PSEUDORANGE, RESET_POSITION)))
+    if not len(placing) and not windows:
         return "No GNSS position was used at all: the error grows for as long as the run lasts."
     if not windows:
-        fixes = offered.of(KINDS[POSITION])
-        t_used = fixes.t[np.isin(fixes.status, (ACCEPTED, FORCED))]
+        t_used = placing.t[np.isin(placing.status, (ACCEPTED, FORCED))]
         edges = np.concatenate([[subject.result.trajectory.t[0]], t_used, [subject.result.trajectory.t[-1]]])
         pause = f"{np.diff(edges).max():.1f} s" if len(t_used) else "the whole run"
         return f"GNSS was never withheld, so nothing is learnt about outages (longest time without a fix: {pause})."

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from schuler import rotation
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries, Kind, Trajectory
@@ -78,6 +79,26 @@ def ideal_imu(motion: Motion, rate_hz: float, *, kind: Kind = "increment", earth
     sensed = ideal_increments if kind == "increment" else ideal_rates
     gyro, accel = sensed(motion, t, earth_rotation=earth_rotation)
     return IdealImu(kind, rate_hz, t, gyro, accel, truth(motion, t))
+
+
+def mounted(ideal: IdealImu, rpy: FloatArray, *, turn_truth: bool = False) -> IdealImu:
+    """The same output in the axes of an IMU that is turned in the vehicle.
+
+    Parameters
+    ----------
+    ideal : IdealImu
+        In the vehicle's axes.
+    rpy : ndarray, shape (3,)
+        Roll, pitch, yaw of the IMU's axes in the vehicle: ``C_vs`` maps its components to the vehicle's. [rad]
+    turn_truth : bool
+        Also the attitude of the truth: that of the IMU's axes, not of the vehicle's.
+    """
+    C_vs, true = rotation.dcm_from_rpy(rpy), ideal.truth
+    if turn_truth and true.q_eb is not None:
+        q_es = rotation.quat_multiply(true.q_eb, rotation.quat_from_dcm(C_vs))
+        true = Trajectory(true.t, true.r_eb_e, true.v_eb_e, q_es)
+    # rows times C_vs: each vector times its transpose, from the vehicle's components to the IMU's
+    return ideal._replace(gyro=ideal.gyro @ C_vs, accel=ideal.accel @ C_vs, truth=true)
 
 
 def simulate_imu(

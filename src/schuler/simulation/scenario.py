@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from schuler import frames, units
-from schuler.arrays import FloatArray
+from schuler import units
 from schuler.exceptions import ConfigError
 from schuler.faults import sentences
 from schuler.recording.recording import Metadata, Recording
@@ -21,101 +20,30 @@ from schuler.sensors import catalogue
 from schuler.sensors.errors import ApplyReport, ImuErrors
 from schuler.sensors.spec import ImuSpec, TriadSpec
 from schuler.sensors.spec_file import anchored, configured_spec
-from schuler.simulation.aiding import GnssModel, simulate_gnss, simulate_odometer
-from schuler.simulation.imu import IdealImu, ideal_imu, simulate_imu
-from schuler.simulation.motion import Motion, StaticMotion
-from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion, Waypoint, WaypointMotion, polynomial_motion
-from schuler.simulation.splines import SplineMotion
+from schuler.simulation.aid_sections import (
+    GnssModelSection,
+    HeadingModelSection,
+    HeightModelSection,
+    NonNegative,
+    OdometerModelSection,
+    Positive,
+    SatellitesSection,
+    Section,
+    StreamSection,
+    Triple,
+)
+from schuler.simulation.aiding import draw_gnss
+from schuler.simulation.imu import IdealImu, ideal_imu, mounted, simulate_imu
+from schuler.simulation.motion import Motion
+from schuler.simulation.motion_sections import MotionSection
+from schuler.simulation.satellites import simulate_satellites
+from schuler.simulation.scalars import simulate_heading, simulate_height, simulate_odometer
+from schuler.simulation.streams import faulty_stream
+from schuler.simulation.truth import AidTruth
 from schuler.timebase import TimeBase, gps_seconds
 
-Triple = tuple[float, float, float]
-Positive = Annotated[float, Field(gt=0.0)]
-NonNegative = Annotated[float, Field(ge=0.0)]
 
-
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class WaypointSection(_Section):
-    """One way-point: north and east of the origin in metres, or latitude and longitude in degrees."""
-
-    north_m: float | None = None
-    east_m: float | None = None
-    lat_deg: float | None = None
-    lon_deg: float | None = None
-    height_m: float | None = Field(None, description="ellipsoidal; that of the origin if left out")
-    speed_m_s: Positive
-    stop_s: NonNegative = 0.0
-
-    @model_validator(mode="after")
-    def _one_place(self) -> WaypointSection:
-        local, geodetic = (self.north_m, self.east_m), (self.lat_deg, self.lon_deg)
-        if (None in local) == (None in geodetic) or (None in local and any(v is not None for v in local)):
-            raise ValueError("give north_m and east_m, or lat_deg and lon_deg")
-        return self
-
-
-class ManoeuvreSection(_Section):
-    """One command."""
-
-    duration_s: Positive
-    speed_m_s: NonNegative | None = None
-    turn_deg: float = 0.0
-    climb_m_s: float | None = None
-
-
-class MotionSection(_Section):
-    """How the body moves."""
-
-    type: Literal["static", "waypoints", "manoeuvres", "spline", "polynomial"]
-    lat_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = Field(description="origin")
-    lon_deg: float = Field(description="origin")
-    height_m: float = Field(0.0, description="origin, ellipsoidal")
-    rpy_deg: Triple = Field((0.0, 0.0, 0.0), description="attitude, static motion")
-    duration_s: Positive | None = Field(None, description="static motion")
-    waypoints: tuple[WaypointSection, ...] = ()
-    acceleration_m_s2: Positive = 1.5
-    bank: Annotated[float, Field(ge=0.0, le=1.0)] = Field(0.0, description="share of the coordinated bank angle")
-    manoeuvres: tuple[ManoeuvreSection, ...] = ()
-    heading_deg: float = Field(0.0, description="initial, manoeuvres")
-    speed_m_s: NonNegative = Field(0.0, description="initial, manoeuvres")
-    t_s: tuple[float, ...] = Field((), description="times of spline nodes")
-    ned_m: tuple[Triple, ...] = Field((), description="spline nodes or polynomial knots, about the origin")
-    nodes_rpy_deg: tuple[Triple, ...] = Field((), description="attitudes at spline nodes or polynomial knots")
-    step_s: Positive | None = Field(None, description="spacing of polynomial position knots")
-    angle_step_s: Positive | None = Field(None, description="spacing of polynomial angle knots")
-    earth_rotation: bool = True
-
-    def build(self) -> Motion:
-        """The motion itself."""
-        origin = np.array([self.lat_deg * units.DEG, self.lon_deg * units.DEG, self.height_m])
-        if self.type == "static":
-            if self.duration_s is None:
-                raise ConfigError("motion: a static motion needs duration_s")
-            return StaticMotion(origin, np.array(self.rpy_deg) * units.DEG, self.duration_s)
-        if self.type == "waypoints":
-            points = [Waypoint(llh=_place(p, origin), speed=p.speed_m_s, stop=p.stop_s) for p in self.waypoints]
-            return WaypointMotion.through(points, acceleration=self.acceleration_m_s2, bank=self.bank)
-        if self.type == "manoeuvres":
-            commands = [
-                Manoeuvre(duration=c.duration_s, speed=c.speed_m_s, turn=c.turn_deg * units.DEG, climb=c.climb_m_s)
-                for c in self.manoeuvres
-            ]
-            return ManoeuvreMotion.of(
-                commands, origin, heading=self.heading_deg * units.DEG, speed=self.speed_m_s, bank=self.bank
-            )
-        rpy = np.array(self.nodes_rpy_deg).reshape(-1, 3) * units.DEG
-        ned = np.array(self.ned_m).reshape(-1, 3)
-        if self.type == "spline":
-            llh = frames.llh_from_ecef(frames.ecef_from_ned(ned, origin))
-            return SplineMotion.through(np.array(self.t_s), llh, rpy)
-        if self.step_s is None or self.angle_step_s is None:
-            raise ConfigError("motion: a polynomial motion needs step_s and angle_step_s")
-        return polynomial_motion(ned, self.step_s, rpy, self.angle_step_s, origin)
-
-
-class ImuModelSection(_Section):
+class ImuModelSection(Section):
     """The simulated IMU."""
 
     rate_hz: Positive = 100.0
@@ -126,6 +54,9 @@ class ImuModelSection(_Section):
     accel: dict[str, float | str] = Field(default_factory=dict)
     ideal: bool = Field(False, description="no errors at all")
     temperature_degC: float | None = None
+    mount_rpy_deg: Triple = Field((0.0, 0.0, 0.0), description="attitude of the IMU's axes in the vehicle")
+    reference_axes: Literal["vehicle", "imu"] = Field("vehicle", description="whose attitude the reference holds")
+    stream: StreamSection = StreamSection()
 
     @model_validator(mode="after")
     def _one_source(self) -> ImuModelSection:
@@ -152,41 +83,7 @@ class ImuModelSection(_Section):
         )
 
 
-class GnssModelSection(_Section):
-    """The simulated receiver."""
-
-    rate_hz: Positive = 1.0
-    sigma_position_m: Triple = (1.5, 1.5, 3.0)
-    sigma_velocity_m_s: Triple = (0.05, 0.05, 0.1)
-    drift_position_m: Triple = (0.0, 0.0, 0.0)
-    drift_velocity_m_s: Triple = (0.0, 0.0, 0.0)
-    drift_time_s: Positive = 60.0
-    lever_arm_m: Triple = (0.0, 0.0, 0.0)
-    first_s: NonNegative = 0.0
-    outages_s: tuple[tuple[float, float], ...] = ()
-    latency_s: NonNegative = 0.0
-    clock_shift_s: float = 0.0
-
-    def model(self) -> GnssModel:
-        """Receiver model in SI."""
-        return GnssModel(
-            rate_hz=self.rate_hz, sigma_position=self.sigma_position_m, sigma_velocity=self.sigma_velocity_m_s,
-            drift_position=self.drift_position_m, drift_velocity=self.drift_velocity_m_s, drift_time=self.drift_time_s,
-            lever_arm_b=self.lever_arm_m, first_s=self.first_s, outages=self.outages_s, latency=self.latency_s,
-            clock_shift=self.clock_shift_s,
-        )  # fmt: skip
-
-
-class OdometerModelSection(_Section):
-    """The simulated odometer."""
-
-    rate_hz: Positive = 10.0
-    sigma_m_s: Positive = 0.05
-    scale_error: float = 0.0
-    lever_arm_m: Triple = (0.0, 0.0, 0.0)
-
-
-class Scenario(_Section):
+class Scenario(Section):
     """A simulated mission.
 
     Attributes
@@ -196,8 +93,8 @@ class Scenario(_Section):
         Used where no generator is passed in.
     start_week, start_tow_s
         GPS time of second zero.
-    motion, imu, gnss, odometer
-        Sections; GNSS and odometer are optional.
+    motion, imu, gnss, odometer, heading, barometer, satellites
+        Sections; all but the first two are optional.
     """
 
     name: str = "simulated"
@@ -208,6 +105,9 @@ class Scenario(_Section):
     imu: ImuModelSection
     gnss: GnssModelSection | None = None
     odometer: OdometerModelSection | None = None
+    heading: HeadingModelSection | None = None
+    barometer: HeightModelSection | None = None
+    satellites: SatellitesSection | None = None
 
     @classmethod
     def parse(cls, data: dict[str, Any], source: str = "scenario") -> Scenario:
@@ -238,6 +138,7 @@ class Mission(NamedTuple):
     scenario : Scenario
     motion : Motion
     ideal : IdealImu
+        In the IMU's own axes; its ``truth`` is that of the reference.
     spec : ImuSpec or None
         Error budget of the IMU, None for an ideal one.
     """
@@ -258,12 +159,15 @@ class Simulation(NamedTuple):
     errors : ImuErrors
         The realisation that was applied.
     report : ApplyReport
-        True biases by sample, clipping.
+        True biases by sample (before samples were lost), clipping.
+    aids : AidTruth
+        True errors of everything else; their short form is ``recording.metadata.options["truth"]``.
     """
 
     recording: Recording
     errors: ImuErrors
     report: ApplyReport
+    aids: AidTruth
 
 
 def prepare_mission(scenario: Scenario | dict[str, Any] | Path | str) -> Mission:
@@ -273,6 +177,8 @@ def prepare_mission(scenario: Scenario | dict[str, Any] | Path | str) -> Mission
     motion = scenario.motion.build()
     imu = scenario.imu
     ideal = ideal_imu(motion, imu.rate_hz, kind=imu.kind, earth_rotation=scenario.motion.earth_rotation)
+    if any(imu.mount_rpy_deg):
+        ideal = mounted(ideal, np.array(imu.mount_rpy_deg) * units.DEG, turn_truth=imu.reference_axes == "imu")
     return Mission(scenario, motion, ideal, imu.budget())
 
 
@@ -283,7 +189,7 @@ def simulate_mission(mission: Mission, rng: np.random.Generator | None = None) -
     ----------
     mission : Mission
     rng : numpy.random.Generator, optional
-        Default: from the scenario's seed. IMU errors, IMU noise, GNSS and odometer draw from children of their own, so
+        Default: from the scenario's seed. IMU errors, IMU noise and every aid draw from children of their own, so
         changing one leaves the others as they were.
 
     Returns
@@ -299,23 +205,88 @@ def simulate_mission(mission: Mission, rng: np.random.Generator | None = None) -
     notes = ["simulated; the reference is the true trajectory of the IMU"]
     if simulated.report.gyro_clipped.any() or simulated.report.accel_clipped.any():
         notes.append(simulated.report.summary())
-    gnss = None if scenario.gnss is None else simulate_gnss(mission.motion, scenario.gnss.model(), gnss_rng)
-    odometer = None
-    if scenario.odometer is not None:
-        o = scenario.odometer
-        odometer = simulate_odometer(
-            mission.motion, o.rate_hz, odometer_rng, sigma=o.sigma_m_s, scale_error=o.scale_error,
-            lever_arm_b=o.lever_arm_m,
-        )  # fmt: skip
+    time = TimeBase("gps", gps_seconds(scenario.start_week, scenario.start_tow_s))
+    parts, truth = _solutions(mission, gnss_rng, odometer_rng)
+    imu, stream = simulated.imu, scenario.imu.stream
+    # children of their own, spawned only where needed: what a generator gives next stays as it was without them
+    if stream != StreamSection() or scenario.heading or scenario.barometer or scenario.satellites:
+        *others, stream_rng = rng.spawn(4)
+        more, true = _other_aids(mission, time, others)
+        parts, truth = parts | more, truth | true
+        if stream != StreamSection():
+            faulty = faulty_stream(imu, stream.faults(), stream_rng)
+            imu, truth["repeated"] = faulty.imu, faulty.repeated
+            notes.append(
+                f"the IMU's stream was disturbed: {int((~faulty.kept).sum())} samples lost, "
+                f"{int(faulty.repeated.sum())} repeated, stamps jittered by {stream.jitter_s:g} s and shifted by "
+                f"{stream.clock_shift_s:g} s"
+            )
+    aids = AidTruth(**truth)
     metadata = Metadata(
         name=scenario.name,
-        time=TimeBase("gps", gps_seconds(scenario.start_week, scenario.start_tow_s)),
+        time=time,
         axes="FRD",
         notes=tuple(notes),
-        options={"scenario": scenario.model_dump(mode="json", exclude_defaults=True), "seed": seed},
+        options={
+            "scenario": scenario.model_dump(mode="json", exclude_defaults=True),
+            "seed": seed,
+            "truth": aids.parameters(errors),
+        },
     )
-    recording = Recording(simulated.imu, gnss, odometer, mission.ideal.truth, metadata)
-    return Simulation(recording, errors, simulated.report)
+    recording = Recording(imu=imu, **parts, reference=mission.ideal.truth, metadata=metadata)
+    return Simulation(recording, errors, simulated.report, aids)
+
+
+def _solutions(
+    mission: Mission, gnss_rng: np.random.Generator, odometer_rng: np.random.Generator
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """GNSS solutions and odometer: parts of the recording, and the truth about them."""
+    scenario = mission.scenario
+    parts: dict[str, Any] = {}
+    shift = scenario.imu.stream.clock_shift_s
+    truth: dict[str, Any] = {"mount_rpy": np.array(scenario.imu.mount_rpy_deg) * units.DEG}
+    if scenario.gnss is not None:
+        fixes = draw_gnss(mission.motion, scenario.gnss.model(), gnss_rng)
+        parts["gnss"] = fixes.gnss
+        truth |= {
+            "gnss_drift_position": fixes.drift_position,
+            "gnss_drift_velocity": fixes.drift_velocity,
+            "gnss_stale": fixes.stale,
+            "gnss_delay": shift - scenario.gnss.clock_shift_s,
+        }
+    elif scenario.satellites is not None:
+        truth["gnss_delay"] = shift - scenario.satellites.clock_shift_s
+    if (o := scenario.odometer) is not None:
+        # a generator of its own for the scale: giving it a spread leaves the noise as it was
+        scale = o.scale_error + o.scale_sigma * float(odometer_rng.spawn(1)[0].standard_normal())
+        parts["odometer"] = simulate_odometer(
+            mission.motion, o.rate_hz, odometer_rng, sigma=o.sigma_m_s, scale_error=scale, lever_arm_b=o.lever_arm_m,
+            outages=o.outages_s,
+        )  # fmt: skip
+        truth["odometer_scale"] = scale
+    return parts, truth
+
+
+def _other_aids(
+    mission: Mission, time: TimeBase, rngs: list[np.random.Generator]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Heading, height and satellites: parts of the recording, and the truth about them."""
+    scenario, motion = mission.scenario, mission.motion
+    heading_rng, height_rng, satellites_rng = rngs
+    parts: dict[str, Any] = {}
+    truth: dict[str, Any] = {}
+    if scenario.heading is not None:
+        parts["heading"], truth["heading_bias"] = simulate_heading(motion, scenario.heading.model(), heading_rng)
+    if scenario.barometer is not None:
+        parts["height"], truth["height_bias"] = simulate_height(motion, scenario.barometer.model(), height_rng)
+    if scenario.satellites is not None:
+        sky = simulate_satellites(motion, scenario.satellites.model(), satellites_rng, epoch_gps_s=time.epoch_gps_s)
+        truth["satellites"] = sky
+        if scenario.satellites.give == "ranges":
+            parts["ranges"] = sky.ranges
+        else:
+            parts |= {"observations": sky.observations(), "ephemerides": sky.ephemerides}
+    return parts, truth
 
 
 def simulate(scenario: Scenario | dict[str, Any] | Path | str, rng: np.random.Generator | None = None) -> Recording:
@@ -340,13 +311,3 @@ def _seed(rng: np.random.Generator) -> Any:
     sequence = rng.bit_generator.seed_seq
     entropy, path = getattr(sequence, "entropy", None), getattr(sequence, "spawn_key", ())
     return {"entropy": entropy, "spawn_key": list(path)} if path else entropy
-
-
-def _place(p: WaypointSection, origin: FloatArray) -> FloatArray:
-    height = origin[2] if p.height_m is None else p.height_m
-    if p.north_m is not None and p.east_m is not None:
-        llh = frames.llh_from_ecef(frames.ecef_from_ned([p.north_m, p.east_m, 0.0], origin))
-        return np.array([llh[0], llh[1], height])
-    assert p.lat_deg is not None
-    assert p.lon_deg is not None
-    return np.array([p.lat_deg * units.DEG, p.lon_deg * units.DEG, height])

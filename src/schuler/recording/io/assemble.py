@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from schuler import files
+from schuler import files, units
 from schuler.arrays import FloatArray
 from schuler.recording.io import checks, columns
 from schuler.recording.io.clock import stamps
@@ -15,6 +15,7 @@ from schuler.recording.io.gnss_table import gnss_series, reference_path
 from schuler.recording.io.hints import COUNTS, ReadHints, axes_matrix, factor, parse_scale, parse_units
 from schuler.recording.io.raw import HUGE, Raw, check_increasing
 from schuler.recording.recording import Metadata, Recording
+from schuler.recording.scalar_series import ScalarSeries
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, Trajectory
 from schuler.timebase import TimeBase
 
@@ -49,13 +50,17 @@ def recording_from(raw: Raw, hints: ReadHints, *, trusted: bool = False, time: T
     t, base = _time(raw, hints, time)
     if delay is not None and time is None:
         raw.values["received"] = t + delay  # on the time base of t
-    made: dict[str, ImuSeries | GnssSeries | OdometerSeries | Trajectory]
+    made: dict[str, ImuSeries | GnssSeries | OdometerSeries | ScalarSeries | Trajectory]
     if series == "imu":
         made = {"imu": _imu(raw, hints, t, trusted)}
     elif series == "gnss":
         made = {"gnss": gnss_series(raw, hints, t)}
     elif series == "odometer":
         made = {"odometer": _odometer(raw, hints, t)}
+    elif series == "heading":
+        made = {"heading": _heading(raw, hints, t)}
+    elif series == "height":
+        made = {"height": _height(raw, hints, t, trusted)}
     else:
         made = {"reference": reference_path(raw, hints, t)}
     return Recording(**made, metadata=metadata_of(raw.path, hints, base, raw.notes))  # type: ignore[arg-type]
@@ -78,7 +83,7 @@ def _series(raw: Raw, hints: ReadHints) -> str:
     if hints.series is not None:
         if hints.series == "reference" and "gnss" in found:
             return "reference"
-        if hints.series not in found:
+        if hints.series not in found and columns.NUMBER_OF.get(hints.series) not in raw.values:
             raise raw.fault(f"series={hints.series!r}, but the columns are {', '.join(raw.values)}")
         return hints.series
     if len(found) != 1:
@@ -143,6 +148,10 @@ def _default_unit(raw: Raw, group: str, name: str) -> str:
         largest = max(float(np.abs(raw.values[n]).max()) for n in ("lat", "lon"))
         if largest <= np.pi:
             raise raw.fault("latitude and longitude may be degrees or radians: say units='angle=deg' or 'angle=rad'")
+    if name == "heading" and group not in raw.unit and float(np.abs(raw.values[name]).max()) <= 2.0 * np.pi:
+        raise raw.fault("the heading may be degrees or radians: say units='angle=deg' or 'angle=rad'")
+    if name == "sheading" and group in raw.unit:
+        return raw.unit[group]  # an accuracy without a unit has that of the heading
     if group not in raw.unit:
         raw.notes.append(f"The unit of {group} is not stated; taken as {default}.")
     return default
@@ -252,3 +261,37 @@ def _odometer(raw: Raw, hints: ReadHints, t: FloatArray) -> OdometerSeries:
         sigma = np.full(len(t), hints.sigma_speed)
         raw.notes.append(f"1-sigma of the odometer is taken as {hints.sigma_speed:g} m/s.")
     return OdometerSeries(t, raw.values["speed"], sigma)
+
+
+def _heading(raw: Raw, hints: ReadHints, t: FloatArray) -> ScalarSeries:
+    stated = None if hints.sigma_heading_deg is None else hints.sigma_heading_deg * units.DEG
+    sigma = _sigma_of(raw, "sheading", stated, "sigma_heading_deg=... [deg]")
+    return ScalarSeries(t, raw.values["heading"], sigma)
+
+
+def _height(raw: Raw, hints: ReadHints, t: FloatArray, trusted: bool) -> ScalarSeries:
+    sigma = _sigma_of(raw, "sh", hints.sigma_height, "sigma_height=... [m]")
+    value = raw.values["h"]
+    if hints.height == "msl":
+        value = value + float(hints.geoid_separation or 0.0)
+        raw.notes.append(
+            f"Heights above mean sea level were made ellipsoidal with a geoid separation {hints.geoid_separation:g} m."
+        )
+    elif hints.height is None and not trusted:
+        raw.notes.append("Heights are taken as they stand, whatever level they count from: a bias of the barometer.")
+    return ScalarSeries(t, value, sigma)
+
+
+def _sigma_of(raw: Raw, column: str, stated: float | None, hint: str) -> FloatArray:
+    """1-sigma of a column, or the stated one for every row; an error with the first row that is not positive."""
+    if column in raw.values:
+        sigma = raw.values[column]
+    elif stated is not None:
+        sigma = np.full(len(next(iter(raw.values.values()))), stated)
+        raw.notes.append(f"The log has no accuracy: {hint.partition('=')[0]} is used.")
+    else:
+        raise raw.fault(f"a 1-sigma is needed: say {hint}, or name a column {column}")
+    bad = np.flatnonzero(sigma <= 0.0)
+    if len(bad):
+        raise raw.fault(f"{column}: expected a positive 1-sigma, got {sigma[bad[0]]:g}", int(bad[0]))
+    return sigma

@@ -42,7 +42,8 @@ GROUP: dict[str, str | None] = {
     "lat": "angle",
     "lon": "angle",
     **dict.fromkeys(EULER, "angle"),
-    "h": "length",
+    **dict.fromkeys(("heading", "sheading"), "angle"),
+    **dict.fromkeys(("h", "sh"), "length"),
     **dict.fromkeys((*SIGMA, *ECEF), "length"),
     **dict.fromkeys((*VELOCITY, *VELOCITY_SIGMA, *ECEF_VELOCITY, "speed", "sspeed"), "velocity"),
     **dict.fromkeys((*CROSS, *VELOCITY_CROSS, *QUATERNION, "q", "ns"), None),
@@ -67,6 +68,7 @@ def _spellings() -> dict[str, str]:
         table[word] = "t"
     table |= {"temperature": "temp", "latitude": "lat", "longitude": "lon", "lng": "lon", "height": "h"}
     table |= {"quality": "q", "n_satellites": "ns", "nsat": "ns"}
+    table |= {"hdg": "heading", "sigma_heading": "sheading", "sigma_height": "sh"}
     return table
 
 
@@ -150,20 +152,30 @@ BELONGS = {
     "imu": {"t", *ACCEL, *GYRO, "temp"},
     "gnss": {"t", *GEODETIC, *VELOCITY, *SIGMA, *VELOCITY_SIGMA, *CROSS, *VELOCITY_CROSS, "q", "ns", "received"},
     "odometer": {"t", "speed", "sspeed"},
+    "heading": {"t", "heading", "sheading"},
+    "height": {"t", "h", "sh"},
     "reference": {"t", *GEODETIC, *VELOCITY, *ECEF, *ECEF_VELOCITY, *EULER, *QUATERNION},
 }
 
 
+#: Series of one number, and the column that holds it.
+NUMBER_OF = {"heading": "heading", "height": "h"}
+
+
 def series_of(names: Iterable[str]) -> list[str]:
-    """Series that a set of columns holds something of: "imu", "gnss", "odometer", "reference"."""
+    """Series that a set of columns holds something of: "imu", "gnss", "odometer", "heading", "height", "reference".
+
+    A heading or a height among other series' columns is nothing of its own: many a receiver writes one beside its
+    positions. Alone they are a compass's and a barometer's.
+    """
     present = set(names)
     found = []
     if present & {*ACCEL, *GYRO}:
         found.append("imu")
-    if present & set(GEODETIC):
+    if present & {"lat", "lon"}:
         found.append("gnss")
     if "speed" in present:
         found.append("odometer")
     if present & set(ECEF):
         found.append("reference")
-    return found
+    return found or [series for series, column in NUMBER_OF.items() if column in present]

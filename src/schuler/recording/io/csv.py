@@ -1,4 +1,4 @@
-"""CSV files that say what they hold: one table per series, units in the header, the rest in one comment line."""
+"""CSV files that say what they hold: one table per part, units in the header, the rest in one comment line."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import numpy as np
 from schuler import files, units
 from schuler.recording.io import columns, own
 from schuler.recording.io.own import Columns
-from schuler.recording.io.text import OWN_FORMAT, OWN_MARK
+from schuler.recording.io.text import OWN_FAMILY, OWN_MARK
 from schuler.recording.recording import Recording
 
-#: Series that share the first file's name come after it as NAME_gnss.csv and so on.
-ORDER = ("imu", "gnss", "odometer", "reference")
+_DEGREES = ("lat", "lon", "heading", "sheading")
 _ROWS_PER_BLOCK = 65_536
 
 
 def write_csv(recording: Recording, path: Path | str) -> list[Path]:
-    """Write a recording as CSV, in SI but for latitudes and longitudes in degrees, losing no digit.
+    """Write a recording as CSV, in SI but for latitudes, longitudes and headings in degrees, losing no digit.
 
     Parameters
     ----------
     recording : Recording
     path : Path or str
-        File of the first series (the IMU if there is one); further series go beside it as ``NAME_gnss.csv``,
-        ``NAME_odometer.csv``, ``NAME_reference.csv``.
+        File of the first part (the IMU if there is one); further parts go beside it as ``NAME_gnss.csv``,
+        ``NAME_odometer.csv``, ``NAME_heading.csv``, ``NAME_height.csv``, ``NAME_reference.csv``,
+        ``NAME_observations.csv``, ``NAME_ranges.csv``, ``NAME_ephemerides.csv``.
 
     Returns
     -------
@@ -34,13 +34,14 @@ def write_csv(recording: Recording, path: Path | str) -> list[Path]:
     """
     path = Path(path)
     flat = own.flatten(recording)
-    names = [name for name in ORDER if name in flat]
+    names = list(flat)
+    described = {"format": f"{OWN_FAMILY}/{own.version(recording)}", **own.document(recording, flat)}
     paths = {
         name: path if k == 0 else path.with_name(f"{path.stem}_{name}{path.suffix}") for k, name in enumerate(names)
     }
     # companions first: a reader that sees the first file finds those it names
     for k, name in reversed(list(enumerate(names))):
-        document = {"format": OWN_FORMAT, "holds": name, **own.document(recording)}
+        document = {**described, "holds": name}
         if k == 0 and len(names) > 1:
             document["beside"] = {other: paths[other].name for other in names[1:]}
         kind = recording.imu.kind if name == "imu" and recording.imu is not None else "rate"
@@ -50,7 +51,7 @@ def write_csv(recording: Recording, path: Path | str) -> list[Path]:
 
 def _write_table(path: Path, table: Columns, document: str, kind: str) -> None:
     si = own.INCREMENT_UNITS if kind == "increment" else own.UNITS
-    header = ",".join(f"{name} [{'deg' if name in ('lat', 'lon') else si[name]}]" for name in table)
+    header = ",".join(f"{name} [{'deg' if name in _DEGREES else si[name]}]" for name in table)
     header = header.replace(" [1]", "")
     # lists of Python numbers print the shortest text that reads back as the same number
     arrays = list(table.values())
@@ -62,11 +63,11 @@ def _write_table(path: Path, table: Columns, document: str, kind: str) -> None:
 
 
 def _for_people(table: Columns) -> Columns:
-    """Degrees for positions, and 1-sigma values before cross terms instead of covariance matrices."""
+    """Degrees for positions and headings, and 1-sigma values before cross terms instead of covariance matrices."""
     shown: Columns = {}
     sigmas = {"cnn": "sn", "cee": "se", "cdd": "sd", "cvnn": "svn", "cvee": "sve", "cvdd": "svd"}
     for name, values in table.items():
-        if name in ("lat", "lon"):
+        if name in _DEGREES:
             shown[name] = values / units.DEG
         elif name in sigmas:
             shown[sigmas[name]] = np.sqrt(values)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from schuler.exceptions import InputError
 from schuler.recording.io import columns, lines
 from schuler.recording.io.gnss_table import reference_from_gnss
-from schuler.recording.io.hints import SERIES, ReadHints
+from schuler.recording.io.hints import SATELLITES, SERIES, ReadHints
+from schuler.recording.io.satellite_files import read_satellite_file
 from schuler.recording.recording import Recording
 
 WRITERS = {
@@ -69,11 +71,16 @@ def read(path: Path | str, hints: ReadHints | None = None, **more: Any) -> Recor
         hints = ReadHints.of(**more)
     elif more:
         hints = ReadHints.of(**{**hints.given(), **more})
-    recording = _read_file(path, hints)
+    return read_one(path, hints)
+
+
+def read_one(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int] | None = None) -> Recording:
+    """Read one file, see :func:`read`; ``glonass_channels`` by satellite for RINEX observations without them."""
+    recording = _read_file(path, hints, glonass_channels)
     if hints.series == "reference" and recording.reference is None and recording.gnss is not None:
         recording = reference_from_gnss(recording)
     if hints.series is not None and getattr(recording, hints.series) is None:
-        held = ", ".join(n for n in SERIES if getattr(recording, n) is not None)
+        held = ", ".join(n for n in (*SERIES, *SATELLITES) if getattr(recording, n) is not None)
         raise InputError(f"{path}: series={hints.series!r} was asked for, the file holds {held}")
     return recording
 
@@ -85,7 +92,8 @@ def write(recording: Recording, path: Path | str, **options: Any) -> list[Path]:
     ----------
     recording : Recording
     path : Path or str
-        ``.parquet`` and ``.csv`` keep everything; ``.pos`` holds the GNSS series, ``.kml`` and ``.geojson`` one track.
+        ``.parquet`` and ``.csv`` keep everything; ``.pos`` holds the GNSS series, ``.kml`` and ``.geojson`` one track
+        (:func:`left_out` says what is not in them).
     **options
         Of the writer, see ``write_csv``, ``write_parquet``, ``write_pos``, ``write_kml`` and ``write_geojson``.
 
@@ -114,10 +122,29 @@ def write(recording: Recording, path: Path | str, **options: Any) -> list[Path]:
     return written
 
 
-def _read_file(path: Path, hints: ReadHints) -> Recording:
+def left_out(recording: Recording, path: Path | str) -> str:
+    """Parts of a recording that the format of a file does not hold, separated by commas; empty if it holds all.
+
+    Parameters
+    ----------
+    recording : Recording
+    path : Path or str
+        Its suffix names the format. Of KML and GeoJSON the track written is not named: GNSS, or the reference.
+    """
+    held = {"pos": {"gnss"}, "kml": {"gnss", "reference"}, "geojson": {"gnss", "reference"}}.get(
+        WRITERS.get(Path(path).suffix.lower(), "")
+    )
+    parts = [name for name in (*SERIES, *SATELLITES) if getattr(recording, name) is not None]
+    return "" if held is None else ", ".join(name for name in parts if name not in held)
+
+
+def _read_file(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int] | None = None) -> Recording:
     from schuler.recording.io import matlab, numpy_files, parquet, rtklib, text
 
     head = lines.check_file(path)
+    received = read_satellite_file(path, head, hints, glonass_channels)
+    if received is not None:
+        return received
     kind = next((kind for magic, kind in _MAGIC.items() if head.startswith(magic)), None)
     if kind is None:
         suffix = path.suffix.lower()

@@ -12,12 +12,13 @@ import numpy as np
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.recording.io import dispatch, lines, rtklib, text
 from schuler.recording.io.columns import check_known
-from schuler.recording.io.hints import SERIES, ReadHints
+from schuler.recording.io.hints import SATELLITES, SERIES, ReadHints
+from schuler.recording.io.satellite_files import channels_of, kinds_of
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 
 #: Names of entries: the series, and the halves of an IMU whose sensors log to files of their own.
-PARTS = (*SERIES, "accel", "gyro")
+PARTS = (*SERIES, *SATELLITES, "accel", "gyro")
 _SAME_TIME_S = 1e-6  # stamps of the two halves of an IMU are the same if they agree to this [s]
 
 
@@ -29,14 +30,16 @@ def read_folder(path: Path | str, parts: Mapping[str, Mapping[str, Any]] | None 
     path : Path or str
         The folder.
     parts : mapping, optional
-        For each of ``imu``, ``gnss``, ``odometer``, ``reference`` an entry ``{"file": NAME, hint: value, ...}`` (see
-        :class:`ReadHints`). An IMU in two files is given as ``accel`` and ``gyro``. Without entries the folder must
-        hold one file that is recognised per series.
+        For each of ``imu``, ``gnss``, ``odometer``, ``reference``, ``observations``, ``ephemerides`` an entry
+        ``{"file": NAME, hint: value, ...}`` (see :class:`ReadHints`). An IMU in two files is given as ``accel`` and
+        ``gyro``; ephemerides may be in several, ``{"file": [NAME, NAME]}``. Without entries the folder must hold one
+        file that is recognised per series.
 
     Returns
     -------
     Recording
-        On the time base of the first entry.
+        On the time base of the first entry (ephemerides aside). An entry takes its own series out of a file that holds
+        several; ``observations`` takes the ephemerides too, if they have no entry.
 
     Raises
     ------
@@ -50,10 +53,18 @@ def read_folder(path: Path | str, parts: Mapping[str, Mapping[str, Any]] | None 
     if not parts:
         parts, ignored = _found(path)
         notes = (f"Files of the folder not read: {', '.join(ignored)}.",) if ignored else ()
-    recordings = []
-    for part, entry in parts.items():
+    for part in parts:
         check_known(part, PARTS, "entry of a folder")
-        recordings.append((part, _read_part(path, part, entry)))
+    # ephemerides come first, since observations need GLONASS channels of them, and are merged last: they have no times
+    broadcast = _ephemerides(path, parts["ephemerides"]) if "ephemerides" in parts else None
+    channels = channels_of(broadcast)
+    recordings = [
+        (part, _read_part(path, part, entry, broadcast is None, channels))
+        for part, entry in parts.items()
+        if part != "ephemerides"
+    ]
+    if broadcast is not None:
+        recordings.append(("ephemerides", broadcast))
     halves = {part: recording for part, recording in recordings if part in ("accel", "gyro")}
     whole = [recording for part, recording in recordings if part not in halves]
     if halves:
@@ -66,7 +77,27 @@ def read_folder(path: Path | str, parts: Mapping[str, Mapping[str, Any]] | None 
     return replace(merged, metadata=metadata)
 
 
-def _read_part(path: Path, part: str, entry: Mapping[str, Any]) -> Recording:
+def _ephemerides(path: Path, entry: Mapping[str, Any]) -> Recording:
+    """Ephemerides of one file or several, of which the first with a constant (ionosphere, leap seconds) counts."""
+    files = entry.get("file") if isinstance(entry, Mapping) else None
+    names = [files] if not isinstance(files, list | tuple) else list(files)
+    if not names:
+        raise InputError("ephemerides: expected the name of a file or a list of them, got an empty list")
+    parts = [_read_part(path, "ephemerides", entry if files is None else {**entry, "file": name}) for name in names]
+    merged = parts[0]
+    for other in parts[1:]:
+        merged = merged.merged_with(other)
+    return merged
+
+
+def _read_part(
+    path: Path,
+    part: str,
+    entry: Mapping[str, Any],
+    with_ephemerides: bool = False,
+    glonass_channels: Mapping[int, int] | None = None,
+) -> Recording:
+    """What an entry names, out of its file; ``with_ephemerides`` for observations that bring their own."""
     if not isinstance(entry, Mapping) or "file" not in entry:
         raise InputError(f"{part}: expected an entry such as {{'file': 'NAME', 'units': 'g,deg/s'}}, got {entry!r}")
     given = {name: value for name, value in entry.items() if name != "file"}
@@ -77,9 +108,10 @@ def _read_part(path: Path, part: str, entry: Mapping[str, Any]) -> Recording:
     else:
         given.setdefault("series", part)
     file = path / str(entry["file"])
-    recording = dispatch.read(file, ReadHints.of(**given))
-    surplus = [name for name in SERIES if name != part and getattr(recording, name) is not None]
-    if part in SERIES and surplus:
+    recording = dispatch.read_one(file, ReadHints.of(**given), glonass_channels)
+    wanted = {part, "ephemerides"} if part == "observations" and with_ephemerides else {part}
+    surplus = [n for n in (*SERIES, *SATELLITES) if n not in wanted and getattr(recording, n) is not None]
+    if part not in ("accel", "gyro") and surplus:
         recording = replace(
             recording,
             **dict.fromkeys(surplus),
@@ -119,11 +151,11 @@ def _found(path: Path) -> tuple[dict[str, dict[str, Any]], list[str]]:
     candidates: dict[str, list[str]] = {}
     ignored = []
     for file in sorted(p for p in path.iterdir() if p.is_file() and not p.name.startswith(".")):
-        series = _recognised(file)
-        if series is None:
-            ignored.append(file.name)
-        else:
+        held = _recognised(file)
+        for series in held:
             candidates.setdefault(series, []).append(file.name)
+        if not held:
+            ignored.append(file.name)
     listing = "; ".join(f"{series}: {', '.join(names)}" for series, names in candidates.items()) or "nothing recognised"
     advice = "say which: imu={'file': 'NAME', 'units': 'g,deg/s'}, gnss={'file': 'NAME'}"
     if not candidates or any(len(names) > 1 for names in candidates.values()):
@@ -132,14 +164,17 @@ def _found(path: Path) -> tuple[dict[str, dict[str, Any]], list[str]]:
     return {series: {"file": names[0]} for series, names in candidates.items()}, ignored
 
 
-def _recognised(file: Path) -> str | None:
+def _recognised(file: Path) -> tuple[str, ...]:
     """Series a file holds by its looks; our own Parquet files hold all of a run and are read by themselves."""
     try:
         head = lines.check_file(file)
     except SchulerError:
-        return None
+        return ()
+    if received := kinds_of(file, head):
+        return received
     if rtklib.looks_like_pos(head):
-        return "gnss"
+        return ("gnss",)
     if file.suffix.lower() in (".md", ".json", ".yaml", ".toml", ".html", ".kml", ".geojson"):
-        return None
-    return text.recognised_series(file)
+        return ()
+    series = text.recognised_series(file)
+    return () if series is None else (series,)

@@ -29,7 +29,9 @@ ALLOWANCES = {
 }
 #: A unit of its own for raw converter counts, which have no physical unit before calibration.
 COUNTS = "counts"
-SERIES = ("imu", "gnss", "odometer", "reference")
+SERIES = ("imu", "gnss", "odometer", "heading", "height", "reference")
+#: What files of satellite receivers hold besides.
+SATELLITES = ("observations", "ephemerides", "ranges")
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "\\t": "\t", "blank": " ", "blanks": " ", "space": " "}
 _DIRECTIONS = {"F": (1, 0, 0), "B": (-1, 0, 0), "R": (0, 1, 0), "L": (0, -1, 0), "D": (0, 0, 1), "U": (0, 0, -1)}
 
@@ -59,8 +61,8 @@ class ReadHints:
     columns : str, optional
         Meaning of the columns in order, ``"t,ax,ay,az,gx,gy,gz"``; ``-`` or ``_`` skips one, a ``*`` at the end skips
         the rest. Names: t; ax ay az, gx gy gz, temp; lat lon h, vn ve vd, sn se sd, svn sve svd, q, ns, received;
-        speed, sspeed; for references x y z, vx vy vz (Earth-fixed) and roll pitch yaw. ``name=header`` takes a column
-        by its header, or an array by its name.
+        speed, sspeed; heading, sheading; h, sh (of a barometer); for references x y z, vx vy vz (Earth-fixed) and
+        roll pitch yaw. ``name=header`` takes a column by its header, or an array by its name.
     units : str, optional
         ``"g,deg/s"`` (accelerometer, gyro) with an optional third for time, or by group:
         ``"accel=g,gyro=deg/s,t=ms,temp=degC,angle=deg,length=m,velocity=km/h"``. ``counts`` for uncalibrated logs.
@@ -88,8 +90,12 @@ class ReadHints:
         1-sigma north, east, down [m] and, as three more, of velocity [m/s], where a GNSS log has none.
     sigma_speed : float, optional
         1-sigma of an odometer. [m/s]
-    series : {"imu", "gnss", "odometer", "reference"}, optional
-        Which one a table holds, if its columns leave that open.
+    sigma_heading_deg : float, optional
+        1-sigma of a compass or of two antennas. [deg]
+    sigma_height : float, optional
+        1-sigma of a barometer. [m]
+    series : {"imu", "gnss", "odometer", "heading", "height", "reference", "observations", "ephemerides"}, optional
+        Which one a table holds, if its columns leave that open; which one a file must hold.
     rest : float, optional
         Length of the stillness at the start used to check gravity; looked for if not given. [s]
     allow : str or set of str
@@ -121,6 +127,8 @@ class ReadHints:
     geoid_separation: float | None = None
     sigma: str | Iterable[float] | None = None
     sigma_speed: float | None = None
+    sigma_heading_deg: float | None = None
+    sigma_height: float | None = None
     series: str | None = None
     rest: float | None = None
     allow: str | Iterable[str] = ()
@@ -136,8 +144,9 @@ class ReadHints:
         if self.height is not None:
             check_known(self.height, ("ellipsoidal", "msl"), "height")
         if self.series is not None:
-            check_known(self.series, SERIES, "series")
-        for name, lowest in (("rate", 0.0), ("rest", 0.0), ("sigma_speed", 0.0), ("geoid_separation", None)):
+            check_known(self.series, (*SERIES, *SATELLITES), "series")
+        positive = ("rate", "rest", "sigma_speed", "sigma_heading_deg", "sigma_height")
+        for name, lowest in (*((name, 0.0) for name in positive), ("geoid_separation", None)):
             if (value := getattr(self, name)) is not None:
                 object.__setattr__(self, name, _number(value, name, lowest))
         if self.rate is not None and not 1e-4 <= self.rate <= 1e7:

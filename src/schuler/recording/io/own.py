@@ -11,15 +11,17 @@ import numpy as np
 
 from schuler import files
 from schuler.arrays import FloatArray
-from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.io import columns
+from schuler.exceptions import FileFormatError, InputError, SchulerError
+from schuler.recording.io import columns, own_satellites
 from schuler.recording.io.hints import SERIES, ReadHints
 from schuler.recording.recording import Metadata, Recording
+from schuler.recording.scalar_series import ScalarSeries
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, Trajectory
 from schuler.timebase import TimeBase
 
 #: SI unit of each column in files.
 UNITS = {
+    **own_satellites.UNITS,
     **{name: {"t": "s", "temp": "degC", "angle": "rad", "length": "m", "velocity": "m/s"}.get(group or "", "1")
        for name, group in columns.GROUP.items()},
     **dict.fromkeys(columns.ACCEL, "m/s^2"),
@@ -28,9 +30,18 @@ UNITS = {
     **dict.fromkeys((*columns.VELOCITY_CROSS, "cvnn", "cvee", "cvdd"), "m^2/s^2"),
 }  # fmt: skip
 INCREMENT_UNITS = {**UNITS, **dict.fromkeys(columns.ACCEL, "m/s"), **dict.fromkeys(columns.GYRO, "rad")}
+#: Columns of whole numbers.
+INTEGERS = own_satellites.INTEGERS | {"q", "ns"}
+#: Tables in the order in which they are written.
+TABLES = (*SERIES, *own_satellites.TABLES)
+#: Columns that each table may have in files of ours.
+COLUMNS = {name: {*columns.BELONGS.get(name, ()), *own_satellites.TABLES.get(name, ())} for name in TABLES}
+COLUMNS["gnss"] |= {"cnn", "cee", "cdd", "cvnn", "cvee", "cvdd"}
+#: Parts that came with version 2 of the formats; a file without them is of version 1, which older releases read.
+_SECOND = ("heading", "height", *own_satellites.TABLES)
 _ELEMENTS = {"nn": (0, 0), "ne": (0, 1), "nd": (0, 2), "ee": (1, 1), "ed": (1, 2), "dd": (2, 2)}
 
-Columns = dict[str, np.ndarray[Any, np.dtype[Any]]]
+Columns = own_satellites.Columns
 
 
 def package_version() -> str:
@@ -43,8 +54,18 @@ def package_version() -> str:
         return "not installed"
 
 
+def version(recording: Recording) -> int:
+    """Version of our formats that a recording needs: 2 with a heading, a height or satellite parts, else 1."""
+    return 1 if all(getattr(recording, name) is None for name in _SECOND) else 2
+
+
+def rows(table: Columns) -> int:
+    """Number of rows of a table."""
+    return len(next(iter(table.values())))
+
+
 def flatten(recording: Recording) -> dict[str, Columns]:
-    """Columns in SI of each series of a recording, time first. Shapes (n,)."""
+    """Columns in SI of each part of a recording that has rows, in the order of :data:`TABLES`. Shapes (n,)."""
     flat: dict[str, Columns] = {}
     if (imu := recording.imu) is not None:
         flat["imu"] = {"t": imu.t, **_split(columns.ACCEL, imu.accel), **_split(columns.GYRO, imu.gyro)}
@@ -59,17 +80,23 @@ def flatten(recording: Recording) -> dict[str, Columns]:
         flat["gnss"] = table
     if (odometer := recording.odometer) is not None:
         flat["odometer"] = {"t": odometer.t, "speed": odometer.speed, "sspeed": odometer.sigma}
+    if (heading := recording.heading) is not None:
+        flat["heading"] = {"t": heading.t, "heading": heading.value, "sheading": heading.sigma}
+    if (height := recording.height) is not None:
+        flat["height"] = {"t": height.t, "h": height.value, "sh": height.sigma}
     if (reference := recording.reference) is not None:
         flat["reference"] = {"t": reference.t, **_split(columns.ECEF, reference.r_eb_e)}
         if reference.v_eb_e is not None:
             flat["reference"] |= _split(columns.ECEF_VELOCITY, reference.v_eb_e)
         if reference.q_eb is not None:
             flat["reference"] |= _split(columns.QUATERNION, reference.q_eb)
-    return flat
+    return flat | own_satellites.flatten(recording)
 
 
-def unflatten(name: str, flat: Columns, kind: str = "rate") -> ImuSeries | GnssSeries | OdometerSeries | Trajectory:
-    """Series of its columns in SI; the inverse of :func:`flatten`.
+def unflatten(
+    name: str, flat: Columns, kind: str = "rate"
+) -> ImuSeries | GnssSeries | OdometerSeries | ScalarSeries | Trajectory:
+    """Series of its columns in SI; the inverse of :func:`flatten` but for satellite parts (:func:`satellite_parts`).
 
     Raises
     ------
@@ -93,6 +120,10 @@ def unflatten(name: str, flat: Columns, kind: str = "rate") -> ImuSeries | GnssS
         )
     if name == "odometer":
         return OdometerSeries(flat["t"], flat["speed"], flat["sspeed"])
+    if name == "heading":
+        return ScalarSeries(flat["t"], flat["heading"], flat["sheading"])
+    if name == "height":
+        return ScalarSeries(flat["t"], flat["h"], flat["sh"])
     if name == "reference":
         return Trajectory(
             flat["t"],
@@ -103,15 +134,59 @@ def unflatten(name: str, flat: Columns, kind: str = "rate") -> ImuSeries | GnssS
     raise KeyError(name)
 
 
-def document(recording: Recording) -> dict[str, Any]:
-    """What is not in the columns: metadata, and for each series its number of rows and kind."""
+def satellite_parts(
+    flat: Mapping[str, Columns], document: Mapping[str, Any], path: Path, *, alone: bool = False
+) -> dict[str, Any]:
+    """Observations, ranges and ephemerides of the tables that were read and of the file's document.
+
+    Parameters
+    ----------
+    flat : mapping of str to dict
+        Columns of each table.
+    document : mapping
+        Has the constants of every part; a part without rows has no table and is made of them alone.
+    path : Path
+        For messages.
+    alone : bool
+        Only the parts whose tables are given.
+
+    Raises
+    ------
+    FileFormatError
+        If a column is missing or the document is damaged.
+    """
+    made = {}
+    try:
+        constants = document.get("satellites", {})
+        for name in own_satellites.TABLES:
+            if name in flat or (not alone and name in constants and name not in document["series"]):
+                made[name] = own_satellites.unflatten(name, flat.get(name, {}), constants[name])
+    except (KeyError, TypeError, ValueError, AttributeError, SchulerError) as error:
+        raise FileFormatError(
+            f"the satellite measurements written with the file are damaged ({error!r}); write it anew", path
+        ) from error
+    return made
+
+
+def document(recording: Recording, flat: Mapping[str, Columns]) -> dict[str, Any]:
+    """What is not in the columns: metadata, for each table its number of rows and kind, constants of satellite parts.
+
+    Raises
+    ------
+    InputError
+        If no part has any rows.
+    """
     m = recording.metadata
-    series: dict[str, dict[str, Any]] = {n: {"rows": len(f["t"])} for n, f in flatten(recording).items()}
+    series: dict[str, dict[str, Any]] = {name: {"rows": rows(table)} for name, table in flat.items()}
+    if not series:
+        raise InputError(f"{m.name}: there is nothing to write; all its parts are empty")
     if recording.imu is not None:
         series["imu"]["kind"] = recording.imu.kind
+    satellites = own_satellites.constants(recording)
     return {
         "package": f"schuler {package_version()}",
         "series": series,
+        **({"satellites": satellites} if satellites else {}),
         "metadata": {
             "name": m.name,
             "time": time_document(m.time),
@@ -212,7 +287,7 @@ def check_series(document: Mapping[str, Any], path: Path) -> dict[str, Mapping[s
     if (
         not isinstance(series, Mapping)
         or not series
-        or not all(name in SERIES and isinstance(entry, Mapping) for name, entry in series.items())
+        or not all(name in TABLES and isinstance(entry, Mapping) for name, entry in series.items())
     ):
         raise FileFormatError("the list of series written with the file is damaged; write it anew", path)
     return dict(series)

@@ -1,7 +1,7 @@
 """Our own Parquet files: every series of a recording, and other tables, with all that is known about them.
 
-A recording is one table: a column ``series`` and the columns of all series, one row group per series, null where a
-series has no such column. What is not a column is a JSON document in the schema's metadata under the key ``schuler``.
+A recording is one table: a column ``series`` and the columns of all parts, one row group per part, null where a
+part has no such column. What is not a column is a JSON document in the schema's metadata under the key ``schuler``.
 """
 
 from __future__ import annotations
@@ -16,14 +16,15 @@ import numpy as np
 
 from schuler import files
 from schuler.exceptions import FileFormatError, InputError, MissingExtraError, SchulerError
-from schuler.recording.io import columns, own
+from schuler.recording.io import columns, own, own_satellites
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.own import Columns
 from schuler.recording.io.variables import recording_of_arrays
 from schuler.recording.recording import Recording
 
-FORMAT = "schuler/recording/1"
+FORMAT = "schuler/recording/2"
 KEY = b"schuler"
+_FAMILY = FORMAT.rpartition("/")[0]
 
 
 def write_parquet(recording: Recording, path: Path | str) -> list[Path]:
@@ -49,19 +50,19 @@ def write_parquet(recording: Recording, path: Path | str) -> list[Path]:
     names = list(dict.fromkeys(name for table in flat.values() for name in table))
     kind = "rate" if recording.imu is None else recording.imu.kind
     si = own.INCREMENT_UNITS if kind == "increment" else own.UNITS
-    types = {name: pa.int64() if name in ("q", "ns") else pa.float64() for name in names}
-    document = {"format": FORMAT, **own.document(recording)}
+    types = {name: pa.int64() if name in own.INTEGERS else pa.float64() for name in names}
+    document = {"format": f"{_FAMILY}/{own.version(recording)}", **own.document(recording, flat)}
     schema = pa.schema(
         [pa.field("series", pa.string()), *(pa.field(n, types[n], metadata={"unit": si[n]}) for n in names)],
         metadata={KEY: own.to_json(document).encode()},
     )
     with files.replacing(path) as temporary, pq.ParquetWriter(temporary, schema) as writer:
         for series, table in flat.items():
-            rows = len(table["t"])
+            rows = own.rows(table)
+            nothing = {kind: pa.nulls(rows, kind) for kind in (pa.int64(), pa.float64())}  # shared by all its columns
             arrays = [pa.array([series] * rows, pa.string())]
             arrays += [
-                pa.array(np.ascontiguousarray(table[n]), types[n]) if n in table else pa.nulls(rows, types[n])
-                for n in names
+                pa.array(np.ascontiguousarray(table[n]), types[n]) if n in table else nothing[types[n]] for n in names
             ]
             writer.write_table(pa.Table.from_arrays(arrays, schema=schema), row_group_size=rows)
     return [Path(path)]
@@ -84,31 +85,45 @@ def read_parquet(path: Path, hints: ReadHints) -> Recording:
         own.refuse_hints(hints, path)
         own.check_format(document.get("format"), FORMAT, path, document.get("package"))
         metadata = own.metadata_from(document, path)
-        made = _series(path, file, own.check_series(document, path))
+        made = _parts(path, file, document)
     if hints.name:
         metadata = replace(metadata, name=hints.name)
     return Recording(**made, metadata=metadata)
 
 
-def _series(path: Path, file: Any, entries: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Each series of one of our files, from the row group that is its own."""
+def _parts(path: Path, file: Any, document: Mapping[str, Any]) -> dict[str, Any]:
+    """Each part of one of our files, from the row group that is its own."""
+    entries = own.check_series(document, path)
     if file.num_row_groups != len(entries):
         raise FileFormatError(
             f"expected {len(entries)} series, got {file.num_row_groups} row groups; write it anew", path
         )
     made: dict[str, Any] = {}
+    satellites: dict[str, Columns] = {}
     for group, (name, entry) in enumerate(entries.items()):
-        table = _guarded(path, lambda group=group: file.read_row_group(group))
-        flat = {n: column for n, column in _to_numpy(table, path).items() if n != "series" and column is not None}
-        if table.num_rows != entry.get("rows"):
-            raise FileFormatError(f"expected {entry.get('rows')} rows of {name}, got {table.num_rows}", path)
+        flat = _row_group(path, file, group, name)
+        if own.rows(flat) != entry.get("rows"):
+            raise FileFormatError(f"expected {entry.get('rows')} rows of {name}, got {own.rows(flat)}", path)
+        if name in own_satellites.TABLES:
+            satellites[name] = flat
+            continue
         try:
             made[name] = own.unflatten(name, flat, str(entry.get("kind", "rate")))
         except KeyError as error:
             raise FileFormatError(f"the column {error} of {name} is missing; write the file anew", path) from error
         except SchulerError as error:
             raise FileFormatError(f"{name}: {error}", path) from error
-    return made
+    return made | own.satellite_parts(satellites, document, path)
+
+
+def _row_group(path: Path, file: Any, group: int, name: str) -> Columns:
+    """Columns of one part; those of the other parts, which are null here, are not even read."""
+    wanted = [n for n in file.schema_arrow.names if n in own.COLUMNS[name]]
+    table = _guarded(path, lambda: file.read_row_group(group, columns=wanted))
+    found = {n: column for n, column in _to_numpy(table, path).items() if column is not None}
+    if not found:
+        raise FileFormatError(f"the columns of {name} are missing; write the file anew", path)
+    return found
 
 
 def write_table(

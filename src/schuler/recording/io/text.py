@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from schuler.exceptions import FileFormatError, SchulerError
-from schuler.recording.io import columns, lines, own
+from schuler.recording.io import columns, lines, own, own_satellites
 from schuler.recording.io.assemble import recording_from
 from schuler.recording.io.hints import ColumnSpec, ReadHints, factor, parse_columns, parse_units
 from schuler.recording.io.lines import TextTable
@@ -18,7 +18,8 @@ from schuler.recording.recording import Recording
 
 #: Start of the comment line by which our own CSV files are known; a JSON document follows.
 OWN_MARK = "# schuler {"
-OWN_FORMAT = "schuler/csv/1"
+OWN_FAMILY = "schuler/csv"
+OWN_FORMAT = f"{OWN_FAMILY}/2"
 _COMMENTS = ("#", "%", "//")
 _EXAMPLE = "columns='t,ax,ay,az,gx,gy,gz' (- skips one, * the rest)"
 
@@ -74,8 +75,16 @@ def recognised_series(path: Path) -> str | None:
     except SchulerError:
         return None
     found = columns.series_of(names)
-    complete = {"imu": {*columns.ACCEL, *columns.GYRO}, "gnss": set(columns.GEODETIC), "odometer": {"speed"}}
-    return found[0] if len(found) == 1 and complete.get(found[0], {"x", "y", "z"}) <= set(names) else None
+    complete = {
+        "imu": {*columns.ACCEL, *columns.GYRO},
+        "gnss": set(columns.GEODETIC),
+        "odometer": {"speed"},
+        # a column of heights alone may be anything; one with its accuracy is meant to be used
+        "heading": {"heading", "sheading"},
+        "height": {"h", "sh"},
+        "reference": {"x", "y", "z"},
+    }
+    return found[0] if len(found) == 1 and complete[found[0]] <= set(names) else None
 
 
 def open_text(path: Path, hints: ReadHints) -> Opening:
@@ -290,11 +299,16 @@ def _read_own(opening: Opening, hints: ReadHints, document: dict[str, Any], *, a
     name = document.get("holds")
     if not isinstance(name, str) or name not in series:
         raise FileFormatError("the line that describes this file is damaged; write it anew", path)
-    kind = str(series[name].get("kind", "rate"))
-    inner = ReadHints.of(kind=kind, series=name)
-    raw = _load(opening, inner)
-    raw.ellipsoidal = True
-    recording = recording_from(raw, inner, trusted=True, time=metadata.time)
+    tables = {name: _load_satellites(opening, name)} if name in own_satellites.TABLES else {}
+    parts = own.satellite_parts(tables, document, path, alone=alone)
+    if tables:
+        recording = Recording(**parts, metadata=metadata)
+    else:
+        kind = str(series[name].get("kind", "rate"))
+        inner = ReadHints.of(kind=kind, series=name)
+        raw = _load(opening, inner)
+        raw.ellipsoidal = True
+        recording = replace(recording_from(raw, inner, trusted=True, time=metadata.time), **parts)
     if hints.name:
         metadata = replace(metadata, name=hints.name)
     recording = replace(recording, metadata=metadata)
@@ -308,6 +322,23 @@ def _read_own(opening: Opening, hints: ReadHints, document: dict[str, Any], *, a
             missing = f"{companion.name}, written with this file, is not beside it and was not read."
             recording = replace(recording, metadata=recording.metadata.noting(missing))
     return recording
+
+
+def _load_satellites(opening: Opening, name: str) -> own.Columns:
+    """Columns of one of our tables of satellite measurements, by the names in its header; NaN is a value here."""
+    path, header = opening.table.path, opening.header
+    names = [] if header is None else [field.partition("[")[0].strip() for field in header[1]]
+    missing = [column for column in own_satellites.TABLES[name] if column not in names]
+    if missing or len(names) != len(opening.fields):
+        what = f"{', '.join(missing)} missing" if missing else f"{len(opening.fields)} fields below them"
+        raise FileFormatError(
+            f"expected the columns of {name} in the header, got {what}; write the file anew",
+            path,
+            None if header is None else header[0],
+        )
+    used = [names.index(column) for column in own_satellites.TABLES[name]]
+    values, _ = lines.load(opening.table, len(names), used)
+    return {column: values[:, k] for k, column in enumerate(own_satellites.TABLES[name])}
 
 
 def _read_companion(path: Path) -> Recording:

@@ -10,17 +10,20 @@ from schuler.sensors.noise._checks import Shape, Start
 from schuler.sensors.noise.autoregressive import AutoRegressive
 from schuler.sensors.noise.budget import noise_model
 from schuler.sensors.noise.coloured import Coloured
+from schuler.sensors.noise.counted import Counted
 from schuler.sensors.noise.drawn_once import Ramp, RandomConstant, Sinusoid
 from schuler.sensors.noise.flicker import Flicker, flicker
 from schuler.sensors.noise.generators import gauss_markov, quantise, quantise_increments, random_walk, white
 from schuler.sensors.noise.markov import GaussMarkov, GaussMarkov2
 from schuler.sensors.noise.process import NoiseModel, Process, terms_of
+from schuler.sensors.noise.shot import ShotNoise
 from schuler.sensors.noise.state_space import SampledStateSpace, StateSpace
 from schuler.sensors.noise.terms import Quantisation, RandomWalk, White
 
 __all__ = [
     "AutoRegressive",
     "Coloured",
+    "Counted",
     "Flicker",
     "GaussMarkov",
     "GaussMarkov2",
@@ -32,6 +35,7 @@ __all__ = [
     "RandomWalk",
     "SampledStateSpace",
     "Shape",
+    "ShotNoise",
     "Sinusoid",
     "Start",
     "StateSpace",

@@ -1,0 +1,127 @@
+"""``schuler compare``."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from schuler.cli.output import Flag, Texts, entries, period, print_json, progress, window
+from schuler.exceptions import InputError
+
+
+def compare(
+    log: Path,
+    /,
+    *,
+    config: Path,
+    modes: str | None = None,
+    outage: Texts = (),
+    outage_every: str | None = None,
+    lengths: str | None = None,
+    smooth: bool | None = None,
+    set_: Annotated[Texts, Parameter(name="--set")] = (),
+    out: Path | None = None,
+    figures: bool = True,
+    json: Flag = False,
+) -> int:
+    """Navigate a log with several architectures, with and without outages: one table.
+
+    Parameters
+    ----------
+    log
+        File or folder; how it is read stands in the [recording] section of the configuration.
+    config
+        TOML file, see docs/navigation.md. The same for all architectures but for gnss.coupling and the aids.
+    modes
+        Architectures, such as ins,reset,loose,tight,loose+nhc,loose+zupt+nhc. Words after +: zupt, zaru, nhc,
+        odometer, heading, barometer, fixes. Default: what the log and the configured aids allow.
+    outage
+        Withhold GNSS from START:STOP, seconds from the start of the recording; may be given several times.
+    outage_every
+        Withhold GNSS every PERIOD seconds for LENGTH: PERIOD:LENGTH, or PERIOD:LENGTH:FIRST.
+    lengths
+        Also statistics of many outages of these lengths in seconds, such as 2,10,30,60, for every architecture that
+        uses GNSS.
+    smooth
+        Also the smoothed solutions; as configured if left out.
+    set_
+        Any entry of the configuration: SECTION.KEY=VALUE in TOML's spelling; may be given several times.
+    out
+        Folder for the tables as CSV and the figures. Default: the log's name with -comparison.
+    figures
+        Draw figures too.
+    json
+        Print one JSON object.
+    """
+    from schuler.analysis.architectures import compare_architectures
+    from schuler.analysis.outage_forks import outage_statistics
+    from schuler.analysis.outage_statistics import OutageStatistics
+    from schuler.cli.convert import read_log
+    from schuler.filtering.config import NavigationConfig
+
+    began = time.perf_counter()
+    changes = entries(set_)
+    if outage_every is not None:
+        changes += [(f"outages.{key}", value) for key, value in period(outage_every).items()]
+    loaded = NavigationConfig.load(config, changes)
+    if outage:
+        windows = (*loaded.outages.windows_s, *(window(text) for text in outage))
+        loaded = loaded.model_copy(update={"outages": loaded.outages.model_copy(update={"windows_s": windows})})
+    wanted = None if modes is None else [text for text in modes.split(",") if text.strip()]
+    numbers = None if lengths is None else _lengths(lengths)
+    recording = read_log(log, config)
+    with progress("comparing") as bar:
+        found = compare_architectures(recording, loaded, modes=wanted, smooth=smooth, progress=bar)
+    statistics: list[OutageStatistics] = []
+    if numbers is not None and found.complete:
+        for mode in dict.fromkeys(row.mode for row in found.rows if not row.failed and row.mode.coupling != "ins"):
+            with progress(f"outages, {mode.name}") as bar:
+                one = outage_statistics(recording, mode.configure(loaded), lengths=numbers, progress=bar)
+            statistics.append(replace(one, name=f"{recording.metadata.name}, {mode.name}"))
+            if not one.complete:
+                break
+    complete = found.complete and all(s.complete for s in statistics)
+    folder = Path(f"{log.resolve().stem}-comparison") if out is None else out
+    files = _write(folder, found, statistics, figures=figures)
+    if json:
+        data: dict[str, Any] = {"command": "compare", **found.to_dict(), "complete": complete}
+        data["outage_statistics"] = [s.to_dict() for s in statistics]
+        print_json({**data, "elapsed_s": time.perf_counter() - began, "files": files})
+    else:
+        print(found.summary())
+        for s in statistics:
+            print("\n" + s.summary())
+        print("\n".join(f"{name}: {path}" for name, path in files.items() if not name.startswith("figure")))
+    return 0 if complete else 1
+
+
+def _lengths(text: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(f"--lengths: expected seconds such as 2,10,30,60, got {text!r}") from None
+
+
+def _write(folder: Path, found: Any, statistics: list[Any], *, figures: bool) -> dict[str, Path]:
+    """Tables as CSV and figures; their paths by name."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = {"table": found.to_csv(folder / "architectures.csv")}
+    drawn = []
+    if figures and any(row.errors is not None for row in found.rows):
+        drawn.append(("architectures", found))
+    for s in statistics:
+        name = s.name.rpartition(", ")[2].replace("+", "_")
+        files[f"outages_{name}"] = s.to_csv(folder / f"outages_{name}.csv")
+        if figures and len(s):
+            drawn.append((f"outages_{name}", s))
+    if drawn:
+        from schuler.report.figures import save
+
+        for name, what in drawn:
+            for path in save(what.plot(), folder / name, ("png", "svg")):
+                files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
+    return files

@@ -1,0 +1,193 @@
+"""What GNSS solutions tell against themselves: positions that do not go where velocities say, clocks that cannot be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schuler import frames
+from schuler.arrays import BoolArray, FloatArray, IntArray
+from schuler.exceptions import InputError
+from schuler.filtering.measurements import FORCED, KINDS, POSITION, REJECTED, VELOCITY
+from schuler.recording.series import GnssSeries, ImuSeries
+from schuler.timebase import WEEK_S
+
+_MOVING = 1.0  # speed from which a direction means something [m/s]
+_PAIRS = 20  # fewer do not convict
+
+
+def no_overlap(imu: ImuSeries, gnss: GnssSeries) -> None:
+    """Raise if no fix lies within the IMU log, and say how far the clocks are apart.
+
+    Raises
+    ------
+    InputError
+        Naming a whole number of GPS weeks if that explains it.
+    """
+    if np.any((gnss.t >= imu.t[0]) & (gnss.t <= imu.t[-1])):
+        return
+    weeks = round(float(gnss.t[0] - imu.t[0]) / WEEK_S)
+    moved = gnss.t - weeks * WEEK_S
+    text = (
+        f"no GNSS fix lies within the IMU log (fixes {gnss.t[0]:.3f}..{gnss.t[-1]:.3f} s, IMU {imu.t[0]:.3f}.."
+        f"{imu.t[-1]:.3f} s): check the clocks (recording hints time and offset)"
+    )
+    if weeks and np.any((moved >= imu.t[0]) & (moved <= imu.t[-1])):
+        text += f"; {weeks:+d} GPS week{'s' if abs(weeks) > 1 else ''} would explain it: a week number is wrong"
+    raise InputError(text)
+
+
+def frozen(gnss: GnssSeries) -> BoolArray:
+    """Fixes whose position equals the one before to the last digit although they claim to move. Shape (n,).
+
+    A receiver that lost its satellites, or a driver that repeats the last message with new stamps. Half a metre a step
+    is asked for, more than any receiver's rounding; without velocities nothing is found.
+    """
+    same = np.zeros(len(gnss), dtype=bool)
+    if gnss.v_n is None or len(gnss) < 2:
+        return same
+    repeated = np.all(gnss.llh[1:] == gnss.llh[:-1], axis=1)
+    speed = np.linalg.norm(gnss.v_n[:, :2], axis=1)
+    same[1:] = repeated & (np.minimum(speed[1:], speed[:-1]) * np.diff(gnss.t) > 0.5)
+    return same
+
+
+def contradictions(gnss: GnssSeries, *, delay: float = 0.0, used: bool = True) -> list[str]:
+    """Sentences on velocities that do not fit the positions.
+
+    Parameters
+    ----------
+    gnss : GnssSeries
+    delay : float
+        By how much velocities are known to be late. [s]
+    used : bool
+        Whether velocities are measurements, so that their lateness matters.
+
+    Returns
+    -------
+    list of str
+        Velocities that seem late, positions that jump.
+
+    Raises
+    ------
+    InputError
+        If the velocities do not go where the positions go, but do with a sign turned or two columns exchanged.
+
+    Notes
+    -----
+    Displacements between fixes are compared with the integrals of velocity (trapezoid). Directions are judged over
+    stretches long enough to move ten sigmas. A lateness tau leaves ``tau * a`` between the mean velocity of an interval
+    and its displacement, with ``a`` the acceleration: a regression, given where it is six standard errors large.
+    """
+    if gnss.v_n is None or gnss.cov_v_n is None or len(gnss) < _PAIRS:
+        return []
+    dt = np.diff(gnss.t)
+    whole = dt <= max(2.0, 2.5 * float(np.median(dt)))
+    r_n = np.einsum(
+        "nji,nj->ni", frames.C_en(gnss.llh[:-1]), np.diff(frames.ecef_from_llh(gnss.llh), axis=0)
+    )  # displacement in each step, north-east-down
+    by_v = 0.5 * (gnss.v_n[1:] + gnss.v_n[:-1]) * dt[:, None]
+    sigma_r = np.sqrt(np.einsum("nii->n", gnss.cov_r_n[:, :2, :2]))
+    sigma_v = np.sqrt(np.einsum("nii->n", gnss.cov_v_n[:, :2, :2]))
+    _directions(r_n, by_v, dt, whole, float(np.median(sigma_r)))
+    said = []
+    if used:
+        said += _lateness(r_n, by_v, np.diff(gnss.v_n, axis=0), dt, whole, delay)
+    late = 0.5 * np.abs(delay) * np.linalg.norm(np.diff(gnss.v_n, axis=0)[:, :2], axis=1)
+    gap = np.linalg.norm((r_n - by_v)[:, :2], axis=1)
+    allowed = 6.0 * np.hypot(np.hypot(sigma_r[1:], sigma_r[:-1]), dt * np.hypot(sigma_v[1:], sigma_v[:-1]))
+    # a turn between fixes: the trapezoid misses a' dt^3 / 12, a fifth of the change of velocity is far above it
+    allowed += 0.5 + 0.2 * dt * np.linalg.norm(np.diff(gnss.v_n, axis=0)[:, :2], axis=1) + late
+    jump = np.flatnonzero(whole & (gap > allowed))
+    if len(jump):
+        worst = int(jump[np.argmax(gap[jump])])
+        said.append(
+            f"GNSS positions jump against their own velocities at {len(jump)} of {len(dt)} steps, the most by "
+            f"{gap[worst]:.1f} m at {gnss.t[worst + 1]:.3f} s: wrong fixes, stamps that step, or accuracies too good "
+            "to be true (gnss.position_sigma_floor_m)"
+        )
+    return said
+
+
+def _directions(r_n: FloatArray, by_v: FloatArray, dt: FloatArray, whole: BoolArray, sigma: float) -> None:
+    """Raise if displacements go along the velocities with a sign turned or columns exchanged, not along them."""
+    speed = np.linalg.norm(by_v[:, :2], axis=1) / dt
+    moving = whole & (speed > _MOVING)
+    if moving.sum() < _PAIRS:
+        return
+    typical = float(np.median(speed[moving] * dt[moving]))
+    length = 1
+    while length * typical < 10.0 * sigma and length < len(dt) // _PAIRS:
+        length *= 2
+    edge = np.arange(0, len(dt) - length + 1, length)
+    good = np.add.reduceat(moving.astype(int), edge)[: len(edge)] >= length
+    d, v = (np.add.reduceat(x[:, :2], edge)[: len(edge)][good] for x in (r_n, by_v))
+    if length * typical < 5.0 * sigma or len(d) < _PAIRS:
+        return
+
+    def along(candidate: FloatArray) -> float:
+        return float(np.sum(d * candidate) / np.sqrt(np.sum(d**2) * np.sum(candidate**2) + 1e-300))
+
+    given = along(v)
+    others = {
+        "the velocity has the wrong sign": -v,
+        "latitude and longitude, or north and east velocity, are exchanged": v[:, ::-1],
+        "the east velocity has the wrong sign": v * (1.0, -1.0),
+        "the north velocity has the wrong sign": v * (-1.0, 1.0),
+        "latitude and longitude are exchanged and signs are wrong": -v[:, ::-1],
+    }
+    best = max(others, key=lambda name: along(others[name]))
+    if given < 0.7 and along(others[best]) > 0.9:
+        raise InputError(
+            f"GNSS positions do not go where GNSS velocities say (correlation {given:+.2f}); they would if {best} "
+            f"({along(others[best]):+.2f}): correct the columns of the GNSS file, or leave its velocities out"
+        )
+
+
+def _lateness(
+    r_n: FloatArray, by_v: FloatArray, change: FloatArray, dt: FloatArray, whole: BoolArray, delay: float
+) -> list[str]:
+    """A sentence if velocities are later or earlier than the configuration says."""
+    e = ((r_n - by_v) / dt[:, None])[whole, :2]
+    a = (change / dt[:, None])[whole, :2]
+    size = np.linalg.norm(e, axis=1)
+    keep = size <= 5.0 * np.median(size) + 1e-9  # jumps say nothing about clocks
+    e, a = e[keep], a[keep]
+    power = float(np.sum(a * a))
+    if len(e) < 2 * _PAIRS or power <= 0.0:
+        return []
+    tau = float(np.sum(e * a)) / power
+    error = float(np.sqrt(np.sum((e - tau * a) ** 2) / (2 * len(e)) / power))
+    if abs(tau - delay) < max(6.0 * error, 0.01):
+        return []
+    return [
+        f"GNSS velocities seem to be {tau:.3f} s late against their positions (+-{error:.3f} s), and "
+        f"gnss.velocity_delay_s is {delay:g}"
+    ]
+
+
+def rejections(kind: IntArray, status: IntArray, t: FloatArray, R: FloatArray) -> list[str]:
+    """Sentences on fixes that were turned away or let in against the gate, after a run.
+
+    Parameters
+    ----------
+    kind, status : ndarray of int, shape (m,)
+    t : ndarray, shape (m,)
+        [s]
+    R : ndarray, shape (m, 3, 3)
+    """
+    said = []
+    for code in (POSITION, VELOCITY):
+        mine = kind == code
+        out, forced = mine & (status == REJECTED), mine & (status == FORCED)
+        if not mine.any() or (out.sum() < 0.05 * mine.sum() and not forced.any()):
+            continue
+        sigma = float(np.sqrt(np.median(np.einsum("nii->ni", R[out | forced]))))
+        first = t[out | forced][0]
+        unit = "m" if code == POSITION else "m/s"
+        said.append(
+            f"{int(out.sum())} of {int(mine.sum())} GNSS {KINDS[code]} fixes were rejected, the first at {first:.3f} s"
+            + (f", and {int(forced.sum())} taken after lock-out (filter.lockout)" if forced.any() else "")
+            + f"; they claim {sigma:.3g} {unit}: they are wrong, or that is too good (gnss.sigma_scale, floors), or "
+            "the IMU is worse than configured, or the clocks differ (gnss.delay_sigma_s)"
+        )
+    return said

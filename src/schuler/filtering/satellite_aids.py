@@ -1,0 +1,143 @@
+"""Tightly coupled measurements: every satellite for itself. And the uncoupled architecture: resets."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schuler import frames
+from schuler.arrays import ArrayLike, FloatArray, as_vector3
+from schuler.exceptions import InputError
+from schuler.filtering.measurements import (
+    PSEUDORANGE,
+    RANGE_RATE,
+    RESET_POSITION,
+    RESET_VELOCITY,
+    MeasurementSchedule,
+    gate_threshold,
+    merged,
+)
+from schuler.filtering.states import StateModel
+from schuler.gnss.ranges import Ranges
+from schuler.recording.series import GnssSeries
+
+_MOST_CLOCKS = 4
+
+
+def range_measurements(
+    ranges: Ranges,
+    lever_arm_b: ArrayLike,
+    *,
+    use_rates: bool = True,
+    sigma_scale: float = 1.0,
+    gate: float | None = 0.9999,
+) -> MeasurementSchedule:
+    """Pseudorange and range rate of every satellite to be used.
+
+    Parameters
+    ----------
+    ranges : Ranges
+        Corrected; rows with a reason against them are left out.
+    lever_arm_b : array_like, shape (3,)
+        From the IMU to the antenna. [m]
+    use_rates : bool
+        Also range rates.
+    sigma_scale : float
+        Factor on all 1-sigma values.
+    gate : float, optional
+        Probability with which a correct measurement passes: innovation fault detection satellite by satellite.
+
+    Raises
+    ------
+    InputError
+        For more clocks than the filter has states for, or standard deviations that are not positive.
+
+    References
+    ----------
+    Yaman (2017), eqs. (4-19)-(4-35); Groves (2013), section 14.3.2. Added: Sagnac, the change of the line of sight in
+    the range rate, lever arm, the clock estimate in the prediction, one clock for each system.
+    """
+    if len(ranges.groups) > _MOST_CLOCKS:
+        raise InputError(f"expected at most {_MOST_CLOCKS} receiver clocks, got {', '.join(ranges.groups)}")
+    lever = as_vector3(lever_arm_b, "lever_arm_b")
+    threshold = gate_threshold(gate, 1)
+    parts = []
+    r = ranges.where(ranges.used & np.isfinite(ranges.pseudorange) & np.isfinite(ranges.r_sat_e).all(axis=1))
+    _check_sigmas(r.sigma_range, "ranges")
+    if len(r):
+        z = np.column_stack((r.r_sat_e, r.pseudorange, r.group))
+        parts.append(MeasurementSchedule.of(PSEUDORANGE, r.t, z, (sigma_scale * r.sigma_range) ** 2, lever, threshold))
+    placed = np.isfinite(ranges.r_sat_e).all(axis=1) & np.isfinite(ranges.v_sat_e).all(axis=1)
+    r = ranges.where(ranges.used & np.isfinite(ranges.range_rate) & placed)
+    if use_rates and len(r):
+        _check_sigmas(r.sigma_rate, "range rates")
+        z = np.column_stack((r.r_sat_e, r.v_sat_e, r.range_rate))
+        parts.append(MeasurementSchedule.of(RANGE_RATE, r.t, z, (sigma_scale * r.sigma_rate) ** 2, lever, threshold))
+    return merged(*parts)
+
+
+def _check_sigmas(sigma: FloatArray, what: str) -> None:
+    bad = ~(np.isfinite(sigma) & (sigma > 0.0))
+    if bad.any():
+        raise InputError(
+            f"expected positive standard deviations of {what}, {int(bad.sum())} of {len(sigma)} are not: "
+            "filtering.satellites.with_sigmas fills them in"
+        )
+
+
+def clock_models(
+    ranges: Ranges,
+    *,
+    offset_sigma: float,
+    drift_sigma: float,
+    offset_noise: float,
+    drift_noise: float,
+    between_sigma: float,
+    between_noise: float = 0.0,
+) -> dict[str, StateModel]:
+    """State blocks of the receiver clock, and of the other systems' clocks against the first one's.
+
+    Parameters
+    ----------
+    ranges : Ranges
+    offset_sigma, drift_sigma : float
+        Initial 1-sigma of the first clock. [m], [m/s]
+    offset_noise, drift_noise : float
+        Root densities of white frequency noise and of the random walk of frequency. [m/sqrt(s)], [m/s/sqrt(s)]
+    between_sigma, between_noise : float
+        Initial 1-sigma of the other clocks against it [m], and their wander [m/sqrt(s)].
+    """
+    models = {
+        "clock": StateModel.random_walk(offset_sigma, offset_noise),
+        "clock_drift": StateModel.random_walk(drift_sigma, drift_noise),
+    }
+    for i in range(1, len(ranges.groups)):
+        models[f"clock_{i + 1}"] = StateModel.random_walk(between_sigma, between_noise)
+    return models
+
+
+def resets(gnss: GnssSeries, lever_arm_b: ArrayLike, *, every_s: float = 0.0) -> MeasurementSchedule:
+    """Uncoupled integration: position and velocity are put where GNSS is; attitude and biases stay as they are.
+
+    Parameters
+    ----------
+    gnss : GnssSeries
+    lever_arm_b : array_like, shape (3,)
+        From the IMU to the antenna. [m]
+    every_s : float
+        Least time between two resets; 0 takes every fix. [s]
+
+    References
+    ----------
+    Stefanisko (2015), section 3.1.1.
+    """
+    lever = as_vector3(lever_arm_b, "lever_arm_b")
+    keep, last = [], -np.inf
+    for k, t in enumerate(gnss.t):
+        if t - last >= every_s - 1e-6:
+            keep.append(k)
+            last = float(t)
+    g = gnss.where(np.array(keep, dtype=np.int64))
+    positions = MeasurementSchedule.of(RESET_POSITION, g.t, frames.ecef_from_llh(g.llh), g.cov_r_n, lever)
+    if g.v_n is None or g.cov_v_n is None:
+        return positions
+    return merged(positions, MeasurementSchedule.of(RESET_VELOCITY, g.t, g.v_n, g.cov_v_n, lever))

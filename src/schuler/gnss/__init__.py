@@ -1,0 +1,1 @@
+"""Satellites: raw measurements, broadcast orbits, atmosphere, single-point positions, and what tight coupling needs."""

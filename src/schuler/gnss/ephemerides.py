@@ -1,0 +1,191 @@
+"""Broadcast ephemerides as arrays: Keplerian elements (GPS, Galileo, BeiDou, QZSS) and GLONASS states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import TypeVar
+
+import numpy as np
+
+from schuler.arrays import FloatArray, IntArray
+from schuler.exceptions import InputError
+
+
+@dataclass(frozen=True)
+class KeplerRecords:
+    """Broadcast orbits and clocks, one row a message. Angles [rad], times [s], distances [m], as in the ICDs.
+
+    Attributes
+    ----------
+    sat : ndarray of int, shape (n,)
+    toe, toc : ndarray, shape (n,)
+        Reference times of orbit and clock, **GPS time** since 1980-01-06, also for BeiDou (14 s added by the reader).
+    sent : ndarray, shape (n,)
+        Time of transmission of the message, GPS time; NaN if the file does not say.
+    af0, af1, af2 : ndarray, shape (n,)
+        Clock polynomial. [s], [1], [1/s]
+    sqrt_a, e, i0, omega0, omega, m0, delta_n, idot, omega_dot : ndarray, shape (n,)
+        Square root of the semi-major axis [sqrt(m)], eccentricity, inclination, longitude of the ascending node at the
+        week's start, argument of perigee, mean anomaly, mean motion difference [rad/s], rates of inclination and of
+        right ascension [rad/s].
+    cuc, cus, crc, crs, cic, cis : ndarray, shape (n,)
+        Harmonic corrections of latitude argument [rad], radius [m] and inclination [rad].
+    group_delay : ndarray, shape (n, 2)
+        GPS, QZSS: TGD and NaN; Galileo: BGD E5a/E1 and BGD E5b/E1; BeiDou: TGD1 (B1/B3) and TGD2 (B2/B3). [s]
+    health : ndarray of int, shape (n,)
+        0 is usable; anything else as broadcast.
+    accuracy : ndarray, shape (n,)
+        Signal-in-space accuracy (URA, SISA) as 1-sigma. [m]
+    issue : ndarray of int, shape (n,)
+        IODE, IODnav, AODE.
+    source : ndarray of int, shape (n,)
+        Galileo's data source word (bit 0: I/NAV E1-B, bit 1: F/NAV E5a, bit 2: I/NAV E5b; bit 8: clock for E5a/E1,
+        bit 9: clock for E5b/E1), 0 for the others.
+    """
+
+    sat: IntArray
+    toe: FloatArray
+    toc: FloatArray
+    sent: FloatArray
+    af0: FloatArray
+    af1: FloatArray
+    af2: FloatArray
+    sqrt_a: FloatArray
+    e: FloatArray
+    i0: FloatArray
+    omega0: FloatArray
+    omega: FloatArray
+    m0: FloatArray
+    delta_n: FloatArray
+    idot: FloatArray
+    omega_dot: FloatArray
+    cuc: FloatArray
+    cus: FloatArray
+    crc: FloatArray
+    crs: FloatArray
+    cic: FloatArray
+    cis: FloatArray
+    group_delay: FloatArray
+    health: IntArray
+    accuracy: FloatArray
+    issue: IntArray
+    source: IntArray
+
+    def __post_init__(self) -> None:
+        _checked(self)
+
+    def __len__(self) -> int:
+        return len(self.sat)
+
+
+@dataclass(frozen=True)
+class GlonassRecords:
+    """GLONASS states, one row a message; positions in PZ-90, which is WGS-84 to some centimetres.
+
+    Attributes
+    ----------
+    sat : ndarray of int, shape (n,)
+    toe, sent : ndarray, shape (n,)
+        Reference time and time of transmission, GPS time since 1980-01-06 (leap seconds added by the reader). [s]
+    r_e, v_e, a_e : ndarray, shape (n, 3)
+        Position [m], velocity [m/s], lunisolar acceleration [m/s^2], Earth-fixed.
+    clock : ndarray, shape (n,)
+        ``-tau_n``: satellite clock ahead of GLONASS time, as RINEX has it. [s]
+    rate : ndarray, shape (n,)
+        ``+gamma_n``, relative frequency offset.
+    channel : ndarray of int, shape (n,)
+        Frequency channel.
+    health : ndarray of int, shape (n,)
+        0 is usable.
+    """
+
+    sat: IntArray
+    toe: FloatArray
+    sent: FloatArray
+    r_e: FloatArray
+    v_e: FloatArray
+    a_e: FloatArray
+    clock: FloatArray
+    rate: FloatArray
+    channel: IntArray
+    health: IntArray
+
+    def __post_init__(self) -> None:
+        _checked(self)
+
+    def __len__(self) -> int:
+        return len(self.sat)
+
+
+@dataclass(frozen=True)
+class Ephemerides:
+    """Everything a navigation file or the navigation messages of a log broadcast.
+
+    Attributes
+    ----------
+    kepler : KeplerRecords
+    glonass : GlonassRecords
+    klobuchar_alpha, klobuchar_beta : tuple of float, optional
+        GPS ionosphere coefficients. [s, s/semicircle, ...]
+    galileo_ai : tuple of float, optional
+        NeQuick-G effective ionisation coefficients.
+    leap_seconds : int, optional
+        GPS - UTC as broadcast. [s]
+    notes : tuple of str
+        Repairs and assumptions of the reader.
+    """
+
+    kepler: KeplerRecords
+    glonass: GlonassRecords
+    klobuchar_alpha: tuple[float, float, float, float] | None = None
+    klobuchar_beta: tuple[float, float, float, float] | None = None
+    galileo_ai: tuple[float, float, float] | None = None
+    leap_seconds: int | None = None
+    notes: tuple[str, ...] = field(default=())
+
+    def merged_with(self, other: Ephemerides) -> Ephemerides:
+        """Records of both; constants of this one, and of the other where this has none."""
+        return Ephemerides(
+            _joined(self.kepler, other.kepler),
+            _joined(self.glonass, other.glonass),
+            self.klobuchar_alpha or other.klobuchar_alpha,
+            self.klobuchar_beta or other.klobuchar_beta,
+            self.galileo_ai or other.galileo_ai,
+            self.leap_seconds if self.leap_seconds is not None else other.leap_seconds,
+            self.notes + other.notes,
+        )
+
+
+T = TypeVar("T", KeplerRecords, GlonassRecords)
+
+_INTEGERS = ("sat", "health", "issue", "source", "channel")
+_COLUMNS = {"group_delay": 2, "r_e": 3, "v_e": 3, "a_e": 3}
+
+
+def no_kepler() -> KeplerRecords:
+    """No record at all."""
+    return KeplerRecords(**_empty(KeplerRecords))
+
+
+def no_glonass() -> GlonassRecords:
+    """No record at all."""
+    return GlonassRecords(**_empty(GlonassRecords))
+
+
+def _empty(kind: type) -> dict[str, np.ndarray]:
+    return {f.name: np.zeros((0, _COLUMNS[f.name]) if f.name in _COLUMNS else 0) for f in fields(kind)}
+
+
+def _checked(records: KeplerRecords | GlonassRecords) -> None:
+    n = len(records.sat)
+    for f in fields(records):
+        kind = np.int64 if f.name in _INTEGERS else np.float64
+        value = np.asarray(getattr(records, f.name)).astype(kind)
+        shape = (n, _COLUMNS[f.name]) if f.name in _COLUMNS else (n,)
+        if value.shape != shape:
+            raise InputError(f"{type(records).__name__}.{f.name}: expected shape {shape}, got {value.shape}")
+        object.__setattr__(records, f.name, value)
+
+
+def _joined(a: T, b: T) -> T:
+    return type(a)(**{f.name: np.concatenate((getattr(a, f.name), getattr(b, f.name))) for f in fields(a)})

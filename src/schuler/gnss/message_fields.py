@@ -1,0 +1,110 @@
+"""Bit fields of navigation messages: cutting them out, checking them, and gathering them into records.
+
+A message is a Python integer, its first transmitted bit the most significant one. A layout is a tuple of
+``(name, bits, signed, scale)`` in the order of transmission, to be laid beside the table of an interface document.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from schuler.gnss.ephemerides import KeplerRecords, no_kepler
+from schuler.timebase import WEEK_S
+
+Field = tuple[str, int, bool, float]
+
+#: Semicircles to radians with the value of pi all interface documents prescribe (IS-GPS-200 table 20-IV). [rad]
+SEMICIRCLE = 3.1415926535898
+_CRC24Q = 0x1864CFB
+
+
+def bits_of(words: Iterable[int], width: int, kept: int | None = None) -> int:
+    """Words put one behind the other, of each the first ``kept`` of its lowest ``width`` bits."""
+    kept = width if kept is None else kept
+    message = 0
+    for word in words:
+        message = message << kept | (int(word) & ((1 << width) - 1)) >> (width - kept)
+    return message
+
+
+def unpack(message: int, length: int, layout: Sequence[Field], start: int = 0) -> dict[str, float]:
+    """Values of consecutive fields.
+
+    Parameters
+    ----------
+    message : int
+        Of ``length`` bits.
+    length : int
+    layout : sequence of (str, int, bool, float)
+        Name (empty for bits to skip), number of bits, whether two's complement, factor. Integers come back exact: every
+        field has fewer than 53 bits.
+    start : int
+        Bits before the first field.
+
+    Returns
+    -------
+    dict of str to float
+    """
+    values: dict[str, float] = {}
+    left = length - start
+    for name, bits, signed, scale in layout:
+        left -= bits
+        if name:
+            number = message >> left & ((1 << bits) - 1)
+            if signed and number >> (bits - 1):
+                number -= 1 << bits
+            values[name] = number * scale
+    return values
+
+
+def pack(values: Mapping[str, float], layout: Sequence[Field]) -> tuple[int, int]:
+    """The opposite of :func:`unpack`: message and its length, absent fields zero. For simulated messages."""
+    message = length = 0
+    for name, bits, _, scale in layout:
+        number = round(values.get(name, 0.0) / scale) & ((1 << bits) - 1)
+        message, length = message << bits | number, length + bits
+    return message, length
+
+
+def crc24q(message: int, length: int) -> int:
+    """24-bit cyclic redundancy check of Galileo, SBAS and RTCM (Galileo OS SIS ICD 2.1, 5.1.9.4)."""
+    remainder = message << 24
+    for bit in range(length + 23, 23, -1):
+        if remainder >> bit & 1:
+            remainder ^= _CRC24Q << (bit - 24)
+    return remainder
+
+
+def nearest(tow_s: float, near_s: float) -> float:
+    """Time whose time of week is ``tow_s``, in the week that brings it nearest to ``near_s``. [s]"""
+    return tow_s + WEEK_S * round((near_s - tow_s) / WEEK_S)
+
+
+def weeks_off(week: float, bits: int, time_s: float) -> int:
+    """How many weeks a truncated week number is away from the week of a time: 0 where they agree."""
+    size = 1 << bits
+    half = size // 2
+    return (int(week) - int(time_s // WEEK_S) + half) % size - half
+
+
+def accuracy_of_index(index: float) -> float:
+    """1-sigma of a GPS or BeiDou user range accuracy index, infinite for "no prediction". [m]
+
+    IS-GPS-200 20.3.3.3.1.3 and BDS-SIS-ICD B1I 5.2.4.4: ``2^(1 + N/2)`` rounded to a decimal up to N = 6,
+    ``2^(N - 2)`` above.
+    """
+    n = int(index)
+    if n >= 15:
+        return float("inf")
+    return round(2.0 ** (1.0 + n / 2.0), 1) if n <= 6 else 2.0 ** (n - 2)
+
+
+def kepler_records(rows: Sequence[Mapping[str, Any]]) -> KeplerRecords:
+    """Records of rows that hold every field by its name."""
+    if not rows:
+        return no_kepler()
+    return KeplerRecords(**{f.name: np.array([row[f.name] for row in rows]) for f in fields(KeplerRecords)})

@@ -1,0 +1,104 @@
+"""Raw measurements of a satellite receiver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from schuler.arrays import ArrayLike, FloatArray, IntArray
+from schuler.exceptions import InputError
+from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS
+
+
+@dataclass(frozen=True)
+class Observations:
+    """What a receiver measured: one row for each signal of each satellite at each epoch, in order of time.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Time of reception by the receiver's clock, on the axis of the recording; rows of one epoch have equal times. [s]
+    sat : ndarray of int, shape (n,)
+        Satellites, see :func:`schuler.gnss.signals.satellite`.
+    signal : ndarray of int, shape (n,)
+        Places in ``signals``.
+    signals : tuple of str
+        RINEX 3 band and attribute, such as ``1C``.
+    pseudorange : ndarray, shape (n,)
+        NaN where there is none. [m]
+    range_rate : ndarray, shape (n,)
+        Rate of the pseudorange: minus Doppler shift times wavelength. NaN where there is none. [m/s]
+    carrier : ndarray, shape (n,)
+        Carrier phase. NaN where there is none. [cycles]
+    cn0 : ndarray, shape (n,)
+        Carrier to noise density. NaN where there is none. [dB-Hz]
+    epoch_gps_s : float
+        GPS time of zero seconds, in seconds since 1980-01-06. [s]
+    glonass_channels : dict of int to int
+        FDMA channel by satellite, as far as the file has them.
+    position_e : tuple of float, optional
+        Approximate Earth-fixed position in the file's header. [m]
+    notes : tuple of str
+        Repairs and assumptions of the reader.
+    """
+
+    t: FloatArray
+    sat: IntArray
+    signal: IntArray
+    signals: tuple[str, ...]
+    pseudorange: FloatArray
+    range_rate: FloatArray
+    carrier: FloatArray
+    cn0: FloatArray
+    epoch_gps_s: float = 0.0
+    glonass_channels: dict[int, int] = field(default_factory=dict)
+    position_e: tuple[float, float, float] | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.t)
+        for name in ("t", "pseudorange", "range_rate", "carrier", "cn0"):
+            value = np.asarray(getattr(self, name), dtype=np.float64)  # NaN means: not measured
+            if value.shape != (n,):
+                raise InputError(f"Observations.{name}: expected shape ({n},), got {value.shape}")
+            object.__setattr__(self, name, value)
+        if not np.isfinite(self.t).all():
+            raise InputError("Observations.t: expected finite times")
+        for name in ("sat", "signal"):
+            value = np.asarray(getattr(self, name), dtype=np.int64)
+            if value.shape != (n,):
+                raise InputError(f"Observations.{name}: expected shape ({n},), got {value.shape}")
+            object.__setattr__(self, name, value)
+        if n and (self.signal.min() < 0 or self.signal.max() >= len(self.signals)):
+            raise InputError("Observations.signal: expected places in signals")
+        if np.any(np.diff(self.t) < 0.0):
+            raise InputError("Observations.t: expected rows in order of time")
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def epochs(self) -> FloatArray:
+        """Times of the epochs. Shape (k,). [s]"""
+        return np.unique(self.t)
+
+    def where(self, keep: ArrayLike) -> Observations:
+        """The rows selected by a boolean or index array."""
+        k = np.asarray(keep)
+        k = k.astype(np.int64) if k.size == 0 else k
+        return Observations(
+            self.t[k], self.sat[k], self.signal[k], self.signals, self.pseudorange[k], self.range_rate[k],
+            self.carrier[k], self.cn0[k], self.epoch_gps_s, self.glonass_channels, self.position_e, self.notes,
+        )  # fmt: skip
+
+    def summary(self) -> str:
+        """One sentence: epochs, satellites by system, signals."""
+        epochs = self.epochs
+        counts = [
+            f"{len(np.unique(self.sat[self.sat // 100 == i]))} {SYSTEM_NAMES[letter]}"
+            for i, letter in enumerate(SYSTEMS)
+            if np.any(self.sat // 100 == i)
+        ]
+        span = f"{epochs[0]:.1f} to {epochs[-1]:.1f} s" if len(epochs) else "no time"
+        return f"{len(epochs)} epochs, {span}; satellites: {', '.join(counts)}; signals: {', '.join(self.signals)}"

@@ -1,0 +1,211 @@
+"""Single-point solutions: positions, velocities and receiver clocks epoch by epoch, with what was left out and why."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from schuler import frames
+from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
+from schuler.exceptions import InputError
+from schuler.gnss.dilution import Dilution
+from schuler.gnss.ranges import Ranges
+from schuler.gnss.signals import satellite_name
+
+#: What became of an epoch (of its positions, or of its velocities); 0 and 1 are usable.
+STATUS = MappingProxyType(
+    {
+        0: "solved",
+        1: "solved without a check (no redundancy)",
+        2: "too few satellites",
+        3: "degenerate geometry",
+        4: "no convergence",
+        5: "fault detected, but not to be isolated",
+        6: "fault detected, several exclusions explain it",
+        7: "not asked for",
+    }
+)
+_EXCLUDED = 6  # schuler.gnss.ranges.REASONS
+
+
+@dataclass(frozen=True)
+class PointSolution:
+    """One row for each epoch. Where there is no solution the numbers are NaN and ``status`` says why: ask ``ok``.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        [s]
+    status, velocity_status : ndarray of int, shape (k,)
+        Keys of :data:`STATUS`.
+    r_e : ndarray, shape (k, 3)
+        Antenna, Earth-fixed. Also there if a fault was detected and not removed (status 5, 6), for inspection. [m]
+    cov_r_e : ndarray, shape (k, 3, 3)
+        Formal covariance, from the standard deviations of the ranges. [m^2]
+    groups : tuple of str
+        Names of the receiver clocks.
+    clock, sigma_clock : ndarray, shape (k, g)
+        Receiver clock ahead of each group's time, times the speed of light; NaN where no satellite shows it. [m]
+    v_e : ndarray, shape (k, 3)
+        [m/s]
+    cov_v_e : ndarray, shape (k, 3, 3)
+        [m^2/s^2]
+    drift, sigma_drift : ndarray, shape (k,)
+        Rate of the receiver clock, the same for all groups. [m/s]
+    n_used, n_rates : ndarray of int, shape (k,)
+        Ranges and range rates in the solution.
+    dilution : Dilution
+    redundancy : ndarray of int, shape (k,)
+        Ranges less unknowns.
+    statistic, threshold : ndarray, shape (k,)
+        Weighted sum of squared residuals of the final solution, and its limit.
+    velocity_statistic : ndarray, shape (k,)
+        The same of the range rates.
+    rms : ndarray, shape (k,)
+        Root mean square of the range residuals. [m]
+    hpl, vpl : ndarray, shape (k,)
+        Protection levels, infinite where a fault could not be seen. [m]
+    epoch : ndarray of int, shape (n,)
+        Which epoch each row of the ranges belongs to.
+    sat : ndarray of int, shape (n,)
+        Satellite of each row of the ranges.
+    excluded, rate_excluded : ndarray of bool, shape (n,)
+        Rows left out by fault detection (as ranges, as range rates).
+    residual, rate_residual : ndarray, shape (n,)
+        Measured minus predicted by the solution, of excluded rows too; NaN where there is no measurement or no
+        solution. [m], [m/s]
+    notes : tuple of str
+    """
+
+    t: FloatArray
+    status: IntArray
+    velocity_status: IntArray
+    r_e: FloatArray
+    cov_r_e: FloatArray
+    groups: tuple[str, ...]
+    clock: FloatArray
+    sigma_clock: FloatArray
+    v_e: FloatArray
+    cov_v_e: FloatArray
+    drift: FloatArray
+    sigma_drift: FloatArray
+    n_used: IntArray
+    n_rates: IntArray
+    dilution: Dilution
+    redundancy: IntArray
+    statistic: FloatArray
+    threshold: FloatArray
+    velocity_statistic: FloatArray
+    rms: FloatArray
+    hpl: FloatArray
+    vpl: FloatArray
+    epoch: IntArray
+    sat: IntArray
+    excluded: BoolArray
+    rate_excluded: BoolArray
+    residual: FloatArray
+    rate_residual: FloatArray
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def ok(self) -> BoolArray:
+        """Epochs with a position to be used. Shape (k,)."""
+        return np.asarray(self.status <= 1)
+
+    @property
+    def velocity_ok(self) -> BoolArray:
+        """Epochs with a position and a velocity to be used. Shape (k,)."""
+        return np.asarray(self.ok & (self.velocity_status <= 1))
+
+    @property
+    def llh(self) -> FloatArray:
+        """Latitude, longitude [rad], ellipsoidal height [m]; NaN where there is no solution. Shape (k, 3)."""
+        found = np.isfinite(self.r_e).all(axis=1)
+        llh = np.full_like(self.r_e, np.nan)
+        llh[found] = frames.llh_from_ecef(self.r_e[found])
+        return llh
+
+    def excluded_at(self, k: int) -> tuple[str, ...]:
+        """Names of the satellites whose ranges fault detection left out of epoch k."""
+        rows = np.flatnonzero(self.excluded & (self.epoch == k))
+        return tuple(satellite_name(int(s)) for s in self.sat[rows])
+
+    def why(self, k: int) -> str:
+        """In words, what became of epoch k."""
+        return STATUS[int(self.status[k])]
+
+    def screened(self, ranges: Ranges) -> Ranges:
+        """The ranges with what fault detection left out marked, for tight coupling.
+
+        Parameters
+        ----------
+        ranges : Ranges
+            Those that were solved.
+
+        Returns
+        -------
+        Ranges
+            Reason 6 for excluded ranges and for all ranges of epochs with a fault that could not be isolated; the
+            range rate is NaN (none) where only it was excluded, or could not be made to agree.
+
+        Raises
+        ------
+        InputError
+            If these are not the ranges that were solved.
+        """
+        if len(ranges) != len(self.sat) or not np.array_equal(ranges.sat, self.sat):
+            raise InputError(f"expected the ranges that were solved ({len(self.sat)} rows), got other {len(ranges)}")
+        lost = (self.status == 5) | (self.status == 6)
+        lost_rate = (self.velocity_status == 5) | (self.velocity_status == 6)
+        out = self.excluded | lost[self.epoch]
+        rate = np.where(self.rate_excluded | lost_rate[self.epoch], np.nan, ranges.range_rate)
+        reason = np.where(out & (ranges.reason == 0), _EXCLUDED, ranges.reason)
+        n_out, n_rate = (
+            int(np.sum(reason != ranges.reason)),
+            int(np.sum(np.isfinite(ranges.range_rate) & ~np.isfinite(rate))),
+        )
+        note = f"fault detection left out {n_out} ranges and {n_rate} range rates"
+        return replace(ranges, range_rate=rate, reason=reason, notes=(*ranges.notes, note))
+
+    def where(self, keep: ArrayLike) -> PointSolution:
+        """The epochs selected by a boolean or index array, in order."""
+        index = np.arange(len(self))[np.asarray(keep)]
+        place = np.full(len(self), -1)
+        place[index] = np.arange(len(index))
+        rows = place[self.epoch] >= 0
+        by_row = {n: getattr(self, n)[rows] for n in _ROW_FIELDS}
+        by_row["epoch"] = place[self.epoch][rows]
+        kept = {n: getattr(self, n)[index] for n in _EPOCH_FIELDS}
+        return replace(self, dilution=self.dilution.where(index), **kept, **by_row)
+
+    def summary(self) -> str:
+        """A few sentences: epochs solved, why not, satellites, dilution, exclusions."""
+        n, good = len(self), int(self.ok.sum())
+        parts = [f"{good} of {n} epochs solved"]
+        bad = Counter(STATUS[int(s)] for s in self.status[~self.ok])
+        if bad:
+            parts[0] += " (" + ", ".join(f"{count} {why}" for why, count in bad.most_common()) + ")"
+        if good:
+            ok = self.ok
+            parts.append(
+                f"{np.mean(self.n_used[ok]):.1f} satellites, PDOP {np.median(self.dilution.pdop[ok]):.2f}, "
+                f"residuals {np.sqrt(np.mean(self.rms[ok] ** 2)):.2f} m rms"
+            )
+        out = Counter(satellite_name(int(s)) for s in self.sat[self.excluded])
+        if out:
+            parts.append("excluded: " + ", ".join(f"{s} {count}x" for s, count in out.most_common(8)))
+        return "; ".join(parts)
+
+
+_ROW_FIELDS = ("sat", "excluded", "rate_excluded", "residual", "rate_residual")
+_EPOCH_FIELDS = (
+    "t", "status", "velocity_status", "r_e", "cov_r_e", "clock", "sigma_clock", "v_e", "cov_v_e", "drift",
+    "sigma_drift", "n_used", "n_rates", "redundancy", "statistic", "threshold", "velocity_statistic", "rms",
+    "hpl", "vpl",
+)  # fmt: skip

@@ -1,0 +1,301 @@
+"""From a receiver's raw measurements and broadcast messages to ranges ready for positioning."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+
+from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
+from schuler.exceptions import InputError
+from schuler.frames import llh_from_ecef
+from schuler.gnss.clock_jumps import MILLISECOND, millisecond_steps
+from schuler.gnss.coarse import epoch_medians, geometric_ranges
+from schuler.gnss.delays import UNKNOWN_DELAY, group_delays
+from schuler.gnss.ephemerides import Ephemerides
+from schuler.gnss.ionosphere import ionosphere_free, klobuchar
+from schuler.gnss.observations import Observations
+from schuler.gnss.ranges import Ranges
+from schuler.gnss.receiver_place import ReceiverPlace, receiver_place
+from schuler.gnss.satellites import SatelliteStates, choose_messages, states_of_messages, transmission_times
+from schuler.gnss.signal_choice import ChosenSignals, choose_signals
+from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS
+from schuler.gnss.troposphere import Mapping as TroposphereMapping
+from schuler.gnss.troposphere import saastamoinen
+from schuler.gnss.weighting import Scheme, Weighting, range_sigmas
+from schuler.units import DEG
+
+Ionosphere = Literal["klobuchar", "free", "none"]
+Troposphere = Literal["saastamoinen", "none"]
+
+#: Coefficients broadcast on 2021-04-28, a quiet Sun, for messages that have none.
+STAND_IN_ALPHA = (9.313e-9, 1.490e-8, -5.960e-8, -1.192e-7)
+STAND_IN_BETA = (8.806e4, 4.915e4, -1.311e5, -3.277e5)
+
+_SHORTEST, _LONGEST = 1.0e7, 1.0e8  # pseudoranges; a receiver clock may be off by a tenth of a second [m]
+_FLIGHT_S = 0.08  # for a choice of the message before anything is known [s]
+_IMPLAUSIBLE = 10_000.0  # from the median of its epoch; the coarse position is much better than that [m]
+_RESOLUTION_S = 1e-6  # times are corrected in steps of this, so that a disciplined receiver's stay as they are [s]
+
+
+def prepare_ranges(
+    observations: Observations,
+    ephemerides: Ephemerides,
+    *,
+    position_e: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
+    signals: Mapping[str, tuple[str, ...]] | None = None,
+    systems: str = "GRECJ",
+    ionosphere: Ionosphere = "klobuchar",
+    troposphere: Troposphere = "saastamoinen",
+    mapping: TroposphereMapping = "niell",
+    humidity: float = 0.7,
+    elevation_mask: float = 10.0 * DEG,
+    cn0_mask: float = 25.0,
+    weighting: Weighting | Scheme = "elevation+cn0",
+    causal: bool = False,
+    max_age_s: Mapping[str, float] | None = None,
+) -> Ranges:
+    """Ranges with the satellite's clock, its group delay and the atmosphere taken out, and how uncertain they are.
+
+    Parameters
+    ----------
+    observations : Observations
+    ephemerides : Ephemerides
+    position_e : array_like, shape (3,), or pair of shapes (k,) and (k, 3), optional
+        Approximate Earth-fixed receiver position, or times and positions of a track, good to 1 km. By default it is
+        found from the pseudoranges themselves, every ten seconds; where there are never four satellites, the position
+        in the observations' header is taken. [m]
+    signals : mapping of str to tuple of str, optional
+        Preferred signals by system, see :func:`schuler.gnss.signal_choice.choose_signals`.
+    systems : str
+        Letters of the systems to use.
+    ionosphere : {"klobuchar", "free", "none"}
+        Model with GPS's coefficients for all systems and frequencies; combination of two frequencies; nothing.
+    troposphere : {"saastamoinen", "none"}
+    mapping, humidity
+        See :func:`schuler.gnss.troposphere.saastamoinen`.
+    elevation_mask : float
+        [rad]
+    cn0_mask : float
+        Satellites whose signal is known to be weaker are not used. [dB-Hz]
+    weighting : Weighting or str
+        See :mod:`schuler.gnss.weighting`.
+    causal : bool
+        Use no broadcast message before it was sent.
+    max_age_s : mapping of str to float, optional
+        See :func:`schuler.gnss.satellites.choose_messages`.
+
+    Returns
+    -------
+    Ranges
+        Every satellite of every epoch, with the reason where it is not to be used. GPS and QZSS share a clock, every
+        other system has its own. ``pseudorange`` is NaN where only a Doppler shift was measured (or one frequency of
+        two); the satellite is then placed by the other satellites' time of flight, 40 m along its orbit at worst.
+
+    Raises
+    ------
+    InputError
+        For unknown options, or a position that is none.
+
+    Notes
+    -----
+    Whole milliseconds by which the receiver sets its clock are found and taken out (noted). Times are corrected by the
+    receiver clock, rounded to a microsecond. Range rates get the satellite's clock rate and the term
+    ``u . v_sat rate / c`` (3 mm/s at most) by which a second of transmission differs from one of reception; the
+    atmosphere's rate of change (about 1 mm/s) is left in.
+    """
+    letters = _systems(systems)
+    budget = weighting if isinstance(weighting, Weighting) else Weighting(scheme=weighting)
+    if ionosphere not in ("klobuchar", "free", "none"):
+        raise InputError(f"ionosphere: expected klobuchar, free or none, got {ionosphere!r}")
+    if troposphere not in ("saastamoinen", "none"):
+        raise InputError(f"troposphere: expected saastamoinen or none, got {troposphere!r}")
+    free = ionosphere == "free"
+    channels = dict(zip(ephemerides.glonass.sat.tolist(), ephemerides.glonass.channel.tolist(), strict=True))
+    c = choose_signals(observations, signals=signals, pairs=free, systems=letters, glonass_channels=channels)
+    asked = np.isin(c.sat // 100, [SYSTEMS.index(x) for x in letters])
+    measured = np.isfinite(c.pseudorange).any(axis=1) | np.isfinite(c.range_rate) | ~asked
+    c = _rows(c, measured)
+    asked = asked[measured]
+    notes = list(c.notes)
+    epoch_gps_s, epochs = observations.epoch_gps_s, np.unique(c.t)
+    epoch = np.searchsorted(epochs, c.t)
+
+    # satellites by the time of transmission that the first band's pseudorange gives
+    record = choose_messages(
+        ephemerides,
+        c.sat,
+        c.t - _FLIGHT_S,
+        epoch_gps_s=epoch_gps_s,
+        f_nav=(c.bands == 5).any(axis=1),
+        causal=causal,
+        max_age_s=max_age_s,
+    )
+    measured_range = np.where(np.isfinite(c.pseudorange[:, 0]), c.pseudorange[:, 0], c.pseudorange[:, 1])
+    plausible = (measured_range > _SHORTEST) & (measured_range < _LONGEST)
+    typical = epoch_medians(epoch, np.where(plausible, measured_range, np.nan), len(epochs))
+    typical = np.where(np.isfinite(typical), typical, _FLIGHT_S * SPEED_OF_LIGHT)
+    flight = np.where(plausible, measured_range, typical[epoch])
+    t_sent = transmission_times(ephemerides, c.sat, c.t, flight, record, epoch_gps_s=epoch_gps_s)
+    states = states_of_messages(ephemerides, c.sat, t_sent, record, epoch_gps_s=epoch_gps_s)
+
+    combined, noise_factor, unknown, one_frequency = _without_delays(c, states, free=free)
+    corrected = combined + SPEED_OF_LIGHT * states.clock
+    usable = asked & states.found & states.healthy & plausible
+    place = receiver_place(
+        c.t, corrected, states.r_e, usable, position_e=position_e, header_position_e=observations.position_e
+    )
+    notes += place.notes
+
+    steps, clock = np.zeros(len(epochs), dtype=np.int64), np.zeros(len(epochs))
+    rate = c.range_rate + SPEED_OF_LIGHT * states.clock_rate
+    if place.known:
+        to_sat = states.r_e - place.r_e
+        to_sat /= np.linalg.norm(to_sat, axis=1)[:, None]
+        toward = np.sum(to_sat * states.v_e, axis=1)
+        rate = rate + toward * c.range_rate / SPEED_OF_LIGHT
+        residual = corrected - geometric_ranges(states.r_e, place.r_e)
+        clock = epoch_medians(epoch, np.where(usable, residual, np.nan), len(epochs))
+        alone = usable & np.isfinite(residual)
+        off = np.abs(residual - clock[epoch]) > _IMPLAUSIBLE
+        plausible &= ~(alone & off & (np.bincount(epoch[alone], minlength=len(epochs))[epoch] >= 4))
+        drift = epoch_medians(epoch, np.where(usable, rate - toward, np.nan), len(epochs))
+        steps, irregular = millisecond_steps(epochs, clock, drift)
+        notes += _clock_notes(epochs, steps, irregular)
+
+    ionosphere_m, share = np.zeros(len(c.t)), 1.0
+    gps_s = epoch_gps_s + c.t
+    llh = llh_from_ecef(place.r_e) if place.known else np.zeros((len(c.t), 3))
+    if ionosphere == "klobuchar" and place.known:
+        ionosphere_m, more, share = _klobuchar(ephemerides, llh, place, gps_s, one_frequency)
+        corrected = corrected - ionosphere_m
+        notes += more
+    troposphere_used = troposphere == "saastamoinen" and place.known
+    if troposphere_used:
+        corrected = corrected - saastamoinen(llh, place.elevation, gps_s, humidity=humidity, mapping=mapping)
+
+    sigma_range, sigma_rate = range_sigmas(
+        budget,
+        c.sat,
+        place.elevation,
+        c.cn0,
+        accuracy=states.accuracy,
+        ionosphere=np.nan_to_num(ionosphere_m) * share,
+        troposphere=troposphere_used,
+        noise_factor=np.nan_to_num(noise_factor, nan=1.0),
+        unknown_delay=unknown,
+    )
+    reason = np.zeros(len(c.t), dtype=np.int64)
+    for number, when in (
+        (4, c.cn0 < cn0_mask),
+        (3, place.elevation < elevation_mask),
+        (5, ~plausible & np.isfinite(measured_range)),
+        (2, ~states.healthy),
+        (1, ~states.found),
+        (7, ~asked),
+    ):  # the last one that holds is the one to report
+        reason[when] = number
+    t, time_notes = _received(epochs, clock)
+    group, groups = _clocks(c.sat, reason != 7)
+    return Ranges(
+        t[epoch],
+        c.sat,
+        group,
+        groups,
+        states.r_e,
+        states.v_e,
+        corrected - steps[epoch] * MILLISECOND,
+        rate,
+        sigma_range,
+        sigma_rate,
+        place.elevation,
+        place.azimuth,
+        c.cn0,
+        reason,
+        tuple(notes + time_notes),
+    )
+
+
+def _systems(systems: str) -> str:
+    unknown = [s for s in systems if s not in SYSTEMS]
+    if unknown or not systems:
+        raise InputError(f"systems: expected letters out of {SYSTEMS}, such as GE, got {systems!r}")
+    return systems
+
+
+def _rows(c: ChosenSignals, keep: ArrayLike) -> ChosenSignals:
+    k = np.asarray(keep)
+    return ChosenSignals(
+        c.t[k], c.sat[k], c.pseudorange[k], c.bands[k], c.frequency_hz[k], c.range_rate[k], c.cn0[k], c.notes
+    )
+
+
+def _without_delays(
+    c: ChosenSignals, states: SatelliteStates, *, free: bool
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Pseudoranges with group delays taken out: combined, noise factor, 1-sigma of unknown delays, frequency."""
+    delays, knowns = zip(*(group_delays(states, c.sat, c.bands[:, i]) for i in range(2)), strict=True)
+    first = c.pseudorange[:, 0] - SPEED_OF_LIGHT * delays[0]
+    unknown_first = np.where(knowns[0] | ~states.found | (c.sat // 100 == SYSTEMS.index("R")), 0.0, UNKNOWN_DELAY)
+    if not free:
+        return first, np.ones(len(c.t)), unknown_first, c.frequency_hz[:, 0]
+    second = c.pseudorange[:, 1] - SPEED_OF_LIGHT * delays[1]
+    pair = (c.bands > 0).all(axis=1)
+    combined, factor = np.full(len(c.t), np.nan), np.ones(len(c.t))
+    f1, f2 = c.frequency_hz[pair].T
+    combined[pair], factor[pair] = ionosphere_free(first[pair], second[pair], f1, f2)
+    unknown_second = np.where(knowns[1] | ~states.found | (c.sat // 100 == SYSTEMS.index("R")), 0.0, UNKNOWN_DELAY)
+    share = np.ones(len(c.t))
+    share[pair] = f1**2 / (f1**2 - f2**2)
+    factor = np.where(np.isfinite(factor), factor, np.sqrt(share**2 + (share - 1.0) ** 2))
+    return combined, factor, np.hypot(share * unknown_first, (share - 1.0) * unknown_second), c.frequency_hz[:, 0]
+
+
+def _klobuchar(
+    ephemerides: Ephemerides, llh: FloatArray, place: ReceiverPlace, gps_s: FloatArray, frequency_hz: FloatArray
+) -> tuple[FloatArray, list[str], float]:
+    alpha, beta, notes, share = ephemerides.klobuchar_alpha, ephemerides.klobuchar_beta, [], 1.0
+    if alpha is None or beta is None:
+        alpha, beta, share = STAND_IN_ALPHA, STAND_IN_BETA, 2.0
+        notes.append(
+            "the messages have no Klobuchar coefficients: those of 2021-04-28 stand in, at twice the usual uncertainty"
+        )
+    return klobuchar(alpha, beta, llh, place.elevation, place.azimuth, gps_s, frequency_hz), notes, share
+
+
+def _clock_notes(epochs: FloatArray, steps: IntArray, irregular: IntArray) -> list[str]:
+    notes = []
+    jumps = np.flatnonzero(np.diff(steps))
+    if len(jumps):
+        first = jumps[0]
+        notes.append(
+            f"the receiver set its clock by whole milliseconds {len(jumps)} times, first by "
+            f"{steps[first + 1] - steps[first]:+d} ms at {epochs[first + 1]:.3f} s: taken out"
+        )
+    if len(irregular):
+        notes.append(
+            f"the receiver clock moved by more than 0.1 ms, but no whole milliseconds, {len(irregular)} times, first "
+            f"at {epochs[irregular[0]]:.3f} s: left as it is"
+        )
+    return notes
+
+
+def _received(epochs: FloatArray, clock: FloatArray) -> tuple[FloatArray, list[str]]:
+    """Times of reception, corrected by the receiver clock [m]; an epoch without one takes that of the epoch before."""
+    known = np.flatnonzero(np.isfinite(clock))
+    if not len(known):
+        return epochs, []
+    last = known[np.maximum(np.searchsorted(known, np.arange(len(epochs)), side="right") - 1, 0)]
+    t = epochs - np.round(clock[last] / SPEED_OF_LIGHT / _RESOLUTION_S) * _RESOLUTION_S
+    if np.any(np.diff(t) <= 0.0):
+        return epochs, ["times corrected by the receiver clock would not increase: left as they are"]
+    return t, []
+
+
+def _clocks(sat: IntArray, asked: BoolArray) -> tuple[IntArray, tuple[str, ...]]:
+    """Place of each satellite's clock, and the clocks' names; zero for systems not asked for."""
+    gps, qzss = SYSTEMS.index("G"), SYSTEMS.index("J")
+    owner = np.where(sat // 100 == qzss, gps, sat // 100)
+    present = np.unique(owner[asked])
+    return np.where(asked, np.searchsorted(present, owner), 0), tuple(SYSTEMS[i] for i in present)

@@ -1,0 +1,275 @@
+"""Where satellites are and what their clocks show: choice of the message, orbit, clock, time of transmission."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
+from schuler.exceptions import InputError
+from schuler.gnss.ephemerides import Ephemerides, KeplerRecords
+from schuler.gnss.glonass import glonass_states
+from schuler.gnss.orbits import kepler_states
+from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS
+from schuler.units import HR, MIN
+
+#: How far from its reference time a message may be used. [s]
+MAX_AGE_S: Mapping[str, float] = MappingProxyType(
+    {"G": 2.0 * HR, "J": 2.0 * HR, "I": 2.0 * HR, "E": 4.0 * HR, "C": 1.0 * HR, "R": 30.0 * MIN}
+)
+_SENT_BEFORE_TOE_S = MappingProxyType({"G": 2.0 * HR, "J": 1.0 * HR, "I": 1.0 * HR})  # where the file does not say
+_SLACK_S = 1.0  # a time of transmission lies 0.1 s before the round hour of its reception
+_E, _R = SYSTEMS.index("E"), SYSTEMS.index("R")
+
+
+@dataclass(frozen=True)
+class SatelliteStates:
+    """One row for each satellite and time asked for.
+
+    Attributes
+    ----------
+    r_e, v_e : ndarray, shape (n, 3)
+        Earth-fixed position and velocity of the satellite's antenna. NaN where not ``found``. [m], [m/s]
+    clock : ndarray, shape (n,)
+        Satellite clock minus system time: polynomial and relativity, no group delay. NaN where not ``found``. [s]
+    clock_rate : ndarray, shape (n,)
+        Its derivative. [1]
+    group_delay : ndarray, shape (n, 2)
+        As in the message, see :class:`schuler.gnss.ephemerides.KeplerRecords`; NaN for GLONASS. [s]
+    f_nav : ndarray of bool, shape (n,)
+        Galileo: the clock is that of E5a/E1 (F/NAV), else of E5b/E1 (I/NAV).
+    accuracy : ndarray, shape (n,)
+        As broadcast; NaN where unknown. [m]
+    healthy : ndarray of bool, shape (n,)
+    found : ndarray of bool, shape (n,)
+        A message within its validity was there.
+    age : ndarray, shape (n,)
+        Time asked for minus the reference time of the orbit. [s]
+    record : ndarray of int, shape (n,)
+        Row of the message in its ``KeplerRecords`` or ``GlonassRecords``; -1 where not ``found``.
+    """
+
+    r_e: FloatArray
+    v_e: FloatArray
+    clock: FloatArray
+    clock_rate: FloatArray
+    group_delay: FloatArray
+    f_nav: BoolArray
+    accuracy: FloatArray
+    healthy: BoolArray
+    found: BoolArray
+    age: FloatArray
+    record: IntArray
+
+
+def is_f_nav(records: KeplerRecords) -> BoolArray:
+    """Whether a Galileo message's clock is that of E5a/E1. Shape (n,).
+
+    Bits 8 and 9 of the data source decide, then the message bits; without any, I/NAV is assumed. A file that sets all
+    message bits and the clock bit of E5a/E1 (simulators do) counts as F/NAV.
+    """
+    source = records.source
+    clock_a, clock_b = (source & 0x100) > 0, (source & 0x200) > 0
+    only_f = ((source & 0b010) > 0) & ((source & 0b101) == 0)
+    return np.asarray((records.sat // 100 == _E) & np.where(clock_a != clock_b, clock_a, only_f))
+
+
+def choose_messages(
+    ephemerides: Ephemerides,
+    sat: ArrayLike,
+    t: ArrayLike,
+    *,
+    epoch_gps_s: float = 0.0,
+    f_nav: ArrayLike = False,
+    causal: bool = False,
+    max_age_s: Mapping[str, float] | None = None,
+) -> IntArray:
+    """Message to use for each satellite and time: the one with the nearest reference time.
+
+    Parameters
+    ----------
+    ephemerides : Ephemerides
+    sat : array_like of int, shape (n,)
+    t : array_like, shape (n,)
+        Times. [s]
+    epoch_gps_s : float
+        GPS time of ``t = 0``. [s]
+    f_nav : array_like of bool, shape () or (n,)
+        For Galileo: prefer F/NAV (E5a/E1 clock) to I/NAV (E5b/E1). Where the preferred kind is not there, the other is
+        taken.
+    causal : bool
+        Do not use messages before they were sent. If a file does not say when, the beginning of the usual interval is
+        assumed: GPS 2 h, QZSS and NavIC 1 h before the reference time, the others at the reference time.
+    max_age_s : mapping of str to float, optional
+        Limits on the distance from the reference time by system, instead of :data:`MAX_AGE_S`. [s]
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        Row in ``ephemerides.kepler``, or ``ephemerides.glonass`` for GLONASS; -1 if there is none.
+
+    Notes
+    -----
+    Health does not enter: if the nearest message says "unhealthy", an older healthy one must not be used in its stead.
+    Of messages with one reference time the one sent last counts.
+    """
+    sat = np.asarray(sat, dtype=np.int64)
+    t = np.asarray(t, dtype=np.float64)
+    if sat.ndim != 1 or t.shape != sat.shape:
+        raise InputError(f"expected satellites and times of one shape (n,), got {sat.shape} and {t.shape}")
+    limits = {**MAX_AGE_S, **(max_age_s or {})}
+    wanted = np.broadcast_to(np.asarray(f_nav, dtype=bool), sat.shape)
+    f_nav_record = is_f_nav(ephemerides.kepler)
+    chosen = np.full(sat.shape, -1, dtype=np.int64)
+    for one in np.unique(sat):
+        letter = SYSTEMS[one // 100]
+        records = ephemerides.glonass if letter == "R" else ephemerides.kepler
+        rows = np.flatnonzero(records.sat == one)
+        asked = np.flatnonzero(sat == one)
+        sent = records.sent[rows]
+        sent = np.where(np.isnan(sent), records.toe[rows] - _SENT_BEFORE_TOE_S.get(letter, 0.0), sent)
+        kinds = [(rows >= 0, asked)]
+        if letter == "E":
+            f = f_nav_record[rows]
+            kinds = [(f == kind, asked[wanted[asked] == kind]) for kind in (False, True)]
+            kinds += [(f != kind, asked[wanted[asked] == kind]) for kind in (False, True)]  # the other kind, if need be
+        for mine, places in kinds:
+            places = places[chosen[places] < 0]
+            if len(places) and mine.any():
+                found = _nearest(
+                    records.toe[rows[mine]] - epoch_gps_s, sent[mine] - epoch_gps_s, t[places], limits[letter], causal
+                )
+                chosen[places] = np.where(found >= 0, rows[mine][found], -1)
+    return chosen
+
+
+def satellite_states(
+    ephemerides: Ephemerides,
+    sat: ArrayLike,
+    t: ArrayLike,
+    *,
+    epoch_gps_s: float = 0.0,
+    f_nav: ArrayLike = False,
+    causal: bool = False,
+    max_age_s: Mapping[str, float] | None = None,
+) -> SatelliteStates:
+    """Positions, velocities and clocks of satellites at times of transmission.
+
+    Parameters
+    ----------
+    ephemerides, sat, t, epoch_gps_s, f_nav, causal, max_age_s
+        See :func:`choose_messages`.
+
+    Returns
+    -------
+    SatelliteStates
+
+    Notes
+    -----
+    Clock: ``af0 + af1 d + af2 d^2`` with ``d = t - toc``, plus the relativistic term of
+    :func:`schuler.gnss.orbits.kepler_states`; GLONASS broadcasts its clock with relativity included.
+
+    References
+    ----------
+    IS-GPS-200, 20.3.3.3.3.1; Galileo OS SIS ICD, 5.1.4; BeiDou B1I ICD, 5.2.4.10; GLONASS ICD, 3.3.3.
+    """
+    sat = np.asarray(sat, dtype=np.int64)
+    t = np.asarray(t, dtype=np.float64)
+    record = choose_messages(
+        ephemerides, sat, t, epoch_gps_s=epoch_gps_s, f_nav=f_nav, causal=causal, max_age_s=max_age_s
+    )
+    return states_of_messages(ephemerides, sat, t, record, epoch_gps_s=epoch_gps_s)
+
+
+def states_of_messages(
+    ephemerides: Ephemerides, sat: IntArray, t: FloatArray, record: IntArray, *, epoch_gps_s: float = 0.0
+) -> SatelliteStates:
+    """The same with the message of each row given, as :func:`choose_messages` returns it."""
+    n = len(sat)
+    found, glonass = record >= 0, sat // 100 == _R
+    r_e, v_e = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
+    clock, clock_rate, age, accuracy = (np.full(n, np.nan) for _ in range(4))
+    group_delay = np.full((n, 2), np.nan)
+    healthy, f = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+
+    m = np.flatnonzero(found & ~glonass)
+    k, row = ephemerides.kepler, record[m]
+    orbit = kepler_states(k, row, t[m], epoch_gps_s=epoch_gps_s)
+    r_e[m], v_e[m] = orbit.r_e, orbit.v_e
+    polynomial, rate = _kepler_clock(k, row, t[m], epoch_gps_s)
+    clock[m], clock_rate[m] = polynomial + orbit.clock, rate + orbit.clock_rate
+    group_delay[m], accuracy[m], healthy[m] = k.group_delay[row], k.accuracy[row], k.health[row] == 0
+    age[m], f[m] = t[m] - (k.toe[row] - epoch_gps_s), is_f_nav(k)[row]
+
+    m = np.flatnonzero(found & glonass)
+    g, row = ephemerides.glonass, record[m]
+    r_e[m], v_e[m] = glonass_states(g, row, t[m], epoch_gps_s=epoch_gps_s)
+    age[m] = t[m] - (g.toe[row] - epoch_gps_s)
+    clock[m], clock_rate[m], healthy[m] = g.clock[row] + g.rate[row] * age[m], g.rate[row], g.health[row] == 0
+    return SatelliteStates(r_e, v_e, clock, clock_rate, group_delay, f, accuracy, healthy, found, age, record)
+
+
+def transmission_times(
+    ephemerides: Ephemerides,
+    sat: IntArray,
+    t_received: FloatArray,
+    pseudorange: FloatArray,
+    record: IntArray,
+    *,
+    epoch_gps_s: float = 0.0,
+) -> FloatArray:
+    """When a signal left its satellite, by system time: ``t_received - pseudorange / c - satellite clock``.
+
+    Parameters
+    ----------
+    ephemerides : Ephemerides
+    sat : ndarray of int, shape (n,)
+    t_received : ndarray, shape (n,)
+        By the receiver's clock; its error drops out, being in the pseudorange too. [s]
+    pseudorange : ndarray, shape (n,)
+        [m]
+    record : ndarray of int, shape (n,)
+        Messages, see :func:`choose_messages`; rows with -1 return NaN.
+    epoch_gps_s : float
+        GPS time of ``t = 0``. [s]
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [s]
+
+    Notes
+    -----
+    The clock is taken at the time the satellite's clock showed, which changes it by less than 1e-13 s, and without the
+    relativistic term and group delays: 50 ns along the line of sight are 0.05 mm.
+    """
+    shown = t_received - pseudorange / SPEED_OF_LIGHT
+    m, g = (record >= 0) & (sat // 100 != _R), (record >= 0) & (sat // 100 == _R)
+    clock = np.full(len(sat), np.nan)
+    clock[m] = _kepler_clock(ephemerides.kepler, record[m], shown[m], epoch_gps_s)[0]
+    r = ephemerides.glonass
+    clock[g] = r.clock[record[g]] + r.rate[record[g]] * (shown[g] - (r.toe[record[g]] - epoch_gps_s))
+    return np.asarray(shown - clock)
+
+
+def _kepler_clock(k: KeplerRecords, row: IntArray, t: FloatArray, epoch_gps_s: float) -> tuple[FloatArray, FloatArray]:
+    d = t - (k.toc[row] - epoch_gps_s)
+    return k.af0[row] + d * (k.af1[row] + d * k.af2[row]), k.af1[row] + 2.0 * k.af2[row] * d
+
+
+def _nearest(toe: FloatArray, sent: FloatArray, t: FloatArray, limit: float, causal: bool) -> IntArray:
+    """Place of the nearest ``toe`` within the limit, -1 if none; equal ones: the last sent."""
+    found = np.full(t.shape, -1, dtype=np.int64)
+    known = np.unique(sent) if causal else np.array([-np.inf])
+    part = np.searchsorted(known, t, side="right") - 1  # how many broadcasts there had been
+    for j in np.unique(part[part >= 0]):
+        usable = np.flatnonzero(sent <= known[j]) if causal else np.arange(len(toe))
+        order = usable[np.lexsort((sent[usable], toe[usable]))]
+        order = order[np.append(toe[order][1:] > toe[order][:-1], True)]
+        now = np.flatnonzero(part == j)
+        best = order[np.searchsorted(0.5 * (toe[order][1:] + toe[order][:-1]), t[now])]
+        found[now] = np.where(np.abs(t[now] - toe[best]) <= limit + _SLACK_S, best, -1)
+    return found

@@ -1,0 +1,276 @@
+"""Synthetic ranges of a receiver on a known path: satellites, receiver clock, noise, multipath, atmosphere, masks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from schuler import frames
+from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
+from schuler.exceptions import InputError
+from schuler.gnss.constellation import CircularOrbits
+from schuler.gnss.ephemerides import Ephemerides
+from schuler.gnss.observations import Observations
+from schuler.gnss.range_errors import RangeErrors, Sector
+from schuler.gnss.range_model import predicted_ranges, predicted_rates
+from schuler.gnss.ranges import Ranges
+from schuler.gnss.satellites import satellite_states
+from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS
+from schuler.units import DEG
+
+_LIGHT_TIME_STEPS = 4  # each gains a factor 1e5
+
+#: Positions and velocities (k, s, 3) of s satellites at times of transmission (k, s).
+States = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+
+
+@dataclass(frozen=True)
+class SyntheticRanges:
+    """Ranges and the truth behind them.
+
+    Attributes
+    ----------
+    ranges : Ranges
+    clock : ndarray, shape (k, g)
+        Receiver clock of each group at each time. [m]
+    drift : ndarray, shape (k,)
+        [m/s]
+    epoch : ndarray of int, shape (n,)
+        Place in the given times of each row.
+    error, rate_error : ndarray, shape (n,)
+        Measured minus true, the clock left out. [m], [m/s]
+    r_e : ndarray, shape (k, 3)
+        True positions. [m]
+    epoch_gps_s : float
+        GPS time of zero seconds. [s]
+    """
+
+    ranges: Ranges
+    clock: FloatArray
+    drift: FloatArray
+    epoch: IntArray
+    error: FloatArray
+    rate_error: FloatArray
+    r_e: FloatArray
+    epoch_gps_s: float = 0.0
+
+    def observations(self) -> Observations:
+        """What the receiver would write down: the same ranges, stamped by its own clock.
+
+        Returns
+        -------
+        Observations
+            Of one signal for each system (L1 C/A, E1, B1I), of satellites whose clocks and group delays are zero, as in
+            :meth:`schuler.gnss.constellation.CircularOrbits.ephemerides`. No carrier phases. Range rates are as
+            measured, per second of reception (:mod:`schuler.gnss.range_model`).
+        """
+        r = self.ranges
+        stamp = r.t + self.clock[:, 0][self.epoch] / SPEED_OF_LIGHT
+        toward, _ = predicted_rates(r.r_sat_e, r.v_sat_e, self.r_e[self.epoch], np.zeros(3))
+        beidou = r.sat // 100 == SYSTEMS.index("C")
+        return Observations(
+            stamp, r.sat, beidou.astype(np.int64), ("1C", "2I"), r.pseudorange,
+            r.range_rate / (1.0 + toward / SPEED_OF_LIGHT), np.full(len(r), np.nan), r.cn0, self.epoch_gps_s,
+            notes=("simulated",),
+        )  # fmt: skip
+
+
+def broadcast_satellites(ephemerides: Ephemerides, *, epoch_gps_s: float = 0.0) -> tuple[IntArray, States]:
+    """Satellites of broadcast messages, for :func:`synthetic_ranges`: real geometry, GLONASS as its users compute it.
+
+    Parameters
+    ----------
+    ephemerides : Ephemerides
+    epoch_gps_s : float
+        GPS time of zero seconds. [s]
+
+    Returns
+    -------
+    sat : ndarray of int, shape (s,)
+    states : callable
+        NaN outside the validity of the messages: such satellites are not visible.
+    """
+    sat = np.unique(np.concatenate((ephemerides.kepler.sat, ephemerides.glonass.sat)))
+
+    def states(sent: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found = satellite_states(
+            ephemerides,
+            np.tile(sat, len(sent)),
+            np.where(np.isfinite(sent), sent, 0.0).ravel(),
+            epoch_gps_s=epoch_gps_s,
+        )
+        return found.r_e.reshape(*sent.shape, 3), found.v_e.reshape(*sent.shape, 3)
+
+    return sat, states
+
+
+def synthetic_ranges(
+    t: ArrayLike,
+    r_e: ArrayLike,
+    v_e: ArrayLike,
+    satellites: CircularOrbits | tuple[ArrayLike, States],
+    rng: np.random.Generator,
+    errors: RangeErrors | None = None,
+    *,
+    epoch_gps_s: float = 0.0,
+    elevation_mask: float = 5.0 * DEG,
+    blocked: Sequence[Sector] = (),
+    max_satellites: int | ArrayLike | None = None,
+) -> SyntheticRanges:
+    """Ranges and range rates of an antenna on a known path.
+
+    Parameters
+    ----------
+    t : array_like, shape (k,)
+        True times of reception, increasing. [s]
+    r_e, v_e : array_like, shape (k, 3)
+        Antenna, Earth-fixed. [m], [m/s]
+    satellites : CircularOrbits, or satellites' numbers and a function
+        The function takes times of transmission (k, s) and returns Earth-fixed positions and velocities (k, s, 3); see
+        :func:`broadcast_satellites`.
+    rng : numpy.random.Generator
+    errors : RangeErrors, optional
+        The default budget, or :data:`EXACT`.
+    epoch_gps_s : float
+        GPS time of ``t = 0``. [s]
+    elevation_mask : float
+        [rad]
+    blocked : sequence of Sector
+    max_satellites : int or array_like of int, shape (k,), optional
+        Most satellites at an epoch; the highest stay.
+
+    Returns
+    -------
+    SyntheticRanges
+        One clock group for each system, in the order of the satellites. ``sigma_range`` is the root of the summed
+        variances of noise, multipath and atmosphere, ``sigma_rate`` that of the noise.
+
+    Raises
+    ------
+    InputError
+        If shapes do not agree or no satellite is ever visible.
+
+    Notes
+    -----
+    Ranges and rates follow :mod:`schuler.gnss.range_model` exactly, travel time solved to rounding. The clock is the
+    two-state model of Groves (2013), section 9.4.2, its noise drawn with the exact covariance of a step; the
+    Gauss-Markov processes start in their steady state. A satellite's processes run on while it is not seen.
+    """
+    t = as_floats(t, "t", (None,))
+    r_e, v_e = as_floats(r_e, "r_e", (len(t), 3)), as_floats(v_e, "v_e", (len(t), 3))
+    if len(t) == 0 or np.any(np.diff(t) <= 0.0):
+        raise InputError("t: expected at least one time, increasing")
+    budget = RangeErrors() if errors is None else errors
+    sat, states = _satellites(satellites, epoch_gps_s)
+    r_s, v_s, rho, rate = _true_ranges(t, r_e, v_e, states, len(sat))
+    elevation, azimuth = _directions(r_s, r_e)
+    visible = _visible(elevation, azimuth, elevation_mask, blocked, max_satellites)
+    if not visible.any():
+        raise InputError("no satellite is ever visible; check position, mask and blocked sectors")
+    error, rate_error, sigma, sigma_rate = _errors(t, elevation, budget, rng)
+    system = sat // 100
+    order = system[np.sort(np.unique(system, return_index=True)[1])]
+    group = np.argmax(system[:, None] == order, axis=1)
+    clock, drift = _clock(t, budget, len(order), rng)
+    k, s = np.nonzero(visible)
+    ranges = Ranges(
+        t[k], sat[s], group[s], tuple(SYSTEMS[i] for i in order), r_s[k, s], v_s[k, s],
+        rho[k, s] + error[k, s] + clock[k, group[s]], rate[k, s] + rate_error[k, s] + drift[k],
+        np.maximum(sigma[k, s], 1e-6), np.maximum(sigma_rate[k, s], 1e-6), elevation[k, s], azimuth[k, s],
+        _cn0(elevation[k, s]), np.zeros(len(k), dtype=np.int64), ("simulated",),
+    )  # fmt: skip
+    return SyntheticRanges(ranges, clock, drift, k, error[k, s], rate_error[k, s], r_e, epoch_gps_s)
+
+
+def _satellites(satellites: CircularOrbits | tuple[ArrayLike, States], epoch_gps_s: float) -> tuple[IntArray, States]:
+    if isinstance(satellites, CircularOrbits):
+        orbits = satellites
+        return orbits.sat, lambda sent: orbits.states(sent, epoch_gps_s=epoch_gps_s)
+    return np.asarray(satellites[0], dtype=np.int64), satellites[1]
+
+
+def _true_ranges(
+    t: FloatArray, r_e: FloatArray, v_e: FloatArray, states: States, n: int
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Satellites at transmission, range and range rate. (k, s, ...)."""
+    here, moving = r_e[:, None, :], v_e[:, None, :]
+    rho = np.full((len(t), n), 0.07 * SPEED_OF_LIGHT)
+    for _ in range(_LIGHT_TIME_STEPS):
+        r_s, v_s = states(t[:, None] - rho / SPEED_OF_LIGHT)
+        rho, _ = predicted_ranges(r_s, here)
+    rate, _ = predicted_rates(r_s, v_s, here, moving)
+    return r_s, v_s, rho, rate
+
+
+def _directions(r_s: FloatArray, r_e: FloatArray) -> tuple[FloatArray, FloatArray]:
+    u = np.matmul(r_s - r_e[:, None, :], frames.C_en(frames.llh_from_ecef(r_e)))
+    elevation = np.arctan2(-u[..., 2], np.hypot(u[..., 0], u[..., 1]))
+    return elevation, np.mod(np.arctan2(u[..., 1], u[..., 0]), 2.0 * np.pi)
+
+
+def _visible(
+    elevation: FloatArray,
+    azimuth: FloatArray,
+    mask: float,
+    blocked: Sequence[Sector],
+    most: int | ArrayLike | None,
+) -> BoolArray:
+    visible = elevation >= mask
+    for sector in blocked:
+        visible &= ~sector.blocks(azimuth, elevation)
+    if most is not None:
+        limit = np.asarray(most, dtype=np.int64)
+        if limit.shape not in ((), (len(elevation),)):
+            raise InputError(f"max_satellites: expected one number or shape ({len(elevation)},), got {limit.shape}")
+        height = np.where(visible, elevation, -np.inf)
+        rank = np.argsort(np.argsort(-height, axis=1, kind="stable"), axis=1)
+        visible &= rank < np.broadcast_to(limit, (len(elevation),))[:, None]
+    return visible
+
+
+def _errors(
+    t: FloatArray, elevation: FloatArray, e: RangeErrors, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Errors of range and rate, and their standard deviations. (k, s)."""
+    sine = np.sin(np.maximum(elevation, 1.0 * DEG))
+    growth = np.sqrt(0.5 * (1.0 + 1.0 / sine**2))
+    slant = 1.0 / np.sin(np.maximum(elevation, 5.0 * DEG))
+    error = e.noise * growth * rng.standard_normal(elevation.shape)
+    rate_error = e.rate_noise * growth * rng.standard_normal(elevation.shape)
+    error += e.multipath * growth * _gauss_markov(t, elevation.shape[1], e.multipath_tau, rng)
+    error += e.atmosphere * slant * _gauss_markov(t, elevation.shape[1], e.atmosphere_tau, rng)
+    sigma = np.sqrt((e.noise**2 + e.multipath**2) * growth**2 + (e.atmosphere * slant) ** 2)
+    return error, rate_error, sigma, e.rate_noise * growth
+
+
+def _gauss_markov(t: FloatArray, n: int, tau: float, rng: np.random.Generator) -> FloatArray:
+    """Unit variance, correlation ``exp(-|dt| / tau)``. Shape (k, n)."""
+    white = rng.standard_normal((len(t), n))
+    keep = np.exp(-np.diff(t) / tau)
+    fresh = np.sqrt(-np.expm1(-2.0 * np.diff(t) / tau))
+    for k in range(1, len(t)):
+        white[k] = keep[k - 1] * white[k - 1] + fresh[k - 1] * white[k]
+    return white
+
+
+def _clock(t: FloatArray, e: RangeErrors, groups: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Receiver clock of each group (k, g) and its drift (k,)."""
+    if len(e.offsets) not in (0, groups - 1):
+        raise InputError(
+            f"offsets: expected one for each of the {groups - 1} groups after the first, got {len(e.offsets)}"
+        )
+    dt = np.diff(t)
+    draws = rng.standard_normal((len(dt), 2))
+    # covariance of a step: [[S_f dt + S_d dt^3 / 3, S_d dt^2 / 2], [., S_d dt]]
+    walk = np.sqrt(e.drift_psd * dt) * draws[:, 0]
+    phase = 0.5 * dt * walk + np.sqrt(e.clock_psd * dt + e.drift_psd * dt**3 / 12.0) * draws[:, 1]
+    drift = e.drift + np.concatenate(([0.0], np.cumsum(walk)))
+    clock = e.clock + np.concatenate(([0.0], np.cumsum(drift[:-1] * dt + phase)))
+    return clock[:, None] + np.array((0.0, *(e.offsets or (0.0,) * (groups - 1)))), drift
+
+
+def _cn0(elevation: FloatArray) -> FloatArray:
+    """Plausible signal strengths: 50 dB-Hz at the zenith, 35 at the horizon. [dB-Hz]"""
+    return 35.0 + 15.0 * np.sin(np.maximum(elevation, 0.0))

@@ -1,0 +1,75 @@
+"""What each kind of measurement is called in reports, and in which units its innovations are shown."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import NamedTuple
+
+from schuler.filtering.measurements import (
+    FIX,
+    GNSS_HEADING,
+    HEADING,
+    HEIGHT,
+    KINDS,
+    LATERAL,
+    POSITION,
+    PSEUDORANGE,
+    RANGE_RATE,
+    RESET_POSITION,
+    RESET_VELOCITY,
+    SPEED,
+    VELOCITY,
+    VERTICAL,
+    ZERO_RATE,
+    ZERO_VELOCITY,
+)
+from schuler.units import DEG
+
+_NED = ("north", "east", "down")
+
+
+class Kind(NamedTuple):
+    """A kind of measurement as it is shown.
+
+    Attributes
+    ----------
+    text : str
+        What people call it.
+    unit : str
+    factor : float
+        SI unit in the unit shown: divide by it.
+    axes : tuple of str
+        Of the components.
+    """
+
+    text: str
+    unit: str
+    factor: float
+    axes: tuple[str, ...]
+
+
+#: By code of the kind.
+SHOWN: MappingProxyType[int, Kind] = MappingProxyType(
+    {
+        POSITION: Kind("GNSS position", "m", 1.0, _NED),
+        VELOCITY: Kind("GNSS velocity", "m/s", 1.0, _NED),
+        ZERO_VELOCITY: Kind("zero velocity", "m/s", 1.0, _NED),
+        LATERAL: Kind("no sideways slip", "m/s", 1.0, ("to the right",)),
+        VERTICAL: Kind("no vertical slip", "m/s", 1.0, ("down",)),
+        SPEED: Kind("wheel speed", "m/s", 1.0, ("forward",)),
+        ZERO_RATE: Kind("zero rotation", "deg/s", DEG, ("x", "y", "z")),
+        PSEUDORANGE: Kind("pseudorange", "m", 1.0, ("range",)),
+        RANGE_RATE: Kind("range rate", "m/s", 1.0, ("range rate",)),
+        HEADING: Kind("heading", "deg", DEG, ("heading",)),
+        HEIGHT: Kind("barometric height", "m", 1.0, ("height",)),
+        FIX: Kind("known place", "m", 1.0, _NED),
+        RESET_POSITION: Kind("position reset", "m", 1.0, _NED),
+        RESET_VELOCITY: Kind("velocity reset", "m/s", 1.0, _NED),
+        GNSS_HEADING: Kind("two-antenna heading", "deg", DEG, ("heading",)),
+    }
+)
+
+
+def shown(kind: str) -> Kind:
+    """How a kind is shown, by its name in results."""
+    return SHOWN[next(code for code, name in KINDS.items() if name == kind)]

@@ -1,0 +1,104 @@
+"""Sections of a scenario for how the body moves."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from schuler import frames, units
+from schuler.arrays import FloatArray
+from schuler.exceptions import ConfigError
+from schuler.simulation.aid_sections import NonNegative, Positive, Section, Triple
+from schuler.simulation.motion import Motion, StaticMotion
+from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion, Waypoint, WaypointMotion, polynomial_motion
+from schuler.simulation.splines import SplineMotion
+
+
+class WaypointSection(Section):
+    """One way-point: north and east of the origin in metres, or latitude and longitude in degrees."""
+
+    north_m: float | None = None
+    east_m: float | None = None
+    lat_deg: float | None = None
+    lon_deg: float | None = None
+    height_m: float | None = Field(None, description="ellipsoidal; that of the origin if left out")
+    speed_m_s: Positive
+    stop_s: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _one_place(self) -> WaypointSection:
+        local, geodetic = (self.north_m, self.east_m), (self.lat_deg, self.lon_deg)
+        if (None in local) == (None in geodetic) or (None in local and any(v is not None for v in local)):
+            raise ValueError("give north_m and east_m, or lat_deg and lon_deg")
+        return self
+
+
+class ManoeuvreSection(Section):
+    """One command."""
+
+    duration_s: Positive
+    speed_m_s: NonNegative | None = None
+    turn_deg: float = 0.0
+    climb_m_s: float | None = None
+
+
+class MotionSection(Section):
+    """How the body moves."""
+
+    type: Literal["static", "waypoints", "manoeuvres", "spline", "polynomial"]
+    lat_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = Field(description="origin")
+    lon_deg: float = Field(description="origin")
+    height_m: float = Field(0.0, description="origin, ellipsoidal")
+    rpy_deg: Triple = Field((0.0, 0.0, 0.0), description="attitude, static motion")
+    duration_s: Positive | None = Field(None, description="static motion")
+    waypoints: tuple[WaypointSection, ...] = ()
+    acceleration_m_s2: Positive = 1.5
+    bank: Annotated[float, Field(ge=0.0, le=1.0)] = Field(0.0, description="share of the coordinated bank angle")
+    manoeuvres: tuple[ManoeuvreSection, ...] = ()
+    heading_deg: float = Field(0.0, description="initial, manoeuvres")
+    speed_m_s: NonNegative = Field(0.0, description="initial, manoeuvres")
+    t_s: tuple[float, ...] = Field((), description="times of spline nodes")
+    ned_m: tuple[Triple, ...] = Field((), description="spline nodes or polynomial knots, about the origin")
+    nodes_rpy_deg: tuple[Triple, ...] = Field((), description="attitudes at spline nodes or polynomial knots")
+    step_s: Positive | None = Field(None, description="spacing of polynomial position knots")
+    angle_step_s: Positive | None = Field(None, description="spacing of polynomial angle knots")
+    earth_rotation: bool = True
+
+    def build(self) -> Motion:
+        """The motion itself."""
+        origin = np.array([self.lat_deg * units.DEG, self.lon_deg * units.DEG, self.height_m])
+        if self.type == "static":
+            if self.duration_s is None:
+                raise ConfigError("motion: a static motion needs duration_s")
+            return StaticMotion(origin, np.array(self.rpy_deg) * units.DEG, self.duration_s)
+        if self.type == "waypoints":
+            points = [Waypoint(llh=_place(p, origin), speed=p.speed_m_s, stop=p.stop_s) for p in self.waypoints]
+            return WaypointMotion.through(points, acceleration=self.acceleration_m_s2, bank=self.bank)
+        if self.type == "manoeuvres":
+            commands = [
+                Manoeuvre(duration=c.duration_s, speed=c.speed_m_s, turn=c.turn_deg * units.DEG, climb=c.climb_m_s)
+                for c in self.manoeuvres
+            ]
+            return ManoeuvreMotion.of(
+                commands, origin, heading=self.heading_deg * units.DEG, speed=self.speed_m_s, bank=self.bank
+            )
+        rpy = np.array(self.nodes_rpy_deg).reshape(-1, 3) * units.DEG
+        ned = np.array(self.ned_m).reshape(-1, 3)
+        if self.type == "spline":
+            llh = frames.llh_from_ecef(frames.ecef_from_ned(ned, origin))
+            return SplineMotion.through(np.array(self.t_s), llh, rpy)
+        if self.step_s is None or self.angle_step_s is None:
+            raise ConfigError("motion: a polynomial motion needs step_s and angle_step_s")
+        return polynomial_motion(ned, self.step_s, rpy, self.angle_step_s, origin)
+
+
+def _place(p: WaypointSection, origin: FloatArray) -> FloatArray:
+    height = origin[2] if p.height_m is None else p.height_m
+    if p.north_m is not None and p.east_m is not None:
+        llh = frames.llh_from_ecef(frames.ecef_from_ned([p.north_m, p.east_m, 0.0], origin))
+        return np.array([llh[0], llh[1], height])
+    assert p.lat_deg is not None
+    assert p.lon_deg is not None
+    return np.array([p.lat_deg * units.DEG, p.lon_deg * units.DEG, height])

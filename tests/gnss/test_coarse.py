@@ -1,0 +1,135 @@
+"""Rough positions, directions, medians, and the clock's milliseconds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sky import HOME, ephemerides, observe
+
+from schuler.frames import C_en, ecef_from_llh, llh_from_ecef
+from schuler.gnss.clock_jumps import MILLISECOND, millisecond_steps
+from schuler.gnss.coarse import coarse_track, directions, epoch_medians, geometric_ranges
+from schuler.gnss.preparation import prepare_ranges
+
+
+def sats_above(n, rng):
+    elevation, azimuth = rng.uniform(0.2, 1.5, n), rng.uniform(-np.pi, np.pi, n)
+    line = np.stack(
+        (np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), -np.sin(elevation)), axis=-1
+    )
+    return HOME + 2.2e7 * line @ C_en(llh_from_ecef(HOME)).T, elevation, azimuth
+
+
+def test_directions_of_known_satellites(rng):
+    r_sat, elevation, azimuth = sats_above(50, rng)
+    found = directions(HOME, r_sat)
+    assert np.allclose(found[0], elevation, rtol=0.0, atol=1e-12)
+    assert np.allclose(found[1], azimuth, rtol=0.0, atol=1e-12)
+    up = HOME + C_en(llh_from_ecef(HOME)) @ np.array([0.0, 0.0, -1e6])
+    assert directions(HOME, up[None])[0][0] == pytest.approx(np.pi / 2.0)
+
+
+def test_exact_ranges_give_the_place(rng):
+    r_sat, _, _ = sats_above(7, rng)
+    t_fix, r_fix = coarse_track(np.zeros(7), geometric_ranges(r_sat, HOME[None]) + 3e5, r_sat)
+    assert t_fix.tolist() == [0.0]
+    assert np.allclose(r_fix[0], HOME, atol=1e-3)
+
+
+@pytest.mark.parametrize("error", [1e4, -1e5, 3e7])
+def test_a_gross_error_is_left_out(rng, error):
+    r_sat, _, _ = sats_above(8, rng)
+    p = geometric_ranges(r_sat, HOME[None])
+    p[3] += error
+    _, r_fix = coarse_track(np.zeros(8), p, r_sat)
+    assert np.linalg.norm(r_fix[0] - HOME) < 1.0
+
+
+@pytest.mark.parametrize("which", range(6))
+def test_six_satellites_suffice_to_find_it(which):
+    r_sat, _, _ = sats_above(6, np.random.default_rng(4))
+    p = geometric_ranges(r_sat, HOME[None])
+    p[which] += 3e4
+    _, r_fix = coarse_track(np.zeros(6), p, r_sat)
+    assert np.linalg.norm(r_fix[0] - HOME) < 1.0
+
+
+def test_too_few_or_hopeless_epochs_give_nothing(rng):
+    r_sat, _, _ = sats_above(5, rng)
+    assert len(coarse_track(np.zeros(3), np.full(3, 2.2e7), r_sat[:3])[0]) == 0
+    assert len(coarse_track(np.zeros(5), rng.uniform(2e7, 2.5e7, 5), r_sat)[0]) == 0
+    twice = np.repeat(r_sat[:2], 2, axis=0)
+    assert len(coarse_track(np.zeros(4), np.full(4, 2.2e7), twice)[0]) == 0
+    assert coarse_track(np.zeros(0), np.zeros(0), np.zeros((0, 3)))[1].shape == (0, 3)
+
+
+def test_a_long_log_costs_no_more_than_five_hundred_fixes(rng):
+    r_sat, _, _ = sats_above(5, rng)
+    n = 3000
+    t = np.repeat(np.arange(n) * 30.0, 5)
+    p = np.tile(geometric_ranges(r_sat, HOME[None]), n)
+    t_fix, _ = coarse_track(t, p, np.tile(r_sat, (n, 1)))
+    assert len(t_fix) <= 501
+    assert np.all(np.diff(t_fix) >= 10.0)
+
+
+def test_medians_of_epochs(rng):
+    epoch = np.sort(rng.integers(0, 40, 300))
+    value = rng.standard_normal(300)
+    value[::7] = np.nan
+    value[epoch == 5] = np.nan
+    found = epoch_medians(epoch, value, 41)
+    for i in range(41):
+        v = value[(epoch == i) & np.isfinite(value)]
+        assert (np.isnan(found[i]) and not len(v)) or found[i] == np.median(v)
+
+
+# ------------------------------------------------------------------------------------- milliseconds
+
+
+def steps_of(t, clock_ms, drift=None):
+    t = np.asarray(t, dtype=float)
+    rates = np.full(len(t), np.nan) if drift is None else np.broadcast_to(drift, t.shape)
+    return millisecond_steps(t, np.asarray(clock_ms) * MILLISECOND, rates)
+
+
+def test_steps_of_several_sizes():
+    steps, irregular = steps_of(range(6), [0.0, 1.0, 1.0, -2.0, -2.0, 0.02])
+    assert steps.tolist() == [0, 1, 1, -2, -2, 0]
+    assert len(irregular) == 0
+
+
+def test_a_drift_is_no_step():
+    t = np.arange(0.0, 300.0, 30.0)
+    clock = 0.02 * t  # 20 us/s, more than half a millisecond between epochs
+    assert not steps_of(t, clock, 0.02 * MILLISECOND)[0].any()
+    assert len(steps_of(t, clock)[1]) > 0  # nobody could know, so it is said
+
+
+def test_without_doppler_the_rate_before_counts():
+    t = np.arange(0.0, 300.0, 30.0)
+    clock = 0.003 * t
+    clock[5:] += 1.0
+    steps, irregular = steps_of(t, clock)
+    assert steps.tolist() == [0] * 5 + [1] * 5
+    assert len(irregular) == 0
+
+
+def test_gaps_and_unknown_clocks():
+    steps, _ = steps_of([0.0, 1.0, 2.0, 100.0], [0.0, np.nan, 1.0, 5.0])
+    assert steps.tolist() == [0, 0, 1, 1]
+    assert steps_of([], [])[0].tolist() == []
+
+
+def test_what_is_no_millisecond_is_reported():
+    steps, irregular = steps_of([0.0, 1.0, 2.0], [0.0, 0.4, 0.4])
+    assert steps.tolist() == [0, 0, 0]
+    assert irregular.tolist() == [1]
+
+
+def test_a_receiver_in_the_stratosphere(rng):
+    eph = ephemerides(rng, "GE", 14)
+    place = ecef_from_llh([-0.6, 2.5, 35e3])
+    r = prepare_ranges(observe(eph, [0.0], lambda t: place, lambda t: 0.0), eph, ionosphere="none")
+    assert np.isfinite(r.elevation).all()
+    assert np.isfinite(r.pseudorange).all()

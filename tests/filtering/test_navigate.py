@@ -361,3 +361,14 @@ def test_provenance_repeats_the_simulation(recording):
     child = np.random.default_rng(np.random.SeedSequence(5).spawn(3)[2])
     seed = simulate_mission(prepare_mission(options["scenario"]), child).recording.metadata.options["seed"]
     assert seed == {"entropy": 5, "spawn_key": [2]}
+
+
+def test_the_antenna_is_where_the_estimated_lever_arm_puts_it(recording):
+    """Wrong by 0.5 m in the configuration, estimated: the antenna is the IMU moved by the sum."""
+    wrong = np.array([0.5, 0.0, 0.0])
+    given = np.array(LEVER) + wrong
+    result = navigate(recording, config(gnss={"lever_arm_m": list(given), "lever_sigma_m": 0.5}))
+    last = given + result.parameter("lever")[-1]
+    moved = result.trajectory.moved_by(last)
+    np.testing.assert_allclose(result.antenna().r_eb_e[-1], moved.r_eb_e[-1], atol=1e-8)  # rounding of 6.4e6 m
+    assert np.linalg.norm(result.antenna().r_eb_e[-1] - result.trajectory.moved_by(given).r_eb_e[-1]) > 0.01

@@ -5,17 +5,15 @@ Every key that carries a number names its unit. Unknown keys are errors, with th
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from schuler.exceptions import ConfigError
-from schuler.faults import sentences
 from schuler.filtering.aiding_config import AidingSection, CorrelatedSection, TightSection
-from schuler.filtering.config_types import NonNegative, Positive, Section, Triple
+from schuler.filtering.config_types import Config, NonNegative, Positive, Section, Triple, read_toml
 from schuler.sensors.spec_file import anchored
 
 
@@ -157,7 +155,7 @@ class OutageSection(Section):
         return tuple(sorted(windows))
 
 
-class NavigationConfig(Section):
+class NavigationConfig(Config):
     """A navigation run.
 
     Attributes
@@ -177,20 +175,6 @@ class NavigationConfig(Section):
     outages: OutageSection = OutageSection()
 
     @classmethod
-    def parse(cls, data: dict[str, Any], source: str = "configuration") -> NavigationConfig:
-        """Checked configuration of nested dictionaries; all faults are reported at once.
-
-        Raises
-        ------
-        ConfigError
-            Listing every wrong entry with its place.
-        """
-        try:
-            return cls.model_validate(data)
-        except ValidationError as error:
-            raise ConfigError(f"{source}: " + "; ".join(sentences(error, cls))) from None
-
-    @classmethod
     def load(cls, path: Path | str, changes: Sequence[tuple[str, Any]] = ()) -> NavigationConfig:
         """Checked configuration of a TOML file, to whose folder ``imu.spec`` is relative; see :meth:`parse`.
 
@@ -201,16 +185,10 @@ class NavigationConfig(Section):
             Entries put over those of the file, such as ``("filter.states", 21)``; an empty dict keeps what is there
             and makes an empty section otherwise, None takes the entry out.
         """
-        path = Path(path)
-        try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise ConfigError(f"{path}: no such configuration file") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ConfigError(f"{path}: not a TOML file: {error}") from None
+        data = read_toml(path)
         for key, value in changes:
             _change(data, key, value)
-        return cls.parse(anchored(data, path), str(path))
+        return cls.parse(anchored(data, Path(path)), str(path))
 
 
 def _change(data: dict[str, Any], key: str, value: Any) -> None:

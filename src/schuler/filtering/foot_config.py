@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
-from schuler.exceptions import ConfigError
-from schuler.faults import sentences
-
-Positive = Annotated[float, Field(gt=0.0)]
-NonNegative = Annotated[float, Field(ge=0.0)]
+from schuler.filtering.config_types import Config, NonNegative, Positive, Section, read_toml
 
 
-class FootSection(BaseModel):
-    """Base of all sections: immutable, nothing unknown."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class PlaceSection(FootSection):
+class PlaceSection(Section):
     """Where the walk is: foot logs do not say, and only gravity and the Earth's rotation depend on it."""
 
     lat_deg: Annotated[float, Field(ge=-89.9, le=89.9)] = Field(45.0, description="geodetic latitude")
@@ -29,7 +18,7 @@ class PlaceSection(FootSection):
     height_m: float = Field(0.0, description="ellipsoidal height")
 
 
-class SensorSection(FootSection):
+class SensorSection(Section):
     """Errors of the sensors as the filter sees them on a shoe, far larger than on a bench; see docs/foot-mounted.md."""
 
     accel_noise_m_s2_rthz: Positive = Field(0.035, description="white noise of specific force")
@@ -42,7 +31,7 @@ class SensorSection(FootSection):
     max_gap_s: Positive = Field(0.1, description="longest pause of the log that is bridged; longer ones are refused")
 
 
-class DetectorSection(FootSection):
+class DetectorSection(Section):
     """How rests of the foot are found."""
 
     kind: Literal["shoe", "ared", "amv", "magnitude"] = Field(
@@ -80,7 +69,7 @@ class DetectorSection(FootSection):
         )
 
 
-class ZuptSection(FootSection):
+class ZuptSection(Section):
     """What the filter is told of a resting foot."""
 
     sigma_m_s: Positive = Field(0.02, description="1-sigma velocity of a resting foot, every sample")
@@ -92,7 +81,7 @@ class ZuptSection(FootSection):
     pivot_sigma_m: Positive = Field(0.1, description="1-sigma distance of that point from the IMU, each axis")
 
 
-class FootAlignmentSection(FootSection):
+class FootAlignmentSection(Section):
     """Where the initial attitude comes from: gravity at the first rest, and a heading that is given."""
 
     rest_s: Positive = Field(1.0, description="longest stretch of the first rest used for levelling")
@@ -102,7 +91,7 @@ class FootAlignmentSection(FootSection):
     heading_sigma_deg: Positive = Field(0.001, description="1-sigma; tiny where the heading only names the axes")
 
 
-class FootFilterSection(FootSection):
+class FootFilterSection(Section):
     """States and rates of the filter."""
 
     states: Literal[9, 15, 21] = Field(15, description="9: navigation; 15: and biases; 21: and scale factors")
@@ -112,7 +101,7 @@ class FootFilterSection(FootSection):
     position_sigma_m: Positive = Field(1e-4, description="1-sigma of the start, which is the origin")
 
 
-class StrideSection(FootSection):
+class StrideSection(Section):
     """What is called a stride."""
 
     min_rest_s: NonNegative = Field(0.05, description="shorter rests do not end a stride")
@@ -120,7 +109,7 @@ class StrideSection(FootSection):
     min_length_m: NonNegative = Field(0.1, description="shorter ones are shuffles: listed, but no strides")
 
 
-class FootConfig(FootSection):
+class FootConfig(Config):
     """A foot-mounted run; every section has defaults that suit a shoe and walking.
 
     Attributes
@@ -141,27 +130,6 @@ class FootConfig(FootSection):
     stride: StrideSection = StrideSection()
 
     @classmethod
-    def parse(cls, data: dict[str, Any], source: str = "configuration") -> FootConfig:
-        """Checked configuration of nested dictionaries; all faults are reported at once.
-
-        Raises
-        ------
-        ConfigError
-            Listing every wrong entry with its place.
-        """
-        try:
-            return cls.model_validate(data)
-        except ValidationError as error:
-            raise ConfigError(f"{source}: " + "; ".join(sentences(error, cls))) from None
-
-    @classmethod
     def load(cls, path: Path | str) -> FootConfig:
         """Checked configuration of a TOML file; see :meth:`parse`."""
-        path = Path(path)
-        try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise ConfigError(f"{path}: no such configuration file") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ConfigError(f"{path}: not a TOML file: {error}") from None
-        return cls.parse(data, str(path))
+        return cls.parse(read_toml(path), str(path))

@@ -11,8 +11,10 @@ from cases import ACCEL_N, GYRO_N, LEVER, ORIGIN, SIGMA_R, SIGMA_V, START_R, STA
 
 from schuler import frames, rotation
 from schuler.analysis.consistency import chi_square_band, nees, state_errors
+from schuler.characterisation.stationarity import StaticIntervals
 from schuler.filtering.engine import FilterOptions, InitialState, run
-from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements, merged
+from schuler.filtering.measurements import EARTH_RATE_MAGNITUDE, MeasurementSchedule, gnss_measurements, merged
+from schuler.filtering.rest_aids import earth_rates, gravities, zero_rates
 from schuler.filtering.result import NavigationResult
 from schuler.filtering.states import StateLayout
 from schuler.filtering.vehicle_aids import VehicleConditions, non_holonomic
@@ -74,19 +76,41 @@ def zero_velocity(truth: Truth) -> MeasurementSchedule:
     return MeasurementSchedule.of(ZERO_VELOCITY, t, SIGMA_REST * truth.draws(len(t), 3), SIGMA_REST**2)
 
 
-def zero_rate(truth: Truth, block_s: float = 1.0) -> MeasurementSchedule:
-    """Means of the log itself over blocks at rest, as ``rest_aids.zero_rates`` makes them."""
-    from schuler.characterisation.stationarity import StaticIntervals
-    from schuler.filtering.rest_aids import zero_rates
-
+def rests(truth: Truth) -> StaticIntervals:
+    """Where the log really rests."""
     mask = at_rest(truth, truth.log.t)
     edge = np.diff(np.concatenate(([False], mask, [False])).astype(int))
     index = np.stack((np.flatnonzero(edge == 1), np.flatnonzero(edge == -1)), axis=1)
     none, zero = np.empty(0), np.zeros(3)
-    found = StaticIntervals(
+    return StaticIntervals(
         truth.log.t[index[:, 0]], truth.log.t[index[:, 1] - 1], index, mask, none, 0.0, "truth", 0.5, zero, zero, zero
     )
-    return zero_rates(truth.series(), found, sigma_noise=GYRO_N, block_s=block_s, gate=None)
+
+
+def zero_rate(truth: Truth, block_s: float = 1.0) -> MeasurementSchedule:
+    """Means of the log itself over blocks at rest, as ``rest_aids.zero_rates`` makes them."""
+    return zero_rates(truth.series(), rests(truth), sigma_noise=GYRO_N, block_s=block_s, gate=None)
+
+
+def gravity(truth: Truth) -> MeasurementSchedule:
+    """Magnitude of the means of the log itself, as ``rest_aids.gravities`` makes them."""
+    return gravities(truth.series(), rests(truth), sigma_noise=ACCEL_N, gate=None)
+
+
+def gravity_vector(truth: Truth) -> MeasurementSchedule:
+    """The means with their direction."""
+    return gravities(truth.series(), rests(truth), sigma_noise=ACCEL_N, vector=True, gate=None)
+
+
+def earth_rate(truth: Truth) -> MeasurementSchedule:
+    """Means of the log itself along the vertical, as ``rest_aids.earth_rates`` makes them."""
+    return earth_rates(truth.series(), rests(truth), sigma_noise=GYRO_N, gate=None)
+
+
+def earth_rate_magnitude(truth: Truth) -> MeasurementSchedule:
+    """As printed in the thesis; for comparison only."""
+    s = earth_rate(truth)
+    return replace(s, kind=np.full(len(s), EARTH_RATE_MAGNITUDE))
 
 
 def wheels(truth: Truth, rate_hz: float = 5.0) -> MeasurementSchedule:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cases
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from schuler import frames, rotation
 from schuler.analysis.consistency import chi_square_band, nees
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, InitialState, run, unpack_symmetric
-from schuler.filtering.measurements import gnss_measurements
+from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements
 from schuler.filtering.result import NavigationResult
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import GnssSeries
@@ -188,3 +190,13 @@ def test_states_that_are_hardly_seen_leave_no_infinities():
     examples = Path(__file__).parents[2] / "examples"
     result = navigate(simulate(examples / "town_tight.toml"), examples / "town_tight_navigation.toml").smooth()
     assert np.isfinite(result.covariance_e).all()
+
+
+def test_estimates_gone_wild_are_an_error_and_no_overrun(drive_case):
+    """A bias of 60 rad/s turns the filter in every epoch; room for nodes is made for what the readings turn."""
+    lay = cases.layout(15)
+    start = cases.start(drive_case, lay, np.random.default_rng(1))
+    start = replace(start, parameters=np.full(6, 60.0))
+    psd = np.full(3, cases.GYRO_N**2), np.full(3, cases.ACCEL_N**2)
+    with pytest.raises(InputError, match="the filter diverged"):
+        run(drive_case.increments, MeasurementSchedule.empty(), start, lay, *psd, FilterOptions(smoother=True))

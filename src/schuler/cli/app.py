@@ -37,13 +37,23 @@ COMMANDS = {
     ),
     "calibrate": (
         "",
-        "Calibrate an IMU on a bench; one method each, see schuler calibrate --help.",
+        "Calibrate an IMU on a bench or in the field; one method each, see schuler calibrate --help.",
         "schuler calibrate freepose hand.csv --columns t,ax,ay,az,gx,gy,gz --units g,deg/s --axes FLU",
     ),
     "simulate": (
         "schuler.cli.simulate:simulate",
         "Truth, IMU and GNSS of a scenario in a TOML file.",
         "schuler simulate examples/town.toml --out town.parquet --seed 7",
+    ),
+    "budget": (
+        "schuler.cli.budget:budget",
+        "How uncertain a mission will be, which error is to blame, which IMU is good enough. No data needed.",
+        'schuler budget examples/budget_town.toml --require "horizontal < 10 m @ 60 s outage"',
+    ),
+    "montecarlo": (
+        "schuler.cli.montecarlo:montecarlo",
+        "Simulate and navigate a mission many times: scatter, honesty of the filter, on all processors or a cluster.",
+        "schuler montecarlo examples/montecarlo_town.toml --runs 200 --store town-runs",
     ),
     "foot": (
         "schuler.cli.foot:foot",
@@ -70,12 +80,18 @@ METHODS = {
     "ratetable": ("Turned at known rates.", "schuler calibrate ratetable table.csv --rates 30,60"),
     "ferraris": ("Six faces and three turns by hand.", "schuler calibrate ferraris session.csv --units g,deg/s"),
     "thermal": ("Heated and cooled.", "schuler calibrate thermal chamber.csv --degree 3"),
+    "field": (
+        "Turned by hand between rests, 39 states.",
+        "schuler calibrate field turned.csv --imu MPU-6000 --latitude 39.9 --units g,deg/s",
+    ),
 }
+#: Those that do not stand in the common file.
+_ELSEWHERE = {"field": "schuler.cli.calibrate_field:field"}
 
 _text, _example = COMMANDS["calibrate"][1:]
 calibrate = App(name="calibrate", help=_text, help_epilogue=f"Example: {_example}", help_format="plaintext")
 for _name, (_text, _example) in METHODS.items():
-    _where = f"schuler.cli.calibrate:{_name}"
+    _where = _ELSEWHERE.get(_name, f"schuler.cli.calibrate:{_name}")
     calibrate.command(_where, name=_name, help=_text, help_epilogue=f"Example: {_example}")
 for _name, (_where, _text, _example) in COMMANDS.items():
     if _name == "calibrate":

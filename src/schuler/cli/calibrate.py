@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import csv
 import time as clock
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from schuler import units as u
+from schuler.cli.calibrate_input import numbers_of, poses_in, sections_of, spans_of
+from schuler.cli.calibrate_output import finish
 from schuler.cli.options import Output, Reading, Sensor, Site
-from schuler.cli.output import Flag, print_json, progress, say
+from schuler.cli.output import Flag
 from schuler.exceptions import InputError
-from schuler.recording.recording import Recording
-from schuler.recording.series import ImuSeries
-
-if TYPE_CHECKING:
-    from schuler.calibration.poses import Poses
-    from schuler.calibration.result import CalibrationResult
 
 _READING, _SITE, _SENSOR, _OUTPUT = Reading(), Site(), Sensor(), Output()
 
@@ -59,8 +52,8 @@ def sixposition(
 
     began = clock.perf_counter()
     recordings = [reading.read(path, uncalibrated=True) for path in (log, *more)]
-    poses = _poses(recordings, sensor, site, min_rest, intervals)
-    angles = None if headings is None else np.array(_numbers("--headings", headings)) * u.DEG
+    poses = poses_in(recordings, sensor, site, min_rest, intervals)
+    angles = None if headings is None else np.array(numbers_of("--headings", headings)) * u.DEG
     result = calibrate_sixposition(
         poses, gravity=site.g, improved=not standard, latitude=site.lat, headings=angles
     )  # fmt: skip
@@ -114,8 +107,8 @@ def multiposition(
 
     began = clock.perf_counter()
     recordings = [reading.read(path, uncalibrated=True) for path in (log, *more)]
-    poses = _poses(recordings, sensor, site, min_rest, intervals)
-    table = None if table_rate is None else np.array(_numbers("--table-rate", table_rate)) * u.DEG
+    poses = poses_in(recordings, sensor, site, min_rest, intervals)
+    table = None if table_rate is None else np.array(numbers_of("--table-rate", table_rate)) * u.DEG
     if table is not None and len(table) != len(poses):
         raise InputError(f"--table-rate: expected {len(poses)} numbers, one for each pose, got {len(table)}")
     result = calibrate_multiposition(
@@ -176,7 +169,7 @@ def freepose(
         imu, gravity=site.g, noise=sensor.noise, initial_rest_s=initial_rest, robust=robust, min_s=min_rest,
         gyro_bias="estimate" if estimate_gyro_bias else "rest", g_sensitivity=g_sensitivity, size_effect=size_effect,
         delay=delay,
-        intervals=None if intervals is None else _spans(intervals, imu),
+        intervals=None if intervals is None else spans_of(intervals, imu),
     )  # fmt: skip
     return finish(result, log, [recording], output, began)
 
@@ -223,7 +216,7 @@ def ratetable(
 
     began = clock.perf_counter()
     recordings = [reading.read(path, uncalibrated=True) for path in (log, *more)]
-    speeds = np.array(_numbers("--rates", rates)) * u.DEG
+    speeds = np.array(numbers_of("--rates", rates)) * u.DEG
     found, failures = [], []
     for recording in recordings:
         try:
@@ -233,7 +226,7 @@ def ratetable(
     if not found:
         raise InputError("; ".join(failures))
     try:
-        poses = _poses(recordings, sensor, site, min_rest, None)
+        poses = poses_in(recordings, sensor, site, min_rest, None)
     except InputError:
         poses = None  # plateaus alone are a calibration of the gyroscopes
     result = calibrate_ratetable(
@@ -272,7 +265,7 @@ def ferraris(
     began = clock.perf_counter()
     recording = reading.read(log, uncalibrated=True)
     imu = recording.need_imu()
-    named = None if sections is None else _sections(sections, imu)
+    named = None if sections is None else sections_of(sections, imu)
     result = calibrate_ferraris(
         imu, named, turn_angle=turn_angle * u.DEG, gravity=site.g, g_sensitivity=g_sensitivity, latitude=site.lat,
         noise=sensor.noise,
@@ -320,7 +313,7 @@ def thermal(
     if more and not soak:
         raise InputError(f"--soak: expected it with {len(recordings)} logs, a ramp is one; got several logs without it")
     source: Any = (
-        [_poses([recording], sensor, site, min_rest, None) for recording in recordings]
+        [poses_in([recording], sensor, site, min_rest, None) for recording in recordings]
         if soak
         else recordings[0].need_imu()
     )
@@ -329,135 +322,3 @@ def thermal(
         table_step=table_step, gravity=site.g,
     )  # fmt: skip
     return finish(result, log, recordings, output, began)
-
-
-# ---------------------------------------------------------------------------------------------- what all of them share
-
-
-def finish(result: CalibrationResult, log: Path, recordings: Sequence[Recording], output: Output, began: float) -> int:
-    """Write files, print the result, return the exit code: 2 for a log that is refused."""
-    from schuler.calibration.result import CalibrationResult
-
-    sources = {k: v for recording in recordings for k, v in recording.metadata.sources.items()}
-    options = [recording.metadata.options for recording in recordings]
-    result = replace(result, provenance={**result.provenance, "sources": sources, "recording_options": options})
-    if output.gauge is not None and result.status != "refused":
-        result = result.in_gauge(output.gauge)
-    folder = Path(f"{log.resolve().stem}-calibration") if output.out is None else output.out
-    earlier = None if output.previous is None else CalibrationResult.from_yaml(output.previous)
-    difference = None if earlier is None or result.status == "refused" else result.compare(earlier)
-    files: dict[str, Path] = {}
-    # what was refused has no numbers to be used, but its report shows why
-    if result.status != "refused":
-        files["calibration"] = result.to_yaml(folder / "calibration.yaml")
-    if output.report:
-        from schuler.report.calibration_figures import save_calibration_figures
-
-        said = "\n".join(recording.summary() for recording in recordings)
-        files["report"] = result.report(folder / "calibration.html", previous=earlier, recording_summary=said)
-        for path in save_calibration_figures(result, folder / "figures"):
-            files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
-    if output.json:
-        data = numbers(result)
-        if difference is not None:
-            data["changed"] = list(difference.changed)
-        print_json({"command": "calibrate", **data, "elapsed_s": clock.perf_counter() - began, "files": files})
-    else:
-        for recording in recordings:
-            say(recording.summary())
-        print(result.summary())
-        if difference is not None:
-            print(difference.summary())
-        print("\n".join(f"{what}: {path}" for what, path in files.items() if not what.startswith("figure")))
-    if result.status == "refused":
-        say(f"schuler: {log}: refused; {' '.join(result.verdicts)}")
-        return 2
-    return 0
-
-
-def numbers(result: CalibrationResult) -> dict[str, Any]:
-    """A calibration for JSON."""
-    from schuler.calibration.parameters import GAUGES, unit
-
-    estimated = {
-        name: {"value": float(v), "sigma": float(s), "unit": unit(name)}
-        for name, v, s in zip(result.names, result.values, result.sigma, strict=True)
-    }
-    held = {name: {"value": v, "sigma": 0.0, "unit": unit(name), "fixed": True} for name, v in result.fixed.items()}
-    return {
-        "method": result.method,
-        "status": result.status,
-        "gauge": result.gauge,
-        "gauge_means": GAUGES[result.gauge],
-        "parameters": estimated | held,
-        "undetermined": [name for name, s in zip(result.names, result.sigma, strict=True) if not np.isfinite(s)],
-        "condition": result.condition,
-        "variance_of_unit_weight": result.variance_of_unit_weight,
-        "freedom": result.freedom,
-        "residual_rms": {name: r.rms for name, r in result.residuals.items()},
-        "observability": result.observability,
-        "verdicts": list(result.verdicts),
-        "next_pose": result.next_pose,
-        "nominal": list(result.nominal),
-        "temperature_deg_c": result.temperature,
-        "extra": result.extra,
-        "provenance": result.provenance,
-    }
-
-
-def _poses(
-    recordings: Sequence[Recording], sensor: Sensor, site: Site, min_rest: float, intervals: Path | None
-) -> Poses:
-    """Rests of all logs, one after the other."""
-    from schuler.calibration.poses import joined, poses_of
-
-    found = []
-    with progress("looking for rests") as bar:
-        for i, recording in enumerate(recordings):
-            imu = recording.need_imu()
-            spans = None if intervals is None else _spans(intervals, imu)
-            found.append(poses_of(imu, spans, min_s=min_rest, noise=sensor.noise, gravity=site.g))
-            if bar is not None:
-                bar((i + 1) / len(recordings))
-    return joined(found)
-
-
-def _spans(path: Path, imu: ImuSeries) -> list[tuple[float, float]]:
-    return [(start, stop) for _, start, stop in _table(path, imu, named=False)]
-
-
-def _sections(path: Path, imu: ImuSeries) -> dict[str, tuple[float, float]]:
-    return {name: (start, stop) for name, start, stop in _table(path, imu, named=True)}
-
-
-def _table(path: Path, imu: ImuSeries, named: bool) -> list[tuple[str, float, float]]:
-    """Lines of (NAME,)START,STOP in seconds from the start of the log, in the time of the log."""
-    shape = "NAME,START,STOP" if named else "START,STOP"
-    try:
-        lines = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: expected a CSV file with lines {shape}: {error}") from None
-    rows = []
-    for number, line in enumerate(lines, 1):
-        if not line or line[0].startswith("#"):
-            continue
-        try:
-            name = line[0].strip() if named else ""
-            start, stop = (float(cell) for cell in line[int(named) :])
-        except ValueError:
-            if number == 1:
-                continue  # a header
-            raise InputError(f"{path}, line {number}: expected {shape} in seconds, got {','.join(line)!r}") from None
-        if not 0.0 <= start < stop:
-            raise InputError(f"{path}, line {number}: expected 0 <= START < STOP in seconds, got {start:g}, {stop:g}")
-        rows.append((name, start + float(imu.t[0]), stop + float(imu.t[0])))
-    if not rows:
-        raise InputError(f"{path}: expected lines {shape}, got none")
-    return rows
-
-
-def _numbers(option: str, text: str) -> list[float]:
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError:
-        raise InputError(f"{option}: expected numbers with commas between them, got {text!r}") from None

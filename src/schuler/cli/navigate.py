@@ -18,6 +18,7 @@ def navigate(
     /,
     *,
     config: Path,
+    calibration: Path | None = None,
     out: Path | None = None,
     outage: Texts = (),
     outage_every: str | None = None,
@@ -38,6 +39,9 @@ def navigate(
         File or folder; how it is read stands in the [recording] section of the configuration.
     config
         TOML file, see docs/navigation.md.
+    calibration
+        File of a calibration of this unit: sensor states start from its values and covariance, the rest is taken out
+        of the log. Instead of imu.calibration of the configuration.
     out
         Folder for the files. Default: the log's name with -solution.
     outage
@@ -69,6 +73,8 @@ def navigate(
 
     began = time.perf_counter()
     changes = entries(set)
+    if calibration is not None:
+        changes.append(("imu.calibration", str(calibration.resolve())))
     if coupling is not None:
         changes.append(("gnss.coupling", coupling))
     if smooth is not None:

@@ -44,11 +44,17 @@ def _plain(value: Any) -> Any:
 
 
 @contextmanager
-def progress(what: str) -> Iterator[Callable[[float], None] | None]:
-    """A progress bar on stderr if that is a terminal; yields a function of the fraction done, or None."""
+def progress(what: str, *, total: int | None = None, unit: str = "") -> Iterator[Callable[[float], None] | None]:
+    """A progress bar on stderr if that is a terminal; yields a function of the fraction done, or None.
+
+    With a total number of things the bar also says how many are done and how many a second. The time left follows the
+    speed since the first call, which may come with a part that was done before.
+    """
     if not sys.stderr.isatty():
         yield None
         return
+    import time
+
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -56,15 +62,45 @@ def progress(what: str) -> Iterator[Callable[[float], None] | None]:
         TextColumn("{task.description}"),
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %"),
-        TimeRemainingColumn(),
+        TimeRemainingColumn() if total is None else TextColumn("{task.fields[rate]}"),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=1.0)
+        task = bar.add_task(what, total=1.0, rate="")
+        begin: list[float] = []
 
         def report(fraction: float) -> None:
-            bar.update(task, completed=fraction)
+            if not begin:
+                begin[:] = [fraction, time.monotonic()]
+            rate = (
+                ""
+                if total is None
+                else rate_text(fraction - begin[0], fraction, time.monotonic() - begin[1], total, unit)
+            )
+            bar.update(task, completed=fraction, rate=rate)
 
         yield report
+
+
+def rate_text(gained: float, fraction: float, seconds: float, total: int, unit: str) -> str:
+    """How many are done, how many a second, and how long the rest takes at that speed.
+
+    Parameters
+    ----------
+    gained : float
+        Fraction done in ...
+    fraction : float
+        Fraction done in all.
+    seconds : float
+        ... so many seconds.
+    total : int
+    unit : str
+    """
+    done = f"{round(fraction * total)} of {total} {unit}"
+    if gained <= 0.0 or seconds <= 0.0:
+        return done
+    left = round((1.0 - fraction) / gained * seconds)
+    clock = f"{left // 3600}:{left // 60 % 60:02d}:{left % 60:02d}"
+    return f"{done}, {gained * total / seconds:.3g} {unit}/s, {clock} left"
 
 
 def window(text: str) -> tuple[float, float]:

@@ -268,6 +268,8 @@ def propagate(
 def keep_node(P, nav, acc, B, n_sensor, t, cnt, node_t, node_P, node_phi, node_B, node_upd):
     """Store what the smoother needs of one flush: its time, the predicted covariance and the transition."""
     i = cnt[CNT_NODE]
+    if i >= node_t.shape[0]:  # a filter that turns about in estimates gone wild; the caller sees it by the counts
+        return
     node_t[i] = t
     pack(P, node_P[i])
     for a in range(8):

@@ -9,6 +9,7 @@ import numpy as np
 from schuler.earth import WGS84
 from schuler.filtering._covariance_kernels import PAD, dcm, padded
 from schuler.filtering._range_kernels import pseudorange, range_rate
+from schuler.filtering._rest_kernels import earth_rate, gravity_magnitude, gravity_vector
 from schuler.filtering._vehicle_kernels import heading, height, rate_columns, vehicle_velocity, zero_rate
 from schuler.jit import inlined, kernel
 from schuler.mechanization._kernels import gravity_e, half_angle_series
@@ -33,7 +34,10 @@ FIX = 12
 RESET_POSITION = 13
 RESET_VELOCITY = 14
 GNSS_HEADING = 15
-N_KINDS = 16
+GRAVITY = 16
+GRAVITY_VECTOR = 17
+EARTH_RATE = 18
+EARTH_RATE_MAGNITUDE = 19
 
 (
     AT_LEVER, AT_MOUNT, AT_ODOMETER, AT_LEVER_V, AT_CLOCK, AT_CLOCK_2, AT_CLOCK_3, AT_CLOCK_4, AT_HEADING, AT_BARO,
@@ -66,9 +70,9 @@ def measurement_rows(kind, z, lever, nav, est, reg, sens, ptab, n_sensor, at, om
     """Rows ``H`` (3, n) and difference ``y`` = predicted minus measured; returns how many.
 
     Position: ``r + C l``, velocity: ``v + C (omega_ib x l) - omega_ie x (C l)``, both north, east, down. Other kinds
-    are in ``_vehicle_kernels`` and ``_range_kernels``. ``reg`` holds the regressors of the current interval (integrals
-    of time, force and rate), whose means stand for the instant. ``at`` are the first states of the blocks in
-    ``limits.PLACES``, -1 for those not estimated.
+    are in ``_vehicle_kernels``, ``_rest_kernels`` and ``_range_kernels``. ``reg`` holds the regressors of the current
+    interval (integrals of time, force and rate), whose means stand for the instant. ``at`` are the first states of the
+    blocks in ``limits.PLACES``, -1 for those not estimated.
     """
     for i in range(3):
         for j in range(PAD):
@@ -76,6 +80,12 @@ def measurement_rows(kind, z, lever, nav, est, reg, sens, ptab, n_sensor, at, om
     ned_axes(nav, U)
     if kind == ZERO_RATE:
         return zero_rate(z, nav, reg, sens, ptab, n_sensor, omega, H, y)
+    if kind >= GRAVITY:
+        if kind == GRAVITY:
+            return gravity_magnitude(z, nav, sens, ptab, n_sensor, H, y)
+        if kind == GRAVITY_VECTOR:
+            return gravity_vector(z, nav, sens, ptab, n_sensor, H, y, U)
+        return earth_rate(z, nav, sens, ptab, n_sensor, omega, kind == EARTH_RATE, H, y, U)
     if kind in (HEADING, GNSS_HEADING):
         return heading(z, nav, est, at[AT_HEADING], H, y, U)
     l0, l1, l2 = lever[0], lever[1], lever[2]
@@ -143,6 +153,8 @@ def measurement_rows(kind, z, lever, nav, est, reg, sens, ptab, n_sensor, at, om
     k = 1.0 / reg[0] if reg[0] > 0.0 else 0.0
     w0, w1, w2 = k * reg[4], k * reg[5], k * reg[6]
     x0, x1, x2 = w1 * l2 - w2 * l1, w2 * l0 - w0 * l2, w0 * l1 - w1 * l0
+    if kind != RANGE_RATE:  # a lever arm that turns in the IMU's axes
+        x0, x1, x2 = x0 + z[3], x1 + z[4], x2 + z[5]
     M0, M1, M2 = c00 * x0 + c01 * x1 + c02 * x2, c10 * x0 + c11 * x1 + c12 * x2, c20 * x0 + c21 * x1 + c22 * x2
     if kind == RANGE_RATE:
         g0, g1, g2 = range_rate(z, L0, L1, L2, M0, M1, M2, w0, w1, w2, nav, est, at[AT_CLOCK], i_lever, omega, H, y)

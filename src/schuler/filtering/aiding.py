@@ -12,7 +12,7 @@ from schuler.exceptions import InputError
 from schuler.filtering.aiding_config import AidingSection, RestSection
 from schuler.filtering.config import GnssSection, NavigationConfig
 from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements, in_windows, merged
-from schuler.filtering.rest_aids import zero_rates, zero_velocities
+from schuler.filtering.rest_aids import earth_rates, gravities, zero_rates, zero_velocities
 from schuler.filtering.satellite_aids import clock_models, range_measurements, resets
 from schuler.filtering.scalar_aids import heading_measurements, height_measurements, known_positions
 from schuler.filtering.states import StateModel
@@ -97,7 +97,7 @@ def aiding_schedule(
     sources : Sources
     config : NavigationConfig
     spec : ImuSpec
-        Its gyro noise weighs zero-rotation updates.
+        Its noise weighs what is compared with Earth rate and gravity at rest.
     start : float
         Time of the initial state. [s]
     origin : float
@@ -141,27 +141,13 @@ def aiding_schedule(
         llh = np.array(aiding.fixes.llh_deg) * (units.DEG, units.DEG, 1.0)
         t = origin + np.array(aiding.fixes.t_s)
         parts.append(known_positions(t, llh, aiding.fixes.sigma_m, lever_b=aiding.fixes.lever_m))
-    if aiding.zero_velocity is not None or aiding.zero_rate is not None:
+    if any(x is not None for x in (aiding.zero_velocity, aiding.zero_rate, aiding.gravity, aiding.earth_rate)):
         found = rests(sources.imu, sources.gnss, aiding.rest, windows)
         notes.append(
             f"at rest: {len(found)} intervals, {found.duration.sum():.1f} s in all"
-            + (" (zero-velocity updates have nothing to work with)" if not len(found) else "")
+            + (" (what is measured at rest has nothing to work with)" if not len(found) else "")
         )
-        if aiding.zero_velocity is not None:
-            z = aiding.zero_velocity
-            parts.append(zero_velocities(found, sigma=z.sigma_m_s, rate_hz=z.rate_hz, gate=_gate(z.gate)))
-        if aiding.zero_rate is not None:
-            r = aiding.zero_rate
-            parts.append(
-                zero_rates(
-                    sources.imu,
-                    found,
-                    sigma_noise=spec.gyro.random_walk,
-                    sigma=r.sigma_deg_s * units.DEG,
-                    block_s=r.block_s,
-                    gate=_gate(r.gate),
-                )
-            )
+        parts += _rest_parts(sources.imu, found, aiding, spec)
     schedule = merged(*parts)
     return schedule.where(schedule.t > start + 1e-6), notes
 
@@ -191,6 +177,36 @@ def rests(
     for a, b in found.index[~keep]:
         mask[a:b] = False
     return replace(found, start=found.start[keep], stop=found.stop[keep], index=found.index[keep], mask=mask)
+
+
+def _rest_parts(
+    imu: ImuSeries, found: StaticIntervals, aiding: AidingSection, spec: ImuSpec
+) -> list[MeasurementSchedule]:
+    """What rest says, as far as it is configured."""
+    parts = []
+    if aiding.zero_velocity is not None:
+        z = aiding.zero_velocity
+        parts.append(zero_velocities(found, sigma=z.sigma_m_s, rate_hz=z.rate_hz, gate=_gate(z.gate)))
+    gyro_noise, accel_noise = spec.gyro.random_walk, spec.accel.random_walk
+    for section, function in ((aiding.zero_rate, zero_rates), (aiding.earth_rate, earth_rates)):
+        if section is not None:
+            sigma = section.sigma_deg_s * units.DEG
+            gate = _gate(section.gate)
+            parts.append(function(imu, found, sigma_noise=gyro_noise, sigma=sigma, block_s=section.block_s, gate=gate))
+    if aiding.gravity is not None:
+        g = aiding.gravity
+        parts.append(
+            gravities(
+                imu,
+                found,
+                sigma_noise=accel_noise,
+                sigma=g.sigma_m_s2,
+                vector=g.form == "vector",
+                block_s=g.block_s,
+                gate=_gate(g.gate),
+            )
+        )
+    return parts
 
 
 def _satellite_parts(sources: Sources, section: GnssSection) -> MeasurementSchedule:

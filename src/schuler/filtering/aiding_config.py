@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from schuler.filtering.config_types import NonNegative, Positive, Section, Triple
 
@@ -12,7 +12,7 @@ Gate = Annotated[float, Field(gt=0.0, lt=1.0)] | Literal["off"]
 
 
 class RestSection(Section):
-    """Detection of rest for zero-velocity and zero-rotation updates."""
+    """Detection of rest for zero-velocity and zero-rotation updates, gravity and Earth rate."""
 
     min_s: Positive = Field(1.0, description="shortest rest")
     window_s: Positive = Field(0.5, description="window of the detector")
@@ -32,6 +32,23 @@ class ZeroRateSection(Section):
     """Zero-rotation updates at rest."""
 
     sigma_deg_s: NonNegative = Field(0.02, description="1-sigma of what may still turn, added to the gyro noise")
+    block_s: Positive = Field(1.0, description="length of the means")
+    gate: Gate = Field(0.9999, description="probability with which a good update passes, or off")
+
+
+class GravitySection(Section):
+    """Mean specific force at rest against gravity; not together with zero-velocity updates, which do the same."""
+
+    form: Literal["magnitude", "vector"] = Field("magnitude", description="vector: its direction too, by the attitude")
+    sigma_m_s2: NonNegative = Field(0.005, description="1-sigma of what may still accelerate, added to the noise")
+    block_s: Positive = Field(1.0, description="length of the means")
+    gate: Gate = Field(0.9999, description="probability with which a good update passes, or off")
+
+
+class EarthRateSection(Section):
+    """Mean rate at rest along the vertical; not together with zero-rotation updates, which have it in them."""
+
+    sigma_deg_s: NonNegative = Field(0.005, description="1-sigma of what may still turn, added to the gyro noise")
     block_s: Positive = Field(1.0, description="length of the means")
     gate: Gate = Field(0.9999, description="probability with which a good update passes, or off")
 
@@ -98,11 +115,27 @@ class AidingSection(Section):
     rest: RestSection = RestSection()
     zero_velocity: ZeroVelocitySection | None = None
     zero_rate: ZeroRateSection | None = None
+    gravity: GravitySection | None = None
+    earth_rate: EarthRateSection | None = None
     non_holonomic: NonHolonomicSection | None = None
     odometer: OdometerSection | None = None
     heading: HeadingSection | None = None
     barometer: BarometerSection | None = None
     fixes: FixesSection | None = None
+
+    @model_validator(mode="after")
+    def _readings_once(self) -> AidingSection:
+        if self.gravity is not None and self.zero_velocity is not None:
+            raise ValueError(
+                "gravity and zero_velocity compare the same accelerometer readings with gravity; give one of them. "
+                "Zero velocity has it all in it, gravity is for those who do without"
+            )
+        if self.earth_rate is not None and self.zero_rate is not None:
+            raise ValueError(
+                "earth_rate and zero_rate use the same gyro readings; give one of them. zero_rate has three axes and "
+                "needs an attitude, earth_rate the vertical one only"
+            )
+        return self
 
 
 class TightSection(Section):

@@ -24,6 +24,17 @@ class ImuSection(Section):
     spec: str | None = Field(None, description="file of an identified budget, relative to this one")
     gyro: dict[str, float | str] = Field(default_factory=dict, description="data-sheet values, see docs/sensors.md")
     accel: dict[str, float | str] = Field(default_factory=dict, description="data-sheet values, see docs/sensors.md")
+    calibration: str | None = Field(
+        None, description="file of a calibration of this unit, relative to this one: start of the sensor states"
+    )
+    calibration_session: Literal["earlier", "same"] = Field(
+        "earlier", description="same: the unit stayed on since its calibration; earlier: it was switched on again"
+    )
+    gyro_repeatability_deg_hr: NonNegative | None = Field(
+        None,
+        description="1-sigma change of biases from one switch-on to the next; if left out, the turn-on bias",
+    )
+    accel_repeatability_mg: NonNegative | None = Field(None, description="the same of the accelerometers")
     mount_rpy_deg: Triple = Field((0.0, 0.0, 0.0), description="attitude of the IMU axes in the vehicle: C_bs")
     clock_shift_s: float = Field(0.0, description="added to the IMU's time stamps")
     rate_order: Literal[1, 2, 3] = Field(2, description="rule that integrates rates: held, trapezoid, parabola")
@@ -107,7 +118,7 @@ class ModelSection(Section):
 class FilterSection(Section):
     """States and rates of the filter."""
 
-    states: Literal[9, 15, 21, 27, 33, 42] | tuple[str, ...] = Field(15, description="number, or names of blocks")
+    states: Literal[9, 15, 21, 27, 33, 39, 42] | tuple[str, ...] = Field(15, description="number, or names of blocks")
     models: dict[str, ModelSection] = Field(default_factory=dict, description="models of blocks, SI units")
     covariance_rate_hz: Positive | None = Field(10.0, description="left out: default; see docs")
     full_rate: bool = Field(False, description="propagate the covariance at every IMU sample")
@@ -176,7 +187,7 @@ class NavigationConfig(Config):
 
     @classmethod
     def load(cls, path: Path | str, changes: Sequence[tuple[str, Any]] = ()) -> NavigationConfig:
-        """Checked configuration of a TOML file, to whose folder ``imu.spec`` is relative; see :meth:`parse`.
+        """Checked configuration of a TOML file; its folder anchors ``imu.spec`` and ``imu.calibration``.
 
         Parameters
         ----------
@@ -188,7 +199,16 @@ class NavigationConfig(Config):
         data = read_toml(path)
         for key, value in changes:
             _change(data, key, value)
-        return cls.parse(anchored(data, Path(path)), str(path))
+        return cls.parse(_anchored(data, Path(path)), str(path))
+
+
+def _anchored(data: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Entries whose file names are relative to the file they were read from."""
+    data = anchored(data, path)
+    imu = data.get("imu")
+    if not isinstance(imu, dict) or not isinstance(imu.get("calibration"), str):
+        return data
+    return {**data, "imu": {**imu, "calibration": str(path.resolve().parent / imu["calibration"])}}
 
 
 def _change(data: dict[str, Any], key: str, value: Any) -> None:

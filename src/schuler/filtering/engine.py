@@ -348,7 +348,8 @@ def run(
     Raises
     ------
     InputError
-        If the log does not begin where the initial state is.
+        If the log does not begin where the initial state is; with the smoother's memory also if the filter diverges so
+        far that its own rates need more of it than the readings do.
     """
     from schuler.filtering import _run_kernels as k
 
@@ -406,6 +407,11 @@ def run(
     nodes = None
     if options.smoother and complete:
         a, u = int(cnt[k.CNT_NODE]), int(cnt[k.CNT_UPD])
+        if a <= int(cnt[k.CNT_FLUSH]):
+            raise InputError(
+                "the filter diverged: its attitude turns far more than the gyroscopes' readings do. Check units and "
+                "axes of the log, and that the specification of the IMU allows for its errors"
+            )
         nodes = SmootherNodes(
             t=node[0][:a], P=node[1][:a], phi=node[2][:a], B=node[3][:a], upd=node[4][:a],
             W=node[5][:u], G=node[6][:u], e=node[7][:u],

@@ -15,6 +15,7 @@ from schuler.recording.series import GnssSeries
 
 POSITION, VELOCITY, ZERO_VELOCITY, LATERAL, VERTICAL, SPEED, ZERO_RATE, PSEUDORANGE, RANGE_RATE = range(1, 10)
 HEADING, HEIGHT, FIX, RESET_POSITION, RESET_VELOCITY, GNSS_HEADING = range(10, 16)
+GRAVITY, GRAVITY_VECTOR, EARTH_RATE, EARTH_RATE_MAGNITUDE = range(16, 20)
 #: Names of the kinds, used in results.
 KINDS = {
     POSITION: "position",
@@ -32,9 +33,13 @@ KINDS = {
     RESET_POSITION: "reset_position",
     RESET_VELOCITY: "reset_velocity",
     GNSS_HEADING: "gnss_heading",
+    GRAVITY: "gravity",
+    GRAVITY_VECTOR: "gravity_vector",
+    EARTH_RATE: "earth_rate",
+    EARTH_RATE_MAGNITUDE: "earth_rate_magnitude",
 }
 #: Components of each kind.
-DIMENSIONS = {k: 3 if k in (1, 2, 3, 7, 12, 13, 14) else 1 for k in KINDS}
+DIMENSIONS = {k: 3 if k in (1, 2, 3, 7, 12, 13, 14, 17) else 1 for k in KINDS}
 #: Kinds that come from satellites and stop in an outage.
 GNSS_KINDS = (POSITION, VELOCITY, PSEUDORANGE, RANGE_RATE, RESET_POSITION, RESET_VELOCITY, GNSS_HEADING)
 #: Kinds that are put into the state instead of being weighed: no innovation test, no smoother.
@@ -61,10 +66,12 @@ class MeasurementSchedule:
     kind : ndarray of int, shape (m,)
         Keys of :data:`KINDS`.
     z : ndarray, shape (m, 8)
-        Values by kind, the rest zero: Earth-fixed antenna position [m]; velocity north-east-down [m/s]; lateral,
-        vertical or forward velocity of the vehicle [m/s], in the last column the least speed at which it counts; mean
-        raw angular rate at rest [rad/s]; satellite position [m], pseudorange [m], place of its clock; satellite
-        position, its velocity [m/s], range rate [m/s]; heading [rad]; height [m].
+        Values by kind, the rest zero: Earth-fixed antenna position [m]; velocity north-east-down and the rate at which
+        the lever arm changes in body axes, on a platform that turns [m/s]; lateral, vertical or forward velocity of the
+        vehicle [m/s], in the last column the least speed at which it counts; mean raw angular rate at rest [rad/s];
+        satellite position [m], pseudorange [m], place of its clock; satellite position, its velocity [m/s], range rate
+        [m/s]; heading [rad]; height [m]; mean raw specific force [m/s^2] and rate [rad/s] at rest, gravity [m/s^2] or
+        zero for the ellipsoid's, and 1 for perfect accelerometers.
     R : ndarray, shape (m, 3, 3)
         Covariance, of vectors in north-east-down axes (zero rate: body axes), of single numbers in the first place.
     lever : ndarray, shape (m, 3)

@@ -9,9 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from schuler.calibration.result import CalibrationResult
 from schuler.exceptions import ConfigError
-from schuler.filtering.aiding import Sources, aiding_models, aiding_schedule
+from schuler.filtering.aiding import Sources, aiding_schedule
+from schuler.filtering.calibration_start import configured_start
 from schuler.filtering.config import NavigationConfig
+from schuler.filtering.configured import imu_spec, state_layout
 from schuler.filtering.engine import FilterOptions, InitialState, Progress, run
 from schuler.filtering.gnss_faults import rejections
 from schuler.filtering.preparation import (
@@ -26,12 +29,9 @@ from schuler.filtering.preparation import (
 from schuler.filtering.result import NavigationResult
 from schuler.filtering.satellites import satellites, with_clocks
 from schuler.filtering.start import align, moved_to
-from schuler.filtering.states import StateLayout, StateModel, layout_for
-from schuler.gnss.ranges import Ranges
 from schuler.recording.recording import Recording
-from schuler.sensors import catalogue
-from schuler.sensors.spec import ImuSpec, TriadSpec
-from schuler.sensors.spec_file import configured_spec
+
+__all__ = ["imu_spec", "navigate", "state_layout"]
 
 
 def navigate(
@@ -39,6 +39,7 @@ def navigate(
     config: NavigationConfig | dict[str, Any] | Path | str,
     *,
     initial: InitialState | None = None,
+    calibration: CalibrationResult | Path | str | None = None,
     progress: Progress | None = None,
 ) -> NavigationResult:
     """Navigate a recording: align, filter, and keep what a smoother needs if the configuration asks for one.
@@ -49,7 +50,12 @@ def navigate(
         With an IMU; without GNSS the solution is free inertial and needs ``initial``.
     config : NavigationConfig, dict, or path of a TOML file
     initial : InitialState, optional
-        Start here instead of aligning; the log is cut to begin there.
+        Start here instead of aligning; the log is cut to begin there. With a calibration only its navigation part and
+        the parameters that are not calibrated count.
+    calibration : CalibrationResult or path, optional
+        Of this unit, instead of ``imu.calibration`` of the configuration: the sensor states start from its values and
+        covariance, what the filter does not estimate is taken out of the log; see
+        :func:`~schuler.filtering.calibration_start.calibration_start`.
     progress : callable, optional
         Called with the fraction done.
 
@@ -61,7 +67,10 @@ def navigate(
     Raises
     ------
     InputError, ConfigError
-        If the recording lacks what the configuration needs, has gaps too long to bridge, or cannot be aligned.
+        If the recording lacks what the configuration needs, has gaps too long to bridge, or cannot be aligned; if the
+        calibration was refused or does not fit the log.
+    FileFormatError
+        If the calibration's file cannot be read.
     """
     if not isinstance(config, NavigationConfig):
         config = NavigationConfig.parse(config) if isinstance(config, dict) else NavigationConfig.load(config)
@@ -75,7 +84,8 @@ def navigate(
         )
     notes = list(recording.metadata.notes)
     spec = imu_spec(config)
-    imu = prepared_imu(recording.need_imu(), config, notes)
+    known = configured_start(config, recording.need_imu(), calibration)
+    imu = prepared_imu(recording.need_imu(), config, notes, known)
     ranges, points = None, None
     if config.gnss.coupling == "tight":
         ranges, points = satellites(recording, config, notes)
@@ -86,10 +96,12 @@ def navigate(
     windows = config.outages.resolve(start, recording.stop if gnss is None else float(gnss.t[-1]))
     increments = imu.increments(order=config.imu.rate_order)
     if initial is None:
-        known = None if gnss is None else current_velocities(gnss, delay)
-        initial = align(imu, known, config, spec, layout, windows, notes)
+        fixes = None if gnss is None else current_velocities(gnss, delay)
+        initial = align(imu, fixes, config, spec, layout, windows, notes, known)
         if points is not None:
             initial = with_clocks(initial, points, layout)
+    elif known is not None:
+        initial = known.put_into(initial)
     increments = increments.between(initial.nav.t - 1e-9, increments.t[-1])
     initial = moved_to(initial, increments)
     schedule, notes_of_aids = aiding_schedule(
@@ -142,37 +154,10 @@ def navigate(
             "recording": recording.metadata.name,
             "recording_options": recording.metadata.options,
             "imu": spec.name,
+            **({} if known is None else {"calibration": known.provenance}),
             "elapsed_s": time.perf_counter() - began,
         },
         notes=tuple(notes),
         ranges=ranges,
         points=None if points is None else points.solution,
     )
-
-
-def imu_spec(config: NavigationConfig) -> ImuSpec:
-    """Error budget of the IMU a configuration names or describes."""
-    section = config.imu
-    if section.catalogue is not None:
-        return catalogue.spec(section.catalogue)
-    if section.spec is not None:
-        return configured_spec(section.spec)
-    try:
-        gyro, accel = TriadSpec.gyro(**section.gyro), TriadSpec.accelerometer(**section.accel)  # type: ignore[arg-type]
-    except TypeError as error:
-        raise ConfigError(f"imu: {error}; see docs/sensors.md for the data-sheet values that can be given") from None
-    return ImuSpec(name="as configured", gyro=gyro, accel=accel)
-
-
-def state_layout(config: NavigationConfig, spec: ImuSpec, ranges: Ranges | None = None) -> StateLayout:
-    """State layout of a configuration: from the IMU's budget, what the aids need, and the models given instead."""
-    given = {name: StateModel(model.sigma, model.noise, model.tau_s) for name, model in config.filter.models.items()}
-    states = config.filter.states
-    needed = aiding_models(config, ranges)
-    if isinstance(states, tuple):
-        named = tuple(name for name in states if name not in given and name not in needed)
-        fitted = layout_for(spec, named).models
-        models = {name: fitted.get(name) or needed.get(name) or given[name] for name in states}
-    else:
-        models = layout_for(spec, states).models
-    return StateLayout({**models, **needed, **given})

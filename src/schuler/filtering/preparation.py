@@ -14,6 +14,7 @@ from schuler import rotation, units
 from schuler.arrays import FloatArray
 from schuler.characterisation.readings import resolution, saturated, stuck
 from schuler.exceptions import ConfigError, InputError
+from schuler.filtering.calibration_start import CalibrationStart, configured_start
 from schuler.filtering.config import NavigationConfig
 from schuler.filtering.gnss_faults import contradictions, frozen, no_overlap
 from schuler.filtering.measurements import RESET_VELOCITY, VELOCITY, MeasurementSchedule
@@ -25,8 +26,10 @@ PAUSE = 2.5
 _JITTER = 0.2  # of the sample interval, robust spread of the stamps that is said
 
 
-def prepared_imu(imu: ImuSeries, config: NavigationConfig, notes: list[str]) -> ImuSeries:
-    """The IMU log in vehicle axes and on the GNSS clock, its gaps bridged or refused.
+def prepared_imu(
+    imu: ImuSeries, config: NavigationConfig, notes: list[str], known: CalibrationStart | None = None
+) -> ImuSeries:
+    """The IMU log in vehicle axes and on the GNSS clock, its gaps bridged or refused, without what is not estimated.
 
     Parameters
     ----------
@@ -35,14 +38,20 @@ def prepared_imu(imu: ImuSeries, config: NavigationConfig, notes: list[str]) -> 
         ``imu.mount_rpy_deg``, ``imu.clock_shift_s`` and ``imu.max_gap_s`` are used.
     notes : list of str
         Gets a sentence on everything that was done or looks wrong.
+    known : CalibrationStart, optional
+        What the filter takes from a calibration; default: from the one that the configuration names, if it does.
 
     Raises
     ------
     InputError
-        If the log pauses for longer than ``imu.max_gap_s``.
+        If the log pauses for longer than ``imu.max_gap_s``, or the calibration is not of such a log.
     """
     section = config.imu
+    known = configured_start(config, imu) if known is None else known
     said = _readings(imu)
+    if known is not None:
+        imu = known.in_si(imu)
+        notes += known.notes
     if any(section.mount_rpy_deg):
         C_bs = rotation.dcm_from_rpy(np.array(section.mount_rpy_deg) * units.DEG)
         imu = imu.rotated(C_bs)
@@ -60,7 +69,8 @@ def prepared_imu(imu: ImuSeries, config: NavigationConfig, notes: list[str]) -> 
                 f"{section.max_gap_s} s; navigate the parts separately, or raise max_gap_s if the motion was slow"
             )
         notes.append(f"{len(gaps)} pauses of the IMU log bridged, the longest {longest[1]:.3f} s at {longest[0]:.3f} s")
-    return refilled(imu, notes)
+    imu = refilled(imu, notes)
+    return imu if known is None else known.corrected(imu)
 
 
 def refilled(imu: ImuSeries, notes: list[str]) -> ImuSeries:

@@ -10,6 +10,7 @@ from schuler.exceptions import InputError
 from schuler.filtering.config import AlignmentSection, NavigationConfig
 from schuler.filtering.engine import InitialState
 from schuler.filtering.measurements import in_windows
+from schuler.filtering.sensor_start import CalibrationStart, rest_columns
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.alignment import Alignment, gyrocompass, heading_from_course, levelling
 from schuler.mechanization.strapdown import NavState
@@ -27,6 +28,7 @@ def align(
     layout: StateLayout,
     windows: tuple[tuple[float, float], ...],
     notes: list[str],
+    known: CalibrationStart | None = None,
 ) -> InitialState:
     """Initial state of a run from the log itself.
 
@@ -41,6 +43,9 @@ def align(
         Outages: fixes inside are not used. [s]
     notes : list of str
         Gets a sentence on what was done.
+    known : CalibrationStart, optional
+        What the log was calibrated with: attitude is found in compensated readings, and correlated with all errors of
+        the sensors; the mean rate at rest improves the calibrated states instead of replacing them.
 
     Returns
     -------
@@ -62,6 +67,8 @@ def align(
         )
     gnss = gnss.where(usable)
     rates = imu.rates()
+    if known is not None:
+        rates, spec = known.compensated(imu, layout), known.left_of(spec)
     level, gyro_bias, rest_end = _at_rest(rates, gnss, section, spec)
     if section.method == "given":
         assert section.rpy_deg is not None
@@ -101,7 +108,10 @@ def align(
         else:
             alignment = _level_in_motion(rates, gnss, k, heading, sigma, section, spec)
             gyro_bias = None
-    initial = _start_from_fix(gnss, k, alignment, rates, layout, config)
+    initial = _start_from_fix(gnss, k, alignment, rates, layout, config, known)
+    if known is not None and gyro_bias is not None and "b_g" in layout:
+        initial = _with_rest_rate(initial, layout, alignment, *gyro_bias, notes)
+        gyro_bias = None
     estimates, P = initial.parameters.copy(), initial.P.copy()
     if gyro_bias is not None and "b_g" in layout:
         part = layout["b_g"]
@@ -209,8 +219,9 @@ def _level_in_motion(
 
 
 def _start_from_fix(
-    gnss: GnssSeries, k: int, alignment: Alignment, rates: ImuSeries, layout: StateLayout, config: NavigationConfig
-) -> InitialState:
+    gnss: GnssSeries, k: int, alignment: Alignment, rates: ImuSeries, layout: StateLayout, config: NavigationConfig,
+    known: CalibrationStart | None,
+) -> InitialState:  # fmt: skip
     """Initial state of the IMU from a fix of the antenna and an attitude, with the correlations between them."""
     lever = np.array(config.gnss.lever_arm_m)
     t = float(gnss.t[k])
@@ -224,9 +235,8 @@ def _start_from_fix(
     origin = gnss.llh[k]
     r_e = frames.ecef_from_llh(origin) - frames.C_en(origin) @ arm_n
     nav = NavState.from_geodetic(t, frames.llh_from_ecef(r_e), v_n, alignment.rpy_nb)
-    start = InitialState.from_sigmas(
-        nav, layout, attitude=np.zeros(3), velocity=cov_v, position=gnss.cov_r_n[k]
-    ).aligned(alignment, layout)
+    start = InitialState.from_sigmas(nav, layout, attitude=np.zeros(3), velocity=cov_v, position=gnss.cov_r_n[k])
+    start = start.aligned(alignment, layout) if known is None else known.aligned(start, alignment, layout)
     # the antenna is where the fix says, so dr + dpsi x (C l) is the fix's error: dr = error + [C l x] dpsi; what is
     # estimated of the fix's own faults (lever arm, slow error, time offset) is in that error, with the sign turned
     T = np.eye(layout.size)
@@ -241,6 +251,34 @@ def _start_from_fix(
         if name in layout:
             T[rows, layout[name]] = column
     return InitialState(nav, T @ start.P @ T.T, start.parameters)
+
+
+def _with_rest_rate(
+    initial: InitialState, layout: StateLayout, alignment: Alignment, rate: FloatArray, sigma: float, notes: list[str]
+) -> InitialState:
+    """The start with what the compensated rate at rest, which should be zero, says of its parameters.
+
+    An update of everything at once: biases, g-sensitivity times gravity, and what correlates with them.
+    """
+    H = np.hstack((np.zeros((3, 9)), rest_columns(initial, alignment.C_nb, layout)[0]))
+    P, R = initial.P, sigma**2 * np.eye(3)
+    K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+    dx, I_KH = K @ rate, np.eye(len(P)) - K @ H
+    nav, C = initial.nav, frames.C_en(initial.nav.llh)
+    nav = NavState(
+        nav.t, nav.r_eb_e - C @ dx[6:9], nav.v_eb_e - C @ dx[3:6],
+        rotation.quat_multiply(rotation.quat_from_rotvec(-C @ dx[:3]), nav.q_eb),
+    )  # fmt: skip
+    found = InitialState(nav, I_KH @ P @ I_KH.T + K @ R @ K.T, initial.parameters - dx[9:])
+    part = layout["b_g"]
+    b, s = found.parameters[part.start - 9 : part.stop - 9], np.sqrt(np.diag(found.P)[part])
+    notes.append(
+        f"the mean rate at rest is {np.abs(rate).max() / units.DEG:.4f} deg/s off what was known before (1-sigma of "
+        f"the mean {sigma / units.DEG:.4f}); gyro biases start from both: "
+        + ", ".join(f"{x / units.DEG:+.4f}" for x in b)
+        + f" deg/s, 1-sigma {s.max() / units.DEG:.4f}"
+    )
+    return found
 
 
 def _acceleration(gnss: GnssSeries, k: int) -> FloatArray:

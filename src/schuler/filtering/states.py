@@ -260,9 +260,10 @@ def layout_for(spec: ImuSpec, states: int | tuple[str, ...] = 15) -> StateLayout
     ----------
     spec : ImuSpec
         1-sigma error budget, SI.
-    states : {9, 15, 21, 27, 33, 42} or tuple of str
+    states : {9, 15, 21, 27, 33, 39, 42} or tuple of str
         15: both biases; 21: and scale factors; 27: and in-run biases beside the constant ones; 33: 21 and
-        cross-coupling (6 + 6); 42: and g-sensitivity. Or the block names themselves.
+        cross-coupling (6 + 6); 42: and g-sensitivity; 39: the same with M_a upper triangular (3 + 6), Yaman's states.
+        Or the block names themselves.
 
     Returns
     -------
@@ -275,6 +276,10 @@ def layout_for(spec: ImuSpec, states: int | tuple[str, ...] = 15) -> StateLayout
     turn-on part to zero with its correlation time; with 27 states both parts are modelled as what they are. A bias
     instability B has no model of finite order: its walk is chosen to reach the flat 0.664 B of the Allan deviation at
     100 s, and the wander over a run, 1.9 B, goes into the initial uncertainty.
+
+    References
+    ----------
+    39 states: Yaman (2017), section 4.3, eq. (4-6).
     """
     named: dict[int, tuple[str, ...]] = {
         9: (),
@@ -282,6 +287,7 @@ def layout_for(spec: ImuSpec, states: int | tuple[str, ...] = 15) -> StateLayout
         21: ("b_a", "b_g", "S_a", "S_g"),
         27: ("b_a", "b_g", "S_a", "S_g", "b_a_run", "b_g_run"),
         33: ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g"),
+        39: ("b_a", "b_g", "S_a", "S_g", "M_a", "M_g", "G_g"),
         42: ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g", "G_g"),
     }
     if isinstance(states, int):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,10 @@ from schuler.files import write_text
 from schuler.report import parts
 from schuler.report.calibration_panels import all_figures
 from schuler.report.parts import Section, plotly_script
+
+if TYPE_CHECKING:
+    from schuler.fieldcal.calibration import FieldCalibration
+    from schuler.report.field_panels import Truth
 
 _CONVENTIONS = (
     "Conventions: axes are forward, right, down, g is 9.80665 m/s², uncertainties are 1 sigma. Errors are added to the "
@@ -31,6 +36,8 @@ def calibration_report(
     title: str | None = None,
     previous: CalibrationResult | None = None,
     recording_summary: str | None = None,
+    field: FieldCalibration | None = None,
+    truth: Truth | None = None,
 ) -> Path:
     """Write the report of a calibration.
 
@@ -45,6 +52,10 @@ def calibration_report(
         An earlier calibration of the same unit: a section says what changed since beyond its uncertainty.
     recording_summary : str, optional
         What was in the log, see :meth:`~schuler.recording.recording.Recording.summary`.
+    field : FieldCalibration, optional
+        Where the result comes from, if it is a field calibration: a section shows how it came about.
+    truth : ImuErrors or mapping of str to float, optional
+        True errors, for that section; see :func:`schuler.report.field_panels.field_panels`.
 
     Returns
     -------
@@ -63,6 +74,7 @@ def calibration_report(
     sections = [
         Section("parameters", "Parameters", (_gauge(result), _parameters(result), figures.get("parameters", ""))),
         Section("residuals", "Residuals", (_facts(result), figures.get("residuals", ""), *_poses(result))),
+        Section("history", "How it came about", () if field is None else _history(field, truth)),
         Section("coverage", "Directions covered", (figures.get("coverage", ""),)),
         Section("before_after", "Before and after", (figures.get("before_after", ""),)),
         Section("correlations", "Correlations", (_correlations(result),)),
@@ -76,6 +88,13 @@ def calibration_report(
         _CONVENTIONS, sections, script,
     )  # fmt: skip
     return write_text(path, text)
+
+
+def _history(field: FieldCalibration, truth: Truth | None) -> tuple[parts.Block, ...]:
+    from schuler.report.field_panels import field_panels
+    from schuler.report.field_text import history_text
+
+    return (*history_text(field), *field_panels(field, truth))
 
 
 def _gauge(result: CalibrationResult) -> str:

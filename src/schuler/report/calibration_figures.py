@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from schuler.fieldcal.calibration import FieldCalibration
+    from schuler.report.field_panels import Truth
+
 
 def calibration_figure(result: CalibrationResult, which: str | None = None, *, ax: Axes | None = None) -> Figure:
     """Residuals per pose, directions covered, before and after, parameters with one sigma.
@@ -61,7 +64,12 @@ def calibration_figure(result: CalibrationResult, which: str | None = None, *, a
 
 
 def save_calibration_figures(
-    result: CalibrationResult, folder: Path | str, formats: Sequence[str] = ("png", "svg")
+    result: CalibrationResult,
+    folder: Path | str,
+    formats: Sequence[str] = ("png", "svg"),
+    *,
+    field: FieldCalibration | None = None,
+    truth: Truth | None = None,
 ) -> list[Path]:
     """Write every figure of a calibration.
 
@@ -72,12 +80,15 @@ def save_calibration_figures(
         Made if missing; files of the same name are replaced.
     formats : sequence of str
         ``png``, ``svg``, ``pdf``.
+    field, truth
+        See :func:`schuler.report.calibration_document.calibration_report`.
 
     Returns
     -------
     list of Path
         ``residuals``, ``coverage``, ``before_after``, ``parameters``, with a thermal calibration ``temperature``, with
-        advice ``next_pose`` (how the unit lies in it), in each format; the same bytes for the same input.
+        advice ``next_pose`` (how the unit lies in it), in each format; with ``field`` also those of
+        :func:`schuler.report.field_figures.save_field_figures`; the same bytes for the same input.
 
     Raises
     ------
@@ -97,6 +108,10 @@ def save_calibration_figures(
         done = result.residuals["accel"].direction if "accel" in result.residuals else None
         poses = following[None] if done is None else np.concatenate((done, following[None]))
         drawn["next_pose"] = plan_figure(poses, len(poses) - 1, following)
+    if field is not None:
+        from schuler.report.field_panels import field_panels
+
+        drawn |= {f.name: draw(f) for f in field_panels(field, truth)}
     return [path for name, figure in drawn.items() for path in save(figure, Path(folder) / name, formats)]
 
 

@@ -6,8 +6,12 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from schuler.filtering.measurements import (
+    EARTH_RATE,
+    EARTH_RATE_MAGNITUDE,
     FIX,
     GNSS_HEADING,
+    GRAVITY,
+    GRAVITY_VECTOR,
     HEADING,
     HEIGHT,
     KINDS,
@@ -23,7 +27,7 @@ from schuler.filtering.measurements import (
     ZERO_RATE,
     ZERO_VELOCITY,
 )
-from schuler.units import DEG
+from schuler.units import DEG, DEG_PER_HR
 
 _NED = ("north", "east", "down")
 
@@ -66,6 +70,10 @@ SHOWN: MappingProxyType[int, Kind] = MappingProxyType(
         RESET_POSITION: Kind("position reset", "m", 1.0, _NED),
         RESET_VELOCITY: Kind("velocity reset", "m/s", 1.0, _NED),
         GNSS_HEADING: Kind("two-antenna heading", "deg", DEG, ("heading",)),
+        GRAVITY: Kind("gravity", "m/s^2", 1.0, ("magnitude",)),
+        GRAVITY_VECTOR: Kind("gravity direction", "m/s^2", 1.0, _NED),
+        EARTH_RATE: Kind("vertical Earth rate", "deg/h", DEG_PER_HR, ("up",)),
+        EARTH_RATE_MAGNITUDE: Kind("Earth rate", "deg/h", DEG_PER_HR, ("magnitude",)),
     }
 )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -13,6 +14,8 @@ from schuler.exceptions import ConfigError
 from schuler.simulation.aid_sections import NonNegative, Positive, Section, Triple
 from schuler.simulation.motion import Motion, StaticMotion
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion, Waypoint, WaypointMotion, polynomial_motion
+from schuler.simulation.routine import RoutineMotion, six_face_routine, thesis_routine
+from schuler.simulation.routine_steps import Rest, Routine, Step, Turn
 from schuler.simulation.splines import SplineMotion
 
 
@@ -44,19 +47,46 @@ class ManoeuvreSection(Section):
     climb_m_s: float | None = None
 
 
+class StepSection(Section):
+    """One step of a routine: a rest, or a turn about an axis of the body."""
+
+    rest_s: Positive | None = None
+    axis: Literal["x", "y", "z"] | Triple | None = None
+    turn_deg: float | None = None
+    duration_s: Positive | None = Field(None, description="of a turn")
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> StepSection:
+        turn = (self.axis, self.turn_deg, self.duration_s)
+        given = [v is not None for v in turn]
+        if (self.rest_s is None and not all(given)) or (self.rest_s is not None and any(given)):
+            raise ValueError("give rest_s, or axis, turn_deg and duration_s")
+        return self
+
+    def step(self) -> Step:
+        """The step itself."""
+        if self.rest_s is not None:
+            return Rest(self.rest_s)
+        assert self.axis is not None
+        assert self.turn_deg is not None
+        assert self.duration_s is not None
+        return Turn(self.axis, self.turn_deg * units.DEG, self.duration_s)
+
+
 class MotionSection(Section):
     """How the body moves."""
 
-    type: Literal["static", "waypoints", "manoeuvres", "spline", "polynomial"]
+    type: Literal["static", "waypoints", "manoeuvres", "spline", "polynomial", "routine"]
     lat_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = Field(description="origin")
     lon_deg: float = Field(description="origin")
     height_m: float = Field(0.0, description="origin, ellipsoidal")
-    rpy_deg: Triple = Field((0.0, 0.0, 0.0), description="attitude, static motion")
+    rpy_deg: Triple = Field((0.0, 0.0, 0.0), description="attitude, static motion; the first one of a routine")
     duration_s: Positive | None = Field(None, description="static motion")
     waypoints: tuple[WaypointSection, ...] = ()
     acceleration_m_s2: Positive = 1.5
     bank: Annotated[float, Field(ge=0.0, le=1.0)] = Field(0.0, description="share of the coordinated bank angle")
     manoeuvres: tuple[ManoeuvreSection, ...] = ()
+    laps: Annotated[int, Field(ge=1)] = Field(1, description="times the manoeuvres are driven")
     heading_deg: float = Field(0.0, description="initial, manoeuvres")
     speed_m_s: NonNegative = Field(0.0, description="initial, manoeuvres")
     t_s: tuple[float, ...] = Field((), description="times of spline nodes")
@@ -64,6 +94,12 @@ class MotionSection(Section):
     nodes_rpy_deg: tuple[Triple, ...] = Field((), description="attitudes at spline nodes or polynomial knots")
     step_s: Positive | None = Field(None, description="spacing of polynomial position knots")
     angle_step_s: Positive | None = Field(None, description="spacing of polynomial angle knots")
+    routine: Literal["thesis", "six_faces"] = Field("thesis", description="rests and turns for calibration")
+    dwell_s: Positive = Field(10.0, description="rests of a routine")
+    turn_s: Positive | None = Field(None, description="one turn of a routine: 1.25 by 45 degrees, 2.5 by 90")
+    repeats: Annotated[int, Field(ge=1)] | None = Field(None, description="sets of three axes: 2 thesis, 1 six_faces")
+    steps: tuple[StepSection, ...] = Field((), description="a routine of one's own instead")
+    lever_m: Triple = Field((0.0, 0.0, 0.0), description="from the point a routine turns about to the IMU")
     earth_rotation: bool = True
 
     def build(self) -> Motion:
@@ -73,6 +109,8 @@ class MotionSection(Section):
             if self.duration_s is None:
                 raise ConfigError("motion: a static motion needs duration_s")
             return StaticMotion(origin, np.array(self.rpy_deg) * units.DEG, self.duration_s)
+        if self.type == "routine":
+            return RoutineMotion(self._routine(), origin, self.lever_m)
         if self.type == "waypoints":
             points = [Waypoint(llh=_place(p, origin), speed=p.speed_m_s, stop=p.stop_s) for p in self.waypoints]
             return WaypointMotion.through(points, acceleration=self.acceleration_m_s2, bank=self.bank)
@@ -82,7 +120,7 @@ class MotionSection(Section):
                 for c in self.manoeuvres
             ]
             return ManoeuvreMotion.of(
-                commands, origin, heading=self.heading_deg * units.DEG, speed=self.speed_m_s, bank=self.bank
+                commands * self.laps, origin, heading=self.heading_deg * units.DEG, speed=self.speed_m_s, bank=self.bank
             )
         rpy = np.array(self.nodes_rpy_deg).reshape(-1, 3) * units.DEG
         ned = np.array(self.ned_m).reshape(-1, 3)
@@ -92,6 +130,16 @@ class MotionSection(Section):
         if self.step_s is None or self.angle_step_s is None:
             raise ConfigError("motion: a polynomial motion needs step_s and angle_step_s")
         return polynomial_motion(ned, self.step_s, rpy, self.angle_step_s, origin)
+
+    def _routine(self) -> Routine:
+        if self.steps:
+            routine = Routine(tuple(s.step() for s in self.steps))
+        elif self.routine == "thesis":
+            routine = thesis_routine(dwell_s=self.dwell_s, turn_s=self.turn_s or 1.25, repeats=self.repeats or 2)
+        else:
+            routine = six_face_routine(dwell_s=self.dwell_s, turn_s=self.turn_s or 2.5, repeats=self.repeats or 1)
+        roll, pitch, yaw = (angle * units.DEG for angle in self.rpy_deg)
+        return replace(routine, rpy_nb=(roll, pitch, yaw))
 
 
 def _place(p: WaypointSection, origin: FloatArray) -> FloatArray:

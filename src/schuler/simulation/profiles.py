@@ -322,10 +322,9 @@ class ManoeuvreMotion:
 
         Notes
         -----
-        Velocity is closed form; position is its integral over the ellipsoid (DOP853, 1e-12), held as a quintic spline
+        Velocity is closed form; position is its integral over the ellipsoid (collocation), held as a quintic spline
         whose derivatives then are the velocity and acceleration used.
         """
-        from scipy.integrate import solve_ivp
         from scipy.interpolate import make_interp_spline
 
         if not commands:
@@ -340,19 +339,22 @@ class ManoeuvreMotion:
         v, w, psi = (Ramps.through(durations, level) for level in (speeds, climbs, headings))
         total = float(v.start[-1])
 
-        def rate(t: float, x: FloatArray) -> FloatArray:
-            at = np.array([t])
-            vh, yaw = v.at(at)[1][0], psi.at(at)[1][0]
-            h = llh[2] + w.at(at)[0][0]
-            R_N, R_E = earth.radii_of_curvature(llh[0] + x[0])
-            return np.array([vh * np.cos(yaw) / (R_N + h), vh * np.sin(yaw) / ((R_E + h) * np.cos(llh[0] + x[0]))])
-
         knots = np.linspace(0.0, total, max(12, int(total / 0.1)) + 1)
-        solution = solve_ivp(
-            rate, (0.0, total), np.zeros(2), method="DOP853", rtol=1e-12, atol=1e-16, t_eval=knots,
-            max_step=max(0.5, total / 5000.0),
-        )  # fmt: skip
-        offset = np.column_stack((solution.y.T, w.at(knots)[0]))
+        step = float(knots[1])
+        nodes, inner, weights = _collocation(5)
+        t = (knots[:-1, None] + step * nodes).ravel()
+        vh, yaw, h = v.at(t)[1], psi.at(t)[1], llh[2] + w.at(t)[0]
+        north, east = vh * np.cos(yaw), vh * np.sin(yaw)
+        lat = np.full_like(t, llh[0])
+        for _ in range(12):  # each pass shrinks the error by the distance over the Earth's radius
+            R_N, R_E = earth.radii_of_curvature(lat)
+            rates = np.stack((north / (R_N + h), east / ((R_E + h) * np.cos(lat)))).reshape(2, -1, len(nodes))
+            ends = np.concatenate((np.zeros((2, 1)), np.cumsum(step * rates @ weights, axis=1)), axis=1)
+            before, (dlat, _) = lat, (ends[:, :-1, None] + step * rates @ inner.T).reshape(2, -1)
+            lat = llh[0] + dlat
+            if np.max(np.abs(lat - before)) < 1e-15:
+                break
+        offset = np.column_stack((ends.T, w.at(knots)[0]))
         return cls(total, make_interp_spline(knots, offset, k=5), llh, v, psi, w, bank)
 
     def state(self, t: FloatArray) -> MotionState:
@@ -373,6 +375,15 @@ class ManoeuvreMotion:
             np.stack((roll, pitch, psi), axis=-1),
             np.stack((roll1, pitch1, psi1), axis=-1),
         )
+
+
+def _collocation(n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Gauss-Legendre nodes in 0..1, the integrals of their polynomials up to each of them, and up to 1."""
+    x, w = np.polynomial.legendre.leggauss(n)
+    nodes, powers = 0.5 * (x + 1.0), np.arange(n)
+    inverse = np.linalg.inv(np.vander(nodes, increasing=True))
+    inner = (nodes[:, None] ** (powers + 1) / (powers + 1)) @ inverse
+    return nodes, inner, 0.5 * w
 
 
 def polynomial_motion(

@@ -1,0 +1,69 @@
+"""Campaigns: runs a second on one worker and on two, of an hour at 100 Hz with 1 Hz GNSS, noise synthesis included.
+
+The example ``examples/montecarlo_hour.toml``; in lanes with threads, and one run at a time with processes. Workers are
+started before the clock: what counts for a long campaign is how fast it goes once it runs.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from schuler.analysis.montecarlo import run_seed
+from schuler.analysis.montecarlo.batches import Batches
+from schuler.analysis.montecarlo.job import read_job
+from schuler.analysis.montecarlo.navigation import lane_runs, navigation_run
+from schuler.analysis.montecarlo.store import Span
+from schuler.analysis.montecarlo.workers import in_threads
+
+HOUR = Path(__file__).resolve().parents[1] / "examples" / "montecarlo_hour.toml"
+EPOCHS = 360_000  # of one run
+
+
+@pytest.fixture(scope="module")
+def hour():
+    job, _ = read_job(HOUR)
+    lane_runs(job, [run_seed(0, k) for k in range(8)])
+    return job
+
+
+def campaign_of(function, job, workers, runs, batch):
+    done = sum(span.runs for span, _ in in_threads((function, job, 0), Batches([Span(0, runs - 1)], workers, batch)))
+    assert done == runs
+
+
+@pytest.mark.benchmark(group="Monte Carlo in lanes: 128 runs of an hour, 15 states")
+@pytest.mark.parametrize("workers", [1, 2])
+def test_lanes(benchmark, hour, workers):
+    benchmark.extra_info["epochs"] = 128 * EPOCHS
+    benchmark.pedantic(campaign_of, args=(lane_runs, hour, workers, 128, 16), rounds=3)
+
+
+@pytest.mark.benchmark(group="Monte Carlo through the whole chain: 8 runs of an hour, 15 states, threads")
+@pytest.mark.parametrize("workers", [1, 2])
+def test_whole_chain_in_threads(benchmark, hour, workers):
+    benchmark.extra_info["epochs"] = 8 * EPOCHS
+    benchmark.pedantic(campaign_of, args=(navigation_run, hour, workers, 8, 1), rounds=2)
+
+
+@pytest.mark.benchmark(group="Monte Carlo on a Dask cluster of this machine: 24 runs of an hour, 15 states")
+@pytest.mark.parametrize("workers", [1, 2])
+def test_dask_workers(benchmark, hour, workers):
+    distributed = pytest.importorskip("distributed")
+    from schuler.analysis.montecarlo.cluster import on_cluster
+
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    benchmark.extra_info["epochs"] = 24 * EPOCHS
+    with (
+        distributed.LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+
+        def run(first):
+            spans = Batches([Span(first, first + 23)], workers, 2)
+            assert sum(s.runs for s, _ in on_cluster((navigation_run, hour, 0), spans, client)) == 24
+
+        run(100)  # every worker prepares the mission once
+        benchmark.pedantic(run, args=(0,), rounds=2)

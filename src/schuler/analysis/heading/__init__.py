@@ -1,0 +1,31 @@
+"""Heading and position filters of two to six states: what a bias model is worth while GNSS is away."""
+
+from schuler.analysis.heading.comparison import HeadingOutages, heading_outages, recorded_outage
+from schuler.analysis.heading.filters import (
+    constant_bias,
+    gauss_markov_bias,
+    position_filter,
+    split_bias,
+)
+from schuler.analysis.heading.growth import HeadingBound, heading_bound
+from schuler.analysis.heading.linear import Discrete, LinearModel
+from schuler.analysis.heading.runs import FilterRuns, run_filter
+from schuler.analysis.heading.truth import BiasTruth, gyro_readings
+
+__all__ = [
+    "BiasTruth",
+    "Discrete",
+    "FilterRuns",
+    "HeadingBound",
+    "HeadingOutages",
+    "LinearModel",
+    "constant_bias",
+    "gauss_markov_bias",
+    "gyro_readings",
+    "heading_bound",
+    "heading_outages",
+    "position_filter",
+    "recorded_outage",
+    "run_filter",
+    "split_bias",
+]

@@ -1,0 +1,131 @@
+"""``schuler budget``."""
+
+from __future__ import annotations
+
+import time as clock
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from schuler.cli.output import Flag, Texts, print_json, progress
+from schuler.exceptions import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from schuler.sensors.spec import ImuSpec
+
+
+def budget(
+    scenario: Path,
+    /,
+    *,
+    imu: Texts = (),
+    require: Texts = (),
+    quantity: Literal["horizontal", "vertical", "position", "velocity", "heading", "tilt"] = "horizontal",
+    time: float | None = None,
+    states: Literal[9, 15, 21, 33, 42] | None = None,
+    single: Flag = False,
+    out: Path | None = None,
+    figures: bool = True,
+    json: Flag = False,
+) -> int:
+    """How uncertain a mission will be with an IMU, which error is to blame, and which IMU is good enough.
+
+    Parameters
+    ----------
+    scenario
+        TOML file with motion, aids and start, see docs/budget.md. No data, no Monte Carlo: linear covariance.
+    imu
+        Name in the catalogue or an identified budget in TOML; may be given several times. With --require and none
+        given, the whole catalogue.
+    require
+        Such as "horizontal < 10 m @ 60 s outage"; may be given several times. Default: those of the scenario.
+    quantity
+        Of the error budget.
+    time
+        Of the error budget, in seconds; the end by default.
+    states
+        Of the filter, instead of the scenario's.
+    single
+        Every parameter by itself, not by groups.
+    out
+        Folder for tables and figures. Default: the scenario's name with -budget.
+    figures
+        Draw figures too.
+    json
+        Print one JSON object.
+    """
+    from schuler.analysis.budget import (
+        BudgetScenario,
+        budget_of,
+        catalogue_specs,
+        choose_imu,
+        linear_covariance,
+        prepare_budget,
+        requirement,
+    )
+
+    began = clock.perf_counter()
+    loaded = BudgetScenario.load(scenario)
+    if states is not None:
+        loaded = loaded.model_copy(update={"states": states})
+    wanted = [requirement(text) for text in (require or loaded.require)]
+    specs = [_spec(name) for name in imu]
+    if not specs and not wanted:
+        raise InputError("--imu: expected at least one IMU, or a requirement to rank the catalogue by (--require)")
+    mission = prepare_budget(loaded)
+    folder = Path(f"{scenario.resolve().stem}-budget") if out is None else out
+    files: dict[str, Path] = {}
+    budgets, choices, texts = [], [], []
+    for spec in specs:
+        found = linear_covariance(mission, spec)
+        one = budget_of(found, quantity, time)
+        budgets.append({"covariance": found.to_dict(), "budget": one.to_dict()})
+        texts += [found.summary(), one.table(single=single).summary()]
+        label = _label(spec.name)
+        files[f"budget_{label}"] = one.table(single=True).to_csv(folder / f"budget-{label}.csv")
+        if figures:
+            from schuler.report.budget_figures import covariance_figure
+
+            files |= _saved(one.plot(), folder / f"budget-{label}")
+            files |= _saved(covariance_figure(found, mission), folder / f"covariance-{label}")
+    ranked, left_out = (specs, {}) if specs else catalogue_specs()
+    for k, one_wanted in enumerate(wanted):
+        with progress(one_wanted.text) as bar:
+            explain = [s.name for s in specs]
+            choice = choose_imu(mission, one_wanted, ranked, explain=explain, left_out=left_out, progress=bar)
+        choices.append(choice.to_dict())
+        texts.append(choice.summary())
+        files[f"requirement_{k + 1}"] = choice.table().to_csv(folder / f"requirement-{k + 1}.csv")
+        if figures:
+            files |= _saved(choice.plot(), folder / f"requirement-{k + 1}")
+    passed = all(v["passes"] for c in choices for v in c["ranking"]) if specs else True
+    if json:
+        print_json(
+            {
+                "command": "budget", "mission": mission.name, "budgets": budgets, "choices": choices,
+                "passes": passed, "elapsed_s": clock.perf_counter() - began, "files": files,
+            }
+        )  # fmt: skip
+    else:
+        print("\n\n".join(texts))
+        print("\n".join(f"{what}: {path}" for what, path in files.items() if path.suffix == ".csv"))
+    return 0
+
+
+def _spec(name: str) -> ImuSpec:
+    """An IMU by its name in the catalogue, or by the file of an identified budget."""
+    from schuler.sensors import catalogue
+    from schuler.sensors.spec_file import configured_spec
+
+    return configured_spec(name) if name.endswith(".toml") else catalogue.spec(name)
+
+
+def _label(name: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_" else "-" for c in name)
+
+
+def _saved(figure: Figure, path: Path) -> dict[str, Path]:
+    from schuler.report.figures import save
+
+    return {f"figure_{path.stem}_{p.suffix[1:]}": p for p in save(figure, path, ("png", "svg"))}

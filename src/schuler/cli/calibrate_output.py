@@ -1,0 +1,125 @@
+"""What every method of ``schuler calibrate`` writes and prints."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from schuler import units as u
+from schuler.cli.options import Output
+from schuler.cli.output import print_json, say
+from schuler.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from schuler.calibration.result import CalibrationResult
+    from schuler.fieldcal.calibration import FieldCalibration
+
+
+def finish(
+    result: CalibrationResult,
+    log: Path,
+    recordings: Sequence[Recording],
+    output: Output,
+    began: float,
+    *,
+    field: FieldCalibration | None = None,
+    truth: dict[str, float] | None = None,
+    history: str = "csv",
+) -> int:
+    """Write files, print the result, return the exit code: 2 for a log that is refused.
+
+    A field calibration also has its history (``field``, a file with the suffix ``history``) and, if simulated, the
+    truth for its figures.
+    """
+    from schuler.calibration.result import CalibrationResult
+
+    sources = {k: v for recording in recordings for k, v in recording.metadata.sources.items()}
+    options = [recording.metadata.options for recording in recordings]
+    result = replace(result, provenance={**result.provenance, "sources": sources, "recording_options": options})
+    if output.gauge is not None and result.status != "refused":
+        result = result.in_gauge(output.gauge)
+    folder = Path(f"{log.resolve().stem}-calibration") if output.out is None else output.out
+    earlier = None if output.previous is None else CalibrationResult.from_yaml(output.previous)
+    difference = None if earlier is None or result.status == "refused" else result.compare(earlier)
+    files: dict[str, Path] = {}
+    # what was refused has no numbers to be used, but its report shows why
+    if result.status != "refused":
+        files["calibration"] = result.to_yaml(folder / "calibration.yaml")
+        if field is not None:
+            files["history"] = field.to_file(folder / f"history.{history}")
+    if output.report:
+        from schuler.report.calibration_figures import save_calibration_figures
+
+        said = "\n".join(recording.summary() for recording in recordings)
+        files["report"] = result.report(
+            folder / "calibration.html", previous=earlier, recording_summary=said, field=field, truth=truth
+        )
+        for path in save_calibration_figures(result, folder / "figures", field=field, truth=truth):
+            files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
+    if output.json:
+        data = numbers(result)
+        if field is not None:
+            data["field"] = course(field)
+        if difference is not None:
+            data["changed"] = list(difference.changed)
+        print_json({"command": "calibrate", **data, "elapsed_s": clock.perf_counter() - began, "files": files})
+    else:
+        for recording in recordings:
+            say(recording.summary())
+        print(result.summary())
+        if field is not None:
+            print(field.course())
+        if difference is not None:
+            print(difference.summary())
+        print("\n".join(f"{what}: {path}" for what, path in files.items() if not what.startswith("figure")))
+    if result.status == "refused":
+        say(f"schuler: {log}: refused; {'; '.join(v.rstrip('.') for v in result.verdicts)}")
+        return 2
+    return 0
+
+
+def numbers(result: CalibrationResult) -> dict[str, Any]:
+    """A calibration for JSON."""
+    from schuler.calibration.parameters import GAUGES, unit
+
+    estimated = {
+        name: {"value": float(v), "sigma": float(s), "unit": unit(name)}
+        for name, v, s in zip(result.names, result.values, result.sigma, strict=True)
+    }
+    held = {name: {"value": v, "sigma": 0.0, "unit": unit(name), "fixed": True} for name, v in result.fixed.items()}
+    return {
+        "method": result.method,
+        "status": result.status,
+        "gauge": result.gauge,
+        "gauge_means": GAUGES[result.gauge],
+        "parameters": estimated | held,
+        "undetermined": [name for name, s in zip(result.names, result.sigma, strict=True) if not np.isfinite(s)],
+        "condition": result.condition,
+        "variance_of_unit_weight": result.variance_of_unit_weight,
+        "freedom": result.freedom,
+        "residual_rms": {name: r.rms for name, r in result.residuals.items()},
+        "observability": result.observability,
+        "verdicts": list(result.verdicts),
+        "next_pose": result.next_pose,
+        "nominal": list(result.nominal),
+        "temperature_deg_c": result.temperature,
+        "extra": result.extra,
+        "provenance": result.provenance,
+    }
+
+
+def course(field: FieldCalibration) -> dict[str, Any]:
+    """How a field calibration came about, for JSON."""
+    return {
+        "passes": len(field.passes),
+        "rests": [[a, b] for a, b in zip(field.rests.start.tolist(), field.rests.stop.tolist(), strict=True)],
+        "rest_notes": list(field.rests.notes),
+        "heading_deg": None if field.heading is None else [v / u.DEG for v in field.heading],
+        "nis": {kind: {"mean": mean, "components": n} for kind, (mean, n) in field.nis.items()},
+        "below_tenth_s": field.history.reached(),
+    }

@@ -33,6 +33,13 @@ NOT_TO_BE_REACHED = {
 }
 
 
+#: Above the source although the bound allows less: the filter carries attitude through rests with the gyroscopes.
+KNOWN_ABOVE = {
+    "yaman-automotive": {"M_g_zy", "G_g_zx"},
+    "yaman-tactical": {"M_g_xx", "M_g_zz", "M_g_xy", "M_g_xz", "M_g_zx", "M_g_zy"},
+}
+
+
 def check_beside_the_source(found: FieldCampaign) -> None:
     """Digest 5.4, acceptance: (a) within twice the source's scatter, (c) half its improvement, with its exceptions."""
     for i, name in enumerate(found.names):
@@ -195,6 +202,7 @@ def test_what_cannot_be_a_campaign_is_refused():
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("grade", GRADES)
 def test_full_campaign(grade, capsys):
     """1000 runs a grade, rests found in the log: four to eight minutes on two processors."""
@@ -203,6 +211,7 @@ def test_full_campaign(grade, capsys):
         print("\n" + full.summary(), "\nabove the source:", full.above())
     assert full.complaints() == ()
     check_beside_the_source(full)
+    assert set(full.above()) <= KNOWN_ABOVE[grade]
     low, high = full.nees_band()
     assert low < full.nees.mean() < high
     if grade == "yaman-automotive":

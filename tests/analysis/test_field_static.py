@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -221,7 +223,18 @@ def test_unknown_variants_and_parts(mpu):
         mpu.drift("half")
 
 
+def test_documented_example_runs(capsys):
+    page = (Path(__file__).parents[2] / "docs" / "field-validation.md").read_text(encoding="utf-8")
+    code = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert len(code) == 1
+    exec(code[0], {})
+    out = capsys.readouterr().out
+    assert "Beside Yaman (2017)" in out
+    assert "At rest for 20 s" in out
+
+
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("imu", ["MPU-6000", "VN-200", "MTi-G-710"])
 def test_full_static_test(imu, capsys):
     """200 units, two to three minutes on two processors."""

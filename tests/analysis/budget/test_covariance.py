@@ -247,7 +247,7 @@ def test_start_is_given_as_roll_pitch_heading():
 
 
 def test_what_cannot_be_done_is_said(town):
-    with pytest.raises(ConfigError, match="no such scenario file"):
+    with pytest.raises(ConfigError, match="no such configuration file"):
         prepare_budget("nowhere.toml")
     with pytest.raises(ConfigError, match="states"):
         prepare_budget(town | {"states": 16})

@@ -61,6 +61,27 @@ def invert(S, d, V):
             V[a, b] = v
 
 
+@inlined
+def innovation(P, H, R, d, n, wide, W, S):
+    """``W = H P`` and ``S = H P H' + R`` of an update of d components."""
+    for a in range(d):
+        w = W[a]
+        for j in range(wide):
+            w[j] = 0.0
+        for i in range(n):
+            h = H[a, i]
+            if h != 0.0:
+                p = P[i]
+                for j in range(wide):
+                    w[j] += h * p[j]
+    for a in range(d):
+        for b in range(d):
+            v = R[3 * a + b]
+            for i in range(n):
+                v += H[b, i] * W[a, i]
+            S[a, b] = v
+
+
 @kernel
 def replay_filter(
     acc, place, B, upd, H, R, dim, rec, P, pmod, n_sensor, i_clock, omega, q_imu, K, out_P
@@ -80,22 +101,7 @@ def replay_filter(
             step(P, nav, acc[k], place[k], B[k], Bk, A, work, D, pmod, n_sensor, i_clock, omega, q_imu)
         while u < upd[k]:
             d = dim[u]
-            for a in range(d):
-                w = W[a]
-                for j in range(wide):
-                    w[j] = 0.0
-                for i in range(n):
-                    h = H[u, a, i]
-                    if h != 0.0:
-                        p = P[i]
-                        for j in range(wide):
-                            w[j] += h * p[j]
-            for a in range(d):
-                for b in range(d):
-                    v = R[u, 3 * a + b]
-                    for i in range(n):
-                        v += H[u, b, i] * W[a, i]
-                    S[a, b] = v
+            innovation(P, H[u], R[u], d, n, wide, W, S)
             invert(S, d, V)
             for i in range(n):
                 for a in range(d):
@@ -146,24 +152,10 @@ def replay_covariance(
             step(C, nav, acc[k], place[k], B[k], Bk, A, work, D, pmod, n_sensor, i_clock, omega, q_imu)
         while u < upd[k]:
             d = dim[u]
+            innovation(C, H[u], R[u], d, n, wide, W, S)
             for a in range(d):
-                w, g = W[a], G[a]
-                for j in range(wide):
-                    w[j] = 0.0
                 for i in range(n_f):
-                    g[rows[i]] = K[u, i, a]
-                for i in range(n):
-                    h = H[u, a, i]
-                    if h != 0.0:
-                        c = C[i]
-                        for j in range(wide):
-                            w[j] += h * c[j]
-            for a in range(d):
-                for b in range(d):
-                    v = R[u, 3 * a + b]
-                    for i in range(n):
-                        v += H[u, b, i] * W[a, i]
-                    S[a, b] = v
+                    G[a, rows[i]] = K[u, i, a]
             # (I - K H) C (I - K H)' + K R K' = C - K V - (K V)' with V = W - S K' / 2
             for a in range(d):
                 w = W[a]

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from schuler import rotation, units
 from schuler.analysis.budget.record import Linearised, linearise
 from schuler.arrays import ArrayLike, FloatArray
-from schuler.exceptions import ConfigError, InputError
-from schuler.faults import sentences
+from schuler.exceptions import InputError
+from schuler.filtering.config_types import Config, NonNegative, Positive, Section, Triple, read_toml
 from schuler.filtering.measurements import (
     HEADING,
     LATERAL,
@@ -29,7 +28,7 @@ from schuler.filtering.measurements import (
 )
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import ImuSeries, Trajectory
-from schuler.simulation.aid_sections import NonNegative, Positive, Section, Triple, Window
+from schuler.simulation.aid_sections import Window
 from schuler.simulation.imu import ideal_imu
 from schuler.simulation.motion import Motion
 from schuler.simulation.motion_sections import MotionSection
@@ -71,7 +70,7 @@ class BudgetStart(Section):
     position_m: Triple = (1.5, 1.5, 3.0)
 
 
-class BudgetScenario(Section):
+class BudgetScenario(Config):
     """A mission: where it goes and what aids it.
 
     Attributes
@@ -102,24 +101,9 @@ class BudgetScenario(Section):
     settle_s: NonNegative = Field(0.0, description="requirements count from then on")
 
     @classmethod
-    def parse(cls, data: dict[str, Any], source: str = "scenario") -> BudgetScenario:
-        """Checked scenario of nested dictionaries; all faults at once, as :class:`ConfigError`."""
-        try:
-            return cls.model_validate(data)
-        except ValidationError as error:
-            raise ConfigError(f"{source}: " + "; ".join(sentences(error, cls))) from None
-
-    @classmethod
     def load(cls, path: Path | str) -> BudgetScenario:
-        """Checked scenario of a TOML file."""
-        path = Path(path)
-        try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise ConfigError(f"{path}: no such scenario file") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ConfigError(f"{path}: not a TOML file: {error}") from None
-        return cls.parse(data, str(path))
+        """Checked scenario of a TOML file; all faults at once, as :class:`ConfigError`."""
+        return cls.parse(read_toml(path), str(path))
 
 
 @dataclass(frozen=True)

@@ -32,10 +32,11 @@ def fixes_each_second(rate_hz, seconds, until):
     return t, (np.abs(t - np.round(t)) < 0.25 / rate_hz) & (t <= until + 1e-9)
 
 
-def test_readings_have_the_moments_of_the_continuous_process():
-    """Variance of the integral over 60 s, white and wandering; 4 standard errors of 8000 runs."""
+@pytest.mark.parametrize("count", [120, 1])
+def test_readings_have_the_moments_of_the_continuous_process(count):
+    """Integral over 60 s, white and wandering, in short samples and in one; 4 standard errors of 8000 runs."""
     truth = BiasTruth(N, SIGMA, 100.0, 0.3)
-    increments, bias = gyro_readings(truth, 0.5, 120, 8000, np.random.default_rng(1))
+    increments, bias = gyro_readings(truth, 60.0 / count, count, 8000, np.random.default_rng(1))
     total, z = increments.sum(axis=0), 60.0 / 100.0
     expected = N**2 * 60.0 + 2.0 * SIGMA**2 * 100.0**2 * (z - 1.0 + np.exp(-z))
     error = np.sqrt(2.0 / 8000)

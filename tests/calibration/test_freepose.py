@@ -230,7 +230,13 @@ def test_ellipsoid_start_is_exact_without_noise():
 
 
 # the bias of two seconds is as uncertain as the turns are: its share of the covariance is seen
-OPTIONS = [{}, {"gyro_bias": "estimate", "robust": False}, {"g_sensitivity": True}, {"initial_rest_s": 2.0}]
+OPTIONS = [
+    {},
+    {"gyro_bias": "estimate", "robust": False},
+    {"g_sensitivity": True},
+    {"initial_rest_s": 2.0},
+    {"initial_rest_s": 10.0, "rests": "tedaldi"},
+]
 
 
 def campaign(runs, options, **simulation):

@@ -9,6 +9,7 @@ import pytest
 
 from schuler.calibration.freepose import calibrate_freepose
 from schuler.calibration.freepose_accel import ellipsoid_start, fit_accelerometers
+from schuler.calibration.freepose_rest_search import tedaldi_rests
 from schuler.calibration.result import CalibrationResult
 from schuler.recording.series import ImuSeries
 
@@ -129,6 +130,34 @@ def test_the_same_samples_give_the_same_accelerometers(xsens):
     assert 0.5 * (fit.residual**2).sum() == pytest.approx(theirs["cost"], rel=1e-5)
 
 
+def test_published_search_counts_and_costs(xsens):
+    """All nine counts and costs that imu_tk prints, its multiplier 6 and its 38 rests. Printed digits."""
+    imu, expected = xsens
+    rests = tedaldi_rests(imu, imu.interval, XSENS_G, 50.0)
+    tried = {str(int(k)): (n, cost) for k, n, cost in rests.tried}
+    assert rests.margin == expected["best_mult"]
+    assert len(rests) == expected["intervals_by_mult"]["6"] == 38
+    for k, count in expected["intervals_by_mult"].items():
+        assert tried[k] == (count, pytest.approx(expected["cost_by_mult"][k], abs=6e-7))
+    assert rests.index.tolist() == rests_like_theirs(imu, 50.0, 6).tolist()
+
+
+def test_xsens_with_the_published_search(xsens):
+    """Accelerometers to a fifth of their sigma (means of the same samples, but weighted), gyroscopes to 1.5e-4."""
+    imu, expected = xsens
+    result = calibrate_freepose(imu, gravity=XSENS_G, initial_rest_s=50.0, rests="tedaldi")
+    assert result.status == "ok", result.verdicts
+    assert (result.extra["poses"], result.extra["margin"]) == (38, 6.0)
+    (Ta, Ka, Ba), (T, K, B) = their_form(result)
+    theirs, sigma = expected["acc"], expected["acc"]["one_sigma"]
+    assert (np.abs((Ta - theirs["T"])[OFF] / sigma["T"]) < 0.2).all()
+    assert (np.abs((Ka - theirs["K"]) / sigma["K"]) < 0.2).all()
+    assert (np.abs((Ba - theirs["B"]) / sigma["B"]) < 0.2).all()
+    np.testing.assert_allclose(T, expected["gyro"]["T"], atol=1.5e-4)
+    np.testing.assert_allclose(K, expected["gyro"]["K"], rtol=1.5e-4)
+    np.testing.assert_allclose(B, expected["gyro"]["B"], atol=0.02)
+
+
 # ------------------------------------------------------------------------------------------ three logs of one unit
 
 
@@ -147,17 +176,34 @@ def test_good3_is_solved(shared_data):
     assert (np.abs(Tg * Kg - np.array(expected["gyro"]["T"]) * expected["gyro"]["K"]) < 1.5 * sigma).all()
 
 
-def test_good3_with_their_rests(shared_data):
-    """The 14 rests of imu_tk: gyroscopes agree to 1e-3 too."""
+@pytest.mark.parametrize("robust", [True, False])
+def test_good3_with_the_published_search(shared_data, robust):
+    """To 1e-3, gyroscopes too: the 14 rests of imu_tk are found. At 97.6 Hz our window has 99 samples, theirs 101.
+
+    One second of each pose instead of all: M_a_xy has a sigma of 1.5e-3, which is a warning.
+    """
     expected = json.loads((shared_data / "snu_staticposes" / "expected.json").read_text())["imu_good3"]
     imu = snu(shared_data, 3)
-    index = rests_like_theirs(imu, 4.0, 2)
-    assert len(index) == expected["n_intervals"]
-    spans = [(imu.t[a], imu.t[b - 1]) for a, b in index]
-    result = calibrate_freepose(imu, gravity=SNU_G, initial_rest_s=4.0, intervals=spans, robust=False)
-    (T, K, _), (Tg, Kg, Bg) = their_form(result)
+    result = calibrate_freepose(imu, gravity=SNU_G, initial_rest_s=4.0, rests="tedaldi", robust=robust)
+    assert result.extra["poses"] == len(result.extra["intervals"]) == expected["n_intervals"]
+    assert result.extra["margin"] == 2.0
+    assert result.status == "warning"
+    assert result.verdicts[0].startswith("M_a_xy (1 sigma 0.0015) is poorly determined")
+    check_good3(their_form(result), expected)
+    # the same rests by a program of its own, with its 101 samples: to a few of them
+    theirs = rests_like_theirs(imu, 4.0, 2)
+    spans = np.array([(imu.t[a], imu.t[b - 1]) for a, b in theirs])
+    np.testing.assert_allclose(result.extra["intervals"], spans, atol=0.05)
+    result = calibrate_freepose(imu, gravity=SNU_G, initial_rest_s=4.0, intervals=spans, robust=robust)
+    check_good3(their_form(result), expected)  # all samples of them
+
+
+def check_good3(found, expected):
+    """Biases of the accelerometers as a share of gravity."""
+    (T, K, B), (Tg, Kg, Bg) = found
     np.testing.assert_allclose(T, expected["acc"]["T"], atol=1e-3)
     np.testing.assert_allclose(K, expected["acc"]["K"], atol=1e-3)
+    np.testing.assert_allclose(B / SNU_G, np.array(expected["acc"]["B"]) / SNU_G, atol=1e-3)
     np.testing.assert_allclose(Tg, expected["gyro"]["T"], atol=1e-3)
     np.testing.assert_allclose(Kg, expected["gyro"]["K"], atol=1e-3)
     np.testing.assert_allclose(Bg, expected["gyro"]["B"], atol=1e-5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -102,13 +103,26 @@ def rows():
 def test_tables_agree_within_the_bands(rows):
     """Uncertainties within a factor 1.7, errors of the source's single draw within 3 sigma, noise-free to rounding.
 
-    Uncertainties of theta_zx in Table 4.4 depend most on the attitudes, which the source does not list; its 7.09e4 and
-    6.91 microradian are 1.71 and 1.69 times ours in 400 runs.
+    Printed digits: the digest states 1.7 with two, and its own prototype has 7.09/4.08 = 1.74 for theta_zx in Table
+    4.4, case 2, so the ratio is rounded to two. Ours is 1.71 to 1.74 in 400 runs and the only one that needs the
+    rounding: the attitudes, which the source does not list, matter most to it. Statistical: in 60 runs it scatters by
+    some per cent more.
     """
     outside = {(r.table, r.case, r.parameter): r for r in rows if not r.inside}
-    assert set(outside) <= {("4.4", 2, "theta_zx"), ("4.4", 3, "theta_zx")}
-    assert all(r.source_sigma / r.sigma < 1.1 * FACTOR for r in outside.values())
+    assert set(outside) <= {("4.4", 2, "theta_zx")}
+    assert all(r.ratio < 1.1 * FACTOR for r in outside.values())
+    assert {(r.table, r.case, r.parameter) for r in rows if r.kind != "rounding" and r.ratio > FACTOR} <= {
+        ("4.4", 2, "theta_zx")
+    }
     assert len(rows) == 9 + 18 + 27 + 18
+
+
+def test_the_band_is_that_of_the_printed_digits(rows):
+    """1.74 is 1.7 in two digits, 1.76 is 1.8; the same for uncertainties smaller than ours."""
+    row = next(r for r in rows if r.kind == "noise")
+    for ratio, inside in ((1.0, True), (1.74, True), (1.76, False), (1.0 / 1.74, True), (1.0 / 1.76, False)):
+        assert replace(row, source_sigma=ratio * row.sigma, source_error=0.0).inside is inside
+    assert not replace(row, source_sigma=row.sigma, source_error=3.1 * max(row.sigma, row.rms_error)).inside
 
 
 def test_our_error_is_what_we_predict_where_the_model_is_right(rows):
@@ -247,8 +261,10 @@ def test_the_page_runs():
 @pytest.mark.slow
 def test_tables_full_size():
     rows = table_rows(400, np.random.default_rng(7))
-    outside = {(r.table, r.case, r.parameter) for r in rows if not r.inside}
-    assert outside <= {("4.4", 2, "theta_zx"), ("4.4", 3, "theta_zx")}
+    assert [r for r in rows if not r.inside] == []
+    largest = max((r for r in rows if r.kind != "rounding"), key=lambda r: r.ratio)
+    assert (largest.table, largest.case, largest.parameter) == ("4.4", 2, "theta_zx")
+    assert largest.ratio == pytest.approx(1.71, abs=5e-3)  # printed digits of the documentation; this seed
     for r in rows:
         if r.kind == "noise":
             assert 0.88 < r.rms_error / r.sigma < 1.15, r  # the digest says 10 %, 400 draws know it to 3.5 %

@@ -29,12 +29,32 @@ def test_budget_of_an_imu(tmp_path, capsys):
     assert sum(v**2 for v in budget["by_source"].values()) == pytest.approx(budget["total"] ** 2, rel=1e-9)
     assert data["choices"][0]["ranking"][0]["imu"] == "MPU-6000"
     assert data["passes"] is False
-    assert {p.suffix for p in tmp_path.iterdir()} == {".csv", ".png", ".svg"}
-    assert (tmp_path / "budget-MPU-6000.csv").read_text().startswith("source")
+    assert {p.suffix for p in tmp_path.iterdir()} == {".csv", ".png", ".svg", ".html"}
+    rows = (tmp_path / "budget-MPU-6000.csv").read_text().splitlines()
+    assert rows[0].startswith("source")
+    assert any(row.startswith("gyro_noise_x,") for row in rows)
+    assert (tmp_path / "parameters-MPU-6000.png").stat().st_size > 10_000
+    assert data["files"]["report"].endswith("report.html")
+    assert "MPU-6000: horizontal is" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_what_specifications_leave_out(tmp_path, capsys):
+    """Asymmetry and nonlinearity are given here, misalignments by triad; noise is by axis."""
+    arguments = (
+        "--imu", "flenniken-tactical", "--require", "tilt < 1 deg", "--time", "140", "--asymmetry-ppm", "200",
+        "--quadratic-ppm-g", "50", "--angles", "triad", "--single", "--no-figures", "--no-report", "--out", tmp_path,
+    )  # fmt: skip
+    code, text, _ = run(capsys, "budget", EXAMPLES / "budget_town.toml", *arguments)
+    assert code == 0
+    named = {line.split()[0] for line in text.splitlines() if line.split()}
+    noise = [f"{t}_{n}" for t in ("gyro", "accel") for n in ("noise", "in_run_bias")]
+    uneven = ["accel_asymmetry", "accel_quadratic"]
+    assert {f"{n}_{a}" for n in (*noise, *uneven) for a in "xyz"} <= named
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == [".csv", ".csv"]
 
 
 def test_catalogue_against_a_requirement(tmp_path, capsys):
-    arguments = ("--require", "horizontal < 10 m @ 60 s outage", "--out", tmp_path, "--no-figures")
+    arguments = ("--require", "horizontal < 10 m @ 60 s outage", "--out", tmp_path, "--no-figures", "--no-report")
     code, text, _ = run(capsys, "budget", EXAMPLES / "budget_town.toml", *arguments)
     assert code == 0
     assert text.index("LN-200") < text.index("flenniken-consumer")
@@ -48,6 +68,7 @@ def test_catalogue_against_a_requirement(tmp_path, capsys):
         (("--imu", "nothing"), "nothing"),
         (("--require", "speed < 1 m"), "requirement"),
         (("--imu", "LN-200", "--time", "1e9"), "time"),
+        (("--imu", "LN-200", "--asymmetry-ppm", "-1"), "--asymmetry-ppm: expected"),
     ],
 )
 def test_faults_say_what_to_do(tmp_path, capsys, arguments, said):

@@ -175,6 +175,7 @@ def test_too_few_poses_are_refused_with_what_to_do(tmp_path, capsys):
         (("freepose", "missing.parquet"), "no such file or folder"),
         (("freepose", "{hand}", "--gravity", "32"), "--gravity: expected local gravity in m/s^2"),
         (("freepose", "{hand}", "--intervals", "{hand}"), "expected a CSV file with lines START,STOP"),
+        (("freepose", "{hand}", "--rests", "tedaldi"), "--initial-rest: expected the seconds at rest"),
         (("sixposition", "{hand}", "--latitude", "95"), "--latitude: expected degrees between -90 and 90"),
         (("sixposition", "{hand}", "--headings", "north"), "--headings: expected numbers with commas"),
         (("multiposition", "{hand}", "--table-rate", "0,30"), "--table-rate: expected"),
@@ -191,6 +192,44 @@ def test_what_cannot_be_done_is_one_line_and_exit_code_2(arguments, message, han
     assert err.startswith("schuler: ")
     assert err.count("\n") == 1
     assert message in err
+
+
+def test_rests_as_published(hand, tmp_path, capsys):
+    """What was tried is in the JSON; a log that moves at the start has no rests and no threshold has a cost."""
+    options = ("--rests", "tedaldi", "--no-report", "--json", "--out", tmp_path)
+    code, out, err = run(capsys, "calibrate", "freepose", hand, "--initial-rest", 15, *options)
+    assert code == 0, err
+    data = json.loads(out)
+    within(data, "M_a_zz", 0.002)
+    assert data["provenance"]["options"]["rests"] == "tedaldi"
+    assert data["extra"]["poses"] == 24
+    assert [k for k, _, _ in data["extra"]["tried"]] == list(range(2, 11))
+    code, out, err = run(capsys, "calibrate", "freepose", hand, "--initial-rest", 60, *options)
+    assert code == 2
+    assert json.loads(out)["extra"]["tried"][-1][2] is None
+
+
+@pytest.mark.realdata
+def test_rests_as_published_of_a_recording(shared_data, tmp_path, capsys):
+    """imu_tk's 14 rests of good3, and its numbers to 1e-3, in its form ``T K = (I + M)^-1``, ``B = b``."""
+    log = shared_data / "snu_staticposes" / "imu_good3.txt"
+    code, out, err = run(
+        capsys, "calibrate", "freepose", log, "--columns", "t,ax,ay,az,gx,gy,gz,*", "--units", "m/s^2,rad/s",
+        "--gravity", 9.79871, "--initial-rest", 4, "--rests", "tedaldi", "--no-report", "--json", "--out", tmp_path,
+    )  # fmt: skip
+    assert code == 0, err
+    data = json.loads(out)
+    expected = json.loads((log.parent / "expected.json").read_text())["imu_good3"]
+    assert data["extra"]["poses"] == expected["n_intervals"] == 14
+    assert data["extra"]["margin"] == 2.0
+    assert data["nominal"] == [1.0, 1.0]
+    for triad, name, bias in (("a", "acc", 1e-3 * 9.79871), ("g", "gyro", 1e-5)):
+        M = np.array([[data["parameters"][f"M_{triad}_{i}{j}"]["value"] for j in "xyz"] for i in "xyz"])
+        product = np.linalg.inv(np.eye(3) + M)
+        np.testing.assert_allclose(np.diag(product), expected[name]["K"], atol=1e-3)
+        np.testing.assert_allclose(product / np.diag(product), expected[name]["T"], atol=1e-3)
+        b = [data["parameters"][f"b_{triad}_{i}"]["value"] for i in "xyz"]
+        np.testing.assert_allclose(b, expected[name]["B"], atol=bias)
 
 
 def test_intervals_of_a_file_are_used(hand, tmp_path, capsys):

@@ -76,6 +76,7 @@ def test_json_and_files_are_those_of_every_method(calibrated, turned):
         assert path.stat().st_size > 0
     figures = {name for name in calibrated["files"] if name.startswith("figure_field")}
     assert figures >= {f"figure_field_{w}_png" for w in ("convergence", "estimates", "rests", "innovations")}
+    assert {f"figure_output_{triad}_png" for triad in ("accel", "gyro")} <= set(calibrated["files"])
     assert 'id="history"' in calibrated["files"]["report"].read_text(encoding="utf-8")
     # statistical: 30 parameters, once, 4 sigma
     result = CalibrationResult.from_yaml(calibrated["files"]["calibration"])
@@ -90,7 +91,7 @@ def test_json_says_how_it_came_about(calibrated):
     assert len(course["rests"]) == len(LONG) == 25
     assert course["passes"] >= 2
     assert course["heading_deg"] is None
-    assert set(course["nis"]) == {"gravity_vector", "earth_rate"}
+    assert set(course["nis"]) == {"gravity_vector", "zero_rate"}
     for kind in course["nis"].values():  # statistical: hundreds of components, 5 standard errors
         assert abs(kind["mean"] - 1.0) < 5.0 * np.sqrt(2.0 / kind["components"])
     names = set(calibrated["parameters"]) - {"M_a_yx", "M_a_zx", "M_a_zy"}
@@ -294,6 +295,7 @@ def test_a_log_in_counts_is_not_calibrated_to_nonsense(turned, tmp_path, capsys)
     assert (code, out) == (2, "")
     assert "expected a specific force of about 9.8 m/s^2 at rest" in err
     assert "--scale" in err
+    assert "counts,counts" in err
 
 
 KNOWN = ("--imu", "yaman-automotive")
@@ -360,5 +362,5 @@ def test_the_commands_documented_exist(capsys):
     commands = (PAGE.parent / "commands.md").read_text(encoding="utf-8")
     for key in ("passes", "rests", "rest_notes", "heading_deg", "nis.<kind>", "below_tenth_s.<name>"):
         assert f"`{key}`" in commands
-    for figure in ("field_convergence", "field_estimates", "field_rests", "field_innovations"):
+    for figure in (*(f"field_{w}" for w in ("convergence", "estimates", "rests", "innovations")), "output_accel"):
         assert f"`{figure}`" in page

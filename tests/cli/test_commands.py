@@ -15,6 +15,7 @@ import schuler
 from schuler.analysis.errors import trajectory_errors
 from schuler.cli import main
 from schuler.cli.app import COMMANDS, METHODS
+from schuler.filtering.aiding_config import AidingSection
 from schuler.filtering.solution_file import read_solution
 from schuler.recording import io
 
@@ -170,6 +171,30 @@ def test_aids_and_entries_are_changed_on_the_command_line(town, tmp_path, capsys
     assert set(json.loads(out)["measurements"]) == {"reset_position", "reset_velocity"}
     code, out, _ = run(capsys, *common, "--aid", "non_holonomic", "--without", "non_holonomic")
     assert "lateral" not in json.loads(out)["measurements"]
+
+
+def test_gravity_and_earth_rate_are_aids_of_the_command_line(town, tmp_path, capsys):
+    common = ("navigate", town, "--config", CONFIG, "--out", tmp_path / "out", "--json", "--no-report", "--no-smooth")
+    code, out, err = run(capsys, *common, "--aid", "gravity", "--aid", "earth_rate")
+    assert code == 0, err
+    assert {"gravity", "earth_rate"} <= set(json.loads(out)["measurements"])
+    code, out, err = run(capsys, *common, "--aid", "gravity", "--aid", "zero_velocity")
+    assert (code, out) == (2, "")
+    assert "give one of them" in err
+
+
+def test_help_and_documents_name_every_aid(capsys):
+    """But for known places, which have no defaults."""
+    switched = set(AidingSection.model_fields) - {"rest", "fixes"}
+    assert main(["navigate", "--help"]) == 0
+    text = re.sub(r"[^\w,]+", " ", capsys.readouterr().out)
+    listed = re.search(r"Switch an aid on, as configured or with its defaults (.*?) may be given", text).group(1)
+    assert set(re.split(r", ?| or ", listed.strip())) == switched
+    said = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    said = said[said.index("`--aid` switches") :].partition("on, as configured")[0]
+    assert set(re.findall(r"`(\w+)`", said)) == switched
+    table = (ROOT / "docs" / "navigation.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"^\| `\[aiding\.(\w+)\]`", table, re.MULTILINE)) == switched | {"fixes"}
 
 
 def test_navigate_writes_a_report_and_prose(town, tmp_path, capsys):

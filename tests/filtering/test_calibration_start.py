@@ -10,6 +10,7 @@ import pytest
 
 from schuler import files, rotation, units
 from schuler.analysis.consistency import chi_square_band, state_errors
+from schuler.calibration.counts import CountFactors
 from schuler.calibration.parameters import LINEAR, imu_errors, vector
 from schuler.calibration.result import CalibrationResult, result_from
 from schuler.exceptions import ConfigError, FileFormatError, InputError
@@ -403,9 +404,24 @@ def test_counts_are_multiplied_first():
     assert np.allclose(known.in_si(counts).accel, still.accel, rtol=1e-15)
     assert np.allclose(known.in_si(counts).gyro, still.gyro, rtol=1e-15)
     with pytest.raises(
-        InputError, match=r"made of a log in units of 0\.01 m/s\^2 .* a median of 0\.009\d* g; read the log"
+        InputError, match=r"in units of 0\.01 m/s\^2 .* less biases, has a median of 0\.\d+ g; read the log"
     ):
         known.in_si(still)
+
+
+def test_counts_without_sign():
+    """Half of 16 bits is a bias of 327 m/s^2, not another unit."""
+    half = CountFactors((0.01, 0.002), np.full((2, 3), 32768.0))
+    c = half.in_counts(large())
+    layout = layout_for(SPEC, 42)
+    known = calibration_start(c, layout, SPEC)
+    log = readings()
+    counts = replace(log, gyro=log.gyro / 0.002 + 32768.0, accel=log.accel / 0.01 + 32768.0)
+    there = known.compensated(known.corrected(known.in_si(counts)), layout)
+    assert np.allclose(there.accel, c.apply(counts).accel, rtol=0.0, atol=1e-9)
+    assert np.allclose(there.gyro, c.apply(counts).gyro, rtol=0.0, atol=1e-9)
+    with pytest.raises(InputError, match="read the log in the units"):
+        known.in_si(log)
 
 
 def thermal(seed=2):

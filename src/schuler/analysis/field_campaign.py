@@ -114,9 +114,10 @@ def _collected(
 ) -> FieldCampaign:
     order = sorted(done)
     kept = [done[k] for k in order]
+    kinds = dict.fromkeys(kind for r in kept for kind in r.nis)  # a log that sways has others than the rest
     return FieldCampaign(
         job, kept[0].names, np.array(order), np.array([r.modelled for r in kept]), np.array([r.estimate for r in kept]),
         np.array([r.covariance for r in kept]), kept[0].prior_sigma, np.array([r.passes for r in kept]),
-        tuple(r.status for r in kept), {kind: np.array([r.nis[kind] for r in kept]) for kind in kept[0].nis},
+        tuple(r.status for r in kept), {kind: np.array([r.nis.get(kind, np.nan) for r in kept]) for kind in kinds},
         tuple(failed), seconds, sum(r.cpu_s for r in kept), workers, complete,
     )  # fmt: skip

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -38,6 +38,9 @@ from schuler.filtering.result import NavigationResult
 from schuler.filtering.states import StateLayout
 from schuler.recording.recording import Recording
 from schuler.units import DEG, MG, UG
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Progress = Callable[[float], None]
 
@@ -129,6 +132,12 @@ class FieldDrives:
             ),
             self.complete,
         )
+
+    def plot(self, **options: Any) -> Figure:
+        """Errors by mode beside the source's (matplotlib), see :mod:`schuler.report.field_drive_figures`."""
+        from schuler.report.field_drive_figures import modes_figure
+
+        return modes_figure(self, **options)
 
     def summary(self, quantities: Sequence[str] = QUANTITIES[:2]) -> str:
         """The table of some quantities as text."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from schuler.exceptions import InputError
 from schuler.fieldcal import Routine
 from schuler.fieldcal.options import FieldOptions
 from schuler.sensors.spec import ImuSpec
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Progress = Callable[[float], None]
 Part: TypeAlias = Literal["horizontal", "vertical", "all"]
@@ -140,6 +143,12 @@ class StaticDrift:
             f"Drift at rest, {part}, {self.job.field.spec.name}", ("t_s", *columns, "full_claimed_m"),
             tuple(tuple(row) for row in values.tolist()), (), self.complete,
         )  # fmt: skip
+
+    def plot(self, **options: Any) -> Figure:
+        """Drift over time, raw and calibrated (matplotlib), see :mod:`schuler.report.field_static_figures`."""
+        from schuler.report.field_static_figures import static_figure
+
+        return static_figure(self, **options)
 
     def summary(self) -> str:
         """The table as text."""

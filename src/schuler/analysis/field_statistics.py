@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from schuler.analysis.field_runs import FieldJob
 from schuler.analysis.field_tables import RUNS, noise_limit, printed_unit, published
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ class FieldCampaign:
     status : tuple of str
         Of each calibration.
     nis : dict of str to ndarray, shape (n,)
-        Mean normalised innovation squared of each run, by kind of measurement.
+        Mean normalised innovation squared of each run, by kind of measurement; NaN where a run has none of the kind.
     failed : tuple of (int, str)
         Runs without a calibration, and why.
     seconds, cpu_seconds : float
@@ -270,6 +273,12 @@ class FieldCampaign:
         after = np.histogram(self.residual[:, i] / factor, bins)
         return Histogram(name, unit, before[1], before[0], after[1], after[0])
 
+    def plot(self, which: str = "residual", **options: Any) -> Figure:
+        """Histograms, or what is left of every parameter (matplotlib), see :mod:`.report.field_campaign_figures`."""
+        from schuler.report.field_campaign_figures import campaign_figure
+
+        return campaign_figure(self, which, **options)
+
     def summary(self) -> str:
         """Statistics, and where there is a source the comparison with it, as text."""
         tables = [self.table()]
@@ -299,7 +308,7 @@ class FieldCampaign:
         low, high = self.nees_band()
         notes = [
             f"NEES per degree of freedom {float(self.nees.mean()):.4f}, 95 % band {low:.4f} to {high:.4f}",
-            "NIS " + ", ".join(f"{kind} {float(v.mean()):.3f}" for kind, v in self.nis.items()),
+            "NIS " + ", ".join(f"{kind} {float(np.nanmean(v)):.3f}" for kind, v in self.nis.items()),
             f"{float(self.passes.mean()):.1f} passes, {self.seconds:.0f} s with {self.workers} processes, "
             f"{self.cpu_seconds:.0f} s of processors",
         ]

@@ -8,12 +8,13 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
+from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.calibration import freepose_accel
 from schuler.calibration.freepose_accel import AccelFit, fit_accelerometers
 from schuler.calibration.freepose_gyro import GyroFit, fit_gyroscopes, rescaled
 from schuler.calibration.freepose_motion import PLACES, MotionFit, fit_motion
 from schuler.calibration.freepose_rest import MARGINS, Rests, gaps_of, rest_intervals, restlessness, rests_of
+from schuler.calibration.freepose_rest_search import tedaldi_rests
 from schuler.calibration.freepose_result import assemble, refused, undetermined
 from schuler.calibration.freepose_turns import Turns, first_scale
 from schuler.calibration.parameters import BIAS_G, MATRIX_G, SENSITIVITY
@@ -23,6 +24,7 @@ from schuler.recording.series import ImuSeries
 from schuler.units import G0
 
 Bias: TypeAlias = Literal["rest", "estimate"]
+Search: TypeAlias = Literal["auto", "tedaldi"]
 
 #: Fewer poses than parameters of the accelerometers cannot be solved.
 FEWEST = 9
@@ -47,6 +49,7 @@ def calibrate_freepose(
     robust: bool = True,
     nominal: tuple[float, float] | None = None,
     intervals: Sequence[tuple[float, float]] | None = None,
+    rests: Search = "auto",
     window_s: float = 1.0,
     min_s: float = 1.0,
 ) -> CalibrationResult:
@@ -78,6 +81,10 @@ def calibrate_freepose(
         SI by the size of gravity and of the turns, else the mean factor that was found, to four digits.
     intervals : sequence of (start, stop), optional
         The rests. None: found, see Notes. [s]
+    rests : {"auto", "tedaldi"}
+        How they are found: our way, or as the source does, see
+        :func:`~schuler.calibration.freepose_rest_search.tedaldi_rests`. The latter needs ``initial_rest_s``, looks at
+        accelerometers alone, and uses ``min_s`` seconds of each rest.
     window_s, min_s : float
         Window of the detector and shortest rest. [s]
 
@@ -88,7 +95,8 @@ def calibrate_freepose(
         in the same axes, so the misalignment of the gyroscopes to the accelerometers is in it. ``refused`` if there
         are fewer than nine poses, they lie on no ellipsoid, or too little is determined; ``warning`` if parameters are
         not determined, named in the verdicts. ``residuals`` hold ``accel`` (magnitude less gravity), ``gyro`` (angle
-        between predicted and measured vertical) and, with ``size_effect`` or ``delay``, ``velocity``.
+        between predicted and measured vertical) and, with ``size_effect`` or ``delay``, ``velocity``. With "tedaldi"
+        ``extra["tried"]`` has multiple, number of rests and cost [m^2/s^4] of each threshold (infinite: no fit).
 
     Raises
     ------
@@ -112,6 +120,8 @@ def calibrate_freepose(
         gyro_bias=gyro_bias,
         nominal=nominal,
         initial_rest_s=initial_rest_s,
+        intervals=intervals,
+        rests=rests,
         min_s=min_s,
         window_s=window_s,
     )
@@ -121,8 +131,8 @@ def calibrate_freepose(
         "initial_rest_s": initial_rest_s, "gyro_bias": gyro_bias, "g_sensitivity": g_sensitivity,
         "size_effect": size_effect, "delay": delay, "robust": robust,
         "nominal": None if factors is None else list(factors),
-        "intervals": None if intervals is None else [list(map(float, x)) for x in intervals], "window_s": window_s,
-        "min_s": min_s,
+        "intervals": None if intervals is None else [list(map(float, x)) for x in intervals], "rests": rests,
+        "window_s": window_s, "min_s": min_s,
     }  # fmt: skip
     from schuler.calibration import _freepose_kernels as kernels
 
@@ -132,39 +142,44 @@ def calibrate_freepose(
     start: dict[str, Any] = {"names": names, "options": options}
 
     # 1. Where it rests, and the accelerometers.
-    candidates = _candidates(rates, interval, intervals, initial_rest_s, window_s, min_s)
+    if rests == "tedaldi" and initial_rest_s is not None:
+        factor_a = None if factors is None else factors[0]
+        candidates = [
+            tedaldi_rests(rates, interval, gravity, initial_rest_s, factor=factor_a, window_s=window_s, min_s=min_s)
+        ]
+    else:
+        candidates = _candidates(rates, interval, intervals, initial_rest_s, window_s, min_s)
     best: tuple[float, Rests, AccelFit, float] | None = None
     most: Rests | None = None
     last: tuple[AccelFit, float] | None = None
     p0: FloatArray | None
-    for margin, index in candidates:
-        rests = rests_of(rates, interval, index, margin)
-        if most is None or len(rests) > len(most):
-            most = rests
-        if len(rests) < FEWEST:
+    for found in candidates:
+        if most is None or len(found) > len(most):
+            most = found
+        if len(found) < FEWEST:
             continue
         near = last is not None and last[0].converged and last[0].spread == 0.0
         if near and last is not None:  # hardly other poses than before
             p0, factor = last[0].p, last[1]
         else:
-            factor, p0 = _accelerometer_start(rests.accel, gravity, factors)
+            factor, p0 = freepose_accel.start_of(found.accel, gravity, None if factors is None else factors[0])
         if p0 is None:
             continue
-        sigma = _sigma_f(rests, noise, factor)
-        fit = fit_accelerometers(factor * rests.accel, sigma, gravity, robust=robust, start=p0, near=near)
+        sigma = _sigma_f(found, noise, factor)
+        fit = fit_accelerometers(factor * found.accel, sigma, gravity, robust=robust, start=p0, near=near)
         last = (fit, factor)
         score = _score(fit)
         if np.isfinite(score) and (best is None or score < best[0]):
-            best = (score, rests, fit, factor)
+            best = (score, found, fit, factor)
     if best is None:
         return refused(most, None, factors, gravity, rates, names, options)
-    _, rests, accel, factor_a = best
+    _, found, accel, factor_a = best
     lost = undetermined(accel)
-    if len(lost) > MOST_LOST or (lost and len(rests) < FEWEST + REDUNDANCY):
-        return refused(rests, accel, factors or (factor_a, 1.0), gravity, rates, names, options)
+    if len(lost) > MOST_LOST or (lost and len(found) < FEWEST + REDUNDANCY):
+        return refused(found, accel, factors or (factor_a, 1.0), gravity, rates, names, options)
 
     # 2. Turns between them.
-    return _with_gyroscopes(imu, rates, rests, accel, factor_a, factors, gravity, noise, start)
+    return _with_gyroscopes(imu, rates, found, accel, factor_a, factors, gravity, noise, start)
 
 
 def _with_gyroscopes(
@@ -239,6 +254,8 @@ def check_options(
     gyro_bias: str = "rest",
     nominal: tuple[float, float] | None = None,
     initial_rest_s: float | None = None,
+    intervals: Sequence[tuple[float, float]] | None = None,
+    rests: str = "auto",
     min_s: float = 1.0,
     window_s: float = 1.0,
     **_: Any,
@@ -252,6 +269,15 @@ def check_options(
         raise InputError(f"nominal: expected two positive factors (accelerometers, gyroscopes), got {nominal!r}")
     if initial_rest_s is not None and not initial_rest_s >= 1.0:
         raise InputError(f"initial_rest_s: expected a second or more, got {initial_rest_s}")
+    if rests not in ("auto", "tedaldi"):
+        raise InputError(f"rests: expected 'auto' or 'tedaldi', got {rests!r}")
+    if rests == "tedaldi" and initial_rest_s is None:
+        raise InputError(
+            "initial_rest_s: expected the seconds at rest that the log begins with, from which rests='tedaldi' takes "
+            "the noise, got none"
+        )
+    if rests == "tedaldi" and intervals is not None:
+        raise InputError("rests: expected 'auto' with intervals, which are the rests themselves, got 'tedaldi'")
     for name, value in (("min_s", min_s), ("window_s", window_s)):
         if not (np.isfinite(value) and value > 0.0):
             raise InputError(f"{name}: expected a positive time, got {value} s")
@@ -264,8 +290,8 @@ def _candidates(
     initial_rest_s: float | None,
     window_s: float,
     min_s: float,
-) -> list[tuple[float, IntArray]]:
-    """Sets of rests to choose from, with the margin of each; sets that are alike once."""
+) -> list[Rests]:
+    """Sets of rests to choose from; sets that are alike once."""
     if intervals is not None:
         spans = as_floats(intervals, "intervals", (None, 2))
         index = np.stack(
@@ -273,38 +299,15 @@ def _candidates(
         ).astype(np.int64)
         if (np.diff(index, axis=1) < 20).any() or (index[1:, 0] < index[:-1, 1]).any():
             raise InputError("intervals: expected rests one after another with 20 samples or more in each")
-        return [(float("nan"), np.ascontiguousarray(index))]
+        return [rests_of(rates, interval, np.ascontiguousarray(index), float("nan"))]
     statistic = restlessness(rates, interval, window_s, initial_rest_s)
     gaps = gaps_of(rates.t, interval)
-    out: list[tuple[float, IntArray]] = []
+    out: list[Rests] = []
     for margin in MARGINS:
         index = rest_intervals(rates.t, interval, gaps, statistic, margin, min_s)
-        if not out or not np.array_equal(index, out[-1][1]):
-            out.append((margin, index))
+        if not out or not np.array_equal(index, out[-1].index):
+            out.append(rests_of(rates, interval, index, margin))
     return out
-
-
-def _accelerometer_start(
-    y: FloatArray, gravity: float, factors: tuple[float, float] | None
-) -> tuple[float, FloatArray | None]:
-    """Factor of the accelerometers and nine parameters to start from."""
-    if factors is not None:
-        factor = factors[0]
-        p = freepose_accel.ellipsoid_start(factor * y, gravity)
-        return factor, freepose_accel.sphere_start(factor * y, gravity) if p is None else p
-    p = freepose_accel.ellipsoid_start(y, gravity)
-    if p is None:
-        p = freepose_accel.sphere_start(y, gravity)
-    det = np.linalg.det(freepose_accel.response(p))
-    if not det > 0.0:
-        return 1.0, None
-    gain = float(np.cbrt(det))
-    # a log in m/s^2 is left alone; counts, or g, get the factor that was found
-    factor = 1.0 if 0.8 < gain < 1.25 else float(f"{1.0 / gain:.4g}")
-    p = p.copy()
-    p[3:] = (factor * freepose_accel.response(p) - np.eye(3))[np.triu_indices(3)]
-    p[:3] *= factor
-    return factor, p
 
 
 def _sigma_f(rests: Rests, noise: tuple[ArrayLike, ArrayLike] | None, factor: float) -> FloatArray:

@@ -141,6 +141,26 @@ def sphere_start(y: FloatArray, gravity: float) -> FloatArray:
     return p
 
 
+def start_of(y: FloatArray, gravity: float, factor: float | None) -> tuple[float, FloatArray | None]:
+    """Factor of the accelerometers, found unless stated, and nine parameters to start from; None without any."""
+    if factor is not None:
+        p = ellipsoid_start(factor * y, gravity)
+        return factor, sphere_start(factor * y, gravity) if p is None else p
+    p = ellipsoid_start(y, gravity)
+    if p is None:
+        p = sphere_start(y, gravity)
+    det = np.linalg.det(response(p))
+    if not det > 0.0:
+        return 1.0, None
+    gain = float(np.cbrt(det))
+    # a log in m/s^2 is left alone; counts, or g, get the factor that was found
+    factor = 1.0 if 0.8 < gain < 1.25 else float(f"{1.0 / gain:.4g}")
+    p = p.copy()
+    p[3:] = (factor * response(p) - np.eye(3))[np.triu_indices(3)]
+    p[:3] *= factor
+    return factor, p
+
+
 def fit_accelerometers(
     y: FloatArray,
     sigma: FloatArray,

@@ -36,6 +36,9 @@ class Rests:
         Noise N of both triads at rest: the mean over T seconds has standard deviation N / sqrt(T). [unit/sqrt(Hz)]
     margin : float
         Threshold as a multiple of the variance at rest; NaN if intervals were given.
+    tried : tuple of (float, int, float)
+        What the published search tried: multiple, rests, cost of their accelerometers [m^2/s^4]; see
+        :func:`schuler.calibration.freepose_rest_search.tedaldi_rests`. Empty for the others.
     """
 
     index: IntArray
@@ -45,6 +48,7 @@ class Rests:
     density_a: FloatArray
     density_g: FloatArray
     margin: float
+    tried: tuple[tuple[float, int, float], ...] = ()
 
     def __len__(self) -> int:
         return len(self.index)
@@ -53,7 +57,7 @@ class Rests:
         """Some of them, noise unchanged."""
         return Rests(
             self.index[keep], self.accel[keep], self.gyro[keep], self.duration[keep], self.density_a,
-            self.density_g, self.margin,
+            self.density_g, self.margin, self.tried,
         )  # fmt: skip
 
 
@@ -67,11 +71,7 @@ def restlessness(rates: ImuSeries, interval: float, window_s: float, initial_res
 
     n = len(rates)
     W = max(10, round(window_s / interval)) if n > 1 else 10
-    if n < 10 * W:
-        raise InputError(
-            f"imu: expected ten windows of {window_s:g} s or more, got {n} samples; a "
-            "calibration needs nine poses and takes minutes"
-        )
+    check_length(n, W, window_s)
     kernels.prepare_freepose()
     blocks = n // W
     variances = []
@@ -87,16 +87,30 @@ def restlessness(rates: ImuSeries, interval: float, window_s: float, initial_res
         quiet = np.argsort(total, kind="stable")[: max(3, round(SHARE * blocks))]
     parts = []
     for x, v in zip((rates.accel, rates.gyro), variances, strict=True):
-        step = np.abs(np.diff(x[: 20 * W], axis=0))
-        lsb = np.array([float(s[s > 0.0].min()) if (s > 0.0).any() else 0.0 for s in step.T])
-        span = float(np.abs(x - x[0]).max())
-        sigma2 = np.maximum(v[quiet].mean(axis=0), np.maximum(lsb**2 / 12.0, (1e-6 * span) ** 2))
+        sigma2 = np.maximum(v[quiet].mean(axis=0), least_variance(x, W))
         part = np.zeros((n, 3))
         kernels.moving_variance(x, W, np.maximum(sigma2, 1e-300), part)
         parts.append(part)
     out = np.empty(n)
     kernels.combine(parts[0], parts[1], W, out)
     return out
+
+
+def check_length(n: int, W: int, window_s: float) -> None:
+    """Raise InputError for a log of n samples that is shorter than ten windows of W samples."""
+    if n < 10 * W:
+        raise InputError(
+            f"imu: expected ten windows of {window_s:g} s or more, got {n} samples; a "
+            "calibration needs nine poses and takes minutes"
+        )
+
+
+def least_variance(x: FloatArray, W: int) -> FloatArray:
+    """What rounding to the log's resolution makes, or a millionth of its amplitude. Shape (3,). [unit of the log^2]"""
+    step = np.abs(np.diff(x[: 20 * W], axis=0))
+    lsb = np.array([float(s[s > 0.0].min()) if (s > 0.0).any() else 0.0 for s in step.T])
+    span = float(np.abs(x - x[0]).max())
+    return np.asarray(np.maximum(lsb**2 / 12.0, (1e-6 * span) ** 2))
 
 
 def gaps_of(t: FloatArray, interval: float) -> IntArray:

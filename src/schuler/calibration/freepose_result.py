@@ -83,7 +83,7 @@ def refused(
         "freepose", names, np.zeros(p_count), np.diag(np.full(p_count, np.inf)), "upper", _held(names),
         (1.0, 1.0) if factors is None else factors, "refused", (f"Refused: {what}.", f"Collect: {advice}."),
         float("inf"), next_pose=advice, temperature=_temperature(imu),
-        extra={"poses": n, "intervals": _spans(imu, rests)}, provenance=_provenance(options),
+        extra={"poses": n, "intervals": _spans(imu, rests)} | _tried(rests), provenance=_provenance(options),
     )  # fmt: skip
 
 
@@ -184,7 +184,7 @@ def assemble(
         sentences.append("Rates at rest depend on which way is up: try g_sensitivity=True.")
     extra: dict[str, Any] = {
         "poses": len(rests), "turns": len(turns.spans), "margin": rests.margin, "intervals": _spans(imu, rests),
-        "spread_accel": accel.spread, "seconds_of_bias": rest_s,
+        "spread_accel": accel.spread, "seconds_of_bias": rest_s, **_tried(rests),
     }  # fmt: skip
     residuals = {"accel": _pose_residuals(imu, rests, accel, turns, nominal, gravity)}
     if gyro is not None:
@@ -250,6 +250,11 @@ def _spans(imu: ImuSeries, rests: Rests | None) -> list[list[float]]:
     if rests is None:
         return []
     return [[float(imu.t[a]), float(imu.t[b - 1])] for a, b in rests.index]
+
+
+def _tried(rests: Rests | None) -> dict[str, Any]:
+    """What the published search tried, if it was it that found them."""
+    return {"tried": [list(one) for one in rests.tried]} if rests is not None and rests.tried else {}
 
 
 def _pose_residuals(

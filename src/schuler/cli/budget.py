@@ -12,6 +12,7 @@ from schuler.exceptions import InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from schuler.analysis.budget.scenario import BudgetAccelerometer
     from schuler.sensors.spec import ImuSpec
 
 
@@ -24,9 +25,13 @@ def budget(
     quantity: Literal["horizontal", "vertical", "position", "velocity", "heading", "tilt"] = "horizontal",
     time: float | None = None,
     states: Literal[9, 15, 21, 33, 42] | None = None,
+    asymmetry_ppm: float | None = None,
+    quadratic_ppm_g: float | None = None,
+    angles: Literal["elements", "triad"] = "elements",
     single: Flag = False,
     out: Path | None = None,
     figures: bool = True,
+    report: bool = True,
     json: Flag = False,
 ) -> int:
     """How uncertain a mission will be with an IMU, which error is to blame, and which IMU is good enough.
@@ -46,12 +51,20 @@ def budget(
         Of the error budget, in seconds; the end by default.
     states
         Of the filter, instead of the scenario's.
+    asymmetry_ppm
+        1-sigma of the accelerometers' error with the magnitude of specific force, instead of the scenario's.
+    quadratic_ppm_g
+        1-sigma of their error with its square, ppm of what is sensed for each g, instead of the scenario's.
+    angles
+        Misalignments as elements xy, xz, ... or as a triad that is turned and axes that lean to each other.
     single
-        Every parameter by itself, not by groups.
+        Print every parameter by itself, not groups. Tables, figures and report have them all.
     out
-        Folder for tables and figures. Default: the scenario's name with -budget.
+        Folder for tables, figures and report. Default: the scenario's name with -budget.
     figures
         Draw figures too.
+    report
+        Write report.html.
     json
         Print one JSON object.
     """
@@ -69,6 +82,8 @@ def budget(
     loaded = BudgetScenario.load(scenario)
     if states is not None:
         loaded = loaded.model_copy(update={"states": states})
+    given = {"asymmetry_ppm": asymmetry_ppm, "quadratic_ppm_g": quadratic_ppm_g}
+    loaded = loaded.model_copy(update={"accelerometer": _changed(loaded.accelerometer, given)})
     wanted = [requirement(text) for text in (require or loaded.require)]
     specs = [_spec(name) for name in imu]
     if not specs and not wanted:
@@ -78,9 +93,9 @@ def budget(
     files: dict[str, Path] = {}
     budgets, choices, texts = [], [], []
     for spec in specs:
-        found = linear_covariance(mission, spec)
+        found = linear_covariance(mission, spec, by_axis=True, angles=angles)
         one = budget_of(found, quantity, time)
-        budgets.append({"covariance": found.to_dict(), "budget": one.to_dict()})
+        budgets.append((found, one))
         texts += [found.summary(), one.table(single=single).summary()]
         label = _label(spec.name)
         files[f"budget_{label}"] = one.table(single=True).to_csv(folder / f"budget-{label}.csv")
@@ -88,28 +103,37 @@ def budget(
             from schuler.report.budget_figures import covariance_figure
 
             files |= _saved(one.plot(), folder / f"budget-{label}")
+            files |= _saved(one.plot(single=True), folder / f"parameters-{label}")
             files |= _saved(covariance_figure(found, mission), folder / f"covariance-{label}")
     ranked, left_out = (specs, {}) if specs else catalogue_specs()
     for k, one_wanted in enumerate(wanted):
         with progress(one_wanted.text) as bar:
             explain = [s.name for s in specs]
             choice = choose_imu(mission, one_wanted, ranked, explain=explain, left_out=left_out, progress=bar)
-        choices.append(choice.to_dict())
+        choices.append(choice)
         texts.append(choice.summary())
         files[f"requirement_{k + 1}"] = choice.table().to_csv(folder / f"requirement-{k + 1}.csv")
         if figures:
             files |= _saved(choice.plot(), folder / f"requirement-{k + 1}")
-    passed = all(v["passes"] for c in choices for v in c["ranking"]) if specs else True
+    if report:
+        from schuler.report.budget_document import budget_report
+
+        made_from = {"scenario": loaded.model_dump(mode="json", exclude_none=True)}
+        made_from |= {"imu": {spec.name: spec.to_dict() for spec in specs}} if specs else {}
+        files["report"] = budget_report(folder / "report.html", mission, budgets, choices, made_from)
+    passed = all(v.passes for c in choices for v in c.verdicts) if specs else True
     if json:
         print_json(
             {
-                "command": "budget", "mission": mission.name, "budgets": budgets, "choices": choices,
+                "command": "budget", "mission": mission.name,
+                "budgets": [{"covariance": found.to_dict(), "budget": one.to_dict()} for found, one in budgets],
+                "choices": [choice.to_dict() for choice in choices],
                 "passes": passed, "elapsed_s": clock.perf_counter() - began, "files": files,
             }
         )  # fmt: skip
     else:
         print("\n\n".join(texts))
-        print("\n".join(f"{what}: {path}" for what, path in files.items() if path.suffix == ".csv"))
+        print("\n".join(f"{what}: {path}" for what, path in files.items() if path.suffix in (".csv", ".html")))
     return 0
 
 
@@ -119,6 +143,14 @@ def _spec(name: str) -> ImuSpec:
     from schuler.sensors.spec_file import configured_spec
 
     return configured_spec(name) if name.endswith(".toml") else catalogue.spec(name)
+
+
+def _changed(section: BudgetAccelerometer, given: dict[str, float | None]) -> BudgetAccelerometer:
+    """The scenario's values but for those given on the command line."""
+    for name, value in given.items():
+        if value is not None and not 0.0 <= value < float("inf"):
+            raise InputError(f"--{name.replace('_', '-')}: expected a 1-sigma value, zero or more, got {value!r}")
+    return section.model_copy(update={k: v for k, v in given.items() if v is not None})
 
 
 def _label(name: str) -> str:

@@ -130,6 +130,7 @@ def freepose(
     size_effect: Flag = False,
     delay: Flag = False,
     robust: bool = True,
+    rests: Literal["auto", "tedaldi"] = "auto",
     min_rest: float = 1.0,
     intervals: Path | None = None,
     reading: Reading = _READING,
@@ -155,20 +156,24 @@ def freepose(
         Estimate the delay of the gyroscopes behind the accelerometers too.
     robust
         Less weight for disturbed poses and turns.
+    rests
+        tedaldi: found as in the paper and by imu_tk, which needs --initial-rest.
     min_rest
-        Shortest rest in seconds.
+        Shortest rest in seconds; with --rests tedaldi also what is used of each.
     intervals
         CSV file with the rests: START,STOP in seconds from the start of the log. Default: found.
     """
     from schuler.calibration.freepose import calibrate_freepose
 
+    if rests == "tedaldi" and initial_rest is None:
+        raise InputError("--initial-rest: expected the seconds at rest that the log begins with, for --rests tedaldi")
     began = clock.perf_counter()
     recording = reading.read(log, uncalibrated=True)
     imu = recording.need_imu()
     result = calibrate_freepose(
         imu, gravity=site.g, noise=sensor.noise, initial_rest_s=initial_rest, robust=robust, min_s=min_rest,
         gyro_bias="estimate" if estimate_gyro_bias else "rest", g_sensitivity=g_sensitivity, size_effect=size_effect,
-        delay=delay,
+        delay=delay, rests=rests,
         intervals=None if intervals is None else spans_of(intervals, imu),
     )  # fmt: skip
     return finish(result, log, [recording], output, began)

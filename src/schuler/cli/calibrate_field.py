@@ -12,14 +12,17 @@ from cyclopts import Parameter
 
 from schuler import units as u
 from schuler.arrays import FloatArray
-from schuler.cli.calibrate_input import numbers_of, spans_of
+from schuler.cli.calibrate_input import counted, numbers_of, spans_of
 from schuler.cli.calibrate_output import finish
 from schuler.cli.options import Output, Reading, Sensor, Site
 from schuler.cli.output import Flag, progress
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
+from schuler.recording.series import ImuSeries
 
 if TYPE_CHECKING:
+    from schuler.calibration.counts import CountFactors
+    from schuler.calibration.result import CalibrationResult
     from schuler.fieldcal.calibration import FieldCalibration
     from schuler.fieldcal.options import FieldOptions
     from schuler.sensors.spec import ImuSpec
@@ -53,8 +56,8 @@ def field(
     Parameters
     ----------
     log
-        File or folder of a log of rests and turns, see docs/field-routine.md; with --coach also one that is still
-        being written, or - for lines on stdin.
+        File or folder of a log of rests and turns, see docs/field-routine.md, raw counts too (--units counts,counts);
+        with --coach also one that is still being written, or - for lines on stdin.
     heading
         Of the first rest and its 1-sigma in degrees, such as 90,2. Default: found from the Earth's rate.
     coach
@@ -88,6 +91,8 @@ def field(
         from schuler.calibration.result import CalibrationResult
 
         earlier = CalibrationResult.from_yaml(prior)
+        if coach and earlier.nominal != (1.0, 1.0):
+            raise InputError("--prior: expected a calibration of a log in SI with --coach, got one of a log in counts")
     gravity = None if site.gravity is None else site.g
     if coach:
         from schuler.cli.calibrate_field_coach import run_coach
@@ -110,24 +115,41 @@ def field(
 
     imu = recording.need_imu()
     latitude, height, recording = place(site, recording)
-    rests = field_rests(imu, min_s=min_rest) if intervals is None else given_rests(imu, spans_of(intervals, imu))
-    if len(rests) and earlier is None:
+    spans = None if intervals is None else spans_of(intervals, imu)
+    factors = _factors(recording, earlier, gravity_at(site, latitude, height), spans)
+    if factors is not None:
+        imu = factors.to_si(imu)
+        earlier, spec = (None, factors.widened(spec)) if earlier is None else (factors.in_si(earlier), spec)
+    rests = field_rests(imu, min_s=min_rest) if spans is None else given_rests(imu, spans)
+    if len(rests) and (earlier is None or factors is not None):
         _check_units(rests.means(imu)[1])
     with progress("calibrating") as bar:
         found = calibrate_field(
             imu, spec, latitude=latitude, height=height, gravity=gravity, heading=start, options=options, prior=earlier,
             rests=rests, progress=bar,
         )  # fmt: skip
-    return conclude(found, log, recording, output, began, history)
+    if factors is not None:
+        found = _in_counts(found, factors)
+    return conclude(found, log, recording, output, began, history, imu)
 
 
 def conclude(
-    found: FieldCalibration, log: Path, recording: Recording, output: Output, began: float, history: str = "csv"
+    found: FieldCalibration,
+    log: Path,
+    recording: Recording,
+    output: Output,
+    began: float,
+    history: str = "csv",
+    before: ImuSeries | None = None,
 ) -> int:
-    """Write the files of a field calibration, print it, return the exit code: 2 for a log that is refused."""
+    """Write the files of a field calibration, print it, return the exit code: 2 for a log that is refused.
+
+    ``before`` is the log in SI, for figures of it before and after.
+    """
     return finish(
-        found.calibration, log, [recording], output, began, field=found, truth=_truth(recording), history=history
-    )
+        found.calibration, log, [recording], output, began, field=found, truth=_truth(recording), history=history,
+        before=recording.need_imu() if before is None else before,
+    )  # fmt: skip
 
 
 def place(site: Site, recording: Recording) -> tuple[float, float, Recording]:
@@ -141,6 +163,46 @@ def place(site: Site, recording: Recording) -> tuple[float, float, Recording]:
             return lat, height, replace(recording, metadata=recording.metadata.noting(note))
     raise InputError(
         "--latitude: expected degrees, gravity and the Earth's rate depend on it, and the log has no position"
+    )
+
+
+def gravity_at(site: Site, latitude: float, height: float) -> float:
+    """Gravity as stated, or that of the ellipsoid. [m/s^2]"""
+    from schuler.earth import gravity_somigliana
+
+    return float(gravity_somigliana(latitude, height)) if site.gravity is None else site.g
+
+
+def _factors(
+    recording: Recording,
+    earlier: CalibrationResult | None,
+    gravity: float,
+    spans: list[tuple[float, float]] | None,
+) -> CountFactors | None:
+    """What makes a log in counts SI: of the earlier calibration, or found; None for a log in SI."""
+    from schuler.calibration.counts import count_factors, factors_of
+
+    triads = counted(recording)
+    if earlier is not None and earlier.nominal != (1.0, 1.0):
+        return factors_of(earlier)
+    if not triads:
+        return None
+    if earlier is not None:
+        raise InputError(
+            f"--prior: expected a calibration of a log in counts, as this one is ({' and '.join(triads)}), got one of "
+            "a log in SI; give units and factors with --units and --scale, or leave --prior out"
+        )
+    return count_factors(recording.need_imu(), triads, gravity=gravity, intervals=spans)
+
+
+def _in_counts(found: FieldCalibration, factors: CountFactors) -> FieldCalibration:
+    """Result and history of a log that was brought to SI, as those of the log."""
+    shift = np.array([factors.shift.get(name, 0.0) for name in found.calibration.names])
+    return replace(
+        found,
+        calibration=factors.in_counts(found.calibration),
+        history=replace(found.history, values=found.history.values + shift),
+        passes=found.passes + shift,
     )
 
 
@@ -189,8 +251,8 @@ def _check_units(f: FloatArray) -> None:
     if not _SANE[0] < ratio < _SANE[1]:
         raise InputError(
             f"expected a specific force of about 9.8 m/s^2 at rest, got {ratio * u.G0:.4g}: give units with --units, "
-            "and for counts what one is with --scale, such as accel=0.0006,gyro=0.001 of the units stated; schuler "
-            "calibrate freepose finds it from the log"
+            "for raw counts counts,counts (factors are then found from the log), or what a count is with --scale, such "
+            "as accel=0.0006,gyro=0.001 of the units stated"
         )
 
 

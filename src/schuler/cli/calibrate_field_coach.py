@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+from schuler.cli.calibrate_input import counted
 from schuler.cli.options import Reading
 from schuler.cli.output import say
 from schuler.exceptions import InputError, SchulerError
@@ -108,6 +109,7 @@ def run_coach(
             if source.newer():
                 imu = source.recording().need_imu()
                 if coach is None:
+                    _need_units(source.recording())
                     coach = Coach(
                         spec, latitude=latitude, height=height, gravity=gravity, heading=heading, kind=imu.kind, **more
                     )  # fmt: skip
@@ -245,6 +247,15 @@ class _Pipe:
             if last != b"\n":
                 file.write(b"\n")
         self.ended = True
+
+
+def _need_units(recording: Recording) -> None:
+    """Factors of counts are found from turns that are over; who is coached has none yet."""
+    if counted(recording):
+        raise InputError(
+            "--coach: expected a log in known units, got raw counts; say what a count is with --scale, such as "
+            "accel=0.0006,gyro=0.001 of the units stated with --units, or calibrate the finished log without --coach"
+        )
 
 
 def _of_stdin(reading: Reading) -> Reading:

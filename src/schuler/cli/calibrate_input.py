@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,11 +11,15 @@ from typing import TYPE_CHECKING
 from schuler.cli.options import Sensor, Site
 from schuler.cli.output import progress
 from schuler.exceptions import InputError
+from schuler.recording.io.hints import COUNTS_NOTE
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 
 if TYPE_CHECKING:
+    from schuler.calibration.counts import Triad
     from schuler.calibration.poses import Poses
+
+_TRIADS: tuple[Triad, ...] = ("accel", "gyro")
 
 
 def poses_in(
@@ -37,6 +42,13 @@ def poses_in(
 def spans_of(path: Path, imu: ImuSeries) -> list[tuple[float, float]]:
     """Rests of a CSV file with lines START,STOP in seconds from the start of the log, in the time of the log."""
     return [(start, stop) for _, start, stop in _table(path, imu, named=False)]
+
+
+def counted(recording: Recording) -> tuple[Triad, ...]:
+    """Which triads of a log are in converter counts, as was said on reading it."""
+    notes = recording.metadata.notes
+    said = [n.partition(f": {COUNTS_NOTE}")[0].rpartition(": ")[2] for n in notes if COUNTS_NOTE in n]
+    return tuple(name for name in _TRIADS if any(re.search(rf"\b{name}\b", words) for words in said))
 
 
 def sections_of(path: Path, imu: ImuSeries) -> dict[str, tuple[float, float]]:

@@ -14,6 +14,7 @@ from schuler import units as u
 from schuler.cli.options import Output
 from schuler.cli.output import print_json, say
 from schuler.recording.recording import Recording
+from schuler.recording.series import ImuSeries
 
 if TYPE_CHECKING:
     from schuler.calibration.result import CalibrationResult
@@ -30,11 +31,12 @@ def finish(
     field: FieldCalibration | None = None,
     truth: dict[str, float] | None = None,
     history: str = "csv",
+    before: ImuSeries | None = None,
 ) -> int:
     """Write files, print the result, return the exit code: 2 for a log that is refused.
 
-    A field calibration also has its history (``field``, a file with the suffix ``history``) and, if simulated, the
-    truth for its figures.
+    A field calibration also has its history (``field``, a file with the suffix ``history``), figures of the log
+    (``before``, SI) before and after and, if simulated, the truth for its figures.
     """
     from schuler.calibration.result import CalibrationResult
 
@@ -59,7 +61,14 @@ def finish(
         files["report"] = result.report(
             folder / "calibration.html", previous=earlier, recording_summary=said, field=field, truth=truth
         )
-        for path in save_calibration_figures(result, folder / "figures", field=field, truth=truth):
+        figures = save_calibration_figures(result, folder / "figures", field=field, truth=truth)
+        if before is not None and field is not None and result.status != "refused":
+            from schuler.report.field_output_figures import save_output_figures
+
+            # in the axes of the log, whatever the gauge of the file
+            after = field.calibration.apply(recordings[0].need_imu())
+            figures += save_output_figures(before, after, folder / "figures")
+        for path in figures:
             files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
     if output.json:
         data = numbers(result)

@@ -53,8 +53,8 @@ def navigate(
     coupling
         How GNSS is used: solutions (loose), satellite by satellite (tight), as resets, or not at all (off).
     aid
-        Switch an aid on, as configured or with its defaults: zero_velocity, zero_rate, non_holonomic, odometer,
-        heading, barometer; may be given several times.
+        Switch an aid on, as configured or with its defaults: zero_velocity or gravity, zero_rate or earth_rate,
+        non_holonomic, odometer, heading, barometer; may be given several times.
     without
         Switch a configured aid off; may be given several times.
     background

@@ -92,12 +92,14 @@ class CalibrationStart:
         accel, gyro = self.calibration.nominal
         if (accel, gyro) != (1.0, 1.0):
             imu = replace(imu, accel=imu.accel * accel, gyro=imu.gyro * gyro)
-            size = float(np.median(np.linalg.norm(imu.rates().accel, axis=1))) / units.G0
+            # biases of a converter without sign are half of its range, tens of g
+            f = imu.rates().accel - self.calibration.errors.b_a
+            size = float(np.median(np.linalg.norm(f, axis=1))) / units.G0
             if not 0.5 < size < 2.0:
                 raise InputError(
                     f"calibration: made of a log in units of {accel:g} m/s^2 and {gyro:g} rad/s (nominal); with these "
-                    f"factors the specific force of this log has a median of {size:.3g} g; read the log in the units "
-                    "(counts) that the calibrated one was read in"
+                    f"factors the specific force of this log, less biases, has a median of {size:.3g} g; read the log "
+                    "in the units (counts) that the calibrated one was read in"
                 )
         return compensate_thermal(self.calibration, imu) if "thermal" in self.calibration.extra else imu
 

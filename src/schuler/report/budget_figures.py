@@ -19,39 +19,63 @@ if TYPE_CHECKING:
     from schuler.analysis.budget.covariance import LinearCovariance
     from schuler.analysis.budget.scenario import BudgetMission
 
-_SHOWN = 14  # groups in a chart
+_SHOWN = {False: 14, True: 60}  # groups and parameters in a chart, the rest as one bar
+_HEIGHT = {False: 0.1, True: 0.075}  # of a bar, in heights of a usual panel
+_WHOSE = {"gyroscope": "filtered", "accelerometer": "smoothed", "start": "system_e", "measurements": "system_j"}
 
 
-def budget_figure(budget: ErrorBudget) -> MplFigure:
-    """Bars by group, largest above, the total in the end (Flenniken, figure 7.7)."""
+def whose(group: str) -> str:
+    """Whose errors a group holds: gyroscope, accelerometer, start, measurements."""
+    first = group.partition(" ")[0]
+    return {"gyroscope": first, "accelerometer": first, "initial": "start"}.get(first, "measurements")
+
+
+def role_of(group: str) -> str:
+    """The look of a group of errors."""
+    return _WHOSE[whose(group)]
+
+
+def budget_figure(budget: ErrorBudget, *, single: bool = False) -> MplFigure:
+    """Bars by group or of every parameter, largest above, the total on top (Flenniken, figure 7.7)."""
     _, unit, scale = QUANTITIES[budget.quantity]
-    groups = list(budget.by_group().items())[:_SHOWN]
-    entries = [("all", budget.total), *groups][::-1]
+    group = dict(zip(budget.names, budget.groups, strict=True)) if single else {g: g for g in budget.groups}
+    entries = [("all", budget.total, "mean", "")]
+    sources = list((budget.by_source() if single else budget.by_group()).items())
+    shown, small = sources[: _SHOWN[single]], sources[_SHOWN[single] :]
+    entries += [(name, value, role_of(group[name]), whose(group[name])) for name, value in shown]
+    if small:
+        entries.append((f"{len(small)} smaller ones", float(np.linalg.norm([v for _, v in small])), "level", ""))
+    entries = entries[::-1]
     items: list[content.Item] = []
-    for y, (name, value) in enumerate(entries):
-        role = "mean" if name == "all" else "filtered"
-        items.append(Line(np.array([0.0, value / scale]), np.array([y, y], dtype=np.float64), role))
+    for y, (_, value, role, label) in enumerate(entries):
+        items.append(Line(np.array([0.0, value / scale]), np.array([y, y], dtype=np.float64), role, label))
         items.append(Markers(np.array([value / scale]), np.array([float(y)]), role))
     label = f"{budget.quantity}, 1-sigma after {budget.time:g} s [{unit}]"
     panel = Panel(
         label, "", tuple(items), f"{budget.mission}, {budget.imu}",
-        y_ticks=tuple((float(y), name) for y, (name, _) in enumerate(entries)), y_limits=(-0.6, len(entries) - 0.4),
-        height=1.6,
+        y_ticks=tuple((float(y), name) for y, (name, *_) in enumerate(entries)), y_limits=(-0.6, len(entries) - 0.4),
+        height=max(0.6, _HEIGHT[single] * len(entries)),
     )  # fmt: skip
     return draw(Figure("budget", "Error budget", "", (panel,)))
 
 
 def covariance_figure(found: LinearCovariance, mission: BudgetMission) -> MplFigure:
     """1-sigma of every quantity over the mission, true and as the filter believes, outages shaded."""
+    return draw(covariance_content(found, mission))
+
+
+def covariance_content(found: LinearCovariance, mission: BudgetMission, name: str = "covariance") -> Figure:
+    """The same to be drawn in a page, where every figure has a name of its own."""
     from schuler.analysis.budget.covariance import quantity_sigma
 
     panels = []
-    for name, (_, unit, scale) in QUANTITIES.items():
+    for quantity, (_, unit, scale) in QUANTITIES.items():
         items: list[content.Item] = [Span(a, b, "outage", "outage") for a, b in mission.outages]
-        items.append(content.line(found.t, found.quantity(name) / scale, "filtered", "true"))
-        items.append(content.line(found.t, quantity_sigma(found.believed, name) / scale, "smoothed", "believed"))
-        panels.append(Panel("time [s]", f"{name} [{unit}]", tuple(items)))
-    return draw(Figure("covariance", f"{found.mission}, {found.imu}: 1-sigma", "", tuple(panels), columns=2))
+        items.append(content.line(found.t, found.quantity(quantity) / scale, "filtered", "true"))
+        items.append(content.line(found.t, quantity_sigma(found.believed, quantity) / scale, "smoothed", "believed"))
+        panels.append(Panel("time [s]", f"{quantity} [{unit}]", tuple(items)))
+    caption = "True: with all errors of the IMU. Believed: the filter's own covariance."
+    return Figure(name, f"{found.mission}, {found.imu}: 1-sigma", caption, tuple(panels), columns=2)
 
 
 def choice_figure(choice: ImuChoice) -> MplFigure:

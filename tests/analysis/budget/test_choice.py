@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -89,6 +91,18 @@ def test_bottleneck_and_what_would_pass(mission):
         changed = scaled(imu, field, factor * found.needed / found.present)
         assert (wanted.worst(mission, true_covariance(mission, changed))[0] <= wanted.limit) is passes
     assert_allclose(max(found.sensitivity.values()), found.share)
+
+
+def test_bottleneck_that_no_specification_has(mission):
+    """Asymmetric accelerometers of a good IMU limit it: they are named, and half of what is said to pass passes too."""
+    wanted, uneven = requirement("horizontal < 10 m @ 60 s outage"), replace(mission, asymmetry=0.2)
+    found = bottleneck(uneven, wanted, spec("LN-200"))
+    assert (found.field, found.words) == ("accel asymmetry", "accelerometer asymmetry")
+    assert found.present == 0.2
+    assert found.needed is not None
+    for factor, passes in ((0.5, True), (1.0, True), (1.05, False)):
+        given = replace(mission, asymmetry=factor * found.needed)
+        assert (wanted.worst(given, true_covariance(given, spec("LN-200")))[0] <= wanted.limit) is passes
 
 
 def test_sensitivity_is_a_derivative(mission):

@@ -28,7 +28,7 @@ from schuler.filtering.engine import FilterOptions, InitialState, run, unpack_sy
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.measurements import RESET_POSITION, MeasurementSchedule
 from schuler.mechanization.strapdown import NavState
-from schuler.recording.series import ImuSeries
+from schuler.recording.series import ImuSeries, Trajectory
 from schuler.sensors.catalogue import spec
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.spec import ImuSpec, TriadSpec
@@ -107,13 +107,13 @@ def test_free_integration_is_the_closed_form():
     imu = ImuSpec(
         "plain", TriadSpec(random_walk=1e-4, turn_on_bias=1e-5), TriadSpec(random_walk=1e-3, turn_on_bias=5e-3)
     )
-    found = linear_covariance(still, imu)
+    found = linear_covariance(still, imu, by_axis=True)
     by = dict(zip(found.names, found.parts[:, -1], strict=True))
     g, t = 9.8093, 60.0
     expected = {
         "b_a_x": 5e-3 * t**2 / 2.0, "b_g_y": g * 1e-5 * t**3 / 6.0, "attitude_east": g * 2e-3 * t**2 / 2.0,
-        "velocity_north": 0.02 * t, "position_north": 1.0, "accel_noise": 1e-3 * np.sqrt(t**3 / 3.0),
-        "gyro_noise": g * 1e-4 * np.sqrt(t**5 / 20.0),
+        "velocity_north": 0.02 * t, "position_north": 1.0, "accel_noise_x": 1e-3 * np.sqrt(t**3 / 3.0),
+        "gyro_noise_y": g * 1e-4 * np.sqrt(t**5 / 20.0),
     }  # fmt: skip
     for name, value in expected.items():
         assert_allclose(by[name][6], value, rtol=0.01)
@@ -251,8 +251,10 @@ def test_what_cannot_be_done_is_said(town):
         prepare_budget("nowhere.toml")
     with pytest.raises(ConfigError, match="states"):
         prepare_budget(town | {"states": 16})
-    ideal, start, _ = engine_parts(town, 20.0)
+    ideal, _, _ = engine_parts(town, 20.0)
     increments = ImuSeries(ideal.t[1:], ideal.gyro, ideal.accel, "increment").increments()
     with pytest.raises(InputError, match="resets have no memory"):
-        linearise(increments, MeasurementSchedule.of(RESET_POSITION, [5.0], np.zeros((1, 3)), 1.0), start)
+        linearise(increments, MeasurementSchedule.of(RESET_POSITION, [5.0], np.zeros((1, 3)), 1.0), ideal.truth)
+    with pytest.raises(InputError, match="velocity and attitude"):
+        linearise(increments, MeasurementSchedule.empty(), Trajectory(ideal.truth.t, ideal.truth.r_eb_e))
     assert set(QUANTITIES) >= {"horizontal", "heading"}

@@ -7,6 +7,8 @@ is then a replay through the same nodes with other noise, in the arithmetic of t
 ``upd[k]``                                     updates up to and at node k
 ``H[u, 3, n]``, ``R[u, 9]``, ``dim[u]``           rows, covariance and number of components of every update
 ``rec[k]``                                     row of the output for node k, or -1
+``Q[k, 2, 9]``                                 noise of one axis before and after the transition into node k, or empty
+``U[k, 9, e]``, ``V[u, 3, e]``                   what the last e constants add in a transition, and to an update
 """
 
 from __future__ import annotations
@@ -129,15 +131,24 @@ def replay_filter(
                     o[i, j] = P[i, j]
 
 
+@inlined
+def add_axis_noise(C, Q, i_axis):
+    """Noise of one axis, on attitude (``i_axis`` 0) or velocity (3)."""
+    for i in range(3):
+        for j in range(3):
+            C[i_axis + i, i_axis + j] += Q[3 * i + j]
+
+
 @kernel
 def replay_covariance(
-    acc, place, B, upd, H, R, dim, rec, C, pmod, n_sensor, i_clock, omega, q_imu, K, rows, out
+    acc, place, B, upd, H, R, dim, rec, C, pmod, n_sensor, i_clock, omega, q_imu, Q, i_axis, K, rows, out
 ):  # fmt: skip
     """Covariance of the true error from one kind of noise, with given gains.
 
     ``rows`` are the replayed system's places of the filter's states, the rest are not corrected; ``R`` is the noise of
     the updates that counts here, zero for other sources. ``out[r, 9, 9]`` receives the navigation part.
     """
+    one_axis = Q.shape[0] > 0
     n, n_f = C.shape[0], K.shape[1]
     nav = np.zeros(10)
     nav[0] = 1.0
@@ -149,7 +160,11 @@ def replay_covariance(
     u = 0
     for k in range(acc.shape[0]):
         if acc[k, 0] > 0.0:
+            if one_axis:
+                add_axis_noise(C, Q[k, 0], i_axis)
             step(C, nav, acc[k], place[k], B[k], Bk, A, work, D, pmod, n_sensor, i_clock, omega, q_imu)
+            if one_axis:
+                add_axis_noise(C, Q[k, 1], i_axis)
         while u < upd[k]:
             d = dim[u]
             innovation(C, H[u], R[u], d, n, wide, W, S)
@@ -178,12 +193,14 @@ def replay_covariance(
 
 
 @kernel
-def replay_columns(acc, place, B, upd, H, dim, rec, X, decay, n_sensor, i_clock, omega, K, rows, out):
+def replay_columns(acc, place, B, upd, H, dim, rec, X, U, V, decay, n_sensor, i_clock, omega, K, rows, out):
     """Sensitivities of the true error to constants: columns of ``X[n, c]``, with given gains.
 
-    ``decay`` is the inverse correlation time of each parameter. ``out[r, 9, c]`` receives the navigation part.
+    ``decay`` is the inverse correlation time of each parameter. The last columns belong to constants that are no states
+    and act by ``U`` and ``V``. ``out[r, 9, c]`` receives the navigation part.
     """
-    n, c, n_f = X.shape[0], X.shape[1], K.shape[1]
+    n, c, n_f, e_u = X.shape[0], X.shape[1], K.shape[1], U.shape[2]
+    first = c - e_u
     nav = np.zeros(10)
     A = np.zeros((9, 9))
     A[2, 2] = 1.0
@@ -212,6 +229,8 @@ def replay_columns(acc, place, B, upd, H, dim, rec, X, decay, n_sensor, i_clock,
                     if v != 0.0:
                         for j in range(c):
                             row[j] += v * x[j]
+                for j in range(e_u):
+                    row[first + j] += U[k, i, j]
             for i in range(9):
                 for j in range(c):
                     X[i, j] = N[i, j]
@@ -228,7 +247,7 @@ def replay_columns(acc, place, B, upd, H, dim, rec, X, decay, n_sensor, i_clock,
             for a in range(d):
                 e = E[a]
                 for j in range(c):
-                    e[j] = 0.0
+                    e[j] = 0.0 if j < first else V[u, a, j - first]
                 for i in range(n):
                     v, x = H[u, a, i], X[i]
                     if v != 0.0:
@@ -258,7 +277,7 @@ def prepare_replay() -> None:
     prepare(
         [
             (replay_filter, (*nodes, m, m, s, s, x, f, c, c)),
-            (replay_covariance, (*nodes, m, m, s, s, x, f, c, i, c)),
-            (replay_columns, (m, m, c, i, c, i, i, m, f, s, s, x, c, i, c)),
+            (replay_covariance, (*nodes, m, m, s, s, x, f, c, s, c, i, c)),
+            (replay_columns, (m, m, c, i, c, i, i, m, c, c, f, s, s, x, c, i, c)),
         ]
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from schuler.analysis.budget.covariance import QUANTITIES, LinearCovariance, linear_covariance
 from schuler.analysis.budget.scenario import BudgetMission
+from schuler.analysis.budget.sources import Angles
 from schuler.analysis.campaign_table import CampaignTable
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
@@ -58,14 +59,15 @@ class ErrorBudget:
             squares[group] = squares.get(group, 0.0) + float(value) ** 2
         return {g: float(np.sqrt(v)) for g, v in sorted(squares.items(), key=lambda item: -item[1])}
 
+    def by_source(self) -> dict[str, float]:
+        """1-sigma by single source, largest first; those that contribute nothing are left out."""
+        order = np.argsort(-self.contribution, kind="stable")
+        return {self.names[i]: float(self.contribution[i]) for i in order if self.contribution[i] > 0.0}
+
     def table(self, *, single: bool = False) -> CampaignTable:
         """By group, or by single source, largest first."""
         _, unit, scale = QUANTITIES[self.quantity]
-        if single:
-            order = np.argsort(-self.contribution)
-            entries = [(self.names[i], float(self.contribution[i])) for i in order if self.contribution[i] > 0.0]
-        else:
-            entries = list(self.by_group().items())
+        entries = (self.by_source() if single else self.by_group()).items()
         rows: list[tuple[Any, ...]] = [
             (name, value / scale, 100.0 * value**2 / self.total**2) for name, value in entries
         ]  # fmt: skip
@@ -90,11 +92,11 @@ class ErrorBudget:
             "by_source": dict(zip(self.names, self.contribution.tolist(), strict=True)),
         }  # fmt: skip
 
-    def plot(self) -> Figure:
-        """Bars by group with the total (matplotlib)."""
+    def plot(self, *, single: bool = False) -> Figure:
+        """Bars by group, or of every parameter, with the total (matplotlib)."""
         from schuler.report.budget_figures import budget_figure
 
-        return budget_figure(self)
+        return budget_figure(self, single=single)
 
 
 def error_budget(
@@ -104,8 +106,9 @@ def error_budget(
     quantity: str = "horizontal",
     time: float | None = None,
     states: int | tuple[str, ...] | None = None,
+    angles: Angles = "elements",
 ) -> ErrorBudget:
-    """Contributions of all sources to a quantity.
+    """Contributions of all sources to a quantity, noise by axis: every parameter by itself.
 
     Parameters
     ----------
@@ -114,10 +117,15 @@ def error_budget(
     quantity : str
     time : float, optional
         The end by default. [s]
-    states : optional
+    states, angles : optional
         As of :func:`.covariance.linear_covariance`.
+
+    References
+    ----------
+    Flenniken (2005), section 7.4, figure 7.7; docs/budget.md maps his 48 parameters to the names here.
     """
-    return budget_of(linear_covariance(mission, spec, states=states), quantity, time)
+    found = linear_covariance(mission, spec, states=states, by_axis=True, angles=angles)
+    return budget_of(found, quantity, time)
 
 
 def budget_of(found: LinearCovariance, quantity: str = "horizontal", time: float | None = None) -> ErrorBudget:

@@ -13,7 +13,7 @@ import numpy as np
 from schuler.analysis.budget.covariance import QUANTITIES, LinearCovariance, linear_covariance, true_covariance
 from schuler.analysis.budget.requirement import Requirement
 from schuler.analysis.budget.scenario import BudgetMission
-from schuler.analysis.budget.sources import constants, noises
+from schuler.analysis.budget.sources import UNEVEN, constants, noises
 from schuler.analysis.campaign_table import CampaignTable
 from schuler.exceptions import InputError
 from schuler.sensors.spec import ImuSpec
@@ -28,7 +28,8 @@ Progress = Callable[[float], None]
 _WORDS = {
     "random_walk": "noise", "bias_instability": "bias instability", "rate_random_walk": "rate random walk",
     "turn_on_bias": "turn-on bias", "in_run_bias": "in-run bias", "scale_factor": "scale factor",
-    "misalignment": "misalignment", "g_sensitivity": "g-sensitivity",
+    "misalignment": "misalignment", "g_sensitivity": "g-sensitivity", "asymmetry": "asymmetry",
+    "quadratic": "nonlinearity",
 }  # fmt: skip
 
 
@@ -243,10 +244,13 @@ def bottleneck(mission: BudgetMission, wanted: Requirement, spec: ImuSpec) -> Bo
     if not shares:
         raise InputError(f"{spec.name}: nothing in the specification contributes")
     field = max(shares, key=lambda f: shares[f])
-    present = float(getattr(getattr(spec, field[0]), field[1]))
+    uneven = field[1] in UNEVEN
+    present = float(getattr(mission if uneven else getattr(spec, field[0]), field[1]))
 
     def at(factor: float) -> float:
-        return wanted.worst(mission, true_covariance(mission, scaled(spec, field, factor)))[0]
+        given: dict[str, Any] = {field[1]: factor * present} if uneven else {}
+        changed = replace(mission, **given)
+        return wanted.worst(changed, true_covariance(changed, spec if uneven else scaled(spec, field, factor)))[0]
 
     needed, reached = None, value
     if value > wanted.limit:
@@ -271,7 +275,8 @@ def scaled(spec: ImuSpec, field: tuple[str, str], factor: float) -> ImuSpec:
 def _by_field(
     mission: BudgetMission, spec: ImuSpec, found: LinearCovariance, share: FloatArray
 ) -> dict[tuple[str, str], float]:
-    fields = {c.name: c.field for c in constants(spec, mission.start_sigma)} | {n.name: n.field for n in noises(spec)}
+    still = constants(spec, mission.start_sigma, asymmetry=mission.asymmetry, quadratic=mission.quadratic)
+    fields = {c.name: c.field for c in still} | {n.name: n.field for n in noises(spec)}
     shares: dict[tuple[str, str], float] = {}
     for name, value in zip(found.names, share, strict=True):
         field = fields.get(name)

@@ -16,11 +16,11 @@ from schuler.analysis.budget.replay import (
     replay_noise,
 )
 from schuler.analysis.budget.scenario import BudgetMission
-from schuler.analysis.budget.sources import Constant, Noise, constants, filter_layout, noises
+from schuler.analysis.budget.sources import Angles, Constant, Noise, constants, filter_layout, noises
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import KINDS
-from schuler.filtering.states import StateLayout, StateModel
+from schuler.filtering.states import BLOCKS, StateLayout, StateModel
 from schuler.units import DEG
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _RUN_BLOCK = {"gyro": "b_g_run", "accel": "b_a_run"}
 #: How often the filter's own variance is exceeded before it is said to be over-confident.
-_BELIEVED = 1.1
+BELIEVED = 1.1
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class LinearCovariance:
         for name, (_, unit, scale) in QUANTITIES.items():
             s = self.quantity(name) / scale
             b = quantity_sigma(self.believed, name) / scale
-            note = "" if s[-1] < _BELIEVED * b[-1] else f"; the filter believes {b[-1]:.3g} {unit}"
+            note = "" if s[-1] < BELIEVED * b[-1] else f"; the filter believes {b[-1]:.3g} {unit}"
             lines.append(f"  {name:<11} {s[-1]:.4g} {unit} at the end, largest {s.max():.4g} {unit}{note}")
         return "\n".join(lines)
 
@@ -104,7 +104,13 @@ def quantity_sigma(P: FloatArray, name: str) -> FloatArray:
 
 
 def linear_covariance(
-    mission: BudgetMission, spec: ImuSpec, *, states: int | tuple[str, ...] | None = None, truth: ImuSpec | None = None
+    mission: BudgetMission,
+    spec: ImuSpec,
+    *,
+    states: int | tuple[str, ...] | None = None,
+    truth: ImuSpec | None = None,
+    by_axis: bool = False,
+    angles: Angles = "elements",
 ) -> LinearCovariance:
     """True and believed covariance of a filter through a mission, source by source.
 
@@ -117,6 +123,10 @@ def linear_covariance(
         What the filter estimates; as the mission says by default.
     truth : ImuSpec, optional
         What the IMU really is; what the filter believes by default.
+    by_axis : bool
+        Noise of each axis by itself, in half as much time again; False: of each triad, the same total.
+    angles : {"elements", "triad"}
+        How misalignments are counted, see :func:`.sources.constants`.
 
     Returns
     -------
@@ -127,7 +137,9 @@ def linear_covariance(
     -----
     The filter's gains are those of its own model. With them every source is carried through the mission by itself:
     constants as sensitivities, noise as covariances. In-run biases enter as what they are, Gauss-Markov, while the
-    filter may model them as walks. What is left out: linearisation errors, and gates.
+    filter may model them as walks. White noise of an axis enters where the axis points, integrated over each interval;
+    asymmetry and nonlinearity of accelerometers as constants that act by ``|f|`` and ``f^2`` of the true specific
+    force. What is left out: linearisation errors, and gates.
 
     References
     ----------
@@ -138,10 +150,8 @@ def linear_covariance(
     node = records_at(mission.run, mission.times)
     P0 = np.diag(np.concatenate((mission.start_sigma**2, layout.initial_variances())))
     filtered = replay_filter(mission.run, layout, P0, spec.gyro.random_walk**2, spec.accel.random_walk**2, node)
-    still, moving = constants(truth, mission.start_sigma), noises(truth)
-    quiet = _quiet(layout, still)
-    rows = _rows(layout, quiet)
-    columns = replay_constants(mission.run, System(quiet, rows), filtered, _starts(quiet, still))
+    still, moving = _constants(mission, truth, angles), noises(truth, by_axis=by_axis)
+    columns = _columns(mission, layout, filtered, still)
     total = columns @ np.swapaxes(columns, 1, 2)
     parts = [np.abs(columns[:, :, i]) for i in range(len(still))]
     names, groups = [c.name for c in still], [c.group for c in still]
@@ -167,16 +177,14 @@ def true_covariance(mission: BudgetMission, spec: ImuSpec) -> FloatArray:
     node = records_at(mission.run, mission.times)
     P0 = np.diag(np.concatenate((mission.start_sigma**2, layout.initial_variances())))
     filtered = replay_filter(mission.run, layout, P0, spec.gyro.random_walk**2, spec.accel.random_walk**2, node)
-    still, moving = constants(spec, mission.start_sigma), noises(spec)
-    quiet = _quiet(layout, still)
-    columns = replay_constants(mission.run, System(quiet, _rows(layout, quiet)), filtered, _starts(quiet, still))
+    columns = _columns(mission, layout, filtered, _constants(mission, spec))
     total = columns @ np.swapaxes(columns, 1, 2)
     bare = _quiet(layout, [])
     # one process of each triad, white noise and measurements in one pass; further processes in passes of their own
     together: dict[str, StateModel] = {}
     alone: list[Noise] = []
     psd = {"gyro": 0.0, "accel": 0.0}
-    for noise in moving:
+    for noise in noises(spec):
         if noise.model is None:
             psd[noise.triad] = noise.density**2
         elif _RUN_BLOCK[noise.triad] in together:
@@ -201,34 +209,52 @@ def true_covariance(mission: BudgetMission, spec: ImuSpec) -> FloatArray:
 def _noise_part(mission: BudgetMission, filtered: FilterReplay, bare: StateLayout, noise: Noise) -> FloatArray:
     rows = np.arange(bare.size)
     if noise.kind == "white":
-        psd = {f"{noise.triad}_psd": noise.density**2}
-        return replay_noise(mission.run, System(bare, rows), filtered, **psd)  # type: ignore[arg-type]
+        gyro, accel = (noise.density**2 if noise.triad == triad else 0.0 for triad in ("gyro", "accel"))
+        return replay_noise(
+            mission.run, System(bare, rows), filtered, gyro_psd=gyro, accel_psd=accel, axis=noise.axis
+        )  # fmt: skip
     assert noise.model is not None
     block = _RUN_BLOCK[noise.triad]
     layout = StateLayout(bare.models | {block: noise.model})
     C0 = np.zeros((layout.size, layout.size))
     part = layout[block]
-    C0[range(part.start, part.stop), range(part.start, part.stop)] = noise.model.sigma**2
-    return replay_noise(mission.run, System(layout, _rows(bare, layout)), filtered, C0=C0)
+    driven = None if noise.axis is None else part.start + noise.axis
+    place = range(part.start, part.stop) if driven is None else [driven]
+    C0[place, place] = noise.model.sigma**2
+    return replay_noise(mission.run, System(layout, _rows(bare, layout)), filtered, C0=C0, driven=driven)
+
+
+def _constants(mission: BudgetMission, spec: ImuSpec, angles: Angles = "elements") -> list[Constant]:
+    return constants(
+        spec, mission.start_sigma, asymmetry=mission.asymmetry, quadratic=mission.quadratic, angles=angles
+    )  # fmt: skip
+
+
+def _columns(mission: BudgetMission, layout: StateLayout, filtered: FilterReplay, still: list[Constant]) -> FloatArray:
+    """Errors that the constants make, one column each; those that are no states come last. Shape (r, 9, c)."""
+    quiet = _quiet(layout, still)
+    X = np.zeros((quiet.size, len(still)))
+    uneven = np.zeros((6, sum(c.block == "uneven" for c in still)))
+    first = len(still) - uneven.shape[1]
+    for i, c in enumerate(still):
+        for place, weight in c.terms:
+            if c.block == "uneven":
+                uneven[place, i - first] = weight * c.sigma
+            else:
+                X[(quiet[c.block].start if c.block else 0) + place, i] = weight * c.sigma
+    return replay_constants(mission.run, System(quiet, _rows(layout, quiet)), filtered, X, uneven)
 
 
 def _quiet(layout: StateLayout, still: list[Constant]) -> StateLayout:
     """The filter's states and those of the constants it does not estimate, nothing moving by itself."""
     models = {name: replace(model, noise=0.0) for name, model in layout.models.items()}
-    models |= {c.block: StateModel.constant(0.0) for c in still if c.block and c.block not in models}
+    models |= {c.block: StateModel.constant(0.0) for c in still if c.block in BLOCKS and c.block not in models}
     return StateLayout(models)
 
 
 def _rows(layout: StateLayout, system: StateLayout) -> np.ndarray:
     parts = [np.arange(system[name].start, system[name].stop) for name in layout.blocks]
     return np.concatenate(parts).astype(np.int64)
-
-
-def _starts(system: StateLayout, still: list[Constant]) -> FloatArray:
-    X = np.zeros((system.size, len(still)))
-    for i, c in enumerate(still):
-        X[(system[c.block].start if c.block else 0) + c.index, i] = c.sigma
-    return X
 
 
 def _diagonal(C: FloatArray) -> FloatArray:

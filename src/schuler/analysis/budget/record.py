@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schuler import earth
+from schuler.analysis.budget.truth_integrals import truth_integrals
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, InitialState, run
 from schuler.filtering.measurements import DIMENSIONS, RESET_KINDS, MeasurementSchedule
 from schuler.filtering.states import BLOCKS, StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
-from schuler.recording.series import Increments
+from schuler.recording.series import Increments, Trajectory
 
 #: Sensor blocks that are recorded; every other parameterisation is made of their columns.
 SENSOR_BLOCKS = ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g", "G_g")
@@ -43,6 +44,10 @@ class Linearised:
         All recorded parameters.
     omega : float
         Earth rate used. [rad/s]
+    spread, uneven : ndarray, shapes (3, k, 2, 9), (k, 9, 6)
+        Noise of single axes and uneven accelerometers, see :class:`.truth_integrals.TruthIntegrals`.
+    seen : ndarray, shape (u, 3, 6)
+        Rows of the updates for the same uneven accelerometers: not zero where force itself is measured.
     """
 
     t: FloatArray
@@ -55,6 +60,9 @@ class Linearised:
     kind: IntArray
     layout: StateLayout
     omega: float
+    spread: FloatArray
+    uneven: FloatArray
+    seen: FloatArray
 
     @property
     def dim(self) -> IntArray:
@@ -79,7 +87,7 @@ class Linearised:
 def linearise(
     increments: Increments,
     schedule: MeasurementSchedule,
-    start: NavState,
+    truth: Trajectory,
     *,
     others: dict[str, StateModel] | None = None,
     rate_hz: float = 2.0,
@@ -93,8 +101,8 @@ def linearise(
         Ideal, of the true motion.
     schedule : MeasurementSchedule
         Measurements that agree with the truth; their covariances are kept, gates are not asked.
-    start : NavState
-        True state at the start of the increments.
+    truth : Trajectory
+        True motion with velocity and attitude, its first sample at the start of the increments.
     others : dict of str to StateModel, optional
         State blocks of the aids (lever arm, clock, ...).
     rate_hz : float
@@ -107,6 +115,8 @@ def linearise(
     The engine itself runs, with a zero covariance, unit measurement noise and no process noise: its whitened rows are
     then H itself, its gains zero, its state the truth.
     """
+    if truth.v_eb_e is None or truth.q_eb is None:
+        raise InputError("truth: expected a trajectory with velocity and attitude, got one without")
     if np.isin(schedule.kind, RESET_KINDS).any():
         raise InputError("resets have no memory: a linear covariance needs measurements that are weighed")
     models = {name: StateModel.constant(0.0) for name in SENSOR_BLOCKS}
@@ -118,14 +128,21 @@ def linearise(
         covariance_rate_hz=rate_hz, record_s=1e9, output_rate_hz=1e-3, lockout=0, smoother=True,
         earth_rotation=earth_rotation, flush_angle=0.3,
     )  # fmt: skip
+    start = NavState(float(truth.t[0]), truth.r_eb_e[0], truth.v_eb_e[0], truth.q_eb[0])
     initial = InitialState(start, np.zeros((n, n)), np.zeros(n - 9))
     done = run(increments, used, initial, layout, np.zeros(3), np.zeros(3), options)
     nodes = done.nodes
     if nodes is None:
         raise KeyboardInterrupt
     taken = done.status == 1
+    upd = np.asarray(nodes.upd, dtype=np.int64)
+    found = truth_integrals(increments, truth, nodes.t, nodes.phi[:, 0])
+    # an error of force acts on a measurement as a bias of its size does
+    force = found.force[np.searchsorted(upd, np.arange(len(nodes.G)), side="right")]
+    bias = nodes.G[:, :, layout["b_a"]]
+    seen = np.concatenate((bias * np.abs(force)[:, None], bias * (force**2)[:, None]), axis=2)
     return Linearised(
-        nodes.t, np.ascontiguousarray(nodes.phi[:, :8]), np.ascontiguousarray(nodes.phi[:, 8:]), nodes.B,
-        np.asarray(nodes.upd, dtype=np.int64), nodes.G, schedule.R[taken], schedule.kind[taken], layout,
-        earth.WGS84.omega_ie if earth_rotation else 0.0,
+        nodes.t, np.ascontiguousarray(nodes.phi[:, :8]), np.ascontiguousarray(nodes.phi[:, 8:]), nodes.B, upd, nodes.G,
+        schedule.R[taken], schedule.kind[taken], layout, earth.WGS84.omega_ie if earth_rotation else 0.0, found.spread,
+        found.uneven, seen,
     )  # fmt: skip

@@ -9,6 +9,7 @@ import numpy as np
 from schuler import frames
 from schuler.analysis.budget.record import Linearised
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
+from schuler.exceptions import InputError
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.limits import MAX_STATES
 from schuler.filtering.states import StateLayout
@@ -115,6 +116,8 @@ def replay_noise(
     gyro_psd: float = 0.0,
     accel_psd: float = 0.0,
     C0: FloatArray | None = None,
+    axis: int | None = None,
+    driven: int | None = None,
     measured: BoolArray | None = None,
     R: FloatArray | None = None,
 ) -> FloatArray:
@@ -128,6 +131,10 @@ def replay_noise(
     filtered : FilterReplay
     gyro_psd, accel_psd : float
         White noise, if it is what counts.
+    axis : {0, 1, 2}, optional
+        White noise of this body axis alone, of one triad; all three by default.
+    driven : int, optional
+        Place of the only state whose driving noise counts; all by default.
     C0 : ndarray, shape (n, n), optional
         Covariance of the true errors at the start, north, east, down; zero by default.
     measured : ndarray of bool, shape (u,), optional
@@ -148,23 +155,33 @@ def replay_noise(
     if measured is not None:
         true = run.R if R is None else R
         noise[measured] = true.reshape(-1, 9)[measured]
-    count = int(filtered.node.max()) + 1
-    out = np.empty((count, 9, 9))
+    if axis is not None and gyro_psd > 0.0 and accel_psd > 0.0:
+        raise InputError("axis: expected white noise of one triad, got that of both; replay them one after the other")
+    dynamics = _dynamics(layout)
+    if driven is not None:
+        dynamics[np.arange(len(dynamics)) != driven - 9, 1] = 0.0
+    Q = np.zeros((0, 2, 9)) if axis is None else (gyro_psd + accel_psd) * run.spread[axis]
+    q = _q(gyro_psd, accel_psd) if axis is None else np.zeros(6)
+    out = np.empty((int(filtered.node.max()) + 1, 9, 9))
     k.replay_covariance(
-        run.acc, run.place, B, run.upd, H, noise, run.dim, filtered.node, C, _dynamics(layout), layout.n_sensor,
-        _clock(layout), run.omega, _q(gyro_psd, accel_psd), filtered.K, system.rows, out,
+        run.acc, run.place, B, run.upd, H, noise, run.dim, filtered.node, C, dynamics, layout.n_sensor, _clock(layout),
+        run.omega, q, Q, 0 if gyro_psd > 0.0 else 3, filtered.K, system.rows, out,
     )  # fmt: skip
     turn = _turn(run, filtered.node)
     return np.asarray(np.swapaxes(turn, 1, 2) @ out @ turn)
 
 
-def replay_constants(run: Linearised, system: System, filtered: FilterReplay, X0: FloatArray) -> FloatArray:
+def replay_constants(
+    run: Linearised, system: System, filtered: FilterReplay, X0: FloatArray, uneven: FloatArray | None = None
+) -> FloatArray:
     """True navigation error that constant errors make, the filter's gains given. Shape (r, 9, c).
 
     Parameters
     ----------
     X0 : ndarray, shape (n, c)
         Errors at the start, one column for each source; navigation rows north, east, down.
+    uneven : ndarray, shape (6, e), optional
+        Asymmetry x, y, z [-] and quadratic error x, y, z [1/(m/s^2)] of accelerometers, of the last e columns.
     """
     from schuler.analysis.budget import _replay_kernels as k
 
@@ -173,9 +190,12 @@ def replay_constants(run: Linearised, system: System, filtered: FilterReplay, X0
     T = ecef_from_ned_states(frames.llh_from_ecef(run.place[0]), layout.size)
     X = np.ascontiguousarray(T @ X0)
     out = np.empty((int(filtered.node.max()) + 1, 9, X.shape[1]))
+    sizes = np.zeros((6, 0)) if uneven is None else uneven
+    U, V = np.ascontiguousarray(run.uneven @ sizes), np.ascontiguousarray(run.seen @ sizes)
     k.replay_columns(
-        run.acc, run.place, B, run.upd, H, run.dim, filtered.node, X, np.ascontiguousarray(_dynamics(layout)[:, 0]),
-        layout.n_sensor, _clock(layout), run.omega, filtered.K, system.rows, out,
+        run.acc, run.place, B, run.upd, H, run.dim, filtered.node, X, U, V,
+        np.ascontiguousarray(_dynamics(layout)[:, 0]), layout.n_sensor, _clock(layout), run.omega, filtered.K,
+        system.rows, out,
     )  # fmt: skip
     return np.asarray(np.swapaxes(_turn(run, filtered.node), 1, 2) @ out)
 

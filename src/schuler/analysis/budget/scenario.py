@@ -26,7 +26,6 @@ from schuler.filtering.measurements import (
     in_windows,
     merged,
 )
-from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import ImuSeries, Trajectory
 from schuler.simulation.aid_sections import Window
 from schuler.simulation.imu import ideal_imu
@@ -70,6 +69,13 @@ class BudgetStart(Section):
     position_m: Triple = (1.5, 1.5, 3.0)
 
 
+class BudgetAccelerometer(Section):
+    """1-sigma of what specifications of accelerometers have no field for, the same for every IMU."""
+
+    asymmetry_ppm: NonNegative = Field(0.0, description="SFA: scale factor forwards less backwards, half of it")
+    quadratic_ppm_g: NonNegative = Field(0.0, description="SFN: error with the square of the specific force")
+
+
 class BudgetScenario(Config):
     """A mission: where it goes and what aids it.
 
@@ -81,6 +87,8 @@ class BudgetScenario(Config):
     gnss, zero_velocity, non_holonomic
         Aids; those left out are not there.
     start : BudgetStart
+    accelerometer : BudgetAccelerometer
+        Asymmetry and nonlinearity; none by default.
     states : int
         Of the filter; blocks an IMU has no uncertainty for are left out.
     require : tuple of str
@@ -93,6 +101,7 @@ class BudgetScenario(Config):
     zero_velocity: BudgetRest | None = None
     non_holonomic: BudgetWheels | None = None
     start: BudgetStart = BudgetStart()
+    accelerometer: BudgetAccelerometer = BudgetAccelerometer()
     states: Literal[9, 15, 21, 33, 42] = 15
     require: tuple[str, ...] = ()
     imu_rate_hz: Positive = Field(20.0, description="of the ideal increments the run is linearised with")
@@ -122,6 +131,10 @@ class BudgetMission:
     start_sigma : ndarray, shape (9,)
         Attitude error north, east, down [rad], velocity [m/s], position [m].
     states : int or tuple of str
+    settle_s : float
+        Requirements count from then on.
+    asymmetry, quadratic : float
+        1-sigma of SFA [-] and SFN [1/(m/s^2)] of all accelerometers: errors ``SFA |f|`` and ``SFN f^2``.
     """
 
     name: str
@@ -132,6 +145,8 @@ class BudgetMission:
     start_sigma: FloatArray
     states: int | tuple[str, ...] = 15
     settle_s: float = 0.0
+    asymmetry: float = 0.0
+    quadratic: float = 0.0
 
     @cached_property
     def duration(self) -> float:
@@ -153,7 +168,8 @@ def prepare_budget(scenario: BudgetScenario | dict[str, Any] | Path | str) -> Bu
         motion, schedule, sigma, name=scenario.name, states=scenario.states,
         outages=() if scenario.gnss is None else scenario.gnss.outages_s, imu_rate_hz=scenario.imu_rate_hz,
         node_rate_hz=scenario.node_rate_hz, every_s=scenario.every_s, settle_s=scenario.settle_s,
-        earth_rotation=scenario.motion.earth_rotation,
+        earth_rotation=scenario.motion.earth_rotation, asymmetry=scenario.accelerometer.asymmetry_ppm * units.PPM,
+        quadratic=scenario.accelerometer.quadratic_ppm_g * units.PPM / units.G0,
     )  # fmt: skip
 
 
@@ -170,6 +186,8 @@ def linearised_mission(
     every_s: float = 1.0,
     settle_s: float = 0.0,
     earth_rotation: bool = True,
+    asymmetry: float = 0.0,
+    quadratic: float = 0.0,
 ) -> BudgetMission:
     """Any motion with any measurements that agree with it.
 
@@ -183,20 +201,19 @@ def linearised_mission(
     name, states, outages, imu_rate_hz, node_rate_hz, every_s, settle_s
         As of :class:`BudgetScenario`.
     earth_rotation : bool
+    asymmetry, quadratic : float
+        As of :class:`BudgetMission`.
     """
     ideal = ideal_imu(motion, imu_rate_hz, earth_rotation=earth_rotation)
     truth = ideal.truth
-    assert truth.q_eb is not None
-    assert truth.v_eb_e is not None
     increments = ImuSeries(ideal.t[1:], ideal.gyro, ideal.accel, "increment").increments()
-    start = NavState(float(truth.t[0]), truth.r_eb_e[0], truth.v_eb_e[0], truth.q_eb[0])
     sigma = np.asarray(start_sigma, dtype=np.float64)
     if sigma.shape != (9,):
         raise InputError(f"start_sigma: expected nine 1-sigma values, got shape {sigma.shape}")
-    run = linearise(increments, schedule, start, rate_hz=node_rate_hz, earth_rotation=earth_rotation)
+    run = linearise(increments, schedule, truth, rate_hz=node_rate_hz, earth_rotation=earth_rotation)
     end = float(increments.t[-1])
     times = np.append(np.arange(every_s, end, every_s), end)
-    return BudgetMission(name, truth, run, times, outages, sigma, states, settle_s)
+    return BudgetMission(name, truth, run, times, outages, sigma, states, settle_s, asymmetry, quadratic)
 
 
 def true_schedule(motion: Motion, scenario: BudgetScenario) -> MeasurementSchedule:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
@@ -29,6 +29,8 @@ FIELDS = {
     "S_g": ("gyro", "scale_factor"), "M_a6": ("accel", "misalignment"), "M_g": ("gyro", "misalignment"),
     "G_g": ("gyro", "g_sensitivity"),
 }  # fmt: skip
+#: Constants of accelerometers that no filter estimates, in the order of ``Linearised.uneven``. [-], [1/(m/s^2)]
+UNEVEN = ("asymmetry", "quadratic")
 START = tuple(f"{what}_{axis}" for what in ("attitude", "velocity", "position") for axis in ("north", "east", "down"))
 
 
@@ -39,24 +41,24 @@ class Constant:
     Attributes
     ----------
     name : str
-        Such as ``b_a_x``, ``M_g_xy``, ``attitude_north``.
+        Such as ``b_a_x``, ``M_g_xy``, ``attitude_north``, ``accel_quadratic_x``.
     group : str
         What it is counted with in short tables, such as ``accelerometer bias``.
     sigma : float
         SI
     block : str
-        State block, empty for errors at the start.
-    index : int
-        Within the block, or among the nine navigation errors.
+        State block, empty for errors at the start, ``uneven`` for those of :data:`UNEVEN`.
+    terms : tuple of (int, float)
+        Places within the block, or among the nine navigation errors, or among six uneven ones, and weights there.
     field : (str, str) or None
-        Triad and field of the specification it scales with.
+        Triad and field of the specification it scales with; those of :data:`UNEVEN` are fields of the mission.
     """
 
     name: str
     group: str
     sigma: float
     block: str
-    index: int
+    terms: tuple[tuple[int, float], ...]
     field: tuple[str, str] | None = None
 
 
@@ -75,6 +77,8 @@ class Noise:
     model : StateModel or None
         Of a process that adds to the bias.
     field : (str, str)
+    axis : int or None
+        Of the body; None is all three.
     """
 
     name: str
@@ -84,13 +88,18 @@ class Noise:
     density: float = 0.0
     model: StateModel | None = None
     field: tuple[str, str] = ("", "")
+    axis: int | None = None
 
+
+Angles: TypeAlias = Literal["elements", "triad"]
 
 _GROUPS = {
     "b_a": "accelerometer bias", "b_g": "gyroscope bias", "S_a": "accelerometer scale factor",
     "S_g": "gyroscope scale factor", "M_a6": "accelerometer misalignment", "M_g": "gyroscope misalignment",
     "G_g": "gyroscope g-sensitivity",
 }  # fmt: skip
+# pairs among the elements xy, xz, yx, yz, zx, zy: their difference is the triad turned, their sum axes that lean
+_TURNED = (("x", 3, 5), ("y", 4, 1), ("z", 0, 2))
 
 
 def filter_layout(spec: ImuSpec, states: int | tuple[str, ...]) -> StateLayout:
@@ -109,26 +118,77 @@ def filter_layout(spec: ImuSpec, states: int | tuple[str, ...]) -> StateLayout:
     return StateLayout(models)
 
 
-def constants(spec: ImuSpec, start_sigma: np.ndarray) -> list[Constant]:
-    """Constant errors: of the start, and of the IMU, one for each axis or pair of axes that has one."""
+def constants(
+    spec: ImuSpec,
+    start_sigma: np.ndarray,
+    *,
+    asymmetry: float = 0.0,
+    quadratic: float = 0.0,
+    angles: Angles = "elements",
+) -> list[Constant]:
+    """Constant errors: of the start, and of the IMU, one for each axis or pair of axes that has one.
+
+    Parameters
+    ----------
+    spec : ImuSpec
+    start_sigma : ndarray, shape (9,)
+    asymmetry, quadratic : float
+        1-sigma of SFA [-] and SFN [1/(m/s^2)] of accelerometers, which a specification has no field for.
+    angles : {"elements", "triad"}
+        Misalignment as elements xy ... of M, or for each axis as a triad that is turned about it and two sensing axes
+        that lean to each other, each ``1 / sqrt(2)`` of an element: the same covariance, other names.
+
+    Raises
+    ------
+    InputError
+        If a value is negative or not finite, or ``angles`` is another word.
+
+    References
+    ----------
+    Flenniken (2005), eqs. (6.1)-(6.15), Table 6.1.
+    """
+    for what, size in zip(UNEVEN, (asymmetry, quadratic), strict=True):
+        if not (np.isfinite(size) and size >= 0.0):
+            raise InputError(f"{what}: expected a 1-sigma value, zero or more, got {size!r}")
     found = [
-        Constant(name, f"initial {name.split('_')[0]}", float(sigma), "", i)
+        Constant(name, f"initial {name.split('_')[0]}", float(sigma), "", ((i, 1.0),))
         for i, (name, sigma) in enumerate(zip(START, start_sigma, strict=True))
         if sigma > 0.0
     ]
+    if angles not in ("elements", "triad"):
+        raise InputError(f"angles: expected 'elements' or 'triad', got {angles!r}")
     for block, field in FIELDS.items():
         sigma = float(getattr(getattr(spec, field[0]), field[1]))
         if sigma > 0.0:
-            for i, row in enumerate(BLOCKS[block]):
-                found.append(Constant(constant_name(block, row), _GROUPS[block], sigma, block, i, field))
+            for name, terms in _parameters(block, angles):
+                found.append(Constant(name, _GROUPS[block], sigma, block, terms, field))
+    for k, (what, sigma) in enumerate(zip(UNEVEN, (asymmetry, quadratic), strict=True)):
+        if sigma > 0.0:
+            for i, axis in enumerate(AXES):
+                group = f"accelerometer {'asymmetry' if k == 0 else 'nonlinearity'}"
+                terms = ((3 * k + i, 1.0),)
+                found.append(Constant(f"accel_{what}_{axis}", group, sigma, "uneven", terms, ("accel", what)))
     return found
 
 
-def noises(spec: ImuSpec) -> list[Noise]:
-    """Noise sources of an IMU, all three axes together: white noise, in-run bias, bias instability, random walk."""
+def noises(spec: ImuSpec, *, by_axis: bool = False) -> list[Noise]:
+    """Noise sources of an IMU: white noise, in-run bias, bias instability, random walk; of each triad or each axis."""
     found: list[Noise] = []
     for triad in ("gyro", "accel"):
         found += _noises(getattr(spec, triad), triad)
+    if not by_axis:
+        return found
+    return [replace(one, name=f"{one.name}_{letter}", axis=i) for one in found for i, letter in enumerate(AXES)]
+
+
+def _parameters(block: str, angles: Angles) -> list[tuple[str, tuple[tuple[int, float], ...]]]:
+    """Names of a block's constants, and what each is made of."""
+    if angles == "elements" or block not in ("M_a6", "M_g"):
+        return [(constant_name(block, row), ((i, 1.0),)) for i, row in enumerate(BLOCKS[block])]
+    triad, half = ("gyro" if block == "M_g" else "accel"), float(np.sqrt(0.5))
+    found: list[tuple[str, tuple[tuple[int, float], ...]]] = []
+    for what, sign in (("misalignment", -1.0), ("non_orthogonality", 1.0)):
+        found += [(f"{triad}_{what}_{axis}", ((i, half), (j, sign * half))) for axis, i, j in _TURNED]
     return found
 
 

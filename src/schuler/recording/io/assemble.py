@@ -12,7 +12,7 @@ from schuler.arrays import FloatArray
 from schuler.recording.io import checks, columns
 from schuler.recording.io.clock import stamps
 from schuler.recording.io.gnss_table import gnss_series, reference_path
-from schuler.recording.io.hints import COUNTS, ReadHints, axes_matrix, factor, parse_scale, parse_units
+from schuler.recording.io.hints import COUNTS, COUNTS_NOTE, ReadHints, axes_matrix, factor, parse_scale, parse_units
 from schuler.recording.io.raw import HUGE, Raw, check_increasing
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.scalar_series import ScalarSeries
@@ -215,7 +215,7 @@ def _check_imu(raw: Raw, hints: ReadHints, t: FloatArray, accel: FloatArray, gyr
         accel, gyro = accel / interval, gyro / interval
     counts = [g for g in ("accel", "gyro") if raw.unit.get(g) == COUNTS]
     if counts:
-        raw.notes.append(f"{' and '.join(counts)}: raw counts, not SI; calibrate before any other use.")
+        raw.notes.append(f"{' and '.join(counts)}: {COUNTS_NOTE}; calibrate before any other use.")
     for group, values, limit, si in (
         ("gyro", gyro, checks.MAX_RATE, "rad/s"),
         ("accel", accel, checks.MAX_FORCE, "m/s^2"),

@@ -29,6 +29,8 @@ ALLOWANCES = {
 }
 #: A unit of its own for raw converter counts, which have no physical unit before calibration.
 COUNTS = "counts"
+#: In the note on a series that has it.
+COUNTS_NOTE = "raw counts, not SI"
 SERIES = ("imu", "gnss", "odometer", "heading", "height", "reference")
 #: What files of satellite receivers hold besides.
 SATELLITES = ("observations", "ephemerides", "ranges")

@@ -1,0 +1,197 @@
+"""Modulation of biases, counter-rotation of the vehicle, residues; errors of platforms; axes of Du."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from schuler import rotation
+from schuler.exceptions import InputError
+from schuler.rotary import gimbals, schemes
+from schuler.rotary.du_axes import du_axis, enu_errors, installation_matrix, rpy_from_du, swap_matrix, swap_vector
+from schuler.rotary.modulation import bias_in_n, effective_rate, modulation, open_loop_errors, residue, turning_vehicle
+from schuler.rotary.platform_errors import platform_error
+from schuler.rotary.rotating_imu import RotatingMotion
+from schuler.rotary.schedule import stacked
+from schuler.sensors.errors import ImuErrors
+from schuler.simulation.motion import StaticMotion, inertial_quantities
+from schuler.units import DEG
+
+W = 10.0 * DEG
+LLH = np.array([45.0 * DEG, 0.0, 0.0])
+REST = StaticMotion(LLH, np.zeros(3), 400.0)
+BIAS = np.array([3.0, -2.0, 1.0])  # Du's axes
+
+
+def test_a_z_rotation_modulates_as_printed():
+    """Eqs. (2.6)-(2.9) in Du's axes; rounding."""
+    t = np.linspace(0.0, 72.0, 200)
+    seen = swap_vector(bias_in_n(RotatingMotion(REST, schemes.continuous(du_axis("Z"), W)), swap_vector(BIAS), t))
+    c, s = np.cos(W * t), np.sin(W * t)
+    np.testing.assert_allclose(seen, np.stack((3 * c + 2 * s, 3 * s - 2 * c, 1.0 + 0 * t), axis=1), atol=1e-13)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0, -1.0])
+def test_a_vehicle_that_turns_back_undoes_the_modulation(share):
+    """Effective rate: platform plus vehicle. At -rate of the platform the bias stands still in n (digest 2.3).
+
+    The vehicle's turn is relative to axes that turn with the Earth: rounding.
+    """
+    vehicle = turning_vehicle(LLH, share * W, 72.0)  # about down; the platform turns by -W about down
+    motion = RotatingMotion(vehicle, schemes.continuous(du_axis("Z"), W))
+    t = np.linspace(0.0, 72.0, 145)
+    np.testing.assert_allclose(effective_rate(motion, t), (1.0 - share) * W, atol=1e-15)
+    found = modulation(motion, swap_vector(BIAS), t)
+    expected = swap_vector(BIAS) if share == 1.0 else swap_vector([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(found.mean_n[-1], expected, atol=1e-12)  # 72 s are whole revolutions of all of them
+    np.testing.assert_allclose(found.bias_n[0], found.mean_n[0])
+
+
+def test_running_mean_of_a_modulated_bias():
+    """sin(wt) / (wt) of the closed form; quadrature below 1e-12."""
+    t = np.linspace(0.0, 50.0, 51)
+    mean = modulation(RotatingMotion(REST, schemes.continuous("z", W)), [1.0, 0.0, 0.0], t).mean_n
+    np.testing.assert_allclose(mean[1:, 0], np.sin(W * t[1:]) / (W * t[1:]), atol=1e-12)
+
+
+def test_open_loop_errors_of_a_conventional_imu_are_polynomials():
+    """eps = d t, dv = b t + eps x f / 2 t, dr = b t^2 / 2 + ...; rounding of the sums."""
+    t = np.array([0.0, 10.0, 100.0])
+    d, b, g = np.array([1e-4, -2e-4, 3e-4]), np.array([0.1, 0.2, -0.1]), inertial_quantities(REST.state(np.zeros(1)))[1]
+    run = open_loop_errors(RotatingMotion(REST, schemes.fixed()), ImuErrors(b_g=d, b_a=b), t)
+    pull = np.cross(d, g[0])
+    np.testing.assert_allclose(run.attitude, np.outer(t, d), atol=1e-14)
+    np.testing.assert_allclose(run.velocity, np.outer(t, b) + np.outer(t**2 / 2, pull), rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(run.position, np.outer(t**2 / 2, b) + np.outer(t**3 / 6, pull), rtol=1e-11, atol=1e-10)
+
+
+def test_residue_of_a_z_rotation():
+    """Over whole turns the mean keeps the axis, and twice the double mean is the tilt of the start's phase."""
+    found = residue(RotatingMotion(REST, schemes.continuous("z", W)), 72.0)
+    np.testing.assert_allclose(found.bias, np.diag([0.0, 0.0, 1.0]), atol=1e-12)
+    # integral of C is (sin, 1 - cos) / w: its mean is (0, 1 / w), times 2 / T
+    tilt = 2.0 / (W * 72.0)
+    np.testing.assert_allclose(found.bias_twice, [[0, -tilt, 0], [tilt, 0, 0], [0, 0, 1]], atol=1e-12)
+    K = np.zeros((3, 3))
+    K[0, 2] = 1.0
+    mean = np.einsum("nij,ij->n", found.matrix, K)
+    np.testing.assert_allclose(mean, 0.0, atol=2e-4 * W)  # Earth rate across the axis stays
+
+
+@pytest.mark.parametrize(("n", "bias", "matrix"), [(4, False, False), (8, False, True), (16, True, True)])
+def test_dual_axis_schemes_leave_what_they_say(n, bias, matrix):
+    """Mean rate of error from biases and from installation; quadrature and rounding, Earth rate for the matrices."""
+    rate, limit = 3.0 * W, 6.0 * W
+    cycle = n * (np.pi / rate + rate / limit + 3.0)
+    rest = StaticMotion(LLH, np.zeros(3), cycle + 1.0)
+    schedule = schemes.dual_axis(n, dwell=3.0, rate=rate, acceleration=limit)
+    found = residue(RotatingMotion(rest, schedule), cycle)
+    assert bool(np.abs(found.bias).max() < 1e-9) is bias
+    assert bool(np.abs(found.matrix).max() < 1.1 * 7.292e-5) is matrix
+    if n == 16:  # mean tilt of installation is that of a single axis at best: K
+        assert 0.5 * np.abs(found.matrix_twice).max() * cycle == pytest.approx(1.0, abs=0.01)
+    conventional = residue(RotatingMotion(REST, schemes.fixed()), 100.0)
+    np.testing.assert_allclose(conventional.bias, np.eye(3), atol=1e-13)
+    np.testing.assert_allclose(conventional.bias_twice, np.eye(3), atol=1e-12)
+
+
+def test_wrong_times_are_refused():
+    motion = RotatingMotion(REST, schemes.fixed())
+    with pytest.raises(InputError, match="increasing times"):
+        open_loop_errors(motion, ImuErrors(), [1.0, 0.0])
+    with pytest.raises(InputError, match="duration"):
+        residue(motion, 0.0)
+
+
+# ------------------------------------------------------------------------------------------------ platform
+
+
+PLATFORMS = {
+    "one": schemes.continuous("-z", W),
+    "two": stacked(schemes.continuous("x", 7.0 * DEG), schemes.continuous("z", 11.0 * DEG)),
+    "three, mounted": stacked(
+        schemes.continuous("x", 7.0 * DEG), schemes.reciprocating("y", W), schemes.continuous("z", 11.0 * DEG)
+    ).mounted(rotation.dcm_from_rpy([0.1, 0.2, 0.3])),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("schedule", PLATFORMS.values(), ids=PLATFORMS.keys())
+def test_platform_errors_are_the_derivative_of_the_body_route(schedule):
+    """Numerical twin: s -> b with angles and rates moved either way, central difference; rounding 1e-15 / 1e-4."""
+    rng = np.random.default_rng(5)
+    t = rng.uniform(1.0, 30.0, 20)
+    n, m = len(t), len(schedule.axes)
+    omega, f = rng.normal(size=(n, 3)), rng.normal(size=(n, 3)) * 10.0
+    C_nb = rotation.dcm_from_rpy(rng.normal(size=(n, 3)))
+    d_angle, d_rate = rng.normal(size=(n, m)), rng.normal(size=(n, m))
+
+    def turned(h):
+        angles, rates = schedule.angles(t) + h * d_angle, schedule.rates(t) + h * d_rate
+        C_bs = gimbals.C_bs(schedule.axes, angles, schedule.C_mount)
+        inside = omega - gimbals.omega_bs_s(schedule.axes, angles, rates, schedule.C_mount)
+        return np.einsum("nij,njk,nk->ni", C_nb, C_bs, inside), np.einsum("nij,njk,nk->ni", C_nb, C_bs, f)
+
+    h = 1e-4
+    for found, plus, minus in zip(
+        platform_error(schedule, t, C_nb, omega, f, d_angle, d_rate), turned(h), turned(-h), strict=True
+    ):
+        np.testing.assert_allclose(found, (plus - minus) / (2.0 * h), atol=2e-6)  # h^2 |f| |d|^3 / 6 and rounding
+
+
+def test_platform_errors_about_the_vertical_are_the_corrected_ones():
+    """(2.20), (2.21) with minus phi^x: in Du's axes +dtheta z x f and + dtheta z x omega, minus the rate's error."""
+    schedule = PLATFORMS["one"]
+    motion = RotatingMotion(REST, schedule)
+    t = np.array([0.0, 3.0, 11.0])
+    omega, f = inertial_quantities(motion.state(t))
+    C_nb = REST.state(t).C_nb
+    d_omega, d_f = platform_error(schedule, t, C_nb, omega, f, 1e-3, 1e-5)
+    np.testing.assert_allclose(swap_vector(d_f), 0.0, atol=1e-8)  # level: no error of velocity
+    north = 7.292115e-5 * np.cos(LLH[0])
+    np.testing.assert_allclose(swap_vector(d_omega), np.tile([-1e-3 * north, 0.0, -1e-5], (3, 1)), atol=1e-12)
+
+
+# ---------------------------------------------------------------------------------------------- Du's axes
+
+
+def test_the_swap_is_a_rotation_and_its_own_inverse():
+    v, M = np.array([1.0, 2.0, 3.0]), np.arange(9.0).reshape(3, 3)
+    np.testing.assert_array_equal(swap_vector(v), [2.0, 1.0, -3.0])
+    np.testing.assert_array_equal(swap_vector(swap_vector(v)), v)
+    np.testing.assert_array_equal(swap_matrix(M) @ swap_vector(v), swap_vector(M @ v))
+    np.testing.assert_allclose(np.cross(swap_vector(v), swap_vector(M[0])), swap_vector(np.cross(v, M[0])))
+    np.testing.assert_array_equal(du_axis("X"), [0, 1, 0])
+    np.testing.assert_array_equal(du_axis("Y"), [1, 0, 0])
+    np.testing.assert_array_equal(du_axis("Z"), [0, 0, -1])
+    with pytest.raises(InputError, match="'X', 'Y' or 'Z'"):
+        du_axis("W")
+
+
+def test_recommended_attitude_matrix_in_du_axes():
+    """The digest's standard form R3(A) R1(-p) R2(-r), printed element by element; rounding."""
+    A, r, p = 0.5, 0.2, -0.3
+    cA, sA, cr, sr, cp, sp = np.cos(A), np.sin(A), np.cos(r), np.sin(r), np.cos(p), np.sin(p)
+    printed = [
+        [cA * cr + sA * sp * sr, sA * cp, cA * sr - sA * sp * cr],
+        [-sA * cr + cA * sp * sr, cA * cp, -sA * sr - cA * sp * cr],
+        [-cp * sr, sp, cp * cr],
+    ]
+    np.testing.assert_allclose(swap_matrix(rotation.dcm_from_rpy(rpy_from_du(A, r, p))), printed, atol=1e-15)
+    du2015 = [
+        [cA * cr, cA * sr * sp + sA * cp, -cA * sr * cp + sA * sp],
+        [-sA * cr, -sA * sr * sp + cA * cp, sA * sr * cp + cA * sp],
+        [sr, -cr * sp, cr * cp],
+    ]
+    found = swap_matrix(rotation.dcm_from_rpy(rpy_from_du(A, r, p, printed=True)))
+    np.testing.assert_allclose(found, du2015, atol=1e-15)
+
+
+def test_matrices_of_errors_and_attitude_errors_in_du_axes():
+    M = installation_matrix(xy=1.0, xz=2.0, yx=3.0, yz=4.0, zx=5.0, zy=6.0)
+    # output right by input forward is ours output y by input x
+    assert M[1, 0] == 1.0
+    assert M[1, 2] == -2.0
+    assert M[0, 1] == 3.0
+    eps = np.array([1e-4, -2e-4, 3e-4])  # east, north, up
+    C = rotation.dcm_from_rpy([0.1, 0.2, 0.3])
+    np.testing.assert_allclose(enu_errors(rotation.dcm_from_rotvec(swap_vector(eps)) @ C, C), eps, atol=1e-11)

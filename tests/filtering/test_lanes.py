@@ -575,6 +575,11 @@ def test_what_lanes_do_not_have_is_refused():
     odd = GnssModel(drift_position=np.ones(3), faults=(GnssFault(1.0, 2.0),))
     with pytest.raises(InputError, match="this receiver has drift_position, faults"):
         true_gnss(motion, odd)
+    turning = scene.aiding.schedule
+    z = turning.z.copy()
+    z[np.flatnonzero(turning.kind == VELOCITY)[0], 4] = 0.01
+    with pytest.raises(InputError, match="lever arms fixed to the IMU"):
+        LaneAiding(replace(turning, z=z), scene.aiding.sigma)
     with pytest.raises(InputError, match="positions, velocities and zero velocities only"):
         LaneAiding(MeasurementSchedule.of(10, [1.0], [0.1], 1.0), np.zeros((1, 3)))
     spec = catalogue.spec("flenniken-tactical")

@@ -51,6 +51,10 @@ class LaneAiding:
             raise InputError("LaneAiding.sigma: expected standard deviations, not negative")
         if not np.isin(self.schedule.kind, KINDS).all():
             raise InputError("runs in lanes know positions, velocities and zero velocities only; use the engine")
+        if np.any(self.schedule.z[self.schedule.kind != POSITION, 3:6]):
+            raise InputError(
+                "runs in lanes have lever arms fixed to the IMU; where it turns on a platform use the engine"
+            )
         if len(self.schedule) and np.any(np.diff(self.schedule.t) < 0.0):
             raise InputError("measurements are taken in order of their time: use lane_aiding.together or sort them")
 

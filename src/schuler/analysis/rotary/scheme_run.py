@@ -1,0 +1,130 @@
+"""One run of a scenario: a rotating IMU simulated with its errors, and navigated alone or through the filter."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from schuler import frames, rotation
+from schuler.analysis.budget.scenario import rotation_of_start
+from schuler.analysis.budget.sources import filter_layout
+from schuler.analysis.rotary.scenario import RotaryScenario
+from schuler.arrays import FloatArray
+from schuler.filtering.engine import InitialState
+from schuler.mechanization.strapdown import NavState
+from schuler.recording.recording import Recording
+from schuler.recording.series import GnssSeries, Trajectory
+from schuler.rotary.encoder import Platform, read_encoder
+from schuler.rotary.mechanization import mechanize_rotating
+from schuler.rotary.navigation import navigate_rotary
+from schuler.rotary.rotating_imu import RotatingMotion, vehicle_truth
+from schuler.rotary.static_run import ErrorHistory, error_history
+from schuler.sensors.errors import ImuErrors
+from schuler.simulation.aiding import GnssModel, draw_gnss
+from schuler.simulation.imu import IdealImu, simulate_imu
+from schuler.units import DEG
+
+_STEP = 0.25  # of the errors that are kept [s]
+
+
+def one_run(scenario: RotaryScenario, motion: RotatingMotion, ideal: IdealImu, k: int) -> ErrorHistory:
+    """One realisation, simulated and navigated.
+
+    Parameters
+    ----------
+    scenario : RotaryScenario
+    motion : RotatingMotion
+        Its schedule counts, not that of the scenario.
+    ideal : IdealImu
+        Of that motion.
+    k : int
+        Number of the run: errors and noise are the same for every schedule.
+
+    Returns
+    -------
+    ErrorHistory
+        Of the vehicle, every quarter of a second.
+    """
+    seeds = np.random.SeedSequence([scenario.seed, k]).spawn(5)
+    errors_rng, noise_rng, start_rng, gnss_rng, encoder_rng = (np.random.default_rng(s) for s in seeds)
+    spec = scenario.imu.spec()
+    imu = simulate_imu(ideal, ImuErrors.draw(spec, errors_rng), noise_rng).imu
+    platform: Platform = motion.schedule
+    if motion.schedule.breakpoints(0.0, motion.duration).size or np.any(motion.schedule.rates(np.zeros(1))):
+        section = scenario.rotary.encoder
+        platform = read_encoder(
+            motion.schedule, section.build(), motion.duration, encoder_rng, between=section.between
+        )  # fmt: skip
+    start, sigma = _start(scenario, motion, start_rng)
+    offset = motion.offset_m
+    earth = scenario.motion.earth_rotation
+    if scenario.gnss is None and scenario.zero_velocity is None:
+        solved = mechanize_rotating(imu.increments(), start, platform, offset_m=offset, earth_rotation=earth)
+    else:
+        layout = filter_layout(spec, scenario.states)
+        initial = InitialState.from_sigmas(
+            start, layout, attitude=sigma, velocity=scenario.start.velocity_m_s, position=scenario.start.position_m
+        )
+        recording = Recording(imu, _gnss(scenario, motion, gnss_rng))
+        solved = navigate_rotary(
+            recording, platform, _configuration(scenario), offset_m=offset, initial=initial
+        ).trajectory  # fmt: skip
+    return _thinned(solved, motion)
+
+
+def _start(scenario: RotaryScenario, motion: RotatingMotion, rng: np.random.Generator) -> tuple[NavState, FloatArray]:
+    """A start of the vehicle that is wrong by what the scenario says, and covariance of its attitude (3, 3)."""
+    s, given = motion.vehicle.state(np.zeros(1)), scenario.start
+    z = rng.standard_normal(9)
+    T = rotation_of_start(motion.vehicle)
+    C_en = frames.C_en(frames.llh_from_ecef(s.r_eb_e))[0]
+    sigma = np.array(given.attitude_deg) * DEG
+    wrong = C_en @ (T @ (sigma * z[:3]))
+    q = rotation.quat_multiply(rotation.quat_from_rotvec(wrong), rotation.quat_from_dcm(s.C_eb[0]))
+    v = s.v_eb_e[0] + C_en @ (np.array(given.velocity_m_s) * z[3:6])
+    r = s.r_eb_e[0] + C_en @ (np.array(given.position_m) * z[6:9])
+    return NavState(0.0, r, v, q), T @ np.diag(sigma**2) @ T.T
+
+
+def _gnss(scenario: RotaryScenario, motion: RotatingMotion, rng: np.random.Generator) -> GnssSeries | None:
+    g = scenario.gnss
+    if g is None:
+        return None
+    model = GnssModel(
+        rate_hz=g.rate_hz, sigma_position=g.sigma_position_m,
+        sigma_velocity=g.sigma_velocity_m_s or (0.05, 0.05, 0.1), lever_arm_b=g.lever_arm_m, first_s=1.0 / g.rate_hz,
+    )  # fmt: skip
+    return draw_gnss(motion.vehicle, model, rng).gnss
+
+
+def _configuration(scenario: RotaryScenario) -> dict[str, Any]:
+    """What ``schuler navigate`` would be told: the same filter as that of the covariance."""
+    spec, name = scenario.imu.spec(), scenario.imu.name
+    layout = filter_layout(spec, scenario.states)
+    models = {
+        block: {"sigma": m.sigma, "noise": m.noise, **({} if m.tau is None else {"tau_s": m.tau})}
+        for block, m in layout.models.items()
+    }
+    found: dict[str, Any] = {
+        "imu": {"spec" if name.endswith(".toml") else "catalogue": name},
+        "filter": {
+            "states": tuple(layout.models), "models": models, "smooth": False,
+            "earth_rotation": scenario.motion.earth_rotation,
+        },
+        "outages": {"windows_s": scenario.outages},
+    }  # fmt: skip
+    if (g := scenario.gnss) is not None:
+        found["gnss"] = {"lever_arm_m": g.lever_arm_m, "velocity": g.sigma_velocity_m_s is not None}
+    if (z := scenario.zero_velocity) is not None:
+        found["aiding"] = {"zero_velocity": {"sigma_m_s": z.sigma_m_s, "rate_hz": z.rate_hz}}
+    return found
+
+
+def _thinned(solved: Trajectory, motion: RotatingMotion) -> ErrorHistory:
+    stride = max(round(_STEP / float(np.median(np.diff(solved.t)))), 1)
+    at = np.arange(stride - 1, len(solved.t), stride)
+    assert solved.v_eb_e is not None
+    assert solved.q_eb is not None
+    kept = Trajectory(solved.t[at], solved.r_eb_e[at], solved.v_eb_e[at], solved.q_eb[at])
+    return error_history(kept, vehicle_truth(motion, kept.t))

@@ -1,0 +1,120 @@
+"""``schuler observability``."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from schuler.cli.output import Flag, Texts, print_json, progress, say
+from schuler.exceptions import InputError
+
+if TYPE_CHECKING:
+    from schuler.analysis.observability.study import Observability
+    from schuler.filtering.engine import Progress
+
+
+def observability(
+    scenario: Path,
+    /,
+    *,
+    log: Path | None = None,
+    axes: Literal["ned", "enu"] | None = None,
+    known: Texts = (),
+    symbolic: Flag = False,
+    out: Path | None = None,
+    report: Flag = False,
+    json: Flag = False,
+) -> None:
+    """What a filter can know: ranks, observable states, combinations in words, and uncertainty over time.
+
+    Parameters
+    ----------
+    scenario
+        TOML file with motion, rotating platform, measurements and states, see docs/observability.md. With --log, the
+        configuration of schuler navigate.
+    log
+        A recording: it is navigated, and what its own transitions and measurements tell is looked at.
+    axes
+        ned: ours. enu: axes, names and signs of Du's thesis. Default: as the scenario says.
+    known
+        State to be taken as known, such as dr; may be given several times. Default: as the scenario says.
+    symbolic
+        Formulas too (SymPy): for a vehicle at rest, its IMU fixed or turning at a constant rate about x, y or z.
+    out
+        Folder for tables, figures and report. Default, with --report: the scenario's name with -observability.
+    report
+        Write report.html, figures and tables.
+    json
+        Print one JSON object.
+    """
+    began = time.perf_counter()
+    changes: dict[str, object] = {k: v for k, v in {"axes": axes, "known": known}.items() if v}
+    formulas: tuple[str, ...] = ()
+    if log is not None:
+        if symbolic:
+            raise InputError("--symbolic: formulas are of schemes at rest, not of a log; leave out one of the two")
+        with progress("navigating") as bar:
+            study = _of_log(log, scenario, axes or "ned", known, bar)
+    else:
+        study, formulas = _of_scenario(scenario, changes, symbolic)
+    files: dict[str, Path] = {}
+    if report or out is not None:
+        folder = Path(f"{(log or scenario).resolve().stem}-observability") if out is None else out
+        files = _write(study, formulas, folder)
+    if json:
+        print_json(
+            {
+                "command": "observability", **study.to_dict(), "formulas": formulas,
+                "elapsed_s": time.perf_counter() - began, "files": files,
+            }
+        )  # fmt: skip
+        return
+    print(study.summary())
+    if formulas:
+        print("\nAs formulas (W Earth rate, c and s cosine and sine of the latitude, w rate of the platform):")
+        print("\n".join(f"  {text}" for text in formulas))
+    print("\n".join(f"{name}: {path}" for name, path in files.items() if not name.startswith("figure")), end="")
+    print("\n" if files else "", end="")
+
+
+def _of_scenario(path: Path, changes: dict[str, object], symbolic: bool) -> tuple[Observability, tuple[str, ...]]:
+    from schuler.analysis.observability import ObservabilityScenario, scenario_observability
+    from schuler.analysis.observability.formulas import scenario_formulas
+
+    loaded = ObservabilityScenario.load(path).model_copy(update=changes)
+    formulas = scenario_formulas(loaded) if symbolic else ()
+    return scenario_observability(loaded), formulas
+
+
+def _of_log(log: Path, config: Path, axes: str, known: tuple[str, ...], bar: Progress | None) -> Observability:
+    from schuler.analysis.observability import observability, result_system
+    from schuler.cli.convert import read_log
+    from schuler.filtering.config import NavigationConfig
+    from schuler.filtering.configured import imu_spec
+    from schuler.filtering.navigate import navigate
+
+    loaded = NavigationConfig.load(config, [("filter.smooth", True)])
+    result = navigate(read_log(log, config), loaded, progress=bar)
+    if not result.complete:
+        raise KeyboardInterrupt
+    spec = imu_spec(loaded)
+    say(result.summary())
+    system = result_system(
+        result, without=known, gyro_psd=spec.gyro.random_walk**2, accel_psd=spec.accel.random_walk**2
+    )
+    return observability(system, axes=axes)
+
+
+def _write(study: Observability, formulas: tuple[str, ...], folder: Path) -> dict[str, Path]:
+    from schuler.report.figures import draw, save
+    from schuler.report.observability_figures import observability_figure, observability_report
+
+    folder.mkdir(parents=True, exist_ok=True)
+    files = {
+        "states": study.table().to_csv(folder / "states.csv"),
+        "report": observability_report(study, folder / "report.html", formulas),
+    }
+    for path in save(draw(observability_figure(study)), folder / "observability", ("png", "svg")):
+        files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
+    return files

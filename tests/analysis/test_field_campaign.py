@@ -33,11 +33,8 @@ NOT_TO_BE_REACHED = {
 }
 
 
-#: Above the source although the bound allows less: the filter carries attitude through rests with the gyroscopes.
-KNOWN_ABOVE = {
-    "yaman-automotive": {"M_g_zy", "G_g_zx"},
-    "yaman-tactical": {"M_g_xx", "M_g_zz", "M_g_xy", "M_g_xz", "M_g_zx", "M_g_zy"},
-}
+#: Above the source although the bound allows less.
+KNOWN_ABOVE: dict[str, set[str]] = {"yaman-automotive": set(), "yaman-tactical": set()}
 
 
 def check_beside_the_source(found: FieldCampaign) -> None:
@@ -109,16 +106,14 @@ def test_scatter_beside_the_source(found):
         assert "not to be reached" in found.reason(name)
 
 
-def test_claims_are_near_the_bound_of_an_independent_recursion(found):
-    """Not above it by more than 6 %: what 0.1 s cut off and blocks of a second cost; not below it by more than 3 %."""
+def test_claims_are_at_the_bound_of_an_independent_recursion(found):
+    """To 2 % of it with rests known to 0.1 s: blocks of a second, and linearised where estimates are, not the truth."""
     job = found.job
-    bound = information_bound(
-        job.spec, job.routine, job.place, heading_sigma=job.heading_sigma, held=False, settle_s=0.1
-    )
+    bound = information_bound(job.spec, job.routine, job.place, heading_sigma=job.heading_sigma, settle_s=0.1)
     best = found.bound()
     for name, sigma in zip(found.names, np.median(found.sigma, axis=0), strict=True):
-        assert sigma < 1.06 * bound[name], name
-        assert sigma > 0.97 * best[name], name
+        assert 0.98 < sigma / bound[name] < 1.02, name
+        assert sigma > 0.98 * best[name], name
 
 
 def test_the_source_s_artefacts_are_there_in_its_form():

@@ -43,10 +43,11 @@ def test_scatter_beside_the_source(found):
 
 
 def test_rests_that_are_found_do_as_well():
-    """Found rests lose half a second at each edge and carry nothing of the turns in: the same claims hold."""
+    """Found rests lose 0.05 to 0.1 s at each edge, those given 0.1 s, and carry nothing of the turns in."""
     found = field_campaign("yaman-automotive", 12, seed=11, rests="found", workers=1)
     assert found.complaints() == ()
     given = field_campaign("yaman-automotive", 2, seed=11, rests="given", workers=1)
     longer = np.median(found.sigma, axis=0) / np.median(given.sigma, axis=0)
-    assert np.all(longer > 0.97)
-    assert np.all(longer < 1.4)
+    # where the estimates happen to be changes columns by percents
+    assert np.all(longer > 0.95)
+    assert np.all(longer < 1.05)

@@ -96,7 +96,9 @@ def quiet(spec: ImuSpec, share: float) -> ImuSpec:
 
 
 def silent(errors: ImuErrors) -> ImuErrors:
-    return replace(errors, gyro_noise=NoiseModel(), accel_noise=NoiseModel())
+    """Without noise and without steps of a converter, whose errors are the same all through a rest."""
+    quiet_noise = {"gyro_noise": NoiseModel(), "accel_noise": NoiseModel()}
+    return replace(errors, **quiet_noise, gyro_resolution=None, accel_resolution=None)
 
 
 def names_of(spec: ImuSpec, options: FieldOptions | None = None) -> tuple[str, ...]:

@@ -27,6 +27,9 @@ from field_cases import (
 )
 from scipy.stats import chi2
 
+from schuler.analysis.field_runs import FieldJob, simulated_unit
+from schuler.analysis.field_runs import calibrated as calibrated_job
+from schuler.analysis.field_tables import static_spec
 from schuler.calibration.parameters import vector
 from schuler.exceptions import InputError
 from schuler.fieldcal.calibration import calibrate_field
@@ -99,6 +102,16 @@ def test_passes_settle():
     np.testing.assert_array_equal(result.passes[-1], result.calibration.values)
 
 
+def test_a_unit_of_two_and_a_half_sigma_settles():
+    """0.2 g, 30 deg/s: of 200 drawn MPU-6000 the one whose first pass bears no thirty sigma of a block."""
+    job = FieldJob(static_spec("MPU-6000"), rests="given")
+    (imu, _), errors, heading = simulated_unit(job, np.random.SeedSequence(1).spawn(123)[122])
+    result = calibrated_job(job, imu, heading)
+    assert result.calibration.status == "ok"
+    truth = vector(errors, result.calibration.names)
+    assert chi2.ppf(1e-4, len(truth)) < nees_of(result, truth) < chi2.isf(1e-4, len(truth))
+
+
 @pytest.mark.parametrize("name", ["yaman-automotive", "MPU-6000"])
 @pytest.mark.parametrize("share", [0.1, 0.01])
 def test_wide_priors_settle(name, share):
@@ -162,6 +175,18 @@ def test_a_heading_that_is_not_known_is_found(spec, true):
     truth = vector(errors, result.calibration.names)
     assert chi2.ppf(1e-4, len(truth)) < nees_of(result, truth) < chi2.isf(1e-4, len(truth))
     assert any(line.startswith("heading of the first rest") for line in result.calibration.verdicts)
+
+
+def test_a_heading_that_is_hardly_known_is_found():
+    """Told to 60 deg and 70 deg off: linearised where the log has it, as if it had not been told. To 0.05 sigma."""
+    scene = Scene.of(replace(thesis_routine(repeats=1), rpy_nb=(0.0, 0.0, -70.0 * DEG)), 50.0)
+    errors, rng, _ = drawn(AUTOMOTIVE, 5)
+    imu = log_of(scene, errors, rng)
+    untold, told = (calibrated(scene, imu, AUTOMOTIVE, heading=h) for h in (None, (0.0, 60.0 * DEG)))
+    assert told.heading == pytest.approx(untold.heading, abs=0.01)
+    off = (told.calibration.values - untold.calibration.values) / untold.calibration.sigma
+    np.testing.assert_allclose(off, 0.0, atol=0.05)
+    np.testing.assert_allclose(told.calibration.sigma, untold.calibration.sigma, rtol=0.01)
 
 
 def test_a_heading_that_is_wrong_shows():

@@ -16,8 +16,8 @@ from schuler.fieldcal.filter_pass import filter_pass, wandering, with_prior
 from schuler.fieldcal.options import FieldOptions
 from schuler.fieldcal.routine import Rest, Routine, Turn
 from schuler.fieldcal.setup import problem_of
-from schuler.fieldcal.softening import BEARABLE, softened, softness
-from schuler.filtering.measurements import FIX, GRAVITY_VECTOR, MeasurementSchedule
+from schuler.fieldcal.softening import BEARABLE, BEARABLE_HELD, softened, softness
+from schuler.filtering.measurements import FIX, GRAVITY_VECTOR, ZERO_RATE, MeasurementSchedule, merged
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.units import DEG, G0
 
@@ -163,7 +163,10 @@ def test_walks_are_told_from_constants():
 
 
 def test_noise_is_enlarged_only_as_long_as_errors_of_second_order_are_large():
-    """g eta^2 over thirty sigma of a block, eta errors of direction together; nothing at automotive grade."""
+    """g eta^2 over thirty sigma of a block, eta errors of direction together; nothing at automotive grade.
+
+    Over ten where rests are held.
+    """
     layout = field_layout(AUTOMOTIVE, FieldOptions())
     for share in (1.0, 1e-3):
         noise = share * AUTOMOTIVE.accel.random_walk
@@ -174,6 +177,9 @@ def test_noise_is_enlarged_only_as_long_as_errors_of_second_order_are_large():
         assert softness(problem, np.sqrt(layout.initial_variances())) == pytest.approx(expected, rel=1e-12)
         assert softness(problem, 1e-4 * np.sqrt(layout.initial_variances())) == 1.0
     assert expected > 100.0
+    held = merged(s, MeasurementSchedule.of(ZERO_RATE, [1.0, 2.0], np.zeros((2, 3)), 1e-8))
+    soft = softness(SimpleNamespace(layout=layout, schedule=held), np.sqrt(layout.initial_variances()))
+    assert soft == pytest.approx(expected * BEARABLE / BEARABLE_HELD, rel=1e-12)
 
 
 def test_what_holds_the_place_is_not_enlarged(log):

@@ -9,6 +9,7 @@ import numpy as np
 from schuler.exceptions import InputError
 from schuler.fieldcal.calibration import FieldCalibration, calibrate_field
 from schuler.fieldcal.given_rests import given_rests
+from schuler.fieldcal.options import FieldOptions
 from schuler.filtering.config import NavigationConfig
 from schuler.filtering.configured import imu_spec
 from schuler.mechanization.alignment import heading_from_course
@@ -64,6 +65,7 @@ def calibrate_at_rest(recording: Recording, config: NavigationConfig) -> FieldCa
     return calibrate_field(
         start, _standing(imu_spec(config), start), latitude=float(gnss.llh[0, 0]), height=float(gnss.llh[0, 2]),
         heading=(heading, sigma), rests=given_rests(start, [(float(start.t[0]), end)]),
+        options=FieldOptions(earth_rate="vertical"),
     )  # fmt: skip
 
 

@@ -17,12 +17,13 @@ from schuler.exceptions import InputError
 from schuler.fieldcal.blocks import Blocks, rest_blocks
 from schuler.fieldcal.excess import enlarged, excess
 from schuler.fieldcal.filter_pass import Pass, Problem, filter_pass
-from schuler.fieldcal.heading import first_pass, level, next_pass, search_heading, smoothed_heading
+from schuler.fieldcal.heading import TOLD, first_pass, level, next_pass, search_heading, smoothed_heading
 from schuler.fieldcal.history import FieldHistory, history_of
 from schuler.fieldcal.innovations import Innovations, innovations_of
 from schuler.fieldcal.options import FieldOptions
 from schuler.fieldcal.rests import field_rests
 from schuler.fieldcal.setup import field_layout, parameter_names, problem_of
+from schuler.fieldcal.swaying import settled_form
 from schuler.fieldcal.verdicts import residuals_of, verdicts_of
 from schuler.recording.series import ImuSeries
 
@@ -134,8 +135,8 @@ def calibrate_field(
     gravity : float, optional
         Local gravity, if it is known better than that of the ellipsoid (1e-4 of it in mountains). [m/s^2]
     heading : (float, float), optional
-        Of the first rest, from north over east, and its 1-sigma [rad]. Where it is not given it is estimated: the
-        Earth's horizontal rate depends on it.
+        Of the first rest, from north over east, and its 1-sigma [rad]. Where it is not given, or to more than half a
+        radian, it is estimated: the Earth's horizontal rate depends on it.
     options : FieldOptions, optional
     prior : CalibrationResult, optional
         What an earlier calibration says; its values and variances replace zero and the specification.
@@ -156,16 +157,18 @@ def calibrate_field(
 
     Notes
     -----
-    At rest the mean specific force is compared with gravity in the axes of the attitude that the gyroscopes carry on,
-    all columns kept (secondary), and the rate along the vertical with the Earth's (primary, corrected). Velocity is
-    held and tells nothing, so no reading is used twice. Passes are repeated, each linearised at the result of the one
-    before, until the parameters settle; the prior counts once (see :mod:`schuler.fieldcal.filter_pass`).
+    At rest the mean specific force is compared with gravity in the axes of the attitude that the gyroscopes carried
+    there, all columns kept (secondary), and the mean rate with the Earth's, all three axes: the unit does not turn
+    (primary; see :mod:`schuler.fieldcal.standstill`), unless the log says that it sways
+    (:mod:`schuler.fieldcal.swaying`). Velocity is held and tells nothing, so no reading is used twice.
+    Passes are repeated, each linearised at the result of the one before, until the parameters settle; the prior counts
+    once (see :mod:`schuler.fieldcal.filter_pass`).
 
     Axes: upper gauge, body z is the z accelerometer (FIX 9 of the digest).
 
     References
     ----------
-    Yaman (2017), chapters 4 and 5. Departures: P2 projected on the vertical, vector instead of magnitude, iterated.
+    Yaman (2017), chapters 4 and 5. Departures: vectors instead of magnitudes, rests held, iterated.
     """
     options = options or FieldOptions()
     rests = field_rests(imu) if rests is None else rests
@@ -176,13 +179,16 @@ def calibrate_field(
         )
     layout = field_layout(spec, options)
     blocks = rest_blocks(imu, rests, options.block_s)
+    asked, options = options, settled_form(options, spec, blocks, rests)
+    swaying = options.earth_rate != asked.earth_rate and options.earth_rate == "vertical"
     problem = problem_of(imu, spec, blocks, rests, layout, options, latitude, height, gravity, heading, prior)
     rpy = level(blocks, problem, problem.prior)
     if heading is not None:
         rpy[2] = heading[0]
-    known = heading is not None
+    depends = options.secondary != "off" or options.earth_rate != "off"
+    known = not depends or (heading is not None and heading[1] <= TOLD)
     if not known:
-        best = search_heading(problem, blocks, rpy)
+        best = search_heading(problem, blocks, rpy, np.inf if heading is None else heading[1])
     else:  # a single pass is the source's, from the prior itself
         best = first_pass(problem, blocks, rpy) if options.passes > 1 else filter_pass(problem, rpy)
     passes, names = [best.values], parameter_names(layout)
@@ -207,7 +213,7 @@ def calibrate_field(
             break
     if progress is not None:
         progress(1.0)
-    return _finished(imu, spec, problem, best, np.array(passes), blocks, rests, scales, options, known, heading)
+    return _finished(imu, spec, problem, best, np.array(passes), blocks, rests, scales, options, known, swaying)
 
 
 def _finished(
@@ -221,7 +227,7 @@ def _finished(
     scales: dict[str, float],
     options: FieldOptions,
     known: bool,
-    heading: tuple[float, float] | None,
+    swaying: bool,
 ) -> FieldCalibration:
     names = parameter_names(problem.layout)
     sigma = np.sqrt(np.maximum(np.diag(last.covariance), 0.0))
@@ -242,9 +248,10 @@ def _finished(
     if not known:
         found = smoothed_heading(problem, last)
     moved = np.abs(passes[-1] - passes[-2]) / sigma if len(passes) > 1 else None
+    left_out = tuple(name for name in options.blocks if name not in problem.layout)
     said = verdicts_of(
         names, last.covariance, prior_sigma, rests, blocks, scales, found, off=last.values - problem.prior, moved=moved,
-        settled=options.settled, left_out=tuple(name for name in options.blocks if name not in problem.layout),
+        settled=options.settled, left_out=left_out, swaying=swaying,
     )  # fmt: skip
     dof = sum(count for _, count in last.nis.values())
     residuals: dict[str, Residuals] = residuals_of(blocks, rests, dict(zip(names, last.values, strict=True)), problem)

@@ -25,6 +25,7 @@ from schuler.fieldcal.planning import SURE, advise, missing
 from schuler.fieldcal.rests import field_rests
 from schuler.fieldcal.retrace import standing_after
 from schuler.fieldcal.setup import block_noise, field_layout, informed, parameter_names
+from schuler.fieldcal.swaying import settled_form
 from schuler.recording.series import ImuSeries, Kind
 
 if TYPE_CHECKING:
@@ -213,6 +214,7 @@ def _advice(
         layout, values = informed(layout, site.prior)
     heading, sigma = (0.0, FREE) if site.heading is None else site.heading
     blocks = rest_blocks(imu, rests, options.block_s)
+    options = settled_form(options, spec, blocks, rests)
     before = standing_before(
         spec, latitude=site.latitude, height=site.height, gravity=site.gravity, heading_sigma=sigma, options=options,
         layout=layout,

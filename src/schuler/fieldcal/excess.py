@@ -19,6 +19,7 @@ _TESTS: dict[str, tuple[str, tuple[str, ...], int]] = {
     "gravity": ("accel", ("b_a", "M_a"), 9),
     "gravity_vector": ("accel", ("b_a", "M_a"), 9),
     "earth_rate": ("gyro", ("b_g", "G_g"), 12),
+    "zero_rate": ("gyro", ("b_g", "G_g"), 4),  # fitted to three axes, of which the residuals are one
 }
 
 

@@ -17,7 +17,7 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.fieldcal.schedule import BlockNoise
 from schuler.filtering.engine import FilterOptions, ForwardRun, InitialState, run, unpack_symmetric
-from schuler.filtering.measurements import GRAVITY_VECTOR, KINDS, MeasurementSchedule
+from schuler.filtering.measurements import DIMENSIONS, KINDS, MeasurementSchedule
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import Increments
@@ -165,7 +165,7 @@ def filter_pass(
 def wandering(problem: Problem) -> np.ndarray:
     """Which parameters decay, or walk in the log by more than a tenth of their prior sigma. Shape (m,)."""
     rate, density = problem.layout.dynamics().T
-    span = float(problem.increments.t[-1] - problem.increments.start)
+    span = float(problem.increments.dt.sum())
     return np.asarray((rate > 0.0) | (density * span > 0.01 * problem.layout.initial_variances()))
 
 
@@ -211,5 +211,5 @@ def _nis(schedule: MeasurementSchedule, forward: ForwardRun) -> dict[str, tuple[
             continue
         nis = forward.nis[schedule.kind == kind]
         nis = nis[np.isfinite(nis)]
-        found[name] = (float(nis.sum()), len(nis) * (3 if kind == GRAVITY_VECTOR else 1))
+        found[name] = (float(nis.sum()), len(nis) * DIMENSIONS[int(kind)])
     return found

@@ -16,6 +16,7 @@ from schuler.fieldcal.heading import FREE
 from schuler.fieldcal.options import FieldOptions
 from schuler.fieldcal.schedule import FREE_ACCEL, BlockNoise, rest_schedule
 from schuler.fieldcal.setup import field_layout
+from schuler.fieldcal.standstill import as_much_wander, at_standstill
 from schuler.fieldcal.steps import Rest, Step, Turn
 from schuler.filtering.engine import FilterOptions, InitialState, run, unpack_symmetric
 from schuler.filtering.error_model import ecef_from_ned_states
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from schuler.sensors.spec import ImuSpec
 
 #: Part of a rest that the search for rests does not use, both ends together. [s]
-LOST_S = 0.6
+LOST_S = 0.2
 #: Longest step, longest block of readings, and spacing of the filter's propagations. [s]
 _STEP_S, _BLOCK_S, _PROPAGATE_S = 0.25, 2.5, 1.0
 _TILT = 0.1  # 1-sigma of the first levelling, as in the calibration [rad]
@@ -162,13 +163,21 @@ def foresee(now: Standing, steps: Sequence[Step], every_s: float | None = None) 
     options = now.options
     nav = NavState.from_geodetic(0.0, now.llh, np.zeros(3), rotation.rpy_from_dcm(now.C_nb))
     increments, blocks, C = _readings(now, nav, steps)
+    total, layout = float(increments.t[-1]), now.layout
+    form = "vector" if options.earth_rate == "auto" else options.earth_rate
+    if form == "vector":
+        whole, begin, end = increments, blocks.t - 0.5 * blocks.length, blocks.t + 0.5 * blocks.length
+        rests = [blocks.rest == k for k in range(blocks.rest[-1] + 1)]
+        spans = np.array([(begin[r].min(), end[r].max()) for r in rests])
+        increments, blocks = at_standstill(whole, blocks, spans)
+        layout = as_much_wander(layout, increments, whole)
     schedule = rest_schedule(
-        blocks, now.noise, now.llh, gravity=now.gravity, primary=options.primary, earth_rate=options.earth_rate,
+        blocks, now.noise, now.llh, gravity=now.gravity, primary=options.primary, earth_rate=form,
         secondary=options.secondary, secondary_from=now.secondary_from,
     )  # fmt: skip
-    n, total = now.layout.size, float(increments.t[-1])
+    n = now.layout.size
     ran = run(
-        increments, schedule, InitialState(nav, now.P, np.zeros(n - 9)), now.layout, now.gyro_psd,
+        increments, schedule, InitialState(nav, now.P, np.zeros(n - 9)), layout, now.gyro_psd,
         np.full(3, FREE_ACCEL**2),
         FilterOptions(
             covariance_rate_hz=1.0 / _PROPAGATE_S, record_s=2.0 * total if every_s is None else every_s,

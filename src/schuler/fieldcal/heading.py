@@ -17,6 +17,9 @@ from schuler.frames import wrap_angle
 
 #: 1-sigma of a heading that is not known, once the best of the starts is found. [rad]
 FREE = 1.0
+#: A heading told to this or better is believed. A worse one is looked for near and far, see :func:`search_heading`:
+#: linearised where it was told, horizontal Earth rate would be wrong by an eighth and more. [rad]
+TOLD = 0.5
 # starts tried, and how near to them headings are held meanwhile [rad]
 _STARTS, _NEAR = 8, 0.3
 _MOST = 6  # passes before
@@ -70,9 +73,10 @@ def _tilt_sigma(problem: Problem, blocks: Blocks, before: Pass) -> float:
     return float(min(problem.tilt_sigma, 10.0 * np.sqrt(variance.max()) / np.linalg.norm(f)))
 
 
-def search_heading(problem: Problem, blocks: Blocks, rpy: FloatArray) -> Pass:
+def search_heading(problem: Problem, blocks: Blocks, rpy: FloatArray, told: float = np.inf) -> Pass:
     """A pass at the heading that explains the log best: the Earth's horizontal rate points somewhere.
 
+    A heading that was told, that of ``rpy`` with the 1-sigma ``told`` [rad], says which of several that do is meant.
     Tried only when the sensors are known so well that linearisation errors do not hide it; headings are held near
     their start, since a filter that turns by radians in the middle of a log is not linear any more.
     """
@@ -84,7 +88,8 @@ def search_heading(problem: Problem, blocks: Blocks, rpy: FloatArray) -> Pass:
             break
     angles = rpy[2] + 2.0 * np.pi * np.arange(_STARTS) / _STARTS
     tried = [next_pass(near, blocks, replace(best, rpy=np.array([*rpy[:2], angle])), True) for angle in angles]
-    best = min(tried, key=lambda p: p.cost)
+    off = wrap_angle(angles - rpy[2]) / told
+    best = tried[int(np.argmin([p.cost for p in tried] + off**2))]
     assert best.variance is not None
     best = filter_pass(near, best.rpy, best.start, np.sqrt(best.variance) / NEAR, smoothable=True)
     for _ in range(2):

@@ -119,14 +119,19 @@ class LiveRests:
         part = self.series(first)
         if self._noise is None or part.t[-1] - part.t[0] < 1.0:
             return self._intervals()
-        found = field_rests(part, noise=self._noise, gyro_bias=self._bias)
+        # the mean rate of the first rest has G f of its pose in it: beside that rest it is given only if they disagree
+        found = field_rests(part, noise=self._noise, gyro_bias=self._bias if first else None)
+        if not (first or len(found)):
+            found = field_rests(part, noise=self._noise, gyro_bias=self._bias)
         if self._learnt_from(found):
             # what was taken for the first rest was none: everything anew, with the noise of this one
             self._index, first = [], 0
-            found = field_rests(self.series(), noise=self._noise, gyro_bias=self._bias)
+            found = field_rests(self.series(), noise=self._noise)
         elif not (len(found) or self._index):
             self._noise, self._open, self._still_from, self._seen = None, None, None, self._n
             return self._intervals()
+        if not first and len(found):
+            self._bias = found.gyro_bias
         spans = [(first + int(a), first + int(b)) for a, b in found.index]
         # over is what another rest follows; the last one is looked at again with what comes
         self._index += spans[:-1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 from schuler.exceptions import InputError
 from schuler.fieldcal.schedule import EarthRate, Secondary
@@ -24,8 +25,10 @@ class FieldOptions:
         Stochastic models that replace those of the specification, by block.
     primary : bool
         Magnitude of gravity at rest (P1), where no full gravity vector is used.
-    earth_rate : {"vertical", "magnitude", "off"}
-        Form of P2.
+    earth_rate : {"auto", "vector", "vertical", "magnitude", "off"}
+        What is known of the rate at rest: that it is the Earth's, all axes, the unit does not turn; that it is along
+        the vertical only, which lets a hand sway; or one of these two by whether the log shows swaying. Form of P2 as
+        printed.
     secondary : {"full", "reduced", "off"}
         Gravity vector against the carried attitude.
     secondary_from_s : float
@@ -46,7 +49,7 @@ class FieldOptions:
     blocks: tuple[str, ...] = BLOCKS
     models: dict[str, StateModel] = field(default_factory=dict)
     primary: bool = True
-    earth_rate: EarthRate = "vertical"
+    earth_rate: EarthRate | Literal["auto"] = "auto"
     secondary: Secondary = "full"
     secondary_from_s: float = 0.0
     during_turns: bool = False

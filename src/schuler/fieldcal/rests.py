@@ -13,6 +13,7 @@ from schuler.characterisation import detectors
 from schuler.characterisation.stationarity import StaticIntervals, static_intervals
 from schuler.exceptions import InputError
 from schuler.fieldcal.rest_checks import consistent, contrasts, span_of, steady
+from schuler.fieldcal.rest_edges import regained
 from schuler.recording.series import ImuSeries
 from schuler.units import DEG, DEG_PER_HR_PER_G
 
@@ -97,6 +98,7 @@ def field_rests(
        changes with the pose, is part of the uncertainty. The fit has least absolute deviations, then least squares
        without what was refused; every rest is predicted from the others only. Rates may scatter as the median
        of them does, for biases that wander.
+    5. Edges are moved out to where the motion begins, see :func:`schuler.fieldcal.rest_edges.regained`.
 
     What it cannot see: the same slow rotation about the vertical in most poses (it has the form of G_g), or one in the
     only pose of the log. Most rests must be rests. ``docs/field-routine.md`` has the smallest rates refused.
@@ -160,6 +162,9 @@ def _found(
             rates, index, found.sigma_w, bias=bias, g_sensitivity=g_sensitivity, max_rate=max_rate, limit=limit
         )
         index, notes = index[keep], notes + said
+        # where the sensor still settled is not asked again
+        ends = np.stack([np.isin(index[:, side], found.index[:, side]) for side in (0, 1)], axis=1)
+        index = regained(rates, index, reach_s=found.window_s, limit=limit, ends=ends)
     mask = np.zeros(len(imu), dtype=bool)
     for a, b in index:
         mask[a:b] = True

@@ -17,12 +17,13 @@ from schuler.filtering.measurements import (
     FIX,
     GRAVITY,
     GRAVITY_VECTOR,
+    ZERO_RATE,
     ZERO_VELOCITY,
     MeasurementSchedule,
     merged,
 )
 
-EarthRate: TypeAlias = Literal["vertical", "magnitude", "off"]
+EarthRate: TypeAlias = Literal["vector", "vertical", "magnitude", "off"]
 Secondary: TypeAlias = Literal["full", "reduced", "off"]
 
 #: 1-sigma with which the place is held; velocity is held too and tells nothing, see :data:`FREE_ACCEL`. [m], [m/s]
@@ -47,7 +48,7 @@ def rest_schedule(
     *,
     gravity: float = 0.0,
     primary: bool = True,
-    earth_rate: EarthRate = "vertical",
+    earth_rate: EarthRate = "vector",
     secondary: Secondary = "full",
     secondary_from: float = -np.inf,
 ) -> MeasurementSchedule:
@@ -65,9 +66,11 @@ def rest_schedule(
     primary : bool
         Magnitude of gravity (P1). Where a full secondary measurement uses the same block it is left out: the vector has
         the magnitude in it, and used twice it would make the filter over-confident.
-    earth_rate : {"vertical", "magnitude", "off"}
-        Earth rate along the measured vertical; or its magnitude as printed (P2), which takes Earth rate and noise for
-        g-sensitivity; or none.
+    earth_rate : {"vector", "vertical", "magnitude", "off"}
+        The unit does not turn at rest: all three rates are the Earth's, for a log whose rests are cut out (see
+        :mod:`schuler.fieldcal.standstill`). Earth rate along the measured vertical only, the attitude carried on by the
+        gyroscopes: where a hand sways. Its magnitude as printed (P2), which takes Earth rate and noise for
+        g-sensitivity. Or none.
     secondary : {"full", "reduced", "off"}
         Gravity vector against the attitude the gyroscopes have carried on; reduced (the source's choice after the
         primary calibration) takes the accelerometers for perfect.
@@ -97,12 +100,16 @@ def rest_schedule(
     if primary:
         alone = at_rest & ~(late & (secondary == "full"))
         parts.append(_of(GRAVITY, blocks, z, var_f, alone))
-    if earth_rate == "vertical":
+    if earth_rate == "vector":
+        R = np.zeros((n, 3, 3))
+        R[:, range(3), range(3)] = noise.omega**2 / blocks.length[:, None]
+        parts.append(MeasurementSchedule.of(ZERO_RATE, blocks.t[at_rest], omega[at_rest], R[at_rest]))
+    elif earth_rate == "vertical":
         parts.append(_of(EARTH_RATE, blocks, z, var_w, at_rest))
     elif earth_rate == "magnitude":
         parts.append(_of(EARTH_RATE_MAGNITUDE, blocks, z, np.mean(noise.omega**2) / blocks.length, at_rest))
     elif earth_rate != "off":
-        raise InputError(f"earth_rate: expected 'vertical', 'magnitude' or 'off', got {earth_rate!r}")
+        raise InputError(f"earth_rate: expected 'vector', 'vertical', 'magnitude' or 'off', got {earth_rate!r}")
     here = np.tile(frames.ecef_from_llh(llh), (n, 1))
     held = MeasurementSchedule.of
     parts.append(held(FIX, blocks.t[at_rest], here[at_rest], PLACE_SIGMA**2))

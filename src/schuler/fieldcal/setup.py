@@ -14,9 +14,11 @@ from schuler.characterisation.stationarity import StaticIntervals
 from schuler.exceptions import InputError
 from schuler.fieldcal.blocks import Blocks, turning_blocks
 from schuler.fieldcal.filter_pass import Problem
-from schuler.fieldcal.heading import FREE
+from schuler.fieldcal.heading import FREE, TOLD
 from schuler.fieldcal.options import FieldOptions
 from schuler.fieldcal.schedule import FREE_ACCEL, BlockNoise, rest_schedule
+from schuler.fieldcal.standstill import as_much_wander, at_standstill
+from schuler.fieldcal.swaying import settled_form
 from schuler.filtering.engine import FilterOptions
 from schuler.filtering.measurements import merged
 from schuler.filtering.states import BLOCKS, StateLayout, layout_for
@@ -82,8 +84,16 @@ def problem_of(
     llh = np.array([latitude, 0.0, height])
     if not abs(latitude) <= 0.5 * np.pi:
         raise InputError(f"latitude: expected radians within a quarter turn, got {latitude!r}")
+    options = settled_form(options, spec, blocks, rests)
     noise = block_noise(blocks, spec)
     begin, end = float(rests.start[0]), float(rests.stop[-1])
+    increments = imu.increments().between(begin, end)
+    if options.earth_rate == "vector":
+        early = imu.interval if imu.kind == "increment" else 0.0
+        spans = np.stack((rests.start - early, rests.stop), axis=1)
+        whole = increments
+        increments, blocks = at_standstill(whole, blocks, spans)
+        layout = as_much_wander(layout, increments, whole)
     common = {
         "gravity": 0.0 if gravity is None else gravity,
         "secondary": options.secondary,
@@ -99,14 +109,13 @@ def problem_of(
         sample = BlockNoise(np.full(3, spec.accel.random_walk), np.full(3, spec.gyro.random_walk))
         parts = rest_schedule(turning, sample, llh, primary=False, earth_rate="off", **common)  # type: ignore[arg-type]
         schedule = merged(schedule, parts)
-    increments = imu.increments().between(begin, end)
     schedule = schedule.where((schedule.t > increments.start + 1e-6) & (schedule.t <= increments.t[-1]))
     mean = np.zeros(layout.size - 9)
     if prior is not None:
         layout, mean = informed(layout, prior)
     return Problem(
         increments, schedule, layout, mean, llh, noise, np.full(3, spec.gyro.random_walk**2), np.full(3, FREE_ACCEL**2),
-        _TILT, FREE if heading is None else heading[1],
+        _TILT, FREE if heading is None or heading[1] > TOLD else heading[1],
         FilterOptions(record_s=options.record_s, output_rate_hz=1.0, lockout=0),
     )  # fmt: skip
 

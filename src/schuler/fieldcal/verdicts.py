@@ -46,6 +46,7 @@ def verdicts_of(
     moved: FloatArray | None = None,
     settled: float = 1.0,
     left_out: tuple[str, ...] = (),
+    swaying: bool = False,
 ) -> Verdict:
     """Judge what came out beside what was known before.
 
@@ -67,6 +68,8 @@ def verdicts_of(
         Changes up to this are none.
     left_out : tuple of str
         Blocks of parameters that were asked for and that nothing was known of before.
+    swaying : bool
+        Rests were found to sway.
     """
     share = {n: s / prior_sigma[n] for n, s in zip(names, np.sqrt(np.diag(covariance)), strict=True)}
     unknown = [n for n in names if share[n] > UNKNOWN]
@@ -108,6 +111,11 @@ def verdicts_of(
         sentences.append(
             f"{kind}: innovations are {np.sqrt(factor):.2g} times as large as the noise at rest explains (a hand that "
             "is not steady, a surface that gives way); uncertainties are enlarged accordingly"
+        )
+    if swaying:
+        sentences.append(
+            "the unit sways at rest, both triads see it: the gyroscopes carry the attitude through the rests, and are "
+            "themselves found less well; put it down instead of holding it"
         )
     if heading is not None and heading[1] < 0.7:
         angle, sigma = (v / DEG for v in heading)

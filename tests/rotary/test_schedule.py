@@ -175,6 +175,15 @@ def test_usage_of_a_reciprocating_rotation_in_closed_form():
     assert used.moving[0] == pytest.approx(10.0 * stroke, rel=1e-12)
 
 
+@pytest.mark.parametrize("positions", [4, 6, 8])
+def test_rounding_reverses_nothing(positions):
+    """Rates that end at zero but for rounding: a dwell that goes round one way has no reversal."""
+    schedule = schemes.dwell(
+        "z", positions, dwell=7.0, rate=np.deg2rad(0.59), acceleration=np.deg2rad(0.31), back=False
+    )
+    assert usage(schedule, 5000.0).reversals[0] == 0.0
+
+
 def test_usage_counts_a_reversal_within_a_piece_and_jumps():
     swing = usage(schemes.from_rates("z", [0.0, 4.0], [1.0, -1.0]), 4.0)
     assert swing.travel[0] == pytest.approx(2.0)

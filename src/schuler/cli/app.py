@@ -21,13 +21,18 @@ COMMANDS = {
         "schuler demo --out demo",
     ),
     "info": (
-        "schuler.cli.convert:info",
+        "schuler.cli.info:info",
         "Say what is in a log.",
         "schuler info drive.csv --columns t,ax,ay,az,gx,gy,gz --units g,deg/s --axes FLU",
     ),
+    "check": (
+        "schuler.cli.check:check",
+        "Find what is wrong with a log by physics: units, axes, signs, clocks; with the option that mends it.",
+        "schuler check drive --imu imu.csv --gnss rover.pos --units g,deg/s --axes FLU --time gps-tow:2374",
+    ),
     "convert": (
         "schuler.cli.convert:convert",
-        "Convert any readable log to Parquet, CSV, .pos, KML or GeoJSON.",
+        "Convert any readable log to Parquet, CSV, .pos, KML, GeoJSON, MCAP, ROS 2 bag, ...",
         "schuler convert drive.csv drive.parquet --columns ax,ay,az,gx,gy,gz,t --units g,deg/s,ms --axes FLU",
     ),
     "allan": (
@@ -49,6 +54,16 @@ COMMANDS = {
         "schuler.cli.budget:budget",
         "How uncertain a mission will be, which error is to blame, which IMU is good enough. No data needed.",
         'schuler budget examples/budget_town.toml --require "horizontal < 10 m @ 60 s outage"',
+    ),
+    "observability": (
+        "schuler.cli.observability:observability",
+        "What a filter can know: ranks, observable states and combinations, over time; any motion, rotating IMUs too.",
+        "schuler observability examples/observability_rotary_z_tilted.toml --report",
+    ),
+    "rotary": (
+        "schuler.cli.rotary:rotary",
+        "What turning an IMU on a platform brings, and which schedule is best: simulation, figures, search.",
+        "schuler rotary examples/rotary_static.toml --search --out rotary",
     ),
     "montecarlo": (
         "schuler.cli.montecarlo:montecarlo",

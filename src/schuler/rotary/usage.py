@@ -92,14 +92,14 @@ def _of_axis(profile: AngleProfile, duration: float) -> tuple[float, ...]:
     rate_0, rate_1 = rate_m - 0.5 * h * acceleration, rate_m + 0.5 * h * acceleration
     angle_0 = angle_m - 0.5 * h * (rate_m - 0.25 * h * acceleration)
     angle_1 = angle_0 + h * rate_m
-    # a piece may turn round within itself: its vertex
-    turning = rate_0 * rate_1 < -1e-18
+    fastest = float(np.max(np.maximum(np.abs(rate_0), np.abs(rate_1))))
+    tiny = 1e-9 * max(fastest, 1e-12)
+    # a piece may turn round within itself: its vertex. A rate that ends at zero but for rounding does not
+    turning = (rate_0 * rate_1 < 0.0) & (np.minimum(np.abs(rate_0), np.abs(rate_1)) > tiny)
     x = np.where(turning, -rate_0 / np.where(turning, acceleration, 1.0), 0.0)
     vertex = angle_0 + x * (rate_0 + 0.5 * acceleration * x)
     travel = np.where(turning, np.abs(vertex - angle_0) + np.abs(angle_1 - vertex), np.abs(angle_1 - angle_0))
     jump = np.abs(rate_0 - np.concatenate(([0.0], rate_1[:-1])))
-    fastest = float(np.max(np.maximum(np.abs(rate_0), np.abs(rate_1))))
-    tiny = 1e-9 * max(fastest, 1e-12)
     sense = np.stack((np.where(turning, np.sign(rate_0), 0.0), np.sign(np.where(turning, rate_1, rate_m)))).T.ravel()
     sense = sense[(np.abs(np.repeat(np.maximum(np.abs(rate_0), np.abs(rate_1)), 2)) > tiny) & (sense != 0.0)]
     moving = np.maximum(np.abs(rate_0), np.abs(rate_1)) > tiny

@@ -240,6 +240,26 @@ def test_aids_help(town):
     assert any(name.startswith("lateral") for name in wheels.names)
 
 
+def test_a_run_in_legs_is_the_whole(town, mission, monkeypatch):
+    """1e-7: discretisation, the run has left the truth by micrometres. Legs end at nodes, as those of an hour do."""
+    imu = spec(IMU)
+    whole = linear_covariance(mission, imu)
+    monkeypatch.setattr("schuler.analysis.budget.record.LEG_S", 47.5)
+    legs = prepare_budget(town)
+    assert len(legs.run.t) > len(mission.run.t)
+    assert_allclose(linear_covariance(legs, imu).quantity("position"), whole.quantity("position"), rtol=1e-7)
+
+
+def test_long_missions_stay_on_the_truth():
+    """Three hours at 2 Hz: discretisation of an hour, 0.1 m. In one leg it grows by e every ten minutes."""
+    motion = StaticMotion(np.array([0.8, 0.2, 100.0]), np.array([0.1, 0.0, 0.5]), 3.0 * 3600.0)
+    mission = linearised_mission(
+        motion, MeasurementSchedule.empty(), np.ones(9), imu_rate_hz=2.0, node_rate_hz=0.1, every_s=600.0
+    )
+    truth = motion.state(mission.run.t[-1:])
+    assert np.linalg.norm(mission.run.place[-1, :3] - truth.r_eb_e[0]) < 0.2
+
+
 def test_start_is_given_as_roll_pitch_heading():
     """A roll error turns about the forward axis: level and heading east, about east."""
     motion = StaticMotion(np.array([0.8, 0.2, 0.0]), np.array([0.0, 0.0, 0.5 * np.pi]), 5.0)

@@ -53,7 +53,7 @@ class Way:
 
 
 @dataclass(frozen=True, eq=False)
-class RotaryComparison:
+class ScenarioComparison:
     """A rotating IMU and a conventional one.
 
     Attributes
@@ -146,12 +146,12 @@ class RotaryComparison:
         }  # fmt: skip
 
 
-def compare_rotary(
+def compare_scenario(
     scenario: RotaryScenario | dict[str, Any] | Path | str,
     *,
     runs: int | None = None,
     progress: Callable[[float], None] | None = None,
-) -> RotaryComparison:
+) -> ScenarioComparison:
     """Simulate and navigate a scenario with its IMU turning and not turning.
 
     Parameters
@@ -164,7 +164,7 @@ def compare_rotary(
 
     Returns
     -------
-    RotaryComparison
+    ScenarioComparison
         Interrupted (Ctrl-C) after the first run, it keeps the runs so far.
 
     Notes
@@ -206,13 +206,13 @@ def compare_rotary(
         biases = [np.full(3, triad.turn_on_bias or triad.bias_instability) for triad in (spec.gyro, spec.accel)]
         gyro, accel = (modulation(motion, b, at) for b in biases)
         both.append(Way(name, schedule, tuple(histories[name]), t, P, gyro, accel))
-    draft = RotaryComparison(scenario, both[0], both[1], np.zeros(0), {}, complete)
+    draft = ScenarioComparison(scenario, both[0], both[1], np.zeros(0), {}, complete)
     rates, sigma = _rate_sweep(draft, objective.over_time)
     return replace(draft, rates=rates, sigma=sigma)
 
 
 def _rate_sweep(
-    found: RotaryComparison, over_time: Callable[[Schedule], tuple[FloatArray, FloatArray]]
+    found: ScenarioComparison, over_time: Callable[[Schedule], tuple[FloatArray, FloatArray]]
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
     """The scenario's schedule at other rates, within its limits."""
     section = found.scenario.rotary.schedule

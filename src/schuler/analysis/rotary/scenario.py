@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from schuler import units
@@ -15,13 +16,18 @@ from schuler.analysis.budget.scenario import (
     BudgetRest,
     BudgetScenario,
     BudgetStart,
-    prepare_budget,
+    linearised_mission,
+    rotation_of_start,
+    true_schedule,
 )
 from schuler.analysis.rotary.families import SchemeSpace
 from schuler.analysis.rotary.objective import SchemeObjective, scheme_objective
 from schuler.analysis.rotary.search import SearchSettings
 from schuler.exceptions import ConfigError
+from schuler.filtering.config import NavigationConfig
 from schuler.filtering.config_types import Config, NonNegative, Positive, Section, read_toml
+from schuler.filtering.configured import imu_spec
+from schuler.filtering.measurements import HEIGHT, MeasurementSchedule, merged
 from schuler.rotary.sections import LimitsSection, RotarySection
 from schuler.sensors import catalogue
 from schuler.sensors.spec import ImuSpec
@@ -30,12 +36,15 @@ from schuler.simulation.motion_sections import MotionSection
 
 _AxisName = Literal["x", "y", "z"]
 _MRAD = 1e-3
+_RECORDS = 1200  # of a mission, at most
 
 
 class ImuSection(Section):
     """The IMU, and what a calibration has left of its errors."""
 
-    name: str = Field(description="in the catalogue, or the file of an identified budget")
+    name: str = Field(description="in the catalogue, or the file of an identified budget; or any, with what follows")
+    gyro: dict[str, float | str] = Field(default_factory=dict, description="data-sheet values, see docs/sensors.md")
+    accel: dict[str, float | str] = Field(default_factory=dict, description="data-sheet values, see docs/sensors.md")
     rate_hz: Positive = 100.0
     gyro_bias_deg_h: NonNegative | None = Field(None, description="1-sigma, instead of the budget's turn-on bias")
     accel_bias_m_s2: NonNegative | None = Field(None, description="likewise")
@@ -43,9 +52,31 @@ class ImuSection(Section):
     gyro_misalignment_mrad: NonNegative | None = Field(None, description="likewise")
     gyro_instability_deg_h: NonNegative | None = Field(None, description="instead of the budget's; 0 leaves it out")
 
+    @model_validator(mode="after")
+    def _both_triads(self) -> ImuSection:
+        if bool(self.gyro) != bool(self.accel):
+            raise ValueError("give both gyro = {...} and accel = {...}, or none of them")
+        return self
+
+    def source(self) -> dict[str, Any]:
+        """The same in the words of a navigation's configuration."""
+        if self.gyro:
+            return {"gyro": self.gyro, "accel": self.accel}
+        return {"spec" if self.name.endswith(".toml") else "catalogue": self.name}
+
     def spec(self) -> ImuSpec:
-        """Error budget."""
-        spec = configured_spec(self.name) if self.name.endswith(".toml") else catalogue.spec(self.name)
+        """Error budget.
+
+        Raises
+        ------
+        InputError, ConfigError
+            For a name or an entry that is not known.
+        """
+        if self.gyro:
+            config = NavigationConfig.parse({"imu": self.source()})
+            spec = replace(imu_spec(config), name=self.name)
+        else:
+            spec = configured_spec(self.name) if self.name.endswith(".toml") else catalogue.spec(self.name)
         given = {
             "turn_on_bias": (self.gyro_bias_deg_h, units.DEG_PER_HR),
             "scale_factor": (self.gyro_scale_ppm, units.PPM),
@@ -57,6 +88,13 @@ class ImuSection(Section):
         if self.accel_bias_m_s2 is not None:
             accel = replace(accel, turn_on_bias=self.accel_bias_m_s2)
         return replace(spec, gyro=gyro, accel=accel)
+
+
+class HeightSection(Section):
+    """Heights that aid: a barometer, or the sea; without any the vertical channel runs away within the hour."""
+
+    sigma_m: Positive = 1.0
+    rate_hz: Positive = 0.1
 
 
 class ObjectiveSection(Section):
@@ -99,11 +137,13 @@ class RotaryScenario(Config):
         Of the vehicle.
     rotary : RotarySection
         Schedule, encoder, limits of the platform, offset of the IMU.
-    gnss, zero_velocity
-        Aids as in a budget; without any the IMU navigates alone.
+    gnss, zero_velocity, height
+        Aids; without any the IMU navigates alone.
     start : BudgetStart
     states : int
         Of the filter.
+    node_rate_hz : float
+        Of the covariance.
     objective : ObjectiveSection
     search : SearchSection
     rates_deg_s : tuple of float
@@ -118,8 +158,10 @@ class RotaryScenario(Config):
     rotary: RotarySection
     gnss: BudgetGnss | None = None
     zero_velocity: BudgetRest | None = None
+    height: HeightSection | None = None
     start: BudgetStart = BudgetStart()
     states: Literal[15, 21, 33] = 15
+    node_rate_hz: Positive = Field(1.0, description="of the covariance; less for missions of hours")
     objective: ObjectiveSection = ObjectiveSection()
     search: SearchSection = SearchSection()
     rates_deg_s: tuple[Positive, ...] = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0)
@@ -158,12 +200,25 @@ class RotaryScenario(Config):
 
     def mission(self) -> BudgetMission:
         """The vehicle with the IMU fixed to it, linearised."""
-        return prepare_budget(
-            BudgetScenario(
-                name=self.name, motion=self.motion, gnss=self.gnss, zero_velocity=self.zero_velocity,
-                start=self.start, states=self.states, node_rate_hz=1.0,
-            )
+        motion = self.motion.build()
+        usual = BudgetScenario(motion=self.motion, gnss=self.gnss, zero_velocity=self.zero_velocity)
+        aids = [true_schedule(motion, usual)]
+        if self.height is not None:
+            step = 1.0 / self.height.rate_hz
+            t = np.arange(step, motion.duration + 1e-9, step)
+            aids.append(MeasurementSchedule.of(HEIGHT, t, motion.state(t).llh[:, 2], self.height.sigma_m**2))
+        T = rotation_of_start(motion) * np.array(self.start.attitude_deg) * units.DEG
+        sigma = np.concatenate((np.linalg.norm(T, axis=1), self.start.velocity_m_s, self.start.position_m))
+        return linearised_mission(
+            motion, merged(*aids), sigma, name=self.name, states=self.states, outages=self.outages,
+            node_rate_hz=self.node_rate_hz, every_s=max(1.0, motion.duration / _RECORDS),
+            earth_rotation=self.motion.earth_rotation,
         )  # fmt: skip
+
+    @property
+    def alone(self) -> bool:
+        """Whether nothing aids."""
+        return self.gnss is None and self.zero_velocity is None and self.height is None
 
     def scheme_objective(self) -> SchemeObjective:
         """What a search makes small."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from schuler.filtering.engine import InitialState
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries, Trajectory
+from schuler.rotary.du_axes import enu_errors
 from schuler.rotary.encoder import Platform, read_encoder
 from schuler.rotary.mechanization import mechanize_rotating
 from schuler.rotary.navigation import navigate_rotary
@@ -23,6 +25,7 @@ from schuler.rotary.static_run import ErrorHistory, error_history
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.aiding import GnssModel, draw_gnss
 from schuler.simulation.imu import IdealImu, simulate_imu
+from schuler.simulation.scalars import HeightModel, simulate_height
 from schuler.units import DEG
 
 _STEP = 0.25  # of the errors that are kept [s]
@@ -44,7 +47,7 @@ def one_run(scenario: RotaryScenario, motion: RotatingMotion, ideal: IdealImu, k
     Returns
     -------
     ErrorHistory
-        Of the vehicle, every quarter of a second.
+        Of the vehicle, every quarter of a second; attitude against Earth-fixed axes.
     """
     seeds = np.random.SeedSequence([scenario.seed, k]).spawn(5)
     errors_rng, noise_rng, start_rng, gnss_rng, encoder_rng = (np.random.default_rng(s) for s in seeds)
@@ -59,14 +62,18 @@ def one_run(scenario: RotaryScenario, motion: RotatingMotion, ideal: IdealImu, k
     start, sigma = _start(scenario, motion, start_rng)
     offset = motion.offset_m
     earth = scenario.motion.earth_rotation
-    if scenario.gnss is None and scenario.zero_velocity is None:
+    if scenario.alone:
         solved = mechanize_rotating(imu.increments(), start, platform, offset_m=offset, earth_rotation=earth)
     else:
         layout = filter_layout(spec, scenario.states)
         initial = InitialState.from_sigmas(
             start, layout, attitude=sigma, velocity=scenario.start.velocity_m_s, position=scenario.start.position_m
         )
-        recording = Recording(imu, _gnss(scenario, motion, gnss_rng))
+        height = None
+        if (h := scenario.height) is not None:
+            model = HeightModel(rate_hz=h.rate_hz, sigma=h.sigma_m)
+            height = simulate_height(motion.vehicle, model, gnss_rng.spawn(1)[0])[0]
+        recording = Recording(imu, _gnss(scenario, motion, gnss_rng), height=height)
         solved = navigate_rotary(
             recording, platform, _configuration(scenario), offset_m=offset, initial=initial
         ).trajectory  # fmt: skip
@@ -100,14 +107,13 @@ def _gnss(scenario: RotaryScenario, motion: RotatingMotion, rng: np.random.Gener
 
 def _configuration(scenario: RotaryScenario) -> dict[str, Any]:
     """What ``schuler navigate`` would be told: the same filter as that of the covariance."""
-    spec, name = scenario.imu.spec(), scenario.imu.name
-    layout = filter_layout(spec, scenario.states)
+    layout = filter_layout(scenario.imu.spec(), scenario.states)
     models = {
         block: {"sigma": m.sigma, "noise": m.noise, **({} if m.tau is None else {"tau_s": m.tau})}
         for block, m in layout.models.items()
     }
     found: dict[str, Any] = {
-        "imu": {"spec" if name.endswith(".toml") else "catalogue": name},
+        "imu": scenario.imu.source(),
         "filter": {
             "states": tuple(layout.models), "models": models, "smooth": False,
             "earth_rotation": scenario.motion.earth_rotation,
@@ -116,9 +122,12 @@ def _configuration(scenario: RotaryScenario) -> dict[str, Any]:
     }  # fmt: skip
     if (g := scenario.gnss) is not None:
         found["gnss"] = {"lever_arm_m": g.lever_arm_m, "velocity": g.sigma_velocity_m_s is not None}
+    aiding: dict[str, Any] = {}
     if (z := scenario.zero_velocity) is not None:
-        found["aiding"] = {"zero_velocity": {"sigma_m_s": z.sigma_m_s, "rate_hz": z.rate_hz}}
-    return found
+        aiding["zero_velocity"] = {"sigma_m_s": z.sigma_m_s, "rate_hz": z.rate_hz}
+    if scenario.height is not None:
+        aiding["barometer"] = {"bias_sigma_m": 0.0}
+    return {**found, "aiding": aiding} if aiding else found
 
 
 def _thinned(solved: Trajectory, motion: RotatingMotion) -> ErrorHistory:
@@ -127,4 +136,8 @@ def _thinned(solved: Trajectory, motion: RotatingMotion) -> ErrorHistory:
     assert solved.v_eb_e is not None
     assert solved.q_eb is not None
     kept = Trajectory(solved.t[at], solved.r_eb_e[at], solved.v_eb_e[at], solved.q_eb[at])
-    return error_history(kept, vehicle_truth(motion, kept.t))
+    true = vehicle_truth(motion, kept.t)
+    assert kept.q_eb is not None
+    # against Earth-fixed axes, as covariances have it: a place that is wrong by kilometres has another horizon
+    in_true_n = np.swapaxes(frames.C_en(true.llh), 1, 2) @ rotation.dcm_from_quat(kept.q_eb)
+    return replace(error_history(kept, true), attitude=enu_errors(in_true_n, true.C_nb))

@@ -88,8 +88,9 @@ def search_schemes(
     First every named scheme is evaluated, so that what is found is never worse than one of them. Then each family is
     searched by differential evolution (Storn and Price 1997; SciPy's, seeded, choices by integrality): its first
     members are the named schemes of the family and a Latin hypercube. The continuous variables of the best are polished
-    by the simplex of Nelder and Mead. For the front, the travel is limited to parts of the best scheme's, and the family
-    that is best so far within the limit is searched again. All schedules ever looked at, within limits, make the front.
+    by the simplex of Nelder and Mead. For the front, the travel is limited to parts of the best scheme's, and the
+    family that is best so far within the limit is searched again. All schedules looked at, within limits, make the
+    front.
 
     A scheme that breaks a limit of the platform is not evaluated.
     """

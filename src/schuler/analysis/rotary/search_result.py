@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,6 @@ from schuler.analysis.rotary.pareto import pareto_front
 from schuler.exceptions import InputError
 from schuler.rotary.schedule import Schedule
 from schuler.units import DEG
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _REVOLUTION = 2.0 * np.pi
 
@@ -154,9 +151,24 @@ class SchemeSearch:
             (f"{self.evaluations} schemes evaluated, seed {self.seed}",), self.complete,
         )  # fmt: skip
 
-    def front_table(self, by: str = "both") -> CampaignTable:
-        """Front of error against motion."""
-        rows = tuple(self._row(c, c.source or "found") for c in self.front(by))
+    def front_table(self, by: str = "travel", worth: float = 0.01) -> CampaignTable:
+        """Front of error against motion: of those within one step of error the one with the least motion.
+
+        Parameters
+        ----------
+        by : {"travel", "reversals"}
+        worth : float
+            Relative step of error that is worth a line.
+        """
+        kept: list[Candidate] = []
+        first = 0.0
+        for c in self.front(by):
+            if kept and c.error <= (1.0 + worth) * first:
+                kept[-1] = c
+            else:
+                kept.append(c)
+                first = c.error
+        rows = tuple(self._row(c, c.source or "found") for c in kept)
         return CampaignTable(
             f"{self.mission}, {self.imu}: {self.what} against the platform's motion", self._columns, rows,
             complete=self.complete,
@@ -192,13 +204,6 @@ class SchemeSearch:
         front = len(self.front("both"))
         lines.append(f"  {self.evaluations} schemes evaluated, {front} on the front, seed {self.seed}")
         return "\n".join(lines)
-
-    def plot(self) -> Figure:
-        """Front of error against travel and reversals, with the named schemes. Needs matplotlib (extra ``plot``)."""
-        from schuler.report.figures import draw
-        from schuler.report.rotary_figures import front_figure
-
-        return draw(front_figure(self))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""

@@ -19,7 +19,8 @@ from schuler.filtering.states import BLOCKS
 from schuler.rotary.schedule import Schedule
 from schuler.simulation.motion import Motion, inertial_quantities
 
-_PIECE = 0.5  # longest piece of the quadrature [s]
+_PIECE = 0.5  # longest piece of the quadrature under a vehicle that moves [s]
+_PIECES = 2000  # in all, under one at rest
 _TURN = 0.5  # of the platform in a piece, at most [rad]
 _SAME = 1e-7  # times that are one [s]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -41,6 +42,8 @@ class TurningMission:
         Integral of the specific force since the start, Earth-fixed axes. [m/s]
     blocks : tuple of str
         Sensor blocks whose columns are made.
+    piece : float
+        Longest piece of the quadrature. [s]
     """
 
     fixed: BudgetMission
@@ -48,6 +51,7 @@ class TurningMission:
     table: FloatArray
     force: FloatArray
     blocks: tuple[str, ...]
+    piece: float = _PIECE
 
     def with_schedule(self, schedule: Schedule) -> BudgetMission:
         """The mission with the IMU turning: for ``true_covariance``, ``linear_covariance`` and replays.
@@ -108,13 +112,15 @@ def turning_mission(
     f_e = np.einsum("nij,nj->ni", state.C_eb, f)
     step = 0.5 * (f_e[1:] + f_e[:-1]) * np.diff(t)[:, None]
     force = np.concatenate((np.zeros((1, 3)), np.cumsum(step, axis=0)))
-    return TurningMission(fixed, t, table, force, tuple(dict.fromkeys(("b_a", "b_g", *blocks))))
+    rests = bool(np.ptp(table[:, :12], axis=0).max() < 1e-6)
+    piece = max(_PIECE, motion.duration / _PIECES) if rests else _PIECE
+    return TurningMission(fixed, t, table, force, tuple(dict.fromkeys(("b_a", "b_g", *blocks))), piece)
 
 
 def _columns(turning: TurningMission, schedule: Schedule, table: IntArray) -> FloatArray:
     """Sensor columns of the transition into each node, by the rule of ``filtering._covariance_kernels.accumulate``."""
     run = turning.fixed.run
-    edges = _edges(run, schedule)
+    edges = _edges(run, schedule, turning.piece)
     h = np.diff(edges)
     at = (edges[:-1, None] + 0.5 * h[:, None] * (1.0 + _NODES)).ravel()
     C_es, f_s, omega_s = _seen(turning, schedule, at)
@@ -157,7 +163,7 @@ def _turned_rows(turning: TurningMission, schedule: Schedule) -> FloatArray:
     return H
 
 
-def _edges(run: Linearised, schedule: Schedule) -> FloatArray:
+def _edges(run: Linearised, schedule: Schedule, piece: float) -> FloatArray:
     """Limits of the pieces: nodes of the run, jumps of the platform, and steps in which it turns little."""
     nodes = np.unique(run.t)
     nodes = nodes[np.concatenate(([True], np.diff(nodes) > _SAME))]
@@ -168,7 +174,7 @@ def _edges(run: Linearised, schedule: Schedule) -> FloatArray:
     h = np.diff(limits)
     rates = schedule.rates(np.concatenate((limits[:-1] + 1e-3 * h, limits[1:] - 1e-3 * h)))
     turned = h * np.abs(rates).sum(axis=1).reshape(2, -1).max(axis=0)
-    parts = np.maximum(np.ceil(np.maximum(h / _PIECE, turned / _TURN) - 1e-9), 1.0).astype(np.int64)
+    parts = np.maximum(np.ceil(np.maximum(h / piece, turned / _TURN) - 1e-9), 1.0).astype(np.int64)
     edges: FloatArray = np.interp(
         np.arange(int(parts.sum()) + 1), np.concatenate(([0], np.cumsum(parts))), limits
     )  # fmt: skip

@@ -263,7 +263,6 @@ def test_files_that_are_not_read_are_refused_with_a_reason(shared_data):
     for name, message in (
         ("COD0MGXFIN_20211180000_01D_05M_ORB.SP3", "orbits in SP3 are not read"),
         ("Pixel4XL_derived.csv", "no sensor is recognised"),
-        ("android_pixel6.txt", "Android's GnssLogger are not read"),
     ):
         with pytest.raises(FileFormatError, match=message):
             read(shared_data / "gnss_nav_files" / name)

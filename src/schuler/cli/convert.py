@@ -1,4 +1,4 @@
-"""``schuler convert`` and ``schuler info``."""
+"""``schuler convert``, and how every command reads a log."""
 
 from __future__ import annotations
 
@@ -31,55 +31,16 @@ def read_log(log: Path, config: Path | None, **hints: Any) -> Recording:
     if not log.exists():
         raise InputError(f"{log}: no such file or folder")
     if log.is_dir():
+        from schuler.recording.formats import registry
+
+        if given and ("format" in given or registry.find_folder(log) is not None):
+            return read(log, **given)
         if given:
             raise InputError(f"{log} is a folder: say how its files are read in the [recording] section of a --config")
         return read(log, **parts)
     if parts and not all(isinstance(v, dict) for v in parts.values()):
         given = {**parts, **given}
     return read(log, **given)
-
-
-def info(
-    log: Path,
-    /,
-    *,
-    config: Path | None = None,
-    columns: str | None = None,
-    units: str | None = None,
-    axes: str | None = None,
-    rate: float | None = None,
-    kind: str | None = None,
-    time: str | None = None,
-    json: Flag = False,
-) -> None:
-    """Say what is in a log: series, rates, gaps, accuracy, and every assumption made on reading it.
-
-    Parameters
-    ----------
-    log
-        File or folder.
-    config
-        TOML file whose [recording] section says how to read it.
-    columns
-        Meaning of the columns of a plain text log.
-    units
-        Units of accelerometer and gyro, such as g,deg/s.
-    axes
-        Directions of the sensor's x, y, z: FRD, FLU, RFU, ...
-    rate
-        Sampling rate in Hz of a log without time column.
-    kind
-        rate or increment.
-    time
-        Meaning of the stamps: gps-tow:WEEK, gps, unix, local.
-    json
-        Print one JSON object instead of text.
-    """
-    recording = read_log(log, config, columns=columns, units=units, axes=axes, rate=rate, kind=kind, time=time)
-    if json:
-        print_json(described(recording))
-    else:
-        print(recording.summary())
 
 
 def convert(
@@ -103,6 +64,10 @@ def convert(
     variable: str | None = None,
     series: str | None = None,
     allow: str | None = None,
+    streams: str | None = None,
+    origin: str | None = None,
+    format: str | None = None,
+    to: str | None = None,
     json: Flag = False,
 ) -> None:
     """Convert a readable log to another format, in SI and forward-right-down.
@@ -110,9 +75,10 @@ def convert(
     Parameters
     ----------
     log
-        File or folder: plain text, Parquet, RTKLIB .pos, RINEX, u-blox .ubx, NMEA, MATLAB .mat, NumPy .npy and .npz.
+        File or folder: plain text, Parquet, RTKLIB .pos, RINEX, u-blox .ubx, NMEA, MATLAB .mat, NumPy .npy and .npz,
+        and the formats that schuler info --formats lists.
     out
-        What to write; the suffix names the format: .parquet, .csv, .pos, .kml, .geojson.
+        What to write; the suffix names the format: .parquet, .csv, .pos, .kml, .geojson, .mcap, ...
     config
         TOML file whose [recording] section says how to read it.
     columns
@@ -145,6 +111,14 @@ def convert(
         imu, gnss, odometer, heading, height or reference, where a table leaves it open.
     allow
         Checks to pass over with a note, such as norm,magnitude.
+    streams
+        Topic, message or instance for each part, such as imu=/imu/data,gnss=none; schuler info lists them.
+    origin
+        Where zero of a local frame is: latitude,longitude in degrees, ellipsoidal height in metres.
+    format
+        Format of the log, where it does not show it.
+    to
+        Format to write, where the suffix does not tell.
     json
         Print one JSON object.
     """
@@ -154,10 +128,10 @@ def convert(
     recording = read_log(
         log, config, columns=columns, units=units, axes=axes, rate=rate, kind=kind, scale=scale, time=time,
         height=height, geoid_separation=geoid_separation, sigma=sigma, delimiter=delimiter, skip=skip,
-        variable=variable, series=series, allow=allow,
+        variable=variable, series=series, allow=allow, streams=streams, origin=origin, format=format,
     )  # fmt: skip
-    written = write(recording, out)
-    missing = left_out(recording, out)
+    written = write(recording, out, format=to)
+    missing = left_out(recording, out, to)
     if json:
         print_json(
             {**described(recording), "files": {"written": written}, "left_out": missing.split(", ") if missing else []}

@@ -48,6 +48,10 @@ class Reading:
         Array of a MATLAB or NumPy file.
     allow
         Checks to pass over with a note, such as norm,magnitude.
+    streams
+        Topic, message or instance for each part, such as imu=/imu/data,gnss=none; schuler info lists them.
+    format
+        Format of the log, where it does not show it.
     start
         Leave out what is before this second of each log.
     stop
@@ -66,6 +70,8 @@ class Reading:
     skip: int | None = None
     variable: str | None = None
     allow: str | None = None
+    streams: str | None = None
+    format: str | None = None
     start: Annotated[float | None, Parameter(name="--from")] = None
     stop: Annotated[float | None, Parameter(name="--to")] = None
 

@@ -172,12 +172,13 @@ class NavigationConfig(Config):
     Attributes
     ----------
     recording : dict
-        How the parts of a folder are read, see docs/reading-data.md.
+        How the log is read: hints of a single one, or an entry of hints for each part of a folder, see
+        docs/reading-data.md.
     imu, gnss, alignment, filter, aiding, outages
         Sections.
     """
 
-    recording: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    recording: dict[str, Any] = Field(default_factory=dict)
     imu: ImuSection
     gnss: GnssSection = GnssSection()
     alignment: AlignmentSection = AlignmentSection()

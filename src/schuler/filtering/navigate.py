@@ -29,6 +29,7 @@ from schuler.filtering.preparation import (
 from schuler.filtering.result import NavigationResult
 from schuler.filtering.satellites import satellites, with_clocks
 from schuler.filtering.start import align, moved_to
+from schuler.recording.io.own import time_document
 from schuler.recording.recording import Recording
 
 __all__ = ["imu_spec", "navigate", "state_layout"]
@@ -153,6 +154,7 @@ def navigate(
             "sources": recording.metadata.sources,
             "recording": recording.metadata.name,
             "recording_options": recording.metadata.options,
+            "time": time_document(recording.metadata.time),
             "imu": spec.name,
             **({} if known is None else {"calibration": known.provenance}),
             "elapsed_s": time.perf_counter() - began,

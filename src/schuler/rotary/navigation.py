@@ -33,6 +33,7 @@ from schuler.filtering.preparation import (
 from schuler.filtering.result import NavigationResult
 from schuler.filtering.start import moved_to
 from schuler.filtering.states import StateLayout
+from schuler.recording.io.own import time_document
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.rotary.aids import check_aids, in_imu_axes
@@ -184,6 +185,7 @@ def navigate_rotary(
             "sources": recording.metadata.sources,
             "recording": recording.metadata.name,
             "recording_options": recording.metadata.options,
+            "time": time_document(recording.metadata.time),
             "imu": spec.name,
             "platform": {
                 "from": type(platform).__name__,

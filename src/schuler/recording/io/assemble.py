@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +41,14 @@ def recording_from(raw: Raw, hints: ReadHints, *, trusted: bool = False, time: T
     FileFormatError, InputError
         If something is missing, contradictory or impossible; with file and line where there is one.
     """
+    made, base = series_from(raw, hints, trusted=trusted, time=time)
+    return Recording(**made, metadata=metadata_of(raw.path, hints, base, raw.notes))
+
+
+def series_from(
+    raw: Raw, hints: ReadHints, *, trusted: bool = False, time: TimeBase | None = None
+) -> tuple[dict[str, Any], TimeBase]:
+    """Series of one table by its name, and the time base; see :func:`recording_from`. Notes go to ``raw.notes``."""
     series = _series(raw, hints)
     if others := [name for name in raw.values if name not in columns.BELONGS[series]]:
         raw.notes.append(f"Columns of no use to the {series} series: {', '.join(others)}.")
@@ -50,20 +59,20 @@ def recording_from(raw: Raw, hints: ReadHints, *, trusted: bool = False, time: T
     t, base = _time(raw, hints, time)
     if delay is not None and time is None:
         raw.values["received"] = t + delay  # on the time base of t
-    made: dict[str, ImuSeries | GnssSeries | OdometerSeries | ScalarSeries | Trajectory]
+    made: ImuSeries | GnssSeries | OdometerSeries | ScalarSeries | Trajectory
     if series == "imu":
-        made = {"imu": _imu(raw, hints, t, trusted)}
+        made = _imu(raw, hints, t, trusted)
     elif series == "gnss":
-        made = {"gnss": gnss_series(raw, hints, t)}
+        made = gnss_series(raw, hints, t)
     elif series == "odometer":
-        made = {"odometer": _odometer(raw, hints, t)}
+        made = _odometer(raw, hints, t)
     elif series == "heading":
-        made = {"heading": _heading(raw, hints, t)}
+        made = _heading(raw, hints, t)
     elif series == "height":
-        made = {"height": _height(raw, hints, t, trusted)}
+        made = _height(raw, hints, t, trusted)
     else:
-        made = {"reference": reference_path(raw, hints, t)}
-    return Recording(**made, metadata=metadata_of(raw.path, hints, base, raw.notes))  # type: ignore[arg-type]
+        made = reference_path(raw, hints, t)
+    return {series: made}, base
 
 
 def metadata_of(path: Path, hints: ReadHints, time: TimeBase, notes: Iterable[str]) -> Metadata:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from schuler.exceptions import InputError
@@ -64,14 +65,28 @@ def read(path: Path | str, hints: ReadHints | None = None, **more: Any) -> Recor
     if path.is_dir():
         from schuler.recording.io.folder import read_folder
 
+        entries = any(isinstance(entry, Mapping) and name != "streams" for name, entry in more.items())
+        whole = None if entries else _folder_format(path, hints, more.get("format"))
+        if whole is not None:
+            return read_one(path, _with(hints, more))
         if hints is not None:
             raise InputError(f"{path} is a folder: give hints per file, imu={{'file': ..., 'units': ...}}")
         return read_folder(path, more)
+    return read_one(path, _with(hints, more))
+
+
+def _with(hints: ReadHints | None, more: Mapping[str, Any]) -> ReadHints:
     if hints is None:
-        hints = ReadHints.of(**more)
-    elif more:
-        hints = ReadHints.of(**{**hints.given(), **more})
-    return read_one(path, hints)
+        return ReadHints.of(**more)
+    return ReadHints.of(**{**hints.given(), **more}) if more else hints
+
+
+def _folder_format(path: Path, hints: ReadHints | None, name: str | None) -> ModuleType | None:
+    """The format of a folder that is one log, as named or by its looks."""
+    from schuler.recording.formats import registry
+
+    name = name or (None if hints is None else hints.format)
+    return registry.find_folder(path) if name is None else registry.module(name)
 
 
 def read_one(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int] | None = None) -> Recording:
@@ -85,7 +100,7 @@ def read_one(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int] |
     return recording
 
 
-def write(recording: Recording, path: Path | str, **options: Any) -> list[Path]:
+def write(recording: Recording, path: Path | str, *, format: str | None = None, **options: Any) -> list[Path]:
     """Write a recording in the format its suffix names.
 
     Parameters
@@ -93,7 +108,9 @@ def write(recording: Recording, path: Path | str, **options: Any) -> list[Path]:
     recording : Recording
     path : Path or str
         ``.parquet`` and ``.csv`` keep everything; ``.pos`` holds the GNSS series, ``.kml`` and ``.geojson`` one track
-        (:func:`left_out` says what is not in them).
+        (:func:`left_out` says what is not in them). For others see ``schuler.recording.formats.registry.WRITERS``.
+    format : str, optional
+        Name of one of these, where the suffix does not tell (two formats share it, or it is a folder).
     **options
         Of the writer, see ``write_csv``, ``write_parquet``, ``write_pos``, ``write_kml`` and ``write_geojson``.
 
@@ -109,20 +126,28 @@ def write(recording: Recording, path: Path | str, **options: Any) -> list[Path]:
     """
     import inspect
 
+    from schuler.recording.formats import registry
+
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix not in WRITERS:
+    if format is None and suffix in WRITERS:
+        writer = _writer(WRITERS[suffix])
+    elif (found := registry.find_writer(path, format)) is not None:
+        writer = found[0].write
+        if not any(getattr(recording, name) is not None for name in found[1]):
+            raise InputError(f"{path}: this format holds {', '.join(found[1])}; the recording has none of them")
+    else:
+        known = ", ".join((*WRITERS, *registry.suffixes()))
         raise InputError(
-            f"{path}: cannot tell the format from {suffix or 'no suffix'!r}; write to {', '.join(WRITERS)}"
+            f"{path}: cannot tell the format from {suffix or 'no suffix'!r}; write to {known}, or name it (format=...)"
         )
-    writer = _writer(WRITERS[suffix])
     for name in options:
-        columns.check_known(name, list(inspect.signature(writer).parameters)[2:], f"option of {suffix}")
+        columns.check_known(name, list(inspect.signature(writer).parameters)[2:], f"option of {format or suffix}")
     written: list[Path] = writer(recording, path, **options)
     return written
 
 
-def left_out(recording: Recording, path: Path | str) -> str:
+def left_out(recording: Recording, path: Path | str, format: str | None = None) -> str:
     """Parts of a recording that the format of a file does not hold, separated by commas; empty if it holds all.
 
     Parameters
@@ -130,17 +155,42 @@ def left_out(recording: Recording, path: Path | str) -> str:
     recording : Recording
     path : Path or str
         Its suffix names the format. Of KML and GeoJSON the track written is not named: GNSS, or the reference.
+    format : str, optional
+        As of :func:`write`.
     """
-    held = {"pos": {"gnss"}, "kml": {"gnss", "reference"}, "geojson": {"gnss", "reference"}}.get(
-        WRITERS.get(Path(path).suffix.lower(), "")
-    )
+    from schuler.recording.formats import registry
+
+    held: set[str] | None
+    suffix = Path(path).suffix.lower()
+    if format is None and suffix in WRITERS:
+        held = {"pos": {"gnss"}, "kml": {"gnss", "reference"}, "geojson": {"gnss", "reference"}}.get(WRITERS[suffix])
+    else:
+        found = registry.find_writer(Path(path), format)
+        held = None if found is None else set(found[1])
     parts = [name for name in (*SERIES, *SATELLITES) if getattr(recording, name) is not None]
     return "" if held is None else ", ".join(name for name in parts if name not in held)
+
+
+def _format_of(path: Path, hints: ReadHints) -> ModuleType | None:
+    """The format of the registry that a file or folder is read as: the one named, or the one that claims it."""
+    from schuler.recording.formats import registry
+
+    if hints.format is not None:
+        return registry.module(hints.format)
+    if path.is_dir():
+        return registry.find_folder(path)
+    head = lines.check_file(path)
+    if hints.columns is not None and b"\x00" not in head:
+        return None  # a table, as the user says
+    return registry.find(head, path)
 
 
 def _read_file(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int] | None = None) -> Recording:
     from schuler.recording.io import matlab, numpy_files, parquet, rtklib, text
 
+    if (module := _format_of(path, hints)) is not None:
+        recording: Recording = module.read(path, hints)
+        return recording
     head = lines.check_file(path)
     received = read_satellite_file(path, head, hints, glonass_channels)
     if received is not None:

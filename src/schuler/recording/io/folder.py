@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from schuler.exceptions import FileFormatError, InputError, SchulerError
+from schuler.recording.formats import registry
 from schuler.recording.io import dispatch, lines, rtklib, text
 from schuler.recording.io.columns import check_known
 from schuler.recording.io.hints import SATELLITES, SERIES, ReadHints
@@ -170,6 +171,8 @@ def _recognised(file: Path) -> tuple[str, ...]:
         head = lines.check_file(file)
     except SchulerError:
         return ()
+    if (held := registry.held_by(head, file)) is not None:
+        return held
     if received := kinds_of(file, head):
         return received
     if rtklib.looks_like_pos(head):

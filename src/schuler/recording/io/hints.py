@@ -108,6 +108,14 @@ class ReadHints:
         Added to the time stamps. [s]
     name : str, optional
         Name of the recording, default the file's.
+    format : str, optional
+        Name of a format of :data:`schuler.recording.formats.registry.FORMATS`, where a file does not show what it is.
+    streams : str or mapping, optional
+        Of a log with many streams (topics, messages, instances) the one for each part,
+        ``"imu=/imu/data,gnss=/gps/fix,reference=none"``; ``none`` leaves a part out. Parts: the series, and
+        ``velocity`` where that of GNSS is a stream of its own.
+    origin : str or sequence of float, optional
+        Where zero of a local frame is: latitude, longitude [deg], ellipsoidal height [m], ``"48.1,11.6,560"``.
 
     Raises
     ------
@@ -137,9 +145,23 @@ class ReadHints:
     variable: str | None = None
     offset: float = 0.0
     name: str | None = None
+    format: str | None = None
+    streams: str | Mapping[str, str] | None = None
+    origin: str | Iterable[float] | None = None
 
     def __post_init__(self) -> None:
-        for name in ("columns", "units", "axes", "time", "delimiter", "comment", "series", "variable", "name"):
+        for name in (
+            "columns",
+            "units",
+            "axes",
+            "time",
+            "delimiter",
+            "comment",
+            "series",
+            "variable",
+            "name",
+            "format",
+        ):
             if not isinstance(value := getattr(self, name), (str, type(None))):
                 raise InputError(f"{name}: expected text, got {value!r}")
         check_known(self.kind, ("rate", "increment"), "kind")
@@ -182,6 +204,8 @@ class ReadHints:
         parse_units(self.units, self.kind)
         parse_scale(self.scale)
         parse_time(self.time)
+        parse_streams(self.streams)
+        parse_origin(self.origin)
         axes_matrix(self.axes)
 
     @classmethod
@@ -323,6 +347,54 @@ def parse_time(text: str | None) -> TimeSpec:
             f"time: expected gps-tow:WEEK with the full week number, for example gps-tow:2374, got {text!r}"
         )
     return TimeSpec("gps-tow", int(week))
+
+
+def parse_streams(value: str | Mapping[str, str] | None) -> dict[str, str | None]:
+    """Stream of each part stated in a ``streams`` hint, ``None`` for a part to be left out.
+
+    Raises
+    ------
+    InputError
+        For unknown or repeated parts and empty names.
+    """
+    if value is None:
+        return {}
+    if isinstance(value, str):
+        pairs = [tuple(p.strip() for p in part.partition("=")[::2]) for part in value.split(",")]
+    elif isinstance(value, Mapping):
+        pairs = [(str(part), str(name).strip()) for part, name in value.items()]
+    else:
+        raise InputError(f"streams: expected PART=STREAM,... or a mapping, got {value!r}")
+    chosen: dict[str, str | None] = {}
+    for part, name in pairs:
+        if not name:
+            raise InputError(f"streams: expected PART=STREAM such as imu=/imu/data, got {value!r}")
+        if check_known(part, (*SERIES, "velocity"), "streams") in chosen:
+            raise InputError(f"streams: {part} is named more than once in {value!r}")
+        chosen[part] = None if name == "none" else name
+    return chosen
+
+
+def parse_origin(value: str | Iterable[float] | None) -> tuple[float, float, float] | None:
+    """Latitude, longitude [rad], ellipsoidal height [m] of an ``origin`` hint in degrees and metres.
+
+    Raises
+    ------
+    InputError
+        If it is not three numbers on the Earth.
+    """
+    if value is None:
+        return None
+    try:
+        parts: list[Any] = value.split(",") if isinstance(value, str) else list(value)
+    except TypeError:
+        parts = []
+    if len(parts) != 3:
+        raise InputError(f"origin: expected latitude, longitude [deg] and ellipsoidal height [m], got {value!r}")
+    lat, lon, h = (_number(part, "origin", None) for part in parts)
+    if abs(lat) > 90.0 or abs(lon) > 360.0 or abs(h) > 1e6:
+        raise InputError(f"origin: expected latitude, longitude [deg] and ellipsoidal height [m], got {value!r}")
+    return lat * units.DEG, lon * units.DEG, h
 
 
 def axes_matrix(axes: str | None) -> FloatArray:

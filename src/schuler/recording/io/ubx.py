@@ -25,6 +25,7 @@ from schuler.recording.series import GnssSeries
 from schuler.timebase import WEEK_S, TimeBase
 
 RAWX, SFRBX, PVT = 0x0215, 0x0213, 0x0107
+_SENSORS = (0x1002, 0x1003)  # ESF-MEAS, ESF-RAW
 _USED = {"name", "series"}
 
 
@@ -103,6 +104,11 @@ def read_ubx(path: Path | str) -> UbxLog:
         # a payload of another length than its counter says; pyubx2 does not list its errors
         except Exception:
             unreadable += 1
+    if sensors := sum(kind in _SENSORS for kind, _, _ in frames.spans):
+        notes.append(
+            f"{sensors} frames ESF-MEAS and ESF-RAW were not read: u-blox does not say the unit of their time tags, "
+            "so the samples of its IMU cannot be timed; log another IMU."
+        )
     if unreadable:
         notes.append(f"{unreadable} frames were not of the length their contents call for and were left out.")
     if not any(by_kind.values()):

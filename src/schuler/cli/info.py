@@ -1,0 +1,148 @@
+"""``schuler info``: what is in a log, streams first where it has many."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from schuler.cli.convert import described, read_log
+from schuler.cli.output import Flag, print_json
+from schuler.exceptions import InputError, SchulerError
+from schuler.recording.formats.streams import Stream, table
+
+
+def info(
+    log: Path | None = None,
+    /,
+    *,
+    config: Path | None = None,
+    columns: str | None = None,
+    units: str | None = None,
+    axes: str | None = None,
+    rate: float | None = None,
+    kind: str | None = None,
+    time: str | None = None,
+    streams: str | None = None,
+    origin: str | None = None,
+    height: str | None = None,
+    geoid_separation: float | None = None,
+    sigma: str | None = None,
+    allow: str | None = None,
+    format: str | None = None,
+    formats: Flag = False,
+    json: Flag = False,
+) -> None:
+    """Say what is in a log: series, rates, gaps, accuracy, and every assumption made on reading it.
+
+    Of a log with many streams (bags, autopilots) all are listed, with what each can be. If it cannot be read yet,
+    because one has to be chosen or something has to be said, the reason stands below the list.
+
+    Parameters
+    ----------
+    log
+        File or folder.
+    config
+        TOML file whose [recording] section says how to read it.
+    columns
+        Meaning of the columns of a plain text log.
+    units
+        Units of accelerometer and gyro, such as g,deg/s.
+    axes
+        Directions of the sensor's x, y, z: FRD, FLU, RFU, ...
+    rate
+        Sampling rate in Hz of a log without time column.
+    kind
+        rate or increment.
+    time
+        Meaning of the stamps: gps-tow:WEEK, gps, unix, local.
+    streams
+        Topic, message or instance for each part, such as imu=/imu/data,gnss=none.
+    origin
+        Where zero of a local frame is: latitude,longitude in degrees, ellipsoidal height in metres.
+    height
+        ellipsoidal or msl.
+    geoid_separation
+        Height of the geoid above the ellipsoid in metres, with --height msl.
+    sigma
+        1-sigma north,east,down in metres (and three of velocity) of a GNSS log without accuracies.
+    allow
+        Checks to pass over with a note, such as norm,truncated.
+    format
+        Format of the log, where it does not show it.
+    formats
+        List the formats of other programs and devices instead.
+    json
+        Print one JSON object instead of text.
+    """
+    if formats:
+        print(known_formats())
+        return
+    if log is None:
+        raise InputError("info: expected a file or folder, or --formats")
+    hints: dict[str, Any] = {
+        "columns": columns, "units": units, "axes": axes, "rate": rate, "kind": kind, "time": time, "streams": streams,
+        "origin": origin, "height": height, "geoid_separation": geoid_separation, "sigma": sigma, "allow": allow,
+        "format": format,
+    }  # fmt: skip
+    listed = streams_in(log, format)
+    if listed is None:
+        recording = read_log(log, config, **hints)
+        if json:
+            print_json(described(recording))
+        else:
+            print(recording.summary())
+        return
+    try:
+        found, refused = read_log(log, config, **hints), None
+    except SchulerError as error:
+        if not listed:
+            raise
+        found, refused = None, str(error)
+    if json:
+        rows = [{**asdict(s), "rate_hz": s.rate_hz} for s in listed]
+        print_json({**({} if found is None else described(found)), "streams": rows, "not_read": refused})
+        return
+    print(table(listed))
+    print(f"\n{found.summary()}" if found is not None else f"\nnot read as a recording yet: {refused}")
+
+
+def streams_in(log: Path, name: str | None = None) -> list[Stream] | None:
+    """Streams of a log whose format has many; None of other logs.
+
+    Raises
+    ------
+    SchulerError
+        If the log is damaged or its library is missing.
+    """
+    from schuler.recording.formats import registry
+    from schuler.recording.io import lines
+
+    if not log.exists():
+        raise InputError(f"{log}: no such file or folder")
+    if name is not None:
+        module = registry.module(name)
+    else:
+        found = registry.find_folder(log) if log.is_dir() else registry.find(lines.check_file(log), log)
+        if found is None:
+            return None
+        module = found
+    contents = getattr(module, "contents", None)
+    if contents is None:
+        return None
+    streams: list[Stream] = contents(log)
+    return streams
+
+
+def known_formats() -> str:
+    """Formats of other programs and devices, one a line: name, what it is, the extra it needs, if it is written."""
+    from schuler.recording.formats import registry
+
+    written = {name: " ".join(suffixes) or "--to" for name, suffixes, _ in registry.WRITERS}
+    lines = []
+    for name, extra in registry.FORMATS:
+        what = (registry.module(name).__doc__ or "").strip().splitlines()[0].rstrip(".")
+        more = [f"written ({written[name]})"] if name in written else []
+        more += [f"extra {extra}"] if extra else []
+        lines.append(f"{name:<16}{what}{'; ' if more else ''}{', '.join(more)}")
+    return "\n".join(lines)

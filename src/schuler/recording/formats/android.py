@@ -1,0 +1,246 @@
+"""Logs of GnssLogger (Google): lines that begin with the kind of their record, described by comments at the top.
+
+``UncalAccel`` or ``Accel`` [m/s^2] and ``UncalGyro`` or ``Gyro`` [rad/s] of the device (x right, y to its top, z out
+of its screen), ``Fix`` with latitude, longitude [deg], height above the ellipsoid and accuracies of 68 %. All have the
+time since boot in nanoseconds, fixes also Unix time, which ties the two clocks together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from schuler import units
+from schuler.arrays import FloatArray, IntArray
+from schuler.exceptions import FileFormatError, InputError, SchulerError
+from schuler.recording.formats import parts, triads, unix_stamps
+from schuler.recording.formats.parts import Table
+from schuler.recording.formats.streams import Stream, choose, stream_of
+from schuler.recording.io import lines
+from schuler.recording.io.hints import ReadHints, parse_streams
+from schuler.recording.recording import Recording
+from schuler.timebase import TimeBase
+
+_HINTS = parts.GNSS_HINTS | {"axes", "streams", "time"}
+_AXES = "RFU"
+#: Radius over sigma: 68 % of errors of two equal axes are within 1.51 of their sigma: sqrt(-2 ln 0.32).
+CIRCLE_68 = float(np.sqrt(-2.0 * np.log(0.32)))
+_FIELDS = {
+    "UncalAccel": ("UncalAccelXMps2", "UncalAccelYMps2", "UncalAccelZMps2"),
+    "Accel": ("AccelXMps2", "AccelYMps2", "AccelZMps2"),
+    "UncalGyro": ("UncalGyroXRadPerSec", "UncalGyroYRadPerSec", "UncalGyroZRadPerSec"),
+    "Gyro": ("GyroXRadPerSec", "GyroYRadPerSec", "GyroZRadPerSec"),
+    "Fix": ("LatitudeDegrees", "LongitudeDegrees", "AltitudeMeters", "AccuracyMeters", "VerticalAccuracyMeters"),
+}
+_BOOT, _UNIX = ("elapsedRealtimeNanos", "ElapsedRealtimeNanos"), ("UnixTimeMillis", "(UTC)TimeInMs")
+
+
+def sniff(head: bytes, path: Path) -> bool:
+    """Whether the comments at the top describe records of GnssLogger."""
+    return head.lstrip(b"\xef\xbb\xbf").startswith(b"#") and b"# Fix,Provider," in head[:20_000]
+
+
+def holds(path: Path) -> tuple[str, ...]:
+    """Series of the kinds that are there."""
+    try:
+        return tuple(dict.fromkeys(stream.part for stream in contents(path) if stream.part and stream.count))
+    except SchulerError:  # said when it is read
+        return ()
+
+
+def contents(path: Path) -> list[Stream]:
+    """Kinds of records, fixes by provider, for ``schuler info``."""
+    rows, names = _rows(path)
+    groups: dict[tuple[str, str], list[list[str]]] = {}
+    for kind, fields in rows:
+        groups.setdefault((fields[1] if kind == "Fix" and len(fields) > 1 else kind, kind), []).append(fields)
+    found = []
+    for (name, kind), records in sorted(groups.items()):
+        part = "gnss" if kind == "Fix" else "imu" if kind in ("UncalGyro", "Gyro") else ""
+        t = np.full(len(records), np.nan)
+        place = next((names[kind].index(n) for n in _BOOT if n in names.get(kind, [])), None)
+        if place is not None:
+            texts = [fields[place] if place < len(fields) else "" for fields in records]
+            t = np.array(
+                [int(text) / unix_stamps.NS if text.isascii() and text.isdigit() else np.nan for text in texts]
+            )
+        found.append(stream_of(name, kind, t, part))
+    return found
+
+
+def read(path: Path, hints: ReadHints) -> Recording:
+    """IMU and fixes of a log.
+
+    Parameters
+    ----------
+    path : Path
+    hints : ReadHints
+        ``streams="gnss=FLP,imu=Gyro"``: fixes of another provider than GPS, rates with Android's bias taken out; their
+        accelerometer goes with them. ``axes`` of the device in the vehicle, if it does not lie on its back with its top
+        forward. ``time="local"`` keeps the time since boot.
+
+    Raises
+    ------
+    FileFormatError
+        With the line, for records that are no numbers.
+    """
+    parts.check_hints(path, hints, _HINTS, "a log of GnssLogger")
+    rows, names = _rows(path)
+    chosen = parse_streams(hints.streams)
+    notes: list[str] = []
+    boot: dict[str, IntArray] = {}
+    values: dict[str, FloatArray] = {}
+    if any(kind in ("UncalGyro", "Gyro") for kind, _ in rows) and chosen.get("imu", "") is not None:
+        gyros = [k for k in ("UncalGyro", "Gyro") if any(kind == k for kind, _ in rows)]
+        streams = [Stream(k, k, 1, part="imu") for k in gyros]
+        picked = choose(streams if "imu" in chosen else streams[:1], "imu", chosen)
+        assert picked is not None
+        wanted = picked.name.replace("Gyro", "Accel")
+        accel = wanted if any(kind == wanted for kind, _ in rows) else ("Accel" if wanted != "Accel" else "UncalAccel")
+        if any(kind == accel for kind, _ in rows):
+            for kind in (accel, picked.name):
+                boot[kind], values[kind] = _table(path, rows, names, kind, _FIELDS[kind])
+            notes.append(f"IMU: {accel} and {picked.name}.")
+        else:
+            notes.append(f"There are rates ({picked.name}) but no accelerations: no IMU.")
+    providers = sorted({fields[1] for kind, fields in rows if kind == "Fix" and len(fields) > 1})
+    unix: IntArray | None = None
+    if providers and chosen.get("gnss", "") is not None:
+        streams = [Stream(name, "Fix", 1, part="gnss") for name in providers]
+        if "gnss" not in chosen and "GPS" in providers:
+            streams = [s for s in streams if s.name == "GPS"]
+        picked = choose(streams, "gnss", chosen)
+        assert picked is not None
+        some = [(kind, fields) for kind, fields in rows if kind == "Fix" and fields[1:2] == [picked.name]]
+        boot["Fix"], values["Fix"] = _table(path, some, names, "Fix", _FIELDS["Fix"])
+        unix = _unix(path, some, names)
+        notes.append(f"Fixes of the provider {picked.name} out of {', '.join(providers)}.")
+    if not boot:
+        raise FileFormatError("there are neither fixes nor an IMU; raw measurements of satellites are not read", path)
+    if any(kind == "Raw" for kind, _ in rows):
+        notes.append("Raw measurements of satellites (Raw) were not read.")
+    seconds, base = _times(boot, unix, hints, notes)
+    tables = {}
+    imu = [kind for kind in boot if kind != "Fix"]
+    if imu:
+        keep = [parts.later(seconds[kind], kind, path, notes) for kind in imu]
+        (t_a, f), (t_g, w) = ((seconds[kind][k], values[kind][k]) for kind, k in zip(imu, keep, strict=True))
+        tables["imu"] = Table(triads.joined(t_a, f, t_g, w, path, notes), axes=_AXES)
+        if hints.axes is None:
+            notes.append(
+                "The device is taken to lie on its back, its top forward (axes RFU); hint axes says otherwise."
+            )
+    if "Fix" in boot:
+        tables["gnss"] = _fixes(seconds["Fix"], values["Fix"], path, hints, notes)
+    return parts.assemble(path, tables, replace(hints, time=None), base, notes)
+
+
+def _rows(path: Path) -> tuple[list[tuple[str, list[str]]], dict[str, list[str]]]:
+    """Records as fields, and the names of the fields of each kind by the comments."""
+    encoding = lines.encoding_of(lines.check_file(path), path)
+    rows, names = [], {}
+    with path.open(encoding=encoding, errors="replace", newline=None) as stream:
+        for line in stream:
+            if line.startswith("#"):
+                fields = [field.strip() for field in line[1:].strip().split(",")]
+                if len(fields) > 3:
+                    names[fields[0]] = fields
+                continue
+            kind, comma, _ = line.partition(",")
+            if comma and kind in _FIELDS:
+                rows.append((kind, line.strip().split(",")))
+            elif comma and kind == "Raw":
+                rows.append((kind, [kind]))
+    return rows, names
+
+
+def _places(path: Path, names: dict[str, list[str]], kind: str, wanted: tuple[str, ...]) -> list[int | None]:
+    if kind not in names:
+        raise FileFormatError(f"expected a comment at the top that names the fields of {kind}", path)
+    return [names[kind].index(name) if name in names[kind] else None for name in wanted]
+
+
+def _table(
+    path: Path, rows: list[tuple[str, list[str]]], names: dict[str, list[str]], kind: str, wanted: tuple[str, ...]
+) -> tuple[IntArray, FloatArray]:
+    """Times since boot [ns] and fields of the records of a kind; fields that were not written are NaN."""
+    stamp = next((k for k in _places(path, names, kind, _BOOT) if k is not None), None)
+    places = _places(path, names, kind, wanted)
+    if stamp is None and kind != "Fix":
+        raise FileFormatError(
+            f"{kind} has no elapsedRealtimeNanos: logs of GnssLogger before version 2 are not read", path
+        )
+    ns, table = [], []
+    for number, (_, fields) in enumerate((row for row in rows if row[0] == kind), 1):
+        try:
+            ns.append(0 if stamp is None else int(fields[stamp]))
+            table.append([float(fields[k] or "nan") if k is not None and k < len(fields) else np.nan for k in places])
+        except (ValueError, IndexError):
+            shown = lines.shorten(",".join(fields), 60)
+            raise FileFormatError(f"record {number} of {kind}: expected numbers, got {shown}", path) from None
+        if abs(ns[-1]) > 4_000_000_000_000_000_000:
+            raise FileFormatError(f"record {number} of {kind}: impossible time {ns[-1]} ns", path)
+    return np.array(ns, dtype=np.int64), np.array(table, dtype=np.float64).reshape(len(table), len(wanted))
+
+
+def _unix(path: Path, rows: list[tuple[str, list[str]]], names: dict[str, list[str]]) -> IntArray:
+    found = [k for k in _places(path, names, "Fix", _UNIX) if k is not None]
+    if not found:
+        raise FileFormatError("the fixes have no UnixTimeMillis", path)
+    try:
+        ms = [int(float(fields[found[0]])) for _, fields in rows]
+    except (ValueError, IndexError, OverflowError):
+        raise FileFormatError("Fix: expected whole milliseconds in UnixTimeMillis", path) from None
+    if max(map(abs, ms), default=0) > 4_000_000_000_000:
+        raise FileFormatError("Fix: impossible UnixTimeMillis", path)
+    return np.array(ms, dtype=np.int64) * 1_000_000
+
+
+def _times(
+    boot: dict[str, IntArray], unix: IntArray | None, hints: ReadHints, notes: list[str]
+) -> tuple[dict[str, FloatArray], TimeBase]:
+    """Seconds on GPS time where fixes tie the time since boot to Unix time, else since boot."""
+    stamps = dict(boot)
+    if "Fix" in stamps and not stamps["Fix"].any() and unix is not None:
+        if len(stamps) > 1:
+            raise InputError(
+                "the fixes have no elapsedRealtimeNanos, so they cannot be related to the IMU: leave one out, "
+                "streams='gnss=none' or 'imu=none'"
+            )
+        stamps["Fix"] = unix
+        return unix_stamps.from_unix(stamps, hints.time, notes, "unix")
+    if unix is None or hints.time == "local":
+        notes.append("Stamps are seconds since boot.")
+        return {kind: ns / unix_stamps.NS for kind, ns in stamps.items()}, TimeBase("local")
+    offset = unix - stamps["Fix"]
+    shift = int(np.median(offset))
+    spread = float(np.abs(offset - shift).max()) / unix_stamps.NS
+    notes.append(
+        f"Stamps since boot were brought to Unix time by the fixes, which differ by up to {spread * 1e3:.3g} ms from "
+        "one offset; the delay of a fix is part of it."
+    )
+    return unix_stamps.from_unix({kind: ns + shift for kind, ns in stamps.items()}, hints.time, notes, "unix")
+
+
+def _fixes(t: FloatArray, rows: FloatArray, path: Path, hints: ReadHints, notes: list[str]) -> Table:
+    good = np.isfinite(rows[:, :3]).all(axis=1)
+    if not good.all():
+        notes.append(f"{int((~good).sum())} fixes without latitude, longitude or height were left out.")
+    t, rows = t[good], rows[good]
+    if not len(t):
+        raise FileFormatError("no fix has latitude, longitude and height", path)
+    keep = parts.later(t, "fixes", path, notes)
+    t, rows = t[keep], rows[keep]
+    values = {"t": t, "lat": rows[:, 0] * units.DEG, "lon": rows[:, 1] * units.DEG, "h": rows[:, 2]}
+    radius, vertical = rows[:, 3], rows[:, 4]
+    if np.isfinite(radius).all():
+        if not np.isfinite(vertical).all():
+            vertical = np.where(np.isfinite(vertical), vertical, 2.0 * radius)
+            notes.append("Where a fix has no vertical accuracy, twice the horizontal one is taken.")
+        sigma = radius / CIRCLE_68
+        values |= {"sn": sigma, "se": sigma, "sd": vertical}
+        notes.append("Accuracies are radii of 68 %; 1-sigma of north and east is the radius by 1.51.")
+    notes.append("Speed and bearing were not used, since the vertical velocity is not known.")
+    return Table(values)

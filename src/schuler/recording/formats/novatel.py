@@ -1,0 +1,238 @@
+"""NovAtel OEM and SPAN logs, binary or ASCII: raw IMU, GNSS, and the receiver's inertial solution as reference.
+
+Messages and units: NovAtel, "OEM7 Commands and Logs Reference Manual"; frames in ``novatel_frames``, scale factors in
+``novatel_imus``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.exceptions import FileFormatError, InputError
+from schuler.recording.formats import parts
+from schuler.recording.formats.novatel_frames import Messages, load, looks_like
+from schuler.recording.formats.novatel_imus import IMU_TYPES, ImuType, by_name
+from schuler.recording.formats.novatel_tables import (
+    AIDED_BY_INS,
+    POSITIONS,
+    gnss_table,
+    heading_table,
+    reference_table,
+)
+from schuler.recording.formats.parts import Table
+from schuler.recording.formats.receiver_tables import (
+    Columns,
+    base_of,
+    keep_timed,
+    pick,
+    preferred,
+    weeks_to_seconds,
+)
+from schuler.recording.formats.streams import Stream, stream_of
+from schuler.recording.io.hints import ReadHints, parse_scale, parse_streams
+from schuler.recording.recording import Recording
+
+_HINTS = {"sigma", "axes", "streams", "scale"}
+_RAW = ("RAWIMUSX", "RAWIMUX", "RAWIMUS", "RAWIMU")
+_CORRECTED = ("CORRIMUDATA", "CORRIMUDATAS", "CORRIMUS", "IMURATECORRIMUS")
+_INS = ("INSPVAX", "INSPVA", "INSPVAS", "IMURATEPVA", "IMURATEPVAS")
+_HEADINGS = ("DUALANTENNAHEADING", "HEADING2")
+_PARTS = {
+    **dict.fromkeys(_RAW, "imu"),
+    **dict.fromkeys(POSITIONS, "gnss"),
+    **dict.fromkeys(_INS, "reference"),
+    **dict.fromkeys(_HEADINGS, "heading"),
+}
+_NO_SOLUTION_TYPES = (0, 1, 2)  # none, and fixed by the user
+_GOOD = (2, 3, 6, 7)  # of the inertial solution: high variance, good, free, alignment complete
+_THINNED = 1.5  # sample intervals of the IMU's own
+
+
+def sniff(head: bytes, path: Path) -> bool:
+    """Whether a whole message of a NovAtel receiver with a right CRC is among the first bytes."""
+    return looks_like(head)
+
+
+def contents(path: Path) -> list[Stream]:
+    """Messages of the log that can be read, and those of other kinds."""
+    return _streams(load(path))
+
+
+def _streams(log: Messages) -> list[Stream]:
+    made = []
+    for name, rows in log.columns.items():
+        week, sow = ("week", "sow") if "week" in rows else ("header_week", "header_sow")
+        t = weeks_to_seconds(rows[week], rows[sow], rows[week].max())
+        made.append(stream_of(name, "NovAtel", t, _PARTS.get(name, "")))
+    return made + [Stream(name, "NovAtel", count) for name, count in log.others.items()]
+
+
+@np.errstate(invalid="ignore", over="ignore")  # what is no number is refused by the checks of parts.assemble
+def read(path: Path, hints: ReadHints) -> Recording:
+    """Recording of a NovAtel log.
+
+    Parameters
+    ----------
+    path : Path
+    hints : ReadHints
+        ``streams`` chooses where there are several: ``imu`` (``RAWIMUSX`` ..), ``gnss`` (``BESTGNSSPOS``, ``BESTPOS``
+        ..), ``reference`` (``INSPVAX``, ``INSPVA`` ..), ``heading`` (``HEADING2``, only if named). ``scale`` says what
+        a count is where the log does not (RAWIMU and RAWIMUS without INSCONFIG): the IMU's name, ``scale="STIM300"``,
+        or ``scale="accel=..,gyro=.."`` in m/s and rad per count. ``axes`` of the IMU, default "RFU" as SPAN has them;
+        ``sigma`` with six numbers for velocities.
+
+    Returns
+    -------
+    Recording
+        On GPS time from the start of the first message's week.
+
+    Raises
+    ------
+    FileFormatError, InputError
+        If the log is damaged, holds none of these messages, or no scale of its raw IMU is known.
+
+    Notes
+    -----
+    CORRIMU messages are not read: gravity and the Earth's rotation have been taken out of them, so they are no
+    measurements to navigate with. BESTPOS of a SPAN receiver may come from its inertial solution (types INS_...); such
+    epochs are left out unless the stream is named, for a filter that uses them would use the IMU twice.
+    """
+    parts.check_hints(path, hints, _HINTS, "a NovAtel log")
+    log = load(path)
+    notes, chosen, streams = list(log.notes), parse_streams(hints.streams), _streams(log)
+    orders = {"imu": _RAW, "gnss": tuple(POSITIONS), "reference": _INS}
+    taken = {part: preferred(streams, part, chosen, order, notes) for part, order in orders.items()}
+    taken["heading"] = preferred(streams, "heading", chosen, (), notes) if "heading" in chosen else None
+    if hints.series is not None:
+        taken = {part: name if part == hints.series else None for part, name in taken.items()}
+    clock = {"imu": ("week", "sow"), "gnss": ("header_week", "header_sow"), "heading": ("header_week", "header_sow")}
+    rows: dict[str, Columns] = {}
+    for part, name in taken.items():
+        if name is None:
+            continue
+        week, sow = clock.get(part, ("week", "sow") if "week" in log.columns[name] else ("header_week", "header_sow"))
+        kept = keep_timed(_usable(log, part, name, notes, named=part in chosen), week, sow, name, path, notes)
+        if len(kept[week]):
+            rows[part] = kept | {"t_week": kept[week], "t_sow": kept[sow]}
+    if not rows:
+        raise FileFormatError(_nothing(log), path)
+    first = min(float(r["t_week"][0]) for r in rows.values())
+    tables: dict[str, Table] = {}
+    for part, kept in rows.items():
+        name = taken[part] or ""
+        t = weeks_to_seconds(kept["t_week"], kept["t_sow"], first)
+        if part == "imu":
+            tables[part] = _imu(log, name, t, kept, hints, notes)
+        elif part == "gnss":
+            tables[part] = gnss_table(log, name, t, kept, first, hints, notes)
+        elif part == "heading":
+            tables[part] = heading_table(name, t, kept, notes)
+        else:
+            tables[part] = reference_table(log, name, t, kept, notes)
+    return parts.assemble(path, tables, hints, base_of(first), notes)
+
+
+def _nothing(log: Messages) -> str:
+    there = ", ".join([*log.columns, *log.others]) or "no messages"
+    why = ""
+    if any(name in log.columns for name in _CORRECTED):
+        why = "; CORRIMU messages hold no gravity and no Earth rotation and cannot be navigated with: log RAWIMUSXB"
+    return f"expected {', '.join((*_RAW[:1], *POSITIONS, *_INS[:2]))} with a solution, found {there}{why}"
+
+
+def _usable(log: Messages, part: str, name: str, notes: list[str], *, named: bool) -> Columns:
+    """Rows of a message that hold a solution."""
+    rows = log.columns[name]
+    if part == "imu":
+        return rows
+    if part == "reference":
+        good = np.isin(rows["ins"], _GOOD)
+        if (n := int((~good).sum())) > 0:
+            notes.append(f"{name}: {n} epochs while the inertial solution was not there were left out.")
+        if (n := int((rows["ins"][good] == _GOOD[0]).sum())) > 0:
+            notes.append(f"{name}: at {n} epochs the receiver itself calls its solution one of high variance.")
+        return pick(rows, good)
+    good = (rows["status"] == 0) & ~np.isin(rows["type"], _NO_SOLUTION_TYPES)
+    if (n := int((~good).sum())) > 0:
+        notes.append(f"{name}: {n} epochs without a solution were left out.")
+    aided = good & np.isin(rows["type"], list(AIDED_BY_INS))
+    if part == "gnss" and aided.any():
+        if named:
+            notes.append(
+                f"{name}: {int(aided.sum())} epochs come from the receiver's inertial solution; kept as named."
+            )
+        else:
+            notes.append(
+                f"{name}: {int(aided.sum())} epochs come from the receiver's inertial solution, not from GNSS alone, "
+                f"and were left out (log BESTGNSSPOS; streams='gnss={name}' keeps them)."
+            )
+            good &= ~aided
+    return pick(rows, good)
+
+
+def _imu(log: Messages, name: str, t: FloatArray, rows: Columns, hints: ReadHints, notes: list[str]) -> Table:
+    kind = _imu_type(log, name, rows, hints)
+    said = parse_scale(hints.scale)
+    if isinstance(said, dict):
+        accel, gyro = said.get("accel"), said.get("gyro")
+        if accel is None or gyro is None or len(said) != 2:
+            raise InputError("scale: a NovAtel IMU needs accel=.. [m/s] and gyro=.. [rad] of a count, and no other")
+        notes.append(f"{name}: a count is {accel:g} m/s and {gyro:g} rad, as stated.")
+    else:
+        assert kind is not None
+        accel, gyro = kind.accel, kind.gyro
+        notes.append(f"{name}: IMU {kind.name}, a count is {accel:.6g} m/s and {gyro:.6g} rad (NovAtel's table).")
+        interval = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+        if kind.rate_hz is not None and interval * kind.rate_hz > _THINNED:
+            raise FileFormatError(
+                f"{name}: samples are {interval:.4g} s apart, but {kind.name} makes one each {1.0 / kind.rate_hz:.4g} "
+                "s: increments in between were not logged, and the motion in them is lost. Log RAWIMUSXB ONNEW; if the "
+                "unit runs at this rate, state scale='accel=..,gyro=..'",
+                log.path,
+            )
+    if "info" in rows and (n := int((rows["info"].astype(np.int64) & 1).sum())):
+        notes.append(f"{name}: {n} samples carry the IMU's error flag; they were kept.")
+    values = {"t": t}
+    for axis, sign in (("x", 1.0), ("y", -1.0), ("z", 1.0)):
+        label = "minus_" if axis == "y" else ""
+        values[f"a{axis}"] = sign * accel * rows[f"{label}a{axis}"]
+        values[f"g{axis}"] = sign * gyro * rows[f"{label}g{axis}"]
+    return Table(values, axes="RFU", kind="increment")
+
+
+def _imu_type(log: Messages, name: str, rows: Columns, hints: ReadHints) -> ImuType | None:
+    """Type of the IMU as stated, as the samples say, or as INSCONFIG does; ``None`` where factors are stated."""
+    said = parse_scale(hints.scale)
+    known = ", ".join(kind.name for kind in IMU_TYPES.values())
+    if isinstance(said, dict):
+        return None
+    if said is not None:
+        found = by_name(said)
+        if found is None:
+            raise InputError(f"scale: {said!r} is no IMU whose counts are known; known are {known}")
+        return found
+    if "imu" in rows:
+        numbers = np.unique(rows["imu"])
+        if len(numbers) > 1:
+            raise FileFormatError(f"{name}: the IMU changes its type within the log; cut it there", log.path)
+        word = f"{int(numbers[0])}"
+    elif (config := log.columns.get("INSCONFIG")) is not None:
+        number = config["imu"][-1]
+        word = log.words.get("INSCONFIG.imu", "") if number < 0.0 else f"{int(number)}"
+    else:
+        raise FileFormatError(
+            f"{name} does not say which IMU it counts for: log RAWIMUSX or INSCONFIG, or say scale='NAME' of "
+            f"{known}, or scale='accel=..,gyro=..' [m/s and rad of a count]",
+            log.path,
+        )
+    found = by_name(word)
+    if found is None:
+        raise FileFormatError(
+            f"{name}: the counts of IMU type {word} are not in our table: look them up in NovAtel's manual (RAWIMUSX) "
+            "and say scale='accel=..,gyro=..' [m/s and rad of a count]",
+            log.path,
+        )
+    return found

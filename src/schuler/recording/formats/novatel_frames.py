@@ -1,0 +1,304 @@
+"""Messages of NovAtel's OEM receivers: binary frames with long and short headers, and ASCII lines, each with a CRC.
+
+Headers, checksum and fields are those of NovAtel's "OEM7 Commands and Logs Reference Manual" (Messages; 32-bit CRC).
+"""
+
+from __future__ import annotations
+
+import re
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.exceptions import FileFormatError
+from schuler.recording.formats.receiver_tables import floats
+from schuler.recording.io.nmea import looks_like_nmea
+
+_SYNC = b"\xaa\x44"
+_LONG, _SHORT = 0x12, 0x13
+_LONG_BYTES, _SHORT_BYTES, _CRC_BYTES = 28, 12, 4
+_RESPONSE, _SOURCE = 0x80, 0x1F  # bits of the message type: an answer to a command; another antenna than the first
+_ASCII = re.compile(rb"([#%])([A-Z][A-Z0-9]{2,30})A,([!-)+-:<-~ ]{3,200});([!-)+-~ ]{1,8000})\*([0-9a-fA-F]{8})")
+_RIGHT = 0xFFFFFFFF  # what zlib makes of a frame and its CRC, which NovAtel neither starts nor ends with ones
+
+SOLUTION_STATUS = MappingProxyType({"SOL_COMPUTED": 0})
+#: Position and velocity types, by their names in ASCII.
+TYPES = MappingProxyType({
+    "NONE": 0, "FIXEDPOS": 1, "FIXEDHEIGHT": 2, "DOPPLER_VELOCITY": 8, "SINGLE": 16, "PSRDIFF": 17, "WAAS": 18,
+    "PROPAGATED": 19, "OMNISTAR": 20, "L1_FLOAT": 32, "IONOFREE_FLOAT": 33, "NARROW_FLOAT": 34, "L1_INT": 48,
+    "WIDE_INT": 49, "NARROW_INT": 50, "RTK_DIRECT_INS": 51, "INS_SBAS": 52, "INS_PSRSP": 53, "INS_PSRDIFF": 54,
+    "INS_RTKFLOAT": 55, "INS_RTKFIXED": 56, "INS_OMNISTAR": 57, "INS_OMNISTAR_HP": 58, "INS_OMNISTAR_XP": 59,
+    "OMNISTAR_HP": 64, "OMNISTAR_XP": 65, "CDGPS": 66, "EXT_CONSTRAINED": 67, "PPP_CONVERGING": 68, "PPP": 69,
+    "OPERATIONAL": 70, "WARNING": 71, "OUT_OF_BOUNDS": 72, "INS_PPP_CONVERGING": 73, "INS_PPP": 74,
+    "PPP_BASIC_CONVERGING": 77, "PPP_BASIC": 78, "INS_PPP_BASIC_CONVERGING": 79, "INS_PPP_BASIC": 80,
+})  # fmt: skip
+#: States of the inertial solution, by their names in ASCII.
+INS_STATUS = MappingProxyType({
+    "INS_INACTIVE": 0, "INS_ALIGNING": 1, "INS_HIGH_VARIANCE": 2, "INS_SOLUTION_GOOD": 3, "INS_SOLUTION_FREE": 6,
+    "INS_ALIGNMENT_COMPLETE": 7, "DETERMINING_ORIENTATION": 8, "WAITING_INITIALPOS": 9, "WAITING_AZIMUTH": 10,
+    "INITIALIZING_BIASES": 11, "MOTION_DETECT": 12,
+})  # fmt: skip
+
+# letters: d f double and single, i I int32 and uint32, H uint16, B uint8, s four characters; in ASCII also x X
+# hexadecimal uint32 and uint8, S T N uint32 that are words (status, type, INS status), W any word
+_BINARY = {
+    "d": "<f8", "f": "<f4", "i": "<i4", "I": "<u4", "H": "<u2", "B": "u1", "s": "S4", "x": "<u4", "X": "u1",
+    "S": "<u4", "T": "<u4", "N": "<u4", "W": "<u4",
+}  # fmt: skip
+_WORDS = {"S": SOLUTION_STATUS, "T": TYPES, "N": INS_STATUS}
+_POSITION = (
+    "S:status T:type d:lat d:lon d:msl f:undulation W:datum f:slat f:slon f:sh s:station f:age f:solution_age "
+    "B:tracked B:used"
+)
+_VELOCITY = "S:status T:type f:latency f:age d:speed d:track d:up"
+_PVA = "I:week d:sow d:lat d:lon d:h d:vn d:ve d:vu d:roll d:pitch d:azimuth N:ins"
+_COUNTS = "x:imu_status i:az i:minus_ay i:ax i:gz i:minus_gy i:gx"
+_HEADING = "S:status T:type f:baseline f:heading f:pitch f:reserved f:sheading f:spitch"
+_CORRECTED = "I:week d:sow d:wx d:wy d:wz d:fx d:fy d:fz"
+_STDDEV = "f:slat f:slon f:sh f:svn f:sve f:svu f:sroll f:spitch f:sazimuth"
+#: Number and fields, as far as they are used, of the messages that are read.
+LAYOUTS: dict[str, tuple[int, str]] = {
+    "RAWIMUSX": (1462, f"X:info B:imu H:week d:sow {_COUNTS}"),
+    "RAWIMUX": (1461, f"X:info B:imu H:week d:sow {_COUNTS}"),
+    "RAWIMUS": (325, f"I:week d:sow {_COUNTS}"),
+    "RAWIMU": (268, f"I:week d:sow {_COUNTS}"),
+    "CORRIMUDATA": (812, _CORRECTED),
+    "CORRIMUDATAS": (813, _CORRECTED),
+    "CORRIMUS": (2264, "I:count d:wx d:wy d:wz d:fx d:fy d:fz"),
+    "IMURATECORRIMUS": (1362, _CORRECTED),
+    "BESTGNSSPOS": (1429, _POSITION),
+    "BESTPOS": (42, _POSITION),
+    "RTKPOS": (141, _POSITION),
+    "PSRPOS": (47, _POSITION),
+    "BESTGNSSVEL": (1430, _VELOCITY),
+    "BESTVEL": (99, _VELOCITY),
+    "PSRVEL": (100, _VELOCITY),
+    "INSPVAX": (
+        1465,
+        "N:ins T:type d:lat d:lon d:msl f:undulation d:vn d:ve d:vu d:roll d:pitch d:azimuth " + _STDDEV,
+    ),
+    "INSPVA": (507, _PVA),
+    "INSPVAS": (508, _PVA),
+    "IMURATEPVA": (1778, _PVA),
+    "IMURATEPVAS": (1305, _PVA),
+    "INSSTDEV": (2051, _STDDEV),
+    "INSSTDEVS": (2052, _STDDEV),
+    "HEADING2": (1335, _HEADING),
+    "DUALANTENNAHEADING": (2042, _HEADING),
+    "INSCONFIG": (1945, "W:imu"),
+}
+_BY_NUMBER = {number: name for name, (number, _) in LAYOUTS.items()}
+
+Columns = dict[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Messages:
+    """Messages of a log.
+
+    Attributes
+    ----------
+    path : Path
+    columns : dict of str to dict
+        Numbers of each kind of message, with ``header_week`` and ``header_sow`` [s]. Shape (n,) each.
+    words : dict of str to str
+        First word of fields that ASCII writes as words of many: ``INSCONFIG.imu``.
+    others : dict of str to int
+        How many messages of other kinds there are.
+    notes : list of str
+        On what was left out.
+    """
+
+    path: Path
+    columns: dict[str, Columns]
+    words: dict[str, str]
+    others: dict[str, int]
+    notes: list[str]
+
+
+def looks_like(head: bytes) -> bool:
+    """Whether a message that is read, with a right CRC, is among the first bytes of a file; without NMEA, any message.
+
+    Receivers that log NMEA often put a line or two of their own before it.
+    """
+    other = False
+    at = head.find(_SYNC)
+    while at >= 0:
+        stop = _stop(head, at)
+        if stop is not None and stop <= len(head) and zlib.crc32(head[at:stop], _RIGHT) == _RIGHT:
+            if int.from_bytes(head[at + 4 : at + 6], "little") in _BY_NUMBER:
+                return True
+            other = True
+        else:
+            stop = at + 1
+        at = head.find(_SYNC, stop)
+    for line in _ASCII.finditer(head):
+        if _line_is_right(line):
+            if line.group(2).decode() in LAYOUTS:
+                return True
+            other = True
+    return other and not looks_like_nmea(head)
+
+
+def _stop(data: bytes, at: int) -> int | None:
+    """Byte behind a frame by what its header says; ``None`` if it cannot be a header."""
+    if at + _SHORT_BYTES > len(data):
+        return None
+    if data[at + 2] == _SHORT:
+        return at + _SHORT_BYTES + data[at + 3] + _CRC_BYTES
+    if data[at + 2] == _LONG and data[at + 3] >= _LONG_BYTES:
+        return at + data[at + 3] + int.from_bytes(data[at + 8 : at + 10], "little") + _CRC_BYTES
+    return None
+
+
+def _line_is_right(line: re.Match[bytes]) -> bool:
+    body = line.group()[1:-9]
+    return zlib.crc32(body, _RIGHT) ^ _RIGHT == int(line.group(5), 16)
+
+
+def load(path: Path) -> Messages:
+    """Find and decode the messages of a log.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    FileFormatError
+        If no message has a right CRC, or more have a wrong one.
+
+    Notes
+    -----
+    After a wrong CRC or a length beyond the end the search goes on behind the two bytes that start a frame, so a
+    message is lost only if it is damaged itself.
+    """
+    data = path.read_bytes()
+    notes: list[str] = []
+    found: dict[str, list[tuple[int, int, bool]]] = {}
+    others: dict[str, int] = {}
+    failed = total = 0
+    beyond = -1
+    done = 0
+    at = data.find(_SYNC)
+    while at >= 0:
+        stop = _stop(data, at)
+        if stop is None or stop > len(data):
+            beyond = at if stop is not None and beyond < done else beyond
+            at = data.find(_SYNC, at + 2)
+            continue
+        if zlib.crc32(data[at:stop], _RIGHT) != _RIGHT:
+            failed += 1
+            at = data.find(_SYNC, at + 2)
+            continue
+        total += 1
+        number = int.from_bytes(data[at + 4 : at + 6], "little")
+        name = _BY_NUMBER.get(number, f"message {number}")
+        is_long = data[at + 2] == _LONG
+        if is_long and data[at + 6] & (_RESPONSE | _SOURCE):
+            name += ", answer or other antenna"
+        if name in LAYOUTS:
+            found.setdefault(name, []).append((at, stop, is_long))
+        else:
+            others[name] = others.get(name, 0) + 1
+        done = stop
+        at = data.find(_SYNC, stop)
+    columns = {name: _gather(data, name, places, notes) for name, places in found.items()}
+    lines, words, lines_failed = _lines(data, others, notes)
+    failed += lines_failed
+    for name, rows in lines.items():
+        if name not in columns or len(rows["header_week"]) > len(columns[name]["header_week"]):
+            columns[name] = rows
+        if name in found:
+            notes.append(f"{name} is in the log in binary and in ASCII; the one with more messages was read.")
+    columns = {name: rows for name, rows in columns.items() if len(rows["header_week"])}
+    total += sum(len(rows["header_week"]) for rows in lines.values())
+    if not total or (failed > total and failed > 10):
+        raise FileFormatError(
+            f"expected messages of a NovAtel receiver, found {total} with a right and {failed} with a wrong CRC: the "
+            "file is damaged or of another kind",
+            path,
+        )
+    if failed:
+        notes.append(f"{failed} messages with a wrong CRC were left out.")
+    if beyond >= done and beyond >= 0:
+        notes.append("The last message was cut off and left out.")
+    return Messages(path, columns, words, others, notes)
+
+
+def _gather(data: bytes, name: str, places: list[tuple[int, int, bool]], notes: list[str]) -> Columns:
+    """Columns of binary frames, all of them with one gather from the file."""
+    fields = [field.split(":") for field in LAYOUTS[name][1].split()]
+    dtype = np.dtype([(label, _BINARY[letter]) for letter, label in fields])
+    table = np.array([(at, stop, is_long) for at, stop, is_long in places], dtype=np.int64)
+    buffer = np.frombuffer(data, dtype=np.uint8)
+    at, stop, is_long = table.T
+    begin = at + np.where(is_long, buffer[at + 3].astype(np.int64), _SHORT_BYTES)
+    whole = stop - _CRC_BYTES - begin >= dtype.itemsize
+    if not whole.all():
+        notes.append(f"{name}: {int((~whole).sum())} messages are shorter than this kind is and were left out.")
+    at, begin, is_long = at[whole], begin[whole], is_long[whole]
+    rows = buffer[begin[:, None] + np.arange(dtype.itemsize)].view(dtype)[:, 0]
+    place = at + np.where(is_long, 14, 6)  # week; milliseconds follow
+    week = buffer[place[:, None] + np.arange(2)].view("<u2")[:, 0]
+    ms = buffer[place[:, None] + np.arange(2, 6)].view("<u4")[:, 0]
+    made = {label: floats(rows[label]) for letter, label in fields if letter != "s"}
+    return made | {"header_week": week.astype(np.float64), "header_sow": ms * 1e-3}
+
+
+def _lines(data: bytes, others: dict[str, int], notes: list[str]) -> tuple[dict[str, Columns], dict[str, str], int]:
+    """Columns of ASCII lines, words, and the number of lines with a wrong CRC."""
+    rows: dict[str, list[list[float]]] = {}
+    words: dict[str, str] = {}
+    failed = strange = 0
+    for line in _ASCII.finditer(data):
+        if not _line_is_right(line):
+            failed += 1
+            continue
+        name = line.group(2).decode()
+        if name not in LAYOUTS:
+            others[name] = others.get(name, 0) + 1
+            continue
+        head = line.group(3).decode().split(",")
+        body = line.group(4).decode().split(",")
+        try:
+            week, sow = (head[4], head[5]) if line.group(1) == b"#" else (head[0], head[1])
+            row = [float(week), float(sow)]
+            for letter, label, text in _fields_of(name, body):
+                if letter == "W":
+                    words.setdefault(f"{name}.{label}", text.strip())
+                    row.append(float(text) if text.isdigit() else -1.0)
+                else:
+                    row.append(_number(letter, text))
+        except (ValueError, IndexError, OverflowError):
+            strange += 1
+            continue
+        rows.setdefault(name, []).append(row)
+    if strange:
+        notes.append(f"{strange} ASCII messages could not be read in spite of a right CRC and were left out.")
+    made = {}
+    for name, table in rows.items():
+        labels = ["header_week", "header_sow"]
+        labels += [f.split(":")[1] for f in LAYOUTS[name][1].split() if not f.startswith("s:")]
+        made[name] = dict(zip(labels, np.array(table, dtype=np.float64).T.copy(), strict=True))
+    return made, words, failed
+
+
+def _fields_of(name: str, body: list[str]) -> list[tuple[str, str, str]]:
+    """Letter, label and text of the fields of a line that are numbers."""
+    fields = [field.split(":") for field in LAYOUTS[name][1].split()]
+    if len(body) < len(fields):
+        raise ValueError
+    return [(f[0], f[1], text) for f, text in zip(fields, body, strict=False) if f[0] != "s"]
+
+
+def _number(letter: str, text: str) -> float:
+    if letter in "xX":
+        return float(int(text, 16))
+    if letter in _WORDS and not text.isdigit():
+        return float(_WORDS[letter].get(text.strip(), -1))
+    return float(text)

@@ -1,0 +1,155 @@
+"""Tables of numbers in text files of known formats: the rows, and errors that name the line."""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+import tempfile
+import warnings
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from schuler import files
+from schuler.arrays import FloatArray, IntArray
+from schuler.exceptions import FileFormatError, InputError
+from schuler.recording.io import lines
+from schuler.recording.io.lines import TextTable
+from schuler.recording.recording import Recording
+
+
+def open_table(path: Path, widths: Collection[int], what: str, delimiter: str = " ", comment: str = "#") -> TextTable:
+    """The table of a file from its first row of numbers on.
+
+    Parameters
+    ----------
+    path : Path
+    widths : collection of int
+        Numbers of columns the format may have.
+    what : str
+        What a row holds, for messages.
+    delimiter, comment : str
+        See :class:`schuler.recording.io.lines.TextTable`.
+
+    Raises
+    ------
+    FileFormatError
+        If there is no row of numbers, or it has another number of columns.
+    """
+    encoding = lines.encoding_of(lines.check_file(path), path)
+    table = TextTable(path, 1, delimiter, comment, encoding)
+    for number, fields in itertools.islice(table.rows(), 200):
+        if all(map(lines.is_value, fields)):
+            if len(fields) not in widths:
+                counts = " or ".join(map(str, sorted(widths)))
+                raise FileFormatError(f"expected {counts} columns ({what}), got {len(fields)}", path, number)
+            return TextTable(path, number, delimiter, comment, encoding)
+    raise FileFormatError(f"there are no rows of numbers ({what})", path)
+
+
+def width(table: TextTable) -> int:
+    """Number of columns of the first row."""
+    return len(next(table.rows())[1])
+
+
+def load(table: TextTable, n: int, *, allow_truncated: bool, notes: list[str]) -> FloatArray:
+    """All numbers of a table of ``n`` columns; errors name the line. Shape (m, n)."""
+    values, truncated = lines.load(table, n, list(range(n)), allow_truncated=allow_truncated)
+    if truncated:
+        notes.append(f"{table.path.name}: the last line was cut off and left out.")
+    bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    if len(bad):
+        column = int(np.flatnonzero(~np.isfinite(values[bad[0]]))[0])
+        raise FileFormatError(
+            f"column {column + 1}: expected a finite number; correct or delete the line",
+            table.path,
+            table.line_of(int(bad[0])),
+        )
+    return values
+
+
+def load_ns(table: TextTable, n: int, *, allow_truncated: bool, notes: list[str]) -> tuple[IntArray, FloatArray]:
+    """The first column as whole nanoseconds, without loss, and the others. Shapes (m,), (m, n - 1)."""
+    dtype = np.dtype([("ns", np.int64), ("values", np.float64, (n - 1,))])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            rows = np.loadtxt(
+                table.path,
+                dtype=dtype,
+                delimiter=None if table.delimiter == " " else table.delimiter,
+                comments=table.comment,
+                skiprows=table.first - 1,
+                ndmin=1,
+                encoding=table.encoding,
+            )
+        except (ValueError, TypeError, OverflowError, RuntimeError, Warning):
+            rows = None
+    if rows is not None and len(rows) and np.isfinite(rows["values"]).all() and _sane(rows["ns"]):
+        return np.ascontiguousarray(rows["ns"]), np.ascontiguousarray(rows["values"])
+    values = load(table, n, allow_truncated=allow_truncated, notes=notes)  # names the line at fault
+    if np.abs(values[:, 0]).max() > 4.0e18:
+        raise FileFormatError("stamps are beyond nanoseconds of this century: is the file in this format?", table.path)
+    rounded = np.round(values[:, 0])
+    if not np.array_equal(rounded, values[:, 0]) or np.abs(rounded).max() > 2.0**53:
+        notes.append("Stamps are not written as whole nanoseconds and have the resolution of a floating-point number.")
+    return rounded.astype(np.int64), values[:, 1:]
+
+
+def _sane(ns: IntArray) -> bool:
+    return bool(ns.min() > -4_000_000_000_000_000_000 and ns.max() < 4_000_000_000_000_000_000)
+
+
+def head_of(path: Path, n: int = 20_000) -> bytes:
+    """First bytes of a file; none if it cannot be opened."""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(n)
+    except OSError:
+        return b""
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """Yield an empty folder beside ``path``, which takes that name only when the block ends without an error.
+
+    Raises
+    ------
+    InputError
+        If the folder exists: it is not written over.
+    """
+    path = Path(path)
+    if path.exists():
+        raise InputError(f"{path} exists; a folder of data is not written over: remove it, or name another")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".schuler-", dir=path.parent) as folder:
+        made = Path(folder) / path.name
+        made.mkdir()
+        yield made
+        try:
+            made.rename(path)
+        except OSError:
+            shutil.move(made, path)
+
+
+def naming_sources(recording: Recording, folder: Path, sources: Iterable[Path]) -> Recording:
+    """The recording with its sources named from their folder on: those of a data set may all be called alike."""
+    named = {path.relative_to(folder).as_posix(): files.sha256(path) for path in sources}
+    return replace(recording, metadata=replace(recording.metadata, sources=named))
+
+
+def save(
+    path: Path, rows: FloatArray, fmt: str | list[str], header: str = "", comments: str = "", sep: str = " "
+) -> None:
+    """Write rows of numbers with LF endings; missing folders are made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", encoding="utf-8", newline="\n") as stream:
+        if header:
+            stream.write(f"{comments}{header}\n")
+        pattern = sep.join(fmt) if isinstance(fmt, list) else sep.join([fmt] * rows.shape[1])
+        for start in range(0, len(rows), 8192):  # a block at a time, by one format
+            block = rows[start : start + 8192].tolist()
+            stream.write("\n".join([pattern % tuple(row) for row in block]) + "\n")

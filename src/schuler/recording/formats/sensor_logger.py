@@ -1,0 +1,125 @@
+"""Folders of the app Sensor Logger (Android, iOS): a CSV table a sensor with ``time`` in Unix nanoseconds.
+
+``TotalAcceleration.csv`` is what the accelerometer feels; ``Accelerometer.csv`` has gravity taken out, which
+``Gravity.csv`` gives back. ``Gyroscope.csv`` [rad/s], ``Location.csv`` with accuracies of 68 %. Columns stand in any
+order (the app writes z, y, x); axes are the device's, x right, y to its top, z out of its screen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from schuler import units
+from schuler.arrays import FloatArray, IntArray
+from schuler.exceptions import FileFormatError
+from schuler.recording.formats import parts, plain_text, triads, unix_stamps
+from schuler.recording.formats.android import CIRCLE_68
+from schuler.recording.formats.parts import Table
+from schuler.recording.io import lines
+from schuler.recording.io.hints import ReadHints, parse_streams
+from schuler.recording.recording import Recording
+
+_HINTS = parts.GNSS_HINTS | {"axes", "streams", "time"}
+_AXES = "RFU"
+_GYROS = ("Gyroscope", "GyroscopeUncalibrated")
+
+
+def sniff(head: bytes, path: Path) -> bool:
+    """A table alone is read with its folder."""
+    return False
+
+
+def sniff_folder(path: Path) -> bool:
+    """Whether a folder has rates or places as the app writes them."""
+    names = (*_GYROS, "Location")
+    return any(b"seconds_elapsed" in plain_text.head_of(path / f"{name}.csv", 400) for name in names)
+
+
+def read(path: Path, hints: ReadHints) -> Recording:
+    """IMU and fixes of a folder.
+
+    Parameters
+    ----------
+    path : Path
+    hints : ReadHints
+        ``streams="imu=GyroscopeUncalibrated,gnss=none"``; ``axes`` of the device in the vehicle, if it does not lie on
+        its back with its top forward; ``time`` if stamps are not Unix time.
+
+    Raises
+    ------
+    FileFormatError
+        With file and line, for what is missing or malformed.
+    """
+    parts.check_hints(path, hints, _HINTS, "a folder of Sensor Logger")
+    if not path.is_dir() or not sniff_folder(path):
+        raise FileFormatError("expected a folder with Gyroscope.csv or Location.csv of Sensor Logger", path)
+    notes: list[str] = []
+    stamps: dict[str, IntArray] = {}
+    values: dict[str, FloatArray] = {}
+    chosen = parse_streams(hints.streams)
+
+    def load(name: str, columns: tuple[str, ...]) -> bool:
+        if not (path / f"{name}.csv").is_file():
+            return False
+        stamps[name], values[name] = _table(path / f"{name}.csv", columns, hints, notes)
+        return True
+
+    gyro = chosen.get("imu", "Gyroscope")
+    accel: tuple[str, ...] = ()
+    if gyro is not None and load(gyro, ("x", "y", "z")):
+        for names in (("TotalAcceleration",), ("AccelerometerUncalibrated",), ("Accelerometer", "Gravity")):
+            if all((path / f"{name}.csv").is_file() for name in names):
+                accel = names
+                break
+        if not accel:
+            del stamps[gyro], values[gyro]
+            notes.append(
+                "There are rates but no TotalAcceleration.csv, nor Accelerometer.csv with Gravity.csv: no IMU."
+            )
+        for name in accel:
+            load(name, ("x", "y", "z"))
+    if chosen.get("gnss", "") is not None:
+        load("Location", ("latitude", "longitude", "altitude", "horizontalAccuracy", "verticalAccuracy"))
+    if not stamps:
+        raise FileFormatError("there is neither an IMU nor Location.csv", path)
+    sources = [path / f"{name}.csv" for name in stamps]
+    seconds, base = unix_stamps.from_unix(stamps, hints.time, notes, "unix")
+    kept = {name: parts.later(seconds[name], name, path, notes) for name in stamps}
+    t = {name: seconds[name][k] for name, k in kept.items()}
+    v = {name: values[name][k] for name, k in kept.items()}
+    tables = {}
+    if accel and gyro is not None:
+        f = v[accel[0]]
+        if len(accel) == 2:
+            f = f + np.stack([np.interp(t[accel[0]], t[accel[1]], v[accel[1]][:, k]) for k in range(3)], axis=1)
+        notes.append(f"IMU: {' plus '.join(accel)} and {gyro}.")
+        tables["imu"] = Table(triads.joined(t[accel[0]], f, t[gyro], v[gyro], path, notes), axes=_AXES)
+        if hints.axes is None:
+            notes.append(
+                "The device is taken to lie on its back, its top forward (axes RFU); hint axes says otherwise."
+            )
+    if "Location" in v:
+        rows = v["Location"]
+        place = {"lat": rows[:, 0] * units.DEG, "lon": rows[:, 1] * units.DEG, "h": rows[:, 2]}
+        if np.all(rows[:, 3:] > 0.0):
+            sigma = rows[:, 3] / CIRCLE_68
+            place |= {"sn": sigma, "se": sigma, "sd": rows[:, 4]}
+            notes.append("Accuracies are radii of 68 %; 1-sigma of north and east is the radius by 1.51.")
+        tables["gnss"] = Table({"t": t["Location"], **place}, ellipsoidal=False)
+    return parts.assemble(path, tables, replace(hints, time=None), base, notes, sources)
+
+
+def _table(path: Path, columns: tuple[str, ...], hints: ReadHints, notes: list[str]) -> tuple[IntArray, FloatArray]:
+    """Stamps [ns] and columns of a table by the names in its header."""
+    first = lines.check_file(path).split(b"\n")[0].decode("latin-1").strip().lstrip("ï»¿")
+    names = [name.strip().strip('"') for name in first.split(",")]
+    if missing := [name for name in ("time", *columns) if name not in names]:
+        raise FileFormatError(f"expected the columns time, {', '.join(columns)}; {', '.join(missing)} missing", path, 1)
+    if names[0] != "time":
+        raise FileFormatError("expected time as the first column", path, 1)
+    table = plain_text.open_table(path, (len(names),), first[:80], delimiter=",")
+    ns, rows = plain_text.load_ns(table, len(names), allow_truncated=hints.allows("truncated"), notes=notes)
+    return ns, rows[:, [names.index(name) - 1 for name in columns]]

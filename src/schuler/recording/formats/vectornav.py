@@ -1,0 +1,250 @@
+"""VectorNav logs, binary or ASCII: IMU, GNSS, and the sensor's own solution as reference.
+
+Packets in ``vectornav_packets``. The sensor's axes are forward-right-down; its accelerometer measures specific force.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from schuler.arrays import BoolArray
+from schuler.exceptions import FileFormatError, InputError
+from schuler.recording.formats import parts
+from schuler.recording.formats.parts import Table
+from schuler.recording.formats.receiver_tables import Columns, base_of, keep_timed, pick
+from schuler.recording.formats.streams import Stream, stream_of
+from schuler.recording.formats.vectornav_packets import Packets, load, looks_like
+from schuler.recording.formats.vectornav_tables import (
+    KINDS,
+    QUALITY,
+    gnss_table,
+    imu_kind,
+    imu_table,
+    reference_table,
+)
+from schuler.recording.io.hints import ReadHints, parse_streams
+from schuler.recording.recording import Recording
+from schuler.timebase import WEEK_S, TimeBase
+
+_HINTS = {"sigma", "axes", "streams", "time", "rate"}
+_SOLUTION = ("lat", "lon", "h", "vn", "ve", "vd")
+_FIX = ("fix", "fix_lat", "fix_lon", "fix_h")
+_MODE, _TRACKING, _LOST = 0x3, 2, 3  # of the INS status
+_FIRST_WEEK = 1000.0  # there were no such sensors before; times before are those of a clock not set
+
+
+def sniff(head: bytes, path: Path) -> bool:
+    """Whether there are two packets or lines of a VectorNav sensor with right checksums among the first bytes."""
+    return looks_like(head)
+
+
+def contents(path: Path) -> list[Stream]:
+    """Kinds of packets of the log; those that hold several parts of a recording name the first."""
+    made = []
+    log = load(path)
+    for name, rows in log.columns.items():
+        held = _held(rows)
+        t = rows["startup_s"] + rows["startup_rest"] if "startup_s" in rows else rows.get("sow", np.empty(0))
+        stream = stream_of(name, "VectorNav", t, held[0] if held else "")
+        made.append(
+            Stream(name, ", ".join(held), len(next(iter(rows.values()))), stream.start, stream.stop, stream.part)
+        )
+    return made + [Stream(name, "VectorNav", count) for name, count in log.others.items()]
+
+
+@np.errstate(invalid="ignore", over="ignore")  # what is no number is refused by the checks of parts.assemble
+def read(path: Path, hints: ReadHints) -> Recording:
+    """Recording of a VectorNav log.
+
+    Parameters
+    ----------
+    path : Path
+    hints : ReadHints
+        ``streams="imu=.."`` with ``uncompensated`` (default where it is logged), ``delta`` (angle and velocity
+        increments) or ``compensated`` (less what the sensor's filter takes for biases); ``gnss=none`` and so on leave
+        parts out. ``time="local"`` counts from the sensor's start instead of GPS time. ``rate`` of VNIMU and VNYMR
+        lines, which have no time. ``axes``, if the sensor's reference frame was not turned to the vehicle's.
+
+    Returns
+    -------
+    Recording
+        On GPS time where the log has it, else in seconds since the sensor started.
+
+    Raises
+    ------
+    FileFormatError, InputError
+        If the log is damaged, holds none of the parts, or has no times and no ``rate`` is given.
+    """
+    parts.check_hints(path, hints, _HINTS, "a VectorNav log")
+    if hints.time not in (None, "gps", "local"):
+        raise InputError(f"time: a VectorNav log has time='gps' or 'local', got {hints.time!r}")
+    log = load(path)
+    notes, chosen = list(log.notes), parse_streams(hints.streams)
+    kind = chosen.get("imu", "")
+    if kind and kind not in KINDS:
+        raise InputError(f"streams: imu of a VectorNav log is one of {', '.join(KINDS)} or none, got {kind!r}")
+    found: dict[str, tuple[str, Columns]] = {}
+    for part in ("imu", "gnss", "reference"):
+        if (part in chosen and chosen[part] is None) or hints.series not in (None, part):
+            continue
+        best = _best(log, part, kind or "")
+        if best is not None:
+            found[part] = best
+    if kind and "imu" not in found:
+        raise InputError(f"streams: the log has no {kind} IMU")
+    if not found:
+        raise FileFormatError(
+            f"expected IMU, GNSS or INS outputs, found packets {', '.join([*log.columns, *log.others])} without them",
+            path,
+        )
+    if "imu" in found and not _has_time(found["imu"][1]):
+        return _without_time(log, found, hints, notes)
+    if "rate" in hints.given():
+        raise InputError(f"{path}: the packets have times; leave out rate")
+    local = hints.time == "local" or not any(_has_gps(rows) for _, rows in found.values())
+    tables, first = _timed_tables(log, found, kind or "", hints, notes, local=local)
+    if not tables:
+        raise FileFormatError("no packet has a time or a solution; time='local' counts from the sensor's start", path)
+    return parts.assemble(path, tables, hints, TimeBase("local") if local else base_of(first), notes)
+
+
+def _held(rows: Columns) -> list[str]:
+    """Parts of a recording that packets of a kind hold."""
+    held = ["imu"] if imu_kind(rows, "") else []
+    held += ["gnss"] if all(name in rows for name in _FIX) else []
+    return held + (["reference"] if all(name in rows for name in _SOLUTION) else [])
+
+
+def _best(log: Packets, part: str, kind: str) -> tuple[str, Columns] | None:
+    """Name and columns of the packets to take for a part: the preferred outputs, then most packets."""
+    ranked = []
+    for name, rows in log.columns.items():
+        n = len(next(iter(rows.values())))
+        if part == "imu":
+            there = imu_kind(rows, kind)
+            if there is not None:
+                ranked.append((_has_time(rows), -KINDS.index(there), n, name))
+        elif part in _held(rows):
+            ranked.append((_has_gps(rows), 0, n, name))
+    if not ranked:
+        return None
+    name = max(ranked)[3]
+    return name, log.columns[name]
+
+
+def _has_gps(rows: Columns) -> bool:
+    return "gps_s" in rows or ("tow_s" in rows and "week" in rows) or "sow" in rows or "fix_sow" in rows
+
+
+def _has_time(rows: Columns) -> bool:
+    return _has_gps(rows) or "startup_s" in rows or "dt" in rows
+
+
+def _with_clock(rows: Columns, part: str, what: str, *, local: bool, path: Path, notes: list[str]) -> Columns:
+    """Rows with columns ``clock_week`` and ``clock_sow`` of the packets' time (week 0 of a local clock), in order."""
+    if local:
+        if "startup_s" in rows:
+            sow = rows["startup_s"] + rows["startup_rest"]
+        elif "dt" in rows:
+            sow = np.cumsum(rows["dt"])
+            notes.append(f"{what}: stamps are the sums of the intervals in the packets.")
+        else:
+            notes.append(f"{what} has no time on the sensor's clock and was left out.")
+            return {}
+        rows = rows | {"clock_week": np.zeros(len(sow)), "clock_sow": sow}
+        return pick(rows, parts.later(sow, what, path, notes))
+    if part == "gnss" and "fix_sow" in rows:
+        week, sow = rows["fix_week"], rows["fix_sow"]
+    elif part == "gnss" and "fix_tow_s" in rows and "fix_week" in rows:
+        week, sow = rows["fix_week"], rows["fix_tow_s"] + rows["fix_tow_rest"]
+    elif "sow" in rows:
+        week, sow = rows["week"], rows["sow"]
+    elif "gps_s" in rows:
+        week = np.floor(rows["gps_s"] / WEEK_S)
+        sow = rows["gps_s"] - week * WEEK_S + rows["gps_rest"]
+    elif "tow_s" in rows and "week" in rows:
+        week, sow = rows["week"], rows["tow_s"] + rows["tow_rest"]
+    else:
+        notes.append(f"{what} has no GPS time and was left out (time='local' counts from the sensor's start).")
+        return {}
+    week = np.where(week >= _FIRST_WEEK, week, 0.0)
+    rows = rows | {"clock_week": week, "clock_sow": sow}
+    return keep_timed(rows, "clock_week", "clock_sow", what, path, notes)
+
+
+def _timed_tables(
+    log: Packets, found: dict[str, tuple[str, Columns]], kind: str, hints: ReadHints, notes: list[str], *, local: bool
+) -> tuple[dict[str, Table], float]:
+    """Tables of the parts on one clock, and the first week."""
+    ready: dict[str, Columns] = {}
+    for part, (name, rows) in found.items():
+        good = _good(part, name, rows, notes)
+        if part == "gnss":
+            good &= _new_fix(rows)
+        if good.any():
+            made = _with_clock(pick(rows, good), part, f"{part} ({name})", local=local, path=log.path, notes=notes)
+            if made and len(made["clock_sow"]):
+                ready[part] = made
+    first = min((float(rows["clock_week"][0]) for rows in ready.values()), default=0.0)
+    tables: dict[str, Table] = {}
+    for part, rows in ready.items():
+        t = (rows["clock_week"] - first) * WEEK_S + rows["clock_sow"]
+        if part == "imu":
+            tables[part] = imu_table(t, rows, kind, notes)
+        elif part == "gnss":
+            tables[part] = gnss_table(t, rows, hints, notes)
+        else:
+            tables[part] = reference_table(t, rows, notes)
+    return tables, first
+
+
+def _good(part: str, name: str, rows: Columns, notes: list[str]) -> BoolArray:
+    """Rows with a solution."""
+    good = np.ones(len(next(iter(rows.values()))), dtype=bool)
+    if part == "imu":
+        return good
+    if part == "gnss":
+        good = np.isin(rows["fix"], list(QUALITY))
+        what = "fix"
+    else:
+        mode = rows["ins"].astype(np.int64) & _MODE if "ins" in rows else np.full(len(good), _TRACKING)
+        good = np.isin(mode, (_TRACKING, _LOST)) & ((rows["lat"] != 0.0) | (rows["lon"] != 0.0))
+        what = "solution of the INS (status not tracking)"
+    if not good.all():
+        notes.append(f"{part} ({name}): {int((~good).sum())} packets without a {what} were left out.")
+    return good
+
+
+def _new_fix(rows: Columns) -> BoolArray:
+    """Packets whose fix is not that of the packet before: a fix is repeated until the next. Shape (n,)."""
+    names: tuple[str, ...] = ("fix_tow_s", "fix_tow_rest") if "fix_tow_s" in rows else ("fix_sow",)
+    if names[0] not in rows:
+        names = ("fix_lat", "fix_lon", "fix_h")
+    new = np.ones(len(rows["fix"]), dtype=bool)
+    new[1:] = np.any([rows[name][1:] != rows[name][:-1] for name in names], axis=0)
+    return new
+
+
+def _without_time(log: Packets, found: dict[str, tuple[str, Columns]], hints: ReadHints, notes: list[str]) -> Recording:
+    """Lines of an IMU that say no time: counted at a stated rate, or left out beside parts that have times."""
+    name, rows = found["imu"]
+    if len(found) > 1:
+        notes.append(
+            f"imu: {name} has no time and cannot be related to the rest of the log; it was left out (series='imu' with "
+            "rate=.. reads it alone; log binary packets with TimeGps for both)."
+        )
+        rest = {part: entry for part, entry in found.items() if part != "imu"}
+        tables, first = _timed_tables(log, rest, "", hints, notes, local=False)
+        if not tables:
+            raise FileFormatError("nothing of the log can be read but an IMU without time: say series='imu'", log.path)
+        return parts.assemble(log.path, tables, hints, base_of(first), notes)
+    if hints.rate is None:
+        raise InputError(f"{log.path}: {name} lines have no time: say rate=.. [Hz], the sensor's output rate")
+    n = len(next(iter(rows.values())))
+    notes.append(f"imu: {name} has no time; stamps are counted at {hints.rate:g} Hz from 0 s, lost lines are not seen.")
+    tables = {"imu": imu_table(np.arange(n) / hints.rate, rows, "", notes)}
+    made = parts.assemble(log.path, tables, replace(hints, rate=None), TimeBase("local"), notes)
+    return replace(made, metadata=replace(made.metadata, options=hints.given()))

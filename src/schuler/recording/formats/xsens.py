@@ -1,0 +1,221 @@
+"""Xsens logs: binary ``.mtb`` (MTData2) and the text that MT Manager exports.
+
+Messages in ``xsens_messages``. The sensor's axes are forward-left-up as printed on its case, and it measures specific
+force.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler import rotation, units
+from schuler.arrays import FloatArray
+from schuler.exceptions import FileFormatError, InputError
+from schuler.recording.formats import parts, xsens_text
+from schuler.recording.formats.parts import Table
+from schuler.recording.formats.receiver_tables import unwrapped
+from schuler.recording.formats.streams import Stream, stream_of
+from schuler.recording.formats.xsens_messages import Packets, load, looks_like
+from schuler.recording.formats.xsens_time import TICK, fixes_of, gnss_table, utc_line
+from schuler.recording.io import ubx_solution
+from schuler.recording.io.hints import ReadHints, axes_matrix, parse_streams
+from schuler.recording.recording import Recording
+from schuler.timebase import WEEK_S, TimeBase
+
+_HINTS = {"axes", "streams", "time", "rate"}
+_IMUS = {"delta": ("dv", "dq"), "rates": ("a", "g"), "hr": ("hra", "hrg")}
+_SOLUTION = ("q", "latlon", "h", "v")
+# from the axes of a solution to north, east, down
+_TO_NED = {
+    "ENU": np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]),
+    "NED": np.eye(3),
+    "NWU": np.diag([1.0, -1.0, -1.0]),
+}
+
+
+def sniff(head: bytes, path: Path) -> bool:
+    """Whether there are messages of an Xsens sensor, or the header of MT Manager's text."""
+    return xsens_text.looks_like(head) or looks_like(head)
+
+
+def contents(path: Path) -> list[Stream]:
+    """IMU outputs, GNSS and solutions of a binary log."""
+    with path.open("rb") as stream:
+        if xsens_text.looks_like(stream.read(65536)):
+            return []
+    packets = load(path, [])
+    made = []
+    for name, items in (*_IMUS.items(), ("solution", _SOLUTION)):
+        rows = _joined(packets, items)
+        if rows is not None:
+            part = "reference" if name == "solution" else "imu"
+            made.append(stream_of(name, ", ".join(items), rows.get("t", np.empty(0)), part))
+            made[-1] = Stream(name, made[-1].kind, len(rows["place"]), made[-1].start, made[-1].stop, part)
+    if fixes := fixes_of(packets):
+        made.append(Stream("GnssPvtData", "gnss", len(fixes), part="gnss"))
+    return made
+
+
+@np.errstate(invalid="ignore", over="ignore")  # what is no number is refused by the checks of parts.assemble
+def read(path: Path, hints: ReadHints) -> Recording:
+    """Recording of an Xsens log.
+
+    Parameters
+    ----------
+    path : Path
+    hints : ReadHints
+        ``streams="imu=.."`` with ``delta`` (DeltaV and DeltaQ, default where they are logged), ``rates``
+        (Acceleration and RateOfTurn) or ``hr``; ``gnss=none`` and ``reference=none`` leave these out. ``axes``, default
+        "FLU" as printed on the case. ``time="local"`` keeps the sensor's clock. ``rate`` where packets have a counter
+        and no time.
+
+    Returns
+    -------
+    Recording
+        On GPS time where UTC is logged and resolved, else on the sensor's own clock.
+
+    Raises
+    ------
+    FileFormatError, InputError
+        If the log is damaged, or holds no IMU, or no time and no ``rate`` is given.
+    """
+    parts.check_hints(path, hints, _HINTS, "an Xsens log")
+    if hints.time not in (None, "gps", "local"):
+        raise InputError(f"time: an Xsens log has time='gps' (by its UTC) or 'local', got {hints.time!r}")
+    with path.open("rb") as stream:
+        if xsens_text.looks_like(stream.read(65536)):
+            return xsens_text.read_text_export(path, hints)
+    notes: list[str] = []
+    packets, chosen = load(path, notes), parse_streams(hints.streams)
+    wanted = chosen.get("imu", "")
+    if wanted and wanted not in _IMUS:
+        raise InputError(f"streams: imu of an Xsens log is one of {', '.join(_IMUS)} or none, got {wanted!r}")
+    found: dict[str, dict[str, FloatArray]] = {}
+    kind = ""
+    if not ("imu" in chosen and wanted is None) and hints.series in (None, "imu"):
+        for kind in (wanted,) if wanted else _IMUS:
+            rows = _joined(packets, _IMUS[kind])
+            if rows is not None:
+                found["imu"] = rows
+                break
+        else:
+            if wanted:
+                raise InputError(f"streams: the log has no IMU output {wanted!r}")
+    solution = _joined(packets, _SOLUTION) if hints.series in (None, "reference") else None
+    if solution is not None and not ("reference" in chosen and chosen["reference"] is None):
+        found["reference"] = solution
+    fixes = fixes_of(packets) if hints.series in (None, "gnss") and chosen.get("gnss", "") is not None else []
+    if not found and not fixes:
+        raise FileFormatError("the log holds no IMU outputs (DeltaV with DeltaQ, Acceleration with RateOfTurn)", path)
+    gnss, start, said = ubx_solution.solutions(fixes)
+    notes += [note.replace("NAV-PVT", "GnssPvtData") for note in said]
+    line = None if hints.time == "local" else utc_line(packets, notes)
+    tables: dict[str, Table] = {}
+    if line is None:
+        if gnss is not None:
+            notes.append("GnssPvtData was left out: the packets' UTC, which relates it to the samples, is not logged.")
+        base = TimeBase("local")
+        shift = 0.0
+    else:
+        shift = float(line.gps_at_zero // WEEK_S * WEEK_S)
+        base = TimeBase("gps", shift)
+        if gnss is not None:
+            tables["gnss"] = gnss_table(gnss, start - shift)
+    for part, rows in found.items():
+        t = _times(path, rows, hints, notes)
+        keep = parts.later(t, part, path, notes)
+        t, rows = t[keep], {name: values[keep] for name, values in rows.items()}
+        if line is not None:
+            t = line.seconds(t, shift)
+        tables[part] = _imu(t, rows, kind, notes) if part == "imu" else _reference(t, rows, packets, hints, notes)
+    made = parts.assemble(path, tables, replace(hints, rate=None), base, notes)
+    return replace(made, metadata=replace(made.metadata, options=hints.given()))
+
+
+def _joined(packets: list[Packets], items: tuple[str, ...]) -> dict[str, FloatArray] | None:
+    """Packets that have all of these items, in order of the file, with their times; ``None`` if none has."""
+    having = [p for p in packets if all(item in p.numbers for item in items)]
+    if not having:
+        return None
+    place = np.concatenate([p.order for p in having])
+    order = np.argsort(place, kind="stable")
+    rows: dict[str, Any] = {"place": place[order].astype(np.float64)}
+    for item in items:
+        rows[item] = np.concatenate([p.numbers[item] for p in having])[order]
+    if all("fine" in p.fields for p in having):
+        rows["t"] = np.concatenate([p.fields["fine"]["value"] for p in having])[order] * TICK
+    elif all("counter" in p.fields for p in having):
+        rows["counter"] = np.concatenate([p.fields["counter"]["value"] for p in having])[order]
+    temperatures = [p.numbers.get("temp") for p in having]
+    if any(t is not None for t in temperatures):
+        pairs = zip(having, temperatures, strict=True)
+        columns = [np.full(len(p.order), np.nan) if t is None else t[:, 0] for p, t in pairs]
+        rows["temp"] = np.concatenate(columns)[order]
+    return rows
+
+
+def _times(path: Path, rows: dict[str, FloatArray], hints: ReadHints, notes: list[str]) -> FloatArray:
+    """Times on the sensor's clock, over the ends of its counters. Shape (n,). [s]"""
+    if "t" in rows:
+        if hints.rate is not None:
+            raise InputError(f"{path}: the packets have times (SampleTimeFine); leave out rate")
+        return unwrapped(rows["t"], 2.0**32 * TICK)
+    if "counter" not in rows or hints.rate is None:
+        raise InputError(
+            f"{path}: the packets have no SampleTimeFine: log it, or say rate=.. [Hz] (with PacketCounter, which is "
+            f"{'there' if 'counter' in rows else 'not there either'})"
+        )
+    notes.append(f"Stamps are the packet counter at {hints.rate:g} Hz.")
+    count = unwrapped(rows["counter"], 65536.0)
+    return np.asarray((count - count[0]) / hints.rate)
+
+
+def _imu(t: FloatArray, rows: dict[str, FloatArray], kind: str, notes: list[str]) -> Table:
+    force, turn = (rows[item] for item in _IMUS[kind])
+    if kind == "delta":
+        norm = np.linalg.norm(turn, axis=1)
+        if (bad := np.flatnonzero(~(np.abs(norm - 1.0) < 1e-2))).size:
+            raise FileFormatError(f"DeltaQ {bad[0] + 1}: expected a unit quaternion, got norm {norm[bad[0]]:.4g}")
+        turn = rotation.rotvec_from_quat(turn / norm[:, None])
+        notes.append("imu: DeltaV and DeltaQ (as rotation vectors), increments over the interval before each packet.")
+    else:
+        notes.append(
+            "imu: Acceleration and RateOfTurn." if kind == "rates" else "imu: AccelerationHR and RateOfTurnHR."
+        )
+    values = {"t": t}
+    values |= {f"a{axis}": force[:, k] for k, axis in enumerate("xyz")}
+    values |= {f"g{axis}": turn[:, k] for k, axis in enumerate("xyz")}
+    if "temp" in rows and np.isfinite(rows["temp"]).any():
+        known = np.flatnonzero(np.isfinite(rows["temp"]))
+        values["temp"] = np.interp(np.arange(len(t)), known, rows["temp"][known])
+        if len(known) < len(t):
+            notes.append("Temperatures, which come less often than samples, were interpolated.")
+    return Table(values, axes="FLU", kind="increment" if kind == "delta" else "rate")
+
+
+def _reference(
+    t: FloatArray, rows: dict[str, FloatArray], packets: list[Packets], hints: ReadHints, notes: list[str]
+) -> Table:
+    """The sensor's own solution, from its axes (ENU, NED or NWU) to north, east, down."""
+    first = next(p for p in packets if all(item in p.numbers for item in _SOLUTION))
+    axes, axes_v = first.systems["q"] or "ENU", first.systems["v"] or "ENU"
+    norm = np.linalg.norm(rows["q"], axis=1)
+    if (bad := np.flatnonzero(~(np.abs(norm - 1.0) < 1e-2))).size:
+        raise FileFormatError(f"attitude {bad[0] + 1}: expected a unit quaternion, got norm {norm[bad[0]]:.4g}")
+    C_bs = axes_matrix(hints.axes or "FLU")
+    C_nb = _TO_NED[axes] @ rotation.dcm_from_quat(rows["q"] / norm[:, None]) @ C_bs.T
+    angles = rotation.rpy_from_quat(rotation.quat_from_dcm(C_nb))
+    v = rows["v"] @ _TO_NED[axes_v].T
+    values = {"t": t, "lat": rows["latlon"][:, 0] * units.DEG, "lon": rows["latlon"][:, 1] * units.DEG}
+    values["h"] = rows["h"][:, 0]
+    values |= {name: v[:, k] for k, name in enumerate(("vn", "ve", "vd"))}
+    values |= {name: angles[:, k] for k, name in enumerate(("roll", "pitch", "yaw"))}
+    notes.append(
+        f"reference: the sensor's own solution ({axes}), made of the same sensors: to compare with, not a truth; its "
+        "heading may count from magnetic north."
+    )
+    return Table(values)

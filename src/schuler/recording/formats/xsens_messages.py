@@ -1,0 +1,213 @@
+"""Messages of Xsens MTi sensors (Xbus, MTData2): found by their checksum, their data items as columns.
+
+Layouts: Xsens, "MT Low Level Communication Protocol Documentation" (message structure; MTData2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.exceptions import FileFormatError
+from schuler.recording.formats.receiver_tables import floats
+
+_START = 0xFA
+_MASTER = 0xFF
+_MTDATA2 = 0x36
+_LONG = 0xFF  # of the length: it follows in two bytes
+_KIND, _FORMAT, _SYSTEM = 0xFFF0, 0x3, 0xC
+#: Data items with numbers in one of four formats: name and how many.
+ITEMS = MappingProxyType({
+    0x0810: ("temp", 1), 0x2010: ("q", 4), 0x4010: ("dv", 3), 0x4020: ("a", 3), 0x4040: ("hra", 3), 0x5020: ("h", 1),
+    0x5040: ("latlon", 2), 0x8020: ("g", 3), 0x8030: ("dq", 4), 0x8040: ("hrg", 3), 0xD010: ("v", 3),
+})  # fmt: skip
+#: Data items of whole numbers: their fields, big-endian.
+WHOLE = MappingProxyType({
+    0x1010: ("utc", ">u4 nano >u2 year u1 month u1 day u1 hour u1 minute u1 second u1 flags"),
+    0x1020: ("counter", ">u2 value"),
+    0x1060: ("fine", ">u4 value"),
+    0x7010: (
+        "gnss",
+        ">u4 iTOW >u2 year u1 month u1 day u1 hour u1 min u1 second u1 valid >u4 tAcc >i4 nano u1 fixType u1 flags "
+        "u1 numSV u1 reserved >i4 lon >i4 lat >i4 height >i4 hMSL >u4 hAcc >u4 vAcc >i4 velN >i4 velE >i4 velD "
+        ">i4 gSpeed >i4 headMot >u4 sAcc",
+    ),
+})  # fmt: skip
+#: Axes of orientations and velocities, by their bits: x, y, z are.
+SYSTEMS = MappingProxyType({0x0: "ENU", 0x4: "NED", 0x8: "NWU"})
+
+
+@dataclass(frozen=True)
+class Packets:
+    """Packets of one layout.
+
+    Attributes
+    ----------
+    order : ndarray of int, shape (n,)
+        Place of each in the file.
+    numbers : dict of str to ndarray, shape (n, k)
+        Items of numbers.
+    fields : dict of str to dict
+        Items of whole numbers. Shape (n,) each.
+    systems : dict of str to str
+        Axes of the items that have them.
+    """
+
+    order: np.ndarray[Any, np.dtype[np.int64]]
+    numbers: dict[str, FloatArray]
+    fields: dict[str, dict[str, FloatArray]]
+    systems: dict[str, str]
+
+
+def _whole(data: bytes, at: int) -> tuple[int, int] | None:
+    """First byte of the payload and byte behind the checksum of a message that starts here; ``None`` if none does."""
+    if at + 5 > len(data) or data[at + 1] != _MASTER:
+        return None
+    first, length = at + 4, data[at + 3]
+    if length == _LONG:
+        if at + 7 > len(data):
+            return None
+        first, length = at + 6, int.from_bytes(data[at + 4 : at + 6], "big")
+    stop = first + length + 1
+    return (first, stop) if stop <= len(data) and sum(data[at + 1 : stop]) & 0xFF == 0 else None
+
+
+def looks_like(head: bytes) -> bool:
+    """Whether there are two messages with right checksums, one of them MTData2 with whole items."""
+    seen = data2 = 0
+    at = head.find(_START)
+    while at >= 0:
+        found = _whole(head, at)
+        if found is None:
+            at = head.find(_START, at + 1)
+            continue
+        seen += 1
+        data2 += head[at + 2] == _MTDATA2 and found[1] - found[0] > 4 and bool(_items(head[found[0] : found[1] - 1]))
+        if seen > 1 and data2:
+            return True
+        at = head.find(_START, found[1])
+    return False
+
+
+def _items(payload: bytes) -> tuple[tuple[int, int, int], ...]:
+    """Identifier, place and length of each item; empty if they do not fill the payload."""
+    items, at = [], 0
+    while at + 3 <= len(payload):
+        length = payload[at + 2]
+        items.append((int.from_bytes(payload[at : at + 2], "big"), at + 3, length))
+        at += 3 + length
+    return tuple(items) if at == len(payload) else ()
+
+
+def load(path: Path, notes: list[str]) -> list[Packets]:
+    """Find and decode the MTData2 messages of a log, by layout.
+
+    Parameters
+    ----------
+    path : Path
+    notes : list of str
+        Takes what was left out.
+
+    Raises
+    ------
+    FileFormatError
+        If there is none with a right checksum.
+    """
+    data = path.read_bytes()
+    by_length: dict[int, list[int]] = {}
+    others = taken = 0
+    at = data.find(_START)
+    while at >= 0:
+        found = _whole(data, at)
+        if found is None:
+            at = data.find(_START, at + 1)
+            continue
+        first, stop = found
+        if data[at + 2] == _MTDATA2:
+            by_length.setdefault(stop - 1 - first, []).append(first)
+        else:
+            others += 1
+        taken += stop - at
+        at = data.find(_START, stop)
+    if not by_length:
+        raise FileFormatError(
+            f"expected messages MTData2 of an Xsens sensor, found {others} others: set the output configuration to "
+            "MTData2 items, or export as text with MT Manager",
+            path,
+        )
+    if len(data) - taken > 16:
+        notes.append(f"{len(data) - taken} of {len(data)} bytes belong to no message with a right checksum.")
+    buffer = np.frombuffer(data, dtype=np.uint8)
+    made = []
+    strange = 0
+    for length, starts in by_length.items():
+        rest = np.array(starts, dtype=np.int64)
+        for _ in range(64):  # layouts of one length; more are damage
+            if not len(rest):
+                break
+            items = _items(data[rest[0] : rest[0] + length])
+            if not items:
+                strange += 1
+                rest = rest[1:]
+                continue
+            heads = np.array([place + k for _, place, _ in items for k in (-3, -2, -1)])
+            rows = buffer[rest[:, None] + heads]
+            same = np.all(rows == rows[0], axis=1)
+            made.append(_decode(buffer, rest[same], items))
+            rest = rest[~same]
+        strange += len(rest)
+    if strange:
+        notes.append(f"{strange} messages whose items do not fill them were left out.")
+    return made
+
+
+def _decode(
+    buffer: np.ndarray[Any, np.dtype[np.uint8]],
+    first: np.ndarray[Any, np.dtype[np.int64]],
+    items: tuple[tuple[int, int, int], ...],
+) -> Packets:
+    numbers: dict[str, FloatArray] = {}
+    fields: dict[str, dict[str, FloatArray]] = {}
+    systems: dict[str, str] = {}
+    for identifier, place, length in items:
+        kind = identifier & _KIND
+        if kind in ITEMS:
+            name, n = ITEMS[kind]
+            values = _numbers(buffer, first + place, identifier & _FORMAT, n, length)
+            if values is not None:
+                numbers[name] = values
+                systems[name] = SYSTEMS.get(identifier & _SYSTEM, "")
+        elif kind in WHOLE:
+            name, layout = WHOLE[kind]
+            words = layout.split()
+            dtype = np.dtype(list(zip(words[1::2], words[::2], strict=True)))
+            if length >= dtype.itemsize:
+                rows = buffer[(first + place)[:, None] + np.arange(dtype.itemsize)].view(dtype)[:, 0]
+                fields[name] = {label: rows[label].astype(np.float64) for label in words[1::2]}
+    return Packets(first, numbers, fields, systems)
+
+
+def _numbers(
+    buffer: np.ndarray[Any, np.dtype[np.uint8]],
+    place: np.ndarray[Any, np.dtype[np.int64]],
+    form: int,
+    n: int,
+    length: int,
+) -> FloatArray | None:
+    """Numbers of one item: single, fixed point 12.20, fixed point 16.32 or double. Shape (m, n)."""
+    size = (4, 4, 6, 8)[form]
+    if length != n * size:
+        return None
+    raw = buffer[place[:, None] + np.arange(length)]
+    if form == 2:  # the fraction first, then the signed whole part
+        six = raw.reshape(-1, n, 6)
+        fraction = np.ascontiguousarray(six[:, :, :4]).view(">u4")[:, :, 0].astype(np.float64)
+        whole = np.ascontiguousarray(six[:, :, 4:]).view(">i2")[:, :, 0].astype(np.float64)
+        return np.asarray(whole + fraction * 2.0**-32)
+    values = floats(raw.view((">f4", ">i4", "", ">f8")[form]))
+    return values * 2.0**-20 if form == 1 else values

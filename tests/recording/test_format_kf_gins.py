@@ -1,0 +1,137 @@
+"""Text files of KF-GINS: columns by hand, round trips, what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from format_damage import check_damaged
+from format_drives import WEEK, drive, same_trajectory
+
+from schuler.exceptions import FileFormatError, InputError
+from schuler.recording import Recording
+from schuler.recording.io import read, write
+
+IMU = "\n".join(f"{100 + 0.005 * (k + 1):.4f} 1e-5 2e-5 3e-5 0.001 0.002 -0.04905" for k in range(300)) + "\n"
+FIXES = "\n".join(f"{100 + k:.1f} 30.5 114.3 22.5 0.01 0.02 0.03" for k in range(3)) + "\n"
+RESULTS = "\n".join(f"2300 {100 + k:.1f} 30.5 114.3 22.5 1 2 3 1 2 359" for k in range(3)) + "\n"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name, text in (("imu.txt", IMU), ("gnss.txt", FIXES), ("truth.nav", RESULTS), ("readme.txt", "hello\n")):
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def test_folder(folder):
+    """Each file is what its columns say; the week of the results counts for all; a readme is named."""
+    run = read(folder, format="kf_gins")
+    assert run.imu.kind == "increment"
+    np.testing.assert_allclose(run.imu.gyro[0], (1e-5, 2e-5, 3e-5))
+    np.testing.assert_allclose(run.imu.accel[0], (0.001, 0.002, -0.04905))
+    np.testing.assert_allclose(np.degrees(run.gnss.llh[0, :2]), (30.5, 114.3))
+    np.testing.assert_allclose(np.sqrt(np.diag(run.gnss.cov_r_n[0])), (0.01, 0.02, 0.03))
+    np.testing.assert_allclose(np.degrees(run.reference.rpy_nb[0]), (1.0, 2.0, -1.0), atol=1e-9)
+    np.testing.assert_allclose(run.reference.v_eb_n[0], (1.0, 2.0, 3.0), atol=1e-9)
+    assert run.metadata.time.epoch_gps_s == 2300 * 604_800.0
+    assert run.imu.t[0] == pytest.approx(100.005)
+    assert any("readme.txt" in note for note in run.metadata.notes)
+
+
+def test_a_configuration_beside_shows_the_format(folder):
+    (folder / "kf-gins.yaml").write_text('imupath: "imu.txt"\ngnsspath: "gnss.txt"\n')
+    assert read(folder).reference is not None
+
+
+def test_velocities_of_fixes(folder):
+    """In 13 columns velocities stand before the 1-sigmas."""
+    (folder / "gnss.txt").write_text(
+        "100 30 114 20 1 2 3 0.1 0.2 0.3 0.4 0.5 0.6\n101 30 114 20 1 2 3 .1 .2 .3 .4 .5 .6\n"
+    )
+    run = read(folder / "gnss.txt", format="kf_gins", time="gps-tow:2300")
+    np.testing.assert_allclose(run.gnss.v_n[0], (1, 2, 3))
+    np.testing.assert_allclose(np.sqrt(np.diag(run.gnss.cov_v_n[0])), (0.4, 0.5, 0.6))
+
+
+def test_one_file_without_a_week(folder):
+    run = read(folder / "imu.txt", format="kf_gins")
+    assert run.metadata.time.scale == "local"
+    assert any("gps-tow" in note for note in run.metadata.notes)
+
+
+def test_two_imus(folder):
+    (folder / "other.txt").write_text(IMU)
+    with pytest.raises(InputError, match=r"imu\.txt .*other\.txt"):
+        read(folder, format="kf_gins")
+    assert len(read(folder, format="kf_gins", streams="imu=other.txt,gnss=none").imu) == 300
+
+
+def test_seven_columns_that_could_be_either(tmp_path):
+    """Near latitude and longitude zero a fix and an increment look alike."""
+    file = tmp_path / "x.txt"
+    file.write_text("1 0.1 0.2 0.3 1 1 2\n2 0.1 0.2 0.3 1 1 2\n")
+    with pytest.raises(FileFormatError, match=r"imu or gnss: say series="):
+        read(file, format="kf_gins")
+    assert read(file, format="kf_gins", series="gnss").gnss is not None
+
+
+@pytest.mark.parametrize("scale", ["gps", "local"])
+def test_round_trip(tmp_path, scale):
+    """Stamps to 1e-9 s, positions to 2e-7 m (12 decimals of a degree), velocities 1e-9, angles 1e-11."""
+    run = drive(scale=scale, kind="increment")
+    files = write(run, tmp_path / "run", format="kf_gins")
+    assert [f.name for f in files] == ["imu.txt", "gnss.txt", "truth.nav"]
+    back = read(tmp_path / "run", format="kf_gins")
+    if scale == "gps":
+        assert back.metadata.time.epoch_gps_s == WEEK * 604_800.0
+    inc, again = run.imu.increments(), back.imu
+    np.testing.assert_allclose(again.t, inc.t, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(again.gyro, inc.dtheta_ib_b, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(again.accel, inc.dv_ib_b, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(back.gnss.llh[:, :2], run.gnss.llh[:, :2], rtol=0, atol=2e-14)
+    np.testing.assert_allclose(back.gnss.v_n, run.gnss.v_n, rtol=0, atol=1e-9)
+    sigma = np.sqrt(np.einsum("nii->ni", run.gnss.cov_r_n))
+    np.testing.assert_allclose(np.sqrt(np.einsum("nii->ni", back.gnss.cov_r_n)), sigma, rtol=0, atol=1e-9)
+    same_trajectory(back.reference, run.reference, t=1e-9, r=3e-7, v=3e-9, q=3e-11)
+
+
+def test_a_result_as_one_file(tmp_path):
+    run = replace(drive(), imu=None, gnss=None)
+    assert write(run, tmp_path / "out.nav", format="kf_gins") == [tmp_path / "out.nav"]
+    assert read(tmp_path / "out.nav", format="kf_gins").reference is not None
+    with pytest.raises(InputError, match="name a folder"):
+        write(drive(), tmp_path / "all.txt", format="kf_gins")
+    assert [p.name for p in tmp_path.iterdir()] == ["out.nav"]
+
+
+def test_end_of_a_week(tmp_path):
+    """Seconds of week that start again at zero count on."""
+    file = tmp_path / "gnss.txt"
+    file.write_text("604799 30 114 20 1 1 1\n0 30 114 20 1 1 1\n1 30 114 20 1 1 1\n")
+    run = read(file, format="kf_gins", time="gps-tow:2300")
+    np.testing.assert_allclose(run.gnss.t, (604_799.0, 604_800.0, 604_801.0))
+
+
+def test_faults_name_the_line(folder):
+    file = folder / "imu.txt"
+    file.write_text(IMU.replace("100.5000 1e-5", "100.5000 x", 1))
+    with pytest.raises(FileFormatError, match=r"imu\.txt:100: column 2: expected a number"):
+        read(file, format="kf_gins")
+    file.write_text(IMU[:-20])
+    with pytest.raises(FileFormatError, match="cut off"):
+        read(file, format="kf_gins")
+    assert len(read(file, format="kf_gins", allow="truncated").imu) == 299
+
+
+def test_damaged_files(tmp_path):
+    """120 damaged files of each kind."""
+    for name, text in (("imu.txt", IMU[:3000]), ("gnss.txt", FIXES), ("truth.nav", RESULTS)):
+        file = tmp_path / name
+        file.write_text(text)
+
+        def open_it(file=file) -> Recording:
+            return read(file, format="kf_gins")
+
+        check_damaged(text.encode(), file, open_it, examples=120)

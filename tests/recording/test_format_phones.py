@@ -1,0 +1,165 @@
+"""Logs of phones: GnssLogger and Sensor Logger."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from format_damage import check_damaged
+from format_drives import drive
+
+from schuler import units
+from schuler.exceptions import FileFormatError, InputError
+from schuler.recording.io import read
+
+HEAD = """# Header Description:
+#
+# Version: v3.0.6.4 Platform: 14 Manufacturer: Google Model: Pixel 7
+#
+# Raw,utcTimeMillis,TimeNanos,LeapSecond
+#
+# UncalAccel,utcTimeMillis,elapsedRealtimeNanos,UncalAccelXMps2,UncalAccelYMps2,UncalAccelZMps2,BiasXMps2
+#
+# UncalGyro,utcTimeMillis,elapsedRealtimeNanos,UncalGyroXRadPerSec,UncalGyroYRadPerSec,UncalGyroZRadPerSec,DriftX
+#
+# Fix,Provider,LatitudeDegrees,LongitudeDegrees,AltitudeMeters,SpeedMps,AccuracyMeters,BearingDegrees,UnixTimeMillis,\
+SpeedAccuracyMps,BearingAccuracyDegrees,elapsedRealtimeNanos,VerticalAccuracyMeters
+#
+"""
+UNIX, BOOT = 1_707_350_382_000, 500_000_000_000  # ms, ns
+
+
+def gnss_logger(path, offset_ns=0, n=400):
+    """A phone flat on the seat, top forward, at 50 Hz; a fix a second, every third by the network."""
+    run = drive()
+    rows = []
+    for k in range(n):
+        a, w = run.imu.accel[k], run.imu.gyro[k]
+        ns = BOOT + 20_000_000 * k
+        rows.append(
+            f"UncalAccel,{UNIX + 20 * k},{ns + offset_ns},{a[1]!r},{a[0]!r},{-a[2]!r},0.0".replace(
+                "np.float64(", ""
+            ).replace(")", "")
+        )
+        rows.append(
+            f"UncalGyro,{UNIX + 20 * k},{ns},{w[1]!r},{w[0]!r},{-w[2]!r},0.0".replace("np.float64(", "").replace(
+                ")", ""
+            )
+        )
+        if k % 50 == 0:
+            lat, lon, h = run.reference.llh[k]
+            provider = "NLP" if k % 150 == 100 else "GPS"
+            place = f"{lat / units.DEG:.10f},{lon / units.DEG:.10f},{h:.4f}"
+            rows.append(f"Fix,{provider},{place},0.0,3.0,,{UNIX + 20 * k},0.2,,{ns},5.0")
+    rows.append("Raw,1,2,18")
+    path.write_text(HEAD + "\n".join(rows) + "\n")
+    return run
+
+
+def test_gnss_logger(tmp_path):
+    """Axes of a phone on its back, time of the boot clock brought to GPS time, the network's fixes left out."""
+    run = gnss_logger(tmp_path / "log.txt")
+    back = read(tmp_path / "log.txt")
+    np.testing.assert_allclose(back.imu.accel, run.imu.accel[:400], atol=1e-14)
+    np.testing.assert_allclose(back.imu.gyro, run.imu.gyro[:400], atol=1e-14)
+    gps = back.metadata.time.epoch_gps_s + back.imu.t[0]
+    assert gps == pytest.approx(UNIX / 1000 - 315_964_800 + 18, abs=1e-6)
+    assert len(back.gnss) == 6
+    np.testing.assert_allclose(np.sqrt(np.diag(back.gnss.cov_r_n[0])), (3 / 1.5096, 3 / 1.5096, 5.0), rtol=1e-4)
+    np.testing.assert_allclose(back.gnss.llh[0], run.reference.llh[0], atol=1e-4)
+    assert any("Raw" in note for note in back.metadata.notes)
+    assert len(read(tmp_path / "log.txt", streams="gnss=NLP,imu=none").gnss) == 2
+    assert read(tmp_path / "log.txt", time="local").metadata.time.scale == "local"
+
+
+def test_gnss_logger_two_clocks(tmp_path):
+    """Specific forces between two samples are interpolated to the time of the rates."""
+    run = gnss_logger(tmp_path / "log.txt", offset_ns=10_000_000)
+    back = read(tmp_path / "log.txt")
+    middle = 0.5 * (run.imu.accel[:399] + run.imu.accel[1:400])
+    np.testing.assert_allclose(back.imu.accel, middle[: len(back.imu)], atol=1e-9)
+
+
+def test_gnss_logger_refused(tmp_path):
+    file = tmp_path / "log.txt"
+    gnss_logger(file)
+    good = file.read_text()
+    file.write_text(good.replace("UncalGyro,1707350382000,500000000000,", "UncalGyro,1707350382000,x,", 1))
+    with pytest.raises(FileFormatError, match="record 1 of UncalGyro"):
+        read(file)
+    file.write_text(HEAD + "Raw,1,2,18\n")
+    with pytest.raises(FileFormatError, match="neither"):
+        read(file)
+    file.write_text(good.replace(",3.0,,", ",,,"))
+    with pytest.raises(InputError, match="sigma"):
+        read(file)
+
+
+@pytest.mark.realdata
+def test_a_real_log(shared_data):
+    """94 fixes of GPS in California, one every 6 s, with the accuracies the phone states."""
+    back = read(shared_data / "gnss_nav_files" / "android_pixel6.txt", streams="imu=none")
+    assert len(back.gnss) == 94
+    np.testing.assert_allclose(np.degrees(back.gnss.llh[0, :2]), (37.4265, -122.1737), atol=1e-4)
+    assert np.median(np.diff(back.gnss.t)) == pytest.approx(6.0, abs=0.01)
+
+
+def sensor_logger(folder, total=True):
+    run = drive()
+    t = UNIX * 1_000_000 + 20_000_000 * np.arange(400, dtype=np.int64)
+
+    def save(name, rows, head="time,seconds_elapsed,z,y,x"):
+        lines = [head] + [
+            f"{ns},{k / 50},{','.join(repr(float(x)) for x in row)}"
+            for k, (ns, row) in enumerate(zip(t[: len(rows)], rows, strict=False))
+        ]
+        (folder / f"{name}.csv").write_text("\n".join(lines) + "\n")
+
+    phone = np.array([[0, 0, -1], [1, 0, 0], [0, 1, 0]])  # z, y, x of the phone by forward, right, down
+    f, w = run.imu.accel[:400] @ phone.T, run.imu.gyro[:400] @ phone.T
+    gravity = np.tile((9.81, 0.0, 0.0), (400, 1))
+    save("Gyroscope", w)
+    save("Accelerometer", f - gravity)
+    save("Gravity", gravity)
+    if total:
+        save("TotalAcceleration", f)
+    place = np.column_stack((np.full(400, 5.0), np.full(400, 3.0), run.reference.llh[:400] / (units.DEG, units.DEG, 1)))
+    save("Location", place[:, [0, 1, 4, 3, 2]],
+         "time,seconds_elapsed,verticalAccuracy,horizontalAccuracy,altitude,longitude,latitude")  # fmt: skip
+    return run
+
+
+@pytest.mark.parametrize("total", [True, False])
+def test_sensor_logger(tmp_path, total):
+    """Columns by their names, gravity put back where it was taken out."""
+    run = sensor_logger(tmp_path, total)
+    back = read(tmp_path)
+    np.testing.assert_allclose(back.imu.accel, run.imu.accel[:400], atol=1e-14)
+    np.testing.assert_allclose(back.imu.gyro, run.imu.gyro[:400], atol=1e-14)
+    np.testing.assert_allclose(back.gnss.llh, run.reference.llh[:400], rtol=1e-14)
+    assert back.metadata.time.scale == "gps"
+    np.testing.assert_allclose(np.diff(back.imu.t), 0.02, atol=1e-9)
+
+
+def test_sensor_logger_refused(tmp_path):
+    sensor_logger(tmp_path)
+    (tmp_path / "TotalAcceleration.csv").unlink()
+    (tmp_path / "Gravity.csv").unlink()
+    back = read(tmp_path)
+    assert back.imu is None
+    assert any("Gravity.csv" in note for note in back.metadata.notes)
+    (tmp_path / "Location.csv").unlink()
+    with pytest.raises(FileFormatError, match="neither"):
+        read(tmp_path)
+
+
+def test_damaged_files(tmp_path):
+    """100 damaged files of each kind."""
+    file = tmp_path / "log.txt"
+    gnss_logger(file, n=60)
+    check_damaged(file.read_bytes(), file, lambda: read(file, format="android", allow="norm"), examples=100)
+    folder = tmp_path / "phone"
+    folder.mkdir()
+    sensor_logger(folder)
+    file = folder / "Gyroscope.csv"
+    file.write_text("\n".join(file.read_text().splitlines()[:40]) + "\n")
+    check_damaged(file.read_bytes(), file, lambda: read(folder, allow="norm"), examples=100)

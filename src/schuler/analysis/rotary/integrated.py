@@ -57,6 +57,10 @@ class IntegratedDrive:
         Instead of the IMU's, e.g. of :func:`schuler.analysis.rotary.gauss_markov.static_models`.
     motion : Motion, optional
         Of the vehicle; default :func:`~schuler.analysis.rotary.long_drive.long_drive`.
+    size : float
+        Noises, biases, errors at the start and of GNSS are this many times the IMU's, and the filter is told: what is
+        left of a NEES above one as this goes to zero is a defect, what vanishes with its square is of second order.
+        Only for truth "filter".
     """
 
     imu: FilterImu
@@ -67,12 +71,18 @@ class IntegratedDrive:
     truth: Truth = "unit"
     layout: StateLayout | None = None
     motion: Motion | None = None
+    size: float = 1.0
 
     def __post_init__(self) -> None:
         if self.model not in ("walk", "gauss-markov", "augmented") or self.truth not in ("unit", "filter"):
             raise InputError(
                 "expected model 'walk', 'gauss-markov' or 'augmented' and truth 'unit' or 'filter', got "
                 f"{self.model!r}, {self.truth!r}"
+            )
+        if not (np.isfinite(self.size) and self.size > 0.0) or (self.size != 1.0 and self.truth != "filter"):
+            raise InputError(
+                f"size: expected a positive number, and truth 'filter' unless it is 1; got {self.size!r}, "
+                f"{self.truth!r}"
             )
         for start, stop in self.outages:
             if not 0.0 <= start < stop <= self.length_s:
@@ -85,13 +95,20 @@ class IntegratedDrive:
 
     @property
     def states(self) -> StateLayout:
-        """What the filter estimates besides navigation.
+        """What the filter estimates besides navigation, of the drive's size.
 
         Gyroscope biases start with what the mean at rest leaves and what the platform's rate adds through scale factor
         and cross-coupling, the same for the conventional IMU; without the latter where these are states.
         """
-        if self.layout is not None:
-            return self.layout
+        layout = self._full_size() if self.layout is None else self.layout
+        if self.size == 1.0:
+            return layout
+        k = self.size
+        return StateLayout(
+            {name: replace(m, sigma=k * m.sigma, noise=k * m.noise) for name, m in layout.models.items()}
+        )
+
+    def _full_size(self) -> StateLayout:
         gyro, accel = self.imu.spec.gyro, self.imu.spec.accel
         turning = self.imu.rate * float(np.hypot(gyro.misalignment, gyro.scale_factor))
         if self.model == "augmented":
@@ -119,23 +136,27 @@ class IntegratedDrive:
         """For :func:`schuler.filtering.lanes.run_lanes`. The antenna stands over the axis of the platform."""
         motion = RotatingMotion(self.vehicle, self.schedule or fixed())
         ideal = ideal_rotating_imu(motion, self.imu.spec.rate_hz or 100.0)
-        layout, sigma = self.states, (self.imu.sigma_gnss,) * 3
+        layout, k = self.states, self.size
+        sigma = (k * self.imu.sigma_gnss,) * 3
         true = ideal.truth
         assert true.v_eb_e is not None
         assert true.q_eb is not None
         nav = NavState(0.0, true.r_eb_e[0], true.v_eb_e[0], true.q_eb[0])
-        start = InitialState.from_sigmas(nav, layout, attitude=START[0], velocity=START[1], position=START[2])
+        start = InitialState.from_sigmas(
+            nav, layout, attitude=k * START[0], velocity=k * START[1], position=k * START[2]
+        )
         rate = ideal.rate_hz
         if self.truth == "filter":
-            gyro, accel = (np.full(3, t.random_walk) for t in (self.imu.spec.gyro, self.imu.spec.accel))
+            gyro, accel = (np.full(3, k * t.random_walk) for t in (self.imu.spec.gyro, self.imu.spec.accel))
             errors = LaneErrors.of_layout(layout, gyro, accel, rate)
         else:
             spec = replace(self.imu.spec, gyro=replace(self.imu.spec.gyro, turn_on_bias=_LEFT))
             errors = LaneErrors.of_spec(spec, rate, len(ideal.gyro))
         gnss = GnssModel(sigma_position=sigma, sigma_velocity=sigma, first_s=1.0)
         aids = true_gnss(self.vehicle, gnss, gate=None).without(self.outages)
+        gyro_psd, accel_psd = (k**2 * x for x in self.imu.psd)
         return LaneScenario(
-            ideal, errors, aids, layout, start, *self.imu.psd, FilterOptions(record_s=1.0), ("all", "navigation")
+            ideal, errors, aids, layout, start, gyro_psd, accel_psd, FilterOptions(record_s=1.0), ("all", "navigation")
         )
 
     def yaw(self, t: FloatArray) -> FloatArray:

@@ -220,7 +220,7 @@ def _number(label: str, text: str) -> float:
     return float(text)
 
 
-def _gather(data: bytes, header: bytes, starts: np.ndarray) -> Columns:  # type: ignore[type-arg]
+def _gather(data: bytes, header: bytes, starts: np.ndarray) -> Columns:
     """Columns of packets with one header; the first of two fields of one name counts."""
     layout = _layout(header)
     assert layout is not None

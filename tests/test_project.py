@@ -23,7 +23,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 ALL_PYTHON = MODULES + sorted(
     p for folder in ("tests", "benchmarks", "examples") for p in (ROOT / folder).rglob("*.py")
 )
-HEAVY = ("numba", "scipy", "matplotlib", "plotly", "pyarrow", "pandas")
+HEAVY = ("numba", "scipy", "matplotlib", "plotly", "pyarrow", "pandas", "polars", "xarray", "sympy", "h5py")
 
 
 def is_kernel_file(path: Path) -> bool:

@@ -28,6 +28,7 @@ def navigate(
     without: Texts = (),
     background: Path | None = None,
     set: Texts = (),
+    unchecked: Flag = False,
     report: bool = True,
     json: Flag = False,
 ) -> int:
@@ -62,12 +63,15 @@ def navigate(
     set
         Any entry of the configuration: SECTION.KEY=VALUE in TOML's spelling, such as filter.states=21; may be given
         several times.
+    unchecked
+        Go on where the checks of units, axes, signs and clocks (schuler check) find an error; the result notes it.
     report
         Write report.html and figures.
     json
         Print one JSON object.
     """
     from schuler.cli.convert import read_log
+    from schuler.diagnosis.first import checked
     from schuler.filtering.config import NavigationConfig
     from schuler.filtering.navigate import navigate as run
 
@@ -86,7 +90,7 @@ def navigate(
     if outage:
         windows = (*loaded.outages.windows_s, *(window(text) for text in outage))
         loaded = loaded.model_copy(update={"outages": loaded.outages.model_copy(update={"windows_s": windows})})
-    recording = read_log(log, config)
+    recording = checked(read_log(log, config), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
     backdrop = None
     if background is not None:
         from schuler.report.backdrop import read_backdrop

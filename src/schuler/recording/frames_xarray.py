@@ -38,7 +38,7 @@ def to_xarray(data: Recording | Tables) -> xr.DataTree:
     MissingExtraError
         Without xarray (extra ``frames``).
     """
-    xr = _xarray()
+    library = _xarray()
     tables = tables_of(data)
     document = tables.document | ({"format": netcdf.FORMAT} if isinstance(data, Recording) else {})
     datasets = {}
@@ -46,12 +46,12 @@ def to_xarray(data: Recording | Tables) -> xr.DataTree:
         along = "t" if _increasing(name, table) else "row"
         units = tables.units.get(name, {})
         variables = {
-            c: xr.Variable((along,), values.copy(), {"units": units[c]} if c in units else {})
+            c: library.Variable((along,), values.copy(), {"units": units[c]} if c in units else {})
             for c, values in table.items()
         }
-        datasets[f"/{name}"] = xr.Dataset(variables)
+        datasets[f"/{name}"] = library.Dataset(variables)
     attributes = {"Conventions": "CF-1.10", "schuler": own.to_json(document)}
-    tree: xr.DataTree = xr.DataTree.from_dict({"/": xr.Dataset(attrs=attributes), **datasets})
+    tree: xr.DataTree = library.DataTree.from_dict({"/": library.Dataset(attrs=attributes), **datasets})
     return tree
 
 

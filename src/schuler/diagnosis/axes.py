@@ -1,0 +1,413 @@
+"""Axes, handedness and the sign of gravity: the 48 signed permutations scored against the motion GNSS tells.
+
+With the lag found, accelerometer means are regressed on acceleration forward and to the right, gyro means on the turn
+rate. The columns are where the vehicle's forward and right axes, and its down axis as the gyro has it, lie in the
+sensor; gravity at rest gives down as the accelerometer has it. Specific force is ``-gravity``, so that down is where
+the accelerometer reads ``-g``.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from schuler.arrays import BoolArray, FloatArray
+from schuler.diagnosis.findings import Finding
+from schuler.diagnosis.motion import Motion, WindowMeans
+
+_LETTERS = {(0, 1): "F", (0, -1): "B", (1, 1): "R", (1, -1): "L", (2, 1): "D", (2, -1): "U"}
+_NAMES = ("x", "y", "z")
+
+
+def signed_permutations() -> FloatArray:
+    """All 48: 24 rotations and 24 that also mirror. Shape (48, 3, 3)."""
+    out = []
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            P = np.zeros((3, 3))
+            P[np.arange(3), order] = signs
+            out.append(P)
+    return np.array(out)
+
+
+@dataclass(frozen=True)
+class AxesEvidence:
+    """Where the vehicle's axes lie in the sensor, as measured.
+
+    Attributes
+    ----------
+    B : ndarray, shape (3, 3)
+        Columns: forward, right, down in the accelerometer's axes as read, one each long if the unit is right.
+    sigma : ndarray, shape (3,)
+        1-sigma of a component of each column.
+    e : ndarray, shape (3,)
+        Down in the gyro's axes as read, times the factor of its unit.
+    e_sigma : float
+    tilt : ndarray, shape (2, 3)
+        Rates of tilt forward and to the right, in g-components a second, by the gyro's axes; zeros if not known.
+    tilt_sigma : ndarray, shape (2, 3)
+    centripetal : ndarray, shape (2,)
+        Rough lever arm forward and right of the antenna from the IMU [m], ``nan`` if not known.
+    arm_sigma : ndarray, shape (2,)
+    """
+
+    B: FloatArray
+    sigma: FloatArray
+    e: FloatArray
+    e_sigma: float
+    tilt: FloatArray
+    tilt_sigma: FloatArray
+    arm: FloatArray
+    arm_sigma: FloatArray
+
+
+def measure_axes(
+    means: WindowMeans, motion: Motion, offset: float, accel_factor: float, level_f: FloatArray, gravity: float
+) -> AxesEvidence | None:
+    """Evidence on axes from a moving log; None if too little of it overlaps.
+
+    Parameters
+    ----------
+    means : WindowMeans
+    motion : Motion
+    offset : float
+        To be added to the IMU's stamps. [s]
+    accel_factor : float
+        Makes the accelerometer's numbers SI.
+    level_f : ndarray, shape (3,)
+        Its mean at rest or over the log, as read.
+    gravity : float
+        [m/s^2]
+    """
+    use = motion.moving
+    y, inside = means.at(motion.t[use] - offset, motion.half)
+    if inside.sum() < 20:
+        return None
+    y = y[inside]
+    fwd, right, turn = (x[use][inside] for x in (motion.forward, motion.right, motion.turn))
+    samples = max(len(fwd) * float(np.median(np.diff(motion.t))) / (2.0 * motion.half), 4.0)  # independent ones
+    A = np.stack((fwd, right, np.ones(len(fwd))), axis=1)
+    f = y[:, :3] * accel_factor
+    c, left, G = _robust(A, f)
+    noise = float(np.sqrt(np.mean(left**2)))
+    spread = np.sqrt(np.maximum(np.diag(G)[:2], 0.0) * len(fwd) / samples)
+    down = -level_f * accel_factor / gravity
+    B = np.stack((c[0], c[1], down / max(float(np.linalg.norm(down)), 1e-12)), axis=1)
+    sigma = np.array([*(np.maximum(noise * spread, 0.02)), 0.05])
+    w = y[:, 3:]
+    cw, left_w, Gw = _robust(np.stack((turn, np.ones(len(turn))), axis=1), w)
+    e_sigma = float(np.sqrt(np.mean(left_w**2)) * np.sqrt(max(Gw[0, 0], 0.0) * len(fwd) / samples))
+    tilt, tilt_sigma = _tilts(means, motion, offset, accel_factor, B, gravity)
+    arm, arm_sigma = _arm(motion, use, inside, f, w, c, cw[0], samples)
+    return AxesEvidence(B, sigma, cw[0], e_sigma, tilt, tilt_sigma, arm, arm_sigma)
+
+
+def _robust(A: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Least squares with rows beyond 4 robust deviations left out once."""
+    size = np.sqrt(np.mean(A**2, axis=0))
+    size = np.where(size > 0.0, size, 1.0)
+    a = A / size
+    keep = np.ones(len(a), dtype=bool)
+    for _ in range(2):
+        G = np.linalg.pinv(a[keep].T @ a[keep], hermitian=True)
+        c = G @ (a[keep].T @ y[keep])
+        left = np.linalg.norm(y - a @ c, axis=1)
+        keep = left <= 5.0 * 1.4826 * float(np.median(left)) + 1e-12
+    return c / size[:, None], (y - a @ c)[keep], G / np.outer(size, size)
+
+
+def _tilts(
+    means: WindowMeans, motion: Motion, offset: float, factor: float, B: FloatArray, gravity: float
+) -> tuple[FloatArray, FloatArray]:
+    """Change of the level components of gravity, per second, regressed on the gyro's axes."""
+    none = np.zeros((2, 3)), np.full((2, 3), np.inf)
+    half, lag = motion.half, 2.0 * motion.half
+    start = motion.t[0]
+    edges = np.arange(start + half, motion.t[-1] - half, lag)
+    if len(edges) < 30:
+        return none
+    f, inside = means.at(edges - offset, half)
+    at = [np.interp(edges, motion.t, np.where(motion.moving, x, 0.0)) for x in (motion.forward, motion.right)]
+    slow = np.interp(edges, motion.t, motion.moving.astype(float))
+    known = inside & ((slow > 0.999) | (np.interp(edges, motion.t, motion.speed) < 0.05))
+    q, r = np.linalg.qr(B)
+    C = q * np.sign(np.diag(r))
+    level = (f[:, :3] * factor) @ C  # along forward, right, down
+    g = -np.stack((level[:, 0] - at[0], level[:, 1] - at[1]), axis=1) / gravity
+    rate = np.diff(g, axis=0) / lag
+    w, _ = means.at(0.5 * (edges[1:] + edges[:-1]) - offset, half)
+    keep = known[1:] & known[:-1] & (np.linalg.norm(rate, axis=1) < 0.5)
+    if keep.sum() < 30:
+        return none
+    x, y = w[keep][:, 3:], rate[keep]
+    x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+    size = x.std(axis=0)
+    if not np.all(size > 0.0):
+        return none
+    G = np.linalg.pinv(x.T @ x, hermitian=True)
+    c = (G @ (x.T @ y)).T
+    left = y - x @ c.T
+    sigma = np.sqrt(np.outer(np.mean(left**2, axis=0), np.diag(G)) * 2.0)
+    return c, sigma
+
+
+def _arm(
+    motion: Motion,
+    use: BoolArray,
+    inside: BoolArray,
+    f: FloatArray,
+    w: FloatArray,
+    c: FloatArray,
+    e: FloatArray,
+    samples: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Rough horizontal lever arm from what turning adds to specific force at the IMU.
+
+    The antenna is at l from the IMU and x ahead of the point that goes where the body points (a rear axle): its course
+    is off the heading by ``x r / V``, so that ``f_fwd = a_fwd + dr l_y + (l_x - x) r^2`` and
+    ``f_right = a_right - dr l_x + r^2 l_y + a_fwd x r / V``. The x of the two is left free.
+    """
+    nan = np.full(2, np.nan), np.full(2, np.inf)
+    axes = c[:2] / np.maximum(np.linalg.norm(c[:2], axis=1, keepdims=True), 1e-12)
+    along = (f - c[2]) @ axes.T
+    fwd, right, speed = (x[use][inside] for x in (motion.forward, motion.right, motion.speed))
+    rate = (w - w.mean(axis=0)) @ e / max(float(e @ e), 1e-300)
+    if rate.std() < 0.03:
+        return nan
+    t = motion.t[use][inside]
+    step = float(np.median(np.diff(t)))
+    turn = np.gradient(rate, t)
+    turn[np.concatenate(([False], np.diff(t) > 1.5 * step))] = 0.0
+    one, zero = np.ones(len(rate)), np.zeros(len(rate))
+    A = np.concatenate(
+        (
+            np.stack((zero, turn, rate**2, zero, fwd, zero, one, zero), axis=1),
+            np.stack((-turn, rate**2, zero, fwd * rate / speed, zero, right, zero, one), axis=1),
+        )
+    )
+    y = np.concatenate((along[:, 0], along[:, 1]))
+    x, left, G = _robust(A, y[:, None])
+    sigma = np.sqrt(np.mean(left**2) * np.diag(G)[:2] * len(rate) / samples)
+    return np.asarray(x[:2, 0]), np.maximum(2.0 * sigma, 0.15)
+
+
+@dataclass(frozen=True)
+class Guess:
+    """One explanation of the axes: accelerometer and gyro as signed permutations of forward, right, down."""
+
+    A: FloatArray
+    G: FloatArray
+    codes: tuple[str, ...]
+    cost: float
+    misfit: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """Misfit and how far-fetched it is."""
+        return self.misfit + self.cost
+
+
+def guesses() -> list[Guess]:
+    """Explanations worth trying, the simple ones cheap."""
+    one, out = np.eye(3), []
+    all48 = signed_permutations()
+    proper = [P for P in all48 if np.linalg.det(P) > 0.0]
+    mirrored = [P for P in all48 if np.linalg.det(P) < 0.0]
+    out.append(Guess(one, one, (), 0.0))
+    for P in proper:
+        turned = () if np.array_equal(P, one) else ("axes",)
+        if turned:
+            out.append(Guess(P, P, turned, 1.0))
+        extra = 1.0 if turned else 0.0
+        out.append(Guess(-P, P, ("gravity_sign", *turned), 1.0 + extra))
+        out.append(Guess(P, -P, ("gyro_sign", *turned), 1.0 + extra))
+        if turned:
+            out.append(Guess(P, one, ("accel_axes",), 1.15))
+            out.append(Guess(one, P, ("gyro_axes",), 1.15))
+    for P in mirrored:
+        simple = np.count_nonzero(one != P) in (1, 4)  # one reversed, or two exchanged
+        extra = 0.0 if simple else 0.2
+        out.append(Guess(P, P, ("handedness",), 1.05 + extra))
+        if not np.array_equal(P, -one):
+            out.append(Guess(P, one, ("accel_axes",), 1.1 + extra))
+            out.append(Guess(one, P, ("gyro_axes",), 1.1 + extra))
+    return out
+
+
+def judge(
+    ev: AxesEvidence, gyro_factor: float, *, forward_known: bool, strength: float = 8.0
+) -> tuple[Guess, list[Guess]]:
+    """The best explanation and its rivals within one unit of cost.
+
+    Parameters
+    ----------
+    ev : AxesEvidence
+    gyro_factor : float
+        Makes the gyro's numbers SI.
+    forward_known : bool
+        Whether the way the body moves is its forward axis (a vehicle); if not, only down is judged.
+    strength : float
+        Misfit of an axis pointing at right angles to where it should, for good evidence.
+    """
+    best: list[Guess] = []
+    e = ev.e / max(float(np.linalg.norm(ev.e)), 1e-12)
+    weight_e = strength * _trust(float(np.linalg.norm(ev.e)), ev.e_sigma)
+    weights = [
+        strength * _trust(float(np.linalg.norm(ev.B[:, k])), ev.sigma[k]) * (forward_known or k == 2) for k in range(3)
+    ]
+    tilt = ev.tilt / max(gyro_factor, 1e-12)
+    tilt_sigma = ev.tilt_sigma / max(gyro_factor, 1e-12)
+    for guess in guesses():
+        misfit = 0.0
+        for k in range(3):
+            b = ev.B[:, k] / max(float(np.linalg.norm(ev.B[:, k])), 1e-12)
+            misfit += weights[k] * (1.0 - float(b @ guess.A[:, k]))
+        misfit += weight_e * (1.0 - float(e @ guess.G[:, 2]))
+        misfit += _tilt_misfit(tilt, tilt_sigma, guess)
+        best.append(Guess(guess.A, guess.G, guess.codes, guess.cost, misfit))
+    best.sort(key=lambda g: g.total)
+    rivals = [g for g in best[1:] if g.total < best[0].total + 1.0 and g.codes != best[0].codes]
+    return best[0], rivals
+
+
+def scores(ev: AxesEvidence) -> tuple[list[str], FloatArray]:
+    """Mean cosine between the axes measured and those of each of the 48 signed permutations, best first.
+
+    Returns
+    -------
+    names : list of str
+        Directions of x, y, z; mirrored ones end in *.
+    cosine : ndarray, shape (48,)
+    """
+    B = ev.B / np.maximum(np.linalg.norm(ev.B, axis=0), 1e-12)
+    perms = signed_permutations()
+    cosine = np.einsum("ij,nij->n", B, perms) / 3.0
+    order = np.argsort(-cosine)
+    names = [letters(perms[k]) + ("*" if np.linalg.det(perms[k]) < 0.0 else "") for k in order]
+    return names, cosine[order]
+
+
+def _tilt_misfit(tilt: FloatArray, sigma: FloatArray, guess: Guess) -> float:
+    """Whether rates of tilt fit the level gyro axes of a guess, up to their common unknown attenuation."""
+    # l = -f/g, level components in the vehicle's axes: of df/dt = f x w remains dl_F/dt = -w_R, dl_R/dt = w_F, and the
+    # gyro reads G w
+    expected = np.stack((-guess.G[:, 1], guess.G[:, 0]), axis=0)
+    if not np.all(np.isfinite(sigma)):
+        return 0.0
+    z = tilt / sigma
+    zz = float(np.sum(z**2))
+    if zz < 9.0:
+        return 0.0
+    cosine = float(np.sum(z * expected / sigma) / np.sqrt(zz * np.sum((expected / sigma) ** 2)))
+    return 6.0 * min(1.0, (zz - 9.0) / 60.0) * (1.0 - cosine)
+
+
+def _trust(size: float, sigma: float) -> float:
+    """0 for a column lost in noise, 1 for one ten times above it."""
+    ratio = size / max(float(sigma), 1e-12)
+    return float(np.clip((ratio - 3.0) / 7.0, 0.0, 1.0))
+
+
+def letters(A: FloatArray) -> str:
+    """Directions of x, y, z of a sensor whose axes are the rows of a signed permutation."""
+    out = ""
+    for row in A:
+        k = int(np.argmax(np.abs(row)))
+        out += _LETTERS[(k, 1 if row[k] > 0.0 else -1)]
+    return out
+
+
+def changes(P: FloatArray) -> str:
+    """A signed permutation in words."""
+    parts = []
+    for i, row in enumerate(P):
+        k = int(np.argmax(np.abs(row)))
+        if k != i or row[k] < 0.0:
+            parts.append(f"{_NAMES[i]} shows {'-' if row[k] < 0.0 else ''}{_NAMES[k]}")
+    return ", ".join(parts) or "as they should be"
+
+
+def axes_findings(
+    best: Guess, rivals: list[Guess], ev: AxesEvidence, as_read: FloatArray, *, forward_known: bool
+) -> list[Finding]:
+    """Sentences on the best explanation.
+
+    Parameters
+    ----------
+    best : Guess
+    rivals : list of Guess
+    ev : AxesEvidence
+    as_read : ndarray, shape (3, 3)
+        What the reader already turned the log's own axes by (hint ``axes``).
+    forward_known : bool
+    """
+    evidence: dict[str, Any] = {
+        "forward_in_sensor": ev.B[:, 0].tolist(),
+        "right_in_sensor": ev.B[:, 1].tolist(),
+        "down_in_accel": ev.B[:, 2].tolist(),
+        "down_in_gyro": ev.e.tolist(),
+        "misfit": best.misfit,
+    }
+    if not best.codes:
+        return []
+    lead = min((g.total for g in rivals), default=best.total + 2.0) - best.total
+    confidence = float(np.clip(0.6 + 0.35 * lead - 0.03 * best.misfit, 0.4, 0.99))
+    also = ""
+    if rivals:
+        names = dict.fromkeys(" and ".join(g.codes) or "nothing wrong" for g in rivals)
+        also = f"; the evidence allows also: {', '.join(list(names)[:3])}"
+        evidence["rivals"] = [list(g.codes) for g in rivals[:5]]
+    found = []
+    for code in best.codes:
+        text, fix, severity = _sentence(code, best, as_read)
+        if code == "axes" and not forward_known:
+            also += "; which way is forward is not known, the body does not go where it points"
+        found.append(Finding(code, severity, text + also, confidence, fix, evidence))
+    return found
+
+
+def _sentence(code: str, best: Guess, as_read: FloatArray) -> tuple[str, str, Any]:
+    if code == "gravity_sign":
+        text = (
+            "at rest the accelerometer shows gravity itself (positive down), and its response to acceleration is "
+            "reversed too: the log holds the negative of specific force"
+        )
+        return text, "scale='accel=-1'", "error"
+    if code == "gyro_sign":
+        return "the gyroscope turns against the course of the vehicle: its sign is reversed", "scale='gyro=-1'", "error"
+    if code == "axes":
+        own = letters(as_read.T @ best.G)
+        return (
+            f"the sensor's axes point {own[0]}, {own[1]}, {own[2]} (x, y, z), as read they were taken otherwise",
+            f"axes='{own}'",
+            "warning",
+        )
+    if code == "handedness":
+        text = f"the axes are left-handed, which no rotation mends: {changes(best.A)}"
+        return text, _mend(best.A, both=True), "error"
+    if code == "accel_axes":
+        text = f"the accelerometer has other axes than the gyroscope: {changes(best.A)}"
+        return text, _mend(best.A, both=False, which="a"), "error"
+    text = f"the gyroscope has other axes than the accelerometer: {changes(best.G)}"
+    return text, _mend(best.G, both=False, which="g"), "error"
+
+
+def _mend(P: FloatArray, *, both: bool, which: str = "a") -> str:
+    """Option that undoes a signed permutation of columns."""
+    sensors = ("a", "g") if both else (which,)
+    flips, exchanged = [], []
+    for i, row in enumerate(P):
+        k = int(np.argmax(np.abs(row)))
+        if row[k] < 0.0:
+            flips += [f"{s}{_NAMES[k]}=-1" for s in sensors]
+        if k != i:
+            exchanged += [f"{s}{_NAMES[i]} is {s}{_NAMES[k]}" for s in sensors]
+    parts = []
+    if exchanged:
+        parts.append(f"name the columns right, columns='...' ({', '.join(exchanged)})")
+    if flips:
+        parts.append(f"scale='{','.join(flips)}'")
+    return " and ".join(parts)

@@ -1,0 +1,251 @@
+"""Unit of the angular rate: from turns of gravity between rests, and from turns of the course."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from schuler import rotation, units
+from schuler.arrays import FloatArray
+from schuler.diagnosis.axes import changes, signed_permutations
+from schuler.diagnosis.findings import Finding
+from schuler.diagnosis.rests import Rests
+from schuler.recording.series import ImuSeries
+
+UNITS = {
+    "rad/s": 1.0,
+    "deg/s": units.DEG,
+    "mrad/s": 1e-3,
+    "mdeg/s": 1e-3 * units.DEG,
+    "deg/h": units.DEG_PER_HR,
+    "rev/min": 2.0 * np.pi / units.MIN,
+    "rev/s": 2.0 * np.pi,
+}
+_NEAR = 0.12
+_MOST_TURNS = 40
+_LONGEST_S = 40.0
+_STEP_S = 0.02
+_LEAST_TURN = 10.0 * units.DEG
+
+
+@dataclass(frozen=True)
+class Turns:
+    """Turns between neighbouring rests, as gyro increments of equal length and gravity before and after.
+
+    Attributes
+    ----------
+    dtheta : ndarray, shape (steps, m, 3)
+        Bias removed, zeros after the end. [gyro unit * s]
+    before, after : ndarray, shape (m, 3)
+        Unit specific force.
+    """
+
+    dtheta: FloatArray
+    before: FloatArray
+    after: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.before)
+
+    @property
+    def angle(self) -> FloatArray:
+        """How far gravity turned. [rad]"""
+        return np.asarray(np.arccos(np.clip(np.sum(self.before * self.after, axis=1), -1.0, 1.0)))
+
+
+def turns_between(imu: ImuSeries, rests: Rests) -> Turns | None:
+    """Turns of more than 10 degrees of gravity between rests; None if there is none. ``imu`` holds rates."""
+    if len(rests) < 2:
+        return None
+    unit = rests.accel / np.linalg.norm(rests.accel, axis=1, keepdims=True)
+    chosen = []
+    for k in range(len(rests) - 1):
+        length = rests.t[k + 1, 0] - rests.t[k, 1]
+        turned = np.arccos(np.clip(unit[k] @ unit[k + 1], -1.0, 1.0))
+        if length <= _LONGEST_S and turned >= _LEAST_TURN:
+            chosen.append(k)
+    if not chosen:
+        return None
+    chosen = chosen[:: max(1, -(-len(chosen) // _MOST_TURNS))]
+    dt = np.diff(imu.t)
+    sums = np.concatenate((np.zeros((1, 3)), np.cumsum(0.5 * (imu.gyro[1:] + imu.gyro[:-1]) * dt[:, None], axis=0)))
+    steps = 0
+    pieces = []
+    step = max(_STEP_S, imu.interval)
+    for k in chosen:
+        # from within one rest to within the next, so that the edges do not matter
+        a, b = imu.t[max(rests.last[k] - 2, 0)] - 0.3, imu.t[rests.first[k + 1]] + 0.3
+        edges = np.arange(a, b + step, step)
+        s = np.stack([np.interp(edges, imu.t, sums[:, i]) for i in range(3)], axis=1)
+        bias = 0.5 * (rests.gyro[k] + rests.gyro[k + 1])
+        pieces.append(np.diff(s, axis=0) - bias * step)
+        steps = max(steps, len(edges) - 1)
+    dtheta = np.zeros((steps, len(chosen), 3))
+    for j, piece in enumerate(pieces):
+        dtheta[: len(piece), j] = piece
+    return Turns(dtheta, unit[chosen], unit[np.array(chosen) + 1])
+
+
+def misfit(turns: Turns, maps: FloatArray) -> FloatArray:
+    """Median angle between gravity after a turn as seen and as the gyro says, for each map of the gyro.
+
+    Parameters
+    ----------
+    turns : Turns
+    maps : ndarray, shape (h, 3, 3)
+        Gyro in the accelerometer's axes, rad/s: ``w = maps @ gyro``.
+
+    Returns
+    -------
+    ndarray, shape (h,)
+        [rad]
+    """
+    h, m = len(maps), len(turns)
+    q = np.zeros((h, m, 4))
+    q[..., 0] = 1.0
+    for d in turns.dtheta:
+        turn = np.einsum("hij,mj->hmi", maps, d)
+        q = rotation.quat_multiply(q, rotation.quat_from_rotvec(turn))
+    # v_after = C_ab^T v_before
+    seen = rotation.rotate(rotation.quat_conjugate(q), np.broadcast_to(turns.before, (h, m, 3)))
+    cosine = np.clip(np.sum(seen * turns.after, axis=2), -1.0, 1.0)
+    return np.asarray(np.median(np.arccos(cosine), axis=1))
+
+
+def _candidates(interval: float) -> list[tuple[str, str, float, float]]:
+    """Unit, kind ("rate" or "increment"), factor to rad/s, cost of the guess."""
+    out = []
+    for name, value in UNITS.items():
+        usual = 0.0 if name in ("rad/s", "deg/s") else 0.4
+        out.append((name, "rate", value, usual))
+    out += [("rad", "increment", 1.0 / interval, 0.3), ("deg", "increment", units.DEG / interval, 0.5)]
+    return out
+
+
+def by_turns(
+    turns: Turns, interval: float, stated: tuple[str, float]
+) -> tuple[float | None, FloatArray, dict[str, Any]]:
+    """Factor that makes the gyro SI and the signed permutation that fits the accelerometer, from turns of gravity.
+
+    Parameters
+    ----------
+    turns : Turns
+    interval : float
+        [s]
+    stated : (str, float)
+
+    Returns
+    -------
+    factor : float or None
+        None if nothing fits.
+    P : ndarray, shape (3, 3)
+        Gyro as read to the accelerometer's axes; the unit matrix unless another one is far better.
+    evidence : dict
+    """
+    factors = [1.0] + [value / stated[1] for _, _, value, _ in _candidates(interval)]
+    factors = list(dict.fromkeys(round(f, 12) for f in factors))
+    perms = signed_permutations()
+    one = np.array([f * np.eye(3) for f in factors])
+    angle = misfit(turns, one)
+    best = int(np.argmin(angle))
+    typical = float(np.median(turns.angle))
+    evidence: dict[str, Any] = {
+        "turns": len(turns),
+        "turn_deg": typical / units.DEG,
+        "misfit_deg": float(angle[best]) / units.DEG,
+        "misfit_as_read_deg": float(angle[0]) / units.DEG,
+    }
+    good = max(0.12 * typical, 4.0 * units.DEG)
+    if angle[0] < good and angle[0] < 2.0 * angle[best] + 1.0 * units.DEG:
+        return 1.0, np.eye(3), evidence
+    if angle[best] < good:
+        return factors[best], np.eye(3), evidence
+    # no unit alone: other axes, in the units that are not out of the question
+    for f in factors[:3]:
+        many = misfit(turns, f * perms)
+        k = int(np.argmin(many))
+        if many[k] < good and many[k] < 0.5 * angle[best]:
+            evidence["misfit_deg"] = float(many[k]) / units.DEG
+            return f, perms[k], evidence
+    # a scale of its own: the angles themselves
+    fine = np.geomspace(1e-6, 1e3, 181)
+    wide = misfit(turns, fine[:, None, None] * np.eye(3))
+    k = int(np.argmin(wide))
+    near = fine[k] * np.geomspace(0.9, 1.12, 23)
+    close = misfit(turns, near[:, None, None] * np.eye(3))
+    j = int(np.argmin(close))
+    if close[j] < good:
+        evidence["misfit_deg"] = float(close[j]) / units.DEG
+        return float(near[j]), np.eye(3), evidence
+    return None, np.eye(3), evidence
+
+
+def gyro_unit(
+    need: float, interval: float, stated: tuple[str, float], kind: str, evidence: dict[str, Any], how: str
+) -> list[Finding]:
+    """Finding ``gyro_unit`` for a factor that the physics asks for.
+
+    Parameters
+    ----------
+    need : float
+        Makes the numbers as read rad/s, after what was found about rates and increments.
+    interval : float
+        [s]
+    stated : (str, float)
+        Unit stated and its factor.
+    kind : {"rate", "increment"}
+        What the log holds.
+    evidence : dict
+    how : str
+        For the sentence: what it was compared with.
+    """
+    if abs(np.log(need)) < 0.22:
+        return []
+    name, factor = stated
+    raw = need * factor
+    if kind == "increment" and abs(np.log(need / interval)) < _NEAR:
+        text = f"{how} the angular rates are 1/interval times too large: the log holds rates, not increments"
+        return [Finding("kind", "error", text, 0.9, "kind='rate'", {**evidence, "factor": need})]
+    fits = sorted(
+        (cost + abs(np.log(raw / value)) / _NEAR, unit, what)
+        for unit, what, value, cost in _candidates(interval)
+        if abs(np.log(raw / value)) < _NEAR and not (what == "rate" and unit == name)
+    )
+    evidence = {**evidence, "factor": need, "fits": [f"{u} {w}" for _, u, w in fits]}
+    if not fits and abs(np.log(need)) < 0.45:
+        return []  # clipped turns, noise, a poor course: no unit
+    if not fits:
+        text = (
+            f"{how} the angular rates are {1.0 / need:.4g} times what they should be in {name}: the numbers "
+            f"are counts or "
+            "have a scale of their own"
+        )
+        return [Finding("gyro_unit", "error", text, 0.75, f"scale='gyro={need:.5g}'", evidence)]
+    _, unit, what = fits[0]
+    if what == "increment" and kind == "rate":
+        text = (
+            f"{how} the gyro's numbers are {1.0 / need:.4g} times too small: they are angle increments in "
+            f"{unit}, not rates"
+        )
+        return [Finding("kind", "error", text, 0.8, f"kind='increment', units='...,{unit}'", evidence)]
+    text = f"{how} the angular rates are {1.0 / need:.4g} times what they should be: the numbers are {unit}, not {name}"
+    confidence = 0.97 if len(fits) == 1 else 0.8
+    return [Finding("gyro_unit", "error", text, confidence, f"units='...,{unit}' (or units='gyro={unit}')", evidence)]
+
+
+def gyro_axes(P: FloatArray, evidence: dict[str, Any]) -> list[Finding]:
+    """Finding on gyro axes that turns of gravity ask for."""
+    if np.array_equal(P, np.eye(3)):
+        return []
+    if np.array_equal(P, -np.eye(3)):
+        text = (
+            "between rests gravity turns the other way than the gyro says: its sign is reversed, or all "
+            "axes are left-handed"
+        )
+        return [Finding("gyro_sign", "error", text, 0.85, "scale='gyro=-1'", evidence)]
+    words = changes(P.T)
+    code = "handedness" if np.linalg.det(P) < 0.0 else "gyro_axes"
+    text = f"between rests gravity turns as if the gyro's axes were others than the accelerometer's: gyro {words}"
+    return [Finding(code, "error", text, 0.8, f"exchange or reverse columns: gyro {words}", evidence)]

@@ -1,0 +1,301 @@
+"""How an IMU was recorded: gaps, jitter, interpolation, held and stuck readings, the end of the range, rounding."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schuler import units
+from schuler.arrays import FloatArray
+from schuler.characterisation.readings import equal_runs, resolution
+from schuler.diagnosis.findings import Finding, Severity
+from schuler.diagnosis.rests import Rests
+from schuler.recording.series import ImuSeries
+
+CHANNELS = ("ax", "ay", "az", "gx", "gy", "gz")
+_MOST = 400_000  # samples looked at for what shows anywhere
+_LOUD = (0.8, 0.1)  # spread beyond any IMU on anything that rests for a second [m/s^2], [rad/s]
+
+
+def check_times(t: FloatArray) -> list[Finding]:
+    """Findings ``gaps`` and ``jitter`` of increasing times. [s]"""
+    if len(t) < 10:
+        return []
+    step = np.diff(t)
+    interval = float(np.median(step))
+    gap = step > 1.5 * interval
+    found = []
+    # a clock in whole ticks makes steps of one and two ticks: no loss
+    real = step > 2.5 * interval
+    lost = float(np.sum(step[real] - interval))
+    if real.any():
+        k = int(np.argmax(step))
+        share = lost / float(t[-1] - t[0])
+        bad = step[k] > max(0.3, 5.0 * interval) or share > 0.005
+        text = (
+            f"{int(real.sum())} gaps of more than 2.5 sample intervals, {lost:.3g} s in all; the longest lasts "
+            f"{step[k]:.4g} s from {t[k]:.3f} s"
+        )
+        evidence = {"gaps": int(real.sum()), "lost_s": lost, "longest_s": float(step[k]), "at_s": float(t[k])}
+        found.append(Finding("gaps", "warning" if bad else "note", text, 1.0, "", evidence))
+    close = step[~real]
+    spread = float(np.quantile(np.abs(close - interval), 0.95))
+    if spread > 0.2 * interval:
+        mean = float(np.mean(close))
+        text = (
+            f"the time stamps jitter: one step in twenty differs by more than {1e3 * spread:.3g} ms from the "
+            f"interval of "
+            f"{1e3 * interval:.4g} ms (mean {1e3 * mean:.4g} ms)"
+        )
+        evidence = {"spread_s": spread, "interval_s": interval, "mean_s": mean, "short_steps": int(gap.sum())}
+        severity: Severity = "warning" if spread > 0.35 * interval else "note"
+        fix = "count the stamps: leave the time column out (columns '-') and say rate=" + f"{1.0 / mean:.6g}"
+        found.append(Finding("jitter", severity, text, 0.9, fix, evidence))
+    return found
+
+
+def check_readings(imu: ImuSeries, rests: Rests, factors: tuple[float, float]) -> list[Finding]:
+    """Findings about the values of an IMU log.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+        As read; increments are looked at as they stand.
+    rests : Rests
+    factors : (float, float)
+        Make the accelerometer's and the gyro's numbers SI rates.
+    """
+    found: list[Finding] = []
+    y = np.concatenate((imu.accel, imu.gyro), axis=1)
+    step = imu.interval if imu.kind == "increment" else 1.0
+    scale = np.repeat(factors, 3) / step
+    dead = [c for c, x in zip(CHANNELS, y.T, strict=True) if np.ptp(x) == 0.0]
+    if dead:
+        text = f"{', '.join(dead)} never change{'s' * (len(dead) == 1)}: not connected, not read, or a constant column"
+        found.append(Finding("dead_axis", "error", text, 1.0, "columns='...' (name the right columns)", {"axes": dead}))
+    grid = [None if c in dead else resolution(x) for c, x in zip(CHANNELS, y.T, strict=True)]
+    clipped = _saturated(imu, y, grid, scale, dead)
+    at_rest = _at_rest(imu, rests, grid, factors, dead)
+    coarse = [c for f in at_rest if f.code == "quantised" for c in f.evidence["axes"]]
+    held = _held(y, dead)
+    if held:
+        found.append(held)
+    else:
+        found += _stuck(imu, y, [*dead, *coarse, *(f.evidence["axis"] for f in clipped)])
+        found += _interpolated(y, grid, dead)
+    found += clipped
+    found += _spikes(imu, y, scale, dead)
+    found += at_rest
+    return found
+
+
+def _held(y: FloatArray, dead: list[str]) -> Finding | None:
+    """All channels repeat together in most samples: a log faster than the sensor."""
+    if len(dead) > 3:
+        return None
+    same = np.all(np.diff(y[:_MOST], axis=0) == 0.0, axis=1)
+    share = float(np.mean(same))
+    # rounding repeats readings at rest, a log faster than its sensor always
+    blocks = same[: len(same) // 100 * 100].reshape(-1, 100).mean(axis=1) if len(same) >= 1000 else np.array([share])
+    if share < 0.2 or np.quantile(blocks, 0.1) < 0.6 * share:
+        return None
+    # and it repeats all of them at once
+    single = np.mean(np.diff(y[:_MOST], axis=0) == 0.0, axis=0)
+    alive = [k for k, c in enumerate(CHANNELS) if c not in dead]
+    if share < 0.75 * float(np.median(single[alive])):
+        return None
+    start, length = equal_runs(same.astype(float))
+    repeats = length[same[start]]
+    if np.quantile(repeats, 0.99) > 3.0 * np.median(repeats) + 3.0:
+        return None  # of any length: rounding
+    runs = float(1.0 / max(1.0 - share, 1e-9))
+    text = (
+        f"{100.0 * share:.0f} % of the samples repeat the one before on all axes: the log is about {runs:.2g} "
+        f"times faster "
+        "than the sensor (samples were held)"
+    )
+    fix = f"keep every {max(round(runs), 2)}th row"
+    return Finding("repeated", "warning", text, 0.95, fix, {"share": share, "samples_each": runs})
+
+
+def _stuck(imu: ImuSeries, y: FloatArray, dead: list[str]) -> list[Finding]:
+    """Runs of one reading far longer than any other."""
+    found = []
+    for c, x in zip(CHANNELS, y.T, strict=True):
+        if c in dead:
+            continue
+        start, length = equal_runs(x)
+        k = int(np.argmax(length))
+        others = np.delete(length, k)
+        usual = float(np.quantile(others, 0.999)) if len(others) > 10 else 1.0
+        same = int(np.sum(length - 1)) - int(length[k] - 1)
+        if same > 0.25 * (len(x) - int(length[k])):
+            continue  # rounding repeats most readings
+        # several stuck stretches: the tail without the longest ones
+        tail = float(np.quantile(length, 0.99))
+        seconds = float(imu.t[start[k] + length[k] - 1] - imu.t[start[k]])
+        if length[k] < max(25.0, 6.0 * tail, 1.0 + 2.5 * min(usual, 8.0 * tail)) or seconds < 0.1:
+            continue
+        top = x[start[k]] in (x.max(), x.min())
+        if top and np.count_nonzero(x == x[start[k]]) > 1.5 * length[k]:
+            continue  # the end of the range, not a sensor that stopped
+        text = (
+            f"{c}: {int(length[k])} samples in a row read {x[start[k]]:.6g} from {imu.t[start[k]]:.3f} s "
+            f"({seconds:.3g} s), where otherwise {tail:.0f} is long: the sensor or its reading stopped"
+        )
+        evidence = {"axis": c, "from_s": float(imu.t[start[k]]), "samples": int(length[k]), "usual": tail}
+        found.append(Finding("stuck", "warning", text, 0.95, "cut this part out", evidence))
+    return found
+
+
+def _interpolated(y: FloatArray, grid: list[float | None], dead: list[str]) -> list[Finding]:
+    """Samples that lie on the line between their neighbours."""
+    share = []
+    for k, c in enumerate(CHANNELS):
+        x = y[:_MOST, k]
+        if c in dead:
+            continue
+        d2 = np.diff(x, 2)
+        size = float(np.quantile(np.abs(d2), 0.9))
+        step = grid[k]
+        if size <= 0.0 or (step is not None and size < 8.0 * step):
+            continue
+        flat = float(np.mean(np.abs(d2) < 1e-3 * size))
+        by_chance = 0.01 if step is None else min(1.0, 0.5 * step / size + 0.02)
+        share.append(max(flat - by_chance, 0.0))
+    if not share or np.median(share) < 0.15:
+        return []
+    value = float(np.median(share))
+    text = (
+        f"{100.0 * value:.0f} % of the samples lie exactly on the line between their neighbours: the log was "
+        f"interpolated "
+        "to this rate (resampled), its noise and its times are not those of the sensor"
+    )
+    return [Finding("resampled", "warning", text, 0.95, "use the log as recorded", {"share": value})]
+
+
+def _saturated(
+    imu: ImuSeries, y: FloatArray, grid: list[float | None], scale: FloatArray, dead: list[str]
+) -> list[Finding]:
+    """Readings piled up at the very end of the range."""
+    found = []
+    for k, c in enumerate(CHANNELS):
+        if c in dead:
+            continue
+        x = y[:, k]
+        width = float(np.ptp(x))
+        step = grid[k] or 0.0
+        if width < 60.0 * step:
+            continue
+        for sign in (1.0, -1.0):
+            v = sign * x
+            top = float(v.max())
+            at = v >= top - 1e-9 * max(abs(top), 1e-300)
+            count = int(at.sum())
+            near = int(np.count_nonzero(v >= top - max(0.02 * width, 1.5 * step)) - count)
+            run = 1
+            if count >= 5:
+                _, length = equal_runs(at.astype(float))
+                first = at[0]
+                run = int(length[(0 if first else 1) :: 2].max(initial=1))
+            if count < 5 or run < 3 or count < near or abs(top) < 0.3 * np.abs(x).max():
+                continue
+            limit = sign * top * scale[k]
+            unit = "m/s^2" if k < 3 else "rad/s"
+            text = (
+                f"{c}: {count} samples ({100.0 * count / len(x):.2g} %) stop at {limit:.5g} {unit}, up to "
+                f"{run} in a row: the "
+                "sensor's range ends there and the true signal is lost"
+            )
+            evidence = {"axis": c, "samples": count, "limit_si": limit, "run": run, "at_s": float(imu.t[np.argmax(at)])}
+            found.append(Finding("saturated", "warning", text, 0.9, "a larger range; leave these parts out", evidence))
+            break
+    return found
+
+
+def _spikes(imu: ImuSeries, y: FloatArray, scale: FloatArray, dead: list[str]) -> list[Finding]:
+    """Single samples far off both neighbours, the neighbours agreeing."""
+    names, total, worst, at = [], 0, 0.0, 0.0
+    for k, c in enumerate(CHANNELS):
+        if c in dead:
+            continue
+        x = y[:, k]
+        if len(x) < 100:
+            continue
+        near = np.abs(x[2:] - x[:-2])
+        off = np.minimum(np.abs(x[1:-1] - x[:-2]), np.abs(x[1:-1] - x[2:]))
+        same = np.sign(x[1:-1] - x[:-2]) == np.sign(x[1:-1] - x[2:])
+        usual = max(float(np.quantile(np.abs(np.diff(x)), 0.99)), 1e-300)
+        least = (4.0 if k < 3 else 0.35) / scale[k] if scale[k] > 0.0 else np.inf
+        bad = same & (off > 8.0 * usual) & (off > least) & (near < 0.3 * off)
+        if bad.any():
+            names.append(c)
+            total += int(bad.sum())
+            j = int(np.argmax(np.where(bad, off, 0.0)))
+            if off[j] / usual > worst:
+                worst, at = float(off[j] / usual), float(imu.t[j + 1])
+    if not total:
+        return []
+    text = (
+        f"{total} single samples on {', '.join(names)} stand {worst:.0f} times further out than the log's "
+        f"largest usual "
+        f"change, the worst at {at:.3f} s: spikes of the transmission, not of motion"
+    )
+    return [Finding("spikes", "warning", text, 0.9, "delete these rows", {"samples": total, "axes": names, "at_s": at})]
+
+
+def _noise(imu: ImuSeries, factors: tuple[float, float]) -> list[Finding]:
+    """Scatter from sample to sample in the quietest tenth of the log, whatever moves slowly. SI rates."""
+    rates = imu.rates()
+    per = max(20, round(1.0 / imu.interval))
+    m = len(rates.t) // per
+    if m < 5:
+        return []
+    y = np.concatenate((rates.accel * factors[0], rates.gyro * factors[1]), axis=1)[: m * per].reshape(m, per, 6)
+    sd = np.sqrt(np.mean(np.diff(y, 2, axis=1) ** 2, axis=1) / 6.0)  # of white noise
+    quiet = np.quantile(sd, 0.1, axis=0)
+    f_sd, w_sd = float(quiet[:3].max()), float(quiet[3:].max())
+    if f_sd <= _LOUD[0] and w_sd <= _LOUD[1]:
+        return []
+    text = (
+        f"even in the quietest seconds a sample scatters by {f_sd:.3g} m/s^2 and {w_sd / units.DEG:.3g} deg/s: "
+        f"noise was "
+        "added, or the unit stands on something that shakes"
+    )
+    evidence = {"accel_sd_m_s2": quiet[:3].tolist(), "gyro_sd_rad_s": quiet[3:].tolist()}
+    return [Finding("imu_noise", "warning", text, 0.7, "", evidence)]
+
+
+def _at_rest(
+    imu: ImuSeries, rests: Rests, grid: list[float | None], factors: tuple[float, float], dead: list[str]
+) -> list[Finding]:
+    """Rounding and noise at rest."""
+    found = _noise(imu, factors)
+    if not len(rests):
+        return found
+    scale = np.repeat(factors, 3)
+    per_step = imu.interval if imu.kind == "increment" else 1.0
+    grid = [None if g is None else g / per_step for g in grid]
+    # the quietest rest: a running engine is no noise of the sensor
+    k = int(np.argmin(rests.gyro_sd.max(axis=1)))
+    sd = np.concatenate((rests.accel_sd[k], rests.gyro_sd[k]))
+    coarse: list[str] = []
+    steps: dict[str, float] = {}
+    for i, c in enumerate(CHANNELS):
+        step = grid[i]
+        if c in dead or step is None:
+            continue
+        if sd[i] < 0.4 * step:
+            size = step * scale[i]
+            coarse.append(c)
+            steps[c] = size
+    if coarse:
+        large = any(v > (0.03 if name.startswith("a") else 0.1 * units.DEG) for name, v in steps.items())
+        text = (
+            f"{', '.join(coarse)}: at rest the noise of a sample is less than half a step of the reading (largest step "
+            f"{max(steps.values()):.3g} SI): rounding hides it, noise analysis and biases are limited by it"
+        )
+        evidence = {"axes": coarse, "steps_si": steps}
+        found.append(
+            Finding("quantised", "warning" if large else "note", text, 0.9, "more digits or bits in the log", evidence)
+        )
+    return found

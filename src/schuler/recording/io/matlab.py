@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from schuler.exceptions import FileFormatError, MissingExtraError
+from schuler.recording.formats.mat_peek import check_sizes
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.variables import recording_of_arrays
 from schuler.recording.recording import Recording
@@ -33,6 +34,8 @@ def read_matlab(path: Path, hints: ReadHints) -> Recording:
         head = stream.read(128)
     if head.startswith(b"MATLAB 7.3"):
         raise FileFormatError("MATLAB 7.3 files (HDF5) are not read: save it with save('name.mat', ..., '-v7')", path)
+    if head.startswith(b"MATLAB 5.0"):
+        check_sizes(path)
     try:
         from scipy.io import loadmat
     except ImportError as error:

@@ -40,7 +40,7 @@ class Correlation:
         ratio: FloatArray = self.value / self.value[0]
         return ratio
 
-    def crossing(self, level: float = 1.0 / np.e) -> float | None:
+    def crossing(self, level: float = float(np.exp(-1.0))) -> float | None:
         """First lag at which the normalised autocorrelation falls to ``level``, interpolated. [s]
 
         At 1/e it is the correlation time of a Gauss-Markov process, read with an error of the order of

@@ -15,13 +15,11 @@ from schuler.filtering.aiding import Sources, aiding_schedule
 from schuler.filtering.calibration_start import configured_start
 from schuler.filtering.config import NavigationConfig
 from schuler.filtering.configured import imu_spec, state_layout
-from schuler.filtering.engine import FilterOptions, InitialState, Progress, run
+from schuler.filtering.engine import InitialState, Progress, run
 from schuler.filtering.gnss_faults import rejections
 from schuler.filtering.preparation import (
-    PAUSE,
-    bridged,
-    bridging_noise,
     current_velocities,
+    filter_options,
     prepared_gnss,
     prepared_imu,
     with_late_velocities,
@@ -113,19 +111,7 @@ def navigate(
     schedule = with_late_velocities(schedule.outside(windows), delay, initial.nav.t, notes)
     if not len(schedule):
         notes.append("no measurement is used: this is a free inertial solution")
-    pause = bridged(imu)
-    doubt = bridging_noise(imu, pause) if pause else (0.0, 0.0)
-    options = FilterOptions(
-        covariance_rate_hz=None if config.filter.full_rate else config.filter.covariance_rate_hz,
-        record_s=config.filter.record_s,
-        output_rate_hz=config.filter.output_rate_hz,
-        lockout=config.filter.lockout,
-        smoother=config.filter.smooth and config.gnss.coupling != "reset",
-        earth_rotation=config.filter.earth_rotation,
-        gap_s=PAUSE * imu.interval if pause else None,
-        gap_gyro=doubt[0],
-        gap_accel=doubt[1],
-    )
+    options = filter_options(config, imu)
     forward = run(
         increments,
         schedule,

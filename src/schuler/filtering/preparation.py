@@ -16,6 +16,7 @@ from schuler.characterisation.readings import resolution, saturated, stuck
 from schuler.exceptions import ConfigError, InputError
 from schuler.filtering.calibration_start import CalibrationStart, configured_start
 from schuler.filtering.config import NavigationConfig
+from schuler.filtering.engine import FilterOptions
 from schuler.filtering.gnss_faults import contradictions, frozen, no_overlap
 from schuler.filtering.measurements import RESET_VELOCITY, VELOCITY, MeasurementSchedule
 from schuler.recording.series import GnssSeries, ImuSeries
@@ -294,3 +295,20 @@ def current_velocities(gnss: GnssSeries, delay: float) -> GnssSeries:
         return gnss
     v = np.stack([np.interp(gnss.t, gnss.t - delay, column) for column in gnss.v_n.T], axis=1)
     return replace(gnss, v_n=v)
+
+
+def filter_options(config: NavigationConfig, imu: ImuSeries) -> FilterOptions:
+    """Options of the engine for a prepared log: as configured, and how pauses of the IMU are bridged."""
+    pause = bridged(imu)
+    gyro, accel = bridging_noise(imu, pause) if pause else (0.0, 0.0)
+    return FilterOptions(
+        covariance_rate_hz=None if config.filter.full_rate else config.filter.covariance_rate_hz,
+        record_s=config.filter.record_s,
+        output_rate_hz=config.filter.output_rate_hz,
+        lockout=config.filter.lockout,
+        smoother=config.filter.smooth and config.gnss.coupling != "reset",
+        earth_rotation=config.filter.earth_rotation,
+        gap_s=PAUSE * imu.interval if pause else None,
+        gap_gyro=gyro,
+        gap_accel=accel,
+    )

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from schuler.characterisation.allan import allan_deviation
     from schuler.characterisation.identify import identify_noise
     from schuler.characterisation.result import NoiseIdentification
+    from schuler.diagnosis.diagnosis import Diagnosis
+    from schuler.diagnosis.first import check
     from schuler.filtering.config import NavigationConfig
     from schuler.filtering.engine import FilterOptions, InitialState
     from schuler.filtering.fine_alignment import fine_alignment
@@ -52,6 +54,8 @@ _PLACES = {
     "schuler.characterisation.allan": ("allan_deviation",),
     "schuler.characterisation.identify": ("identify_noise",),
     "schuler.characterisation.result": ("NoiseIdentification",),
+    "schuler.diagnosis.diagnosis": ("Diagnosis",),
+    "schuler.diagnosis.first": ("check",),
     "schuler.filtering.config": ("NavigationConfig",),
     "schuler.filtering.engine": ("FilterOptions", "InitialState"),
     "schuler.filtering.fine_alignment": ("fine_alignment",),
@@ -71,6 +75,7 @@ _HOME = {name: place for place, names in _PLACES.items() for name in names}
 
 __all__ = [
     "CalibrationResult",
+    "Diagnosis",
     "FilterOptions",
     "GnssSeries",
     "ImuErrors",
@@ -102,6 +107,7 @@ __all__ = [
     "calibrate_ratetable",
     "calibrate_sixposition",
     "calibrate_thermal",
+    "check",
     "fine_alignment",
     "identify_noise",
     "layout_for",

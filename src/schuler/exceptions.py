@@ -1,4 +1,4 @@
-"""Exceptions and warnings of the package.
+"""Exceptions of the package.
 
 Every message says what was expected, what came and what to do about it. The command line turns any
 :class:`SchulerError` into one line on stderr and exit code 2; anything else is a defect of ours.
@@ -60,7 +60,3 @@ class MissingExtraError(SchulerError, ImportError):
 
     def __init__(self, library: str, extra: str, purpose: str) -> None:
         super().__init__(f"{purpose} needs {library}, which is not installed: pip install 'schuler[{extra}]'")
-
-
-class SchulerWarning(UserWarning):
-    """Something was repaired, assumed or left out, and the result says so."""

@@ -201,7 +201,7 @@ def test_picture_has_every_pose(tmp_path):
     figure = plan_figure(plan, done=7, following=plan.directions[9])
     texts = [t.get_text() for ax in figure.axes for t in ax.texts]
     assert {str(k) for k in range(1, 27)} <= set(texts)
-    assert any("x down and y up" in ax.get_title() for ax in figure.axes)
+    assert any("x down and y up" in ax.get_title(loc="left") for ax in figure.axes)
     figure.savefig(tmp_path / "plan.png", dpi=60)
     assert (tmp_path / "plan.png").stat().st_size > 5000
     assert plan_figure(plan.directions, done=[0, 3]).axes

@@ -52,7 +52,9 @@ def test_numbers_and_files(scenario, tmp_path, capsys):
     captured = capsys.readouterr()
     data = json.loads(captured.out)
     assert "short: 16 runs; runs go through the filter in lock-step" in captured.err
-    assert (data["engine"], data["runs"], data["executed"], data["seed"]) == ("lane_runs", 16, 16, 4)
+    assert {"computed", "resumed", "failed", "runs_per_s", "statistics"} <= set(data)  # scripts rely on them
+    assert (data["resumed"], data["failed"]) == (0, 0)
+    assert (data["engine"], data["runs"], data["computed"], data["seed"]) == ("lane_runs", 16, 16, 4)
     assert data["complete"]
     assert np.shape(data["rms"]) == (30, 9)
     assert len(data["table"]["rows"]) == 9

@@ -1,9 +1,8 @@
-"""``schuler rotary``: text, JSON, files, page, interruption, errors; and the table of features."""
+"""``schuler rotary``: text, JSON, files, page, interruption, errors."""
 
 from __future__ import annotations
 
 import _thread
-import importlib
 import json
 import re
 import tomllib
@@ -150,35 +149,3 @@ def test_examples_are_checked_scenarios():
         scenario = RotaryScenario.load(path)
         assert scenario.space().duration == pytest.approx(scenario.motion.build().duration)
     assert COMMANDS["rotary"][2].split()[2] in {f"examples/{p.name}" for p in EXAMPLES.glob("rotary_*.toml")}
-
-
-# ------------------------------------------------------------------------------------------------- features
-
-
-def features():
-    """Rows of docs/rotary-features.md: number, names in code, test files."""
-    rows = {}
-    for line in (ROOT / "docs" / "rotary-features.md").read_text(encoding="utf-8").splitlines():
-        cells = [c.strip() for c in line.strip().strip("|").split("|")]
-        if re.fullmatch(r"F\d\d", cells[0]):
-            rows[cells[0]] = (re.findall(r"`([^`]+)`", cells[2]), re.findall(r"`([^`]+)`", cells[3]))
-    return rows
-
-
-def test_every_feature_of_the_digest_has_a_row():
-    assert sorted(features()) == [f"F{k:02d}" for k in range(1, 33)]
-
-
-@pytest.mark.parametrize("feature", [f"F{k:02d}" for k in range(1, 33)])
-def test_features_can_be_imported_and_their_tests_are_there(feature):
-    names, tests = features()[feature]
-    assert names
-    assert tests
-    for name in names:
-        if name.startswith("schuler "):
-            assert name.split()[1] in COMMANDS
-            continue
-        module, _, attribute = name.rpartition(".")
-        assert hasattr(importlib.import_module(module), attribute), name
-    for name in tests:
-        assert (ROOT / name).is_file(), name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -41,12 +42,14 @@ REAL = {
 }  # fmt: skip
 
 
+@cache
 def simulated() -> Recording:
     """A drive through a town of 206 s, MEMS IMU at 100 Hz with vibration noise, RTK at 5 Hz."""
     made = schuler.simulate(_TOWN)
     return replace(made, reference=None)
 
 
+@cache
 def real(shared: Path, *, seconds: float | None = None) -> Recording:
     """The RTK drive of rtkexp as it must be read; from its start, ``seconds`` long."""
     drive = schuler.read(shared / "rtkexp_drive", **REAL)

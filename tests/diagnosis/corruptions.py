@@ -366,7 +366,12 @@ def write_logs(recording: Recording, faults, folder: Path, rng: np.random.Genera
     }
     week = round(recording.metadata.time.epoch_gps_s / 604800.0)
     read = {
-        "imu": {"columns": "t,ax,ay,az,gx,gy,gz", "units": "m/s^2,rad/s", "axes": "FRD", "kind": imu.kind},
+        "imu": {
+            "columns": "t,ax,ay,az,gx,gy,gz",
+            "axes": "FRD",
+            "kind": imu.kind,
+            "units": "m/s^2,rad/s" if imu.kind == "rate" else "m/s,rad",
+        },
         "gnss": {
             "columns": "t,lat,lon,h,vn,ve,vd,sn,se,sd,svn,sve,svd,q",
             "units": "angle=deg",

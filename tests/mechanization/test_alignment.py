@@ -111,3 +111,12 @@ def test_parked_laser_gyro_finds_earth_rate_and_north(shared_data):
     # its header says yaw -90.6 deg counted anticlockwise, "maybe inaccurate"; an east gyro bias of 0.5 deg/h, the
     # amount by which the total rate is short, turns the heading by 2.4 deg
     assert found.rpy_nb[2] / units.DEG == pytest.approx(90.6, abs=3.0)
+
+
+def test_a_bias_as_large_as_its_sigma_says_is_no_fault_of_units():
+    f = [0.0, 0.0, -9.81 + 1.2]  # 12 % off g
+    with pytest.raises(InputError, match="levelling needs"):
+        levelling(f, sigma_bias=0.05, sigma_noise=0.01)
+    assert levelling(f, sigma_bias=0.8, sigma_noise=0.01) is not None
+    with pytest.raises(InputError, match="levelling needs"):
+        levelling([0.0, 0.0, -1.0], sigma_bias=0.8, sigma_noise=0.01)  # in g

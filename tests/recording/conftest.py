@@ -18,7 +18,7 @@ from schuler.recording import GnssSeries, ImuSeries, Metadata, OdometerSeries, R
 from schuler.recording.scalar_series import ScalarSeries
 from schuler.timebase import TimeBase
 
-sys.path.insert(0, str(Path(__file__).parent))  # for format_drives and format_damage
+sys.path.insert(0, str(Path(__file__).parent))  # for format_drives, samples, mutations
 
 
 @pytest.fixture

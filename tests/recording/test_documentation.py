@@ -13,7 +13,7 @@ from schuler.recording.io import ReadHints
 from schuler.recording.io.columns import CROSS, GROUP, GROUP_QUANTITY, QUATERNION, VELOCITY_CROSS
 from schuler.recording.io.dispatch import WRITERS
 from schuler.recording.io.folder import PARTS
-from schuler.recording.io.hints import ALLOWANCES
+from schuler.recording.io.hint_texts import ALLOWANCES
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reading-data.md"
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from format_damage import check_damaged
 from format_drives import drive, same_trajectory
 
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording import Recording
 from schuler.recording.io import read, write
 
 IMU_HEAD = "#timestamp [ns]," + ",".join(
@@ -134,15 +132,3 @@ def test_a_clock_that_was_set(tmp_path):
     file.write_text("\n".join([rows[0], *rows[200:], *rows[1:200]]) + "\n")
     with pytest.raises(FileFormatError, match="go back"):
         read(tmp_path, axes="URF")
-
-
-def test_damaged_files(tmp_path):
-    """200 damaged files each of IMU and ground truth."""
-    data_set(tmp_path, n=40)
-    for name, options in (("imu0", {"axes": "URF"}), ("state_groundtruth_estimate0", {"origin": "47,8,400"})):
-        file = tmp_path / "mav0" / name / "data.csv"
-
-        def open_it(file=file, options=options) -> Recording:
-            return read(file, format="euroc", **options)
-
-        check_damaged(file.read_bytes(), file, open_it)

@@ -6,11 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from format_damage import check_damaged
 from format_drives import WEEK, drive, same_trajectory
 
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording import Recording
 from schuler.recording.io import read, write
 
 IMU = "\n".join(f"{100 + 0.005 * (k + 1):.4f} 1e-5 2e-5 3e-5 0.001 0.002 -0.04905" for k in range(300)) + "\n"
@@ -125,13 +123,13 @@ def test_faults_name_the_line(folder):
     assert len(read(file, format="kf_gins", allow="truncated").imu) == 299
 
 
-def test_damaged_files(tmp_path):
-    """120 damaged files of each kind."""
-    for name, text in (("imu.txt", IMU[:3000]), ("gnss.txt", FIXES), ("truth.nav", RESULTS)):
-        file = tmp_path / name
-        file.write_text(text)
-
-        def open_it(file=file) -> Recording:
-            return read(file, format="kf_gins")
-
-        check_damaged(text.encode(), file, open_it, examples=120)
+def test_a_damaged_file_of_a_folder_is_no_other_kind_of_file(folder):
+    """One bad line far down does not leave out the whole IMU."""
+    lines = (folder / "imu.txt").read_text().splitlines()
+    (folder / "imu.txt").write_text("\n".join([*lines[:200], "100 x 0 0 0 0 0", *lines[200:]]) + "\n")
+    with pytest.raises(FileFormatError, match=r"imu\.txt:201"):
+        read(folder, format="kf_gins")
+    (folder / "imu.txt").write_text("\n".join(lines)[:-12])
+    with pytest.raises(FileFormatError, match="truncated"):
+        read(folder, format="kf_gins")
+    assert len(read(folder, format="kf_gins", allow="truncated").imu) == 299

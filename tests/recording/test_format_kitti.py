@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from format_damage import check_damaged
 from format_drives import drive, same_trajectory
 
 from schuler import rotation
@@ -109,11 +108,3 @@ def test_refused(tmp_path):
     with pytest.raises(InputError, match="IMU runs"):
         write(replace(run, imu=replace(run.imu, t=run.imu.t + 5.0)), tmp_path / "d", format="kitti")
     assert not (tmp_path / "d").exists()
-
-
-def test_damaged_files(tmp_path):
-    """150 damaged samples and 150 damaged lists of stamps."""
-    folder = kitti(tmp_path, n=12)
-    for name in ("timestamps.txt", "data/0000000005.txt"):
-        file = folder / "oxts" / name
-        check_damaged(file.read_bytes(), file, lambda: read(folder, allow="norm"), examples=150)

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from format_damage import check_damaged
 
 from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.io import own, read, write
@@ -114,10 +113,3 @@ def test_refused(run, tmp_path):
     with pytest.raises(InputError, match="compress"):
         write(run, tmp_path / "x.nc", compress="yes")
     assert not (tmp_path / "x.nc").exists()
-
-
-def test_damaged_files(run, tmp_path):
-    """100 damaged files of ours."""
-    path = tmp_path / "run.nc"
-    write(replace(run, imu=None, odometer=None, reference=None), path)
-    check_damaged(path.read_bytes(), path, lambda: read(path, format="netcdf"), examples=100, memory_mb=100.0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import encode_novatel as nov
 import numpy as np
 import pytest
-from format_damage import check_damaged
 from format_drives import WEEK, drive, same_trajectory
 
 from schuler import rotation, units
@@ -297,17 +296,3 @@ def test_damage(run, tmp_path):
     path.write_bytes(head)
     with pytest.raises(FileFormatError):
         read(path, format="novatel")
-
-
-def test_fuzz(run, tmp_path):
-    """100 damaged logs, binary with lines between: errors of ours only, bounded memory."""
-    path = log_of(run, tmp_path / "span.gps", fixes=True)
-    good = path.read_bytes()
-    frames = [good[k : k + 56] for k in range(0, 56 * 20, 56)]
-    text = nov.line(
-        f"#BESTPOSA,COM1,0,90.5,FINESTEERING,{WEEK},345601.000,0,0,1;SOL_COMPUTED,SINGLE,48,8,1.5,-17.0,WGS84,"
-        '1.3,1.1,3.1,"",0.0,0.0,18,18,18,0,00,02,11,01'
-    )
-    small = b"".join(frames) + text * 2 + good[-1500:]
-    path.write_bytes(small)
-    check_damaged(small, path, lambda: read(path, format="novatel", allow="norm"), examples=100)

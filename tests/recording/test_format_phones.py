@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from format_damage import check_damaged
 from format_drives import drive
 
 from schuler import units
@@ -150,16 +149,3 @@ def test_sensor_logger_refused(tmp_path):
     (tmp_path / "Location.csv").unlink()
     with pytest.raises(FileFormatError, match="neither"):
         read(tmp_path)
-
-
-def test_damaged_files(tmp_path):
-    """100 damaged files of each kind."""
-    file = tmp_path / "log.txt"
-    gnss_logger(file, n=60)
-    check_damaged(file.read_bytes(), file, lambda: read(file, format="android", allow="norm"), examples=100)
-    folder = tmp_path / "phone"
-    folder.mkdir()
-    sensor_logger(folder)
-    file = folder / "Gyroscope.csv"
-    file.write_text("\n".join(file.read_text().splitlines()[:40]) + "\n")
-    check_damaged(file.read_bytes(), file, lambda: read(folder, allow="norm"), examples=100)

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from format_damage import check_damaged
 from format_drives import WEEK, drive, same_trajectory
 
 from schuler.exceptions import FileFormatError, InputError
@@ -110,10 +109,3 @@ def test_other_binary_files_are_not_claimed(tmp_path):
     (tmp_path / "x.bin").write_bytes(np.random.default_rng(1).bytes(136 * 10))
     with pytest.raises(FileFormatError, match="binary"):
         read(tmp_path / "x.bin")
-
-
-def test_damaged_files(tmp_path):
-    """200 damaged files."""
-    file = tmp_path / "sbet.out"
-    file.write_bytes(records(n=12)[0])
-    check_damaged(file.read_bytes(), file, lambda: read(file, format="sbet", allow="truncated"))

@@ -7,7 +7,6 @@ import datetime as dt
 import encode_sbg as sbg
 import numpy as np
 import pytest
-from format_damage import check_damaged
 from format_drives import WEEK, drive, same_trajectory
 
 from schuler import units
@@ -163,11 +162,3 @@ def test_hints_streams_and_damage(run, tmp_path):
     path.write_bytes(b"time,accel\n1,2\n")
     with pytest.raises(FileFormatError, match="sbgCenter"):
         read(path, format="sbg")
-
-
-def test_fuzz(run, tmp_path):
-    """100 damaged logs: errors of ours only, bounded memory."""
-    path = log_of(run, tmp_path / "log.bin")
-    small = path.read_bytes()[:5000]
-    path.write_bytes(small)
-    check_damaged(small, path, lambda: read(path, format="sbg", allow="norm"), examples=100)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from format_damage import check_damaged
 from format_drives import WEEK, drive, same_trajectory
 
 from schuler import rotation, units
@@ -137,15 +136,3 @@ def test_comma2k19_refused(tmp_path):
         np.save(stream, np.array([{}], dtype=object), allow_pickle=True)
     with pytest.raises(FileFormatError, match="NumPy"):
         read(tmp_path)
-
-
-def test_damaged_files(tmp_path):
-    """60 damaged files of each kind."""
-    sim, comma = tmp_path / "sim", tmp_path / "comma"
-    sim.mkdir()
-    comma.mkdir()
-    gnss_ins_sim(sim)
-    comma2k19(comma)
-    for folder, name in ((sim, "gyro-0.csv"), (comma, "processed_log/IMU/gyro/t")):
-        file = folder / name
-        check_damaged(file.read_bytes(), file, lambda folder=folder: read(folder), examples=60)

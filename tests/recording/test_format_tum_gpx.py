@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from format_damage import check_damaged
 from format_drives import drive, same_trajectory
 
 from schuler import frames, units
@@ -67,13 +66,6 @@ def test_faults_name_the_line(tmp_path):
     file.write_text(HEAD + "1403636579763555584 0 0 0 0 0 0 1\n")
     with pytest.raises(FileFormatError, match="nanoseconds"):
         read(file, origin="47,8,400")
-
-
-def test_damaged_files(tmp_path):
-    """200 damaged files."""
-    file = tmp_path / "a.txt"
-    file.write_text(HEAD + ROWS)
-    check_damaged(file.read_bytes(), file, lambda: read(file, format="tum", origin="47,8,400"))
 
 
 def test_gpx_by_another_reader(tmp_path):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import encode_vectornav as vn
 import numpy as np
 import pytest
-from format_damage import check_damaged
 from format_drives import WEEK, drive, same_trajectory
 
 from schuler import units
@@ -209,11 +208,43 @@ def test_real_lines_of_a_vn200(shared_data):
         assert np.abs(np.median(back.imu.gyro, axis=0)).max() < 0.02
 
 
-def test_fuzz(run, tmp_path):
-    """100 damaged logs of packets and lines: errors of ours only, bounded memory."""
-    path = log_of(run, tmp_path / "vn.bin")
-    text = vn.line(f"VNINS,345600.000000,{WEEK},0006,+090.000,+002.000,-001.000,+48.00000000,+008.00000000,+00400.123,"
-                   "+001.000,+002.000,-000.500,01.0,01.5,0.05")  # fmt: skip
-    small = path.read_bytes()[:6000] + text * 3
-    path.write_bytes(small)
-    check_damaged(small, path, lambda: read(path, format="vectornav", allow="norm"), examples=100)
+@pytest.mark.parametrize(
+    ("time", "triads", "delimiter"),
+    [
+        ("TimeStartup,GpsTow,GpsWeek", "UncompAcc{0},UncompGyro{0}", ","),
+        ("Time.TimeStartup [ns],Time.GpsTow [ns],Time.GpsWeek",
+         "Imu.UncompAccel.{0} [m/s^2],Imu.UncompGyro.{0} [rad/s]", ";"),
+        ("Time Startup (ns),Gps Tow (ns),Gps Week", "Accel_{0} (m/s/s),Angular Rate_{0} (deg/s)", ","),
+    ],
+)  # fmt: skip
+def test_csv(run, tmp_path, time, triads, delimiter):
+    """Columns in any order by their names and units, on GPS time where the table has it."""
+    path = tmp_path / "vn.csv"
+    parts = [[part.format(axis) for axis in "XYZ"] for part in triads.split(",")]
+    names = [*time.split(","), *parts[1], "Pressure", *parts[0]]
+    scale = 1.0 / units.DEG if "deg/s" in triads else 1.0
+    rows = []
+    for k in range(300):
+        t = run.imu.t[k]
+        w, f = run.imu.gyro[k] * scale, run.imu.accel[k]
+        rows.append([round(t * 1e9) - 7 * NS, round(t * 1e9), WEEK, *map(repr, map(float, w)), 101.3,
+                     *map(repr, map(float, f))])  # fmt: skip
+    path.write_text("\n".join(delimiter.join(map(str, row)) for row in [names, *rows]) + "\n")
+    back = read(path)
+    np.testing.assert_allclose(back.imu.t, run.imu.t[:300], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(back.imu.accel, run.imu.accel[:300], rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(back.imu.gyro, run.imu.gyro[:300], rtol=0.0, atol=1e-15)
+    assert back.metadata.time.epoch_gps_s == WEEK * WEEK_S
+    assert read(path, time="local").metadata.time.scale == "local"
+
+
+def test_csv_refused(tmp_path):
+    """A unit the sensor does not have; a table of somebody else is not claimed."""
+    path = tmp_path / "vn.csv"
+    names = "TimeStartup,UncompAccX [g],UncompAccY [g],UncompAccZ [g],UncompGyroX,UncompGyroY,UncompGyroZ"
+    path.write_text(names + "\n1,2,3,4,5,6,7\n")
+    with pytest.raises(FileFormatError, match=r"vn\.csv:1: UncompAccX \[g\]: expected m/s\^2"):
+        read(path)
+    vectornav = registry.module("vectornav")
+    for line in (b"t,ax,ay,az,gx,gy,gz\n", b"time,accel_x,accel_y,accel_z,gyro_x,gyro_y,gyro_z\n1,2,3,4,5,6,7\n"):
+        assert not vectornav.sniff(line, path)

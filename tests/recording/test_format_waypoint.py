@@ -6,7 +6,6 @@ import struct
 
 import numpy as np
 import pytest
-from format_damage import check_damaged
 from format_drives import WEEK, drive, same_trajectory
 
 from schuler import units
@@ -168,14 +167,3 @@ def test_heights_above_the_sea(tmp_path):
     (tmp_path / "a.txt").write_text((tmp_path / "a.txt").read_text().replace("H-Ell", "H-MSL"))
     back = read(tmp_path / "a.txt", height="msl", geoid_separation=48.0)
     assert back.reference.llh[0, 2] == pytest.approx(348.0, abs=1e-5)
-
-
-def test_damaged_files(tmp_path):
-    """150 damaged files of each kind."""
-    file = tmp_path / "a.imr"
-    file.write_bytes(imr(n=30))
-    check_damaged(file.read_bytes(), file, lambda: read(file, format="imr", allow="truncated"), examples=150)
-    text = tmp_path / "a.txt"
-    export(text)
-    text.write_text("\n".join(text.read_text().splitlines()[:20]) + "\n")
-    check_damaged(text.read_bytes(), text, lambda: read(text, format="waypoint"), examples=150)

@@ -7,7 +7,6 @@ import datetime as dt
 import encode_xsens as xs
 import numpy as np
 import pytest
-from format_damage import check_damaged
 from format_drives import WEEK, drive, same_trajectory
 
 from schuler import rotation, units
@@ -215,13 +214,26 @@ def test_hints_streams_and_damage(run, tmp_path):
         read(path, format="xsens")
 
 
-def test_fuzz(run, tmp_path):
-    """100 damaged binary logs and 50 damaged exports: errors of ours only, bounded memory."""
-    path = log_of(run, tmp_path / "log.mtb")
-    small = path.read_bytes()[:5000]
-    path.write_bytes(small)
-    check_damaged(small, path, lambda: read(path, format="xsens", allow="norm"), examples=100)
-    text = tmp_path / "export.txt"
-    good = (TEXT + "\n" + "\n".join(f"{k}\t{100 * k}\t0\t0\t9.8\t0\t0\t0\t0\t0\t0" for k in range(60)) + "\n").encode()
-    text.write_bytes(good)
-    check_damaged(good, text, lambda: read(text, format="xsens", allow="norm"), examples=50)
+@pytest.mark.parametrize("delimiter", [",", ";"])
+def test_text_with_commas_and_another_header(tmp_path, delimiter):
+    """Newer exports separate by commas and begin with lines of their own."""
+    path = tmp_path / "a.csv"
+    names = "PacketCounter,SampleTimeFine,Acc_X,Acc_Y,Acc_Z,Gyr_X,Gyr_Y,Gyr_Z,Status"
+    rows = [f"{k},{100 * k},0.1,0.2,9.8,.01,.02,0.03,0" for k in range(100)]
+    text = "\n".join(["DeviceTag:,mt,", names, *rows, ""]).replace(",", delimiter)
+    path.write_text(text)
+    imu = read(path).imu
+    np.testing.assert_allclose(imu.t, np.arange(100) / 100, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(imu.gyro[0], (0.01, -0.02, -0.03))
+
+
+def test_text_of_a_dot(tmp_path):
+    """A Movella DOT counts microseconds and exports deg/s under the same names."""
+    path = tmp_path / "dot.csv"
+    names = "PacketCounter,SampleTimeFine,Acc_X,Acc_Y,Acc_Z,Gyr_X,Gyr_Y,Gyr_Z"
+    rows = [f"{k},{192856375 + 16667 * k},0.1,0.2,9.8,1.0,2.0,3.0" for k in range(100)]
+    path.write_text("\n".join([names, *rows, ""]))
+    back = read(path)
+    assert np.median(np.diff(back.imu.t)) == pytest.approx(0.016667, abs=1e-9)
+    np.testing.assert_allclose(back.imu.gyro[0], np.radians((1.0, -2.0, -3.0)))
+    assert any("Movella DOT" in note for note in back.metadata.notes)

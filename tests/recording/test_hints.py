@@ -7,7 +7,7 @@ import pytest
 
 from schuler.exceptions import InputError, UnitError
 from schuler.recording.io import ReadHints
-from schuler.recording.io.hints import (
+from schuler.recording.io.hint_texts import (
     TimeSpec,
     axes_matrix,
     factor,

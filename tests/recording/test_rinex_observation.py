@@ -492,6 +492,7 @@ def test_hatanakas_scheme_and_compress(read, text):
 )
 def test_a_missing_library_is_named(read, monkeypatch, start):
     monkeypatch.setitem(sys.modules, "hatanaka", None)
+    monkeypatch.setitem(sys.modules, "ncompress", None)  # comes with it
     with pytest.raises(InputError, match="pip install hatanaka"):
         read(start)
 

@@ -231,7 +231,7 @@ def test_data_is_thinned_and_rounded(full, how, source):
     assert len(data) < 2_000_000
     panel = json.loads(data)["motion"][0]
     assert all(len(t["x"]) <= 2000 for t in panel["data"])
-    line = panel["data"][0]
+    line = next(t for t in panel["data"] if t["name"] == "filtered")
     T = full.result.trajectory
     k = np.searchsorted(T.t, np.array(line["x"]) - 1e-3)
     assert np.allclose(line["y"], T.llh[k, 2], atol=1e-4 * np.ptp(T.llh[:, 2]))

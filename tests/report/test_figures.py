@@ -81,7 +81,8 @@ def test_own_axes(full):
     assert host is mine
     assert len(ax.lines) == 1
     assert ax.get_xlabel() == "time [s]"
-    assert [t.get_text() for t in ax.get_legend().get_texts()] == ["GNSS withheld", "filtered"]
+    named = [t.get_text() for t in ax.get_legend().get_texts()]
+    assert named == ["GNSS withheld", "filtered, RMS as claimed", "filtered"]
 
 
 def test_one_function_for_each_figure(full):

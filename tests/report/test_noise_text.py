@@ -40,7 +40,7 @@ def test_units_are_those_of_the_data_sheet_constructors():
     sheet = {"N": "arw_deg_rthr", "B": "bias_instability_deg_hr", "K": "rrw_deg_hr_rthr", "R": "ramp_deg_hr_hr",
              "Q": "quantisation_arcsec"}  # fmt: skip
     field = {letter: name for name, letter in noise_terms.FIELDS.items()}
-    from schuler.sensors.spec import AccelerometerSheet, GyroSheet, sheet_keys
+    from schuler.sensors.sheets import AccelerometerSheet, GyroSheet, sheet_keys
 
     for letter, key in sheet.items():
         name, factor = sheet_keys(GyroSheet)[key]

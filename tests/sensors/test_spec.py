@@ -11,7 +11,7 @@ from schuler import units
 from schuler.exceptions import InputError
 from schuler.sensors import ImuSpec, TriadSpec, allan_minimum
 from schuler.sensors import spec as spec_module
-from schuler.sensors.spec import AccelerometerSheet, GyroSheet, sheet_keys
+from schuler.sensors.sheets import AccelerometerSheet, GyroSheet, sheet_keys
 
 # keyword -> unit as text, read by schuler.units: a second way to every factor
 COMMON_UNITS = {

@@ -7,15 +7,8 @@ import pytest
 
 from schuler import frames, rotation
 from schuler.exceptions import InputError
-from schuler.simulation.profiles import (
-    Manoeuvre,
-    ManoeuvreMotion,
-    Ramps,
-    Waypoint,
-    WaypointMotion,
-    blend,
-    polynomial_motion,
-)
+from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion, Ramps, blend, polynomial_motion
+from schuler.simulation.waypoints import Waypoint, WaypointMotion
 
 ORIGIN = np.array([np.radians(48.0), np.radians(11.0), 500.0])
 

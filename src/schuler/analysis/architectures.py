@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler.analysis.campaign_table import CampaignTable
+from schuler.analysis.campaign_table import CampaignTable, Tabled
 from schuler.analysis.errors import TrajectoryErrors
 from schuler.analysis.evaluation import evaluate
 from schuler.analysis.modes import Mode, available_modes, parse_mode
@@ -68,7 +68,7 @@ class ComparisonRow:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Tabled):
     """Architectures by outages on one recording.
 
     Attributes
@@ -118,18 +118,10 @@ class Comparison:
             self.complete,
         )  # fmt: skip
 
-    def summary(self) -> str:
-        """The table as text."""
-        return self.table().summary()
-
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON: the table, and all numbers of every run under ``runs``."""
         runs = [{"mode": r.mode.name, "outages": r.outages, "failed": r.failed or None, **r.numbers} for r in self.rows]
         return {**self.table().to_dict(), "reference": self.reference, "windows_s": self.windows, "runs": runs}
-
-    def to_csv(self, path: Path | str) -> Path:
-        """Write the table."""
-        return self.table().to_csv(path)
 
     def plot(self, outages: str | None = None) -> Figure:
         """Horizontal error over time of every architecture, see :mod:`schuler.report.outage_figures`."""

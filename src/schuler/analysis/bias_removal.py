@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from schuler import earth, frames
-from schuler.analysis.campaign_table import CampaignTable
+from schuler.analysis.campaign_table import CampaignTable, Tabled
 from schuler.analysis.figure_eight import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.characterisation.stationarity import static_intervals
@@ -198,8 +197,53 @@ def corrected_log(
     return replace(part, gyro=columns[0], accel=columns[1])
 
 
+def resting_log(rng: np.random.Generator, samples: int, llh: ArrayLike = ESIEE) -> ImuSeries:
+    """A simulated log at rest, level, with constant biases and white noise.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    samples : int
+        At :data:`~schuler.analysis.figure_eight.IMU_INTERVAL_S`, the first one interval after zero.
+    llh : array_like, shape (3,)
+    """
+    omega, f = expected_at_rest(llh)
+    h = IMU_INTERVAL_S
+    gyro = omega + BIAS_GYRO + GYRO_NOISE / np.sqrt(h) * rng.standard_normal((samples, 3))
+    accel = f + BIAS_ACCEL + ACCEL_NOISE / np.sqrt(h) * rng.standard_normal((samples, 3))
+    return ImuSeries(h * np.arange(1.0, samples + 1), gyro, accel)
+
+
+def corrected_track(
+    log: ImuSeries, strategy: Strategy, start_s: float, length_s: float, llh: ArrayLike = ESIEE
+) -> FloatArray:
+    """Position north, east, down from a stretch of a log at rest, corrected and integrated from a true start.
+
+    Parameters
+    ----------
+    log : ImuSeries
+        Of :func:`resting_log`.
+    strategy : str
+        One of :data:`STRATEGIES`.
+    start_s, length_s : float
+        [s]
+    llh : array_like, shape (3,)
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        After each sample. [m]
+    """
+    place, h = as_floats(llh, "llh", (3,)), IMU_INTERVAL_S
+    part = corrected_log(log, strategy, start_s + h, start_s + length_s, place, check_rest=False)
+    start = NavState.from_geodetic(start_s, place, np.zeros(3), np.zeros(3))
+    increments = Increments(part.t, np.full(len(part), h), part.gyro * h, part.accel * h)
+    track: FloatArray = (mechanize(increments, start).r_eb_e - start.r_eb_e) @ frames.C_en(place)
+    return track
+
+
 @dataclass(frozen=True)
-class BiasStudy:
+class BiasStudy(Tabled):
     """End errors of a log at rest that was corrected and integrated, over many runs.
 
     Attributes
@@ -234,18 +278,6 @@ class BiasStudy:
             self.complete,
         )
 
-    def summary(self) -> str:
-        """The table as text."""
-        return self.table().summary()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return self.table().to_dict()
-
-    def to_csv(self, path: Path | str) -> Path:
-        """Write the table."""
-        return self.table().to_csv(path)
-
 
 def bias_study(
     runs: int = 400, seed: int = 1, *, length_s: float = 20.0, llh: ArrayLike = ESIEE, progress: Progress | None = None
@@ -273,24 +305,14 @@ def bias_study(
     same stretch ``N sqrt(T^3 / 12)``; mean of as long a stretch before ``N sqrt(7 T^3 / 12)``.
     """
     place = as_floats(llh, "llh", (3,))
-    omega, f = expected_at_rest(place)
-    n, h = round(length_s / IMU_INTERVAL_S), IMU_INTERVAL_S
-    t = h * np.arange(1.0, 2 * n + 1)
-    start = NavState.from_geodetic(h * n, place, np.zeros(3), np.zeros(3))
-    C = frames.C_en(place)
+    n = round(length_s / IMU_INTERVAL_S)
+    begin, span = IMU_INTERVAL_S * n, IMU_INTERVAL_S * n
     found: dict[str, list[FloatArray]] = {name: [] for name in STRATEGIES}
     complete = True
     try:
         for k, child in enumerate(np.random.SeedSequence(seed).spawn(runs)):
-            rng = np.random.default_rng(child)
-            gyro = omega + BIAS_GYRO + GYRO_NOISE / np.sqrt(h) * rng.standard_normal((2 * n, 3))
-            accel = f + BIAS_ACCEL + ACCEL_NOISE / np.sqrt(h) * rng.standard_normal((2 * n, 3))
-            log = ImuSeries(t, gyro, accel)
-            ends = []
-            for name in STRATEGIES:
-                part = corrected_log(log, name, h * (n + 1), h * 2 * n, place, check_rest=False)
-                increments = Increments(part.t, np.full(len(part), h), part.gyro * h, part.accel * h)
-                ends.append(C.T @ (mechanize(increments, start).r_eb_e[-1] - start.r_eb_e))
+            log = resting_log(np.random.default_rng(child), 2 * n, place)
+            ends = [corrected_track(log, name, begin, span, place)[-1] for name in STRATEGIES]
             for name, end in zip(STRATEGIES, ends, strict=True):
                 found[name].append(end)
             if progress is not None:

@@ -8,14 +8,12 @@ gyroscopes; *3.9* also their scale factors and non-orthogonality (attitude subse
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from schuler.analysis.campaign_table import CampaignTable
+from schuler.analysis.campaign_table import CampaignTable, Tabled
 from schuler.analysis.hayal_tables import IMUS, LENGTHS, PROTOTYPE, PUBLISHED, SEEDINGS
 from schuler.analysis.hayal_walk import CalibrationSigma, CartWalk, cart_config, cart_recording, seeded_start
 from schuler.analysis.outage_forks import outage_statistics
@@ -26,7 +24,7 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class OutageGrid:
+class OutageGrid(Tabled):
     """Outage statistics by IMU and seeding.
 
     Attributes
@@ -77,18 +75,6 @@ class OutageGrid:
             self.complete,
         )  # fmt: skip
 
-    def summary(self) -> str:
-        """The table as text."""
-        return self.table().summary()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return self.table().to_dict()
-
-    def to_csv(self, path: Path | str) -> Path:
-        """Write the table."""
-        return self.table().to_csv(path)
-
 
 def outage_grid(
     walk: CartWalk | None = None,
@@ -100,6 +86,7 @@ def outage_grid(
     seed: int = 1,
     gnss_every_s: float = 0.0,
     wander: bool = False,
+    sigma: Mapping[str, CalibrationSigma] | None = None,
     progress: Progress | None = None,
 ) -> OutageGrid:
     """Run the grid.
@@ -119,6 +106,8 @@ def outage_grid(
         Biases of the data sheets' stability: False draws them as constants, as the prototype did (HG1900 7 deg/h); True
         draws the turn-on part and a flicker of the same size beside it, for which a filter has no model of finite
         order.
+    sigma : mapping of str to CalibrationSigma, optional
+        Of the calibrations by IMU; left out: attitude subset 3, three minutes.
     progress : callable, optional
 
     Returns
@@ -134,7 +123,7 @@ def outage_grid(
     if wrong or draws < 1 or outages < 1:
         raise InputError(f"expected IMUs of {IMUS}, seedings of {SEEDINGS}, at least one draw and outage, got {wrong}")
     walk = walk or CartWalk.of()
-    sigma = {imu: CalibrationSigma.of(imu) for imu in imus}
+    seeds = {imu: CalibrationSigma.of(imu) for imu in imus} if sigma is None else dict(sigma)
     last = walk.ideal.t[-1] - max(LENGTHS) - 2.0
     starts = np.linspace(min(120.0, 0.5 * last), last, outages)
     parts: dict[tuple[str, str], list[OutageStatistics]] = {}
@@ -145,7 +134,7 @@ def outage_grid(
         for n, (imu, seeding, draw) in enumerate(cases):
             config = cart_config(imu, gnss_every_s, wander)
             recording, errors, rng = cart_recording(walk, imu, seed, draw, wander)
-            initial = seeded_start(recording, config, errors, seeding, sigma[imu], rng)
+            initial = seeded_start(recording, config, errors, seeding, seeds[imu], rng)
             found = outage_statistics(recording, config, lengths=LENGTHS, starts=starts, initial=initial)
             if not found.complete:
                 raise KeyboardInterrupt
@@ -164,4 +153,4 @@ def outage_grid(
         )
         for key, several in parts.items()
     }
-    return OutageGrid(together, sigma, complete)
+    return OutageGrid(together, seeds, complete)

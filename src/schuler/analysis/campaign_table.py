@@ -60,7 +60,7 @@ class CampaignTable:
             entries = dict(zip(self.columns, row, strict=True))
             if all(entries.get(key) == value for key, value in where.items()):
                 return entries
-        raise InputError(f"{self.title}: no row with {where}")
+        raise InputError(f"{self.title}: no row with {where}; columns are {', '.join(self.columns)}")
 
     def summary(self, digits: int = 3) -> str:
         """The table in columns of equal width, notes below."""
@@ -95,6 +95,26 @@ class CampaignTable:
         writer.writerow(self.columns)
         writer.writerows([["" if v is None else v for v in row] for row in self.rows])
         return write_text(path, buffer.getvalue())
+
+
+class Tabled:
+    """A result that people see as a table: its rows as text, for JSON and as CSV."""
+
+    def table(self) -> CampaignTable:
+        """What was found, one row a case."""
+        raise NotImplementedError
+
+    def summary(self) -> str:
+        """The table as text."""
+        return self.table().summary()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return self.table().to_dict()
+
+    def to_csv(self, path: Path | str) -> Path:
+        """Write the table."""
+        return self.table().to_csv(path)
 
 
 def shown(value: Cell, digits: int = 3) -> str:

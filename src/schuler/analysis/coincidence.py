@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from schuler.analysis.architectures import Comparison, compare_architectures
-from schuler.analysis.campaign_table import CampaignTable
+from schuler.analysis.campaign_table import CampaignTable, Tabled
 from schuler.analysis.figure_eight import FigureEight
 from schuler.analysis.figure_eight_campaign import FigureEightResult, figure_eight
 from schuler.exceptions import InputError
@@ -105,7 +105,7 @@ def compare_scheduling(
 
 
 @dataclass(frozen=True)
-class CoincidenceStudy:
+class CoincidenceStudy(Tabled):
     """The figure-eight with both schedules, the same draws."""
 
     coincidence: FigureEightResult
@@ -127,18 +127,6 @@ class CoincidenceStudy:
             ("white GNSS errors: with errors that are correlated over seconds the gain is smaller",),
             self.coincidence.complete and self.asynchronous.complete,
         )
-
-    def summary(self) -> str:
-        """The table as text."""
-        return self.table().summary()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return self.table().to_dict()
-
-    def to_csv(self, path: Path | str) -> Path:
-        """Write the table."""
-        return self.table().to_csv(path)
 
 
 def coincidence_study(

@@ -14,13 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from schuler import frames
-from schuler.analysis.campaign_table import CampaignTable, Cell
+from schuler.analysis.campaign_table import CampaignTable, Cell, Tabled
 from schuler.analysis.errors import trajectory_errors
 from schuler.analysis.modes import parse_mode
 from schuler.analysis.yaman_drive import ACCEL_NOISE, DRIVES, GNSS_RATE_HZ, GYRO_NOISE, Drive
@@ -79,7 +78,7 @@ def mode_config(gps: Gps, calibrated: bool, aided: bool, outage: tuple[float, fl
 
 
 @dataclass(frozen=True)
-class DriveModes:
+class DriveModes(Tabled):
     """The nine modes on one drive.
 
     Attributes
@@ -125,18 +124,6 @@ class DriveModes:
             ),
             self.complete,
         )
-
-    def summary(self) -> str:
-        """The table as text."""
-        return self.table().summary()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return self.table().to_dict()
-
-    def to_csv(self, path: Path | str) -> Path:
-        """Write the table."""
-        return self.table().to_csv(path)
 
 
 def levelled_start(recording: Recording, calibrated: bool) -> InitialState:
@@ -191,13 +178,13 @@ def drive_modes(
     complete = True
     try:
         if against == "full":
-            best = _run(drive, "Full", True, False)
+            best = mode_solution(drive, "Full", True, False)
             reference = best.trajectory
         else:
             assert drive.raw.reference is not None
             reference = drive.raw.reference
         for k, (gps, calibrated, aided) in enumerate(MODES):
-            result = _run(drive, gps, calibrated, aided)
+            result = mode_solution(drive, gps, calibrated, aided)
             window = drive.outage if gps == "Partial" else None
             rms[k] = rms_errors(result.trajectory, reference, window)
             if progress is not None:
@@ -221,7 +208,25 @@ def rms_errors(estimate: Trajectory, reference: Trajectory, window: tuple[float,
     return np.array([np.sqrt(np.mean(c**2)) for c in columns])
 
 
-def _run(drive: Drive, gps: Gps, calibrated: bool, aided: bool) -> NavigationResult:
+def mode_solution(drive: Drive, gps: Gps, calibrated: bool, aided: bool) -> NavigationResult:
+    """Navigate a drive in one mode.
+
+    Parameters
+    ----------
+    drive : Drive
+    gps : {"None", "Full", "Partial"}
+    calibrated, aided : bool
+        Calibrated IMU; zero-velocity updates and the constraint of wheels.
+
+    Returns
+    -------
+    NavigationResult
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If it was interrupted.
+    """
     recording = drive.calibrated if calibrated else drive.raw
     start = levelled_start(recording, calibrated)
     if gps == "None":

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.analysis.field_runs import FieldJob, FieldRun, RestSource, field_run, in_parallel, processes
+from schuler.analysis.field_runs import FieldJob, FieldRun, RestSource, field_run, gathered, processes
 from schuler.analysis.field_statistics import FieldCampaign
 from schuler.exceptions import InputError
 from schuler.fieldcal import Routine
@@ -79,25 +79,8 @@ def field_campaign(
     given: dict[str, Any] = {} if routine is None else {"routine": routine}
     job = FieldJob(spec, options=options or FieldOptions(), rate_hz=rate_hz, rests=rests, **given)
     n = processes(workers, runs)
-    done: dict[int, FieldRun] = {}
-    failed: list[tuple[int, str]] = []
-    complete = True
     begin = perf_counter()
-    results = in_parallel(partial(field_run, job), seed, runs, n)
-    try:
-        for k, result in results:
-            if isinstance(result, str):
-                failed.append((k, result))
-            else:
-                done[k] = result
-            if progress is not None:
-                progress((len(done) + len(failed)) / runs)
-    except KeyboardInterrupt:
-        complete = False
-        if len(done) < 2:
-            raise
-    finally:
-        results.close()
+    done, failed, complete = gathered(partial(field_run, job), seed, runs, n, 2, progress)
     if len(done) < 2:
         reason = f"; run {failed[0][0]}: {failed[0][1]}" if failed else ""
         raise InputError(f"{spec.name}: {len(done)} of {runs} runs could be calibrated, which is no campaign{reason}")

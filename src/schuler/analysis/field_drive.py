@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from schuler.analysis.campaign_table import CampaignTable, Cell
+from schuler.analysis.campaign_table import CampaignTable, Cell, Tabled
 from schuler.analysis.drive_modes import levelled_start, mode_config, rms_errors
 from schuler.analysis.field_unit import (
     DriveScene,
@@ -46,7 +45,7 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class FieldDrives:
+class FieldDrives(Tabled):
     """Nine modes on one drive with many units.
 
     Attributes
@@ -146,10 +145,6 @@ class FieldDrives:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return self.table().to_dict() | {"rms": self.rms.tolist(), "told": self.told.tolist()}
-
-    def to_csv(self, path: Path | str) -> Path:
-        """Write the table."""
-        return self.table().to_csv(path)
 
 
 def field_drives(

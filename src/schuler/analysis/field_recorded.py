@@ -16,7 +16,7 @@ import numpy as np
 
 from schuler import rotation
 from schuler.analysis.architectures import compare_architectures
-from schuler.analysis.campaign_table import CampaignTable, Cell
+from schuler.analysis.campaign_table import CampaignTable, Cell, Tabled
 from schuler.analysis.errors import TrajectoryErrors
 from schuler.analysis.field_at_rest import calibrate_at_rest
 from schuler.analysis.outages import outage_errors
@@ -42,7 +42,7 @@ _NAMES = {("None", False): "ins", ("None", True): "ins+zupt+nhc", ("Full", False
 
 
 @dataclass(frozen=True)
-class RecordedModes:
+class RecordedModes(Tabled):
     """The nine modes on a recorded drive.
 
     Attributes
@@ -118,18 +118,6 @@ class RecordedModes:
             ),
             self.complete,
         )  # fmt: skip
-
-    def summary(self) -> str:
-        """The table as text."""
-        return self.table().summary()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return self.table().to_dict()
-
-    def to_csv(self, path: Path | str) -> Path:
-        """Write the table."""
-        return self.table().to_csv(path)
 
 
 def recorded_modes(

@@ -187,6 +187,39 @@ def in_parallel(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
+def gathered(
+    work: Callable[[np.random.SeedSequence], T | str],
+    seed: int,
+    runs: int,
+    workers: int,
+    least: int,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[dict[int, T], list[tuple[int, str]], bool]:
+    """Runs of :func:`in_parallel` that came to something by their numbers, those that failed with why, and if all ran.
+
+    Ctrl-C ends the rest if the ``least`` number is done, else it is raised.
+    """
+    done: dict[int, T] = {}
+    failed: list[tuple[int, str]] = []
+    complete = True
+    results = in_parallel(work, seed, runs, workers)
+    try:
+        for k, result in results:
+            if isinstance(result, str):
+                failed.append((k, result))
+            else:
+                done[k] = result
+            if progress is not None:
+                progress((len(done) + len(failed)) / runs)
+    except KeyboardInterrupt:
+        complete = False
+        if len(done) < least:
+            raise
+    finally:
+        results.close()
+    return done, failed, complete
+
+
 def processes(workers: int | None, runs: int) -> int:
     """How many processes: as asked for, else one a processor, fewer for few runs.
 

@@ -17,8 +17,8 @@ import numpy as np
 
 from schuler.analysis.campaign_table import CampaignTable
 from schuler.analysis.consistency import chi_square_band
-from schuler.analysis.field_runs import FieldJob, RestSource, in_parallel, processes
-from schuler.analysis.field_static_unit import VARIANTS, StaticJob, StaticUnit, static_unit
+from schuler.analysis.field_runs import FieldJob, RestSource, gathered, processes
+from schuler.analysis.field_static_unit import VARIANTS, StaticJob, static_unit
 from schuler.analysis.field_tables import static_spec
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
@@ -237,25 +237,8 @@ def static_drift(
     given: dict[str, Any] = {} if routine is None else {"routine": routine}
     field = FieldJob(spec, options=options or FieldOptions(), rests=rests, rate_hz=rate_hz, **given)
     job = StaticJob(field, level_s, seconds)
-    done: dict[int, StaticUnit] = {}
-    failed: list[tuple[int, str]] = []
-    complete = True
     begin = perf_counter()
-    results = in_parallel(partial(static_unit, job), seed, units, processes(workers, units))
-    try:
-        for k, result in results:
-            if isinstance(result, str):
-                failed.append((k, result))
-            else:
-                done[k] = result
-            if progress is not None:
-                progress((len(done) + len(failed)) / units)
-    except KeyboardInterrupt:
-        complete = False
-        if not done:
-            raise
-    finally:
-        results.close()
+    done, failed, complete = gathered(partial(static_unit, job), seed, units, processes(workers, units), 1, progress)
     if not done:
         raise InputError(f"{spec.name}: no unit could be calibrated; unit {failed[0][0]}: {failed[0][1]}")
     order = sorted(done)

@@ -14,7 +14,7 @@ import numpy as np
 
 from schuler import earth
 from schuler.analysis.reading_errors import reading_sigma
-from schuler.analysis.yaman_drive import DRIVES, ELMADAG, GNSS_RATE_HZ, Drive, route, vibration
+from schuler.analysis.yaman_drive import DRIVES, ELMADAG, GNSS_RATE_HZ, Drive, first_part, route, vibration
 from schuler.arrays import FloatArray
 from schuler.calibration.result import CalibrationResult
 from schuler.exceptions import InputError
@@ -129,6 +129,7 @@ class DriveScene:
     number : {1, 2}
     motion : ManoeuvreMotion
     ideal : IdealImu
+        Of whole laps, longer than the drive: logs are cut to its length.
     outage : (float, float)
         [s]
     """
@@ -205,7 +206,8 @@ def drive_logs(scene: DriveScene, calibrated: CalibratedUnit, rng: np.random.Gen
     noise = rng.spawn(3)
     shaken = vibration(scene.ideal.truth, noise[0]) / scene.ideal.rate_hz
     ideal = scene.ideal._replace(gyro=scene.ideal.gyro + shaken[:, :3], accel=scene.ideal.accel + shaken[:, 3:])
-    imu = simulate_imu(ideal, calibrated.unit.drive, noise[1]).imu
+    length = DRIVES[scene.number][0]
+    imu = simulate_imu(ideal, calibrated.unit.drive, noise[1]).imu.between(-np.inf, length)
     if calibrated.unit.turn_on == "none":
         raw = without_offset(imu, calibrated.offset)
         corrected = calibrated.calibration.apply(raw)
@@ -221,10 +223,11 @@ def drive_logs(scene: DriveScene, calibrated: CalibratedUnit, rng: np.random.Gen
         ),
         noise[2],
     )  # fmt: skip
-    logs = [
+    wholes = (
         Recording(x, gnss, reference=scene.ideal.truth, metadata=Metadata(name=f"drive {scene.number}, {name} IMU"))
         for name, x in (("raw", raw), ("calibrated", corrected))
-    ]
+    )
+    logs = [first_part(whole, length) for whole in wholes]
     return Drive(scene.number, logs[0], logs[1], scene.outage)
 
 

@@ -161,21 +161,38 @@ class Track:
         )
 
 
-def figure_eight_run(track: Track, rng: np.random.Generator) -> tuple[NavigationResult, FloatArray]:
-    """One draw of all errors, filtered.
+@dataclass(frozen=True)
+class Draw:
+    """What a filter is given in one run, and the true biases.
+
+    Attributes
+    ----------
+    log : Increments
+        With biases and noise.
+    nav : NavState
+        Start with its errors.
+    sigma_psi : ndarray, shape (3,)
+        Of the start's attitude, north, east, down. [rad]
+    gnss : GnssSeries
+    bias : ndarray, shape (n + 1, 6)
+        Accelerometers, gyroscopes, at the ends of the increments. [m/s^2], [rad/s]
+    """
+
+    log: Increments
+    nav: NavState
+    sigma_psi: FloatArray
+    gnss: GnssSeries
+    bias: FloatArray
+
+
+def figure_eight_draw(track: Track, rng: np.random.Generator) -> Draw:
+    """Errors of one run.
 
     Parameters
     ----------
     track : Track
     rng : numpy.random.Generator
         Biases, IMU noise, GNSS noise and initial errors draw from children of their own: cases of one seed share them.
-
-    Returns
-    -------
-    result : NavigationResult
-        Records every second.
-    parameters : ndarray, shape (k, 6)
-        True biases at the records. [m/s^2], [rad/s]
     """
     case, inc = track.case, track.increments
     bias_rng, imu_rng, gnss_rng, start_rng = rng.spawn(4)
@@ -191,17 +208,11 @@ def figure_eight_run(track: Track, rng: np.random.Generator) -> tuple[Navigation
         inc.t, inc.dt, inc.dtheta_ib_b + mean[:, 3:] * h + GYRO_NOISE * white[:, :3],
         inc.dv_ib_b + mean[:, :3] * h + ACCEL_NOISE * white[:, 3:],
     )  # fmt: skip
-    layout = case.layout()
     z = start_rng.standard_normal(9)
     sigma_psi = np.array([case.sigma_tilt, case.sigma_tilt, case.sigma_heading])
     s, C = track.start, frames.C_en(track.start.llh)
     tilted = rotation.quat_multiply(rotation.quat_from_rotvec(C @ (sigma_psi * z[:3])), s.q_eb)
     nav = NavState(0.0, s.r_eb_e + C @ (SIGMA_POSITION * z[6:]), s.v_eb_e + C @ (case.sigma_v * z[3:6]), tilted)
-    root = np.sqrt(case.p0_factor)
-    initial = InitialState.from_sigmas(
-        nav, layout, attitude=root * sigma_psi, velocity=np.full(3, root * case.sigma_v),
-        position=root * SIGMA_POSITION,
-    )  # fmt: skip
     k = len(track.fixes_t)
     # the noise of a fix depends on its number among all that there could be, so both schedules see the same fixes
     every = gnss_rng.standard_normal((round(case.duration_s / GNSS_INTERVAL_S) + 2, 6))
@@ -212,16 +223,42 @@ def figure_eight_run(track: Track, rng: np.random.Generator) -> tuple[Navigation
         track.fixes_t, frames.llh_from_ecef(r), np.tile(np.diag(case.r_factor * SIGMA_POSITION**2), (k, 1, 1)),
         fixes.v_eb_n + SIGMA_VELOCITY * noise[:, 3:], np.tile(np.diag(case.r_factor * SIGMA_VELOCITY**2), (k, 1, 1)),
     )  # fmt: skip
-    schedule = gnss_measurements(gnss, np.zeros(3), gate=None)
+    return Draw(log, nav, sigma_psi, gnss, bias)
+
+
+def figure_eight_run(track: Track, rng: np.random.Generator) -> tuple[NavigationResult, FloatArray]:
+    """One draw of all errors, filtered.
+
+    Parameters
+    ----------
+    track : Track
+    rng : numpy.random.Generator
+        See :func:`figure_eight_draw`.
+
+    Returns
+    -------
+    result : NavigationResult
+        Records every second.
+    parameters : ndarray, shape (k, 6)
+        True biases at the records. [m/s^2], [rad/s]
+    """
+    case, drawn = track.case, figure_eight_draw(track, rng)
+    layout = case.layout()
+    root = np.sqrt(case.p0_factor)
+    initial = InitialState.from_sigmas(
+        drawn.nav, layout, attitude=root * drawn.sigma_psi, velocity=np.full(3, root * case.sigma_v),
+        position=root * SIGMA_POSITION,
+    )  # fmt: skip
+    schedule = gnss_measurements(drawn.gnss, np.zeros(3), gate=None)
     if not case.gnss:
         schedule = schedule.where(np.zeros(len(schedule), dtype=bool))
     q = case.q_factor
     forward = run(
-        log, schedule, initial, layout, np.full(3, q * GYRO_NOISE**2), np.full(3, q * ACCEL_NOISE**2),
+        drawn.log, schedule, initial, layout, np.full(3, q * GYRO_NOISE**2), np.full(3, q * ACCEL_NOISE**2),
         FilterOptions(covariance_rate_hz=20.0, output_rate_hz=1.0),
     )  # fmt: skip
     result = NavigationResult.from_run(
         forward, schedule.t, schedule.kind, layout, outages=() if case.outage_s is None else (case.outage_s,)
     )
-    at = np.clip(np.round(result.t / h).astype(int), 0, n)
-    return result, bias[at]
+    at = np.clip(np.round(result.t / IMU_INTERVAL_S).astype(int), 0, len(drawn.log))
+    return result, drawn.bias[at]

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from schuler import frames
-from schuler.analysis.campaign_table import CampaignTable
+from schuler.analysis.campaign_table import CampaignTable, Tabled
 from schuler.analysis.errors import attitude_difference
 from schuler.analysis.figure_eight import FigureEight, Track, figure_eight_run
 from schuler.arrays import FloatArray
@@ -23,7 +21,7 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class FigureEightResult:
+class FigureEightResult(Tabled):
     """Many runs of one case.
 
     Attributes
@@ -99,18 +97,6 @@ class FigureEightResult:
             (f"mean NIS per degree of freedom {float(np.mean(self.nis)):.3f}",),
             self.complete,
         )  # fmt: skip
-
-    def summary(self) -> str:
-        """The table as text."""
-        return self.table().summary()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return self.table().to_dict()
-
-    def to_csv(self, path: Path | str) -> Path:
-        """Write the table."""
-        return self.table().to_csv(path)
 
 
 def figure_eight(case: FigureEight, runs: int, seed: int = 1, progress: Progress | None = None) -> FigureEightResult:

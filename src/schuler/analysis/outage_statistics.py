@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler.analysis.campaign_table import CampaignTable
+from schuler.analysis.campaign_table import CampaignTable, Tabled
 from schuler.analysis.consistency import chi_square_band
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class OutageStatistics:
+class OutageStatistics(Tabled):
     """Position errors of many outages by their age.
 
     Attributes
@@ -131,17 +130,9 @@ class OutageStatistics:
             self.complete,
         )  # fmt: skip
 
-    def summary(self) -> str:
-        """The table as text."""
-        return self.table().summary()
-
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {**self.table().to_dict(), "starts_s": self.starts.tolist()}
-
-    def to_csv(self, path: Path | str) -> Path:
-        """Write the table."""
-        return self.table().to_csv(path)
 
     def plot(self) -> Figure:
         """Fan of all outages with the claimed 3 sigma, see :func:`schuler.report.outage_figures.plot_fan`."""

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from schuler.analysis.campaign_table import CampaignTable
+from schuler.analysis.campaign_table import CampaignTable, Tabled
 from schuler.analysis.tuning_score import Factors, Runner, Score
 from schuler.exceptions import InputError
 
@@ -51,7 +50,7 @@ class TuningStep:
 
 
 @dataclass(frozen=True)
-class TuningResult:
+class TuningResult(Tabled):
     """What tuning found, and whether it holds on other data.
 
     Attributes
@@ -106,17 +105,9 @@ class TuningResult:
             self.complete,
         )  # fmt: skip
 
-    def summary(self) -> str:
-        """The table as text."""
-        return self.table().summary()
-
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {**self.table().to_dict(), "chosen": vars(self.chosen), "holds": self.holds}
-
-    def to_csv(self, path: Path | str) -> Path:
-        """Write the table."""
-        return self.table().to_csv(path)
 
 
 def _entries(what: str, factor: float | None, score: Score, against: Score) -> tuple[Any, ...]:

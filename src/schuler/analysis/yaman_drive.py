@@ -78,11 +78,21 @@ class Drive:
                 np.random.default_rng(noise[0]),
             ).imu
             imu = replace(imu, gyro=imu.gyro + shaken[:, :3], accel=imu.accel + shaken[:, 3:])
-            parts[name] = Recording(
-                imu, gnss, reference=ideal.truth, metadata=Metadata(name=f"drive {number}, {name} IMU")
-            )
+            whole = Recording(imu, gnss, reference=ideal.truth, metadata=Metadata(name=f"drive {number}, {name} IMU"))
+            parts[name] = first_part(whole, length)
         start = round(0.5 * length)
         return cls(number, parts["raw"], parts["calibrated"], (float(start), start + lost))
+
+
+def first_part(recording: Recording, length_s: float) -> Recording:
+    """A recording up to a time after zero: laps are whole, the source's drives are not. [s]"""
+    imu, gnss, reference = recording.imu, recording.gnss, recording.reference
+    return replace(
+        recording,
+        imu=None if imu is None else imu.between(-np.inf, length_s),
+        gnss=None if gnss is None else gnss.between(-np.inf, length_s),
+        reference=None if reference is None else reference.between(-np.inf, length_s),
+    )
 
 
 def vibration(truth: Trajectory, rng: np.random.Generator) -> FloatArray:

@@ -29,7 +29,7 @@ from schuler.calibration.foreign_psins import from_psins, to_psins
 from schuler.calibration.parameters import Gauge, in_gauge, rotation_to
 from schuler.calibration.result import CalibrationResult
 from schuler.exceptions import InputError
-from schuler.recording.io.hints import axes_matrix
+from schuler.recording.io.hint_texts import axes_matrix
 from schuler.sensors.errors import ImuErrors
 
 __all__ = [

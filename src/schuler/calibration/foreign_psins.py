@@ -13,7 +13,7 @@ from schuler.calibration.foreign import determined_errors, held, inverse, named_
 from schuler.calibration.parameters import in_gauge
 from schuler.calibration.result import CalibrationResult
 from schuler.exceptions import InputError
-from schuler.recording.io.hints import axes_matrix
+from schuler.recording.io.hint_texts import axes_matrix
 from schuler.sensors.errors import ImuErrors
 
 

@@ -121,6 +121,12 @@ def table_case(table: str, case: int) -> StudyCase:
     )
 
 
+def printed_rows(table: str) -> dict[int, tuple[tuple[float, ...], tuple[float, ...]]]:
+    """Sigma and error of each parameter as printed, by case: bias in its SI unit, then ppm and microradian."""
+    sensor, order = _TABLES[table]
+    return {case: rows for (m, case), rows in (_GYRO if sensor == "gyro" else _ACCEL).items() if m == order}
+
+
 def table_rows(runs: int, rng: np.random.Generator, tables: Sequence[str] = tuple(_TABLES)) -> list[TableRow]:
     """Hayal's Tables 4.2 to 4.5 and ours, parameter by parameter.
 

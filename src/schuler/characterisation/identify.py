@@ -16,16 +16,18 @@ from schuler.characterisation.counted_model import counted_model
 from schuler.characterisation.counting import Lattice, counted, pulse_lattice
 from schuler.characterisation.curve import AllanCurve
 from schuler.characterisation.findings import Finding
-from schuler.characterisation.fitting import Fit, Moments, NoFitError, Weights
+from schuler.characterisation.fitting import Fit, Moments, NoFitError
 from schuler.characterisation.grid import on_grid
 from schuler.characterisation.health import FEWEST, check_static_imu
+from schuler.characterisation.identify_findings import fit_findings, line_findings
 from schuler.characterisation.lines import CleanSpectrum, Line, clean_spectrum
 from schuler.characterisation.outliers import without_outliers
 from schuler.characterisation.result import AXES, AxisNoise, Estimate, NoiseIdentification
-from schuler.characterisation.selection import Selection, select
+from schuler.characterisation.selection import select
 from schuler.characterisation.shifts import level_shifts
 from schuler.characterisation.simulation_model import simulation_model
 from schuler.characterisation.trends import mean_with_sigma, temperature_trend, warm_up
+from schuler.characterisation.triad_budget import triad_budget
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
@@ -35,19 +37,11 @@ from schuler.sensors.noise import (
     Ramp,
     Sinusoid,
 )
-from schuler.sensors.spec import ImuSpec, TriadSpec
-from schuler.units import G0
 
 Method = Literal["gmwm", "allan"]
 Progress = Callable[[float], None]
 
 _UNITS = {"Q": "{}*s", "N": "({})/sqrt(Hz)", "B": "{}", "K": "({})*sqrt(Hz)", "R": "({})/s"}
-_FIELDS = {
-    "Q": "quantisation", "N": "random_walk", "B": "bias_instability", "K": "rate_random_walk", "R": "rate_ramp",
-    "sigma_1": "in_run_bias", "tau_1": "in_run_time",
-}  # fmt: skip
-#: What a TriadSpec can hold: at most one Gauss-Markov process.
-_BUDGET_MODELS = ("N", "N+B", "N+K", "N+GM", "N+B+K", "N+K+GM", "N+B+GM")
 _LEAST = 1000  # samples below which nothing is identified
 
 
@@ -148,7 +142,7 @@ def identify_noise(
         if progress is not None:
             progress((k + 1) / (len(AXES) + 1))
     title = name or (several[0].metadata.name if isinstance(several[0], Recording) else "IMU")
-    spec, spec_sigma = _budget(title, found, data, float(rates[0]), method)
+    spec, spec_sigma = triad_budget(title, found, data, float(rates[0]), method)
     if progress is not None:
         progress(1.0)
     notes = tuple(n for r in several if isinstance(r, Recording) for n in r.metadata.notes)
@@ -275,10 +269,12 @@ def _identified(
         raise NoFitError(f"its mean has no scatter to judge it by: {error}") from None
     told = list(findings)
     if pulses is None:
-        told += _lines(axis, lines, unit)
+        told += line_findings(axis, lines, unit)
     else:
         told.append(counted(axis, Lattice(pulses.quantum, pulses.read_rate_hz), main.rate_hz, unit))
-    told += _about(axis, chosen, data.dt, duration, "the measured spectrum" if pulses is None else "of counted pulses")
+    told += fit_findings(
+        axis, chosen, data.dt, duration, "the measured spectrum" if pulses is None else "of counted pulses"
+    )
     told += _trends(axis, steady, findings)
     replaced = sum(s.replaced for s in signals)
     if replaced:
@@ -368,17 +364,6 @@ def _read_off(curve: AllanCurve) -> dict[str, float]:
     return read
 
 
-def _lines(axis: str, lines: tuple[Line, ...], unit: str) -> list[Finding]:
-    if not lines:
-        return []
-    strongest = ", ".join(f"{line.frequency:.4g} Hz ({line.amplitude:.2g} {unit})" for line in lines[:3])
-    text = (
-        f"{axis}: {len(lines)} narrow lines in the spectrum, the strongest at {strongest}: vibration or interference; "
-        "they are in the model as sines and not in its noise terms"
-    )
-    return [Finding("lines", text, severity="note")]
-
-
 def _pulses(signals: list[_Signal], curve: AllanCurve, dt: float, findings: tuple[Finding, ...]) -> Counted | None:
     """The model of a counter, where one recording is coarse because its readings are counted pulses."""
     x = signals[0].x
@@ -386,38 +371,6 @@ def _pulses(signals: list[_Signal], curve: AllanCurve, dt: float, findings: tupl
         return None
     lattice = pulse_lattice(x, signals[0].rate_hz)
     return None if lattice is None else counted_model(curve, lattice, float(x.mean()), dt, len(x))
-
-
-def _about(axis: str, chosen: Selection, dt: float, duration: float, stands: str) -> list[Finding]:
-    """What the fit itself says; ``stands`` is what the model for simulation is where terms do not do."""
-    told = []
-    if not chosen.fits:
-        text = (
-            f"{axis}: no model fits: the curve departs from all of them by more than {100 * chosen.departure:.0f} % in "
-            "variance; look at the figure for vibration or disturbances and do not use the numbers before"
-        )
-        told.append(Finding("no_model", text))
-    elif chosen.departure > 0.0:
-        text = (
-            f"{axis}: the curve departs from every sum of terms by about {100 * chosen.departure:.2g} % in variance, "
-            "more than chance does (vibration, temperature, disturbances); the uncertainties allow for it, "
-            f"and the model for simulation is {stands}"
-        )
-        told.append(Finding("departure", text, severity="note" if chosen.departure < 0.1 else "warning"))
-    if chosen.shortest > 1:
-        text = (
-            f"{axis}: below {chosen.shortest * dt:.3g} s the noise is no sum of terms (sensor filter, vibration); "
-            f"the numbers hold from there on, and the model is {stands} at shorter times"
-        )
-        told.append(Finding("shape", text, severity="note"))
-    for name, value, sigma in zip(chosen.fit.names, chosen.fit.values, chosen.fit.sigma, strict=True):
-        if name.startswith("tau") and name != "tau_N" and (value > duration / 10.0 or sigma > 0.7):
-            text = (
-                f"{axis}: a correlation time of {value:.3g} s from a log of {duration:.3g} s is good to a factor of "
-                f"{np.exp(1.96 * min(sigma, 3.0)):.2g}; a longer log would tell it from a random walk"
-            )
-            told.append(Finding("short_for_tau", text, severity="note"))
-    return told
 
 
 def _trends(axis: str, signal: _Signal, findings: tuple[Finding, ...]) -> list[Finding]:
@@ -438,40 +391,3 @@ def _later(f: Finding, by: float) -> Finding:
         return f
     start, stop = (None if at is None else at + by for at in (f.start_s, f.stop_s))
     return replace(f, text=f"{f.text} (seconds from {by:.0f} s on, after a pause)", start_s=start, stop_s=stop)
-
-
-def _budget(
-    name: str, found: dict[str, AxisNoise], data: dict[str, Moments], rate_hz: float, method: Method
-) -> tuple[ImuSpec | None, dict[str, dict[str, float]]]:
-    """One triad budget from the mean Allan variance of its axes."""
-    triads: dict[str, TriadSpec] = {}
-    spread: dict[str, dict[str, float]] = {}
-    for triad in ("gyro", "accel"):
-        axes = [a for a in AXES if a.startswith(triad) and a in found]
-        if not axes:
-            return None, {}
-        parts = [data[a] for a in axes]
-        k = min(len(p.m) for p in parts)
-        mean = Moments(
-            parts[0].m[:k],
-            np.mean([p.variance[:k] for p in parts], axis=0),
-            parts[0].dt,
-            np.concatenate([p.lengths for p in parts]),
-        )
-        weights: Weights = "full" if method == "gmwm" else "diagonal"
-        try:
-            chosen = select(mean, None, weights, default=_BUDGET_MODELS, probes=_BUDGET_MODELS)
-        except NoFitError:
-            return None, {}
-        fit = chosen.fit
-        means = np.array([found[a].mean.value for a in axes])
-        if triad == "gyro":
-            bias = float(np.sqrt(np.mean(means**2)))
-        else:
-            bias = abs(float(np.linalg.norm(means)) - G0) if len(axes) == 3 else 0.0
-        kept = [i for i, n in enumerate(fit.names) if n in _FIELDS and not (n == "Q" and chosen.shortest > 1)]
-        fields = {_FIELDS[fit.names[i]]: float(fit.values[i]) for i in kept}
-        triads[triad] = TriadSpec(**fields, turn_on_bias=bias)
-        spread[triad] = {_FIELDS[fit.names[i]]: float(fit.sigma[i]) for i in kept}
-    spec = ImuSpec(name, triads["gyro"], triads["accel"], rate_hz=rate_hz, source="identified by schuler")
-    return spec, spread

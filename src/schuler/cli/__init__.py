@@ -28,6 +28,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SchulerError as error:
         print(f"schuler: {error}", file=sys.stderr)
         return 2
+    except (FileExistsError, IsADirectoryError, NotADirectoryError, PermissionError) as error:
+        if error.filename is None:
+            raise
+        print(
+            f"schuler: {error.filename}: expected a path to read or write as asked, got: {error.strerror}; "
+            "give another one",
+            file=sys.stderr,
+        )
+        return 2
     except KeyboardInterrupt:
         print("schuler: interrupted", file=sys.stderr)
         return 1

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from schuler.characterisation.result import TERMS, AxisNoise, Estimate, NoiseIdentification
 from schuler.cli.options import Reading
-from schuler.cli.output import Flag, Texts, print_json, progress, say
+from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress, say
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
 
@@ -22,7 +22,7 @@ def allan(
     *more: Path,
     method: Literal["gmwm", "allan"] = "gmwm",
     robust: Flag = False,
-    out: Path | None = None,
+    out: Folder = None,
     export: Texts = (),
     inflate: float | None = None,
     report: bool = True,
@@ -50,7 +50,7 @@ def allan(
     report
         Write noise.html and figures.
     json
-        Print one JSON object.
+        Print one JSON object instead of text.
     """
     from schuler.characterisation.exports import EXPORTS
     from schuler.characterisation.identify import identify_noise
@@ -106,8 +106,7 @@ def write_report(folder: Path, recordings: list[Recording], found: NoiseIdentifi
             found, folder / "noise.html", imu=imu, spectra=spectra, recording_summary=described
         )
     }  # fmt: skip
-    for path in save_noise_figures(found, folder / "figures", imu=imu, spectra=spectra):
-        files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
+    files |= named(save_noise_figures(found, folder / "figures", imu=imu, spectra=spectra))
     return files
 
 

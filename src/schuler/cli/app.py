@@ -70,6 +70,11 @@ COMMANDS = {
         "Simulate and navigate a mission many times: scatter, honesty of the filter, on all processors or a cluster.",
         "schuler montecarlo examples/montecarlo_town.toml --runs 200 --store town-runs",
     ),
+    "reproduce": (
+        "schuler.cli.reproduce:reproduce",
+        "Tables and figures of five theses beside ours: printed number, ours, verdict, and why they differ.",
+        "schuler reproduce flenniken fig-4.5 --quick",
+    ),
     "foot": (
         "schuler.cli.foot:foot",
         "Navigate an IMU on a shoe: rests, strides, the walk and its uncertainty.",

@@ -6,12 +6,17 @@ import time as clock
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from schuler.cli.output import Flag, Texts, print_json, progress
+from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress
 from schuler.exceptions import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.figure import Figure
 
+    from schuler.analysis.budget.budget import ErrorBudget
+    from schuler.analysis.budget.choice import ImuChoice
+    from schuler.analysis.budget.covariance import LinearCovariance
     from schuler.analysis.budget.scenario import BudgetAccelerometer
     from schuler.sensors.spec import ImuSpec
 
@@ -29,7 +34,7 @@ def budget(
     quadratic_ppm_g: float | None = None,
     angles: Literal["elements", "triad"] = "elements",
     single: Flag = False,
-    out: Path | None = None,
+    out: Folder = None,
     figures: bool = True,
     report: bool = True,
     json: Flag = False,
@@ -66,7 +71,7 @@ def budget(
     report
         Write report.html.
     json
-        Print one JSON object.
+        Print one JSON object instead of text.
     """
     from schuler.analysis.budget import (
         BudgetScenario,
@@ -125,7 +130,7 @@ def budget(
     if json:
         print_json(
             {
-                "command": "budget", "mission": mission.name,
+                "command": "budget", "mission": mission.name, **_firsts(budgets, choices),
                 "budgets": [{"covariance": found.to_dict(), "budget": one.to_dict()} for found, one in budgets],
                 "choices": [choice.to_dict() for choice in choices],
                 "passes": passed, "elapsed_s": clock.perf_counter() - began, "files": files,
@@ -135,6 +140,23 @@ def budget(
         print("\n\n".join(texts))
         print("\n".join(f"{what}: {path}" for what, path in files.items() if path.suffix in (".csv", ".html")))
     return 0
+
+
+def _firsts(budgets: Sequence[tuple[LinearCovariance, ErrorBudget]], choices: Sequence[ImuChoice]) -> dict[str, object]:
+    """Total, contributions and ranking at the top of the JSON: those of the first IMU and the first requirement."""
+    data: dict[str, object] = {"total": None, "contributions": [], "ranking": []}
+    for _, one in budgets[:1]:
+        data["total"] = one.total
+        data["contributions"] = [
+            {"parameter": name, "value": value, "share": value**2 / one.total**2}
+            for name, value in one.by_source().items()
+        ]
+    for choice in choices[:1]:
+        whole = choice.to_dict()
+        data["ranking"] = [
+            {**row, "bottleneck": whole["bottlenecks"].get(row["imu"], {}).get("field")} for row in whole["ranking"]
+        ]
+    return data
 
 
 def _spec(name: str) -> ImuSpec:
@@ -160,4 +182,4 @@ def _label(name: str) -> str:
 def _saved(figure: Figure, path: Path) -> dict[str, Path]:
     from schuler.report.figures import save
 
-    return {f"figure_{path.stem}_{p.suffix[1:]}": p for p in save(figure, path, ("png", "svg"))}
+    return named(save(figure, path, ("png", "svg")))

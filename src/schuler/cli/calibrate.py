@@ -11,11 +11,11 @@ import numpy as np
 from schuler import units as u
 from schuler.cli.calibrate_input import numbers_of, poses_in, sections_of, spans_of
 from schuler.cli.calibrate_output import finish
-from schuler.cli.options import Output, Reading, Sensor, Site
+from schuler.cli.options import Checking, Output, Reading, Sensor, Site
 from schuler.cli.output import Flag
 from schuler.exceptions import InputError
 
-_READING, _SITE, _SENSOR, _OUTPUT = Reading(), Site(), Sensor(), Output()
+_READING, _CHECKING, _SITE, _SENSOR, _OUTPUT = Reading(), Checking(), Site(), Sensor(), Output()
 
 
 def sixposition(
@@ -27,6 +27,7 @@ def sixposition(
     min_rest: float = 1.0,
     intervals: Path | None = None,
     reading: Reading = _READING,
+    checking: Checking = _CHECKING,
     site: Site = _SITE,
     sensor: Sensor = _SENSOR,
     output: Output = _OUTPUT,
@@ -51,7 +52,7 @@ def sixposition(
     from schuler.calibration.sixposition import calibrate_sixposition
 
     began = clock.perf_counter()
-    recordings = [reading.read(path, uncalibrated=True) for path in (log, *more)]
+    recordings = [checking.passed(reading.read(path, uncalibrated=True)) for path in (log, *more)]
     poses = poses_in(recordings, sensor, site, min_rest, intervals)
     angles = None if headings is None else np.array(numbers_of("--headings", headings)) * u.DEG
     result = calibrate_sixposition(
@@ -73,6 +74,7 @@ def multiposition(
     min_rest: float = 1.0,
     intervals: Path | None = None,
     reading: Reading = _READING,
+    checking: Checking = _CHECKING,
     site: Site = _SITE,
     sensor: Sensor = _SENSOR,
     output: Output = _OUTPUT,
@@ -106,7 +108,7 @@ def multiposition(
     from schuler.calibration.result import CalibrationResult
 
     began = clock.perf_counter()
-    recordings = [reading.read(path, uncalibrated=True) for path in (log, *more)]
+    recordings = [checking.passed(reading.read(path, uncalibrated=True)) for path in (log, *more)]
     poses = poses_in(recordings, sensor, site, min_rest, intervals)
     table = None if table_rate is None else np.array(numbers_of("--table-rate", table_rate)) * u.DEG
     if table is not None and len(table) != len(poses):
@@ -134,6 +136,7 @@ def freepose(
     min_rest: float = 1.0,
     intervals: Path | None = None,
     reading: Reading = _READING,
+    checking: Checking = _CHECKING,
     site: Site = _SITE,
     sensor: Sensor = _SENSOR,
     output: Output = _OUTPUT,
@@ -168,7 +171,7 @@ def freepose(
     if rests == "tedaldi" and initial_rest is None:
         raise InputError("--initial-rest: expected the seconds at rest that the log begins with, for --rests tedaldi")
     began = clock.perf_counter()
-    recording = reading.read(log, uncalibrated=True)
+    recording = checking.passed(reading.read(log, uncalibrated=True))
     imu = recording.need_imu()
     result = calibrate_freepose(
         imu, gravity=site.g, noise=sensor.noise, initial_rest_s=initial_rest, robust=robust, min_s=min_rest,
@@ -190,6 +193,7 @@ def ratetable(
     rate_sigma: float = 0.0,
     min_rest: float = 1.0,
     reading: Reading = _READING,
+    checking: Checking = _CHECKING,
     site: Site = _SITE,
     sensor: Sensor = _SENSOR,
     output: Output = _OUTPUT,
@@ -220,7 +224,7 @@ def ratetable(
     from schuler.calibration.turns_in_log import rate_plateaus
 
     began = clock.perf_counter()
-    recordings = [reading.read(path, uncalibrated=True) for path in (log, *more)]
+    recordings = [checking.passed(reading.read(path, uncalibrated=True)) for path in (log, *more)]
     speeds = np.array(numbers_of("--rates", rates)) * u.DEG
     found, failures = [], []
     for recording in recordings:
@@ -248,6 +252,7 @@ def ferraris(
     turn_angle: float = 360.0,
     g_sensitivity: bool = True,
     reading: Reading = _READING,
+    checking: Checking = _CHECKING,
     site: Site = _SITE,
     sensor: Sensor = _SENSOR,
     output: Output = _OUTPUT,
@@ -268,7 +273,7 @@ def ferraris(
     from schuler.calibration.ferraris import calibrate_ferraris
 
     began = clock.perf_counter()
-    recording = reading.read(log, uncalibrated=True)
+    recording = checking.passed(reading.read(log, uncalibrated=True))
     imu = recording.need_imu()
     named = None if sections is None else sections_of(sections, imu)
     result = calibrate_ferraris(
@@ -288,6 +293,7 @@ def thermal(
     soak: Flag = False,
     min_rest: float = 1.0,
     reading: Reading = _READING,
+    checking: Checking = _CHECKING,
     site: Site = _SITE,
     sensor: Sensor = _SENSOR,
     output: Output = _OUTPUT,
@@ -314,7 +320,7 @@ def thermal(
     from schuler.calibration.thermal import calibrate_thermal
 
     began = clock.perf_counter()
-    recordings = [reading.read(path, uncalibrated=True) for path in (log, *more)]
+    recordings = [checking.passed(reading.read(path, uncalibrated=True)) for path in (log, *more)]
     if more and not soak:
         raise InputError(f"--soak: expected it with {len(recordings)} logs, a ramp is one; got several logs without it")
     source: Any = (

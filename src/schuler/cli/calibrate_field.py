@@ -14,7 +14,7 @@ from schuler import units as u
 from schuler.arrays import FloatArray
 from schuler.cli.calibrate_input import counted, numbers_of, spans_of
 from schuler.cli.calibrate_output import finish
-from schuler.cli.options import Output, Reading, Sensor, Site
+from schuler.cli.options import Checking, Output, Reading, Sensor, Site
 from schuler.cli.output import Flag, progress
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from schuler.fieldcal.options import FieldOptions
     from schuler.sensors.spec import ImuSpec
 
-_READING, _SITE, _SENSOR, _OUTPUT = Reading(), Site(), Sensor(), Output()
+_READING, _CHECKING, _SITE, _SENSOR, _OUTPUT = Reading(), Checking(), Site(), Sensor(), Output()
 # a specific force at rest further from gravity is no sensor error but another unit
 _SANE = (0.7, 1.4)
 
@@ -47,6 +47,7 @@ def field(
     intervals: Path | None = None,
     history: Literal["csv", "parquet"] = "csv",
     reading: Reading = _READING,
+    checking: Checking = _CHECKING,
     site: Site = _SITE,
     sensor: Sensor = _SENSOR,
     output: Output = _OUTPUT,
@@ -102,13 +103,14 @@ def field(
         recording = run_coach(
             log, spec, latitude=site.lat, height=site.height, gravity=gravity, heading=start, reading=reading,
             bell=bell, keep=None if output.out is None else output.out / "field-log.txt", options=options,
-            prior=earlier,
+            prior=earlier, inspect=checking.stop,
         )  # fmt: skip
+        recording = checking.passed(recording)
         log = Path(recording.metadata.name) if str(log) == "-" else log
     elif str(log) == "-":
         raise InputError("-: lines on stdin are for the coach, add --coach; otherwise expected a file or folder")
     else:
-        recording = reading.read(log, uncalibrated=True)
+        recording = checking.passed(reading.read(log, uncalibrated=True))
     from schuler.fieldcal.calibration import calibrate_field
     from schuler.fieldcal.given_rests import given_rests
     from schuler.fieldcal.rests import field_rests

@@ -30,6 +30,7 @@ _POLL_S = 0.25
 _BLOCK_S = 0.5  # of samples that the coach is given at a time
 _YOUNG = 200  # lines that a log may need until it can be read
 _NEVER_STILL_S = 20.0
+_FIRST_LOOK_S = 20.0  # of a log that grows, before it is judged
 
 Say = Callable[[str], None]
 
@@ -49,6 +50,7 @@ def run_coach(
     keep: Path | None = None,
     stdin: BinaryIO | None = None,
     out: Say = say,
+    inspect: Callable[[Recording], None] | None = None,
     **more: Any,
 ) -> Recording:
     """Coach a person along a log, one line for each event, until there is nothing more to do.
@@ -75,6 +77,8 @@ def run_coach(
         In place of the process's own.
     out : callable
         Takes the lines; default: stderr.
+    inspect : callable, optional
+        Looks at the log once, all of a finished one or the first 20 s of one that grows, and raises if it is garbage.
     **more
         Of :class:`schuler.fieldcal.coach.Coach`: options, coaching, prior.
 
@@ -103,11 +107,15 @@ def run_coach(
     told = _Told(out, bell)
     coach: Coach | None = None
     fed = 0
+    inspected = inspect is None
     try:
         while True:
             ended = pipe is None or pipe.ended  # asked before reading: what came until then is read below
             if source.newer():
                 imu = source.recording().need_imu()
+                if inspect is not None and not inspected and (not following or imu.t[-1] - imu.t[0] > _FIRST_LOOK_S):
+                    inspect(source.recording())
+                    inspected = True
                 if coach is None:
                     _need_units(source.recording())
                     coach = Coach(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from schuler.cli.options import Sensor, Site
 from schuler.cli.output import progress
 from schuler.exceptions import InputError
-from schuler.recording.io.hints import COUNTS_NOTE
+from schuler.recording.io.hint_texts import COUNTS_NOTE
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 

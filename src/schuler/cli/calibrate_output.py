@@ -12,7 +12,7 @@ import numpy as np
 
 from schuler import units as u
 from schuler.cli.options import Output
-from schuler.cli.output import print_json, say
+from schuler.cli.output import named, print_json, say
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 
@@ -39,10 +39,13 @@ def finish(
     (``before``, SI) before and after and, if simulated, the truth for its figures.
     """
     from schuler.calibration.result import CalibrationResult
+    from schuler.diagnosis.first import notes_of
 
     sources = {k: v for recording in recordings for k, v in recording.metadata.sources.items()}
     options = [recording.metadata.options for recording in recordings]
-    result = replace(result, provenance={**result.provenance, "sources": sources, "recording_options": options})
+    checks = [note for recording in recordings for note in notes_of(recording)]
+    about = {"sources": sources, "recording_options": options, "checks": checks}
+    result = replace(result, provenance={**result.provenance, **about})
     if output.gauge is not None and result.status != "refused":
         result = result.in_gauge(output.gauge)
     folder = Path(f"{log.resolve().stem}-calibration") if output.out is None else output.out
@@ -68,8 +71,7 @@ def finish(
             # in the axes of the log, whatever the gauge of the file
             after = field.calibration.apply(recordings[0].need_imu())
             figures += save_output_figures(before, after, folder / "figures")
-        for path in figures:
-            files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
+        files |= named(figures)
     if output.json:
         data = numbers(result)
         if field is not None:

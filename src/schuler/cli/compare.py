@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from schuler.cli.output import Flag, Texts, entries, period, print_json, progress, window
+from schuler.cli.output import Flag, Folder, Texts, entries, named, period, print_json, progress, window
 from schuler.exceptions import InputError
 
 
@@ -24,7 +24,8 @@ def compare(
     lengths: str | None = None,
     smooth: bool | None = None,
     set_: Annotated[Texts, Parameter(name="--set")] = (),
-    out: Path | None = None,
+    out: Folder = None,
+    unchecked: Flag = False,
     figures: bool = True,
     json: Flag = False,
 ) -> int:
@@ -52,15 +53,18 @@ def compare(
         Any entry of the configuration: SECTION.KEY=VALUE in TOML's spelling; may be given several times.
     out
         Folder for the tables as CSV and the figures. Default: the log's name with -comparison.
+    unchecked
+        Go on where the checks of units, axes, signs and clocks (schuler check) find an error; the result notes it.
     figures
         Draw figures too.
     json
-        Print one JSON object.
+        Print one JSON object instead of text.
     """
     from schuler.analysis.architectures import compare_architectures
     from schuler.analysis.outage_forks import outage_statistics
     from schuler.analysis.outage_statistics import OutageStatistics
     from schuler.cli.convert import read_log
+    from schuler.diagnosis.first import checked
     from schuler.filtering.config import NavigationConfig
 
     began = time.perf_counter()
@@ -73,7 +77,7 @@ def compare(
         loaded = loaded.model_copy(update={"outages": loaded.outages.model_copy(update={"windows_s": windows})})
     wanted = None if modes is None else [text for text in modes.split(",") if text.strip()]
     numbers = None if lengths is None else _lengths(lengths)
-    recording = read_log(log, config)
+    recording = checked(read_log(log, config), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
     with progress("comparing") as bar:
         found = compare_architectures(recording, loaded, modes=wanted, smooth=smooth, progress=bar)
     statistics: list[OutageStatistics] = []
@@ -122,6 +126,5 @@ def _write(folder: Path, found: Any, statistics: list[Any], *, figures: bool) ->
         from schuler.report.figures import save
 
         for name, what in drawn:
-            for path in save(what.plot(), folder / name, ("png", "svg")):
-                files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
+            files |= named(save(what.plot(), folder / name, ("png", "svg")))
     return files

@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 
 from schuler import units
+from schuler.cli.options import LogHints
 from schuler.cli.output import Flag, print_json, say
 from schuler.exceptions import ConfigError, InputError
 from schuler.gnss.signals import satellite_name
 from schuler.recording.recording import TIMED, Recording
+
+_HINTS = LogHints()
 
 
 def read_log(log: Path, config: Path | None, **hints: Any) -> Recording:
@@ -20,14 +23,7 @@ def read_log(log: Path, config: Path | None, **hints: Any) -> Recording:
     from schuler.recording.io import read
 
     given = {name: value for name, value in hints.items() if value is not None}
-    parts: dict[str, Any] = {}
-    if config is not None:
-        try:
-            parts = tomllib.loads(config.read_text(encoding="utf-8")).get("recording", {})
-        except FileNotFoundError:
-            raise ConfigError(f"{config}: no such configuration file") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ConfigError(f"{config}: not a TOML file: {error}") from None
+    parts = recording_section(config)
     if not log.exists():
         raise InputError(f"{log}: no such file or folder")
     if log.is_dir():
@@ -43,33 +39,20 @@ def read_log(log: Path, config: Path | None, **hints: Any) -> Recording:
     return read(log, **given)
 
 
-def convert(
-    log: Path,
-    out: Path,
-    /,
-    *,
-    config: Path | None = None,
-    columns: str | None = None,
-    units: str | None = None,
-    axes: str | None = None,
-    rate: float | None = None,
-    kind: str | None = None,
-    scale: str | None = None,
-    time: str | None = None,
-    height: str | None = None,
-    geoid_separation: float | None = None,
-    sigma: str | None = None,
-    delimiter: str | None = None,
-    skip: int | None = None,
-    variable: str | None = None,
-    series: str | None = None,
-    allow: str | None = None,
-    streams: str | None = None,
-    origin: str | None = None,
-    format: str | None = None,
-    to: str | None = None,
-    json: Flag = False,
-) -> None:
+def recording_section(config: Path | None) -> dict[str, Any]:
+    """The ``[recording]`` section of a configuration, empty if there is none."""
+    if config is None:
+        return {}
+    try:
+        section: dict[str, Any] = tomllib.loads(config.read_text(encoding="utf-8")).get("recording", {})
+    except FileNotFoundError:
+        raise ConfigError(f"{config}: no such configuration file") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{config}: not a TOML file: {error}") from None
+    return section
+
+
+def convert(log: Path, out: Path, /, *, to: str | None = None, json: Flag = False, hints: LogHints = _HINTS) -> None:
     """Convert a readable log to another format, in SI and forward-right-down.
 
     Parameters
@@ -79,57 +62,15 @@ def convert(
         and the formats that schuler info --formats lists.
     out
         What to write; the suffix names the format: .parquet, .csv, .pos, .kml, .geojson, .mcap, ...
-    config
-        TOML file whose [recording] section says how to read it.
-    columns
-        Meaning of the columns, such as t,ax,ay,az,gx,gy,gz; - skips one.
-    units
-        Units of accelerometer and gyro, such as g,deg/s; a third one is that of the time.
-    axes
-        Directions of the sensor's x, y, z: FRD, FLU, RFU, ...
-    rate
-        Sampling rate in Hz of a log without time column.
-    kind
-        rate or increment.
-    scale
-        Factors applied before the units, such as accel=0.00333,gyro=0.05.
-    time
-        Meaning of the stamps: gps-tow:WEEK, gps, unix, utc-unix, gps-unix, local.
-    height
-        ellipsoidal or msl.
-    geoid_separation
-        Height of the geoid above the ellipsoid in metres, with --height msl.
-    sigma
-        1-sigma north,east,down in metres (and three of velocity) of a GNSS log without accuracies.
-    delimiter
-        comma, semicolon, tab or blank; guessed if left out.
-    skip
-        Lines at the top to pass over.
-    variable
-        Array of a MATLAB or NumPy file.
-    series
-        imu, gnss, odometer, heading, height or reference, where a table leaves it open.
-    allow
-        Checks to pass over with a note, such as norm,magnitude.
-    streams
-        Topic, message or instance for each part, such as imu=/imu/data,gnss=none; schuler info lists them.
-    origin
-        Where zero of a local frame is: latitude,longitude in degrees, ellipsoidal height in metres.
-    format
-        Format of the log, where it does not show it.
     to
         Format to write, where the suffix does not tell.
     json
-        Print one JSON object.
+        Print one JSON object instead of text.
     """
     from schuler.recording.io import write
     from schuler.recording.io.dispatch import left_out
 
-    recording = read_log(
-        log, config, columns=columns, units=units, axes=axes, rate=rate, kind=kind, scale=scale, time=time,
-        height=height, geoid_separation=geoid_separation, sigma=sigma, delimiter=delimiter, skip=skip,
-        variable=variable, series=series, allow=allow, streams=streams, origin=origin, format=format,
-    )  # fmt: skip
+    recording = read_log(log, hints.config, **hints.given)
     written = write(recording, out, format=to)
     missing = left_out(recording, out, to)
     if json:

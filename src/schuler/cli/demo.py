@@ -11,25 +11,25 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.cli.navigate import Outcome, evaluated, sentences, write_outputs
-from schuler.cli.output import Flag, print_json, progress, say
+from schuler.cli.output import Flag, Folder, print_json, progress, say
 
 _OUTAGE_S = (300.0, 340.0)
 _RUNS = 25  # repetitions with other errors, for the consistency of the filter
 
 
-def demo(*, out: Path = Path("demo"), seed: int | None = None, report: bool = True, json: Flag = False) -> None:
+def demo(*, out: Folder = None, seed: int | None = None, report: bool = True, json: Flag = False) -> None:
     """Simulate a drive with a MEMS IMU and GNSS, lose GNSS for 40 s, navigate, smooth, and write a report.
 
     Parameters
     ----------
     out
-        Folder for the files.
+        Folder for the files. Default: demo.
     seed
         Draw other sensor errors and noise.
     report
         Write report.html and figures.
     json
-        Print one JSON object.
+        Print one JSON object instead of text.
     """
     began = time.perf_counter()
     say("simulating ten minutes of driving: MEMS IMU at 100 Hz, GNSS at 1 Hz, 40 s without GNSS")
@@ -40,7 +40,7 @@ def demo(*, out: Path = Path("demo"), seed: int | None = None, report: bool = Tr
     numbers["nees_mean"], numbers["nees_runs"] = repeated, _RUNS
     numbers["max_horizontal_outage_m"] = max(o["max_horizontal_m"] for o in numbers["outages"])
     numbers["smoothed_rms_horizontal_m"] = numbers["smoothed"]["rms_horizontal_m"]
-    written = write_outputs(out, recording, outcome, report=report)
+    written = write_outputs(Path("demo") if out is None else out, recording, outcome, report=report)
     numbers["elapsed_s"] = time.perf_counter() - began
     if json:
         print_json({"command": "demo", **numbers, "files": written})

@@ -11,7 +11,7 @@ import numpy as np
 
 from schuler import units
 from schuler.cli.options import Reading
-from schuler.cli.output import Flag, print_json, progress, say
+from schuler.cli.output import Flag, Folder, named, print_json, progress, say
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
 
@@ -32,7 +32,7 @@ def foot(
     smooth: Literal["walk", "stride", "none"] | None = None,
     heading: float | None = None,
     labels: Literal["shoe", "ared", "amvd", "mbgtd", "vicon"] | None = None,
-    out: Path | None = None,
+    out: Folder = None,
     report: bool = True,
     json: Flag = False,
     reading: Reading = _READING,
@@ -59,7 +59,7 @@ def foot(
     report
         Write figures.
     json
-        Print one JSON object.
+        Print one JSON object instead of text.
     """
     from schuler.filtering.foot import navigate_foot
     from schuler.filtering.foot_config import FootConfig
@@ -170,8 +170,7 @@ def write_walk(folder: Path, result: FootResult, errors: WalkErrors | None, *, r
     if report:
         from schuler.report.foot_figures import save_foot_figures
 
-        for path in save_foot_figures(result, folder / "figures", errors=errors):
-            files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
+        files |= named(save_foot_figures(result, folder / "figures", errors=errors))
     return files
 
 

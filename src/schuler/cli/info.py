@@ -4,35 +4,17 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from schuler.cli.convert import described, read_log
+from schuler.cli.options import LogHints
 from schuler.cli.output import Flag, print_json
 from schuler.exceptions import InputError, SchulerError
 from schuler.recording.formats.streams import Stream, table
 
+_HINTS = LogHints()
 
-def info(
-    log: Path | None = None,
-    /,
-    *,
-    config: Path | None = None,
-    columns: str | None = None,
-    units: str | None = None,
-    axes: str | None = None,
-    rate: float | None = None,
-    kind: str | None = None,
-    time: str | None = None,
-    streams: str | None = None,
-    origin: str | None = None,
-    height: str | None = None,
-    geoid_separation: float | None = None,
-    sigma: str | None = None,
-    allow: str | None = None,
-    format: str | None = None,
-    formats: Flag = False,
-    json: Flag = False,
-) -> None:
+
+def info(log: Path | None = None, /, *, formats: Flag = False, json: Flag = False, hints: LogHints = _HINTS) -> None:
     """Say what is in a log: series, rates, gaps, accuracy, and every assumption made on reading it.
 
     Of a log with many streams (bags, autopilots) all are listed, with what each can be. If it cannot be read yet,
@@ -42,34 +24,6 @@ def info(
     ----------
     log
         File or folder.
-    config
-        TOML file whose [recording] section says how to read it.
-    columns
-        Meaning of the columns of a plain text log.
-    units
-        Units of accelerometer and gyro, such as g,deg/s.
-    axes
-        Directions of the sensor's x, y, z: FRD, FLU, RFU, ...
-    rate
-        Sampling rate in Hz of a log without time column.
-    kind
-        rate or increment.
-    time
-        Meaning of the stamps: gps-tow:WEEK, gps, unix, local.
-    streams
-        Topic, message or instance for each part, such as imu=/imu/data,gnss=none.
-    origin
-        Where zero of a local frame is: latitude,longitude in degrees, ellipsoidal height in metres.
-    height
-        ellipsoidal or msl.
-    geoid_separation
-        Height of the geoid above the ellipsoid in metres, with --height msl.
-    sigma
-        1-sigma north,east,down in metres (and three of velocity) of a GNSS log without accuracies.
-    allow
-        Checks to pass over with a note, such as norm,truncated.
-    format
-        Format of the log, where it does not show it.
     formats
         List the formats of other programs and devices instead.
     json
@@ -80,21 +34,23 @@ def info(
         return
     if log is None:
         raise InputError("info: expected a file or folder, or --formats")
-    hints: dict[str, Any] = {
-        "columns": columns, "units": units, "axes": axes, "rate": rate, "kind": kind, "time": time, "streams": streams,
-        "origin": origin, "height": height, "geoid_separation": geoid_separation, "sigma": sigma, "allow": allow,
-        "format": format,
-    }  # fmt: skip
-    listed = streams_in(log, format)
+    listed = streams_in(log, hints.format)
     if listed is None:
-        recording = read_log(log, config, **hints)
+        try:
+            recording = read_log(log, hints.config, **hints.given)
+        except SchulerError:
+            from schuler.diagnosis.not_a_log import not_a_log
+
+            if (what := not_a_log(log)) is None:
+                raise
+            raise InputError(f"{log}: this is no log but {what}") from None
         if json:
             print_json(described(recording))
         else:
             print(recording.summary())
         return
     try:
-        found, refused = read_log(log, config, **hints), None
+        found, refused = read_log(log, hints.config, **hints.given), None
     except SchulerError as error:
         if not listed:
             raise

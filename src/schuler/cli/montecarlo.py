@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from schuler.cli.output import Flag, print_json, progress, say
+from schuler.cli.output import Flag, Folder, named, print_json, progress, say
 from schuler.exceptions import InputError
 
 if TYPE_CHECKING:
@@ -20,13 +20,13 @@ def montecarlo(
     config: Path | None = None,
     runs: int | None = None,
     seed: int | None = None,
-    store: Path | None = None,
+    store: Folder = None,
     resume: Flag = False,
     scheduler: str | None = None,
     workers: int | None = None,
     batch: int | None = None,
     engine: Literal["auto", "filter", "lanes"] | None = None,
-    out: Path | None = None,
+    out: Folder = None,
     report: bool = True,
     json: Flag = False,
 ) -> int:
@@ -60,7 +60,7 @@ def montecarlo(
     report
         Write report.html and figures.
     json
-        Print one JSON object.
+        Print one JSON object instead of text.
     """
     from schuler.analysis.montecarlo import Statistics, campaign
     from schuler.analysis.montecarlo.job import read_job
@@ -89,21 +89,17 @@ def montecarlo(
     folder = Path(f"{scenario.resolve().stem}-montecarlo") if out is None else out
     files = _write(found, folder)
     if report:
-        from schuler.report.figures import draw, save
+        from schuler.report.figures import save_all
         from schuler.report.montecarlo_figures import all_figures
 
         files["report"] = found.report(folder / "report.html", done, job)
-        (folder / "figures").mkdir(parents=True, exist_ok=True)
-        for figure in all_figures(found):
-            for path in save(draw(figure), folder / "figures" / figure.name, ("png", "svg")):
-                files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
+        files |= named(save_all(all_figures(found), folder / "figures", ("png", "svg")))
     if json:
-        whole = done.to_dict()
         print_json(
             {
                 "command": "montecarlo", "engine": function.__name__, "why": why,
-                **{k: v for k, v in whole.items() if k != "statistics"},
-                **found.to_dict(), "table": found.table().to_dict(), "tenths": found.tenths().to_dict(),
+                **done.to_dict(), **found.to_dict(),
+                "table": found.table().to_dict(), "tenths": found.tenths().to_dict(),
                 "elapsed_s": time.perf_counter() - began, "store": store, "files": files,
             }
         )  # fmt: skip

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from schuler.cli.output import Flag, Texts, entries, period, print_json, progress, say, window
+from schuler.cli.output import Flag, Folder, Texts, entries, named, period, print_json, progress, say, window
 from schuler.filtering.result import NavigationResult
 from schuler.recording.recording import Recording
 from schuler.recording.series import Trajectory
@@ -19,7 +19,7 @@ def navigate(
     *,
     config: Path,
     calibration: Path | None = None,
-    out: Path | None = None,
+    out: Folder = None,
     outage: Texts = (),
     outage_every: str | None = None,
     smooth: bool | None = None,
@@ -68,7 +68,7 @@ def navigate(
     report
         Write report.html and figures.
     json
-        Print one JSON object.
+        Print one JSON object instead of text.
     """
     from schuler.cli.convert import read_log
     from schuler.diagnosis.first import checked
@@ -194,8 +194,7 @@ def write_outputs(
             recording_summary=recording.summary(),
             **shown,
         )
-        for path in save_figures(result, folder / "figures", **shown):
-            files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
+        files |= named(save_figures(result, folder / "figures", **shown))
     return files
 
 

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from schuler.cli.output import Flag, Texts, print_json, progress, say
+from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress, say
 from schuler.exceptions import InputError
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def observability(
     axes: Literal["ned", "enu"] | None = None,
     known: Texts = (),
     symbolic: Flag = False,
-    out: Path | None = None,
+    out: Folder = None,
     report: Flag = False,
     json: Flag = False,
 ) -> None:
@@ -46,7 +46,7 @@ def observability(
     report
         Write report.html, figures and tables.
     json
-        Print one JSON object.
+        Print one JSON object instead of text.
     """
     began = time.perf_counter()
     changes: dict[str, object] = {k: v for k, v in {"axes": axes, "known": known}.items() if v}
@@ -107,7 +107,7 @@ def _of_log(log: Path, config: Path, axes: str, known: tuple[str, ...], bar: Pro
 
 
 def _write(study: Observability, formulas: tuple[str, ...], folder: Path) -> dict[str, Path]:
-    from schuler.report.figures import draw, save
+    from schuler.report.figures import save_all
     from schuler.report.observability_figures import observability_figure, observability_report
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -115,6 +115,4 @@ def _write(study: Observability, formulas: tuple[str, ...], folder: Path) -> dic
         "states": study.table().to_csv(folder / "states.csv"),
         "report": observability_report(study, folder / "report.html", formulas),
     }
-    for path in save(draw(observability_figure(study)), folder / "observability", ("png", "svg")):
-        files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
-    return files
+    return files | named(save_all([observability_figure(study)], folder, ("png", "svg")))

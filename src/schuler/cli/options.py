@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from schuler import units as u
-from schuler.cli.output import Flag
+from schuler.cli.output import Dashed, Flag, Folder, say
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Reading:
-    """How logs are read.
+class Hints:
+    """What a log of an IMU does not say of itself.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class Reading:
     columns
         Meaning of the columns of a plain text log, such as t,ax,ay,az,gx,gy,gz; - skips one.
     units
-        Units of accelerometer and gyro, such as g,deg/s, or counts,counts.
+        Units of accelerometer and gyro, such as g,deg/s, or counts,counts; a third one is that of the time.
     axes
         Directions of the sensor's x, y, z: FRD, FLU, RFU, ...
     rate
@@ -37,9 +37,9 @@ class Reading:
     kind
         rate or increment.
     scale
-        Factors applied before the units, such as accel=0.00333,gyro=0.05.
+        Factors applied before the units, such as accel=0.00333,gyro=0.05, or the array that holds them.
     time
-        Meaning of the stamps: gps-tow:WEEK, gps, unix, local.
+        Meaning of the stamps: gps-tow:WEEK, gps, unix, utc-unix, gps-unix, local.
     delimiter
         comma, semicolon, tab or blank; guessed if left out.
     skip
@@ -47,19 +47,15 @@ class Reading:
     variable
         Array of a MATLAB or NumPy file.
     allow
-        Checks to pass over with a note, such as norm,magnitude.
+        Checks to pass over with a note, such as norm,magnitude,truncated.
     streams
         Topic, message or instance for each part, such as imu=/imu/data,gnss=none; schuler info lists them.
     format
         Format of the log, where it does not show it.
-    start
-        Leave out what is before this second of each log.
-    stop
-        Leave out what is after this second of each log.
     """
 
     config: Path | None = None
-    columns: str | None = None
+    columns: Dashed = None
     units: str | None = None
     axes: str | None = None
     rate: float | None = None
@@ -72,6 +68,55 @@ class Reading:
     allow: str | None = None
     streams: str | None = None
     format: str | None = None
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """What was said, as ``schuler.read`` takes it."""
+        return {k: v for k, v in asdict(self).items() if v is not None and k not in ("config", "start", "stop")}
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class LogHints(Hints):
+    """What a log of any kind does not say of itself.
+
+    Parameters
+    ----------
+    height
+        ellipsoidal or msl.
+    geoid_separation
+        Height of the geoid above the ellipsoid in metres, with --height msl.
+    sigma
+        1-sigma north,east,down in metres (and three of velocity) of a GNSS log without accuracies.
+    origin
+        Where zero of a local frame is: latitude,longitude in degrees, ellipsoidal height in metres.
+    offset
+        Seconds to add to the stamps.
+    series
+        imu, gnss, odometer, heading, height or reference, where a table leaves it open.
+    """
+
+    height: str | None = None
+    geoid_separation: float | None = None
+    sigma: str | None = None
+    origin: str | None = None
+    offset: float | None = None
+    series: str | None = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Reading(Hints):
+    """How logs are read, and what part of them.
+
+    Parameters
+    ----------
+    start
+        Leave out what is before this second of each log.
+    stop
+        Leave out what is after this second of each log.
+    """
+
     start: Annotated[float | None, Parameter(name="--from")] = None
     stop: Annotated[float | None, Parameter(name="--to")] = None
 
@@ -79,11 +124,43 @@ class Reading:
         """The log, cut as asked for; the norm of an uncalibrated sensor's specific force is not checked in a file."""
         from schuler.cli.convert import read_log
 
-        hints = {k: v for k, v in asdict(self).items() if k not in ("config", "start", "stop")}
+        hints = self.given
         # our own files need no hints and take none
-        if uncalibrated and not log.is_dir() and any(value is not None for value in hints.values()):
+        if uncalibrated and not log.is_dir() and hints:
             hints["allow"] = "norm" if self.allow is None else f"{self.allow},norm"
         return cut(read_log(log, self.config, **hints), self.start, self.stop)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Checking:
+    """Checks of a log before its use.
+
+    Parameters
+    ----------
+    unchecked
+        Go on where the checks of units, axes, signs and clocks (schuler check) find an error; the result notes it.
+    """
+
+    unchecked: Flag = False
+
+    def stop(self, recording: Recording) -> None:
+        """Stop at what is surely wrong, without a word on the rest."""
+        from schuler.diagnosis.first import checked
+
+        checked(recording, unchecked=self.unchecked)
+
+    def passed(self, recording: Recording) -> Recording:
+        """The recording with a note on what was checked; what is no reason to stop goes to stderr in sentences."""
+        from schuler.diagnosis.first import judged
+
+        recording, found = judged(recording, unchecked=self.unchecked)
+        if found is not None:
+            for f in (*found.errors, *found.warnings):
+                if f.code == "axes" and recording.gnss is None:
+                    continue  # on a bench any side is up
+                say(f"{recording.metadata.name}: {f.severity} {f.code}: {f.text}" + (f" -> {f.fix}" if f.fix else ""))
+        return recording
 
 
 @Parameter(name="*")
@@ -174,10 +251,10 @@ class Output:
     report
         Write calibration.html and figures.
     json
-        Print one JSON object.
+        Print one JSON object instead of text.
     """
 
-    out: Path | None = None
+    out: Folder = None
     gauge: Literal["lower", "upper", "symmetric"] | None = None
     previous: Path | None = None
     report: bool = True

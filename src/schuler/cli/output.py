@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,7 +16,29 @@ from cyclopts import Parameter
 from schuler.exceptions import InputError
 
 Flag = Annotated[bool, Parameter(negative=())]
+#: Text that may begin with a hyphen, as a list of columns does of which the first is passed over.
+Dashed = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 Texts = Annotated[tuple[str, ...], Parameter(negative=())]
+
+
+def _folder(_: Any, path: Path | None) -> None:
+    """Refuse, before hours of work, a folder that cannot be made because a file has its name."""
+    if path is not None and (file := next((p for p in (path, *path.parents) if p.is_file()), None)) is not None:
+        raise ValueError(f"Expected a folder, which is made where it is missing; {file} is a file: give another name.")
+
+
+def _file(_: Any, path: Path | None) -> None:
+    if path is None:
+        return
+    if path.is_dir():
+        raise ValueError(f"Expected the name of a file; {path} is a folder: give a file in it, such as {path / 'out'}.")
+    _folder(_, path.parent)
+
+
+#: Where files are written ...
+Folder = Annotated[Path | None, Parameter(validator=_folder)]
+#: ... and one file.
+File = Annotated[Path | None, Parameter(validator=_file)]
 
 
 def say(text: str) -> None:
@@ -41,6 +63,11 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (float, np.floating)):
         return float(value) if math.isfinite(value) else None
     return value
+
+
+def named(figures: Iterable[Path]) -> dict[str, Path]:
+    """Files of figures by the names that JSON has for them."""
+    return {f"figure_{path.stem}_{path.suffix[1:]}": path for path in figures}
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from schuler.cli.output import Flag, print_json, progress, say
+from schuler.cli.output import File, Flag, Folder, named, print_json, progress, say
 
 if TYPE_CHECKING:
     from schuler.analysis.rotary.comparison import ScenarioComparison
@@ -22,8 +22,8 @@ def rotary(
     runs: int | None = None,
     evaluations: int | None = None,
     seed: int | None = None,
-    out: Path | None = None,
-    report: Path | None = None,
+    out: Folder = None,
+    report: File = None,
     json: Flag = False,
 ) -> int:
     """What turning an IMU on a platform brings on a mission, and with --search which schedule is best.
@@ -45,7 +45,7 @@ def rotary(
     report
         HTML file. Default, with --out: report.html there.
     json
-        Print one JSON object.
+        Print one JSON object instead of text.
     """
     from schuler.analysis.rotary.comparison import compare_scenario
     from schuler.analysis.rotary.scenario import RotaryScenario
@@ -93,7 +93,7 @@ def _written(
     """Tables, figures and report, as far as they were asked for."""
     files: dict[str, Path] = {}
     if out is not None:
-        from schuler.report.figures import draw, save
+        from schuler.report.figures import save_all
         from schuler.report.rotary_figures import (
             errors_figure,
             front_figure,
@@ -114,9 +114,7 @@ def _written(
             files["front"] = best.front_table().to_csv(out / "front.csv")
             files["best"] = _text(out / "best.toml", best.best().toml())
             figures += [front_figure(best), replace(scheme_figure(best.best().schedule, best.duration), name="best")]
-        for figure in figures:
-            for path in save(draw(figure), out / figure.name, ("png", "svg")):
-                files[f"figure_{path.stem}_{path.suffix[1:]}"] = path
+        files |= named(save_all(figures, out, ("png", "svg")))
         report = report or out / "report.html"
     if report is not None:
         from schuler.report.rotary_page import rotary_page

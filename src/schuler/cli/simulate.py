@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from schuler.cli.output import Flag, print_json, say
+from schuler.cli.output import File, Flag, print_json, say
 
 
 def simulate(
     scenario: Path,
     /,
     *,
-    out: Path | None = None,
+    out: File = None,
     seed: int | None = None,
     json: Flag = False,
 ) -> None:
@@ -29,7 +29,7 @@ def simulate(
     seed
         Instead of the scenario's own.
     json
-        Print one JSON object.
+        Print one JSON object instead of text.
     """
     from schuler.cli.convert import described
     from schuler.recording.io import write

@@ -3,6 +3,7 @@
 from schuler.diagnosis.diagnose import diagnose
 from schuler.diagnosis.diagnosis import Diagnosis
 from schuler.diagnosis.findings import CODES, Finding
+from schuler.diagnosis.first import check
 from schuler.diagnosis.log import diagnose_log
 
-__all__ = ["CODES", "Diagnosis", "Finding", "diagnose", "diagnose_log"]
+__all__ = ["CODES", "Diagnosis", "Finding", "check", "diagnose", "diagnose_log"]

@@ -13,6 +13,7 @@ from schuler.diagnosis.findings import Finding
 from schuler.diagnosis.rests import Rests
 
 UNITS = {"m/s^2": 1.0, "g": units.G0, "mg": units.MG, "ug": units.UG, "ft/s^2": units.FT, "cm/s^2": 0.01}
+_RATE_OF = {"m/s": "m/s^2", "ft/s": "ft/s^2", "cm/s": "cm/s^2", "rad": "rad/s", "deg": "deg/s", "mrad": "mrad/s"}
 _NEAR = 0.06  # relative, for a unit to fit: uncalibrated MEMS sensors are 3 % off
 _OFF = 0.04  # relative error at rest that is worth a word
 
@@ -39,7 +40,7 @@ class Scaling:
 def stated_factor(options: dict[str, Any], group: str) -> tuple[str, float]:
     """Unit stated for a group of columns when the log was read, and its factor; SI if none was."""
     from schuler.exceptions import SchulerError
-    from schuler.recording.io.hints import parse_units
+    from schuler.recording.io.hint_texts import parse_units
 
     si = {"accel": "m/s^2", "gyro": "rad/s"}[group]
     entries = [options, *(o for o in options.values() if isinstance(o, dict))]
@@ -53,9 +54,12 @@ def stated_factor(options: dict[str, Any], group: str) -> tuple[str, float]:
             continue
         if unit is not None:
             try:
-                return unit, units.parse_unit(unit).factor
+                value = units.parse_unit(unit).factor
             except SchulerError:
-                return unit, 1.0
+                value = 1.0
+            # increments are told by the unit of their rate
+            unit = _RATE_OF.get(unit, unit.removesuffix("*s")) if entry.get("kind") == "increment" else unit
+            return unit, value
     return si, 1.0
 
 
@@ -162,6 +166,7 @@ def _explained(
             "so, the numbers are counts or have a scale of their own"
         )
         fix = f"scale='accel={need:.6g}'" if name == "m/s^2" else f"units='accel=m/s^2', scale='accel={raw:.6g}'"
+        fix += " (for calibrations also units='counts,counts')"
         return [Finding("accel_unit", "error", text, 0.8, fix, evidence)], Scaling(need, kind, True)
     _, dist, unit, what = fits[0]
     confidence = 0.97 if len(fits) == 1 else 0.75

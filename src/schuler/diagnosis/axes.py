@@ -1,10 +1,4 @@
-"""Axes, handedness and the sign of gravity: the 48 signed permutations scored against the motion GNSS tells.
-
-With the lag found, accelerometer means are regressed on acceleration forward and to the right, gyro means on the turn
-rate. The columns are where the vehicle's forward and right axes, and its down axis as the gyro has it, lie in the
-sensor; gravity at rest gives down as the accelerometer has it. Specific force is ``-gravity``, so that down is where
-the accelerometer reads ``-g``.
-"""
+"""Axes, handedness and the sign of gravity: the 48 signed permutations scored against the motion GNSS tells."""
 
 from __future__ import annotations
 
@@ -14,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from schuler.arrays import BoolArray, FloatArray
+from schuler.arrays import FloatArray
+from schuler.diagnosis.axes_evidence import AxesEvidence
 from schuler.diagnosis.findings import Finding
-from schuler.diagnosis.motion import Motion, WindowMeans
 
 _LETTERS = {(0, 1): "F", (0, -1): "B", (1, 1): "R", (1, -1): "L", (2, 1): "D", (2, -1): "U"}
 _NAMES = ("x", "y", "z")
+SEEN = 9.0  # squared ratio of a direction to its 1-sigma, to be worth judging
 
 
 def signed_permutations() -> FloatArray:
@@ -31,167 +26,6 @@ def signed_permutations() -> FloatArray:
             P[np.arange(3), order] = signs
             out.append(P)
     return np.array(out)
-
-
-@dataclass(frozen=True)
-class AxesEvidence:
-    """Where the vehicle's axes lie in the sensor, as measured.
-
-    Attributes
-    ----------
-    B : ndarray, shape (3, 3)
-        Columns: forward, right, down in the accelerometer's axes as read, one each long if the unit is right.
-    sigma : ndarray, shape (3,)
-        1-sigma of a component of each column.
-    e : ndarray, shape (3,)
-        Down in the gyro's axes as read, times the factor of its unit.
-    e_sigma : float
-    tilt : ndarray, shape (2, 3)
-        Rates of tilt forward and to the right, in g-components a second, by the gyro's axes; zeros if not known.
-    tilt_sigma : ndarray, shape (2, 3)
-    centripetal : ndarray, shape (2,)
-        Rough lever arm forward and right of the antenna from the IMU [m], ``nan`` if not known.
-    arm_sigma : ndarray, shape (2,)
-    """
-
-    B: FloatArray
-    sigma: FloatArray
-    e: FloatArray
-    e_sigma: float
-    tilt: FloatArray
-    tilt_sigma: FloatArray
-    arm: FloatArray
-    arm_sigma: FloatArray
-
-
-def measure_axes(
-    means: WindowMeans, motion: Motion, offset: float, accel_factor: float, level_f: FloatArray, gravity: float
-) -> AxesEvidence | None:
-    """Evidence on axes from a moving log; None if too little of it overlaps.
-
-    Parameters
-    ----------
-    means : WindowMeans
-    motion : Motion
-    offset : float
-        To be added to the IMU's stamps. [s]
-    accel_factor : float
-        Makes the accelerometer's numbers SI.
-    level_f : ndarray, shape (3,)
-        Its mean at rest or over the log, as read.
-    gravity : float
-        [m/s^2]
-    """
-    use = motion.moving
-    y, inside = means.at(motion.t[use] - offset, motion.half)
-    if inside.sum() < 20:
-        return None
-    y = y[inside]
-    fwd, right, turn = (x[use][inside] for x in (motion.forward, motion.right, motion.turn))
-    samples = max(len(fwd) * float(np.median(np.diff(motion.t))) / (2.0 * motion.half), 4.0)  # independent ones
-    A = np.stack((fwd, right, np.ones(len(fwd))), axis=1)
-    f = y[:, :3] * accel_factor
-    c, left, G = _robust(A, f)
-    noise = float(np.sqrt(np.mean(left**2)))
-    spread = np.sqrt(np.maximum(np.diag(G)[:2], 0.0) * len(fwd) / samples)
-    down = -level_f * accel_factor / gravity
-    B = np.stack((c[0], c[1], down / max(float(np.linalg.norm(down)), 1e-12)), axis=1)
-    sigma = np.array([*(np.maximum(noise * spread, 0.02)), 0.05])
-    w = y[:, 3:]
-    cw, left_w, Gw = _robust(np.stack((turn, np.ones(len(turn))), axis=1), w)
-    e_sigma = float(np.sqrt(np.mean(left_w**2)) * np.sqrt(max(Gw[0, 0], 0.0) * len(fwd) / samples))
-    tilt, tilt_sigma = _tilts(means, motion, offset, accel_factor, B, gravity)
-    arm, arm_sigma = _arm(motion, use, inside, f, w, c, cw[0], samples)
-    return AxesEvidence(B, sigma, cw[0], e_sigma, tilt, tilt_sigma, arm, arm_sigma)
-
-
-def _robust(A: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Least squares with rows beyond 4 robust deviations left out once."""
-    size = np.sqrt(np.mean(A**2, axis=0))
-    size = np.where(size > 0.0, size, 1.0)
-    a = A / size
-    keep = np.ones(len(a), dtype=bool)
-    for _ in range(2):
-        G = np.linalg.pinv(a[keep].T @ a[keep], hermitian=True)
-        c = G @ (a[keep].T @ y[keep])
-        left = np.linalg.norm(y - a @ c, axis=1)
-        keep = left <= 5.0 * 1.4826 * float(np.median(left)) + 1e-12
-    return c / size[:, None], (y - a @ c)[keep], G / np.outer(size, size)
-
-
-def _tilts(
-    means: WindowMeans, motion: Motion, offset: float, factor: float, B: FloatArray, gravity: float
-) -> tuple[FloatArray, FloatArray]:
-    """Change of the level components of gravity, per second, regressed on the gyro's axes."""
-    none = np.zeros((2, 3)), np.full((2, 3), np.inf)
-    half, lag = motion.half, 2.0 * motion.half
-    start = motion.t[0]
-    edges = np.arange(start + half, motion.t[-1] - half, lag)
-    if len(edges) < 30:
-        return none
-    f, inside = means.at(edges - offset, half)
-    at = [np.interp(edges, motion.t, np.where(motion.moving, x, 0.0)) for x in (motion.forward, motion.right)]
-    slow = np.interp(edges, motion.t, motion.moving.astype(float))
-    known = inside & ((slow > 0.999) | (np.interp(edges, motion.t, motion.speed) < 0.05))
-    q, r = np.linalg.qr(B)
-    C = q * np.sign(np.diag(r))
-    level = (f[:, :3] * factor) @ C  # along forward, right, down
-    g = -np.stack((level[:, 0] - at[0], level[:, 1] - at[1]), axis=1) / gravity
-    rate = np.diff(g, axis=0) / lag
-    w, _ = means.at(0.5 * (edges[1:] + edges[:-1]) - offset, half)
-    keep = known[1:] & known[:-1] & (np.linalg.norm(rate, axis=1) < 0.5)
-    if keep.sum() < 30:
-        return none
-    x, y = w[keep][:, 3:], rate[keep]
-    x, y = x - x.mean(axis=0), y - y.mean(axis=0)
-    size = x.std(axis=0)
-    if not np.all(size > 0.0):
-        return none
-    G = np.linalg.pinv(x.T @ x, hermitian=True)
-    c = (G @ (x.T @ y)).T
-    left = y - x @ c.T
-    sigma = np.sqrt(np.outer(np.mean(left**2, axis=0), np.diag(G)) * 2.0)
-    return c, sigma
-
-
-def _arm(
-    motion: Motion,
-    use: BoolArray,
-    inside: BoolArray,
-    f: FloatArray,
-    w: FloatArray,
-    c: FloatArray,
-    e: FloatArray,
-    samples: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Rough horizontal lever arm from what turning adds to specific force at the IMU.
-
-    The antenna is at l from the IMU and x ahead of the point that goes where the body points (a rear axle): its course
-    is off the heading by ``x r / V``, so that ``f_fwd = a_fwd + dr l_y + (l_x - x) r^2`` and
-    ``f_right = a_right - dr l_x + r^2 l_y + a_fwd x r / V``. The x of the two is left free.
-    """
-    nan = np.full(2, np.nan), np.full(2, np.inf)
-    axes = c[:2] / np.maximum(np.linalg.norm(c[:2], axis=1, keepdims=True), 1e-12)
-    along = (f - c[2]) @ axes.T
-    fwd, right, speed = (x[use][inside] for x in (motion.forward, motion.right, motion.speed))
-    rate = (w - w.mean(axis=0)) @ e / max(float(e @ e), 1e-300)
-    if rate.std() < 0.03:
-        return nan
-    t = motion.t[use][inside]
-    step = float(np.median(np.diff(t)))
-    turn = np.gradient(rate, t)
-    turn[np.concatenate(([False], np.diff(t) > 1.5 * step))] = 0.0
-    one, zero = np.ones(len(rate)), np.zeros(len(rate))
-    A = np.concatenate(
-        (
-            np.stack((zero, turn, rate**2, zero, fwd, zero, one, zero), axis=1),
-            np.stack((-turn, rate**2, zero, fwd * rate / speed, zero, right, zero, one), axis=1),
-        )
-    )
-    y = np.concatenate((along[:, 0], along[:, 1]))
-    x, left, G = _robust(A, y[:, None])
-    sigma = np.sqrt(np.mean(left**2) * np.diag(G)[:2] * len(rate) / samples)
-    return np.asarray(x[:2, 0]), np.maximum(2.0 * sigma, 0.15)
 
 
 @dataclass(frozen=True)
@@ -267,6 +101,8 @@ def judge(
             misfit += weights[k] * (1.0 - float(b @ guess.A[:, k]))
         misfit += weight_e * (1.0 - float(e @ guess.G[:, 2]))
         misfit += _tilt_misfit(tilt, tilt_sigma, guess)
+        if forward_known:
+            misfit += _fit(ev.climb, ev.climb_sigma, guess.G[:, 0])
         best.append(Guess(guess.A, guess.G, guess.codes, guess.cost, misfit))
     best.sort(key=lambda g: g.total)
     rivals = [g for g in best[1:] if g.total < best[0].total + 1.0 and g.codes != best[0].codes]
@@ -279,7 +115,7 @@ def scores(ev: AxesEvidence) -> tuple[list[str], FloatArray]:
     Returns
     -------
     names : list of str
-        Directions of x, y, z; mirrored ones end in *.
+        Directions of x, y, z; mirrored ones end in ``*``.
     cosine : ndarray, shape (48,)
     """
     B = ev.B / np.maximum(np.linalg.norm(ev.B, axis=0), 1e-12)
@@ -294,15 +130,19 @@ def _tilt_misfit(tilt: FloatArray, sigma: FloatArray, guess: Guess) -> float:
     """Whether rates of tilt fit the level gyro axes of a guess, up to their common unknown attenuation."""
     # l = -f/g, level components in the vehicle's axes: of df/dt = f x w remains dl_F/dt = -w_R, dl_R/dt = w_F, and the
     # gyro reads G w
-    expected = np.stack((-guess.G[:, 1], guess.G[:, 0]), axis=0)
-    if not np.all(np.isfinite(sigma)):
+    return _fit(tilt, sigma, np.stack((-guess.G[:, 1], guess.G[:, 0]), axis=0))
+
+
+def _fit(seen: FloatArray, sigma: FloatArray, expected: FloatArray) -> float:
+    """Misfit of directions seen with some noise beside those expected; none for what is lost in noise."""
+    if not np.all(np.isfinite(sigma) & (sigma > 0.0)):
         return 0.0
-    z = tilt / sigma
+    z = seen / sigma
     zz = float(np.sum(z**2))
-    if zz < 9.0:
+    if zz < SEEN:
         return 0.0
     cosine = float(np.sum(z * expected / sigma) / np.sqrt(zz * np.sum((expected / sigma) ** 2)))
-    return 6.0 * min(1.0, (zz - 9.0) / 60.0) * (1.0 - cosine)
+    return 6.0 * min(1.0, (zz - SEEN) / 60.0) * (1.0 - cosine)
 
 
 def _trust(size: float, sigma: float) -> float:

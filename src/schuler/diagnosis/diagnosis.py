@@ -12,6 +12,10 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.diagnosis.findings import SEVERITIES, Finding
+from schuler.exceptions import InputError
+
+#: Errors that are less sure than this stop nothing.
+SURE = 0.8
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,35 @@ class Diagnosis:
     def ok(self) -> bool:
         """Whether there is no error."""
         return not self.errors
+
+    def sure_errors(self, least: float = SURE) -> tuple[Finding, ...]:
+        """Errors of so much confidence; others stop nothing."""
+        return tuple(f for f in self.errors if f.confidence >= least)
+
+    @staticmethod
+    def said_of(findings: tuple[Finding, ...]) -> str:
+        """Findings with what to do, in one line."""
+        return "; ".join(f"{f.code}: {f.text}" + (f" -> {f.fix}" if f.fix else "") for f in findings)
+
+    def require(self, least: float = SURE, *, advice: str = "See schuler check") -> Diagnosis:
+        """Itself, if nothing is surely wrong.
+
+        Parameters
+        ----------
+        least : float
+            Confidence of an error that stops.
+        advice : str
+            What to do besides, for the message.
+
+        Raises
+        ------
+        InputError
+            If there is an error as sure as that: with each sentence and the option that mends it.
+        """
+        said = self.said_of(self.sure_errors(least))
+        if said:
+            raise InputError(f"{self.name} is not what it is said to be. {said}. {advice}")
+        return self
 
     def has(self, code: str) -> bool:
         """Whether an error or a warning of this code was found."""

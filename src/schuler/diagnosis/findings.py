@@ -24,6 +24,7 @@ CODES = {
     "accel_axes": "accelerometer axes other than those of the gyroscope",
     "gyro_axes": "gyroscope axes other than those of the accelerometer",
     "axes": "the sensor's axes are not forward, right, down",
+    "clock_unknown": "nothing relates the clocks of the files",
     "no_overlap": "IMU and GNSS times have nothing in common",
     "leap_seconds": "IMU and GNSS are the leap seconds apart: UTC taken for GPS time or the reverse",
     "time_offset": "the IMU's clock is early or late",
@@ -63,6 +64,18 @@ CODES = {
     "lever_arm": "lever arm to the antenna, estimated",
     "unchecked": "something that could not be checked with this log",
 }
+
+
+def number_of(count: int, what: str) -> str:
+    """``1 gap``, ``2 gaps``.
+
+    Parameters
+    ----------
+    count : int
+    what : str
+        In the singular.
+    """
+    return f"{int(count)} {what}{'s' * (int(count) != 1)}"
 
 
 @dataclass(frozen=True, slots=True)

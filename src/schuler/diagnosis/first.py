@@ -1,15 +1,51 @@
-"""What navigation and calibration ask before they begin: is this log garbage?"""
+"""What is asked before a log is used: is it garbage? For commands, and in one line of Python."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 from schuler.diagnosis.diagnose import diagnose
-from schuler.exceptions import InputError
+from schuler.diagnosis.diagnosis import Diagnosis
+from schuler.diagnosis.log import diagnose_log
 from schuler.recording.recording import Recording
 
-#: Errors that are less sure than this stop nothing.
-SURE = 0.8
+#: How the notes begin by which a result says what was checked.
+CHECKED, PASSED_OVER = "Checked before use", "Passed over (--unchecked)"
+
+
+def check(log: Recording | Path | str, *, quick: bool = False, **more: Any) -> Diagnosis:
+    """Find what is wrong with a recording or a log, by physics.
+
+    Parameters
+    ----------
+    log : Recording, Path or str
+        A recording as read, or a file or folder, which is then read leniently.
+    quick : bool
+        Only what can make results garbage, as :func:`schuler.diagnosis.diagnose` says.
+    **more
+        Of a file or folder: how it is read, as of :func:`schuler.read`.
+
+    Returns
+    -------
+    Diagnosis
+        ``schuler.check(recording).require()`` raises :class:`schuler.exceptions.InputError` if an error is sure.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or a hint is unknown.
+
+    Examples
+    --------
+    >>> recording = schuler.read("drive.parquet")  # doctest: +SKIP
+    >>> schuler.check(recording).require()  # doctest: +SKIP
+    >>> result = schuler.navigate(recording, config)  # doctest: +SKIP
+    """
+    if isinstance(log, Recording):
+        return diagnose(log, quick=quick)
+    return diagnose_log(log, quick=quick, **more)
 
 
 def checked(recording: Recording, *, unchecked: bool = False, clock_shift_s: float = 0.0) -> Recording:
@@ -34,20 +70,40 @@ def checked(recording: Recording, *, unchecked: bool = False, clock_shift_s: flo
     InputError
         If an error is found with a confidence of 0.8 or more: with the sentence and the option that mends it.
     """
+    return judged(recording, unchecked=unchecked, clock_shift_s=clock_shift_s)[0]
+
+
+def judged(
+    recording: Recording, *, unchecked: bool = False, clock_shift_s: float = 0.0
+) -> tuple[Recording, Diagnosis | None]:
+    """The same as :func:`checked`, and what was found; None of a recording without an IMU.
+
+    Parameters
+    ----------
+    recording, unchecked, clock_shift_s
+        As of :func:`checked`.
+    """
     if recording.imu is None:
-        return recording
+        return recording, None
     looked_at = recording
     if clock_shift_s:
         looked_at = replace(recording, imu=recording.imu.shifted(clock_shift_s))
     found = diagnose(looked_at, quick=True)
-    errors = [f for f in found.errors if f.confidence >= SURE]
-    if not errors:
-        note = f"Checked before use: {', '.join(found.checked) or 'nothing'}; no error was found."
-        return replace(recording, metadata=recording.metadata.noting(note))
-    said = "; ".join(f"{f.code}: {f.text}" + (f" -> {f.fix}" if f.fix else "") for f in errors)
     if not unchecked:
-        raise InputError(
-            f"{recording.metadata.name} is not what it is said to be. {said}. See schuler check; to go on nevertheless "
-            "say --unchecked"
-        )
-    return replace(recording, metadata=recording.metadata.noting(f"Passed over (--unchecked): {said}."))
+        found.require(advice="See schuler check; to go on nevertheless say --unchecked")
+    said = found.said_of(found.sure_errors())
+    if said:
+        note = f"{PASSED_OVER}: {said}."
+    else:
+        note = f"{CHECKED}: {', '.join(found.checked) or 'nothing'}; no error was found."
+    return replace(recording, metadata=recording.metadata.noting(note)), found
+
+
+def notes_of(recording: Recording) -> tuple[str, ...]:
+    """What the notes of a recording say of checks before its use.
+
+    Parameters
+    ----------
+    recording : Recording
+    """
+    return tuple(note for note in recording.metadata.notes if note.startswith((CHECKED, PASSED_OVER)))

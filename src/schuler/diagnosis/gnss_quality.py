@@ -1,21 +1,15 @@
-"""How good a GNSS log is beside what it says of itself: outages, jumps, noise, smoothing, inertial data inside."""
+"""How good a GNSS log is beside what it says of itself: outages, jumps, noise, inertial data inside."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
 from schuler import frames
-from schuler.arrays import BoolArray, FloatArray
-from schuler.diagnosis.findings import Finding, Severity
-from schuler.diagnosis.lag import Lag
-from schuler.diagnosis.motion import Motion, WindowMeans
+from schuler.diagnosis.findings import Finding, Severity, number_of
 from schuler.diagnosis.positions import GnssView
 from schuler.recording.series import GnssSeries
 
 _DEAD_RECKONING = 7
-_SMOOTH = 0.6  # gain of quick turns against slow ones
 
 
 def check_gnss(gnss: GnssSeries, view: GnssView) -> list[Finding]:
@@ -46,7 +40,7 @@ def _outages(gnss: GnssSeries) -> list[Finding]:
         return []
     k = int(np.argmax(step))
     lost = float(np.sum(step[gap] - interval))
-    text = f"{int(gap.sum())} outages, {lost:.4g} s in all, the longest {step[k]:.4g} s from {gnss.t[k]:.2f} s"
+    text = f"{number_of(gap.sum(), 'outage')}, {lost:.4g} s in all, the longest {step[k]:.4g} s from {gnss.t[k]:.2f} s"
     evidence = {"outages": int(gap.sum()), "lost_s": lost, "longest_s": float(step[k]), "at_s": float(gnss.t[k])}
     severity: Severity = (
         "warning" if step[k] > max(5.0, 4.0 * interval) or lost > 0.05 * (gnss.t[-1] - gnss.t[0]) else "note"
@@ -158,72 +152,3 @@ def _against_velocity(gnss: GnssSeries, view: GnssView) -> list[Finding]:
         fix = "sigma='" + ",".join(f"{max(n, s):.2g}" for n, s in zip(noise, stated, strict=True)) + "'"
         found.append(Finding("gnss_noise", "warning", text, 0.85, fix, evidence, "gnss"))
     return found
-
-
-def check_smoothing(means: WindowMeans, motion: Motion, lag: Lag) -> list[Finding]:
-    """Whether quick turns come through a GNSS solution as slow ones do, compared with the gyro.
-
-    Parameters
-    ----------
-    means : WindowMeans
-    motion : Motion
-    lag : Lag
-
-    Notes
-    -----
-    The turn rate is regressed on the gyro; its gain for changes within some seconds, over that for all, is 1 for a
-    solution of single epochs and falls when positions were filtered: a mean over 4 s halves it.
-    """
-    gain = quick_gain(means, motion, lag.offset)
-    if gain is None:
-        return []
-    value, sigma = gain
-    if value > _SMOOTH or value + 2.0 * sigma > 0.8:
-        return []
-    text = (
-        f"quick turns come through the GNSS solution at {value:.2f} of the gain of slow ones (1-sigma "
-        f"{sigma:.2f}): it was "
-        "filtered or smoothed, its errors are correlated and its accuracies too good"
-    )
-    fix = "the receiver's unsmoothed solution; or larger sigma"
-    evidence: dict[str, Any] = {"gain": value, "sigma": sigma}
-    return [Finding("gnss_smoothed", "warning", text, 0.8, fix, evidence, "gnss")]
-
-
-def quick_gain(means: WindowMeans, motion: Motion, offset: float) -> tuple[float, float] | None:
-    """Gain of the turn rate within 3 s over that of all, and its 1-sigma; None if there are too few turns."""
-    w, inside = means.at(motion.t - offset, motion.half)
-    use = motion.moving & inside
-    if use.sum() < 60:
-        return None
-    w = w[:, 3:]
-    x = motion.turn
-    A = np.concatenate((w[use], np.ones((int(use.sum()), 1))), axis=1)
-    c, *_ = np.linalg.lstsq(A, x[use], rcond=None)
-    fit = w @ c[:3]
-    step = float(np.median(np.diff(motion.t)))
-    n = max(round(1.5 / step), 1)
-    quick_fit, quick_x, ok = _high(fit, n), _high(x, n), _eroded(use, n)
-    # stops make a course of noise: keep well clear of them
-    a, b = quick_fit[ok], quick_x[ok]
-    if len(a) < 60 or np.sqrt(np.mean(a**2)) < 0.01:
-        return None
-    # noise of the gyro is in both sums of squares; at rest it stands alone
-    still = _eroded(inside & (motion.speed < 0.1), n)
-    own = float(np.mean(quick_fit[still] ** 2)) if still.sum() > 20 else 0.0
-    power = float(a @ a) - own * len(a)
-    if power < 0.3 * float(a @ a):
-        return None
-    slow = float(np.sum(fit[use] * x[use]) / (np.sum(fit[use] ** 2) - own * use.sum()))
-    gain = float(a @ b / power) / max(slow, 1e-9)
-    noise = np.sqrt(np.mean((b - gain * slow * a) ** 2) / power * 4.0 * motion.half / step)
-    return gain, float(noise / max(slow, 1e-9))
-
-
-def _high(x: FloatArray, n: int) -> FloatArray:
-    kernel = np.ones(2 * n + 1) / (2 * n + 1)
-    return np.asarray(x - np.convolve(x, kernel, mode="same"))
-
-
-def _eroded(use: BoolArray, n: int) -> BoolArray:
-    return np.asarray(np.convolve(use.astype(float), np.ones(2 * n + 1), mode="same") > 2 * n + 0.5)

@@ -28,6 +28,7 @@ _MOST_TURNS = 40
 _LONGEST_S = 40.0
 _STEP_S = 0.02
 _LEAST_TURN = 10.0 * units.DEG
+_FOR_AXES = 3  # turns that tell axes: one or two are explained by several
 
 
 @dataclass(frozen=True)
@@ -147,23 +148,25 @@ def by_turns(
     factors = [1.0] + [value / stated[1] for _, _, value, _ in _candidates(interval)]
     factors = list(dict.fromkeys(round(f, 12) for f in factors))
     perms = signed_permutations()
-    one = np.array([f * np.eye(3) for f in factors])
-    angle = misfit(turns, one)
-    best = int(np.argmin(angle))
     typical = float(np.median(turns.angle))
     evidence: dict[str, Any] = {
         "turns": len(turns),
         "turn_deg": typical / units.DEG,
-        "misfit_deg": float(angle[best]) / units.DEG,
-        "misfit_as_read_deg": float(angle[0]) / units.DEG,
     }
     good = max(0.12 * typical, 4.0 * units.DEG)
+    # rates so large that they turn many times fit anything by chance
+    whole = float(np.median(np.linalg.norm(turns.dtheta, axis=2).sum(axis=0)))
+    factors = [f for f in factors if f == 1.0 or 0.7 * typical < f * whole < 3.0 * typical + np.pi]
+    one = np.array([f * np.eye(3) for f in factors])
+    angle = misfit(turns, one)
+    best = int(np.argmin(angle))
+    evidence |= {"misfit_deg": float(angle[best]) / units.DEG, "misfit_as_read_deg": float(angle[0]) / units.DEG}
     if angle[0] < good and angle[0] < 2.0 * angle[best] + 1.0 * units.DEG:
         return 1.0, np.eye(3), evidence
     if angle[best] < good:
         return factors[best], np.eye(3), evidence
     # no unit alone: other axes, in the units that are not out of the question
-    for f in factors[:3]:
+    for f in factors[:3] if len(turns) >= _FOR_AXES else ():
         many = misfit(turns, f * perms)
         k = int(np.argmin(many))
         if many[k] < good and many[k] < 0.5 * angle[best]:
@@ -171,6 +174,9 @@ def by_turns(
             return f, perms[k], evidence
     # a scale of its own: the angles themselves
     fine = np.geomspace(1e-6, 1e3, 181)
+    fine = fine[(fine * whole > 0.7 * typical) & (fine * whole < 3.0 * typical + np.pi)]
+    if not len(fine):
+        return None, np.eye(3), evidence
     wide = misfit(turns, fine[:, None, None] * np.eye(3))
     k = int(np.argmin(wide))
     near = fine[k] * np.geomspace(0.9, 1.12, 23)

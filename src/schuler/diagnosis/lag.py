@@ -15,9 +15,10 @@ import numpy as np
 from schuler.arrays import BoolArray, FloatArray
 from schuler.diagnosis.motion import Motion, WindowMeans
 
-NARROW_S, WIDE_S = 25.0, 400.0
+NEAR_S, NARROW_S, WIDE_S = 6.0, 25.0, 400.0
 _BLOCKS = 8
-_COARSE = 700  # epochs used for the first look
+_COARSE = 400  # epochs used for the first look
+_AT_ONCE = 20_000  # windows in memory at a time
 
 
 @dataclass(frozen=True)
@@ -55,49 +56,93 @@ class Lag:
 
 
 def explained(
-    means: WindowMeans, motion: Motion, shift: float, keep: BoolArray | None = None, ahead: float = 0.0
+    means: WindowMeans,
+    motion: Motion,
+    shifts: FloatArray,
+    keep: BoolArray | None = None,
+    ahead: float = 0.0,
 ) -> FloatArray:
-    """Share of the variance explained with ``shift`` added to the IMU's stamps. Shape (3,): turn, forward, right.
+    """Share of the variance that the IMU explains, for each shift added to its stamps.
 
-    ``ahead`` is how far the antenna is ahead of the point that goes where the body points, in a car the rear axle [m]:
-    the course there is ``heading + ahead r / V``, which looks like a clock that is ``ahead / V`` wrong.
+    Parameters
+    ----------
+    means : WindowMeans
+    motion : Motion
+    shifts : ndarray, shape (k,)
+        [s]
+    keep : ndarray of bool, shape (n,), optional
+        Only these times of ``motion``.
+    ahead : float
+        How far the antenna is ahead of the point that goes where the body points, in a car the rear axle: the course
+        there is ``heading + ahead r / V``, which looks like a clock that is ``ahead / V`` wrong. [m]
+
+    Returns
+    -------
+    ndarray, shape (k, 3)
+        Of turn rate, forward and right acceleration; zeros where the two have too little in common.
     """
+    shifts = np.atleast_1d(np.asarray(shifts, dtype=np.float64))
     use = motion.moving if keep is None else motion.moving & keep
-    if ahead:
-        everywhere, inside = means.at(motion.t - shift, motion.half)
-        w = everywhere[:, 3:]
-        bent = np.gradient((w - w.mean(axis=0)) / np.maximum(motion.speed, 1.0)[:, None], motion.t, axis=0)
-        everywhere[:, 3:] = w + ahead * bent
-        y, inside = everywhere[use], inside[use]
-    else:
-        y, inside = means.at(motion.t[use] - shift, motion.half)
-    # few samples are explained by anything
-    if inside.sum() < max(15.0, 0.25 * len(inside)):
-        return np.zeros(3)
-    y = y[inside]
-    y = y - y.mean(axis=0)
-    out = np.zeros(3)
-    for i, (target, columns) in enumerate(
-        ((motion.turn, slice(3, 6)), (motion.forward, slice(0, 3)), (motion.right, slice(0, 3)))
-    ):
-        x = target[use][inside]
-        x = x - x.mean()
-        A = y[:, columns]
-        size = np.sqrt(np.sum(A * A, axis=0))
-        A = A / np.where(size > 0.0, size, 1.0)
-        G = A.T @ A + 1e-9 * np.eye(3)
-        b = A.T @ x
-        total = float(x @ x)
-        out[i] = 0.0 if total <= 0.0 else float(np.clip(b @ np.linalg.solve(G, b) / total, 0.0, 1.0))
+    # the bend needs neighbours in time, whatever is used
+    t = motion.t if ahead else motion.t[use]
+    targets = np.stack((motion.turn[use], motion.forward[use], motion.right[use]), axis=1)
+    per = max(1, _AT_ONCE // max(len(t), 1))
+    out = np.zeros((len(shifts), 3))
+    for start in range(0, len(shifts), per):
+        part = shifts[start : start + per]
+        y, inside = means.at((t[None, :] - part[:, None]).ravel(), motion.half)
+        y -= means.origin
+        y, inside = y.reshape(len(part), -1, 6), inside.reshape(len(part), -1)
+        if ahead:
+            w = y[..., 3:]
+            faster = (w - w.mean(axis=1, keepdims=True)) / np.maximum(motion.speed, 1.0)[:, None]
+            y[..., 3:] = w + ahead * np.gradient(faster, motion.t, axis=1)
+            y, inside = y[:, use], inside[:, use]
+        out[start : start + per] = _shares(y, inside, targets)
     return out
 
 
-def score(r2: FloatArray) -> float:
-    """Log-likelihood per sample, up to a constant: each target's residual variance counts by its logarithm."""
-    return float(-0.5 * np.sum(np.log(np.maximum(1.0 - r2, 1e-4))))
+def _shares(y: FloatArray, inside: BoolArray, x: FloatArray) -> FloatArray:
+    """R squared of turn rate on the gyro, of both accelerations on the accelerometer. (k, n, 6), (k, n), (n, 3)."""
+    w = inside.astype(np.float64)
+    y = y * w[..., None]
+    number = w.sum(axis=1)
+    count = np.maximum(number, 1.0)[:, None]
+    x = x - x.mean(axis=0)
+    # sums of squares and products about the means of what is inside
+    sum_y, sum_x = y.sum(axis=1), w @ x
+    total = w @ (x * x) - sum_x**2 / count
+    out = np.zeros((len(y), 3))
+    for columns, which in ((slice(3, 6), slice(0, 1)), (slice(0, 3), slice(1, 3))):
+        A, s = y[..., columns], sum_y[:, columns] / count
+        G = A.mT @ A - count[..., None] * s[:, :, None] * s[:, None, :]
+        b = A.mT @ x[:, which] - s[:, :, None] * sum_x[:, None, which]
+        size = np.sqrt(np.maximum(np.diagonal(G, axis1=1, axis2=2), 0.0))
+        size = np.where(size > 0.0, size, 1.0)
+        G = G / (size[:, :, None] * size[:, None, :]) + 1e-9 * np.eye(3)
+        b = b / size[:, :, None]
+        fit = np.sum(b * np.linalg.solve(G, b), axis=1)
+        out[:, which] = np.clip(fit / np.where(total[:, which] > 0.0, total[:, which], np.inf), 0.0, 1.0)
+    # few samples are explained by anything
+    out[number < max(15.0, 0.25 * len(x))] = 0.0
+    return out
 
 
-def find_lag(means: WindowMeans, motion: Motion, centre: float = 0.0) -> Lag:
+def score(r2: FloatArray) -> FloatArray:
+    """Log-likelihood per sample, up to a constant: each target's residual variance counts by its logarithm.
+
+    Parameters
+    ----------
+    r2 : ndarray, shape (k, 3)
+
+    Returns
+    -------
+    ndarray, shape (k,)
+    """
+    return np.asarray(-0.5 * np.sum(np.log(np.maximum(1.0 - r2, 1e-4)), axis=-1))
+
+
+def find_lag(means: WindowMeans, motion: Motion, centre: float = 0.0, *, near: bool = False) -> Lag:
     """Offset of the IMU's clock from all of the motion.
 
     Parameters
@@ -107,19 +152,22 @@ def find_lag(means: WindowMeans, motion: Motion, centre: float = 0.0) -> Lag:
     motion : Motion
     centre : float
         Where to look first. [s]
+    near : bool
+        It is known to be within some seconds of ``centre``.
 
     Notes
     -----
-    Searched within 25 s of ``centre``, and within 400 s if nothing is found there. The 1-sigma is the scatter of the
-    offset in eight parts of the log over the root of their number.
+    Searched within 25 s of ``centre`` (6 s if ``near``), and within 400 s if nothing is found there. The 1-sigma is the
+    scatter of the offset in eight parts of the log over the root of their number.
     """
     index = np.flatnonzero(motion.moving)
     thin = np.zeros(len(motion.t), dtype=bool)
     thin[index[:: max(1, len(index) // _COARSE)]] = True
     offset, clear, curve = 0.0, 0.0, np.zeros((0, 2))
-    for reach, step in ((NARROW_S, 0.25), (WIDE_S, 0.5)):
+    for reach, step in ((NEAR_S, 0.25),) if near else ((NARROW_S, 0.25), (WIDE_S, 0.5)):
         shifts = centre + np.arange(-reach, reach + 0.5 * step, step)
-        scores = np.array([score(explained(means, motion, s, thin)) for s in shifts])
+        r2 = explained(means, motion, shifts, thin)
+        scores = score(r2)
         k = int(np.argmax(scores))
         far = np.abs(shifts - shifts[k]) > 3.0
         if len(curve) and scores[k] <= curve[:, 1].max() + 0.1:
@@ -128,10 +176,10 @@ def find_lag(means: WindowMeans, motion: Motion, centre: float = 0.0) -> Lag:
         clear = float(scores[k] - scores[far].max()) if far.any() else 0.0
         curve = np.stack((shifts, scores), axis=1)
         # a shift that explains nearly all leaves no doubt; motion that repeats itself explains much at others
-        if explained(means, motion, offset, thin).max() > 0.85 and clear > 0.5:
+        if r2[k].max() > 0.85 and clear > 0.5:
             break
     offset = _refined(means, motion, offset, 0.25)
-    r2 = explained(means, motion, offset)
+    r2 = explained(means, motion, np.array([offset]))[0]
     sigma, drift, drift_sigma = _scatter(means, motion, offset)
     return Lag(offset, sigma, r2, clear, drift, drift_sigma, curve)
 
@@ -163,8 +211,8 @@ def find_ahead(means: WindowMeans, motion: Motion, offset: float) -> tuple[float
     trials = np.arange(-2.0, 6.1, 1.0)
     found = []
     for ahead in trials:
-        at = _refined(means, motion, offset, 0.25, None, float(ahead))
-        found.append((score(explained(means, motion, at, None, float(ahead))), at))
+        at = _refined(means, motion, offset, 0.25, None, float(ahead), rounds=2)
+        found.append((float(score(explained(means, motion, np.array([at]), None, float(ahead)))[0]), at))
     scores = np.array([f[0] for f in found])
     k = int(np.clip(np.argmax(scores), 1, len(trials) - 2))
     bend = scores[k - 1] - 2.0 * scores[k] + scores[k + 1]
@@ -177,12 +225,18 @@ def find_ahead(means: WindowMeans, motion: Motion, offset: float) -> tuple[float
 
 
 def _refined(
-    means: WindowMeans, motion: Motion, at: float, step: float, keep: BoolArray | None = None, ahead: float = 0.0
+    means: WindowMeans,
+    motion: Motion,
+    at: float,
+    step: float,
+    keep: BoolArray | None = None,
+    ahead: float = 0.0,
+    rounds: int = 4,
 ) -> float:
     """Maximum of the score near ``at``, by parabolas of shrinking width."""
-    for _ in range(4):
+    for _ in range(rounds):
         x = at + step * np.array([-1.0, 0.0, 1.0])
-        s = [score(explained(means, motion, v, keep, ahead)) for v in x]
+        s = score(explained(means, motion, x, keep, ahead))
         bend = s[0] - 2.0 * s[1] + s[2]
         if bend >= 0.0:
             at = float(x[int(np.argmax(s))])
@@ -201,10 +255,10 @@ def _scatter(means: WindowMeans, motion: Motion, at: float) -> tuple[float, floa
             continue
         keep = np.zeros(len(motion.t), dtype=bool)
         keep[part] = True
-        here = explained(means, motion, at, keep)
         trials = at + np.arange(-3.0, 3.01, 0.25)
-        scores = [score(explained(means, motion, s, keep)) for s in trials]
-        if max(scores) < 0.2 and here.max() < 0.4:
+        r2 = explained(means, motion, trials, keep)
+        scores = score(r2)
+        if scores.max() < 0.2 and r2[len(trials) // 2].max() < 0.4:
             continue  # straight and even: this part tells nothing
         found.append(_refined(means, motion, float(trials[int(np.argmax(scores))]), 0.2, keep))
         when.append(float(np.mean(motion.t[part])))

@@ -18,6 +18,7 @@ from schuler.recording.series import GnssSeries, ImuSeries
 
 HALF_S = 0.5  # half of the interval that accelerations are means of
 MOST = 4000  # epochs looked at
+_PAUSE = 5.0  # intervals between samples that are a pause
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,8 @@ class Motion:
         Fast enough for a course.
     half : float
         Half of the interval these are means of. [s]
+    slope : ndarray, shape (n,)
+        Sine of the angle at which the path climbs.
     """
 
     t: FloatArray
@@ -46,6 +49,7 @@ class Motion:
     right: FloatArray
     turn: FloatArray
     moving: BoolArray
+    slope: FloatArray
     half: float = HALF_S
 
     @property
@@ -106,10 +110,11 @@ def motion_of(t: FloatArray, v_n: FloatArray, gravity: float, half: float = HALF
     least = float(np.clip(0.25 * top, 0.35, 3.0))
     safe = np.maximum(speed, 0.1)
     right = (v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]) / safe
-    forward = (v[:, 0] * a[:, 0] + v[:, 1] * a[:, 1]) / safe - gravity * np.clip(v[:, 2] / safe, -0.3, 0.3)
+    slope = -np.clip(v[:, 2] / safe, -0.3, 0.3)
+    forward = (v[:, 0] * a[:, 0] + v[:, 1] * a[:, 1]) / safe + gravity * slope
     turn = right / safe
     moving = whole & (speed > least) & (np.abs(turn) < 2.0) & (np.abs(forward) < 15.0) & (np.abs(right) < 15.0)
-    return Motion(grid, speed, forward, right, turn, moving, half)
+    return Motion(grid, speed, forward, right, turn, moving, slope, half)
 
 
 class WindowMeans:
@@ -124,9 +129,12 @@ class WindowMeans:
         self.t = rates.t
         self.origin = y.mean(axis=0)
         self.sums = np.concatenate((np.zeros((1, 6)), np.cumsum((mid - self.origin) * dt[:, None], axis=0)))
-        longest = np.maximum.accumulate(np.concatenate(([0.0], dt)))
-        self.interval = imu.interval
-        self.has_pauses = bool(longest[-1] > 5.0 * self.interval)
+        mean = (self.t[-1] - self.t[0]) / (len(self.t) - 1)
+        even = self.t[0] + mean * np.arange(len(self.t))
+        # stamps near even ones are found by counting instead of searching
+        self.step = float(mean) if np.abs(self.t - even).max() < 0.4 * mean else 0.0
+        # number of steps before a sample that are a pause of the log
+        self.pauses = np.concatenate(([0], np.cumsum(dt > _PAUSE * imu.interval)))
 
     def at(self, t: FloatArray, half: float) -> tuple[FloatArray, BoolArray]:
         """Accelerometer and gyro means, shape (n, 6), and whether the log covers each window."""
@@ -135,8 +143,21 @@ class WindowMeans:
         y = self._integral(b) - self._integral(a)
         return self.origin + y / (2.0 * half), inside
 
+    def whole(self, t: FloatArray, half: float) -> BoolArray:
+        """Whether there is no pause of the log within each window. Shape (n,)."""
+        lo = np.searchsorted(self.t, t - half, side="right") - 1
+        hi = np.searchsorted(self.t, t + half, side="left")
+        last = len(self.t) - 1
+        return np.asarray(self.pauses[np.clip(hi, 0, last)] == self.pauses[np.clip(lo, 0, last)])
+
     def _integral(self, x: FloatArray) -> FloatArray:
-        k = np.clip(np.searchsorted(self.t, x, side="right") - 1, 0, len(self.t) - 2)
+        last = len(self.t) - 2
+        if self.step:
+            k = np.clip(((x - self.t[0]) / self.step).astype(np.int64), 0, last)
+            k = np.clip(k - (self.t[k] > x), 0, last)
+            k = np.clip(k + (self.t[k + 1] <= x), 0, last)
+        else:
+            k = np.clip(np.searchsorted(self.t, x, side="right") - 1, 0, last)
         s = (x - self.t[k]) / (self.t[k + 1] - self.t[k])
         value: FloatArray = self.sums[k] + np.clip(s, 0.0, 1.0)[:, None] * (self.sums[k + 1] - self.sums[k])
         return value

@@ -11,14 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from schuler import frames, units
+from schuler import units
 from schuler.arrays import FloatArray
 from schuler.diagnosis.findings import Finding
 from schuler.diagnosis.motion import position_velocity
 from schuler.recording.series import GnssSeries
 
 _BASE_S = 4.0  # displacements are taken over so long, for the noise of positions
-_TOLERANCE = 0.12
 _SPEED_UNITS = {"km/h": units.KMH, "kn": units.KNOT, "cm/s": 0.01, "mm/s": 0.001, "ft/s": units.FT}
 
 
@@ -291,9 +290,3 @@ def plausible_place(gnss: GnssSeries) -> list[Finding]:
             text = f"the height is {typical:.6g} m, which is no place on or near the Earth: it may be in {name}"
             return [Finding("height_unit", "error", text, 0.7, f"units='length={name}'", {"height_m": typical}, "gnss")]
     return [Finding("height_unit", "error", f"the height is {typical:.6g} m", 0.7, "", {"height_m": typical}, "gnss")]
-
-
-def path_length(gnss: GnssSeries) -> float:
-    """Length of the way by positions. [m]"""
-    r = frames.ecef_from_llh(gnss.llh)
-    return float(np.sum(np.linalg.norm(np.diff(r, axis=0), axis=1)))

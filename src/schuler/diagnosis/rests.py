@@ -114,7 +114,7 @@ def _collect(imu: ImuSeries, still: FloatArray, per: int, f_sd: FloatArray | Non
         empty = np.zeros((0, 3))
         return Rests(none, none, np.zeros((0, 2)), empty, empty, empty, empty)
     # a change of attitude between neighbouring windows parts two rests
-    means = np.stack([imu.accel[k * per : (k + 1) * per].mean(axis=0) for k in range(len(still))])
+    means = imu.accel[: len(still) * per].reshape(len(still), per, 3).mean(axis=1)
     first, last = [], []
     for i, j in zip(a.tolist(), b.tolist(), strict=True):
         start = i

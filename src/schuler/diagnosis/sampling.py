@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler import units
 from schuler.arrays import FloatArray
 from schuler.characterisation.readings import equal_runs, resolution
-from schuler.diagnosis.findings import Finding, Severity
+from schuler.diagnosis.findings import Finding, Severity, number_of
+from schuler.diagnosis.noise_at_rest import CHANNELS, LARGE_STEP, noise_at_rest
 from schuler.diagnosis.rests import Rests
 from schuler.recording.series import ImuSeries
 
-CHANNELS = ("ax", "ay", "az", "gx", "gy", "gz")
+_FASTEST_K_S = 1.0  # a sensor's temperature changes by some kelvins a minute
 _MOST = 400_000  # samples looked at for what shows anywhere
-_LOUD = (0.8, 0.1)  # spread beyond any IMU on anything that rests for a second [m/s^2], [rad/s]
 
 
 def check_times(t: FloatArray) -> list[Finding]:
@@ -32,8 +31,8 @@ def check_times(t: FloatArray) -> list[Finding]:
         share = lost / float(t[-1] - t[0])
         bad = step[k] > max(0.3, 5.0 * interval) or share > 0.005
         text = (
-            f"{int(real.sum())} gaps of more than 2.5 sample intervals, {lost:.3g} s in all; the longest lasts "
-            f"{step[k]:.4g} s from {t[k]:.3f} s"
+            f"{number_of(real.sum(), 'gap')} of more than 2.5 sample intervals, {lost:.3g} s in all; the longest "
+            f"lasts {step[k]:.4g} s from {t[k]:.3f} s"
         )
         evidence = {"gaps": int(real.sum()), "lost_s": lost, "longest_s": float(step[k]), "at_s": float(t[k])}
         found.append(Finding("gaps", "warning" if bad else "note", text, 1.0, "", evidence))
@@ -53,6 +52,29 @@ def check_times(t: FloatArray) -> list[Finding]:
     return found
 
 
+def check_temperature(imu: ImuSeries) -> list[Finding]:
+    """Finding ``time_unit``: a temperature that changes faster than that of any sensor.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+    """
+    T = imu.temperature
+    if T is None or len(T) < 100 or not np.all(np.isfinite(T)):
+        return []
+    low, high = np.quantile(T, (0.01, 0.99))
+    span = float(imu.t[-1] - imu.t[0])
+    if high - low < 5.0 or high - low < _FASTEST_K_S * span:
+        return []
+    text = (
+        f"the temperature goes from {low:.0f} to {high:.0f} degC within {span:.3g} s, which no sensor does: the stamps "
+        "are in another unit, or not those of the samples (a log that was thinned out)"
+    )
+    evidence = {"lowest": float(low), "highest": float(high), "span_s": span}
+    fix = "units='t=...' (ms, us, ns), or the log as recorded"
+    return [Finding("time_unit", "warning", text, 0.9, fix, evidence)]
+
+
 def check_readings(imu: ImuSeries, rests: Rests, factors: tuple[float, float]) -> list[Finding]:
     """Findings about the values of an IMU log.
 
@@ -69,18 +91,26 @@ def check_readings(imu: ImuSeries, rests: Rests, factors: tuple[float, float]) -
     step = imu.interval if imu.kind == "increment" else 1.0
     scale = np.repeat(factors, 3) / step
     dead = [c for c, x in zip(CHANNELS, y.T, strict=True) if np.ptp(x) == 0.0]
-    if dead:
-        text = f"{', '.join(dead)} never change{'s' * (len(dead) == 1)}: not connected, not read, or a constant column"
-        found.append(Finding("dead_axis", "error", text, 1.0, "columns='...' (name the right columns)", {"axes": dead}))
     grid = [None if c in dead else resolution(x) for c, x in zip(CHANNELS, y.T, strict=True)]
     clipped = _saturated(imu, y, grid, scale, dead)
-    at_rest = _at_rest(imu, rests, grid, factors, dead)
+    at_rest = noise_at_rest(imu, rests, grid, factors, dead)
     coarse = [c for f in at_rest if f.code == "quantised" for c in f.evidence["axes"]]
+    silent = [c for c in dead if not _one_step(c, y, grid, scale, coarse)]
+    if silent:
+        text = (
+            f"{', '.join(silent)} never change{'s' * (len(silent) == 1)}: not connected, not read, or a constant column"
+        )
+        fix = "columns='...' (name the right columns)"
+        found.append(Finding("dead_axis", "error", text, 1.0, fix, {"axes": silent}))
     held = _held(y, dead)
+    passed_over = [*dead, *coarse, *(f.evidence["axis"] for f in clipped)]
     if held:
         found.append(held)
+        # one of each group of equal samples
+        kept = np.concatenate(([True], np.any(np.diff(y, axis=0) != 0.0, axis=1)))
+        found += _stuck(imu.t[kept], y[kept], grid, passed_over)
     else:
-        found += _stuck(imu, y, [*dead, *coarse, *(f.evidence["axis"] for f in clipped)])
+        found += _stuck(imu.t, y, grid, passed_over)
         found += _interpolated(y, grid, dead)
     found += clipped
     found += _spikes(imu, y, scale, dead)
@@ -113,15 +143,28 @@ def _held(y: FloatArray, dead: list[str]) -> Finding | None:
         f"times faster "
         "than the sensor (samples were held)"
     )
-    fix = f"keep every {max(round(runs), 2)}th row"
+    fix = f"keep one of every {max(round(runs), 2)} rows"
     return Finding("repeated", "warning", text, 0.95, fix, {"share": share, "samples_each": runs})
 
 
-def _stuck(imu: ImuSeries, y: FloatArray, dead: list[str]) -> list[Finding]:
+def _one_step(c: str, y: FloatArray, grid: list[float | None], scale: FloatArray, coarse: list[str]) -> bool:
+    """Whether a constant reading is one of the large steps to which the other axes of its triad are rounded."""
+    k = CHANNELS.index(c)
+    for i in range(k // 3 * 3, k // 3 * 3 + 3):
+        step = grid[i]
+        if step is None or CHANNELS[i] not in coarse or step * scale[i] < LARGE_STEP[k // 3]:
+            continue
+        steps = y[0, k] / step
+        if abs(steps - round(steps)) < 1e-3:
+            return True
+    return False
+
+
+def _stuck(t: FloatArray, y: FloatArray, grid: list[float | None], passed_over: list[str]) -> list[Finding]:
     """Runs of one reading far longer than any other."""
     found = []
-    for c, x in zip(CHANNELS, y.T, strict=True):
-        if c in dead:
+    for c, step, x in zip(CHANNELS, grid, y.T, strict=True):
+        if c in passed_over:
             continue
         start, length = equal_runs(x)
         k = int(np.argmax(length))
@@ -132,17 +175,21 @@ def _stuck(imu: ImuSeries, y: FloatArray, dead: list[str]) -> list[Finding]:
             continue  # rounding repeats most readings
         # several stuck stretches: the tail without the longest ones
         tail = float(np.quantile(length, 0.99))
-        seconds = float(imu.t[start[k] + length[k] - 1] - imu.t[start[k]])
-        if length[k] < max(25.0, 6.0 * tail, 1.0 + 2.5 * min(usual, 8.0 * tail)) or seconds < 0.1:
+        seconds = float(t[start[k] + length[k] - 1] - t[start[k]])
+        # changes of a step or two: rounding holds a reading as long as it moves slowly
+        rounded = step is not None and float(np.median(np.abs(np.diff(x)))) < 2.5 * step
+        if seconds < (2.0 if rounded else 0.1):
+            continue
+        if length[k] < max(25.0, 6.0 * tail, 1.0 + 2.5 * min(usual, 8.0 * tail)):
             continue
         top = x[start[k]] in (x.max(), x.min())
         if top and np.count_nonzero(x == x[start[k]]) > 1.5 * length[k]:
             continue  # the end of the range, not a sensor that stopped
         text = (
-            f"{c}: {int(length[k])} samples in a row read {x[start[k]]:.6g} from {imu.t[start[k]]:.3f} s "
+            f"{c}: {int(length[k])} samples in a row read {x[start[k]]:.6g} from {t[start[k]]:.3f} s "
             f"({seconds:.3g} s), where otherwise {tail:.0f} is long: the sensor or its reading stopped"
         )
-        evidence = {"axis": c, "from_s": float(imu.t[start[k]]), "samples": int(length[k]), "usual": tail}
+        evidence = {"axis": c, "from_s": float(t[start[k]]), "samples": int(length[k]), "usual": tail}
         found.append(Finding("stuck", "warning", text, 0.95, "cut this part out", evidence))
     return found
 
@@ -215,18 +262,24 @@ def _saturated(
 def _spikes(imu: ImuSeries, y: FloatArray, scale: FloatArray, dead: list[str]) -> list[Finding]:
     """Single samples far off both neighbours, the neighbours agreeing."""
     names, total, worst, at = [], 0, 0.0, 0.0
+    if len(y) < 100:
+        return []
+    change = np.abs(np.diff(y, axis=0))
+    change /= np.maximum(np.quantile(change, 0.99, axis=0), 1e-300)
     for k, c in enumerate(CHANNELS):
         if c in dead:
             continue
         x = y[:, k]
-        if len(x) < 100:
-            continue
         near = np.abs(x[2:] - x[:-2])
         off = np.minimum(np.abs(x[1:-1] - x[:-2]), np.abs(x[1:-1] - x[2:]))
         same = np.sign(x[1:-1] - x[:-2]) == np.sign(x[1:-1] - x[2:])
         usual = max(float(np.quantile(np.abs(np.diff(x)), 0.99)), 1e-300)
         least = (4.0 if k < 3 else 0.35) / scale[k] if scale[k] > 0.0 else np.inf
         bad = same & (off > 8.0 * usual) & (off > least) & (near < 0.3 * off)
+        for j in np.flatnonzero(bad & (off < 30.0 * usual)).tolist():
+            # a knock is felt by the other axes too
+            others = change[max(j - 1, 0) : j + 3, [i for i in range(6) if i != k and CHANNELS[i] not in dead]]
+            bad[j] = others.max(initial=0.0) < 2.5
         if bad.any():
             names.append(c)
             total += int(bad.sum())
@@ -236,66 +289,7 @@ def _spikes(imu: ImuSeries, y: FloatArray, scale: FloatArray, dead: list[str]) -
     if not total:
         return []
     text = (
-        f"{total} single samples on {', '.join(names)} stand {worst:.0f} times further out than the log's "
-        f"largest usual "
-        f"change, the worst at {at:.3f} s: spikes of the transmission, not of motion"
+        f"{number_of(total, 'single sample')} on {', '.join(names)} {worst:.0f} times further out than the log's "
+        f"largest usual change, the worst at {at:.3f} s: spikes of the transmission, not of motion"
     )
     return [Finding("spikes", "warning", text, 0.9, "delete these rows", {"samples": total, "axes": names, "at_s": at})]
-
-
-def _noise(imu: ImuSeries, factors: tuple[float, float]) -> list[Finding]:
-    """Scatter from sample to sample in the quietest tenth of the log, whatever moves slowly. SI rates."""
-    rates = imu.rates()
-    per = max(20, round(1.0 / imu.interval))
-    m = len(rates.t) // per
-    if m < 5:
-        return []
-    y = np.concatenate((rates.accel * factors[0], rates.gyro * factors[1]), axis=1)[: m * per].reshape(m, per, 6)
-    sd = np.sqrt(np.mean(np.diff(y, 2, axis=1) ** 2, axis=1) / 6.0)  # of white noise
-    quiet = np.quantile(sd, 0.1, axis=0)
-    f_sd, w_sd = float(quiet[:3].max()), float(quiet[3:].max())
-    if f_sd <= _LOUD[0] and w_sd <= _LOUD[1]:
-        return []
-    text = (
-        f"even in the quietest seconds a sample scatters by {f_sd:.3g} m/s^2 and {w_sd / units.DEG:.3g} deg/s: "
-        f"noise was "
-        "added, or the unit stands on something that shakes"
-    )
-    evidence = {"accel_sd_m_s2": quiet[:3].tolist(), "gyro_sd_rad_s": quiet[3:].tolist()}
-    return [Finding("imu_noise", "warning", text, 0.7, "", evidence)]
-
-
-def _at_rest(
-    imu: ImuSeries, rests: Rests, grid: list[float | None], factors: tuple[float, float], dead: list[str]
-) -> list[Finding]:
-    """Rounding and noise at rest."""
-    found = _noise(imu, factors)
-    if not len(rests):
-        return found
-    scale = np.repeat(factors, 3)
-    per_step = imu.interval if imu.kind == "increment" else 1.0
-    grid = [None if g is None else g / per_step for g in grid]
-    # the quietest rest: a running engine is no noise of the sensor
-    k = int(np.argmin(rests.gyro_sd.max(axis=1)))
-    sd = np.concatenate((rests.accel_sd[k], rests.gyro_sd[k]))
-    coarse: list[str] = []
-    steps: dict[str, float] = {}
-    for i, c in enumerate(CHANNELS):
-        step = grid[i]
-        if c in dead or step is None:
-            continue
-        if sd[i] < 0.4 * step:
-            size = step * scale[i]
-            coarse.append(c)
-            steps[c] = size
-    if coarse:
-        large = any(v > (0.03 if name.startswith("a") else 0.1 * units.DEG) for name, v in steps.items())
-        text = (
-            f"{', '.join(coarse)}: at rest the noise of a sample is less than half a step of the reading (largest step "
-            f"{max(steps.values()):.3g} SI): rounding hides it, noise analysis and biases are limited by it"
-        )
-        evidence = {"axes": coarse, "steps_si": steps}
-        found.append(
-            Finding("quantised", "warning" if large else "note", text, 0.9, "more digits or bits in the log", evidence)
-        )
-    return found

@@ -268,7 +268,10 @@ def _times(value: float | None, factor: float) -> float | None:
 
 def _need(series: OdometerSeries | None, name: str) -> OdometerSeries:
     if series is None:
-        raise InputError(f"aiding.{name} is configured, but the recording has no {name} series")
+        raise InputError(
+            f"aiding.{name} is configured, but the recording has no {name} series: "
+            "read one with the log, or leave the aid out"
+        )
     return series
 
 

@@ -101,7 +101,7 @@ class InitialState:
         if P.ndim != 2 or P.shape != (n, n) or n < 9:
             raise InputError(f"InitialState.P: expected a square matrix of at least 9 states, got shape {P.shape}")
         if np.any(np.diag(P) < 0.0):
-            raise InputError("InitialState.P: a variance is negative")
+            raise InputError(f"InitialState.P: expected variances of 0 or more, got {np.diag(self.P).min():.3g}")
         sigma = np.sqrt(np.diag(P))
         if np.any(np.abs(P - P.T) > 1e-9 * np.outer(sigma, sigma)):
             raise InputError("InitialState.P: expected a symmetric matrix")
@@ -194,7 +194,9 @@ class FilterState:
 
         n = layout.size
         if len(initial.P) != n:
-            raise InputError(f"the initial covariance has {len(initial.P)} states, the layout {n}")
+            raise InputError(
+                f"the initial covariance has {len(initial.P)} states, the layout {n}: make both of one layout"
+            )
         m = n - 9
         T = ecef_from_ned_states(initial.nav.llh, n)
         self.layout, self.options = layout, options
@@ -356,7 +358,8 @@ def run(
     options = options or FilterOptions()
     if abs(increments.start - initial.nav.t) > 1e-3:
         raise InputError(
-            f"the initial state is at {initial.nav.t:.4f} s but the first interval begins at {increments.start:.4f} s"
+            f"the initial state is at {initial.nav.t:.4f} s but the first interval begins at {increments.start:.4f} s: "
+            "cut the log there (between), or start at its time"
         )
     n, m, N = layout.size, layout.size - 9, len(increments)
     state = FilterState(initial, layout, gyro_psd, accel_psd, options, float(np.median(increments.dt)))

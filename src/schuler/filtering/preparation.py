@@ -219,7 +219,8 @@ def prepared_gnss(
         keep = np.isin(gnss.quality, section.quality)
         notes.append(f"{int(np.sum(~keep))} GNSS epochs of other quality than {list(section.quality)} left out")
         if not keep.any():
-            raise InputError(f"no GNSS epoch has quality {list(section.quality)}")
+            there = sorted({int(q) for q in np.asarray(gnss.quality).ravel()})
+            raise InputError(f"gnss.quality: no epoch has quality {list(section.quality)}; the log has {there}")
         gnss = gnss.where(keep)
     if imu is not None:
         no_overlap(imu, gnss)

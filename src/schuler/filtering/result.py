@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from schuler.gnss.point_result import PointSolution
     from schuler.gnss.ranges import Ranges
 
-SCHEMA = "schuler/solution/1"
-
 
 @dataclass(frozen=True)
 class Innovations:

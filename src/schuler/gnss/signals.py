@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from schuler.arrays import ArrayLike, FloatArray, IntArray
+from schuler.arrays import ArrayLike, FloatArray
 from schuler.exceptions import InputError
 
 #: Systems by their RINEX letters; the place in this string is the system's number in arrays.
@@ -49,7 +49,7 @@ def satellite(name: str) -> int:
     (5, 207)
     """
     letter, number = name[:1], name[1:].strip()
-    if letter not in SYSTEMS or not letter or not number.isdigit() or not 0 < int(number) < 100:
+    if letter not in SYSTEMS or not letter or not number.isdecimal() or not 0 < int(number) < 100:
         raise InputError(f"expected a satellite such as G05 or E12 (systems {SYSTEMS}), got {name!r}")
     return 100 * SYSTEMS.index(letter) + int(number)
 
@@ -63,11 +63,6 @@ def satellite_name(sat: int) -> str:
     'E07'
     """
     return f"{SYSTEMS[int(sat) // 100]}{int(sat) % 100:02d}"
-
-
-def system_of(sat: ArrayLike) -> IntArray:
-    """Places in :data:`SYSTEMS` of satellites' numbers. Shape as given."""
-    return np.asarray(sat, dtype=np.int64) // 100
 
 
 def frequency_hz(sat: int, signal: str, glonass_channel: int | None = None) -> float:

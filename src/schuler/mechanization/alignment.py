@@ -114,7 +114,7 @@ def levelling(
     Raises
     ------
     InputError
-        If the force is not that of a body at rest (5 percent off g).
+        If the force is not that of a body at rest: off g by more than 5 percent and four sigma_bias.
 
     References
     ----------
@@ -122,7 +122,8 @@ def levelling(
     """
     f = np.atleast_2d(as_floats(f_ib_b, "f_ib_b")).mean(axis=0)
     norm = float(np.linalg.norm(f))
-    if not 0.95 < norm / 9.81 < 1.05:
+    # the cheapest accelerometers have biases of 80 mg
+    if not abs(norm - 9.81) < 0.05 * 9.81 + 4.0 * sigma_bias:
         raise InputError(
             f"levelling needs the specific force of a body at rest, about 9.81 m/s^2; got {norm:.3f} m/s^2. "
             "Use a stretch at rest, and check the unit and whether the log holds increments"

@@ -64,6 +64,91 @@ def attitudes_to_ned(q_eb, llh, q_nb):
         q_nb[k, 3] = w * d - x * c + y * b - z * a
 
 
+@kernel
+def earth_fixed(llh, v_n, rpy, r, v_e, q_eb):
+    """Earth-fixed positions, velocities, attitudes of geodetic ones (n, 3); the NumPy twin is Trajectory.from_geodetic.
+
+    ``v_n`` and ``rpy`` have no rows where there are none.
+    """
+    moves, turns = len(v_n) > 0, len(rpy) > 0
+    for k in range(len(llh)):
+        lat, lon, h = llh[k, 0], llh[k, 1], llh[k, 2]
+        sL, cL, sl, cl = math.sin(lat), math.cos(lat), math.sin(lon), math.cos(lon)
+        n = _A / math.sqrt(1.0 - _E2 * sL * sL)
+        r[k, 0], r[k, 1], r[k, 2] = (n + h) * cL * cl, (n + h) * cL * sl, ((1.0 - _E2) * n + h) * sL
+        if moves:
+            north, east, down = v_n[k, 0], v_n[k, 1], v_n[k, 2]
+            out = -sL * north - cL * down  # away from the axis
+            v_e[k, 0] = cl * out - sl * east
+            v_e[k, 1] = sl * out + cl * east
+            v_e[k, 2] = cL * north - sL * down
+        if turns:
+            a, b, c = 0.5 * rpy[k, 0], 0.5 * rpy[k, 1], 0.5 * rpy[k, 2]
+            sr, cr, sp, cp, sy, cy = math.sin(a), math.cos(a), math.sin(b), math.cos(b), math.sin(c), math.cos(c)
+            bw, bx = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
+            by, bz = cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
+            w, x, y, z = axes_quaternion(lat, lon)
+            qw = w * bw - x * bx - y * by - z * bz
+            sign = -1.0 if qw < 0.0 else 1.0
+            q_eb[k, 0] = sign * qw
+            q_eb[k, 1] = sign * (w * bx + x * bw + y * bz - z * by)
+            q_eb[k, 2] = sign * (w * by - x * bz + y * bw + z * bx)
+            q_eb[k, 3] = sign * (w * bz + x * by - y * bx + z * bw)
+
+
+@inlined
+def _deviation(values, k, begin, end):
+    """Mean and standard deviation of a column from row to row."""
+    mean = 0.0
+    for i in range(begin, end):
+        mean += values[i, k]
+    mean /= end - begin
+    square = 0.0
+    for i in range(begin, end):
+        square += (values[i, k] - mean) ** 2
+    return mean, math.sqrt(square / (end - begin))
+
+
+@kernel
+def windows(accel, gyro, size, found):
+    """Rows of ``found`` (5, m) of each window of ``size`` samples; the NumPy twin is in ``io.checks``."""
+    half = size // 2
+    for k in range(found.shape[1]):
+        begin, end = k * size, (k + 1) * size
+        early = late = 0.0
+        for i in range(begin, end):
+            norm = math.sqrt(accel[i, 0] * accel[i, 0] + accel[i, 1] * accel[i, 1] + accel[i, 2] * accel[i, 2])
+            if i < begin + half:
+                early += norm
+            else:
+                late += norm
+        spread = noise = rate = 0.0
+        for j in range(3):
+            spread = max(spread, _deviation(accel, j, begin, end)[1])
+            mean, deviation = _deviation(gyro, j, begin, end)
+            noise = max(noise, deviation)
+            rate += mean * mean
+        found[0, k] = (early + late) / size
+        found[1, k] = abs(early / half - late / (size - half))
+        found[2, k], found[3, k], found[4, k] = spread, noise, math.sqrt(rate)
+
+
+def prepare_windows() -> None:
+    """Compile or load the kernel before it is run."""
+    import numba as nb
+
+    m = nb.float64[:, ::1]
+    prepare([(windows, (m, m, nb.int64, m))])
+
+
+def prepare_earth_fixed() -> None:
+    """Compile or load the kernel before it is run."""
+    import numba as nb
+
+    m = nb.float64[:, ::1]
+    prepare([(earth_fixed, (m, m, m, m, m, m))])
+
+
 def prepare_axes() -> None:
     """Compile or load the kernels before they are run."""
     import numba as nb

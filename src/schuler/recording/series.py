@@ -375,7 +375,7 @@ class Trajectory:
     def v_eb_n(self) -> FloatArray:
         """Velocity north, east, down. Shape (n, 3). [m/s]"""
         if self.v_eb_e is None:
-            raise InputError("this trajectory has no velocity")
+            raise InputError("this trajectory has no velocity: expected one made with v_eb_e")
         if "v_eb_n" not in self._cache:
             if len(self) < _MANY:
                 v_n = rotation.rotate(rotation.quat_conjugate(frames.q_en(self.llh)), self.v_eb_e)
@@ -389,7 +389,7 @@ class Trajectory:
     def q_nb(self) -> FloatArray:
         """Attitude, body to north-east-down axes. Shape (n, 4)."""
         if self.q_eb is None:
-            raise InputError("this trajectory has no attitude")
+            raise InputError("this trajectory has no attitude: expected one made with q_eb")
         if "q_nb" not in self._cache:
             if len(self) < _MANY:
                 q_nb = rotation.quat_multiply(rotation.quat_conjugate(frames.q_en(self.llh)), self.q_eb)
@@ -504,7 +504,8 @@ def _axes_kernels() -> Any:
 
 def _covariances(value: ArrayLike, name: str, n: int) -> FloatArray:
     C = as_floats(value, name, (n, 3, 3))
-    if np.any(np.abs(C - np.swapaxes(C, -1, -2)) > 1e-9 * np.abs(C).max(initial=1.0)):
+    limit = 1e-9 * max(1.0, float(C.max(initial=0.0)), -float(C.min(initial=0.0)))
+    if any(np.any(np.abs(C[:, i, j] - C[:, j, i]) > limit) for i, j in ((0, 1), (0, 2), (1, 2))):
         raise InputError(f"{name}: expected symmetric matrices")
     if np.any(np.einsum("nii->ni", C) <= 0.0):
         raise InputError(

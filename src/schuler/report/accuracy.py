@@ -32,9 +32,16 @@ def horizontal(subject: Subject) -> Figure | None:
     # centimetres with GNSS and tens of metres without it are both seen on a logarithmic axis only
     log = usual > 0.0 and largest > _LOG_FROM * usual
     limits = (0.2 * usual, 1.5 * largest) if log else (0.0, 1.06 * largest or 1.0)
+    sigma = subject.position_sigma(subject.result)
+    claimed = np.maximum(np.hypot(sigma[:, 0], sigma[:, 1]), limits[0])
+    area = band(
+        subject.seconds(subject.result.t), np.full_like(claimed, limits[0]), claimed, "sigma",
+        f"{subject.solutions[0][0]}, RMS as claimed",
+    )  # fmt: skip
     panel = Panel(
-        TIME, "horizontal error [m]", (*outages(subject), *curves), x_limits=subject.span, y_limits=limits, log=log
-    )
+        TIME, "horizontal error [m]", (*outages(subject), area, *curves), x_limits=subject.span, y_limits=limits,
+        log=log,
+    )  # fmt: skip
     caption = f"Horizontal distance to {subject.reference_name}; " + (
         "it grows where GNSS is withheld and falls back with the first fix."
         if subject.result.outages

@@ -36,7 +36,12 @@ def role_of(group: str) -> str:
 
 
 def budget_figure(budget: ErrorBudget, *, single: bool = False) -> MplFigure:
-    """Bars by group or of every parameter, largest above, the total on top (Flenniken, figure 7.7)."""
+    """Bars by group or of every parameter, largest above, the total on top (Flenniken, figure 7.4)."""
+    return draw(budget_content(budget, single=single))
+
+
+def budget_content(budget: ErrorBudget, *, single: bool = False) -> Figure:
+    """Description of :func:`budget_figure`."""
     _, unit, scale = QUANTITIES[budget.quantity]
     group = dict(zip(budget.names, budget.groups, strict=True)) if single else {g: g for g in budget.groups}
     entries = [("all", budget.total, "mean", "")]
@@ -56,7 +61,10 @@ def budget_figure(budget: ErrorBudget, *, single: bool = False) -> MplFigure:
         y_ticks=tuple((float(y), name) for y, (name, *_) in enumerate(entries)), y_limits=(-0.6, len(entries) - 0.4),
         height=max(0.6, _HEIGHT[single] * len(entries)),
     )  # fmt: skip
-    return draw(Figure("budget", "Error budget", "", (panel,)))
+    caption = (
+        "What each error of the IMU and of the start contributes; squares of the bars add up to that of the total."
+    )
+    return Figure("budget", "Error budget", caption, (panel,))
 
 
 def covariance_figure(found: LinearCovariance, mission: BudgetMission) -> MplFigure:
@@ -80,6 +88,11 @@ def covariance_content(found: LinearCovariance, mission: BudgetMission, name: st
 
 def choice_figure(choice: ImuChoice) -> MplFigure:
     """Values of all IMUs beside the bound, logarithmic."""
+    return draw(choice_content(choice))
+
+
+def choice_content(choice: ImuChoice) -> Figure:
+    """Description of :func:`choice_figure`."""
     _, unit, scale = QUANTITIES[choice.requirement.quantity]
     verdicts = choice.verdicts[::-1]
     items: list[content.Item] = []
@@ -95,4 +108,5 @@ def choice_figure(choice: ImuChoice) -> MplFigure:
         log_x=True, y_ticks=tuple((float(y), v.imu) for y, v in enumerate(verdicts)),
         y_limits=(-0.6, len(verdicts) - 0.4), height=1.8,
     )  # fmt: skip
-    return draw(Figure("choice", "Which IMU is good enough", "", (panel,)))
+    caption = "The worst 1-sigma of the mission with each IMU, best below; those left of the line are good enough."
+    return Figure("choice", "Which IMU is good enough", caption, (panel,))

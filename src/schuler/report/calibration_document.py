@@ -16,6 +16,7 @@ from schuler.files import write_text
 from schuler.report import parts
 from schuler.report.calibration_panels import all_figures
 from schuler.report.parts import Section, plotly_script
+from schuler.report.thermal_figure import thermal_content
 
 if TYPE_CHECKING:
     from schuler.fieldcal.calibration import FieldCalibration
@@ -77,6 +78,7 @@ def calibration_report(
         Section("history", "How it came about", () if field is None else _history(field, truth)),
         Section("coverage", "Directions covered", (figures.get("coverage", ""),)),
         Section("before_after", "Before and after", (figures.get("before_after", ""),)),
+        Section("temperature", "Over temperature", (thermal_content(result),) if "thermal" in result.extra else ()),
         Section("correlations", "Correlations", (_correlations(result),)),
         Section("change", "Change since the previous calibration", (_change(result, previous),)),
         Section("extra", "Further results", (_extra(result),)),

@@ -15,7 +15,7 @@ from schuler.calibration.result import CalibrationResult
 from schuler.exceptions import InputError
 from schuler.report import content
 from schuler.report.calibration_panels import all_figures
-from schuler.report.figures import draw, save
+from schuler.report.figures import check_formats, draw, save
 from schuler.report.pose_figure import plan_figure
 from schuler.report.thermal_figure import thermal_figure
 
@@ -49,18 +49,24 @@ def calibration_figure(result: CalibrationResult, which: str | None = None, *, a
     MissingExtraError
         If matplotlib is not installed (extra ``plot``).
     """
+    return draw(calibration_content(result, which), ax)
+
+
+def calibration_content(result: CalibrationResult, which: str | None = None) -> content.Figure:
+    """Description of :func:`calibration_figure`."""
     figures = {f.name: f for f in all_figures(result)}
     if which is not None:
         if which not in figures:
             there = ", ".join(figures) or "nothing"
             raise InputError(f"which: expected one of what this result has ({there}), got {which!r}")
-        return draw(figures[which], ax)
+        return figures[which]
     if not figures:
         raise InputError("result: expected parameters or residuals to draw, got none")
     panels = [panel for figure in figures.values() for panel in figure.panels]
     # half the width: no room for where the gap is
     panels = [p if not p.equal else replace(p, title=p.title.partition(" around")[0]) for p in panels]
-    return draw(content.Figure("overview", "Calibration", "", tuple(panels), columns=2, linked=False), ax)
+    caption = "What is left of each pose, where the poses were, how large residuals were before, and the parameters."
+    return content.Figure("overview", "Calibration", caption, tuple(panels), columns=2, linked=False)
 
 
 def save_calibration_figures(
@@ -97,9 +103,7 @@ def save_calibration_figures(
     MissingExtraError
         If matplotlib is not installed (extra ``plot``).
     """
-    unknown = [f for f in formats if f not in ("png", "svg", "pdf")]
-    if unknown:
-        raise InputError(f"formats: expected png, svg or pdf, got {unknown[0]!r}")
+    check_formats(formats)
     drawn = {f.name: draw(f) for f in all_figures(result)}
     if "thermal" in result.extra:
         drawn["temperature"] = thermal_figure(result)

@@ -162,8 +162,8 @@ def _parameters_panel(result: CalibrationResult, family: str, names: list[str]) 
     low, high = float(np.min(value - spread, initial=0.0)), float(np.max(value + spread, initial=0.0))
     room = 0.12 * (high - low) or 1.0
     return Panel(
-        "", f"value [{sheet(names[0]).unit}]", tuple(items), title=family, x_limits=(0.4, len(names) + 0.6),
-        y_limits=(low - room, high + 2.0 * room),
+        "parameter [-]", f"value [{sheet(names[0]).unit}]", tuple(items), title=family,
+        x_limits=(0.4, len(names) + 0.6), y_limits=(low - room, high + 2.0 * room),
     )  # fmt: skip
 
 

@@ -51,7 +51,7 @@ def replica_errors(study: DeepStudy, level_dbhz: float | None = None) -> Panel:
 
 def shares(study: DeepStudy) -> Panel:
     """Part of the fading channels that track all through the fade, by level."""
-    return _by_level(study, "tracked", "share of channels", "SIMULATION: tracked all through")
+    return _by_level(study, "tracked", "share of channels [-]", "SIMULATION: tracked all through")
 
 
 def largest(study: DeepStudy) -> Panel:
@@ -68,12 +68,23 @@ def overview(study: DeepStudy, level_dbhz: float | None = None) -> MplFigure:
     level_dbhz : float, optional
         Whose first run is shown; left out, the weakest at which one conventional channel in ten still tracks.
     """
+    return draw(overview_content(study, level_dbhz))
+
+
+def overview_content(study: DeepStudy, level_dbhz: float | None = None) -> Figure:
+    """Description of :func:`overview`."""
     panels = (position_errors(study, level_dbhz), replica_errors(study, level_dbhz), shares(study), largest(study))
-    return draw(Figure("overview", "Deep coupling, simulation only", "", panels, columns=2, linked=False))
+    caption = "Simulation only: errors and replicas of one run through a fade, and how many channels survive fades."
+    return Figure("overview", "Deep coupling, simulation only", caption, panels, columns=2, linked=False)
 
 
 def discriminators(spacing: float = 0.5) -> MplFigure:
     """S-curves of the code discriminators and of the frequency discriminator, each with unit slope at zero."""
+    return draw(discriminators_content(spacing))
+
+
+def discriminators_content(spacing: float = 0.5) -> Figure:
+    """Description of :func:`discriminators`."""
     x, f = np.linspace(-1.5, 1.5, 301), np.linspace(-60.0, 60.0, 301)
     half = 0.5 * GPS_CA.bit
     power, dot = (ts.code_curve(kind, x, spacing) / ts.code_slope(kind, spacing) for kind in ("power", "dot"))
@@ -89,7 +100,8 @@ def discriminators(spacing: float = 0.5) -> MplFigure:
         Panel("code error [chips]", "output [chips]", code, "SIMULATION: code", y_limits=(-0.6, 0.6)),
         Panel("frequency error [Hz]", "output [Hz]", frequency, "SIMULATION: frequency", y_limits=(-25.0, 25.0)),
     )
-    return draw(Figure("discriminators", "Discriminators, simulation only", "", panels, linked=False))
+    caption = "Simulation only: outside its straight part a discriminator pulls the wrong way."
+    return Figure("discriminators", "Discriminators, simulation only", caption, panels, linked=False)
 
 
 def _by_level(study: DeepStudy, field: str, label: str, title: str) -> Panel:

@@ -39,7 +39,7 @@ def figures(diagnosis: Diagnosis) -> list[Figure]:
     if "lag" in curves and len(curves["lag"]):
         shift, score = curves["lag"].T
         panel = Panel(
-            "added to the IMU's stamps [s]", "log-likelihood per sample", (content.line(shift, score, "filtered"),)
+            "added to the IMU's stamps [s]", "log-likelihood per sample [-]", (content.line(shift, score, "filtered"),)
         )
         offset = diagnosis.estimates.get("time_offset_s")
         said = "" if offset is None else f" Best: {offset:+.3f} s."
@@ -52,6 +52,6 @@ def figures(diagnosis: Diagnosis) -> list[Figure]:
         bars = Bars(np.arange(1.0, len(cosine) + 1.0), np.maximum(cosine, 0.0), "filtered", "mean cosine")
         caption = f"Axes as read against each orientation, best first ({best}; * mirrored). 1 is agreement."
         drawn.append(
-            Figure("orientations", "The 48 orientations", caption, (Panel("orientation", "mean cosine", (bars,)),))
+            Figure("orientations", "The 48 orientations", caption, (Panel("number [-]", "mean cosine [-]", (bars,)),))
         )
     return drawn

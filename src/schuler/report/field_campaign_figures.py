@@ -55,6 +55,13 @@ def campaign_figure(
     Yaman (2017), Figs. 5.11 to 5.14, D.1 to D.47. The curves are ours: what a campaign would show in which every claim
     is true.
     """
+    return draw(campaign_content(campaign, which, names=names, bins=bins))
+
+
+def campaign_content(
+    campaign: FieldCampaign, which: str = "residual", *, names: Sequence[str] | None = None, bins: int | None = None
+) -> Figure:
+    """Description of :func:`campaign_figure`."""
     chosen = campaign.names if names is None else tuple(names)
     for name in chosen:
         campaign.column(name)  # says which there are
@@ -63,10 +70,10 @@ def campaign_figure(
     if bins is not None and not bins >= 1:
         raise InputError(f"bins: expected a positive number, got {bins!r}")
     if which == "left":
-        return draw(left(campaign, chosen))
+        return left(campaign, chosen)
     if which not in ("residual", "modelled", "normalised"):
         raise InputError(f"which: expected residual, modelled, normalised or left, got {which!r}")
-    return draw(histograms(campaign, which, chosen, bins))
+    return histograms(campaign, which, chosen, bins)
 
 
 def histograms(campaign: FieldCampaign, which: str, names: Sequence[str], bins: int | None = None) -> Figure:

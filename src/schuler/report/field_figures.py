@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from schuler.exceptions import InputError
 from schuler.fieldcal.calibration import FieldCalibration
+from schuler.report import content
 from schuler.report.field_panels import Truth, field_panels
-from schuler.report.figures import draw, save
+from schuler.report.figures import draw, save_all
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,10 +45,15 @@ def field_figure(found: FieldCalibration, which: str = "convergence", *, truth: 
     ----------
     Yaman (2017), Figs. 5.3 to 5.10.
     """
+    return draw(field_content(found, which, truth=truth))
+
+
+def field_content(found: FieldCalibration, which: str = "convergence", *, truth: Truth | None = None) -> content.Figure:
+    """Description of :func:`field_figure`."""
     figures = {f.name.removeprefix(_PREFIX): f for f in field_panels(found, truth)}
     if which not in figures:
         raise InputError(f"which: expected one of what there is ({', '.join(figures) or 'nothing'}), got {which!r}")
-    return draw(figures[which])
+    return figures[which]
 
 
 def save_field_figures(
@@ -81,7 +87,4 @@ def save_field_figures(
     MissingExtraError
         If matplotlib is not installed (extra ``plot``).
     """
-    unknown = [f for f in formats if f not in ("png", "svg", "pdf")]
-    if unknown:
-        raise InputError(f"formats: expected png, svg or pdf, got {unknown[0]!r}")
-    return [path for f in field_panels(found, truth) for path in save(draw(f), Path(folder) / f.name, formats)]
+    return save_all(field_panels(found, truth), folder, formats)

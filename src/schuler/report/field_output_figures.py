@@ -12,7 +12,7 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.report.content import Figure, Panel, level, line, view
-from schuler.report.figures import draw, save
+from schuler.report.figures import draw, save_all
 from schuler.report.numbers import number
 from schuler.report.track import TIME
 from schuler.units import DEG, MG
@@ -84,11 +84,8 @@ def save_output_figures(
 
     Parameters as of :func:`output_figure`; files of the same name are replaced.
     """
-    unknown = [f for f in formats if f not in ("png", "svg", "pdf")]
-    if unknown:
-        raise InputError(f"formats: expected png, svg or pdf, got {unknown[0]!r}")
     figures = [outputs(before, after, triad, truth=truth) for triad in _TRIADS]
-    return [path for f in figures for path in save(draw(f), Path(folder) / f.name, formats)]
+    return save_all(figures, folder, formats)
 
 
 def outputs(

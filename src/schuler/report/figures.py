@@ -6,7 +6,7 @@ legible when printed 100 mm wide.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ from schuler.files import replacing
 from schuler.filtering.result import NavigationResult
 from schuler.report import accuracy, build, content, estimates, residuals, satellites_view, separation, track
 from schuler.report.content import Band, Bars, Line, Markers, Panel, Picture, Span, Text
-from schuler.report.style import style
+from schuler.report.style import PRINT_GRID, style
 from schuler.report.subject import Subject
 
 if TYPE_CHECKING:
@@ -32,6 +32,8 @@ _WIDTH = 4.5  # one column of panels; 8 pt letters here are 7 pt in a figure 100
 _WIDE = 6.8  # several columns [in]
 _FONT = 8.0  # [pt]
 _DPI = 220
+#: What figures are written in.
+FORMATS = ("png", "svg", "pdf")
 _SYMBOLS = {"dot": "o", "cross": "x", "triangle": "^", "ring": "o", "square": "s"}
 
 
@@ -55,7 +57,11 @@ def overview(
     -------
     matplotlib.figure.Figure
     """
-    subject = Subject(result, smoothed, reference, **options)
+    return draw(overview_content(Subject(result, smoothed, reference, **options)))
+
+
+def overview_content(subject: Subject) -> content.Figure:
+    """Description of :func:`overview`."""
     by_name = {f.name: f for f in build.error_figures(subject)}
     chosen: list[tuple[content.Figure, int]] = [(track.track(subject), 0)]
     if "horizontal_error" in by_name:
@@ -66,7 +72,8 @@ def overview(
     tested = [k for k in residuals.kinds(subject) if k not in residuals.RESETS]
     chosen.append((residuals.innovations(subject, tested[0]), -1) if tested else (track.motion(subject), 1))
     panels = tuple(replace(figure.panels[i], title=figure.title) for figure, i in chosen)
-    return draw(content.Figure("overview", "Overview", "", panels, columns=2, linked=False))
+    caption = "Where it went, how far off it was, which way it looked, and what the measurements said about it."
+    return content.Figure("overview", "Overview", caption, panels, columns=2, linked=False)
 
 
 def plot_track(result: NavigationResult, *, ax: Axes | None = None, **options: Any) -> Figure:
@@ -153,14 +160,28 @@ def save_figures(
     list of Path
         ``overview``, ``track``, ``motion``, ... in each format; the same bytes for the same input.
     """
-    unknown = [f for f in formats if f not in ("png", "svg", "pdf")]
-    if unknown:
-        raise InputError(f"formats: expected png, svg or pdf, got {unknown[0]!r}")
+    check_formats(formats)
     subject = Subject(result, **options)
     written = save(overview(result, **{**options, "background": subject.map}), Path(folder) / "overview", formats)
-    for figure in build.all_figures(subject):
-        written += save(draw(figure), Path(folder) / figure.name, formats)
-    return written
+    return written + save_all(build.all_figures(subject), folder, formats)
+
+
+def save_all(figures: Iterable[content.Figure], folder: Path | str, formats: Sequence[str]) -> list[Path]:
+    """Draw figures and write each under its name to a folder, in each format.
+
+    Raises
+    ------
+    InputError
+        If a format is unknown.
+    """
+    check_formats(formats)
+    return [path for figure in figures for path in save(draw(figure), Path(folder) / figure.name, formats)]
+
+
+def check_formats(formats: Sequence[str]) -> None:
+    """Refuse formats that figures are not written in, before any is drawn."""
+    if unknown := [f for f in formats if f not in FORMATS]:
+        raise InputError(f"formats: expected png, svg or pdf, got {unknown[0]!r}")
 
 
 def save(figure: Figure, stem: Path, formats: Sequence[str]) -> list[Path]:
@@ -180,19 +201,26 @@ def save(figure: Figure, stem: Path, formats: Sequence[str]) -> list[Path]:
     return written
 
 
-def draw(figure: content.Figure, ax: Axes | None = None) -> Figure:
+def draw(figure: content.Figure, ax: Axes | Sequence[Axes] | np.ndarray[Any, Any] | None = None) -> Figure:
     """Draw a figure's description.
 
     Parameters
     ----------
     figure : schuler.report.content.Figure
-    ax : matplotlib axes, optional
-        To draw into; only for a figure of one panel.
+    ax : matplotlib axes, or a sequence or array of them, optional
+        To draw into: as many as the figure has panels.
 
     Returns
     -------
     matplotlib.figure.Figure
         A new one, or that of ``ax``.
+
+    Raises
+    ------
+    InputError
+        If there are not as many axes as panels.
+    MissingExtraError
+        If matplotlib is not installed (extra ``plot``).
     """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -200,12 +228,17 @@ def draw(figure: content.Figure, ax: Axes | None = None) -> Figure:
     except ImportError:
         raise MissingExtraError("matplotlib", "plot", "drawing figures") from None
     if ax is not None:
-        if len(figure.panels) != 1:
-            raise InputError(f"{figure.name} has {len(figure.panels)} panels and cannot be drawn into one pair of axes")
-        _paint(figure.panels[0], ax)
-        handles = _handles([ax])
-        ax.legend(handles.values(), handles.keys(), fontsize=_FONT - 1.0, frameon=False)
-        host = ax.get_figure(root=True)
+        given: list[Axes] = np.asarray(ax, dtype=object).ravel().tolist()
+        if len(figure.panels) != len(given):
+            n, m = len(figure.panels), len(given)
+            one = "one pair of axes" if m == 1 else f"{m} pairs of axes"
+            raise InputError(f"{figure.name} has {n} panel{'s' * (n > 1)} and cannot be drawn into {one}: give {n}")
+        for panel, own in zip(figure.panels, given, strict=True):
+            _paint(panel, own)
+        handles = _handles(given)
+        if handles:
+            given[0].legend(handles.values(), handles.keys(), fontsize=_FONT - 1.0, frameon=False)
+        host = given[0].get_figure(root=True)
         assert isinstance(host, MplFigure)
         return host
     rows, columns, size = _arrangement(figure)
@@ -229,7 +262,11 @@ def _arrangement(figure: content.Figure) -> tuple[int, int, tuple[float, float]]
     n = len(figure.panels)
     if figure.panels[0].equal and n == 1:
         return 1, 1, (_WIDTH, _WIDTH * 1.05)
-    if figure.name in ("overview", "outages"):
+    if n > 1 and all(panel.equal for panel in figure.panels):
+        columns = max(figure.columns, 1)
+        rows = -(-n // columns)
+        return rows, columns, (_WIDE, 0.6 + rows * 1.02 * _WIDE / columns)
+    if figure.name in ("overview", "outages", "outage_fan"):
         rows = -(-n // 2)
         return rows, 2, (_WIDE, 0.5 + 2.6 * rows)
     columns = 1 if n <= 5 else 2 if n <= 6 else 3
@@ -268,14 +305,14 @@ def _paint(panel: Panel, ax: Axes) -> None:
                 )  # fmt: skip
             case Line(), s if s is not None:
                 ax.plot(
-                    item.x, item.y, color=s.light, lw=s.width, ls=(0, (4, 2)) if s.dash else "-", alpha=s.alpha,
+                    item.x, item.y, color=s.light, lw=s.width, ls=(0, s.dash) if s.dash else "-", alpha=s.alpha,
                     label=item.label, solid_capstyle="butt", zorder=1.5 if s.alpha < 1.0 else 3,
                 )  # fmt: skip
             case Markers(), s if s is not None:
                 hollow = s.symbol == "ring"
                 ax.plot(
                     item.x, item.y, ls="none", marker=_SYMBOLS[s.symbol], ms=s.size,
-                    mew=s.width if s.symbol != "dot" else 0.0, color=s.light,
+                    mew=s.width if s.symbol not in ("dot", "square") else 0.0, color=s.light,
                     mfc="none" if hollow else s.light, label=item.label,
                     zorder=2 if s.symbol in ("dot", "ring") else 4,
                 )  # fmt: skip
@@ -303,11 +340,13 @@ def _dress(panel: Panel, ax: Axes) -> None:
         ax.set_title(panel.title, fontsize=_FONT - 1.0, loc="left", pad=3)
     ax.tick_params(labelsize=_FONT - 1.0, length=2.5)
     ax.tick_params(which="minor", labelsize=_FONT - 2.0)
-    ax.grid(True, color="0.88", lw=0.5)
+    ax.grid(True, color=PRINT_GRID, lw=0.5)
     if not panel.grid:
         ax.grid(False)
     if panel.y_ticks:
         ax.set_yticks([v for v, _ in panel.y_ticks], [w for _, w in panel.y_ticks])
+    elif not panel.log:
+        ax.ticklabel_format(axis="y", useOffset=False)  # whole numbers, not what to add to them
     if panel.bare:
         ax.set_axis_off()
     ax.set_axisbelow(True)

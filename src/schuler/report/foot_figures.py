@@ -13,7 +13,7 @@ from schuler.exceptions import InputError
 from schuler.filtering.foot_result import FootResult
 from schuler.report import content
 from schuler.report.content import Figure, Line, Markers, Panel
-from schuler.report.figures import draw, save
+from schuler.report.figures import check_formats, draw, save, save_all
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MplFigure
@@ -115,6 +115,11 @@ def overview(result: FootResult, errors: WalkErrors | None = None) -> MplFigure:
     errors : WalkErrors, optional
         Of :func:`schuler.analysis.walk_errors.walk_errors`.
     """
+    return draw(overview_content(result, errors))
+
+
+def overview_content(result: FootResult, errors: WalkErrors | None = None) -> Figure:
+    """Description of :func:`overview`."""
     chosen = [track(result, errors), heights(result)]
     if len(result.rests.statistic):
         chosen.append(detector(result))
@@ -124,7 +129,8 @@ def overview(result: FootResult, errors: WalkErrors | None = None) -> MplFigure:
     else:
         chosen.append(strides(result))
     panels = tuple(replace(figure.panels[0], title=figure.title) for figure in chosen)
-    return draw(Figure("overview", "Overview", "", panels, columns=2, linked=False))
+    caption = "The walk, its heights, the detector of rests, and its strides or its errors."
+    return Figure("overview", "Overview", caption, panels, columns=2, linked=False)
 
 
 def save_foot_figures(
@@ -135,12 +141,8 @@ def save_foot_figures(
     formats: Sequence[str] = ("png", "svg"),
 ) -> list[Path]:
     """Write all figures there is something to show in; return their paths."""
-    unknown = [f for f in formats if f not in ("png", "svg", "pdf")]
-    if unknown:
-        raise InputError(f"formats: expected png, svg or pdf, got {unknown[0]!r}")
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    written = save(overview(result, errors), folder / "foot_overview", formats)
+    check_formats(formats)
+    written = save(overview(result, errors), Path(folder) / "foot_overview", formats)
     figures = [track(result, errors), heights(result)]
     if len(result.rests.statistic):
         figures.append(detector(result))
@@ -148,9 +150,7 @@ def save_foot_figures(
         figures.append(strides(result))
     if errors is not None:
         figures.append(error_figure(result, errors))
-    for figure in figures:
-        written += save(draw(figure), folder / figure.name, formats)
-    return written
+    return written + save_all(figures, folder, formats)
 
 
 def _shaded(result: FootResult) -> list[content.Item]:

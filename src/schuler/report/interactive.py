@@ -24,6 +24,7 @@ _SYMBOLS = {
     "square": "square",
 }
 _PX = 4.0 / 3.0  # CSS pixels in a point
+_DASH_PX = 1.5  # of a dash of one line width
 _AREA = "-area"  # of the names of variables for transparent colours
 
 
@@ -126,7 +127,7 @@ def trace(item: Item, *, log: bool = False, log_x: bool = False) -> dict[str, An
                 "type": "scatter", "mode": "lines", "x": _numbers(item.x, log=log_x), "y": _numbers(item.y, log=log),
                 "line": {
                     "color": css_name(item.role, area=s.alpha < 1.0), "width": round(s.width * _PX, 2),
-                    "dash": "6px,3px" if s.dash else "solid", "simplify": False,
+                    "dash": ",".join(f"{_DASH_PX * d:g}px" for d in s.dash) or "solid", "simplify": False,
                 },
                 "name": item.label, "showlegend": False, **({"hoverinfo": "skip"} if quiet else _hover(item.label)),
             }  # fmt: skip

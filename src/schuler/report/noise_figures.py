@@ -10,7 +10,7 @@ from schuler.characterisation.result import NoiseIdentification
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.report import content, noise_panels, noise_spectra
-from schuler.report.figures import draw, save
+from schuler.report.figures import draw, save_all
 from schuler.report.noise_spectra import Curve
 from schuler.report.noise_terms import Unit
 
@@ -130,8 +130,5 @@ def save_noise_figures(
     MissingExtraError
         If matplotlib is not installed (extra ``plot``).
     """
-    unknown = [f for f in formats if f not in ("png", "svg", "pdf")]
-    if unknown:
-        raise InputError(f"formats: expected png, svg or pdf, got {unknown[0]!r}")
     figures = all_figures(identification, imu=imu, spectra=spectra, correlations=correlations, unit=unit)
-    return [path for f in figures for path in save(draw(f), Path(folder) / f.name, formats)]
+    return save_all(figures, folder, formats)

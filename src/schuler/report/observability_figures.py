@@ -10,16 +10,12 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.report import content
 from schuler.report.content import ByteArray, Figure, Line, Panel, Picture
+from schuler.report.style import KNOWLEDGE
 
 if TYPE_CHECKING:
     from schuler.analysis.observability.study import Observability
 
 _LOW, _HIGH = -4.0, 1.0  # decades of sigma over prior that the colours span
-#: Dark is known, pale is not; red has grown beyond the prior. Light rises all the way, for grey prints.
-_COLOURS = (
-    (-4.0, (13, 8, 75)), (-3.0, (26, 70, 135)), (-2.0, (28, 128, 145)), (-1.0, (86, 182, 130)), (-0.3, (200, 220, 120)),
-    (0.0, (250, 246, 205)), (0.05, (252, 205, 190)), (1.0, (235, 140, 120)),
-)  # fmt: skip
 _COLUMNS = 600
 
 
@@ -43,7 +39,8 @@ def observability_figure(study: Observability) -> Figure:
     ]
     lines.append(content.level((x0, x1), 1.0, "level"))
     values = Panel(
-        "time [s]", "singular value", tuple(lines), "of the scaled observability matrix; below 1 the prior knows more",
+        "time [s]", "singular value [-]", tuple(lines),
+        "of the scaled observability matrix; below 1 the prior knows more",
         x_limits=(x0, x1), y_limits=(1e-7, 3.0 * limit), log=True, height=1.5,
     )  # fmt: skip
     caption = (
@@ -60,7 +57,7 @@ def _key() -> Panel:
     picture = Picture(_LOW, _HIGH, 0.0, 1.0, colours(np.linspace(_LOW, _HIGH, 256))[None])
     frame = Line(np.array([_LOW, _HIGH]), np.zeros(2), "graticule")
     return Panel(
-        "log10 of sigma over prior", "", (picture, frame), x_limits=(_LOW, _HIGH), y_limits=(0.0, 1.0), grid=False,
+        "log10 of sigma over prior [-]", "", (picture, frame), x_limits=(_LOW, _HIGH), y_limits=(0.0, 1.0), grid=False,
         y_ticks=((0.5, "colour"),), height=0.35,
     )  # fmt: skip
 
@@ -76,8 +73,8 @@ def heat_map(t: FloatArray, ratio: FloatArray) -> ByteArray:
 
 def colours(decades: FloatArray) -> ByteArray:
     """Colours of logarithms of sigma over prior. Shape (...) to (..., 4)."""
-    place = [p for p, _ in _COLOURS]
-    parts = [np.interp(decades, place, [float(c[k]) for _, c in _COLOURS]) for k in range(3)]
+    place = [p for p, _ in KNOWLEDGE]
+    parts = [np.interp(decades, place, [float(c[k]) for _, c in KNOWLEDGE]) for k in range(3)]
     parts.append(np.full_like(parts[0], 255.0))
     return np.asarray(np.rint(np.stack(parts, axis=-1)), dtype=np.uint8)
 

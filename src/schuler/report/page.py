@@ -2,28 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from schuler.report.interactive import css_name
-from schuler.report.style import STYLES
+from schuler.report.style import PAGE_DARK, PAGE_LIGHT, STYLES
 
 #: The browser itself is told to load nothing from anywhere; pictures only from the page's own "save as PNG".
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
-
-_LIGHT = {
-    "ink": "#1c1f23",
-    "muted": "#5b6570",
-    "ground": "#ffffff",
-    "raised": "#f4f6f8",
-    "rule": "#d5dbe1",
-    "grid": "#e4e8ec",
-}
-_DARK = {
-    "ink": "#e4e7ea",
-    "muted": "#a3adb7",
-    "ground": "#15181b",
-    "raised": "#1f2428",
-    "rule": "#3a424a",
-    "grid": "#2c3238",
-}
 
 _SHEET = """
 * { box-sizing: border-box; }
@@ -44,6 +29,8 @@ table { border-collapse: collapse; margin: 0.6rem 0; max-width: 100%; font-varia
 caption { text-align: left; color: var(--muted); font-size: 0.9rem; padding-bottom: 0.3rem; }
 th, td { text-align: left; vertical-align: top; padding: 0.25rem 0.8rem 0.25rem 0; border-bottom: 1px solid var(--rule);
   overflow-wrap: break-word; }
+/* a table of numbers too wide for a phone scrolls by itself instead of widening the page */
+table:not(.texts) { display: block; width: fit-content; overflow-x: auto; }
 table.texts { table-layout: fixed; width: 100%; }
 table.texts :is(th, td) { overflow-wrap: anywhere; }
 table.texts thead th:first-child { width: 40%; }
@@ -213,15 +200,15 @@ SCRIPT = """
 
 def style_sheet() -> str:
     """The whole style sheet: colours for light and dark ground, then the rules."""
-    dark = _variables(_DARK, "dark")
+    dark = _variables(PAGE_DARK, "dark")
     return (
-        f":root {{ color-scheme: light; {_variables(_LIGHT, 'light')} }}\n"
+        f":root {{ color-scheme: light; {_variables(PAGE_LIGHT, 'light')} }}\n"
         f"@media (prefers-color-scheme: dark) {{ :root:not([data-theme=light]) {{ color-scheme: dark; {dark} }} }}\n"
         + _SHEET.strip()
     )
 
 
-def _variables(ground: dict[str, str], which: str) -> str:
+def _variables(ground: Mapping[str, str], which: str) -> str:
     pairs = [f"--{name}: {colour};" for name, colour in ground.items()]
     for role, look in STYLES.items():
         colour = look.light if which == "light" else look.dark

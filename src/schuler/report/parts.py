@@ -64,6 +64,7 @@ def whole_page(
     conventions: str,
     sections: Sequence[Section],
     script: str,
+    contents: frozenset[str] | None = None,
 ) -> str:
     """A complete page.
 
@@ -80,6 +81,8 @@ def whole_page(
     sections : sequence of Section
     script : str
         The drawing library, see :func:`plotly_script`.
+    contents : frozenset of str, optional
+        Names of the sections that are linked at the top; all by default.
 
     Returns
     -------
@@ -88,7 +91,8 @@ def whole_page(
     """
     filled = [(s, [b for b in s.blocks if b]) for s in sections]
     filled = [(s, blocks) for s, blocks in filled if blocks]
-    links = "".join(f'<a href="#{s.name}">{escape(s.title)}</a>' for s, _ in filled)
+    linked = [s for s, _ in filled if contents is None or s.name in contents]
+    links = "".join(f'<a href="#{s.name}">{escape(s.title)}</a>' for s in linked)
     body = "\n".join(
         f'<section id="{s.name}">\n<h2>{escape(s.title)}</h2>\n'
         + "\n".join(figure_html(block) if isinstance(block, Figure) else block for block in blocks)

@@ -8,28 +8,25 @@ import numpy as np
 
 from schuler.report import content
 from schuler.report.content import Figure, Line, Markers, Panel, Text
-from schuler.report.figures import draw
 from schuler.units import DEG, KM
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MplFigure
-
     from schuler.analysis.rocket.budget import ImpactBudget
     from schuler.analysis.rocket.scatter import ImpactScatter
     from schuler.analysis.rocket.trajectory import RocketTrajectory
     from schuler.arrays import FloatArray
 
 _SHOWN = 16  # parameters in a chart
-_ROLES = ("filtered", "smoothed", "system_e", "system_j")
+_ROLES = ("filtered", "smoothed", "case_3", "case_4")
 
 
-def trajectory_figure(trajectory: RocketTrajectory) -> MplFigure:
-    """What the sensors sense, attitude, velocity, and height over range (figures 7.1 to 7.4 of the source)."""
+def trajectory_figure(trajectory: RocketTrajectory) -> Figure:
+    """What the sensors sense, attitude, velocity, and height over range (figures 7.1 and 7.2 of the source)."""
     T = trajectory
     force = [
         content.line(T.middle, T.specific_force[:, 0], "filtered", "specific force, forward"),
         content.line(T.middle, T.acceleration[:, 0], "smoothed", "kinematic acceleration, forward"),
-        content.line(T.middle, T.acceleration[:, 1], "system_e", "kinematic acceleration, up"),
+        content.line(T.middle, T.acceleration[:, 1], "case_3", "kinematic acceleration, up"),
     ]
     angles = [
         content.line(T.t, T.pitch / DEG, "filtered", "pitch [deg]"),
@@ -43,14 +40,14 @@ def trajectory_figure(trajectory: RocketTrajectory) -> MplFigure:
         Panel("time [s]", "[m/s]", tuple(speeds)),
         Panel("downrange [km]", "height [km]", (path,), equal=True),
     )
-    return draw(Figure("rocket_trajectory", "Trajectory I", "", panels, columns=2, linked=False))
+    return Figure("rocket_trajectory", "Trajectory I", "", panels, columns=2, linked=False)
 
 
 _NORTH_UP = ((0, "north", "filtered"), (1, "up", "smoothed"))
 
 
-def scatter_figure(*scatters: ImpactScatter) -> MplFigure:
-    """Points on the ground with means and ellipses that hold half and 95 % (figures 7.5 and 7.6), a cloud a model."""
+def scatter_figure(*scatters: ImpactScatter) -> Figure:
+    """Points on the ground with means and ellipses that hold half and 95 % (figure 7.3), a cloud a model."""
     items: list[content.Item] = []
     for scatter, role in zip(scatters, _ROLES, strict=False):
         items.append(Markers(scatter.point[:, 1], scatter.point[:, 0], role, f"{scatter.name}, {scatter.variant}"))
@@ -60,11 +57,11 @@ def scatter_figure(*scatters: ImpactScatter) -> MplFigure:
         items.append(Markers(scatter.mean[1:], scatter.mean[:1], "rejected", "mean"))
     items.append(Markers(np.zeros(1), np.zeros(1), "start", "true impact"))
     panel = Panel("crossrange [m]", "downrange [m]", tuple(items), equal=True)
-    return draw(Figure("rocket_scatter", "Computed impact, with ellipses of 50 and 95 %", "", (panel,)))
+    return Figure("rocket_scatter", "Computed impact, with ellipses of 50 and 95 %", "", (panel,))
 
 
-def ranking_figure(budget: ImpactBudget) -> MplFigure:
-    """Bars by parameter, largest above, the totals on top (figure 7.7)."""
+def ranking_figure(budget: ImpactBudget) -> Figure:
+    """Bars by parameter, largest above, the totals on top (figure 7.4)."""
     shown = list(zip(budget.names, budget.contribution.tolist(), strict=True))[:_SHOWN]
     entries = [("all on as they are", budget.together), ("all as independent 1-sigmas", budget.sigma), *shown][::-1]
     items: list[content.Item] = []
@@ -77,10 +74,10 @@ def ranking_figure(budget: ImpactBudget) -> MplFigure:
         y_ticks=tuple((float(y), name.replace("_", " ")) for y, (name, _) in enumerate(entries)),
         y_limits=(-0.6, len(entries) - 0.4), height=1.6,
     )  # fmt: skip
-    return draw(Figure("rocket_ranking", "Which error moves the impact", "", (panel,)))
+    return Figure("rocket_ranking", "Which error moves the impact", "", (panel,))
 
 
-def error_types_figure() -> MplFigure:
+def error_types_figure() -> Figure:
     """Sketches: output over input of four errors, and how the angles of a triad lie (figures 6.1 to 6.4)."""
     u = np.linspace(-1.0, 1.0, 81)
     curves = {
@@ -91,8 +88,8 @@ def error_types_figure() -> MplFigure:
     }
     panels = [
         Panel(
-            "true",
-            "read",
+            "true [-]",
+            "read [-]",
             (Line(u, u, "reference", "ideal"), Line(u, y, "filtered", "with the error")),
             name,
             equal=True,
@@ -103,9 +100,7 @@ def error_types_figure() -> MplFigure:
     # both axes turn the same way, or towards each other
     panels.append(_axes("misalignment delta", angle, angle))
     panels.append(_axes("non-orthogonality Delta", angle, -angle))
-    return draw(
-        Figure("rocket_error_types", "Errors of the advanced model", "", tuple(panels), columns=2, linked=False)
-    )
+    return Figure("rocket_error_types", "Errors of the advanced model", "", tuple(panels), columns=2, linked=False)
 
 
 def _axes(title: str, first: float, second: float) -> Panel:

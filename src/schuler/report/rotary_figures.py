@@ -162,7 +162,7 @@ def front_figure(found: SchemeSearch) -> Figure:
     own = [c for c in usable if c.source == "own"]
     lowest = min(c.error for c in usable) / found.scale
     highest = max((c.error for c in named), default=lowest * 10.0) / found.scale
-    for by, unit, label in (("travel", _TURN, "travel of the platform [revolutions]"), ("reversals", 1.0, "reversals")):
+    for by, unit, label in (("travel", _TURN, "travel [revolutions]"), ("reversals", 1.0, "reversals [-]")):
 
         def at(group: list[Candidate], by: str = by, unit: float = unit) -> tuple[FloatArray, FloatArray]:
             return (

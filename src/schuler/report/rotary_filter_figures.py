@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from schuler.analysis.rotary.zupt import ZuptSigmas, ZuptStudy
     from schuler.analysis.rotary.zupt_runs import ZuptEmulation
 
-_ROLES = ("mean", "axis_x", "axis_y", "axis_z", "smoothed")
+_ROLES = ("mean", "axis_x", "axis_y", "axis_z", "case_5")
 _SIDES = (("conventional", "mean"), ("rotary", "filtered"))
 
 

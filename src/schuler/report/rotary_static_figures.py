@@ -2,47 +2,82 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from schuler import frames
+from schuler.analysis.rotary.floor import noise_growth
 from schuler.report import content
 from schuler.report.content import Figure, Line, Markers, Panel
-from schuler.report.figures import draw
 from schuler.units import DEG, DEG_PER_HR
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as MplFigure
-
     from schuler.analysis.rotary.chapter3 import Chapter3
     from schuler.analysis.rotary.kinematic import KinematicTest
     from schuler.analysis.rotary.static import StaticTest
     from schuler.recording.series import Trajectory
     from schuler.rotary.calibration_result import RotationCalibration
+    from schuler.rotary.du_axes import DuAxis
     from schuler.rotary.static_run import ErrorHistory
 
 _AXES = ("axis_x", "axis_y", "axis_z")
 _SCHEMES = {None: ("mean", "conventional"), "X": ("axis_x", "about X"), "Y": ("axis_y", "about Y"),
             "Z": ("axis_z", "about Z")}  # fmt: skip
 _WAYS = {"conventional": ("mean", "conventional"), "I": ("smoothed", "strategy I"), "II": ("filtered", "strategy II")}
+_NAMES = {"conventional": ("mean", "conventional"), "rotary": ("filtered", "rotary"), **_WAYS}
 
 
-def chapter3_figure(found: Chapter3) -> MplFigure:
-    """Attitude errors (pitch, roll, azimuth) and velocity errors (E, N, U), all schemes overlaid."""
-    runs = {_SCHEMES[axis]: run for axis, run in found.runs.items()}
+def chapter3_figure(
+    found: Chapter3, axes: Sequence[DuAxis | None] | None = None, *, bias: Chapter3 | None = None
+) -> Figure:
+    """Attitude errors about E, N, U (pitch, roll, azimuth at rest) and velocity errors, schemes overlaid.
+
+    Parameters
+    ----------
+    found : Chapter3
+    axes : sequence of {"X", "Y", "Z", None}, optional
+        Schemes to show; default all.
+    bias : Chapter3, optional
+        Its conventional run is drawn as a reference, as figures 3.7 to 3.10 of the thesis do.
+    """
+    chosen = found.runs if axes is None else axes
+    runs = {_SCHEMES[axis]: found.runs[axis] for axis in chosen}
+    if bias is not None:
+        runs[("reference", "conventional, biases only")] = bias.runs[None]
+    walk = found.random_walk
+    caption = "Estimate minus truth, of one run."
+    if found.noise:
+        caption += " Shaded: 1 sigma of the noise of the gyroscopes alone."
     title = f"{found.case}, {found.rate / DEG:g} deg/s" + (", with noise" if found.noise else "")
-    return draw(Figure("chapter3", title, "", tuple(_history_panels(runs)), columns=3))
+    panels = _history_panels(runs, walk=walk if found.noise else 0.0)
+    return Figure("chapter3", title, caption, tuple(panels), columns=3)
 
 
-def history_figure(runs: dict[str, ErrorHistory], title: str = "Errors at rest") -> MplFigure:
-    """The same panels for any named runs, up to four."""
-    roles = ("mean", *_AXES)
-    named = {(role, name): run for role, (name, run) in zip(roles, runs.items(), strict=False)}
-    return draw(Figure("errors", title, "", tuple(_history_panels(named)), columns=3))
+def history_figure(
+    runs: Mapping[str, ErrorHistory], title: str = "Errors at rest", *, random_walk: float = 0.0
+) -> Figure:
+    """The same panels for any named runs, up to four.
+
+    Parameters
+    ----------
+    runs : mapping of str to ErrorHistory
+    title : str
+    random_walk : float
+        Of the gyroscopes: what it makes of attitude and horizontal velocity is shaded. [rad/sqrt(s)]
+    """
+    roles = iter(("mean", *_AXES))
+    named = {_NAMES.get(name, (next(roles), name)): run for name, run in runs.items()}
+    start = min((float(run.t[0]) for run in runs.values()), default=0.0)
+    panels = _history_panels(named, start=start, walk=random_walk)
+    caption = "Estimate minus truth, of one run." + (
+        " Shaded: 1 sigma of the noise of the gyroscopes alone." if random_walk else ""
+    )
+    return Figure("errors", title, caption, tuple(panels), columns=3)
 
 
-def rates_figure(test: StaticTest) -> MplFigure:
+def rates_figure(test: StaticTest, strategies: Sequence[str] | None = None) -> Figure:
     """Means over runs against the rate, by strategy, with the conventional IMU as a level and 95 % bands."""
     from schuler.analysis.rotary.improvement import mean_interval
     from schuler.analysis.rotary.rms import UNITS, index
@@ -53,17 +88,19 @@ def rates_figure(test: StaticTest) -> MplFigure:
     for quantity in ("horizontal_position", "horizontal_velocity", "roll", "pitch", "azimuth"):
         k, (unit, scale) = index(quantity), UNITS[quantity]
         role, label = _WAYS["conventional"]
+        mean, low, high = (v / scale for v in mean_interval(test.conventional[:, k]))
         items: list[content.Item] = [
-            content.level(limits, float(test.conventional[:, k].mean()) / scale, role, label)
+            content.band(limits, [low] * 2, [high] * 2, "reference_band"), content.level(limits, mean, role, label)
         ]  # fmt: skip
-        for strategy, values in test.rotary.items():
+        for strategy in test.rotary if strategies is None else strategies:
             role, label = _WAYS[strategy]
-            mean, low, high = (np.array([mean_interval(v[:, k]) for v in values]) / scale).T
+            values = test.rotary[strategy]
+            mean_, low_, high_ = (np.array([mean_interval(v[:, k]) for v in values]) / scale).T
             band = "sigma" if strategy == "II" else "sigma_smoothed"
             items += [
-                content.band(x, low, high, band),
-                content.line(x, mean, role, label),
-                Markers(x, mean, role),
+                content.band(x, low_, high_, band),
+                content.line(x, mean_, role, label),
+                Markers(x, mean_, role),
             ]
         shown = unit.replace("m_s", "m/s")
         panels.append(
@@ -72,10 +109,10 @@ def rates_figure(test: StaticTest) -> MplFigure:
             )
         )
     title = f"{test.imu.name} at rest: RMS over {test.duration_s:g} s, means of {test.runs} runs"
-    return draw(Figure("rates", title, "", tuple(panels), columns=3))
+    return Figure("rates", title, "Shaded: 95 % intervals of the means.", tuple(panels), columns=3)
 
 
-def kinematic_figure(test: KinematicTest, run: int = 0) -> MplFigure:
+def kinematic_figure(test: KinematicTest, run: int = 0) -> Figure:
     """Tracks, velocity and attitude errors of one run of a drive."""
     from schuler.rotary.static_run import error_history
 
@@ -89,13 +126,14 @@ def kinematic_figure(test: KinematicTest, run: int = 0) -> MplFigure:
         tracks.append(_track(estimate, origin, *shown[name]))
         errors[shown[name]] = error_history(estimate, truth)
     panels = [Panel("east [m]", "north [m]", tuple(tracks), equal=True)]
-    history = _history_panels(errors, start=float(truth.t[0]))
+    history = _history_panels(errors, start=float(truth.t[0]), walk=test.imu.gyro_random_walk)
     panels += [history[k] for k in (0, 1, 2, 3, 4)]
     title = f"{test.imu.name} driving, rotary at {test.rotary_trial.rate / DEG:g} deg/s, run {run}"
-    return draw(Figure("kinematic", title, "", tuple(panels), columns=3, linked=False))
+    caption = "Estimate minus truth. Shaded: 1 sigma of the noise of the gyroscopes alone."
+    return Figure("kinematic", title, caption, tuple(panels), columns=3, linked=False)
 
 
-def calibration_figure(found: RotationCalibration) -> MplFigure:
+def calibration_figure(found: RotationCalibration) -> Figure:
     """Means of stretches with their 1-sigma beside the fitted model, against the rate along the first axis."""
     panels = []
     rate = np.array([s.expected @ found.axes[0] for s in found.stretches])
@@ -116,15 +154,23 @@ def calibration_figure(found: RotationCalibration) -> MplFigure:
             Line(x[order], model[order, i] / DEG_PER_HR, "filtered", "bias and response"),
         ]
         panels.append(Panel("rate [deg/s]", f"gyroscope {axis} [deg/h]", tuple(items)))
-    return draw(Figure("calibration", "Calibration by rotation", "", tuple(panels), columns=3))
+    return Figure("calibration", "Calibration by rotation", "Bars: 1 sigma of a mean.", tuple(panels), columns=3)
 
 
-def _history_panels(runs: dict[tuple[str, str], ErrorHistory], *, start: float = 0.0) -> list[Panel]:
-    """Errors of attitude about E, N, U, then of velocity E, N, U."""
+def _history_panels(
+    runs: Mapping[tuple[str, str], ErrorHistory], *, start: float = 0.0, walk: float = 0.0
+) -> list[Panel]:
+    """Errors of attitude about E, N, U, then of velocity; what a random walk of the gyroscopes makes is shaded."""
     panels = []
+    t = next(iter(runs.values())).t - start
+    sigma = dict(zip(("attitude", "velocity"), noise_growth(walk, t), strict=False))
     for what, unit, scale in (("attitude", "deg", DEG), ("velocity", "m/s", 1.0)):
         for i, axis in enumerate("ENU"):
-            items = [
+            items: list[content.Item] = []
+            if walk and (what, axis) != ("velocity", "U"):
+                s = sigma[what] / scale
+                items.append(content.band(t, -s, s, "expected", "gyroscope noise alone, 1 sigma"))
+            items += [
                 content.line(run.t - start, getattr(run, what)[:, i] / scale, role, label)
                 for (role, label), run in runs.items()
             ]

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from schuler import frames, units
-from schuler.arrays import FloatArray
+from schuler.arrays import FloatArray, IntArray
 from schuler.filtering.measurements import ACCEPTED, FORCED, REJECTED, UNUSED, in_windows
+from schuler.filtering.result import NavigationResult
 from schuler.recording.series import Trajectory
 from schuler.report.backdrop import Window, backdrop_items, graticule, north_arrow
-from schuler.report.content import Figure, Item, Line, Markers, Panel, Span, Text, line, path, view
+from schuler.report.content import Figure, Item, Line, Markers, Panel, Span, Text, band, line, path, view
 from schuler.report.subject import WITHHELD, Subject
 
 TIME = "time [s]"
@@ -124,34 +125,60 @@ def profile(subject: Subject) -> Figure | None:
 
 
 def motion(subject: Subject) -> Figure:
-    """Height, speed, roll, pitch and heading over time."""
-    curves: list[list[Item]] = [[] for _ in range(4)]
-    shade = outages(subject)
+    """Height, speed, roll, pitch and heading over time, with three standard deviations of each."""
+    names = ("height [m]", "speed [m/s]", "roll [deg]", "pitch [deg]", "heading [deg]")
+    bands: list[list[Item]] = [[] for _ in names]
+    curves: list[list[Item]] = [[] for _ in names]
+    values: list[list[FloatArray]] = [[] for _ in names]
+    edges: list[list[FloatArray]] = [[] for _ in names]
     for role, result in subject.solutions:
         T = result.trajectory
-        t = subject.seconds(T.t)
-        curves[0].append(line(t, T.llh[:, 2], role, role))
-        curves[1].append(line(t, np.linalg.norm(T.v_eb_n, axis=1), role, role))
         rpy = T.rpy_nb / units.DEG
-        curves[2].append(line(t, rpy[:, 0], role, role))
-        curves[3].append(line(t, rpy[:, 1], role, role))
-    heading: list[Item] = []
-    for role, result in subject.solutions:
-        yaw = np.mod(result.trajectory.rpy_nb[:, 2] / units.DEG, 360.0)
-        # a turn through north jumps from 360 to 0: that is no motion, so the curve is broken there
-        jump = np.flatnonzero(np.abs(np.diff(yaw)) > 180.0) + 1
-        t = subject.seconds(result.trajectory.t)
-        heading.append(line(np.insert(t, jump, t[jump]), np.insert(yaw, jump, np.nan), role, role))
-    names = ("height [m]", "speed [m/s]", "roll [deg]", "pitch [deg]", "heading [deg]")
+        drawn = (T.llh[:, 2], np.linalg.norm(T.v_eb_n, axis=1), rpy[:, 0], rpy[:, 1], np.mod(rpy[:, 2], 360.0))
+        k = np.searchsorted(T.t, result.t - 1e-9).clip(0, len(T.t) - 1)
+        own = "sigma" if result is subject.result else "sigma_smoothed"
+        for i, (y, three) in enumerate(zip(drawn, _three_sigma(subject, result, k), strict=True)):
+            t, low, high = subject.seconds(result.t), y[k] - three, y[k] + three
+            edges[i] += [low, high]
+            values[i].append(y)
+            x = subject.seconds(T.t)
+            if i == 4:
+                t, low, high = _unwound(t, low, high)
+                x, y = _unwound(x, y)
+            bands[i].append(band(t, low, high, own, f"{role} ±3 sigma"))
+            curves[i].append(line(x, y, role, role))
     panels = tuple(
-        Panel(TIME, name, (*shade, *items), x_limits=subject.span)
-        for name, items in zip(names, [*curves, heading], strict=True)
-    )
+        Panel(
+            TIME, name, (*outages(subject), *areas, *lines), x_limits=subject.span, y_limits=view(seen, ends),
+        )
+        for name, areas, lines, seen, ends in zip(names, bands, curves, values, edges, strict=True)
+    )  # fmt: skip
     caption = (
         "The motion as the filter saw it: height above the ellipsoid, speed, and attitude (roll: right wing down, "
-        "pitch: nose up, heading: from north towards east); look here first whether the run is what you think it is."
+        "pitch: nose up, heading: from north towards east), with three standard deviations where they are wide enough "
+        "to be seen; look here first whether the run is what you think it is."
     )
     return Figure("motion", "Motion", caption, panels)
+
+
+def _three_sigma(subject: Subject, result: NavigationResult, k: IntArray) -> tuple[FloatArray, ...]:
+    """Three sigma of height, speed, roll, pitch, heading at the records k; tilts near the horizon, uncorrelated."""
+    T = result.trajectory
+    r, v, psi = (3.0 * subject.sigma(result, block) for block in ("dr", "dv", "dpsi"))
+    speed = np.linalg.norm(T.v_eb_n[k], axis=1)
+    way = T.v_eb_n[k] / np.maximum(speed, 1e-3)[:, None]
+    # at rest the speed is the size of an error, whichever way it points
+    along = np.where(speed > 0.1, np.linalg.norm(way * v, axis=1), np.linalg.norm(v, axis=1))
+    c, s = np.cos(T.rpy_nb[k, 2]), np.sin(T.rpy_nb[k, 2])
+    psi = psi / units.DEG
+    roll, pitch = np.hypot(c * psi[:, 0], s * psi[:, 1]), np.hypot(s * psi[:, 0], c * psi[:, 1])
+    return r[:, 2], along, roll, pitch, psi[:, 2]
+
+
+def _unwound(x: FloatArray, *columns: FloatArray) -> tuple[FloatArray, ...]:
+    """The same, broken where a heading turns through north and jumps from 360 to 0: that is no motion."""
+    jump = np.flatnonzero(np.abs(np.diff(columns[0])) > 180.0) + 1
+    return (np.insert(x, jump, x[jump]), *(np.insert(y, jump, np.nan) for y in columns))
 
 
 def _shown(subject: Subject, trajectory: Trajectory) -> Trajectory:

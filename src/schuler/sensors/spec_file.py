@@ -13,13 +13,14 @@ from typing import Any
 
 from schuler.exceptions import ConfigError, FileFormatError, InputError
 from schuler.files import write_text
-from schuler.sensors.spec import _ACCEL_UNITS, _GYRO_UNITS, ImuSpec, TriadSpec
+from schuler.sensors.sheets import ACCEL_UNITS, GYRO_UNITS
+from schuler.sensors.spec import ImuSpec, TriadSpec
 
 FORMAT = "schuler-imu-spec"
 VERSION = 1
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 
-_UNITS = {"gyro": _GYRO_UNITS, "accel": _ACCEL_UNITS}
+_UNITS = {"gyro": GYRO_UNITS, "accel": ACCEL_UNITS}
 _FIELDS = tuple(f.name for f in fields(TriadSpec))
 _ROOT = ("format", "version", "name", "source", "rate_hz", "gyro", "accel", "uncertainty", "axes", "provenance")
 _HEAD = """\

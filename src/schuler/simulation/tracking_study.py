@@ -4,11 +4,13 @@ A discriminator is a product of correlator outputs whose mean is a known functio
 are non-coherent: they need no carrier phase and no data bits, which is why they work on weak signals. Means and
 variances are in units of the correlators' noise; ``A^2 = 2 c tau`` is the power of a prompt accumulation.
 
-| discriminator | product | mean, small errors |
-|---|---|---|
-| ``power`` (early minus late) | abs(E)^2 - abs(L)^2 | ``2 (2 - d) A^2 x`` |
-| ``dot`` (dot product) | Re(P conj(E - L)) | ``2 A^2 x`` |
-| frequency (cross product) | Im(P2 conj(P1)) | ``2 pi tau A^2 f`` |
+============================ ======================= ====================
+discriminator                product                 mean, small errors
+============================ ======================= ====================
+``power`` (early minus late) ``abs(E)^2 - abs(L)^2`` ``2 (2 - d) A^2 x``
+``dot`` (dot product)        ``Re(P conj(E - L))``   ``2 A^2 x``
+frequency (cross product)    ``Im(P2 conj(P1))``     ``2 pi tau A^2 f``
+============================ ======================= ====================
 
 References
 ----------

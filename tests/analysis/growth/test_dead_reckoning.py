@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 
 from schuler import rotation
 from schuler.analysis.growth import growth, lateral, planar_bounds, planar_reckoning, spatial_bounds, spatial_reckoning
-from schuler.analysis.growth.dead_reckoning import upright_reckoning
 from schuler.analysis.growth.tables import SIX_DEGREES
+from schuler.analysis.growth.upright import upright_bounds, upright_reckoning
 from schuler.exceptions import InputError
 from schuler.sensors.catalogue import spec
 from schuler.units import DEG, G0
@@ -95,6 +95,28 @@ def test_planar_monte_carlo_meets_the_closed_forms(grade, start):
         v, p = np.sqrt(lateral(30.0, pairs[0], (g.random_walk, g.in_run_bias, g.in_run_time)))
         assert abs(found.sigma["velocity_east"][-1] / v - 1.0) < 0.05
         assert abs(found.sigma["position_east"][-1] / p - 1.0) < 0.05
+
+
+@pytest.mark.parametrize("grade", ["consumer", "tactical"])
+def test_upright_monte_carlo_meets_the_closed_forms(grade):
+    """North with gravity; as printed, upwards what gravity alone adds; without gravity as in the plane. 4 errors."""
+    imu = spec(f"flenniken-{grade}")
+    with_g, printed, without = (
+        upright_bounds(imu, 30.0, rate_hz=10.0, runs=4000, seed=11, **options)
+        for options in ({}, {"gravity_model": "thesis"}, {"gravity": 0.0})
+    )
+    t = with_g.t[[-1]]
+    exact, flat = growth(imu, t, start="zero"), growth(imu, t, start="zero", gravity=0.0)
+    for q in ("velocity", "position"):
+        whole, part = float(exact.total(q)[0]), float(flat.total(q)[0])
+        tilt = np.sqrt(whole**2 - part**2)
+        for found, expected in (
+            (with_g.sigma[f"{q}_north"], whole), (printed.sigma[f"{q}_up"], tilt), (without.sigma[f"{q}_north"], part),
+        ):  # fmt: skip
+            assert abs(found[-1] / expected - 1.0) < 4.0 * with_g.uncertainty + 0.01
+    plane = planar_bounds(imu, 30.0, rate_hz=10.0, runs=4000, seed=11)
+    assert_allclose(without.sigma["pitch"], plane.sigma["heading"])
+    assert with_g.index(15.0) == 149
 
 
 def test_moving_platform_errs_across_its_acceleration():

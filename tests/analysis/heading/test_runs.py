@@ -11,13 +11,13 @@ from schuler.analysis.heading import (
     gauss_markov_bias,
     gyro_readings,
     heading_bound,
+    heading_nees,
     heading_outages,
     recorded_outage,
     run_filter,
     split_bias,
 )
 from schuler.analysis.heading.comparison import FIX_SIGMA
-from schuler.analysis.heading.filters import printed_noise
 from schuler.analysis.heading.position import position_outage
 from schuler.analysis.heading.tables import AFTER_S, BOUND_DEG, OUTAGE_DEG
 from schuler.sensors.catalogue import spec
@@ -75,17 +75,10 @@ def test_filters_are_consistent_with_biases_of_both_signs(sign):
 
 @pytest.mark.parametrize(("rate_hz", "reading"), [(10.0, "continuous"), (10.0, "sampled"), (100.0, "sampled")])
 def test_printed_process_noise_is_inconsistent(rate_hz, reading):
-    """E8 of the digest: no reading of the printed Q gives a NEES of one; ours does (test above)."""
-    t, fix = fixes_each_second(rate_hz, 60.0, 60.0)
-    rng = np.random.default_rng(4)
-    increments, bias = gyro_readings(BiasTruth(N, SIGMA, TAU), 1.0 / rate_hz, len(t), 500, rng)
-    fixes = FIX_SIGMA * rng.standard_normal((len(t), 1, 500))
-    model = gauss_markov_bias(N, SIGMA, TAU, sigma_heading=FIX_SIGMA)
-    noise = printed_noise(N, SIGMA, TAU, rate_hz, reading)
-    done = run_filter(model, increments, 1.0 / rate_hz, fixes, np.array([[FIX_SIGMA**2]]), fix, noise=noise)
-    error = done.estimate[-1] - np.stack((np.zeros(500), bias[-1]))
-    nees = np.einsum("ir,ij,jr->r", error, np.linalg.inv(done.P[-1]), error) / 2.0
-    assert abs(nees.mean() - 1.0) > 6.0 * np.sqrt(1.0 / 500)
+    """E8 of the digest: no reading of the printed Q gives a NEES of one; ours does. 4 and 6 standard errors."""
+    error = np.sqrt(1.0 / 500)
+    assert abs(heading_nees(CONSUMER, rate_hz=rate_hz, runs=500, seed=4) - 1.0) < 4.0 * error
+    assert abs(heading_nees(CONSUMER, rate_hz=rate_hz, reading=reading, runs=500, seed=4) - 1.0) > 6.0 * error
 
 
 def test_steady_bounds_are_those_of_the_source():
@@ -124,6 +117,17 @@ def test_one_log_of_a_gyroscope_like_the_sources():
     end = {name: abs(error[-1]) for name, (error, _) in found.items()}
     assert end["Gauss-Markov"] == max(end.values())
     assert end["both"] < 0.5 * end["Gauss-Markov"]
+
+
+def test_many_logs_of_another_gyroscope():
+    """Without a constant bias the Gauss-Markov filter is right: RMS over runs is its sigma, 4 standard errors."""
+    found = recorded_outage(
+        seed=3, runs=300, truth=BiasTruth(N, SIGMA, TAU), start_s=120.0, outage_s=120.0, rate_hz=2.0
+    )
+    error, run = found["Gauss-Markov"]
+    assert error.shape == (480,)
+    rms = np.sqrt(np.mean(run.estimate[-1, 0] ** 2))
+    assert abs(rms / run.sigma[-1, 0] - 1.0) < 4.0 / np.sqrt(2.0 * 300)
 
 
 def test_six_state_filter():

@@ -27,7 +27,7 @@ from schuler.rotary.rotating_imu import RotatingMotion
 from schuler.rotary.schemes import continuous, reciprocating
 from schuler.simulation.imu import ideal_imu
 from schuler.simulation.motion import LocalMotion, StaticMotion, euler_attitude, inertial_quantities
-from schuler.simulation.profiles import Waypoint, WaypointMotion
+from schuler.simulation.waypoints import Waypoint, WaypointMotion
 from schuler.units import DEG, DEG_PER_HR
 
 HERE = np.array([45.75 * DEG, 0.1, 0.0])
@@ -72,6 +72,17 @@ def test_ned_matrices_are_the_turned_ones():
     T = ecef_from_ned_states(llh_from_ecef(motion.state(t).r_eb_e), LAYOUT.size)
     for k in range(1, 5):
         assert T[k].T @ a[k] @ T[k - 1] == pytest.approx(b[k], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-3, 0.4, 3.0, 40.0])
+def test_exponentials_in_a_batch_are_those_one_by_one(size):
+    """Against SciPy, below and above the norm at which squaring begins; rounding, grown by the squarings."""
+    from schuler.analysis.observability.transitions import _exponentials
+
+    A = np.random.default_rng(2).standard_normal((20, 12, 12))
+    A *= size / np.abs(A).sum(axis=-2).max()
+    expected = expm(A)
+    assert np.abs(_exponentials(A) - expected).max() < 1e-13 * (1.0 + size) * np.abs(expected).max()
 
 
 def test_transitions_of_a_constant_matrix_are_exponentials():

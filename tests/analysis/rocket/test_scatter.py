@@ -18,6 +18,7 @@ from schuler.analysis.rocket import (
 from schuler.analysis.rocket.tables import scatter_table
 from schuler.exceptions import InputError
 from schuler.report import rocket_figures
+from schuler.report.figures import draw
 from schuler.sensors.catalogue import spec
 
 T = rocket_trajectory(rate_hz=4.0)
@@ -112,7 +113,7 @@ def test_ellipse():
 def test_figures():
     scatter = impact_scatter(T, SIMPLE, runs=20, name="simple")
     budget = impact_budget(influence(T), SIMPLE.replaced(accel_bias_x=1e-3))
-    drawn = [T.plot(), scatter.plot(), budget.plot(), rocket_figures.error_types_figure()]
+    drawn = [T.plot(), scatter.plot(), budget.plot(), draw(rocket_figures.error_types_figure())]
     assert [len(f.axes) for f in drawn] == [4, 1, 1, 6]
     assert scatter.to_dict()["runs"] == 20
     assert "simple" in scatter.summary()

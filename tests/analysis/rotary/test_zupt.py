@@ -163,6 +163,11 @@ def test_the_measured_pattern_comes_out(imu, test):
     assert still.emulated().attitude_deg[2] > 3.0 * tilted.emulated().attitude_deg[2]
     unseen = level.spread().b_m_s2[1]
     assert unseen > 20.0 * tilted.spread().b_m_s2[1]
+    # run by run: of biases the mean is the same, of RMS the mean is a little less than the RMS of all
+    b, rms, d = tilted.by_run()
+    np.testing.assert_allclose(b.mean(axis=0), tilted.emulated().b_m_s2, rtol=1e-9)
+    np.testing.assert_allclose(d.mean(axis=0), tilted.emulated().d_deg_hr, rtol=1e-9)
+    np.testing.assert_allclose(np.sqrt(np.mean(rms**2, axis=0)), tilted.emulated().attitude_deg, rtol=1e-9)
     table = done.table()
     assert len(table) == 9
     assert "by construction" in done.summary()

@@ -20,7 +20,8 @@ from schuler.recording.formats.streams import Stream, choose, table
 from schuler.recording.io import read, write
 from schuler.recording.io.dispatch import WRITERS as OWN_WRITERS
 from schuler.recording.io.dispatch import left_out
-from schuler.recording.io.hints import SATELLITES, SERIES, ReadHints, parse_origin, parse_streams
+from schuler.recording.io.hint_texts import SATELLITES, SERIES, parse_origin, parse_streams
+from schuler.recording.io.hints import ReadHints
 from schuler.timebase import TimeBase
 
 ROOT = Path(__file__).resolve().parents[3]

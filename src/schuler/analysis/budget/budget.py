@@ -122,7 +122,7 @@ def error_budget(
 
     References
     ----------
-    Flenniken (2005), section 7.4, figure 7.7; docs/budget.md maps his 48 parameters to the names here.
+    Flenniken (2005), section 7.4, figure 7.4; docs/budget.md maps his 48 parameters to the names here.
     """
     found = linear_covariance(mission, spec, states=states, by_axis=True, angles=angles)
     return budget_of(found, quantity, time)

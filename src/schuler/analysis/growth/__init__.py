@@ -22,6 +22,7 @@ from schuler.analysis.growth.forms import (
 )
 from schuler.analysis.growth.gauss_markov import integral_covariance, integral_variance
 from schuler.analysis.growth.totals import Growth, growth
+from schuler.analysis.growth.upright import upright_bounds, upright_reckoning
 
 __all__ = [
     "Bounds",
@@ -43,6 +44,8 @@ __all__ = [
     "second_order_vertical",
     "spatial_bounds",
     "spatial_reckoning",
+    "upright_bounds",
+    "upright_reckoning",
     "vertical",
     "white",
     "white_sampled",

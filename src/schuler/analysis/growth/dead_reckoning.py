@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from schuler.sensors.spec import ImuSpec, TriadSpec
 
 Attitude: TypeAlias = Literal["strapdown", "thesis"]
-GravityModel: TypeAlias = Literal["strapdown", "thesis"]
 
 
 @dataclass(frozen=True)
@@ -49,11 +48,16 @@ class Bounds:
         """Relative standard error of a sigma."""
         return float(1.0 / np.sqrt(2.0 * (self.runs - 1)))
 
+    def index(self, seconds: float) -> int:
+        """Of the time nearest to one."""
+        return int(np.argmin(np.abs(self.t - seconds)))
+
     def plot(self) -> Figure:
         """Bounds over time (matplotlib)."""
+        from schuler.report.figures import draw
         from schuler.report.growth_figures import bounds_figure
 
-        return bounds_figure(self)
+        return draw(bounds_figure(self))
 
 
 def planar_reckoning(
@@ -87,43 +91,6 @@ def planar_reckoning(
     velocity = step * np.cumsum(a, axis=0)
     position = step * np.cumsum(velocity - 0.5 * step * a, axis=0)
     return end, velocity, position
-
-
-def upright_reckoning(
-    rate: FloatArray, accel: FloatArray, step: float, *, gravity: float = G0, gravity_model: GravityModel = "strapdown"
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Pitch, velocity and position in the north-up plane, gravity included.
-
-    Parameters
-    ----------
-    rate, accel : ndarray, shape (k, runs)
-        Pitch rate, nose up, and forward specific force; the upward specific force is taken to be ``gravity``.
-    step, gravity : float
-    gravity_model : {"strapdown", "thesis"}
-        A tilt turns the upward reading into a northward acceleration, as an IMU's does; or, as printed, pitch enters
-        the upward channel.
-
-    Returns
-    -------
-    pitch : ndarray, shape (k, runs)
-    velocity, position : ndarray, shape (k, runs, 2)
-        North, up.
-
-    References
-    ----------
-    Flenniken (2005), eqs. (3.53)-(3.55); the digest's remark on the gravity channel.
-    """
-    end = step * np.cumsum(rate, axis=0)
-    begin = end - step * rate
-    c, s = np.cos(begin), np.sin(begin)
-    if gravity_model == "strapdown":
-        a = np.stack((accel * c - gravity * s, accel * s + gravity * (c - 1.0)), axis=-1)
-    elif gravity_model == "thesis":
-        a = np.stack((accel * c, (accel - gravity) * s), axis=-1)
-    else:
-        raise InputError(f"gravity_model: expected 'strapdown' or 'thesis', got {gravity_model!r}")
-    velocity = step * np.cumsum(a, axis=0)
-    return end, velocity, step * np.cumsum(velocity - 0.5 * step * a, axis=0)
 
 
 def spatial_reckoning(
@@ -244,7 +211,7 @@ def planar_bounds(
     named = {"heading": heading}
     for i, axis in enumerate(("north", "east")):
         named |= {f"velocity_{axis}": velocity[..., i], f"position_{axis}": position[..., i]}
-    return _bounds(step, named, runs)
+    return bounds_over(step, named, runs)
 
 
 def spatial_bounds(
@@ -271,10 +238,11 @@ def spatial_bounds(
     named = {name: angles[..., i] for i, name in enumerate(("roll", "pitch", "heading"))}
     for i, axis in enumerate(("north", "east", "down")):
         named |= {f"velocity_{axis}": velocity[..., i], f"position_{axis}": position[..., i]}
-    return _bounds(step, named, runs)
+    return bounds_over(step, named, runs)
 
 
-def _bounds(step: float, named: dict[str, FloatArray], runs: int) -> Bounds:
+def bounds_over(step: float, named: dict[str, FloatArray], runs: int) -> Bounds:
+    """Deviation and mean over runs of errors of shape (k, runs)."""
     count = len(next(iter(named.values())))
     return Bounds(
         np.asarray(step * np.arange(1, count + 1), dtype=np.float64),

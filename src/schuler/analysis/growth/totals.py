@@ -87,9 +87,10 @@ class Growth:
 
     def plot(self) -> Figure:
         """Contributions and total over time (matplotlib)."""
+        from schuler.report.figures import draw
         from schuler.report.growth_figures import growth_figure
 
-        return growth_figure(self)
+        return draw(growth_figure(self))
 
     def _of(self, quantity: str) -> FloatArray:
         if quantity not in self.contributions:

@@ -1,6 +1,7 @@
 """Heading and position filters of two to six states: what a bias model is worth while GNSS is away."""
 
 from schuler.analysis.heading.comparison import HeadingOutages, heading_outages, recorded_outage
+from schuler.analysis.heading.consistency import heading_nees
 from schuler.analysis.heading.filters import (
     constant_bias,
     gauss_markov_bias,
@@ -23,6 +24,7 @@ __all__ = [
     "gauss_markov_bias",
     "gyro_readings",
     "heading_bound",
+    "heading_nees",
     "heading_outages",
     "position_filter",
     "recorded_outage",

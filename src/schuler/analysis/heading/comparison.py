@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 FIX_SIGMA, FIX_PERIOD_S = 0.2 * DEG, 1.0
 #: What a filter with a constant bias believes of it at first. [rad/s]
 CONSTANT_SIGMA = 1.0 * DEG
+#: The source's gyroscope of section 4.5: what it identified, about a mean that is negative and not stated.
+AQRS_104 = BiasTruth(0.0237 * DEG, 0.054 * DEG, 1171.0, -0.15 * DEG)
 
 
 @dataclass(frozen=True)
@@ -85,9 +87,10 @@ class HeadingOutages:
 
     def plot(self) -> Figure:
         """Errors over the outage by truth (matplotlib)."""
+        from schuler.report.figures import draw
         from schuler.report.heading_figures import outage_figure
 
-        return outage_figure(self)
+        return draw(outage_figure(self))
 
     def _sigma(self, j: int) -> float:
         return float(self.sigma[j, -1] / DEG)
@@ -163,17 +166,27 @@ def heading_outages(
 def recorded_outage(
     *,
     seed: int = 0,
-    constant: float = -0.15 * DEG,
+    runs: int = 1,
+    truth: BiasTruth = AQRS_104,
     start_s: float = 1800.0,
     outage_s: float = 600.0,
     rate_hz: float = 5.0,
 ) -> dict[str, tuple[FloatArray, FilterRuns]]:
     """A gyroscope like the source's AQRS-104 at rest, fixes ending after half an hour: one log, all filters.
 
+    Parameters
+    ----------
+    seed : int
+    runs : int
+        Logs; more than one to see what holds for all.
+    truth : BiasTruth
+        Of the gyroscope; the filters know its noise and wandering bias, not its constant one.
+    start_s, outage_s, rate_hz : float
+
     Returns
     -------
     dict of str to (ndarray, FilterRuns)
-        Heading error over the log [rad] and the run, by filter.
+        Heading error over the first log [rad] and all runs, by filter.
 
     Notes
     -----
@@ -184,15 +197,14 @@ def recorded_outage(
     ----------
     Flenniken (2005), section 4.5, figures 4.8-4.10.
     """
-    N, sigma, tau = 0.0237 * DEG, 0.054 * DEG, 1171.0
     step, count = 1.0 / rate_hz, round((start_s + outage_s) * rate_hz)
     rng = np.random.default_rng(seed)
-    increments, _ = gyro_readings(BiasTruth(N, sigma, tau, constant), step, count, 1, rng)
-    fixes = FIX_SIGMA * rng.standard_normal((count, 1, 1))
+    increments, _ = gyro_readings(truth, step, count, runs, rng)
+    fixes = FIX_SIGMA * rng.standard_normal((count, 1, runs))
     t = step * np.arange(1, count + 1)
     fix = (np.abs(t / FIX_PERIOD_S - np.round(t / FIX_PERIOD_S)) < 0.25 * step) & (t <= start_s + 1e-9)
     found = {}
-    for name, model in outage_filters(N, sigma, tau).items():
+    for name, model in outage_filters(truth.N, truth.sigma, truth.tau).items():
         done = run_filter(model, increments, step, fixes, np.array([[FIX_SIGMA**2]]), fix)
         found[name] = (done.estimate[:, 0, 0], done)
     return found

@@ -48,9 +48,10 @@ class HeadingBound:
 
     def plot(self) -> Figure:
         """Both bounds over time (matplotlib)."""
+        from schuler.report.figures import draw
         from schuler.report.heading_figures import bound_figure
 
-        return bound_figure(self)
+        return draw(bound_figure(self))
 
 
 def heading_bound(

@@ -109,6 +109,12 @@ class Observability:
             "singular_values": s.values.tolist(), "doubt": s.doubt, "prior": self.system.sigma.tolist(),
             "observable": [n for n, o in zip(s.names, s.observable(), strict=True) if o],
             "observable_useful": [n for n, o in zip(s.names, s.observable("useful"), strict=True) if o],
+            "combinations": [
+                {"text": c.text, "factors": _factors(c, names), "observable": known}
+                for known, found in ((True, self.seen()), (False, self.unseen()))
+                for c in found
+            ],
+            "degree": {n: float(d.ratio[-1, i]) for i, n in enumerate(d.names)},
             "seen": [{"text": c.text, "factors": _factors(c, names)} for c in self.seen()],
             "unseen": [{"text": c.text, "factors": _factors(c, names)} for c in self.unseen()],
             "t_s": d.t.tolist(),

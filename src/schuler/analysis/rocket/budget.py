@@ -96,9 +96,10 @@ class ImpactBudget:
 
     def plot(self) -> Figure:
         """Bars, largest first, with the totals (matplotlib)."""
+        from schuler.report.figures import draw
         from schuler.report.rocket_figures import ranking_figure
 
-        return ranking_figure(self)
+        return draw(ranking_figure(self))
 
 
 def impact_budget(weights: Influence, errors: RocketErrors) -> ImpactBudget:
@@ -122,7 +123,7 @@ def impact_budget(weights: Influence, errors: RocketErrors) -> ImpactBudget:
 
     References
     ----------
-    Flenniken (2005), section 7.4, figure 7.7.
+    Flenniken (2005), section 7.4, figure 7.4.
     """
     names = [k for k, value in errors.parameters().items() if value != 0.0 and "_tau_" not in k]
     if not names:

@@ -95,9 +95,10 @@ class ImpactScatter:
 
     def plot(self) -> Figure:
         """Points, mean and ellipse (matplotlib)."""
+        from schuler.report.figures import draw
         from schuler.report.rocket_figures import scatter_figure
 
-        return scatter_figure(self)
+        return draw(scatter_figure(self))
 
 
 def impact_scatter(
@@ -132,7 +133,7 @@ def impact_scatter(
 
     References
     ----------
-    Flenniken (2005), section 7.3, figures 7.5 and 7.6.
+    Flenniken (2005), section 7.3, figure 7.3 (printed as 7.5).
     """
     if runs < 2:
         raise InputError(f"runs: expected two or more, got {runs}")

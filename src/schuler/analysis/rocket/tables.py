@@ -99,10 +99,10 @@ def scatter_table(
     simple = RocketErrors.simple(spec("flenniken-tactical-printed"))
     cases: list[tuple[str, RocketErrors, Variant, tuple[float, ...]]] = [
         ("simple", simple, "thesis", (0.0, 0.0, 50.0, 50.0)),
-        ("angles, (6.7) as printed", _with_angles(simple, angle, printed=True), "thesis", (-86.0, 450.0, 50.0, 50.0)),
-        ("angles, (6.7) corrected", _with_angles(simple, angle), "thesis", (-86.0, 450.0, 50.0, 50.0)),
+        ("angles, (6.7) as printed", with_angles(simple, angle, printed=True), "thesis", (-86.0, 450.0, 50.0, 50.0)),
+        ("angles, (6.7) corrected", with_angles(simple, angle), "thesis", (-86.0, 450.0, 50.0, 50.0)),
         ("simple", simple, "strapdown", (0.0, 0.0, 50.0, 50.0)),
-        ("angles", _with_angles(simple, angle), "strapdown", (-86.0, 450.0, 50.0, 50.0)),
+        ("angles", with_angles(simple, angle), "strapdown", (-86.0, 450.0, 50.0, 50.0)),
     ]
     rows: list[tuple[Any, ...]] = []
     for name, errors, variant, printed in cases:
@@ -137,7 +137,8 @@ def ranking_table(angle: float = 500.0 * _URAD) -> CampaignTable:
     )
 
 
-def _with_angles(errors: RocketErrors, angle: float, *, printed: bool = False) -> RocketErrors:
+def with_angles(errors: RocketErrors, angle: float, *, printed: bool = False) -> RocketErrors:
+    """Errors with all twelve angles of the triads alike, beside what they hold. [rad]"""
     angles = {k: v for k, v in all_angles(angle).parameters().items() if v != 0.0 and "_tau_" not in k}
     values = errors.parameters() | angles
     return RocketErrors.of(values, start=errors.gyro.start, printed=printed)

@@ -211,9 +211,10 @@ class RocketTrajectory:
 
     def plot(self) -> Figure:
         """Body accelerations, rates and pitch, velocity, and height over range (matplotlib)."""
+        from schuler.report.figures import draw
         from schuler.report.rocket_figures import trajectory_figure
 
-        return trajectory_figure(self)
+        return draw(trajectory_figure(self))
 
 
 def rocket_trajectory(profile: RocketProfile | None = None, *, rate_hz: float = 100.0) -> RocketTrajectory:
@@ -232,7 +233,7 @@ def rocket_trajectory(profile: RocketProfile | None = None, *, rate_hz: float = 
 
     References
     ----------
-    Flenniken (2005), section 7.2, figures 7.1-7.4.
+    Flenniken (2005), section 7.2, figures 7.1 and 7.2.
     """
     profile = profile or RocketProfile()
     if not rate_hz > 0.0:

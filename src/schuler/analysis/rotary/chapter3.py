@@ -51,6 +51,11 @@ class Chapter3:
     noise: bool
     runs: dict[DuAxis | None, ErrorHistory]
 
+    @property
+    def random_walk(self) -> float:
+        """Of the gyroscopes with the thesis's noise. [rad/sqrt(s)]"""
+        return catalogue.spec(_ENTRY[self.case]).gyro.random_walk
+
     def values(self, axis: DuAxis | None) -> dict[str, float]:
         """What the anchors name, at the end of the run: attitude [deg], velocity [m/s], position [m].
 
@@ -69,7 +74,7 @@ class Chapter3:
         rows: list[tuple[Any, ...]] = []
         for axis in self.runs:
             ours = self.values(axis)
-            for name, printed in _anchors(self.case, axis).items():
+            for name, printed in anchors(self.case, axis).items():
                 close = agrees(self.case, name, ours[name], printed)
                 rows.append((axis or "-", name, printed, ours[name], "-" if close else _why(name)))
         return CampaignTable(
@@ -85,9 +90,10 @@ class Chapter3:
 
     def plot(self) -> Figure:
         """Velocity and attitude errors over time, all schemes overlaid (matplotlib)."""
+        from schuler.report.figures import draw
         from schuler.report.rotary_static_figures import chapter3_figure
 
-        return chapter3_figure(self)
+        return draw(chapter3_figure(self))
 
 
 def chapter3(
@@ -159,14 +165,20 @@ def case_errors(case: Case, *, noise: bool = False) -> ImuErrors:
     return replace(found, gyro_noise=noise_model(spec.gyro), accel_noise=noise_model(spec.accel))
 
 
-def agrees(case: Case, name: str, ours: float, printed: float) -> bool:
-    """Whether a number meets its anchor: 2 %, or a unit of its last printed digit."""
+def allowance(case: Case, name: str, printed: float) -> float:
+    """How far from an anchor a number may be: 2 %, or a unit of its last printed digit. [unit of the name]"""
     kind = "position" if name in ("horizontal_m", "up_m") else name.split("_")[0]
     digit = _DIGIT[kind] * (0.1 if (case, kind) == ("installation", "attitude") else 1.0)
-    return abs(ours - printed) <= max(_BAND * abs(printed), digit)
+    return max(_BAND * abs(printed), digit)
 
 
-def _anchors(case: Case, axis: DuAxis | None) -> dict[str, float]:
+def agrees(case: Case, name: str, ours: float, printed: float) -> bool:
+    """Whether a number meets its anchor, see :func:`allowance`."""
+    return abs(ours - printed) <= allowance(case, name, printed)
+
+
+def anchors(case: Case, axis: DuAxis | None) -> dict[str, float]:
+    """The digest's numbers of a case and an axis of rotation, by the names of :meth:`Chapter3.values`."""
     attitude, velocity, horizontal, up = CHAPTER_3[case, axis]
     found: dict[str, float] = {}
     if attitude is not None:

@@ -56,16 +56,6 @@ class FilterImu:
         )
 
     @property
-    def gauss_markov_layout(self) -> StateLayout:
-        """Biases as Du's 15 states: Gauss-Markov processes, with the turn-on uncertainty at first."""
-        return StateLayout(
-            {
-                name: StateModel.gauss_markov(triad.in_run_bias, triad.in_run_time, triad.turn_on_bias)
-                for name, triad in (("b_a", self.spec.accel), ("b_g", self.spec.gyro))
-            }
-        )
-
-    @property
     def psd(self) -> tuple[FloatArray, FloatArray]:
         """Densities ``N**2`` of gyroscopes and accelerometers. [rad^2/s], [m^2/s^3]"""
         return np.full(3, self.spec.gyro.random_walk**2), np.full(3, self.spec.accel.random_walk**2)

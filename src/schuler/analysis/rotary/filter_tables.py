@@ -8,7 +8,7 @@ Triple = tuple[float, float, float]
 
 
 class Measured(NamedTuple):
-    """A row of tables 5.5 to 5.11: one IMU on the turntable, 300 s, zero-velocity updates.
+    """A row of tables 5.3 to 5.14: one IMU on the turntable, 300 s, zero-velocity updates.
 
     Attributes
     ----------
@@ -93,12 +93,19 @@ class Integrated(NamedTuple):
     horizontal_m_s: float
 
 
-#: Tables 6.3 and 6.4, GNSS all the time; one drive each.
+#: Tables 6.1 to 6.4, GNSS all the time; one drive each.
 CONTINUOUS: dict[tuple[str, str], Integrated] = {
     ("NAV440", "conventional"): Integrated((0.12, 0.12, 0.39), 0.026, 0.027),
     ("NAV440", "rotary"): Integrated((0.11, 0.12, 0.44), 0.025, 0.026),
     ("MTi-G", "conventional"): Integrated((0.22, 0.26, 1.43), 0.038, 0.046),
     ("MTi-G", "rotary"): Integrated((0.26, 0.24, 1.39), 0.038, 0.046),
+}
+#: Tables 6.2 and 6.4: RMS of latitude, longitude, height [cm], velocity east, north, up [cm/s].
+CONTINUOUS_CM: dict[tuple[str, str], tuple[float, ...]] = {
+    ("NAV440", "conventional"): (1.9, 1.8, 1.5, 1.9, 1.9, 1.3),
+    ("NAV440", "rotary"): (1.9, 1.7, 1.5, 1.8, 1.9, 1.3),
+    ("MTi-G", "conventional"): (2.8, 2.5, 1.7, 3.2, 3.3, 1.2),
+    ("MTi-G", "rotary"): (2.8, 2.6, 1.7, 3.2, 3.3, 1.2),
 }
 #: Tables 6.5 and 6.6, three outages of 300 s.
 OUTAGES: dict[tuple[str, str], Integrated] = {

@@ -61,6 +61,36 @@ def noise_floor(random_walk: float, duration: float, *, gravity: float = G0) -> 
     )
 
 
+def noise_growth(random_walk: float, t: ArrayLike, *, gravity: float = G0) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """What white noise of the gyroscopes makes over time, from a perfect start, flat Earth.
+
+    Parameters
+    ----------
+    random_walk : float
+        Angle random walk N. [rad/sqrt(s)]
+    t : array_like, shape (n,)
+        [s]
+    gravity : float
+        [m/s^2]
+
+    Returns
+    -------
+    attitude, velocity, position : ndarray, shape (n,)
+        1-sigma about each axis, and of each horizontal component: ``N sqrt(t)``, ``g N sqrt(t^3 / 3)``,
+        ``g N sqrt(t^5 / 20)``. [rad], [m/s], [m]
+
+    References
+    ----------
+    Digest of Du (2015), section 5.3.
+    """
+    t = np.maximum(np.asarray(t, dtype=np.float64), 0.0)
+    g_n = gravity * random_walk
+    return (
+        np.asarray(random_walk * np.sqrt(t)), np.asarray(g_n * np.sqrt(t**3 / 3.0)),
+        np.asarray(g_n * np.sqrt(t**5 / 20.0)),
+    )  # fmt: skip
+
+
 def position_by_rate(
     random_walk: float, accel_bias: float, rate: ArrayLike, duration: float, *, gravity: float = G0
 ) -> FloatArray:

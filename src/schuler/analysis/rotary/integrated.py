@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
@@ -23,6 +23,7 @@ from schuler.rotary.rotating_imu import RotatingMotion, ideal_rotating_imu
 from schuler.rotary.schedule import Schedule
 from schuler.rotary.schemes import continuous, fixed
 from schuler.simulation.aiding import GnssModel
+from schuler.simulation.imu import IdealImu
 from schuler.simulation.motion import Motion
 from schuler.units import DEG, DEG_PER_HR
 
@@ -134,8 +135,11 @@ class IntegratedDrive:
     @cached_property
     def scenario(self) -> LaneScenario:
         """For :func:`schuler.filtering.lanes.run_lanes`. The antenna stands over the axis of the platform."""
-        motion = RotatingMotion(self.vehicle, self.schedule or fixed())
-        ideal = ideal_rotating_imu(motion, self.imu.spec.rate_hz or 100.0)
+        rate_hz = self.imu.spec.rate_hz or 100.0
+        if self.motion is None:
+            ideal = _long_ideal(self.length_s, self.schedule, rate_hz)
+        else:
+            ideal = ideal_rotating_imu(RotatingMotion(self.vehicle, self.schedule or fixed()), rate_hz)
         layout, k = self.states, self.size
         sigma = (k * self.imu.sigma_gnss,) * 3
         true = ideal.truth
@@ -165,6 +169,13 @@ class IntegratedDrive:
         return heading
 
 
+@lru_cache(maxsize=3)
+def _long_ideal(length_s: float, schedule: Schedule | None, rate_hz: float) -> IdealImu:
+    """Perfect recording of the usual drive: most of the time of a short campaign, the same with and without outages."""
+    return ideal_rotating_imu(RotatingMotion(long_drive(length_s), schedule or fixed()), rate_hz)
+
+
+@lru_cache(maxsize=4)
 def rotary_schedule(imu: FilterImu) -> Schedule:
     """Du's: continuous about Z (up) at the recommended rate, from the start."""
     return continuous(du_axis("Z"), imu.rate)

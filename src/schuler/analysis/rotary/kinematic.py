@@ -132,9 +132,10 @@ class KinematicTest:
 
     def plot(self, run: int = 0) -> Figure:
         """Tracks, velocity and attitude errors of one run (matplotlib)."""
+        from schuler.report.figures import draw
         from schuler.report.rotary_static_figures import kinematic_figure
 
-        return kinematic_figure(self, run)
+        return draw(kinematic_figure(self, run))
 
     def _floor(self, quantity: str) -> float:
         floor = noise_floor(self.imu.gyro_random_walk, self.rotary_trial.duration_s)

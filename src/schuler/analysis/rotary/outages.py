@@ -94,6 +94,12 @@ class DriveRuns:
             for name, value in self.errors().items()
         }
 
+    def component_rms(self) -> dict[str, FloatArray]:
+        """Root mean squares of single components over what is looked at, of every run. Shape (n,). [m], [m/s]"""
+        e = np.sqrt(np.mean(self.records.error[:, self.looked_at] ** 2, axis=1))
+        names = {"lat_m": 6, "lon_m": 7, "height_m": 8, "v_e_m_s": 4, "v_n_m_s": 3, "v_u_m_s": 5}
+        return {name: e[:, k] for name, k in names.items()}
+
     def mean(self) -> Integrated:
         """Means over the runs of their RMS, as a row of the thesis's tables."""
         m = {name: float(np.mean(value)) for name, value in self.rms().items()}

@@ -59,13 +59,3 @@ def index(quantity: str) -> int:
     if quantity not in QUANTITIES:
         raise InputError(f"quantity: expected one of {', '.join(QUANTITIES)}, got {quantity!r}")
     return QUANTITIES.index(quantity)
-
-
-def shown_names(quantities: tuple[str, ...] = QUANTITIES) -> tuple[str, ...]:
-    """Column names with units, such as ``roll_deg``."""
-    return tuple(f"{q}_{UNITS[q][0]}" for q in quantities)
-
-
-def shown_values(values: FloatArray, quantities: tuple[str, ...] = QUANTITIES) -> tuple[float, ...]:
-    """Values in the units of :func:`shown_names`."""
-    return tuple(float(values[index(q)] / UNITS[q][1]) for q in quantities)

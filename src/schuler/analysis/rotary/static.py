@@ -139,9 +139,10 @@ class StaticTest:
 
     def plot(self) -> Figure:
         """RMS against rate, conventional as a line (matplotlib)."""
+        from schuler.report.figures import draw
         from schuler.report.rotary_static_figures import rates_figure
 
-        return rates_figure(self)
+        return draw(rates_figure(self))
 
     def histories(self, rate: float, run: int = 0) -> dict[str, ErrorHistory]:
         """Errors over time of one run: ``conventional``, ``I`` and ``II`` at a rate [rad/s]."""
@@ -156,10 +157,11 @@ class StaticTest:
 
     def plot_run(self, rate: float, run: int = 0) -> Figure:
         """Attitude and velocity errors of one run over time, conventional and both strategies (matplotlib)."""
+        from schuler.report.figures import draw
         from schuler.report.rotary_static_figures import history_figure
 
         title = f"{self.imu.name} at rest, {rate / DEG:g} deg/s, run {run}"
-        return history_figure(self.histories(rate, run), title)
+        return draw(history_figure(self.histories(rate, run), title, random_walk=self.imu.gyro_random_walk))
 
     def _cases(self) -> list[tuple[str, float]]:
         return [("conventional", 0.0)] + [(s, float(w)) for s in self.rotary for w in self.rates]

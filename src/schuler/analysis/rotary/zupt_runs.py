@@ -30,7 +30,7 @@ _SETTLE_S = 150.0  # the second half of a run is looked at
 
 
 def table_unit(imu: FilterImu, test: Test) -> ImuErrors:
-    """One unit as the thesis's results describe it, Du's tables 5.5 to 5.11 read backwards.
+    """One unit as the thesis's results describe it, Du's tables 5.3 to 5.14 read backwards.
 
     Parameters
     ----------
@@ -127,6 +127,18 @@ class ZuptRun:
         """Records of the second half."""
         return slice(int(np.searchsorted(self.t, _SETTLE_S)), None)
 
+    def by_run(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Of every run over the second half: mean accelerometer biases, RMS attitude errors, mean gyroscope biases.
+
+        Returns
+        -------
+        b_m_s2, attitude_deg, d_deg_hr : ndarray, shape (n, 3)
+            As the fields of :class:`~schuler.analysis.rotary.filter_tables.Measured`.
+        """
+        b, d = (np.mean(x[:, self.late], axis=1) for x in (self.b_a, self.b_g))
+        rms = np.sqrt(np.mean(self.attitude[:, self.late] ** 2, axis=1))
+        return b, rms / DEG, d / DEG_PER_HR
+
     def emulated(self) -> Measured:
         """Means over the second half and the runs, as the thesis quotes one run."""
         b, d = (np.mean(x[:, self.late], axis=(0, 1)) for x in (self.b_a, self.b_g))
@@ -135,9 +147,8 @@ class ZuptRun:
 
     def spread(self) -> Measured:
         """Standard deviation over the runs of a run's mean biases, and of its RMS attitude errors."""
-        b, d = (np.std(np.mean(x[:, self.late], axis=1), axis=0) for x in (self.b_a, self.b_g))
-        rms = np.std(np.sqrt(np.mean(self.attitude[:, self.late] ** 2, axis=1)), axis=0)
-        return Measured(_triple(b), _triple(rms / DEG), _triple(d / DEG_PER_HR))
+        b, rms, d = (np.std(x, axis=0) for x in self.by_run())
+        return Measured(_triple(b), _triple(rms), _triple(d))
 
 
 def zupt_runs(
@@ -149,7 +160,7 @@ def zupt_runs(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> ZuptRun:
-    """Runs of one row of tables 5.5 to 5.11.
+    """Runs of one row of tables 5.3 to 5.14.
 
     Parameters
     ----------
@@ -204,7 +215,7 @@ def _triple(v: FloatArray) -> tuple[float, float, float]:
 
 @dataclass(frozen=True, eq=False)
 class ZuptEmulation:
-    """Rows of tables 5.5 to 5.11, emulated.
+    """Rows of tables 5.3 to 5.14, emulated.
 
     Attributes
     ----------
@@ -254,7 +265,7 @@ def zupt_emulation(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> ZuptEmulation:
-    """All rows of tables 5.5 to 5.11, or some; on Ctrl-C those that were finished.
+    """All rows of tables 5.3 to 5.14, or some; on Ctrl-C those that were finished.
 
     Parameters
     ----------

@@ -19,7 +19,8 @@ from schuler.recording.formats import parts, triads, unix_stamps
 from schuler.recording.formats.parts import Table
 from schuler.recording.formats.streams import Stream, choose, stream_of
 from schuler.recording.io import lines
-from schuler.recording.io.hints import ReadHints, parse_streams
+from schuler.recording.io.hint_texts import parse_streams
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
 from schuler.timebase import TimeBase
 

@@ -23,7 +23,8 @@ from schuler.recording.formats.clock_map import on_gps_time
 from schuler.recording.formats.dataflash import START, DataFlash, load
 from schuler.recording.formats.parts import Table
 from schuler.recording.formats.streams import Stream, choose, stream_of
-from schuler.recording.io.hints import ReadHints, parse_streams
+from schuler.recording.io.hint_texts import parse_streams
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
 from schuler.timebase import TimeBase
 

@@ -15,11 +15,12 @@ import numpy as np
 from schuler import rotation, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.formats import parts, plain_text, triads
+from schuler.recording.formats import parts, triads
 from schuler.recording.formats.parts import Table
 from schuler.recording.formats.streams import Stream, choose
 from schuler.recording.io.clock import from_gps
-from schuler.recording.io.hints import ReadHints, parse_streams
+from schuler.recording.io.hint_texts import parse_streams
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S, TimeBase
 
@@ -96,7 +97,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
             tables[name] = replace(table, values={**table.values, "t": table.values["t"] + shift})
     else:
         notes.append("Stamps are seconds since the device was switched on.")
-    return plain_text.naming_sources(parts.assemble(path, tables, hints, base, notes, ()), path, sources)
+    return parts.assemble(path, tables, hints, base, notes, sources, path)
 
 
 def _choose(folder: Path, names: tuple[str, ...], part: str, chosen: dict[str, str | None]) -> str | None:

@@ -19,7 +19,8 @@ from schuler.recording.formats import local_frame, parts, plain_text, unix_stamp
 from schuler.recording.formats.parts import Table
 from schuler.recording.formats.streams import Stream, choose, stream_of
 from schuler.recording.io import lines
-from schuler.recording.io.hints import ReadHints, axes_matrix, parse_origin, parse_streams
+from schuler.recording.io.hint_texts import axes_matrix, parse_origin, parse_streams
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
 
 OWN = "schuler.json"
@@ -111,11 +112,11 @@ def read(path: Path, hints: ReadHints) -> Recording:
     seconds, base = unix_stamps.from_unix(stamps, hints.time, notes)
     made = {}
     for part, values in tables.items():
-        keep = parts.later(seconds[part], part, files[part], notes)
-        made[part] = _table(part, seconds[part][keep], values[keep], hints, files[part], notes)
+        t, values = parts.kept(parts.later(seconds[part], part, files[part], notes), seconds[part], values)
+        made[part] = _table(part, t, values, hints, files[part], notes)
     name = hints.name or (path.stem if path.name not in ("mav0", "data.csv") else path.resolve().parent.name)
-    recording = parts.assemble(path, made, replace(hints, name=name), base, notes, files.values())
-    return plain_text.naming_sources(recording, path, files.values()) if path.is_dir() else recording
+    root = path if path.is_dir() else None
+    return parts.assemble(path, made, replace(hints, name=name), base, notes, files.values(), root)
 
 
 def _part(head: bytes) -> str | None:

@@ -18,7 +18,8 @@ from schuler.recording.formats import parts, plain_text
 from schuler.recording.formats.parts import Table
 from schuler.recording.formats.streams import Stream
 from schuler.recording.io import lines
-from schuler.recording.io.hints import ReadHints, parse_streams
+from schuler.recording.io.hint_texts import parse_streams
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
 from schuler.timebase import TimeBase
 

@@ -20,10 +20,13 @@ from schuler.recording.formats import parts, plain_text
 from schuler.recording.formats.parts import Table
 from schuler.recording.formats.streams import Stream, choose
 from schuler.recording.io.clock import stamps
-from schuler.recording.io.hints import ReadHints, parse_streams, parse_time
+from schuler.recording.io.hint_texts import parse_streams, parse_time
+from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.lines import TextTable
 from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S, TimeBase, week_tow
 
+_WIDTHS = (7, 11, 13)
 _WHAT = "7: IMU or fixes, 13: fixes with velocity, 11: navigation results"
 _HINTS = parts.GNSS_HINTS | {"axes", "time", "streams"}
 _SUFFIXES = (".txt", ".nav", ".imu", ".pos", ".gnss")
@@ -88,8 +91,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
         made[part] = t, rows[:, column + 1 :]
     tables = {}
     for part, (t, rows) in made.items():
-        keep = parts.later(t, part, loaded[part][0], notes)
-        tables[part] = _table(part, t[keep], rows[keep])
+        tables[part] = _table(part, *parts.kept(parts.later(t, part, loaded[part][0], notes), t, rows))
     return parts.assemble(path, tables, hints, base, notes, [file for file, _ in loaded.values()])
 
 
@@ -99,11 +101,15 @@ def _folder(path: Path, hints: ReadHints, notes: list[str]) -> dict[str, tuple[P
     others: list[tuple[str, SchulerError]] = []
     for file in sorted(p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES and p.is_file()):
         try:
-            part, rows = _load(file, hints, notes, None)
+            table = plain_text.open_table(file, _WIDTHS, _WHAT)
         except SchulerError as reason:
             others.append((file.name, reason))
             continue
-        found[file.name] = part, rows
+        rows = _rows(table, hints, notes)  # a file that begins as one of these and goes on otherwise is damaged
+        try:
+            found[file.name] = _part(file, rows, None), rows
+        except SchulerError as reason:
+            others.append((file.name, reason))
     streams = [Stream(name, "text", len(rows), part=part) for name, (part, rows) in found.items()]
     chosen = parse_streams(hints.streams)
     for name, fault in others:
@@ -120,11 +126,18 @@ def _folder(path: Path, hints: ReadHints, notes: list[str]) -> dict[str, tuple[P
 
 
 def _load(path: Path, hints: ReadHints, notes: list[str], series: str | None) -> tuple[str, FloatArray]:
-    table = plain_text.open_table(path, (7, 11, 13), _WHAT)
-    n = plain_text.width(table)
-    rows = plain_text.load(table, n, allow_truncated=hints.allows("truncated"), notes=notes)
-    if n != 7:
-        return ("reference" if n == 11 else "gnss"), rows
+    rows = _rows(plain_text.open_table(path, _WIDTHS, _WHAT), hints, notes)
+    return _part(path, rows, series), rows
+
+
+def _rows(table: TextTable, hints: ReadHints, notes: list[str]) -> FloatArray:
+    return plain_text.load(table, plain_text.width(table), allow_truncated=hints.allows("truncated"), notes=notes)
+
+
+def _part(path: Path, rows: FloatArray, series: str | None) -> str:
+    """What the rows of a file are, by their number of columns and their size."""
+    if rows.shape[1] != 7:
+        return "reference" if rows.shape[1] == 11 else "gnss"
     degrees = bool(np.all(np.abs(rows[:, 1]) <= 90.0) and np.all(np.abs(rows[:, 2]) <= 360.0))
     can_be = [
         part
@@ -135,14 +148,14 @@ def _load(path: Path, hints: ReadHints, notes: list[str], series: str | None) ->
         if fits
     ]
     if series in ("imu", "gnss"):
-        return series, rows
+        return str(series)
     if len(can_be) != 1:
         raise FileFormatError(
             "seven columns are IMU increments (radians, metres a second) or fixes (degrees, 1-sigma), and this file "
             f"could be {' or '.join(can_be) or 'neither'}: say series='imu' or series='gnss'",
             path,
         )
-    return can_be[0], rows
+    return can_be[0]
 
 
 def _week(loaded: dict[str, tuple[Path, FloatArray]]) -> int | None:

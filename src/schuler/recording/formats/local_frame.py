@@ -16,6 +16,7 @@ ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 FLU = np.diag([1.0, -1.0, -1.0])
 
 Origin = tuple[float, float, float]
+_BLOCK = 8192  # rows whose columns stay in the cache
 
 
 def need_origin(origin: Origin | None, path: Path, what: str) -> Origin:
@@ -64,19 +65,34 @@ def earth_fixed(
         )
     llh = np.array(origin)
     C_el = frames.C_en(llh) @ ENU
-    r_e = frames.ecef_from_ned(r_l @ ENU, llh)
+    r_e = _small_product(r_l, C_el.T)
+    r_e += frames.ecef_from_llh(llh)
     values = {axis: r_e[:, k] for k, axis in enumerate("xyz")}
     if q_ls is not None:
-        norm = np.linalg.norm(q_ls, axis=1)
+        norm = np.sqrt(np.einsum("ni,ni->n", q_ls, q_ls))
         bad = np.flatnonzero(~(np.abs(norm - 1.0) < 1e-2))
         if len(bad):
             raise FileFormatError(f"pose {bad[0] + 1}: expected a unit quaternion, got norm {norm[bad[0]]:.4g}", path)
-        q_eb = rotation.quat_from_dcm(C_el @ rotation.dcm_from_quat(q_ls / norm[:, None]) @ C_bs.T)
+        # q_el q_ls q_sb is linear in q_ls: the columns of its matrix are the products with the four units
+        q_el, q_sb = rotation.quat_from_dcm(C_el), rotation.quat_from_dcm(C_bs.T)
+        units_to = rotation.quat_multiply(rotation.quat_multiply(q_el, np.eye(4)), q_sb)
+        q_eb = _small_product(q_ls, units_to)
+        q_eb *= np.copysign(1.0 / norm, q_eb[:, 0])[:, None]
         values |= {name: q_eb[:, k] for k, name in enumerate(("qw", "qx", "qy", "qz"))}
     if v_l is not None:
-        v_e = v_l @ C_el.T
+        v_e = _small_product(v_l, C_el.T)
         values |= {f"v{axis}": v_e[:, k] for k, axis in enumerate("xyz")}
     return values
+
+
+def _small_product(rows: FloatArray, matrix: FloatArray) -> FloatArray:
+    """``rows @ matrix``; BLAS, which packs its arguments first, is slow where one side is so short. Shape (n, k)."""
+    product = np.empty((len(rows), matrix.shape[1]))
+    for start in range(0, len(rows), _BLOCK):
+        block = rows[start : start + _BLOCK].T.copy()
+        for k, column in enumerate(matrix.T):
+            product[start : start + _BLOCK, k] = sum(c * row for c, row in zip(column, block, strict=True))
+    return product
 
 
 def local(
@@ -99,7 +115,7 @@ def local(
 
 def origin_of(trajectory: Trajectory, stated: str | None = None) -> Origin:
     """The origin stated in degrees and metres, else the first position of a trajectory, rounded to be printed."""
-    from schuler.recording.io.hints import parse_origin
+    from schuler.recording.io.hint_texts import parse_origin
 
     if stated is not None:
         found = parse_origin(stated)

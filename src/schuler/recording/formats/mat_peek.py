@@ -11,8 +11,6 @@ import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from schuler.exceptions import FileFormatError
-
 _HEADER, _MATRIX, _COMPRESSED = 128, 14, 15
 _PEEK = 16_384  # bytes of a variable that are looked at, after unpacking
 _MOST = 400  # variables
@@ -79,81 +77,3 @@ def _element(data: bytes, at: int, order: str) -> tuple[bytes, int]:
         return data[at + 4 : at + 4 + n], at + 8
     (n,) = struct.unpack_from(f"{order}I", data, at + 4)
     return data[at + 8 : at + 8 + n], at + 8 + (n + 7) // 8 * 8
-
-
-def check_sizes(path: Path) -> None:
-    """Refuse a file in which an element claims more bytes than hold it: SciPy allocates what is claimed.
-
-    Raises
-    ------
-    FileFormatError
-        Naming where; also for elements nested more than eight deep.
-    """
-    size = path.stat().st_size
-    try:
-        with path.open("rb") as stream:
-            header = stream.read(_HEADER)
-            order = ">" if header[126:] == b"MI" else "<"
-            at = _HEADER
-            while at < size:
-                stream.seek(at)
-                tag = stream.read(8)
-                kind, n = struct.unpack(f"{order}II", tag)
-                if n > size - at - 8:
-                    raise ValueError(f"claims {n} bytes, {size - at - 8} are left")
-                data = stream.read(n)
-                if kind == _COMPRESSED:
-                    data = _unpacked(data, size)
-                    kind, inner = struct.unpack_from(f"{order}II", data)
-                    if inner > len(data) - 8:
-                        raise ValueError(f"claims {inner} bytes, {len(data) - 8} are packed")
-                    data = data[8 : 8 + inner]
-                if kind == _MATRIX:
-                    _check_matrix(data, order, 0)
-                at += 8 + n
-    except (struct.error, ValueError, zlib.error, MemoryError) as error:
-        raise FileFormatError(f"is damaged as a MATLAB file, in the variable at byte {at}: {error}", path) from error
-
-
-def _unpacked(data: bytes, size: int) -> bytes:
-    """Unpacked bytes; deflate packs by 1032 at most, and no log comes near that."""
-    limit = 1100 * size
-    unpacked = zlib.decompressobj().decompress(data, limit)
-    if len(unpacked) >= limit:
-        raise ValueError("unpacks to an impossible size")
-    return unpacked
-
-
-def _check_matrix(data: bytes, order: str, depth: int) -> None:
-    if not data:
-        return  # an empty matrix
-    if depth > 8:
-        raise ValueError("is nested too deep")
-    at, parts = 0, []
-    while at < len(data):
-        start, kind, n, after = _tag(data, at, order)
-        if start + n > len(data):
-            raise ValueError(f"an element claims {n} bytes, {len(data) - start} are left")
-        if kind == _MATRIX:
-            _check_matrix(data[start : start + n], order, depth + 1)
-        parts.append((start, n))
-        at = after
-    if len(parts) < 2 or parts[0][1] < 8 or parts[1][1] % 4:
-        raise ValueError("an array without flags or dimensions")
-    dims = struct.unpack_from(f"{order}{parts[1][1] // 4}i", data, parts[1][0])
-    count = 1
-    for dim in dims:
-        count *= dim
-    (flags,) = struct.unpack_from(f"{order}I", data, parts[0][0])
-    sparse = flags & 0xFF == 5  # stores its entries only
-    if min(dims, default=0) < 0 or (count > len(data) and not sparse) or (sparse and max(dims) > len(data)):
-        raise ValueError(f"an array claims the shape {dims} in {len(data)} bytes")
-
-
-def _tag(data: bytes, at: int, order: str) -> tuple[int, int, int, int]:
-    """Where the contents of an element begin, its type and length, and where the next one begins."""
-    (first,) = struct.unpack_from(f"{order}I", data, at)
-    if first >> 16:
-        return at + 4, first & 0xFFFF, min(first >> 16, 4), at + 8
-    (n,) = struct.unpack_from(f"{order}I", data, at + 4)
-    return at + 8, first, n, at + 8 + (n + 7) // 8 * 8

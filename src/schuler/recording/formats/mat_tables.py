@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -10,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.exceptions import FileFormatError, MissingExtraError
-from schuler.recording.formats import mat_peek
+from schuler.exceptions import FileFormatError
+from schuler.recording.io import matlab_file
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
 
@@ -29,32 +28,14 @@ def as_arrays(path: Path, hints: ReadHints) -> Recording | None:
 
 
 def load(path: Path, names: Iterable[str]) -> dict[str, Any]:
-    """Variables of a MATLAB 5 file: arrays, and structures as dictionaries.
+    """Variables of a MATLAB file up to version 7: arrays, and structures as dictionaries.
 
     Raises
     ------
     FileFormatError
         If the file is damaged.
     """
-    try:
-        from scipy.io import loadmat
-    except ImportError as error:
-        raise MissingExtraError("scipy", "all", "reading MATLAB files") from error
-    mat_peek.check_sizes(path)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            contents = loadmat(str(path), variable_names=list(names))
-        # a damaged file makes the parser fail in ways that are not listed anywhere
-        except Exception as error:
-            raise FileFormatError(f"cannot be read as a MATLAB file ({error}); is it complete?", path) from error
-    return {name: _plain(value) for name, value in contents.items() if not name.startswith("__")}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray) and value.dtype.names is not None and value.size == 1:
-        return {name: _plain(value.ravel()[0][name]) for name in value.dtype.names}
-    return value
+    return matlab_file.load(path, frozenset(names))
 
 
 def vector(value: Any, what: str, path: Path, n: int | None = None) -> FloatArray:

@@ -24,7 +24,7 @@ from schuler.recording.recording import Recording
 
 MAGIC = b"\x89MCAP0\r\n"
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
-_LARGEST_CHUNK = 1 << 30  # writers make chunks of a megabyte; more is damage [byte]
+_LARGEST_CHUNK = 1 << 28  # writers make chunks of a megabyte; more is damage [byte]
 _ENCODINGS = {"cdr": "cdr", "ros1": "ros1", "json": "json"}
 
 

@@ -18,7 +18,8 @@ from schuler.recording.formats.mat_peek import variables
 from schuler.recording.formats.parts import Table
 from schuler.recording.formats.streams import Stream, choose, stream_of
 from schuler.recording.io.clock import stamps
-from schuler.recording.io.hints import ReadHints, parse_streams
+from schuler.recording.io.hint_texts import parse_streams
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
 
 _HINTS = parts.GNSS_HINTS | {"axes", "time", "streams"}

@@ -20,13 +20,14 @@ from schuler.recording.formats.registry import needs
 from schuler.recording.io import lines, own, own_satellites
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.own import Columns
+from schuler.recording.io.sources import hashed
 from schuler.recording.io.variables import recording_of_arrays
 from schuler.recording.recording import Recording
 
 FORMAT = "schuler/netcdf/1"
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_PACKED = 1100  # deflate packs constant bytes by 1032 at most
-_FEW = 1_000_000  # bytes that are no matter
+_PACKED = 200  # deflate packs zeros by 1032, no log by more than this
+_FEW = 1 << 26  # bytes that are no matter
 _MOST = 500  # arrays of a file of others that are looked at
 _Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -73,14 +74,16 @@ def read(path: Path, hints: ReadHints) -> Recording:
             own.refuse_hints(replace(hints, format=None), path)
             document = _document(file, path)
             own.check_format(document.get("format"), FORMAT, path, document.get("package"))
-            made = _parts(h5py, file, document, path)
+            with hashed([path]) as sources:
+                made = _parts(h5py, file, document, path)
+                hashes = sources()
     except SchulerError:
         raise
     except Exception as error:  # a damaged file makes the library fail in ways that are not listed anywhere
         raise FileFormatError(
             f"cannot be read as HDF5 ({type(error).__name__}: {error}); is it complete?", path
         ) from error
-    metadata = own.metadata_from(document, path)
+    metadata = own.metadata_from(document, path, lambda: hashes)
     if hints.name:
         metadata = replace(metadata, name=hints.name)
     return Recording(**made, metadata=metadata)
@@ -122,7 +125,7 @@ def _parts(h5py: Any, file: Any, document: Mapping[str, Any], path: Path) -> dic
             if dataset.shape != (entry.get("rows"),):
                 raise FileFormatError(f"{name}/{column}: expected {entry.get('rows')} rows, got {dataset.shape}", path)
             wanted = np.int64 if column in own.INTEGERS else np.float64
-            flat[column] = _values(dataset, path).astype(wanted)
+            flat[column] = _values(dataset, path).astype(wanted, copy=False)
         if not flat:
             raise FileFormatError(f"the group {name} has no columns; write the file anew", path)
         if name in own_satellites.TABLES:

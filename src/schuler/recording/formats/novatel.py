@@ -32,7 +32,8 @@ from schuler.recording.formats.receiver_tables import (
     weeks_to_seconds,
 )
 from schuler.recording.formats.streams import Stream, stream_of
-from schuler.recording.io.hints import ReadHints, parse_scale, parse_streams
+from schuler.recording.io.hint_texts import parse_scale, parse_streams
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
 
 _HINTS = {"sigma", "axes", "streams", "scale"}
@@ -97,8 +98,9 @@ def read(path: Path, hints: ReadHints) -> Recording:
     Notes
     -----
     CORRIMU messages are not read: gravity and the Earth's rotation have been taken out of them, so they are no
-    measurements to navigate with. BESTPOS of a SPAN receiver may come from its inertial solution (types INS_...); such
-    epochs are left out unless the stream is named, for a filter that uses them would use the IMU twice.
+    measurements to navigate with. BESTPOS of a SPAN receiver may come from its inertial solution (types
+    ``INS_...``); such epochs are left out unless the stream is named, for a filter that uses them would use the IMU
+    twice.
     """
     parts.check_hints(path, hints, _HINTS, "a NovAtel log")
     log = load(path)

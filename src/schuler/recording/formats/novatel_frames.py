@@ -271,7 +271,7 @@ def _lines(data: bytes, others: dict[str, int], notes: list[str]) -> tuple[dict[
             for letter, label, text in _fields_of(name, body):
                 if letter == "W":
                     words.setdefault(f"{name}.{label}", text.strip())
-                    row.append(float(text) if text.isdigit() else -1.0)
+                    row.append(float(text) if text.isdecimal() else -1.0)
                 else:
                     row.append(_number(letter, text))
         except (ValueError, IndexError, OverflowError):
@@ -299,6 +299,6 @@ def _fields_of(name: str, body: list[str]) -> list[tuple[str, str, str]]:
 def _number(letter: str, text: str) -> float:
     if letter in "xX":
         return float(int(text, 16))
-    if letter in _WORDS and not text.isdigit():
+    if letter in _WORDS and not text.isdecimal():
         return float(_WORDS[letter].get(text.strip(), -1))
     return float(text)

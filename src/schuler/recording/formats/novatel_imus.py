@@ -75,6 +75,6 @@ IMU_TYPES: Mapping[int, ImuType] = MappingProxyType({
 def by_name(name: str) -> ImuType | None:
     """The type of a name, with or without ``IMU_`` before it, or of a number as text; ``None`` if it is not known."""
     word = name.upper().removeprefix("IMU_")
-    if word.isdigit():
+    if word.isdecimal():
         return IMU_TYPES.get(int(word))
     return next((kind for kind in IMU_TYPES.values() if kind.name == word), None)

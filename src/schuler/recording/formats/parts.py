@@ -9,13 +9,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from schuler import files
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.io import columns
 from schuler.recording.io.assemble import series_from
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import Raw
+from schuler.recording.io.sources import hashed
 from schuler.recording.recording import Metadata, Recording
 from schuler.timebase import TimeBase
 
@@ -59,6 +59,7 @@ def assemble(
     time: TimeBase,
     notes: Iterable[str] = (),
     sources: Iterable[Path] | None = None,
+    root: Path | None = None,
 ) -> Recording:
     """Recording of tables in SI, with every check that text logs get.
 
@@ -77,6 +78,8 @@ def assemble(
         What the reader did before.
     sources : iterable of Path, optional
         The files read, default ``path`` itself.
+    root : Path, optional
+        Folder from which on they are named, where several may be called alike.
 
     Raises
     ------
@@ -88,22 +91,24 @@ def assemble(
     made: dict[str, Any] = {}
     said = list(notes)
     axes = "FRD"
-    for series, table in tables.items():
-        unit = _SI_INCREMENT if table.kind == "increment" else _SI
-        stated = {name: unit[group] for name in table.values if (group := columns.GROUP[name]) is not None}
-        values = {name: np.asarray(value, dtype=np.float64) for name, value in table.values.items()}
-        raw = Raw(path, values, stated, ellipsoidal=table.ellipsoidal)
-        own = replace(hints, series=series, kind=table.kind, units=None, scale=None)
-        if series == "imu":
-            axes = (hints.axes or table.axes).upper()
-            own = replace(own, axes=axes)
-        part, _ = series_from(raw, own, time=time)
-        made |= part
-        said += [note for note in raw.notes if note not in said]
+    with hashed((path,) if sources is None else sources, root) as hashes:
+        for series, table in tables.items():
+            unit = _SI_INCREMENT if table.kind == "increment" else _SI
+            stated = {name: unit[group] for name in table.values if (group := columns.GROUP[name]) is not None}
+            values = {name: np.asarray(value, dtype=np.float64) for name, value in table.values.items()}
+            raw = Raw(path, values, stated, ellipsoidal=table.ellipsoidal)
+            own = replace(hints, series=series, kind=table.kind, units=None, scale=None)
+            if series == "imu":
+                axes = (hints.axes or table.axes).upper()
+                own = replace(own, axes=axes)
+            part, _ = series_from(raw, own, time=time)
+            made |= part
+            said += [note for note in raw.notes if note not in said]
+        named = hashes()
     metadata = Metadata(
         name=hints.name or path.stem,
         time=time,
-        sources={p.name: files.sha256(p) for p in ((path,) if sources is None else sources)},
+        sources=named,
         axes=axes,
         notes=tuple(said),
         options=hints.given(),
@@ -157,6 +162,8 @@ def later(t: FloatArray, what: str, path: Path, notes: list[str]) -> np.ndarray[
     FileFormatError
         If more than one in a hundred (and more than two) is not later: the clock of such a log is not to be trusted.
     """
+    if len(t) and (t[1:] > t[:-1]).all() and np.isfinite(t[[0, -1]]).all():
+        return np.ones(len(t), dtype=np.bool_)
     keep = np.isfinite(t)
     highest = np.maximum.accumulate(np.where(keep, t, -np.inf)) if len(t) else t
     keep &= t > np.concatenate(([-np.inf], highest[:-1]))[: len(t)]
@@ -171,3 +178,8 @@ def later(t: FloatArray, what: str, path: Path, notes: list[str]) -> np.ndarray[
     if dropped:
         notes.append(f"{what}: {dropped} samples not later than the one before were left out.")
     return keep
+
+
+def kept(keep: np.ndarray[Any, np.dtype[np.bool_]], t: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Times and rows that :func:`later` keeps; the arrays themselves if these are all. Shapes (n,), (n, k)."""
+    return (t, rows) if keep.all() else (t[keep], rows[keep])

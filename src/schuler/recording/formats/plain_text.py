@@ -6,19 +6,16 @@ import itertools
 import shutil
 import tempfile
 import warnings
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from schuler import files
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.io import lines
 from schuler.recording.io.lines import TextTable
-from schuler.recording.recording import Recording
 
 
 def open_table(path: Path, widths: Collection[int], what: str, delimiter: str = " ", comment: str = "#") -> TextTable:
@@ -60,19 +57,22 @@ def load(table: TextTable, n: int, *, allow_truncated: bool, notes: list[str]) -
     values, truncated = lines.load(table, n, list(range(n)), allow_truncated=allow_truncated)
     if truncated:
         notes.append(f"{table.path.name}: the last line was cut off and left out.")
-    bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-    if len(bad):
-        column = int(np.flatnonzero(~np.isfinite(values[bad[0]]))[0])
+    if not np.isfinite(values).all():
+        row = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
+        column = int(np.flatnonzero(~np.isfinite(values[row]))[0])
         raise FileFormatError(
-            f"column {column + 1}: expected a finite number; correct or delete the line",
-            table.path,
-            table.line_of(int(bad[0])),
+            f"column {column + 1}: expected a finite number; correct or delete the line", table.path, table.line_of(row)
         )
     return values
 
 
 def load_ns(table: TextTable, n: int, *, allow_truncated: bool, notes: list[str]) -> tuple[IntArray, FloatArray]:
     """The first column as whole nanoseconds, without loss, and the others. Shapes (m,), (m, n - 1)."""
+    found = lines.load_stamps(table, n, 0, allow_truncated=allow_truncated)
+    if found is not None and np.isfinite(found[1]).all() and _sane(found[0]):
+        if found[2]:
+            notes.append(f"{table.path.name}: the last line was cut off and left out.")
+        return found[0], found[1]
     dtype = np.dtype([("ns", np.int64), ("values", np.float64, (n - 1,))])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -133,12 +133,6 @@ def new_folder(path: Path) -> Iterator[Path]:
             made.rename(path)
         except OSError:
             shutil.move(made, path)
-
-
-def naming_sources(recording: Recording, folder: Path, sources: Iterable[Path]) -> Recording:
-    """The recording with its sources named from their folder on: those of a data set may all be called alike."""
-    named = {path.relative_to(folder).as_posix(): files.sha256(path) for path in sources}
-    return replace(recording, metadata=replace(recording.metadata, sources=named))
 
 
 def save(

@@ -19,7 +19,8 @@ from schuler.recording.formats.parts import Table
 from schuler.recording.formats.px4_tables import Log, field_of, gnss_table, imu_table, reference_table, stamps
 from schuler.recording.formats.registry import needs
 from schuler.recording.formats.streams import Stream, choose, stream_of
-from schuler.recording.io.hints import ReadHints, parse_streams
+from schuler.recording.io.hint_texts import parse_streams
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
 from schuler.timebase import TimeBase
 

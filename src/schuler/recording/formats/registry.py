@@ -32,7 +32,7 @@ from typing import Any
 
 from schuler.exceptions import InputError, MissingExtraError
 from schuler.recording.io.columns import check_known
-from schuler.recording.io.hints import SATELLITES, SERIES
+from schuler.recording.io.hint_texts import SATELLITES, SERIES
 
 #: Module, and the extra whose library it needs (None: none). Earlier ones are asked first.
 FORMATS: tuple[tuple[str, str | None], ...] = (

@@ -170,7 +170,7 @@ def reference_table(
     r_e = frames.ecef_from_ned(m.stack(place)[keep] @ ENU, np.array(origin))
     values = {"t": t[keep], **{axis: r_e[:, k] for k, axis in enumerate("xyz")}}
     q = m.stack(turn, ("w", "x", "y", "z"))[keep]
-    norm = np.linalg.norm(q, axis=1)
+    norm = np.linalg.norm(np.clip(q, -2.0, 2.0), axis=1)  # of damaged numbers as well
     notes.append("reference: the local frame is taken as east, north, up of the origin (REP 103).")
     if norm.max(initial=0.0) == 0.0:
         notes.append("reference: the poses have no orientation.")

@@ -10,6 +10,7 @@ Other programs write east, north, up, or axes along north whatever the wander an
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.formats import parts
 from schuler.recording.formats.parts import Table
-from schuler.recording.io import lines
+from schuler.recording.io import checks, lines
 from schuler.recording.io.clock import stamps
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
@@ -30,7 +31,7 @@ _RECORD, _ACCURACY = 8 * _N, 8 * _N_ACCURACY
 _HINTS = parts.GNSS_HINTS | {"time", "axes"}
 _ARCMIN = units.DEG / 60.0
 _MOVING = 1.0  # slower than this, positions do not tell the axes of the velocity [m/s]
-_MANY = 200_000  # samples that are enough to tell
+_MANY = 50_000  # samples that are enough to tell
 
 
 def sniff(head: bytes, path: Path) -> bool:
@@ -81,22 +82,21 @@ def read(path: Path, hints: ReadHints) -> Recording:
     def fault(message: str, row: int | None) -> FileFormatError:
         return FileFormatError(message if row is None else f"record {row + 1}: {message}", path)
 
-    bad = np.flatnonzero(~(np.abs(rows) < 1e12).all(axis=1))
-    if len(bad):
+    if not checks.largest(rows) < 1e12:
+        bad = np.flatnonzero(~(np.abs(rows) < 1e12).all(axis=1))
         raise fault("a number is missing or impossibly large", int(bad[0]))
     if hints.time is None:
         notes.append("The file has no GPS week: seconds of week are a clock of their own (hint time='gps-tow:WEEK').")
     t, base = stamps(rows[:, 0].copy(), hints.time, fault, notes if hints.time else [])
-    keep = parts.later(t, "records", path, notes)
-    t, rows = t[keep], rows[keep]
-    values = {"t": t, "lat": rows[:, 1], "lon": rows[:, 2], "h": rows[:, 3]}
+    t, rows = parts.kept(parts.later(t, "records", path, notes), t, rows)
+    values = {"t": t, **_columns(("lat", "lon", "h"), rows[:, 1:4])}
     if hints.series == "imu":
         notes.append("Accelerations and rates of an SBET file are smoothed and corrected, not those of the sensor.")
         columns = dict(zip(("ax", "ay", "az", "gx", "gy", "gz"), rows[:, 11:17].T, strict=True))
         return parts.assemble(path, {"imu": Table({"t": t, **columns})}, hints, base, notes)
     if np.abs(rows[:, 1]).max() > 0.5 * np.pi:
         raise fault("latitude beyond +-90 deg", int(np.argmax(np.abs(rows[:, 1]) > 0.5 * np.pi)))
-    values |= dict(zip(("vn", "ve", "vd"), _velocity(t, rows, notes).T, strict=True))
+    values |= _columns(("vn", "ve", "vd"), _velocity(t, rows, notes))
     sources = [path]
     accuracy = _accuracy_beside(path)
     sigma = None
@@ -111,9 +111,15 @@ def read(path: Path, hints: ReadHints) -> Recording:
         if sigma is not None:
             values |= dict(zip(("sn", "se", "sd", "svn", "sve", "svd"), sigma[:, :6].T, strict=True))
         return parts.assemble(path, {"gnss": Table(values)}, hints, base, notes, sources)
-    values |= {"roll": rows[:, 7], "pitch": rows[:, 8], "yaw": rows[:, 9] - rows[:, 10]}
+    values |= _columns(("roll", "pitch", "yaw"), rows[:, 7:10])
+    values["yaw"] -= rows[:, 10]
     notes.append("The heading is platform heading minus wander angle; heights are taken as ellipsoidal, as is usual.")
     return parts.assemble(path, {"reference": Table(values)}, hints, base, notes, sources)
+
+
+def _columns(names: tuple[str, str, str], triads: FloatArray) -> dict[str, FloatArray]:
+    """Columns of an array of their own, which later steps need not put together again. Shape (n, 3)."""
+    return dict(zip(names, triads.copy().T, strict=True))
 
 
 def _records(data: bytes) -> FloatArray:
@@ -148,46 +154,57 @@ def _all(path: Path, record: int, hints: ReadHints, notes: list[str]) -> FloatAr
         raise FileFormatError(f"expected records of {record} bytes, got {size} bytes", path)
     if rest:
         notes.append(f"{path.name}: the last record was cut off and left out.")
-    return np.fromfile(path, dtype="<f8", count=size // record * (record // 8)).reshape(-1, record // 8).astype(float)
+    rows = np.fromfile(path, dtype="<f8", count=size // record * (record // 8))
+    return rows.reshape(-1, record // 8).astype(float, copy=False)
 
 
 def _velocity(t: FloatArray, rows: FloatArray, notes: list[str]) -> FloatArray:
     """Velocity north, east, down: of the ways to read x, y, z the one that fits the positions. Shape (n, 3)."""
-    x, y, z = rows[:, 4:7].T
-    c, s = np.cos(rows[:, 10]), np.sin(rows[:, 10])
-    level = {
-        "wander-azimuth axes, x at minus the wander angle": (c * x + s * y, c * y - s * x),
-        "wander-azimuth axes, x at the wander angle": (c * x - s * y, c * y + s * x),
-        "north, east": (x, y),
-        "east, north": (y, x),
+    level: dict[str, Callable[[FloatArray], FloatArray]] = {
+        "wander-azimuth axes, x at minus the wander angle": lambda rows: _turned(rows, -1.0),
+        "wander-azimuth axes, x at the wander angle": lambda rows: _turned(rows, 1.0),
+        "north, east": lambda rows: rows[:, 4:7],
+        "east, north": lambda rows: rows[:, [5, 4, 6]],
     }
     first = next(iter(level))
-    default = np.stack((*level[first], z), axis=1)
     if len(t) < 3:
-        return default
+        return level[first](rows)
     step = max(1, len(t) // _MANY)
     k = np.arange(step, len(t) - step, step)
-    r = frames.ecef_from_llh(rows[:, 1:4])
     dt = (t[k + step] - t[k - step])[:, None]
-    v_n = np.einsum("nji,nj->ni", frames.C_en(rows[k, 1:4]), (r[k + step] - r[k - step]) / dt)
+    moved = frames.ecef_from_llh(rows[k + step, 1:4]) - frames.ecef_from_llh(rows[k - step, 1:4])
+    v_n = np.einsum("nji,nj->ni", frames.C_en(rows[k, 1:4]), moved / dt)
     speed = np.hypot(v_n[:, 0], v_n[:, 1])
     moving = (speed > _MOVING) & (dt[:, 0] < 2.5 * step * np.median(np.diff(t)) + 1e-9)
     if moving.sum() < 10:
         notes.append(f"The vehicle hardly moves: its velocities are taken in {first}; the positions cannot confirm it.")
-        return default
-    misfit = {
-        name: float(np.median(np.hypot(vn[k] - v_n[:, 0], ve[k] - v_n[:, 1])[moving] / speed[moving]))
-        for name, (vn, ve) in level.items()
-    }
+        return level[first](rows)
+    some = rows[k]
+    misfit = {}
+    for name, turned in level.items():
+        off = turned(some) - v_n
+        misfit[name] = float(np.median(np.hypot(off[:, 0], off[:, 1])[moving] / speed[moving]))
     best = min(misfit, key=lambda name: (round(misfit[name], 3), list(level).index(name)))
     if misfit[best] > 0.2:
         notes.append(
             f"Velocities fit the positions in no known axes (misfit {misfit[best]:.0%} at best): taken in {first}."
         )
-        return default
-    up = float(np.abs(z[k] - v_n[:, 2])[moving].mean()) > float(np.abs(z[k] + v_n[:, 2])[moving].mean())
+        return level[first](rows)
+    z = some[:, 6]
+    up = float(np.abs(z - v_n[:, 2])[moving].mean()) > float(np.abs(z + v_n[:, 2])[moving].mean())
     notes.append(f"Velocities are in {best}, z {'up' if up else 'down'}: so they fit the positions.")
-    return np.stack((*level[best], -z if up else z), axis=1)
+    velocity = level[best](rows)
+    return velocity * (1.0, 1.0, -1.0) if up else velocity
+
+
+def _turned(rows: FloatArray, sign: float) -> FloatArray:
+    """Velocities north, east, z of those along axes at the wander angle, or at minus it. Shape (n, 3)."""
+    wander = rows[:, 10]
+    if not wander.any():
+        return rows[:, 4:7]
+    c, s = np.cos(wander), sign * np.sin(wander)
+    x, y = rows[:, 4], rows[:, 5]
+    return np.stack((c * x - s * y, c * y + s * x, rows[:, 6]), axis=1)
 
 
 def _accuracy_beside(path: Path) -> Path | None:

@@ -27,7 +27,8 @@ from schuler.recording.formats.receiver_tables import (
 )
 from schuler.recording.formats.sbf_blocks import NOT_USED, Blocks, inertial, load, looks_like, sensor
 from schuler.recording.formats.streams import Stream, stream_of
-from schuler.recording.io.hints import ReadHints, parse_streams
+from schuler.recording.io.hint_texts import parse_streams
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S
 

@@ -26,7 +26,8 @@ from schuler.recording.formats.receiver_tables import (
 )
 from schuler.recording.formats.sbg_frames import Frames, load, looks_like
 from schuler.recording.formats.streams import Stream, stream_of
-from schuler.recording.io.hints import ReadHints, parse_streams
+from schuler.recording.io.hint_texts import parse_streams
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S, TimeBase, gps_from_calendar
 

@@ -72,7 +72,8 @@ def read(path: Path, hints: ReadHints) -> Recording:
     def take(names: dict[str, str], factor: float = 1.0) -> dict[str, Any]:
         if missing := [name for name in names.values() if name not in columns]:
             raise FileFormatError(f"columns are missing: {', '.join(missing)}; write the file anew", path)
-        return {short: np.asarray(columns[name], dtype=np.float64) * factor for short, name in names.items()}
+        with np.errstate(invalid="ignore", over="ignore"):  # numbers of a damaged file, which are refused later
+            return {short: np.asarray(columns[name], dtype=np.float64) * factor for short, name in names.items()}
 
     base = _base(meta, path)
     t = take({"t": "t_s"})["t"]

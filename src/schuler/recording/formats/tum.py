@@ -13,11 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from schuler import files
-from schuler.arrays import IntArray
+from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.formats import local_frame, parts, plain_text, unix_stamps
 from schuler.recording.formats.parts import Table
-from schuler.recording.io.hints import ReadHints, axes_matrix, parse_origin
+from schuler.recording.io import lines
+from schuler.recording.io.hint_texts import axes_matrix, parse_origin
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import TextTable
 from schuler.recording.recording import Recording
 from schuler.recording.series import Trajectory
@@ -65,17 +67,14 @@ def read(path: Path, hints: ReadHints) -> Recording:
     place = local_frame.need_origin(parse_origin(origin), path, "TUM trajectories")
     axes = hints.axes or own.get("axes") or "FLU"
     table = plain_text.open_table(path, (8,), "timestamp tx ty tz qx qy qz qw")
-    rows = plain_text.load(table, 8, allow_truncated=hints.allows("truncated"), notes=notes)
-    seconds, base = unix_stamps.from_unix(
-        {"reference": _stamps(table, rows[:, 0])}, hints.time or own.get("time"), notes
-    )
-    keep = parts.later(seconds["reference"], "poses", path, notes)
-    t, rows = seconds["reference"][keep], rows[keep]
-    q = None if own.get("attitude") == "none" else rows[:, [7, 4, 5, 6]]
+    stamps, poses = _load(table, hints, notes)
+    seconds, base = unix_stamps.from_unix({"reference": stamps}, hints.time or own.get("time"), notes)
+    t, poses = parts.kept(parts.later(seconds["reference"], "poses", path, notes), seconds["reference"], poses)
+    q = None if own.get("attitude") == "none" else poses[:, [6, 3, 4, 5]]
     notes.append("The local frame is taken as east, north, up of the origin.")
     if not own and hints.axes is None:
         notes.append("Axes of the body are not stated; taken as forward, left, up.")
-    values = local_frame.earth_fixed(place, rows[:, 1:4], q, None, axes_matrix(axes), path)
+    values = local_frame.earth_fixed(place, poses[:, :3], q, None, axes_matrix(axes), path)
     hints = replace(hints, axes=None, origin=origin)
     return parts.assemble(path, {"reference": Table({"t": t, **values})}, hints, base, notes)
 
@@ -87,6 +86,17 @@ def _own(path: Path) -> dict[str, str]:
             words = dict(word.partition("=")[::2] for word in line[len(_OWN) :].split())
             return {name: value for name, value in words.items() if name in _OWN_WORDS}
     return {}
+
+
+def _load(table: TextTable, hints: ReadHints, notes: list[str]) -> tuple[IntArray, FloatArray]:
+    """Stamps [ns] and poses; stamps may have more digits than a floating-point number. Shapes (n,), (n, 7)."""
+    found = lines.load_stamps(table, 8, 9, rounded=True, allow_truncated=hints.allows("truncated"))
+    if found is None or not np.isfinite(found[1]).all():
+        rows = plain_text.load(table, 8, allow_truncated=hints.allows("truncated"), notes=notes)
+        return _stamps(table, rows[:, 0]), rows[:, 1:]
+    if found[2]:
+        notes.append(f"{table.path.name}: the last line was cut off and left out.")
+    return found[0], found[1]
 
 
 def _stamps(table: TextTable, values: np.ndarray) -> IntArray:

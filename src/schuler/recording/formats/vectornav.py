@@ -1,4 +1,4 @@
-"""VectorNav logs, binary or ASCII: IMU, GNSS, and the sensor's own solution as reference.
+"""VectorNav logs, binary, ASCII or CSV of VectorNav's programs: IMU, GNSS, and the sensor's own solution as reference.
 
 Packets in ``vectornav_packets``. The sensor's axes are forward-right-down; its accelerometer measures specific force.
 """
@@ -12,7 +12,7 @@ import numpy as np
 
 from schuler.arrays import BoolArray
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.formats import parts
+from schuler.recording.formats import parts, vectornav_csv
 from schuler.recording.formats.parts import Table
 from schuler.recording.formats.receiver_tables import Columns, base_of, keep_timed, pick
 from schuler.recording.formats.streams import Stream, stream_of
@@ -25,7 +25,8 @@ from schuler.recording.formats.vectornav_tables import (
     imu_table,
     reference_table,
 )
-from schuler.recording.io.hints import ReadHints, parse_streams
+from schuler.recording.io.hint_texts import parse_streams
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S, TimeBase
 
@@ -38,13 +39,13 @@ _FIRST_WEEK = 1000.0  # there were no such sensors before; times before are thos
 
 def sniff(head: bytes, path: Path) -> bool:
     """Whether there are two packets or lines of a VectorNav sensor with right checksums among the first bytes."""
-    return looks_like(head)
+    return looks_like(head) or vectornav_csv.looks_like(head)
 
 
 def contents(path: Path) -> list[Stream]:
     """Kinds of packets of the log; those that hold several parts of a recording name the first."""
     made = []
-    log = load(path)
+    log = _load(path, allow_truncated=True)
     for name, rows in log.columns.items():
         held = _held(rows)
         t = rows["startup_s"] + rows["startup_rest"] if "startup_s" in rows else rows.get("sow", np.empty(0))
@@ -81,7 +82,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     parts.check_hints(path, hints, _HINTS, "a VectorNav log")
     if hints.time not in (None, "gps", "local"):
         raise InputError(f"time: a VectorNav log has time='gps' or 'local', got {hints.time!r}")
-    log = load(path)
+    log = _load(path, allow_truncated=hints.allows("truncated"))
     notes, chosen = list(log.notes), parse_streams(hints.streams)
     kind = chosen.get("imu", "")
     if kind and kind not in KINDS:
@@ -109,6 +110,12 @@ def read(path: Path, hints: ReadHints) -> Recording:
     if not tables:
         raise FileFormatError("no packet has a time or a solution; time='local' counts from the sensor's start", path)
     return parts.assemble(path, tables, hints, TimeBase("local") if local else base_of(first), notes)
+
+
+def _load(path: Path, *, allow_truncated: bool) -> Packets:
+    with path.open("rb") as stream:
+        head = stream.read(65536)
+    return vectornav_csv.load(path, allow_truncated=allow_truncated) if vectornav_csv.looks_like(head) else load(path)
 
 
 def _held(rows: Columns) -> list[str]:

@@ -22,7 +22,8 @@ from schuler.recording.formats.streams import Stream, stream_of
 from schuler.recording.formats.xsens_messages import Packets, load, looks_like
 from schuler.recording.formats.xsens_time import TICK, fixes_of, gnss_table, utc_line
 from schuler.recording.io import ubx_solution
-from schuler.recording.io.hints import ReadHints, axes_matrix, parse_streams
+from schuler.recording.io.hint_texts import axes_matrix, parse_streams
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S, TimeBase
 

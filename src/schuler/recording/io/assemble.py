@@ -10,11 +10,13 @@ import numpy as np
 
 from schuler import files, units
 from schuler.arrays import FloatArray
-from schuler.recording.io import checks, columns
+from schuler.recording.io import checks, columns, own
 from schuler.recording.io.clock import stamps
 from schuler.recording.io.gnss_table import gnss_series, reference_path
-from schuler.recording.io.hints import COUNTS, COUNTS_NOTE, ReadHints, axes_matrix, factor, parse_scale, parse_units
+from schuler.recording.io.hint_texts import COUNTS, COUNTS_NOTE, axes_matrix, factor, parse_scale, parse_units
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import HUGE, Raw, check_increasing
+from schuler.recording.io.sources import hashed
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.scalar_series import ScalarSeries
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, Trajectory
@@ -41,8 +43,10 @@ def recording_from(raw: Raw, hints: ReadHints, *, trusted: bool = False, time: T
     FileFormatError, InputError
         If something is missing, contradictory or impossible; with file and line where there is one.
     """
-    made, base = series_from(raw, hints, trusted=trusted, time=time)
-    return Recording(**made, metadata=metadata_of(raw.path, hints, base, raw.notes))
+    with hashed([raw.path]) as sources:
+        made, base = series_from(raw, hints, trusted=trusted, time=time)
+        metadata = metadata_of(raw.path, hints, base, raw.notes, sources())
+    return Recording(**made, metadata=metadata)
 
 
 def series_from(
@@ -75,12 +79,14 @@ def series_from(
     return {series: made}, base
 
 
-def metadata_of(path: Path, hints: ReadHints, time: TimeBase, notes: Iterable[str]) -> Metadata:
-    """Metadata of a file that was read: its name, hash, the hints used and what was done."""
+def metadata_of(
+    path: Path, hints: ReadHints, time: TimeBase, notes: Iterable[str], sources: dict[str, str] | None = None
+) -> Metadata:
+    """Metadata of a file that was read: its name, hash (``sources``, if it is known), hints used, what was done."""
     return Metadata(
         name=hints.name or path.stem,
         time=time,
-        sources={path.name: files.sha256(path)},
+        sources={path.name: files.sha256(path)} if sources is None else sources,
         axes=(hints.axes or "FRD").upper(),
         notes=tuple(notes),
         options=hints.given(),
@@ -121,11 +127,13 @@ def _to_si(raw: Raw, hints: ReadHints, series: str) -> None:
     stated, scale = parse_units(hints.units, hints.kind), parse_scale(hints.scale)
     if isinstance(scale, str):
         raise raw.fault(f"scale={scale!r} names an array, which only .mat and .npz files hold; give numbers")
+    # the time is seen to by _time; other columns become series, and a view would keep all of the file in memory
+    stacked = {"t", *own.JOINED, *columns.EULER} if series in ("imu", "gnss", "reference") else {"t"}
     for name in raw.values:
         group = columns.GROUP[name]
         number = (scale or {}).get(name, (scale or {}).get(group or "", 1.0))
         if group is None:
-            raw.values[name] = raw.values[name] * number
+            raw.values[name] = _times(raw.values[name], number, name in stacked)
             continue
         unit, said = stated.get(group), raw.stated.get(name)
         if unit is not None and said is not None and factor(unit, group, hints.kind) != factor(said, group, hints.kind):
@@ -137,13 +145,18 @@ def _to_si(raw: Raw, hints: ReadHints, series: str) -> None:
         if unit is None:
             unit = _default_unit(raw, group, name)
         raw.unit[group] = raw.unit.get(group) or unit
-        raw.values[name] = raw.values[name] * (number * factor(unit, group, hints.kind))
+        raw.values[name] = _times(raw.values[name], number * factor(unit, group, hints.kind), name in stacked)
     if scale:
         given = ", ".join(f"{n} by {v:g}" for n, v in scale.items())
         raw.notes.append(f"Numbers were multiplied before their units: {given}.")
     used = {g: u for g, u in raw.unit.items() if u not in _SI}
     if used:
         raw.notes.append(f"Converted to SI: {', '.join(f'{g} from {u}' for g, u in used.items())}.")
+
+
+def _times(values: FloatArray, number: float, passing: bool) -> FloatArray:
+    """A column times a number; for 1 itself, if it is only passing through or all there is of its memory."""
+    return values if number == 1.0 and (passing or values.base is None) else values * number
 
 
 def _default_unit(raw: Raw, group: str, name: str) -> str:
@@ -179,20 +192,22 @@ def _time(raw: Raw, hints: ReadHints, base: TimeBase | None) -> tuple[FloatArray
         raise raw.fault("there is a time column and rate is given: leave rate out, or skip the column with -")
     t, base = (raw.values["t"], base) if base is not None else stamps(raw.values["t"], hints.time, raw.fault, raw.notes)
     check_increasing(raw, t)
-    if len(t) > 1 and np.median(np.diff(t)) < SHORTEST_S:
-        raise raw.fault(
-            f"the sample interval is {np.median(np.diff(t)):.3g} s: is the unit of time right (units='t=s')?"
-        )
+    step = np.diff(t)
+    raw.interval = float(np.median(step)) if len(t) > 1 else 1.0 / (hints.rate or np.nan)
+    if len(t) > 1 and raw.interval < SHORTEST_S:
+        raise raw.fault(f"the sample interval is {raw.interval:.3g} s: is the unit of time right (units='t=s')?")
     if hints.offset:
         raw.notes.append(f"{hints.offset:g} s was added to every time stamp.")
         t = t + hints.offset
         check_increasing(raw, t)  # a very large offset leaves no digits for the interval
-    raw.notes += checks.timing_notes(t)
-    return t, base
+        step = np.diff(t)
+    raw.notes += checks.timing_notes(t, step, raw.interval)
+    return t if t.base is None else t.copy(), base  # a view would keep all columns of the file in memory
 
 
 def _imu(raw: Raw, hints: ReadHints, t: FloatArray, trusted: bool) -> ImuSeries:
     triads = {}
+    axes = np.eye(3) if trusted else axes_matrix(hints.axes)
     for group, names in (("accel", columns.ACCEL), ("gyro", columns.GYRO)):
         missing = [name for name in names if name not in raw.values]
         if len(missing) == 3 and hints.allows(f"no-{group}"):
@@ -205,20 +220,32 @@ def _imu(raw: Raw, hints: ReadHints, t: FloatArray, trusted: bool) -> ImuSeries:
                 "file, read the folder with accel= and gyro="
             )
         else:
-            triads[group] = raw.stack(names)
+            triads[group] = _turned(raw, names, axes)
     if not trusted:
-        C_bs = axes_matrix(hints.axes)
         if hints.axes is None:
             raw.notes.append("Axes are not stated; taken as forward, right, down.")
-        elif not np.array_equal(C_bs, np.eye(3)):
+        elif not np.array_equal(axes, np.eye(3)):
             raw.notes.append(f"Axes were turned from {hints.axes.upper()} to forward, right, down.")
-            triads = {group: values @ C_bs.T for group, values in triads.items()}
         _check_imu(raw, hints, t, triads["accel"], triads["gyro"])
     return ImuSeries(t, triads["gyro"], triads["accel"], hints.kind, raw.values.get("temp"))
 
 
+def _turned(raw: Raw, names: tuple[str, ...], C_bs: FloatArray) -> FloatArray:
+    """Three columns in axes turned by quarter turns, as a matrix product with ``C_bs`` would. Shape (n, 3)."""
+    if np.array_equal(C_bs, np.eye(3)):
+        return raw.stack(names)
+    turned = np.empty((len(raw.values[names[0]]), 3))
+    for k, row in enumerate(C_bs):
+        j = int(np.argmax(np.abs(row)))
+        if row[j] > 0.0:
+            turned[:, k] = raw.values[names[j]]
+        else:
+            np.subtract(0.0, raw.values[names[j]], out=turned[:, k])  # no minus zero
+    return turned
+
+
 def _check_imu(raw: Raw, hints: ReadHints, t: FloatArray, accel: FloatArray, gyro: FloatArray) -> None:
-    interval = float(np.median(np.diff(t))) if len(t) > 1 else 1.0 / (hints.rate or np.nan)
+    interval = raw.interval
     if hints.kind == "increment":
         raw.notes.append("The log holds increments over the interval that ends at each stamp.")
         accel, gyro = accel / interval, gyro / interval

@@ -6,8 +6,6 @@ gives it away wherever the sensor rests for a second, whatever its attitude.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from schuler import units
@@ -18,17 +16,22 @@ MAX_FORCE = 200.0 * units.G0  # [m/s^2]
 NORM_TOLERANCE = 0.05  # far above the 0.5 % by which gravity varies and the 3 % of an uncalibrated MEMS sensor [-]
 NO_GRAVITY = 0.5  # a log whose median specific force is less is free fall or holds no gravity [m/s^2]
 JITTER = 0.2  # of the sample interval [-]
-
-Complain = Callable[[str, int | None], Exception]
+_MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
 
 
 def too_large(values: FloatArray, limit: float) -> int | None:
     """First row with a component beyond a limit, ``None`` if there is none. Shape (n, 3)."""
-    rows = np.flatnonzero(np.any(np.abs(values) > limit, axis=1))
-    return int(rows[0]) if len(rows) else None
+    if not largest(values) > limit:
+        return None
+    return int(np.flatnonzero(np.any(np.abs(values) > limit, axis=1))[0])
 
 
-def find_rest(t: FloatArray, accel: FloatArray, gyro: FloatArray) -> slice | None:
+def largest(values: FloatArray) -> float:
+    """Largest absolute value; no array of absolute values is made for it. 0 if there are none."""
+    return float(max(values.max(), -values.min())) if values.size else 0.0
+
+
+def find_rest(t: FloatArray, accel: FloatArray, gyro: FloatArray, interval: float | None = None) -> slice | None:
     """First window of a second or more in which the sensor rests, judged without trusting any unit.
 
     Parameters
@@ -37,6 +40,8 @@ def find_rest(t: FloatArray, accel: FloatArray, gyro: FloatArray) -> slice | Non
         [s]
     accel, gyro : ndarray, shape (n, 3)
         Specific force and angular rate in whatever unit.
+    interval : float, optional
+        Median spacing of the samples, if it is known. [s]
 
     Returns
     -------
@@ -50,26 +55,39 @@ def find_rest(t: FloatArray, accel: FloatArray, gyro: FloatArray) -> slice | Non
     """
     if len(t) < 10:
         return None
-    interval = float(np.median(np.diff(t)))
+    interval = float(np.median(np.diff(t))) if interval is None else interval
     per_window = max(10, int(np.ceil(1.0 / interval)) + 1)
     m = len(t) // per_window
     if m == 0:
         return None
-    f = accel[: m * per_window].reshape(m, per_window, 3)
-    w = gyro[: m * per_window].reshape(m, per_window, 3)
     ends = t[: m * per_window].reshape(m, per_window)
-    norm = np.linalg.norm(f, axis=2)
-    level = norm.mean(axis=1)
-    half = per_window // 2
-    drift = np.abs(norm[:, :half].mean(axis=1) - norm[:, half:].mean(axis=1))
-    steady = (f.std(axis=1).max(axis=1) <= 0.02 * level) & (drift <= 0.01 * level) & (level > 0.0)
-    noise = w.std(axis=1).max(axis=1)
+    level, drift, spread, noise, rate = _windows(accel, gyro, m, per_window)
+    steady = (spread <= 0.02 * level) & (drift <= 0.01 * level) & (level > 0.0)
     quietest, loudest = np.quantile(noise, 0.1), np.quantile(noise, 0.9)
-    rate = np.linalg.norm(w.mean(axis=1), axis=1)
-    quiet = (noise <= 3.0 * quietest) & ((rate <= 0.1 * np.abs(gyro).max()) | (loudest <= 3.0 * quietest))
+    quiet = (noise <= 3.0 * quietest) & ((rate <= 0.1 * largest(gyro)) | (loudest <= 3.0 * quietest))
     whole = ends[:, -1] - ends[:, 0] < 1.5 * per_window * interval  # no gap inside
     found = np.flatnonzero(steady & quiet & whole)
     return slice(int(found[0]) * per_window, int(found[0] + 1) * per_window) if len(found) else None
+
+
+def _windows(accel: FloatArray, gyro: FloatArray, m: int, per_window: int) -> FloatArray:
+    """Of each of m windows: mean norm of the force and its change from the first to the second half, the largest
+    deviation of an axis of the force and of the rate, norm of the mean rate. Shape (5, m).
+    """
+    if len(accel) >= _MANY:
+        from schuler.recording import _kernels
+
+        _kernels.prepare_windows()
+        found = np.empty((5, m))
+        _kernels.windows(np.ascontiguousarray(accel), np.ascontiguousarray(gyro), per_window, found)
+        return found
+    f = accel[: m * per_window].reshape(m, per_window, 3)
+    w = gyro[: m * per_window].reshape(m, per_window, 3)
+    norm = np.linalg.norm(f, axis=2)
+    half = per_window // 2
+    drift = np.abs(norm[:, :half].mean(axis=1) - norm[:, half:].mean(axis=1))
+    spread, noise = (v.std(axis=1).max(axis=1) for v in (f, w))
+    return np.stack((norm.mean(axis=1), drift, spread, noise, np.linalg.norm(w.mean(axis=1), axis=1)))
 
 
 def gravity_fault(
@@ -100,7 +118,7 @@ def gravity_fault(
     if rest is not None:
         window: slice | None = slice(0, max(int(np.searchsorted(t, t[0] + rest, side="right")), 1))
     else:
-        window = find_rest(t, accel, gyro)
+        window = find_rest(t, accel, gyro, interval)
     if window is None:
         level = float(np.median(np.linalg.norm(accel, axis=1)))
         if level >= NO_GRAVITY:
@@ -166,12 +184,22 @@ def _is_gravity(level: float) -> bool:
     return abs(level / 9.81 - 1.0) < 0.08
 
 
-def timing_notes(t: FloatArray) -> list[str]:
-    """Sentences on gaps (steps above 1.5 intervals) and on jitter above a fifth of the interval."""
+def timing_notes(t: FloatArray, step: FloatArray | None = None, interval: float | None = None) -> list[str]:
+    """Sentences on gaps (steps above 1.5 intervals) and on jitter above a fifth of the interval.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        [s]
+    step : ndarray, shape (n - 1,), optional
+        Its differences, if they are known, and
+    interval : float, optional
+        their median. [s]
+    """
     if len(t) < 3:
         return []
-    step = np.diff(t)
-    interval = float(np.median(step))
+    step = np.diff(t) if step is None else step
+    interval = float(np.median(step)) if interval is None else interval
     gap = step > 1.5 * interval
     notes = []
     if gap.any():
@@ -180,7 +208,9 @@ def timing_notes(t: FloatArray) -> list[str]:
             f"The log has {int(gap.sum())} gap{'s' if gap.sum() > 1 else ''} of more than 1.5 sample intervals; the "
             f"longest is {step[longest]:.4g} s at {t[longest]:.3f} s. Nothing was filled in."
         )
-    spread = float(np.quantile(np.abs(step[~gap] - interval), 0.95)) if (~gap).any() else 0.0
+    # the quantile is taken only where some step is as far off as would be told
+    off = np.abs(step - interval) if not gap.any() else np.abs(step[~gap] - interval)
+    spread = float(np.quantile(off, 0.95)) if len(off) and off.max() > JITTER * interval else 0.0
     if spread > JITTER * interval:
         notes.append(
             f"The time stamps jitter: one step in twenty differs from the interval of {interval * 1e3:.4g} ms by more "

@@ -12,7 +12,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.recording.io.hints import parse_time
+from schuler.recording.io.hint_texts import parse_time
 from schuler.timebase import UNIX_TO_GPS_S, WEEK_S, TimeBase, calendar, gps_from_unix, gps_seconds
 
 LATEST_S = 4.0e9  # GPS seconds of the year 2106, beyond any log [s]

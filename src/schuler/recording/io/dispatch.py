@@ -10,7 +10,8 @@ from typing import Any
 from schuler.exceptions import InputError
 from schuler.recording.io import columns, lines
 from schuler.recording.io.gnss_table import reference_from_gnss
-from schuler.recording.io.hints import SATELLITES, SERIES, ReadHints
+from schuler.recording.io.hint_texts import SATELLITES, SERIES
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.satellite_files import read_satellite_file
 from schuler.recording.recording import Recording
 

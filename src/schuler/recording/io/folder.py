@@ -13,7 +13,8 @@ from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.recording.formats import registry
 from schuler.recording.io import dispatch, lines, rtklib, text
 from schuler.recording.io.columns import check_known
-from schuler.recording.io.hints import SATELLITES, SERIES, ReadHints
+from schuler.recording.io.hint_texts import SATELLITES, SERIES
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.satellite_files import channels_of, kinds_of
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries

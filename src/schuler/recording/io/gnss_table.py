@@ -7,13 +7,17 @@ from dataclasses import replace
 import numpy as np
 
 from schuler import frames, rotation, units
-from schuler.arrays import FloatArray, IntArray
+from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.recording.io import columns
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import Raw
 from schuler.recording.recording import Recording
 from schuler.recording.series import QUALITY, GnssSeries, Trajectory
+
+_BLOCK = 8192  # rows whose temporaries stay in the cache
+_MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
+_NEAR = 1e-6  # far above rounding [-]
 
 
 def gnss_series(raw: Raw, hints: ReadHints, t: FloatArray) -> GnssSeries:
@@ -58,7 +62,7 @@ def _geodetic(raw: Raw, hints: ReadHints) -> FloatArray:
     if not raw.has(columns.GEODETIC):
         missing = [name for name in columns.GEODETIC if name not in raw.values]
         raise raw.fault(f"a position needs lat, lon and h, but {', '.join(missing)} is missing: name the columns")
-    llh = raw.stack(columns.GEODETIC)
+    llh = np.stack([raw.values[name] for name in columns.GEODETIC], axis=1)  # of its own: it is changed here
     for column, name, limit in ((0, "latitude", 90.0), (1, "longitude", 360.0)):
         bad = np.flatnonzero(np.abs(llh[:, column]) > (limit + 1e-9) * units.DEG)
         if len(bad):
@@ -69,7 +73,8 @@ def _geodetic(raw: Raw, hints: ReadHints) -> FloatArray:
             )
     # rounding of 90 deg must not make a latitude beyond the pole
     llh[:, 0] = np.clip(llh[:, 0], -0.5 * np.pi, 0.5 * np.pi)
-    llh[:, 1] = np.where(np.abs(llh[:, 1]) <= np.pi, llh[:, 1], frames.wrap_angle(llh[:, 1]))
+    beyond = np.abs(llh[:, 1]) > np.pi
+    llh[beyond, 1] = frames.wrap_angle(llh[beyond, 1])
     if hints.height == "msl":
         llh[:, 2] += float(hints.geoid_separation or 0.0)
         raw.notes.append(
@@ -107,11 +112,12 @@ def _covariance(raw: Raw, hints: ReadHints, names: tuple[str, ...], cross: tuple
             sigma[zero] = given
             raw.notes.append(f"{len(zero)} epochs had no accuracy of {what}; 1-sigma was set to {given}.")
     cov = np.zeros((n, 3, 3))
-    cov[:, [0, 1, 2], [0, 1, 2]] = sigma**2
+    for k in range(3):
+        np.square(sigma[:, k], out=cov[:, k, k])
     if raw.has(cross):
-        upper = ([0, 0, 1], [1, 2, 2])
-        cov[:, upper[0], upper[1]] = cov[:, upper[1], upper[0]] = raw.stack(cross)
-        definite = np.linalg.eigvalsh(cov).min(axis=1) > 0.0
+        for name, (i, j) in zip(cross, ((0, 1), (0, 2), (1, 2)), strict=True):
+            cov[:, i, j] = cov[:, j, i] = raw.values[name]
+        definite = _definite(cov)
         if not definite.all():
             cov[~definite] *= np.eye(3)
             raw.notes.append(
@@ -121,12 +127,32 @@ def _covariance(raw: Raw, hints: ReadHints, names: tuple[str, ...], cross: tuple
     return cov
 
 
+def _definite(cov: FloatArray) -> BoolArray:
+    """Whether symmetric matrices of positive variances are positive definite, by their smallest eigenvalue.
+
+    Eigenvalues are computed only where a correlation, or the determinant of the correlations, comes near to its limit.
+    """
+    safe = np.empty(len(cov), dtype=np.bool_)
+    for start in range(0, len(cov), _BLOCK):
+        block = cov[start : start + _BLOCK]
+        a, b, c = (block[:, k, k] for k in range(3))
+        ab, ac, bc = block[:, 0, 1], block[:, 0, 2], block[:, 1, 2]
+        # squares of correlations; their determinant is 1 + 2 r_ab r_ac r_bc - the sum of the squares
+        with np.errstate(all="ignore"):  # what is not a number is not safe
+            squares = ab * ab / (a * b), ac * ac / (a * c), bc * bc / (b * c)
+            determinant = 1.0 + 2.0 * ab * ac * bc / (a * b * c) - sum(squares)
+        safe[start : start + _BLOCK] = (determinant > _NEAR) & (np.maximum.reduce(squares) < 1.0 - _NEAR)
+    doubtful = np.flatnonzero(~safe)
+    safe[doubtful] = np.linalg.eigvalsh(cov[doubtful]).min(axis=1) > 0.0
+    return safe
+
+
 def _integers(raw: Raw, name: str) -> IntArray | None:
     if name not in raw.values:
         return None
     values = raw.values[name]
-    bad = np.flatnonzero((values != np.round(values)) | (values < 0.0) | (values > 1e6))
-    if len(bad):
+    if not ((values >= 0.0) & (values <= 1e6)).all() or (np.rint(values) != values).any():
+        bad = np.flatnonzero((values != np.round(values)) | (values < 0.0) | (values > 1e6))
         raise raw.fault(f"{name}: expected a whole number, got {values[bad[0]]:g}", int(bad[0]))
     return values.astype(np.int64)
 
@@ -137,15 +163,36 @@ def reference_path(raw: Raw, hints: ReadHints, t: FloatArray) -> Trajectory:
         v = raw.stack(columns.ECEF_VELOCITY) if raw.has(columns.ECEF_VELOCITY) else None
         q = raw.stack(columns.QUATERNION) if raw.has(columns.QUATERNION) else None
         if q is not None:
-            bad = np.flatnonzero(np.abs(np.linalg.norm(q, axis=1) - 1.0) > 1e-3)
+            bad = np.flatnonzero(np.abs(np.sqrt(np.einsum("ni,ni->n", q, q)) - 1.0) > 1e-3)
             if len(bad):
                 raise raw.fault("qw, qx, qy, qz: expected a unit quaternion, scalar first", int(bad[0]))
         return Trajectory(t, raw.stack(columns.ECEF), v, q)
     llh = _geodetic(raw, hints)
     v_n = raw.stack(columns.VELOCITY) if raw.has(columns.VELOCITY) else None
-    C_nb = rotation.dcm_from_rpy(raw.stack(columns.EULER)) if raw.has(columns.EULER) else None
+    rpy = raw.stack(columns.EULER) if raw.has(columns.EULER) else None
     raw.notes.append("The reference is taken as the path of the IMU itself; no lever arm was applied.")
-    return Trajectory.from_geodetic(t, llh, v_n, C_nb)
+    if len(t) >= _MANY:
+        return _compiled(t, llh, v_n, rpy)
+    return Trajectory.from_geodetic(t, llh, v_n, None if rpy is None else rotation.dcm_from_rpy(rpy))
+
+
+def _compiled(t: FloatArray, llh: FloatArray, v_n: FloatArray | None, rpy: FloatArray | None) -> Trajectory:
+    """:meth:`Trajectory.from_geodetic` of many samples."""
+    from schuler.recording import _kernels
+
+    _kernels.prepare_earth_fixed()
+    none = np.empty((0, 3))
+    r = np.empty_like(llh)
+    v_e, q_eb = (np.empty_like(llh) if v_n is not None else none), np.empty((0 if rpy is None else len(t), 4))
+    _kernels.earth_fixed(
+        np.ascontiguousarray(llh),
+        none if v_n is None else np.ascontiguousarray(v_n),
+        none if rpy is None else np.ascontiguousarray(rpy),
+        r,
+        v_e,
+        q_eb,
+    )
+    return Trajectory(t, r, None if v_n is None else v_e, None if rpy is None else q_eb)
 
 
 def reference_from_gnss(recording: Recording) -> Recording:

@@ -1,30 +1,35 @@
 """Numbers in the lines of a text file, read at the speed of compiled code, and the line a fault is on.
 
-The fast way knows only whether a file is good. When it is not, the file is gone through again line by line for the
-first line that is at fault: errors are rare, and then a second pass is the smaller cost.
+Large files go through :mod:`schuler.recording.io.numbers`, others through NumPy. Either knows only whether lines are
+good. When one is not, it is judged field by field; errors are rare, and then a second pass is the smaller cost.
 """
 
 from __future__ import annotations
 
 import csv
+import io
 import itertools
 import re
 import warnings
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO, Literal
 
 import numpy as np
 
-from schuler.arrays import FloatArray
+from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
+from schuler.recording.io.numbers import Numbers, read_numbers
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _DATE = re.compile(r"\d{1,4}[-/:]\d{1,2}[-/:]\d{1,4}")
 _HEAD_BYTES = 1 << 16
+#: Size of a file from which loading the compiled code is worth its half a second. [bytes]
+MANY = 4_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,19 +183,103 @@ def load(
     FileFormatError
         With the line of the first fault.
     """
-    count = None
+    if is_large(table):
+        found = read_numbers(table, n_columns, used)
+        if found is not None and (whole := _all_or_cut(table, n_columns, used, found, allow_truncated)) is not None:
+            return found.values.T, whole == "cut"
     values = _fast(table, n_columns, used, None)
+    if values is not None:
+        return values, False
+    count, cut = _check_lines(table.rows(), table, n_columns, used, allow_truncated)
+    if count == 0:
+        raise FileFormatError("there are no rows of numbers", table.path)
+    values = _fast(table, n_columns, used, count)
     if values is None:
-        count, cut = _check_lines(table, n_columns, used, allow_truncated)
-        if count == 0:
-            raise FileFormatError("there are no rows of numbers", table.path)
-        values = _fast(table, n_columns, used, count)
-        if values is None:
-            raise FileFormatError(
-                "cannot be read as a table of numbers; check that it is plain text with one delimiter", table.path
-            )
-        return values, cut
-    return values, False
+        raise FileFormatError(
+            "cannot be read as a table of numbers; check that it is plain text with one delimiter", table.path
+        )
+    return values, cut
+
+
+def load_stamps(
+    table: TextTable, n_columns: int, decimals: int, *, rounded: bool = False, allow_truncated: bool = False
+) -> tuple[IntArray, FloatArray, bool] | None:
+    """The first column of a large table as whole numbers, without loss, and the others; ``None`` if it is not plain.
+
+    Parameters
+    ----------
+    table : TextTable
+    n_columns : int
+        Fields every line must have.
+    decimals : int
+        The whole numbers count 10^-decimals.
+    rounded : bool
+        Further decimals are rounded, half to even; otherwise a table with any is not plain.
+    allow_truncated : bool
+        Leave out a last line that was cut off.
+
+    Returns
+    -------
+    stamps : ndarray of int64, shape (n,)
+    values : ndarray, shape (n, n_columns - 1)
+    truncated : bool
+        Whether a last line was left out.
+
+    Raises
+    ------
+    FileFormatError
+        With the line of the first fault.
+    """
+    if not is_large(table):
+        return None
+    used = list(range(1, n_columns))
+    found = read_numbers(table, n_columns, used, decimals=decimals, rounded=rounded)
+    if found is None:
+        return None
+    whole = _all_or_cut(table, n_columns, [0, *used], found, allow_truncated)
+    return None if whole is None else (found.stamps, found.values.T, whole == "cut")
+
+
+def is_large(table: TextTable) -> bool:
+    """Whether a file is worth compiled code."""
+    return table.path.stat().st_size >= MANY
+
+
+def _all_or_cut(
+    table: TextTable, n_columns: int, used: list[int], found: Numbers, allow_truncated: bool
+) -> Literal["all", "cut"] | None:
+    """Whether numbers are all of the file, or all but a last line that was cut off; ``None`` if other code must look.
+
+    Raises
+    ------
+    FileFormatError
+        If the first line that was not understood is at fault.
+    """
+    count = found.values.shape[1]
+    if count == 0:
+        return None
+    with table.path.open("rb") as stream:
+        if found.rest == stream.seek(0, 2):
+            return "all"
+        stream.seek(0)
+        number = 1 + sum(block.count(b"\n") for block in _blocks(stream, found.rest))
+        text = io.TextIOWrapper(stream, encoding=table.encoding, errors="replace", newline=None)
+        line = next(text)
+        fields = table.split(line)
+        # quotes may go on over the end of a line
+        if not fields or '"' in line or _fault(table, fields, n_columns, used) is None:
+            return None
+        others = ((k, fields) for k, line in enumerate(text, number + 1) if (fields := table.split(line)))
+        first = (number, fields)
+        _check_lines(itertools.chain([first], others), table, n_columns, used, allow_truncated, before=count)
+    return "cut"
+
+
+def _blocks(stream: BinaryIO, size: int) -> Iterator[bytes]:
+    """The first bytes of a file, a piece at a time."""
+    while size > 0 and (block := stream.read(min(size, 1 << 20))):
+        size -= len(block)
+        yield block
 
 
 def _fast(table: TextTable, n_columns: int, used: list[int], count: int | None) -> FloatArray | None:
@@ -234,10 +323,17 @@ def _bare_lines(table: TextTable) -> Generator[str, None, None]:
                 yield text
 
 
-def _check_lines(table: TextTable, n_columns: int, used: list[int], allow_truncated: bool) -> tuple[int, bool]:
-    """Number of good rows, and whether a cut last one follows; raises at the first line at fault."""
-    count, fault = 0, None
-    for number, fields in table.rows():
+def _check_lines(
+    rows: Iterable[tuple[int, list[str]]],
+    table: TextTable,
+    n_columns: int,
+    used: list[int],
+    allow_truncated: bool,
+    before: int = 0,
+) -> tuple[int, bool]:
+    """Number of good rows (``before`` these there are more), and whether a cut last one follows; raises at a fault."""
+    count, fault = before, None
+    for number, fields in rows:
         if fault is not None:
             raise fault
         message = _fault(table, fields, n_columns, used)

@@ -41,6 +41,11 @@ _QUALITY = {1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 7}  # to RTKLIB's numbers; 7 (typed
 _SENTENCE = re.compile(rb"\$([A-Z]{2})(GGA|RMC|GST|VTG|GSA|ZDA)(,[^$*\r\n]*)\*([0-9A-Fa-f]{2})")
 _LOOKS = re.compile(rb"\$[A-Z]{2}(?:GGA|RMC|GLL|GSA|GSV|VTG|ZDA|GST|TXT),[ -~]*\*[0-9A-Fa-f]{2}\r?\n")
 _USED = {"height", "geoid_separation", "sigma", "allow", "offset", "name", "series"}
+#: Fields that are used; a sentence cut short and summed up anew lacks some.
+_FIELDS = MappingProxyType({
+    "GGA": ("quality", "lat", "lon", "alt", "sep", "HDOP", "numSV"), "GST": ("stdLat", "stdLong", "stdAlt"),
+    "GSA": ("VDOP",), "RMC": ("status", "spd", "cog", "date"), "VTG": ("sogk", "cogt"), "ZDA": ("year", "month", "day"),
+})  # fmt: skip
 _DAY_S = 86_400.0
 
 
@@ -97,7 +102,7 @@ def read_nmea(path: Path | str, hints: ReadHints | None = None) -> Recording:
     fixes = [e for e in epochs if "GGA" in e.sentences]
     if not fixes:
         raise FileFormatError("expected NMEA sentences GGA, found none with a right checksum: enable GGA", path)
-    kept = [e for e in fixes if e.sentences["GGA"].quality in _QUALITY and e.sentences["GGA"].lat != ""]
+    kept = [e for e in fixes if e.sentences["GGA"].quality in _QUALITY and _is_place(e.sentences["GGA"])]
     if len(kept) < len(fixes):
         notes.append(f"{len(fixes) - len(kept)} epochs without a fix were left out.")
     if not kept:
@@ -117,7 +122,7 @@ def read_nmea(path: Path | str, hints: ReadHints | None = None) -> Recording:
     gga = [e.sentences["GGA"] for e in kept]
     gnss = GnssSeries(
         t, llh, cov_r_n, v_n, cov_v_n, np.array([_QUALITY[m.quality] for m in gga]),
-        np.array([int(m.numSV or 0) for m in gga]),
+        np.array([int(_number(m.numSV)) for m in gga]),
     )  # fmt: skip
     notes += checks.timing_notes(t)
     return Recording(gnss=gnss, metadata=metadata_of(path, hints, base, notes))
@@ -141,9 +146,12 @@ def _sentences(data: bytes, notes: list[str]) -> Iterator[tuple[str, Any]]:
         try:
             message = NMEAReader.parse(match.group() + b"\r\n", validate=VALNONE)
         except (NMEAMessageError, NMEAParseError, NMEATypeError, ValueError):
+            message = None
+        kind = match.group(2).decode()
+        if message is None or not all(hasattr(message, name) for name in _FIELDS.get(kind, ())):
             strange += 1
             continue
-        yield match.group(2).decode(), message
+        yield kind, message
     if failed:
         notes.append(f"{failed} sentences with a wrong checksum were left out.")
     if strange:
@@ -203,7 +211,7 @@ def _positions(path: Path, kept: list[_Epoch], hints: ReadHints, notes: list[str
     for row, e in enumerate(kept):
         gga = e.sentences["GGA"]
         separation = hints.geoid_separation if hints.geoid_separation is not None else gga.sep
-        if separation in ("", None) or gga.alt in ("", None):
+        if not (_is_number(separation) and _is_number(gga.alt)):
             raise FileFormatError(
                 "GGA gives heights above mean sea level without a geoid separation: say height='msl' and "
                 "geoid_separation=... [m]",
@@ -290,16 +298,25 @@ def _course(sentences: dict[str, Any]) -> tuple[float, float | None] | None:
     """Speed over ground [m/s] and course [rad] of RMC or VTG; a receiver at rest leaves the course out."""
 
     def course(value: Any) -> float | None:
-        return None if value in ("", None) else float(value) * units.DEG
+        return float(value) * units.DEG if _is_number(value) else None
 
     rmc, vtg = sentences.get("RMC"), sentences.get("VTG")
-    if rmc is not None and rmc.status == "A" and rmc.spd not in ("", None):
+    if rmc is not None and rmc.status == "A" and _is_number(rmc.spd):
         return float(rmc.spd) * units.KNOT, course(rmc.cog)
-    if vtg is not None and vtg.sogk not in ("", None):
+    if vtg is not None and _is_number(vtg.sogk):
         return float(vtg.sogk) * units.KMH, course(vtg.cogt)
     return None
 
 
 def _number(value: Any) -> float:
     """A field as a number, zero where it is empty."""
-    return float(value) if isinstance(value, int | float) else 0.0
+    return float(value) if _is_number(value) else 0.0
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a field is a finite number: empty and damaged ones are text."""
+    return isinstance(value, int | float) and bool(np.isfinite(value))
+
+
+def _is_place(gga: Any) -> bool:
+    return _is_number(gga.lat) and _is_number(gga.lon)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import warnings
+import zipfile
 from pathlib import Path
+from typing import IO, Any
 
 import numpy as np
 
@@ -11,6 +14,10 @@ from schuler.exceptions import FileFormatError
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.variables import recording_of_arrays
 from schuler.recording.recording import Recording
+
+_Array = np.ndarray[Any, np.dtype[Any]]
+_ROOM = 1 << 26  # what any file may unpack to [byte]
+_PACKED = 200  # times its size, beyond that; deflate packs zeros by 1032, no log by more than this
 
 
 def read_numpy(path: Path, hints: ReadHints) -> Recording:
@@ -31,18 +38,46 @@ def read_numpy(path: Path, hints: ReadHints) -> Recording:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            # opened here because NumPy leaves a damaged archive open
-            with path.open("rb") as stream:
-                loaded = np.load(stream, allow_pickle=False)
-                if isinstance(loaded, np.ndarray):
-                    arrays = {"array": loaded}
-                else:
-                    with loaded:
-                        arrays = {name: loaded[name] for name in loaded.files}
+            arrays = _load(path)
         # a damaged file makes zip and header parsers fail in ways that are not listed anywhere
         except Exception as error:
             raise FileFormatError(
                 f"cannot be read as a NumPy file ({error}); it must be complete and hold plain numbers", path
             ) from error
     notes = [f"NumPy reader: {str(warning.message).splitlines()[0]}" for warning in caught]
-    return recording_of_arrays(path, {n: a for n, a in arrays.items() if isinstance(a, np.ndarray)}, hints, notes)
+    return recording_of_arrays(path, arrays, hints, notes)
+
+
+def _load(path: Path) -> dict[str, _Array]:
+    """Arrays by name; NumPy allocates what a header claims, so the claim is compared with what is there first."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        if not stream.read(4).startswith(b"PK"):
+            stream.seek(0)
+            return {"array": _array(stream, size)}
+    arrays: dict[str, _Array] = {}
+    with zipfile.ZipFile(path) as archive:
+        for entry in archive.infolist():
+            if entry.file_size > max(_ROOM, _PACKED * size):
+                raise ValueError(f"{entry.filename} claims {entry.file_size} bytes in a file of {size}")
+            if entry.filename.endswith(".npy"):
+                with archive.open(entry) as member:
+                    arrays[entry.filename.removesuffix(".npy")] = _array(member, entry.file_size)
+    return arrays
+
+
+def _array(stream: IO[bytes], size: int) -> _Array:
+    """The array of a ``.npy`` file of some size [byte]."""
+    version = np.lib.format.read_magic(stream)
+    readers: dict[Any, Any] = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    if version not in readers:
+        raise ValueError(f"version {version}, which only structures have")
+    shape, fortran, dtype = readers[version](stream)
+    count = math.prod(int(length) for length in shape)
+    if dtype.hasobject or dtype.kind not in "fiub" or count < 0 or len(shape) > 32:
+        raise ValueError(f"an array of {dtype} with the shape {shape}")
+    left = size - stream.tell()
+    if count * dtype.itemsize > left:
+        raise ValueError(f"the shape {shape} claims {count * dtype.itemsize} bytes, {left} are there")
+    values = np.frombuffer(stream.read(count * dtype.itemsize), dtype=dtype, count=count)
+    return values.reshape(shape, order="F" if fortran else "C")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.exceptions import FileFormatError, InputError, MissingExtraError
+from schuler.exceptions import FileFormatError, InputError
 from schuler.files import sha256
+from schuler.recording.io import matlab_file
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import ImuSeries
 from schuler.timebase import TimeBase
@@ -43,15 +43,7 @@ def read_openshoe_mat(path: Path | str, *, rate_hz: float, variable: str = "u") 
     path = Path(path)
     if not (np.isfinite(rate_hz) and 1.0 <= rate_hz <= 1e5):
         raise InputError(f"rate_hz: expected a sampling rate of 1 to 1e5 Hz, got {rate_hz!r}")
-    try:
-        from scipy.io import loadmat
-    except ImportError as error:
-        raise MissingExtraError("scipy", "all", "reading MATLAB files") from error
-    try:
-        contents: dict[str, Any] = loadmat(str(path))
-    # a damaged file makes the parser fail in ways that are not listed anywhere
-    except Exception as error:
-        raise FileFormatError(f"cannot be read as a MATLAB file ({error})", path) from error
+    contents = matlab_file.load(path)
     held = ", ".join(k for k in contents if not k.startswith("__"))
     if variable not in contents:
         raise FileFormatError(f"expected a matrix {variable!r}; the file has {held}", path)

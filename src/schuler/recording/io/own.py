@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,8 @@ from schuler import files
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.recording.io import columns, own_satellites
-from schuler.recording.io.hints import SERIES, ReadHints
+from schuler.recording.io.hint_texts import SERIES
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.scalar_series import ScalarSeries
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, Trajectory
@@ -42,6 +43,12 @@ _SECOND = ("heading", "height", *own_satellites.TABLES)
 _ELEMENTS = {"nn": (0, 0), "ne": (0, 1), "nd": (0, 2), "ee": (1, 1), "ed": (1, 2), "dd": (2, 2)}
 
 Columns = own_satellites.Columns
+#: Columns that are put side by side when a series is made of them.
+JOINED = (
+    {*columns.ACCEL, *columns.GYRO, *columns.GEODETIC, *columns.VELOCITY}
+    | {*columns.ECEF, *columns.ECEF_VELOCITY, *columns.QUATERNION}
+) - {"h"}  # a height may be a series of its own
+_BLOCK = 8192  # rows of a few columns, which fit into a cache
 
 
 def package_version() -> str:
@@ -217,8 +224,17 @@ def to_json(document: Mapping[str, Any], indent: int | None = None) -> str:
         raise InputError("metadata: expected finite numbers, got NaN or infinity, which JSON cannot hold") from error
 
 
-def metadata_from(document: Mapping[str, Any], path: Path) -> Metadata:
+def metadata_from(
+    document: Mapping[str, Any], path: Path, hashes: Callable[[], dict[str, str]] | None = None
+) -> Metadata:
     """Metadata of a document, with the file it was read from among the sources.
+
+    Parameters
+    ----------
+    document : mapping
+    path : Path
+    hashes : callable, optional
+        Returns the hash of the file by its name, where it is taken already (:func:`.sources.hashed`).
 
     Raises
     ------
@@ -227,10 +243,11 @@ def metadata_from(document: Mapping[str, Any], path: Path) -> Metadata:
     """
     try:
         m = document["metadata"]
+        own = {path.name: files.sha256(path)} if hashes is None else hashes()
         return Metadata(
             name=str(m["name"]),
             time=time_from(m["time"]),
-            sources={**{str(k): str(v) for k, v in m["sources"].items()}, path.name: files.sha256(path)},
+            sources={**{str(k): str(v) for k, v in m["sources"].items()}, **own},
             axes=str(m["axes"]),
             notes=tuple(str(note) for note in m["notes"]),
             options=dict(m["options"]),
@@ -298,7 +315,12 @@ def _split(names: tuple[str, ...], values: FloatArray) -> Columns:
 
 
 def _join(names: tuple[str, ...], flat: Columns) -> FloatArray:
-    return np.stack([flat[name] for name in names], axis=1)
+    """Columns side by side, made a block at a time so that the lines of the cache are filled while they are there."""
+    joined = np.empty((len(flat[names[0]]), len(names)))
+    for start in range(0, len(joined), _BLOCK):
+        for k, name in enumerate(names):
+            joined[start : start + _BLOCK, k] = flat[name][start : start + _BLOCK]
+    return joined
 
 
 def _split_cov(stem: str, cov: FloatArray) -> Columns:

@@ -19,12 +19,15 @@ from schuler.exceptions import FileFormatError, InputError, MissingExtraError, S
 from schuler.recording.io import columns, own, own_satellites
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.own import Columns
+from schuler.recording.io.sources import hashed
 from schuler.recording.io.variables import recording_of_arrays
 from schuler.recording.recording import Recording
 
 FORMAT = "schuler/recording/2"
 KEY = b"schuler"
 _FAMILY = FORMAT.rpartition("/")[0]
+_ROOM = 1 << 28  # what any file may unpack to [byte]
+_PACKED = 200  # times its size, beyond that: a log has a time column, which packs by 5
 
 
 def write_parquet(recording: Recording, path: Path | str) -> list[Path]:
@@ -56,7 +59,9 @@ def write_parquet(recording: Recording, path: Path | str) -> list[Path]:
         [pa.field("series", pa.string()), *(pa.field(n, types[n], metadata={"unit": si[n]}) for n in names)],
         metadata={KEY: own.to_json(document).encode()},
     )
-    with files.replacing(path) as temporary, pq.ParquetWriter(temporary, schema) as writer:
+    # noise does not pack: without compression a file is hardly larger, and is read twice as fast; numbers of few
+    # values (of a converter, of a receiver) are kept short by their dictionaries
+    with files.replacing(path) as temporary, pq.ParquetWriter(temporary, schema, compression="none") as writer:
         for series, table in flat.items():
             rows = own.rows(table)
             nothing = {kind: pa.nulls(rows, kind) for kind in (pa.int64(), pa.float64())}  # shared by all its columns
@@ -84,8 +89,9 @@ def read_parquet(path: Path, hints: ReadHints) -> Recording:
             return _read_foreign(path, file, hints)
         own.refuse_hints(hints, path)
         own.check_format(document.get("format"), FORMAT, path, document.get("package"))
-        metadata = own.metadata_from(document, path)
-        made = _parts(path, file, document)
+        with hashed([path]) as sources:
+            made = _parts(path, file, document)
+            metadata = own.metadata_from(document, path, sources)
     if hints.name:
         metadata = replace(metadata, name=hints.name)
     return Recording(**made, metadata=metadata)
@@ -108,7 +114,7 @@ def _parts(path: Path, file: Any, document: Mapping[str, Any]) -> dict[str, Any]
             satellites[name] = flat
             continue
         try:
-            made[name] = own.unflatten(name, flat, str(entry.get("kind", "rate")))
+            made[name] = own.unflatten(name, _of_their_own(flat), str(entry.get("kind", "rate")))
         except KeyError as error:
             raise FileFormatError(f"the column {error} of {name} is missing; write the file anew", path) from error
         except SchulerError as error:
@@ -124,6 +130,11 @@ def _row_group(path: Path, file: Any, group: int, name: str) -> Columns:
     if not found:
         raise FileFormatError(f"the columns of {name} are missing; write the file anew", path)
     return found
+
+
+def _of_their_own(flat: Columns) -> Columns:
+    """Columns that become arrays of a series as they are, copied: those of pyarrow cannot be written to."""
+    return {n: a if a.flags.writeable or n in own.JOINED else a.copy() for n, a in flat.items()}
 
 
 def write_table(
@@ -202,7 +213,7 @@ def read_table(path: Path | str, format: str | None = None) -> tuple[Columns, di
     if format is not None:
         own.check_format(document.get("format"), format, path, document.get("package"))
     empty = np.full(table.num_rows, np.nan)
-    return {n: empty if column is None else column for n, column in _to_numpy(table, path).items()}, document
+    return {n: empty if column is None else column.copy() for n, column in _to_numpy(table, path).items()}, document
 
 
 def _open(path: Path) -> tuple[Any, dict[str, Any] | None]:
@@ -211,6 +222,7 @@ def _open(path: Path) -> tuple[Any, dict[str, Any] | None]:
     if not path.is_file():
         raise FileFormatError(f"there is no such file (working folder {Path.cwd()})", path)
     file = _guarded(path, lambda: pq.ParquetFile(path))
+    _guarded(path, lambda: _check_size(file, path))
     text = (file.schema_arrow.metadata or {}).get(KEY)
     if text is None:
         return file, None
@@ -223,6 +235,22 @@ def _open(path: Path) -> tuple[Any, dict[str, Any] | None]:
     if not isinstance(document, dict):
         raise FileFormatError("the document schuler wrote with the file is damaged; write it anew", path)
     return file, document
+
+
+def _check_size(file: Any, path: Path) -> None:
+    """Refuse a file whose numbers would take far more memory than any log of its size: it is damaged, or a trap."""
+    size = path.stat().st_size
+    if file.metadata.num_rows * file.metadata.num_columns * 8 <= _ROOM:
+        return
+    claimed = 0
+    for k in range(file.metadata.num_row_groups):
+        group = file.metadata.row_group(k)
+        for j in range(group.num_columns):
+            column = group.column(j)
+            nothing = column.statistics is not None and column.statistics.null_count == column.num_values
+            claimed += 0 if nothing else column.num_values * 8
+    if claimed > max(_ROOM, _PACKED * size):
+        raise FileFormatError(f"its columns claim {claimed} bytes in a file of {size}: it is damaged", path)
 
 
 def _read_foreign(path: Path, file: Any, hints: ReadHints) -> Recording:
@@ -253,9 +281,7 @@ def _to_numpy(table: Any, path: Path) -> dict[str, np.ndarray[Any, np.dtype[Any]
         if column.null_count == len(column) and len(column):
             result[name] = None
         else:
-            result[name] = _guarded(
-                path, lambda column=column: np.asarray(column.to_numpy(zero_copy_only=False)).copy()
-            )
+            result[name] = _guarded(path, lambda column=column: np.asarray(column.to_numpy(zero_copy_only=False)))
     return result
 
 
@@ -264,6 +290,8 @@ def _guarded(path: Path, action: Any) -> Any:
     pa, _ = _pyarrow("reading Parquet")
     try:
         return action()
+    except SchulerError:
+        raise
     except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
         first = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise FileFormatError(f"cannot be read as Parquet ({first}); is the file complete?", path) from error

@@ -17,7 +17,8 @@ from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.io import checks
 from schuler.recording.io.assemble import metadata_of
 from schuler.recording.io.clock import stamps
-from schuler.recording.io.hints import ReadHints, axes_matrix
+from schuler.recording.io.hint_texts import axes_matrix
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import check_file, encoding_of
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries

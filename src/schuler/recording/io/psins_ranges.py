@@ -14,12 +14,14 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.exceptions import FileFormatError, MissingExtraError
+from schuler.exceptions import FileFormatError
 from schuler.gnss.ephemerides import Ephemerides, KeplerRecords, no_glonass
 from schuler.gnss.observations import Observations
 from schuler.gnss.signals import SPEED_OF_LIGHT, frequency_hz
+from schuler.recording.io import matlab_file
 from schuler.recording.io.assemble import metadata_of
-from schuler.recording.io.hints import ReadHints, axes_matrix
+from schuler.recording.io.hint_texts import axes_matrix
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import check_file
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
@@ -32,6 +34,7 @@ _EPHEMERIS = {
     "sqrt_a": 12, "cic": 14, "omega0": 15, "cis": 16, "i0": 17, "crc": 18, "omega": 19, "omega_dot": 20, "idot": 21,
 }  # fmt: skip
 _PRN, _TOC, _TOE, _WEEK, _ACCURACY, _HEALTH, _TGD = 0, 1, 13, 23, 25, 26, 27
+_LATEST = 1e7  # no time of week or number of a satellite is greater
 _USUAL_ACCURACY = 2.0  # of an ephemeris whose accuracy the file does not have [m]
 
 
@@ -73,8 +76,6 @@ def read_psins_ranges(path: Path | str) -> RangeLog:
     ------
     FileFormatError
         If an array is missing or of another shape, or no ephemeris is filled in.
-    MissingExtraError
-        If SciPy is not installed.
     """
     path = Path(path)
     check_file(path)
@@ -86,7 +87,7 @@ def read_psins_ranges(path: Path | str) -> RangeLog:
         raise FileFormatError(f"expected t0 within a week and increasing times of imu, got t0 = {t0:g}", path)
     C_bs = axes_matrix("RFU")
     series = ImuSeries(t0 + imu[:, 6], imu[:, :3] @ C_bs.T, imu[:, 3:6] @ C_bs.T, "increment")
-    observations, sigma = _observations(arrays["obss"], start)
+    observations, sigma = _observations(path, arrays["obss"], start)
     notes = (
         "Increments were turned from right, forward, up.",
         f"Week {week} is that of the ephemerides; zero seconds of imu is {t0:.6f} s of it.",
@@ -100,15 +101,7 @@ def read_psins_ranges(path: Path | str) -> RangeLog:
 
 
 def _arrays(path: Path) -> dict[str, FloatArray]:
-    try:
-        from scipy.io import loadmat
-    except ImportError as error:
-        raise MissingExtraError("scipy", "all", "reading MATLAB files") from error
-    try:
-        contents: dict[str, Any] = loadmat(str(path))
-    # a damaged file makes the parser fail in ways that are not listed anywhere
-    except Exception as error:
-        raise FileFormatError(f"cannot be read as a MATLAB file ({error}); is it complete?", path) from error
+    contents = matlab_file.load(path, {*_COLUMNS, "t0"})
     arrays = {}
     for name, columns in (*_COLUMNS.items(), ("t0", 1)):
         array = np.asarray(contents.get(name, np.empty((0, 0))))
@@ -117,10 +110,14 @@ def _arrays(path: Path) -> dict[str, FloatArray]:
                 f"expected an array {name} of numbers with {columns} columns, got shape {array.shape}", path
             )
         arrays[name] = array.astype(np.float64)
+    if not np.isfinite(arrays["imu"]).all():
+        raise FileFormatError("expected finite numbers in imu", path)
     return arrays
 
 
-def _observations(obss: FloatArray, start: float) -> tuple[Observations, FloatArray]:
+def _observations(path: Path, obss: FloatArray, start: float) -> tuple[Observations, FloatArray]:
+    if not np.isfinite(obss[:, :2]).all() or np.abs(obss[:, :2]).max() > _LATEST:
+        raise FileFormatError("expected times of week and satellite numbers in the first columns of obss", path)
     order = np.argsort(obss[:, 0], kind="stable")
     tow, prn, pseudorange, carrier, sigma, approach = obss[order].T
     cycle = SPEED_OF_LIGHT / frequency_hz(1, "1C")
@@ -134,7 +131,7 @@ def _observations(obss: FloatArray, start: float) -> tuple[Observations, FloatAr
 
 def _ephemerides(path: Path, ephs: FloatArray) -> tuple[Ephemerides, int]:
     """Ephemerides of the rows that are filled in, and their week."""
-    rows = ephs[(ephs[:, 12] > 0.0) & (ephs[:, _WEEK] > 0.0)]
+    rows = ephs[(ephs[:, 12] > 0.0) & (ephs[:, _WEEK] > 0.0) & np.isfinite(ephs[:, _WEEK])]
     weeks = np.unique(rows[:, _WEEK])
     if len(weeks) != 1:
         raise FileFormatError(f"expected ephemerides of one week, got weeks {weeks.astype(int).tolist()}", path)

@@ -10,8 +10,9 @@ import numpy as np
 
 from schuler import frames, units
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, as_vector3
-from schuler.exceptions import FileFormatError, MissingExtraError
+from schuler.exceptions import FileFormatError
 from schuler.files import sha256
+from schuler.recording.io import matlab_file
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import ImuSeries, Trajectory
 from schuler.timebase import TimeBase
@@ -56,7 +57,7 @@ class PyShoeTrial:
 def is_pyshoe(path: Path | str) -> bool:
     """Whether a file looks like one of these trials, from the names in it."""
     try:
-        return {"imu", "ts", "gt", "trial_error"} <= set(_contents(Path(path)))
+        return {"imu", "ts", "gt", "trial_error"} <= matlab_file.load(Path(path)).keys()
     except FileFormatError:
         return False
 
@@ -94,7 +95,7 @@ def read_pyshoe(path: Path | str, *, uniform_clock: bool = True, place_llh: Arra
     navigation, and the data set's own description.
     """
     path = Path(path)
-    contents = _contents(path)
+    contents = matlab_file.load(path)
     imu, t, gt = (_array(contents, name, path) for name in ("imu", "ts", "gt"))
     t = t.ravel()
     n = len(t)
@@ -135,18 +136,6 @@ def read_pyshoe(path: Path | str, *, uniform_clock: bool = True, place_llh: Arra
     return PyShoeTrial(
         recording, position, labels, thresholds, dict(zip(DETECTORS, map(float, errors), strict=True)), best
     )
-
-
-def _contents(path: Path) -> dict[str, Any]:
-    try:
-        from scipy.io import loadmat
-    except ImportError as error:
-        raise MissingExtraError("scipy", "all", "reading MATLAB files") from error
-    try:
-        return dict(loadmat(str(path)))
-    # a damaged file makes the parser fail in ways that are not listed anywhere
-    except Exception as error:
-        raise FileFormatError(f"cannot be read as a MATLAB file ({error})", path) from error
 
 
 def _array(contents: dict[str, Any], name: str, path: Path) -> FloatArray:

@@ -32,6 +32,8 @@ class Raw:
     notes : list of str
     ellipsoidal : bool
         The file itself says that its heights are ellipsoidal.
+    interval : float
+        Median spacing of the stamps, filled in on the way. [s]
     """
 
     path: Path
@@ -41,6 +43,7 @@ class Raw:
     unit: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     ellipsoidal: bool = False
+    interval: float = float("nan")
 
     def fault(self, message: str, row: int | None = None) -> FileFormatError:
         """An error that names the row by its line, or in a file without lines by its number."""
@@ -54,15 +57,24 @@ class Raw:
         return all(name in self.values for name in names)
 
     def stack(self, names: tuple[str, ...]) -> FloatArray:
-        """Columns side by side. Shape (n, k)."""
-        return np.stack([self.values[name] for name in names], axis=1)
+        """Columns side by side; the array they are the columns of, if that is so. Shape (n, k)."""
+        arrays = [self.values[name] for name in names]
+        whole = arrays[0].base
+        if (
+            isinstance(whole, np.ndarray)
+            and whole.shape == (len(arrays[0]), len(names))
+            and whole.flags.c_contiguous
+            and whole.dtype == np.float64
+            and all(a.base is whole and a.ctypes.data == whole[:, k].ctypes.data for k, a in enumerate(arrays))
+        ):
+            return whole
+        return np.stack(arrays, axis=1)
 
 
 def reject_not_finite(raw: Raw, values: FloatArray) -> None:
     """Raise at the first row that holds NaN, infinity or an impossibly large number. Shape (n, k)."""
-    bad = np.flatnonzero(~np.all(np.abs(values) <= HUGE, axis=1))
-    if len(bad):
-        row = int(bad[0])
+    if values.size and not (values.max() <= HUGE and values.min() >= -HUGE):
+        row = int(np.flatnonzero(~np.all(np.abs(values) <= HUGE, axis=1))[0])
         column = int(np.flatnonzero(~(np.abs(values[row]) <= HUGE))[0])
         raise raw.fault(
             f"column {column + 1}: expected a number, got {values[row, column]:g}; correct or delete the line", row
@@ -71,8 +83,7 @@ def reject_not_finite(raw: Raw, values: FloatArray) -> None:
 
 def check_increasing(raw: Raw, t: FloatArray) -> None:
     """Raise at the first row whose time is not above that of the row before."""
-    step = np.diff(t)
-    if np.any(step <= 0.0):
+    if not (t[1:] > t[:-1]).all() and np.any((step := np.diff(t)) <= 0.0):
         row = int(np.flatnonzero(step <= 0.0)[0]) + 1
         what = "repeats the time of" if step[row - 1] == 0.0 else "is earlier than"
         raise raw.fault(

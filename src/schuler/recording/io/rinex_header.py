@@ -200,7 +200,7 @@ def numbers_in(text: str, width: int, count: int, first: int = 0) -> tuple[float
 def broadcast_leap_seconds(file: RinexFile) -> int | None:
     """GPS time minus UTC as the header has it, from BeiDou's count too. [s]"""
     text = file.first_text("LEAP SECONDS")
-    if text is None or not text[:6].strip().isdigit():
+    if text is None or not text[:6].strip().isdecimal():
         return None
     # BeiDou counts from 2006, when GPS was 14 s ahead of UTC
     return int(text[:6]) + (14 if text[24:27].strip() in ("BDS", "BDT") else 0)

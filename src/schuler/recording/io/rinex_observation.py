@@ -84,6 +84,8 @@ def read_rinex_observation(path: Path | str, *, glonass_channels: Mapping[int, i
         advice = "; read it with read_rinex_navigation" if "navigation" in KINDS[file.kind] else ""
         raise FileFormatError(f"expected a RINEX file of observations, got one of {KINDS[file.kind]}{advice}", path)
     types = types_of(file)
+    if not types:
+        raise FileFormatError("the header names no types of observations: is it complete?", file.path)
     epochs = epochs_of(file, len(next(iter(types.values())).codes))
     if not len(epochs.line):
         raise FileFormatError("there is no complete epoch after the header", file.path)
@@ -222,7 +224,7 @@ def _scale_factors(file: RinexFile, system: str, of_type: SystemTypes) -> FloatA
     for text in file.header.get("SYS / SCALE FACTOR", []):
         if text[0] != " ":
             current, number, count = text[0], text[2:6].strip(), text[8:10].strip() or "0"
-            if number not in ("1", "10", "100", "1000") or not count.isdigit():
+            if number not in ("1", "10", "100", "1000") or not count.isdecimal():
                 raise file.fault(f"SYS / SCALE FACTOR: expected 1, 10, 100 or 1000, got {text.strip()!r}")
             factor = float(number)
             if current == system and int(count) == 0:
@@ -240,7 +242,7 @@ def _header_channels(file: RinexFile) -> dict[int, int]:
     for text in file.header.get("GLONASS SLOT / FRQ #", []):
         for first in range(4, 60, 7):
             name, channel = text[first : first + 3], text[first + 3 : first + 6].strip()
-            if name[:1] == "R" and name[1:].strip().isdigit() and channel.lstrip("-+").isdigit():
+            if name[:1] == "R" and name[1:].strip().isdecimal() and channel.lstrip("-+").isdecimal():
                 channels[satellite(name)] = int(channel)
     return channels
 

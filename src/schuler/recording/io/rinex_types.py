@@ -91,7 +91,7 @@ def _new_types(file: RinexFile) -> dict[str, list[str]]:
     for text in file.header.get(label, []):
         if text[0] != " ":
             system = text[0].upper()
-            if system in found or not text[3:6].strip().isdigit():
+            if system in found or not text[3:6].strip().isdecimal():
                 raise file.fault(f"{label}: expected one list with a count for each system, got {text.strip()!r}")
             counts[system], found[system] = int(text[3:6]), []
         if not system:
@@ -116,7 +116,7 @@ def _new_signal(code: str, system: str, version: float) -> tuple[str, str]:
 def _old_types(file: RinexFile) -> list[str]:
     label = "# / TYPES OF OBSERV"
     texts = file.header.get(label, [])
-    if not texts or not texts[0][:6].strip().isdigit():
+    if not texts or not texts[0][:6].strip().isdecimal():
         raise file.fault(f"the header has no {label!r} with their number: is it a file of observations?")
     count = int(texts[0][:6])
     codes = [code for text in texts for code in text[6:60].split()]

@@ -22,6 +22,7 @@ from schuler.recording.io.gnss_table import gnss_series
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import TextTable
 from schuler.recording.io.raw import Raw, check_increasing, reject_not_finite
+from schuler.recording.io.sources import hashed
 from schuler.recording.recording import Recording
 from schuler.timebase import GPS_EPOCH, UNIX_TO_GPS_S, WEEK_S, calendar, gps_from_unix
 
@@ -102,9 +103,10 @@ def read_pos(path: Path, hints: ReadHints) -> Recording:
         raw.notes.append(f"{hints.offset:g} s was added to every time stamp.")
         t = t + hints.offset
         check_increasing(raw, t)
-    gnss = gnss_series(raw, hints, t)
-    raw.notes += checks.timing_notes(t)
-    return Recording(gnss=gnss, metadata=metadata_of(path, hints, base, raw.notes))
+    with hashed([path]) as sources:
+        gnss = gnss_series(raw, hints, t)
+        raw.notes += checks.timing_notes(t)
+        return Recording(gnss=gnss, metadata=metadata_of(path, hints, base, raw.notes, sources()))
 
 
 def read_header(path: Path) -> PosHeader:

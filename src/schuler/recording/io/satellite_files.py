@@ -120,13 +120,9 @@ def is_psins_ranges(path: Path, head: bytes) -> bool:
     """Whether a file is PSINS's ``.mat`` of increments, ranges and ephemerides, from the names in it."""
     if not head.startswith(b"MATLAB 5.0"):
         return False
-    try:
-        from scipy.io import whosmat
+    from schuler.recording.formats import mat_peek
 
-        return {str(name) for name, _, _ in whosmat(str(path))} >= PSINS_ARRAYS
-    # no SciPy, or a damaged file, which fails in ways that are not listed: the reader of MATLAB files says which
-    except Exception:
-        return False
+    return mat_peek.variables(path).keys() >= PSINS_ARRAYS
 
 
 def _opening(path: Path, head: bytes) -> bytes:

@@ -11,7 +11,8 @@ from typing import Any
 from schuler.exceptions import FileFormatError, SchulerError
 from schuler.recording.io import columns, lines, own, own_satellites
 from schuler.recording.io.assemble import recording_from
-from schuler.recording.io.hints import ColumnSpec, ReadHints, factor, parse_columns, parse_units
+from schuler.recording.io.hint_texts import ColumnSpec, factor, parse_columns, parse_units
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import TextTable
 from schuler.recording.io.raw import Raw
 from schuler.recording.recording import Recording
@@ -137,7 +138,7 @@ def _load(opening: Opening, hints: ReadHints) -> Raw:
     values, truncated = lines.load(opening.table, n_columns, indices, allow_truncated=hints.allows("truncated"))
     if truncated:
         notes.append("The last line was cut off and left out.")
-    arrays = {name: values[:, k].copy() for k, name in enumerate(names)}
+    arrays = {name: values[:, k] for k, name in enumerate(names)}
     return Raw(opening.table.path, arrays, stated, opening.table.line_of, notes=notes)
 
 

@@ -100,6 +100,8 @@ def read_ubx(path: Path | str) -> UbxLog:
         if kind not in by_kind:
             continue
         try:
+            if not _is_whole(kind, frames.data[first + 6 : stop - 2]):
+                raise ValueError("shorter than its contents")
             by_kind[kind].append((order, decode(frames.data[first:stop])))
         # a payload of another length than its counter says; pyubx2 does not list its errors
         except Exception:
@@ -142,6 +144,15 @@ def read_ubx(path: Path | str) -> UbxLog:
         leap,
         tuple(notes),
     )
+
+
+def _is_whole(kind: int, payload: bytes) -> bool:
+    """Whether a payload is as long as its counter says (UBX-22008968, 3.15.14, 3.17.5, 3.17.9); polls have none."""
+    if kind == RAWX:
+        return len(payload) >= 16 + 32 * (payload[11] if len(payload) > 11 else 0)
+    if kind == SFRBX:
+        return len(payload) >= 8 + 4 * (payload[4] if len(payload) > 4 else 0)
+    return len(payload) >= 84  # 92 since protocol 15
 
 
 def read_ubx_recording(path: Path, hints: ReadHints) -> Recording:

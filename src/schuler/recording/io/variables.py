@@ -13,7 +13,8 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
 from schuler.recording.io.assemble import recording_from
 from schuler.recording.io.columns import ACCEL, GYRO, TRIADS
-from schuler.recording.io.hints import ColumnSpec, ReadHints, parse_columns, parse_scale
+from schuler.recording.io.hint_texts import ColumnSpec, parse_columns, parse_scale
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import Raw
 from schuler.recording.recording import Recording
 

@@ -10,6 +10,7 @@ import numpy as np
 from schuler.arrays import ArrayLike, FloatArray
 from schuler.exceptions import InputError
 
+#: How many samples: a number, or a shape (n, axes).
 Shape: TypeAlias = int | tuple[int, ...]
 Start: TypeAlias = Literal["stationary", "zero"]
 

@@ -1,0 +1,129 @@
+"""Text logs with rows that no reader takes: left out or sorted, so that the rest can be judged, and said."""
+
+from __future__ import annotations
+
+import itertools
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler.diagnosis.findings import Finding
+from schuler.exceptions import FileFormatError
+from schuler.recording.io import dispatch, rtklib, text
+from schuler.recording.io.assemble import recording_from
+from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.raw import HUGE, Raw
+from schuler.recording.recording import Recording
+
+
+def repaired(path: Path, hints: ReadHints) -> tuple[Recording, list[Finding]]:
+    """A table with rows left out that have no number or whose time does not increase, and findings on them.
+
+    Parameters
+    ----------
+    path : Path
+    hints : ReadHints
+
+    Raises
+    ------
+    SchulerError
+        If that is not what is wrong with it.
+    """
+    with path.open("rb") as stream:
+        head = stream.read(65536)
+    if b"\x00" in head:
+        raise FileFormatError("only text can be repaired", path)
+    if path.suffix.lower() == ".pos" or rtklib.looks_like_pos(head):
+        return _repaired_pos(path, hints)
+    raw = text._load(text.open_text(path, hints), hints)
+    findings = _without_missing(raw)
+    if "t" in raw.values:
+        findings += _in_order(raw)
+    return recording_from(raw, hints), findings
+
+
+def _without_missing(raw: Raw) -> list[Finding]:
+    names = list(raw.values)
+    bad = np.zeros(len(raw.values[names[0]]), dtype=bool)
+    where = []
+    for name in names:
+        wrong = ~(np.abs(raw.values[name]) <= HUGE)
+        if wrong.any():
+            where.append(name)
+        bad |= wrong
+    if not bad.any():
+        return []
+    _keep(raw, ~bad)
+    text_ = f"{int(bad.sum())} rows hold values that are no numbers ({', '.join(where)}); they were left out here"
+    evidence = {"rows": int(bad.sum()), "columns": where}
+    return [Finding("missing", "error", text_, 1.0, "fill or delete these rows", evidence)]
+
+
+def _in_order(raw: Raw) -> list[Finding]:
+    t = raw.values["t"]
+    findings = []
+    step = np.diff(t)
+    same = int(np.count_nonzero(step == 0.0))
+    back = np.flatnonzero(step < 0.0)
+    if len(back):
+        k = int(back[0])
+        text_ = (
+            f"time stamps go back {len(back)} times, first after {t[k]:.6f} s (to {t[k + 1]:.6f} s): rows were "
+            f"swapped, two "
+            "runs were joined, or a counter wrapped around"
+        )
+        evidence = {"times": len(back), "at_s": float(t[k]), "by_s": float(-step[k])}
+        findings.append(Finding("backward_times", "error", text_, 1.0, "sort the log, or cut it there", evidence))
+    order = np.argsort(t, kind="stable")
+    _keep(raw, order)
+    t = raw.values["t"]
+    first = np.concatenate(([True], np.diff(t) > 0.0))
+    again = int(np.count_nonzero(~first))
+    if again:
+        same = again
+    if same:
+        k = int(np.flatnonzero(~first)[0])
+        text_ = (
+            f"{same} rows repeat the time of another one, first {t[k]:.6f} s: rows were written twice, or the "
+            f"clock is too "
+            "coarse for the rate"
+        )
+        fix = "delete the repeated rows; or leave the stamps out and say rate=..."
+        findings.append(Finding("duplicates", "error", text_, 1.0, fix, {"rows": same, "at_s": float(t[k])}))
+    _keep(raw, first)
+    return findings
+
+
+def _keep(raw: Raw, rows: Any) -> None:
+    raw.values = {name: values[rows] for name, values in raw.values.items()}
+
+
+def _repaired_pos(path: Path, hints: ReadHints) -> tuple[Recording, list[Finding]]:
+    """An RTKLIB solution with its rows sorted and repeated ones left out."""
+    lines = path.read_text(encoding="latin-1").splitlines()
+    head = [line for line in lines if line.startswith("%")]
+    rows = [line for line in lines if line.strip() and not line.startswith("%")]
+    keys = [" ".join(row.split()[:2]) for row in rows]
+    order = sorted(range(len(rows)), key=lambda k: keys[k])
+    findings = []
+    back = sum(b < a for a, b in itertools.pairwise(keys))
+    if back:
+        text_ = f"the epochs of the solution go back {back} times"
+        findings.append(Finding("backward_times", "error", text_, 1.0, "sort the log", {"times": back}, "gnss"))
+    kept: list[int] = []
+    again = 0
+    for k in order:
+        if kept and keys[kept[-1]] == keys[k]:
+            again += 1
+        else:
+            kept.append(k)
+    if again:
+        text_ = f"{again} epochs of the solution are there twice"
+        fix = "delete the repeated rows"
+        findings.append(Finding("duplicates", "error", text_, 1.0, fix, {"rows": again}, "gnss"))
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / path.name
+        copy.write_text("\n".join([*head, *(rows[k] for k in kept)]) + "\n", encoding="latin-1")
+        return dispatch.read_one(copy, hints), findings

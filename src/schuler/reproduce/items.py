@@ -1,0 +1,121 @@
+"""A table or figure of a thesis: how it is computed here, and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+from schuler.reproduce.cells import Cell
+
+if TYPE_CHECKING:
+    from schuler.report.content import Figure
+
+#: exact: formulas and printed digits. statistical: random numbers. hardware: recorded by sensors we do not have, and
+#: emulated by simulated ones of the same parameters.
+Kind: TypeAlias = Literal["exact", "statistical", "hardware"]
+
+#: agrees: with every number the thesis prints. corrected: with its equations after their errors are mended, not (or not
+#: comparably) with what it prints. differs: with the reason. shown: the thesis prints nothing to compare with.
+Verdict: TypeAlias = Literal["agrees", "corrected", "differs", "shown"]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much work to put in; modules cache what several items need by it.
+
+    Attributes
+    ----------
+    quick : bool
+        Reduced runs, the bands wider as their statistics ask for.
+    seed : int
+    """
+
+    quick: bool = True
+    seed: int = 1
+
+    def runs(self, quick: int, full: int) -> int:
+        """Runs of a campaign."""
+        return quick if self.quick else full
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What one item gave.
+
+    Attributes
+    ----------
+    cells : tuple of Cell
+        At least one.
+    reason : str
+        Why cells differ from the thesis: an error of the source, a parameter it leaves out, hardware. Needed where one
+        differs or is compared with corrected equations only.
+    figures : tuple of callable
+        Each gives a figure for page and paper, called only where one is asked for.
+    """
+
+    cells: tuple[Cell, ...]
+    reason: str = ""
+    figures: tuple[Callable[[], Figure], ...] = field(default=(), repr=False)
+
+
+@dataclass(frozen=True)
+class Item:
+    """A table, figure or claim of a thesis.
+
+    Attributes
+    ----------
+    id : str
+        Such as ``table-5.3``, ``fig-3.7``, ``text-4.2``; unique in its thesis. One item may stand for several figures
+        of one experiment: ``fig-3.10`` with ``also`` naming the others.
+    title : str
+        What it shows, in our words.
+    kind : str
+        ``exact``, ``statistical`` or ``hardware`` (which is emulated).
+    run : callable
+        Effort to outcome.
+    also : tuple of str
+        Ids of others that this one covers.
+    """
+
+    id: str
+    title: str
+    kind: Kind
+    run: Callable[[Effort], Outcome]
+    also: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """An item and what it gave.
+
+    Attributes
+    ----------
+    item : Item
+    outcome : Outcome
+    elapsed_s : float
+    """
+
+    item: Item
+    outcome: Outcome
+    elapsed_s: float
+
+    @property
+    def verdict(self) -> Verdict:
+        """From the cells alone; see :data:`Verdict`."""
+        compared = [c for c in self.outcome.cells if c.compared]
+        if not compared:
+            return "shown"
+        if not all(c.agrees for c in compared):
+            return "differs"
+        return "agrees" if any(c.reference == "thesis" for c in compared) else "corrected"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values; ``printed`` and ``ours`` by the name of each cell."""
+        cells = self.outcome.cells
+        return {
+            "id": self.item.id, "title": self.item.title, "class": self.item.kind, "also": self.item.also,
+            "printed": {c.name: c.printed for c in cells if c.printed}, "ours": {c.name: c.ours for c in cells},
+            "verdict": self.verdict, "reason": self.outcome.reason, "cells": [c.to_dict() for c in cells],
+            "elapsed_s": self.elapsed_s,
+        }  # fmt: skip

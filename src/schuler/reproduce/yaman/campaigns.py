@@ -1,0 +1,181 @@
+"""Campaigns that several items of the thesis need, each run once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+
+from schuler.exceptions import InputError
+from schuler.reproduce.items import Effort
+
+if TYPE_CHECKING:
+    from schuler.analysis.field_drive import FieldDrives
+    from schuler.analysis.field_static import StaticDrift
+    from schuler.analysis.field_statistics import FieldCampaign
+    from schuler.analysis.yaman_drive import Drive
+    from schuler.fieldcal.calibration import FieldCalibration
+    from schuler.fieldcal.options import FieldOptions
+    from schuler.filtering.result import NavigationResult
+    from schuler.recording.series import ImuSeries, Trajectory
+    from schuler.sensors.errors import ImuErrors
+
+#: Options of the package, or the source's own: one pass, P1 and P2 as printed, gravity vector from the second half on.
+Form: TypeAlias = Literal["ours", "thesis"]
+
+AUTOMOTIVE, TACTICAL = "yaman-automotive", "yaman-tactical"
+GRADES = (AUTOMOTIVE, TACTICAL)
+#: Runs of a quick campaign by grade.
+_QUICK = {AUTOMOTIVE: 32, TACTICAL: 24}
+#: Units of the static test and of the drives.
+_STATIC, _DRIVEN = (4, 200), (4, 20)
+
+
+@dataclass(frozen=True, eq=False)
+class SingleRun:
+    """One automotive-grade unit, turned by the routine and calibrated.
+
+    Attributes
+    ----------
+    imu : ImuSeries
+        Its log.
+    truth : ImuErrors
+    true : ndarray, shape (p,)
+        The same in the order of the calibration. SI.
+    found : FieldCalibration
+    """
+
+    imu: ImuSeries
+    truth: ImuErrors
+    true: np.ndarray
+    found: FieldCalibration
+
+    def worst(self, names: tuple[str, ...]) -> float:
+        """Largest error of some parameters over their claimed sigma."""
+        c = self.found.calibration
+        z = np.abs(c.values - self.true) / np.sqrt(np.diag(c.covariance))
+        return float(max(z[c.names.index(name)] for name in names))
+
+    def left(self, names: tuple[str, ...]) -> float:
+        """Largest error of some parameters over what was known before."""
+        c = self.found.calibration
+        return float(max(abs(c[n][0] - self.true[c.names.index(n)]) / c.prior_sigma[n] for n in names))
+
+    def reached(self, names: tuple[str, ...]) -> float:
+        """Time from which all of them are known to a tenth of what was known before. [s]"""
+        reached = self.found.history.reached(0.1)
+        return max(reached[name] for name in names)
+
+    def share(self, names: tuple[str, ...], t: float) -> float:
+        """Largest square root of the variance of some parameters over that at the start, at a time."""
+        h = self.found.history
+        k = min(int(np.searchsorted(h.t, t)), len(h.t) - 1)
+        return float(max(h.normalised[k, h.names.index(name)] for name in names))
+
+
+def options_of(form: Form) -> FieldOptions:
+    """Options of the calibration in one of the forms."""
+    from schuler.fieldcal.options import FieldOptions
+
+    return FieldOptions() if form == "ours" else FieldOptions.thesis()
+
+
+@cache
+def single_run(effort: Effort, form: Form) -> SingleRun:
+    """The unit of section 5.1: the same log for both forms."""
+    from schuler.analysis.field_runs import FieldJob, calibrated, simulated_unit
+    from schuler.calibration.parameters import vector
+    from schuler.sensors import catalogue
+
+    job = FieldJob(catalogue.spec(AUTOMOTIVE), options=options_of(form), rests="given" if effort.quick else "found")
+    (imu, _), truth, heading = simulated_unit(job, np.random.SeedSequence(effort.seed))
+    found = calibrated(job, imu, heading)
+    return SingleRun(imu, truth, vector(truth, found.calibration.names), found)
+
+
+@cache
+def campaign(effort: Effort, grade: str, form: Form) -> FieldCampaign:
+    """Monte Carlo of section 5.2: both forms and grades share their draws."""
+    from schuler.analysis.field_campaign import field_campaign
+
+    found = field_campaign(
+        grade, effort.runs(_QUICK[grade], 1000), seed=effort.seed,
+        options=options_of(form), rests="given" if effort.quick else "found",
+        workers=1 if effort.quick else None,
+    )  # fmt: skip
+    if not found.complete:
+        raise KeyboardInterrupt
+    return found
+
+
+@cache
+def static_test(effort: Effort, imu: str) -> StaticDrift:
+    """Units of a data sheet, calibrated and left at rest for a minute, section 6.2.1."""
+    from schuler.analysis.field_static import static_drift
+
+    found = static_drift(
+        imu, effort.runs(*_STATIC), seed=effort.seed, rests="given" if effort.quick else "found",
+        rate_hz=50.0 if effort.quick else 100.0, workers=1 if effort.quick else None,
+    )  # fmt: skip
+    if not found.complete:
+        raise KeyboardInterrupt
+    return found
+
+
+@cache
+def unit_drives(effort: Effort, number: int) -> FieldDrives:
+    """Units of the MPU-6000's sheet: calibrated, switched on again, driven in the nine modes."""
+    from schuler.analysis.field_drive import field_drives
+
+    units = effort.runs(*_DRIVEN)
+    found = field_drives(number, units, seed=effort.seed, rate_hz=50.0 if effort.quick else 100.0)
+    if not found.complete:
+        raise KeyboardInterrupt
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class DriveRuns:
+    """Solutions of one drive with the sensor errors that follow from the source's tables.
+
+    Attributes
+    ----------
+    drive : Drive
+    reference : Trajectory
+        Calibrated IMU with full GPS, as in the source.
+    solutions : dict of str to NavigationResult
+        By the name of the mode.
+    """
+
+    drive: Drive
+    reference: Trajectory
+    solutions: dict[str, NavigationResult]
+
+    def some(self, *names: str) -> dict[str, NavigationResult]:
+        """Some of the modes."""
+        return {name: self.solutions[name] for name in names}
+
+    def rms(self, name: str, quantity: str) -> float:
+        """A number of tables 6.2 and 6.3: over the run, of partial GPS over the outage."""
+        from schuler.analysis.drive_modes import rms_errors
+        from schuler.analysis.yaman_tables import QUANTITIES
+
+        if quantity not in QUANTITIES:
+            raise InputError(f"quantity: expected one of {', '.join(QUANTITIES)}, got {quantity!r}")
+        window = self.drive.outage if name.startswith("Partial") else None
+        errors = rms_errors(self.solutions[name].trajectory, self.reference, window)
+        return float(errors[QUANTITIES.index(quantity)])
+
+
+@cache
+def drive_runs(effort: Effort, number: int) -> DriveRuns:
+    """Trajectories of the nine modes."""
+    from schuler.analysis.drive_modes import mode_solution
+    from schuler.analysis.yaman_drive import Drive
+    from schuler.analysis.yaman_tables import MODES, mode_name
+
+    drive = Drive.of(number, effort.seed, 50.0 if effort.quick else 100.0)
+    reference = mode_solution(drive, "Full", True, False).trajectory
+    return DriveRuns(drive, reference, {mode_name(*mode): mode_solution(drive, *mode) for mode in MODES})

@@ -1,0 +1,116 @@
+"""Every file of the real recordings: ``schuler info`` opens it, or says in one line why not and what would help."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from schuler.cli import main
+from schuler.diagnosis.not_a_log import not_a_log
+
+DATA = Path(os.environ.get("SCHULER_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
+FILES = sorted(str(p.relative_to(DATA)) for p in DATA.rglob("*") if p.is_file()) if DATA.is_dir() else []
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "diagnosis"))
+
+from real_recordings import GOOD  # noqa: E402
+
+#: What a file is by its name: the first rule that fits.
+RULES = (
+    ("no log", r"(^|/)(README|LICENSE)[^/]*$|\.(md|json|tag|gz)$"),
+    ("orbits", r"\.SP3$"),
+    # formats that say all of themselves
+    ("log", r"\.(obs|rnx|nav|pos|ubx|imu|\d\d[nNoOlL])$|/(imu_gpst|vn310-\w+(-after)?)\.csv$|/static_z[^/]*\.csv$"),
+    ("log", r"/(insgpseo_tc\.mat|android_pixel6\.txt)$"),
+    # tables and arrays of which only their owner knows what they are
+    ("hints", r"\.(csv|txt|dat|mat|npz)$"),
+)
+
+
+def kind_of(name):
+    return next(kind for kind, pattern in RULES if re.search(pattern, name, re.IGNORECASE))
+
+
+@pytest.mark.realdata
+def test_there_are_files(shared_data):
+    assert {kind_of(name) for name in FILES} == {kind for kind, _ in RULES}
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("name", FILES)
+def test_every_file_opens_or_is_refused_with_the_reason(shared_data, name, capsys):
+    code = main(["info", str(shared_data / name)])
+    out, err = capsys.readouterr()
+    kind = kind_of(name)
+    if kind == "log":
+        assert code == 0, err
+        assert len(out.splitlines()) >= 2
+        return
+    assert (code, out) == (2, "")
+    assert err.startswith("schuler: ")
+    assert err.count("\n") == 1
+    assert str(shared_data / name) in err
+    if kind == "no log":
+        assert "this is no log but " in err
+    elif kind == "orbits":
+        assert "orbits in SP3 are not read" in err
+    else:
+        assert re.search(r"\b(columns|units|variable)='", err), err
+
+
+#: Logs that need hints, with those of their READMEs.
+HINTED = {
+    name: hints | ({"allow": "norm"} if "ferraris_session" in name else {})
+    for name, (hints, _) in GOOD.items()
+    if hints and not any(isinstance(v, dict) for v in hints.values())
+}
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(("name", "hints"), list(HINTED.items()), ids=list(HINTED))
+def test_logs_open_with_the_hints_of_their_readmes(shared_data, name, hints, capsys):
+    options = [part for key, value in hints.items() for part in (f"--{key}", str(value))]
+    code = main(["info", str(shared_data / name), *options, "--json"])
+    out, err = capsys.readouterr()
+    assert code == 0, err
+    assert json.loads(out)["imu"]["samples"] >= 50
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "what"),
+    [
+        (
+            "notes.txt",
+            b"The car stood still for a minute.\nThen it went round twice.\n",
+            "text for people",
+        ),
+        ("a.json", b'{"units": "g", "rate": 100}\n', "a JSON file"),
+        ("a.bin", b"\x1f\x8b\x08\x00" + b"\x00" * 40, "compressed"),
+        ("a.csv", b"\n \n", "empty"),
+        ("a.csv.tag", b"TIMETAG RTKLIB demo5" + b"\x00" * 40, "RTKLIB's time tags of another file"),
+    ],
+)
+def test_what_is_no_log_is_called_what_it_is(tmp_path, name, content, what, capsys):
+    path = tmp_path / name
+    path.write_bytes(content)
+    assert what in not_a_log(path)
+    assert main(["info", str(path)]) == 2
+    assert f"this is no log but {what}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"t,ax,ay,az,gx,gy,gz\n0,0,0,9.8,0,0,0\n0.01,0,0,9.8,0,0,0\n",
+        b"time stamp of the logger;acceleration along x;y;z\n0;0;0;9.8\n1;0;0;9.8\n2;0;0;9.8\n",
+        b"1 2 3 4\n" * 30,
+    ],
+)
+def test_tables_may_be_logs(tmp_path, content):
+    path = tmp_path / "a.csv"
+    path.write_bytes(content)
+    assert not_a_log(path) is None

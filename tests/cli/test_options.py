@@ -1,0 +1,70 @@
+"""Options of all commands: each is explained, and a place that cannot be written to is refused before any work."""
+
+from __future__ import annotations
+
+import pytest
+
+from schuler.cli import main
+from schuler.cli.app import COMMANDS, METHODS, app
+
+CALLS = [[name] for name in COMMANDS if name != "calibrate"] + [["calibrate", name] for name in METHODS]
+#: Commands that write a folder; what they read does not exist, so that a late check would say so.
+FOLDERS = ["demo", "allan", "budget", "observability", "rotary", "montecarlo", "foot", "navigate", "compare"]
+FOLDERS_OF_METHODS = [f"calibrate {name}" for name in METHODS]
+
+
+def arguments(call):
+    """All arguments of a command, as its help would show them."""
+    found = app
+    for name in call:
+        found = found[name]
+    return found.assemble_argument_collection(parse_docstring=True)
+
+
+@pytest.mark.parametrize("call", CALLS, ids=" ".join)
+def test_every_option_is_explained(call):
+    shown = [a for a in arguments(call) if a.parameter.parse is not False and not a.children]
+    assert shown
+    assert [a.name for a in shown if not a.parameter.help] == []
+
+
+def test_options_of_reading_mean_the_same_in_all_commands():
+    meant = {}
+    for call in CALLS:
+        for a in arguments(call):
+            if a.name in ("--columns", "--units", "--scale", "--rate", "--kind", "--allow", "--json", "--unchecked"):
+                meant.setdefault(a.name, {}).setdefault(a.parameter.help, []).append(" ".join(call))
+    assert {name: texts for name, texts in meant.items() if len(texts) > 1} == {}
+
+
+@pytest.mark.parametrize("command", FOLDERS + FOLDERS_OF_METHODS)
+def test_a_file_in_the_place_of_the_folder_is_refused_first(command, tmp_path, capsys):
+    taken = tmp_path / "taken"
+    taken.write_text("mine", encoding="utf-8")
+    call = command.split() + ([] if command == "demo" else [str(tmp_path / "missing")])
+    call += ["--rates", "30"] if command.endswith("ratetable") else []
+    call += ["--config", str(tmp_path / "missing.toml")] if command in ("navigate", "compare") else []
+    assert main([*call, "--out", str(taken)]) == 2
+    said = capsys.readouterr().err
+    assert "for --out. Expected a folder" in said
+    assert f"{taken} is a file: give another name" in said
+    assert taken.read_text(encoding="utf-8") == "mine"
+    assert main([*call, "--out", str(taken / "in it")]) == 2
+    assert f"{taken} is a file: give another name" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("call", ["simulate x.toml --out", "check x.csv --report", "reproduce du --out"])
+def test_a_folder_in_the_place_of_the_file_is_refused_first(call, tmp_path, capsys):
+    assert main([*call.split(), str(tmp_path)]) == 2
+    assert f"Expected the name of a file; {tmp_path} is a folder" in capsys.readouterr().err
+
+
+def test_what_the_system_refuses_is_one_line(tmp_path, monkeypatch, capsys):
+    # the default folder is not asked for and so not looked at before
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "demo").write_text("mine", encoding="utf-8")
+    monkeypatch.setattr(
+        "schuler.cli.demo.run_demo", lambda *_: (_ for _ in ()).throw(FileExistsError(17, "File exists", "demo"))
+    )
+    assert main(["demo"]) == 2
+    assert capsys.readouterr().err.splitlines()[-1].startswith("schuler: demo: expected a path to read or write")

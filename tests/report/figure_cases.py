@@ -1,0 +1,673 @@
+"""One small result for every figure function of the package, and the figures it makes of it.
+
+:func:`cases` has, by module and name below ``schuler.report``, what calls the function; results are made up where
+numbers do not matter, and computed on the smallest case otherwise. ``run(name)`` is a fixture of ``conftest.py``.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from schuler.units import DEG, DEG_PER_HR, DEG_PER_RTHR
+
+TESTS = Path(__file__).parents[1]
+EXAMPLES = TESTS.parent / "examples"
+RNG = np.random.default_rng
+
+
+def module(path: str) -> Any:
+    """A test module, by its path below the tests: for the results it makes."""
+    file = TESTS / path
+    name = f"figure_cases_{file.stem}"
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(name, file)
+        sys.modules[name] = importlib.util.module_from_spec(spec)
+        sys.path.insert(0, str(file.parent))  # test modules of a folder import each other by name
+        try:
+            spec.loader.exec_module(sys.modules[name])
+        finally:
+            sys.path.remove(str(file.parent))
+    return sys.modules[name]
+
+
+def fixture(path: str, name: str, *arguments: Any) -> Any:
+    """What a fixture of another test module makes."""
+    return getattr(module(path), name).__wrapped__(*arguments)
+
+
+# ------------------------------------------------------------------------------------------------------- results
+
+
+@cache
+def mission():
+    import tomllib
+
+    from schuler.analysis.budget import prepare_budget
+
+    return prepare_budget(tomllib.loads((EXAMPLES / "budget_town.toml").read_text()))
+
+
+@cache
+def covariance():
+    from schuler.analysis.budget import linear_covariance
+    from schuler.sensors.catalogue import spec
+
+    return linear_covariance(mission(), spec("MTi-G-710"))
+
+
+@cache
+def choice():
+    from schuler.analysis.budget import choose_imu, requirement
+    from schuler.sensors.catalogue import spec
+
+    specs = [spec(n) for n in ("MTi-G-710", "LN-200", "flenniken-consumer")]
+    return choose_imu(mission(), requirement("horizontal < 30 m @ 60 s outage"), specs)
+
+
+@cache
+def calibration():
+    return module("calibration/result_cases.py").full()
+
+
+@cache
+def thermal():
+    from schuler.calibration.thermal import calibrate_thermal
+
+    cases = module("calibration/test_thermal.py")
+    return calibrate_thermal(cases.soak_of([-20.0, 5.0, 30.0, 55.0, 30.0, 5.0], noise=1e-3, gap=0.005))
+
+
+@cache
+def field():
+    """A field calibration with its truth, and its log."""
+    path = "report/test_field_figures.py"
+    errors = fixture(path, "errors")
+    imu = fixture(path, "imu", errors)
+    return fixture(path, "found", imu), errors
+
+
+@cache
+def campaign():
+    return module("report/test_field_campaign_figures.py").campaign()
+
+
+@cache
+def modes():
+    cases = module("report/test_drive_mode_figures.py")
+    drive = cases.drive.__wrapped__()
+    return cases.solutions.__wrapped__(drive), drive
+
+
+@cache
+def walked():
+    from schuler.analysis.walk_errors import walk_errors
+    from schuler.filtering.foot import navigate_foot
+
+    recording = fixture("cli/test_foot.py", "recording")
+    result = navigate_foot(recording, {"filter": {"smooth": "stride"}})
+    return result, walk_errors(result, recording.reference)
+
+
+@cache
+def noise():
+    cases = module("report/noise_cases.py")
+    found, imu = cases.identification(), cases.recording()
+    from schuler.report.noise_spectra import log_spectra
+
+    spectra = {name: s for name, s in log_spectra(imu).items() if name in found.axes}
+    lag = np.arange(0.0, 100.0, 5.0)
+    return found, imu, spectra, {name: (lag, np.exp(-lag / 20.0)) for name in found.axes}
+
+
+@cache
+def scattered():
+    """Made up: sixteen runs of an honest filter."""
+    from schuler.analysis.montecarlo.scatter import Scatter
+
+    t = np.linspace(0.0, 100.0, 26)
+    claimed = np.tile(np.sqrt(0.1 + t[:, None] / 100.0), (1, 9))
+    x = claimed * RNG(3).standard_normal((16, len(t), 9))
+    sigma = x.std(axis=0, ddof=1)
+    names = Scatter.__dataclass_fields__
+    values = {
+        "t": t, "mean": x.mean(axis=0), "sigma": sigma, "low": 0.74 * sigma, "high": 1.55 * sigma,
+        "rms": np.sqrt(np.mean(x**2, axis=0)), "claimed": claimed, "runs": 16, "outages": ((40.0, 60.0),),
+        "horizontal": np.quantile(np.hypot(x[:, :, 6], x[:, :, 7]), [0.5, 0.68, 0.95], axis=0).T,
+        "nees": SimpleNamespace(low=0.9, high=1.1, mean=np.mean(x**2 / claimed**2, axis=(0, 2)), probability=0.95),
+    }  # fmt: skip
+    return SimpleNamespace(**{n: v for n, v in values.items() if n in names or n in ("rms",)})
+
+
+@cache
+def unknown():
+    from schuler.analysis.observability import scenario_observability
+
+    return scenario_observability(EXAMPLES / "observability_rotary_z_level.toml")
+
+
+@cache
+def rotary():
+    import tomllib
+
+    from schuler.analysis.rotary.comparison import compare_scenario
+
+    raw = tomllib.loads((EXAMPLES / "rotary_static.toml").read_text())
+    raw["motion"]["duration_s"] = 60.0
+    raw["rates_deg_s"] = [10.0, 40.0]
+    return compare_scenario(raw, runs=1)
+
+
+@cache
+def searched():
+    from schuler.analysis.rotary.scenario import load_rotary
+    from schuler.analysis.rotary.search import search_schemes
+
+    scenario = load_rotary(EXAMPLES / "rotary_static.toml")
+    return search_schemes(scenario.scheme_objective(), scenario.space(), scenario.settings(evaluations=50))
+
+
+@cache
+def turntable():
+    from schuler.analysis.rotary.zupt import TableCase, zupt_study
+    from schuler.analysis.rotary.zupt_runs import zupt_emulation
+
+    study = zupt_study(["NAV440"], [TableCase(duration_s=60.0), TableCase("Z", 30.0, 60.0)])
+    return zupt_emulation([("NAV440", "Z", None), ("NAV440", "Z", 30.0)], runs=2), study
+
+
+@cache
+def driven():
+    from schuler.analysis.rotary.filter_imus import NAV440
+    from schuler.analysis.rotary.integrated import IntegratedDrive
+    from schuler.analysis.rotary.outages import rotary_comparison
+
+    return rotary_comparison(NAV440, 10, drive=IntegratedDrive(NAV440, length_s=150.0, outages=((100.0, 140.0),)))
+
+
+@cache
+def at_rest():
+    from schuler.analysis.rotary.chapter3 import chapter3
+
+    return chapter3("bias", axes=[None, "Z"], rate_hz=10.0, duration_s=60.0, noise=True)
+
+
+@cache
+def static():
+    from schuler.analysis.rotary.emulation import emulation
+    from schuler.analysis.rotary.static import static_test
+
+    unit = emulation("NAV440", rate_hz=2.0)
+    return static_test(unit, rates_deg_s=(20.0, 40.0), runs=10, duration_s=60.0, workers=1)
+
+
+@cache
+def road():
+    from schuler.analysis.rotary.emulation import emulation
+    from schuler.analysis.rotary.kinematic import kinematic_test
+
+    return kinematic_test(emulation("NAV440", rate_hz=5.0), runs=2, workers=1)
+
+
+@cache
+def turned():
+    from schuler.rotary import schemes
+    from schuler.rotary.calibration import calibrate_rotation
+    from schuler.sensors.errors import ImuErrors
+    from schuler.sensors.noise import NoiseModel, White
+
+    cases = module("rotary/test_calibration.py")
+    schedule = schemes.continuous("z", 10.0 * DEG, start=60.0)
+    errors = ImuErrors(b_g=cases.BIAS, M_g=cases.M_G, gyro_noise=NoiseModel((White(0.4 * DEG_PER_RTHR),)))
+    return calibrate_rotation(cases.recording(schedule, errors, 140.0, rate_hz=20.0), schedule, cases.body())
+
+
+@cache
+def modulated():
+    from schuler.rotary import schemes
+    from schuler.rotary.modulation import modulation, turning_vehicle
+    from schuler.rotary.rotating_imu import RotatingMotion
+
+    vehicle = turning_vehicle(np.array([0.8, 0.0, 0.0]), 5.0 * DEG, 72.0)
+    motion = RotatingMotion(vehicle, schemes.continuous("z", 10.0 * DEG))
+    t = np.linspace(0.0, 72.0, 73)
+    return {name: modulation(motion, np.array([30.0, 20.0, 10.0]) * DEG_PER_HR, t) for name in ("a", "b", "c", "d")}
+
+
+@cache
+def accuracy():
+    from schuler.analysis.rotary.accuracy import calibration_trials
+    from schuler.analysis.rotary.emulation import emulation
+    from schuler.rotary.calibration_accuracy import predicted_accuracy
+
+    unit = emulation("NAV440", rate_hz=2.0)
+    predicted = [predicted_accuracy(unit.gyro_random_walk, rate * DEG) for rate in (10.0, 20.0, 60.0)]
+    return {"NAV440": predicted}, {"NAV440": calibration_trials(unit, runs=4, workers=1)}
+
+
+@cache
+def rocket():
+    from schuler.analysis.rocket import rocket_trajectory
+    from schuler.analysis.rocket.budget import impact_budget
+    from schuler.analysis.rocket.influence import influence
+    from schuler.analysis.rocket.scatter import impact_scatter
+
+    simple = module("analysis/rocket/test_scatter.py").SIMPLE
+    T = rocket_trajectory(rate_hz=20.0)
+    scatters = [impact_scatter(T, simple, runs=5, name=name) for name in ("a", "b", "c", "d")]
+    return T, scatters, impact_budget(influence(T), simple.replaced(accel_bias_x=1e-3))
+
+
+@cache
+def heading():
+    from schuler.analysis.heading import constant_bias, heading_bound, heading_outages, recorded_outage, split_bias
+    from schuler.analysis.heading.position import position_outage
+    from schuler.analysis.heading.truth import BiasTruth
+    from schuler.sensors.catalogue import spec
+
+    truth = BiasTruth(0.03, 0.024, 100.0, 0.1)
+    two = constant_bias(1e-3, sigma_heading=1.0, sigma_bias=0.01)
+    three = split_bias(1e-3, 1e-3, 100.0, sigma_heading=1.0, sigma_constant=0.01)
+    bounds = [heading_bound(m, 0.01, duration=100.0) for m in (two, three)]
+    outages = heading_outages(spec("flenniken-consumer"), runs=20, start_s=20.0, outage_s=20.0)
+    recorded = recorded_outage(start_s=20.0, outage_s=20.0, rate_hz=2.0)
+    return bounds, outages, recorded, position_outage(truth, runs=10, start_s=30.0, outage_s=10.0)
+
+
+@cache
+def grown():
+    from schuler.analysis.growth import growth, planar_bounds
+    from schuler.sensors.catalogue import spec
+
+    imu = spec("flenniken-consumer")
+    bounds = planar_bounds(imu, 5.0, runs=50)
+    return growth(imu, np.arange(0.0, 60.0)), bounds
+
+
+@cache
+def cart():
+    from schuler.analysis.hayal_walk import CartWalk
+
+    return CartWalk.of(2.0, 2.0)
+
+
+@cache
+def eight():
+    from schuler.analysis.figure_eight import FigureEight
+    from schuler.analysis.figure_eight_campaign import figure_eight
+    from schuler.analysis.sign_sets import sign_study
+
+    case = FigureEight(outage_s=(10.0, 15.0), duration_s=16.0)
+    return figure_eight(case, 3), sign_study(case, 2)
+
+
+def fan_of(error: float = 1.0):
+    from schuler.analysis.outage_statistics import OutageStatistics
+
+    age = np.arange(31.0)
+    size = 0.1 + age**2 / 100.0
+    e = error * RNG(1).standard_normal((30, 1, 3)) * size[None, :, None]
+    cov = np.einsum("k,ij->kij", size**2, np.eye(3))
+    return OutageStatistics(np.array([30.0]), np.arange(30.0), age, e, np.tile(cov, (30, 1, 1, 1)), "drive")
+
+
+def subject(run: Any, **over: Any) -> Any:
+    from schuler.report.subject import Subject
+
+    how = {
+        "smoothed": run.smoothed, "reference": run.truth, "truth_parameters": run.parameters, "gnss": run.gnss,
+        "ranges": run.ranges,
+    }  # fmt: skip
+    return Subject(run.result, **(how | over))
+
+
+def _hayal() -> dict[str, Callable]:
+    from schuler.calibration.multiposition_study import StudyCase, sweep
+    from schuler.report import hayal_figures as f
+
+    ours = {"case 1": np.array([0.5, 1.0, 2.0])[:, None] * np.ones(9)}
+    cases = [(s, o, m) for o in (3, 9) for s in (1, 2, 3, 4) for m in (1.0, 3.0, 5.0)]
+    grid = SimpleNamespace(total=lambda imu, seeding, length: 1.0 + length + len(seeding))
+    return {
+        "sigma_figure": lambda: f.sigma_figure("t", {"case 1": np.ones(9)}, ours),
+        "sweep_figure": lambda: f.sweep_figure(
+            sweep(StudyCase("gyro"), "rate_factor", (1.0, 10.0), 4, RNG(1)), "rate_factor"
+        ),
+        "outage_figure": lambda: f.outage_figure(grid, "HG1700", 10),
+        "short_outage_figure": lambda: f.short_outage_figure(
+            "HG1700", dict.fromkeys(cases, 0.1), dict.fromkeys(cases, 0.11), (0.1, 0.1), 0.05
+        ),
+        "walk_figure": lambda: f.walk_figure(cart()),
+        "earth_rate_figure": lambda: f.earth_rate_figure(0.8),
+    }
+
+
+def _stefanisko() -> dict[str, Callable]:
+    from schuler.report import stefanisko_figures as f
+
+    t = np.linspace(0.0, 10.0, 101)
+    r = np.column_stack([t, t**2, 0.0 * t])
+    x = RNG(1).standard_normal((101, 6))
+    C = np.tile(np.eye(3), (101, 1, 1))
+    found = SimpleNamespace(r_n=r + 1e-3, C_nb=C)
+    ones = np.ones(3)
+    return {
+        "samples_figure": lambda: f.samples_figure(t, x[:, :3], x[:, 3:], (1.0, 1.0)),
+        "track_figure": lambda: f.track_figure(t, r, 0.1 * t, found),
+        "paths_figure": lambda: f.paths_figure(dict.fromkeys("abcd", r)),
+        "drift_figure": lambda: f.drift_figure(t, np.stack([r, 1.1 * r, 0.9 * r]), "t"),
+        "moving_mean_figure": lambda: f.moving_mean_figure(t, t, 0.1 * t),
+        "gnss_figure": lambda: f.gnss_figure(t, x[:, :3], x[:, 3:], (ones, ones)),
+        "fused_figure": lambda: [f.fused_figure(eight()[0], part, "t", ones) for part in ("position", "biases")],
+        "sign_figure": lambda: f.sign_figure(eight()[1]),
+        "zupt_figure": lambda: f.zupt_figure(t, x, 0.0 * x + 1.0, np.zeros(6)),
+    }
+
+
+def _charts() -> dict[str, Callable]:
+    from schuler.characterisation import allan_deviation, autocorrelation
+    from schuler.characterisation.comparison import overlay
+    from schuler.report import chart_figures as f
+
+    cases = module("report/test_chart_figures.py")
+    x = cases.X[:500]
+    curve = allan_deviation(x, 2.0)
+    r = autocorrelation(x, 2.0)
+    t = 0.5 * np.arange(len(x))
+    seven = [f"{k}" for k in range(7)]
+    two = np.array([1.0, 10.0])
+    return {
+        "log_figure": lambda: f.log_figure(t, x, x, "deg/s"),
+        "allan_figure": lambda: f.allan_figure(dict.fromkeys(seven, curve), [(curve.tau, curve.deviation)], "deg/s"),
+        "correlation_figure": lambda: f.correlation_figure(dict.fromkeys(seven, r), {"model": (r.lag, 0.0 * r.lag)}),
+        "overlay_figure": lambda: f.overlay_figure({"one": overlay(cases.MODEL, x, 2.0, RNG(2), runs=39)}, "deg/s"),
+        "series_figure": lambda: f.series_figure(t, dict.fromkeys(seven, x), "time [s]", "rate [deg/s]", "t"),
+        "sweep_figure": lambda: f.sweep_figure(two, dict.fromkeys("ab", (two, 0.1 * two)), "x [-]", "y [-]", "t"),
+    }  # fmt: skip
+
+
+def _outages() -> dict[str, Callable]:
+    from schuler.report import outage_figures as f
+
+    cases = module("report/test_outage_figures.py")
+    t = np.arange(100.0)
+
+    def separation():
+        from schuler.analysis.separation import Separation
+
+        return Separation(t, RNG(1).standard_normal((100, 9)), np.tile(np.eye(9), (100, 1, 1)), ((50.0, 60.0),))
+
+    return {
+        "fan": lambda: f.fan(fan_of()),
+        "architectures": lambda: f.architectures(cases.comparison.__wrapped__()),
+        "separation": lambda: f.separation(separation()),
+    }
+
+
+def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
+    """Figures of a navigation run, by module and name."""
+    from schuler.gnss.point import solve_points
+    from schuler.report import accuracy as a
+    from schuler.report import (
+        by_satellite,
+        estimates,
+        figures,
+        residuals,
+        run_outages,
+        satellites_view,
+        separation,
+        track,
+    )
+
+    def three():
+        """A run of three outages, for a fan."""
+        return run("make_run")(outages=((30.0, 38.0), (50.0, 58.0), (70.0, 78.0)))
+
+    def kinds(name):
+        s = subject(run(name))
+        return [residuals.innovations(s, kind) for kind in residuals.kinds(s)]
+
+    def blocks(name):
+        s = subject(run(name))
+        return [estimates.parameters(s, *group) for group in estimates.groups(s.result)]
+
+    def ranges():
+        return run("everything").ranges
+
+    def of_satellites():
+        return [by_satellite.innovations(subject(run("everything")), kind) for kind in residuals.OF_SATELLITES]
+
+    full = lambda **over: subject(run("full"), **over)  # noqa: E731
+    return {
+        "accuracy.horizontal": lambda: a.horizontal(full()),
+        "accuracy.errors": lambda: [a.errors(full(), block) for block in ("dr", "dv", "dpsi")],
+        "accuracy.sigmas": lambda: a.sigmas(full()),
+        "accuracy.normalised_errors": lambda: a.normalised_errors(full()),
+        "accuracy.outage_figure": lambda: a.outage_figure(full()),
+        "by_satellite.innovations": of_satellites,
+        "estimates.parameters": lambda: blocks("full") + blocks("everything"),
+        "figures.overview_content": lambda: [figures.overview_content(s) for s in (full(), full(reference=None))],
+        "residuals.innovations": lambda: kinds("wild") + kinds("everything"),
+        "run_outages.outage_fan": lambda: run_outages.outage_fan(subject(three())),
+        "satellites_view.sky": lambda: satellites_view.sky(ranges()),
+        "satellites_view.timeline": lambda: satellites_view.timeline(ranges(), subject(run("everything"))),
+        "satellites_view.geometry": lambda: satellites_view.geometry(ranges(), solve_points(ranges(), integrity=None)),
+        "satellites_view.strengths": lambda: satellites_view.strengths(ranges()),
+        "satellites_view.satellite_figures": lambda: satellites_view.satellite_figures(ranges()),
+        "separation.separation": lambda: separation.separation(full()),
+        "track.track": lambda: [track.track(full()), track.track(subject(run("wild")))],
+        "track.profile": lambda: track.profile(full()),
+        "track.motion": lambda: track.motion(full()),
+    }  # fmt: skip
+
+
+def _diagnosed():
+    from schuler.diagnosis.diagnose import diagnose
+    from schuler.report.diagnosis_figures import figures
+
+    return figures(diagnose(module("diagnosis/diagnosis_drives.py").drive(duration=90.0)))
+
+
+def _deep() -> dict[str, Callable]:
+    from schuler.analysis import deep_scene, deep_study
+    from schuler.report import deep_figures as f
+
+    study = cache(lambda: deep_study.deep_study(deep_scene.agile, (30.0, 20.0), runs=1, seconds=6.0, window=(1.0, 3.0)))
+    return {
+        "overview_content": lambda: f.overview_content(study()),
+        "discriminators_content": lambda: f.discriminators_content(),
+    }
+
+
+def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
+    """All of them: by ``module.function`` what makes one figure or several."""
+    import schuler.report.observability_figures as observability_figures
+    from schuler.calibration.plans import attitude_plan
+    from schuler.report import (
+        budget_figures,
+        calibration_figures,
+        calibration_panels,
+        drive_mode_figures,
+        field_campaign_figures,
+        field_drive_figures,
+        field_families,
+        field_figures,
+        field_panels,
+        field_static_figures,
+        foot_figures,
+        growth_figures,
+        heading_figures,
+        montecarlo_figures,
+        noise_figures,
+        noise_panels,
+        noise_spectra,
+        pose_figure,
+        rocket_figures,
+        rotary_figures,
+        rotary_filter_figures,
+        rotary_static_figures,
+        rotary_thesis_figures,
+        routine_figures,
+        thermal_figure,
+    )
+    from schuler.report.field_output_figures import outputs
+
+    b, c, fp, fo = budget_figures, calibration_panels, field_panels, foot_figures
+    r, s, th = rotary_filter_figures, rotary_static_figures, rotary_thesis_figures
+    m, h, g = montecarlo_figures, heading_figures, growth_figures
+
+    def budget():
+        from schuler.analysis.budget import budget_of
+
+        return budget_of(covariance(), "horizontal", 149.0)
+
+    def drive_mode(name, *more):
+        solutions, drive = modes()
+        return getattr(drive_mode_figures, name)(solutions, drive.raw.reference, *(drive.outage for _ in more))
+
+    def output(truth):
+        before, true = module("report/test_field_output_figures.py").logs()
+        return outputs(before, true, truth=true if truth else None)
+
+    def drives():
+        return fixture("report/test_field_drive_figures.py", "found")
+
+    def noise_of(function, *which):
+        return function(noise()[0], *(noise()[k] for k in which))
+
+    def perfect():
+        from schuler.fieldcal.routine import RoutineMotion, thesis_routine
+        from schuler.simulation.imu import ideal_imu
+
+        routine = thesis_routine(dwell_s=2.0, repeats=1)
+        return routine, ideal_imu(RoutineMotion(routine, np.array([0.7, 0.0, 0.0])), 10.0)
+
+    def readings():
+        from schuler.fieldcal.routine import RoutineMotion
+        from schuler.recording.series import ImuSeries
+        from schuler.simulation.motion import ideal_rates
+
+        t = np.arange(0.0, 60.0, 0.1)
+        gyro, accel = ideal_rates(RoutineMotion(perfect()[0], np.array([0.7, 0.0, 0.0])), t)
+        return ImuSeries(t, gyro, accel)
+
+    def bounds_beside():
+        _, found = grown()
+        closed = {name: {"heading": found.sigma["heading"]} for name in "abcd"}
+        return g.beside_figure(dict.fromkeys("abcd", found), ("heading", "velocity_north"), closed, "t")
+
+    def driven_motion():
+        from schuler.analysis.rotary.drive import drive
+
+        return drive(np.array([0.8, 0.0, 0.0]), rest_s=10.0)
+
+    def histories():
+        runs = list(at_rest().runs.values())
+        return s.history_figure({"conventional": runs[0], "II": runs[1]}, random_walk=1e-4)
+
+    out = {
+        "budget_figures.budget_content": lambda: [b.budget_content(budget()), b.budget_content(budget(), single=True)],
+        "budget_figures.covariance_content": lambda: b.covariance_content(covariance(), mission()),
+        "budget_figures.choice_content": lambda: b.choice_content(choice()),
+        "calibration_figures.calibration_content": lambda: calibration_figures.calibration_content(calibration()),
+        "calibration_panels.all_figures": lambda: c.all_figures(calibration()),
+        "calibration_panels.residuals": lambda: c.residuals(calibration()),
+        "calibration_panels.coverage": lambda: c.coverage(calibration()),
+        "calibration_panels.before_after": lambda: c.before_after(calibration()),
+        "calibration_panels.parameters": lambda: c.parameters(calibration()),
+        "diagnosis_figures.figures": _diagnosed,
+        "drive_mode_figures.position_figure": lambda: drive_mode("position_figure", "outage"),
+        "drive_mode_figures.velocity_figure": lambda: drive_mode("velocity_figure"),
+        "drive_mode_figures.attitude_figure": lambda: drive_mode("attitude_figure"),
+        "drive_mode_figures.outage_figure": lambda: drive_mode("outage_figure", "outage"),
+        "field_campaign_figures.campaign_content": lambda: [
+            field_campaign_figures.campaign_content(campaign(), which) for which in ("residual", "modelled", "left")
+        ],
+        "field_campaign_figures.histograms": lambda: field_campaign_figures.histograms(
+            campaign(), "normalised", campaign().names
+        ),
+        "field_campaign_figures.left": lambda: field_campaign_figures.left(campaign(), campaign().names),
+        "field_drive_figures.modes": lambda: field_drive_figures.modes(drives()),
+        "field_families.family_figure": lambda: field_families.family_figure(field()[0], ("b_a_x",), field()[1]),
+        "field_figures.field_content": lambda: field_figures.field_content(field()[0], "estimates", truth=field()[1]),
+        "field_output_figures.outputs": lambda: [output(k) for k in (False, True)],
+        "field_panels.field_panels": lambda: fp.field_panels(*field()),
+        "field_panels.convergence": lambda: fp.convergence(field()[0]),
+        "field_panels.estimates": lambda: fp.estimates(*field()),
+        "field_panels.rests": lambda: fp.rests(field()[0]),
+        "field_panels.innovations": lambda: fp.innovations(field()[0]),
+        "field_static_figures.drift": lambda: field_static_figures.drift(
+            fixture("report/test_field_static_figures.py", "found")
+        ),
+        "foot_figures.track": lambda: fo.track(*walked()),
+        "foot_figures.heights": lambda: fo.heights(walked()[0]),
+        "foot_figures.detector": lambda: fo.detector(walked()[0]),
+        "foot_figures.strides": lambda: fo.strides(walked()[0]),
+        "foot_figures.error_figure": lambda: fo.error_figure(*walked()),
+        "foot_figures.overview_content": lambda: [fo.overview_content(walked()[0]), fo.overview_content(*walked())],
+        "growth_figures.growth_figure": lambda: g.growth_figure(grown()[0]),
+        "growth_figures.bounds_figure": lambda: g.bounds_figure(grown()[1]),
+        "growth_figures.beside_figure": bounds_beside,
+        "growth_figures.difference_figure": lambda: g.difference_figure(
+            grown()[1].t, {"heading": grown()[1].sigma["heading"]}, {"heading": grown()[1].sigma["heading"]}
+        ),
+        "heading_figures.bound_figure": lambda: h.bound_figure(heading()[0][0], {"three states": heading()[0][1]}),
+        "heading_figures.outage_figure": lambda: h.outage_figure(heading()[1], ("Gauss-Markov",)),
+        "heading_figures.recorded_figure": lambda: h.recorded_figure(heading()[2], 20.0),
+        "heading_figures.position_figure": lambda: h.position_figure(heading()[3]),
+        "montecarlo_figures.all_figures": lambda: m.all_figures(scattered()),
+        "montecarlo_figures.scatter_figure": lambda: m.scatter_figure(scattered()),
+        "montecarlo_figures.horizontal_figure": lambda: m.horizontal_figure(scattered()),
+        "montecarlo_figures.nees_figure": lambda: m.nees_figure(scattered()),
+        "noise_figures.all_figures": lambda: noise_figures.all_figures(
+            noise()[0], imu=noise()[1], spectra=noise()[2], correlations=noise()[3]
+        ),
+        "noise_panels.allan": lambda: noise_of(noise_panels.allan),
+        "noise_panels.comparison": lambda: noise_of(noise_panels.comparison),
+        "noise_panels.ratio": lambda: noise_of(noise_panels.ratio),
+        "noise_spectra.spectrum": lambda: noise_of(noise_spectra.spectrum, 2),
+        "noise_spectra.autocorrelation": lambda: noise_of(noise_spectra.autocorrelation, 3),
+        "noise_spectra.signals": lambda: noise_of(noise_spectra.signals, 1),
+        "observability_figures.observability_figure": lambda: observability_figures.observability_figure(unknown()),
+        "pose_figure.plan_content": lambda: pose_figure.plan_content(attitude_plan(26), 7),
+        "rocket_figures.trajectory_figure": lambda: rocket_figures.trajectory_figure(rocket()[0]),
+        "rocket_figures.scatter_figure": lambda: rocket_figures.scatter_figure(*rocket()[1]),
+        "rocket_figures.ranking_figure": lambda: rocket_figures.ranking_figure(rocket()[2]),
+        "rocket_figures.error_types_figure": lambda: rocket_figures.error_types_figure(),
+        "rotary_figures.scheme_figure": lambda: rotary_figures.scheme_figure(rotary().rotary.schedule, 60.0),
+        "rotary_figures.modulation_figure": lambda: rotary_figures.modulation_figure(rotary()),
+        "rotary_figures.errors_figure": lambda: rotary_figures.errors_figure(rotary()),
+        "rotary_figures.rates_figure": lambda: rotary_figures.rates_figure(rotary()),
+        "rotary_figures.front_figure": lambda: rotary_figures.front_figure(searched()),
+        "rotary_filter_figures.zupt_runs": lambda: r.zupt_runs(turntable()[0], "NAV440", "Z"),
+        "rotary_filter_figures.zupt_sigmas": lambda: r.zupt_sigmas(turntable()[1], "NAV440"),
+        "rotary_filter_figures.sigma_histories": lambda: r.sigma_histories(driven()),
+        "rotary_filter_figures.outage_errors": lambda: r.outage_errors(driven()),
+        "rotary_filter_figures.growth": lambda: r.growth(driven()),
+        "rotary_static_figures.chapter3_figure": lambda: s.chapter3_figure(at_rest(), bias=at_rest()),
+        "rotary_static_figures.history_figure": histories,
+        "rotary_static_figures.rates_figure": lambda: s.rates_figure(static()),
+        "rotary_static_figures.kinematic_figure": lambda: s.kinematic_figure(road()),
+        "rotary_static_figures.calibration_figure": lambda: s.calibration_figure(turned()),
+        "rotary_thesis_figures.modulated_biases": lambda: th.modulated_biases(modulated()),
+        "rotary_thesis_figures.drive_figure": lambda: th.drive_figure(driven_motion(), "t"),
+        "rotary_thesis_figures.drive_attitude": lambda: th.drive_attitude(driven()),
+        "rotary_thesis_figures.singular_values": lambda: th.singular_values(unknown().system, "t", points=3),
+        "rotary_thesis_figures.accuracy_figure": lambda: th.accuracy_figure(*accuracy()),
+        "routine_figures.readings_figure": lambda: routine_figures.readings_figure(readings()),
+        "routine_figures.poses_figure": lambda: routine_figures.poses_figure(perfect()[0]),
+        "thermal_figure.thermal_content": lambda: thermal_figure.thermal_content(thermal()),
+    }
+    for name, group in (
+        ("hayal_figures", _hayal()), ("stefanisko_figures", _stefanisko()), ("chart_figures", _charts()),
+        ("outage_figures", _outages()), ("deep_figures", _deep()),
+    ):  # fmt: skip
+        out |= {f"{name}.{key}": make for key, make in group.items()}
+    return out | _solutions(run)

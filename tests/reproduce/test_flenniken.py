@@ -1,0 +1,216 @@
+"""Flenniken's tables and figures: complete, each with a verdict, none that could not fail."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from schuler.analysis.growth import forms
+from schuler.analysis.heading.linear import LinearModel
+from schuler.analysis.rocket import RocketProfile, rocket_trajectory
+from schuler.reproduce import Effort, reproduce
+from schuler.reproduce.flenniken import ITEMS, NOT_RESULTS, chapter_4, chapter_7
+from schuler.reproduce.items import Result
+from schuler.sensors import catalogue, triads
+from schuler.sensors.noise import terms
+
+#: Every table and figure of the thesis by its caption, and statements of its text that are numbers.
+IDS = {
+    *(f"fig-2.{k}" for k in range(1, 13)), *(f"table-2.{k}" for k in range(1, 5)), "text-2.8",
+    *(f"fig-3.{k}" for k in range(1, 18)), "text-3.7",
+    *(f"fig-4.{k}" for k in range(1, 11)), "text-4.2", "text-4.6",
+    *(f"fig-5.{k}" for k in range(2, 8)),
+    *(f"fig-6.{k}" for k in range(1, 5)), "table-6.1", "table-6.2", "text-6.3",
+    "fig-7.1", "fig-7.2", "fig-7.3", "fig-7.4", "fig-7.5", "text-7.4",  # the text's 7.3 is captioned 7.5
+    "fig-A.1", "fig-A.2", "table-A.1", "fig-B.1", "fig-B.2", "fig-B.3",
+    *(f"fig-D.{k}" for k in range(1, 5)),
+}  # fmt: skip
+
+#: What differs, and why; a new one is a defect of ours until it is explained.
+DIFFERS = {
+    "fig-2.3",  # two readings of one log in the source; a minimum of the chart read at half its time
+    "fig-2.6",  # 1.383e-3 cut to 1.3e-3
+    "fig-2.10",  # the bias adds 4 % at 1 s, which the source takes for white noise
+    "table-2.1",  # 1 ug for 1 mg
+    "fig-3.4",  # no printed setting gives 1 m at 20 s
+    "text-3.7",  # (3.51): 1/8 is to be 1/12
+    "fig-4.2",  # 700 s to settle, not reproduced by any start
+    "text-4.2",  # printed process noise inconsistent in every reading
+    "text-6.3",  # signs of (6.7)
+    "fig-7.1", "fig-7.2",  # numbers of the flight exclude each other
+    "fig-B.1",  # sqrt(2) printed as 1
+    "fig-D.1",  # 180 deg for 90 deg
+}  # fmt: skip
+
+BY_ID = {item.id: item for item in ITEMS}
+
+
+@pytest.fixture(scope="module")
+def done():
+    return reproduce("flenniken")
+
+
+def verdict_of(name, seed):
+    item = BY_ID[name]
+    return Result(item, item.run(Effort(seed=seed)), 0.0).verdict
+
+
+def test_every_table_and_figure_is_an_item():
+    named = [name for item in ITEMS for name in (item.id, *item.also)]
+    assert len(set(named)) == len(named)
+    assert set(named) == IDS
+    assert not IDS & set(NOT_RESULTS)
+    assert {item.kind for item in ITEMS} == {"exact", "statistical", "hardware"}
+
+
+@pytest.mark.realdata
+def test_everything_the_digest_names_is_there(shared_data):
+    """Ranges such as ``Fig 3.1-3.6`` are all of them."""
+    digest = Path(shared_data).parent / "spec" / "seed-flenniken.md"
+    if not digest.exists():
+        pytest.skip(f"the digest is not at {digest}")
+    text = digest.read_text(encoding="utf-8")
+    known = IDS | set(NOT_RESULTS)
+    found = set()
+    pattern = r"\b(Fig|Table)s?\.? ([2-7A-D])\.(\d+)(?:-(?:\2\.)?(\d+))?"
+    for kind, chapter, first, last in re.findall(pattern, text):
+        found |= {f"{kind.lower()}-{chapter}.{k}" for k in range(int(first), int(last or first) + 1)}
+    assert len(found) > 50
+    assert found <= known
+
+
+def test_every_item_has_a_verdict_and_a_reason_where_it_needs_one(done):
+    assert done.complete
+    assert len(done.results) == len(ITEMS)
+    for r in done.results:
+        assert r.outcome.cells, r.item.id
+        if r.verdict in ("differs", "corrected") or r.item.kind == "hardware":
+            assert r.outcome.reason, r.item.id
+        for c in r.outcome.cells:
+            assert math.isfinite(c.ours), (r.item.id, c.name)
+        assert len({c.name for c in r.outcome.cells}) == len(r.outcome.cells), r.item.id  # keys of the JSON
+
+
+def test_what_differs_is_known(done):
+    assert {r.item.id for r in done.results if r.verdict == "differs"} == DIFFERS
+    assert {r.item.id for r in done.results if r.verdict == "corrected"} == {"text-7.4"}
+    # what corrected equations say is met everywhere: only the thesis's own numbers are missed
+    for r in done.results:
+        missed = [c.name for c in r.outcome.cells if c.agrees is False and c.reference == "corrected"]
+        assert not missed, (r.item.id, missed)
+
+
+def test_random_numbers_come_of_the_seed(done):
+    """Every statistical or emulated item gives other numbers with another seed and the same with the same."""
+    for r in done.results:
+        if r.item.kind == "exact":
+            continue
+        again = r.item.run(Effort(seed=2))
+        one, two = ([c.ours for c in outcome.cells] for outcome in (r.outcome, again))
+        assert one != two, r.item.id
+        assert [c.name for c in r.outcome.cells] == [c.name for c in again.cells]
+    r = next(r for r in done.results if r.item.id == "fig-B.3")
+    assert [c.ours for c in r.item.run(Effort()).cells] == [c.ours for c in r.outcome.cells]
+
+
+@pytest.mark.parametrize("name", [
+    "fig-2.1", "fig-2.5", "fig-2.6", "fig-3.1", "fig-3.12", "fig-4.3", "fig-4.5", "fig-4.7", "fig-5.4", "fig-6.1",
+    "fig-7.2", "fig-7.3", "fig-7.4", "fig-A.2", "fig-B.3", "fig-D.3", "text-4.6",
+])  # fmt: skip
+def test_figures_are_drawn(done, name):
+    """Units on every axis, something in every panel; the whole page is drawn in the test of the book."""
+    r = next(r for r in done.results if r.item.id == name)
+    assert r.outcome.figures
+    for make in r.outcome.figures:
+        figure = make()
+        for panel in figure.panels:
+            assert panel.items
+            if not panel.bare and name not in ("fig-6.1", "fig-7.4"):
+                assert "[" in panel.x_label
+                assert "[" in panel.y_label
+
+
+def test_items_that_are_figures_have_one(done):
+    for r in done.results:
+        if r.item.id.startswith("fig"):
+            assert r.outcome.figures, r.item.id
+
+
+# ------------------------------------------------------------------------------- none passes by construction
+
+
+def test_wrong_integrals_are_seen(monkeypatch):
+    assert verdict_of("fig-3.1", 5) == "agrees"
+    right = forms.integral_variance
+    monkeypatch.setattr(forms, "integral_variance", lambda *a, **k: 1.1 * right(*a, **k))
+    assert verdict_of("fig-3.1", 5) == "differs"
+
+
+def test_wrong_white_noise_is_seen(monkeypatch):
+    """Ten percent too much, by what the samples are drawn with. Seeds that nothing else has cached."""
+    assert verdict_of("fig-A.1", 6) == "agrees"
+    right = terms.white
+    monkeypatch.setattr(terms, "white", lambda N, *a: right(1.1 * N, *a))
+    assert verdict_of("fig-A.1", 7) == "differs"
+    assert verdict_of("fig-D.3", 7) == "differs"
+
+
+def test_wrong_process_noise_is_seen(monkeypatch):
+    chapter_4._bound.cache_clear()
+    assert verdict_of("fig-4.1", 1) == "agrees"
+    assert verdict_of("fig-4.7", 1) == "agrees"
+    right = LinearModel.discrete
+
+    def louder(self, step):
+        d = right(self, step)
+        return replace(d, Qd=1.3 * d.Qd)
+
+    chapter_4._bound.cache_clear()
+    monkeypatch.setattr(LinearModel, "discrete", louder)
+    assert verdict_of("fig-4.1", 1) == "differs"
+    assert verdict_of("fig-4.7", 1) == "differs"
+    chapter_4._bound.cache_clear()
+
+
+def test_another_flight_is_seen(monkeypatch):
+    """Half a percent more thrust: the numbers of T1-R and all sensitivities move."""
+    cached = (chapter_7._flight, chapter_7._weights, chapter_7._budget)
+    for function in cached:
+        function.cache_clear()
+    assert verdict_of("text-7.4", 1) == "corrected"
+    monkeypatch.setattr(chapter_7, "rocket_trajectory",
+                        partial(rocket_trajectory, RocketProfile(burn_time=12.7, turn_start=12.7)))  # fmt: skip
+    for function in cached:
+        function.cache_clear()
+    assert verdict_of("text-7.4", 1) == "differs"
+    item = BY_ID["fig-7.2"]
+    assert not any(c.agrees for c in item.run(Effort()).cells if c.reference == "corrected" and "range" in c.name)
+    for function in cached:
+        function.cache_clear()
+
+
+def test_another_table_and_another_sign_are_seen(monkeypatch):
+    assert verdict_of("table-2.4", 1) == "agrees"
+    assert verdict_of("fig-6.1", 1) == "agrees"
+    right = catalogue.triad
+    monkeypatch.setattr(
+        catalogue, "triad", lambda *a: replace(right(*a), random_walk=1.2 * right(*a).random_walk)
+    )  # fmt: skip
+    assert verdict_of("table-2.4", 1) == "differs"
+    assert verdict_of("table-2.3", 1) == "differs"
+    monkeypatch.setattr(triads, "skew", lambda v: np.zeros((3, 3)))
+    assert verdict_of("fig-6.1", 1) == "differs"
+
+
+def test_bands_are_narrow_enough_to_say_something(done):
+    """A band around a number other than zero never holds zero; one around zero is of an error that is stated."""
+    for r in done.results:
+        for c in (c for c in r.outcome.cells if math.isfinite(c.low) and math.isfinite(c.high)):
+            centred = math.isclose(c.low, -c.high, rel_tol=1e-9)
+            assert centred or not c.low <= 0.0 <= c.high, (r.item.id, c.name, c.low, c.high)

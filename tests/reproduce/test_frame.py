@@ -1,0 +1,123 @@
+"""The frame of the reproductions: bands, verdicts, choice of items, interruption, the page."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from schuler.exceptions import InputError
+from schuler.reproduce import Cell, Effort, Item, Outcome, Result, against, digits, said, shown
+from schuler.reproduce import run as runner
+from schuler.reproduce.book import write_book
+
+
+def test_printed_digits_are_half_a_unit_of_the_last():
+    assert digits("x", "0.112", 0.1124).agrees
+    assert not digits("x", "0.112", 0.1126).agrees
+    assert digits("x", "3.743e-5", 3.7434e-5).agrees
+    assert not digits("x", "3.743e-5", 3.7437e-5).agrees
+    assert digits("x", "450", 450.5).agrees
+
+
+def test_bands_of_numbers_and_claims():
+    assert against("x", -10.0, -10.9, relative=0.1).agrees
+    assert not against("x", -10.0, -11.1, relative=0.1).agrees
+    assert said("x", "grows faster", 2.0, low=1.0).agrees
+    assert not said("x", "grows faster", 0.5, low=1.0).agrees
+    assert shown("x", 1.0).agrees is None
+
+
+def test_numbers_are_shown_with_the_digits_that_tell_them_apart():
+    cell = digits("x", "9.77891", 9.77897)
+    assert len({cell.shown(), *cell.band().split(" to ")}) == 3
+    assert said("x", "small", 2.0, high=1.3).band() == "at most 1.3"
+    assert said("x", "large", 2.0, low=2.5).band() == "at least 2.5"
+    assert shown("x", 2.0).band() == ""
+    assert said("x", "equal", 1.0, low=1.0, high=1.0).shown() == "1"
+
+
+def test_a_number_that_is_none_agrees_with_nothing():
+    assert not said("x", "small", math.nan, high=1.0).agrees
+    assert not against("x", 1.0, math.nan, relative=1.0).agrees
+
+
+@pytest.mark.parametrize("make", [
+    lambda: said("x", "anything", 1.0),  # a band without ends cannot fail
+    lambda: against("x", 1.0, 1.0),
+    lambda: Cell("x", 1.0, low=0.0, high=1.0),
+    lambda: Cell("x", 1.0, reference="thesis"),
+])  # fmt: skip
+def test_a_band_that_cannot_fail_is_refused(make):
+    with pytest.raises(InputError):
+        make()
+
+
+def result_of(*cells, reason=""):
+    outcome = Outcome(cells, reason)
+    return Result(Item("fig-1.1", "a figure", "exact", lambda effort: outcome), outcome, 0.0)
+
+
+def test_verdict_is_made_of_the_cells():
+    good, bad = digits("a", "1.0", 1.0), digits("b", "1.0", 2.0)
+    mended = digits("c", "1.0", 1.0, reference="corrected")
+    assert result_of(good, shown("d", 1.0)).verdict == "agrees"
+    assert result_of(good, bad).verdict == "differs"
+    assert result_of(good, mended).verdict == "agrees"
+    assert result_of(mended).verdict == "corrected"
+    assert result_of(shown("d", 1.0)).verdict == "shown"
+    entry = result_of(good, bad, reason="why").to_dict()
+    assert {"id", "title", "class", "printed", "ours", "verdict", "reason"} <= set(entry)
+    assert entry["printed"] == {"a": "1.0", "b": "1.0"}
+    assert entry["ours"] == {"a": 1.0, "b": 2.0}
+
+
+@pytest.fixture
+def three(monkeypatch):
+    def interrupted(effort):
+        raise KeyboardInterrupt
+
+    items = (
+        Item("fig-1.1", "one", "exact", lambda e: Outcome((digits("a", "1", float(e.seed)),)), also=("fig-1.2",)),
+        Item("table-1.1", "two", "exact", lambda e: Outcome((shown("runs", e.runs(3, 1000)),))),
+        Item("table-1.2", "three", "exact", interrupted),
+    )
+    monkeypatch.setattr(runner, "items_of", lambda thesis: items)
+
+
+def test_items_are_chosen_by_id_in_the_order_of_the_thesis(three):
+    chosen = runner.reproduce("du", ["table-1.1", "fig-1.2"])
+    assert [r.item.id for r in chosen.results] == ["fig-1.1", "table-1.1"]
+    assert chosen.results[1].outcome.cells[0].ours == 3
+    assert runner.reproduce("du", ["table-1.1"], quick=False).results[0].outcome.cells[0].ours == 1000
+    with pytest.raises(InputError, match=r"no item 'fig-9.9'; there are fig-1.1"):
+        runner.reproduce("du", ["fig-9.9"])
+
+
+def test_interrupted_keeps_what_is_done(three):
+    fractions = []
+    kept = runner.reproduce("du", progress=fractions.append)
+    assert not kept.complete
+    assert [r.item.id for r in kept.results] == ["fig-1.1", "table-1.1"]
+    assert fractions == pytest.approx([1 / 3, 2 / 3])
+    assert "INTERRUPTED" in kept.summary()
+
+
+def test_unknown_thesis_is_refused():
+    with pytest.raises(InputError, match="expected one of yaman, du, hayal, flenniken, stefanisko"):
+        runner.reproduce("groves")
+
+
+def test_page_has_every_item_its_band_and_its_reason(three, tmp_path):
+    kept = runner.reproduce("du", ["fig-1.1", "table-1.1"], seed=2)
+    text = write_book([kept], tmp_path / "book.html").read_text(encoding="utf-8")
+    assert "0.5 to 1.5" in text
+    assert "printed digits" in text
+    assert text.count('<section id="du_') == 2
+    assert kept.counts["differs"] == 1
+    assert "http" not in text.replace("http-equiv", "")
+
+
+def test_effort_is_a_key():
+    assert hash(Effort(True, 1)) == hash(Effort(True, 1))
+    assert Effort(True, 1) != Effort(False, 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
@@ -28,11 +29,11 @@ def reproduce(
     items
         Ids such as table-5.3; all by default.
     full
-        As many runs as the thesis, which takes hours for all five. --quick, the default: about a minute each.
+        As many runs as the thesis, which takes hours for all five. --quick, the default: half a minute each.
     seed
         Of random numbers.
     out
-        Write one HTML book of all that was reproduced, with figures, to this file.
+        One HTML book of all that was reproduced, with figures. Default: reproduction.html with --full, none without.
     json
         Print one JSON object instead of text.
     """
@@ -52,6 +53,8 @@ def reproduce(
         if not done[-1].complete:
             break
     files = {}
+    if full and out is None:
+        out = Path("reproduction.html")
     if out is not None:
         from schuler.reproduce.book import write_book
 

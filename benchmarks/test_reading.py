@@ -14,7 +14,8 @@ import pytest
 import schuler
 from schuler import rotation
 from schuler.recording.recording import Metadata, Recording
-from schuler.recording.series import ImuSeries, Trajectory
+from schuler.recording.series import ImuSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 
 ROWS = 1_000_000

@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from schuler.mechanization.strapdown import NavState, mechanize
     from schuler.recording.io import ReadHints, read, write
     from schuler.recording.recording import Metadata, Recording
-    from schuler.recording.series import GnssSeries, ImuSeries, Increments, OdometerSeries, Trajectory
+    from schuler.recording.series import GnssSeries, ImuSeries, Increments, OdometerSeries
+    from schuler.recording.trajectory import Trajectory
     from schuler.sensors.errors import ImuErrors
     from schuler.sensors.spec import ImuSpec, TriadSpec
     from schuler.simulation.scenario import Scenario, simulate
@@ -66,7 +67,8 @@ _PLACES = {
     "schuler.mechanization.strapdown": ("NavState", "mechanize"),
     "schuler.recording.io": ("ReadHints", "read", "write"),
     "schuler.recording.recording": ("Metadata", "Recording"),
-    "schuler.recording.series": ("GnssSeries", "ImuSeries", "Increments", "OdometerSeries", "Trajectory"),
+    "schuler.recording.series": ("GnssSeries", "ImuSeries", "Increments", "OdometerSeries"),
+    "schuler.recording.trajectory": ("Trajectory",),
     "schuler.sensors.errors": ("ImuErrors",),
     "schuler.sensors.spec": ("ImuSpec", "TriadSpec"),
     "schuler.simulation.scenario": ("Scenario", "simulate"),

@@ -12,7 +12,7 @@ from schuler import rotation
 from schuler.analysis.consistency import chi_square_band, nees, state_errors
 from schuler.exceptions import InputError
 from schuler.filtering.states import StateLayout, StateModel
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 LAYOUT = StateLayout({"b_a": StateModel.constant(1.0)})
 

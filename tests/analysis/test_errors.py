@@ -8,7 +8,7 @@ import pytest
 from schuler import frames, rotation
 from schuler.analysis.errors import TrajectoryErrors, attitude_difference, trajectory_errors
 from schuler.exceptions import InputError
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 PLACE = np.array([0.8, 2.0, 300.0])
 

@@ -20,7 +20,7 @@ import pytest
 from schuler.cli import main
 from schuler.recording import io
 from schuler.recording.recording import Metadata, Recording
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 ROOT = Path(__file__).resolve().parents[2]
 KEYS = {"tau_s", "adev", "adev_low", "adev_high", "terms", "warnings"}

@@ -15,7 +15,8 @@ from schuler.exceptions import ConfigError, InputError
 from schuler.filtering.foot import navigate_foot
 from schuler.recording.io.csv import write_csv
 from schuler.recording.recording import Recording
-from schuler.recording.series import ImuSeries, Trajectory
+from schuler.recording.series import ImuSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.report.foot_figures import detector, overview, save_foot_figures, track
 from schuler.simulation.motion import ideal_rates
 from schuler.simulation.walk import walk

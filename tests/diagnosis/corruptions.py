@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from schuler.recording.recording import Recording
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 from schuler.units import DEG, G0, KMH, KNOT
 
 SWAP_XY = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, 1]])

@@ -14,7 +14,8 @@ from schuler.diagnosis.axes import letters, signed_permutations
 from schuler.diagnosis.first import checked
 from schuler.exceptions import InputError
 from schuler.recording.recording import Metadata, Recording
-from schuler.recording.series import ImuSeries, Trajectory
+from schuler.recording.series import ImuSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.units import DEG, G0
 
 I3 = np.eye(3)

@@ -14,7 +14,8 @@ from cases import ACCEL_N, GYRO_N, LEVER, ORIGIN
 from schuler import rotation
 from schuler.filtering.error_model import sensor_matrices
 from schuler.filtering.states import StateLayout, StateModel
-from schuler.recording.series import ImuSeries, Increments, Trajectory
+from schuler.recording.series import ImuSeries, Increments
+from schuler.recording.trajectory import Trajectory
 from schuler.simulation.motion import Motion, MotionState, ideal_increments, inertial_quantities
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion
 

@@ -12,7 +12,8 @@ from schuler.filtering.measurements import gnss_measurements
 from schuler.filtering.result import NavigationResult
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
-from schuler.recording.series import GnssSeries, Increments, Trajectory
+from schuler.recording.series import GnssSeries, Increments
+from schuler.recording.trajectory import Trajectory
 from schuler.simulation.imu import truth
 from schuler.simulation.motion import Motion, ideal_increments
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion

@@ -22,7 +22,7 @@ from schuler.filtering.navigate import navigate
 from schuler.filtering.result import NavigationResult
 from schuler.recording.io import read
 from schuler.recording.recording import Recording
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "rtkexp_drive.toml"
 #: Start of the first window: the published set, and four whose windows lie elsewhere. [s]

@@ -14,7 +14,8 @@ from schuler.exceptions import ConfigError, InputError
 from schuler.filtering.config import NavigationConfig
 from schuler.filtering.navigate import navigate
 from schuler.recording.recording import Recording
-from schuler.recording.series import ImuSeries, Trajectory
+from schuler.recording.series import ImuSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.simulation.scenario import prepare_mission, simulate_mission
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -17,7 +17,7 @@ from schuler.filtering.satellites import limited
 from schuler.gnss.point import solve_points
 from schuler.gnss.preparation import prepare_ranges
 from schuler.recording.recording import Recording
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.imu import IdealImu, ideal_imu, simulate_imu

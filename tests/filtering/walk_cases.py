@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.recording.series import ImuSeries, Trajectory
+from schuler.recording.series import ImuSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.simulation.motion import ideal_increments, ideal_rates
 from schuler.simulation.walk import WalkMotion, walk
 

@@ -20,7 +20,8 @@ from schuler.recording.io import _kernels, checks, gnss_table, lines, numbers
 from schuler.recording.io.lines import TextTable
 from schuler.recording.io.raw import Raw
 from schuler.recording.recording import Metadata, Recording
-from schuler.recording.series import ImuSeries, Trajectory
+from schuler.recording.series import ImuSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 
 

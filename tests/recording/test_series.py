@@ -9,9 +9,10 @@ import pytest
 
 from schuler import frames, rotation
 from schuler.exceptions import InputError
-from schuler.recording import series as series_module
+from schuler.recording import trajectory as trajectory_module
 from schuler.recording.recording import Metadata, Recording
-from schuler.recording.series import GnssSeries, ImuSeries, Increments, OdometerSeries, Trajectory
+from schuler.recording.series import GnssSeries, ImuSeries, Increments, OdometerSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 
 EYE = np.eye(3)
@@ -42,10 +43,10 @@ def flight(n, rng):
 def test_compiled_axes_are_their_numpy_twins(rng, monkeypatch):
     """Long trajectories change axes in compiled loops, short ones in NumPy; both give the same."""
     path = flight(500, rng)
-    monkeypatch.setattr(series_module, "_MANY", 1)
+    monkeypatch.setattr(trajectory_module, "_MANY", 1)
     compiled = replace(path, _cache={})
     got = (compiled.llh, compiled.v_eb_n, compiled.q_nb)
-    monkeypatch.setattr(series_module, "_MANY", 10**9)
+    monkeypatch.setattr(trajectory_module, "_MANY", 10**9)
     plain = replace(path, _cache={})
     place, velocity, attitude = plain.llh, plain.v_eb_n, plain.q_nb
     np.testing.assert_allclose(got[0][:, 0], place[:, 0], atol=1e-15, rtol=1e-15)  # rounding

@@ -11,7 +11,7 @@ from schuler import frames, units
 from schuler.analysis.consistency import chi_square_band
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import ACCEPTED, FORCED, REJECTED
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 from schuler.report import accuracy, build, estimates, residuals, track, verdict
 from schuler.report.content import Band, Bars, Line, Markers, Span, Text
 from schuler.report.numbers import number

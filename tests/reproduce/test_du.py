@@ -73,7 +73,7 @@ def test_nothing_the_digest_names_is_left_out():
     """Tables and figures named in its sections of results and plots."""
     path = SPEC / "spec" / "seed-du.md"
     if not path.exists():
-        pytest.skip("no digest here")
+        pytest.skip(f"the digest is not at {path}")
     text = path.read_text(encoding="utf-8")
     part = text[text.index("## 5. Result tables") : text.index("## 7. Conclusions")]
     known = {name for item in ITEMS for name in (item.id, *item.also)} | set(NOT_RESULTS)
@@ -92,7 +92,7 @@ def test_nothing_the_thesis_numbers_is_left_out():
     """Its lists of tables and figures."""
     path = SPEC / "seeds" / "du.txt"
     if not path.exists():
-        pytest.skip("no text of the thesis here")
+        pytest.skip(f"the text of the thesis is not at {path}")
     text = path.read_text(encoding="utf-8")
     captions = re.findall(r"(Table|Figure) (\d\.\d+) [^\n]*\.\.\.", text)
     named = {("table" if kind == "Table" else "fig") + f"-{number}" for kind, number in captions}

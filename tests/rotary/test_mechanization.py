@@ -10,7 +10,8 @@ import pytest
 from schuler import rotation
 from schuler.exceptions import InputError
 from schuler.mechanization.strapdown import NavState, mechanize
-from schuler.recording.series import ImuSeries, Increments, Trajectory
+from schuler.recording.series import ImuSeries, Increments
+from schuler.recording.trajectory import Trajectory
 from schuler.rotary import schemes
 from schuler.rotary.encoder import Encoder, EncoderReadings, read_encoder
 from schuler.rotary.mechanization import (

@@ -19,7 +19,7 @@ from schuler.filtering.config import NavigationConfig, OutageSection
 from schuler.filtering.navigate import navigate
 from schuler.filtering.result import NavigationResult
 from schuler.recording.recording import Recording
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

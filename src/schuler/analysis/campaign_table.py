@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,12 +98,12 @@ class CampaignTable:
         return write_text(path, buffer.getvalue())
 
 
-class Tabled:
+class Tabled(ABC):
     """A result that people see as a table: its rows as text, for JSON and as CSV."""
 
+    @abstractmethod
     def table(self) -> CampaignTable:
         """What was found, one row a case."""
-        raise NotImplementedError
 
     def summary(self) -> str:
         """The table as text."""

@@ -9,7 +9,7 @@ import numpy as np
 from schuler.analysis.errors import attitude_difference
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.exceptions import InputError
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from schuler.filtering.result import NavigationResult

@@ -21,7 +21,8 @@ from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.range_errors import EXACT
 from schuler.gnss.synthetic import synthetic_ranges
 from schuler.mechanization.strapdown import NavState
-from schuler.recording.series import Increments, Trajectory
+from schuler.recording.series import Increments
+from schuler.recording.trajectory import Trajectory
 from schuler.simulation.correlator import Correlator, ratio_from_dbhz
 from schuler.simulation.motion import Motion, ideal_increments
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion

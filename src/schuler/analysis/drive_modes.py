@@ -33,7 +33,7 @@ from schuler.filtering.result import NavigationResult
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.recording import Recording
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 from schuler.units import DEG, DEG_PER_HR, MG, UG
 
 Progress = Callable[[float], None]

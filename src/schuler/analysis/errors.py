@@ -9,7 +9,7 @@ import numpy as np
 from schuler import frames, rotation, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from schuler.analysis.consistency import nees
 from schuler.analysis.errors import TrajectoryErrors
 from schuler.analysis.outages import outage_errors
 from schuler.arrays import ArrayLike
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from schuler.filtering.result import NavigationResult

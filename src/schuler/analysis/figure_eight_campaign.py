@@ -14,7 +14,7 @@ from schuler.analysis.figure_eight import FigureEight, Track, figure_eight_run
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.filtering.result import NavigationResult
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 from schuler.units import DEG
 
 Progress = Callable[[float], None]

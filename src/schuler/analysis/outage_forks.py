@@ -29,7 +29,8 @@ from schuler.filtering.result import NavigationResult
 from schuler.filtering.start import moved_to
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.recording import Recording
-from schuler.recording.series import Increments, Trajectory
+from schuler.recording.series import Increments
+from schuler.recording.trajectory import Trajectory
 
 Progress = Callable[[float], None]
 

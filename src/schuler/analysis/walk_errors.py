@@ -10,7 +10,7 @@ import numpy as np
 from schuler import frames
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from schuler.filtering.foot_result import FootResult

@@ -9,7 +9,7 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.recording.recording import Metadata, Recording
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.noise import NoiseModel, White
 from schuler.simulation.aiding import GnssModel, simulate_gnss

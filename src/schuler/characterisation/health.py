@@ -17,7 +17,8 @@ from schuler.characterisation.readings import coarse, equal_runs, resolution, sa
 from schuler.characterisation.result import AXES
 from schuler.characterisation.steps import steps
 from schuler.exceptions import InputError
-from schuler.recording.series import ImuSeries, check_times
+from schuler.recording.series import ImuSeries
+from schuler.recording.times import check_times
 from schuler.units import G0
 
 #: Fewer samples than this give no number at all.

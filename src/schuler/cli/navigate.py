@@ -10,7 +10,7 @@ from typing import Any, Literal
 from schuler.cli.output import Flag, Folder, Texts, entries, named, period, print_json, progress, say, window
 from schuler.filtering.result import NavigationResult
 from schuler.recording.recording import Recording
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 
 def navigate(

@@ -12,7 +12,7 @@ import numpy as np
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, as_floats
 from schuler.characterisation.detectors import moving_moments
 from schuler.exceptions import InputError
-from schuler.recording.series import check_times
+from schuler.recording.times import check_times
 
 
 def by_motion(

@@ -23,7 +23,8 @@ from schuler.filtering.strides import segment
 from schuler.mechanization.alignment import levelling
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.recording import Recording
-from schuler.recording.series import ImuSeries, Increments, Trajectory
+from schuler.recording.series import ImuSeries, Increments
+from schuler.recording.trajectory import Trajectory
 
 
 def navigate_foot(

@@ -13,7 +13,8 @@ from schuler.characterisation.detectors import Kind
 from schuler.exceptions import InputError
 from schuler.filtering.adaptive_threshold import by_motion, by_time_since_rest
 from schuler.filtering.foot_config import DetectorSection
-from schuler.recording.series import ImuSeries, check_times
+from schuler.recording.series import ImuSeries
+from schuler.recording.times import check_times
 
 #: Names used for foot-mounted detectors, and those of :mod:`schuler.characterisation.detectors`.
 DETECTORS: dict[str, Kind] = {

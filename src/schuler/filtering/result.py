@@ -15,7 +15,7 @@ from schuler.filtering.engine import ForwardRun, SmootherNodes, unpack_symmetric
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.measurements import ACCEPTED, DIMENSIONS, FORCED, GATED, KINDS, REJECTED, STATUS, UNUSED
 from schuler.filtering.states import BLOCK_TEXT, StateLayout
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,7 +12,7 @@ from schuler.filtering.result import Innovations, NavigationResult
 from schuler.filtering.states import BLOCK_TEXT, StateLayout, StateModel
 from schuler.recording.frames_tables import Tables
 from schuler.recording.io.own import Columns
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 FORMAT = "schuler/result-tables/1"
 _STATE = ("x", "y", "z", "vx", "vy", "vz", "qw", "qx", "qy", "qz")

@@ -9,7 +9,7 @@ import numpy as np
 from schuler import rotation
 from schuler.arrays import FloatArray
 from schuler.filtering.engine import SmootherNodes, unpack_symmetric
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from schuler.filtering.result import NavigationResult

@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler import units
 from schuler.arrays import FloatArray
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from schuler.filtering.result import NavigationResult

@@ -14,7 +14,8 @@ import numpy as np
 from schuler import earth, frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3
 from schuler.exceptions import InputError
-from schuler.recording.series import Increments, Trajectory
+from schuler.recording.series import Increments
+from schuler.recording.trajectory import Trajectory
 
 Frame = Literal["ecef", "ned"]
 

@@ -14,7 +14,8 @@ from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
 from schuler.recording.scalar_series import ScalarSeries
-from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, Trajectory
+from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 
 #: Parts of a recording that have times.

@@ -8,7 +8,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray, as_floats
 from schuler.exceptions import InputError
-from schuler.recording.series import check_times
+from schuler.recording.times import check_times
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Series of a recording: what an IMU, a GNSS receiver, an odometer reported, and a reference trajectory.
+"""Series of a recording: what an IMU, a GNSS receiver, an odometer reported.
 
 All are frozen data classes of SI arrays with time along axis 0, body axes forward-right-down, navigation axes
 north-east-down. They are checked when made: times increase, values are finite, shapes agree.
@@ -6,45 +6,20 @@ north-east-down. They are checked when made: times increase, values are finite, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
-from schuler import frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
+from schuler.recording.times import SAME_TIME, check_times
 from schuler.units import G0
 
 Kind = Literal["rate", "increment"]
 
-_SAME_TIME = 1e-6  # times closer than this are one [s]
-_MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
-
 #: GNSS solution quality, RTKLIB's numbers.
 QUALITY = {1: "fixed", 2: "float", 3: "sbas", 4: "dgps", 5: "single", 6: "ppp", 7: "dead reckoning"}
-
-
-def check_times(t: ArrayLike, name: str) -> FloatArray:
-    """Strictly increasing finite times; the message names the first that is not.
-
-    Raises
-    ------
-    InputError
-        If there is no time, or one is not greater than the one before it.
-    """
-    t = as_floats(t, name, (None,))
-    if len(t) == 0:
-        raise InputError(f"{name}: expected at least one sample, got none")
-    step = np.diff(t)
-    if np.any(step <= 0.0):
-        k = int(np.flatnonzero(step <= 0.0)[0]) + 1
-        what = "repeats" if step[k - 1] == 0.0 else "goes back"
-        raise InputError(
-            f"{name}: expected increasing times, but sample {k} {what}: {t[k]:.6f} s after {t[k - 1]:.6f} s; "
-            "remove repeated samples or sort the log"
-        )
-    return t
 
 
 @dataclass(frozen=True)
@@ -84,7 +59,7 @@ class Increments:
 
     def between(self, start: float, stop: float) -> Increments:
         """The whole intervals within ``[start, stop]``. [s]"""
-        keep = (self.t - self.dt >= start - _SAME_TIME) & (self.t <= stop + _SAME_TIME)
+        keep = (self.t - self.dt >= start - SAME_TIME) & (self.t <= stop + SAME_TIME)
         if not keep.any():
             raise InputError(
                 f"no IMU interval lies within {start:.3f}..{stop:.3f} s; "
@@ -204,7 +179,7 @@ class ImuSeries:
 
     def between(self, start: float, stop: float) -> ImuSeries:
         """The samples with ``start <= t <= stop``. [s]"""
-        keep = (self.t >= start - _SAME_TIME) & (self.t <= stop + _SAME_TIME)
+        keep = (self.t >= start - SAME_TIME) & (self.t <= stop + SAME_TIME)
         if not keep.any():
             raise InputError(
                 f"no IMU sample lies within {start:.3f}..{stop:.3f} s; the log runs {self.t[0]:.3f}..{self.t[-1]:.3f} s"
@@ -283,7 +258,7 @@ class GnssSeries:
 
     def between(self, start: float, stop: float) -> GnssSeries:
         """The epochs with ``start <= t <= stop``. [s]"""
-        return self.where((self.t >= start - _SAME_TIME) & (self.t <= stop + _SAME_TIME))
+        return self.where((self.t >= start - SAME_TIME) & (self.t <= stop + SAME_TIME))
 
 
 @dataclass(frozen=True)
@@ -314,175 +289,6 @@ class OdometerSeries:
         return len(self.t)
 
 
-@dataclass(frozen=True)
-class Trajectory:
-    """Position, velocity and attitude over time, in Earth-fixed axes; everything else is derived when asked for.
-
-    Attributes
-    ----------
-    t : ndarray, shape (n,)
-        Time. [s]
-    r_eb_e : ndarray, shape (n, 3)
-        Position. [m]
-    v_eb_e : ndarray, shape (n, 3), optional
-        Velocity. [m/s]
-    q_eb : ndarray, shape (n, 4), optional
-        Attitude, body to Earth-fixed axes.
-    """
-
-    t: FloatArray
-    r_eb_e: FloatArray
-    v_eb_e: FloatArray | None = None
-    q_eb: FloatArray | None = None
-    _cache: dict[str, FloatArray] = field(default_factory=dict, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "t", check_times(self.t, "Trajectory.t"))
-        n = len(self.t)
-        object.__setattr__(self, "r_eb_e", as_floats(self.r_eb_e, "Trajectory.r_eb_e", (n, 3)))
-        if self.v_eb_e is not None:
-            object.__setattr__(self, "v_eb_e", as_floats(self.v_eb_e, "Trajectory.v_eb_e", (n, 3)))
-        if self.q_eb is not None:
-            object.__setattr__(self, "q_eb", as_floats(self.q_eb, "Trajectory.q_eb", (n, 4)))
-
-    @classmethod
-    def from_geodetic(
-        cls, t: ArrayLike, llh: ArrayLike, v_eb_n: ArrayLike | None = None, C_nb: ArrayLike | None = None
-    ) -> Trajectory:
-        """From latitude, longitude [rad], height [m], velocity north-east-down [m/s] and attitude ``C_nb``."""
-        llh = as_floats(llh, "llh", (None, 3))
-        n, C_en = len(llh), frames.C_en(llh)
-        v = None if v_eb_n is None else np.einsum("nij,nj->ni", C_en, as_floats(v_eb_n, "v_eb_n", (n, 3)))
-        q = None if C_nb is None else rotation.quat_from_dcm(C_en @ as_floats(C_nb, "C_nb", (n, 3, 3)))
-        return cls(as_floats(t, "t", (n,)), frames.ecef_from_llh(llh), v, q)
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-    @property
-    def llh(self) -> FloatArray:
-        """Latitude, longitude [rad], ellipsoidal height [m]. Shape (n, 3)."""
-        if "llh" not in self._cache:
-            if len(self) < _MANY:
-                self._cache["llh"] = frames.llh_from_ecef(self.r_eb_e)
-            else:
-                llh = np.empty_like(self.r_eb_e)
-                _axes_kernels().geodetic(self.r_eb_e, llh)
-                self._cache["llh"] = llh
-        return self._cache["llh"]
-
-    @property
-    def v_eb_n(self) -> FloatArray:
-        """Velocity north, east, down. Shape (n, 3). [m/s]"""
-        if self.v_eb_e is None:
-            raise InputError("this trajectory has no velocity: expected one made with v_eb_e")
-        if "v_eb_n" not in self._cache:
-            if len(self) < _MANY:
-                v_n = rotation.rotate(rotation.quat_conjugate(frames.q_en(self.llh)), self.v_eb_e)
-            else:
-                v_n = np.empty_like(self.v_eb_e)
-                _axes_kernels().vectors_to_ned(self.v_eb_e, self.llh, v_n)
-            self._cache["v_eb_n"] = v_n
-        return self._cache["v_eb_n"]
-
-    @property
-    def q_nb(self) -> FloatArray:
-        """Attitude, body to north-east-down axes. Shape (n, 4)."""
-        if self.q_eb is None:
-            raise InputError("this trajectory has no attitude: expected one made with q_eb")
-        if "q_nb" not in self._cache:
-            if len(self) < _MANY:
-                q_nb = rotation.quat_multiply(rotation.quat_conjugate(frames.q_en(self.llh)), self.q_eb)
-            else:
-                q_nb = np.empty_like(self.q_eb)
-                _axes_kernels().attitudes_to_ned(self.q_eb, self.llh, q_nb)
-            self._cache["q_nb"] = q_nb
-        return self._cache["q_nb"]
-
-    @property
-    def C_nb(self) -> FloatArray:
-        """Attitude matrix, body to north-east-down axes. Shape (n, 3, 3)."""
-        return rotation.dcm_from_quat(self.q_nb)
-
-    @property
-    def rpy_nb(self) -> FloatArray:
-        """Roll, pitch, yaw. Shape (n, 3). [rad]"""
-        return rotation.rpy_from_quat(self.q_nb)
-
-    def at(self, t: ArrayLike) -> Trajectory:
-        """State at other times within the span, by cubic Hermite curves and constant turns between samples.
-
-        Parameters
-        ----------
-        t : array_like, shape (m,)
-            Increasing times within ``[self.t[0], self.t[-1]]``. [s]
-
-        Raises
-        ------
-        InputError
-            If a time is outside the span: nothing is extrapolated.
-
-        Notes
-        -----
-        Without velocities positions are interpolated linearly. Between samples of 0.25 s a car's position is good to a
-        millimetre (error ``a'' dt^4 / 384``).
-        """
-        t = as_floats(t, "t", (None,))
-        if len(t) and (t[0] < self.t[0] - 1e-9 or t[-1] > self.t[-1] + 1e-9):
-            raise InputError(
-                f"asked for {t[0]:.3f}..{t[-1]:.3f} s of a trajectory that runs {self.t[0]:.3f}..{self.t[-1]:.3f} s"
-            )
-        if len(self.t) == 1:
-            pick = np.zeros(len(t), dtype=int)
-            return Trajectory(
-                t,
-                self.r_eb_e[pick],
-                None if self.v_eb_e is None else self.v_eb_e[pick],
-                None if self.q_eb is None else self.q_eb[pick],
-            )
-        k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
-        h = (self.t[k + 1] - self.t[k])[:, None]
-        s = (t - self.t[k])[:, None] / h
-        r0, r1 = self.r_eb_e[k], self.r_eb_e[k + 1]
-        q = None if self.q_eb is None else rotation.interpolate_quat(t, self.t, self.q_eb)
-        if self.v_eb_e is None:
-            return Trajectory(t, r0 + s * (r1 - r0), None, q)
-        v0, v1 = self.v_eb_e[k], self.v_eb_e[k + 1]
-        d = r1 - r0
-        r = r0 + s * (h * v0 + s * (3.0 * d - h * (2.0 * v0 + v1) + s * (h * (v0 + v1) - 2.0 * d)))
-        v = v0 + s * (6.0 * d / h - 4.0 * v0 - 2.0 * v1 + s * (3.0 * (v0 + v1) - 6.0 * d / h))
-        return Trajectory(t, r, v, q)
-
-    def between(self, start: float, stop: float) -> Trajectory:
-        """The samples with ``start <= t <= stop``. [s]"""
-        k = (self.t >= start - _SAME_TIME) & (self.t <= stop + _SAME_TIME)
-        return Trajectory(
-            self.t[k],
-            self.r_eb_e[k],
-            None if self.v_eb_e is None else self.v_eb_e[k],
-            None if self.q_eb is None else self.q_eb[k],
-        )
-
-    def moved_by(self, l_bp_b: ArrayLike) -> Trajectory:
-        """Trajectory of another point of the body, for example the antenna.
-
-        Parameters
-        ----------
-        l_bp_b : array_like, shape (3,) or (n, 3)
-            From this trajectory's point to the other one, body axes; one, or one for each time. [m]
-
-        Returns
-        -------
-        Trajectory
-            Position and attitude; velocities need the angular rate and are left out.
-        """
-        if self.q_eb is None:
-            raise InputError("a lever arm needs an attitude, and this trajectory has none")
-        arm = np.asarray(l_bp_b)
-        arm = as_floats(l_bp_b, "l_bp_b", (len(self.t), 3) if arm.ndim == 2 else (3,))
-        return Trajectory(self.t, self.r_eb_e + rotation.rotate(self.q_eb, arm), None, self.q_eb)
-
-
 def _lost(dt: FloatArray, interval: float, dv: FloatArray) -> FloatArray | None:
     """Factors that stretch increments over pauses in which samples were lost; None if there are none. Shape (n,)."""
     pause = np.flatnonzero(dt > 1.5 * interval)
@@ -493,13 +299,6 @@ def _lost(dt: FloatArray, interval: float, dv: FloatArray) -> FloatArray | None:
     stretch = np.ones(len(dt))
     stretch[lost] = dt[lost] / interval
     return stretch
-
-
-def _axes_kernels() -> Any:
-    from schuler.recording import _kernels
-
-    _kernels.prepare_axes()
-    return _kernels
 
 
 def _covariances(value: ArrayLike, name: str, n: int) -> FloatArray:

@@ -11,7 +11,8 @@ from schuler.filtering.result import NavigationResult
 from schuler.filtering.states import BLOCK_TEXT
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import Ranges
-from schuler.recording.series import GnssSeries, Trajectory
+from schuler.recording.series import GnssSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.report import aids_text, build, by_satellite, estimates, parts, verdict
 from schuler.report.backdrop import Backdrop
 from schuler.report.parts import Section

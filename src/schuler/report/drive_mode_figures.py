@@ -16,7 +16,7 @@ from schuler.units import DEG
 
 if TYPE_CHECKING:
     from schuler.filtering.result import NavigationResult
-    from schuler.recording.series import Trajectory
+    from schuler.recording.trajectory import Trajectory
 
 _ROLES = ("case_1", "case_2", "case_3", "case_4", "case_5", "case_6", "case_7")
 _MARGIN = 0.5  # of the way's extent, around it: pure inertial solutions leave the picture

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from schuler.analysis.rotary.chapter3 import Chapter3
     from schuler.analysis.rotary.kinematic import KinematicTest
     from schuler.analysis.rotary.static import StaticTest
-    from schuler.recording.series import Trajectory
+    from schuler.recording.trajectory import Trajectory
     from schuler.rotary.calibration_result import RotationCalibration
     from schuler.rotary.du_axes import DuAxis
     from schuler.rotary.static_run import ErrorHistory

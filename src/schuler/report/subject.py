@@ -18,7 +18,8 @@ from schuler.filtering.measurements import KINDS, POSITION, PSEUDORANGE, UNUSED,
 from schuler.filtering.result import NavigationResult
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import Ranges
-from schuler.recording.series import GnssSeries, Trajectory
+from schuler.recording.series import GnssSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.report.backdrop import Backdrop, read_backdrop
 from schuler.report.matching import SAME_TIME, matched_satellites, nearest
 

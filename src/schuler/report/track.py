@@ -8,7 +8,7 @@ from schuler import frames, units
 from schuler.arrays import FloatArray, IntArray
 from schuler.filtering.measurements import ACCEPTED, FORCED, REJECTED, UNUSED, in_windows
 from schuler.filtering.result import NavigationResult
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 from schuler.report.backdrop import Window, backdrop_items, graticule, north_arrow
 from schuler.report.content import Figure, Item, Line, Markers, Panel, Span, Text, band, line, path, view
 from schuler.report.subject import WITHHELD, Subject

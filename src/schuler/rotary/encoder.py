@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats, readonly
 from schuler.exceptions import InputError
-from schuler.recording.series import check_times
+from schuler.recording.times import check_times
 from schuler.rotary import gimbals
 from schuler.rotary.schedule import Schedule
 

@@ -20,7 +20,8 @@ from schuler import earth, rotation
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.exceptions import InputError
 from schuler.mechanization.strapdown import Frame, NavState, mechanize
-from schuler.recording.series import Increments, Trajectory
+from schuler.recording.series import Increments
+from schuler.recording.trajectory import Trajectory
 from schuler.rotary import gimbals
 from schuler.rotary.encoder import Platform
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.exceptions import InputError
-from schuler.recording.series import Kind, Trajectory
+from schuler.recording.series import Kind
+from schuler.recording.trajectory import Trajectory
 from schuler.rotary.schedule import Schedule
 from schuler.simulation.imu import IdealImu, ideal_imu
 from schuler.simulation.motion import Motion, MotionState, StaticMotion, inertial_quantities

@@ -12,7 +12,8 @@ import numpy as np
 from schuler import frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.mechanization.strapdown import NavState
-from schuler.recording.series import ImuSeries, Trajectory
+from schuler.recording.series import ImuSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.rotary.du_axes import enu_errors, swap_vector
 from schuler.rotary.encoder import Platform
 from schuler.rotary.mechanization import Route, mechanize_rotating

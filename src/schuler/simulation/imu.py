@@ -9,7 +9,8 @@ import numpy as np
 from schuler import rotation
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.recording.series import ImuSeries, Kind, Trajectory
+from schuler.recording.series import ImuSeries, Kind
+from schuler.recording.trajectory import Trajectory
 from schuler.sensors.errors import ApplyReport, ImuErrors
 from schuler.simulation.motion import Motion, ideal_increments, ideal_rates
 

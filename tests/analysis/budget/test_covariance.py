@@ -28,7 +28,8 @@ from schuler.filtering.engine import FilterOptions, InitialState, run, unpack_sy
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.measurements import RESET_POSITION, MeasurementSchedule
 from schuler.mechanization.strapdown import NavState
-from schuler.recording.series import ImuSeries, Trajectory
+from schuler.recording.series import ImuSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.sensors.catalogue import spec
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.spec import ImuSpec, TriadSpec

@@ -16,7 +16,8 @@ from schuler.filtering.engine import FilterOptions, InitialState, SmootherNodes,
 from schuler.filtering.measurements import DIMENSIONS, RESET_KINDS, MeasurementSchedule
 from schuler.filtering.states import BLOCKS, StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
-from schuler.recording.series import Increments, Trajectory
+from schuler.recording.series import Increments
+from schuler.recording.trajectory import Trajectory
 
 #: Sensor blocks that are recorded; every other parameterisation is made of their columns.
 SENSOR_BLOCKS = ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g", "G_g")

@@ -26,7 +26,8 @@ from schuler.filtering.measurements import (
     in_windows,
     merged,
 )
-from schuler.recording.series import ImuSeries, Trajectory
+from schuler.recording.series import ImuSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.simulation.aid_sections import Window
 from schuler.simulation.imu import ideal_imu
 from schuler.simulation.motion import Motion

@@ -8,7 +8,8 @@ import numpy as np
 
 from schuler import rotation
 from schuler.arrays import FloatArray, IntArray
-from schuler.recording.series import Increments, Trajectory
+from schuler.recording.series import Increments
+from schuler.recording.trajectory import Trajectory
 
 _SAME = 1e-7  # times that are one [s]
 

@@ -6,6 +6,7 @@ do the same work.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -208,9 +209,7 @@ def planar_bounds(
         a + readings(spec.accel, (count, runs), step, rng, start=start), step,
     )  # fmt: skip
     heading, velocity, position = (x - y for x, y in zip(wrong, true, strict=True))
-    named = {"heading": heading}
-    for i, axis in enumerate(("north", "east")):
-        named |= {f"velocity_{axis}": velocity[..., i], f"position_{axis}": position[..., i]}
+    named = {"heading": heading, **by_axis(("north", "east"), velocity, position)}
     return bounds_over(step, named, runs)
 
 
@@ -236,9 +235,16 @@ def spatial_bounds(
     force[..., 2] -= gravity
     angles, velocity, position = spatial_reckoning(rate, force, step, gravity=gravity, attitude=attitude)
     named = {name: angles[..., i] for i, name in enumerate(("roll", "pitch", "heading"))}
-    for i, axis in enumerate(("north", "east", "down")):
-        named |= {f"velocity_{axis}": velocity[..., i], f"position_{axis}": position[..., i]}
+    named |= by_axis(("north", "east", "down"), velocity, position)
     return bounds_over(step, named, runs)
+
+
+def by_axis(axes: Sequence[str], velocity: FloatArray, position: FloatArray) -> dict[str, FloatArray]:
+    """Components of velocity and position, shape (..., n), by name."""
+    named: dict[str, FloatArray] = {}
+    for i, axis in enumerate(axes):
+        named |= {f"velocity_{axis}": velocity[..., i], f"position_{axis}": position[..., i]}
+    return named
 
 
 def bounds_over(step: float, named: dict[str, FloatArray], runs: int) -> Bounds:

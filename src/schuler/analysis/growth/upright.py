@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
-from schuler.analysis.growth.dead_reckoning import Bounds, bounds_over, readings
+from schuler.analysis.growth.dead_reckoning import Bounds, bounds_over, by_axis, readings
 from schuler.analysis.growth.gauss_markov import Start
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
@@ -96,7 +96,5 @@ def upright_bounds(
     rate = readings(spec.gyro, (count, runs), step, rng, start=start)
     accel = readings(spec.accel, (count, runs), step, rng, start=start)
     pitch, velocity, position = upright_reckoning(rate, accel, step, gravity=gravity, gravity_model=gravity_model)
-    named = {"pitch": pitch}
-    for i, axis in enumerate(("north", "up")):
-        named |= {f"velocity_{axis}": velocity[..., i], f"position_{axis}": position[..., i]}
+    named = {"pitch": pitch, **by_axis(("north", "up"), velocity, position)}
     return bounds_over(step, named, runs)

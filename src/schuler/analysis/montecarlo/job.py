@@ -21,7 +21,7 @@ from schuler.filtering.engine import InitialState
 from schuler.filtering.navigate import navigate
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 from schuler.sensors.spec import ImuSpec
 from schuler.sensors.spec_file import anchored
 from schuler.simulation.scenario import Mission, Scenario, prepare_mission, simulate_mission

@@ -20,7 +20,7 @@ from schuler.analysis.rotary.rms import UNITS, index
 from schuler.analysis.rotary.trial import Trial, ideal, solutions, trial_run
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 from schuler.units import DEG
 
 if TYPE_CHECKING:

@@ -21,7 +21,8 @@ from schuler.filtering.engine import FilterOptions, InitialState, run
 from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements
 from schuler.filtering.result import NavigationResult
 from schuler.mechanization.strapdown import NavState
-from schuler.recording.series import Increments, Trajectory
+from schuler.recording.series import Increments
+from schuler.recording.trajectory import Trajectory
 from schuler.rotary.aids import in_imu_axes
 from schuler.rotary.du_axes import du_axis
 from schuler.rotary.filter_start import imu_start

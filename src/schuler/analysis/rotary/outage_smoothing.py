@@ -12,7 +12,7 @@ from schuler.analysis.rotary.integrated import IntegratedDrive
 from schuler.filtering.engine import run as filtered
 from schuler.filtering.lane_replay import replay
 from schuler.filtering.result import NavigationResult
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 from schuler.units import DEG
 
 

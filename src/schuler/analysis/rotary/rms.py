@@ -6,7 +6,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 from schuler.rotary.static_run import error_history
 from schuler.units import DEG
 

@@ -15,7 +15,8 @@ from schuler.arrays import FloatArray
 from schuler.filtering.engine import InitialState
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.recording import Recording
-from schuler.recording.series import GnssSeries, Trajectory
+from schuler.recording.series import GnssSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.rotary.du_axes import enu_errors
 from schuler.rotary.encoder import Platform, read_encoder
 from schuler.rotary.mechanization import mechanize_rotating

@@ -16,7 +16,8 @@ from schuler.analysis.rotary.rms import rms_values
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.mechanization.strapdown import NavState, mechanize
-from schuler.recording.series import Increments, Trajectory
+from schuler.recording.series import Increments
+from schuler.recording.trajectory import Trajectory
 from schuler.rotary.calibration import calibrate_rotation, estimate
 from schuler.rotary.calibration_accuracy import whole_turns
 from schuler.rotary.calibration_result import RotationCalibration, Stretch

@@ -11,7 +11,8 @@ from schuler import files, units
 from schuler.exceptions import InputError
 from schuler.recording.formats.unix_stamps import to_unix
 from schuler.recording.recording import Recording
-from schuler.recording.series import GnssSeries, Trajectory
+from schuler.recording.series import GnssSeries
+from schuler.recording.trajectory import Trajectory
 
 _FIX = {1: "dgps", 2: "dgps", 3: "dgps", 4: "dgps", 5: "3d", 6: "3d"}
 _PAUSE = 5.0  # sample intervals; a longer one, if of 2 s at least, starts a new segment

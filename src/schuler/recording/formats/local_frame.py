@@ -9,7 +9,7 @@ import numpy as np
 from schuler import frames, rotation, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 #: Turns between east-north-up and north-east-down, and forward-left-up and forward-right-down: their own inverses.
 ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])

@@ -86,7 +86,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
         sigma |= take({f"sv{a[0]}": f"sigma_velocity_{a}_m_s" for a in _AXES})
         notes.append("Fixes of a filter: correlated in time, and a filter that takes them as independent is too sure.")
         return parts.assemble(path, {"gnss": Table({"t": t, **place, **velocity, **sigma})}, hints, base, notes)
-    from schuler.recording.series import Trajectory
+    from schuler.recording.trajectory import Trajectory
 
     e = take(_REFERENCE)
     llh = np.stack([place[name] for name in ("lat", "lon", "h")], axis=1)

@@ -22,7 +22,7 @@ from schuler.recording.io.hint_texts import axes_matrix, parse_origin
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import TextTable
 from schuler.recording.recording import Recording
-from schuler.recording.series import Trajectory
+from schuler.recording.trajectory import Trajectory
 
 _HINTS = {"axes", "time", "origin"}
 _OWN = "# schuler-tum "

@@ -19,7 +19,8 @@ from schuler.recording.io.raw import HUGE, Raw, check_increasing
 from schuler.recording.io.sources import hashed
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.scalar_series import ScalarSeries
-from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, Trajectory
+from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 
 SHORTEST_S = 1e-7  # a sample interval below is a wrong unit of time [s]

@@ -13,7 +13,8 @@ from schuler.recording.io import columns
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import Raw
 from schuler.recording.recording import Recording
-from schuler.recording.series import QUALITY, GnssSeries, Trajectory
+from schuler.recording.series import QUALITY, GnssSeries
+from schuler.recording.trajectory import Trajectory
 
 _BLOCK = 8192  # rows whose temporaries stay in the cache
 _MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second

@@ -17,7 +17,8 @@ from schuler.recording.io.hint_texts import SERIES
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.scalar_series import ScalarSeries
-from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, Trajectory
+from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 
 #: SI unit of each column in files.

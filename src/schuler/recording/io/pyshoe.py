@@ -14,7 +14,8 @@ from schuler.exceptions import FileFormatError
 from schuler.files import sha256
 from schuler.recording.io import matlab_file
 from schuler.recording.recording import Metadata, Recording
-from schuler.recording.series import ImuSeries, Trajectory
+from schuler.recording.series import ImuSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 
 #: The author's detectors, in the order of ``trial_error``: likelihood ratio, angular rate energy, acceleration

@@ -17,7 +17,8 @@ from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
 from schuler.recording.io import own
 from schuler.recording.recording import Recording
-from schuler.recording.series import QUALITY, GnssSeries, Trajectory
+from schuler.recording.series import QUALITY, GnssSeries
+from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase, calendar, leap_seconds
 
 Colour = Literal["quality", "sigma"]

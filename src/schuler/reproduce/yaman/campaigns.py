@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from schuler.fieldcal.calibration import FieldCalibration
     from schuler.fieldcal.options import FieldOptions
     from schuler.filtering.result import NavigationResult
-    from schuler.recording.series import ImuSeries, Trajectory
+    from schuler.recording.series import ImuSeries
+    from schuler.recording.trajectory import Trajectory
     from schuler.sensors.errors import ImuErrors
 
 #: Options of the package, or the source's own: one pass, P1 and P2 as printed, gravity vector from the second half on.

@@ -13,9 +13,12 @@ from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, G0
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from schuler.analysis.figure_eight import FigureEight
     from schuler.analysis.figure_eight_campaign import FigureEightResult
     from schuler.analysis.sign_sets import SignStudy
+    from schuler.report.content import Figure
 
 #: As the digest states of its own 40 runs.
 _BAND = 0.30
@@ -98,12 +101,9 @@ def _fused(effort: Effort) -> Outcome:
             source="",
         ),
     ]
-    figures = (
+    figures: tuple[Callable[[], Figure], ...] = (
         partial(fused_figure, rest, "position", "Position error at rest", SIGMA_POSITION),
-        partial(fused_figure, moving, "position", "Position error, moving", SIGMA_POSITION),
-        partial(fused_figure, moving, "velocity", "Velocity error, moving", SIGMA_VELOCITY),
-        partial(fused_figure, moving, "rotation", "Rotation error, moving"),
-        partial(fused_figure, moving, "biases", "Errors of the biases, moving"),
+        *_fused_figures(moving, ", moving"),
     )
     return Outcome(
         tuple(cells),
@@ -114,11 +114,21 @@ def _fused(effort: Effort) -> Outcome:
     )
 
 
-def _outage(effort: Effort) -> Outcome:
-    """Figs. 4.16 to 4.19: no GNSS from 50 to 90 s."""
+def _fused_figures(runs: FigureEightResult, when: str) -> tuple[Callable[[], Figure], ...]:
+    """Errors of position, velocity, rotation and biases of one case."""
     from schuler.analysis.figure_eight import SIGMA_POSITION, SIGMA_VELOCITY
     from schuler.report.stefanisko_figures import fused_figure
 
+    return (
+        partial(fused_figure, runs, "position", f"Position error{when}", SIGMA_POSITION),
+        partial(fused_figure, runs, "velocity", f"Velocity error{when}", SIGMA_VELOCITY),
+        partial(fused_figure, runs, "rotation", f"Rotation error{when}"),
+        partial(fused_figure, runs, "biases", f"Errors of the biases{when}"),
+    )
+
+
+def _outage(effort: Effort) -> Outcome:
+    """Figs. 4.16 to 4.19: no GNSS from 50 to 90 s."""
     moving, rest, alone = _runs(effort, "outage"), _runs(effort, "at rest"), _runs(effort, "INS alone")
     cells: list[Cell] = [
         said(
@@ -157,12 +167,7 @@ def _outage(effort: Effort) -> Outcome:
     cells += [_against(f"moving: error over claim, {t:g} s", 1.0, moving.ratio(t), "") for t in times]
     nees = float(np.mean(rest.nees[:, int(np.argmin(np.abs(rest.t - 90.0)))]))
     cells.append(shown("at rest: NEES, 90 s", nees))
-    figures = (
-        partial(fused_figure, moving, "position", "Position error with an outage", SIGMA_POSITION),
-        partial(fused_figure, moving, "velocity", "Velocity error with an outage", SIGMA_VELOCITY),
-        partial(fused_figure, moving, "rotation", "Rotation error with an outage"),
-        partial(fused_figure, moving, "biases", "Errors of the biases with an outage"),
-    )
+    figures = _fused_figures(moving, " with an outage")
     return Outcome(
         tuple(cells),
         _SIMULATED

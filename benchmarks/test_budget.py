@@ -7,16 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from schuler.analysis.budget import (
-    BudgetScenario,
-    catalogue_specs,
-    choose_imu,
-    linear_covariance,
-    prepare_budget,
-    requirement,
-)
-from schuler.analysis.budget.scenario import true_schedule
-from schuler.analysis.budget.sources import filter_layout
+from schuler.budget import BudgetScenario, catalogue_specs, choose_imu, linear_covariance, prepare_budget, requirement
+from schuler.budget.scenario import true_schedule
+from schuler.budget.sources import filter_layout
 from schuler.filtering.engine import FilterOptions, InitialState, run
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import ImuSeries

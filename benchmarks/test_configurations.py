@@ -20,15 +20,15 @@ from schuler.filtering.measurements import (
     merged,
     zero_velocity,
 )
-from schuler.filtering.navigator import Navigator
-from schuler.filtering.result import NavigationResult
-from schuler.filtering.satellite_aids import range_measurements
 from schuler.filtering.states import StateLayout, StateModel
-from schuler.filtering.vehicle_aids import VehicleConditions, non_holonomic
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.range_errors import EXACT
 from schuler.gnss.synthetic import synthetic_ranges
 from schuler.mechanization.strapdown import NavState
+from schuler.navigation.aids.satellite import range_measurements
+from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic
+from schuler.navigation.navigator import Navigator
+from schuler.navigation.result import NavigationResult
 from schuler.recording.series import GnssSeries, ImuSeries, Increments
 from schuler.simulation.motion import ideal_increments
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion

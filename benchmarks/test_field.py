@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.analysis.field_runs import FieldJob, calibrated, field_run, simulated_unit
-from schuler.analysis.field_static_unit import StaticJob, static_unit
-from schuler.analysis.field_tables import static_spec
-from schuler.fieldcal.options import FieldOptions
-from schuler.fieldcal.rests import field_rests
+from schuler.calibration.field.options import FieldOptions
+from schuler.calibration.field.rests import field_rests
+from schuler.reproduce.yaman.study.field_runs import FieldJob, calibrated, field_run, simulated_unit
+from schuler.reproduce.yaman.study.field_static_unit import StaticJob, static_unit
+from schuler.reproduce.yaman.study.field_tables import static_spec
 from schuler.sensors import catalogue
 
 SEEDS = np.random.SeedSequence(1).spawn(5)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from schuler.filtering.engine import FilterOptions, run
-from schuler.filtering.navigator import Navigator
-from schuler.filtering.result import NavigationResult
+from schuler.navigation.navigator import Navigator
+from schuler.navigation.result import NavigationResult
 
 
 @pytest.mark.parametrize("states", [15, 21, 33])
@@ -94,8 +94,8 @@ def test_live_step_without_python(benchmark, filter_job):
     """The compiled step alone: one kernel call an epoch, made from a compiled loop over one-sample slices."""
     import numba
 
-    from schuler.filtering import _run_kernels as k
     from schuler.filtering.engine import FilterState
+    from schuler.filtering.kernels import run as k
 
     inc, _, initial, lay, gyro, accel = filter_job(15)
     state = FilterState(initial, lay, gyro, accel, FilterOptions(), 0.01)

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from schuler.calibration.fleet import calibrate_fleet
-from schuler.calibration.freepose import calibrate_freepose
-from schuler.calibration.freepose_simulation import hand_log
+from schuler.calibration.freepose.calibrate import calibrate_freepose
+from schuler.calibration.freepose.fleet import calibrate_fleet
+from schuler.calibration.freepose.simulation import hand_log
 from schuler.recording.series import ImuSeries
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.noise import NoiseModel, White

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 from schuler.filtering.engine import FilterOptions, InitialState, run
-from schuler.filtering.lane_aiding import true_gnss
-from schuler.filtering.lane_errors import LaneErrors
-from schuler.filtering.lanes import LaneScenario, lane_statistics, replay
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
+from schuler.montecarlo.lanes.aiding import true_gnss
+from schuler.montecarlo.lanes.errors import LaneErrors
+from schuler.montecarlo.lanes.run import LaneScenario, lane_statistics, replay
 from schuler.simulation.aiding import GnssModel
 from schuler.simulation.imu import IdealImu, ideal_imu
 from schuler.simulation.motion import Motion, MotionState
@@ -126,8 +126,8 @@ def test_campaign(benchmark, scene, states, threads):
 
 def test_normals(benchmark):
     """Epochs are single normals."""
-    from schuler.filtering._lane_random_kernels import draw
-    from schuler.filtering.lane_scenario import aligned
+    from schuler.montecarlo.lanes._random_kernels import draw
+    from schuler.montecarlo.lanes.scenario import aligned
 
     benchmark.group = "normal random numbers"
     state = np.ascontiguousarray(np.random.default_rng(0).integers(1, 2**63, (4, 8), dtype=np.uint64))

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from schuler.analysis.montecarlo import run_seed
-from schuler.analysis.montecarlo.batches import Batches
-from schuler.analysis.montecarlo.job import read_job
-from schuler.analysis.montecarlo.navigation import lane_runs, navigation_run
-from schuler.analysis.montecarlo.store import Span
-from schuler.analysis.montecarlo.workers import in_threads
+from schuler.montecarlo import run_seed
+from schuler.montecarlo.batches import Batches
+from schuler.montecarlo.job import read_job
+from schuler.montecarlo.navigation import lane_runs, navigation_run
+from schuler.montecarlo.store import Span
+from schuler.montecarlo.workers import in_threads
 
 HOUR = Path(__file__).resolve().parents[1] / "examples" / "montecarlo_hour.toml"
 EPOCHS = 360_000  # of one run
@@ -52,7 +52,7 @@ def test_whole_chain_in_threads(benchmark, hour, workers):
 @pytest.mark.parametrize("workers", [1, 2])
 def test_dask_workers(benchmark, hour, workers):
     distributed = pytest.importorskip("distributed")
-    from schuler.analysis.montecarlo.cluster import on_cluster
+    from schuler.montecarlo.cluster import on_cluster
 
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     benchmark.extra_info["epochs"] = 24 * EPOCHS

@@ -10,7 +10,7 @@ import datetime as dt
 import numpy as np
 import pytest
 
-from schuler.recording.io.rinex_observation import read_rinex_observation
+from schuler.recording.formats.rinex_observation import read_rinex_observation
 
 NAMES = [
     *(f"G{k:02d}" for k in range(1, 11)),

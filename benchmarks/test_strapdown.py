@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.mechanization import _kernels
+from schuler.mechanization import kernels as _kernels
 from schuler.mechanization.strapdown import mechanize
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from schuler.filtering.engine import FilterOptions, InitialState, run
-from schuler.filtering.satellite_aids import clock_models, range_measurements
-from schuler.filtering.satellite_noise import honest
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.preparation import prepare_ranges
 from schuler.gnss.range_errors import RangeErrors
 from schuler.gnss.synthetic import synthetic_ranges
+from schuler.navigation.aids.satellite import clock_models, range_measurements
+from schuler.navigation.inputs.satellite_noise import honest
 
 EPOCH = 1.3e9
 
@@ -50,7 +50,7 @@ def job(log_1000s, start, noise, ranges):
 @pytest.mark.parametrize("satellites", [14, 5])
 @pytest.mark.parametrize("smoother", [False, True], ids=["filter", "kept for the smoother"])
 def test_tight(benchmark, log_1000s, start, noise, sky, satellites, smoother):
-    from schuler.filtering.satellites import limited
+    from schuler.navigation.inputs.satellites import limited
 
     work = job(log_1000s, start, noise, limited(sky.ranges, 1, satellites))
     options = FilterOptions(smoother=smoother)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
+from places import DATA
 
-SHARED_DATA = Path(os.environ.get("SCHULER_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
+SHARED_DATA = DATA
 
 
 @pytest.fixture(scope="session")

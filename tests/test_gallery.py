@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import re
-from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
+from places import DOCS
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
 TEXT = (DOCS / "gallery.md").read_text(encoding="utf-8")
 LINES = 10  # of a program, imports and blanks left out
 

@@ -12,7 +12,7 @@ import schuler
 
 SCRIPT = """
 import numpy as np
-from schuler.filtering import _smoother_kernels as k
+from schuler.filtering.kernels import smoother as k
 q = np.array([[1.0, 0.0, 0.0, 0.0]])
 dx = np.full((2, 9), 0.2)
 k.apply_corrections(np.zeros(1), q, np.zeros((1, 3)), np.zeros((1, 3)), np.array([0.0, 1.0]), dx, dx)
@@ -39,7 +39,7 @@ def test_a_changed_helper_in_another_file_is_compiled_in(tmp_path):
     first, hits = run(tmp_path)
     assert hits == 0
     assert run(tmp_path) == (first, 1)
-    helper = package / "mechanization" / "_kernels.py"
+    helper = package / "mechanization" / "kernels.py"
     text = helper.read_text(encoding="utf-8")
     head, found, rest = text.partition("def half_angle_series(px, py, pz):")
     assert found

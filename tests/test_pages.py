@@ -12,13 +12,12 @@ import contextlib
 import io
 import re
 import shlex
-from pathlib import Path
 
 import pytest
+from places import DOCS
 
 from schuler.cli import main
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGES = sorted(
     [DOCS / "tutorial.md", *DOCS.glob("howto/*.md"), *DOCS.glob("theory/*.md")], key=lambda path: path.as_posix()
 )

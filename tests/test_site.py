@@ -21,17 +21,11 @@ from importlib import import_module
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+import chromium
 import pytest
+from places import ROOT
 
 import schuler
-
-ROOT = Path(__file__).resolve().parents[1]
-_spec = importlib.util.spec_from_file_location("chromium", Path(__file__).with_name("chromium.py"))
-assert _spec is not None
-assert _spec.loader is not None
-chromium = importlib.util.module_from_spec(_spec)
-sys.modules["chromium"] = chromium
-_spec.loader.exec_module(chromium)
 
 
 @pytest.fixture(scope="session")
@@ -137,8 +131,10 @@ def test_the_search_for_broken_links_finds_them(tmp_path):
 
 
 def test_links_to_code_lead_into_the_reference(site):
-    """``[...](../src/schuler/analysis/drive_modes.py)`` on GitHub is the file, here the module's documentation."""
-    assert any("api/schuler.analysis.html#module-schuler.analysis.drive_modes" in link
+    """``[...](../src/schuler/reproduce/yaman/study/drive_modes.py)`` on GitHub is the file, here the module's
+    documentation.
+    """
+    assert any("api/schuler.analysis.html#module-schuler.reproduce.yaman.study.drive_modes" in link
                for link in links_of(site / "field-drives.html").links)  # fmt: skip
 
 
@@ -220,7 +216,9 @@ def exists(name: str) -> bool:
 
 @pytest.mark.parametrize("page", MARKDOWN, ids=lambda p: p.relative_to(ROOT / "docs").as_posix())
 def test_names_on_pages_exist(page):
-    """``schuler.analysis.errors.trajectory_errors`` in backticks is a name of the package; the site links it."""
+    """``schuler.navigation.evaluation.errors.trajectory_errors`` in backticks is a name of the package; the site
+    links it.
+    """
     assert [n for n in DOTTED.findall(page.read_text(encoding="utf-8")) if not exists(n)] == []
 
 

@@ -1,8 +1,8 @@
 """Links of the pages to other files of the repository, which GitHub follows: what the site has instead.
 
 The texts at its top are pages here, a module of the package is a place in the API reference, and so is a dotted name
-in backticks such as ``schuler.rotary.tables.cycle_rate``. Anything else (examples, tests, compiled code) is copied
-beside the site as a download, as Sphinx does with files.
+in backticks such as ``schuler.reproduce.du.study.analytic_tables.cycle_rate``. Anything else (examples, tests,
+compiled code) is copied beside the site as a download, as Sphinx does with files.
 """
 
 from __future__ import annotations

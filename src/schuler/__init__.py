@@ -12,28 +12,28 @@ from importlib import import_module, metadata
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from schuler.calibration.ferraris import calibrate_ferraris
-    from schuler.calibration.fleet import calibrate_fleet
-    from schuler.calibration.freepose import calibrate_freepose
-    from schuler.calibration.multiposition import calibrate_multiposition
-    from schuler.calibration.poses import Poses, poses_of
-    from schuler.calibration.ratetable import calibrate_angle_rate, calibrate_ratetable
-    from schuler.calibration.result import CalibrationResult
-    from schuler.calibration.sixposition import calibrate_sixposition
-    from schuler.calibration.thermal import calibrate_thermal
+    from schuler.calibration.bench.ferraris import calibrate_ferraris
+    from schuler.calibration.bench.multiposition import calibrate_multiposition
+    from schuler.calibration.bench.poses import Poses, poses_of
+    from schuler.calibration.bench.ratetable import calibrate_angle_rate, calibrate_ratetable
+    from schuler.calibration.bench.sixposition import calibrate_sixposition
+    from schuler.calibration.freepose.calibrate import calibrate_freepose
+    from schuler.calibration.freepose.fleet import calibrate_fleet
+    from schuler.calibration.result.result import CalibrationResult
+    from schuler.calibration.thermal.calibrate import calibrate_thermal
     from schuler.characterisation.allan import allan_deviation
     from schuler.characterisation.identify import identify_noise
     from schuler.characterisation.result import NoiseIdentification
     from schuler.diagnosis.diagnosis import Diagnosis
     from schuler.diagnosis.first import check
-    from schuler.filtering.config import NavigationConfig
     from schuler.filtering.engine import FilterOptions, InitialState
-    from schuler.filtering.fine_alignment import fine_alignment
-    from schuler.filtering.navigate import navigate
-    from schuler.filtering.navigator import Navigator
-    from schuler.filtering.result import NavigationResult
     from schuler.filtering.states import StateLayout, StateModel, layout_for
     from schuler.mechanization.strapdown import NavState, mechanize
+    from schuler.navigation.config import NavigationConfig
+    from schuler.navigation.navigate import navigate
+    from schuler.navigation.navigator import Navigator
+    from schuler.navigation.result import NavigationResult
+    from schuler.navigation.start.fine_alignment import fine_alignment
     from schuler.recording.io import ReadHints, read, write
     from schuler.recording.recording import Metadata, Recording
     from schuler.recording.series import GnssSeries, ImuSeries, Increments, OdometerSeries
@@ -43,26 +43,26 @@ if TYPE_CHECKING:
     from schuler.simulation.scenario import Scenario, simulate
 
 _PLACES = {
-    "schuler.calibration.ferraris": ("calibrate_ferraris",),
-    "schuler.calibration.fleet": ("calibrate_fleet",),
-    "schuler.calibration.freepose": ("calibrate_freepose",),
-    "schuler.calibration.multiposition": ("calibrate_multiposition",),
-    "schuler.calibration.poses": ("Poses", "poses_of"),
-    "schuler.calibration.ratetable": ("calibrate_angle_rate", "calibrate_ratetable"),
-    "schuler.calibration.result": ("CalibrationResult",),
-    "schuler.calibration.sixposition": ("calibrate_sixposition",),
-    "schuler.calibration.thermal": ("calibrate_thermal",),
+    "schuler.calibration.bench.ferraris": ("calibrate_ferraris",),
+    "schuler.calibration.freepose.fleet": ("calibrate_fleet",),
+    "schuler.calibration.freepose.calibrate": ("calibrate_freepose",),
+    "schuler.calibration.bench.multiposition": ("calibrate_multiposition",),
+    "schuler.calibration.bench.poses": ("Poses", "poses_of"),
+    "schuler.calibration.bench.ratetable": ("calibrate_angle_rate", "calibrate_ratetable"),
+    "schuler.calibration.result.result": ("CalibrationResult",),
+    "schuler.calibration.bench.sixposition": ("calibrate_sixposition",),
+    "schuler.calibration.thermal.calibrate": ("calibrate_thermal",),
     "schuler.characterisation.allan": ("allan_deviation",),
     "schuler.characterisation.identify": ("identify_noise",),
     "schuler.characterisation.result": ("NoiseIdentification",),
     "schuler.diagnosis.diagnosis": ("Diagnosis",),
     "schuler.diagnosis.first": ("check",),
-    "schuler.filtering.config": ("NavigationConfig",),
+    "schuler.navigation.config": ("NavigationConfig",),
     "schuler.filtering.engine": ("FilterOptions", "InitialState"),
-    "schuler.filtering.fine_alignment": ("fine_alignment",),
-    "schuler.filtering.navigate": ("navigate",),
-    "schuler.filtering.navigator": ("Navigator",),
-    "schuler.filtering.result": ("NavigationResult",),
+    "schuler.navigation.start.fine_alignment": ("fine_alignment",),
+    "schuler.navigation.navigate": ("navigate",),
+    "schuler.navigation.navigator": ("Navigator",),
+    "schuler.navigation.result": ("NavigationResult",),
     "schuler.filtering.states": ("StateLayout", "StateModel", "layout_for"),
     "schuler.mechanization.strapdown": ("NavState", "mechanize"),
     "schuler.recording.io": ("ReadHints", "read", "write"),

@@ -1,6 +1,7 @@
 """How the package compiles its kernels: one set of options, and a word to the user while it happens.
 
-Kernels are module-level functions in files named ``_kernels.py``; their arguments are C-contiguous float64 and
+Kernels are module-level functions in files named ``kernels.py`` (``_kernels.py`` where no other package runs them) or
+in a folder ``kernels``; their arguments are C-contiguous float64 and
 int64 arrays and plain numbers, so that another compiled core can take their place. Those files import numba and
 are themselves imported only by the functions that run them (importing the package must stay quick).
 """
@@ -58,7 +59,7 @@ def sources_digest() -> str:
     """SHA-256 over all kernel files and what they take constants from."""
     root = Path(__file__).parent
     digest = hashlib.sha256()
-    for path in sorted([*root.rglob("_*kernels.py"), *(root / name for name in SOURCES)]):
+    for path in sorted([*root.rglob("*kernels.py"), *root.glob("*/kernels/*.py"), *(root / name for name in SOURCES)]):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import gzip
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import ROOT
 
 from schuler.characterisation.allan import allan_deviation
 from schuler.characterisation.confidence import KINDS
@@ -321,7 +321,7 @@ def test_a_stuck_sensor_has_zero_deviation_and_no_nan():
 
 
 def test_the_page_runs(capsys):
-    page = (Path(__file__).resolve().parents[2] / "docs" / "allan.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "allan.md").read_text(encoding="utf-8")
     for block in re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL):
         exec(compile(block, "allan.md", "exec"), {})
     tau, low, deviation, high, edf = map(float, capsys.readouterr().out.split())

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from schuler.characterisation import NoiseIdentification, identify_noise
-from schuler.characterisation.comparison import overlay
 from schuler.characterisation.result import AXES
 from schuler.recording.series import ImuSeries
+from schuler.reproduce.flenniken.study.grade_comparison import overlay
 from schuler.sensors.noise import Counted
 from schuler.units import ARCSEC, DEG, G0, UG
 

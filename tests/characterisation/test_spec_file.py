@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import re
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from places import ROOT
 
 from schuler.characterisation.exports import EXPORTS, export_text
 from schuler.exceptions import ConfigError, FileFormatError, InputError
-from schuler.filtering.config import NavigationConfig
-from schuler.filtering.navigate import imu_spec
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.navigate import imu_spec
 from schuler.sensors import ImuSpec, TriadSpec, catalogue
 from schuler.sensors.spec_file import read_spec, read_spec_file, spec_text, write_spec
 from schuler.simulation.scenario import Scenario, prepare_mission, simulate_mission
@@ -203,7 +203,7 @@ def test_one_source_only(folder, other):
 
 
 def test_the_file_in_the_documentation_is_one(tmp_path):
-    page = (Path(__file__).resolve().parents[2] / "docs" / "noise-exports.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "noise-exports.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
     (tmp_path / "imu.toml").write_text(block)
     found = read_spec_file(tmp_path / "imu.toml")
@@ -211,7 +211,7 @@ def test_the_file_in_the_documentation_is_one(tmp_path):
 
 
 def test_every_export_and_key_is_in_the_documentation():
-    page = (Path(__file__).resolve().parents[2] / "docs" / "noise-exports.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "noise-exports.md").read_text(encoding="utf-8")
     for name in EXPORTS:
         assert f"`{name}`" in page or f'"{name}"' in page, name
     for name in ("kalibr", "vins", "kf-gins", "px4", "ardupilot"):

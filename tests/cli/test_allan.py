@@ -12,8 +12,8 @@ import math
 import sys
 import types
 from dataclasses import replace
-from pathlib import Path
 
+import noise_cases as cases
 import numpy as np
 import pytest
 
@@ -22,20 +22,7 @@ from schuler.recording import io
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.trajectory import Trajectory
 
-ROOT = Path(__file__).resolve().parents[2]
 KEYS = {"tau_s", "adev", "adev_low", "adev_high", "terms", "warnings"}
-
-
-def _cases():
-    if "noise_cases" not in sys.modules:
-        path = ROOT / "tests" / "report" / "noise_cases.py"
-        spec = importlib.util.spec_from_file_location("noise_cases", path)
-        sys.modules["noise_cases"] = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(sys.modules["noise_cases"])
-    return sys.modules["noise_cases"]
-
-
-cases = _cases()
 
 
 def run(capsys, *arguments):

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
+from places import EXAMPLES
 
 from schuler.cli import main
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def run(capsys, *arguments):

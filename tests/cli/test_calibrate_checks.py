@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from schuler.calibration.freepose_simulation import hand_log
-from schuler.calibration.result import CalibrationResult
+from schuler.calibration.freepose.simulation import hand_log
+from schuler.calibration.result.result import CalibrationResult
 from schuler.cli import main
 from schuler.cli.app import METHODS
 from schuler.recording import io

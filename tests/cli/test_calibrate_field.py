@@ -6,17 +6,17 @@ import csv
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import ROOT
 
-from schuler.calibration.parameters import vector
-from schuler.calibration.result import CalibrationResult
+from schuler.calibration.field.routine import RoutineMotion, thesis_routine
+from schuler.calibration.result.parameters import vector
+from schuler.calibration.result.result import CalibrationResult
 from schuler.cli import main
-from schuler.fieldcal.routine import RoutineMotion, thesis_routine
 from schuler.recording import io
-from schuler.recording.io.parquet import read_table
+from schuler.recording.formats.parquet import read_table
 from schuler.recording.recording import Metadata, Recording
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
@@ -347,7 +347,7 @@ def test_a_log_that_never_rests(turned, tmp_path, capsys):
 
 # ------------------------------------------------------------------------------------------------------------ the page
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "field-calibration.md"
+PAGE = ROOT / "docs" / "field-calibration.md"
 
 
 def test_the_documented_program_runs(tmp_path, monkeypatch):

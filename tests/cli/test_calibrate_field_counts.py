@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from schuler import earth
-from schuler.calibration.comparison import with_nominal
-from schuler.calibration.parameters import vector
-from schuler.calibration.result import CalibrationResult
+from schuler.calibration.field.calibration import calibrate_field
+from schuler.calibration.field.routine import RoutineMotion, thesis_routine
+from schuler.calibration.result.comparison import with_nominal
+from schuler.calibration.result.parameters import vector
+from schuler.calibration.result.result import CalibrationResult
 from schuler.cli import main
-from schuler.fieldcal.calibration import calibrate_field
-from schuler.fieldcal.routine import RoutineMotion, thesis_routine
-from schuler.filtering.calibration_start import calibration_start
 from schuler.filtering.states import layout_for
+from schuler.navigation.start.calibration_start import calibration_start
 from schuler.recording import io
 from schuler.recording.recording import Metadata, Recording
 from schuler.sensors import catalogue
@@ -123,9 +123,9 @@ def test_figures_of_counts_are_of_the_log_in_si(in_counts, tmp_path, capsys):
         return []
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("schuler.report.field_output_figures.save_output_figures", keep)
+        patch.setattr("schuler.reproduce.yaman.study.field_output_figures.save_output_figures", keep)
         # the others take their time and are of the result alone
-        patch.setattr("schuler.report.calibration_figures.save_calibration_figures", lambda *_, **__: [])
+        patch.setattr("schuler.calibration.report.figures.save_calibration_figures", lambda *_, **__: [])
         patch.setattr(CalibrationResult, "report", lambda _, path, **__: path)
         arguments = [a for a in COUNTED if a != "--no-report"]
         code, _, err = run(capsys, "calibrate", "field", in_counts[0], *arguments, "--out", tmp_path)

@@ -10,17 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from places import EXAMPLES, ROOT
 
 import schuler
-from schuler.analysis.errors import trajectory_errors
 from schuler.cli import main
 from schuler.cli.app import COMMANDS, METHODS
-from schuler.filtering.aiding_config import AidingSection
-from schuler.filtering.solution_file import read_solution
+from schuler.navigation.aiding_config import AidingSection
+from schuler.navigation.evaluation.errors import trajectory_errors
+from schuler.navigation.solution_file import read_solution
 from schuler.recording import io
-
-ROOT = Path(__file__).resolve().parents[2]
-EXAMPLES = ROOT / "examples"
 
 
 def run(capsys, *arguments):

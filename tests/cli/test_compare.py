@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
-from pathlib import Path
 
 import pytest
+from places import EXAMPLES
 
 from schuler.cli.compare import compare
 from schuler.exceptions import ConfigError, InputError
 from schuler.recording import io
 from schuler.simulation.scenario import simulate
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 CONFIG = EXAMPLES / "town_navigation.toml"
 
 

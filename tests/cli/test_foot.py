@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from schuler import units
-from schuler.analysis.walk_errors import walk_errors
 from schuler.cli.foot import foot
 from schuler.cli.options import Reading
 from schuler.exceptions import ConfigError, InputError
-from schuler.filtering.foot import navigate_foot
-from schuler.recording.io.csv import write_csv
+from schuler.navigation.foot.errors import walk_errors
+from schuler.navigation.foot.figures import detector, overview, save_foot_figures, track
+from schuler.navigation.foot.navigate import navigate_foot
+from schuler.recording.formats.csv import write_csv
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.recording.trajectory import Trajectory
-from schuler.report.foot_figures import detector, overview, save_foot_figures, track
 from schuler.simulation.motion import ideal_rates
 from schuler.simulation.walk import walk
 

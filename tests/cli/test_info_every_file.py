@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import sys
 from pathlib import Path
 
 import pytest
+from places import DATA
 
 from schuler.cli import main
 from schuler.diagnosis.not_a_log import not_a_log
 
-DATA = Path(os.environ.get("SCHULER_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
 FILES = sorted(str(p.relative_to(DATA)) for p in DATA.rglob("*") if p.is_file()) if DATA.is_dir() else []
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "diagnosis"))
 

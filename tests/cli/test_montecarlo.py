@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import EXAMPLES
 
-from schuler.analysis.montecarlo.job import read_job
-from schuler.analysis.montecarlo.navigation import lane_runs, navigation_run, runner
 from schuler.cli.montecarlo import montecarlo
 from schuler.cli.output import progress, rate_text
 from schuler.exceptions import InputError
+from schuler.montecarlo.job import read_job
+from schuler.montecarlo.navigation import lane_runs, navigation_run, runner
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 FILE = """
 runs = 16
 seed = 4

@@ -6,16 +6,13 @@ import _thread
 import json
 import re
 import tomllib
-from pathlib import Path
 
 import pytest
+from places import EXAMPLES
 
-from schuler.analysis.rotary.scenario import RotaryScenario
 from schuler.cli import main
 from schuler.cli.app import COMMANDS
-
-ROOT = Path(__file__).parents[2]
-EXAMPLES = ROOT / "examples"
+from schuler.rotary.search.scenario import RotaryScenario
 
 SHORT = """
 name = "a minute"

@@ -173,7 +173,7 @@ def test_increments_read_as_rates(shared_data):
 @pytest.mark.realdata
 @pytest.mark.parametrize("name", ["2017-11-22-11-22-03", "2017-11-22-11-25-20"])
 def test_walks_with_a_sensor_on_the_shoe(shared_data, name):
-    from schuler.recording.io.pyshoe import read_pyshoe
+    from schuler.recording.formats.pyshoe import read_pyshoe
 
     trial = read_pyshoe(shared_data / "pyshoe_vicon" / f"{name}.mat")
     from schuler.diagnosis import diagnose

@@ -1,17 +1,11 @@
-"""Makes `cases` importable and shares its simulated log."""
+"""Shares a simulated log."""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
+import filter_cases
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture(scope="session")
 def drive_case():
-    import cases
-
-    return cases.Case.of(cases.drive(2.0), 120.0)
+    return filter_cases.Case.of(filter_cases.drive(2.0), 120.0)

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from schuler import earth
-from schuler.analysis.consistency import chi_square_band, state_errors
 from schuler.filtering import engine
 from schuler.filtering import measurements as ms
 from schuler.filtering.engine import FilterOptions, run
 from schuler.filtering.measurements import merged
-from schuler.filtering.navigator import Navigator
+from schuler.navigation.evaluation.consistency import chi_square_band, state_errors
+from schuler.navigation.navigator import Navigator
 
 ORDER = 0.02  # of a sigma: what relinearisation moves; 0.003 was seen
 RUNS = [40, pytest.param(400, marks=pytest.mark.slow)]

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from schuler import earth, frames, rotation
-from schuler.analysis.consistency import chi_square_band, nees
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, InitialState, run, unpack_symmetric
 from schuler.filtering.limits import MAX_STATES
 from schuler.filtering.measurements import MeasurementSchedule
-from schuler.filtering.result import NavigationResult
 from schuler.filtering.states import StateLayout, StateModel
+from schuler.navigation.evaluation.consistency import chi_square_band, nees
+from schuler.navigation.result import NavigationResult
 from schuler.recording.series import Increments
 from schuler.simulation.motion import StaticMotion, ideal_increments
 
@@ -38,7 +38,7 @@ def test_flush_is_the_matrix_exponential(seconds):
     """Clock, drift and Gauss-Markov states between others: P -> Phi P Phi' with Phi = exp(F T), to rounding."""
     from scipy.linalg import expm
 
-    from schuler.filtering import _covariance_kernels as k
+    from schuler.filtering.kernels import covariance as k
 
     lay = StateLayout(
         {
@@ -153,7 +153,7 @@ def test_decaying_bias_moves_the_solution_as_its_decay_says():
 
 def dense_transition(nodes, j, n):
     """Phi of node j from what the filter kept of it: sensor columns, decay, and the clock's shear after it."""
-    from schuler.filtering import _covariance_kernels as k
+    from schuler.filtering.kernels import covariance as k
 
     A, nav = np.zeros((9, 9)), np.zeros(10)
     A[2, 2] = 1.0

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import cases
+import filter_cases as cases
 import numpy as np
 import pytest
 
-from schuler.analysis.consistency import chi_square_band, nees, state_errors
 from schuler.filtering.engine import FilterOptions, run
 from schuler.filtering.measurements import gnss_measurements
-from schuler.filtering.result import NavigationResult
+from schuler.navigation.evaluation.consistency import chi_square_band, nees, state_errors
+from schuler.navigation.result import NavigationResult
 
 
 def campaign(case, lay, seeds, **options):

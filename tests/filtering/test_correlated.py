@@ -6,8 +6,8 @@ import aided_cases as ac
 import numpy as np
 import pytest
 
-from schuler.analysis.consistency import chi_square_band
 from schuler.filtering.states import StateModel
+from schuler.navigation.evaluation.consistency import chi_square_band
 
 RUNS = [40, pytest.param(400, marks=pytest.mark.slow)]
 
@@ -95,7 +95,7 @@ def test_estimates_decay_in_an_outage(drive):
 
 
 def test_smoothed_solution_is_honest_too(drive):
-    from schuler.analysis.consistency import nees
+    from schuler.navigation.evaluation.consistency import nees
 
     lay = ac.layout("b_r", "b_v")
     values = []

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import cases
+import filter_cases as cases
 import numpy as np
 import pytest
 
 from schuler.filtering.engine import FilterOptions, InitialState, run
 from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements
-from schuler.filtering.result import NavigationResult
 from schuler.mechanization.strapdown import NavState
+from schuler.navigation.result import NavigationResult
 from schuler.recording.series import Increments
 from schuler.simulation.imu import truth
 from schuler.simulation.motion import LocalMotion, euler_attitude, ideal_increments
@@ -95,7 +95,7 @@ def test_ten_hertz_equals_every_sample(motion, states):
     sigma_fast = np.sqrt(np.einsum("kii->ki", fast.covariance_e))[settled]
     # discretisation of the process noise over 0.1 s instead of one sample
     assert np.abs(sigma_slow / sigma_fast - 1.0).max() < 1e-3
-    from schuler.analysis.consistency import state_errors
+    from schuler.navigation.evaluation.consistency import state_errors
 
     _, dx_slow, _ = state_errors(slow, case.truth, np.zeros(lay.size - 9))
     _, dx_fast, _ = state_errors(fast, case.truth, np.zeros(lay.size - 9))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import cases
+import filter_cases as cases
 import numpy as np
 import pytest
 
@@ -10,9 +10,9 @@ from schuler.exceptions import InputError
 from schuler.filtering import engine
 from schuler.filtering.engine import FilterOptions, InitialState, run
 from schuler.filtering.measurements import ACCEPTED, FORCED, REJECTED, UNUSED, MeasurementSchedule, gnss_measurements
-from schuler.filtering.navigator import Navigator
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import mechanize
+from schuler.navigation.navigator import Navigator
 from schuler.recording.series import Increments
 
 NOISE = (np.full(3, cases.GYRO_N**2), np.full(3, cases.ACCEL_N**2))
@@ -194,7 +194,7 @@ def test_anisotropic_noise_follows_the_body(drive_case):
     P = np.zeros((9, 9))
     start = InitialState(initial.nav, P, np.zeros(0))
     forward = run(log.between(0.0, 1.0), MeasurementSchedule.empty(), start, lay, [1e-6, 0, 0], [0, 0, 0])
-    from schuler.filtering.result import NavigationResult
+    from schuler.navigation.result import NavigationResult
 
     result = NavigationResult.from_run(forward, np.empty(0), np.empty(0, dtype=int), lay)
     C = result.covariance[0][:3, :3]
@@ -204,7 +204,7 @@ def test_anisotropic_noise_follows_the_body(drive_case):
 
 def test_free_covariance_grows_as_theory_says():
     """Static, level: tilt N sqrt(t), velocity g N sqrt(t^3/3), position g N sqrt(t^5/20) from gyro noise alone."""
-    from schuler.filtering.result import NavigationResult
+    from schuler.navigation.result import NavigationResult
     from schuler.simulation.motion import StaticMotion, ideal_increments
 
     motion = StaticMotion(cases.ORIGIN, np.zeros(3), 60.0)

@@ -142,8 +142,8 @@ def test_state_rotation_is_orthogonal():
 
 def compiled_transition(poly_of, h, steps, nav, lay, estimates):
     """Transition accumulated by the kernels over some samples of given interval polynomials."""
-    from schuler.filtering import _covariance_kernels as k
-    from schuler.mechanization import _kernels as mech
+    from schuler.filtering.kernels import covariance as k
+    from schuler.mechanization import kernels as mech
 
     m = lay.size - 9
     sens, acc, B, A = np.zeros(33), np.zeros(8), np.zeros((9, m)), np.zeros((9, 9))

@@ -21,8 +21,8 @@ M = LAYOUT.size - 9
 
 def rows(kind, nav, est, raw_rate, raw_force, lever, z, layout=LAYOUT):
     """H and y of the kernel, with the rate that the given parameter estimates make of the raw samples."""
-    from schuler.filtering import _covariance_kernels as cov
-    from schuler.filtering import _update_kernels as upd
+    from schuler.filtering.kernels import covariance as cov
+    from schuler.filtering.kernels import update as upd
 
     sens = np.zeros(33)
     cov.spread_estimates(est, layout.table(), layout.n_sensor, sens)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from schuler import earth, frames, rotation
-from schuler.analysis.consistency import chi_square_band
 from schuler.exceptions import InputError
 from schuler.filtering import measurements as ms
 from schuler.filtering.engine import FilterOptions, run, unpack_symmetric
 from schuler.filtering.measurements import MeasurementSchedule
-from schuler.filtering.satellite_aids import resets
 from schuler.filtering.states import StateModel
 from schuler.mechanization.strapdown import NavState, mechanize
+from schuler.navigation.aids.satellite import resets
+from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.recording.series import GnssSeries
 
 # good gyros: without updates a bias of 400 deg/h turns the attitude by more than a linear filter can follow

@@ -35,8 +35,8 @@ def layout(name: str) -> StateLayout:
 
 def rows(kind, nav, est, z, lay):
     """H and y of the kernel."""
-    from schuler.filtering import _covariance_kernels as cov
-    from schuler.filtering import _update_kernels as upd
+    from schuler.filtering.kernels import covariance as cov
+    from schuler.filtering.kernels import update as upd
 
     sens, reg = np.zeros(33), np.full(7, np.nan)  # regressors of the interval play no part
     cov.spread_estimates(est, lay.table(), lay.n_sensor, sens)

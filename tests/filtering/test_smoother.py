@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import cases
+import filter_cases as cases
 import numpy as np
 import pytest
+from places import ROOT
 
 from schuler import frames, rotation
-from schuler.analysis.consistency import chi_square_band, nees
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, InitialState, run, unpack_symmetric
 from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements
-from schuler.filtering.result import NavigationResult
 from schuler.mechanization.strapdown import NavState
+from schuler.navigation.evaluation.consistency import chi_square_band, nees
+from schuler.navigation.result import NavigationResult
 from schuler.recording.series import GnssSeries
 
 
 def dense_transition(nodes, j, n):
     """Phi of node j from what the filter kept of it."""
-    from schuler.filtering import _covariance_kernels as k
+    from schuler.filtering.kernels import covariance as k
 
     A, nav = np.zeros((9, 9)), np.zeros(10)
     A[2, 2] = 1.0
@@ -182,12 +183,11 @@ def test_smoothed_covariance_stays_positive_through_a_long_outage(drive_case):
 
 def test_states_that_are_hardly_seen_leave_no_infinities():
     """Rows of the square root that decay to denormal numbers once made the covariance NaN, compiled only."""
-    from pathlib import Path
 
-    from schuler.filtering.navigate import navigate
+    from schuler.navigation.navigate import navigate
     from schuler.simulation.scenario import simulate
 
-    examples = Path(__file__).parents[2] / "examples"
+    examples = ROOT / "examples"
     result = navigate(simulate(examples / "town_tight.toml"), examples / "town_tight_navigation.toml").smooth()
     assert np.isfinite(result.covariance_e).all()
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from schuler import rotation
-from schuler.analysis.consistency import chi_square_band, nees
 from schuler.filtering import engine
 from schuler.filtering.engine import run
 from schuler.filtering.measurements import ACCEPTED, REJECTED, gnss_measurements
-from schuler.filtering.result import NavigationResult
-from schuler.filtering.satellite_aids import range_measurements
 from schuler.filtering.states import StateModel
 from schuler.gnss.point import solve_points
+from schuler.navigation.aids.satellite import range_measurements
+from schuler.navigation.evaluation.consistency import chi_square_band, nees
+from schuler.navigation.result import NavigationResult
 from schuler.recording.point_series import gnss_series
 
 RUNS = [40, pytest.param(400, marks=pytest.mark.slow)]

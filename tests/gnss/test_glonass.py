@@ -115,7 +115,7 @@ def test_nothing_asked_nothing_answered():
 @pytest.mark.realdata
 def test_neighbouring_messages_agree(shared_data):
     """Broadcast states are good to some metres; 15 minutes from either side they meet within two."""
-    from schuler.recording.io.rinex_navigation import read_rinex_navigation
+    from schuler.recording.formats.rinex_navigation import read_rinex_navigation
 
     g = read_rinex_navigation(shared_data / "gnss_nav_files" / "BRDC00WRD_S_20230730000_01D_MN.rnx").glonass
     compared = 0

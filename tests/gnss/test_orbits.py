@@ -176,7 +176,7 @@ def test_broadcast_orbits_against_precise_ones(shared_data):
 
     Precise orbits are of the centre of mass, broadcast ones of the antenna, about 1 to 2.5 m nearer to the Earth.
     """
-    from schuler.recording.io.rinex_navigation import read_rinex_navigation
+    from schuler.recording.formats.rinex_navigation import read_rinex_navigation
 
     folder = shared_data / "gnss_nav_files"
     ephemerides = read_rinex_navigation(folder / "brdc1180.21n")
@@ -205,7 +205,7 @@ def test_broadcast_orbits_against_precise_ones(shared_data):
 @pytest.mark.realdata
 def test_neighbouring_messages_agree_between_their_times(shared_data):
     """GPS, Galileo, QZSS and BeiDou inclined and geostationary: two fits to one orbit, a metre apart at most."""
-    from schuler.recording.io.rinex_navigation import read_rinex_navigation
+    from schuler.recording.formats.rinex_navigation import read_rinex_navigation
 
     k = read_rinex_navigation(shared_data / "gnss_nav_files" / "BRDC00WRD_S_20230730000_01D_MN.rnx").kepler
     seen = set()

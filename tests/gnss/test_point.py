@@ -373,8 +373,8 @@ def errors_ned(points, truth_e, keep):
 def spirent(folder, kind, **options):
     """Solutions of the radio-frequency simulator's receiver and its exact trajectory at the same times."""
     from schuler.gnss.preparation import prepare_ranges
-    from schuler.recording.io.rinex_navigation import read_rinex_navigation
-    from schuler.recording.io.rinex_observation import read_rinex_observation
+    from schuler.recording.formats.rinex_navigation import read_rinex_navigation
+    from schuler.recording.formats.rinex_observation import read_rinex_observation
 
     observations = read_rinex_observation(folder / kind / "Rover-dynamic_MO_Spirent.obs")
     messages = read_rinex_navigation(folder / "RINEX_GN_Spirent.23N")
@@ -416,8 +416,8 @@ def test_walk_against_rtk(shared_data):
     Seen: mean N 5.6, E 6.0 m, standard deviation 0.6, 0.7 m; 1.2 m rms residuals.
     """
     from schuler.gnss.preparation import prepare_ranges
-    from schuler.recording.io.rinex_navigation import read_rinex_navigation
-    from schuler.recording.io.rinex_observation import read_rinex_observation
+    from schuler.recording.formats.rinex_navigation import read_rinex_navigation
+    from schuler.recording.formats.rinex_observation import read_rinex_observation
 
     folder = shared_data / "rtkexp_walk"
     observations = read_rinex_observation(folder / "gnss_1730.obs")
@@ -440,7 +440,7 @@ def test_walk_against_rtk(shared_data):
 def test_car_in_town(shared_data):
     """Residuals of PSINS's log: 0.34 m in the peers' notes without atmosphere (ours there: 0.3 m, median of epochs)."""
     from schuler.gnss.preparation import prepare_ranges
-    from schuler.recording.io.psins_ranges import read_psins_ranges
+    from schuler.recording.formats.psins_ranges import read_psins_ranges
 
     log = read_psins_ranges(shared_data / "psins_tc" / "insgpseo_tc.mat")
     points = solve_points(prepare_ranges(log.observations, log.ephemerides))

@@ -338,8 +338,8 @@ def static_position(r):
 @pytest.mark.realdata
 def test_a_receiver_on_a_roof_with_four_systems(shared_data):
     """A minute of GPS, GLONASS, Galileo and BeiDou, against the fix of another receiver some metres away."""
-    from schuler.recording.io.rinex_navigation import read_rinex_navigation
-    from schuler.recording.io.rinex_observation import read_rinex_observation
+    from schuler.recording.formats.rinex_navigation import read_rinex_navigation
+    from schuler.recording.formats.rinex_observation import read_rinex_observation
 
     folder = shared_data / "instinct_tckf"
     ephemerides = read_rinex_navigation(folder / "reach-m2-01_raw_202306291111.nav")

@@ -43,8 +43,8 @@ class Simulation:
 
 @pytest.fixture(scope="module")
 def simulation(shared_data):
-    from schuler.recording.io.rinex_navigation import read_rinex_navigation
-    from schuler.recording.io.rinex_observation import read_rinex_observation
+    from schuler.recording.formats.rinex_navigation import read_rinex_navigation
+    from schuler.recording.formats.rinex_observation import read_rinex_observation
 
     folder = shared_data / "instinct_spirent"
     truth = np.genfromtxt(folder / "Rover-dynamic_PVA_Spirent.csv", delimiter=",", skip_header=1)

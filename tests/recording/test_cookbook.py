@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import samples
 from format_drives import drive
+from places import DOCS
 
 import schuler
 from schuler.cli import main
@@ -30,7 +31,6 @@ from schuler.recording.formats import (
 from schuler.recording.formats.novatel_frames import LAYOUTS as NOVATEL
 from schuler.recording.formats.novatel_imus import IMU_TYPES
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGES = sorted((DOCS / "formats").glob("*.md"))
 SECTIONS = ("What is assumed", "Traps", "How to check")
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import ast
 import re
 from dataclasses import fields
-from pathlib import Path
 
 import pytest
+from places import ROOT
 
 from schuler.recording.io import ReadHints
 from schuler.recording.io.columns import CROSS, GROUP, GROUP_QUANTITY, QUATERNION, VELOCITY_CROSS
@@ -15,7 +15,7 @@ from schuler.recording.io.dispatch import WRITERS
 from schuler.recording.io.folder import PARTS
 from schuler.recording.io.hint_texts import ALLOWANCES
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "reading-data.md"
+PAGE = ROOT / "docs" / "reading-data.md"
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,9 @@ import pytest
 from format_drives import drive, same_trajectory
 
 from schuler.exceptions import FileFormatError, InputError
+from schuler.recording.formats import matlab_file
 from schuler.recording.formats.mat_peek import variables
-from schuler.recording.io import matlab_file, read
+from schuler.recording.io import read
 
 scipy_io = pytest.importorskip("scipy.io")
 

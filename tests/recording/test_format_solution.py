@@ -8,8 +8,8 @@ from format_drives import WEEK, drive, same_trajectory
 
 from schuler import units
 from schuler.exceptions import FileFormatError, InputError
+from schuler.recording.formats.parquet import write_table
 from schuler.recording.io import read, write
-from schuler.recording.io.parquet import write_table
 
 
 def solution(path, run, **provenance):

@@ -17,6 +17,7 @@ import mutations
 import numpy as np
 import pytest
 import samples
+from places import ROOT
 
 from schuler.cli import main
 from schuler.exceptions import FileFormatError, SchulerError
@@ -74,7 +75,7 @@ def address_space() -> float:
 
 def test_the_page_states_the_cases():
     """docs/formats.md has a row for every sample with its number of cases."""
-    page = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
     stated = {name: int(number) for name, number in re.findall(r"`(\w+)` (\d+)(?=[ ,])", page.partition("\n## ")[0])}
     assert stated == CASES
 

@@ -9,8 +9,8 @@ import pytest
 
 from schuler.exceptions import FileFormatError, InputError
 from schuler.gnss.signals import SPEED_OF_LIGHT, frequency_hz, satellite_name
+from schuler.recording.formats.instinct_csv import looks_like_instinct_csv, read_instinct_gnss, read_instinct_imu
 from schuler.recording.io import ReadHints
-from schuler.recording.io.instinct_csv import looks_like_instinct_csv, read_instinct_gnss, read_instinct_imu
 
 WEEK = 604_800.0
 TIME = "Time [s],GpsCycle,GpsWeek,GpsTow [s],Time::GpsTow [ns],Time::GpsWeek"

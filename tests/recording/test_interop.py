@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import re
 from dataclasses import fields, is_dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import ROOT
 
 import schuler
 from schuler import rotation
 from schuler.exceptions import InputError, MissingExtraError, SchulerError
-from schuler.filtering import result_tables
-from schuler.filtering.result import Innovations, NavigationResult
 from schuler.filtering.states import StateLayout, StateModel
-from schuler.recording import Recording, Trajectory, frames_pandas, frames_polars, frames_xarray
-from schuler.recording.frames_tables import Tables, recording_of, tables_of
+from schuler.navigation import result_tables
+from schuler.navigation.result import Innovations, NavigationResult
+from schuler.recording import Recording, Trajectory
 from schuler.recording.io import own
+from schuler.recording.tables import pandas as frames_pandas
+from schuler.recording.tables import polars as frames_polars
+from schuler.recording.tables import xarray as frames_xarray
+from schuler.recording.tables.tables import Tables, recording_of, tables_of
 from schuler.timebase import TimeBase
 from schuler.units import DEG, G0, parse_unit
 
@@ -26,7 +29,7 @@ LIBRARIES = {
     "polars": (frames_polars.to_polars, frames_polars.from_polars, frames_polars.tables_from_polars),
     "xarray": (frames_xarray.to_xarray, frames_xarray.from_xarray, frames_xarray.tables_from_xarray),
 }
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "interop.md"
+PAGE = ROOT / "docs" / "interop.md"
 
 
 @pytest.fixture(params=list(LIBRARIES))

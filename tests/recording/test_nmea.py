@@ -9,8 +9,8 @@ import pytest
 
 from schuler import units
 from schuler.exceptions import FileFormatError, InputError
+from schuler.recording.formats.nmea import RANGE_ERROR, looks_like_nmea, read_nmea
 from schuler.recording.io import ReadHints
-from schuler.recording.io.nmea import RANGE_ERROR, looks_like_nmea, read_nmea
 
 pytest.importorskip("pynmeagps")
 
@@ -184,7 +184,7 @@ def test_needless_hints_and_wrong_files(log):
 @pytest.mark.realdata
 def test_sentences_agree_with_the_binary_solution_of_the_same_log(shared_data):
     from schuler.frames import ecef_from_llh, ned_from_ecef
-    from schuler.recording.io.ubx import read_ubx_recording
+    from schuler.recording.formats.ubx import read_ubx_recording
 
     path = shared_data / "rtkexp_walk" / "gnss_1730.ubx"
     text, binary = read_nmea(path), read_ubx_recording(path, ReadHints())

@@ -15,9 +15,9 @@ import pytest
 from schuler.exceptions import FileFormatError, InputError, MissingExtraError
 from schuler.gnss.ephemerides import Ephemerides, no_glonass, no_kepler
 from schuler.recording import ImuSeries, Recording
+from schuler.recording.formats.parquet import read_table, write_table
 from schuler.recording.io import read, write
 from schuler.recording.io.dispatch import left_out
-from schuler.recording.io.parquet import read_table, write_table
 from schuler.timebase import TimeBase
 
 

@@ -11,9 +11,9 @@ import scipy.io
 from schuler import earth, rotation, units
 from schuler.exceptions import FileFormatError, InputError
 from schuler.gnss.signals import SPEED_OF_LIGHT
+from schuler.recording.formats.psins_imu import looks_like_psins_imu, read_psins_imu
+from schuler.recording.formats.psins_ranges import read_psins_ranges
 from schuler.recording.io import ReadHints
-from schuler.recording.io.psins_imu import looks_like_psins_imu, read_psins_imu
-from schuler.recording.io.psins_ranges import read_psins_ranges
 
 WEEK = 604_800.0
 HEADER = (
@@ -196,9 +196,9 @@ def test_earth_rate_of_a_laser_gyro(lasergyro):
 
 @pytest.mark.realdata
 def test_the_heading_of_a_laser_gyro_is_the_same_from_both_halves(lasergyro):
-    from schuler.filtering.fine_alignment import fine_alignment
     from schuler.filtering.states import layout_for
     from schuler.mechanization.alignment import gyrocompass
+    from schuler.navigation.start.fine_alignment import fine_alignment
     from schuler.sensors.spec import ImuSpec, TriadSpec
 
     spec = ImuSpec(

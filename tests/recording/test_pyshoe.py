@@ -8,8 +8,8 @@ from scipy.io import savemat
 
 from schuler import frames
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.io.openshoe import read_microstrain_text, read_openshoe_mat
-from schuler.recording.io.pyshoe import DETECTORS, is_pyshoe, read_pyshoe
+from schuler.recording.formats.openshoe import read_microstrain_text, read_openshoe_mat
+from schuler.recording.formats.pyshoe import DETECTORS, is_pyshoe, read_pyshoe
 
 N = 50
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.recording.io.rinex_columns import leap_seconds_at, numbers, observed, satellites, whole_seconds
+from schuler.recording.formats.rinex_columns import leap_seconds_at, numbers, observed, satellites, whole_seconds
 from schuler.timebase import gps_from_calendar
 
 SYSTEMS = "GRECJIS"

@@ -11,7 +11,7 @@ import pytest
 
 from schuler.exceptions import FileFormatError, InputError
 from schuler.gnss.signals import satellite, satellite_name
-from schuler.recording.io.rinex_navigation import glonass_channels, read_rinex_navigation
+from schuler.recording.formats.rinex_navigation import glonass_channels, read_rinex_navigation
 from schuler.timebase import gps_from_calendar, leap_seconds
 
 KEPLER = [

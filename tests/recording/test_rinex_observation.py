@@ -14,9 +14,9 @@ import pytest
 
 from schuler.exceptions import FileFormatError, InputError
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS, satellite, satellite_name
-from schuler.recording.io import rinex_observation
-from schuler.recording.io.rinex_navigation import glonass_channels, read_rinex_navigation
-from schuler.recording.io.rinex_observation import read_rinex_observation
+from schuler.recording.formats import rinex_observation
+from schuler.recording.formats.rinex_navigation import glonass_channels, read_rinex_navigation
+from schuler.recording.formats.rinex_observation import read_rinex_observation
 from schuler.timebase import gps_from_calendar
 
 L1 = SPEED_OF_LIGHT / 1575.42e6

@@ -12,8 +12,8 @@ import pytest
 
 from schuler.exceptions import InputError
 from schuler.recording import GnssSeries, Recording, Trajectory
+from schuler.recording.formats.track import write_geojson, write_kml
 from schuler.recording.io import write
-from schuler.recording.io.track import write_geojson, write_kml
 from schuler.timebase import TimeBase
 
 NS = {"k": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}

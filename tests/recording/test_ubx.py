@@ -15,10 +15,10 @@ from schuler.exceptions import FileFormatError, InputError
 from schuler.gnss import messages_gps
 from schuler.gnss.message_fields import pack
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS, satellite, satellite_name
+from schuler.recording.formats.ubx import looks_like_ubx, read_ubx, read_ubx_recording
+from schuler.recording.formats.ubx_frames import find_frames
+from schuler.recording.formats.ubx_signals import SIGNAL_OF_SIG_ID, satellite_of
 from schuler.recording.io import ReadHints
-from schuler.recording.io.ubx import looks_like_ubx, read_ubx, read_ubx_recording
-from schuler.recording.io.ubx_frames import find_frames
-from schuler.recording.io.ubx_signals import SIGNAL_OF_SIG_ID, satellite_of
 
 pytest.importorskip("pyubx2")
 

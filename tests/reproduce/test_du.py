@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import re
 from functools import partial
-from pathlib import Path
 
 import pytest
+from places import ROOT
 
 from schuler.reproduce import Effort, Item, Reproduction, Result, reproduce
 from schuler.reproduce.du import ITEMS, NOT_RESULTS, bands, calibration, integrated, observability, simulations
 
-SPEC = Path(__file__).parents[3] / "shared"
+SPEC = ROOT.parent / "shared"
 
 #: What the digest lists, by hand: sections 5 and 6 of it, and the tables of its section 3.8 and 3.11.
 TABLES = ["table-4.3", "table-4.4", "table-4.5", "table-4.7", "table-4.8", "table-5.1", "table-5.2",
@@ -148,7 +148,7 @@ def _verdict(name: str) -> str:
 
 def test_a_wrong_formula_of_the_accuracy_is_seen(monkeypatch):
     """One per cent of the random walk is more than the digits printed."""
-    from schuler.rotary import calibration_accuracy
+    from schuler.reproduce.du.study import calibration_accuracy
 
     right = calibration_accuracy.predicted_accuracy
     monkeypatch.setattr(calibration_accuracy, "predicted_accuracy", lambda walk, rate: right(1.01 * walk, rate))
@@ -172,7 +172,7 @@ def test_a_wrong_sign_of_the_error_model_is_seen(monkeypatch):
 
 def test_another_installation_error_is_seen(monkeypatch):
     """Ten per cent more, and the column along the axis left out."""
-    from schuler.analysis.rotary import chapter3
+    from schuler.reproduce.du.study import chapter3
 
     right = chapter3.case_errors
     simulations._chapter3.cache_clear()
@@ -196,7 +196,7 @@ def test_a_platform_that_stands_is_seen(monkeypatch):
 
 
 def test_another_scheme_is_not_table_5_1(monkeypatch):
-    from schuler.analysis.observability import symbolic
+    from schuler.observability import symbolic
 
     right = symbolic.rotary_model
     monkeypatch.setattr(symbolic, "rotary_model", lambda axis, **options: right("z", **options))
@@ -205,7 +205,7 @@ def test_another_scheme_is_not_table_5_1(monkeypatch):
 
 def test_noisier_gyroscopes_are_seen(monkeypatch):
     """NAV440 with the gyroscopes of MTi-G: four times the errors in outages are outside of all bands."""
-    from schuler.analysis.rotary import filter_imus
+    from schuler.reproduce.du.study import filter_imus
 
     integrated.campaign_with_gnss.cache_clear()
     monkeypatch.setitem(filter_imus.FILTER_IMUS, "NAV440", filter_imus.MTI_G)
@@ -214,9 +214,9 @@ def test_noisier_gyroscopes_are_seen(monkeypatch):
 
 
 def test_an_interruption_is_not_a_result(monkeypatch):
-    from schuler.analysis.montecarlo import campaign as real
-    from schuler.analysis.rotary import accuracy
     from schuler.exceptions import InputError
+    from schuler.montecarlo import campaign as real
+    from schuler.reproduce.du.study import accuracy
 
     with pytest.raises(KeyboardInterrupt), bands.interruptible():
         raise InputError("interrupted before all runs were done")

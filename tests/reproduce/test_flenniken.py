@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from schuler.analysis.growth import forms
-from schuler.analysis.heading.linear import LinearModel
-from schuler.analysis.rocket import RocketProfile, rocket_trajectory
+from schuler.growth import forms
 from schuler.reproduce import Effort, reproduce
 from schuler.reproduce.flenniken import ITEMS, NOT_RESULTS, chapter_4, chapter_7
+from schuler.reproduce.flenniken.study.heading.linear import LinearModel
+from schuler.reproduce.flenniken.study.rocket import RocketProfile, rocket_trajectory
 from schuler.reproduce.items import Result
 from schuler.sensors import catalogue, triads
 from schuler.sensors.noise import terms

@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from schuler.calibration import magnitude_condition, multiposition_study, plans
+from schuler.calibration.bench import magnitude_condition
+from schuler.calibration.design import plans
 from schuler.reproduce import Effort, reproduce
 from schuler.reproduce.hayal import ITEMS, NOT_RESULTS, printed
+from schuler.reproduce.hayal.study import multiposition_study
 from schuler.reproduce.items import Result
 from schuler.sensors import catalogue
 
@@ -130,7 +132,7 @@ def test_what_differs_is_known(done):
 
 
 def test_figures_can_be_drawn(done):
-    from schuler.report.figures import draw
+    from schuler.plotting.draw import draw
 
     for r in done.results:
         if any(name.startswith("fig-") for name in (r.item.id, *r.item.also)):

@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 
 from schuler import rotation
-from schuler.analysis import bias_removal, coincidence, figure_eight
 from schuler.reproduce import Effort, reproduce
 from schuler.reproduce.items import Result
 from schuler.reproduce.stefanisko import ITEMS, NOT_RESULTS
-from schuler.simulation import gendata
+from schuler.reproduce.stefanisko.study import bias_removal, coincidence, figure_eight, gendata
 
 #: Every table and figure of the thesis that is a result, and statements of its text that are numbers.
 IDS = {
@@ -96,7 +95,7 @@ def test_what_differs_is_known(done):
 
 
 def test_figures_can_be_drawn(done):
-    from schuler.report.figures import draw
+    from schuler.plotting.draw import draw
 
     for r in done.results:
         if any(name.startswith("fig-") for name in (r.item.id, *r.item.also)):

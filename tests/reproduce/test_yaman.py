@@ -157,8 +157,8 @@ def test_every_cell_can_fail(quick):
 
 
 def test_figures_of_the_thesis_are_drawn(quick):
-    from schuler.report.content import Figure
-    from schuler.report.figures import draw
+    from schuler.plotting.draw import draw
+    from schuler.plotting.figure import Figure
 
     names = set()
     for r in quick.results:
@@ -198,7 +198,7 @@ def test_another_noise_is_seen(monkeypatch):
 
 
 def test_another_routine_is_seen(monkeypatch):
-    from schuler import fieldcal
+    from schuler.calibration import field as fieldcal
 
     assert verdict_of("fig-6.6", 101) == "agrees"
     other = fieldcal.six_face_routine()
@@ -215,7 +215,7 @@ def test_another_gravity_is_seen(monkeypatch):
 
 
 def test_another_drift_is_seen(monkeypatch, few):
-    from schuler.analysis import rest_drift
+    from schuler.reproduce.yaman.study import rest_drift
 
     assert verdict_of("fig-6.8", 101) == "agrees"
     mechanize = rest_drift.mechanize
@@ -247,7 +247,7 @@ def test_band_of_one_more_unit_in_closed_form():
 
 
 def test_an_interrupted_campaign_stops_the_run(monkeypatch):
-    from schuler.analysis import field_campaign
+    from schuler.reproduce.yaman.study import field_campaign
 
     def stopped(*args, **options):
         return replace(campaigns_found, complete=False)

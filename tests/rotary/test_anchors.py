@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from schuler import earth
+from schuler.reproduce.du.study.analytic_tables import DuErrors
 from schuler.rotary import schemes
 from schuler.rotary.du_axes import du_axis, installation_matrix, scale_matrix
 from schuler.rotary.static_run import static_run
-from schuler.rotary.tables import DuErrors
 from schuler.sensors import catalogue
 from schuler.units import DEG, DEG_PER_HR
 

@@ -5,19 +5,19 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import ROOT
 
 from schuler import frames, rotation
-from schuler.analysis.consistency import chi_square_band
 from schuler.exceptions import ConfigError, InputError
 from schuler.filtering.engine import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
-from schuler.filtering.navigate import navigate
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
+from schuler.navigation.evaluation.consistency import chi_square_band
+from schuler.navigation.navigate import navigate
 from schuler.recording.recording import Recording
 from schuler.rotary.aids import in_imu_axes, lever_arms
 from schuler.rotary.encoder import Encoder, EncoderReadings, read_encoder
@@ -84,8 +84,8 @@ def recording(schedule=TURN, *, offset=(0.0, 0.0, 0.0), sign=1.0, seed=1, noisy=
 
 def true_start(t=0.0, sigma=(0.5 * DEG, 0.5 * DEG, 2.0 * DEG), seed=None):
     """The vehicle's true state, or one with errors as uncertain as it says."""
-    from schuler.filtering.config import NavigationConfig
-    from schuler.filtering.configured import imu_spec, state_layout
+    from schuler.navigation.config import NavigationConfig
+    from schuler.navigation.configured import imu_spec, state_layout
 
     config = NavigationConfig.parse(CONFIG)
     layout = state_layout(config, imu_spec(config))
@@ -367,7 +367,7 @@ def test_a_measurement_tied_to_the_body_is_refused():
 
 
 def test_the_documented_program_runs(tmp_path, monkeypatch):
-    page = Path(__file__).resolve().parents[2] / "docs" / "rotary-filters.md"
+    page = ROOT / "docs" / "rotary-filters.md"
     monkeypatch.chdir(tmp_path)
     (program,) = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     exec(compile(program, str(page), "exec"), {})

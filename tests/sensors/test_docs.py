@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "sensors.md"
+from places import ROOT
+
+PAGE = ROOT / "docs" / "sensors.md"
 
 
 def test_examples_run(capsys):

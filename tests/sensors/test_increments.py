@@ -307,7 +307,7 @@ def compiled():
     """``fit_interval`` and ``body_integrals`` of the compiled mechanization over a log."""
     import numba
 
-    from schuler.mechanization import _kernels
+    from schuler.mechanization import kernels as _kernels
 
     fit_interval, body_integrals = _kernels.fit_interval, _kernels.body_integrals
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from places import ROOT
 
 from schuler.exceptions import ConfigError
 from schuler.simulation.motion import ideal_rates
@@ -14,7 +13,7 @@ from schuler.simulation.routine_steps import Rest, Routine, Turn
 from schuler.simulation.scenario import Scenario
 from schuler.units import DEG
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "field_routine.toml"
+EXAMPLE = ROOT / "examples" / "field_routine.toml"
 
 
 def motion(**entries):

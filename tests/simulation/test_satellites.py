@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import EXAMPLES
 
 from schuler.exceptions import InputError
 from schuler.gnss.point import solve_points
@@ -21,7 +21,6 @@ from schuler.simulation.satellites import BlockedSky, RangeFault, SatelliteModel
 from schuler.simulation.scenario import prepare_mission, simulate, simulate_mission
 from schuler.units import DEG
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 GPS_S = 2400 * 604_800.0 + 7200.0
 LEVER = np.array([0.8, 0.1, -1.2])
 
@@ -166,7 +165,7 @@ def test_impossible_skies_are_explained(motion, model, message):
 
 def test_the_example_navigates_tightly_and_recovers_its_truth(tmp_path):
     """Simulate, write, read, navigate: 3 and 1 satellites, a reflection of 60 m, wrong odometer, compass, barometer."""
-    from schuler.filtering.navigate import navigate
+    from schuler.navigation.navigate import navigate
 
     run = simulate_mission(prepare_mission(EXAMPLES / "town_tight.toml"))
     recording = read(write(run.recording, tmp_path / "town.parquet")[0])

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from places import EXAMPLES
 
 from schuler import frames, rotation
 from schuler.exceptions import ConfigError, InputError
@@ -15,7 +14,6 @@ from schuler.simulation.imu import ideal_imu
 from schuler.simulation.motion import StaticMotion
 from schuler.simulation.scenario import Scenario, prepare_mission, simulate, simulate_mission
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 STATIC = {"type": "static", "lat_deg": 47.0, "lon_deg": 8.0, "height_m": 400.0, "duration_s": 400.0}
 
 

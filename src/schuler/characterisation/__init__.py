@@ -7,7 +7,7 @@ from schuler.characterisation.findings import Finding
 from schuler.characterisation.identify import identify_noise
 from schuler.characterisation.result import AxisNoise, Estimate, NoiseIdentification
 from schuler.characterisation.spectrum import power_spectrum
-from schuler.characterisation.stationarity import StaticIntervals, static_intervals
+from schuler.standstill.stationarity import StaticIntervals, static_intervals
 
 __all__ = [
     "AllanCurve",

@@ -163,18 +163,18 @@ class NoiseIdentification:
 
     def summary(self) -> str:
         """Terms of every axis with their intervals, findings and the budget, as text."""
-        from schuler.report.noise_text import summary
+        from schuler.characterisation.report.text import summary
 
         return summary(self)
 
     def plot(self, **options: Any) -> Figure:
-        """Allan figure of every axis (matplotlib), see :func:`schuler.report.noise_figures.allan_figure`."""
-        from schuler.report.noise_figures import allan_figure
+        """Allan figure of every axis (matplotlib), see :func:`schuler.characterisation.report.figures.allan_figure`."""
+        from schuler.characterisation.report.figures import allan_figure
 
         return allan_figure(self, **options)
 
     def report(self, path: Path | str, **options: Any) -> Path:
-        """Write one self-contained HTML page, see :func:`schuler.report.noise_document.noise_report`."""
-        from schuler.report.noise_document import noise_report
+        """Write one self-contained HTML page, see :func:`schuler.characterisation.report.document.noise_report`."""
+        from schuler.characterisation.report.document import noise_report
 
         return noise_report(self, path, **options)

@@ -79,7 +79,7 @@ def allan(
             }
         )  # fmt: skip
     else:
-        from schuler.report.noise_text import summary
+        from schuler.characterisation.report.text import summary
 
         for recording in recordings:
             say(recording.summary())
@@ -93,9 +93,9 @@ def allan(
 
 def write_report(folder: Path, recordings: list[Recording], found: NoiseIdentification) -> dict[str, Path]:
     """Page and figures; the log itself is shown if there is only one."""
-    from schuler.report.noise_document import noise_report
-    from schuler.report.noise_figures import save_noise_figures
-    from schuler.report.noise_spectra import log_spectra
+    from schuler.characterisation.report.document import noise_report
+    from schuler.characterisation.report.figures import save_noise_figures
+    from schuler.characterisation.report.spectra import log_spectra
 
     imus = [recording.need_imu() for recording in recordings]
     spectra = log_spectra(max(imus, key=lambda imu: float(imu.t[-1] - imu.t[0])))
@@ -154,14 +154,14 @@ def numbers(found: NoiseIdentification) -> dict[str, Any]:
 
 def warnings(found: NoiseIdentification) -> list[str]:
     """Sentences on what a script should not overlook."""
-    from schuler.report.noise_text import findings, located
+    from schuler.characterisation.report.text import findings, located
 
     return [located(where, f) for where, f in findings(found) if f.severity != "note"]
 
 
 def nothing_left(found: NoiseIdentification) -> str:
     """Why there is no result at all, in one line."""
-    from schuler.report.noise_text import located
+    from schuler.characterisation.report.text import located
 
     about = [located(name, f) for name, several in found.refused.items() for f in several if f.severity == "refused"]
     about += [f.text for f in found.findings if f.severity == "refused"]

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from schuler.analysis.budget.budget import ErrorBudget
-    from schuler.analysis.budget.choice import ImuChoice
-    from schuler.analysis.budget.covariance import LinearCovariance
-    from schuler.analysis.budget.scenario import BudgetAccelerometer
+    from schuler.budget.budget import ErrorBudget
+    from schuler.budget.choice import ImuChoice
+    from schuler.budget.covariance import LinearCovariance
+    from schuler.budget.scenario import BudgetAccelerometer
     from schuler.sensors.spec import ImuSpec
 
 
@@ -73,7 +73,7 @@ def budget(
     json
         Print one JSON object instead of text.
     """
-    from schuler.analysis.budget import (
+    from schuler.budget import (
         BudgetScenario,
         budget_of,
         catalogue_specs,
@@ -105,7 +105,7 @@ def budget(
         label = _label(spec.name)
         files[f"budget_{label}"] = one.table(single=True).to_csv(folder / f"budget-{label}.csv")
         if figures:
-            from schuler.report.budget_figures import covariance_figure
+            from schuler.budget.figures import covariance_figure
 
             files |= _saved(one.plot(), folder / f"budget-{label}")
             files |= _saved(one.plot(single=True), folder / f"parameters-{label}")
@@ -121,7 +121,7 @@ def budget(
         if figures:
             files |= _saved(choice.plot(), folder / f"requirement-{k + 1}")
     if report:
-        from schuler.report.budget_document import budget_report
+        from schuler.budget.document import budget_report
 
         made_from = {"scenario": loaded.model_dump(mode="json", exclude_none=True)}
         made_from |= {"imu": {spec.name: spec.to_dict() for spec in specs}} if specs else {}
@@ -180,6 +180,6 @@ def _label(name: str) -> str:
 
 
 def _saved(figure: Figure, path: Path) -> dict[str, Path]:
-    from schuler.report.figures import save
+    from schuler.plotting.draw import save
 
     return named(save(figure, path, ("png", "svg")))

@@ -49,7 +49,7 @@ def sixposition(
     intervals
         CSV file with the rests: START,STOP in seconds from the start of the log. Default: found.
     """
-    from schuler.calibration.sixposition import calibrate_sixposition
+    from schuler.calibration.bench.sixposition import calibrate_sixposition
 
     began = clock.perf_counter()
     recordings = [checking.passed(reading.read(path, uncalibrated=True)) for path in (log, *more)]
@@ -104,8 +104,8 @@ def multiposition(
     intervals
         CSV file with the rests: START,STOP in seconds from the start of the log. Default: found.
     """
-    from schuler.calibration.multiposition import calibrate_multiposition
-    from schuler.calibration.result import CalibrationResult
+    from schuler.calibration.bench.multiposition import calibrate_multiposition
+    from schuler.calibration.result.result import CalibrationResult
 
     began = clock.perf_counter()
     recordings = [checking.passed(reading.read(path, uncalibrated=True)) for path in (log, *more)]
@@ -166,7 +166,7 @@ def freepose(
     intervals
         CSV file with the rests: START,STOP in seconds from the start of the log. Default: found.
     """
-    from schuler.calibration.freepose import calibrate_freepose
+    from schuler.calibration.freepose.calibrate import calibrate_freepose
 
     if rests == "tedaldi" and initial_rest is None:
         raise InputError("--initial-rest: expected the seconds at rest that the log begins with, for --rests tedaldi")
@@ -219,9 +219,9 @@ def ratetable(
     min_rest
         Shortest rest in seconds.
     """
-    from schuler.calibration.ratetable import calibrate_ratetable
-    from schuler.calibration.turns import joined
-    from schuler.calibration.turns_in_log import rate_plateaus
+    from schuler.calibration.bench.ratetable import calibrate_ratetable
+    from schuler.calibration.bench.turns import joined
+    from schuler.calibration.bench.turns_in_log import rate_plateaus
 
     began = clock.perf_counter()
     recordings = [checking.passed(reading.read(path, uncalibrated=True)) for path in (log, *more)]
@@ -270,7 +270,7 @@ def ferraris(
     g_sensitivity
         Estimate the gyroscopes' sensitivity to specific force.
     """
-    from schuler.calibration.ferraris import calibrate_ferraris
+    from schuler.calibration.bench.ferraris import calibrate_ferraris
 
     began = clock.perf_counter()
     recording = checking.passed(reading.read(log, uncalibrated=True))
@@ -317,7 +317,7 @@ def thermal(
     min_rest
         Shortest rest in seconds.
     """
-    from schuler.calibration.thermal import calibrate_thermal
+    from schuler.calibration.thermal.calibrate import calibrate_thermal
 
     began = clock.perf_counter()
     recordings = [checking.passed(reading.read(path, uncalibrated=True)) for path in (log, *more)]

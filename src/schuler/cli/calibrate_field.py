@@ -21,10 +21,10 @@ from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 
 if TYPE_CHECKING:
-    from schuler.calibration.counts import CountFactors
-    from schuler.calibration.result import CalibrationResult
-    from schuler.fieldcal.calibration import FieldCalibration
-    from schuler.fieldcal.options import FieldOptions
+    from schuler.calibration.bench.counts import CountFactors
+    from schuler.calibration.field.calibration import FieldCalibration
+    from schuler.calibration.field.options import FieldOptions
+    from schuler.calibration.result.result import CalibrationResult
     from schuler.sensors.spec import ImuSpec
 
 _READING, _CHECKING, _SITE, _SENSOR, _OUTPUT = Reading(), Checking(), Site(), Sensor(), Output()
@@ -89,7 +89,7 @@ def field(
         start = (0.0, 1.0)  # nothing depends on it, so it is not looked for
     earlier = None
     if prior is not None:
-        from schuler.calibration.result import CalibrationResult
+        from schuler.calibration.result.result import CalibrationResult
 
         earlier = CalibrationResult.from_yaml(prior)
         if coach and earlier.nominal != (1.0, 1.0):
@@ -111,9 +111,9 @@ def field(
         raise InputError("-: lines on stdin are for the coach, add --coach; otherwise expected a file or folder")
     else:
         recording = checking.passed(reading.read(log, uncalibrated=True))
-    from schuler.fieldcal.calibration import calibrate_field
-    from schuler.fieldcal.given_rests import given_rests
-    from schuler.fieldcal.rests import field_rests
+    from schuler.calibration.field.calibration import calibrate_field
+    from schuler.calibration.field.given_rests import given_rests
+    from schuler.calibration.field.rests import field_rests
 
     imu = recording.need_imu()
     latitude, height, recording = place(site, recording)
@@ -182,7 +182,7 @@ def _factors(
     spans: list[tuple[float, float]] | None,
 ) -> CountFactors | None:
     """What makes a log in counts SI: of the earlier calibration, or found; None for a log in SI."""
-    from schuler.calibration.counts import count_factors, factors_of
+    from schuler.calibration.bench.counts import count_factors, factors_of
 
     triads = counted(recording)
     if earlier is not None and earlier.nominal != (1.0, 1.0):
@@ -220,7 +220,7 @@ def _spec(sensor: Sensor) -> ImuSpec:
 
 
 def _options(thesis: bool, states: str | None, during_turns: bool) -> FieldOptions:
-    from schuler.fieldcal.options import BLOCKS, FieldOptions
+    from schuler.calibration.field.options import BLOCKS, FieldOptions
 
     options = FieldOptions.thesis() if thesis else FieldOptions()
     if during_turns:

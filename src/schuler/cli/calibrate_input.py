@@ -16,8 +16,8 @@ from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 
 if TYPE_CHECKING:
-    from schuler.calibration.counts import Triad
-    from schuler.calibration.poses import Poses
+    from schuler.calibration.bench.counts import Triad
+    from schuler.calibration.bench.poses import Poses
 
 _TRIADS: tuple[Triad, ...] = ("accel", "gyro")
 
@@ -26,7 +26,7 @@ def poses_in(
     recordings: Sequence[Recording], sensor: Sensor, site: Site, min_rest: float, intervals: Path | None
 ) -> Poses:
     """Rests of all logs, one after the other."""
-    from schuler.calibration.poses import joined, poses_of
+    from schuler.calibration.bench.poses import joined, poses_of
 
     found = []
     with progress("looking for rests") as bar:

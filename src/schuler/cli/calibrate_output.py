@@ -17,8 +17,8 @@ from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 
 if TYPE_CHECKING:
-    from schuler.calibration.result import CalibrationResult
-    from schuler.fieldcal.calibration import FieldCalibration
+    from schuler.calibration.field.calibration import FieldCalibration
+    from schuler.calibration.result.result import CalibrationResult
 
 
 def finish(
@@ -38,7 +38,7 @@ def finish(
     A field calibration also has its history (``field``, a file with the suffix ``history``), figures of the log
     (``before``, SI) before and after and, if simulated, the truth for its figures.
     """
-    from schuler.calibration.result import CalibrationResult
+    from schuler.calibration.result.result import CalibrationResult
     from schuler.diagnosis.first import notes_of
 
     sources = {k: v for recording in recordings for k, v in recording.metadata.sources.items()}
@@ -58,7 +58,7 @@ def finish(
         if field is not None:
             files["history"] = field.to_file(folder / f"history.{history}")
     if output.report:
-        from schuler.report.calibration_figures import save_calibration_figures
+        from schuler.calibration.report.figures import save_calibration_figures
 
         said = "\n".join(recording.summary() for recording in recordings)
         files["report"] = result.report(
@@ -66,7 +66,7 @@ def finish(
         )
         figures = save_calibration_figures(result, folder / "figures", field=field, truth=truth)
         if before is not None and field is not None and result.status != "refused":
-            from schuler.report.field_output_figures import save_output_figures
+            from schuler.reproduce.yaman.study.field_output_figures import save_output_figures
 
             # in the axes of the log, whatever the gauge of the file
             after = field.calibration.apply(recordings[0].need_imu())
@@ -96,7 +96,7 @@ def finish(
 
 def numbers(result: CalibrationResult) -> dict[str, Any]:
     """A calibration for JSON."""
-    from schuler.calibration.parameters import GAUGES, unit
+    from schuler.calibration.result.parameters import GAUGES, unit
 
     estimated = {
         name: {"value": float(v), "sigma": float(s), "unit": unit(name)}

@@ -60,12 +60,12 @@ def compare(
     json
         Print one JSON object instead of text.
     """
-    from schuler.analysis.architectures import compare_architectures
-    from schuler.analysis.outage_forks import outage_statistics
-    from schuler.analysis.outage_statistics import OutageStatistics
     from schuler.cli.convert import read_log
     from schuler.diagnosis.first import checked
-    from schuler.filtering.config import NavigationConfig
+    from schuler.navigation.config import NavigationConfig
+    from schuler.navigation.evaluation.architectures import compare_architectures
+    from schuler.navigation.evaluation.outage_forks import outage_statistics
+    from schuler.navigation.evaluation.outage_statistics import OutageStatistics
 
     began = time.perf_counter()
     changes = entries(set_)
@@ -123,7 +123,7 @@ def _write(folder: Path, found: Any, statistics: list[Any], *, figures: bool) ->
         if figures and len(s):
             drawn.append((f"outages_{name}", s))
     if drawn:
-        from schuler.report.figures import save
+        from schuler.plotting.draw import save
 
         for name, what in drawn:
             files |= named(save(what.plot(), folder / name, ("png", "svg")))

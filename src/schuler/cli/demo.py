@@ -64,8 +64,8 @@ def run_demo(seed: int | None, bar: Any = None) -> tuple[Outcome, Any, float]:
     """
     import tomllib
 
-    from schuler.filtering.config import NavigationConfig
-    from schuler.filtering.navigate import navigate
+    from schuler.navigation.config import NavigationConfig
+    from schuler.navigation.navigate import navigate
     from schuler.simulation.scenario import Scenario, prepare_mission, simulate_mission
 
     data = tomllib.loads((files("schuler.cli") / "demo.toml").read_text(encoding="utf-8"))

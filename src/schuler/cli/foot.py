@@ -16,9 +16,9 @@ from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
 
 if TYPE_CHECKING:
-    from schuler.analysis.walk_errors import WalkErrors
-    from schuler.filtering.foot_config import FootConfig
-    from schuler.filtering.foot_result import FootResult
+    from schuler.navigation.foot.config import FootConfig
+    from schuler.navigation.foot.errors import WalkErrors
+    from schuler.navigation.foot.result import FootResult
 
 _READING = Reading()
 
@@ -61,8 +61,8 @@ def foot(
     json
         Print one JSON object instead of text.
     """
-    from schuler.filtering.foot import navigate_foot
-    from schuler.filtering.foot_config import FootConfig
+    from schuler.navigation.foot.config import FootConfig
+    from schuler.navigation.foot.navigate import navigate_foot
 
     began = time.perf_counter()
     config = FootConfig() if reading.config is None else FootConfig.load(reading.config)
@@ -95,8 +95,8 @@ def foot(
 def read_foot_log(log: Path, reading: Reading) -> tuple[Recording, dict[str, Any] | None]:
     """The recording, and the stored labels if it is a PyShoe trial."""
     from schuler.cli.options import cut
-    from schuler.recording.io.openshoe import read_microstrain_text, read_openshoe_mat
-    from schuler.recording.io.pyshoe import is_pyshoe, read_pyshoe
+    from schuler.recording.formats.openshoe import read_microstrain_text, read_openshoe_mat
+    from schuler.recording.formats.pyshoe import is_pyshoe, read_pyshoe
 
     if not log.exists():
         raise InputError(f"{log}: no such file or folder")
@@ -168,7 +168,7 @@ def write_walk(folder: Path, result: FootResult, errors: WalkErrors | None, *, r
         rows.append(",".join(f"{v:.6g}" for v in values) + f",{int(walking)}")
     files["strides"] = write_text(folder / "strides.csv", "\n".join(rows) + "\n")
     if report:
-        from schuler.report.foot_figures import save_foot_figures
+        from schuler.navigation.foot.figures import save_foot_figures
 
         files |= named(save_foot_figures(result, folder / "figures", errors=errors))
     return files
@@ -198,7 +198,7 @@ def _number(text: str) -> float:
 
 
 def _errors(recording: Recording, result: FootResult) -> WalkErrors | None:
-    from schuler.analysis.walk_errors import walk_errors
+    from schuler.navigation.foot.errors import walk_errors
 
     if recording.reference is None:
         return None

@@ -10,7 +10,7 @@ from schuler.cli.output import Flag, Folder, named, print_json, progress, say
 from schuler.exceptions import InputError
 
 if TYPE_CHECKING:
-    from schuler.analysis.montecarlo.scatter import Scatter
+    from schuler.montecarlo.scatter import Scatter
 
 
 def montecarlo(
@@ -62,10 +62,10 @@ def montecarlo(
     json
         Print one JSON object instead of text.
     """
-    from schuler.analysis.montecarlo import Statistics, campaign
-    from schuler.analysis.montecarlo.job import read_job
-    from schuler.analysis.montecarlo.navigation import runner
-    from schuler.analysis.montecarlo.scatter import SHOWN, scatter
+    from schuler.montecarlo import Statistics, campaign
+    from schuler.montecarlo.job import read_job
+    from schuler.montecarlo.navigation import runner
+    from schuler.montecarlo.scatter import SHOWN, scatter
 
     began = time.perf_counter()
     if resume and store is None:
@@ -89,8 +89,8 @@ def montecarlo(
     folder = Path(f"{scenario.resolve().stem}-montecarlo") if out is None else out
     files = _write(found, folder)
     if report:
-        from schuler.report.figures import save_all
-        from schuler.report.montecarlo_figures import all_figures
+        from schuler.montecarlo.figures import all_figures
+        from schuler.plotting.draw import save_all
 
         files["report"] = found.report(folder / "report.html", done, job)
         files |= named(save_all(all_figures(found), folder / "figures", ("png", "svg")))

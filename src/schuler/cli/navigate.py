@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from schuler.cli.output import Flag, Folder, Texts, entries, named, period, print_json, progress, say, window
-from schuler.filtering.result import NavigationResult
+from schuler.navigation.result import NavigationResult
 from schuler.recording.recording import Recording
 from schuler.recording.trajectory import Trajectory
 
@@ -72,8 +72,8 @@ def navigate(
     """
     from schuler.cli.convert import read_log
     from schuler.diagnosis.first import checked
-    from schuler.filtering.config import NavigationConfig
-    from schuler.filtering.navigate import navigate as run
+    from schuler.navigation.config import NavigationConfig
+    from schuler.navigation.navigate import navigate as run
 
     began = time.perf_counter()
     changes = entries(set)
@@ -93,7 +93,7 @@ def navigate(
     recording = checked(read_log(log, config), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
     backdrop = None
     if background is not None:
-        from schuler.report.backdrop import read_backdrop
+        from schuler.navigation.report.backdrop import read_backdrop
 
         backdrop = read_backdrop(background)
     with progress("navigating") as bar:
@@ -126,7 +126,7 @@ class Outcome:
 
 def evaluated(recording: Recording, result: NavigationResult, smooth: bool, truth_parameters: Any = None) -> Outcome:
     """Compare a solution with the recording's reference, or with all its GNSS fixes where there is none."""
-    from schuler.analysis.evaluation import evaluate
+    from schuler.navigation.evaluation.evaluation import evaluate
 
     reference, at_antenna = recording.reference, False
     if reference is None and recording.gnss is not None:
@@ -165,7 +165,7 @@ def write_outputs(
     folder: Path, recording: Recording, outcome: Outcome, *, report: bool, background: Any = None
 ) -> dict[str, Path]:
     """Write all files of a run; return their paths by name."""
-    from schuler.recording.io.track import write_kml
+    from schuler.recording.formats.track import write_kml
 
     folder.mkdir(parents=True, exist_ok=True)
     result, smoothed = outcome.result, outcome.smoothed
@@ -179,8 +179,8 @@ def write_outputs(
         name=recording.metadata.name, outages=result.outages, time=recording.metadata.time,
     )  # fmt: skip
     if report:
-        from schuler.report.document import navigation_report
-        from schuler.report.figures import save_figures
+        from schuler.navigation.report.document import navigation_report
+        from schuler.navigation.report.figures import save_figures
 
         shown = {
             "smoothed": smoothed, "reference": outcome.reference, "at_antenna": outcome.at_antenna,

@@ -10,8 +10,8 @@ from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress,
 from schuler.exceptions import InputError
 
 if TYPE_CHECKING:
-    from schuler.analysis.observability.study import Observability
     from schuler.filtering.engine import Progress
+    from schuler.observability.study import Observability
 
 
 def observability(
@@ -79,8 +79,8 @@ def observability(
 
 
 def _of_scenario(path: Path, changes: dict[str, object], symbolic: bool) -> tuple[Observability, tuple[str, ...]]:
-    from schuler.analysis.observability import ObservabilityScenario, scenario_observability
-    from schuler.analysis.observability.formulas import scenario_formulas
+    from schuler.observability import ObservabilityScenario, scenario_observability
+    from schuler.observability.formulas import scenario_formulas
 
     loaded = ObservabilityScenario.load(path).model_copy(update=changes)
     formulas = scenario_formulas(loaded) if symbolic else ()
@@ -88,11 +88,11 @@ def _of_scenario(path: Path, changes: dict[str, object], symbolic: bool) -> tupl
 
 
 def _of_log(log: Path, config: Path, axes: str, known: tuple[str, ...], bar: Progress | None) -> Observability:
-    from schuler.analysis.observability import observability, result_system
     from schuler.cli.convert import read_log
-    from schuler.filtering.config import NavigationConfig
-    from schuler.filtering.configured import imu_spec
-    from schuler.filtering.navigate import navigate
+    from schuler.navigation.config import NavigationConfig
+    from schuler.navigation.configured import imu_spec
+    from schuler.navigation.navigate import navigate
+    from schuler.observability import observability, result_system
 
     loaded = NavigationConfig.load(config, [("filter.smooth", True)])
     result = navigate(read_log(log, config), loaded, progress=bar)
@@ -107,8 +107,8 @@ def _of_log(log: Path, config: Path, axes: str, known: tuple[str, ...], bar: Pro
 
 
 def _write(study: Observability, formulas: tuple[str, ...], folder: Path) -> dict[str, Path]:
-    from schuler.report.figures import save_all
-    from schuler.report.observability_figures import observability_figure, observability_report
+    from schuler.observability.figures import observability_figure, observability_report
+    from schuler.plotting.draw import save_all
 
     folder.mkdir(parents=True, exist_ok=True)
     files = {

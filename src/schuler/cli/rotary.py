@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from schuler.cli.output import File, Flag, Folder, named, print_json, progress, say
 
 if TYPE_CHECKING:
-    from schuler.analysis.rotary.comparison import ScenarioComparison
-    from schuler.analysis.rotary.search_result import SchemeSearch
+    from schuler.rotary.search.comparison import ScenarioComparison
+    from schuler.rotary.search.search_result import SchemeSearch
 
 
 def rotary(
@@ -47,9 +47,9 @@ def rotary(
     json
         Print one JSON object instead of text.
     """
-    from schuler.analysis.rotary.comparison import compare_scenario
-    from schuler.analysis.rotary.scenario import RotaryScenario
-    from schuler.analysis.rotary.search import search_schemes
+    from schuler.rotary.search.comparison import compare_scenario
+    from schuler.rotary.search.scenario import RotaryScenario
+    from schuler.rotary.search.search import search_schemes
 
     began = time.perf_counter()
     loaded = RotaryScenario.load(scenario)
@@ -93,8 +93,8 @@ def _written(
     """Tables, figures and report, as far as they were asked for."""
     files: dict[str, Path] = {}
     if out is not None:
-        from schuler.report.figures import save_all
-        from schuler.report.rotary_figures import (
+        from schuler.plotting.draw import save_all
+        from schuler.rotary.report.figures import (
             errors_figure,
             front_figure,
             modulation_figure,
@@ -117,7 +117,7 @@ def _written(
         files |= named(save_all(figures, out, ("png", "svg")))
         report = report or out / "report.html"
     if report is not None:
-        from schuler.report.rotary_page import rotary_page
+        from schuler.rotary.report.page import rotary_page
 
         made_from = {"scenario": found.scenario.model_dump(mode="json", exclude_none=True, exclude_unset=True)}
         files["report"] = rotary_page(report, found, best, made_from)

@@ -154,7 +154,7 @@ class Diagnosis:
 
     def report(self, path: Path | str) -> Path:
         """Write a self-contained HTML page with pictures; needs the extra ``report``."""
-        from schuler.report.diagnosis_document import diagnosis_report
+        from schuler.diagnosis.report.document import diagnosis_report
 
         return diagnosis_report(path, self)
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from schuler.diagnosis.findings import Finding
 from schuler.exceptions import FileFormatError
-from schuler.recording.io import dispatch, rtklib, text
+from schuler.recording.formats import rtklib, text
+from schuler.recording.io import dispatch
 from schuler.recording.io.assemble import recording_from
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import HUGE, Raw

@@ -189,8 +189,8 @@ class FilterState:
         options: FilterOptions,
         interval: float,
     ) -> None:
-        from schuler.filtering import _covariance_kernels as cov
-        from schuler.filtering import _run_kernels as run_k
+        from schuler.filtering.kernels import covariance as cov
+        from schuler.filtering.kernels import run as run_k
 
         n = layout.size
         if len(initial.P) != n:
@@ -251,7 +251,7 @@ class FilterState:
     @property
     def navigation(self) -> NavState:
         """Current navigation state."""
-        from schuler.filtering import _run_kernels as run_k
+        from schuler.filtering.kernels import run as run_k
 
         return NavState(
             float(self.cfg[run_k.CFG_TIME]), self.nav[7:10].copy(), self.nav[4:7].copy(), self.nav[0:4].copy()
@@ -353,7 +353,7 @@ def run(
         If the log does not begin where the initial state is; with the smoother's memory also if the filter diverges so
         far that its own rates need more of it than the readings do.
     """
-    from schuler.filtering import _run_kernels as k
+    from schuler.filtering.kernels import run as k
 
     options = options or FilterOptions()
     if abs(increments.start - initial.nav.t) > 1e-3:

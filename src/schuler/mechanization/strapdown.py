@@ -118,7 +118,7 @@ def mechanize(
     ----------
     Groves (2013), chapter 5; Savage (1998).
     """
-    from schuler.mechanization import _kernels
+    from schuler.mechanization import kernels as _kernels
 
     if frame not in ("ecef", "ned"):
         raise InputError(f"frame: expected 'ecef' or 'ned', got {frame!r}")

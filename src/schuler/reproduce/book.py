@@ -9,8 +9,8 @@ from importlib import metadata
 from pathlib import Path
 
 from schuler.files import write_text
-from schuler.report import parts
-from schuler.report.parts import Block, Section, plotly_script
+from schuler.plotting import parts
+from schuler.plotting.parts import Block, Section, plotly_script
 from schuler.reproduce.cells import Cell
 from schuler.reproduce.items import Result
 from schuler.reproduce.run import THESES, Reproduction

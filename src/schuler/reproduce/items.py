@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 from schuler.reproduce.cells import Cell
 
 if TYPE_CHECKING:
-    from schuler.report.content import Figure
+    from schuler.plotting.figure import Figure
 
 #: exact: formulas and printed digits. statistical: random numbers. hardware: recorded by sensors we do not have, and
 #: emulated by simulated ones of the same parameters.

@@ -8,7 +8,6 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.exceptions import ConfigError, InputError
-from schuler.filtering.config import NavigationConfig
 from schuler.filtering.measurements import (
     FIX,
     HEIGHT,
@@ -20,6 +19,7 @@ from schuler.filtering.measurements import (
     ZERO_VELOCITY,
     MeasurementSchedule,
 )
+from schuler.navigation.config import NavigationConfig
 from schuler.recording.series import Increments
 from schuler.rotary import gimbals
 from schuler.rotary.encoder import Platform

@@ -175,7 +175,7 @@ class RotationCalibration:
 
     def plot(self) -> Figure:
         """Means of the stretches beside the model, an axis of the gyroscopes each (matplotlib)."""
-        from schuler.report.figures import draw
-        from schuler.report.rotary_static_figures import calibration_figure
+        from schuler.plotting.draw import draw
+        from schuler.rotary.report.figures import calibration_figure
 
         return draw(calibration_figure(self))

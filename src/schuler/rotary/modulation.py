@@ -237,7 +237,8 @@ def residue(motion: Motion, duration: float, *, start: float = 0.0, step: float 
     -----
     Objective of a search for schemes: small ``bias`` holds the attitude, small ``bias_twice`` the velocity. The thesis
     says that errors across the axis "eliminate themselves" over a revolution; that is so for attitude, while the mean
-    of the tilt is fixed by the phase at the start and goes on into velocity, see :mod:`schuler.rotary.tables`.
+    of the tilt is fixed by the phase at the start and goes on into velocity, see
+    :mod:`schuler.reproduce.du.study.analytic_tables`.
     """
     if not duration > 0.0:
         raise InputError(f"duration: expected a positive number of seconds, got {duration!r}")

@@ -13,8 +13,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from schuler import units
-from schuler.exceptions import ConfigError
-from schuler.faults import sentences
+from schuler.exceptions import ConfigError, sentences
 from schuler.recording.recording import Metadata, Recording
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ApplyReport, ImuErrors

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from places import ROOT
 
 from schuler.exceptions import FileFormatError, InputError, MissingExtraError
 from schuler.recording import ImuSeries, Recording
@@ -24,7 +25,6 @@ from schuler.recording.io.hint_texts import SATELLITES, SERIES, parse_origin, pa
 from schuler.recording.io.hints import ReadHints
 from schuler.timebase import TimeBase
 
-ROOT = Path(__file__).resolve().parents[3]
 NAMES = [name for name, _ in registry.FORMATS]
 
 

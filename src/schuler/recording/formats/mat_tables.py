@@ -10,7 +10,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.io import matlab_file
+from schuler.recording.formats import matlab_file
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
 
@@ -22,7 +22,7 @@ def as_arrays(path: Path, hints: ReadHints) -> Recording | None:
     """The file read as arrays by name, where the user describes it as such and names no format; else ``None``."""
     if hints.format is not None or not set(hints.given()) & set(_AS_ARRAYS):
         return None
-    from schuler.recording.io.matlab import read_matlab
+    from schuler.recording.formats.matlab import read_matlab
 
     return read_matlab(path, hints)
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
+from schuler.recording.formats.nmea import looks_like_nmea
 from schuler.recording.formats.receiver_tables import floats
-from schuler.recording.io.nmea import looks_like_nmea
 
 _SYNC = b"\xaa\x44"
 _LONG, _SHORT = 0x12, 0x13

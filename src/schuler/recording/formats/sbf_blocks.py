@@ -15,8 +15,8 @@ import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
+from schuler.recording.formats.nmea import looks_like_nmea
 from schuler.recording.formats.receiver_tables import floats
-from schuler.recording.io.nmea import looks_like_nmea
 
 _SYNC = b"$@"
 _HEADER = 14  # sync, CRC, number, length, time of week [ms], week

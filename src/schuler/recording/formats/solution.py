@@ -60,7 +60,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     MissingExtraError
         Without pyarrow (extra ``data``).
     """
-    from schuler.recording.io.parquet import read_table
+    from schuler.recording.formats.parquet import read_table
 
     parts.check_hints(path, hints, parts.GNSS_HINTS | {"time"}, "a solution of schuler")
     columns, meta = read_table(path, FORMAT)
@@ -115,7 +115,7 @@ def sigmas(path: Path) -> FloatArray:
     FileFormatError
         If the file is no solution, or has no sigmas.
     """
-    from schuler.recording.io.parquet import read_table
+    from schuler.recording.formats.parquet import read_table
 
     columns, _ = read_table(path, FORMAT)
     names = [f"sigma_position_{a}_m" for a in _AXES] + [f"sigma_velocity_{a}_m_s" for a in _AXES]

@@ -15,13 +15,12 @@ import numpy as np
 from schuler import rotation, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.formats import parts, xsens_text
+from schuler.recording.formats import parts, ubx_solution, xsens_text
 from schuler.recording.formats.parts import Table
 from schuler.recording.formats.receiver_tables import unwrapped
 from schuler.recording.formats.streams import Stream, stream_of
 from schuler.recording.formats.xsens_messages import Packets, load, looks_like
 from schuler.recording.formats.xsens_time import TICK, fixes_of, gnss_table, utc_line
-from schuler.recording.io import ubx_solution
 from schuler.recording.io.hint_texts import axes_matrix, parse_streams
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording

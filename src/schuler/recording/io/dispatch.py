@@ -187,7 +187,7 @@ def _format_of(path: Path, hints: ReadHints) -> ModuleType | None:
 
 
 def _read_file(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int] | None = None) -> Recording:
-    from schuler.recording.io import matlab, numpy_files, parquet, rtklib, text
+    from schuler.recording.formats import matlab, numpy_files, parquet, rtklib, text
 
     if (module := _format_of(path, hints)) is not None:
         recording: Recording = module.read(path, hints)
@@ -214,7 +214,7 @@ def _read_file(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int]
 
 
 def _writer(kind: str) -> Any:
-    from schuler.recording.io import csv, parquet, rtklib, track
+    from schuler.recording.formats import csv, parquet, rtklib, track
 
     return {
         "parquet": parquet.write_parquet,

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from schuler.exceptions import FileFormatError, InputError, SchulerError
-from schuler.recording.formats import registry
-from schuler.recording.io import dispatch, lines, rtklib, text
+from schuler.recording.formats import registry, rtklib, text
+from schuler.recording.io import dispatch, lines
 from schuler.recording.io.columns import check_known
 from schuler.recording.io.hint_texts import SATELLITES, SERIES
 from schuler.recording.io.hints import ReadHints

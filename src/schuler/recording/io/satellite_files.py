@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from schuler.exceptions import FileFormatError, InputError, SchulerError
-from schuler.recording.io import instinct_csv, nmea, psins_imu, ubx, ubx_frames
+from schuler.recording.formats import instinct_csv, nmea, psins_imu, ubx, ubx_frames
 from schuler.recording.io.assemble import metadata_of
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
@@ -108,7 +108,7 @@ def read_satellite_file(
             return instinct_csv.read_instinct_gnss(path, hints).recording
         return instinct_csv.read_instinct_imu(path, hints)
     if hints.variable is None and is_psins_ranges(path, head):
-        from schuler.recording.io.psins_ranges import read_psins_ranges
+        from schuler.recording.formats.psins_ranges import read_psins_ranges
 
         _refuse_surplus(path, hints, "PSINS file of ranges")
         recording = read_psins_ranges(path).recording
@@ -134,7 +134,7 @@ def _opening(path: Path, head: bytes) -> bytes:
             # a block of up to 900 kB has to be complete before anything comes out
             return bz2.BZ2Decompressor().decompress(path.read_bytes(), 4096)
         if head.startswith(b"PK\x03\x04") and path.suffix.lower() != ".npz":
-            from schuler.recording.io.rinex_unpack import unpack
+            from schuler.recording.formats.rinex_unpack import unpack
 
             return unpack(path, [])
     except (OSError, EOFError, zlib.error, SchulerError):
@@ -151,7 +151,7 @@ def _is_nmea(path: Path, head: bytes) -> bool:
 
 
 def _navigation(path: Path, hints: ReadHints) -> Recording:
-    from schuler.recording.io.rinex_navigation import read_rinex_navigation
+    from schuler.recording.formats.rinex_navigation import read_rinex_navigation
 
     _refuse_surplus(path, hints)
     broadcast = read_rinex_navigation(path)
@@ -161,7 +161,7 @@ def _navigation(path: Path, hints: ReadHints) -> Recording:
 
 
 def _observations(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int] | None) -> Recording:
-    from schuler.recording.io.rinex_observation import read_rinex_observation
+    from schuler.recording.formats.rinex_observation import read_rinex_observation
 
     _refuse_surplus(path, hints)
     o = read_rinex_observation(path, glonass_channels=glonass_channels)
@@ -178,6 +178,6 @@ def channels_of(recording: Recording | None) -> dict[int, int]:
     """GLONASS channels in the ephemerides of a recording; none without."""
     if recording is None or recording.ephemerides is None:
         return {}
-    from schuler.recording.io.rinex_navigation import glonass_channels
+    from schuler.recording.formats.rinex_navigation import glonass_channels
 
     return glonass_channels(recording.ephemerides)

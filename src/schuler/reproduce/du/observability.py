@@ -14,8 +14,8 @@ from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, DEG_PER_HR
 
 if TYPE_CHECKING:
-    from schuler.analysis.observability import LinearSystem
-    from schuler.report.content import Figure
+    from schuler.observability import LinearSystem
+    from schuler.plotting.figure import Figure
 
 _RATE, _LAT, _TIME_S = 10.0 * DEG, 45.75 * DEG, 300.0
 #: Prior of attitude, velocity, accelerometer and gyroscope biases: the digest's NAV440.
@@ -44,8 +44,8 @@ def _symbolic(run: Callable[[Effort], Outcome]) -> Callable[[Effort], Outcome]:
 
 
 def _table_5_1(effort: Effort) -> Outcome:
-    from schuler.analysis.observability import symbolic
-    from schuler.analysis.observability.tables import table_5_1
+    from schuler.observability import symbolic
+    from schuler.reproduce.du.study.observability_tables import table_5_1
 
     model = symbolic.rotary_model(None, biases="navigation")
     found, table = symbolic.observable_combinations(model), table_5_1(model)
@@ -64,8 +64,8 @@ def _table_5_1(effort: Effort) -> Outcome:
 
 
 def _table_5_2(effort: Effort) -> Outcome:
-    from schuler.analysis.observability import symbolic
-    from schuler.analysis.observability.tables import closed, table_5_2
+    from schuler.observability import symbolic
+    from schuler.reproduce.du.study.observability_tables import closed, table_5_2
 
     cells: list[Cell] = []
     axes: tuple[Any, ...] = ("z",) if effort.quick else ("x", "y", "z")
@@ -92,8 +92,8 @@ def _table_5_2(effort: Effort) -> Outcome:
 def _system(
     axis: str | None, roll: float, pitch: float, azimuth: float = 0.0, *, earth: bool = False, step: float = 0.5
 ) -> LinearSystem:
-    from schuler.analysis.observability import RotaryModel, in_du_axes, model_system
     from schuler.earth import WGS84
+    from schuler.observability import RotaryModel, in_du_axes, model_system
 
     model = RotaryModel(
         axis=_SWAP[axis] if axis else None, rate=_RATE, rpy_nb=(roll * DEG, pitch * DEG, azimuth * DEG), lat=_LAT,
@@ -110,7 +110,7 @@ def _step(effort: Effort) -> float:
 def _verdict(
     axis: str, pitch: float, roll: float, unseen: set[str], rank: int, effort: Effort
 ) -> tuple[list[Cell], set[str]]:
-    from schuler.analysis.observability import spectrum
+    from schuler.observability import spectrum
 
     found = spectrum(_system(axis, roll, pitch, step=_step(effort)))
     names = {n for n, yes in zip(found.names, found.observable(), strict=True) if not yes}
@@ -152,7 +152,7 @@ _ERRATA = {
 
 
 def _ranks(effort: Effort) -> Outcome:
-    from schuler.analysis.observability import spectrum
+    from schuler.observability import spectrum
 
     cells: list[Cell] = []
     for axis, roll, pitch, azimuth, without, with_earth in _RANKS:
@@ -170,14 +170,14 @@ def _ranks(effort: Effort) -> Outcome:
 
 
 def _singular_figure(axis: str | None, pitch: float) -> Figure:
-    from schuler.report.rotary_thesis_figures import singular_values
+    from schuler.reproduce.du.study.rotary_thesis_figures import singular_values
 
     title = "not turning" if axis is None else f"about {axis}, pitch {pitch:g} deg"
     return singular_values(_system(axis, 0.0, pitch), title)
 
 
 def _manoeuvres(effort: Effort) -> Outcome:
-    from schuler.analysis.observability import symbolic
+    from schuler.observability import symbolic
 
     cells = []
     for axis, name in ((None, "conventional"), ("z", "about Z, level")):

@@ -12,9 +12,9 @@ from schuler.reproduce.du.bands import few, few_rms
 from schuler.reproduce.items import Effort, Item, Outcome
 
 if TYPE_CHECKING:
-    from schuler.analysis.rotary.zupt import ZuptStudy
-    from schuler.analysis.rotary.zupt_runs import ZuptEmulation
-    from schuler.report.content import Figure
+    from schuler.plotting.figure import Figure
+    from schuler.reproduce.du.study.zupt import ZuptStudy
+    from schuler.reproduce.du.study.zupt_runs import ZuptEmulation
 
 Quantity = Literal["accel", "attitude", "gyro"]
 _PLACE = {"accel": 0, "attitude": 1, "gyro": 2}
@@ -36,7 +36,7 @@ _EMULATED = (
 @cache
 def campaign_on_the_table(imu: str, test: Literal["Y", "Z"], effort: Effort) -> ZuptEmulation:
     """The runs that all items of an IMU and a test share."""
-    from schuler.analysis.rotary.zupt_runs import zupt_emulation
+    from schuler.reproduce.du.study.zupt_runs import zupt_emulation
 
     rows = [(imu, test, tilt) for tilt in (None, 0.0, 30.0)]
     found = zupt_emulation(rows, runs=effort.runs(32, 96), seed=effort.seed)
@@ -46,7 +46,7 @@ def campaign_on_the_table(imu: str, test: Literal["Y", "Z"], effort: Effort) -> 
 
 
 def _figure(imu: str, test: Literal["Y", "Z"], effort: Effort) -> Figure:
-    from schuler.report.rotary_filter_figures import zupt_runs
+    from schuler.reproduce.du.study.rotary_filter_figures import zupt_runs
 
     return zupt_runs(campaign_on_the_table(imu, test, effort), imu, test)
 
@@ -132,13 +132,13 @@ def _why(imu: str, test: str, quantity: Quantity) -> str:
 
 @cache
 def _study() -> ZuptStudy:
-    from schuler.analysis.rotary.zupt import zupt_study
+    from schuler.reproduce.du.study.zupt import zupt_study
 
     return zupt_study()
 
 
 def _covariances(effort: Effort) -> Outcome:
-    from schuler.report.rotary_filter_figures import zupt_sigmas
+    from schuler.reproduce.du.study.rotary_filter_figures import zupt_sigmas
 
     cells: list[Cell] = []
     units = {"deg": "deg", "s2": "m/s^2", "hr": "deg/h"}

@@ -8,26 +8,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.analysis.growth import (
+from schuler.arrays import FloatArray
+from schuler.growth import (
     growth,
     lateral_white,
     planar_bounds,
     upright_bounds,
     white,
 )
-from schuler.analysis.growth.tables import EXACT, POSITION
-from schuler.arrays import FloatArray
 from schuler.reproduce.cells import Cell, against, digits, said, shown
 from schuler.reproduce.flenniken.bands import ERRORS, deviation, read_off
+from schuler.reproduce.flenniken.study.growth_tables import EXACT, POSITION
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.sensors.catalogue import spec
 from schuler.units import DEG, G0
 
 if TYPE_CHECKING:
-    from schuler.analysis.growth import Bounds, Growth
-    from schuler.analysis.growth.gauss_markov import Start
-    from schuler.analysis.growth.upright import GravityModel
-    from schuler.report.content import Figure
+    from schuler.growth import Bounds, Growth
+    from schuler.growth.gauss_markov import Start
+    from schuler.growth.upright import GravityModel
+    from schuler.plotting.figure import Figure
 
 #: Samples of 20 Hz beside the continuous forms: 3 / k of a variance after k steps, at 30 s half a percent.
 _SAMPLED = 0.005
@@ -188,7 +188,7 @@ def _forms(exact: Growth) -> dict[str, FloatArray]:
 
 
 def _static_figure(grade: str, effort: Effort) -> Figure:
-    from schuler.report.growth_figures import beside_figure
+    from schuler.growth.figures import beside_figure
 
     b = _planar(grade, effort)
     names = ("position_north", "velocity_north", "heading", "position_east", "velocity_east")
@@ -196,7 +196,7 @@ def _static_figure(grade: str, effort: Effort) -> Figure:
 
 
 def _bias_figure(effort: Effort) -> Figure:
-    from schuler.report.growth_figures import beside_figure
+    from schuler.growth.figures import beside_figure
 
     b = _planar("tactical", effort)
     names = ("position_north", "velocity_north", "position_east", "velocity_east")
@@ -205,7 +205,7 @@ def _bias_figure(effort: Effort) -> Figure:
 
 
 def _difference_figure(effort: Effort) -> Figure:
-    from schuler.report.growth_figures import difference_figure
+    from schuler.growth.figures import difference_figure
 
     b, forms = _planar("tactical", effort), _white_forms("tactical", effort)
     names = ("position_north", "velocity_north", "position_east", "velocity_east")
@@ -215,7 +215,7 @@ def _difference_figure(effort: Effort) -> Figure:
 
 
 def _gravity_figure(grade: str, effort: Effort) -> Figure:
-    from schuler.report.growth_figures import beside_figure
+    from schuler.growth.figures import beside_figure
 
     found = {"strapdown": _upright(grade, "strapdown", effort), "as printed": _upright(grade, "thesis", effort)}
     t = found["strapdown"].t

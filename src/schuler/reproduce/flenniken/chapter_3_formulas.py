@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.analysis.growth import (
+from schuler.arrays import FloatArray
+from schuler.growth import (
     growth,
     lateral_white,
     lateral_white_sampled,
@@ -17,8 +18,7 @@ from schuler.analysis.growth import (
     planar_reckoning,
     white,
 )
-from schuler.analysis.growth.dead_reckoning import readings
-from schuler.arrays import FloatArray
+from schuler.growth.dead_reckoning import readings
 from schuler.reproduce.cells import against, said, shown
 from schuler.reproduce.flenniken.bands import ERRORS, deviation
 from schuler.reproduce.items import Effort, Item, Outcome
@@ -26,8 +26,8 @@ from schuler.sensors.catalogue import spec, triad
 from schuler.units import DEG, DEG_PER_HR
 
 if TYPE_CHECKING:
-    from schuler.analysis.growth import Bounds
-    from schuler.report.content import Figure
+    from schuler.growth import Bounds
+    from schuler.plotting.figure import Figure
     from schuler.sensors.spec import ImuSpec
 
 #: Samples beside the continuous forms: 3 / k of a variance after k = 2000 steps.
@@ -155,7 +155,7 @@ def _white_bounds(effort: Effort) -> tuple[Bounds, ImuSpec]:
 
 
 def _kvh_figure(bias: bool, effort: Effort) -> Figure:
-    from schuler.report.growth_figures import beside_figure
+    from schuler.growth.figures import beside_figure
 
     b = _kvh_bounds(bias, effort)
     form = {"(3.8)": {"heading": np.sqrt(white(1, b.t, _kvh(bias=bias).gyro.random_walk))}}
@@ -163,9 +163,9 @@ def _kvh_figure(bias: bool, effort: Effort) -> Figure:
 
 
 def _inside_figure(t: FloatArray, heading: FloatArray, bound: FloatArray) -> Figure:
-    from schuler.report import content
-    from schuler.report.content import Figure as Drawn
-    from schuler.report.content import Panel
+    from schuler.plotting import figure as content
+    from schuler.plotting.figure import Figure as Drawn
+    from schuler.plotting.figure import Panel
 
     items = (
         content.band(t, -bound / DEG, bound / DEG, "sigma", "1-sigma bound"),
@@ -175,7 +175,7 @@ def _inside_figure(t: FloatArray, heading: FloatArray, bound: FloatArray) -> Fig
 
 
 def _formulas_figure(effort: Effort) -> Figure:
-    from schuler.report.growth_figures import beside_figure
+    from schuler.growth.figures import beside_figure
 
     b, imu = _white_bounds(effort)
     v, p = lateral_white(b.t, imu.accel.random_walk, imu.gyro.random_walk)

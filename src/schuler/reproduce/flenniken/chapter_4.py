@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.analysis.heading import (
+from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.flenniken.bands import ERRORS, deviation
+from schuler.reproduce.flenniken.study.heading import (
     BiasTruth,
     gauss_markov_bias,
     heading_bound,
@@ -18,19 +20,17 @@ from schuler.analysis.heading import (
     recorded_outage,
     split_bias,
 )
-from schuler.analysis.heading.comparison import CONSTANT_SIGMA, FIX_SIGMA
-from schuler.analysis.heading.position import PositionOutage, position_outage
-from schuler.analysis.heading.tables import AFTER_S, BOUND_DEG, OUTAGE_DEG, SIGMA_240_DEG
-from schuler.reproduce.cells import Cell, against, digits, said, shown
-from schuler.reproduce.flenniken.bands import ERRORS, deviation
+from schuler.reproduce.flenniken.study.heading.comparison import CONSTANT_SIGMA, FIX_SIGMA
+from schuler.reproduce.flenniken.study.heading.position import PositionOutage, position_outage
+from schuler.reproduce.flenniken.study.heading.tables import AFTER_S, BOUND_DEG, OUTAGE_DEG, SIGMA_240_DEG
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.sensors.catalogue import spec
 from schuler.units import DEG, G0
 
 if TYPE_CHECKING:
-    from schuler.analysis.heading import FilterRuns, HeadingBound, HeadingOutages
     from schuler.arrays import FloatArray
-    from schuler.report.content import Figure
+    from schuler.plotting.figure import Figure
+    from schuler.reproduce.flenniken.study.heading import FilterRuns, HeadingBound, HeadingOutages
 
     Recorded = dict[str, tuple[FloatArray, FilterRuns]]
 
@@ -301,13 +301,13 @@ def six_states(effort: Effort) -> Outcome:
 
 
 def _bound_figure(grade: str, *, three: bool = False) -> Figure:
-    from schuler.report.heading_figures import bound_figure
+    from schuler.reproduce.flenniken.study.heading_figures import bound_figure
 
     return bound_figure(_bound(grade), {"three states": _bound(grade, "three")} if three else None)
 
 
 def _log_figure(found: Recorded, names: tuple[str, ...], start_s: float) -> Figure:
-    from schuler.report.heading_figures import recorded_figure
+    from schuler.reproduce.flenniken.study.heading_figures import recorded_figure
 
     return recorded_figure({name: found[name] for name in names}, start_s)
 
@@ -315,7 +315,7 @@ def _log_figure(found: Recorded, names: tuple[str, ...], start_s: float) -> Figu
 def _outage_figure(effort: Effort, truth: str) -> Figure:
     from dataclasses import replace
 
-    from schuler.report.heading_figures import outage_figure
+    from schuler.reproduce.flenniken.study.heading_figures import outage_figure
 
     found = _outages(effort)
     i = found.truths.index(truth)
@@ -324,7 +324,7 @@ def _outage_figure(effort: Effort, truth: str) -> Figure:
 
 
 def _position_figure(effort: Effort) -> Figure:
-    from schuler.report.heading_figures import position_figure
+    from schuler.reproduce.flenniken.study.heading_figures import position_figure
 
     return position_figure(_position(effort))
 

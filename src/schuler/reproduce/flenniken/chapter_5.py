@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.analysis.growth import growth, second_order_vertical, spatial_bounds
-from schuler.analysis.growth.tables import SIX_DEGREES
+from schuler.growth import growth, second_order_vertical, spatial_bounds
 from schuler.reproduce.cells import Cell, against, said, shown
 from schuler.reproduce.flenniken.bands import ERRORS, deviation
+from schuler.reproduce.flenniken.study.growth_tables import SIX_DEGREES
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.sensors.catalogue import spec
 from schuler.units import DEG, G0
 
 if TYPE_CHECKING:
-    from schuler.analysis.growth import Bounds, Growth
-    from schuler.report.content import Figure
+    from schuler.growth import Bounds, Growth
+    from schuler.plotting.figure import Figure
 
 _SECONDS = 60.0
 _CHECK_RUNS = 6000  # of the digest's Monte Carlo
@@ -121,7 +121,7 @@ def _claims(grade: str, q: str, ratio: float) -> list[Cell]:
 
 
 def _figure(grade: str, names: tuple[str, ...], effort: Effort) -> Figure:
-    from schuler.report.growth_figures import beside_figure
+    from schuler.growth.figures import beside_figure
 
     found = {"with gravity": _bounds(grade, True, effort), "without": _bounds(grade, False, effort)}
     t = found["without"].t

@@ -12,7 +12,7 @@ from schuler.sensors.initial_errors import InitialErrors
 from schuler.sensors.triads import AccelerometerTriad, GyroTriad
 
 if TYPE_CHECKING:
-    from schuler.report.content import Figure
+    from schuler.plotting.figure import Figure
 
 _ANGLE = 0.2  # large, so that sines are not angles [rad]
 
@@ -127,7 +127,7 @@ def start(effort: Effort) -> Outcome:
 
 
 def _types_figure() -> Figure:
-    from schuler.report.rocket_figures import error_types_figure
+    from schuler.reproduce.flenniken.study.rocket_figures import error_types_figure
 
     return error_types_figure()
 

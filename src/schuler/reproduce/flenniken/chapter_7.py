@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.analysis.rocket import (
+from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.flenniken.bands import ERRORS, about, deviation
+from schuler.reproduce.flenniken.study.rocket import (
     ImpactScatter,
     RocketErrors,
     all_angles,
@@ -18,16 +20,14 @@ from schuler.analysis.rocket import (
     influence,
     rocket_trajectory,
 )
-from schuler.analysis.rocket.tables import sensitivity_table, with_angles
-from schuler.reproduce.cells import Cell, against, digits, said, shown
-from schuler.reproduce.flenniken.bands import ERRORS, about, deviation
+from schuler.reproduce.flenniken.study.rocket.tables import sensitivity_table, with_angles
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.sensors.catalogue import spec
 from schuler.units import DEG, DEG_PER_HR, G0, KM, UG
 
 if TYPE_CHECKING:
-    from schuler.analysis.rocket import ImpactBudget, Influence, RocketTrajectory, Variant
-    from schuler.report.content import Figure
+    from schuler.plotting.figure import Figure
+    from schuler.reproduce.flenniken.study.rocket import ImpactBudget, Influence, RocketTrajectory, Variant
 
 _SOURCE_RUNS = 200
 _ANGLE = 500e-6  # of each of the twelve, inferred: the thesis prints none [rad]
@@ -219,26 +219,26 @@ def sensitivities(effort: Effort) -> Outcome:
 
 
 def _scatter_figure(*scatters: ImpactScatter) -> Figure:
-    from schuler.report.rocket_figures import scatter_figure
+    from schuler.reproduce.flenniken.study.rocket_figures import scatter_figure
 
     return scatter_figure(*scatters)
 
 
 def _ranking_figure(variant: Variant) -> Figure:
-    from schuler.report.rocket_figures import ranking_figure
+    from schuler.reproduce.flenniken.study.rocket_figures import ranking_figure
 
     return ranking_figure(_budget(variant))
 
 
 def _flight_figure() -> Figure:
-    from schuler.report.rocket_figures import trajectory_figure
+    from schuler.reproduce.flenniken.study.rocket_figures import trajectory_figure
 
     drawn = trajectory_figure(_flight())
     return replace(drawn, panels=drawn.panels[:3])
 
 
 def _path_figure() -> Figure:
-    from schuler.report.rocket_figures import trajectory_figure
+    from schuler.reproduce.flenniken.study.rocket_figures import trajectory_figure
 
     drawn = trajectory_figure(_flight())
     return replace(drawn, panels=drawn.panels[3:])

@@ -12,10 +12,10 @@ from schuler.arrays import FloatArray
 from schuler.units import DEG, G0, HR
 
 if TYPE_CHECKING:
-    from schuler.characterisation.comparison import Overlay
     from schuler.characterisation.correlation import Correlation
     from schuler.characterisation.curve import AllanCurve
     from schuler.characterisation.manual import ManualNoise
+    from schuler.reproduce.flenniken.study.grade_comparison import Overlay
     from schuler.reproduce.items import Effort
     from schuler.sensors.noise import NoiseModel
 
@@ -133,7 +133,7 @@ def campaign_of(sensor: Sensor, effort: Effort) -> Campaign:
 @cache
 def overlay_of(sensor: Sensor, other: str, effort: Effort, k: int = 0) -> Overlay:
     """A log among simulations of a catalogue entry; ``k`` counts further logs."""
-    from schuler.characterisation.comparison import overlay
+    from schuler.reproduce.flenniken.study.grade_comparison import overlay
 
     own, other_sensor = log_of(sensor, replace(effort, seed=effort.seed + 1000 * k)), replace(sensor, entry=other)
     return overlay(model_of(other_sensor), own.x, own.rate_hz, np.random.default_rng([effort.seed, k, 7]))

@@ -11,11 +11,11 @@ from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG
 
 if TYPE_CHECKING:
-    from schuler.report.content import Figure
+    from schuler.plotting.figure import Figure
 
 
 def _geometry(effort: Effort) -> Outcome:
-    from schuler.calibration.sensor_geometry import triad_matrix, triad_parameters, triad_reading, triad_truth
+    from schuler.calibration.bench.sensor_geometry import triad_matrix, triad_parameters, triad_reading, triad_truth
 
     rng = np.random.default_rng(effort.seed)
     b, s, theta = 0.1 * rng.standard_normal((3, 3))
@@ -69,7 +69,7 @@ def _geometry(effort: Effort) -> Outcome:
 
 
 def _jacobians(effort: Effort) -> Outcome:
-    from schuler.calibration.magnitude_condition import condition
+    from schuler.calibration.bench.magnitude_condition import condition
 
     rng = np.random.default_rng(effort.seed)
     worst = np.zeros(2)
@@ -104,8 +104,8 @@ _SETS = (
 
 
 def _attitudes(effort: Effort) -> Outcome:
-    from schuler.calibration.plans import attitude_plan, design_matrix
-    from schuler.calibration.study_attitudes import ordered_attitudes, scenario
+    from schuler.calibration.design.plans import attitude_plan, design_matrix
+    from schuler.reproduce.hayal.study.study_attitudes import ordered_attitudes, scenario
 
     all_of = ordered_attitudes()
     ones = np.sum(np.abs(all_of) > 1e-9, axis=1)
@@ -145,11 +145,11 @@ def _attitudes(effort: Effort) -> Outcome:
 
 
 def _sphere() -> Figure:
-    from schuler.calibration.multiposition import calibrate_multiposition
-    from schuler.calibration.multiposition_study import GRAVITY, NOISE
-    from schuler.calibration.poses import Poses
-    from schuler.calibration.study_attitudes import ordered_attitudes, study_attitudes
-    from schuler.report.calibration_panels import coverage
+    from schuler.calibration.bench.multiposition import calibrate_multiposition
+    from schuler.calibration.bench.poses import Poses
+    from schuler.calibration.report.panels import coverage
+    from schuler.reproduce.hayal.study.multiposition_study import GRAVITY, NOISE
+    from schuler.reproduce.hayal.study.study_attitudes import ordered_attitudes, study_attitudes
 
     f = study_attitudes(ordered_attitudes(), 20.0 * DEG, 0.0) @ (0.0, 0.0, -GRAVITY)
     n, t = len(f), np.linspace(0.0, 200.0 * (len(f) - 1), len(f))

@@ -60,9 +60,9 @@ def _sample_noise(effort: Effort) -> Outcome:
 
 def _six_positions(effort: Effort) -> Outcome:
     """Equations (2.3) to (2.9) with a unit that is known, then with tilted axes."""
-    from schuler.calibration.parameters import imu_errors
-    from schuler.calibration.poses import Poses
-    from schuler.calibration.sixposition import calibrate_sixposition
+    from schuler.calibration.bench.poses import Poses
+    from schuler.calibration.bench.sixposition import calibrate_sixposition
+    from schuler.calibration.result.parameters import imu_errors
     from schuler.rotation import dcm_from_rotvec
 
     g, one, b = 9.801, np.eye(3), np.array((0.010, -0.02, 0.03))
@@ -125,10 +125,10 @@ def _six_positions(effort: Effort) -> Outcome:
 
 
 def _earth_rate(effort: Effort) -> Outcome:
-    from schuler.calibration.multiposition_study import GRAVITY, LATITUDE
     from schuler.earth import WGS84, earth_rate_ned, gravity_somigliana
     from schuler.frames import C_en
-    from schuler.report.hayal_figures import earth_rate_figure
+    from schuler.reproduce.hayal.study.hayal_figures import earth_rate_figure
+    from schuler.reproduce.hayal.study.multiposition_study import GRAVITY, LATITUDE
 
     rate = earth_rate_ned(LATITUDE)
     omega = WGS84.omega_ie
@@ -189,7 +189,7 @@ def _earth_rate(effort: Effort) -> Outcome:
 
 
 def _rotation(effort: Effort) -> Outcome:
-    from schuler.calibration.study_attitudes import attitude_rotation
+    from schuler.reproduce.hayal.study.study_attitudes import attitude_rotation
 
     rng = np.random.default_rng(effort.seed)
     e, x, a = rng.uniform(-3.0, 3.0, 3)
@@ -209,8 +209,8 @@ def _rotation(effort: Effort) -> Outcome:
 
 
 def _scaled_reference(effort: Effort) -> Outcome:
-    from schuler.calibration.gauss_helmert import adjust
-    from schuler.calibration.multiposition_study import GRAVITY, StudyCase, simulated_readings
+    from schuler.calibration.bench.gauss_helmert import adjust
+    from schuler.reproduce.hayal.study.multiposition_study import GRAVITY, StudyCase, simulated_readings
 
     case = StudyCase(sensor="accel")
     Y = simulated_readings(case, np.random.default_rng(effort.seed))

@@ -55,8 +55,8 @@ def _attitude(effort: Effort) -> Outcome:
     from schuler.earth import WGS84
     from schuler.mechanization.strapdown import NavState, mechanize
     from schuler.recording.series import Increments
+    from schuler.reproduce.stefanisko.study.gendata import flat_navigation
     from schuler.rotation import dcm_from_quat, dcm_from_rpy, quat_from_rpy
-    from schuler.simulation.gendata import flat_navigation
     from schuler.simulation.motion import StaticMotion, ideal_increments
 
     rng = np.random.default_rng(effort.seed)
@@ -127,9 +127,9 @@ def _attitude(effort: Effort) -> Outcome:
 
 
 def _gravity(effort: Effort) -> Outcome:
-    from schuler.analysis.figure_eight import ESIEE
     from schuler.earth import WGS84, gravitation_j2, gravity_somigliana
     from schuler.frames import C_en, ecef_from_llh
+    from schuler.reproduce.stefanisko.study.figure_eight import ESIEE
 
     lat = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 1801)
     formula = 9.780327 * (1.0 + 0.0053024 * np.sin(lat) ** 2 - 0.0000058 * np.sin(2.0 * lat) ** 2)

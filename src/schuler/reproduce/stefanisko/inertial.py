@@ -19,10 +19,10 @@ HARDWARE = "Recorded by the board; ours is a unit with the noise of its sensors'
 
 
 def _samples(effort: Effort) -> Outcome:
-    from schuler.analysis.bias_removal import resting_log
-    from schuler.analysis.figure_eight import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S
     from schuler.earth import gravity_ned
-    from schuler.report.stefanisko_figures import samples_figure
+    from schuler.reproduce.stefanisko.study.bias_removal import resting_log
+    from schuler.reproduce.stefanisko.study.figure_eight import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S
+    from schuler.reproduce.stefanisko.study.stefanisko_figures import samples_figure
 
     log = resting_log(np.random.default_rng(effort.seed), round(10.0 / IMU_INTERVAL_S))
     root = np.sqrt(IMU_INTERVAL_S)
@@ -81,8 +81,8 @@ def _samples(effort: Effort) -> Outcome:
 @cache
 def _fixes(effort: Effort) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Ten minutes of a receiver at rest: times, positions about their mean, velocities, north-east-down."""
-    from schuler.analysis.figure_eight import ESIEE, SIGMA_POSITION, SIGMA_VELOCITY
     from schuler.frames import ecef_from_llh, ned_from_ecef
+    from schuler.reproduce.stefanisko.study.figure_eight import ESIEE, SIGMA_POSITION, SIGMA_VELOCITY
     from schuler.simulation.aiding import GnssModel, simulate_gnss
     from schuler.simulation.motion import StaticMotion
 
@@ -94,8 +94,8 @@ def _fixes(effort: Effort) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _receiver(effort: Effort) -> Outcome:
-    from schuler.analysis.figure_eight import SIGMA_POSITION, SIGMA_VELOCITY
-    from schuler.report.stefanisko_figures import gnss_figure
+    from schuler.reproduce.stefanisko.study.figure_eight import SIGMA_POSITION, SIGMA_VELOCITY
+    from schuler.reproduce.stefanisko.study.stefanisko_figures import gnss_figure
 
     t, r, v = _fixes(effort)
     half = 4.0 / np.sqrt(2.0 * len(t))
@@ -129,11 +129,11 @@ def _receiver(effort: Effort) -> Outcome:
 
 def _zero_velocity(effort: Effort) -> Outcome:
     """Fig. B.1: biases of a board that rests, from zero velocities."""
-    from schuler.analysis.bias_removal import expected_at_rest
-    from schuler.analysis.figure_eight import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S
-    from schuler.filtering.foot import navigate_foot
+    from schuler.navigation.foot.navigate import navigate_foot
     from schuler.recording.series import ImuSeries
-    from schuler.report.stefanisko_figures import zupt_figure
+    from schuler.reproduce.stefanisko.study.bias_removal import expected_at_rest
+    from schuler.reproduce.stefanisko.study.figure_eight import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S
+    from schuler.reproduce.stefanisko.study.stefanisko_figures import zupt_figure
 
     sigma = np.repeat((0.1, 0.05 * DEG), 3)  # larger ones turn the heading by degrees: no longer linear
     config = {

@@ -15,10 +15,10 @@ from schuler.units import DEG, G0
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from schuler.analysis.figure_eight import FigureEight
-    from schuler.analysis.figure_eight_campaign import FigureEightResult
-    from schuler.analysis.sign_sets import SignStudy
-    from schuler.report.content import Figure
+    from schuler.plotting.figure import Figure
+    from schuler.reproduce.stefanisko.study.figure_eight import FigureEight
+    from schuler.reproduce.stefanisko.study.figure_eight_campaign import FigureEightResult
+    from schuler.reproduce.stefanisko.study.sign_sets import SignStudy
 
 #: As the digest states of its own 40 runs.
 _BAND = 0.30
@@ -39,14 +39,14 @@ _POSITION, _VELOCITY = slice(6, 9), slice(3, 6)
 
 
 def _case(name: str) -> FigureEight:
-    from schuler.analysis.figure_eight import FigureEight
+    from schuler.reproduce.stefanisko.study.figure_eight import FigureEight
 
     return replace(FigureEight(), **_CASES[name])
 
 
 @cache
 def _runs(effort: Effort, name: str) -> FigureEightResult:
-    from schuler.analysis.figure_eight_campaign import figure_eight
+    from schuler.reproduce.stefanisko.study.figure_eight_campaign import figure_eight
 
     return figure_eight(_case(name), effort.runs(40, 400), effort.seed)
 
@@ -57,8 +57,8 @@ def _against(name: str, printed: float, ours: float, unit: str) -> Cell:
 
 def _fused(effort: Effort) -> Outcome:
     """Figs. 4.12 to 4.15: with all fixes, moving and at rest."""
-    from schuler.analysis.figure_eight import SIGMA_POSITION, SIGMA_VELOCITY
-    from schuler.report.stefanisko_figures import fused_figure
+    from schuler.reproduce.stefanisko.study.figure_eight import SIGMA_POSITION, SIGMA_VELOCITY
+    from schuler.reproduce.stefanisko.study.stefanisko_figures import fused_figure
 
     moving, rest = _runs(effort, "no outage"), _runs(effort, "at rest, no outage")
     cells: list[Cell] = []
@@ -116,8 +116,8 @@ def _fused(effort: Effort) -> Outcome:
 
 def _fused_figures(runs: FigureEightResult, when: str) -> tuple[Callable[[], Figure], ...]:
     """Errors of position, velocity, rotation and biases of one case."""
-    from schuler.analysis.figure_eight import SIGMA_POSITION, SIGMA_VELOCITY
-    from schuler.report.stefanisko_figures import fused_figure
+    from schuler.reproduce.stefanisko.study.figure_eight import SIGMA_POSITION, SIGMA_VELOCITY
+    from schuler.reproduce.stefanisko.study.stefanisko_figures import fused_figure
 
     return (
         partial(fused_figure, runs, "position", f"Position error{when}", SIGMA_POSITION),
@@ -217,7 +217,7 @@ def _tuning(effort: Effort) -> Outcome:
 
 def _scheduling(effort: Effort) -> Outcome:
     """Conclusion: updates where both samples coincide, every 0.3 s."""
-    from schuler.analysis.coincidence import common_interval
+    from schuler.reproduce.stefanisko.study.coincidence import common_interval
 
     few, every = _runs(effort, "outage"), _runs(effort, "every fix")
     runs = len(few.nis)
@@ -246,14 +246,14 @@ def _scheduling(effort: Effort) -> Outcome:
 
 @cache
 def _signs(effort: Effort) -> SignStudy:
-    from schuler.analysis.sign_sets import sign_study
+    from schuler.reproduce.stefanisko.study.sign_sets import sign_study
 
     return sign_study(runs=effort.runs(2, 20), seed=effort.seed)
 
 
 def _sign_sets(effort: Effort) -> Outcome:
     """(3.4) to (3.8) and (3.20) with the signs as printed, and with three sets that agree in themselves."""
-    from schuler.report.stefanisko_figures import sign_figure
+    from schuler.reproduce.stefanisko.study.stefanisko_figures import sign_figure
 
     study, engine = _signs(effort), _runs(effort, "outage")
     a, printed, other = "A", "printed, biases added", "printed, biases subtracted"

@@ -16,7 +16,7 @@ from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.reproduce.yaman.campaigns import drive_runs, unit_drives
 
 if TYPE_CHECKING:
-    from schuler.report.content import Figure
+    from schuler.plotting.figure import Figure
 
 #: Probability of the band in which one more unit lies.
 _PROBABILITY = 0.95
@@ -63,7 +63,7 @@ def _beside(name: str, printed: float, values: np.ndarray, unit: str, reference:
 
 def _table(number: int) -> Callable[[Effort], Outcome]:
     def run(effort: Effort) -> Outcome:
-        from schuler.analysis.yaman_tables import MODES, PUBLISHED, QUANTITIES, mode_name
+        from schuler.reproduce.yaman.study.yaman_tables import MODES, PUBLISHED, QUANTITIES, mode_name
 
         found = unit_drives(effort, number)
         cells: list[Cell] = []
@@ -81,7 +81,7 @@ def _table(number: int) -> Callable[[Effort], Outcome]:
             )  # fmt: skip
 
         def figure() -> Figure:
-            from schuler.report.field_drive_figures import modes
+            from schuler.reproduce.yaman.study.field_drive_figures import modes
 
             return modes(found)
 
@@ -98,7 +98,7 @@ def _table(number: int) -> Callable[[Effort], Outcome]:
 
 
 def _conclusions(effort: Effort) -> Outcome:
-    from schuler.analysis.yaman_tables import MODES, PUBLISHED, mode_name
+    from schuler.reproduce.yaman.study.yaman_tables import MODES, PUBLISHED, mode_name
 
     row = {mode_name(*mode): k for k, mode in enumerate(MODES)}
     cells: list[Cell] = []
@@ -170,7 +170,7 @@ def _trajectories(effort: Effort) -> Outcome:
 
     def figure(number: int) -> Callable[[], Figure]:
         def make() -> Figure:
-            from schuler.report.drive_mode_figures import position_figure
+            from schuler.reproduce.yaman.study.drive_mode_figures import position_figure
 
             runs = drive_runs(effort, number)
             return position_figure(runs.some("Full, INS"), runs.reference, runs.drive.outage)
@@ -186,7 +186,7 @@ def _trajectories(effort: Effort) -> Outcome:
 
 def _whole(number: int) -> Callable[[Effort], Outcome]:
     def run(effort: Effort) -> Outcome:
-        from schuler.analysis.yaman_tables import MODES, PUBLISHED, QUANTITIES, mode_name
+        from schuler.reproduce.yaman.study.yaman_tables import MODES, PUBLISHED, QUANTITIES, mode_name
 
         runs = drive_runs(effort, number)
         printed = dict(zip((mode_name(*m) for m in MODES), PUBLISHED[number], strict=True))
@@ -216,7 +216,7 @@ def _whole(number: int) -> Callable[[Effort], Outcome]:
 
         def figure(name: str) -> Callable[[], Figure]:
             def make() -> Figure:
-                from schuler.report import drive_mode_figures as f
+                from schuler.reproduce.yaman.study import drive_mode_figures as f
 
                 some = runs.some(*_BOUNDED)
                 return {
@@ -235,7 +235,7 @@ def _whole(number: int) -> Callable[[Effort], Outcome]:
 
 def _lost(number: int) -> Callable[[Effort], Outcome]:
     def run(effort: Effort) -> Outcome:
-        from schuler.analysis.yaman_tables import MODES, PUBLISHED, mode_name
+        from schuler.reproduce.yaman.study.yaman_tables import MODES, PUBLISHED, mode_name
 
         runs = drive_runs(effort, number)
         printed = dict(zip((mode_name(*m) for m in MODES), PUBLISHED[number], strict=True))
@@ -257,12 +257,12 @@ def _lost(number: int) -> Callable[[Effort], Outcome]:
         )  # fmt: skip
 
         def position() -> Figure:
-            from schuler.report.drive_mode_figures import position_figure
+            from schuler.reproduce.yaman.study.drive_mode_figures import position_figure
 
             return position_figure(runs.some(*_OUTAGE), runs.reference, runs.drive.outage)
 
         def errors() -> Figure:
-            from schuler.report.drive_mode_figures import outage_figure
+            from schuler.reproduce.yaman.study.drive_mode_figures import outage_figure
 
             return outage_figure(runs.some(*_OUTAGE), runs.reference, runs.drive.outage)
 

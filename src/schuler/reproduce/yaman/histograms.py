@@ -13,14 +13,14 @@ from schuler.reproduce.yaman.campaigns import AUTOMOTIVE, TACTICAL, campaign, si
 from schuler.reproduce.yaman.multi import STANDARD_ERRORS
 
 if TYPE_CHECKING:
-    from schuler.report.content import Figure
+    from schuler.plotting.figure import Figure
 
 _PRINTED_FIRST = ("b_a_x", "b_g_x", "M_a_xx", "M_g_xx")
 
 
 def _histograms(grade: str, chosen: Callable[[str], bool]) -> Callable[[Effort], Outcome]:
     def run(effort: Effort) -> Outcome:
-        from schuler.analysis.field_tables import PUBLISHED
+        from schuler.reproduce.yaman.study.field_tables import PUBLISHED
 
         found = campaign(effort, grade, "ours")
         names = [name for name in PUBLISHED[grade] if chosen(name)]
@@ -44,7 +44,7 @@ def _histograms(grade: str, chosen: Callable[[str], bool]) -> Callable[[Effort],
 
         def figure(which: str) -> Callable[[], Figure]:
             def make() -> Figure:
-                from schuler.report.field_campaign_figures import histograms
+                from schuler.reproduce.yaman.study.field_campaign_figures import histograms
 
                 return histograms(found, which, names)
 
@@ -77,9 +77,9 @@ def _kolmogorov(n: int) -> float:
 
 def _fig_5_15(effort: Effort) -> Outcome:
     from schuler import earth
-    from schuler.analysis.field_runs import FieldJob
-    from schuler.fieldcal.calibration import calibrate_field
-    from schuler.fieldcal.given_rests import given_rests
+    from schuler.calibration.field.calibration import calibrate_field
+    from schuler.calibration.field.given_rests import given_rests
+    from schuler.reproduce.yaman.study.field_runs import FieldJob
     from schuler.sensors import catalogue
     from schuler.units import MG, MGAL, PPM
 
@@ -117,7 +117,7 @@ def _fig_5_15(effort: Effort) -> Outcome:
     ]  # fmt: skip
 
     def figure() -> Figure:
-        from schuler.report.field_families import family_figure
+        from schuler.reproduce.yaman.study.field_families import family_figure
 
         return family_figure(own.found, ("M_a_xx", "M_a_yy", "M_a_zz"), own.truth, "Scale factors with true gravity")
 

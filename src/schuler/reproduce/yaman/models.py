@@ -184,9 +184,9 @@ def _system_matrix(effort: Effort) -> Outcome:
 
 def _limits(effort: Effort) -> Outcome:
     """What noise and P2 allow: digest 5.4."""
-    from schuler.analysis.field_runs import FieldJob, calibrated, simulated_unit
-    from schuler.analysis.field_tables import DURATION_S, GRADES, PUBLISHED, noise_limit
-    from schuler.fieldcal.options import FieldOptions
+    from schuler.calibration.field.options import FieldOptions
+    from schuler.reproduce.yaman.study.field_runs import FieldJob, calibrated, simulated_unit
+    from schuler.reproduce.yaman.study.field_tables import DURATION_S, GRADES, PUBLISHED, noise_limit
     from schuler.sensors import catalogue
     from schuler.units import DEG_PER_HR, DEG_PER_HR_PER_G, UG
 

@@ -12,8 +12,8 @@ from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.reproduce.yaman.campaigns import AUTOMOTIVE, GRADES, TACTICAL, Form, campaign
 
 if TYPE_CHECKING:
-    from schuler.analysis.field_statistics import FieldCampaign
-    from schuler.report.content import Figure
+    from schuler.plotting.figure import Figure
+    from schuler.reproduce.yaman.study.field_statistics import FieldCampaign
 
 #: Standard errors of both sides' runs within which numbers agree: one in 16 000 of true ones is beyond.
 STANDARD_ERRORS = 4.0
@@ -31,7 +31,7 @@ _MISPRINTED = {
 
 def names_of(grade: str, triad: str) -> tuple[str, ...]:
     """Parameters of table 5.3 (``a``) or 5.4 (``g``) of a grade, in their order."""
-    from schuler.analysis.field_tables import PUBLISHED
+    from schuler.reproduce.yaman.study.field_tables import PUBLISHED
 
     return tuple(name for name in PUBLISHED[grade] if name[2] == triad)
 
@@ -41,7 +41,7 @@ def names_of(grade: str, triad: str) -> tuple[str, ...]:
 
 def _own(effort: Effort, triad: str) -> list[Cell]:
     """Errors put in against the tables, errors left with the default options against tables and bound."""
-    from schuler.analysis.field_tables import RUNS, printed_unit, published
+    from schuler.reproduce.yaman.study.field_tables import RUNS, printed_unit, published
 
     cells: list[Cell] = []
     for grade in GRADES:
@@ -82,7 +82,7 @@ def _own(effort: Effort, triad: str) -> list[Cell]:
 
 def _form(effort: Effort, triad: str) -> list[Cell]:
     """Errors left in the source's own form against the tables; means are turned, see field_tables.published."""
-    from schuler.analysis.field_tables import RUNS, printed_unit, published
+    from schuler.reproduce.yaman.study.field_tables import RUNS, printed_unit, published
 
     cells: list[Cell] = []
     for grade in GRADES:
@@ -152,7 +152,7 @@ def _table_form(triad: str) -> Callable[[Effort], Outcome]:
 
 def _left(effort: Effort, grade: str, form: Form, names: Sequence[str]) -> Callable[[], Figure]:
     def make() -> Figure:
-        from schuler.report.field_campaign_figures import left
+        from schuler.reproduce.yaman.study.field_campaign_figures import left
 
         return left(campaign(effort, grade, form), names)
 
@@ -178,7 +178,7 @@ def gains(found: FieldCampaign, names: Sequence[str]) -> dict[str, float]:
 
 
 def _text(effort: Effort) -> Outcome:
-    from schuler.analysis.field_tables import PUBLISHED
+    from schuler.reproduce.yaman.study.field_tables import PUBLISHED
 
     cells: list[Cell] = []
     for group, grade, families, claim, low, high in _CLAIMS:

@@ -12,7 +12,7 @@ from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.reproduce.yaman.campaigns import AUTOMOTIVE, GRADES, TACTICAL, SingleRun, single_run
 
 if TYPE_CHECKING:
-    from schuler.report.content import Figure
+    from schuler.plotting.figure import Figure
     from schuler.sensors.spec import ImuSpec
 
 ACCEL_BIAS, GYRO_BIAS = ("b_a_x", "b_a_y", "b_a_z"), ("b_g_x", "b_g_y", "b_g_z")
@@ -35,7 +35,7 @@ _FIRST = (
 
 
 def _table_5_2(effort: Effort) -> Outcome:
-    from schuler.analysis.field_tables import PUBLISHED
+    from schuler.reproduce.yaman.study.field_tables import PUBLISHED
     from schuler.sensors import catalogue
     from schuler.units import DEG_PER_HR, DEG_PER_HR_PER_G, DEG_PER_RTHR, MG, PPM
 
@@ -79,9 +79,9 @@ def _table_5_2(effort: Effort) -> Outcome:
 
 def _fig_5_2(effort: Effort) -> Outcome:
     from schuler import earth
-    from schuler.analysis.field_runs import PLACE, FieldJob
-    from schuler.fieldcal import thesis_routine
+    from schuler.calibration.field import thesis_routine
     from schuler.recording.series import ImuSeries
+    from schuler.reproduce.yaman.study.field_runs import PLACE, FieldJob
     from schuler.sensors import catalogue
     from schuler.units import DEG
 
@@ -109,7 +109,7 @@ def _fig_5_2(effort: Effort) -> Outcome:
     ]
 
     def readings() -> Figure:
-        from schuler.report.routine_figures import readings_figure
+        from schuler.reproduce.yaman.study.routine_figures import readings_figure
 
         return readings_figure(imu)
 
@@ -122,7 +122,7 @@ def _fig_5_2(effort: Effort) -> Outcome:
 def _family(effort: Effort, names: tuple[str, ...], title: str) -> tuple[Callable[[], Figure], ...]:
     def of(form: str, heading: str) -> Callable[[], Figure]:
         def make() -> Figure:
-            from schuler.report.field_families import family_figure
+            from schuler.reproduce.yaman.study.field_families import family_figure
 
             run = single_run(effort, "thesis" if form == "thesis" else "ours")
             return family_figure(run.found, names, run.truth, f"{title}, {heading}")
@@ -250,8 +250,8 @@ def _fig_5_9(effort: Effort) -> Outcome:
 
 
 def _fig_5_10(effort: Effort) -> Outcome:
-    from schuler.analysis.field_runs import FieldJob
     from schuler.recording.series import ImuSeries
+    from schuler.reproduce.yaman.study.field_runs import FieldJob
     from schuler.sensors import catalogue
 
     own = single_run(effort, "ours")
@@ -279,7 +279,7 @@ def _fig_5_10(effort: Effort) -> Outcome:
     ]
 
     def output() -> Figure:
-        from schuler.report.field_output_figures import outputs
+        from schuler.reproduce.yaman.study.field_output_figures import outputs
 
         return outputs(own.imu, after, "accel", truth=true)
 

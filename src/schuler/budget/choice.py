@@ -1,0 +1,314 @@
+"""Which IMU is good enough: the catalogue ranked against a requirement, what limits each, and what would pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from os import cpu_count
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from schuler.budget.covariance import QUANTITIES, LinearCovariance, linear_covariance, true_covariance
+from schuler.budget.requirement import Requirement
+from schuler.budget.scenario import BudgetMission
+from schuler.budget.sources import UNEVEN, constants, noises
+from schuler.exceptions import InputError
+from schuler.plotting.table import CampaignTable
+from schuler.sensors.spec import ImuSpec
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from schuler.arrays import FloatArray
+
+Progress = Callable[[float], None]
+
+_WORDS = {
+    "random_walk": "noise", "bias_instability": "bias instability", "rate_random_walk": "rate random walk",
+    "turn_on_bias": "turn-on bias", "in_run_bias": "in-run bias", "scale_factor": "scale factor",
+    "misalignment": "misalignment", "g_sensitivity": "g-sensitivity", "asymmetry": "asymmetry",
+    "quadratic": "nonlinearity",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One IMU against one requirement.
+
+    Attributes
+    ----------
+    imu : str
+    value : float
+        Largest of ``factor`` sigma where the requirement counts. SI
+    time : float
+        When. [s]
+    passes : bool
+    """
+
+    imu: str
+    value: float
+    time: float
+    passes: bool
+
+
+@dataclass(frozen=True)
+class Bottleneck:
+    """What limits an IMU.
+
+    Attributes
+    ----------
+    imu : str
+    field : str
+        Triad and specification, such as ``gyro random_walk``.
+    words : str
+    present : float
+        1-sigma or density, SI.
+    share : float
+        Of the variance where the requirement is hardest.
+    needed : float or None
+        Value with which the requirement is met, all else as it is; None if no value of it alone is enough.
+    reached : float
+        What the requirement's quantity is with ``needed`` (or with zero), re-run. SI
+    sensitivity : dict of str to float
+        d ln(sigma) / d ln(specification) for every one.
+    """
+
+    imu: str
+    field: str
+    words: str
+    present: float
+    share: float
+    needed: float | None
+    reached: float
+    sensitivity: dict[str, float]
+
+
+@dataclass(frozen=True)
+class ImuChoice:
+    """The catalogue against a requirement.
+
+    Attributes
+    ----------
+    mission : str
+    requirement : Requirement
+    verdicts : tuple of Verdict
+        Best first.
+    bottlenecks : dict of str to Bottleneck
+        Of those asked for.
+    left_out : dict of str to str
+        Entries that say too little, and why.
+    """
+
+    mission: str
+    requirement: Requirement
+    verdicts: tuple[Verdict, ...]
+    bottlenecks: dict[str, Bottleneck]
+    left_out: dict[str, str]
+
+    def table(self) -> CampaignTable:
+        """All IMUs, best first."""
+        _, unit, scale = QUANTITIES[self.requirement.quantity]
+        rows: list[tuple[Any, ...]] = []
+        for v in self.verdicts:
+            b = self.bottlenecks.get(v.imu)
+            rows.append(
+                (
+                    v.imu, v.value / scale, v.time, "yes" if v.passes else "no", self.requirement.limit / v.value,
+                    "" if b is None else f"{b.words} ({100.0 * b.share:.0f} %)",
+                )
+            )  # fmt: skip
+        return CampaignTable(
+            f"{self.mission}: {self.requirement.text}",
+            ("imu", f"value_{unit.replace('/', '_')}", "at_s", "passes", "margin", "limited_by"),
+            tuple(rows),
+            ("linear covariance, errors beyond the filter's states included; margin: bound over value",),
+        )
+
+    def summary(self) -> str:
+        """The table, what limits those asked about, and what is not in it."""
+        lines = [self.table().summary()]
+        lines += [_said(b, self.requirement) for b in self.bottlenecks.values()]
+        if self.left_out:
+            lines.append(f"left out, too little is known: {', '.join(self.left_out)}")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON. SI"""
+        return {
+            "mission": self.mission, "requirement": self.requirement.text,
+            "ranking": [{"imu": v.imu, "value": v.value, "time_s": v.time, "passes": v.passes} for v in self.verdicts],
+            "bottlenecks": {
+                name: {
+                    "field": b.field, "present": b.present, "share": b.share, "needed": b.needed,
+                    "reached": b.reached, "sensitivity": b.sensitivity,
+                }
+                for name, b in self.bottlenecks.items()
+            },
+            "left_out": self.left_out,
+        }  # fmt: skip
+
+    def plot(self) -> Figure:
+        """Values of all IMUs beside the bound (matplotlib)."""
+        from schuler.budget.figures import choice_figure
+
+        return choice_figure(self)
+
+
+def choose_imu(
+    mission: BudgetMission,
+    wanted: Requirement,
+    specs: Sequence[ImuSpec],
+    *,
+    explain: Sequence[str] = (),
+    left_out: dict[str, str] | None = None,
+    progress: Progress | None = None,
+) -> ImuChoice:
+    """Rank IMUs by a requirement, and say what limits some of them.
+
+    Parameters
+    ----------
+    mission : BudgetMission
+    wanted : Requirement
+    specs : sequence of ImuSpec
+    explain : sequence of str
+        Names whose bottleneck is worked out; each takes a few re-runs.
+    left_out : dict of str to str, optional
+        Passed on.
+    progress : callable, optional
+
+    Returns
+    -------
+    ImuChoice
+    """
+    if not specs:
+        raise InputError("specs: expected at least one IMU")
+    from schuler.budget._replay_kernels import prepare_replay
+
+    prepare_replay()
+
+    def judged(spec: ImuSpec) -> Verdict:
+        value, time = wanted.worst(mission, true_covariance(mission, spec))
+        return Verdict(spec.name, value, time, value <= wanted.limit)
+
+    verdicts = []
+    with ThreadPoolExecutor(cpu_count()) as pool:
+        for k, verdict in enumerate(pool.map(judged, specs)):
+            verdicts.append(verdict)
+            if progress is not None:
+                progress((k + 1) / len(specs))
+    by_name = {spec.name: spec for spec in specs}
+    unknown = [name for name in explain if name not in by_name]
+    if unknown:
+        raise InputError(f"explain: expected some of {', '.join(by_name)}, got {unknown[0]!r}")
+    return ImuChoice(
+        mission.name, wanted, tuple(sorted(verdicts, key=lambda v: v.value)),
+        {name: bottleneck(mission, wanted, by_name[name]) for name in explain}, left_out or {},
+    )  # fmt: skip
+
+
+def catalogue_specs() -> tuple[list[ImuSpec], dict[str, str]]:
+    """Specifications of the catalogue that say enough for a budget, and why the others do not."""
+    from schuler.sensors import catalogue
+
+    specs, left_out = [], {}
+    for name in catalogue.names():
+        try:
+            spec = catalogue.spec(name)
+        except InputError as error:
+            left_out[name] = str(error)
+            continue
+        if spec.gyro.random_walk > 0.0 and spec.accel.random_walk > 0.0:
+            specs.append(spec)
+        else:
+            left_out[name] = "no random walk of both triads"
+    return specs, left_out
+
+
+def bottleneck(mission: BudgetMission, wanted: Requirement, spec: ImuSpec) -> Bottleneck:
+    """The specification that contributes most where the requirement is hardest, and what value of it would pass.
+
+    Notes
+    -----
+    The value is found by re-running the mission with the specification changed (a secant in its logarithm), since the
+    filter's gains change with it. The sensitivity is that of the variance shares, gains unchanged: exact to first
+    order for an optimal filter, whose variance does not change with its gains.
+    """
+    found = linear_covariance(mission, spec)
+    value, time = wanted.worst(mission, found.P)
+    r = int(np.argmin(np.abs(found.t - time)))
+    places = list(QUANTITIES[wanted.quantity][0])
+    squares = np.sum(np.square(found.parts[:, r, places]), axis=1)
+    shares = _by_field(mission, spec, found, squares / squares.sum())
+    if not shares:
+        raise InputError(f"{spec.name}: nothing in the specification contributes")
+    field = max(shares, key=lambda f: shares[f])
+    uneven = field[1] in UNEVEN
+    present = float(getattr(mission if uneven else getattr(spec, field[0]), field[1]))
+
+    def at(factor: float) -> float:
+        given: dict[str, Any] = {field[1]: factor * present} if uneven else {}
+        changed = replace(mission, **given)
+        return wanted.worst(changed, true_covariance(changed, spec if uneven else scaled(spec, field, factor)))[0]
+
+    needed, reached = None, value
+    if value > wanted.limit:
+        reached = at(1e-6)
+        if reached <= wanted.limit:
+            factor = _solve(at, wanted.limit, value, reached)
+            needed, reached = factor * present, at(factor)
+    else:
+        needed = present
+    words = f"{'gyroscope' if field[0] == 'gyro' else 'accelerometer'} {_WORDS[field[1]]}"
+    sensitivity = {f"{t} {f}": share for (t, f), share in sorted(shares.items(), key=lambda item: -item[1])}
+    return Bottleneck(spec.name, f"{field[0]} {field[1]}", words, present, shares[field], needed, reached, sensitivity)
+
+
+def scaled(spec: ImuSpec, field: tuple[str, str], factor: float) -> ImuSpec:
+    """A specification with one number changed."""
+    triad, name = field
+    changed = replace(getattr(spec, triad), **{name: factor * getattr(getattr(spec, triad), name)})
+    return replace(spec, **{triad: changed})
+
+
+def _by_field(
+    mission: BudgetMission, spec: ImuSpec, found: LinearCovariance, share: FloatArray
+) -> dict[tuple[str, str], float]:
+    still = constants(spec, mission.start_sigma, asymmetry=mission.asymmetry, quadratic=mission.quadratic)
+    fields = {c.name: c.field for c in still} | {n.name: n.field for n in noises(spec)}
+    shares: dict[tuple[str, str], float] = {}
+    for name, value in zip(found.names, share, strict=True):
+        field = fields.get(name)
+        if field is not None:
+            shares[field] = shares.get(field, 0.0) + float(value)
+    return shares
+
+
+def _solve(at: Callable[[float], float], limit: float, value: float, floor: float) -> float:
+    """Factor below one at which ``at`` meets the limit: bisection of its logarithm between bounds that bracket it."""
+    low, high = 1e-6, 1.0
+    # first guess as if the variance were a part that scales and one that does not
+    guess = np.sqrt(max(limit**2 - floor**2, 1e-30) / max(value**2 - floor**2, 1e-30))
+    x = float(np.clip(guess, 1e-5, 0.999))
+    for _ in range(14):
+        if at(x) <= limit:
+            low = x
+        else:
+            high = x
+        if high / low < 1.01:
+            break
+        x = float(np.sqrt(low * high))
+    return low
+
+
+def _said(b: Bottleneck, wanted: Requirement) -> str:
+    _, unit, scale = QUANTITIES[wanted.quantity]
+    head = f"{b.imu}: limited by {b.words} ({b.present:.3g} SI, {100.0 * b.share:.0f} % of the variance)"
+    if b.needed is None:
+        return f"{head}; no value of it alone is enough: without it {b.reached / scale:.3g} {unit}"
+    if b.needed == b.present:
+        return f"{head}; passes"
+    return (
+        f"{head}; {b.needed:.3g} SI ({b.needed / b.present:.2g} of it) would pass with {b.reached / scale:.3g} {unit}"
+    )

@@ -1,0 +1,148 @@
+"""One self-contained HTML page on the error budgets of a mission and the choice of an IMU."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from schuler.budget.covariance import BELIEVED, QUANTITIES, quantity_sigma
+from schuler.budget.figures import covariance_content, role_of
+from schuler.files import write_text
+from schuler.plotting import parts
+from schuler.plotting.interactive import css_name
+from schuler.plotting.parts import Section, plotly_script
+from schuler.plotting.table import CampaignTable, shown
+
+if TYPE_CHECKING:
+    from schuler.budget.budget import ErrorBudget
+    from schuler.budget.choice import ImuChoice
+    from schuler.budget.covariance import LinearCovariance
+    from schuler.budget.scenario import BudgetMission
+
+_CONVENTIONS = (
+    "Conventions: 1-sigma values of linear covariance, no data and no random numbers. Axes x, y, z are forward, right, "
+    "down; two or three components count as the root of their summed variances. Each source is carried through the "
+    "same filter by itself; squares add up to the square of the total."
+)
+
+
+def budget_report(
+    path: Path | str,
+    mission: BudgetMission,
+    budgets: Sequence[tuple[LinearCovariance, ErrorBudget]],
+    choices: Sequence[ImuChoice] = (),
+    provenance: dict[str, Any] | None = None,
+) -> Path:
+    """Write the page of a mission.
+
+    Parameters
+    ----------
+    path : Path or str
+        The HTML file.
+    mission : BudgetMission
+    budgets : sequence of (LinearCovariance, ErrorBudget)
+        Of every IMU looked at.
+    choices : sequence of ImuChoice
+        Of every requirement.
+    provenance : dict, optional
+        What the page is made from: scenario and specifications.
+
+    Returns
+    -------
+    Path
+        The file; the same bytes for the same arguments.
+
+    Raises
+    ------
+    MissingExtraError
+        If there are figures to draw and plotly is not installed (extra ``report``).
+    """
+    sentences = [*(_verdict(c) for c in choices), *(_blame(found, one) for found, one in budgets)]
+    sections = [
+        Section(f"requirement_{k + 1}", choice.requirement.text, (_choice(choice),)) for k, choice in enumerate(choices)
+    ]
+    for k, (found, one) in enumerate(budgets):
+        sections.append(
+            Section(
+                f"budget_{k + 1}",
+                f"{one.imu}: {one.quantity} after {one.time:g} s",
+                (
+                    _bars(one, single=False),
+                    parts.folded(f"Every parameter by itself: {len(one.by_source())} sources", _bars(one, single=True)),
+                    covariance_content(found, mission, f"covariance_{k + 1}"),
+                ),
+            )
+        )
+    rows = parts.provenance_rows(provenance or {})
+    table = parts.table("What this page is made from", ("entry", "value"), rows, numbers=False)
+    sections.append(Section("provenance", "Provenance", (table,)))
+    imus = ", ".join(one.imu for _, one in budgets) or "the catalogue"
+    text = parts.whole_page(
+        mission.name, "Error budget", f"Error budget and choice of an IMU: {imus}", sentences, _CONVENTIONS, sections,
+        plotly_script() if budgets else "",
+    )  # fmt: skip
+    return write_text(path, text)
+
+
+def _verdict(choice: ImuChoice) -> str:
+    _, unit, scale = QUANTITIES[choice.requirement.quantity]
+    passed = [v for v in choice.verdicts if v.passes]
+    best = choice.verdicts[0]
+    reached = f"{best.imu} reaches {best.value / scale:.3g} {unit}"
+    if len(choice.verdicts) == 1:
+        return f"{choice.requirement.text}: {reached}, which {'passes' if best.passes else 'does not pass'}."
+    return f"{choice.requirement.text}: {len(passed)} of {len(choice.verdicts)} IMUs pass; {reached}."
+
+
+def _blame(found: LinearCovariance, one: ErrorBudget) -> str:
+    _, unit, scale = QUANTITIES[one.quantity]
+    (first, value), *_ = one.by_group().items()
+    text = (
+        f"{one.imu}: {one.quantity} is {one.total / scale:.3g} {unit} (1-sigma) after {one.time:g} s, "
+        f"{100.0 * value**2 / one.total**2:.0f} % of its variance by {first}."
+    )
+    at = int(np.argmin(np.abs(found.t - one.time)))
+    believed = float(quantity_sigma(found.believed[at], one.quantity))
+    said = "knows it" if one.total < BELIEVED * believed else f"believes {believed / scale:.3g} {unit}"
+    return f"{text} The filter of {found.states} states {said}."
+
+
+def _choice(choice: ImuChoice) -> str:
+    table = choice.table()
+    rows = [[shown(v) for v in row] for row in table.rows]
+    lines = choice.summary().splitlines()[len(table.summary().splitlines()) :]
+    return _table(table, rows) + (parts.bullets(lines) if lines else "")
+
+
+def _table(table: CampaignTable, rows: Sequence[Sequence[str]]) -> str:
+    return parts.table(". ".join((table.title, *table.notes)), table.columns, rows)
+
+
+def _bars(one: ErrorBudget, *, single: bool) -> str:
+    """Contributions with a bar each: as long as its share of the total's 1-sigma."""
+    group = dict(zip(one.names, one.groups, strict=True)) if single else {g: g for g in one.groups}
+    table = one.table(single=single)
+    lines = []
+    for name, value, share in table.rows:
+        role = role_of(group[str(name)]) if name in group else "mean"
+        width = (max(float(share or 0.0), 0.0) / 100.0) ** 0.5
+        bar = (
+            f'<span style="display:inline-block; height:0.7em; width:{100.0 * width:.2f}%; '
+            f'background:var({css_name(role)})"></span>'
+        )
+        lines.append(
+            f'<tr><th scope="row">{escape(str(name))}</th><td class="n">{escape(shown(value))}</td>'
+            f'<td class="n">{escape(shown(share))}</td><td style="width:45%">{bar}</td></tr>'
+        )
+    heads = "".join(f'<th scope="col" class="n">{escape(h)}</th>' for h in table.columns[1:])
+    caption = escape(". ".join((table.title, *table.notes)))
+    return (
+        f'<table style="width:100%">\n<caption>{caption}; bars: 1-sigma against that of all.</caption>\n<thead><tr>'
+        f'<th scope="col">{escape(table.columns[0])}</th>{heads}<th scope="col"></th></tr></thead>\n<tbody>\n'
+        + "\n".join(lines)
+        + "\n</tbody>\n</table>"
+    )

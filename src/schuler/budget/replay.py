@@ -1,0 +1,226 @@
+"""Replays of a linearised run for one filter: covariance, gains, and what each error source contributes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schuler import frames
+from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
+from schuler.budget.record import Linearised
+from schuler.exceptions import InputError
+from schuler.filtering.error_model import ecef_from_ned_states
+from schuler.filtering.limits import MAX_STATES
+from schuler.filtering.states import StateLayout
+
+
+@dataclass(frozen=True)
+class FilterReplay:
+    """Covariance of a filter along the truth.
+
+    Attributes
+    ----------
+    t : ndarray, shape (r,)
+        Times of the records. [s]
+    P : ndarray, shape (r, n, n)
+        Navigation errors north, east, down.
+    K : ndarray, shape (u, n, 3)
+        Gains, Earth-fixed axes.
+    node : ndarray of int, shape (k,)
+        Record of each node, or -1.
+    """
+
+    t: FloatArray
+    P: FloatArray
+    K: FloatArray
+    node: IntArray
+
+
+@dataclass(frozen=True)
+class System:
+    """States replayed together: a filter's, and others that it does not correct.
+
+    Attributes
+    ----------
+    layout : StateLayout
+    rows : ndarray of int, shape (n_f,)
+        Places of the filter's states.
+    """
+
+    layout: StateLayout
+    rows: IntArray
+
+
+def records_at(run: Linearised, times: ArrayLike) -> IntArray:
+    """Record of each node: the last node not after each of the times. Shape (k,), -1 for none."""
+    wanted = np.unique(np.searchsorted(run.t, np.asarray(times, dtype=np.float64) + 1e-6, side="right") - 1)
+    node = np.full(len(run.t), -1, dtype=np.int64)
+    wanted = wanted[wanted >= 0]
+    node[wanted] = np.arange(len(wanted))
+    return node
+
+
+def replay_filter(
+    run: Linearised,
+    layout: StateLayout,
+    P0: FloatArray,
+    gyro_psd: float,
+    accel_psd: float,
+    node: IntArray,
+    *,
+    R: FloatArray | None = None,
+) -> FilterReplay:
+    """Covariance of a filter through a linearised run.
+
+    Parameters
+    ----------
+    run : Linearised
+    layout : StateLayout
+        What the filter estimates.
+    P0 : ndarray, shape (n, n)
+        At the start, navigation errors north, east, down.
+    gyro_psd, accel_psd : float
+        ``N**2``. [rad^2/s], [m^2/s^3]
+    node : ndarray of int, shape (k,)
+        From :func:`records_at`.
+    R : ndarray, shape (u, 3, 3), optional
+        What the filter believes of its measurements; those of the run by default.
+    """
+    from schuler.budget import _replay_kernels as k
+
+    k.prepare_replay()
+    n = layout.size
+    B, H = _of(run, layout)
+    P = np.zeros((n, MAX_STATES))
+    T = ecef_from_ned_states(frames.llh_from_ecef(run.place[0]), n)
+    P[:, :n] = T @ P0 @ T.T
+    K = np.zeros((len(run.H), n, 3))
+    count = int(node.max()) + 1
+    out = np.empty((count, n, n))
+    noise = np.ascontiguousarray((run.R if R is None else R).reshape(-1, 9))
+    k.replay_filter(
+        run.acc, run.place, B, run.upd, H, noise, run.dim, node, P, _dynamics(layout), layout.n_sensor, _clock(layout),
+        run.omega, _q(gyro_psd, accel_psd), K, out,
+    )  # fmt: skip
+    at = node >= 0
+    turn = ecef_from_ned_states(frames.llh_from_ecef(run.place[at]), n)
+    return FilterReplay(run.t[at], np.swapaxes(turn, 1, 2) @ out @ turn, K, node)
+
+
+def replay_noise(
+    run: Linearised,
+    system: System,
+    filtered: FilterReplay,
+    *,
+    gyro_psd: float = 0.0,
+    accel_psd: float = 0.0,
+    C0: FloatArray | None = None,
+    axis: int | None = None,
+    driven: int | None = None,
+    measured: BoolArray | None = None,
+    R: FloatArray | None = None,
+) -> FloatArray:
+    """Covariance of the true navigation error from one kind of noise, the filter's gains given. Shape (r, 9, 9).
+
+    Parameters
+    ----------
+    run : Linearised
+    system : System
+        Models of the layout are those of the truth that count here; others must have no noise.
+    filtered : FilterReplay
+    gyro_psd, accel_psd : float
+        White noise, if it is what counts.
+    axis : {0, 1, 2}, optional
+        White noise of this body axis alone, of one triad; all three by default.
+    driven : int, optional
+        Place of the only state whose driving noise counts; all by default.
+    C0 : ndarray, shape (n, n), optional
+        Covariance of the true errors at the start, north, east, down; zero by default.
+    measured : ndarray of bool, shape (u,), optional
+        Updates whose noise counts; none by default.
+    R : ndarray, shape (u, 3, 3), optional
+        True covariances; those of the run by default.
+    """
+    from schuler.budget import _replay_kernels as k
+
+    layout = system.layout
+    n = layout.size
+    B, H = _of(run, layout)
+    C = np.zeros((n, MAX_STATES))
+    if C0 is not None:
+        T = ecef_from_ned_states(frames.llh_from_ecef(run.place[0]), n)
+        C[:, :n] = T @ C0 @ T.T
+    noise = np.zeros((len(run.H), 9))
+    if measured is not None:
+        true = run.R if R is None else R
+        noise[measured] = true.reshape(-1, 9)[measured]
+    if axis is not None and gyro_psd > 0.0 and accel_psd > 0.0:
+        raise InputError("axis: expected white noise of one triad, got that of both; replay them one after the other")
+    dynamics = _dynamics(layout)
+    if driven is not None:
+        dynamics[np.arange(len(dynamics)) != driven - 9, 1] = 0.0
+    Q = np.zeros((0, 2, 9)) if axis is None else (gyro_psd + accel_psd) * run.spread[axis]
+    q = _q(gyro_psd, accel_psd) if axis is None else np.zeros(6)
+    out = np.empty((int(filtered.node.max()) + 1, 9, 9))
+    k.replay_covariance(
+        run.acc, run.place, B, run.upd, H, noise, run.dim, filtered.node, C, dynamics, layout.n_sensor, _clock(layout),
+        run.omega, q, Q, 0 if gyro_psd > 0.0 else 3, filtered.K, system.rows, out,
+    )  # fmt: skip
+    turn = _turn(run, filtered.node)
+    return np.asarray(np.swapaxes(turn, 1, 2) @ out @ turn)
+
+
+def replay_constants(
+    run: Linearised, system: System, filtered: FilterReplay, X0: FloatArray, uneven: FloatArray | None = None
+) -> FloatArray:
+    """True navigation error that constant errors make, the filter's gains given. Shape (r, 9, c).
+
+    Parameters
+    ----------
+    X0 : ndarray, shape (n, c)
+        Errors at the start, one column for each source; navigation rows north, east, down.
+    uneven : ndarray, shape (6, e), optional
+        Asymmetry x, y, z [-] and quadratic error x, y, z [1/(m/s^2)] of accelerometers, of the last e columns.
+    """
+    from schuler.budget import _replay_kernels as k
+
+    layout = system.layout
+    B, H = _of(run, layout)
+    T = ecef_from_ned_states(frames.llh_from_ecef(run.place[0]), layout.size)
+    X = np.ascontiguousarray(T @ X0)
+    out = np.empty((int(filtered.node.max()) + 1, 9, X.shape[1]))
+    sizes = np.zeros((6, 0)) if uneven is None else uneven
+    U, V = np.ascontiguousarray(run.uneven @ sizes), np.ascontiguousarray(run.seen @ sizes)
+    k.replay_columns(
+        run.acc, run.place, B, run.upd, H, run.dim, filtered.node, X, U, V,
+        np.ascontiguousarray(_dynamics(layout)[:, 0]), layout.n_sensor, _clock(layout), run.omega, filtered.K,
+        system.rows, out,
+    )  # fmt: skip
+    return np.asarray(np.swapaxes(_turn(run, filtered.node), 1, 2) @ out)
+
+
+def _of(run: Linearised, layout: StateLayout) -> tuple[FloatArray, FloatArray]:
+    """Sensor columns and measurement rows of a layout's own states."""
+    columns = run.columns(layout)
+    B = np.ascontiguousarray(run.B[:, :, columns[: layout.n_sensor]])
+    if not layout.n_sensor:
+        B = np.zeros((len(run.t), 9, 1))
+    states = np.concatenate((np.arange(9), 9 + columns)).astype(np.int64)
+    return B, np.ascontiguousarray(run.H[:, :, states])
+
+
+def _dynamics(layout: StateLayout) -> FloatArray:
+    return layout.dynamics() if layout.size > 9 else np.zeros((1, 2))
+
+
+def _clock(layout: StateLayout) -> int:
+    return layout["clock"].start if "clock" in layout else -1
+
+
+def _q(gyro_psd: float, accel_psd: float) -> FloatArray:
+    return np.array([gyro_psd] * 3 + [accel_psd] * 3)
+
+
+def _turn(run: Linearised, node: IntArray) -> FloatArray:
+    return ecef_from_ned_states(frames.llh_from_ecef(run.place[node >= 0]), 9)

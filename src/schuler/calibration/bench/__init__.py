@@ -1,0 +1,1 @@
+"""Calibration on a bench: faces, poses, rate table, Ferraris, with covariance."""

@@ -1,0 +1,230 @@
+"""Six-position test: bias, scale factor and cross-coupling from poses on the six faces of a cube."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from schuler.arrays import ArrayLike, as_floats
+from schuler.calibration.bench.bench import axis_residuals, bench_result, earth_rate_said, level_said
+from schuler.calibration.bench.face_fit import Bias, face_variance, fit_faces, tilted
+from schuler.calibration.bench.faces import Faces, checked_latitude, faces_of, pose_labels
+from schuler.calibration.bench.gyro_readings import gyro_fit, readings_at_rest
+from schuler.calibration.bench.linear_fit import LinearFit
+from schuler.calibration.bench.poses import Poses
+from schuler.calibration.result.parameters import AXES, BIAS_A, BIAS_G, MATRIX_A, MATRIX_G, SENSITIVITY
+from schuler.calibration.result.result import CalibrationResult
+from schuler.earth import WGS84
+from schuler.exceptions import InputError
+from schuler.units import DEG, G0, PPM
+
+Gyro: TypeAlias = Literal["none", "bias", "g-sensitivity", "vertical", "response"]
+_ESTIMATED = {
+    "none": (),
+    "bias": BIAS_G,
+    "g-sensitivity": BIAS_G + SENSITIVITY,
+    "vertical": BIAS_G + tuple(f"M_g_{a}{a}" for a in AXES),
+    "response": BIAS_G + MATRIX_G,
+}
+
+
+def calibrate_sixposition(
+    poses: Poses,
+    *,
+    gravity: float = G0,
+    improved: bool = True,
+    latitude: float | None = None,
+    headings: ArrayLike | None = None,
+    faces: Sequence[str] | None = None,
+    bias: Bias = "all faces",
+    level_sigma: float | None = None,
+    heading_sigma: float = 0.0,
+    gyro: Gyro | None = None,
+    instability: tuple[float, float] = (0.0, 0.0),
+) -> CalibrationResult:
+    """Calibrate on the six faces.
+
+    Parameters
+    ----------
+    poses : Poses
+        At least one on each of the six faces, in any order; several on one face are averaged by their weights. A pose
+        tilted by more than 20 deg is left out with a warning.
+    gravity : float
+        Local gravity. [m/s^2]
+    improved : bool
+        True: bias and all nine elements of M_a (12 parameters). False: bias and scale factor of each axis by itself.
+    latitude : float, optional
+        For Earth rate. [rad]
+    headings : array_like, shape (n,), optional
+        Of each pose, see :func:`schuler.calibration.bench.faces.earth_rate_on_faces`. [rad]
+    faces : sequence of str, optional
+        ``"x up"``, ...; None: found from the specific force.
+    bias : {"all faces", "own axis"}
+        Of the improved test. "own axis" takes the bias of an axis from the two faces on which it is vertical, where a
+        tilt of the fixture counts in second order only; the mean of all six is less noisy, but a tilt counts in full.
+    level_sigma : float, optional
+        How level the faces are, 1 sigma. [rad] None: zero, or, where the residuals are larger than noise explains,
+        estimated from them.
+    heading_sigma : float
+        1 sigma of the headings. [rad]
+    gyro : {"none", "bias", "g-sensitivity", "vertical", "response"}, optional
+        What to find out about the gyroscopes: nothing; their bias; bias and g-sensitivity; bias and scale factor from
+        the vertical component of Earth rate; bias and all of M_g from the whole of it. None: "response" if latitude
+        and headings are given (and ``improved``), "vertical" if the latitude is, else "bias"; "bias" too where the
+        means are noisier than a tenth of Earth rate, because M_g would be noise.
+    instability : (float, float)
+        How much the biases of gyroscope [rad/s] and accelerometer [m/s^2] change from pose to pose, 1 sigma.
+
+    Returns
+    -------
+    CalibrationResult
+        Gauge "full": body axes are those of the fixture, x up where a face says so. Refused if a parameter that was
+        asked for is not determined.
+
+    Raises
+    ------
+    InputError
+        If gravity is not positive, a name of a face is unknown, headings do not fit the poses, or ``gyro`` needs
+        latitude or headings that are missing.
+
+    Notes
+    -----
+    Standard: ``b = (Y_up + Y_down)/2``, ``S = (Y_up - Y_down)/(2 g) - 1``. Where an axis is not along the fixture's by
+    an angle d, its scale factor comes out too small by ``1 - cos d``; the test cannot see d, but the readings of the
+    other faces show it, and the verdict says how much it is. Improved: weighted least squares of
+    ``Y = b + (I + M) f`` on all readings, the 3 x 4 matrix of Shin and El-Sheimy written as errors.
+
+    A tilted face moves the readings of the two horizontal axes by g times the tilt. With ``level_sigma`` those get
+    that much more variance, so that "all faces" goes over into "own axis" where the fixture is the larger error.
+
+    References
+    ----------
+    Hayal (2010), section 2.4.1.1, eqs. (2.3) to (2.6), with the gyroscopes' reference corrected to the whole vector of
+    Earth rate; Titterton and Weston (2004), section 8.3.2.
+    """
+    if not (np.isfinite(gravity) and gravity > 0.0):
+        raise InputError(f"gravity: expected a positive number of m/s^2, got {gravity!r}")
+    if bias not in ("all faces", "own axis"):
+        raise InputError(f"bias: expected 'all faces' or 'own axis', got {bias!r}")
+    mode, notes = _gyro_mode(poses, gyro, improved, latitude, headings)
+    if headings is not None:
+        headings = as_floats(headings, "headings", (len(poses),))
+    options = {
+        "gravity": gravity, "improved": improved, "latitude": latitude, "bias": bias, "level_sigma": level_sigma,
+        "heading_sigma": heading_sigma, "gyro": mode, "instability": list(instability),
+        "headings": None if headings is None else headings.tolist(),
+    }  # fmt: skip
+    found = faces_of(poses, faces)
+    warnings = tilted(poses, found)
+    k = np.flatnonzero(found.usable)
+    used = Faces(found.axis[k], found.sign[k], found.tilt[k], found.usable[k])
+    rest = poses.of(k)
+    fit, rows, level = fit_faces(
+        rest, used, gravity, improved=improved, bias=bias, level_sigma=level_sigma, instability=instability[1]
+    )
+    notes += level_said(level) if level_sigma is None else []
+    missing = used.missing
+    if missing:
+        warnings.append(f"only {6 - len(missing)} of the six faces: {', '.join(missing)} missing")
+    if not improved:
+        warnings += _cosine(rest, used, gravity, fit)
+    up = used.up
+    fits = {"accel": fit}
+    labels = pose_labels(rest, used)
+    sigma_f = np.sqrt(face_variance(rest, used, gravity, level, instability[1]))
+    residuals = {"accel": axis_residuals(labels, fit, rows, rest.f - gravity * up, sigma_f, "m/s^2", up)}
+    if mode != "none":
+        at_rest = readings_at_rest(
+            rest, used, gravity * up, latitude=latitude, headings=None if headings is None else headings[k],
+            heading_sigma=heading_sigma, instability=instability[0],
+        )  # fmt: skip
+        fits["gyro"], rows_g = gyro_fit(
+            at_rest,
+            response=mode in ("vertical", "response"),
+            g_sensitivity=mode == "g-sensitivity",
+            own_axis_only=mode == "vertical",
+        )
+        residuals["gyro"] = axis_residuals(
+            labels, fits["gyro"], rows_g, at_rest.measured - at_rest.reference, at_rest.sigma, "rad/s", up
+        )
+        if latitude is None:
+            notes.append(earth_rate_said(mode == "g-sensitivity"))
+        warnings += _too_weak(fits["gyro"])
+        if mode == "bias" and fits["gyro"].chi2 > fits["gyro"].limit():
+            notes.append("gyro='g-sensitivity' would explain gyroscopes that read differently from face to face")
+    asked = (*BIAS_A, *MATRIX_A, *(BIAS_G + MATRIX_G + SENSITIVITY if mode != "none" else ()))
+    here = f"put the unit still with {' and with '.join(missing)}" if missing else "put the unit on all six faces"
+    return bench_result(
+        "sixposition", fits,
+        advice={
+            "b_a": here, "M_a": here, "b_g": here, "G_g": here,
+            "M_g": f"{here}, with other headings; if the gyroscopes are weak, use a rate table",
+        },
+        warnings=warnings, notes=notes, residuals=residuals, options=options, names=asked,
+        next_pose=here if missing else "",
+        temperature=None if rest.temperature is None else float(rest.temperature.mean()),
+        extra={"faces": list(used.names), "level_sigma": level},
+    )  # fmt: skip
+
+
+def _gyro_mode(
+    poses: Poses, gyro: Gyro | None, improved: bool, latitude: float | None, headings: ArrayLike | None
+) -> tuple[Gyro, list[str]]:
+    """What to find out about the gyroscopes, and a sentence if that is less than the arguments would allow."""
+    if latitude is not None:
+        checked_latitude(latitude)
+    if gyro is None:
+        if latitude is None:
+            return "bias", []
+        if len(poses) and np.median(poses.sigma_omega) > 0.1 * WGS84.omega_ie:
+            return "bias", [
+                "the gyroscopes are too noisy for Earth rate to show their scale factors; a rate table or the turns of "
+                "calibrate_ferraris do"
+            ]
+        return ("response" if improved and headings is not None else "vertical"), []
+    if gyro not in _ESTIMATED:
+        raise InputError(f"gyro: expected one of {', '.join(_ESTIMATED)}, got {gyro!r}")
+    if gyro in ("vertical", "response") and latitude is None:
+        raise InputError(f"latitude: expected radians for gyro={gyro!r}, because Earth rate is the reference")
+    if gyro == "response" and headings is None:
+        raise InputError(
+            "headings: expected one for each pose, because horizontal axes see the north component of Earth rate; "
+            "without them use gyro='vertical'"
+        )
+    return gyro, []
+
+
+def _cosine(poses: Poses, faces: Faces, gravity: float, standard: LinearFit) -> list[str]:
+    """What the standard test loses because axes are not along the fixture's."""
+    full, _, _ = fit_faces(poses, faces, gravity, bias="own axis")
+    if not full.determined.all() or not standard.determined.all():
+        return []
+    at = dict(zip(full.names, full.values, strict=True))
+    sigma = dict(zip(standard.names, np.sqrt(np.diag(standard.covariance)), strict=True))
+    said = []
+    for a in AXES:
+        cross = [at[f"M_a_{a}{b}"] for b in AXES if b != a]
+        angle = float(np.arctan2(np.hypot(*cross), 1.0 + at[f"M_a_{a}{a}"]))
+        loss = float(np.cos(angle)) - 1.0
+        if abs(loss) > max(sigma[f"M_a_{a}{a}"], PPM):
+            said.append(
+                f"the {a} accelerometer is {angle / DEG:.2g} deg off the fixture's axis, so its scale factor comes out "
+                f"{loss / PPM:.0f} ppm (cos - 1) off; the improved test accounts for it"
+            )
+    return said
+
+
+def _too_weak(fit: LinearFit) -> list[str]:
+    weak = [
+        n
+        for n, v in zip(fit.names, np.diag(fit.covariance), strict=True)
+        if n.startswith("M_g") and 0.01 < v < np.inf  # sigma of 10 %
+    ]
+    if not weak:
+        return []
+    return [
+        f"Earth rate is too weak a reference for these gyroscopes: {', '.join(weak)} known to worse than 10 %; use a "
+        "rate table"
+    ]

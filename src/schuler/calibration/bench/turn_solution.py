@@ -1,0 +1,169 @@
+"""Solution of all methods that turn the unit by known amounts: poses at rest and turns in one adjustment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
+from schuler.calibration.bench.bench import axis_residuals, bench_result, earth_rate_said, level_said
+from schuler.calibration.bench.face_fit import Bias, face_variance, fit_faces, tilted
+from schuler.calibration.bench.faces import Faces, checked_latitude, faces_of, pose_labels
+from schuler.calibration.bench.gyro_readings import GyroReadings, gyro_fit, readings_at_rest
+from schuler.calibration.bench.linear_fit import LinearFit
+from schuler.calibration.bench.poses import Poses
+from schuler.calibration.bench.turns import Turns, readings_of_turns
+from schuler.calibration.result.parameters import BIAS_A, BIAS_G, LINEAR, MATRIX_A, MATRIX_G, SENSITIVITY
+from schuler.calibration.result.result import CalibrationResult, Residuals
+from schuler.exceptions import InputError
+
+#: What determines a family of parameters.
+ADVICE = {
+    "b_a": "put the unit still on all six faces",
+    "M_a": "put the unit still on all six faces",
+    "b_g": "add poses at rest, or turn both ways about each axis",
+    "M_g": "turn about each of the three axes of the unit, best both ways",
+    "G_g": "add poses at rest on all six faces, or turn about each axis with its upper end up and with it down",
+}
+
+
+def solve_turns(
+    method: str,
+    turns: Turns,
+    poses: Poses | None,
+    *,
+    gravity: float,
+    g_sensitivity: bool,
+    latitude: float | None,
+    headings: ArrayLike | None,
+    axis_n: ArrayLike | None,
+    accel: CalibrationResult | None,
+    accel_wanted: bool,
+    bias: Bias,
+    level_sigma: float | None,
+    heading_sigma: float,
+    sigmas: Mapping[str, float],
+    instability: tuple[float, float],
+    own_axis_only: bool = False,
+    fit: Callable[[GyroReadings, Poses, Faces, Turns], LinearFit] | None = None,
+    notes: tuple[str, ...] = (),
+    extra: Mapping[str, Any] | None = None,
+    **rest: Any,
+) -> CalibrationResult:
+    """See :func:`schuler.calibration.bench.ratetable.calibrate_ratetable`; here only what differs.
+
+    Parameters
+    ----------
+    method : str
+    accel_wanted : bool
+        Refuse where the accelerometers are not determined; else leave them out.
+    sigmas : mapping of str to float
+        ``angle_sigma``, ``rate_sigma``, ``axis_sigma`` of :func:`schuler.calibration.bench.turns.readings_of_turns`.
+    own_axis_only : bool
+        Each gyroscope from turns about its own axis only.
+    fit : callable, optional
+        Another linear estimator of the gyroscopes.
+    notes : tuple of str
+        Further sentences.
+    extra : mapping, optional
+        For the result; ``level_sigma`` is added.
+    rest
+        Further fields of the result.
+
+    Returns
+    -------
+    CalibrationResult
+
+    Raises
+    ------
+    InputError
+        See there.
+    """
+    if not (np.isfinite(gravity) and gravity > 0.0):
+        raise InputError(f"gravity: expected a positive number of m/s^2, got {gravity!r}")
+    if latitude is not None:
+        checked_latitude(latitude)
+    if g_sensitivity and turns.f is None:
+        raise InputError(
+            "turns: expected their specific force for the g-sensitivity; record it or say g_sensitivity=False"
+        )
+    if headings is not None and poses is not None:
+        headings = as_floats(headings, "headings", (len(poses),))
+    options = {
+        "gravity": gravity, "g_sensitivity": g_sensitivity, "latitude": latitude, "bias": bias,
+        "level_sigma": level_sigma, "heading_sigma": heading_sigma, **sigmas, "instability": list(instability),
+        "headings": None if headings is None else np.asarray(headings).tolist(),
+        "axis_n": None if axis_n is None else np.asarray(axis_n).tolist(),
+        "accel": None if accel is None else accel.provenance,
+    }  # fmt: skip
+    fits: dict[str, LinearFit] = {}
+    residuals: dict[str, Residuals] = {}
+    said, warnings, parts = list(notes), [], []
+    used, faces = None, None
+    also = dict(extra or {})
+    if poses is not None and len(poses):
+        faces = faces_of(poses)
+        warnings += tilted(poses, faces)
+        k = np.flatnonzero(faces.usable)
+        used, faces = poses.of(k), Faces(faces.axis[k], faces.sign[k], faces.tilt[k], faces.usable[k])
+        headings = None if headings is None else np.asarray(headings)[k]
+        parts.append(
+            readings_at_rest(
+                used, faces, gravity * faces.up, latitude=latitude, headings=headings,
+                heading_sigma=heading_sigma, instability=instability[0],
+            )
+        )  # fmt: skip
+        a, rows, level = fit_faces(used, faces, gravity, bias=bias, level_sigma=level_sigma, instability=instability[1])
+        if accel is None and (accel_wanted or not a.confounded):
+            fits["accel"] = a
+            sigma = np.sqrt(face_variance(used, faces, gravity, level, instability[1]))
+            labels = pose_labels(used, faces)
+            residuals["accel"] = axis_residuals(labels, a, rows, used.f - gravity * faces.up, sigma, "m/s^2", faces.up)
+            said += level_said(level) if level_sigma is None else []
+            also["level_sigma"] = level
+            if faces.missing:
+                warnings.append(f"only {6 - len(faces.missing)} of the six faces: {', '.join(faces.missing)} missing")
+        elif accel is None:
+            said.append("the accelerometers are not calibrated: not at rest on " + ", ".join(faces.missing))
+    turning, doubts = readings_of_turns(
+        turns, force_in_turns(turns, fits.get("accel"), accel), gravity=gravity, latitude=latitude, axis_n=axis_n,
+        instability=instability[0], **sigmas,
+    )  # fmt: skip
+    readings = GyroReadings.joined([*parts, turning])
+    if fit is not None and used is not None and faces is not None:
+        fits["gyro"] = fit(readings, used, faces, turns)
+        rows_g: IntArray = np.arange(3 * len(readings))
+    else:
+        fits["gyro"], rows_g = gyro_fit(
+            readings, response=True, g_sensitivity=g_sensitivity, own_axis_only=own_axis_only
+        )
+    if latitude is None:
+        said.append(earth_rate_said(g_sensitivity))
+    length = np.maximum(np.linalg.norm(readings.reference, axis=1, keepdims=True), 1e-30)
+    residuals["gyro"] = axis_residuals(
+        readings.label, fits["gyro"], rows_g, readings.measured - readings.reference, readings.sigma, "rad/s",
+        readings.reference / length,
+    )  # fmt: skip
+    return bench_result(
+        method, fits, advice=ADVICE, warnings=[*warnings, *doubts], notes=said, residuals=residuals, options=options,
+        names=LINEAR if "accel" in fits else BIAS_G + MATRIX_G + SENSITIVITY,
+        temperature=None if used is None or used.temperature is None else float(used.temperature.mean()),
+        extra=also, **rest,
+    )  # fmt: skip
+
+
+def force_in_turns(turns: Turns, fit: LinearFit | None, accel: CalibrationResult | None) -> FloatArray | None:
+    """Mean specific force of turns, calibrated as far as a calibration is there. Shape (n, 3). [m/s^2]"""
+    if turns.f is None:
+        return None
+    if accel is not None:
+        b, M = accel.errors.b_a, accel.errors.M_a
+    elif fit is not None and not fit.confounded:
+        at = dict(zip(fit.names, fit.values, strict=True))
+        b = np.array([at[n] for n in BIAS_A])
+        M = np.array([at[n] for n in MATRIX_A]).reshape(3, 3)
+    else:
+        return turns.f
+    return np.asarray(np.linalg.solve(np.eye(3) + M, (turns.f - b).T).T)

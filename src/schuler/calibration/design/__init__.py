@@ -1,0 +1,1 @@
+"""Plans of calibrations: which poses, how long."""

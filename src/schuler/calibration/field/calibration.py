@@ -1,0 +1,275 @@
+"""Field calibration: an IMU turned by hand between rests, calibrated by the filter that also navigates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.calibration.field.blocks import Blocks, rest_blocks
+from schuler.calibration.field.excess import enlarged, excess
+from schuler.calibration.field.filter_pass import Pass, Problem, filter_pass
+from schuler.calibration.field.heading import TOLD, first_pass, level, next_pass, search_heading, smoothed_heading
+from schuler.calibration.field.history import FieldHistory, history_of
+from schuler.calibration.field.innovations import Innovations, innovations_of
+from schuler.calibration.field.options import FieldOptions
+from schuler.calibration.field.rests import field_rests
+from schuler.calibration.field.setup import field_layout, parameter_names, problem_of
+from schuler.calibration.field.swaying import settled_form
+from schuler.calibration.field.verdicts import residuals_of, verdicts_of
+from schuler.calibration.result.parameters import LINEAR
+from schuler.calibration.result.result import CalibrationResult, Residuals
+from schuler.exceptions import InputError
+from schuler.recording.series import ImuSeries
+from schuler.standstill.stationarity import StaticIntervals
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from schuler.sensors.spec import ImuSpec
+
+Progress = Callable[[float], None]
+
+_NEARLY = 0.5  # a pass that moves no parameter by more of its sigma tells how large the noise is
+
+
+@dataclass(frozen=True)
+class FieldCalibration:
+    """What a field calibration found, and how it came about.
+
+    Attributes
+    ----------
+    calibration : CalibrationResult
+        Parameters with covariance, as of every other method.
+    history : FieldHistory
+        Estimates and uncertainties over the log.
+    passes : ndarray, shape (n, p)
+        Parameters after each pass.
+    rests : StaticIntervals
+    nis : dict of str to (float, int)
+        Mean normalised innovation squared and number of components, by kind of measurement, of the last pass.
+    heading : (float, float) or None
+        Heading at the start and its 1-sigma, where it was estimated. [rad]
+    innovations : dict of str to Innovations
+        Of the last pass over time, by kind of measurement.
+    """
+
+    calibration: CalibrationResult
+    history: FieldHistory
+    passes: FloatArray
+    rests: StaticIntervals
+    nis: dict[str, tuple[float, int]]
+    heading: tuple[float, float] | None = None
+    innovations: dict[str, Innovations] = field(default_factory=dict)
+
+    def summary(self) -> str:
+        """The calibration, its passes and its innovations as text."""
+        return f"{self.calibration.summary()}\n\n{self.course()}"
+
+    def course(self) -> str:
+        """Rests, passes and innovations as text."""
+        lines = [self.rests.summary().splitlines()[0]]
+        if len(self.passes) > 1:
+            moved = f"the last moved no parameter by more than {self.last_move:.2g} sigma"
+            lines.append(f"{len(self.passes)} passes, {moved}")
+        for kind, (mean, count) in self.nis.items():
+            lines.append(f"{kind}: {count} components, mean normalised innovation squared {mean:.2f}")
+        slow = [name for name, t in self.history.reached().items() if not np.isfinite(t)]
+        if slow:
+            lines.append(f"not below a tenth of what was known before: {', '.join(slow)}")
+        return "\n".join(lines)
+
+    @property
+    def last_move(self) -> float:
+        """Largest change of a parameter in the last pass, over its sigma; NaN after a single pass. [-]"""
+        if len(self.passes) < 2:
+            return float("nan")
+        return float(np.max(np.abs(self.passes[-1] - self.passes[-2]) / self.calibration.sigma))
+
+    def plot(self, **options: Any) -> Figure:
+        """Estimates and uncertainties over time (matplotlib), see :mod:`schuler.calibration.report.field_figures`."""
+        from schuler.calibration.report.field_figures import field_figure
+
+        return field_figure(self, **options)
+
+    def report(self, path: Path | str, **options: Any) -> Path:
+        """Write one self-contained HTML page, see :mod:`schuler.calibration.report.document`."""
+        from schuler.calibration.report.document import calibration_report
+
+        return calibration_report(self.calibration, path, field=self, **options)
+
+    def to_file(self, path: Path | str) -> Path:
+        """Write the history as CSV or Parquet, see :mod:`schuler.calibration.field.history_file`."""
+        from schuler.calibration.field.history_file import write_history
+
+        return write_history(self.history, path)
+
+
+def calibrate_field(
+    imu: ImuSeries,
+    spec: ImuSpec,
+    *,
+    latitude: float,
+    height: float = 0.0,
+    gravity: float | None = None,
+    heading: tuple[float, float] | None = None,
+    options: FieldOptions | None = None,
+    prior: CalibrationResult | None = None,
+    rests: StaticIntervals | None = None,
+    progress: Progress | None = None,
+) -> FieldCalibration:
+    """Calibrate both triads from a log of rests and turns by hand.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+        Raw readings, SI.
+    spec : ImuSpec
+        What is known of the IMU before: 1-sigma of its errors, noise.
+    latitude, height : float
+        Of the place. [rad], [m]
+    gravity : float, optional
+        Local gravity, if it is known better than that of the ellipsoid (1e-4 of it in mountains). [m/s^2]
+    heading : (float, float), optional
+        Of the first rest, from north over east, and its 1-sigma [rad]. Where it is not given, or to more than half a
+        radian, it is estimated: the Earth's horizontal rate depends on it.
+    options : FieldOptions, optional
+    prior : CalibrationResult, optional
+        What an earlier calibration says; its values and variances replace zero and the specification.
+    rests : StaticIntervals, optional
+        Where the unit rests; found by :func:`schuler.calibration.field.rests.field_rests` by default.
+    progress : callable, optional
+        Called with the fraction done.
+
+    Returns
+    -------
+    FieldCalibration
+        Refused, with what to collect, where there is nothing to be calibrated.
+
+    Raises
+    ------
+    InputError
+        If the log, the place or the rests cannot be what they are said to be.
+
+    Notes
+    -----
+    At rest the mean specific force is compared with gravity in the axes of the attitude that the gyroscopes carried
+    there, all columns kept (secondary), and the mean rate with the Earth's, all three axes: the unit does not turn
+    (primary; see :mod:`schuler.calibration.field.standstill`), unless the log says that it sways
+    (:mod:`schuler.calibration.field.swaying`). Velocity is held and tells nothing, so no reading is used twice.
+    Passes are repeated, each linearised at the result of the one before, until the parameters settle; the prior counts
+    once (see :mod:`schuler.calibration.field.filter_pass`).
+
+    Axes: upper gauge, body z is the z accelerometer (FIX 9 of the digest).
+
+    References
+    ----------
+    Yaman (2017), chapters 4 and 5. Departures: vectors instead of magnitudes, rests held, iterated.
+    """
+    options = options or FieldOptions()
+    rests = field_rests(imu) if rests is None else rests
+    if not len(rests):
+        raise InputError(
+            "no rest was found in the log: lay the unit down or hold it still for ten seconds between turns, or give "
+            "the rests yourself"
+        )
+    layout = field_layout(spec, options)
+    blocks = rest_blocks(imu, rests, options.block_s)
+    asked, options = options, settled_form(options, spec, blocks, rests)
+    swaying = options.earth_rate != asked.earth_rate and options.earth_rate == "vertical"
+    problem = problem_of(imu, spec, blocks, rests, layout, options, latitude, height, gravity, heading, prior)
+    rpy = level(blocks, problem, problem.prior)
+    if heading is not None:
+        rpy[2] = heading[0]
+    depends = options.secondary != "off" or options.earth_rate != "off"
+    known = not depends or (heading is not None and heading[1] <= TOLD)
+    if not known:
+        best = search_heading(problem, blocks, rpy, np.inf if heading is None else heading[1])
+    else:  # a single pass is the source's, from the prior itself
+        best = first_pass(problem, blocks, rpy) if options.passes > 1 else filter_pass(problem, rpy)
+    passes, names = [best.values], parameter_names(layout)
+    scales: dict[str, float] = {}
+    judged = False
+    while len(passes) < options.passes:
+        best = next_pass(problem, blocks, best, known)
+        moved = np.max(np.abs(best.values - passes[-1]) / np.sqrt(np.diag(best.covariance)))
+        passes.append(best.values)
+        if progress is not None:
+            progress(min(0.95, len(passes) / 4.0))
+        if best.softness > 1.0:
+            continue
+        if options.rescale and not judged and moved < _NEARLY:
+            judged = True
+            residuals = residuals_of(blocks, rests, dict(zip(names, best.values, strict=True)), problem)
+            scales = excess(best, problem, residuals, names, 0.5 * (rests.start + rests.stop))
+            if scales:
+                problem = replace(problem, schedule=enlarged(problem.schedule, scales))
+                continue
+        if moved < options.settled:
+            break
+    if progress is not None:
+        progress(1.0)
+    return _finished(imu, spec, problem, best, np.array(passes), blocks, rests, scales, options, known, swaying)
+
+
+def _finished(
+    imu: ImuSeries,
+    spec: ImuSpec,
+    problem: Problem,
+    last: Pass,
+    passes: FloatArray,
+    blocks: Blocks,
+    rests: StaticIntervals,
+    scales: dict[str, float],
+    options: FieldOptions,
+    known: bool,
+    swaying: bool,
+) -> FieldCalibration:
+    names = parameter_names(problem.layout)
+    sigma = np.sqrt(np.maximum(np.diag(last.covariance), 0.0))
+    if not (np.isfinite(last.covariance).all() and np.isfinite(last.values).all() and (sigma > 0.0).all()):
+        raise InputError(
+            f"the filter diverged: the log does not fit the specification {spec.name}. Check units and axes of the "
+            "log, and that the uncertainties of the specification allow for the errors of the IMU"
+        )
+    history = history_of(problem, last, names)
+    prior_sigma = dict(zip(names, np.sqrt(problem.layout.initial_variances()).tolist(), strict=True))
+    weights = 1.0 / np.sqrt(np.diag(last.covariance))
+    normal = np.linalg.inv(last.covariance * np.outer(weights, weights))
+    d = np.sqrt(np.diag(normal))
+    condition = float(np.linalg.cond(normal / np.outer(d, d)))
+    families = {name[:3] for name in names}
+    fixed = {n: 0.0 for n in LINEAR if n not in names and (n[:3] in families or n[:3] in ("M_a", "M_g"))}
+    found = None
+    if not known:
+        found = smoothed_heading(problem, last)
+    moved = np.abs(passes[-1] - passes[-2]) / sigma if len(passes) > 1 else None
+    left_out = tuple(name for name in options.blocks if name not in problem.layout)
+    said = verdicts_of(
+        names, last.covariance, prior_sigma, rests, blocks, scales, found, off=last.values - problem.prior, moved=moved,
+        settled=options.settled, left_out=left_out, swaying=swaying,
+    )  # fmt: skip
+    dof = sum(count for _, count in last.nis.values())
+    residuals: dict[str, Residuals] = residuals_of(blocks, rests, dict(zip(names, last.values, strict=True)), problem)
+    result = CalibrationResult(
+        "field", names, last.values, last.covariance, "upper",
+        fixed=fixed, status=said.status, verdicts=said.sentences, condition=condition,
+        prior_sigma=prior_sigma, variance_of_unit_weight=last.cost / dof if dof else float("nan"), freedom=dof,
+        residuals=residuals, next_pose=said.advice,
+        temperature=None if imu.temperature is None else float(np.mean(imu.temperature)), history=passes,
+        extra={"noise_enlarged": scales} | ({"heading": list(found)} if found else {}),
+        provenance={"spec": spec.name, "options": _plain(options), "latitude": float(problem.llh[0])},
+    )  # fmt: skip
+    nis = {kind: (total / count if count else float("nan"), count) for kind, (total, count) in last.nis.items()}
+    innovations = innovations_of(problem.schedule, last.run)
+    return FieldCalibration(result, history, passes, rests, nis, found, innovations)
+
+
+def _plain(options: FieldOptions) -> dict[str, Any]:
+    plain = {name: getattr(options, name) for name in options.__slots__ if name != "models"}
+    plain["blocks"] = list(options.blocks)
+    return plain | {"models": {k: v.describe() for k, v in options.models.items()}}

@@ -1,0 +1,358 @@
+"""Free-pose calibration: an IMU put down by hand in many poses, nothing known but gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from schuler.arrays import ArrayLike, FloatArray, as_floats
+from schuler.calibration.freepose import accel as freepose_accel
+from schuler.calibration.freepose.accel import AccelFit, fit_accelerometers
+from schuler.calibration.freepose.gyro import GyroFit, fit_gyroscopes, rescaled
+from schuler.calibration.freepose.motion import PLACES, MotionFit, fit_motion
+from schuler.calibration.freepose.rest import MARGINS, Rests, gaps_of, rest_intervals, restlessness, rests_of
+from schuler.calibration.freepose.rest_search import tedaldi_rests
+from schuler.calibration.freepose.result import assemble, refused, undetermined
+from schuler.calibration.freepose.turns import Turns, first_scale
+from schuler.calibration.result.parameters import BIAS_G, MATRIX_G, SENSITIVITY
+from schuler.calibration.result.result import CalibrationResult
+from schuler.exceptions import InputError
+from schuler.recording.series import ImuSeries
+from schuler.units import G0
+
+Bias: TypeAlias = Literal["rest", "estimate"]
+Search: TypeAlias = Literal["auto", "tedaldi"]
+
+#: Fewer poses than parameters of the accelerometers cannot be solved.
+FEWEST = 9
+#: A first pose of this length is taken for the initial rest that gives the gyro bias. [s]
+INITIAL = 10.0
+#: With more of the nine accelerometer parameters undetermined the others are not to be believed either.
+MOST_LOST = 3
+#: The same if any is undetermined and there are fewer poses than this beyond nine.
+REDUNDANCY = 3
+
+
+def calibrate_freepose(
+    imu: ImuSeries,
+    *,
+    gravity: float = G0,
+    noise: tuple[ArrayLike, ArrayLike] | None = None,
+    initial_rest_s: float | None = None,
+    gyro_bias: Bias = "rest",
+    g_sensitivity: bool = False,
+    size_effect: bool = False,
+    delay: bool = False,
+    robust: bool = True,
+    nominal: tuple[float, float] | None = None,
+    intervals: Sequence[tuple[float, float]] | None = None,
+    rests: Search = "auto",
+    window_s: float = 1.0,
+    min_s: float = 1.0,
+) -> CalibrationResult:
+    """Calibrate accelerometers and gyroscopes from a log of an IMU that was put down by hand in many poses.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+        Any units, raw counts too: a factor is found for both triads. Rates or increments.
+    gravity : float
+        Local gravity. [m/s^2]
+    noise : (array_like, array_like), optional
+        N of gyroscopes [rad/s/sqrt(Hz)] and accelerometers [m/s^2/sqrt(Hz)], shape () or (3,). None: from the log.
+    initial_rest_s : float, optional
+        The log begins with so many seconds at rest; they give the noise level of the detector and the gyro bias. None:
+        the first pose if it lasts 10 s, else all poses. [s]
+    gyro_bias : {"rest", "estimate"}
+        Measured at the initial rest, or estimated from the turns. With ``g_sensitivity`` it is always estimated.
+    g_sensitivity : bool
+        Estimate G_g too, from turns and from the rates in all poses.
+    size_effect : bool
+        Estimate the places of the accelerometers too, ``r_a_xy`` ..., relative to the x accelerometer.
+    delay : bool
+        Estimate the delay of the gyroscopes behind the accelerometers too.
+    robust : bool
+        Less weight for disturbed poses and turns.
+    nominal : (float, float), optional
+        Factors of accelerometers [m/s^2 per unit of the log] and gyroscopes [rad/s per unit]. None: 1 if the log is in
+        SI by the size of gravity and of the turns, else the mean factor that was found, to four digits.
+    intervals : sequence of (start, stop), optional
+        The rests. None: found, see Notes. [s]
+    rests : {"auto", "tedaldi"}
+        How they are found: our way, or as the source does, see
+        :func:`~schuler.calibration.freepose.rest_search.tedaldi_rests`. The latter needs ``initial_rest_s``, looks at
+        accelerometers alone, and uses ``min_s`` seconds of each rest.
+    window_s, min_s : float
+        Window of the detector and shortest rest. [s]
+
+    Returns
+    -------
+    CalibrationResult
+        In gauge "upper": body z is the z accelerometer, body y in the plane of y and z accelerometer. ``M_g`` is full,
+        in the same axes, so the misalignment of the gyroscopes to the accelerometers is in it. ``refused`` if there
+        are fewer than nine poses, they lie on no ellipsoid, or too little is determined; ``warning`` if parameters are
+        not determined, named in the verdicts. ``residuals`` hold ``accel`` (magnitude less gravity), ``gyro`` (angle
+        between predicted and measured vertical) and, with ``size_effect`` or ``delay``, ``velocity``. With "tedaldi"
+        ``extra["tried"]`` has multiple, number of rests and cost [m^2/s^4] of each threshold (infinite: no fit).
+
+    Raises
+    ------
+    InputError
+        If an argument makes no sense or the log is shorter than ten windows.
+
+    Notes
+    -----
+    Rests: variance of both triads over a moving window, relative to that at rest, below a multiple. The multiples of
+    the source, 2 to 10, are tried and the one kept whose poses determine the accelerometers best (smallest determinant
+    of the covariance, scatter included). Accelerometers come first, gyroscopes in their axes second; the covariance of
+    the second step carries the first.
+
+    References
+    ----------
+    Tedaldi, Pretto, Menegatti (2014), A robust and easy to implement method for IMU calibration without external
+    equipments, ICRA. Departures: noise weights, robust weights, covariance, analytic derivatives, any start.
+    """
+    check_options(
+        gravity=gravity,
+        gyro_bias=gyro_bias,
+        nominal=nominal,
+        initial_rest_s=initial_rest_s,
+        intervals=intervals,
+        rests=rests,
+        min_s=min_s,
+        window_s=window_s,
+    )
+    factors = None if nominal is None else (float(nominal[0]), float(nominal[1]))
+    options = {
+        "gravity": gravity, "noise": None if noise is None else [np.asarray(x).tolist() for x in noise],
+        "initial_rest_s": initial_rest_s, "gyro_bias": gyro_bias, "g_sensitivity": g_sensitivity,
+        "size_effect": size_effect, "delay": delay, "robust": robust,
+        "nominal": None if factors is None else list(factors),
+        "intervals": None if intervals is None else [list(map(float, x)) for x in intervals], "rests": rests,
+        "window_s": window_s, "min_s": min_s,
+    }  # fmt: skip
+    from schuler.calibration.freepose import _kernels as kernels
+
+    kernels.prepare_freepose()
+    rates, interval = imu.rates(), imu.interval
+    names = _names(g_sensitivity, size_effect, delay)
+    start: dict[str, Any] = {"names": names, "options": options}
+
+    # 1. Where it rests, and the accelerometers.
+    if rests == "tedaldi" and initial_rest_s is not None:
+        factor_a = None if factors is None else factors[0]
+        candidates = [
+            tedaldi_rests(rates, interval, gravity, initial_rest_s, factor=factor_a, window_s=window_s, min_s=min_s)
+        ]
+    else:
+        candidates = _candidates(rates, interval, intervals, initial_rest_s, window_s, min_s)
+    best: tuple[float, Rests, AccelFit, float] | None = None
+    most: Rests | None = None
+    last: tuple[AccelFit, float] | None = None
+    p0: FloatArray | None
+    for found in candidates:
+        if most is None or len(found) > len(most):
+            most = found
+        if len(found) < FEWEST:
+            continue
+        near = last is not None and last[0].converged and last[0].spread == 0.0
+        if near and last is not None:  # hardly other poses than before
+            p0, factor = last[0].p, last[1]
+        else:
+            factor, p0 = freepose_accel.start_of(found.accel, gravity, None if factors is None else factors[0])
+        if p0 is None:
+            continue
+        sigma = _sigma_f(found, noise, factor)
+        fit = fit_accelerometers(factor * found.accel, sigma, gravity, robust=robust, start=p0, near=near)
+        last = (fit, factor)
+        score = _score(fit)
+        if np.isfinite(score) and (best is None or score < best[0]):
+            best = (score, found, fit, factor)
+    if best is None:
+        return refused(most, None, factors, gravity, rates, names, options)
+    _, found, accel, factor_a = best
+    lost = undetermined(accel)
+    if len(lost) > MOST_LOST or (lost and len(found) < FEWEST + REDUNDANCY):
+        return refused(found, accel, factors or (factor_a, 1.0), gravity, rates, names, options)
+
+    # 2. Turns between them.
+    return _with_gyroscopes(imu, rates, found, accel, factor_a, factors, gravity, noise, start)
+
+
+def _with_gyroscopes(
+    imu: ImuSeries,
+    rates: ImuSeries,
+    rests: Rests,
+    accel: AccelFit,
+    factor_a: float,
+    factors: tuple[float, float] | None,
+    gravity: float,
+    noise: tuple[ArrayLike, ArrayLike] | None,
+    start: dict[str, Any],
+) -> CalibrationResult:
+    """Second step: gyroscopes in the axes of the calibrated accelerometers, and the result."""
+    options = start["options"]
+    # a pose that counts for little is as if it were noisier
+    sigma_f = np.sqrt((_sigma_f(rests, noise, factor_a) ** 2 + accel.spread**2) / accel.weight[:, None])
+    turns = _turns(imu.kind, rates, rests, accel, factor_a)
+    raw_bias, rest_s = _bias_at_rest(rates, rests, options["initial_rest_s"])
+    gyro: GyroFit | None = None
+    factor_g = 1.0 if factors is None else factors[1]
+    if 2 * len(turns.spans) >= _gyro_count(options):
+        scale = first_scale(turns, raw_bias)
+        factor_g = scale if factors is None else factors[1]
+        if noise is not None:
+            rests = replace(rests, density_g=np.broadcast_to(np.asarray(noise[0], dtype=float), (3,)) / factor_g)
+        gyro = fit_gyroscopes(
+            turns, rests, accel, sigma_f, factor_g, factor_g * raw_bias,
+            factor_g * rests.density_g / np.sqrt(rest_s), estimate_bias=options["gyro_bias"] == "estimate",
+            g_sensitivity=options["g_sensitivity"], robust=options["robust"], M=np.eye(3) * (factor_g / scale - 1.0),
+        )  # fmt: skip
+        if factors is None and scale != 1.0:
+            gain = np.cbrt(np.linalg.det(np.eye(3) + gyro.M))
+            rounded = float(f"{scale / gain:.4g}")
+            gyro, factor_g = rescaled(gyro, rounded / scale), rounded
+    motion: MotionFit | None = None
+    if gyro is not None and (options["size_effect"] or options["delay"]):
+        N_a = factor_a * rests.density_a if noise is None else np.asarray(noise[1], dtype=float)
+        motion = fit_motion(
+            turns, factor_g, gyro, gravity, (_rms(factor_g * rests.density_g), _rms(N_a)), _rms(sigma_f) / gravity,
+            size_effect=options["size_effect"], delay=options["delay"], robust=options["robust"],
+        )  # fmt: skip
+    return assemble(
+        imu,
+        rests,
+        accel,
+        gyro,
+        motion,
+        turns,
+        (factor_a, factor_g),
+        gravity,
+        sigma_f,
+        raw_bias,
+        rest_s,
+        start["names"],
+        options,
+    )
+
+
+def _rms(x: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.square(x))))
+
+
+def _gyro_count(options: dict[str, Any]) -> int:
+    """Parameters that turns must determine."""
+    return 9 + 3 * int(options["gyro_bias"] == "estimate")
+
+
+def check_options(
+    *,
+    gravity: float = G0,
+    gyro_bias: str = "rest",
+    nominal: tuple[float, float] | None = None,
+    initial_rest_s: float | None = None,
+    intervals: Sequence[tuple[float, float]] | None = None,
+    rests: str = "auto",
+    min_s: float = 1.0,
+    window_s: float = 1.0,
+    **_: Any,
+) -> None:
+    """Raise InputError for options of :func:`calibrate_freepose` that no log could make sense of."""
+    if not (np.isfinite(gravity) and gravity > 0.0):
+        raise InputError(f"gravity: expected a positive number of m/s^2, got {gravity}")
+    if gyro_bias not in ("rest", "estimate"):
+        raise InputError(f"gyro_bias: expected 'rest' or 'estimate', got {gyro_bias!r}")
+    if nominal is not None and (len(nominal) != 2 or not all(np.isfinite(x) and x > 0.0 for x in nominal)):
+        raise InputError(f"nominal: expected two positive factors (accelerometers, gyroscopes), got {nominal!r}")
+    if initial_rest_s is not None and not initial_rest_s >= 1.0:
+        raise InputError(f"initial_rest_s: expected a second or more, got {initial_rest_s}")
+    if rests not in ("auto", "tedaldi"):
+        raise InputError(f"rests: expected 'auto' or 'tedaldi', got {rests!r}")
+    if rests == "tedaldi" and initial_rest_s is None:
+        raise InputError(
+            "initial_rest_s: expected the seconds at rest that the log begins with, from which rests='tedaldi' takes "
+            "the noise, got none"
+        )
+    if rests == "tedaldi" and intervals is not None:
+        raise InputError("rests: expected 'auto' with intervals, which are the rests themselves, got 'tedaldi'")
+    for name, value in (("min_s", min_s), ("window_s", window_s)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise InputError(f"{name}: expected a positive time, got {value} s")
+
+
+def _candidates(
+    rates: ImuSeries,
+    interval: float,
+    intervals: Sequence[tuple[float, float]] | None,
+    initial_rest_s: float | None,
+    window_s: float,
+    min_s: float,
+) -> list[Rests]:
+    """Sets of rests to choose from; sets that are alike once."""
+    if intervals is not None:
+        spans = as_floats(intervals, "intervals", (None, 2))
+        index = np.stack(
+            (np.searchsorted(rates.t, spans[:, 0] - 1e-9), np.searchsorted(rates.t, spans[:, 1] + 1e-9)), axis=1
+        ).astype(np.int64)
+        if (np.diff(index, axis=1) < 20).any() or (index[1:, 0] < index[:-1, 1]).any():
+            raise InputError("intervals: expected rests one after another with 20 samples or more in each")
+        return [rests_of(rates, interval, np.ascontiguousarray(index), float("nan"))]
+    statistic = restlessness(rates, interval, window_s, initial_rest_s)
+    gaps = gaps_of(rates.t, interval)
+    out: list[Rests] = []
+    for margin in MARGINS:
+        index = rest_intervals(rates.t, interval, gaps, statistic, margin, min_s)
+        if not out or not np.array_equal(index, out[-1].index):
+            out.append(rests_of(rates, interval, index, margin))
+    return out
+
+
+def _sigma_f(rests: Rests, noise: tuple[ArrayLike, ArrayLike] | None, factor: float) -> FloatArray:
+    """1-sigma noise of the pose means, shape (n, 3). [m/s^2]"""
+    N = factor * rests.density_a if noise is None else np.broadcast_to(np.asarray(noise[1], dtype=float), (3,))
+    return np.asarray(N / np.sqrt(rests.duration)[:, None])
+
+
+def _score(fit: AccelFit) -> float:
+    """Logarithm of the determinant of the covariance; infinite if it is singular."""
+    d = np.sqrt(np.diag(fit.normal))
+    if not (np.isfinite(d).all() and (d > 0.0).all()):
+        return float("inf")
+    sign, value = np.linalg.slogdet(fit.normal / np.outer(d, d))
+    return float("inf") if sign <= 0 else float(-value - 2.0 * np.log(d).sum())
+
+
+def _turns(kind: str, rates: ImuSeries, rests: Rests, accel: AccelFit, factor: float) -> Turns:
+    """The log between the poses; turns across a gap of the log are left out."""
+    B = np.linalg.inv(accel.R)
+    f = (factor * rests.accel - accel.p[:3]) @ B.T
+    spans = np.stack((rests.index[:-1, 1] - 1, rests.index[1:, 0]), axis=1)
+    whole = np.ones(len(spans), dtype=bool)
+    for gap in gaps_of(rates.t, rates.interval):
+        whole &= ~((spans[:, 0] <= gap) & (gap < spans[:, 1]))
+    pair = np.stack((np.arange(len(spans)), np.arange(1, len(spans) + 1)), axis=1)
+    up = np.asarray(f / np.linalg.norm(f, axis=1, keepdims=True), dtype=np.float64)
+    return Turns(
+        rates.t, rates.gyro, rates.accel, 0.5 if kind == "rate" else 0.0, np.ascontiguousarray(spans[whole]),
+        pair[whole], up, f, np.asarray(factor * B, dtype=np.float64), accel.p[:3] / factor,
+    )  # fmt: skip
+
+
+def _bias_at_rest(rates: ImuSeries, rests: Rests, initial_rest_s: float | None) -> tuple[FloatArray, float]:
+    """Mean rate at rest in units of the log, and the time it was taken over [s]."""
+    if initial_rest_s is not None:
+        n = int(np.searchsorted(rates.t, rates.t[0] + initial_rest_s))
+        return np.asarray(rates.gyro[:n].mean(axis=0)), n * rates.interval
+    first = float(rests.duration[0])
+    if rests.index[0, 0] <= 1.0 / rates.interval and first >= INITIAL:
+        return rests.gyro[0], first
+    weight = rests.duration / rests.duration.sum()
+    return np.asarray(weight @ rests.gyro), float(rests.duration.sum())
+
+
+def _names(g_sensitivity: bool, size_effect: bool, delay: bool) -> tuple[str, ...]:
+    optional = ((g_sensitivity, SENSITIVITY), (size_effect, PLACES), (delay, ("delay",)))
+    return (*freepose_accel.NAMES, *BIAS_G, *MATRIX_G, *(n for wanted, names in optional if wanted for n in names))

@@ -1,0 +1,278 @@
+"""Result of a free-pose calibration: parameters of both steps with one covariance, residuals, verdicts."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.calibration.design.plans import words_of
+from schuler.calibration.freepose import motion as freepose_motion
+from schuler.calibration.freepose import verdicts
+from schuler.calibration.freepose.accel import NAMES, AccelFit, distinct, sphere_start
+from schuler.calibration.freepose.gyro import GyroFit, direction_noise, pseudo_inverse
+from schuler.calibration.freepose.motion import MotionFit
+from schuler.calibration.freepose.rest import Rests
+from schuler.calibration.freepose.turns import Turns, predicted
+from schuler.calibration.freepose.weights import chance
+from schuler.calibration.result.parameters import LINEAR
+from schuler.calibration.result.result import CalibrationResult, Residuals, Status
+from schuler.recording.series import ImuSeries
+from schuler.rotation import rotvec_from_dcm
+
+#: Elements that the gauge "upper" holds.
+HELD = {"M_a_yx": 0.0, "M_a_zx": 0.0, "M_a_zy": 0.0}
+#: Median angle between predicted and measured vertical beyond which the gyroscopes did not fit. [rad]
+MISFIT = 0.2
+
+
+def _provenance(options: dict[str, Any]) -> dict[str, Any]:
+    return {"schuler": version("schuler"), "method": "freepose", "options": options}
+
+
+def _temperature(imu: ImuSeries) -> float | None:
+    return None if imu.temperature is None else float(imu.temperature.mean())
+
+
+def _held(names: tuple[str, ...]) -> dict[str, float]:
+    return HELD | freepose_motion.HELD if freepose_motion.PLACES[0] in names else dict(HELD)
+
+
+def undetermined(fit: AccelFit) -> list[str]:
+    """Accelerometer parameters whose uncertainty, scatter included, says less than a data sheet."""
+    gone, _, _ = verdicts.lost(fit.normal)
+    sigma = np.where(gone, np.inf, np.sqrt(np.diag(pseudo_inverse(fit.normal))))
+    return [n for n, s in zip(NAMES, sigma, strict=True) if not s < verdicts.USELESS[n[:3]]]
+
+
+def refused(
+    rests: Rests | None,
+    fit: AccelFit | None,
+    factors: tuple[float, float] | None,
+    gravity: float,
+    imu: ImuSeries,
+    names: tuple[str, ...],
+    options: dict[str, Any],
+) -> CalibrationResult:
+    """Result without values, and what to collect next."""
+    n = 0 if rests is None else len(rests)
+    up = None
+    if rests is not None and n >= 4:
+        y = rests.accel * (1.0 if factors is None else factors[0])
+        f = y - sphere_start(y, gravity)[:3]  # nine parameters are what these poses do not give
+        up = f / np.linalg.norm(f, axis=1, keepdims=True)
+    todo = verdicts.missing_directions(up, max(3, 18 - n))
+    if n < 9:
+        what = (
+            f"{n} pose{'' if n == 1 else 's'} at rest found; nine accelerometer parameters need nine different poses, "
+            "18 or more are good"
+        )
+    elif fit is not None:
+        count = int(distinct(up).sum()) if up is not None else 0
+        what = (
+            f"{n} poses at rest found, {count} of them different, which do not determine "
+            f"{verdicts.listed(undetermined(fit))}"
+        )
+    else:
+        what = f"{n} poses at rest found, but their specific forces lie on no ellipsoid: too few different directions"
+    advice = f"hold still for {options['min_s'] + 2.0 * options['window_s']:.0f} s in each; put up next: {todo}"
+    p_count = len(names)
+    return CalibrationResult(
+        "freepose", names, np.zeros(p_count), np.diag(np.full(p_count, np.inf)), "upper", _held(names),
+        (1.0, 1.0) if factors is None else factors, "refused", (f"Refused: {what}.", f"Collect: {advice}."),
+        float("inf"), next_pose=advice, temperature=_temperature(imu),
+        extra={"poses": n, "intervals": _spans(imu, rests)} | _tried(rests), provenance=_provenance(options),
+    )  # fmt: skip
+
+
+def assemble(
+    imu: ImuSeries,
+    rests: Rests,
+    accel: AccelFit,
+    gyro: GyroFit | None,
+    motion: MotionFit | None,
+    turns: Turns,
+    nominal: tuple[float, float],
+    gravity: float,
+    sigma_f: FloatArray,
+    raw_bias: FloatArray,
+    rest_s: float,
+    names: tuple[str, ...],
+    options: dict[str, Any],
+) -> CalibrationResult:
+    """Result of both steps; without the second if there are too few turns (``gyro`` is None)."""
+    count, linear = len(names), sum(n in LINEAR for n in names)
+    values, covariance = np.zeros(count), np.zeros((count, count))
+    _, to_p = direction_noise(turns, accel, sigma_f)
+    values[:9] = accel.p
+    covariance[:9, :9] = (to_p * sigma_f.ravel() ** 2) @ to_p.T
+    gone = np.zeros(count, dtype=bool)
+    gone[:9], combinations, condition = verdicts.lost(accel.normal)
+    sentences: list[str] = []
+    status: Status = "ok"
+    chi2, freedom = float(((accel.residual / accel.sigma) ** 2).sum()), len(rests) - 9
+    fits = gyro is not None and float(np.median(np.linalg.norm(gyro.residual, axis=1))) < MISFIT
+    if gyro is not None and fits:
+        place = _gyro_places(gyro, linear)
+        values[9:12], values[12:21] = gyro.b, gyro.M.ravel()
+        values[21:linear] = gyro.G.ravel()[: linear - 21]
+        covariance[np.ix_(place, place)] = gyro.covariance
+        covariance[np.ix_(place, range(9))] = gyro.cross
+        covariance[np.ix_(range(9), place)] = gyro.cross.T
+        if 9 not in place:
+            covariance[9:12, 9:12] = gyro.bias_covariance
+            covariance[np.ix_(place, range(9, 12))] = gyro.bias_cross
+            covariance[np.ix_(range(9, 12), place)] = gyro.bias_cross.T
+        gone[place], _, condition_g = verdicts.lost(gyro.normal)
+        condition = max(condition, condition_g)
+        chi2, freedom = chi2 + gyro.chi2, freedom + gyro.freedom
+        if motion is not None:
+            values[linear:], covariance[linear:, linear:] = motion.values, motion.covariance
+            chi2, freedom = chi2 + motion.chi2, freedom + motion.freedom
+    else:
+        values[9:12] = nominal[1] * raw_bias
+        gone[12:] = True
+        condition = float("inf")
+        covariance[9:12, 9:12] = np.diag((nominal[1] * rests.density_g) ** 2 / rest_s)
+        status = "warning"
+        if gyro is None:
+            sentences.append(f"The gyroscopes are not calibrated: {len(turns.spans)} turns between rests are too few.")
+        else:
+            angle = float(np.median(np.linalg.norm(gyro.residual, axis=1)))
+            sentences.append(
+                f"The gyroscopes are not calibrated: the turns miss the measured verticals by {angle:.2f} rad "
+                "(median); check that both triads have the same axes and signs, and the same clock."
+            )
+    covariance[gone, :] = covariance[:, gone] = 0.0
+    covariance[gone, gone] = np.inf
+    sigma = np.sqrt(np.diag(covariance))
+
+    useless, diluted = verdicts.weak_accelerometers(names[:9], sigma[:9], accel, gravity)
+    known = np.where(np.isfinite(covariance[:9, :9]), covariance[:9, :9], 0.0)
+    for vector in combinations:  # a direction without information is the one to be filled
+        known = known + 1e6 * np.outer(vector, vector)
+    direction, _ = verdicts.next_pose(accel, known, gravity)
+    advice = f"put the unit with {words_of(direction)}"
+    if useless:
+        status = "warning"
+        sentences.append(f"{_with_sigma(useless, names, sigma)} not determined by these poses: next {advice}.")
+    if diluted:
+        status = "warning"
+        sentences.append(
+            f"{_with_sigma(diluted, names, sigma)} poorly determined, {verdicts.DILUTION:.0f} times worse or more than "
+            f"by as many poses all round: next {advice}."
+        )
+    if gyro is not None and fits:
+        noise = float(np.sqrt(np.mean(gyro.sigma**2) + gyro.spread**2))
+        even = noise * np.sqrt(4.5 / len(turns.spans)) / 1.5
+        useless, diluted = verdicts.weak_gyroscopes(names[9:linear], sigma[9:linear], even)
+        if useless or diluted:
+            status = "warning"
+            todo = verdicts.turn_advice(useless + diluted)
+            words = "not determined" if useless else "poorly determined"
+            sentences.append(f"{_with_sigma(useless + diluted, names, sigma)} {words} by these turns: {todo}.")
+            advice += f"; {todo}"
+    if len(rests) - 9 < 3:
+        status = "warning"
+        sentences.append(f"{len(rests)} poses leave hardly any redundancy: errors of single poses go unnoticed.")
+    sentences += _scatter(accel, gyro if fits else None)
+    if options["noise"] is not None and freedom > 0 and chi2 / freedom * chance(freedom) < 1.0:
+        sentences.append(f"Residuals are smaller than the noise stated: variance of unit weight {chi2 / freedom:.2g}.")
+    if fits and linear == 21 and _rates_follow_force(rests, turns):
+        sentences.append("Rates at rest depend on which way is up: try g_sensitivity=True.")
+    extra: dict[str, Any] = {
+        "poses": len(rests), "turns": len(turns.spans), "margin": rests.margin, "intervals": _spans(imu, rests),
+        "spread_accel": accel.spread, "seconds_of_bias": rest_s, **_tried(rests),
+    }  # fmt: skip
+    residuals = {"accel": _pose_residuals(imu, rests, accel, turns, nominal, gravity)}
+    if gyro is not None:
+        U, _, Vt = np.linalg.svd(np.eye(3) + gyro.M)
+        extra |= {"spread_gyro": gyro.spread, "misalignment_rotvec": rotvec_from_dcm((U @ Vt).T).tolist()}
+        residuals["gyro"] = _turn_residuals(imu, gyro, turns, nominal)
+    if motion is not None:
+        extra["spread_velocity"] = motion.spread
+        sigma_v = np.sqrt(3.0 * (motion.sigma**2 + motion.spread**2))
+        size = np.linalg.norm(motion.residual, axis=1)
+        residuals["velocity"] = Residuals(residuals["gyro"].label, size, sigma_v, "m/s", motion.before)
+    return CalibrationResult(
+        "freepose", names, values, covariance, "upper", _held(names), nominal, status, tuple(sentences), condition,
+        variance_of_unit_weight=chi2 / freedom if freedom > 0 else float("nan"), freedom=freedom, residuals=residuals,
+        next_pose=advice, temperature=_temperature(imu), extra=extra, provenance=_provenance(options),
+    )  # fmt: skip
+
+
+def _gyro_places(gyro: GyroFit, count: int) -> list[int]:
+    """Where the parameters of a fit (M, b, G) are among b_a, M_a, b_g, M_g, G_g."""
+    n = len(gyro.covariance)
+    return [*range(12, 21), *(range(9, 12) if n > 9 else ()), *range(21, count)]
+
+
+def _with_sigma(chosen: list[str], names: tuple[str, ...], sigma: FloatArray) -> str:
+    parts = [f"{n} (1 sigma {sigma[names.index(n)]:.2g})" if np.isfinite(sigma[names.index(n)]) else n for n in chosen]
+    return f"{verdicts.listed(parts)} {'is' if len(parts) == 1 else 'are'}"
+
+
+def _rates_follow_force(rests: Rests, turns: Turns) -> bool:
+    """Whether specific force explains the mean rates of the poses, beyond chance and better than drift does."""
+    n = len(turns.f)
+    if n < 12:
+        return False
+    A = np.column_stack((np.ones(n), turns.f))
+    rates = rests.gyro - rests.gyro.mean(axis=0)
+    left = rates - A @ np.linalg.lstsq(A, rates, rcond=None)[0]
+    whole, rest = (rates**2).sum(), (left**2).sum()
+    # F test of nine slopes, all axes together, one in a thousand for many degrees of freedom is 3.1
+    return bool((whole - rest) / 9.0 > 6.0 * rest / (3.0 * n - 12.0))
+
+
+def _scatter(accel: AccelFit, gyro: GyroFit | None) -> list[str]:
+    """What residuals say about noise and outliers."""
+    out = []
+    if accel.spread > 0.0:
+        out.append(
+            f"Poses scatter by {1e3 * accel.spread:.2g} mm/s^2 beyond noise; that much was added to each, so the "
+            "stated uncertainty is what was seen."
+        )
+    if gyro is not None and gyro.spread > 0.0:
+        out.append(f"Turns miss the next vertical by {1e3 * gyro.spread:.2g} mrad beyond noise; added likewise.")
+    bad = np.flatnonzero(accel.weight < 0.5)
+    if len(bad):
+        out.append(f"Pose {', '.join(str(k + 1) for k in bad)} does not fit the others and counts for little.")
+    bad = np.flatnonzero(gyro.weight < 0.5) if gyro is not None else bad[:0]
+    if len(bad):
+        out.append(f"Turn {', '.join(str(k + 1) for k in bad)} does not fit the others and counts for little.")
+    return out
+
+
+def _spans(imu: ImuSeries, rests: Rests | None) -> list[list[float]]:
+    if rests is None:
+        return []
+    return [[float(imu.t[a]), float(imu.t[b - 1])] for a, b in rests.index]
+
+
+def _tried(rests: Rests | None) -> dict[str, Any]:
+    """What the published search tried, if it was it that found them."""
+    return {"tried": [list(one) for one in rests.tried]} if rests is not None and rests.tried else {}
+
+
+def _pose_residuals(
+    imu: ImuSeries, rests: Rests, accel: AccelFit, turns: Turns, nominal: tuple[float, float], gravity: float
+) -> Residuals:
+    label = tuple(f"pose {k + 1} ({a:.1f}..{b:.1f} s)" for k, (a, b) in enumerate(_spans(imu, rests)))
+    before = np.linalg.norm(rests.accel, axis=1) - gravity if nominal[0] == 1.0 else None
+    sigma = np.sqrt(accel.sigma**2 + accel.spread**2)
+    return Residuals(label, accel.residual, sigma, "m/s^2", before, turns.up)
+
+
+def _turn_residuals(imu: ImuSeries, gyro: GyroFit, turns: Turns, nominal: tuple[float, float]) -> Residuals:
+    label = tuple(
+        f"turn {i + 1} to {j + 1} ({imu.t[a]:.1f}..{imu.t[b]:.1f} s)"
+        for (i, j), (a, b) in zip(turns.pair, turns.spans, strict=True)
+    )
+    before = None
+    if nominal[1] == 1.0:
+        before = np.linalg.norm(predicted(turns, 1.0, np.zeros((3, 3)), np.zeros(3), None)[0], axis=1)
+    sigma = np.sqrt(2.0 * (gyro.sigma**2 + gyro.spread**2))
+    return Residuals(label, np.linalg.norm(gyro.residual, axis=1), sigma, "rad", before, turns.up[turns.pair[:, 1]])

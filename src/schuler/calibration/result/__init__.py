@@ -1,0 +1,1 @@
+"""What a calibration is: parameters with covariance, files, comparisons."""

@@ -1,0 +1,1 @@
+"""Calibration over temperature: soaks and ramps."""

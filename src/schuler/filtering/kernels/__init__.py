@@ -1,0 +1,1 @@
+"""Compiled text of the filter: propagation, updates, smoothing."""

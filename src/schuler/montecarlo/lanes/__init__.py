@@ -1,0 +1,1 @@
+"""Several runs in lock-step on vectors of the processor."""

@@ -1,0 +1,247 @@
+"""Monte Carlo runs in lock-step: many noisy runs of one true motion through the filter, in one compiled loop.
+
+Each run has an IMU, an initial error and GNSS noise of its own, and goes through the error-state filter of
+:mod:`schuler.filtering.engine`: the same mechanization, transition, process noise and updates. Eight runs share the
+instructions (``_lane_kernels``), and noise is made where it is used. Run k depends on the seed and on k alone, to the
+last bit: not on the batch, the place in it, the thread, or the other runs.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from schuler import earth, frames
+from schuler.arrays import FloatArray, IntArray
+from schuler.exceptions import InputError
+from schuler.filtering.error_model import ecef_from_ned_states
+from schuler.montecarlo.lanes.aiding import LaneAiding
+from schuler.montecarlo.lanes.records import LaneRecords, LaneStatistics
+from schuler.montecarlo.lanes.replay import Replay, replay
+from schuler.montecarlo.lanes.scenario import LARGEST_TURN, LaneScenario, aligned, draw_run
+
+__all__ = ["LaneScenario", "Replay", "lane_statistics", "replay", "run_lanes"]
+
+Progress = Callable[[float], None]
+
+
+def run_lanes(
+    scenario: LaneScenario,
+    runs: int | Sequence[int],
+    *,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> LaneRecords:
+    """Run a campaign and keep the records of every run.
+
+    Parameters
+    ----------
+    scenario : LaneScenario
+    runs : int or sequence of int
+        How many, or their numbers. Multiples of eight waste no lane.
+    seed : int
+        Run k draws from ``SeedSequence(seed, spawn_key=(k, ...))``.
+    threads : int, optional
+        Default one for each processor.
+    progress : callable, optional
+        Called with the fraction done.
+
+    Returns
+    -------
+    LaneRecords
+        In the order of ``runs``; 16 n bytes a record and run.
+
+    Raises
+    ------
+    InputError
+        If there is no run or a number is negative.
+    """
+    return LaneRecords.joined(list(_batches(scenario, runs, seed, threads, progress)))
+
+
+def lane_statistics(
+    scenario: LaneScenario,
+    runs: int | Sequence[int],
+    *,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> LaneStatistics:
+    """Run a campaign and keep sums alone: memory does not grow with the runs. Parameters as for :func:`run_lanes`.
+
+    Sums are made of eight runs at a time in their order, whatever the threads do.
+    """
+    total: LaneStatistics | None = None
+    for records in _batches(scenario, runs, seed, threads, progress):
+        part = records.statistics()
+        total = part if total is None else total + part
+    assert total is not None
+    return total
+
+
+def _batches(
+    scenario: LaneScenario, runs: int | Sequence[int], seed: int, threads: int | None, progress: Progress | None
+) -> Iterator[LaneRecords]:
+    """Records of eight runs at a time, in order, computed ahead by a few threads."""
+    from schuler.montecarlo.lanes._vector_kernels import LANES
+
+    numbers = np.arange(runs) if isinstance(runs, int | np.integer) else np.asarray(runs, dtype=np.int64)
+    if numbers.ndim != 1 or len(numbers) == 0 or numbers.min() < 0:
+        raise InputError(f"runs: expected a positive count, or run numbers from 0, got {runs!r}")
+    prepared = _Prepared(scenario)
+    batches = deque(numbers[k : k + LANES] for k in range(0, len(numbers), LANES))
+    count, done = len(batches), 0
+    workers = threads or os.cpu_count() or 1
+    waiting: deque[Future[LaneRecords]] = deque()
+    pool = ThreadPoolExecutor(max_workers=workers)
+    try:
+        while batches or waiting:
+            while batches and len(waiting) < workers + 2:
+                waiting.append(pool.submit(prepared.run, batches.popleft(), seed))
+            yield waiting.popleft().result()
+            done += 1
+            if progress is not None:
+                progress(done / count)
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+class _Prepared:
+    """Arrays that all batches of a campaign share, and the kernel, compiled."""
+
+    def __init__(self, scenario: LaneScenario) -> None:
+        from schuler.montecarlo.lanes import _kernels as k
+
+        self.scenario = scenario
+        ideal, layout, options = scenario.ideal, scenario.layout, scenario.options
+        n = layout.size
+        h = 1.0 / ideal.rate_hz
+        t = ideal.t[1:]
+        aiding = scenario.aiding
+        used = (aiding.schedule.t >= ideal.t[0] - 1e-9) & (aiding.schedule.t <= t[-1] + 1e-9)
+        aiding = LaneAiding(aiding.schedule.where(used), aiding.sigma[used])
+        s, M = aiding.schedule, len(aiding)
+        rate = options.covariance_rate_hz
+        every = 1 if rate is None else max(1, round(1.0 / (rate * h)))
+        plan, at = _plan(scenario, every, s.t)
+        self.t = t[at]
+        truth = ideal.truth
+        assert truth.q_eb is not None
+        assert truth.v_eb_e is not None
+        self.table = scenario.errors.table(layout)
+        blocks = np.array([scenario.states(name) for name in scenario.nees], dtype=np.int64).reshape(-1, 2)
+        driven = 3 * int(np.sum(self.table[:, 2] > 0.0))
+        self.rows = k.work_rows(n, every, driven)
+        icfg = np.zeros(k.N_ICFG, dtype=np.int64)
+        icfg[k.ICFG_EVERY] = every
+        icfg[k.ICFG_MATRIX] = int(any(name[0] in "SMG" for name in layout.models))
+        icfg[k.ICFG_CROSS] = int("G_g" in layout)
+        icfg[k.ICFG_LOCKOUT] = options.lockout
+        omega = earth.WGS84.omega_ie if options.earth_rotation else 0.0
+        psd = np.concatenate((np.asarray(scenario.gyro_psd), np.asarray(scenario.accel_psd)))
+        shared: tuple[Any, ...] = (
+            ideal.gyro, ideal.accel, t, h, plan, s.t, s.kind, s.z, aiding.sigma, aiding.axes().reshape(M, 9),
+            s.R.reshape(M, 9), s.lever, s.gate,
+        )  # fmt: skip
+        self.log = tuple(np.ascontiguousarray(x) if isinstance(x, np.ndarray) else x for x in shared)
+        self.white = scenario.errors.white * np.sqrt(h)
+        self.model = (layout.table(), layout.dynamics(), psd, omega)
+        self.icfg = icfg
+        r = truth.r_eb_e[at + 1]
+        self.truth = (
+            np.concatenate((truth.q_eb[at + 1], truth.v_eb_e[at + 1], r), axis=1),
+            np.ascontiguousarray(frames.C_en(frames.llh_from_ecef(r)).reshape(-1, 9)),
+            blocks,
+        )
+        k.prepare_lanes()
+
+    def run(self, numbers: IntArray, seed: int) -> LaneRecords:
+        """One batch: as many runs as there are lanes, or fewer, the rest filled up with copies of the last."""
+        from schuler.montecarlo.lanes import _kernels as k
+        from schuler.montecarlo.lanes._vector_kernels import LANES
+
+        scenario = self.scenario
+        n = scenario.layout.size
+        draws = [draw_run(scenario, run, seed) for run in numbers]
+        filled = draws + [draws[-1]] * (LANES - len(draws))
+        T = ecef_from_ned_states(np.array([d.initial.nav.llh for d in filled]), n)
+        P = T @ scenario.initial.P @ np.swapaxes(T, 1, 2)
+        nav = [np.concatenate((d.initial.nav.q_eb, d.initial.nav.v_eb_e, d.initial.nav.r_eb_e)) for d in filled]
+        wander = np.concatenate(
+            (_lanes([d.starts.ravel() for d in filled]), _lanes([d.slopes.ravel() for d in filled]))
+        )
+        constants = _lanes([d.constants for d in filled])
+        icfg = self.icfg.copy()
+        icfg[k.ICFG_RESPONSE] = int(np.any(constants[6:]))
+        records = len(self.t)
+        error, sigma = aligned(records, n, LANES), aligned(records, n, LANES)
+        nees, counts = aligned(records, len(scenario.nees), LANES), aligned(k.N_COUNTS, LANES)
+        wanted = k.run_lanes(
+            *self.log, constants, self.white, self.table, wander, _lanes([d.parameters for d in filled]),
+            np.ascontiguousarray(np.stack([d.streams for d in filled], axis=1)), _lanes(nav),
+            _lanes([d.initial.parameters for d in filled]), _lanes(list(0.5 * (P + np.swapaxes(P, 1, 2)))),
+            *self.model, icfg, *self.truth, aligned(self.rows, LANES), error, sigma, nees, counts,
+        )  # fmt: skip
+        assert wanted == 0, f"{self.rows} rows of workspace, {wanted} wanted"
+        kept = len(numbers)
+        error, sigma, nees = (np.ascontiguousarray(np.moveaxis(x, 2, 0)[:kept]) for x in (error, sigma, nees))
+        sums = counts[:6].reshape(2, 3, LANES)[:, :, :kept]
+        taken = sums[:, 1] + sums[:, 2]
+        with np.errstate(invalid="ignore"):
+            nis = np.where(taken > 0.0, sums[:, 0] / (3.0 * np.maximum(taken, 1.0)), np.nan).T
+        finite = np.isfinite(error).all(axis=(1, 2)) & np.isfinite(sigma).all(axis=(1, 2))
+        degrees = {name: stop - start for name, (start, stop) in zip(scenario.nees, self.truth[2], strict=True)}
+        return LaneRecords(
+            t=self.t,
+            runs=np.asarray(numbers, dtype=np.int64),
+            error=error,
+            sigma=sigma,
+            nees={name: nees[:, :, i] / degrees[name] for i, name in enumerate(scenario.nees)},
+            nis=nis,
+            accepted=np.rint(sums[:, 1]).astype(np.int64).T,
+            rejected=np.rint(sums[:, 2]).astype(np.int64).T,
+            diverged=~(finite & (counts[6, :kept] < LARGEST_TURN**2)),
+            layout=scenario.layout,
+        )
+
+
+def _plan(scenario: LaneScenario, every: int, fixes: FloatArray) -> tuple[IntArray, IntArray]:
+    """What happens at the end of each interval (0, 1 propagate, 2 record as well), and the intervals with a record.
+
+    The flush angle counts the true motion, so that all runs propagate at the same times.
+    """
+    t, options = scenario.ideal.t[1:], scenario.options
+    plan = np.zeros(len(t), dtype=np.int64)
+    angle = np.linalg.norm(scenario.ideal.gyro, axis=1)
+    window = np.convolve(angle, np.ones(every + 1), "valid") if len(angle) > every else angle.sum()[None]
+    if window.max() > options.flush_angle:
+        turned, since, j = 0.0, 0, 0
+        for k in range(len(t)):
+            part = 1.0  # of this interval, since the last fix in it
+            while j < len(fixes) and fixes[j] <= t[k] + 1e-9:
+                turned, since, part = 0.0, 0, max(0.0, (t[k] - fixes[j]) * scenario.ideal.rate_hz)
+                j += 1
+            if part > 1e-6:
+                turned, since = turned + part * angle[k], since + 1
+            if turned > options.flush_angle:
+                plan[k] = 1
+            if plan[k] or since >= every:
+                turned, since = 0.0, 0
+    due = np.arange(scenario.ideal.t[0] + options.record_s, t[-1], options.record_s)
+    records = np.unique(np.append(np.searchsorted(t, due - 1e-9), len(t) - 1))
+    plan[records] = 2
+    return plan, records
+
+
+def _lanes(rows: list[Any]) -> FloatArray:
+    """One array by run as one array whose last axis are the runs."""
+    stacked = np.stack([np.asarray(row, dtype=np.float64) for row in rows], axis=-1)
+    out = aligned(*stacked.shape)
+    out[...] = stacked
+    return out

@@ -1,0 +1,1 @@
+"""Navigation of recordings: start, aids, filter, smoother, evaluation, report."""

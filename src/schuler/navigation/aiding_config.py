@@ -1,0 +1,168 @@
+"""Sections of a navigation configuration for everything that aids besides GNSS solutions."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from schuler.navigation.config_types import NonNegative, Positive, Section, Triple
+
+Gate = Annotated[float, Field(gt=0.0, lt=1.0)] | Literal["off"]
+
+
+class RestSection(Section):
+    """Detection of rest for zero-velocity and zero-rotation updates, gravity and Earth rate."""
+
+    min_s: Positive = Field(1.0, description="shortest rest")
+    window_s: Positive = Field(0.5, description="window of the detector")
+    margin: Positive = Field(3.0, description="factor on the noise at rest that still counts as rest")
+    max_speed_m_s: Positive = Field(0.5, description="GNSS speed above which nothing is at rest, plus its uncertainty")
+
+
+class ZeroVelocitySection(Section):
+    """Zero-velocity updates at rest."""
+
+    sigma_m_s: Positive = Field(0.02, description="1-sigma of what may still move")
+    rate_hz: Positive = Field(2.0, description="how often at rest")
+    gate: Gate = Field(0.9999, description="probability with which a good update passes, or off")
+
+
+class ZeroRateSection(Section):
+    """Zero-rotation updates at rest."""
+
+    sigma_deg_s: NonNegative = Field(0.02, description="1-sigma of what may still turn, added to the gyro noise")
+    block_s: Positive = Field(1.0, description="length of the means")
+    gate: Gate = Field(0.9999, description="probability with which a good update passes, or off")
+
+
+class GravitySection(Section):
+    """Mean specific force at rest against gravity; not together with zero-velocity updates, which do the same."""
+
+    form: Literal["magnitude", "vector"] = Field("magnitude", description="vector: its direction too, by the attitude")
+    sigma_m_s2: NonNegative = Field(0.005, description="1-sigma of what may still accelerate, added to the noise")
+    block_s: Positive = Field(1.0, description="length of the means")
+    gate: Gate = Field(0.9999, description="probability with which a good update passes, or off")
+
+
+class EarthRateSection(Section):
+    """Mean rate at rest along the vertical; not together with zero-rotation updates, which have it in them."""
+
+    sigma_deg_s: NonNegative = Field(0.005, description="1-sigma of what may still turn, added to the gyro noise")
+    block_s: Positive = Field(1.0, description="length of the means")
+    gate: Gate = Field(0.9999, description="probability with which a good update passes, or off")
+
+
+class NonHolonomicSection(Section):
+    """A wheeled vehicle does not slip sideways and stays on the ground."""
+
+    lateral_sigma_m_s: Positive = Field(0.1, description="1-sigma of the velocity across")
+    vertical_sigma_m_s: Positive = Field(0.1, description="1-sigma of the velocity up")
+    rate_hz: Positive = Field(5.0, description="how often")
+    lever_m: Triple = Field((0.0, 0.0, 0.0), description="from the IMU to the middle of the rear axle")
+    lever_sigma_m: NonNegative = Field(0.0, description="1-sigma of the lever arm; 0 does not estimate it")
+    mount_sigma_deg: NonNegative = Field(2.0, description="1-sigma of the mount angles; 0 does not estimate them")
+    min_speed_m_s: NonNegative = Field(0.5, description="slower than this does not count")
+    max_turn_rate_deg_s: Positive = Field(20.0, description="lateral: sharper turns do not count")
+    max_lateral_m_s2: Positive = Field(4.0, description="lateral: harder turns do not count")
+    max_forward_m_s2: Positive = Field(3.0, description="vertical: harder braking does not count")
+    gate: Gate = Field(0.9999, description="probability with which a good update passes, or off")
+
+
+class OdometerSection(Section):
+    """Wheel speed, from the odometer series of the recording."""
+
+    lever_m: Triple = Field((0.0, 0.0, 0.0), description="from the IMU to the wheel or its axle")
+    sigma_m_s: Positive | None = Field(None, description="1-sigma; that of the series if left out")
+    scale_sigma: NonNegative = Field(0.02, description="1-sigma of the scale factor; 0 does not estimate it")
+    rate_hz: Positive = Field(10.0, description="largest rate used")
+    mount_sigma_deg: NonNegative = Field(0.0, description="1-sigma of mount angles; 0 does not estimate them")
+    gate: Gate = Field(0.9999, description="probability with which a good update passes, or off")
+
+
+class HeadingSection(Section):
+    """Heading of a magnetometer or two antennas, from the heading series of the recording."""
+
+    declination_deg: float = Field(0.0, description="added to a magnetic heading, positive east")
+    from_gnss: bool = Field(False, description="two antennas: stops in outages")
+    sigma_deg: Positive | None = Field(None, description="1-sigma; that of the series if left out")
+    bias_sigma_deg: NonNegative = Field(0.0, description="1-sigma of a constant bias; 0 does not estimate it")
+    gate: Gate = Field(0.9999, description="probability with which a good update passes, or off")
+
+
+class BarometerSection(Section):
+    """Pressure height, from the height series of the recording."""
+
+    sigma_m: Positive | None = Field(None, description="1-sigma; that of the series if left out")
+    bias_sigma_m: NonNegative = Field(50.0, description="1-sigma of the bias at first; 0 does not estimate it")
+    bias_noise_m: NonNegative = Field(0.05, description="wander of the bias, m per square root of a second")
+    lever_m: Triple = Field((0.0, 0.0, 0.0), description="from the IMU to the barometer")
+    gate: Gate = Field(0.9999, description="probability with which a good update passes, or off")
+
+
+class FixesSection(Section):
+    """Places that are known: seconds from the start of the recording, degrees, metres."""
+
+    t_s: tuple[float, ...]
+    llh_deg: tuple[Triple, ...] = Field(description="latitude, longitude [deg], ellipsoidal height [m]")
+    sigma_m: Triple = (0.5, 0.5, 0.5)
+    lever_m: Triple = Field((0.0, 0.0, 0.0), description="from the IMU to the point that was there")
+
+
+class AidingSection(Section):
+    """What aids besides GNSS; a part that is not there is not used."""
+
+    rest: RestSection = RestSection()
+    zero_velocity: ZeroVelocitySection | None = None
+    zero_rate: ZeroRateSection | None = None
+    gravity: GravitySection | None = None
+    earth_rate: EarthRateSection | None = None
+    non_holonomic: NonHolonomicSection | None = None
+    odometer: OdometerSection | None = None
+    heading: HeadingSection | None = None
+    barometer: BarometerSection | None = None
+    fixes: FixesSection | None = None
+
+    @model_validator(mode="after")
+    def _readings_once(self) -> AidingSection:
+        if self.gravity is not None and self.zero_velocity is not None:
+            raise ValueError(
+                "gravity and zero_velocity compare the same accelerometer readings with gravity; give one of them. "
+                "Zero velocity has it all in it, gravity is for those who do without"
+            )
+        if self.earth_rate is not None and self.zero_rate is not None:
+            raise ValueError(
+                "earth_rate and zero_rate use the same gyro readings; give one of them. zero_rate has three axes and "
+                "needs an attitude, earth_rate the vertical one only"
+            )
+        return self
+
+
+class TightSection(Section):
+    """Raw satellite measurements: which are used, how they are corrected, the receiver's clock."""
+
+    systems: str = Field("GEC", description="letters of the systems used: GPS, Galileo, BeiDou, Q(J)ZSS, GLONASS (R)")
+    ionosphere: Literal["klobuchar", "none", "free"] = Field("klobuchar", description="free: two frequencies")
+    troposphere: Literal["saastamoinen", "none"] = "saastamoinen"
+    elevation_mask_deg: float = Field(10.0, description="satellites lower than this are left out")
+    cn0_mask_dbhz: float = Field(25.0, description="weaker signals are left out")
+    rates: bool = Field(True, description="also use range rates")
+    integrity: bool = Field(True, description="snapshot fault detection and exclusion before the filter")
+    min_satellites: Annotated[int, Field(ge=1)] = Field(1, description="epochs with fewer are left out")
+    max_satellites: Annotated[int, Field(ge=1)] | None = Field(None, description="cut to the highest ones, for tests")
+    clock_noise_m: Positive = Field(0.3, description="white frequency noise, m per square root of a second")
+    clock_drift_noise_m_s: Positive = Field(
+        0.1, description="random walk of frequency, m/s per square root of a second"
+    )
+    clock_sigma_m: Positive = Field(100.0, description="1-sigma of the clock offset about the first solution")
+    clock_drift_sigma_m_s: Positive = Field(10.0, description="1-sigma of the clock drift about the first solution")
+    system_noise_m: NonNegative = Field(0.01, description="wander between systems, m per square root of a second")
+
+
+class CorrelatedSection(Section):
+    """Slow errors of GNSS solutions as Gauss-Markov states, beside the white error the receiver states."""
+
+    position_sigma_m: NonNegative = Field(0.0, description="1-sigma of the slow position error; 0: none")
+    position_tau_s: Positive = Field(100.0, description="its correlation time")
+    velocity_sigma_m_s: NonNegative = Field(0.0, description="1-sigma of the slow velocity error; 0: none")
+    velocity_tau_s: Positive = Field(20.0, description="its correlation time")

@@ -1,0 +1,1 @@
+"""Measurements of the filter other than GNSS solutions, from recordings and configurations."""

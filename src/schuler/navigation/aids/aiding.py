@@ -1,0 +1,281 @@
+"""From a configuration to measurements and the states they need: everything that aids a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schuler import units
+from schuler.exceptions import InputError
+from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements, in_windows, merged
+from schuler.filtering.states import StateModel
+from schuler.gnss.ranges import Ranges
+from schuler.navigation.aiding_config import AidingSection, RestSection
+from schuler.navigation.aids.rest import earth_rates, gravities, zero_rates, zero_velocities
+from schuler.navigation.aids.satellite import clock_models, range_measurements, resets
+from schuler.navigation.aids.scalar import heading_measurements, height_measurements, known_positions
+from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic, odometer_measurements
+from schuler.navigation.config import GnssSection, NavigationConfig
+from schuler.recording.scalar_series import ScalarSeries
+from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries
+from schuler.sensors.spec import ImuSpec
+from schuler.standstill.stationarity import StaticIntervals, static_intervals
+
+
+@dataclass(frozen=True)
+class Sources:
+    """The series a run can draw on: IMU in vehicle axes, fixes and ranges as prepared, and the recording's others."""
+
+    imu: ImuSeries
+    gnss: GnssSeries | None = None
+    ranges: Ranges | None = None
+    odometer: OdometerSeries | None = None
+    heading: ScalarSeries | None = None
+    height: ScalarSeries | None = None
+
+
+def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, StateModel]:
+    """State blocks that the configured aids need, by name.
+
+    Parameters
+    ----------
+    config : NavigationConfig
+    ranges : Ranges, optional
+        Of a tightly coupled run: its receiver clocks become states.
+    """
+    aiding, gnss = config.aiding, config.gnss
+    models: dict[str, StateModel] = {}
+
+    def constant(name: str, sigma: float) -> None:
+        if sigma > 0.0:
+            models[name] = StateModel.constant(max(sigma, models[name].sigma if name in models else 0.0))
+
+    constant("lever", gnss.lever_sigma_m)
+    constant("delay", gnss.delay_sigma_s)
+    slow = gnss.correlated
+    if gnss.coupling == "loose" and slow.position_sigma_m > 0.0:
+        models["b_r"] = StateModel.gauss_markov(slow.position_sigma_m, slow.position_tau_s)
+    if gnss.coupling == "loose" and slow.velocity_sigma_m_s > 0.0:
+        models["b_v"] = StateModel.gauss_markov(slow.velocity_sigma_m_s, slow.velocity_tau_s)
+    if aiding.non_holonomic is not None:
+        constant("mount", aiding.non_holonomic.mount_sigma_deg * units.DEG)
+        constant("lever_v", aiding.non_holonomic.lever_sigma_m)
+    if aiding.odometer is not None:
+        constant("odometer", aiding.odometer.scale_sigma)
+        constant("mount", aiding.odometer.mount_sigma_deg * units.DEG)
+    if aiding.heading is not None:
+        constant("b_heading", aiding.heading.bias_sigma_deg * units.DEG)
+    if aiding.barometer is not None and aiding.barometer.bias_sigma_m > 0.0:
+        models["baro"] = StateModel.random_walk(aiding.barometer.bias_sigma_m, aiding.barometer.bias_noise_m)
+    if ranges is not None:
+        tight = gnss.tight
+        models |= clock_models(
+            ranges,
+            offset_sigma=tight.clock_sigma_m,
+            drift_sigma=tight.clock_drift_sigma_m_s,
+            offset_noise=tight.clock_noise_m,
+            drift_noise=tight.clock_drift_noise_m_s,
+            between_sigma=tight.clock_sigma_m,
+            between_noise=tight.system_noise_m,
+        )
+    return models
+
+
+def aiding_schedule(
+    sources: Sources,
+    config: NavigationConfig,
+    spec: ImuSpec,
+    start: float,
+    origin: float,
+    windows: tuple[tuple[float, float], ...] = (),
+) -> tuple[MeasurementSchedule, list[str]]:
+    """All measurements of a run after its start, in order of time, and a sentence on each aid.
+
+    Parameters
+    ----------
+    sources : Sources
+    config : NavigationConfig
+    spec : ImuSpec
+        Its noise weighs what is compared with Earth rate and gravity at rest.
+    start : float
+        Time of the initial state. [s]
+    origin : float
+        Start of the recording, from which known places count their time. [s]
+    windows : tuple of (start, stop)
+        Outages, in which GNSS speed does not help to find rest. [s]
+
+    Raises
+    ------
+    InputError
+        If an aid is configured whose series the recording does not have.
+    """
+    aiding, notes = config.aiding, []
+    parts = [_satellite_parts(sources, config.gnss)]
+    if aiding.non_holonomic is not None:
+        parts.append(_vehicle_part(sources.imu, aiding, start))
+    if aiding.odometer is not None:
+        series = _need(sources.odometer, "odometer")
+        section = aiding.odometer
+        if section.sigma_m_s is not None:
+            series = replace(series, sigma=np.full(len(series), section.sigma_m_s))
+        parts.append(
+            odometer_measurements(
+                series, lever_b=section.lever_m, gate=_gate(section.gate), max_rate_hz=section.rate_hz
+            )
+        )
+    if aiding.heading is not None:
+        heading = _scalar(sources.heading, "heading", _times(aiding.heading.sigma_deg, units.DEG))
+        parts.append(
+            heading_measurements(
+                heading,
+                declination=aiding.heading.declination_deg * units.DEG,
+                from_gnss=aiding.heading.from_gnss,
+                gate=_gate(aiding.heading.gate),
+            )
+        )
+    if aiding.barometer is not None:
+        height = _scalar(sources.height, "height", aiding.barometer.sigma_m)
+        parts.append(height_measurements(height, lever_b=aiding.barometer.lever_m, gate=_gate(aiding.barometer.gate)))
+    if aiding.fixes is not None:
+        llh = np.array(aiding.fixes.llh_deg) * (units.DEG, units.DEG, 1.0)
+        t = origin + np.array(aiding.fixes.t_s)
+        parts.append(known_positions(t, llh, aiding.fixes.sigma_m, lever_b=aiding.fixes.lever_m))
+    if any(x is not None for x in (aiding.zero_velocity, aiding.zero_rate, aiding.gravity, aiding.earth_rate)):
+        found = rests(sources.imu, sources.gnss, aiding.rest, windows)
+        notes.append(
+            f"at rest: {len(found)} intervals, {found.duration.sum():.1f} s in all"
+            + (" (what is measured at rest has nothing to work with)" if not len(found) else "")
+        )
+        parts += _rest_parts(sources.imu, found, aiding, spec)
+    schedule = merged(*parts)
+    return schedule.where(schedule.t > start + 1e-6), notes
+
+
+def rests(
+    imu: ImuSeries, gnss: GnssSeries | None, section: RestSection, windows: tuple[tuple[float, float], ...] = ()
+) -> StaticIntervals:
+    """Stretches at rest by the IMU, less those during which GNSS sees motion.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+    gnss : GnssSeries, optional
+        Its speed vetoes: a smooth ride is as quiet as rest, and slow turning of the mean rate may go unseen.
+    section : RestSection
+    windows : tuple of (start, stop)
+        Outages, whose fixes are not asked. [s]
+    """
+    found = static_intervals(imu, min_s=section.min_s, window_s=section.window_s, margin=section.margin)
+    if gnss is None or gnss.v_n is None or gnss.cov_v_n is None or not len(found):
+        return found
+    sigma = np.sqrt(np.einsum("nii->n", gnss.cov_v_n) / 3.0)
+    moving = (np.linalg.norm(gnss.v_n, axis=1) > section.max_speed_m_s + 3.0 * sigma) & ~in_windows(gnss.t, windows)
+    times = gnss.t[moving]
+    keep = np.searchsorted(times, found.start) == np.searchsorted(times, found.stop, side="right")
+    mask = found.mask.copy()
+    for a, b in found.index[~keep]:
+        mask[a:b] = False
+    return replace(found, start=found.start[keep], stop=found.stop[keep], index=found.index[keep], mask=mask)
+
+
+def _rest_parts(
+    imu: ImuSeries, found: StaticIntervals, aiding: AidingSection, spec: ImuSpec
+) -> list[MeasurementSchedule]:
+    """What rest says, as far as it is configured."""
+    parts = []
+    if aiding.zero_velocity is not None:
+        z = aiding.zero_velocity
+        parts.append(zero_velocities(found, sigma=z.sigma_m_s, rate_hz=z.rate_hz, gate=_gate(z.gate)))
+    gyro_noise, accel_noise = spec.gyro.random_walk, spec.accel.random_walk
+    for section, function in ((aiding.zero_rate, zero_rates), (aiding.earth_rate, earth_rates)):
+        if section is not None:
+            sigma = section.sigma_deg_s * units.DEG
+            gate = _gate(section.gate)
+            parts.append(function(imu, found, sigma_noise=gyro_noise, sigma=sigma, block_s=section.block_s, gate=gate))
+    if aiding.gravity is not None:
+        g = aiding.gravity
+        parts.append(
+            gravities(
+                imu,
+                found,
+                sigma_noise=accel_noise,
+                sigma=g.sigma_m_s2,
+                vector=g.form == "vector",
+                block_s=g.block_s,
+                gate=_gate(g.gate),
+            )
+        )
+    return parts
+
+
+def _satellite_parts(sources: Sources, section: GnssSection) -> MeasurementSchedule:
+    gate = _gate(section.gate)
+    if section.coupling == "tight":
+        if sources.ranges is None:
+            raise InputError("gnss.coupling is tight, but there are no ranges")
+        return range_measurements(
+            sources.ranges, section.lever_arm_m, use_rates=section.tight.rates, sigma_scale=section.sigma_scale,
+            gate=gate,
+        )  # fmt: skip
+    if sources.gnss is None or section.coupling == "off":
+        return MeasurementSchedule.empty()
+    if section.coupling == "reset":
+        return resets(sources.gnss, section.lever_arm_m, every_s=section.reset_every_s)
+    return gnss_measurements(
+        thinned(sources.gnss, section.every_s), section.lever_arm_m, use_velocity=section.velocity, gate=gate
+    )
+
+
+def thinned(gnss: GnssSeries, every_s: float) -> GnssSeries:
+    """The fixes that are at least ``every_s`` apart; all of them for 0."""
+    if every_s <= 0.0:
+        return gnss
+    kept: list[int] = []
+    for k, t in enumerate(gnss.t):
+        if not kept or t - gnss.t[kept[-1]] >= every_s - 1e-6:
+            kept.append(k)
+    return gnss.where(np.array(kept, dtype=np.int64))
+
+
+def _vehicle_part(imu: ImuSeries, aiding: AidingSection, start: float) -> MeasurementSchedule:
+    section = aiding.non_holonomic
+    assert section is not None
+    return non_holonomic(
+        imu,
+        rate_hz=section.rate_hz,
+        sigma_lateral=section.lateral_sigma_m_s,
+        sigma_vertical=section.vertical_sigma_m_s,
+        lever_b=section.lever_m,
+        conditions=VehicleConditions(
+            section.max_turn_rate_deg_s * units.DEG,
+            section.max_lateral_m_s2,
+            section.max_forward_m_s2,
+            section.min_speed_m_s,
+        ),
+        gate=_gate(section.gate),
+        start=start,
+    )
+
+
+def _gate(value: float | str) -> float | None:
+    return None if isinstance(value, str) else value
+
+
+def _times(value: float | None, factor: float) -> float | None:
+    return None if value is None else value * factor
+
+
+def _need(series: OdometerSeries | None, name: str) -> OdometerSeries:
+    if series is None:
+        raise InputError(
+            f"aiding.{name} is configured, but the recording has no {name} series: "
+            "read one with the log, or leave the aid out"
+        )
+    return series
+
+
+def _scalar(series: ScalarSeries | None, name: str, sigma: float | None) -> ScalarSeries:
+    if series is None:
+        raise InputError(f"aiding needs a {name} series, and the recording has none; see docs/reading-data.md")
+    return series if sigma is None else replace(series, sigma=np.full(len(series), sigma))

@@ -1,0 +1,178 @@
+"""What a vehicle's wheels say: it does not slip sideways or leave the ground, and how fast it goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from math import ceil
+
+import numpy as np
+
+from schuler.arrays import ArrayLike, BoolArray, FloatArray, as_vector3
+from schuler.exceptions import InputError
+from schuler.filtering.measurements import LATERAL, SPEED, VERTICAL, MeasurementSchedule, gate_threshold, merged
+from schuler.recording.series import ImuSeries, OdometerSeries
+from schuler.standstill.detectors import moving_moments, window_samples
+
+_SMOOTHING_S = 0.5  # conditions look at means over half a second: vibration is not a manoeuvre
+
+
+@dataclass(frozen=True)
+class VehicleConditions:
+    """When the assumption that a vehicle does not slip is good enough to be used.
+
+    Attributes
+    ----------
+    max_turn_rate : float
+        Lateral: largest turn rate. [rad/s]
+    max_lateral_acceleration : float
+        Lateral: largest acceleration across, where tyres begin to slip. [m/s^2]
+    max_forward_acceleration : float
+        Vertical: largest change of speed, which makes a vehicle pitch on its springs. [m/s^2]
+    min_speed : float
+        Both: at rest nothing rolls, and zero-velocity updates are the better measurement. [m/s]
+
+    Notes
+    -----
+    A car squats and dives by some 0.3 degrees per m/s^2, so at 10 m/s an axle that is followed well to the side may
+    still move 0.05 m/s up or down for each m/s^2: with a small ``sigma_vertical`` lower ``max_forward_acceleration``.
+    A sharp turn is bad for a lever arm that is not known, rather than for tyres: estimate it and allow the turns.
+    """
+
+    max_turn_rate: float = 0.35
+    max_lateral_acceleration: float = 4.0
+    max_forward_acceleration: float = 3.0
+    min_speed: float = 0.5
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if not value >= 0.0:
+                raise InputError(
+                    f"VehicleConditions.{item.name}: expected a number from 0 to inf (no condition), got {value!r}"
+                )
+
+
+def non_holonomic(
+    imu: ImuSeries,
+    *,
+    rate_hz: float = 5.0,
+    sigma_lateral: float = 0.1,
+    sigma_vertical: float = 0.1,
+    lever_b: ArrayLike = (0.0, 0.0, 0.0),
+    conditions: VehicleConditions | None = None,
+    gate: float | None = 0.9999,
+    start: float | None = None,
+) -> MeasurementSchedule:
+    """Zero lateral and zero vertical velocity of a wheeled vehicle, where its motion allows.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+        Vehicle axes, of the whole run; conditions are judged by its means over half a second.
+    rate_hz : float
+        How often. Slip and mount errors are not white: more often than a few times a second adds confidence, not
+        information. [Hz]
+    sigma_lateral, sigma_vertical : float
+        1-sigma of the velocity across and up. [m/s]
+    lever_b : array_like, shape (3,)
+        From the IMU to the point that does not slip: the middle of the rear axle of a car. [m]
+    conditions : VehicleConditions, optional
+    gate : float, optional
+        Probability with which a correct measurement passes.
+    start : float, optional
+        First time; default the start of the log. [s]
+
+    Returns
+    -------
+    MeasurementSchedule
+        With the measurements whose conditions are not met: the filter counts them as such.
+
+    Raises
+    ------
+    InputError
+        If the rate or a sigma is not positive.
+
+    References
+    ----------
+    Yaman (2017), section 4.6 and eqs. (4-40)-(4-43); Dissanayake et al. (2001), IEEE Trans. Robotics 17(5). Mount
+    angles and lever arm, which the source leaves out, are states.
+    """
+    if not (rate_hz > 0.0 and sigma_lateral > 0.0 and sigma_vertical > 0.0):
+        raise InputError(
+            f"expected positive rate_hz and sigmas, got {rate_hz!r}, {sigma_lateral!r}, {sigma_vertical!r}"
+        )
+    conditions = conditions or VehicleConditions()
+    lever = as_vector3(lever_b, "lever_b")
+    first = float(imu.t[0]) if start is None else start
+    t = np.arange(first + 1.0 / rate_hz, float(imu.t[-1]), 1.0 / rate_hz)
+    if not len(t):
+        return MeasurementSchedule.empty()
+    turn, across, along = smoothed_motion(imu, t)
+    lateral = (np.abs(turn) <= conditions.max_turn_rate) & (np.abs(across) <= conditions.max_lateral_acceleration)
+    vertical = np.abs(along) <= conditions.max_forward_acceleration
+    z = np.zeros((len(t), 8))
+    z[:, 7] = conditions.min_speed
+    threshold = gate_threshold(gate, 1)
+
+    def of(kind: int, sigma: float, met: BoolArray) -> MeasurementSchedule:
+        return MeasurementSchedule.of(kind, t, z, sigma**2, lever, np.where(met, threshold, -1.0))
+
+    return merged(of(LATERAL, sigma_lateral, lateral), of(VERTICAL, sigma_vertical, vertical))
+
+
+def smoothed_motion(imu: ImuSeries, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Turn rate about down [rad/s], specific force across and along, without their means [m/s^2], at given times.
+
+    Of the forces the medians over the log are taken off: they stand for biases and tilt, which are not known yet, and
+    a vehicle goes straight at one speed most of the time. The turn rate keeps its bias, small beside what it is
+    compared with. Means are centred, so they see a quarter of a second ahead; a live filter has that delay.
+    """
+    rates = imu.rates()
+    window = min(window_samples(rates, _SMOOTHING_S), len(rates))
+    columns = np.column_stack((rates.gyro[:, 2], rates.accel[:, 1], rates.accel[:, 0]))
+    smooth = moving_moments(columns, window)[0]
+    smooth[:, 1:] -= np.median(smooth[:, 1:], axis=0)
+    k = np.clip(np.searchsorted(rates.t, t), 0, len(rates) - 1)
+    return smooth[k, 0], smooth[k, 1], smooth[k, 2]
+
+
+def odometer_measurements(
+    odometer: OdometerSeries,
+    *,
+    lever_b: ArrayLike = (0.0, 0.0, 0.0),
+    gate: float | None = 0.9999,
+    max_rate_hz: float | None = 10.0,
+) -> MeasurementSchedule:
+    """Forward speed of a wheel: ``(1 + s)`` times the velocity of its axle along the vehicle.
+
+    Parameters
+    ----------
+    odometer : OdometerSeries
+    lever_b : array_like, shape (3,)
+        From the IMU to the wheel's contact or the middle of its axle. [m]
+    gate : float, optional
+        Probability with which a correct measurement passes.
+    max_rate_hz : float, optional
+        Faster odometers are thinned out to no more than this rate, since their errors are not white; None takes all.
+        [Hz]
+
+    Raises
+    ------
+    InputError
+        If a sigma or ``max_rate_hz`` is not positive.
+    """
+    if max_rate_hz is not None and not max_rate_hz > 0.0:
+        raise InputError(f"max_rate_hz: expected a positive number, or None for every reading, got {max_rate_hz!r}")
+    if np.any(odometer.sigma <= 0.0):
+        raise InputError(
+            f"odometer: expected positive 1-sigma values, got {odometer.sigma.min()}; give sigma_m_s of aiding.odometer"
+        )
+    keep = np.ones(len(odometer), dtype=bool)
+    if max_rate_hz is not None and len(odometer) > 1:
+        step = float(np.median(np.diff(odometer.t)))
+        keep[:] = False
+        keep[:: max(1, ceil(1.0 / (max_rate_hz * step) - 1e-3))] = True  # stamps jitter by a thousandth
+    return MeasurementSchedule.of(
+        SPEED, odometer.t[keep], odometer.speed[keep], odometer.sigma[keep] ** 2, as_vector3(lever_b, "lever_b"),
+        gate_threshold(gate, 1),
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Navigation of an IMU on a shoe: stances, strides, zero-velocity updates."""

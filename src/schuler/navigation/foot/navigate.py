@@ -1,0 +1,327 @@
+"""Foot-mounted inertial navigation: whenever the shoe stands on the ground its velocity is known, it is zero."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler import earth, frames, units
+from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
+from schuler.exceptions import InputError
+from schuler.filtering.engine import FilterOptions, InitialState, Progress, run
+from schuler.filtering.measurements import MeasurementSchedule, zero_velocity
+from schuler.filtering.states import StateLayout, StateModel
+from schuler.mechanization.alignment import levelling
+from schuler.mechanization.strapdown import NavState
+from schuler.navigation.foot.config import FootConfig
+from schuler.navigation.foot.rests import Rests, find_rests, rests_of
+from schuler.navigation.foot.result import FootResult
+from schuler.navigation.foot.strides import segment
+from schuler.navigation.result import NavigationResult
+from schuler.recording.recording import Recording
+from schuler.recording.series import ImuSeries, Increments
+from schuler.recording.trajectory import Trajectory
+
+
+def navigate_foot(
+    source: Recording | ImuSeries,
+    config: FootConfig | dict[str, Any] | Path | str | None = None,
+    *,
+    rest: ArrayLike | None = None,
+    progress: Progress | None = None,
+) -> FootResult:
+    """Navigate the log of an IMU on a shoe.
+
+    Parameters
+    ----------
+    source : Recording or ImuSeries
+        The foot must rest at the start, if only for a tenth of a second.
+    config : FootConfig, dict, or path of a TOML file, optional
+        Default: 15 states and the resting point of the shoe, likelihood-ratio detector with a threshold that follows
+        the motion.
+    rest : array_like of bool, shape (n,), optional
+        Samples at rest, instead of those the detector finds.
+    progress : callable, optional
+        Called with the fraction done.
+
+    Returns
+    -------
+    FootResult
+
+    Raises
+    ------
+    InputError, ConfigError
+        If the log has long gaps, or the foot does not rest at its start.
+
+    Notes
+    -----
+    A zero velocity corrects velocity, tilt, and through the correlations that grow in a swing the displacement of that
+    swing. It says nothing of position and of heading: both are dead reckoning, and so is the gyro bias about the
+    vertical except through turns of the foot about other axes.
+
+    Where ``zupt.pivot`` is set, what rests is not the IMU but a fixed point of the shoe, at ``l`` from it:
+    ``v + C (omega x l) = 0``, with l among the states (block ``lever_v``). While the foot
+    rolls over the ball it removes most of the velocity the IMU really has.
+
+    References
+    ----------
+    Foxlin (2005), Pedestrian tracking with shoe-mounted inertial sensors; Skog, Nilsson, Handel (2010), Evaluation of
+    zero-velocity detectors for foot-mounted inertial navigation systems; Groves (2013), section 15.3; Stefanisko
+    (2015), appendix B. Departure: the resting point is a state.
+    """
+    if config is None:
+        config = FootConfig()
+    elif not isinstance(config, FootConfig):
+        config = FootConfig.parse(config) if isinstance(config, dict) else FootConfig.load(config)
+    recording = source if isinstance(source, Recording) else Recording(imu=source)
+    notes = list(recording.metadata.notes)
+    imu = recording.need_imu()
+    _check_gaps(imu, config, notes)
+    llh = np.array([config.place.lat_deg * units.DEG, config.place.lon_deg * units.DEG, config.place.height_m])
+    if rest is None:
+        gravity = float(np.linalg.norm(earth.gravity_ned(llh[0], llh[2])))
+        rests = find_rests(imu, config.detector, gravity=gravity, rest_s=config.alignment.rest_s)
+    else:
+        rests = rests_of(imu.t, rest)
+    increments = imu.increments(order=config.sensor.rate_order)
+    begin = _beginning(rests, increments, config, notes)
+    increments = increments.between(begin - 1e-9, increments.t[-1])
+    layout = foot_layout(config)
+    initial = align_foot(imu, rests, begin, llh, layout, config, notes)
+    kept = imu.t >= begin - 1e-9
+    rests = _from(rests, kept, begin, imu.t)
+    schedule = zero_velocities(imu, rests, config)
+    psd = (np.full(3, (config.sensor.gyro_noise_deg_s_rthz * units.DEG) ** 2),
+           np.full(3, config.sensor.accel_noise_m_s2_rthz**2))  # fmt: skip
+    options = FilterOptions(
+        covariance_rate_hz=config.filter.covariance_rate_hz, record_s=config.filter.record_s,
+        smoother=config.filter.smooth != "none",
+    )  # fmt: skip
+    smoothed: NavigationResult | None
+    if config.filter.smooth == "stride":
+        filtered, smoothed = _by_stride(increments, schedule, initial, layout, psd, options, rests, progress)
+    else:
+        forward = run(increments, schedule, initial, layout, *psd, options, progress)
+        if forward.epochs == 0 or not len(forward.rec_t):
+            raise KeyboardInterrupt  # stopped before there was anything to keep
+        filtered = NavigationResult.from_run(forward, schedule.t, schedule.kind, layout)
+        smoothed = filtered.smooth() if options.smoother and filtered.complete else None
+    best = filtered if smoothed is None else smoothed
+    if not filtered.complete:
+        notes.append(f"interrupted at {filtered.trajectory.t[-1]:.2f} s; the solution ends there")
+        kept_rests = rests.t <= filtered.trajectory.t[-1] + 1e-9
+        rests = rests_of(rests.t[kept_rests], rests.mask[kept_rests], method=rests.method)
+    position = np.concatenate((np.zeros((1, 3)), frames.ned_from_ecef(best.trajectory.r_eb_e, llh)))
+    heading = np.concatenate(([initial.nav.rpy_nb[2]], best.trajectory.rpy_nb[:, 2]))
+    strides = segment(
+        rests, position, heading, min_rest_s=config.stride.min_rest_s, min_motion_s=config.stride.min_motion_s,
+        min_length_m=config.stride.min_length_m,
+    )  # fmt: skip
+    smoothing = "none" if smoothed is None else config.filter.smooth
+    return FootResult(filtered, smoothed, smoothing, rests, strides, llh, tuple(notes))
+
+
+def foot_layout(config: FootConfig) -> StateLayout:
+    """State layout of a configuration: biases, scale factors, resting point."""
+    s, models = config.sensor, {}
+    if config.filter.states >= 15:
+        models["b_a"] = StateModel.constant(s.accel_bias_m_s2)
+        models["b_g"] = StateModel.constant(s.gyro_bias_deg_s * units.DEG)
+    if config.filter.states >= 21:
+        models["S_a"], models["S_g"] = StateModel.constant(s.accel_scale), StateModel.constant(s.gyro_scale)
+    if config.zupt.pivot:
+        models["lever_v"] = StateModel.constant(config.zupt.pivot_sigma_m)
+    return StateLayout(models)
+
+
+def align_foot(
+    imu: ImuSeries,
+    rests: Rests,
+    begin: float,
+    llh: FloatArray,
+    layout: StateLayout,
+    config: FootConfig,
+    notes: list[str],
+) -> InitialState:
+    """Initial state: levelled over the first rest, heading as given, at rest in the origin.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+    rests : Rests
+        The first one begins at ``begin`` or before.
+    begin : float
+        Where navigation starts. [s]
+    llh : ndarray, shape (3,)
+        Place of the start. [rad], [m]
+    layout, config
+        Of the run.
+    notes : list of str
+        Gets a sentence on what was done.
+
+    Returns
+    -------
+    InitialState
+        Tilt and accelerometer biases correlated as levelling makes them.
+    """
+    section = config.alignment
+    first = int(np.flatnonzero(rests.stop > begin)[0])
+    end = min(float(rests.stop[first]), begin + section.rest_s)
+    still = imu.rates().between(begin, end)
+    level = levelling(
+        still.accel, t=begin, sigma_bias=config.sensor.accel_bias_m_s2,
+        sigma_noise=section.tilt_sigma_deg * units.DEG * float(np.linalg.norm(still.accel.mean(axis=0))),
+    ).with_heading(section.heading_deg * units.DEG, section.heading_sigma_deg * units.DEG, "heading given")  # fmt: skip
+    if config.filter.states == 9:  # no bias in the filter: its tilt is part of the noise of levelling
+        level = replace(level, sigma_b_a=0.0)
+    nav = NavState.from_geodetic(begin, llh, np.zeros(3), level.rpy_nb)
+    notes.append(
+        f"levelled over {end - begin:.2f} s at rest: roll {level.rpy_nb[0] / units.DEG:.2f}, "
+        f"pitch {level.rpy_nb[1] / units.DEG:.2f} deg; heading {section.heading_deg:g} deg as given"
+    )
+    # the IMU of a foot that stands may move as fast as the filter believes of any rest
+    return InitialState.from_sigmas(
+        nav, layout, attitude=np.zeros(3), velocity=np.full(3, config.zupt.sigma_m_s),
+        position=np.full(3, config.filter.position_sigma_m),
+    ).aligned(level, layout)  # fmt: skip
+
+
+def zero_velocities(imu: ImuSeries, rests: Rests, config: FootConfig) -> MeasurementSchedule:
+    """Zero velocity at every sample at rest, less certain while the foot turns.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+    rests : Rests
+        Of the same log or its later part.
+    config : FootConfig
+        Section ``zupt``.
+
+    Returns
+    -------
+    MeasurementSchedule
+        1-sigma ``sqrt(sigma^2 + (roll |omega|)^2)``: a sole that rolls over the ground at omega moves the IMU at omega
+        times its distance from the point it rolls on, and that point wanders by ``roll``.
+    """
+    section = config.zupt
+    times = rests.t[1:][rests.mask[1:]]  # the first one is the start
+    at = np.searchsorted(imu.t, times - 1e-9)
+    omega = np.linalg.norm(imu.rates().gyro[at], axis=1)
+    unit = zero_velocity(times, 1.0, gate=None if section.gate == "off" else section.gate)
+    variance = section.sigma_m_s**2 + (section.roll_m * omega) ** 2
+    return replace(unit, R=unit.R * variance[:, None, None])
+
+
+def _check_gaps(imu: ImuSeries, config: FootConfig, notes: list[str]) -> None:
+    gaps = imu.gaps(2.5)
+    if not len(gaps):
+        return
+    longest = gaps[np.argmax(gaps[:, 1])]
+    if longest[1] > config.sensor.max_gap_s:
+        raise InputError(
+            f"the IMU log pauses for {longest[1]:.3f} s at {longest[0]:.3f} s, longer than sensor.max_gap_s = "
+            f"{config.sensor.max_gap_s} s: a swing lasts hardly longer; navigate the parts separately"
+        )
+    notes.append(f"{len(gaps)} pauses of the IMU log bridged, the longest {longest[1]:.3f} s at {longest[0]:.3f} s")
+
+
+def _beginning(rests: Rests, increments: Increments, config: FootConfig, notes: list[str]) -> float:
+    """Start of the first rest that is long enough, at the beginning of an interval."""
+    long = np.flatnonzero(rests.stop - rests.start >= config.alignment.min_rest_s - 1e-9)
+    if not len(long):
+        raise InputError(
+            f"the foot never rests for {config.alignment.min_rest_s} s ({len(rests)} shorter rests; {rests.method}): "
+            "check units and axes, raise the threshold, or give rest="
+        )
+    if rests.index[long[0], 0] == 0:
+        return increments.start
+    start = float(rests.start[long[0]])
+    begin = float(increments.t[np.searchsorted(increments.t, start - 1e-9)])
+    notes.append(f"the foot first rests {begin - increments.start:.2f} s into the log; navigation starts there")
+    return begin
+
+
+def _from(rests: Rests, kept: BoolArray, begin: float, t: FloatArray) -> Rests:
+    """The rests of the samples that are navigated; the first sample is the start."""
+    mask, times = rests.mask[kept], t[kept]
+    statistic, threshold = (x[kept] if len(x) else x for x in (rests.statistic, rests.threshold))
+    if times[0] > begin + 1e-9:  # increments: the first interval begins before the first stamp
+        times, mask = np.concatenate(([begin], times)), np.concatenate(([mask[0]], mask))
+        statistic, threshold = (np.concatenate((x[:1], x)) for x in (statistic, threshold))
+    return rests_of(times, mask, statistic=statistic, threshold=threshold, method=rests.method)
+
+
+def _by_stride(
+    increments: Increments,
+    schedule: MeasurementSchedule,
+    initial: InitialState,
+    layout: StateLayout,
+    psd: tuple[FloatArray, FloatArray],
+    options: FilterOptions,
+    rests: Rests,
+    progress: Progress | None,
+) -> tuple[NavigationResult, NavigationResult]:
+    """Filter from the middle of one rest to the middle of the next, smooth that piece, go on from the filtered state.
+
+    What comes out at any time knows all zero velocities up to the middle of the next rest and nothing later.
+    """
+    cuts = _cuts(rests, increments)
+    filtered: list[NavigationResult] = []
+    smoothed: list[NavigationResult] = []
+    for first, last in pairwise(cuts.tolist()):
+        part = Increments(
+            increments.t[first:last], increments.dt[first:last], increments.dtheta_ib_b[first:last],
+            increments.dv_ib_b[first:last],
+        )  # fmt: skip
+        due = schedule.where((schedule.t > part.start + 1e-9) & (schedule.t <= part.t[-1] + 1e-9))
+        forward = run(part, due, initial, layout, *psd, options)
+        if not forward.complete:
+            if not filtered:
+                raise KeyboardInterrupt
+            break
+        result = NavigationResult.from_run(forward, due.t, due.kind, layout)
+        filtered.append(result)
+        smoothed.append(result.smooth())
+        s = result.states
+        assert s.q_eb is not None
+        assert s.v_eb_e is not None
+        nav = NavState(float(s.t[-1]), s.r_eb_e[-1], s.v_eb_e[-1], s.q_eb[-1])
+        initial = InitialState(nav, result.covariance[-1], result.parameters[-1])
+        if progress is not None:
+            progress(last / len(increments))
+    complete = len(filtered) == len(cuts) - 1
+    return _joined(filtered, complete), _joined(smoothed, complete)
+
+
+def _cuts(rests: Rests, increments: Increments) -> IntArray:
+    """First interval of each piece, and the number of intervals: pieces end in the middle of a rest."""
+    at = np.searchsorted(increments.t, rests.t[rests.middle] - 1e-9) + 1
+    inner = at[(at > 1) & (at < len(increments))]
+    return np.unique(np.concatenate(([0], inner, [len(increments)])))
+
+
+def _joined(parts: list[NavigationResult], complete: bool) -> NavigationResult:
+    """Pieces of one run as one result."""
+
+    def together(name: str) -> Any:
+        return np.concatenate([getattr(p, name) for p in parts])
+
+    def path(name: str) -> Trajectory:
+        def column(which: str) -> FloatArray:
+            return np.concatenate([getattr(getattr(p, name), which) for p in parts])
+
+        return Trajectory(column("t"), column("r_eb_e"), column("v_eb_e"), column("q_eb"))
+
+    innovations = [p.innovations for p in parts]
+    fields = ("t", "kind", "status", "nis", "innovation", "sigma")
+    joined = {f: np.concatenate([getattr(i, f) for i in innovations]) for f in fields}
+    return replace(
+        parts[0], trajectory=path("trajectory"), states=path("states"), t=together("t"),
+        parameters=together("parameters"), covariance_e=together("covariance_e"),
+        innovations=replace(innovations[0], **joined), epochs=sum(p.epochs for p in parts),
+        propagations=sum(p.propagations for p in parts), complete=complete, _nodes=None,
+    )  # fmt: skip

@@ -1,0 +1,149 @@
+"""Strides: what the foot does between two rests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
+from schuler.exceptions import InputError
+from schuler.navigation.foot.rests import Rests, rests_of
+
+
+@dataclass(frozen=True)
+class Strides:
+    """Strides of one foot, from the middle of a rest to the middle of the next.
+
+    Attributes
+    ----------
+    start, stop : ndarray, shape (k,)
+        Middle of the rest before and after. [s]
+    index : ndarray of int, shape (k, 2)
+        Samples of these two times.
+    lift, contact : ndarray, shape (k,)
+        When the foot leaves the rest before and when it comes to the one after. [s]
+    displacement_n : ndarray, shape (k, 3)
+        North, east, down. [m]
+    length : ndarray, shape (k,)
+        Horizontal. [m]
+    clearance : ndarray, shape (k,)
+        Greatest height of the IMU above the straight line between the two rests. [m]
+    turn : ndarray, shape (k,)
+        Change of heading. [rad]
+    walking : ndarray of bool, shape (k,)
+        Long enough to be a stride; the others are shuffles.
+    """
+
+    start: FloatArray
+    stop: FloatArray
+    index: IntArray
+    lift: FloatArray
+    contact: FloatArray
+    displacement_n: FloatArray
+    length: FloatArray
+    clearance: FloatArray
+    turn: FloatArray
+    walking: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    @property
+    def duration(self) -> FloatArray:
+        """From the middle of one rest to the middle of the next. Shape (k,). [s]"""
+        return self.stop - self.start
+
+    @property
+    def swing(self) -> FloatArray:
+        """Time between the two rests. Shape (k,). [s]"""
+        return self.contact - self.lift
+
+    @property
+    def speed(self) -> FloatArray:
+        """Length over duration. Shape (k,). [m/s]"""
+        return self.length / self.duration
+
+    @property
+    def frequency(self) -> FloatArray:
+        """Strides in a second; the cadence in steps a minute is 120 times this. Shape (k,). [Hz]"""
+        return 1.0 / self.duration
+
+    @property
+    def distance(self) -> float:
+        """Sum of the lengths. [m]"""
+        return float(self.length.sum())
+
+    def summary(self) -> str:
+        """The strides in one line."""
+        w = self.walking
+        if not w.any():
+            return f"no stride ({len(self)} shorter motions of the foot)"
+        # who stops in between has long durations that say nothing about the gait: medians
+        return (
+            f"{int(w.sum())} strides ({int((~w).sum())} shorter motions), {self.distance:.2f} m in all; median length "
+            f"{np.median(self.length[w]):.2f} m, duration {np.median(self.duration[w]):.2f} s, speed "
+            f"{np.median(self.speed[w]):.2f} m/s, cadence {120.0 * np.median(self.frequency[w]):.0f} steps/min, "
+            f"clearance {np.median(self.clearance[w]):.3f} m"
+        )
+
+
+def segment(
+    rests: Rests,
+    position_n: ArrayLike,
+    heading: ArrayLike,
+    *,
+    min_rest_s: float = 0.05,
+    min_motion_s: float = 0.1,
+    min_length_m: float = 0.1,
+) -> Strides:
+    """Cut a walk into strides.
+
+    Parameters
+    ----------
+    rests : Rests
+        Of the foot.
+    position_n : array_like, shape (n, 3)
+        North, east, down at the samples of the rests. [m]
+    heading : array_like, shape (n,)
+        Of the IMU at the same samples. [rad]
+    min_rest_s : float
+        Shorter rests do not end a stride. [s]
+    min_motion_s : float
+        Motions not longer than this do not divide a rest. [s]
+    min_length_m : float
+        Shorter strides are marked as not walking. [m]
+
+    Returns
+    -------
+    Strides
+
+    Raises
+    ------
+    InputError
+        If the arrays do not fit the rests.
+    """
+    n = len(rests.t)
+    position, heading = as_floats(position_n, "position_n", (n, 3)), as_floats(heading, "heading", (n,))
+    if not (min_rest_s >= 0.0 and min_motion_s >= 0.0 and min_length_m >= 0.0):
+        raise InputError(f"expected limits of at least 0, got {min_rest_s}, {min_motion_s}, {min_length_m}")
+    kept = rests_of(rests.t, rests.mask, min_rest_s=min_rest_s, bridge_s=min_motion_s)
+    middle, t = kept.middle, kept.t
+    index = np.stack((middle[:-1], middle[1:]), axis=1) if len(kept) else np.empty((0, 2), dtype=np.int64)
+    displacement = position[index[:, 1]] - position[index[:, 0]]
+    length = np.hypot(displacement[:, 0], displacement[:, 1])
+    clearance = np.array([_clearance(position[a : b + 1]) for a, b in index]).reshape(-1)
+    turned = heading[index[:, 1]] - heading[index[:, 0]]
+    return Strides(
+        start=t[index[:, 0]], stop=t[index[:, 1]], index=index, lift=kept.stop[:-1], contact=kept.start[1:],
+        displacement_n=displacement, length=length, clearance=clearance,
+        turn=np.arctan2(np.sin(turned), np.cos(turned)), walking=length >= min_length_m,
+    )  # fmt: skip
+
+
+def _clearance(r: FloatArray) -> float:
+    """Greatest height above the straight line from the first to the last position. Shape (n, 3). [m]"""
+    along = r[-1] - r[0]
+    length_squared = float(along[:2] @ along[:2])
+    share = np.clip((r - r[0])[:, :2] @ along[:2] / length_squared, 0.0, 1.0) if length_squared > 1e-6 else 0.0
+    return float((r[0, 2] + share * along[2] - r[:, 2]).max())

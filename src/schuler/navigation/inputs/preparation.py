@@ -1,0 +1,315 @@
+"""What a run does to a log before it is used, and what it says about a log that is not as it should be.
+
+Little is repaired and nothing silently: every change and every doubt becomes a note of the result; what cannot be told
+apart from a wrong file is refused. One table of faults: docs/robustness.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from schuler import rotation, units
+from schuler.arrays import FloatArray
+from schuler.characterisation.readings import resolution, saturated, stuck
+from schuler.exceptions import ConfigError, InputError
+from schuler.filtering.engine import FilterOptions
+from schuler.filtering.measurements import RESET_VELOCITY, VELOCITY, MeasurementSchedule
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.inputs.gnss_faults import contradictions, frozen, no_overlap
+from schuler.navigation.start.calibration_start import CalibrationStart, configured_start
+from schuler.recording.series import GnssSeries, ImuSeries
+
+_MISSING = 1.5  # sample intervals: a longer step lacks a sample
+#: A longer step of the stamps is a pause. [sample intervals]
+PAUSE = 2.5
+_JITTER = 0.2  # of the sample interval, robust spread of the stamps that is said
+
+
+def prepared_imu(
+    imu: ImuSeries, config: NavigationConfig, notes: list[str], known: CalibrationStart | None = None
+) -> ImuSeries:
+    """The IMU log in vehicle axes and on the GNSS clock, its gaps bridged or refused, without what is not estimated.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+    config : NavigationConfig
+        ``imu.mount_rpy_deg``, ``imu.clock_shift_s`` and ``imu.max_gap_s`` are used.
+    notes : list of str
+        Gets a sentence on everything that was done or looks wrong.
+    known : CalibrationStart, optional
+        What the filter takes from a calibration; default: from the one that the configuration names, if it does.
+
+    Raises
+    ------
+    InputError
+        If the log pauses for longer than ``imu.max_gap_s``, or the calibration is not of such a log.
+    """
+    section = config.imu
+    known = configured_start(config, imu) if known is None else known
+    said = _readings(imu)
+    if known is not None:
+        imu = known.in_si(imu)
+        notes += known.notes
+    if any(section.mount_rpy_deg):
+        C_bs = rotation.dcm_from_rpy(np.array(section.mount_rpy_deg) * units.DEG)
+        imu = imu.rotated(C_bs)
+        notes.append(f"IMU axes turned into the vehicle by roll, pitch, yaw {section.mount_rpy_deg} deg")
+    if section.clock_shift_s:
+        imu = imu.shifted(section.clock_shift_s)
+        notes.append(f"{section.clock_shift_s:+g} s added to the IMU's time stamps")
+    notes += said
+    gaps = imu.gaps(PAUSE)
+    if len(gaps):
+        longest = gaps[np.argmax(gaps[:, 1])]
+        if longest[1] > section.max_gap_s:
+            raise InputError(
+                f"the IMU log pauses for {longest[1]:.3f} s at {longest[0]:.3f} s, longer than imu.max_gap_s = "
+                f"{section.max_gap_s} s; navigate the parts separately, or raise max_gap_s if the motion was slow"
+            )
+        notes.append(f"{len(gaps)} pauses of the IMU log bridged, the longest {longest[1]:.3f} s at {longest[0]:.3f} s")
+    imu = refilled(imu, notes)
+    return imu if known is None else known.corrected(imu)
+
+
+def refilled(imu: ImuSeries, notes: list[str]) -> ImuSeries:
+    """Increments whose predecessor got lost, made up for the time that nobody integrated.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+        Rates are returned as they are: their integration spans a pause by itself.
+    notes : list of str
+
+    Notes
+    -----
+    An increment after a missing sample either covers the whole step of its stamp (the sensor went on integrating) or
+    only its own interval (a packet was lost). Specific force tells: gravity makes it nearly constant, so the velocity
+    increment is about as large as its neighbours' or larger by the number of samples in the step. Lost parts are
+    filled with the mean rate of the two neighbours, as the trapezoid rule does for rates.
+    """
+    h = imu.interval
+    step = np.diff(imu.t)
+    late = np.flatnonzero(step > _MISSING * h) + 1 if imu.kind == "increment" and len(step) else np.empty(0, int)
+    if not len(late):
+        return imu
+    size = np.linalg.norm(imu.accel, axis=1)
+    usual = np.median(size[np.clip(late[:, None] + np.arange(-5, 0), 0, None)], axis=1)
+    times = step[late - 1] / h
+    # on a scale of ratios: nearer to one usual increment than to ``times`` of them
+    lost = late[size[late] < usual * np.sqrt(times)]
+    if not len(lost):
+        notes.append(f"{len(late)} IMU increments cover more than one interval")
+        return imu
+    gyro, accel = imu.gyro.copy(), imu.accel.copy()
+    missing = ((imu.t[lost] - imu.t[lost - 1]) / h - 1.0)[:, None]
+    before = np.diff(imu.t, prepend=imu.t[0] - h)[lost - 1, None] / h
+    before = np.where(np.isin(lost - 1, lost)[:, None], 1.0, before)  # a lost one's own increment covers one interval
+    for new, old in ((gyro, imu.gyro), (accel, imu.accel)):
+        new[lost] += 0.5 * missing * (old[lost - 1] / before + old[lost])
+    notes.append(
+        f"at {len(lost)} places IMU increments were lost, {missing.sum() * h:.3f} s in all; filled with the mean rate "
+        "of the neighbours"
+    )
+    return replace(imu, gyro=gyro, accel=accel)
+
+
+def bridged(imu: ImuSeries) -> float:
+    """Length of the longest pause of a log, zero if there is none. [s]"""
+    gaps = imu.gaps(PAUSE)
+    return float(gaps[:, 1].max()) if len(gaps) else 0.0
+
+
+def bridging_noise(imu: ImuSeries, length: float, most: int = 2000) -> tuple[float, float]:
+    """How wrong a pause of the log is bridged, found by bridging pieces of the log that are there.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+    length : float
+        Of the pause. [s]
+    most : int
+        Number of pieces, spread evenly.
+
+    Returns
+    -------
+    gyro, accel : float
+        RMS over pieces and axes of the mean rate less the mean of both ends: what the trapezoid rule over a pause of
+        this length misses. The turn missed is ``length`` times the first. [rad/s], [m/s^2]
+    """
+    if imu.kind == "rate":
+        rates = (imu.gyro, imu.accel)
+    else:
+        h = np.diff(imu.t, prepend=imu.t[0] - imu.interval)[:, None]
+        rates = (imu.gyro / h, imu.accel / h)
+    m = max(round(length / imu.interval), 2)
+    whole = imu.t[m:] - imu.t[:-m] < 1.5 * length  # no pause inside
+    first = np.flatnonzero(whole)
+    if not len(first):
+        raise InputError(
+            f"the IMU log has no stretch of {length:.3f} s without a pause, so nothing tells how bad a bridge of that "
+            "length is; lower imu.max_gap_s"
+        )
+    first = first[np.linspace(0, len(first) - 1, min(most, len(first))).astype(np.int64)]
+    errors = []
+    for x in rates:
+        total = np.concatenate((np.zeros((1, 3)), np.cumsum(x, axis=0)))
+        ends = 0.5 * (x[first] + x[first + m])
+        mean = (total[first + m] - total[first + 1] + ends) / m
+        errors.append(float(np.sqrt(np.mean((mean - ends) ** 2))))
+    return errors[0], errors[1]
+
+
+def _readings(imu: ImuSeries) -> list[str]:
+    """Sentences on jitter, missing samples, and readings that are stuck or at the end of the range."""
+    if len(imu) < 100:
+        return []
+    said = []
+    h, step = imu.interval, np.diff(imu.t)
+    spread = 1.4826 * float(np.median(np.abs(step - h)))
+    if spread > _JITTER * h:
+        said.append(
+            f"IMU stamps jitter by {spread * 1e3:.2f} ms, {100 * spread / h:.0f} % of the interval: if they are times "
+            "of arrival, count samples at a constant rate instead"
+        )
+    lost = int(np.sum((step > _MISSING * h) & (step <= PAUSE * h)))
+    if lost and spread <= _JITTER * h:
+        said.append(f"{lost} single IMU samples are missing")
+    time = imu.t - imu.t[0]
+    for name, values in (("gyro", imu.gyro), ("accelerometer", imu.accel)):
+        for axis, column in zip("xyz", values.T, strict=True):
+            x = np.ascontiguousarray(column)
+            if not np.ptp(x) > 0.0:
+                said.append(f"{name} {axis} reads {x[0]:g} throughout: is it connected?")
+                continue
+            grid = resolution(x)
+            found = saturated(x, time, f"{name} {axis}", None, grid) + stuck(x, time, f"{name} {axis}", grid)
+            said += [f"{f.text} (navigated as it is: sigmas do not cover it)" for f in found]
+    return said
+
+
+def prepared_gnss(
+    gnss: GnssSeries, config: NavigationConfig, notes: list[str], imu: ImuSeries | None = None
+) -> GnssSeries:
+    """The fixes that are used, with their covariances as far as they are believed.
+
+    Parameters
+    ----------
+    gnss : GnssSeries
+    config : NavigationConfig
+        Section ``gnss``.
+    notes : list of str
+    imu : ImuSeries, optional
+        As prepared, to see whether the clocks can be right.
+
+    Raises
+    ------
+    InputError
+        If no fix is left, none lies within the IMU log, or velocities contradict the positions in a way that says
+        which column is wrong (see :func:`~schuler.navigation.inputs.gnss_faults.contradictions`).
+    ConfigError
+        If ``gnss.quality`` asks for numbers that are not there.
+    """
+    section = config.gnss
+    if section.quality is not None:
+        if gnss.quality is None:
+            raise ConfigError("gnss.quality is given but the GNSS series has no quality numbers")
+        keep = np.isin(gnss.quality, section.quality)
+        notes.append(f"{int(np.sum(~keep))} GNSS epochs of other quality than {list(section.quality)} left out")
+        if not keep.any():
+            there = sorted({int(q) for q in np.asarray(gnss.quality).ravel()})
+            raise InputError(f"gnss.quality: no epoch has quality {list(section.quality)}; the log has {there}")
+        gnss = gnss.where(keep)
+    if imu is not None:
+        no_overlap(imu, gnss)
+    stopped = frozen(gnss)
+    if stopped.any():
+        k = int(np.argmax(stopped))
+        notes.append(
+            f"{int(stopped.sum())} GNSS fixes left out whose position stood still, to the last digit, while their "
+            f"velocity did not; the first at {gnss.t[k]:.3f} s"
+        )
+        gnss = gnss.where(~stopped)
+    if section.coupling in ("loose", "reset"):
+        notes += contradictions(gnss, delay=section.velocity_delay_s, used=section.velocity)
+    return replace(
+        gnss,
+        cov_r_n=floored(gnss.cov_r_n, section.sigma_scale, section.position_sigma_floor_m),
+        cov_v_n=None
+        if gnss.cov_v_n is None
+        else floored(gnss.cov_v_n, section.sigma_scale, section.velocity_sigma_floor_m_s),
+    )
+
+
+def floored(cov: FloatArray, scale: float, floor: tuple[float, float, float]) -> FloatArray:
+    """Covariances scaled, and variances lifted to a floor without touching the correlations below it.
+
+    Parameters
+    ----------
+    cov : ndarray, shape (n, 3, 3)
+    scale : float
+        Factor on 1-sigma values.
+    floor : tuple of float
+        Smallest 1-sigma by axis.
+    """
+    scaled: FloatArray = cov * scale**2
+    lift = np.maximum(np.array(floor) ** 2 - np.einsum("nii->ni", scaled), 0.0)
+    lifted: FloatArray = scaled + lift[:, :, None] * np.eye(3)
+    return lifted
+
+
+def with_late_velocities(
+    schedule: MeasurementSchedule, delay: float, start: float, notes: list[str]
+) -> MeasurementSchedule:
+    """The schedule with GNSS velocities at the time they are of, ``delay`` before their stamp.
+
+    Parameters
+    ----------
+    schedule : MeasurementSchedule
+    delay : float
+        How much later than valid velocities are stamped; the half interval of a difference of positions. [s]
+    start : float
+        Time of the initial state; what now comes before it is left out. [s]
+    notes : list of str
+    """
+    late = np.isin(schedule.kind, (VELOCITY, RESET_VELOCITY))
+    if delay == 0.0 or not late.any():
+        return schedule
+    moved = replace(schedule, t=np.where(late, schedule.t - delay, schedule.t))
+    moved = moved.where(moved.t > start + 1e-6)
+    notes.append(f"GNSS velocities are taken to be valid {delay:g} s before their stamps")
+    return moved.where(np.argsort(moved.t, kind="stable"))
+
+
+def current_velocities(gnss: GnssSeries, delay: float) -> GnssSeries:
+    """Fixes whose velocities are those of their positions' stamps, for alignment; interpolated, ends held.
+
+    Parameters
+    ----------
+    gnss : GnssSeries
+    delay : float
+        How much later than valid velocities are stamped. [s]
+    """
+    if delay == 0.0 or gnss.v_n is None:
+        return gnss
+    v = np.stack([np.interp(gnss.t, gnss.t - delay, column) for column in gnss.v_n.T], axis=1)
+    return replace(gnss, v_n=v)
+
+
+def filter_options(config: NavigationConfig, imu: ImuSeries) -> FilterOptions:
+    """Options of the engine for a prepared log: as configured, and how pauses of the IMU are bridged."""
+    pause = bridged(imu)
+    gyro, accel = bridging_noise(imu, pause) if pause else (0.0, 0.0)
+    return FilterOptions(
+        covariance_rate_hz=None if config.filter.full_rate else config.filter.covariance_rate_hz,
+        record_s=config.filter.record_s,
+        output_rate_hz=config.filter.output_rate_hz,
+        lockout=config.filter.lockout,
+        smoother=config.filter.smooth and config.gnss.coupling != "reset",
+        earth_rotation=config.filter.earth_rotation,
+        gap_s=PAUSE * imu.interval if pause else None,
+        gap_gyro=gyro,
+        gap_accel=accel,
+    )

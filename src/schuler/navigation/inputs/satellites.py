@@ -1,0 +1,325 @@
+"""Raw satellite measurements made ready for a tightly coupled run, and its clock at the start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schuler import units
+from schuler.arrays import BoolArray, FloatArray, IntArray
+from schuler.exceptions import InputError
+from schuler.filtering.engine import InitialState
+from schuler.filtering.measurements import in_windows
+from schuler.filtering.states import StateLayout
+from schuler.gnss.point import solve_points
+from schuler.gnss.point_result import PointSolution
+from schuler.gnss.ranges import Ranges
+from schuler.navigation.aiding_config import CorrelatedSection
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.inputs.satellite_noise import honest
+from schuler.recording.point_series import gnss_series
+from schuler.recording.recording import Recording
+from schuler.recording.series import GnssSeries
+
+_MISSING_RANGE, _MISSING_RATE = 10.0, 1.0  # 1-sigma of measurements that come without one [m], [m/s]
+_EXCLUDED = 6  # schuler.gnss.ranges.REASONS
+_SMALLEST_JUMP = 20.0  # of a receiver clock; what is less is its noise, which the clock states follow [m]
+_CLEAR_JUMP = 10.0  # times the usual scatter from epoch to epoch
+_LONGEST_GAP_S = 10.0  # over which a clock is expected to run on
+_LASTING = 4  # epochs after which a jump must still be there; a bad solution is not
+
+
+@dataclass(frozen=True)
+class Points:
+    """Single-point solutions of the ranges, and the epochs of them that serve as fixes."""
+
+    solution: PointSolution
+    gnss: GnssSeries
+
+
+def satellites(recording: Recording, config: NavigationConfig, notes: list[str]) -> tuple[Ranges, Points]:
+    """Ranges of a recording as a filter can use them, and its single-point solutions.
+
+    Parameters
+    ----------
+    recording : Recording
+        With ranges, or observations and ephemerides.
+    config : NavigationConfig
+        Sections ``gnss.tight`` and ``gnss.correlated``.
+    notes : list of str
+        Gets sentences on what was left out or changed.
+
+    Returns
+    -------
+    ranges : Ranges
+        Repeated measurements, faults found in snapshots and receiver clock jumps taken out; standard deviations that
+        are missing filled in, and those that single points contradict enlarged.
+    points : Points
+
+    Raises
+    ------
+    InputError
+        If there is nothing to work with, or no epoch has enough satellites to start from.
+    """
+    section = config.gnss.tight
+    ranges = recording.ranges
+    if ranges is None:
+        if recording.observations is None or recording.ephemerides is None:
+            missing = "observations" if recording.observations is None else "ephemerides"
+            raise InputError(
+                f'gnss.coupling = "tight" needs raw satellite measurements and ephemerides; there are no {missing}: '
+                "give a RINEX or UBX file (docs/gnss-files.md), or couple loosely"
+            )
+        from schuler.gnss.preparation import prepare_ranges
+
+        ranges = prepare_ranges(
+            recording.observations,
+            recording.ephemerides,
+            systems=section.systems,
+            ionosphere=section.ionosphere,
+            troposphere=section.troposphere,
+            elevation_mask=section.elevation_mask_deg * units.DEG,
+            cn0_mask=section.cn0_mask_dbhz,
+        )
+        notes += ranges.notes
+    ranges = within_log(ranges, recording, config.imu.clock_shift_s)
+    if not ranges.used.any():
+        raise InputError("no range is usable: check systems, masks, ephemerides and the times of both files")
+    ranges = with_sigmas(once_each(ranges, notes), notes)
+    if section.integrity:
+        ranges, solution = honest(ranges, notes)
+        ranges = without_faults(ranges, solution, notes)
+    else:
+        solution = solve_points(ranges, integrity=None)
+    if not solution.ok.any():
+        raise InputError(
+            "no epoch has a single-point solution to start from: "
+            f"at most {int(solution.n_used.max())} satellites were usable; check systems, masks and ephemerides"
+        )
+    ranges, solution = without_clock_jumps(ranges, solution, notes)
+    ranges = inflated(ranges, config.gnss.correlated)
+    kept = _kept(ranges, section.min_satellites, section.max_satellites)
+    ranges = replace(ranges, reason=np.where(ranges.used & ~kept, 8, ranges.reason))
+    return ranges, Points(solution, gnss_series(solution))
+
+
+def within_log(ranges: Ranges, recording: Recording, clock_shift_s: float = 0.0) -> Ranges:
+    """The ranges of the time in which there is an IMU, to a second."""
+    if recording.imu is None:
+        return ranges
+    t = recording.imu.t + clock_shift_s
+    keep = (ranges.t >= t[0] - 1.0) & (ranges.t <= t[-1] + 1.0)
+    if not keep.any():
+        raise InputError(
+            f"the IMU log ({t[0]:.1f}..{t[-1]:.1f} s) and the satellite measurements ({ranges.t[0]:.1f}.."
+            f"{ranges.t[-1]:.1f} s) have no time in common: check the clocks and time hints"
+        )
+    return ranges.where(keep)
+
+
+def once_each(ranges: Ranges, notes: list[str]) -> Ranges:
+    """Ranges without repeated rows: of a satellite that comes twice at one time the first row counts."""
+    order = np.lexsort((np.arange(len(ranges)), ranges.sat, ranges.t))
+    same = (np.diff(ranges.t[order]) == 0.0) & (np.diff(ranges.sat[order]) == 0)
+    if not same.any():
+        return ranges
+    keep = np.ones(len(ranges), dtype=bool)
+    keep[order[1:][same]] = False
+    notes.append(f"{int(same.sum())} repeated satellite measurements were left out")
+    return ranges.where(keep)
+
+
+def with_sigmas(ranges: Ranges, notes: list[str]) -> Ranges:
+    """Ranges whose standard deviations are positive: 10 m and 1 m/s, with a note, where there is none.
+
+    A zero is no statement of accuracy, and a weight without bound would be the end of the filter.
+    """
+    filled: dict[str, FloatArray] = {}
+    for name, measured, value, text in (
+        ("sigma_range", ranges.pseudorange, _MISSING_RANGE, "ranges without a standard deviation were given 10 m"),
+        ("sigma_rate", ranges.range_rate, _MISSING_RATE, "range rates without a standard deviation were given 1 m/s"),
+    ):
+        sigma = getattr(ranges, name)
+        bad = ~(np.isfinite(sigma) & (sigma > 0.0))
+        count = int(np.sum(bad & ranges.used & np.isfinite(measured)))
+        if count:
+            notes.append(f"{count} {text}")
+        filled[name] = np.where(bad, value, sigma)
+    return replace(ranges, sigma_range=filled["sigma_range"], sigma_rate=filled["sigma_rate"])
+
+
+def without_faults(ranges: Ranges, solution: PointSolution, notes: list[str]) -> Ranges:
+    """Ranges less those that snapshot fault detection found at fault.
+
+    Epochs with a fault that could not be isolated stay: the filter's prediction tells which satellite it is, where the
+    others of the epoch cannot.
+    """
+    excluded = solution.excluded & ranges.used
+    rate_excluded = (solution.rate_excluded | excluded) & ranges.used & np.isfinite(ranges.range_rate)
+    if excluded.any() or rate_excluded.any():
+        notes.append(
+            f"{int(excluded.sum())} ranges and {int(rate_excluded.sum())} range rates excluded by fault detection "
+            "among the satellites of an epoch"
+        )
+    return replace(
+        ranges,
+        reason=np.where(excluded, _EXCLUDED, ranges.reason),
+        range_rate=np.where(rate_excluded, np.nan, ranges.range_rate),
+    )
+
+
+def without_clock_jumps(ranges: Ranges, solution: PointSolution, notes: list[str]) -> tuple[Ranges, PointSolution]:
+    """Ranges and solutions with the receiver clock made continuous.
+
+    Parameters
+    ----------
+    ranges : Ranges
+    solution : PointSolution
+        Of these ranges.
+    notes : list of str
+        Gets a sentence if there are jumps.
+
+    Notes
+    -----
+    A jump is what the clocks of all systems move by between two solved epochs beyond what their drift explains (the
+    mean of both ends' from range rates, else the usual rate), if it is more than 20 m and ten times the usual scatter,
+    and the medians of five epochs on both sides show it. Whole milliseconds have been taken out before, by
+    :func:`schuler.gnss.preparation.prepare_ranges`; this serves other steps and ranges that were prepared elsewhere. A
+    jump while there are too few satellites for a solution is assigned to the next solved epoch.
+    """
+    k = np.flatnonzero(solution.ok)
+    if len(k) < 3:
+        return ranges, solution
+    t, clock, drift = solution.t[k], solution.clock[k], solution.drift[k]
+    dt = np.diff(t)
+    moved = np.diff(clock, axis=0)
+    shown = np.isfinite(moved).any(axis=1)
+    common = np.full(len(dt), np.nan)
+    common[shown] = np.nanmedian(moved[shown], axis=1)
+    expected = 0.5 * (drift[1:] + drift[:-1])
+    rate = common / dt
+    usual = float(np.nanmedian(rate)) if shown.any() else 0.0
+    expected = np.where(np.isfinite(expected), expected, usual)
+    left = common - expected * dt
+    tested = shown & (dt <= _LONGEST_GAP_S)
+    if not tested.any():
+        return ranges, solution
+    scatter = 1.4826 * float(np.median(np.abs(left[tested] - np.median(left[tested]))))
+    clear = np.flatnonzero(tested & (np.abs(left) > max(_SMALLEST_JUMP, _CLEAR_JUMP * scatter)))
+    level = np.concatenate(([0.0], np.cumsum(np.where(tested, left, 0.0))))
+    lasting = [_lasting(level, int(i)) for i in clear]
+    found = clear[np.array(lasting, dtype=bool)]
+    if not len(found):
+        return ranges, solution
+    notes.append(
+        f"the receiver clock jumped {len(found)} times, first by {left[found[0]]:+.1f} m at {t[found[0] + 1]:.3f} s: "
+        "taken out"
+    )
+    times, sums = t[found + 1], np.concatenate(([0.0], np.cumsum(left[found])))
+    ranges = replace(ranges, pseudorange=ranges.pseudorange - sums[np.searchsorted(times, ranges.t, side="right")])
+    shifted = solution.clock - sums[np.searchsorted(times, solution.t, side="right")][:, None]
+    return ranges, replace(solution, clock=shifted)
+
+
+def _lasting(level: FloatArray, i: int) -> bool:
+    """Whether the level of a clock before and after interval ``i`` differs, and not an epoch or two beside it."""
+    before, after = level[max(i - _LASTING, 0) : i + 1], level[i + 1 : i + 2 + _LASTING]
+    return bool((np.median(after) - np.median(before)) / (level[i + 1] - level[i]) > 0.5)
+
+
+def inflated(ranges: Ranges, slow: CorrelatedSection) -> Ranges:
+    """Ranges with standard deviations that count slow errors as often as they are new.
+
+    A Gauss-Markov error of 1-sigma ``s`` and correlation time ``tau``, sampled every ``dt``, weighs on a long average
+    like white noise of variance ``s^2 (1 + a) / (1 - a)``, ``a = exp(-dt / tau)``; that variance is added. States for
+    every satellite would be the exact way, and three times as many states.
+
+    Parameters
+    ----------
+    ranges : Ranges
+    slow : CorrelatedSection
+        ``position_sigma_m`` and ``_tau_s`` of ranges, ``velocity_sigma_m_s`` and ``_tau_s`` of range rates.
+    """
+    t = np.unique(ranges.t)
+    if len(t) < 2:
+        return ranges
+    step = float(np.median(np.diff(t)))
+
+    def added(sigma: FloatArray, s: float, tau: float) -> FloatArray:
+        return np.asarray(np.sqrt(sigma**2 + s**2 / np.tanh(0.5 * step / tau)))
+
+    return replace(
+        ranges,
+        sigma_range=added(ranges.sigma_range, slow.position_sigma_m, slow.position_tau_s),
+        sigma_rate=added(ranges.sigma_rate, slow.velocity_sigma_m_s, slow.velocity_tau_s),
+    )
+
+
+def limited(
+    ranges: Ranges, least: int = 1, most: int | None = None, windows: tuple[tuple[float, float], ...] | None = None
+) -> Ranges:
+    """Only the ``most`` highest satellites of each epoch, and no epoch with fewer than ``least``.
+
+    Parameters
+    ----------
+    ranges : Ranges
+    least : int
+    most : int, optional
+    windows : tuple of (start, stop), optional
+        Where ``most`` applies; everywhere if left out. [s]
+    """
+    return ranges.where(_kept(ranges, least, most, windows))
+
+
+def _kept(
+    ranges: Ranges, least: int, most: int | None, windows: tuple[tuple[float, float], ...] | None = None
+) -> BoolArray:
+    used = ranges.used.copy()
+    if most is not None:
+        inside = np.ones(len(ranges), dtype=bool) if windows is None else in_windows(ranges.t, windows)
+        used &= ~inside | (_rank(ranges, used) < most)
+    _, epoch = np.unique(ranges.t, return_inverse=True)
+    count = np.bincount(epoch, weights=used)
+    return np.asarray(used & (count[epoch] >= least))
+
+
+def _rank(ranges: Ranges, used: BoolArray) -> IntArray:
+    """Place of each satellite among those used at its epoch, the highest being 0."""
+    order = np.lexsort((-ranges.elevation, ~used, ranges.t))
+    rank = np.empty(len(ranges), dtype=np.int64)
+    first = np.concatenate(([True], np.diff(ranges.t[order]) > 0.0))
+    begin = np.maximum.accumulate(np.where(first, np.arange(len(order)), 0))
+    rank[order] = np.arange(len(order)) - begin
+    return rank
+
+
+def with_clocks(initial: InitialState, points: Points, layout: StateLayout) -> InitialState:
+    """The initial state with the receiver clocks of the nearest solved epoch.
+
+    Parameters
+    ----------
+    initial : InitialState
+        At the time of a fix.
+    points : Points
+    layout : StateLayout
+        With clock blocks.
+    """
+    s = points.solution
+    estimates = initial.parameters.copy()
+    ok = np.flatnonzero(s.ok)
+    k = ok[np.argmin(np.abs(s.t[ok] - initial.nav.t))]
+    between = np.zeros(len(s.groups))
+    for i in range(1, len(s.groups)):
+        both = ok[np.isfinite(s.clock[ok, i]) & np.isfinite(s.clock[ok, 0])]
+        if len(both):
+            near = both[np.argsort(np.abs(s.t[both] - initial.nav.t), kind="stable")[:20]]
+            between[i] = np.median(s.clock[near, i] - s.clock[near, 0])
+    drift = float(s.drift[k]) if np.isfinite(s.drift[k]) else 0.0
+    reference = float((s.clock[k] - between)[np.isfinite(s.clock[k])][0])  # a solved epoch shows one clock at least
+    values = {"clock": reference + drift * (initial.nav.t - float(s.t[k])), "clock_drift": drift}
+    values |= {f"clock_{i + 1}": float(between[i]) for i in range(1, len(s.groups))}
+    for name, value in values.items():
+        if name in layout:
+            estimates[layout[name].start - 9] = value
+    return InitialState(initial.nav, initial.P, estimates)

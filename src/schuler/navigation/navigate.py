@@ -1,0 +1,151 @@
+"""From a recording and a configuration to a navigation solution."""
+
+from __future__ import annotations
+
+import time
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler.calibration.result.result import CalibrationResult
+from schuler.exceptions import ConfigError
+from schuler.filtering.engine import InitialState, Progress, run
+from schuler.navigation.aids.aiding import Sources, aiding_schedule
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.configured import imu_spec, state_layout
+from schuler.navigation.inputs.gnss_faults import rejections
+from schuler.navigation.inputs.preparation import (
+    current_velocities,
+    filter_options,
+    prepared_gnss,
+    prepared_imu,
+    with_late_velocities,
+)
+from schuler.navigation.inputs.satellites import satellites, with_clocks
+from schuler.navigation.result import NavigationResult
+from schuler.navigation.start.calibration_start import configured_start
+from schuler.navigation.start.start import align, moved_to
+from schuler.recording.io.own import time_document
+from schuler.recording.recording import Recording
+
+__all__ = ["imu_spec", "navigate", "state_layout"]
+
+
+def navigate(
+    recording: Recording,
+    config: NavigationConfig | dict[str, Any] | Path | str,
+    *,
+    initial: InitialState | None = None,
+    calibration: CalibrationResult | Path | str | None = None,
+    progress: Progress | None = None,
+) -> NavigationResult:
+    """Navigate a recording: align, filter, and keep what a smoother needs if the configuration asks for one.
+
+    Parameters
+    ----------
+    recording : Recording
+        With an IMU; without GNSS the solution is free inertial and needs ``initial``.
+    config : NavigationConfig, dict, or path of a TOML file
+    initial : InitialState, optional
+        Start here instead of aligning; the log is cut to begin there. With a calibration only its navigation part and
+        the parameters that are not calibrated count.
+    calibration : CalibrationResult or path, optional
+        Of this unit, instead of ``imu.calibration`` of the configuration: the sensor states start from its values and
+        covariance, what the filter does not estimate is taken out of the log; see
+        :func:`~schuler.navigation.start.calibration_start.calibration_start`.
+    progress : callable, optional
+        Called with the fraction done.
+
+    Returns
+    -------
+    NavigationResult
+        The filtered solution of the IMU's position; ``.smooth()`` gives the smoothed one.
+
+    Raises
+    ------
+    InputError, ConfigError
+        If the recording lacks what the configuration needs, has gaps too long to bridge, or cannot be aligned; if the
+        calibration was refused or does not fit the log.
+    FileFormatError
+        If the calibration's file cannot be read.
+    """
+    if not isinstance(config, NavigationConfig):
+        config = NavigationConfig.parse(config) if isinstance(config, dict) else NavigationConfig.load(config)
+    began = time.perf_counter()
+    simulated = recording.metadata.options.get("scenario", {}).get("motion", {})
+    turns = simulated.get("earth_rotation", True)
+    if turns != config.filter.earth_rotation:
+        raise ConfigError(
+            f"filter.earth_rotation is {str(config.filter.earth_rotation).lower()}, but the recording was simulated "
+            f"with {str(turns).lower()}; set the same"
+        )
+    notes = list(recording.metadata.notes)
+    spec = imu_spec(config)
+    known = configured_start(config, recording.need_imu(), calibration)
+    imu = prepared_imu(recording.need_imu(), config, notes, known)
+    ranges, points = None, None
+    if config.gnss.coupling == "tight":
+        ranges, points = satellites(recording, config, notes)
+    gnss = recording.gnss if points is None else points.gnss
+    gnss = None if gnss is None else prepared_gnss(gnss, config, notes, imu if initial is None else None)
+    layout = state_layout(config, spec, ranges)
+    start, delay = recording.start, config.gnss.velocity_delay_s
+    windows = config.outages.resolve(start, recording.stop if gnss is None else float(gnss.t[-1]))
+    increments = imu.increments(order=config.imu.rate_order)
+    if initial is None:
+        fixes = None if gnss is None else current_velocities(gnss, delay)
+        initial = align(imu, fixes, config, spec, layout, windows, notes, known)
+        if points is not None:
+            initial = with_clocks(initial, points, layout)
+    elif known is not None:
+        initial = known.put_into(initial)
+    increments = increments.between(initial.nav.t - 1e-9, increments.t[-1])
+    initial = moved_to(initial, increments)
+    schedule, notes_of_aids = aiding_schedule(
+        Sources(imu, gnss, ranges, recording.odometer, recording.heading, recording.height),
+        config, spec, initial.nav.t, start, windows,
+    )  # fmt: skip
+    notes += notes_of_aids
+    schedule = with_late_velocities(schedule.outside(windows), delay, initial.nav.t, notes)
+    if not len(schedule):
+        notes.append("no measurement is used: this is a free inertial solution")
+    options = filter_options(config, imu)
+    forward = run(
+        increments,
+        schedule,
+        initial,
+        layout,
+        np.full(3, spec.gyro.random_walk**2),
+        np.full(3, spec.accel.random_walk**2),
+        options,
+        progress,
+    )
+    if forward.epochs == 0 or not len(forward.rec_t):
+        raise KeyboardInterrupt  # stopped before there was anything to keep
+    if not forward.complete:
+        notes.append(f"interrupted at {forward.t[-1] - start:.1f} s of the recording; the solution ends there")
+    notes += rejections(schedule.kind, forward.status, schedule.t, schedule.R)
+    return NavigationResult.from_run(
+        forward,
+        schedule.t,
+        schedule.kind,
+        layout,
+        outages=windows,
+        lever_arm_b=np.array(config.gnss.lever_arm_m),
+        provenance={
+            "schuler": metadata.version("schuler"),
+            "config": config.model_dump(mode="json", exclude_defaults=True),
+            "sources": recording.metadata.sources,
+            "recording": recording.metadata.name,
+            "recording_options": recording.metadata.options,
+            "time": time_document(recording.metadata.time),
+            "imu": spec.name,
+            **({} if known is None else {"calibration": known.provenance}),
+            "elapsed_s": time.perf_counter() - began,
+        },
+        notes=tuple(notes),
+        ranges=ranges,
+        points=None if points is None else points.solution,
+    )

@@ -1,0 +1,85 @@
+"""The figures of a navigation solution, in the order in which a report shows them."""
+
+from __future__ import annotations
+
+from schuler.navigation.report import (
+    accuracy,
+    by_satellite,
+    estimates,
+    residuals,
+    run_outages,
+    satellites_view,
+    separation,
+    track,
+)
+from schuler.navigation.report.subject import Subject
+from schuler.plotting.figure import Figure
+
+
+def track_figures(subject: Subject) -> list[Figure]:
+    """Track, height profile and motion."""
+    figures = [track.track(subject), track.profile(subject), track.motion(subject)]
+    return [f for f in figures if f is not None]
+
+
+def error_figures(subject: Subject) -> list[Figure]:
+    """Errors against the reference and NEES; the claimed uncertainty where there is no reference."""
+    if not subject.errors:
+        return [accuracy.sigmas(subject)] if len(subject.result.t) else []
+    figures = [
+        accuracy.horizontal(subject),
+        *(accuracy.errors(subject, block) for block in ("dr", "dv", "dpsi")),
+        accuracy.normalised_errors(subject),
+    ]
+    return [f for f in figures if f is not None]
+
+
+def outage_figures(subject: Subject) -> list[Figure]:
+    """Drift without GNSS, if there were outages and a reference, and all of them laid over each other."""
+    figures = [accuracy.outage_figure(subject), run_outages.outage_fan(subject)]
+    return [f for f in figures if f is not None]
+
+
+def parameter_figures(subject: Subject) -> list[Figure]:
+    """One figure for each block of parameters."""
+    return (
+        [estimates.parameters(subject, *blocks) for blocks in estimates.groups(subject.result)]
+        if len(subject.result.t)
+        else []
+    )
+
+
+def innovation_figures(subject: Subject) -> list[Figure]:
+    """One figure for each kind of measurement that was tested, and one of its satellites where they are known."""
+    figures: list[Figure | None] = []
+    for kind in residuals.kinds(subject):
+        figures.append(residuals.innovations(subject, kind))
+        if kind in residuals.OF_SATELLITES:
+            figures.append(by_satellite.innovations(subject, kind))
+    return [f for f in figures if f is not None]
+
+
+def separation_figures(subject: Subject) -> list[Figure]:
+    """Filtered against smoothed solution, if there are both."""
+    figure = separation.separation(subject)
+    return [] if figure is None else [figure]
+
+
+def satellite_figures(subject: Subject) -> list[Figure]:
+    """Sky, satellites over time, numbers and dilutions, signal strengths; if the ranges are known."""
+    if subject.ranges is None or not len(subject.ranges):
+        return []
+    return satellites_view.satellite_figures(subject.ranges, subject.points, subject)
+
+
+def all_figures(subject: Subject) -> list[Figure]:
+    """Every figure there is something to show in."""
+    return [
+        *track_figures(subject),
+        *error_figures(subject),
+        *outage_figures(subject),
+        *separation_figures(subject),
+        *satellite_figures(subject),
+        *parameter_figures(subject),
+        *innovation_figures(subject),
+    ]

@@ -1,0 +1,294 @@
+"""What a report is about: a solution with everything it is compared with, and the quantities taken from the pair."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from schuler import frames, rotation
+from schuler.arrays import ArrayLike, FloatArray, IntArray
+from schuler.exceptions import InputError
+from schuler.filtering.measurements import KINDS, POSITION, PSEUDORANGE, UNUSED, in_windows
+from schuler.gnss.point_result import PointSolution
+from schuler.gnss.ranges import Ranges
+from schuler.navigation.evaluation.consistency import nees, state_errors
+from schuler.navigation.evaluation.errors import TrajectoryErrors
+from schuler.navigation.evaluation.separation import Separation, separation
+from schuler.navigation.report.backdrop import Backdrop, read_backdrop
+from schuler.navigation.report.matching import SAME_TIME, matched_satellites, nearest
+from schuler.navigation.result import NavigationResult
+from schuler.recording.series import GnssSeries
+from schuler.recording.trajectory import Trajectory
+
+#: What became of a fix, beside the filter's own status: inside an outage and never offered to the filter.
+WITHHELD = -1
+_SHORT_STEP = 0.1  # output steps up to this let fixes be recovered from innovations to a centimetre or two [s]
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A solution and what it is compared with.
+
+    Attributes
+    ----------
+    result : NavigationResult
+        Filtered, or smoothed if that is all there is.
+    smoothed : NavigationResult, optional
+        The smoothed solution of the same run.
+    reference : Trajectory, optional
+        Truth or a better solution.
+    at_antenna : bool
+        The reference is the antenna's, not the IMU's; the track is then drawn there too.
+    truth_parameters : array_like, shape (m,) or (k, m), optional
+        True parameters in the order of the layout, constant or at each record, SI.
+    origin : float, optional
+        Time that is called zero: the start of the recording; the first time of the solution if left out. [s]
+    gnss : GnssSeries, optional
+        The fixes, to show those withheld too; without it they are found from the reference or the innovations.
+    ranges : Ranges, optional
+        What a tightly coupled run was given, with the ranges left out and why; tells the satellites apart.
+    points : PointSolution, optional
+        Single-point solutions of these ranges.
+    background : Backdrop, Path or str, optional
+        Map behind the track, see :func:`schuler.navigation.report.backdrop.read_backdrop`.
+    """
+
+    result: NavigationResult
+    smoothed: NavigationResult | None = None
+    reference: Trajectory | None = None
+    at_antenna: bool = False
+    truth_parameters: ArrayLike | None = None
+    origin: float | None = None
+    gnss: GnssSeries | None = None
+    ranges: Ranges | None = None
+    points: PointSolution | None = None
+    background: Backdrop | Path | str | None = None
+
+    def __post_init__(self) -> None:
+        r = self.result
+        if self.smoothed is not None and len(self.smoothed.t) != len(r.t):
+            raise InputError(
+                f"smoothed: expected the smoothed solution of the same run with {len(r.t)} records, got "
+                f"{len(self.smoothed.t)}"
+            )
+        if self.truth_parameters is not None:
+            m, shape = r.layout.size - 9, np.shape(self.truth_parameters)
+            if shape not in ((m,), (len(r.t), m)):
+                raise InputError(f"truth_parameters: expected shape ({m},) or ({len(r.t)}, {m}), got {shape}")
+
+    @cached_property
+    def map(self) -> Backdrop | None:
+        """The map behind the track, read."""
+        if self.background is None or isinstance(self.background, Backdrop):
+            return self.background
+        return read_backdrop(self.background)
+
+    def satellite_of(self, kind: str) -> IntArray:
+        """Satellite of each innovation of a kind (``pseudorange``, ``range_rate``), 0 where it is not known.
+
+        The filter works off the ranges of an epoch in their order, so they are told by time and place.
+        """
+        if kind not in self._satellites:
+            t = self.result.innovations.of(kind).t
+            of_rates = kind != KINDS[PSEUDORANGE]
+            self._satellites[kind] = (
+                np.zeros(len(t), dtype=np.int64)
+                if self.ranges is None
+                else matched_satellites(t, self.ranges, self.ranges.range_rate if of_rates else self.ranges.pseudorange)
+            )
+        return self._satellites[kind]
+
+    @cached_property
+    def _satellites(self) -> dict[str, IntArray]:
+        return {}
+
+    @property
+    def start(self) -> float:
+        """The time that is called zero. [s]"""
+        return float(self.result.trajectory.t[0]) if self.origin is None else float(self.origin)
+
+    def seconds(self, t: ArrayLike) -> FloatArray:
+        """Times as they stand on the axes. [s]"""
+        return np.asarray(t, dtype=np.float64) - self.start
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time of the solution, as on the axes. [s]"""
+        t = self.result.trajectory.t
+        return float(t[0]) - self.start, float(t[-1]) - self.start
+
+    @property
+    def solutions(self) -> list[tuple[str, NavigationResult]]:
+        """Role and solution: what was given as the result, then the smoothed one if it is another."""
+        pairs = [("smoothed" if self.result.smoothed else "filtered", self.result)]
+        if self.smoothed is not None and not self.result.smoothed:
+            pairs.append(("smoothed", self.smoothed))
+        return pairs
+
+    @cached_property
+    def errors(self) -> dict[str, TrajectoryErrors]:
+        """Errors by role; empty without a reference."""
+        if self.reference is None:
+            return {}
+        return {role: r.errors(self.reference, at_antenna=self.at_antenna) for role, r in self.solutions}
+
+    @cached_property
+    def apart(self) -> Separation | None:
+        """Filtered minus smoothed solution at the records; None if there is only one of them."""
+        if self.smoothed is None or self.result.smoothed or not len(self.result.t):
+            return None
+        return separation(self.result, self.smoothed)
+
+    @cached_property
+    def truth(self) -> FloatArray | None:
+        """True parameters at every record. Shape (k, m)."""
+        if self.truth_parameters is None:
+            return None
+        p = np.asarray(self.truth_parameters, dtype=np.float64)
+        return np.broadcast_to(p, (len(self.result.t), self.result.layout.size - 9))
+
+    @cached_property
+    def nees(self) -> tuple[FloatArray, FloatArray, int] | None:
+        """Times [s], normalised errors squared per degree of freedom, and degrees; None where it cannot be known."""
+        T = self.reference
+        if T is None or self.at_antenna or T.q_eb is None or T.v_eb_e is None or not len(self.result.t):
+            return None
+        t, dx, _ = state_errors(self.result, T, self.truth_parameters)
+        with np.errstate(invalid="ignore"):  # negative variances: the verdict tells of them
+            values = nees(self.result, T, self.truth_parameters)
+        known = np.isfinite(values)
+        return (t[known], values[known], dx.shape[1]) if known.any() else None
+
+    @cached_property
+    def inside_three_sigma(self) -> dict[str, FloatArray]:
+        """Share of the position errors north, east, down inside three of their sigmas, by role."""
+        found = {}
+        for role, result in self.solutions:
+            if role in self.errors:
+                e, sigma = self.errors[role], self.position_sigma(result)
+                found[role] = np.array([inside_share(e.t, e.position_n[:, i], result.t, sigma[:, i]) for i in range(3)])
+        return found
+
+    @cached_property
+    def reference_is_fixes(self) -> bool:
+        """Whether the reference is made of the very fixes the filter was given."""
+        if self.reference is None or not self.at_antenna:
+            return False
+        t = self.result.innovations.of(KINDS[POSITION]).t
+        return bool(len(t)) and float(np.mean(nearest(t, self.reference.t)[1] < SAME_TIME)) > 0.9
+
+    @property
+    def reference_name(self) -> str:
+        """How sentences call the reference."""
+        if self.reference_is_fixes:
+            return "the GNSS fixes"
+        return "the reference at the antenna" if self.at_antenna else "the reference"
+
+    @staticmethod
+    def sigma(result: NavigationResult, block: str) -> FloatArray:
+        """1-sigma of a block at the records, NaN where its variance is negative. Shape (k, block size)."""
+        with np.errstate(invalid="ignore"):  # the verdict says so; a warning on top would only repeat it
+            return result.sigma(block)
+
+    def position_sigma(self, result: NavigationResult) -> FloatArray:
+        """1-sigma that a position error north, east, down may show at the records. Shape (k, 3). [m]
+
+        The filter's own for a reference of the IMU. For one of the antenna the lever arm is taken along, and if it is
+        made of the fixes, what a fix is uncertain by is added: an error against it cannot be smaller than that.
+        """
+        if not self.at_antenna:
+            return self.sigma(result, "dr")
+        C = frames.C_en(result.states.llh)
+        assert result.states.q_eb is not None
+        arm = rotation.rotate(result.states.q_eb, np.broadcast_to(result.lever_arm_b, (len(C), 3)))
+        J = np.concatenate([-rotation.skew(arm), np.broadcast_to(np.eye(3), (len(C), 3, 3))], axis=2)
+        J = np.swapaxes(C, -1, -2) @ J
+        k = np.r_[result.layout["dpsi"], result.layout["dr"]]
+        P = result.covariance_e[:, k[:, None], k[None, :]]
+        variance = np.einsum("kij,kjl,kil->ki", J, P, J)
+        if self.reference_is_fixes:
+            # of the innovation, which is that of the fix and a little more; the median passes over the ends of outages
+            variance = np.where(variance < 0.0, np.nan, variance + self._fix_sigma**2)
+        with np.errstate(invalid="ignore"):
+            sigma: FloatArray = np.sqrt(variance)
+        return sigma
+
+    @cached_property
+    def _fix_sigma(self) -> FloatArray:
+        inn = self.result.innovations.of(KINDS[POSITION])
+        known = inn.sigma[np.all(np.isfinite(inn.sigma), axis=1)]
+        return np.median(known, axis=0) if len(known) else np.zeros(3)
+
+    @cached_property
+    def fixes(self) -> tuple[FloatArray, FloatArray, IntArray] | None:
+        """Times, Earth-fixed positions and status of the GNSS fixes in the solution's span; None if not to be had.
+
+        Positions are of the point the track is of: the antenna's, or moved to the IMU with the solution's attitude.
+        Status as in :data:`~schuler.filtering.measurements.STATUS`, or :data:`WITHHELD`.
+        """
+        T, offered = self.result.trajectory, self.result.innovations.of(KINDS[POSITION])
+        if self.gnss is not None:
+            t, r = self.gnss.t, frames.ecef_from_llh(self.gnss.llh)
+        elif self.reference_is_fixes and self.reference is not None:
+            t, r = self.reference.t, self.reference.r_eb_e
+        else:
+            return self._fixes_from_innovations()
+        inside = (t >= T.t[0]) & (t <= T.t[-1])
+        t, r = t[inside], r[inside]
+        status = np.full(len(t), UNUSED, dtype=np.int64)
+        if len(offered) and len(t):
+            k, distance = nearest(t, offered.t)
+            status = np.where(distance < SAME_TIME, offered.status[k], status)
+        status[(status == UNUSED) & in_windows(t, self.result.outages)] = WITHHELD
+        if not self.at_antenna and len(t) and T.q_eb is not None:
+            q = rotation.interpolate_quat(t, T.t, T.q_eb) if len(T.t) > 1 else T.q_eb
+            r = r - rotation.rotate(q, np.broadcast_to(self.result.lever_arm_b, r.shape))
+        return t, r, status
+
+    def _fixes_from_innovations(self) -> tuple[FloatArray, FloatArray, IntArray] | None:
+        """Fix = prediction + innovation, predicted from the output epoch before it; only the filtered run has those."""
+        T, offered = self.result.trajectory, self.result.innovations.of(KINDS[POSITION])
+        offered = offered.where(np.isfinite(offered.nis) & (offered.t > T.t[0]))
+        close = len(T) > 1 and float(np.median(np.diff(T.t))) <= _SHORT_STEP
+        if self.result.smoothed or not len(offered) or not close or T.v_eb_e is None:
+            return None
+        k = np.searchsorted(T.t, offered.t - SAME_TIME) - 1
+        offered, k = offered.where(k >= 0), k[k >= 0]
+        r = T.r_eb_e[k] + T.v_eb_e[k] * (offered.t - T.t[k])[:, None]
+        r = r + np.einsum("nij,nj->ni", frames.C_en(frames.llh_from_ecef(r)), offered.innovation)
+        if self.at_antenna and T.q_eb is not None:
+            r = r + rotation.rotate(T.q_eb[k], np.broadcast_to(self.result.lever_arm_b, r.shape))
+        return offered.t, r, offered.status
+
+
+def inside_share(t: FloatArray, error: FloatArray, t_sigma: FloatArray, sigma: FloatArray, times: float = 3.0) -> float:
+    """Share of errors that lie within so many sigmas.
+
+    Parameters
+    ----------
+    t, error : ndarray, shape (n,)
+    t_sigma, sigma : ndarray, shape (k,)
+        Records; errors before the first and after the last are left out.
+    times : float
+
+    Returns
+    -------
+    float
+        NaN if no error lies in the span of the records.
+
+    Notes
+    -----
+    Between two records the larger sigma holds: the first fix after an outage makes it a hundred times smaller, and an
+    interpolated one would accuse the errors just before that fix.
+    """
+    if not len(t_sigma):
+        return float("nan")
+    inside = (t >= t_sigma[0] - 1e-9) & (t <= t_sigma[-1] + 1e-9) & np.isfinite(error)
+    right = np.clip(np.searchsorted(t_sigma, t[inside] - 1e-9), 0, len(t_sigma) - 1)
+    left = np.clip(np.searchsorted(t_sigma, t[inside] + 1e-9, side="right") - 1, 0, len(t_sigma) - 1)
+    bound = times * np.maximum(sigma[left], sigma[right])
+    known = np.isfinite(bound)
+    return float(np.mean(np.abs(error[inside])[known] <= bound[known])) if known.any() else float("nan")

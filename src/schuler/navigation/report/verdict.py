@@ -1,0 +1,289 @@
+"""The run in three sentences and a table of the numbers people quote."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.filtering.kinds import shown
+from schuler.filtering.measurements import (
+    ACCEPTED,
+    FORCED,
+    GNSS_KINDS,
+    POSITION,
+    PSEUDORANGE,
+    REJECTED,
+    RESET_POSITION,
+    in_windows,
+)
+from schuler.navigation.evaluation.consistency import chi_square_band
+from schuler.navigation.evaluation.errors import TrajectoryErrors
+from schuler.navigation.evaluation.outages import outage_errors
+from schuler.navigation.report import separation
+from schuler.navigation.report.aids_text import aids
+from schuler.navigation.report.residuals import judged, mean_nis
+from schuler.navigation.report.subject import Subject, inside_share
+from schuler.plotting.numbers import number
+
+# Claimed and actual sizes may differ by this factor before the words change: a fifth is what a careful tuning reaches.
+_HONEST = 1.25
+_INSIDE = 0.97  # share inside three sigma below which it is said: errors of one run hang together, so not 0.997
+
+
+class Row(NamedTuple):
+    """A number of the table: what it is, with its unit, and a text for each solution."""
+
+    name: str
+    values: tuple[str, ...]
+
+
+def verdict(subject: Subject) -> tuple[str, str, str, str]:
+    """How good, whether the filter is honest about it, what happened without GNSS, what aided: a sentence each."""
+    return _how_good(subject), _how_honest(subject), _without_gnss(subject), aids(subject)
+
+
+def key_numbers(subject: Subject) -> tuple[tuple[str, ...], list[Row]]:
+    """Heads of the value columns and rows of the table of key numbers."""
+    heads = tuple(role for role, _ in subject.solutions)
+    rows: list[Row] = []
+
+    def add(name: str, values: list[float | None]) -> None:
+        if any(v is not None for v in values):
+            rows.append(Row(name, tuple(number(v) for v in values)))
+
+    if subject.errors:
+        statistics = [e.statistics() for e in subject.errors.values()]
+        for key, name in _STATISTICS.items():
+            add(name, [s.get(key) for s in statistics])
+        if subject.result.outages:
+            add("horizontal error with GNSS, RMS [m]", [_rms_aided(e, subject) for e in subject.errors.values()])
+            found = [outage_errors(e, subject.result.outages) for e in subject.errors.values()]
+            if found[0]:
+                worst = [np.array([o.max_horizontal for o in f]) for f in found]
+                ends = [np.array([o.end_horizontal for o in f]) for f in found]
+                add("largest horizontal error in an outage, mean [m]", [float(w.mean()) for w in worst])
+                add("largest horizontal error in an outage, worst [m]", [float(w.max()) for w in worst])
+                add("horizontal error at the end of an outage, RMS [m]", [float(np.sqrt(np.mean(w**2))) for w in ends])
+    for name, block, combine in _SIGMAS:
+        add(name, [_median(combine(subject.sigma(r, block))) for _, r in subject.solutions])
+    if subject.nees is not None:
+        rows.append(
+            Row(
+                "NEES per state, mean (honest: 1) [-]",
+                (number(float(np.mean(subject.nees[1]))), *("-",) * (len(heads) - 1)),
+            )
+        )
+    apart = subject.apart
+    if apart is not None:
+        for block, name in (("dr", "position"), ("dpsi", "attitude")):
+            share = number(100.0 * separation.share(subject, apart, block))
+            rows.append(
+                Row(
+                    f"filtered minus smoothed {name}, inside 3 sigma (honest: 99.7) [%]",
+                    (share, *("-",) * (len(heads) - 1)),
+                )
+            )
+    for kind in subject.result.innovations.counts():
+        inn = subject.result.innovations.of(kind)
+        mean, _ = mean_nis(inn)
+        if np.isfinite(mean):
+            name = f"NIS per axis, {shown(kind).text}, mean (honest: 1) [-]"
+            rows.append(Row(name, (number(mean), *("-",) * (len(heads) - 1))))
+    return heads, rows
+
+
+def outage_rows(subject: Subject) -> list[tuple[str, ...]]:
+    """Rows of a table: number, from, to, then largest and in brackets last horizontal error of each solution."""
+    found = [outage_errors(e, subject.result.outages) for e in subject.errors.values()]
+    if not found:
+        return []
+    rows = []
+    for k, same in enumerate(zip(*found, strict=True)):
+        numbers = [f"{number(o.max_horizontal)} ({number(o.end_horizontal)})" for o in same]
+        rows.append(
+            (str(k + 1), f"{same[0].start - subject.start:.1f}", f"{same[0].stop - subject.start:.1f}", *numbers)
+        )
+    return rows
+
+
+_STATISTICS = {
+    "rms_horizontal_m": "horizontal error, RMS [m]",
+    "cep50_m": "horizontal error, half of the time below (CEP) [m]",
+    "cep95_m": "horizontal error, 95 % of the time below [m]",
+    "max_horizontal_m": "horizontal error, largest [m]",
+    "rms_vertical_m": "vertical error, RMS [m]",
+    "max_vertical_m": "vertical error, largest [m]",
+    "rms_velocity_horizontal_m_s": "horizontal velocity error, RMS [m/s]",
+    "rms_velocity_vertical_m_s": "vertical velocity error, RMS [m/s]",
+    "rms_tilt_deg": "tilt error (roll and pitch), RMS [deg]",
+    "rms_heading_deg": "heading error, RMS [deg]",
+}
+
+
+def _level(s: FloatArray) -> FloatArray:
+    return np.hypot(s[:, 0], s[:, 1])
+
+
+def _down(s: FloatArray) -> FloatArray:
+    return s[:, 2]
+
+
+_SIGMAS = (
+    ("claimed horizontal 1-sigma, median [m]", "dr", _level),
+    ("claimed vertical 1-sigma, median [m]", "dr", _down),
+    ("claimed heading 1-sigma, median [deg]", "dpsi", lambda s: np.degrees(s[:, 2])),
+)
+
+
+def _median(values: FloatArray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) else None
+
+
+def _rms_aided(e: TrajectoryErrors, subject: Subject) -> float | None:
+    # the very end of an outage is left out too: there the first fix is just about to act
+    with_gnss = np.ones(len(e.t), dtype=bool)
+    for start, stop in subject.result.outages:
+        with_gnss &= (e.t < start) | (e.t > stop)
+    return float(np.sqrt(np.mean(e.horizontal[with_gnss] ** 2))) if with_gnss.any() else None
+
+
+def _how_good(subject: Subject) -> str:
+    role, result = subject.solutions[0]
+    cut = "" if result.complete else "The run was interrupted; up to there, "
+    if subject.errors:
+        e = subject.errors[role]
+        text = (
+            f"against {subject.reference_name} the {role} position is wrong by {number(e.rms_horizontal, 'm')} "
+            f"horizontally (RMS, at worst {number(e.max_horizontal, 'm')}) and {number(e.rms_vertical, 'm')} vertically"
+        )
+        if len(subject.errors) > 1:
+            s = subject.errors["smoothed"]
+            text += (
+                f"; smoothed, by {number(s.rms_horizontal, 'm')} (at worst {number(s.max_horizontal, 'm')}) and "
+                f"{number(s.rms_vertical, 'm')}"
+            )
+    elif len(result.t):
+        claimed = _level(subject.sigma(result, "dr"))
+        text = (
+            f"there is no reference to compare with; the {role} solution itself claims a horizontal 1-sigma "
+            f"uncertainty of {number(_median(claimed), 'm')} (median) and "
+            f"{number(float(np.nanmax(claimed)), 'm')} at worst"
+        )
+    else:
+        text = "there is neither a reference nor a record of the uncertainty"
+    return (cut + text if cut else text[0].upper() + text[1:]) + "."
+
+
+def _how_honest(subject: Subject) -> str:
+    inn = subject.result.innovations
+    parts = []
+    if subject.nees is not None:
+        _, values, degrees = subject.nees
+        mean, (low, high) = float(np.mean(values)), chi_square_band(degrees)
+        place = "inside" if low <= mean <= high else "above" if mean > high else "below"
+        parts.append(
+            (
+                np.sqrt(mean),
+                f"its normalised error squared (NEES) averages {number(mean)}, {place} the band "
+                f"{low:.2f} to {high:.2f}",
+            )
+        )
+    tested = np.isfinite(inn.nis)
+    # assumptions about a vehicle are given more room on purpose, so GNSS is asked where there is any
+    told = inn.where(judged(inn))
+    gnss = told.where(np.isin(told.kind, GNSS_KINDS))
+    mean, whose = (gnss.mean_nis(), "GNSS") if len(gnss) else (told.mean_nis(), "its aids")
+    if np.isfinite(mean):
+        parts.append(
+            (
+                np.sqrt(mean),
+                f"the normalised innovation squared (NIS) of {whose} averages {number(mean)}, where 1 is right",
+            )
+        )
+    if not parts:
+        return "Nothing was measured that could tell whether the filter's uncertainty is honest."
+    role = subject.solutions[0][0]
+    shares = float(np.mean(subject.inside_three_sigma[role])) if role in subject.inside_three_sigma else 1.0
+    # errors decide before innovations: they are what is claimed
+    factor, sized = float(parts[0][0]), "errors" if subject.nees is not None else "innovations"
+    if factor > _HONEST:
+        text = f"The filter is too sure of itself, its {sized} being {number(factor)} times what it claims on average"
+    elif shares < _INSIDE:
+        text = "The filter's uncertainty fits what it was given, but not all of its errors"
+    elif factor < 1.0 / _HONEST:
+        text = f"The filter is too cautious, its {sized} being only {number(factor)} times what it claims on average"
+    else:
+        text = "The filter's uncertainty can be believed"
+    if shares < _INSIDE:
+        parts.append(
+            (shares, f"{100.0 * shares:.0f} % of its position errors lie inside three sigma, where 99.7 % should")
+        )
+    apart = subject.apart
+    if apart is not None:
+        share = separation.share(subject, apart, "dr")
+        if share < _INSIDE:  # more than this is no news; NaN neither
+            parts.append(
+                (share, f"smoothing moved the position by more than three sigma of the difference in "
+                 f"{100.0 * (1.0 - share):.0f} % of the records")
+            )  # fmt: skip
+    rejected = int(np.sum(inn.status == REJECTED))
+    text += ": " + "; ".join(words for _, words in parts)
+    if tested.any():
+        share = 100.0 * rejected / int(tested.sum())
+        text += f"; it rejected {rejected} of {int(tested.sum())} measurements" + (
+            f" ({share:.0f} %), look at the innovations" if share > 2.0 else ""
+        )
+    for role, result in subject.solutions:
+        bad = int(np.sum(~np.all(np.einsum("kii->ki", result.covariance_e) >= 0.0, axis=1)))
+        if bad:
+            text += f"; the {role} covariance has negative or unknown variances at {bad} of {len(result.t)} records"
+    return text + "."
+
+
+def _outages_left(subject: Subject) -> tuple[int, int]:
+    """In how many outages the north or east error of the first solution left its 3-sigma band, and of how many."""
+    role, result = subject.solutions[0]
+    e, sigma = subject.errors[role], subject.position_sigma(result)
+    left = seen = 0
+    for start, stop in result.outages:
+        k = (e.t >= start) & (e.t <= stop)
+        shares = [inside_share(e.t[k], e.position_n[k, i], result.t, sigma[:, i]) for i in range(2)]
+        seen += int(np.isfinite(shares).any())
+        left += int(np.nanmin(shares) < 1.0) if np.isfinite(shares).any() else 0
+    return left, seen
+
+
+def _without_gnss(subject: Subject) -> str:
+    windows = subject.result.outages
+    offered = subject.result.innovations
+    placing = offered.where(np.isin(offered.kind, (POSITION, PSEUDORANGE, RESET_POSITION)))
+    if not len(placing) and not windows:
+        return "No GNSS position was used at all: the error grows for as long as the run lasts."
+    if not windows:
+        t_used = placing.t[np.isin(placing.status, (ACCEPTED, FORCED))]
+        edges = np.concatenate([[subject.result.trajectory.t[0]], t_used, [subject.result.trajectory.t[-1]]])
+        pause = f"{np.diff(edges).max():.1f} s" if len(t_used) else "the whole run"
+        return f"GNSS was never withheld, so nothing is learnt about outages (longest time without a fix: {pause})."
+    lengths = [b - a for a, b in windows]
+    length = f"{min(lengths):g}" if max(lengths) - min(lengths) < 0.05 else f"{min(lengths):g} to {max(lengths):g}"
+    once = "once" if len(windows) == 1 else f"{len(windows)} times"
+    text = f"GNSS was withheld {once} for {length} s"
+    found = {role: outage_errors(e, windows) for role, e in subject.errors.items()}
+    parts = []
+    for role, list_of in found.items():
+        if list_of:
+            worst = np.array([o.max_horizontal for o in list_of])
+            some = f"{number(float(worst.mean()), 'm')} on average and {number(float(worst.max()), 'm')} at worst"
+            parts.append(f"{some if len(worst) > 1 else number(float(worst.max()), 'm')} ({role})")
+    if parts:
+        left, seen = _outages_left(subject)
+        band = f"; in {left} of {seen} the {next(iter(found))} error went beyond three sigma" if left else ""
+        return f"{text}: the horizontal error grew to {' and to '.join(parts)}{band}."
+    during = in_windows(subject.result.t, windows)
+    if during.any():
+        claimed = _level(subject.sigma(subject.result, "dr"))[during]
+        return f"{text}: the claimed horizontal 1-sigma uncertainty grew to {number(float(np.nanmax(claimed)), 'm')}."
+    return f"{text}, outside the solution's span or between its records."

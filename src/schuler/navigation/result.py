@@ -1,0 +1,321 @@
+"""What a filter run returns: trajectory, covariance, parameters, innovations, and how it all came about."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from schuler import frames, units
+from schuler.arrays import ArrayLike, FloatArray, IntArray
+from schuler.exceptions import InputError
+from schuler.filtering.engine import ForwardRun, SmootherNodes, unpack_symmetric
+from schuler.filtering.error_model import ecef_from_ned_states
+from schuler.filtering.measurements import ACCEPTED, DIMENSIONS, FORCED, GATED, KINDS, REJECTED, STATUS, UNUSED
+from schuler.filtering.states import BLOCK_TEXT, StateLayout
+from schuler.recording.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from schuler.gnss.point_result import PointSolution
+    from schuler.gnss.ranges import Ranges
+    from schuler.navigation.evaluation.errors import TrajectoryErrors
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """Every measurement that was offered to the filter and what became of it.
+
+    Attributes
+    ----------
+    t : ndarray, shape (m,)
+        [s]
+    kind, status : ndarray of int, shape (m,)
+        Keys of :data:`~schuler.filtering.measurements.KINDS` and ``STATUS``.
+    nis : ndarray, shape (m,)
+        Normalised innovation squared, with the degrees of freedom of :attr:`freedom`; NaN where unused.
+    innovation, sigma : ndarray, shape (m, 3)
+        Measured minus predicted, and its predicted 1-sigma: north, east, down for vectors, in the first column for
+        single numbers. [unit of the measurement]
+    """
+
+    t: FloatArray
+    kind: IntArray
+    status: IntArray
+    nis: FloatArray
+    innovation: FloatArray
+    sigma: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def freedom(self) -> IntArray:
+        """Components of each measurement. Shape (m,)."""
+        table = np.zeros(max(DIMENSIONS) + 1, dtype=np.int64)
+        for kind, size in DIMENSIONS.items():
+            table[kind] = size
+        return np.asarray(table[self.kind])
+
+    def where(self, keep: ArrayLike) -> Innovations:
+        """The entries selected by a boolean or index array."""
+        k = np.asarray(keep)
+        return Innovations(self.t[k], self.kind[k], self.status[k], self.nis[k], self.innovation[k], self.sigma[k])
+
+    def of(self, kind: str) -> Innovations:
+        """The entries of one kind, by name."""
+        codes = [code for code, name in KINDS.items() if name == kind]
+        if not codes:
+            raise InputError(f"unknown measurement kind {kind!r}; known are {', '.join(KINDS.values())}")
+        return self.where(self.kind == codes[0])
+
+    def counts(self) -> dict[str, dict[str, int]]:
+        """Number of measurements by kind and status, kinds that occur only."""
+        return {
+            name: {STATUS[s]: int(np.sum((self.kind == code) & (self.status == s))) for s in STATUS}
+            for code, name in KINDS.items()
+            if np.any(self.kind == code)
+        }
+
+    def rejected(self) -> dict[str, int]:
+        """Number of rejected measurements by kind."""
+        return {name: count[STATUS[REJECTED]] for name, count in self.counts().items()}
+
+    def mean_nis(self) -> float:
+        """Mean of the normalised innovations squared per degree of freedom, over what was used or gated."""
+        tested = np.isfinite(self.nis)
+        return float(self.nis[tested].sum() / self.freedom[tested].sum()) if tested.any() else float("nan")
+
+
+@dataclass(frozen=True)
+class NavigationResult:
+    """A navigation solution with its uncertainty.
+
+    Attributes
+    ----------
+    trajectory : Trajectory
+        Position, velocity and attitude of the IMU.
+    t : ndarray, shape (k,)
+        Times of the records below. [s]
+    states : Trajectory
+        Navigation states at the records.
+    parameters : ndarray, shape (k, m)
+        Parameter estimates at the records, order of the layout.
+    covariance_e : ndarray, shape (k, n, n)
+        Covariance at the records, navigation errors in Earth-fixed axes.
+    innovations : Innovations
+    layout : StateLayout
+    smoothed : bool
+        Whether this is the smoothed solution.
+    complete : bool
+        False if the run was interrupted.
+    outages : tuple of (start, stop)
+        Windows in which GNSS was withheld. [s]
+    lever_arm_b : ndarray, shape (3,)
+        From the IMU to the antenna. [m]
+    provenance : dict
+        Package version, options, input hashes.
+    notes : tuple of str
+        What was assumed, repaired or left out.
+    ranges : Ranges, optional
+        Of a tightly coupled run: every satellite, with the reason if it was not used. Not in files.
+    points : PointSolution, optional
+        Of a tightly coupled run: its single-point solutions. Not in files.
+    """
+
+    trajectory: Trajectory
+    t: FloatArray
+    states: Trajectory
+    parameters: FloatArray
+    covariance_e: FloatArray
+    innovations: Innovations
+    layout: StateLayout
+    epochs: int
+    propagations: int
+    smoothed: bool = False
+    complete: bool = True
+    outages: tuple[tuple[float, float], ...] = ()
+    lever_arm_b: FloatArray = field(default_factory=lambda: np.zeros(3))
+    provenance: dict[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    ranges: Ranges | None = field(default=None, repr=False, compare=False)
+    points: PointSolution | None = field(default=None, repr=False, compare=False)
+    _nodes: SmootherNodes | None = field(default=None, repr=False, compare=False)
+
+    @classmethod
+    def from_run(
+        cls, forward: ForwardRun, schedule_t: FloatArray, kinds: IntArray, layout: StateLayout, **rest: Any
+    ) -> NavigationResult:
+        """Result object of a forward run; ``rest`` are further fields."""
+        rec = forward.rec_nav
+        return cls(
+            trajectory=Trajectory(forward.t, forward.r, forward.v, forward.q),
+            t=forward.rec_t,
+            states=Trajectory(forward.rec_t, rec[:, 7:10], rec[:, 4:7], rec[:, 0:4]),
+            parameters=forward.rec_est,
+            covariance_e=unpack_symmetric(forward.rec_P, layout.size),
+            innovations=Innovations(
+                schedule_t, kinds, forward.status, forward.nis, forward.innovation, np.sqrt(forward.variance)
+            ),
+            layout=layout,
+            epochs=forward.epochs,
+            propagations=forward.propagations,
+            complete=forward.complete,
+            _nodes=forward.nodes,
+            **rest,
+        )
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance at the records with navigation errors in north-east-down axes. Shape (k, n, n)."""
+        T = ecef_from_ned_states(self.states.llh, self.layout.size)
+        rotated: FloatArray = np.swapaxes(T, -1, -2) @ self.covariance_e @ T
+        return rotated
+
+    def sigma(self, block: str) -> FloatArray:
+        """1-sigma of a block at the records: ``dpsi``, ``dv``, ``dr`` in north-east-down axes, or a parameter block.
+
+        Returns
+        -------
+        ndarray, shape (k, block size)
+            [rad], [m/s], [m] or the unit of the parameter.
+        """
+        part = self.layout[block]
+        if part.stop > 9:
+            variance: FloatArray = np.einsum("kii->ki", self.covariance_e[:, part, part])
+        else:
+            C = frames.C_en(self.states.llh)
+            variance = np.einsum("kji,kjl,kli->ki", C, self.covariance_e[:, part, part], C)
+        return np.sqrt(variance)
+
+    def parameter(self, block: str) -> FloatArray:
+        """Estimates of a parameter block at the records. Shape (k, block size)."""
+        part = self.layout[block]
+        if part.stop <= 9:
+            raise InputError(f"{block} is a navigation block; parameters are {', '.join(self.layout.models)}")
+        return self.parameters[:, part.start - 9 : part.stop - 9]
+
+    @property
+    def can_smooth(self) -> bool:
+        """Whether :meth:`smooth` has what it needs: a complete run that kept it, without resets."""
+        return self.smoothed or self._nodes is not None
+
+    def antenna(self) -> Trajectory:
+        """Trajectory of the antenna instead of the IMU (position and attitude), with the lever arm as estimated."""
+        arm = self.lever_arm_b
+        if "lever" in self.layout:
+            more = self.parameter("lever")
+            arm = arm + np.column_stack([np.interp(self.trajectory.t, self.t, more[:, i]) for i in range(3)])
+        return self.trajectory.moved_by(arm)
+
+    def smooth(self) -> NavigationResult:
+        """The fixed-interval smoothed solution: every state uses all measurements, later ones too.
+
+        Returns
+        -------
+        NavigationResult
+            Same times, smaller uncertainty.
+
+        Raises
+        ------
+        InputError
+            If the run did not keep what the smoother needs (option ``smoother``), or was interrupted.
+
+        References
+        ----------
+        Gelb (1974), section 5.2 (Rauch-Tung-Striebel); Bierman (1973) for the form without inverses.
+        """
+        if self.smoothed:
+            return self
+        if self._nodes is None:
+            raise InputError(
+                "this run kept nothing to smooth: navigate with smoother=True"
+                if self.complete
+                else "an interrupted run cannot be smoothed; navigate the shorter log instead"
+            )
+        from schuler.navigation.smoother import smooth_run
+
+        trajectory, states, parameters, covariance_e = smooth_run(self, self._nodes)
+        return replace(
+            self, trajectory=trajectory, states=states, parameters=parameters, covariance_e=covariance_e,
+            smoothed=True, _nodes=None,
+        )  # fmt: skip
+
+    def errors(self, reference: Trajectory, *, at_antenna: bool = False) -> TrajectoryErrors:
+        """Errors against a reference, see :func:`schuler.navigation.evaluation.errors.trajectory_errors`.
+
+        Parameters
+        ----------
+        reference : Trajectory
+            Truth or a better solution.
+        at_antenna : bool
+            The reference is the antenna's, not the IMU's.
+        """
+        from schuler.navigation.evaluation.errors import trajectory_errors
+
+        return trajectory_errors(self.antenna() if at_antenna else self.trajectory, reference)
+
+    def nees(self, reference: Trajectory, parameters: ArrayLike | None = None) -> FloatArray:
+        """Normalised estimation error squared at the records, see
+        :func:`schuler.navigation.evaluation.consistency.nees`.
+        """
+        from schuler.navigation.evaluation.consistency import nees
+
+        return nees(self, reference, parameters)
+
+    def plot(self, **options: Any) -> Figure:
+        """Overview figure (matplotlib), see :func:`schuler.navigation.report.figures.overview`."""
+        from schuler.navigation.report.figures import overview
+
+        return overview(self, **options)
+
+    def report(self, path: Path | str, **options: Any) -> Path:
+        """Write one self-contained HTML page, see :func:`schuler.navigation.report.document.navigation_report`."""
+        from schuler.navigation.report.document import navigation_report
+
+        return navigation_report(self, path, **options)
+
+    def summary(self) -> str:
+        """The run in a few lines of text."""
+        sigma_r, sigma_psi = self.sigma("dr")[-1], self.sigma("dpsi")[-1] / units.DEG
+        kind = "smoothed" if self.smoothed else "filtered"
+        lines = [
+            f"{kind} solution: {self.epochs} IMU epochs, {self.trajectory.t[0]:.3f}..{self.trajectory.t[-1]:.3f} s, "
+            f"{self.layout.size} states ({', '.join(self.layout.blocks)})" + ("" if self.complete else "; INTERRUPTED"),
+            f"  at the end, 1-sigma: position {sigma_r[0]:.3f} {sigma_r[1]:.3f} {sigma_r[2]:.3f} m (NED), "
+            f"attitude {sigma_psi[0]:.4f} {sigma_psi[1]:.4f} {sigma_psi[2]:.4f} deg (NED)",
+        ]
+        for name, count in self.innovations.counts().items():
+            forced = count[STATUS[FORCED]]
+            lines.append(
+                f"  {name}: {count[STATUS[ACCEPTED]] + forced} used, {count[STATUS[REJECTED]]} rejected, "
+                f"{count[STATUS[UNUSED]]} unused"
+                + (f", {count[STATUS[GATED]]} without their condition" if count[STATUS[GATED]] else "")
+                + (f", {forced} after lock-out" if forced else "")
+            )
+        if len(self.innovations):
+            lines.append(
+                f"  mean normalised innovation squared per degree of freedom: {self.innovations.mean_nis():.3f}"
+            )
+        for block in self.layout.models:
+            value, spread = self.parameter(block)[-1], self.sigma(block)[-1]
+            text = "  ".join(f"{v:+.3e} +- {s:.1e}" for v, s in zip(value, spread, strict=True))
+            lines.append(f"  {block} [{BLOCK_TEXT[block][1]}]: {text}")
+        lines += [f"  - {note}" for note in self.notes]
+        return "\n".join(lines)
+
+    def to_parquet(self, path: Path | str) -> Path:
+        """Write the solution: trajectory with sigmas interpolated to it, covariance records and provenance.
+
+        Parameters
+        ----------
+        path : Path or str
+            One Parquet file; columns carry SI units in their names. Read back with any Parquet reader or
+            :func:`schuler.navigation.solution_file.read_solution`.
+        """
+        from schuler.navigation.solution_file import write_solution
+
+        return write_solution(self, path)

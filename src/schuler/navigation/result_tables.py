@@ -1,0 +1,157 @@
+"""Navigation results as tables, for data frames of other libraries and back, bit for bit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.exceptions import InputError
+from schuler.filtering.states import BLOCK_TEXT, StateLayout, StateModel
+from schuler.navigation.result import Innovations, NavigationResult
+from schuler.recording.io.own import Columns
+from schuler.recording.tables.tables import Tables
+from schuler.recording.trajectory import Trajectory
+
+FORMAT = "schuler/result-tables/1"
+_STATE = ("x", "y", "z", "vx", "vy", "vz", "qw", "qx", "qy", "qz")
+_NED = ("north", "east", "down")
+_TRAJECTORY_UNITS = {
+    "t": "s", **dict.fromkeys("xyz", "m"), **dict.fromkeys(("vx", "vy", "vz", "vn", "ve", "vd"), "m/s"),
+    **dict.fromkeys(("qw", "qx", "qy", "qz"), "1"), "h": "m",
+    **dict.fromkeys(("lat", "lon", "roll", "pitch", "yaw"), "rad"),
+}  # fmt: skip
+
+
+def tables_of(result: NavigationResult) -> Tables:
+    """Tables of a navigation result.
+
+    Parameters
+    ----------
+    result : NavigationResult
+
+    Returns
+    -------
+    Tables
+        ``trajectory``: Earth-fixed position, velocity, attitude, and the same as latitude to yaw; ``records``: the
+        states, parameters (``b_g_0``), 1-sigma values (``sigma_b_g_0``, navigation errors ``sigma_dr_north``) and the
+        covariance (``P_i_j``, navigation errors in Earth-fixed axes); ``innovations``. Columns that repeat others are
+        for reading. Satellite parts and what a smoother needs are left out, as in solution files.
+    """
+    trajectory = _state_columns(result.trajectory, with_angles=True)
+    records: Columns = _state_columns(result.states)
+    units = {"trajectory": _units(trajectory), "records": _units(records), "innovations": {"t": "s"}}
+    for block, part in result.layout._slices.items():
+        axes = _NED if part.stop <= 9 else tuple(str(i) for i in range(part.stop - part.start))
+        for i, axis in enumerate(axes):
+            if part.stop > 9:
+                records[f"{block}_{axis}"] = result.parameters[:, part.start - 9 + i]
+                units["records"][f"{block}_{axis}"] = BLOCK_TEXT[block][1]
+            if len(result.t):
+                records[f"sigma_{block}_{axis}"] = result.sigma(block)[:, i]
+                units["records"][f"sigma_{block}_{axis}"] = BLOCK_TEXT[block][1]
+    P = result.covariance_e
+    n = result.layout.size
+    symmetric = bool(np.array_equal(P, np.swapaxes(P, 1, 2)))
+    records |= {f"P_{i}_{j}": P[:, i, j] for i in range(n) for j in range(i + 1 if symmetric else n)}
+    s = result.innovations
+    innovations: Columns = {"t": s.t, "kind": s.kind, "status": s.status, "nis": s.nis}
+    for i in range(3):
+        innovations |= {f"innovation_{i}": s.innovation[:, i], f"sigma_{i}": s.sigma[:, i]}
+    document = {
+        "format": FORMAT,
+        "states": result.layout.to_dict(),
+        "epochs": result.epochs,
+        "propagations": result.propagations,
+        "smoothed": result.smoothed,
+        "complete": result.complete,
+        "outages": [list(map(float, w)) for w in result.outages],
+        "lever_arm_b_m": list(map(float, result.lever_arm_b)),
+        "notes": list(result.notes),
+        "provenance": dict(result.provenance),
+    }
+    return Tables({"trajectory": trajectory, "records": records, "innovations": innovations}, units, document)
+
+
+def result_of(tables: Tables) -> NavigationResult:
+    """Navigation result of its tables, the inverse of :func:`tables_of`.
+
+    Parameters
+    ----------
+    tables : Tables
+        As :func:`schuler.recording.tables.pandas.tables_from_pandas` and the like make them.
+
+    Returns
+    -------
+    NavigationResult
+        Without satellite parts and without what smoothing needs; tuples of the provenance are lists.
+
+    Raises
+    ------
+    InputError
+        If the tables are not of a result, or a column is missing.
+    """
+    d = tables.document
+    if d.get("format") != FORMAT:
+        raise InputError(f"expected the tables of a navigation result ({FORMAT}), got {d.get('format')!r}")
+    try:
+        layout = StateLayout({name: StateModel(**model) for name, model in d["states"].items()})
+        records, s = tables.columns["records"], tables.columns["innovations"]
+        n = layout.size
+        P = np.empty((len(records["t"]), n, n))
+        for i in range(n):
+            for j in range(n):
+                P[:, i, j] = records[f"P_{i}_{j}" if f"P_{i}_{j}" in records else f"P_{j}_{i}"]
+        names = [f"{b}_{i}" for b in layout.models for i in range(layout[b].stop - layout[b].start)]
+        return NavigationResult(
+            trajectory=_trajectory(tables.columns["trajectory"]),
+            t=np.asarray(records["t"], dtype=np.float64),
+            states=_trajectory(records),
+            parameters=_stack(records, names),
+            covariance_e=P,
+            innovations=Innovations(
+                np.asarray(s["t"], dtype=np.float64),
+                np.asarray(s["kind"], dtype=np.int64),
+                np.asarray(s["status"], dtype=np.int64),
+                np.asarray(s["nis"], dtype=np.float64),
+                _stack(s, [f"innovation_{i}" for i in range(3)]),
+                _stack(s, [f"sigma_{i}" for i in range(3)]),
+            ),
+            layout=layout,
+            epochs=int(d["epochs"]),
+            propagations=int(d["propagations"]),
+            smoothed=bool(d["smoothed"]),
+            complete=bool(d["complete"]),
+            outages=tuple((float(a), float(b)) for a, b in d["outages"]),
+            lever_arm_b=np.array(d["lever_arm_b_m"], dtype=np.float64),
+            provenance=dict(d["provenance"]),
+            notes=tuple(map(str, d["notes"])),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"these tables are of no complete navigation result ({error!r}); make them anew") from error
+
+
+def _state_columns(T: Trajectory, *, with_angles: bool = False) -> Columns:
+    assert T.v_eb_e is not None
+    assert T.q_eb is not None
+    columns: Columns = {"t": T.t}
+    columns |= dict(zip(_STATE, np.hstack((T.r_eb_e, T.v_eb_e, T.q_eb)).T, strict=True))
+    if with_angles:
+        names = ("lat", "lon", "h", "vn", "ve", "vd", "roll", "pitch", "yaw")
+        columns |= dict(zip(names, np.hstack((T.llh, T.v_eb_n, T.rpy_nb)).T, strict=True))
+    return columns
+
+
+def _trajectory(columns: Columns) -> Trajectory:
+    state = _stack(columns, list(_STATE))
+    return Trajectory(np.asarray(columns["t"], dtype=np.float64), state[:, :3], state[:, 3:6], state[:, 6:])
+
+
+def _units(columns: Columns) -> dict[str, str]:
+    return {name: _TRAJECTORY_UNITS[name] for name in columns}
+
+
+def _stack(columns: Columns, names: list[str]) -> FloatArray:
+    rows: Any = columns["t"]
+    return np.stack([columns[c] for c in names], axis=1).astype(np.float64) if names else np.zeros((len(rows), 0))

@@ -1,0 +1,1 @@
+"""Initial state and covariance: alignment, sensor errors from calibrations and rests."""

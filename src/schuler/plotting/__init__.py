@@ -1,0 +1,1 @@
+"""Toolkit of figures, tables and pages; it knows nothing of navigation."""

@@ -1,0 +1,214 @@
+"""A panel's description as plotly data and layout, written as plain dictionaries.
+
+Colours are names of CSS variables (``--filtered``); the page puts in what they stand for, so that it follows the
+reader's light or dark setting. plotly's Python classes are not needed: checking a hundred traces costs more
+than writing them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.plotting.figure import Band, Bars, Figure, Item, Line, Markers, Panel, Picture, Span, Text
+from schuler.plotting.style import style
+
+_SYMBOLS = {
+    "dot": "circle",
+    "cross": "x-thin-open",
+    "triangle": "triangle-up",
+    "ring": "circle-open",
+    "square": "square",
+}
+_PX = 4.0 / 3.0  # CSS pixels in a point
+_DASH_PX = 1.5  # of a dash of one line width
+_AREA = "-area"  # of the names of variables for transparent colours
+
+
+def css_name(role: str, *, area: bool = False) -> str:
+    """Name of the CSS variable with the colour of a role; ``area`` for its transparent form."""
+    return f"--{role.replace('_', '-')}{_AREA if area else ''}"
+
+
+def panel_data(figure: Figure, panel: Panel) -> dict[str, Any]:
+    """Traces and layout of one panel.
+
+    Returns
+    -------
+    dict
+        ``data`` and ``layout`` for plotly; ready for JSON, numbers rounded to what can be seen.
+    """
+    spans = [item for item in panel.items if isinstance(item, Span)]
+    texts = [item for item in panel.items if isinstance(item, Text)]
+    layout: dict[str, Any] = {
+        # panels of one time axis above each other: its name stands under the last one
+        "xaxis": _axis(
+            "" if figure.linked and figure.columns == 1 and panel is not figure.panels[-1] else panel.x_label,
+            panel.x_limits,
+            log=panel.log_x,
+        ),
+        "yaxis": _axis(panel.y_label, panel.y_limits, log=panel.log),
+        "hovermode": "closest" if panel.equal else "x",
+        "barmode": "group",
+    }
+    if panel.equal:
+        layout["yaxis"] |= {"scaleanchor": "x", "scaleratio": 1}
+    if not panel.grid:
+        layout["xaxis"]["showgrid"] = layout["yaxis"]["showgrid"] = False
+    if panel.bare:
+        layout["xaxis"]["visible"] = layout["yaxis"]["visible"] = False
+    if panel.y_ticks:
+        layout["yaxis"] |= {
+            "tickmode": "array", "tickvals": [v for v, _ in panel.y_ticks], "ticktext": [w for _, w in panel.y_ticks],
+        }  # fmt: skip
+    pictures = [item for item in panel.items if isinstance(item, Picture)]
+    if pictures:
+        layout["images"] = [
+            {
+                "source": _encoded(p), "xref": "x", "yref": "y", "x": _round(p.left, 2), "y": _round(p.top, 2),
+                "sizex": _round(p.right - p.left, 2), "sizey": _round(p.top - p.bottom, 2), "sizing": "stretch",
+                "layer": "below",
+            }
+            for p in pictures
+        ]  # fmt: skip
+    if any(isinstance(item, Bars) for item in panel.items):
+        # every outage has its number under it as long as there is room
+        layout["xaxis"] |= {"dtick": 1} if panel.x_limits is not None and panel.x_limits[1] < 20.0 else {}
+        layout["yaxis"]["rangemode"] = "tozero"
+    if spans:
+        layout["shapes"] = [
+            {
+                "type": "rect", "xref": "x", "yref": "paper", "x0": _round(s.start, 4), "x1": _round(s.stop, 4),
+                "y0": 0, "y1": 1, "layer": "below", "line": {"width": 0}, "fillcolor": css_name(s.role, area=True),
+            }
+            for s in spans
+        ]  # fmt: skip
+    if texts:
+        layout["annotations"] = [
+            {
+                # plotly wants exponents here, unlike for lines and shapes
+                "x": _round(math.log10(w.x) if panel.log_x else w.x, 4),
+                "y": _round(math.log10(w.y) if panel.log else w.y, 4),
+                "text": w.text, "showarrow": False, "yanchor": "bottom", "font": {"size": 12},
+                **({"xanchor": "left"} if w.place == "right" else {}),
+            }
+            for w in texts
+        ]  # fmt: skip
+    drawn = [item for item in panel.items if not isinstance(item, Span | Text | Picture)]
+    # areas first: plotly draws in the order of the traces
+    drawn.sort(key=lambda item: not isinstance(item, Band))
+    traces = [trace(item, log=panel.log, log_x=panel.log_x) for item in drawn]
+    if panel.bare or panel.y_ticks:  # the coordinates say nothing there
+        for one in traces:
+            if "hovertemplate" in one:
+                one["hovertemplate"] = (
+                    f"<extra>{one['name']}</extra>" if panel.bare else f"%{{x:.5~g}}<extra>{one['name']}</extra>"
+                )
+    return {"data": traces, "layout": layout}
+
+
+def trace(item: Item, *, log: bool = False, log_x: bool = False) -> dict[str, Any]:
+    """The plotly trace of a line, band, bars or markers; ``log`` and ``log_x`` if it goes onto logarithmic axes."""
+    match item:
+        case Band():
+            x, y = _outline(item)
+            return {
+                "type": "scatter", "mode": "lines", "x": _numbers(x, log=log_x), "y": _numbers(y, log=log),
+                "fill": "toself", "fillcolor": css_name(item.role, area=True), "line": {"width": 0},
+                "hoverinfo": "skip", "name": item.label, "showlegend": False,
+            }  # fmt: skip
+        case Line():
+            s = style(item.role)
+            quiet = s.alpha < 1.0 or not item.label
+            return {
+                "type": "scatter", "mode": "lines", "x": _numbers(item.x, log=log_x), "y": _numbers(item.y, log=log),
+                "line": {
+                    "color": css_name(item.role, area=s.alpha < 1.0), "width": round(s.width * _PX, 2),
+                    "dash": ",".join(f"{_DASH_PX * d:g}px" for d in s.dash) or "solid", "simplify": False,
+                },
+                "name": item.label, "showlegend": False, **({"hoverinfo": "skip"} if quiet else _hover(item.label)),
+            }  # fmt: skip
+        case Markers():
+            s = style(item.role)
+            return {
+                "type": "scatter", "mode": "markers", "x": _numbers(item.x, log=log_x), "y": _numbers(item.y, log=log),
+                "marker": {
+                    "color": css_name(item.role), "symbol": _SYMBOLS[s.symbol], "size": round(s.size * _PX * 1.3, 1),
+                    "line": {
+                        "width": 0 if s.symbol in ("dot", "square") else round(s.width * _PX, 2),
+                        "color": css_name(item.role),
+                    },
+                },
+                "name": item.label, "showlegend": False, **_hover(item.label),
+            }  # fmt: skip
+        case Bars():
+            return {
+                "type": "bar", "x": _numbers(item.x), "y": _numbers(item.height),
+                "marker": {"color": css_name(item.role)}, "name": item.label, "showlegend": False, **_hover(item.label),
+            }  # fmt: skip
+    raise TypeError(f"{type(item).__name__} has no trace of its own")
+
+
+def _hover(label: str) -> dict[str, Any]:
+    return {"hovertemplate": f"%{{y:.4~g}}<extra>{label}</extra>"}
+
+
+def _axis(label: str, limits: tuple[float, float] | None, *, log: bool) -> dict[str, Any]:
+    axis: dict[str, Any] = {"title": {"text": label}}
+    if log:
+        axis |= {"type": "log", "dtick": 1}
+    if limits is not None and limits[1] > limits[0]:
+        axis["range"] = [math.log10(v) if log else float(v) for v in limits]
+        axis["range"] = [float(f"{v:.6g}") for v in axis["range"]]
+    return axis
+
+
+def _outline(band: Band) -> tuple[FloatArray, FloatArray]:
+    """Closed outlines of the parts of a band, with a NaN between them."""
+    known = np.isfinite(band.low) & np.isfinite(band.high)
+    starts = np.flatnonzero(known & ~np.r_[False, known[:-1]])
+    stops = np.flatnonzero(known & ~np.r_[known[1:], False]) + 1
+    xs: list[FloatArray] = []
+    ys: list[FloatArray] = []
+    gap = np.array([np.nan])
+    for a, b in zip(starts, stops, strict=True):
+        xs += [band.x[a:b], band.x[a:b][::-1], band.x[a : a + 1], gap]
+        ys += [band.low[a:b], band.high[a:b][::-1], band.low[a : a + 1], gap]
+    if not xs:
+        return np.empty(0), np.empty(0)
+    return np.concatenate(xs)[:-1], np.concatenate(ys)[:-1]
+
+
+def _numbers(values: FloatArray, *, log: bool = False) -> list[float | None]:
+    """Numbers for JSON, as many digits as can be seen: a hundred-thousandth of their range, or five on a log axis."""
+    if log:
+        return [float(f"{v:.5g}") if math.isfinite(v) else None for v in values.tolist()]
+    known = values[np.isfinite(values)]
+    size = float(np.ptp(known)) if len(known) else 0.0
+    size = size or (float(np.abs(known[0])) if len(known) else 1.0) or 1.0
+    places = 5 - math.floor(math.log10(size))
+    rounded = np.round(values, places) if places < 15 else values
+    return [
+        None if not math.isfinite(v) else int(v) if v.is_integer() and abs(v) < 1e15 else v for v in rounded.tolist()
+    ]
+
+
+def _encoded(picture: Picture) -> str:
+    """The image as a data URI, in few enough colours to stay small."""
+    import base64
+    import io
+
+    from PIL import Image
+
+    # with transparency only this method of choosing colours works
+    image = Image.fromarray(picture.pixels, "RGBA").quantize(192, method=Image.Quantize.FASTOCTREE)
+    stream = io.BytesIO()
+    image.save(stream, "PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
+
+
+def _round(value: float, places: int) -> float:
+    return round(float(value), places)

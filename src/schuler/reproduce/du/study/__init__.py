@@ -1,0 +1,1 @@
+"""Studies that only Du's thesis needs."""

@@ -1,0 +1,1 @@
+"""Studies that only Flenniken's thesis needs."""

@@ -1,0 +1,1 @@
+"""Studies that only Hayal's thesis needs."""

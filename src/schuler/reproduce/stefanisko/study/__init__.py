@@ -1,0 +1,1 @@
+"""Studies that only Štefanisko's thesis needs."""

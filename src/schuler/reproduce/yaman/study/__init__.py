@@ -1,0 +1,1 @@
+"""Studies that only Yaman's thesis needs."""

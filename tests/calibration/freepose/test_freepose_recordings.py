@@ -1,0 +1,228 @@
+"""Free-pose calibration of real hand-rotated logs against other programs' numbers."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from schuler.calibration.freepose.accel import ellipsoid_start, fit_accelerometers
+from schuler.calibration.freepose.calibrate import calibrate_freepose
+from schuler.calibration.freepose.rest_search import tedaldi_rests
+from schuler.calibration.result.result import CalibrationResult
+from schuler.recording.series import ImuSeries
+
+pytestmark = pytest.mark.realdata
+XSENS_G, SNU_G = 9.81744, 9.79871
+
+
+@pytest.fixture(scope="module")
+def xsens(shared_data):
+    folder = shared_data / "imu_tk_xsens"
+    accel, gyro = np.loadtxt(folder / "xsens_acc.mat"), np.loadtxt(folder / "xsens_gyro.mat")
+    return ImuSeries(accel[:, 0], gyro[:, 1:], accel[:, 1:]), json.loads((folder / "expected.json").read_text())
+
+
+def snu(shared_data, number) -> ImuSeries:
+    log = np.loadtxt(shared_data / "snu_staticposes" / f"imu_good{number}.txt")
+    return ImuSeries(log[:, 0] - log[0, 0], log[:, 4:7], log[:, 1:4])
+
+
+def their_form(result: CalibrationResult):
+    """T, K, B of ``a = T K (raw - B)`` for both triads: ours is ``f = (I + M)^-1 (s raw - b)``."""
+    out = []
+    for M, b, s in (
+        (result.errors.M_a, result.errors.b_a, result.nominal[0]),
+        (result.errors.M_g, result.errors.b_g, result.nominal[1]),
+    ):
+        product = s * np.linalg.inv(np.eye(3) + M)
+        K = np.diag(product)
+        out.append((product / K, K, b / s))
+    return out
+
+
+OFF = ([0, 0, 1], [1, 2, 2])
+
+
+def rests_like_theirs(imu, initial_s, multiple, window=101, shortest=100):
+    """Rests by the published rule: variance of specific force over a window below a multiple of that of the start."""
+    n = np.searchsorted(imu.t, imu.t[0] + initial_s)
+    limit = multiple * np.linalg.norm(imu.accel[:n].var(axis=0, ddof=1))
+    windows = np.lib.stride_tricks.sliding_window_view(imu.accel - imu.accel.mean(axis=0), window, axis=0)
+    still = np.zeros(len(imu) + 2, dtype=int)
+    half = window // 2
+    still[1 + half : 1 + half + len(windows)] = np.linalg.norm(windows.var(axis=2, ddof=1), axis=1) < limit
+    first, last = np.flatnonzero(np.diff(still) == 1), np.flatnonzero(np.diff(still) == -1)
+    keep = last - first >= shortest
+    return np.stack((first[keep], last[keep]), axis=1)
+
+
+# ------------------------------------------------------------------------------------------ Xsens MTi, counts
+
+
+def test_xsens_accelerometers(xsens):
+    """Within 3 sigma of imu_tk's, whose sigma is that of its 3800 samples; ours has poses' scatter in it."""
+    imu, expected = xsens
+    result = calibrate_freepose(imu, gravity=XSENS_G, initial_rest_s=50.0)
+    assert result.status == "ok"
+    (T, K, B), _ = their_form(result)
+    theirs, sigma = expected["acc"], expected["acc"]["one_sigma"]
+    assert (np.abs((T - theirs["T"])[OFF] / sigma["T"]) < 3.0).all()
+    assert (np.abs((K - theirs["K"]) / sigma["K"]) < 3.0).all()
+    assert (np.abs((B - theirs["B"]) / sigma["B"]) < 3.0).all()
+    np.testing.assert_allclose(T[np.tril_indices(3, -1)], 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("bias", ["rest", "estimate"])
+@pytest.mark.parametrize("robust", [True, False])
+def test_xsens_gyroscopes(xsens, bias, robust):
+    """T and K within 1e-4 (a tenth of their stated sigma): other rests and weights than imu_tk's make that much."""
+    imu, expected = xsens
+    result = calibrate_freepose(imu, gravity=XSENS_G, initial_rest_s=50.0, gyro_bias=bias, robust=robust)
+    _, (T, K, B) = their_form(result)
+    theirs = expected["gyro" if bias == "rest" else "gyro_with_bias_optimised"]
+    np.testing.assert_allclose(T, theirs["T"], atol=1e-4)
+    np.testing.assert_allclose(K, theirs["K"], rtol=1e-4)
+    if bias == "rest":  # the mean of 50 s, one sample more or less
+        np.testing.assert_allclose(B, theirs["B"], atol=0.02)
+    else:  # counts; 1 sigma is 2
+        np.testing.assert_allclose(B, theirs["B"], atol=0.2)
+
+
+def test_xsens_without_any_option(xsens):
+    """Found by itself: units, rests, initial rest. Within a third of our sigma of imu_tk's."""
+    imu, expected = xsens
+    result = calibrate_freepose(imu, gravity=XSENS_G)
+    (Ta, Ka, _), (T, K, _) = their_form(result)
+    assert result.nominal == (0.002417, 0.0002095)
+    np.testing.assert_allclose(Ta, expected["acc"]["T"], atol=4e-4)
+    np.testing.assert_allclose(Ka, expected["acc"]["K"], rtol=2e-4)
+    np.testing.assert_allclose(T, expected["gyro"]["T"], atol=3e-4)
+    np.testing.assert_allclose(K, expected["gyro"]["K"], rtol=1e-4)
+    assert 38 <= result.extra["poses"] <= 42
+    assert result.extra["seconds_of_bias"] > 45.0
+
+
+def test_xsens_near_the_factory_calibration(xsens):
+    """Scales of the maker, printed without decimals: within 0.3 %, as imu_tk's are."""
+    imu, expected = xsens
+    (_, Ka, _), (_, Kg, _) = their_form(calibrate_freepose(imu, gravity=XSENS_G))
+    factory = expected["factory_calibration_of_this_MTi"]
+    np.testing.assert_allclose(1.0 / Ka, factory["acc_counts_per_mps2"], rtol=3e-3)
+    np.testing.assert_allclose(1.0 / Kg, factory["gyro_counts_per_radps"], rtol=3e-3)
+
+
+def test_the_same_samples_give_the_same_accelerometers(xsens):
+    """imu_tk takes the first 100 samples of each rest, alike: the same samples into our fit give its printed digits."""
+    imu, expected = xsens
+    index = rests_like_theirs(imu, 50.0, expected["best_mult"])
+    assert len(index) == expected["intervals_by_mult"]["6"]
+    s = 0.0024
+    y = s * np.concatenate([imu.accel[a : a + 100] for a, _ in index])
+    fit = fit_accelerometers(y, np.full_like(y, 1e-9), XSENS_G, robust=False, start=ellipsoid_start(y, XSENS_G))
+    product = s * np.linalg.inv(fit.R)
+    K = np.diag(product)
+    theirs = expected["acc"]
+    np.testing.assert_allclose(product / K, theirs["T"], atol=1e-8)
+    np.testing.assert_allclose(K, theirs["K"], atol=6e-9)
+    np.testing.assert_allclose(fit.p[:3] / s, theirs["B"], atol=6e-5)
+    assert 0.5 * (fit.residual**2).sum() == pytest.approx(theirs["cost"], rel=1e-5)
+
+
+def test_published_search_counts_and_costs(xsens):
+    """All nine counts and costs that imu_tk prints, its multiplier 6 and its 38 rests. Printed digits."""
+    imu, expected = xsens
+    rests = tedaldi_rests(imu, imu.interval, XSENS_G, 50.0)
+    tried = {str(int(k)): (n, cost) for k, n, cost in rests.tried}
+    assert rests.margin == expected["best_mult"]
+    assert len(rests) == expected["intervals_by_mult"]["6"] == 38
+    for k, count in expected["intervals_by_mult"].items():
+        assert tried[k] == (count, pytest.approx(expected["cost_by_mult"][k], abs=6e-7))
+    assert rests.index.tolist() == rests_like_theirs(imu, 50.0, 6).tolist()
+
+
+def test_xsens_with_the_published_search(xsens):
+    """Accelerometers to a fifth of their sigma (means of the same samples, but weighted), gyroscopes to 1.5e-4."""
+    imu, expected = xsens
+    result = calibrate_freepose(imu, gravity=XSENS_G, initial_rest_s=50.0, rests="tedaldi")
+    assert result.status == "ok", result.verdicts
+    assert (result.extra["poses"], result.extra["margin"]) == (38, 6.0)
+    (Ta, Ka, Ba), (T, K, B) = their_form(result)
+    theirs, sigma = expected["acc"], expected["acc"]["one_sigma"]
+    assert (np.abs((Ta - theirs["T"])[OFF] / sigma["T"]) < 0.2).all()
+    assert (np.abs((Ka - theirs["K"]) / sigma["K"]) < 0.2).all()
+    assert (np.abs((Ba - theirs["B"]) / sigma["B"]) < 0.2).all()
+    np.testing.assert_allclose(T, expected["gyro"]["T"], atol=1.5e-4)
+    np.testing.assert_allclose(K, expected["gyro"]["K"], rtol=1.5e-4)
+    np.testing.assert_allclose(B, expected["gyro"]["B"], atol=0.02)
+
+
+# ------------------------------------------------------------------------------------------ three logs of one unit
+
+
+def test_good3_is_solved(shared_data):
+    """To 1e-3: T, K, and bias as a share of gravity. imu_tk takes 100 samples of each of 14 rests, we all."""
+    expected = json.loads((shared_data / "snu_staticposes" / "expected.json").read_text())["imu_good3"]
+    result = calibrate_freepose(snu(shared_data, 3), gravity=SNU_G, initial_rest_s=4.0)
+    assert result.status == "ok", result.verdicts
+    assert result.nominal == (1.0, 1.0)
+    (T, K, B), (Tg, Kg, _) = their_form(result)
+    np.testing.assert_allclose(T, expected["acc"]["T"], atol=1e-3)
+    np.testing.assert_allclose(K, expected["acc"]["K"], atol=1e-3)
+    np.testing.assert_allclose(B / SNU_G, np.array(expected["acc"]["B"]) / SNU_G, atol=1e-3)
+    # this unit's turns miss the vertical by 9 mrad, whatever the calibration: M_g has a sigma of 2e-3 to 7e-3
+    sigma = np.array([[result[f"M_g_{i}{j}"][1] for j in "xyz"] for i in "xyz"])
+    assert (np.abs(Tg * Kg - np.array(expected["gyro"]["T"]) * expected["gyro"]["K"]) < 1.5 * sigma).all()
+
+
+@pytest.mark.parametrize("robust", [True, False])
+def test_good3_with_the_published_search(shared_data, robust):
+    """To 1e-3, gyroscopes too: the 14 rests of imu_tk are found. At 97.6 Hz our window has 99 samples, theirs 101.
+
+    One second of each pose instead of all: M_a_xy has a sigma of 1.5e-3, which is a warning.
+    """
+    expected = json.loads((shared_data / "snu_staticposes" / "expected.json").read_text())["imu_good3"]
+    imu = snu(shared_data, 3)
+    result = calibrate_freepose(imu, gravity=SNU_G, initial_rest_s=4.0, rests="tedaldi", robust=robust)
+    assert result.extra["poses"] == len(result.extra["intervals"]) == expected["n_intervals"]
+    assert result.extra["margin"] == 2.0
+    assert result.status == "warning"
+    assert result.verdicts[0].startswith("M_a_xy (1 sigma 0.0015) is poorly determined")
+    check_good3(their_form(result), expected)
+    # the same rests by a program of its own, with its 101 samples: to a few of them
+    theirs = rests_like_theirs(imu, 4.0, 2)
+    spans = np.array([(imu.t[a], imu.t[b - 1]) for a, b in theirs])
+    np.testing.assert_allclose(result.extra["intervals"], spans, atol=0.05)
+    result = calibrate_freepose(imu, gravity=SNU_G, initial_rest_s=4.0, intervals=spans, robust=robust)
+    check_good3(their_form(result), expected)  # all samples of them
+
+
+def check_good3(found, expected):
+    """Biases of the accelerometers as a share of gravity."""
+    (T, K, B), (Tg, Kg, Bg) = found
+    np.testing.assert_allclose(T, expected["acc"]["T"], atol=1e-3)
+    np.testing.assert_allclose(K, expected["acc"]["K"], atol=1e-3)
+    np.testing.assert_allclose(B / SNU_G, np.array(expected["acc"]["B"]) / SNU_G, atol=1e-3)
+    np.testing.assert_allclose(Tg, expected["gyro"]["T"], atol=1e-3)
+    np.testing.assert_allclose(Kg, expected["gyro"]["K"], atol=1e-3)
+    np.testing.assert_allclose(Bg, expected["gyro"]["B"], atol=1e-5)
+
+
+def test_good2_is_solved_with_a_warning(shared_data):
+    """imu_tk prints 0.225 for this element without a word; here it is named, with the pose that would give it."""
+    result = calibrate_freepose(snu(shared_data, 2), gravity=SNU_G)
+    assert result.status == "warning"
+    assert "M_a_xy" in result.verdicts[0]
+    assert "not determined" in result.verdicts[0]
+    assert "x and y down at 45 deg" in result.next_pose
+    assert result["M_a_xy"][1] > 0.05
+    assert result["M_a_zz"][1] < 1e-3
+
+
+def test_good1_is_refused(shared_data):
+    result = calibrate_freepose(snu(shared_data, 1), gravity=SNU_G)
+    assert result.status == "refused"
+    assert np.isinf(result.sigma).all()
+    assert result.verdicts[0].startswith("Refused: ")
+    assert "put up next" in result.next_pose

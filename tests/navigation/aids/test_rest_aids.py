@@ -1,0 +1,149 @@
+"""Rest, heading, height and known places as measurements: times, weights, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from schuler import frames
+from schuler.exceptions import InputError
+from schuler.filtering.measurements import (
+    FIX,
+    GNSS_HEADING,
+    HEADING,
+    HEIGHT,
+    ZERO_RATE,
+    ZERO_VELOCITY,
+    gate_threshold,
+)
+from schuler.navigation.aids.rest import rest_times, zero_rates, zero_velocities
+from schuler.navigation.aids.scalar import heading_measurements, height_measurements, known_positions
+from schuler.recording.scalar_series import ScalarSeries
+from schuler.recording.series import ImuSeries
+from schuler.standstill.stationarity import static_intervals
+
+SIGMA_W, SIGMA_F, BIAS = 0.002, 0.03, np.array([0.004, -0.003, 0.002])
+
+
+@pytest.fixture(scope="module")
+def stop_and_go() -> ImuSeries:
+    """At rest for 0..10 s and 20..26.5 s of 40 s, shaken between, 100 Hz."""
+    rng = np.random.default_rng(3)
+    t = np.arange(4000) / 100.0
+    moving = ((t >= 10.0) & (t < 20.0)) | (t >= 26.5)
+    gyro = BIAS + SIGMA_W * rng.standard_normal((4000, 3)) + 0.2 * moving[:, None] * np.sin(9.0 * t)[:, None]
+    accel = (
+        [0.0, 0.0, -9.81] + SIGMA_F * rng.standard_normal((4000, 3)) + 2.0 * moving[:, None] * np.cos(7.0 * t)[:, None]
+    )
+    return ImuSeries(t, gyro, accel)
+
+
+@pytest.fixture(scope="module")
+def rests(stop_and_go):
+    found = static_intervals(stop_and_go, min_s=1.0, window_s=0.5)
+    assert len(found) == 2
+    return found
+
+
+def test_times_lie_within_the_rests_at_the_rate(rests):
+    t = rest_times(rests, 2.0)
+    for a, b in zip(rests.start, rests.stop, strict=True):
+        inside = t[(t >= a) & (t <= b)]
+        assert inside[0] == a
+        np.testing.assert_allclose(np.diff(inside), 0.5, atol=1e-12)  # rounding
+        assert b - inside[-1] < 0.5 + 1e-9
+    assert len(t) == sum(int((b - a) / 0.5 + 1e-9) + 1 for a, b in zip(rests.start, rests.stop, strict=True))
+
+
+def test_zero_velocities(rests):
+    s = zero_velocities(rests, sigma=0.03, rate_hz=4.0)
+    assert np.all(s.kind == ZERO_VELOCITY)
+    assert np.all(s.z == 0.0)
+    np.testing.assert_allclose(s.R, np.tile(0.03**2 * np.eye(3), (len(s), 1, 1)), rtol=1e-15)  # rounding
+    assert np.all(s.gate == gate_threshold(0.9999, 3))
+
+
+def test_zero_rates_are_means_of_whole_blocks(stop_and_go, rests):
+    s = zero_rates(stop_and_go, rests, sigma_noise=SIGMA_W / 10.0, sigma=1e-4, block_s=1.0)
+    assert np.all(s.kind == ZERO_RATE)
+    lengths = [(b - a) // 100 for a, b in rests.index]
+    assert len(s) == sum(lengths)
+    for t, z in zip(s.t, s.z, strict=True):
+        last = round(t * 100.0)
+        np.testing.assert_allclose(z[:3], stop_and_go.gyro[last - 99 : last + 1].mean(axis=0), atol=1e-12)  # rounding
+        assert rests.mask[last - 99 : last + 1].all()
+    # variance of a mean over a second of white noise N = sigma / sqrt(rate), and what may still turn
+    np.testing.assert_allclose(s.R[:, 0, 0], (SIGMA_W / 10.0) ** 2 + 1e-8, rtol=1e-9)
+
+
+def test_zero_rates_see_the_bias_as_well_as_they_claim(stop_and_go, rests):
+    s = zero_rates(stop_and_go, rests, sigma_noise=SIGMA_W / 10.0)
+    normal = (s.z[:, :3] - BIAS) / np.sqrt(s.R[:, 0, 0])[:, None]
+    n = normal.size
+    assert abs(np.mean(normal**2) - 1.0) < 4.0 * np.sqrt(2.0 / n)  # statistical, four standard errors
+
+
+def test_blocks_longer_than_a_rest_give_nothing(stop_and_go, rests):
+    s = zero_rates(stop_and_go, rests, sigma_noise=1e-4, block_s=8.0)
+    assert len(s) == 1
+    assert len(zero_rates(stop_and_go, rests, sigma_noise=1e-4, block_s=20.0)) == 0
+
+
+def test_refusals_at_rest(stop_and_go, rests):
+    with pytest.raises(InputError, match="rate_hz: expected a positive number, got 0"):
+        rest_times(rests, 0.0)
+    with pytest.raises(InputError, match=r"sigma: expected a positive number, got -0.1"):
+        zero_velocities(rests, sigma=-0.1)
+    with pytest.raises(
+        InputError, match=r"expected block_s > 0 and a positive sigma or sigma_noise, got 1.0, 0.0, 0.0"
+    ):
+        zero_rates(stop_and_go, rests, sigma_noise=0.0)
+    with pytest.raises(InputError, match="expected the log of 4000 samples the intervals come from, got 3900"):
+        zero_rates(stop_and_go.between(1.0, 50.0), rests, sigma_noise=1e-4)
+
+
+# ------------------------------------------------------------------------------------------- single numbers, places
+
+
+def test_heading_with_declination():
+    series = ScalarSeries(np.arange(3.0), np.array([0.1, 3.1, -3.1]), np.array([0.01, 0.02, 0.03]))
+    s = heading_measurements(series, declination=0.05)
+    assert np.all(s.kind == HEADING)
+    np.testing.assert_allclose(s.z[:, 0], series.value + 0.05, rtol=1e-15)  # rounding; the filter wraps the difference
+    np.testing.assert_allclose(s.R[:, 0, 0], series.sigma**2, rtol=1e-15)
+
+
+def test_only_two_antennas_stop_in_an_outage():
+    series = ScalarSeries(np.arange(10.0), np.zeros(10), np.full(10, 0.01))
+    magnetic, antennas = heading_measurements(series), heading_measurements(series, from_gnss=True)
+    assert np.all(antennas.kind == GNSS_HEADING)
+    assert len(magnetic.outside([(3.0, 6.0)])) == 10
+    assert len(antennas.outside([(3.0, 6.0)])) == 7
+
+
+def test_height():
+    s = height_measurements(
+        ScalarSeries(np.arange(4.0), np.arange(4.0), np.ones(4)), lever_b=(0.1, 0.2, 0.3), gate=None
+    )
+    assert np.all(s.kind == HEIGHT)
+    assert np.all(s.lever == (0.1, 0.2, 0.3))
+    assert np.all(np.isinf(s.gate))
+
+
+def test_known_places_come_in_order_of_time():
+    llh = np.array([[0.8, 0.1, 100.0], [0.81, 0.11, 50.0]])
+    s = known_positions([20.0, 10.0], llh, (0.1, 0.2, 0.3))
+    np.testing.assert_array_equal(s.t, [10.0, 20.0])
+    np.testing.assert_allclose(s.z[:, :3], frames.ecef_from_llh(llh[::-1]), rtol=1e-15)  # rounding
+    np.testing.assert_allclose(s.R[0], np.diag([0.01, 0.04, 0.09]), rtol=1e-14)
+    assert np.all(s.kind == FIX)
+    assert len(s.outside([(5.0, 15.0)])) == 2  # a surveyed mark does not go with GNSS
+
+
+def test_refusals_of_known_places():
+    with pytest.raises(InputError, match="as many times as places, got 2 and 1"):
+        known_positions([1.0, 2.0], [[0.8, 0.1, 100.0]], (0.1, 0.1, 0.1))
+    with pytest.raises(InputError, match="these look like degrees"):
+        known_positions([1.0], [[47.0, 8.0, 100.0]], (0.1, 0.1, 0.1))
+    with pytest.raises(InputError, match="sigma: expected positive values"):
+        known_positions([1.0], [[0.8, 0.1, 100.0]], (0.1, 0.0, 0.1))

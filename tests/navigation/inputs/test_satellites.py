@@ -1,0 +1,430 @@
+"""Satellite measurements on their way into a filter: repeats, missing sigmas, faults, clock jumps, satellites that go.
+
+A car of two minutes, an IMU with its biases, ranges made by :mod:`schuler.gnss.synthetic` whose errors are known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from schuler import frames
+from schuler.exceptions import InputError
+from schuler.filtering.engine import InitialState
+from schuler.filtering.states import StateLayout, StateModel
+from schuler.gnss.constellation import nominal_orbits
+from schuler.gnss.ephemerides import Ephemerides, no_glonass
+from schuler.gnss.point import solve_points
+from schuler.gnss.range_errors import RangeErrors, Sector
+from schuler.gnss.signals import SPEED_OF_LIGHT
+from schuler.gnss.synthetic import synthetic_ranges
+from schuler.mechanization.strapdown import NavState
+from schuler.navigation.aiding_config import CorrelatedSection
+from schuler.navigation.aids.satellite import range_measurements
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.inputs.satellite_noise import honest
+from schuler.navigation.inputs.satellites import (
+    Points,
+    inflated,
+    limited,
+    once_each,
+    satellites,
+    with_clocks,
+    with_sigmas,
+    within_log,
+    without_clock_jumps,
+    without_faults,
+)
+from schuler.navigation.navigate import navigate
+from schuler.recording.point_series import gnss_series
+from schuler.recording.recording import Metadata, Recording
+from schuler.sensors import catalogue
+from schuler.sensors.errors import ImuErrors
+from schuler.simulation.imu import ideal_imu, simulate_imu
+from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion
+from schuler.timebase import TimeBase
+
+IMU = "HG1700-flenniken"
+EPOCH = 1.3e9
+LEVER = np.array([0.4, -0.2, -1.0])
+ORIGIN = np.array([0.85, 0.16, 320.0])
+BUDGET = RangeErrors(noise=0.5, rate_noise=0.05, multipath=0.0, atmosphere=0.0, clock=3e4, drift=20.0, offsets=(15.0,))
+
+CLOCK = {"systems": "GE", "clock_noise_m": 0.2, "clock_drift_noise_m_s": 0.2}  # as the budget has it
+
+
+class Case:
+    """An ideal drive and what a receiver on it measures."""
+
+    def __init__(self) -> None:
+        lap = [
+            Manoeuvre(duration=8.0, speed=10.0),
+            Manoeuvre(duration=7.0, turn=1.5),
+            Manoeuvre(duration=9.0, turn=-2.0, speed=14.0),
+            Manoeuvre(duration=10.0, turn=1.2, speed=8.0),
+        ]
+        motion = ManoeuvreMotion.of([Manoeuvre(duration=6.0), *lap * 4], ORIGIN, heading=0.4, bank=0.2)
+        self.ideal = ideal_imu(motion, 50.0)
+        self.truth = self.ideal.truth
+        self.imu = simulate_imu(
+            self.ideal, ImuErrors.draw(catalogue.spec(IMU), np.random.default_rng(3)), np.random.default_rng(4)
+        ).imu
+        self.t = np.arange(0.5, 120.0, 0.5)
+        s = motion.state(self.t)
+        arm = np.einsum("nij,nj->ni", s.C_eb, np.cross(s.omega_eb_b, LEVER))
+        self.r, self.v = s.r_eb_e + s.C_eb @ LEVER, s.v_eb_e + arm
+        self.orbits = nominal_orbits("GE")
+
+    def made(self, seed=5, **more):
+        return synthetic_ranges(
+            self.t, self.r, self.v, self.orbits, np.random.default_rng(seed), BUDGET, epoch_gps_s=EPOCH,
+            elevation_mask=0.2, **more,
+        )  # fmt: skip
+
+    def recording(self, ranges=None, **more) -> Recording:
+        time = Metadata(time=TimeBase("gps", EPOCH))
+        return Recording(imu=self.imu, ranges=ranges, reference=self.truth, metadata=time, **more)
+
+    def navigated(self, ranges=None, parts=None, **tight):
+        config = {
+            "imu": {"catalogue": IMU},
+            "gnss": {"coupling": "tight", "lever_arm_m": tuple(LEVER), "tight": {**CLOCK, **tight}},
+            "filter": {"smooth": False},
+        }
+        return navigate(self.recording(ranges, **(parts or {})), NavigationConfig.parse(config))
+
+    def error_n(self, result) -> np.ndarray:
+        """Position error north, east, down at the records."""
+        d = result.states.r_eb_e - self.truth.at(result.t).r_eb_e
+        return np.einsum("nji,nj->ni", frames.C_en(result.states.llh), d)
+
+
+@pytest.fixture(scope="module")
+def case():
+    return Case()
+
+
+@pytest.fixture(scope="module")
+def clean(case):
+    return case.made().ranges
+
+
+def faulty(ranges, sat, start, stop, metres, rate=0.0):
+    k = (ranges.sat == sat) & (ranges.t >= start) & (ranges.t < stop)
+    return replace(
+        ranges, pseudorange=ranges.pseudorange + metres * k, range_rate=ranges.range_rate + rate * k
+    )  # fmt: skip
+
+
+# --- one step at a time -----------------------------------------------------------------------------------------------
+
+
+def test_repeated_measurements_count_once(clean):
+    k = np.sort(np.concatenate((np.arange(len(clean)), [4, 4, 9])))
+    notes: list[str] = []
+    once = once_each(clean.where(k), notes)
+    np.testing.assert_array_equal(once.pseudorange, clean.pseudorange)
+    assert notes == ["3 repeated satellite measurements were left out"]
+    assert once_each(clean, notes) is clean
+
+
+@pytest.mark.parametrize("bad", [0.0, np.nan, -1.0, np.inf])
+def test_missing_standard_deviations_are_filled_in(clean, bad):
+    first = np.arange(len(clean)) < 5
+    notes: list[str] = []
+    r = with_sigmas(
+        replace(
+            clean,
+            sigma_range=np.where(first, bad, clean.sigma_range),
+            sigma_rate=np.where(first, bad, clean.sigma_rate),
+        ),
+        notes,
+    )
+    assert set(r.sigma_range[first]) == {10.0}
+    assert set(r.sigma_rate[first]) == {1.0}
+    np.testing.assert_array_equal(r.sigma_range[~first], clean.sigma_range[~first])
+    assert notes == [
+        "5 ranges without a standard deviation were given 10 m",
+        "5 range rates without a standard deviation were given 1 m/s",
+    ]
+    with pytest.raises(InputError, match="expected positive standard deviations"):
+        range_measurements(replace(clean, sigma_range=np.where(first, bad, clean.sigma_range)), LEVER)
+
+
+def test_ranges_outside_the_imu_log_are_not_looked_at(case, clean):
+    short = case.recording(clean)
+    short = replace(short, imu=case.imu.between(20.0, 60.0))
+    r = within_log(clean, short)
+    assert r.t[0] >= 19.0
+    assert r.t[-1] <= 61.0
+    assert within_log(clean, short, 30.0).t[-1] > 85.0
+    with pytest.raises(InputError, match="no time in common"):
+        within_log(clean, short, 1e4)
+
+
+def test_true_standard_deviations_stay(case):
+    """Seldomer than one window in a thousand would be enlarged by chance; none of these 288 is."""
+    for seed in range(12):
+        r = case.made(seed).ranges
+        notes: list[str] = []
+        same, _ = honest(r, notes)
+        assert same is r, (seed, notes)
+
+
+@pytest.mark.parametrize("factor", [2.0, 5.0, 300.0])
+def test_too_small_standard_deviations_are_enlarged_where_they_are(clean, factor):
+    late = clean.t >= 60.5
+    wrong = replace(
+        clean,
+        sigma_range=np.where(late, clean.sigma_range / factor, clean.sigma_range),
+        sigma_rate=np.where(late, clean.sigma_rate / factor, clean.sigma_rate),
+    )
+    notes: list[str] = []
+    r, _ = honest(wrong, notes)
+    for name in ("sigma_range", "sigma_rate"):
+        ratio = getattr(r, name) / getattr(clean, name)
+        np.testing.assert_array_equal(ratio[~late], 1.0)
+        # statistical: twenty epochs of about fifteen degrees of freedom a window, and exclusions take some scatter away
+        assert np.all((ratio[late] > 0.75) & (ratio[late] < 1.3)), ratio[late]
+    assert len(notes) == 2
+    assert notes[0].startswith(f"standard deviations of {late.sum()} ranges were enlarged")
+
+
+def test_too_large_standard_deviations_stay(clean):
+    """Errors that last, or that all satellites share, do not show in residuals."""
+    r, _ = honest(replace(clean, sigma_range=4.0 * clean.sigma_range), [])
+    np.testing.assert_array_equal(r.sigma_range, 4.0 * clean.sigma_range)
+
+
+def test_a_fault_does_not_pass_as_noise(clean):
+    """40 m on one of many satellites for 4 s: excluded there, and nobody's standard deviation grows."""
+    sat = int(clean.sat[np.argmax(clean.elevation)])
+    wrong = faulty(clean, sat, 40.0, 44.0, 40.0)
+    r, solution = honest(wrong, [])
+    np.testing.assert_array_equal(r.sigma_range, clean.sigma_range)
+    notes: list[str] = []
+    left = without_faults(r, solution, notes)
+    out = left.reason == 6
+    np.testing.assert_array_equal(out, (r.sat == sat) & (r.t >= 40.0) & (r.t < 44.0))
+    assert np.isnan(left.range_rate[out]).all()
+    assert notes == [
+        "8 ranges and 8 range rates excluded by fault detection among the satellites of an epoch"
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("metres", [-3e5, -60.0, 45.0, 2.99792458e5])
+def test_clock_jumps_are_taken_out(clean, metres):
+    jumped = replace(clean, pseudorange=clean.pseudorange + metres * (clean.t >= 50.0))
+    notes: list[str] = []
+    r, s = without_clock_jumps(jumped, solve_points(jumped), notes)
+    assert len(notes) == 1
+    assert notes[0].startswith("the receiver clock jumped 1 times, first by")
+    step = (r.pseudorange - clean.pseudorange)[r.t >= 50.0]
+    assert np.ptp(step) < 1e-6  # rounding: one number for all
+    assert abs(step[0]) < 2.0  # statistical: the clock's own noise and that of two solutions, about 0.4 m
+    np.testing.assert_array_equal(r.pseudorange[r.t < 50.0], clean.pseudorange[r.t < 50.0])
+    before, after = s.clock[s.t < 50.0][-1], s.clock[s.t >= 50.0][0]
+    np.testing.assert_allclose(after - before, 0.5 * s.drift[s.t < 50.0][-1], atol=3.0)  # statistical
+
+
+def test_jumps_without_range_rates_and_several_of_them(clean):
+    steps = 1e4 * (clean.t >= 30.0) - 200.0 * (clean.t >= 70.0)
+    no_rates = replace(clean, range_rate=np.full(len(clean), np.nan))
+    jumped = replace(no_rates, pseudorange=clean.pseudorange + steps)
+    notes: list[str] = []
+    r, _ = without_clock_jumps(jumped, solve_points(jumped), notes)
+    assert "jumped 2 times, first by +1" in notes[0]
+    left = r.pseudorange - clean.pseudorange
+    assert np.abs(left).max() < 4.0  # statistical: as above, without the rates
+
+
+def test_a_bad_epoch_and_a_calm_clock_are_no_jumps(clean):
+    notes: list[str] = []
+    same, _ = without_clock_jumps(clean, solve_points(clean), notes)
+    assert same is clean
+    bad = replace(clean, pseudorange=clean.pseudorange + 80.0 * (clean.t == 50.0))
+    same, _ = without_clock_jumps(bad, solve_points(bad), notes)
+    assert same is bad
+    few = clean.where(clean.t < 1.2)
+    assert without_clock_jumps(few, solve_points(few), notes)[0] is few
+    assert not notes
+
+
+def test_inflation_is_the_long_average_of_gauss_markov_noise(clean):
+    """Closed form: the variance of the mean of n samples tends to s^2 (1 + a) / (1 - a) / n."""
+    r = inflated(clean, CorrelatedSection(position_sigma_m=2.0, position_tau_s=30.0))
+    n, a = 20_000, np.exp(-0.5 / 30.0)
+    j = np.arange(1, n)
+    variance = 4.0 * (1.0 + 2.0 * np.sum((1.0 - j / n) * a**j)) / n
+    added = r.sigma_range**2 - clean.sigma_range**2
+    np.testing.assert_allclose(added / n, variance, rtol=1e-2)  # the ends of a finite mean, tau / (n dt)
+    np.testing.assert_array_equal(r.sigma_rate, clean.sigma_rate)
+    rates = inflated(clean, CorrelatedSection(velocity_sigma_m_s=0.1, velocity_tau_s=5.0))
+    np.testing.assert_allclose(rates.sigma_rate**2 - clean.sigma_rate**2, 0.01 / np.tanh(0.05), rtol=1e-9)
+    np.testing.assert_array_equal(rates.sigma_range, clean.sigma_range)
+
+
+def test_satellites_are_cut_within_windows_only(clean):
+    cut = limited(clean, 1, 3, ((20.0, 30.0),))
+    count = np.array([np.sum(cut.t == t) for t in np.unique(clean.t)])
+    full = np.array([np.sum(clean.t == t) for t in np.unique(clean.t)])
+    inside = (np.unique(clean.t) >= 20.0) & (np.unique(clean.t) < 30.0)
+    assert set(count[inside]) == {3}
+    np.testing.assert_array_equal(count[~inside], full[~inside])
+
+
+def test_the_clocks_of_the_start(case, clean):
+    """The reference clock follows from another system's where the nearest epoch does not show it."""
+    models = {n: StateModel.random_walk(1.0, 0.1) for n in ("b_a", "b_g", "clock", "clock_drift", "clock_2")}
+    lay = StateLayout(models)
+    start = InitialState.from_sigmas(
+        NavState(60.0, case.r[119], case.v[119], case.truth.q_eb[3000]), lay, attitude=[1e-3] * 3, velocity=[0.1] * 3,
+        position=[1.0] * 3,
+    )  # fmt: skip
+    made = case.made()
+    k = int(np.searchsorted(case.t, 60.0))
+    for hidden in (False, True):
+        r = clean.where(~((clean.t == case.t[k]) & (clean.group == 0))) if hidden else clean
+        s = solve_points(r)
+        p = with_clocks(start, Points(s, gnss_series(s)), lay).parameters
+        # statistical: solutions are good to 0.5 m and 0.05 m/s, and the clock walks 0.2 m in half a second
+        assert p[lay["clock"].start - 9] == pytest.approx(made.clock[k, 0], abs=3.0)
+        assert p[lay["clock_drift"].start - 9] == pytest.approx(made.drift[k], abs=0.4)
+        assert p[lay["clock_2"].start - 9] == pytest.approx(15.0, abs=1.5)
+
+
+def test_what_is_missing_is_named(case, clean):
+    config = NavigationConfig.parse({"imu": {"catalogue": IMU}, "gnss": {"coupling": "tight"}})
+    with pytest.raises(InputError, match="there are no observations"):
+        satellites(case.recording(), config, [])
+    with pytest.raises(InputError, match="no range is usable"):
+        satellites(case.recording(replace(clean, reason=np.full(len(clean), 2))), config, [])
+    with pytest.raises(InputError, match="at most 3 satellites were usable"):
+        satellites(case.recording(limited(clean, 1, 3)), config, [])
+
+
+# --- whole runs -------------------------------------------------------------------------------------------------------
+
+
+def sound(case, result, largest=2.0, sigmas=5.0):
+    """No error beyond ``largest`` metres, nor beyond ``sigmas`` of its own, and no jumps: returns errors."""
+    error, sigma = case.error_n(result), result.sigma("dr")
+    assert np.abs(error).max() < largest
+    assert np.all(np.abs(error) < sigmas * sigma)
+    a = result.trajectory
+    step = np.diff(a.r_eb_e, axis=0) - a.v_eb_e[1:] * np.diff(a.t)[:, None]
+    assert np.linalg.norm(step, axis=1).max() < largest
+    return error
+
+
+def test_a_clean_run(case, clean):
+    result = case.navigated(clean)
+    sound(case, result)
+    for kind in ("pseudorange", "range_rate"):
+        part = result.innovations.of(kind)
+        assert len(part) > 1500
+        assert 0.85 < np.nanmean(part.nis) < 1.15  # statistical: 1 +- 0.035 for each kind
+    truth = case.made()
+    clock = result.parameter("clock")[:, 0]
+    at = np.interp(result.t, case.t, truth.clock[:, 0])
+    inside = (result.t > result.t[5]) & (result.t < case.t[-1])
+    assert np.abs(clock - at)[inside].max() < 5.0 * result.sigma("clock").max()
+
+
+@pytest.mark.parametrize("metres", [-3e5, 70.0])
+def test_a_clock_jump_does_not_move_the_solution(case, clean, metres):
+    before = case.navigated(clean)
+    after = case.navigated(replace(clean, pseudorange=clean.pseudorange + metres * (clean.t >= 50.0)))
+    assert any("clock jumped 1 times" in note for note in after.notes)
+    sound(case, after)
+    moved = np.linalg.norm(after.states.r_eb_e - before.states.r_eb_e, axis=1)
+    assert moved.max() < before.sigma("dr").max()  # the estimate of the jump is wrong by some decimetres
+    assert sum(after.innovations.rejected().values()) <= sum(before.innovations.rejected().values()) + 3
+
+
+def test_whole_milliseconds_through_observations(case):
+    """A receiver that sets its clock: stamps and ranges move together, and the chain puts both right."""
+    made = case.made()
+    o = made.observations()
+    late = made.ranges.t >= 60.0
+    jump = 1e-3 * late
+    o = replace(o, t=o.t + jump, pseudorange=o.pseudorange + SPEED_OF_LIGHT * jump)
+    parts = {"observations": o, "ephemerides": case.orbits.ephemerides(EPOCH, EPOCH + 120.0)}
+    result = case.navigated(parts=parts, ionosphere="none", troposphere="none")
+    assert any("whole milliseconds 1 times" in note for note in result.notes)
+    sound(case, result, 3.0)
+
+
+def test_satellites_rise_set_and_hide(case):
+    """A house in the east and a wall in the south come and go; half of the sky is gone for half a minute."""
+    free, walls = case.made().ranges, case.made(blocked=[Sector(0.3, 3.6, below=1.2)]).ranges
+    hidden = (free.t >= 40.0) & (free.t < 70.0) & ~np.isin(
+        free.sat + 1000 * np.round(2 * free.t), walls.sat + 1000 * np.round(2 * walls.t)
+    )  # fmt: skip
+    assert hidden.sum() > 200
+    sound(case, case.navigated(free.where(~hidden)), 3.0)
+
+
+def test_a_change_of_ephemerides_does_not_show(case):
+    """Messages for every minute whose clocks differ by a metre and more from one to the next."""
+    eph = case.orbits.ephemerides(EPOCH, EPOCH + 120.0, interval_s=60.0)
+    wander = 1.0 / SPEED_OF_LIGHT * np.random.default_rng(6).standard_normal(len(eph.kepler))
+    eph = Ephemerides(replace(eph.kepler, af0=eph.kepler.af0 + wander), no_glonass())
+    assert np.sum((np.unique(eph.kepler.toe) >= EPOCH) & (np.unique(eph.kepler.toe) < EPOCH + 100.0)) == 2
+    parts = {"observations": case.made().observations(), "ephemerides": eph}
+    result = case.navigated(parts=parts, ionosphere="none", troposphere="none")
+    error = sound(case, result, 3.0, sigmas=20.0)  # errors that last, which the filter takes as white
+    assert np.abs(np.diff(error, axis=0)).max() < 0.6  # a metre on each of twelve ranges, and gently
+
+
+def test_a_receiver_that_says_a_centimetre(case, clean):
+    """All satellites claim 1 cm and 1 mm/s with errors of half a metre and 5 cm/s."""
+    wrong = replace(clean, sigma_range=np.full(len(clean), 0.01), sigma_rate=np.full(len(clean), 0.001))
+    result = case.navigated(wrong)
+    assert sum("were enlarged" in note for note in result.notes) == 2
+    sound(case, result)
+    assert not any(result.innovations.rejected().values()) or result.innovations.mean_nis() < 1.3
+
+
+@pytest.mark.parametrize("metres", [-20.0, 20.0])
+def test_a_satellite_that_says_a_centimetre_and_is_wrong_by_twenty_metres(case, clean, metres):
+    sat = int(clean.sat[np.argmax(clean.elevation)])
+    k = clean.sat == sat
+    wrong = faulty(clean, sat, 50.0, 80.0, metres)
+    wrong = replace(wrong, sigma_range=np.where(k, 0.01, wrong.sigma_range))
+    result = case.navigated(wrong)
+    assert any("excluded by fault detection" in note for note in result.notes)
+    sound(case, result, 3.0)
+
+
+@pytest.mark.parametrize("metres", [-20.0, 20.0])
+def test_a_fault_among_three_satellites_is_left_to_the_filter(case, clean, metres):
+    """Nothing is redundant within an epoch then: the innovation test finds it, and counts."""
+    cut = limited(clean, 1, 3, ((48.0, 70.0),))
+    sat = int(np.unique(cut.sat[(cut.t > 52.0) & (cut.t < 60.0)])[0])
+    wrong = faulty(cut, sat, 52.0, 60.0, metres)
+    at_fault = (wrong.sat == sat) & (wrong.t >= 52.0) & (wrong.t < 60.0)
+    assert at_fault.sum() == 16
+    good, bad = case.navigated(cut), case.navigated(wrong)
+    extra = bad.innovations.rejected()["pseudorange"] - good.innovations.rejected()["pseudorange"]
+    assert extra >= 13
+    sound(case, bad, 4.0)
+
+
+def test_late_and_repeated_epochs(case, clean):
+    """A log out of order cannot become Ranges; one put in order, with an epoch twice, gives the same as without."""
+    k = np.sort(np.concatenate((np.arange(len(clean)), np.flatnonzero(clean.t == 33.0))))
+    twice, once = case.navigated(clean.where(k)), case.navigated(clean)
+    np.testing.assert_array_equal(twice.trajectory.r_eb_e, once.trajectory.r_eb_e)
+    with pytest.raises(InputError, match="in order of time"):
+        clean.where(np.r_[1000, np.arange(10)])
+
+
+def test_gaps_in_the_ranges_are_bridged(case, clean):
+    gap = clean.where((clean.t < 60.0) | (clean.t > 72.0))
+    result = case.navigated(gap)
+    error, sigma = case.error_n(result), result.sigma("dr")
+    assert np.all(np.abs(error) < 5.0 * sigma)
+    assert np.abs(error[result.t > 75.0]).max() < 2.0

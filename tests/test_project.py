@@ -6,6 +6,7 @@ Everything is found by walking the tree, so a file that appears later is held to
 from __future__ import annotations
 
 import ast
+import importlib
 import io
 import re
 import subprocess
@@ -161,6 +162,24 @@ def test_the_scan_for_early_imports_sees_what_it_should():
     )
     lines = [line for name, line in imports_when_loaded(tree) if names_a_kernel_module(name)]
     assert lines == [1, 2, 3, 5, 9]
+
+
+def test_no_file_has_the_name_of_what_its_package_hands_out():
+    """Once such a file is imported, its package's attribute is the module, and no longer the function."""
+    for stub in PACKAGE.rglob("__init__.pyi"):
+        handed = {
+            alias.asname for node in parsed(stub).body if isinstance(node, ast.ImportFrom) for alias in node.names
+        }
+        files = {p.stem for p in stub.parent.glob("*.py")} | {p.name for p in stub.parent.iterdir() if p.is_dir()}
+        assert not handed & files, f"{stub}: rename the file, {handed & files}"
+
+
+def test_faces_hand_out_what_their_stubs_list():
+    for stub in PACKAGE.rglob("__init__.pyi"):
+        name = ".".join(stub.parent.relative_to(PACKAGE.parent).parts)
+        package = importlib.import_module(name)
+        for handed in package.__all__:
+            assert getattr(package, handed) is not None
 
 
 # ------------------------------------------------------------------------------------------- docstrings

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from schuler.budget.covariance import QUANTITIES, LinearCovariance, linear_covariance, true_covariance
-from schuler.budget.requirement import Requirement
+from schuler.budget.requirements import Requirement
 from schuler.budget.scenario import BudgetMission
 from schuler.budget.sources import UNEVEN, constants, noises
 from schuler.exceptions import InputError

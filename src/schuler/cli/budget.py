@@ -73,15 +73,8 @@ def budget(
     json
         Print one JSON object instead of text.
     """
-    from schuler.budget import (
-        BudgetScenario,
-        budget_of,
-        catalogue_specs,
-        choose_imu,
-        linear_covariance,
-        prepare_budget,
-        requirement,
-    )
+    from schuler.budget import BudgetScenario, budget_of, catalogue_specs, choose_imu, linear_covariance, prepare_budget
+    from schuler.budget import requirements as requirement
 
     began = clock.perf_counter()
     loaded = BudgetScenario.load(scenario)

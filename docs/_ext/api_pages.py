@@ -29,7 +29,8 @@ ELSEWHERE = ("schuler.cli", "schuler.__main__")
 
 def public(module: str) -> bool:
     """Whether a module belongs into the reference."""
-    return not module.startswith(ELSEWHERE) and not any(part.startswith("_") for part in module.split("."))
+    parts = module.split(".")
+    return not module.startswith(ELSEWHERE) and not any(p.startswith("_") or p.endswith("kernels") for p in parts)
 
 
 @cache
@@ -52,10 +53,12 @@ def defined_in(value: Any) -> tuple[str, str]:
 
 
 def imported_from(module: ModuleType, name: str) -> str:
-    """Module that an ``__init__`` imports a name from; the ``__init__`` itself if it defines it."""
-    for node in ast.parse(inspect.getsource(module)).body:
+    """Module that a package's stub or ``__init__`` imports a name from; the package itself if it defines it."""
+    stub = Path(inspect.getfile(module)).with_suffix(".pyi")
+    text = stub.read_text(encoding="utf-8") if stub.exists() else inspect.getsource(module)
+    for node in ast.parse(text).body:
         if isinstance(node, ast.ImportFrom) and any((a.asname or a.name) == name for a in node.names):
-            return str(node.module)
+            return f"{module.__name__}.{node.module}" if node.level else str(node.module)
     return module.__name__
 
 

@@ -1,4 +1,5 @@
-"""Machine code on disk: used again by the next process, and never after a source it was made of has changed."""
+"""Machine code on disk: used again by the next process, never after a source it was made of has changed, and for
+numbers and lanes apart."""
 
 from __future__ import annotations
 
@@ -6,9 +7,13 @@ import os
 import shutil
 import subprocess
 import sys
+from itertools import permutations
 from pathlib import Path
 
+import pytest
+
 import schuler
+from schuler import jit
 
 SCRIPT = """
 import numpy as np
@@ -41,10 +46,75 @@ def test_a_changed_helper_in_another_file_is_compiled_in(tmp_path):
     assert run(tmp_path) == (first, 1)
     helper = package / "mechanization" / "kernels.py"
     text = helper.read_text(encoding="utf-8")
-    head, found, rest = text.partition("def half_angle_series(px, py, pz):")
-    assert found
+    head, signature, rest = text.partition("def half_angle(px, py, pz):")
+    assert signature
     close = rest.index('"""', rest.index('"""') + 3) + 3
-    helper.write_text(head + found + rest[:close] + "\n    px = 2.0 * px" + rest[close:], encoding="utf-8")
+    helper.write_text(head + signature + rest[:close] + "\n    px = 2.0 * px" + rest[close:], encoding="utf-8")
     changed, hits = run(tmp_path)
     assert hits == 0
     assert changed < first - 0.01  # turned further
+
+
+# ------------------------------------------------------------------------------- numbers and lanes, one cache
+
+NUMBERS = """
+import numba as nb
+from schuler.filtering.kernels.covariance import transition
+v, m = nb.float64[::1], nb.float64[:, ::1]
+transition.compile((m, v, v, nb.float64))
+"""
+LANES = """
+import numba as nb
+from schuler.montecarlo.lanes._covariance_kernels import flush
+from schuler.montecarlo.lanes._vector_kernels import lane
+x, y = (nb.types.Array(lane, d, "C", aligned=False) for d in (1, 2))
+v = nb.float64[::1]
+flush.compile((y, x, x, y, y, y, v, v, nb.int64[::1], nb.boolean, nb.float64))
+"""
+CALLER = """
+import numba as nb
+from schuler.budget._replay_kernels import replay_columns
+v, m, c, i, s = nb.float64[::1], nb.float64[:, ::1], nb.float64[:, :, ::1], nb.int64[::1], nb.int64
+replay_columns.compile((m, m, c, i, c, i, i, m, c, c, v, s, s, nb.float64, c, i, c))
+"""
+
+
+def in_a_process(arguments: list[str], folder: Path, timeout_s: float) -> None:
+    """Run Python in a process of its own whose machine code goes to and comes from ``folder / cache``."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache")}
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        capture_output=True, text=True, check=False, timeout=timeout_s, env=environment, cwd=folder,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+
+
+def test_machine_code_for_lanes_does_not_disturb_a_compilation_for_numbers(tmp_path):
+    """The third process compiles a caller of a function whose code for numbers and for lanes is on disk.
+
+    With one index on disk for both, it ended in ``KeyError: (float64,)``.
+    """
+    for script in (NUMBERS, LANES, CALLER):
+        in_a_process(["-c", script], tmp_path, 300.0)
+
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+COMMANDS = {
+    "demo": ["demo"],
+    "lanes": ["montecarlo", str(EXAMPLES / "montecarlo_hour.toml"), "--runs", "8"],
+    "budget": ["budget", str(EXAMPLES / "budget_town.toml")],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", list(permutations(COMMANDS)), ids="-".join)
+def test_commands_in_any_order_from_an_empty_cache(tmp_path, order):
+    for command in order:
+        in_a_process(["-m", "schuler", *COMMANDS[command]], tmp_path, 1200.0)
+
+
+def test_a_lane_version_names_the_lane_version_of_everything_it_calls():
+    from schuler.mechanization import kernels as k
+
+    with pytest.raises(TypeError, match="expected a lane version of half_angle_coefficients"):
+        jit.lane_version(k.half_angle)

@@ -12,11 +12,15 @@ import functools
 import hashlib
 import sys
 import threading
-from collections.abc import Callable, Iterable
+import types
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
 
 import numba
+from numba.core.compiler_lock import global_compiler_lock
+from numba.extending import is_jitted
 
 _NOTICE_AFTER_S = 1.5
 
@@ -52,6 +56,45 @@ def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Callable[...
     except AttributeError:  # a numba that keeps it elsewhere: better to compile at every start than to run old code
         compiled = numba.njit(**options, **_OPTIONS)(function)
     return cast(Callable[..., Any], compiled)
+
+
+def lane_version(function: Callable[..., Any], **helpers: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile the Python text of a kernel a second time, for lanes: a dispatcher with machine code of its own on disk.
+
+    One dispatcher for numbers and for lanes would keep both overloads under one index on disk. A process that compiles
+    kernels for numbers would then load the lanes' types while it reads that index, in the middle of a compilation, and
+    numba cannot take new implementations of operators there (it ends in ``KeyError: (float64,)``).
+
+    Parameters
+    ----------
+    function : kernel
+        Compiled function for numbers, of :func:`kernel` or :func:`inlined`.
+    **helpers : kernel
+        Under the names that the text uses: what it calls in lanes. Every compiled function that it calls must be there.
+
+    Raises
+    ------
+    TypeError
+        If the text calls a compiled function for which no lane version is given.
+    """
+    original = cast(Any, function)
+    text = original.py_func
+    names = {**text.__globals__, **helpers}
+    for name in text.__code__.co_names:
+        if is_jitted(names.get(name, str)) and name not in helpers:
+            raise TypeError(f"lane version of {text.__name__}: expected a lane version of {name}, which it calls")
+    second = types.FunctionType(text.__code__, names, text.__name__, text.__defaults__)
+    second.__qualname__ = f"{text.__qualname__}_in_lanes"  # numba names the index on disk by it
+    second.__doc__ = text.__doc__
+    inline = original.targetoptions.get("forceinline", False)
+    return _kept(second, {"forceinline": True} if inline else {})
+
+
+@contextmanager
+def between_compilations() -> Iterator[None]:
+    """Hold off compilations of other threads, while modules are imported that register types and operators."""
+    with global_compiler_lock:
+        yield
 
 
 @functools.cache

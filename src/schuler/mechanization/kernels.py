@@ -98,6 +98,27 @@ def cut_interval(part, poly, s0, s1):
 
 
 @inlined
+def rotation_series(m):
+    """Series of ``(1 - cos a) / a^2`` and ``(a - sin a) / a^3``, ``m = a^2``: to rounding for angles below 0.5 rad."""
+    g1 = 0.5 - m * (1.0 / 24.0 - m * (1.0 / 720.0 - m * (1.0 / 40320.0 - m * (1.0 / 3628800.0 - m / 479001600.0))))
+    g2 = 1.0 / 6.0 - m * (1.0 / 120.0 - m * (1.0 / 5040.0 - m * (1.0 / 362880.0 - m / 39916800.0)))
+    return g1, g2
+
+
+@inlined
+def rotation_coefficients(m):
+    """``(1 - cos a) / a^2`` and ``(a - sin a) / a^3`` of a squared angle: series when small, else closed form.
+
+    Lanes take :func:`rotation_series` always, so that no run depends on its neighbours; runs that turn by more than
+    half a radian in a sample are marked as diverged.
+    """
+    if m < 0.25:
+        return rotation_series(m)
+    angle = math.sqrt(m)
+    return (1.0 - math.cos(angle)) / m, (angle - math.sin(angle)) / (m * angle)
+
+
+@inlined
 def body_integrals(poly):
     """Rotation vector, velocity change and position shape term of an interval, in body axes at its start.
 
@@ -125,14 +146,7 @@ def body_integrals(poly):
     # dtheta x dv, dtheta x (dtheta x dv)
     fx, fy, fz = ty * dz - tz * dy, tz * dx - tx * dz, tx * dy - ty * dx
     gx, gy, gz = ty * fz - tz * fy, tz * fx - tx * fz, tx * fy - ty * fx
-    m = tx * tx + ty * ty + tz * tz
-    if m < 0.25:
-        g1 = 0.5 - m * (1.0 / 24.0 - m * (1.0 / 720.0 - m * (1.0 / 40320.0 - m * (1.0 / 3628800.0 - m / 479001600.0))))
-        g2 = 1.0 / 6.0 - m * (1.0 / 120.0 - m * (1.0 / 5040.0 - m * (1.0 / 362880.0 - m / 39916800.0)))
-    else:
-        angle = math.sqrt(m)
-        g1 = (1.0 - math.cos(angle)) / m
-        g2 = (angle - math.sin(angle)) / (m * angle)
+    g1, g2 = rotation_coefficients(tx * tx + ty * ty + tz * tz)
     # fourth order: (a0 x (a0 x b1) - a1 x (a0 x b0)) / 24
     ex, ey, ez = a0y * b1z - a0z * b1y, a0z * b1x - a0x * b1z, a0x * b1y - a0y * b1x
     hx, hy, hz = a0y * b0z - a0z * b0y, a0z * b0x - a0x * b0z, a0x * b0y - a0y * b0x
@@ -145,17 +159,29 @@ def body_integrals(poly):
 
 
 @inlined
-def half_angle_series(px, py, pz):
-    """Cosine of half the angle and sine(half angle) / angle of a rotation vector."""
-    x = 0.25 * (px * px + py * py + pz * pz)
-    if x < 0.0625:
-        c = 1.0 - x * (0.5 - x * (1.0 / 24.0 - x * (1.0 / 720.0 - x * (1.0 / 40320.0 - x / 3628800.0))))
-        s = 0.5 - x * (1.0 / 12.0 - x * (1.0 / 240.0 - x * (1.0 / 10080.0 - x / 725760.0)))
-    else:
-        half = math.sqrt(x)
-        c = math.cos(half)
-        s = 0.5 * math.sin(half) / half
+def half_angle_series(x):
+    """Series of ``cos b`` and ``sin b / (2 b)`` of half an angle b, ``x = b^2``: to rounding for b below 0.25 rad."""
+    c = 1.0 - x * (0.5 - x * (1.0 / 24.0 - x * (1.0 / 720.0 - x * (1.0 / 40320.0 - x / 3628800.0))))
+    s = 0.5 - x * (1.0 / 12.0 - x * (1.0 / 240.0 - x * (1.0 / 10080.0 - x / 725760.0)))
     return c, s
+
+
+@inlined
+def half_angle_coefficients(x):
+    """``cos b`` and ``sin b / (2 b)`` of a squared half angle: series when small, else closed form.
+
+    Lanes take :func:`half_angle_series` always, as in :func:`rotation_coefficients`.
+    """
+    if x < 0.0625:
+        return half_angle_series(x)
+    half = math.sqrt(x)
+    return math.cos(half), 0.5 * math.sin(half) / half
+
+
+@inlined
+def half_angle(px, py, pz):
+    """Cosine of half the angle of a rotation vector, and sine of half the angle divided by the angle."""
+    return half_angle_coefficients(0.25 * (px * px + py * py + pz * pz))
 
 
 @inlined
@@ -180,7 +206,7 @@ def advance_ecef(nav, poly, h, omega_ie):
     nav[8] += hh * (vy + wy) - k * (c21 * jx + c22 * jy + c23 * jz)
     nav[9] += hh * (vz + wz) - k * (c31 * jx + c32 * jy + c33 * jz)
     nav[4], nav[5], nav[6] = wx, wy, wz
-    c, s = half_angle_series(px, py, pz)
+    c, s = half_angle(px, py, pz)
     sx, sy, sz = s * px, s * py, s * pz
     aw = qw * c - qx * sx - qy * sy - qz * sz
     ax = qw * sx + qx * c + qy * sz - qz * sy
@@ -248,14 +274,14 @@ def advance_ned(nav, poly, h, omega_ie):
     nav[8] += xe / ((r_e + height_m) * c)
     nav[9] = height - xd
     nav[4], nav[5], nav[6] = vn + dn, ve + de, vd + dd
-    c_, s_ = half_angle_series(px, py, pz)
+    c_, s_ = half_angle(px, py, pz)
     sx, sy, sz = s_ * px, s_ * py, s_ * pz
     aw = qw * c_ - qx * sx - qy * sy - qz * sz
     ax = qw * sx + qx * c_ + qy * sz - qz * sy
     ay = qw * sy - qx * sz + qy * c_ + qz * sx
     az = qw * sz + qx * sy - qy * sx + qz * c_
     zx, zy, zz = -ix * h, -iy * h, -iz * h
-    c_, s_ = half_angle_series(zx, zy, zz)
+    c_, s_ = half_angle(zx, zy, zz)
     zx, zy, zz = s_ * zx, s_ * zy, s_ * zz
     bw = c_ * aw - zx * ax - zy * ay - zz * az
     bx = c_ * ax + zx * aw + zy * az - zz * ay

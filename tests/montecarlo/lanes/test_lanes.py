@@ -593,3 +593,35 @@ def test_what_lanes_do_not_have_is_refused():
         quiet(NoiseModel((White(1e-4), GaussMarkov2(1e-3, 2.0))))
     with pytest.raises(InputError, match="S_a: in lanes only biases wander"):
         LaneErrors.of_layout(StateLayout({"S_a": StateModel.random_walk(1e-3, 1e-5)}), np.zeros(3), np.zeros(3), 100.0)
+
+
+# ---------------------------------------------------------------------------------------------- the lane type
+
+
+@pytest.mark.parametrize("name", ["lt", "le", "gt", "ge", "eq", "ne"])
+@pytest.mark.parametrize("right", [0.5, 1])
+def test_lanes_cannot_be_compared_with_numbers(name, right):
+    """Eight runs have eight answers; a branch on one of them would send all runs its way."""
+    import operator
+
+    import numba
+
+    from schuler.montecarlo.lanes._vector_kernels import as_lanes
+
+    compare = getattr(operator, name)
+    with pytest.raises(numba.TypingError):
+        numba.njit(lambda x: compare(as_lanes(x)[0], right))(np.zeros((1, 8)))
+    with pytest.raises(numba.TypingError):
+        numba.njit(lambda x: 1 if as_lanes(x)[0] else 2)(np.zeros((1, 8)))
+
+
+def test_kernels_for_numbers_are_never_compiled_for_lanes():
+    """One dispatcher for both would mix their machine code on disk (tests/test_jit.py says what came of it)."""
+    from numba.extending import is_jitted
+
+    run_lanes(lane_cases.scenario(15, 2.0), 8)
+    modules = [m for name, m in sys.modules.items() if "kernels" in name and ".lanes." not in name]
+    assert len(modules) > 5
+    kernels = [value for module in modules for value in vars(module).values() if is_jitted(value)]
+    mixed = {k.py_func.__name__ for k in kernels if any("lane" in str(t) for s in k.signatures for t in s)}
+    assert not mixed

@@ -27,7 +27,7 @@ import numpy as np
 
 from schuler.filtering.kernels.covariance import PAD, padded, transition
 from schuler.jit import inlined, kernel, prepare
-from schuler.mechanization.kernels import half_angle_series
+from schuler.mechanization.kernels import half_angle
 
 
 @inlined
@@ -281,7 +281,7 @@ def apply_corrections(t, q, v, r, node_t, minus, plus):
                 s = 0.0
         a, b = plus[j], minus[min(j + 1, last)]
         x, y, z = (1.0 - s) * a[0] + s * b[0], (1.0 - s) * a[1] + s * b[1], (1.0 - s) * a[2] + s * b[2]
-        c, h = half_angle_series(x, y, z)
+        c, h = half_angle(x, y, z)
         x, y, z = h * x, h * y, h * z
         p = q[k]
         p0, p1, p2, p3 = p[0], p[1], p[2], p[3]

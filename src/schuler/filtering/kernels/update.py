@@ -12,7 +12,7 @@ from schuler.filtering.kernels.range import pseudorange, range_rate
 from schuler.filtering.kernels.rest import earth_rate, gravity_magnitude, gravity_vector
 from schuler.filtering.kernels.vehicle import heading, height, rate_columns, vehicle_velocity, zero_rate
 from schuler.jit import inlined, kernel
-from schuler.mechanization.kernels import gravity_e, half_angle_series
+from schuler.mechanization.kernels import gravity_e, half_angle
 
 _A = WGS84.a
 _B = WGS84.b
@@ -46,6 +46,14 @@ EARTH_RATE_MAGNITUDE = 19
 
 
 @inlined
+def longitude_direction(x, y, p):
+    """Cosine and sine of longitude at distance ``p`` from the axis; at the poles, longitude zero."""
+    if p > 0.0:
+        return x / p, y / p
+    return 1.0, 0.0
+
+
+@inlined
 def ned_axes(r, U):
     """North, east, down unit vectors at an Earth-fixed position as rows of ``U`` (one of Bowring's steps)."""
     x, y, z = r[7], r[8], r[9]
@@ -56,10 +64,7 @@ def ned_axes(r, U):
     C = p - _E2 * _A * cb * cb * cb
     t = math.sqrt(S * S + C * C)
     sL, cL = S / t, C / t
-    if p > 0.0:
-        sl, cl = y / p, x / p
-    else:
-        sl, cl = 0.0, 1.0
+    cl, sl = longitude_direction(x, y, p)
     U[0, 0], U[0, 1], U[0, 2] = -sL * cl, -sL * sl, cL
     U[1, 0], U[1, 1], U[1, 2] = -sl, cl, 0.0
     U[2, 0], U[2, 1], U[2, 2] = -cL * cl, -cL * sl, -sL
@@ -316,7 +321,7 @@ def correct(P, nav, est, W, e, d, dx):
 @inlined
 def rotate_by(nav, x, y, z):
     """Attitude turned by a rotation vector in Earth-fixed axes: ``q <- exp(x, y, z) q``."""
-    c, s = half_angle_series(x, y, z)
+    c, s = half_angle(x, y, z)
     x, y, z = s * x, s * y, s * z
     q0, q1, q2, q3 = nav[0], nav[1], nav[2], nav[3]
     nav[0] = c * q0 - x * q1 - y * q2 - z * q3

@@ -22,8 +22,8 @@ from __future__ import annotations
 
 import math
 
-from schuler.filtering.kernels.covariance import dcm, transition
 from schuler.jit import inlined, kernel
+from schuler.montecarlo.lanes._shared_kernels import dcm, transition
 
 # Columns of `past`: integrals of the regressors (time, force, rate), time and force once more times mid time, attitude
 # at mid interval row by row, its columns x a_mid, and x b_mid.

@@ -1,7 +1,7 @@
 """Compiled Monte Carlo runs in lock-step: sensor errors, noise, strapdown and filter of :data:`LANES` runs at once.
 
-The engine's own mechanization and interval arithmetic run on lanes (``_lane_vector_kernels``); covariance and updates
-have twins (``_lane_covariance_kernels``, ``_lane_update_kernels``). Times, true motion, schedule and filter model are
+The engine's own mechanization and interval arithmetic run on lanes (``_vector_kernels``); covariance and updates
+have twins (``_covariance_kernels``, ``_update_kernels``). Times, true motion, schedule and filter model are
 shared by all runs and are plain numbers. No run depends on its neighbours: there is no branch on the value of a lane.
 
 Flat interface (float64 unless said; a last axis LANES is one run each):
@@ -21,10 +21,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.filtering.kernels.covariance import compensate
 from schuler.filtering.kernels.update import POSITION
 from schuler.jit import inlined, kernel, prepare
-from schuler.mechanization.kernels import advance_ecef, cut_interval, fit_interval
 from schuler.montecarlo.lanes._covariance_kernels import (
     N_PAST,
     add_half_noise,
@@ -35,6 +33,7 @@ from schuler.montecarlo.lanes._covariance_kernels import (
 )
 from schuler.montecarlo.lanes._random_kernels import normals
 from schuler.montecarlo.lanes._record_kernels import note
+from schuler.montecarlo.lanes._shared_kernels import advance_ecef, compensate, cut_interval, fit_interval
 from schuler.montecarlo.lanes._update_kernels import spread_estimates, take
 from schuler.montecarlo.lanes._vector_kernels import as_lanes, cut, where_at_most
 

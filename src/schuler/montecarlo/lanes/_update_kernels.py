@@ -2,7 +2,7 @@
 
 The twin of ``_update_kernels`` for positions and velocities of an antenna. Where a measurement fails its gate in some
 lanes, its gains become zero there; there is no branch on the value of a lane. Arrays as in
-``_lane_covariance_kernels``.
+``_covariance_kernels``.
 """
 # mypy: disallow-untyped-defs=False, disallow-incomplete-defs=False
 # mypy: disallow-untyped-calls=False, check-untyped-defs=False
@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import math
 
-from schuler.filtering.kernels.covariance import dcm, invert3
-from schuler.filtering.kernels.update import POSITION, ned_axes
+from schuler.filtering.kernels.update import POSITION
 from schuler.jit import inlined, kernel
 from schuler.montecarlo.lanes._covariance_kernels import add_gram, gram
+from schuler.montecarlo.lanes._shared_kernels import dcm, invert3, ned_axes
 from schuler.montecarlo.lanes._vector_kernels import where_at_most
 
 BIG = 1e300

@@ -1,14 +1,13 @@
 """A number for compiled code that is several numbers: the same quantity in :data:`LANES` runs, side by side.
 
 numba's vectoriser gives up on bodies as long as a strapdown, so the vectors are spelled out: :data:`lane` is a numba
-type of its own whose ``+ - * /`` and ``sqrt`` act on all lanes at once. Compiled functions that take plain numbers,
-and arrays of them, take lanes as well; the filter's own mechanization runs on them unchanged.
+type of its own whose ``+ - * /`` and ``sqrt`` act on all lanes at once. The Python text of functions that take plain
+numbers, and arrays of them, compiles for lanes as well; the filter's own mechanization runs on them unchanged.
 
 ``as_lanes`` looks at a float64 array of shape (..., LANES) as an array of lanes; it neither copies nor keeps the memory
-alive. **A comparison of lanes with a number is always true**: the code shared with the engine compares only to choose
-between a series and its closed form for large arguments, and lanes take the series, so that no run depends on its
-neighbours; who runs it sees to it that the arguments are small. ``LaneBits`` are the lanes' 64-bit patterns, for random
-numbers and logarithms.
+alive. Lanes cannot be compared: ``if x < 1.0`` does not compile, since eight runs have eight answers. Text that is
+shared with the engine and branches on a magnitude calls a helper that has a lane version (``_shared_kernels``).
+``LaneBits`` are the lanes' 64-bit patterns, for random numbers and logarithms.
 """
 # mypy: disallow-untyped-defs=False, disallow-incomplete-defs=False
 # mypy: disallow-untyped-calls=False, check-untyped-defs=False
@@ -151,17 +150,6 @@ def _unary(function, name):
 
 
 _unary(math.sqrt, "sqrt")
-_unary(math.sin, "sin")  # both in branches that lanes do not take; numba wants to know them all the same
-_unary(math.cos, "cos")
-
-
-for _operator in (operator.lt, operator.gt):
-    _declare(_operator, [signature(types.boolean, lane, types.float64)])
-
-    @lower_builtin(_operator, lane, types.float64)
-    def _compare(context, builder, sig, args):
-        return context.get_constant(types.boolean, True)
-
 
 # ----------------------------------------------------------------------------------- by lane, and memory
 

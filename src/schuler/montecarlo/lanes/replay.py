@@ -75,8 +75,11 @@ def replay(scenario: LaneScenario, run: int, *, seed: int = 0) -> Replay:
 
 def normals_of(stream: npt.NDArray[np.uint64], count: int) -> FloatArray:
     """The first standard normals of a random stream (four 64-bit words), as the kernel draws them. Shape (count,)."""
-    from schuler.montecarlo.lanes._random_kernels import draw
-    from schuler.montecarlo.lanes._vector_kernels import LANES
+    from schuler.jit import between_compilations
+
+    with between_compilations():  # they register types and operators
+        from schuler.montecarlo.lanes._random_kernels import draw
+        from schuler.montecarlo.lanes._vector_kernels import LANES
 
     state = np.ones((4, LANES), dtype=np.uint64)
     state[:, 0] = stream

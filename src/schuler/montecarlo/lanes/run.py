@@ -2,7 +2,7 @@
 
 Each run has an IMU, an initial error and GNSS noise of its own, and goes through the error-state filter of
 :mod:`schuler.filtering.engine`: the same mechanization, transition, process noise and updates. Eight runs share the
-instructions (``_lane_kernels``), and noise is made where it is used. Run k depends on the seed and on k alone, to the
+instructions (``_kernels``), and noise is made where it is used. Run k depends on the seed and on k alone, to the
 last bit: not on the batch, the place in it, the thread, or the other runs.
 """
 
@@ -89,7 +89,10 @@ def _batches(
     scenario: LaneScenario, runs: int | Sequence[int], seed: int, threads: int | None, progress: Progress | None
 ) -> Iterator[LaneRecords]:
     """Records of eight runs at a time, in order, computed ahead by a few threads."""
-    from schuler.montecarlo.lanes._vector_kernels import LANES
+    from schuler.jit import between_compilations
+
+    with between_compilations():  # it registers types and operators
+        from schuler.montecarlo.lanes._vector_kernels import LANES
 
     numbers = np.arange(runs) if isinstance(runs, int | np.integer) else np.asarray(runs, dtype=np.int64)
     if numbers.ndim != 1 or len(numbers) == 0 or numbers.min() < 0:

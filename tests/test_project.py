@@ -140,7 +140,7 @@ def test_kernels_take_constants_only_from_files_that_outdate_the_machine_code(pa
     for name, line in imports_when_loaded(parsed(path)):
         if name.startswith("schuler."):
             module = name.rpartition(".")[0]
-            assert names_a_kernel_module(module) or module in outdating, f"line {line}: add {module} to jit.SOURCES"
+            assert names_a_kernel_module(name) or module in outdating, f"line {line}: add {module} to jit.SOURCES"
 
 
 @for_each(MODULES)

@@ -46,13 +46,14 @@ def is_an_edge(path: Path) -> bool:
     )
 
 
-def offenders(paths: Iterable[Path], check: Callable[[Path], Any]) -> dict[str, Any]:
-    """What ``check`` finds in each file that breaks a rule, by the file's name; a rule holds where this is empty."""
-    return {
-        path.relative_to(PACKAGE.parent if path.is_relative_to(PACKAGE) else ROOT).as_posix(): problems
+def check_each(paths: Iterable[Path], check: Callable[[Path], Any], advice: str = "") -> None:
+    """Fail with the name of every file in which ``check`` finds something, and with what it finds."""
+    offenders = {
+        path.relative_to(PACKAGE.parent if path.is_relative_to(PACKAGE) else ROOT).as_posix(): result
         for path in paths
-        if (problems := check(path))
+        if (result := check(path))
     }
+    assert not offenders, "\n".join([advice, *(f"{name}: {result}" for name, result in offenders.items())])
 
 
 @functools.cache
@@ -136,7 +137,7 @@ def test_compiled_kernels_are_imported_only_inside_functions():
         return [(name, line) for name, line in imports_when_loaded(parsed(path)) if names_a_kernel_module(name)]
 
     public = [p for p in MODULES if not is_kernel_file(p)]
-    assert not offenders(public, early), "move the imports into the functions that run the kernels"
+    check_each(public, early, "move the imports into the functions that run the kernels")
 
 
 def test_kernels_take_constants_only_from_files_that_outdate_the_machine_code():
@@ -155,7 +156,7 @@ def test_kernels_take_constants_only_from_files_that_outdate_the_machine_code():
 
     kernels = [p for p in MODULES if is_kernel_file(p)]
     assert len(kernels) > 10
-    assert not offenders(kernels, unseen), "add these modules to jit.SOURCES"
+    check_each(kernels, unseen, "add these modules to jit.SOURCES")
 
 
 def test_heavy_libraries_are_imported_only_inside_functions():
@@ -165,7 +166,7 @@ def test_heavy_libraries_are_imported_only_inside_functions():
         heavy = set(HEAVY) - ({"numba"} if is_kernel_file(path) or path == PACKAGE / "jit.py" else set())
         return [(n, line) for n, line in imports_when_loaded(parsed(path)) if n.partition(".")[0] in heavy]
 
-    assert not offenders(MODULES, early), "import them where they are used"
+    check_each(MODULES, early, "import them where they are used")
 
 
 def test_the_scan_for_early_imports_sees_what_it_should():
@@ -199,6 +200,50 @@ def test_faces_hand_out_what_their_stubs_list():
             assert getattr(package, handed) is not None
 
 
+# ---------------------------------------------------------------------------------------------- privacy
+
+
+def package_of(path: Path) -> str:
+    return ".".join(path.relative_to(PACKAGE.parent).parent.parts)
+
+
+def imports_of_private_names(text: str, package: str) -> list[str]:
+    """Imports, in a file of ``package``, of a name with a leading underscore from outside what holds it."""
+    intruding = []
+    for node in ast.walk(ast.parse(text)):
+        names: list[str] = []
+        if isinstance(node, ast.ImportFrom):
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        for name in names:
+            holders = re.findall(r"^(.*?)\._(?!_)", name)  # what holds the first private part
+            if name.startswith("schuler.") and holders and not f"{package}.".startswith(f"{holders[0]}."):
+                intruding.append(f"line {node.lineno}: {name}")
+    return intruding
+
+
+def test_names_with_an_underscore_are_private_to_what_holds_them():
+    """``a._kernels`` is imported inside the package ``a`` only, ``a.b._row`` inside ``a.b`` only."""
+    check_each(MODULES, lambda path: imports_of_private_names(source(path), package_of(path)))
+
+
+@pytest.mark.parametrize(
+    ("line", "package", "allowed"),
+    [
+        ("from schuler.a import _kernels", "schuler.a", True),
+        ("from schuler.a._kernels import f", "schuler.a.c", True),
+        ("from schuler.a._kernels import f", "schuler.b", False),
+        ("import schuler.a._kernels as k", "schuler.ab", False),
+        ("from schuler.a.b import _row", "schuler.a", False),
+        ("from schuler.a.b import row, __version__", "schuler.a", True),
+        ("from os import _exit", "schuler.a", True),
+    ],
+)
+def test_the_search_for_private_imports_tells_them_apart(line, package, allowed):
+    assert (imports_of_private_names(line, package) == []) is allowed
+
+
 # ------------------------------------------------------------------------------------------- docstrings
 
 
@@ -208,7 +253,7 @@ def test_every_module_says_what_it_is_for():
     def silent(path):
         return not (ast.get_docstring(parsed(path)) or "").strip()
 
-    assert not offenders(MODULES, silent)
+    check_each(MODULES, silent)
 
 
 # -------------------------------------------------------------------------------- units only at the edges
@@ -249,7 +294,7 @@ def conversions(text: str) -> list[str]:
 def test_units_are_converted_only_at_the_edges():
     """Inside, every number is SI and every angle in radians: no degrees, no standard gravity."""
     inside = [p for p in MODULES if not is_an_edge(p)]
-    assert not offenders(inside, lambda path: conversions(source(path)))
+    check_each(inside, lambda path: conversions(source(path)))
 
 
 @pytest.mark.parametrize(
@@ -303,7 +348,7 @@ def bare_suppressions(text: str) -> list[str]:
 
 
 def test_every_suppression_names_what_it_suppresses():
-    assert not offenders(ALL_PYTHON, lambda path: bare_suppressions(source(path)))
+    check_each(ALL_PYTHON, lambda path: bare_suppressions(source(path)))
 
 
 @pytest.mark.parametrize(

@@ -24,10 +24,10 @@ COLOURS = [
 @pytest.mark.parametrize("model", COLOURS[:5])
 def test_the_likelihood_is_that_of_the_general_fit(model, rng):
     x = model.sample(2400, 0.5, rng)
-    y, duration, _ = trends._block_means(x, 2.0)
+    y, duration, _ = trends.block_means(x, 2.0)
     J = len(y)
     shapes = (np.arange(J)[:, None] >= np.arange(3, J - 3)).astype(float)
-    fits = trends._fits(y, shapes, duration)[1]
+    fits = trends.fit_shapes(y, shapes, duration)[1]
     k = int(np.argmax([fit.likelihood for fit in fits]))
     first, height, likelihood = shifts._likeliest(y)
     assert first == k + 3

@@ -8,7 +8,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
 from schuler.characterisation.findings import Finding
-from schuler.characterisation.trends import FALSE_ALARM, _block_means, _fits, _whiteners
+from schuler.characterisation.trends import FALSE_ALARM, block_means, fit_shapes, whiteners
 
 _SETTLING = (0.02, 0.04, 0.08, 0.15, 0.3, 0.6)  # relative to the length of the log
 # a hundred places and the proportions of noise are chosen from the same data; by simulation, as in trends
@@ -51,13 +51,13 @@ def level_shifts(
     """
     from scipy.stats import chi2
 
-    y, duration, _ = _block_means(x, rate_hz)
+    y, duration, _ = block_means(x, rate_hz)
     J = len(y)
     s = (np.arange(J) + 0.5) / J
     smooth = np.stack([s - 0.5, *(np.exp(-s / tau) for tau in _SETTLING)], axis=1)
     found: list[Finding] = []
     while len(found) < _MOST and np.ptp(y) > 0.0:
-        null, fits = _fits(y, smooth, duration)
+        null, fits = fit_shapes(y, smooth, duration)
         first, height, likelihood = _likeliest(y)
         p = _PLACES_TRIED * float(chi2.sf(max(2.0 * (likelihood - null.likelihood), 0.0), 1))
         if likelihood <= max(fit.likelihood for fit in fits) or p >= false_alarm:
@@ -75,7 +75,7 @@ def level_shifts(
 def _likeliest(y: FloatArray) -> tuple[int, float, float]:
     """First block behind the likeliest shift, its height and the logarithm of its likelihood, as in trends."""
     J = len(y)
-    whiten, logdet, _ = _whiteners(J)
+    whiten, logdet, _ = whiteners(J)
     cross, own, total = _information(J)
     z = (y - y.mean()) / y.std()
     white = whiten @ z
@@ -94,7 +94,7 @@ def _likeliest(y: FloatArray) -> tuple[int, float, float]:
 @lru_cache(maxsize=4)
 def _information(J: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Of shifts before each of J blocks with a constant (p, J), their own beyond it (p, J), the constant's (p,)."""
-    whiten = _whiteners(J)[0]
+    whiten = whiteners(J)[0]
     P = whiten.transpose(0, 2, 1) @ whiten
     total = P.sum(axis=(1, 2))
     cross = P.sum(axis=2)[:, ::-1].cumsum(axis=1)[:, ::-1]

@@ -121,10 +121,10 @@ def warm_up(x: ArrayLike, rate_hz: float, *, axis: str = "signal", false_alarm: 
     """
     from scipy.stats import chi2
 
-    y, duration, _ = _block_means(x, rate_hz)
+    y, duration, _ = block_means(x, rate_hz)
     s = (np.arange(len(y)) + 0.5) / len(y)
     shapes = np.stack([s - 0.5, *(np.exp(-s / tau) for tau in _SETTLING)], axis=1)
-    null, fits = _fits(y, shapes, duration)
+    null, fits = fit_shapes(y, shapes, duration)
     k = int(np.argmax([fit.likelihood for fit in fits]))
     ratio = 2.0 * (fits[k].likelihood - null.likelihood)
     p = min(1.0, _SHAPES_TRIED * float(chi2.sf(max(ratio, 0.0), 1)))
@@ -176,13 +176,13 @@ def temperature_trend(
     """
     from scipy.stats import chi2
 
-    y, duration, T = _block_means(x, rate_hz, temperature)
+    y, duration, T = block_means(x, rate_hz, temperature)
     assert T is not None
     if np.ptp(T) == 0.0:
         raise InputError(f"temperature: expected it to change, but it is {T[0]:.3g} degC all the time")
     reference, span = float(T.mean()), float(np.ptp(T))
     column = (T - reference) / span
-    null, (fit,) = _fits(y, column[:, None], duration)
+    null, (fit,) = fit_shapes(y, column[:, None], duration)
     p = min(1.0, 2.0 * float(chi2.sf(max(2.0 * (fit.likelihood - null.likelihood), 0.0), 1)))
     value, sigma, share = fit.value / span, fit.sigma / span, _share(y, fit.value * column)
     if p >= false_alarm:
@@ -249,8 +249,8 @@ def mean_with_sigma(x: ArrayLike, rate_hz: float) -> tuple[float, float]:
     InputError
         If x has fewer than 200 samples or never changes.
     """
-    y, duration, _ = _block_means(x, rate_hz)
-    noise = _fits(y, np.empty((len(y), 0)), duration)[0].noise
+    y, duration, _ = block_means(x, rate_hz)
+    noise = fit_shapes(y, np.empty((len(y), 0)), duration)[0].noise
     variance = 0.0
     for term in noise.terms:
         if isinstance(term, GaussMarkov) and term.tau < duration:
@@ -277,7 +277,7 @@ class _Fit:
 
 
 @lru_cache(maxsize=4)
-def _whiteners(J: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def whiteners(J: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Inverse Cholesky factors of the covariance of J block means for p proportions of noise.
 
     Returns the factors, shape (p, J, J), logarithms of the determinants (p,) and the proportions (p, 3).
@@ -304,10 +304,10 @@ def _whiteners(J: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     return np.ascontiguousarray(np.linalg.inv(L)), logdet, weights
 
 
-def _fits(y: FloatArray, shapes: FloatArray, duration: float) -> tuple[_Fit, list[_Fit]]:
+def fit_shapes(y: FloatArray, shapes: FloatArray, duration: float) -> tuple[_Fit, list[_Fit]]:
     """Most likely constant and noise without a shape, and with each column of ``shapes``, shape (J, k)."""
     J = len(y)
-    whiten, logdet, weights = _whiteners(J)
+    whiten, logdet, weights = whiteners(J)
     data = np.column_stack((np.ones(J), (y - y.mean()) / y.std(), shapes))
     white = (whiten.reshape(-1, J) @ data).reshape(len(weights), J, -1)
     gram = white.transpose(0, 2, 1) @ white
@@ -328,7 +328,7 @@ def _best(
 ) -> _Fit:
     """The proportion of noise with the largest likelihood; ``squares`` sums whitened residuals of y over its spread."""
     J, scale = len(y), float(y.std())
-    _, logdet, weights = _whiteners(J)
+    _, logdet, weights = whiteners(J)
     likelihood = -0.5 * (J * np.log(squares / J) + logdet)
     k = int(np.argmax(likelihood))
     variance = float(squares[k]) / (J - parameters)
@@ -349,7 +349,7 @@ def _finer(y: FloatArray, duration: float, k: int) -> tuple[float, _Fit]:
     s = (np.arange(len(y)) + 0.5) / len(y)
     low, high = _SETTLING[max(k - 1, 0)], _SETTLING[min(k + 1, len(_SETTLING) - 1)]
     tau = np.geomspace(low, high, 13)
-    fits = _fits(y, np.exp(-s[:, None] / tau), duration)[1]
+    fits = fit_shapes(y, np.exp(-s[:, None] / tau), duration)[1]
     best = int(np.argmax([fit.likelihood for fit in fits]))
     return float(tau[best]), fits[best]
 
@@ -390,7 +390,7 @@ def _share(y: FloatArray, trend: FloatArray) -> float:
     return float(np.clip(1.0 - np.var(y - trend) / np.var(y), 0.0, 1.0))
 
 
-def _block_means(
+def block_means(
     x: ArrayLike, rate_hz: float, temperature: ArrayLike | None = None
 ) -> tuple[FloatArray, float, FloatArray | None]:
     """Means of equal blocks of x (and temperature), and the time they cover; missing samples are left out of them."""

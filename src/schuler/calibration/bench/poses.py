@@ -158,7 +158,7 @@ def poses_of(
             if noise is not None:
                 sigma.append(np.broadcast_to(np.asarray(noise[k], dtype=np.float64), (3,)) / np.sqrt(duration))
             else:
-                sigma.append(_sigma_of_mean(part))
+                sigma.append(sample_mean_sigma(part))
         if rates.temperature is not None:
             T.append(float(rates.temperature[a:b].mean()))
     if not index:
@@ -172,7 +172,7 @@ def poses_of(
     )  # fmt: skip
 
 
-def _sigma_of_mean(x: FloatArray) -> FloatArray:
+def sample_mean_sigma(x: FloatArray) -> FloatArray:
     """Uncertainty of the mean of a piece of a log, from ten part means or from samples, whichever is larger."""
     m = len(x) // 10
     parts = x[: 10 * m].reshape(10, m, 3).mean(axis=1)

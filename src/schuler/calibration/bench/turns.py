@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.calibration.bench.gyro_readings import GyroReadings
-from schuler.calibration.bench.poses import _sigma_of_mean
+from schuler.calibration.bench.poses import sample_mean_sigma
 from schuler.calibration.result.parameters import AXES
 from schuler.earth import WGS84, earth_rate_ned
 from schuler.exceptions import InputError
@@ -177,7 +177,7 @@ def turns_of(
         total = np.linalg.norm(row) * (duration[-1] if angle is None else 1.0)
         left.append(abs(np.exp(1j * travelled * (total / travelled[-1])).mean()) if travelled[-1] else 1.0)
         if noise is None:
-            sigma.append(_sigma_of_mean(rates.gyro[a:b]))
+            sigma.append(sample_mean_sigma(rates.gyro[a:b]))
         else:
             sigma.append(np.broadcast_to(np.asarray(noise, dtype=np.float64), (3,)) / np.sqrt(duration[-1]))
     T = np.array(duration)

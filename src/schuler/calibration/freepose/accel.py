@@ -12,7 +12,7 @@ from schuler.calibration.freepose.weights import downweighted, freed, spread_bey
 #: Estimated elements of M_a, upper triangular: body z is the z accelerometer.
 UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 NAMES = ("b_a_x", "b_a_y", "b_a_z", "M_a_xx", "M_a_xy", "M_a_xz", "M_a_yy", "M_a_yz", "M_a_zz")
-_ROW, _COLUMN = np.array([e[0] for e in UPPER]), np.array([e[1] for e in UPPER])
+UPPER_ROW, UPPER_COLUMN = np.array([e[0] for e in UPPER]), np.array([e[1] for e in UPPER])
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class AccelFit:
 def response(p: FloatArray) -> FloatArray:
     """I + M_a of nine parameters."""
     R = np.eye(3)
-    R[_ROW, _COLUMN] += p[3:]
+    R[UPPER_ROW, UPPER_COLUMN] += p[3:]
     return R
 
 
@@ -93,7 +93,7 @@ def magnitude_residuals(p: FloatArray, y: FloatArray, gravity: float) -> tuple[F
     w = (f / size[:, None]) @ B
     J = np.empty((len(y), 9))
     J[:, :3] = -w
-    J[:, 3:] = -w[:, _ROW] * f[:, _COLUMN]
+    J[:, 3:] = -w[:, UPPER_ROW] * f[:, UPPER_COLUMN]
     return size - gravity, J, w
 
 
@@ -125,7 +125,7 @@ def ellipsoid_start(y: FloatArray, gravity: float) -> FloatArray | None:
     # Q = B^T B with B upper triangular and positive diagonal
     B = np.linalg.cholesky(Q).T
     R = np.linalg.inv(B)
-    return np.concatenate((centre + scale * c, (R - np.eye(3))[_ROW, _COLUMN]))
+    return np.concatenate((centre + scale * c, (R - np.eye(3))[UPPER_ROW, UPPER_COLUMN]))
 
 
 def sphere_start(y: FloatArray, gravity: float) -> FloatArray:

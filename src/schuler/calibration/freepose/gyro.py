@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.calibration.freepose.accel import _COLUMN, _ROW, AccelFit
+from schuler.calibration.freepose.accel import UPPER_COLUMN, UPPER_ROW, AccelFit
 from schuler.calibration.freepose.rest import Rests
 from schuler.calibration.freepose.turns import COARSE, Turns, predicted, tangents
 from schuler.calibration.freepose.weights import downweighted, freed, spread_beyond, too_many
@@ -274,7 +274,7 @@ def direction_noise(turns: Turns, accel: AccelFit, sigma_f: FloatArray) -> tuple
     across = (np.eye(3) - turns.up[:, :, None] * turns.up[:, None, :]) @ B / size[:, None, None]
     by_p = np.empty((n, 3, 9))
     by_p[:, :, :3] = -across
-    by_p[:, :, 3:] = -across[:, :, _ROW] * turns.f[:, None, _COLUMN]
+    by_p[:, :, 3:] = -across[:, :, UPPER_ROW] * turns.f[:, None, UPPER_COLUMN]
     out = by_p @ to_p.reshape(9, 3 * n)
     k = np.arange(n)
     out.reshape(n, 3, n, 3)[k, :, k, :] += across

@@ -26,7 +26,7 @@ STILL = {
 
 
 def identifiers(tree: ast.AST) -> list[tuple[str, int]]:
-    """Every name a file gives or uses, with its line: variables, parameters, attributes, functions, classes, aliases."""
+    """Names a file gives or uses, with lines: variables, parameters, attributes, functions, classes, aliases."""
     names: list[tuple[str, int]] = []
     for node in ast.walk(tree):
         match node:

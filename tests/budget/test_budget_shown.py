@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from schuler.budget import budget_of, choose_imu, error_budget, linear_covariance
-from schuler.budget import requirements as requirement
+from schuler.budget import budget_of, choose_imu, error_budget, linear_covariance, requirement
 from schuler.budget.document import budget_report
 from schuler.budget.figures import role_of, whose
 from schuler.sensors.catalogue import spec

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from schuler.budget import bottleneck, catalogue_specs, choose_imu, linear_covariance, true_covariance
-from schuler.budget import requirements as requirement
+from schuler.budget import bottleneck, catalogue_specs, choose_imu, linear_covariance, requirement, true_covariance
 from schuler.budget.choice import scaled
 from schuler.exceptions import InputError
 from schuler.sensors.catalogue import spec

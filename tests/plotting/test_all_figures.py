@@ -22,7 +22,7 @@ from matplotlib.figure import Figure as MplFigure
 import schuler
 from schuler.exceptions import InputError
 from schuler.plotting import figure as content
-from schuler.plotting.draw import draw
+from schuler.plotting.drawing import draw
 from schuler.plotting.figure import Bars, Figure, Line, Markers, Panel, Span, Text
 from schuler.plotting.interactive import panel_data
 from schuler.plotting.style import STYLES

@@ -14,7 +14,7 @@ from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.navigation.report import accuracy, build, estimates, residuals, track, verdict
 from schuler.navigation.report.subject import WITHHELD, Subject, inside_share
 from schuler.plotting.figure import Band, Bars, Line, Markers, Span, Text
-from schuler.plotting.numbers import number
+from schuler.plotting.parts import number
 from schuler.recording.trajectory import Trajectory
 
 

@@ -8,9 +8,9 @@ import json
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.plotting.table import CampaignTable, joined, shown
+from schuler.plotting.table import ResultTable, joined, shown
 
-TABLE = CampaignTable("t", ("mode", "rms_m", "n"), (("a", 1.23456, 3), ("b", None, 4)), ("a note",))
+TABLE = ResultTable("t", ("mode", "rms_m", "n"), (("a", 1.23456, 3), ("b", None, 4)), ("a note",))
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ def test_columns_line_up_and_notes_follow():
     assert lines[0] == "t"
     assert lines[1:4] == ["mode  rms_m  n", "a      1.23  3", "b         -  4"]
     assert lines[4] == "- a note"
-    assert "INTERRUPTED" in CampaignTable("t", ("a",), (), complete=False).summary()
+    assert "INTERRUPTED" in ResultTable("t", ("a",), (), complete=False).summary()
 
 
 def test_csv_and_json_keep_all_digits(tmp_path):
@@ -57,6 +57,6 @@ def test_tables_join_only_with_equal_columns():
     assert len(both) == 4
     assert both.notes == ("a note",)
     with pytest.raises(InputError, match="same columns"):
-        joined([TABLE, CampaignTable("u", ("a",), ())], "two")
+        joined([TABLE, ResultTable("u", ("a",), ())], "two")
     with pytest.raises(InputError, match="expected 1 entries"):
-        CampaignTable("u", ("a",), ((1, 2),))
+        ResultTable("u", ("a",), ((1, 2),))

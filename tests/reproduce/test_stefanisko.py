@@ -95,7 +95,7 @@ def test_what_differs_is_known(done):
 
 
 def test_figures_can_be_drawn(done):
-    from schuler.plotting.draw import draw
+    from schuler.plotting.drawing import draw
 
     for r in done.results:
         if any(name.startswith("fig-") for name in (r.item.id, *r.item.also)):

@@ -157,7 +157,7 @@ def test_every_cell_can_fail(quick):
 
 
 def test_figures_of_the_thesis_are_drawn(quick):
-    from schuler.plotting.draw import draw
+    from schuler.plotting.drawing import draw
     from schuler.plotting.figure import Figure
 
     names = set()

@@ -48,8 +48,7 @@ def covariance():
 
 @cache
 def choice():
-    from schuler.budget import choose_imu
-    from schuler.budget import requirements as requirement
+    from schuler.budget import choose_imu, requirement
     from schuler.sensors.catalogue import spec
 
     specs = [spec(n) for n in ("MTi-G-710", "LN-200", "flenniken-consumer")]

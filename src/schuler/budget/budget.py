@@ -12,7 +12,7 @@ from schuler.budget.covariance import QUANTITIES, LinearCovariance, linear_covar
 from schuler.budget.scenario import BudgetMission
 from schuler.budget.sources import Angles
 from schuler.exceptions import InputError
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,7 +64,7 @@ class ErrorBudget:
         order = np.argsort(-self.contribution, kind="stable")
         return {self.names[i]: float(self.contribution[i]) for i in order if self.contribution[i] > 0.0}
 
-    def table(self, *, single: bool = False) -> CampaignTable:
+    def table(self, *, single: bool = False) -> ResultTable:
         """By group, or by single source, largest first."""
         _, unit, scale = QUANTITIES[self.quantity]
         entries = (self.by_source() if single else self.by_group()).items()
@@ -73,7 +73,7 @@ class ErrorBudget:
         ]  # fmt: skip
         rows.append(("all", self.total / scale, 100.0))
         column = f"{self.quantity}_{unit.replace('/', '_')}"
-        return CampaignTable(
+        return ResultTable(
             f"{self.mission}, {self.imu}: {self.quantity} 1-sigma after {self.time:g} s",
             ("source", column, "share_percent"),
             tuple(rows),

@@ -15,7 +15,7 @@ from schuler.budget.requirements import Requirement
 from schuler.budget.scenario import BudgetMission
 from schuler.budget.sources import UNEVEN, constants, noises
 from schuler.exceptions import InputError
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 from schuler.sensors.spec import ImuSpec
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class ImuChoice:
     bottlenecks: dict[str, Bottleneck]
     left_out: dict[str, str]
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """All IMUs, best first."""
         _, unit, scale = QUANTITIES[self.requirement.quantity]
         rows: list[tuple[Any, ...]] = []
@@ -119,7 +119,7 @@ class ImuChoice:
                     "" if b is None else f"{b.words} ({100.0 * b.share:.0f} %)",
                 )
             )  # fmt: skip
-        return CampaignTable(
+        return ResultTable(
             f"{self.mission}: {self.requirement.text}",
             ("imu", f"value_{unit.replace('/', '_')}", "at_s", "passes", "margin", "limited_by"),
             tuple(rows),

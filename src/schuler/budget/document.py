@@ -14,8 +14,8 @@ from schuler.budget.figures import covariance_content, role_of
 from schuler.files import write_text
 from schuler.plotting import parts
 from schuler.plotting.interactive import css_name
-from schuler.plotting.parts import Section, plotly_script
-from schuler.plotting.table import CampaignTable, shown
+from schuler.plotting.page import Section, plotly_script, whole_page
+from schuler.plotting.table import ResultTable, shown
 
 if TYPE_CHECKING:
     from schuler.budget.budget import ErrorBudget
@@ -81,7 +81,7 @@ def budget_report(
     table = parts.table("What this page is made from", ("entry", "value"), rows, numbers=False)
     sections.append(Section("provenance", "Provenance", (table,)))
     imus = ", ".join(one.imu for _, one in budgets) or "the catalogue"
-    text = parts.whole_page(
+    text = whole_page(
         mission.name, "Error budget", f"Error budget and choice of an IMU: {imus}", sentences, _CONVENTIONS, sections,
         plotly_script() if budgets else "",
     )  # fmt: skip
@@ -118,7 +118,7 @@ def _choice(choice: ImuChoice) -> str:
     return _table(table, rows) + (parts.bullets(lines) if lines else "")
 
 
-def _table(table: CampaignTable, rows: Sequence[Sequence[str]]) -> str:
+def _table(table: ResultTable, rows: Sequence[Sequence[str]]) -> str:
     return parts.table(". ".join((table.title, *table.notes)), table.columns, rows)
 
 

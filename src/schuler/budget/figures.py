@@ -8,7 +8,7 @@ import numpy as np
 
 from schuler.budget.covariance import QUANTITIES
 from schuler.plotting import figure as content
-from schuler.plotting.draw import draw
+from schuler.plotting.drawing import draw
 from schuler.plotting.figure import Figure, Line, Markers, Panel, Span
 
 if TYPE_CHECKING:

@@ -73,8 +73,15 @@ def budget(
     json
         Print one JSON object instead of text.
     """
-    from schuler.budget import BudgetScenario, budget_of, catalogue_specs, choose_imu, linear_covariance, prepare_budget
-    from schuler.budget import requirements as requirement
+    from schuler.budget import (
+        BudgetScenario,
+        budget_of,
+        catalogue_specs,
+        choose_imu,
+        linear_covariance,
+        prepare_budget,
+        requirement,
+    )
 
     began = clock.perf_counter()
     loaded = BudgetScenario.load(scenario)
@@ -173,6 +180,6 @@ def _label(name: str) -> str:
 
 
 def _saved(figure: Figure, path: Path) -> dict[str, Path]:
-    from schuler.plotting.draw import save
+    from schuler.plotting.drawing import save
 
     return named(save(figure, path, ("png", "svg")))

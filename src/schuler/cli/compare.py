@@ -123,7 +123,7 @@ def _write(folder: Path, found: Any, statistics: list[Any], *, figures: bool) ->
         if figures and len(s):
             drawn.append((f"outages_{name}", s))
     if drawn:
-        from schuler.plotting.draw import save
+        from schuler.plotting.drawing import save
 
         for name, what in drawn:
             files |= named(save(what.plot(), folder / name, ("png", "svg")))

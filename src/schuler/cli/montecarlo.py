@@ -90,7 +90,7 @@ def montecarlo(
     files = _write(found, folder)
     if report:
         from schuler.montecarlo.figures import all_figures
-        from schuler.plotting.draw import save_all
+        from schuler.plotting.drawing import save_all
 
         files["report"] = found.report(folder / "report.html", done, job)
         files |= named(save_all(all_figures(found), folder / "figures", ("png", "svg")))

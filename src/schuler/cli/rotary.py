@@ -93,7 +93,7 @@ def _written(
     """Tables, figures and report, as far as they were asked for."""
     files: dict[str, Path] = {}
     if out is not None:
-        from schuler.plotting.draw import save_all
+        from schuler.plotting.drawing import save_all
         from schuler.rotary.report.figures import (
             errors_figure,
             front_figure,

@@ -56,7 +56,7 @@ class Bounds:
     def plot(self) -> Figure:
         """Bounds over time (matplotlib)."""
         from schuler.growth.figures import bounds_figure
-        from schuler.plotting.draw import draw
+        from schuler.plotting.drawing import draw
 
         return draw(bounds_figure(self))
 

@@ -11,7 +11,7 @@ from schuler.arrays import ArrayLike, FloatArray
 from schuler.exceptions import InputError
 from schuler.growth.forms import constant, gauss_markov, random_walk, white
 from schuler.growth.gauss_markov import Start
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 from schuler.units import DEG, G0
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class Growth:
         whole = squares.sum(axis=0)
         return np.asarray(np.divide(squares, whole, out=np.zeros_like(squares), where=whole > 0.0))
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """Last epoch: contributions and their shares."""
         rows: list[tuple[Any, ...]] = []
         scale = {"heading": DEG, "velocity": 1.0, "position": 1.0}
@@ -71,7 +71,7 @@ class Growth:
                 row += [float(self.contributions[q][i, -1] / scale[q]), float(100.0 * self.share(q)[i, -1])]
             rows.append(tuple(row))
         rows.append(("total", *(x for q in QUANTITIES for x in (float(self.total(q)[-1] / scale[q]), 100.0))))
-        return CampaignTable(
+        return ResultTable(
             f"Unaided at rest, after {self.t[-1]:g} s, 1-sigma",
             ("cause", "heading_deg", "share_percent", "velocity_m_s", "share_percent", "position_m", "share_percent"),
             tuple(rows),
@@ -88,7 +88,7 @@ class Growth:
     def plot(self) -> Figure:
         """Contributions and total over time (matplotlib)."""
         from schuler.growth.figures import growth_figure
-        from schuler.plotting.draw import draw
+        from schuler.plotting.drawing import draw
 
         return draw(growth_figure(self))
 

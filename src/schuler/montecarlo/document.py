@@ -10,8 +10,8 @@ from schuler.montecarlo.job import NavigationJob
 from schuler.montecarlo.result import Campaign
 from schuler.montecarlo.scatter import Scatter
 from schuler.plotting import parts
-from schuler.plotting.parts import Section, plotly_script
-from schuler.plotting.table import CampaignTable, shown
+from schuler.plotting.page import Section, plotly_script, whole_page
+from schuler.plotting.table import ResultTable, shown
 
 _CONVENTIONS = (
     "Conventions: errors are estimate minus truth, axes north, east, down; attitude errors are rotations about them. "
@@ -71,13 +71,13 @@ def montecarlo_report(scatter: Scatter, campaign: Campaign, job: NavigationJob, 
             ),
         ),
     ]
-    text = parts.whole_page(
+    text = whole_page(
         scatter.name, "Monte Carlo report", f"Monte Carlo report of {scatter.runs} runs", sentences, _CONVENTIONS,
         sections, plotly_script(),
     )  # fmt: skip
     return write_text(path, text)
 
 
-def _html(table: CampaignTable) -> str:
+def _html(table: ResultTable) -> str:
     rows = [[shown(v) for v in row] for row in table.rows]
     return parts.table(". ".join((table.title, *table.notes)), table.columns, rows)

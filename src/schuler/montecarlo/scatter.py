@@ -13,7 +13,7 @@ from schuler.exceptions import InputError
 from schuler.montecarlo.column import Consistency
 from schuler.montecarlo.job import NavigationJob
 from schuler.montecarlo.result import Campaign
-from schuler.plotting.table import CampaignTable, Cell
+from schuler.plotting.table import Cell, ResultTable
 from schuler.units import DEG
 
 if TYPE_CHECKING:
@@ -99,14 +99,14 @@ class Scatter:
         """Index of the time looked at that is nearest to ``t``."""
         return int(np.argmin(np.abs(self.t - t)))
 
-    def table(self, t: float | None = None) -> CampaignTable:
+    def table(self, t: float | None = None) -> ResultTable:
         """Errors at one time, the last if none is given: mean, scatter with its interval, what the filter claimed."""
         k = len(self.t) - 1 if t is None else self.at(t)
         rows: list[tuple[Cell, ...]] = []
         for i, (name, unit, size) in enumerate(COMPONENTS):
             values = [x[k, i] / size for x in (self.mean, self.sigma, self.low, self.high, self.claimed)]
             rows.append((name, unit, *map(float, values), float(self.ratio[k, i])))
-        return CampaignTable(
+        return ResultTable(
             f"{self.name}, {self.runs} runs, {self.t[k]:.1f} s",
             ("error", "unit", "mean", "sigma_of_runs", "sigma_low_95", "sigma_high_95", "sigma_of_filter", "rms_ratio"),
             tuple(rows),
@@ -114,7 +114,7 @@ class Scatter:
              f"{self.horizontal[k, 2]:.3g} m",),
         )  # fmt: skip
 
-    def tenths(self) -> CampaignTable:
+    def tenths(self) -> ResultTable:
         """Horizontal error and the ratio of what it is to what was claimed, at every tenth of the run."""
         rows: list[tuple[Cell, ...]] = []
         for j in range(1, _TENTHS + 1):
@@ -122,7 +122,7 @@ class Scatter:
             r = self.ratio[k]
             groups = [float(np.sqrt(np.mean(r[i : i + 3] ** 2))) for i in (6, 3, 0)]
             rows.append((float(self.t[k]), *map(float, self.horizontal[k, [0, 2]]), *groups, float(self.nees.mean[k])))
-        return CampaignTable(
+        return ResultTable(
             f"{self.name}: every tenth of the run",
             ("t_s", "horizontal_50_m", "horizontal_95_m", "position_ratio", "velocity_ratio", "attitude_ratio", "nees"),
             tuple(rows),
@@ -136,7 +136,7 @@ class Scatter:
     def plot(self) -> Figure:
         """Scatter of the nine errors over time with its interval, and the filter's own sigma."""
         from schuler.montecarlo.figures import scatter_figure
-        from schuler.plotting.draw import draw
+        from schuler.plotting.drawing import draw
 
         return draw(scatter_figure(self))
 

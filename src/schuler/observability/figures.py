@@ -10,13 +10,18 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.plotting import figure as content
 from schuler.plotting.figure import ByteArray, Figure, Line, Panel, Picture
-from schuler.plotting.style import KNOWLEDGE
 
 if TYPE_CHECKING:
     from schuler.observability.study import Observability
 
 _LOW, _HIGH = -4.0, 1.0  # decades of sigma over prior that the colours span
 _COLUMNS = 600
+# decade of sigma over prior to red, green, blue: dark is well determined, pale is not; red has grown beyond the
+# prior; lightness rises all the way, for grey prints
+_KNOWLEDGE = (
+    (-4.0, (13, 8, 75)), (-3.0, (26, 70, 135)), (-2.0, (28, 128, 145)), (-1.0, (86, 182, 130)), (-0.3, (200, 220, 120)),
+    (0.0, (250, 246, 205)), (0.05, (252, 205, 190)), (1.0, (235, 140, 120)),
+)  # fmt: skip
 
 
 def observability_figure(study: Observability) -> Figure:
@@ -73,8 +78,8 @@ def heat_map(t: FloatArray, ratio: FloatArray) -> ByteArray:
 
 def colours(decades: FloatArray) -> ByteArray:
     """Colours of logarithms of sigma over prior. Shape (...) to (..., 4)."""
-    place = [p for p, _ in KNOWLEDGE]
-    parts = [np.interp(decades, place, [float(c[k]) for _, c in KNOWLEDGE]) for k in range(3)]
+    place = [p for p, _ in _KNOWLEDGE]
+    parts = [np.interp(decades, place, [float(c[k]) for _, c in _KNOWLEDGE]) for k in range(3)]
     parts.append(np.full_like(parts[0], 255.0))
     return np.asarray(np.rint(np.stack(parts, axis=-1)), dtype=np.uint8)
 
@@ -96,10 +101,10 @@ def observability_report(study: Observability, path: Path | str, formulas: tuple
     """
     from schuler.files import write_text
     from schuler.plotting import parts
-    from schuler.plotting.parts import Section, plotly_script
-    from schuler.plotting.table import CampaignTable, shown
+    from schuler.plotting.page import Section, plotly_script, whole_page
+    from schuler.plotting.table import ResultTable, shown
 
-    def html(table: CampaignTable) -> str:
+    def html(table: ResultTable) -> str:
         rows = [[shown(v) for v in row] for row in table.rows]
         return parts.table(". ".join((table.title, *table.notes)), table.columns, rows)
 
@@ -133,7 +138,7 @@ def observability_report(study: Observability, path: Path | str, formulas: tuple
         else "Conventions: axes and names of Du (2015): east, north, up; right, forward, up; biases d and b are errors "
         "of the sensors, the others estimate minus truth."
     )
-    text = parts.whole_page(
+    text = whole_page(
         study.system.name, "Observability", f"Observability of {study.system.n} states", sentences, conventions,
         sections, plotly_script(),
     )  # fmt: skip

@@ -17,7 +17,7 @@ from schuler.observability.named import in_du_axes, in_navigation_axes
 from schuler.observability.ranks import Spectrum, spectrum
 from schuler.observability.scenario import ObservabilityScenario, scenario_motion, scenario_system
 from schuler.observability.system import LinearSystem
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 from schuler.simulation.motion import Motion, inertial_quantities
 
 if TYPE_CHECKING:
@@ -60,24 +60,24 @@ class Observability:
     def _which(self) -> str:
         return "formal" if self.spectrum.formal == self.spectrum.useful else "useful"
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """One row a state: seen by itself or not, and its 1-sigma at the end in units of the prior."""
         formal, useful = self.spectrum.observable("formal"), self.spectrum.observable("useful")
         rows = []
         for i, name in enumerate(self.system.names):
             word = "yes" if useful[i] else "weakly" if formal[i] else "no"
             rows.append((name, word, float(self.degree.ratio[-1, i]), float(self.degree.sigma[-1, i])))
-        return CampaignTable(
+        return ResultTable(
             f"{self.system.name}: states one by one",
             ("state", "seen", "sigma_of_prior", "sigma_SI"),
             tuple(rows),
             ("seen: yes, known better than before; weakly, formally; no, only in combinations",),
         )
 
-    def ranks(self) -> CampaignTable:
+    def ranks(self) -> ResultTable:
         """Ranks by three rules and the singular values."""
         found = self.spectrum
-        return CampaignTable(
+        return ResultTable(
             f"{self.system.name}: ranks of {self.system.n} states",
             ("rule", "rank"),
             (
@@ -124,7 +124,7 @@ class Observability:
     def plot(self) -> Figure:
         """Heat map over time with the singular values (matplotlib)."""
         from schuler.observability.figures import observability_figure
-        from schuler.plotting.draw import draw
+        from schuler.plotting.drawing import draw
 
         return draw(observability_figure(self))
 

@@ -159,7 +159,9 @@ class Figure:
         One sentence that says how to read it.
     panels : tuple of Panel
     columns : int
-        Panels side by side where there is room.
+        Panels side by side on a page, where there is room.
+    paper_columns : int
+        Panels side by side in a printed figure; 0: chosen by their number.
     linked : bool
         Panels have the same x axis, and zooming one zooms all.
     """
@@ -170,6 +172,7 @@ class Figure:
     panels: tuple[Panel, ...]
     columns: int = 1
     linked: bool = True
+    paper_columns: int = 0
 
     def legend(self) -> dict[str, tuple[str, str]]:
         """Label to (kind of item, role), every label once, in the order of appearance."""

@@ -1,143 +1,20 @@
-"""Parts of a self-contained HTML page: its frame, sections, tables, and figures with their legends."""
+"""Parts of an HTML page: figures with their legends, tables, lists, folded text, provenance."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from html import escape
 from importlib import metadata
-from typing import Any, TypeAlias
+from typing import Any
 
-from schuler.exceptions import MissingExtraError
-from schuler.plotting import page
+import numpy as np
+
 from schuler.plotting.figure import Figure
-from schuler.plotting.interactive import css_name, panel_data
+from schuler.plotting.interactive import css_name
 from schuler.plotting.style import style
-
-#: HTML, already escaped, or a figure to draw there.
-Block: TypeAlias = str | Figure
 
 _GLYPHS = {"dot": "●", "cross": "×", "triangle": "▲", "ring": "○", "square": "■"}
 _UNREPEATABLE = ("elapsed_s",)  # of a provenance: differs from run to run
-
-
-@dataclass(frozen=True, eq=False)
-class Section:
-    """A part of the page with a heading and a link to it; empty blocks are left out, and a section without any too.
-
-    Attributes
-    ----------
-    name : str
-        Of the link: letters, digits, underscores.
-    title : str
-    blocks : tuple of str or Figure
-        In the order in which they stand.
-    """
-
-    name: str
-    title: str
-    blocks: tuple[Block, ...]
-
-
-def plotly_script() -> str:
-    """The drawing library, to be put into the page.
-
-    Raises
-    ------
-    MissingExtraError
-        If plotly is not installed (extra ``report``).
-    """
-    try:
-        from plotly.offline import get_plotlyjs
-    except ImportError:
-        raise MissingExtraError("plotly", "report", "the HTML report") from None
-    source: str = get_plotlyjs()
-    return source
-
-
-def whole_page(
-    title: str,
-    kind: str,
-    subtitle: str,
-    sentences: Sequence[str],
-    conventions: str,
-    sections: Sequence[Section],
-    script: str,
-    contents: frozenset[str] | None = None,
-) -> str:
-    """A complete page.
-
-    Parameters
-    ----------
-    title, kind : str
-        Heading; the window is called ``title: kind``.
-    subtitle : str
-        Under the heading.
-    sentences : sequence of str
-        The verdict, before everything else.
-    conventions : str
-        Units, signs and frames that hold for all of the page.
-    sections : sequence of Section
-    script : str
-        The drawing library, see :func:`plotly_script`.
-    contents : frozenset of str, optional
-        Names of the sections that are linked at the top; all by default.
-
-    Returns
-    -------
-    str
-        HTML that loads nothing from anywhere; the same text for the same arguments.
-    """
-    filled = [(s, [b for b in s.blocks if b]) for s in sections]
-    filled = [(s, blocks) for s, blocks in filled if blocks]
-    linked = [s for s, _ in filled if contents is None or s.name in contents]
-    links = "".join(f'<a href="#{s.name}">{escape(s.title)}</a>' for s in linked)
-    body = "\n".join(
-        f'<section id="{s.name}">\n<h2>{escape(s.title)}</h2>\n'
-        + "\n".join(figure_html(block) if isinstance(block, Figure) else block for block in blocks)
-        + "\n</section>"
-        for s, blocks in filled
-    )
-    figures = [block for _, blocks in filled for block in blocks if isinstance(block, Figure)]
-    data = {f.name: [panel_data(f, p) for p in f.panels] for f in figures}
-    # "</" would end the script element, and is the same string with the stroke escaped
-    packed = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{page.POLICY}">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="generator" content="schuler {escape(metadata.version("schuler"))}">
-<title>{escape(title)}: {escape(kind)}</title>
-<link rel="icon" href="data:,">
-<style>
-{page.style_sheet()}
-</style>
-</head>
-<body>
-<header>
-<h1>{escape(title)}</h1>
-<p class="sub">{escape(subtitle)}</p>
-</header>
-<main>
-<section id="verdict" class="verdict" aria-label="Verdict">
-{"".join(f"<p>{escape(s)}</p>" for s in sentences)}
-</section>
-<noscript><p>The figures of this page are drawn by JavaScript, which is switched off here; the tables are
-complete.</p></noscript>
-<nav aria-label="Contents">{links}</nav>
-<p class="small">{escape(conventions)}</p>
-{body}
-</main>
-<script type="application/json" id="figures">{packed}</script>
-<script>window.PlotlyConfig = {{MathJaxConfig: "local"}};</script>
-<script>{script}</script>
-<script>{page.SCRIPT}</script>
-</body>
-</html>
-"""
 
 
 def figure_html(figure: Figure) -> str:
@@ -221,6 +98,16 @@ def notes(sentences: Sequence[str]) -> str:
     if not sentences:
         return "<p>Nothing was assumed, repaired or left out beyond the options below.</p>"
     return f"<p>What was assumed, repaired or left out.</p>\n{bullets(sentences)}"
+
+
+def number(value: float | None, unit: str = "") -> str:
+    """Three significant digits without exponents, with the unit; a dash for what is not known."""
+    if value is None or not np.isfinite(value):
+        return "-"
+    size = abs(value)
+    digits = 0 if size >= 100.0 else 1 if size >= 10.0 else 2 if size >= 1.0 else 3
+    text = f"{value:.{digits}f}" if size >= 1e-3 or value == 0.0 else f"{value:.2g}"
+    return f"{text} {unit}".strip()
 
 
 def provenance_rows(provenance: dict[str, Any]) -> list[tuple[str, str]]:

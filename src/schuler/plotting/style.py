@@ -1,7 +1,7 @@
 """What the roles look like: colours that the colour-blind can tell apart, on light and on dark ground.
 
 Colours after Okabe and Ito (2008). Roles that share a panel differ in width, dash or symbol too, so that grey prints
-stay readable. Every colour of the package's figures and pages stands here.
+stay readable.
 """
 
 from __future__ import annotations
@@ -133,12 +133,6 @@ PAGE_DARK = MappingProxyType(
 )  # fmt: skip
 #: Lines at the ticks of a printed figure.
 PRINT_GRID = "#e0e0e0"
-#: Decade of sigma over prior to red, green, blue: dark is known, pale is not; red has grown beyond the prior. Light
-#: rises all the way, for grey prints.
-KNOWLEDGE = (
-    (-4.0, (13, 8, 75)), (-3.0, (26, 70, 135)), (-2.0, (28, 128, 145)), (-1.0, (86, 182, 130)), (-0.3, (200, 220, 120)),
-    (0.0, (250, 246, 205)), (0.05, (252, 205, 190)), (1.0, (235, 140, 120)),
-)  # fmt: skip
 
 
 def style(role: str) -> Style:

@@ -18,7 +18,7 @@ Cell: TypeAlias = "str | int | float | bool | None"
 
 
 @dataclass(frozen=True)
-class CampaignTable:
+class ResultTable:
     """What a campaign found, one row a case.
 
     Attributes
@@ -98,11 +98,11 @@ class CampaignTable:
         return write_text(path, buffer.getvalue())
 
 
-class Tabled(ABC):
+class TabularResult(ABC):
     """A result that people see as a table: its rows as text, for JSON and as CSV."""
 
     @abstractmethod
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """What was found, one row a case."""
 
     def summary(self) -> str:
@@ -133,11 +133,11 @@ def shown(value: Cell, digits: int = 3) -> str:
     return f"{number:.{after}f}"
 
 
-def joined(tables: Sequence[CampaignTable], title: str) -> CampaignTable:
+def joined(tables: Sequence[ResultTable], title: str) -> ResultTable:
     """Tables with the same columns below each other."""
     if not tables or any(t.columns != tables[0].columns for t in tables):
         raise InputError(f"{title}: tables to be joined need the same columns")
-    return CampaignTable(
+    return ResultTable(
         title,
         tables[0].columns,
         tuple(row for t in tables for row in t.rows),

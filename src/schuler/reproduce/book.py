@@ -10,7 +10,7 @@ from pathlib import Path
 
 from schuler.files import write_text
 from schuler.plotting import parts
-from schuler.plotting.parts import Block, Section, plotly_script
+from schuler.plotting.page import Block, Section, plotly_script, whole_page
 from schuler.reproduce.cells import Cell
 from schuler.reproduce.items import Result
 from schuler.reproduce.run import THESES, Reproduction
@@ -56,7 +56,7 @@ def write_book(reproductions: Sequence[Reproduction], path: Path | str) -> Path:
     table = parts.table("What this page is made from", ("entry", "value"), rows, numbers=False)
     sections.append(Section("provenance", "Provenance", (table,)))
     drawn = any(not isinstance(block, str) for section in sections for block in section.blocks)
-    text = parts.whole_page(
+    text = whole_page(
         "Reproduced", "Reproduction", "Five theses on inertial navigation beside schuler",
         [_sentence(one) for one in reproductions], _CONVENTIONS, sections, plotly_script() if drawn else "",
         contents=_first_of_each(reproductions),

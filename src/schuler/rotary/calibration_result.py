@@ -175,7 +175,7 @@ class RotationCalibration:
 
     def plot(self) -> Figure:
         """Means of the stretches beside the model, an axis of the gyroscopes each (matplotlib)."""
-        from schuler.plotting.draw import draw
+        from schuler.plotting.drawing import draw
         from schuler.rotary.report.figures import calibration_figure
 
         return draw(calibration_figure(self))

@@ -22,9 +22,10 @@ from schuler.characterisation.report.document import noise_report
 from schuler.exceptions import InputError
 from schuler.plotting import figure as content
 from schuler.plotting import parts
-from schuler.plotting.draw import draw
+from schuler.plotting.drawing import draw
 from schuler.plotting.figure import Band, Figure, Line, Markers, Panel, Span, Text
 from schuler.plotting.interactive import panel_data
+from schuler.plotting.page import Section, whole_page
 from schuler.sensors.noise import white
 from schuler.units import DEG, DEG_PER_HR, UG
 
@@ -412,6 +413,6 @@ def test_tables_explain_rows_and_escape_cells():
 
 
 def test_empty_sections_are_left_out():
-    sections = [parts.Section("a", "A", ("",)), parts.Section("b", "B", ("", "<p>text</p>"))]
-    text = parts.whole_page("t", "k", "s", ["v."], "c", sections, "")
+    sections = [Section("a", "A", ("",)), Section("b", "B", ("", "<p>text</p>"))]
+    text = whole_page("t", "k", "s", ["v."], "c", sections, "")
     assert Page(text).text["h2"] == ["B"]

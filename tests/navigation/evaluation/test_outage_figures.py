@@ -14,7 +14,7 @@ from schuler.navigation.evaluation.figures import architectures, fan, separation
 from schuler.navigation.evaluation.modes import Mode
 from schuler.navigation.evaluation.outage_statistics import OutageStatistics
 from schuler.navigation.evaluation.separation import Separation
-from schuler.plotting.draw import save
+from schuler.plotting.drawing import save
 from schuler.plotting.figure import Band, Line, Span
 
 

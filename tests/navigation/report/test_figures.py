@@ -17,7 +17,7 @@ from schuler.exceptions import InputError, MissingExtraError
 from schuler.navigation.report import figures
 from schuler.navigation.report.figures import overview, save_figures
 from schuler.navigation.report.subject import Subject
-from schuler.plotting.draw import draw
+from schuler.plotting.drawing import draw
 
 
 def png_size(path) -> tuple[int, int]:
@@ -132,10 +132,10 @@ def test_missing_matplotlib_names_the_extra(full, monkeypatch):
 
 def test_importing_loads_neither_library_and_drawing_no_pyplot():
     code = (
-        "import sys, schuler.navigation.report, schuler.navigation.report.document, schuler.plotting.draw;"
+        "import sys, schuler.navigation.report, schuler.navigation.report.document, schuler.plotting.drawing;"
         "assert 'matplotlib' not in sys.modules and 'plotly' not in sys.modules;"
         "from schuler.plotting.figure import Figure, Panel;"
-        "schuler.plotting.draw.draw(Figure('f', 'F', '', (Panel('x', 'y', ()),)));"
+        "schuler.plotting.drawing.draw(Figure('f', 'F', '', (Panel('x', 'y', ()),)));"
         "assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -8,7 +8,7 @@ import pytest
 from schuler.characterisation import allan_deviation, autocorrelation
 from schuler.growth import growth, planar_bounds
 from schuler.growth.figures import beside_figure, difference_figure
-from schuler.plotting.draw import draw
+from schuler.plotting.drawing import draw
 from schuler.plotting.figure import Band, Figure, Line
 from schuler.reproduce.flenniken.study import chart_figures as charts
 from schuler.reproduce.flenniken.study.grade_comparison import overlay

@@ -8,7 +8,7 @@ import pytest
 from schuler.calibration.field import thesis_routine
 from schuler.exceptions import InputError
 from schuler.navigation.evaluation.errors import trajectory_errors
-from schuler.plotting.draw import draw
+from schuler.plotting.drawing import draw
 from schuler.plotting.figure import Line
 from schuler.recording.series import ImuSeries
 from schuler.reproduce.yaman.study.drive_mode_figures import (

@@ -16,7 +16,7 @@ from schuler.calibration.result.sheet import sheet
 from schuler.calibration.result.summary import correlations, facts, headline, rows, verdicts
 from schuler.files import write_text
 from schuler.plotting import parts
-from schuler.plotting.parts import Section, plotly_script
+from schuler.plotting.page import Block, Section, plotly_script, whole_page
 
 if TYPE_CHECKING:
     from schuler.calibration.field.calibration import FieldCalibration
@@ -85,14 +85,14 @@ def calibration_report(
         Section("provenance", "Provenance", (_provenance(result, recording_summary),)),
     ]
     said = verdicts(result) or ["Nothing speaks against this calibration."]
-    text = parts.whole_page(
+    text = whole_page(
         title or f"{result.method} calibration", "calibration report", _sentence(headline(result)), said,
         _CONVENTIONS, sections, script,
     )  # fmt: skip
     return write_text(path, text)
 
 
-def _history(field: FieldCalibration, truth: Truth | None) -> tuple[parts.Block, ...]:
+def _history(field: FieldCalibration, truth: Truth | None) -> tuple[Block, ...]:
     from schuler.calibration.report.field_panels import field_panels
     from schuler.calibration.report.field_text import history_text
 

@@ -10,7 +10,7 @@ from schuler.calibration.field.calibration import FieldCalibration
 from schuler.calibration.report.field_panels import Truth, field_panels
 from schuler.exceptions import InputError
 from schuler.plotting import figure as content
-from schuler.plotting.draw import draw, save_all
+from schuler.plotting.drawing import draw, save_all
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

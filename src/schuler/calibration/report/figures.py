@@ -17,7 +17,7 @@ from schuler.calibration.report.thermal_figure import thermal_figure
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
 from schuler.plotting import figure as content
-from schuler.plotting.draw import check_formats, draw, save
+from schuler.plotting.drawing import check_formats, draw, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,7 +66,7 @@ def calibration_content(result: CalibrationResult, which: str | None = None) -> 
     # half the width: no room for where the gap is
     panels = [p if not p.equal else replace(p, title=p.title.partition(" around")[0]) for p in panels]
     caption = "What is left of each pose, where the poses were, how large residuals were before, and the parameters."
-    return content.Figure("overview", "Calibration", caption, tuple(panels), columns=2, linked=False)
+    return content.Figure("overview", "Calibration", caption, tuple(panels), columns=2, linked=False, paper_columns=2)
 
 
 def save_calibration_figures(

@@ -11,7 +11,7 @@ from schuler.arrays import ArrayLike, FloatArray
 from schuler.calibration.design.plans import Plan, plan_of, unit_vectors, words_of
 from schuler.calibration.result.parameters import AXES
 from schuler.exceptions import InputError
-from schuler.plotting.draw import draw
+from schuler.plotting.drawing import draw
 from schuler.plotting.figure import Figure, Item, Line, Markers, Panel, Text
 
 if TYPE_CHECKING:

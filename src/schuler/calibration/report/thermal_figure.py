@@ -11,7 +11,7 @@ from schuler.calibration.result.parameters import unit
 from schuler.calibration.result.result import CalibrationResult
 from schuler.calibration.thermal.correction import thermal_value
 from schuler.exceptions import InputError
-from schuler.plotting.draw import draw
+from schuler.plotting.drawing import draw
 from schuler.plotting.figure import Band, Figure, Item, Line, Markers, Panel
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from schuler.characterisation.report.text import (
 from schuler.characterisation.result import AxisNoise, Estimate, NoiseIdentification
 from schuler.files import write_text
 from schuler.plotting import parts
-from schuler.plotting.parts import Section, plotly_script
+from schuler.plotting.page import Section, plotly_script, whole_page
 from schuler.recording.series import ImuSeries
 from schuler.sensors.spec import TriadSpec
 
@@ -91,7 +91,7 @@ def noise_report(
         Section("notes", "Notes", (parts.notes(identification.notes),)),
         Section("provenance", "Provenance", (_provenance(identification, recording_summary),)),
     ]
-    text = parts.whole_page(
+    text = whole_page(
         name, "noise report", f"Noise report. {headline(identification)}", verdict(identification), _CONVENTIONS,
         sections, script,
     )  # fmt: skip

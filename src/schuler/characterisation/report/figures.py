@@ -13,7 +13,7 @@ from schuler.characterisation.report.terms import Unit
 from schuler.characterisation.result import NoiseIdentification
 from schuler.exceptions import InputError
 from schuler.plotting import figure as content
-from schuler.plotting.draw import draw, save_all
+from schuler.plotting.drawing import draw, save_all
 from schuler.recording.series import ImuSeries
 
 if TYPE_CHECKING:

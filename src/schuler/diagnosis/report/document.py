@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from schuler.diagnosis.report.figures import figures
 from schuler.files import write_text
 from schuler.plotting import parts
-from schuler.plotting.parts import Section, plotly_script
+from schuler.plotting.page import Section, plotly_script, whole_page
 
 if TYPE_CHECKING:
     from schuler.diagnosis.diagnosis import Diagnosis
@@ -56,7 +56,7 @@ def diagnosis_report(path: Path | str, diagnosis: Diagnosis) -> Path:
     table = parts.table("Numbers behind the findings", ("number", "value"), rows, numbers=False)
     checked = parts.bullets([f"checked: {what}" for what in diagnosis.checked])
     sections.append(Section("numbers", "Numbers", (checked, parts.folded("All numbers", table))))
-    text = parts.whole_page(
+    text = whole_page(
         diagnosis.name, "Diagnosis", "What is wrong with this log, by physics", _verdict(diagnosis), _CONVENTIONS,
         sections, plotly_script() if drawn else "",
     )  # fmt: skip

@@ -17,7 +17,7 @@ from schuler.navigation.evaluation.evaluation import evaluate
 from schuler.navigation.evaluation.modes import Mode, available_modes, parse_mode
 from schuler.navigation.navigate import navigate
 from schuler.navigation.result import NavigationResult
-from schuler.plotting.table import CampaignTable, Tabled
+from schuler.plotting.table import ResultTable, TabularResult
 from schuler.recording.recording import Recording
 from schuler.recording.trajectory import Trajectory
 
@@ -68,7 +68,7 @@ class ComparisonRow:
 
 
 @dataclass(frozen=True)
-class Comparison(Tabled):
+class Comparison(TabularResult):
     """Architectures by outages on one recording.
 
     Attributes
@@ -102,7 +102,7 @@ class Comparison(Tabled):
             f"no row {mode!r} with outages {outages!r}; there are {', '.join(r.mode.name for r in self.rows)}"
         )
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """All rows with the numbers people compare."""
         shown = [c for c in _COLUMNS if any(r.entry(c) is not None for r in self.rows)]
         rows = tuple((r.mode.name, r.outages, *(r.entry(c) for c in shown)) for r in self.rows)
@@ -113,7 +113,7 @@ class Comparison(Tabled):
             if w
         )
         against = (f"errors against {self.reference}; NEES and NIS per degree of freedom, 1 for an honest filter",)
-        return CampaignTable(
+        return ResultTable(
             f"{self.recording}: architectures and outages", ("mode", "outages", *shown), rows, against + sets + failed,
             self.complete,
         )  # fmt: skip

@@ -59,7 +59,7 @@ def fan(statistics: OutageStatistics) -> Figure:
         f"Errors of {len(s)} outages from the moment GNSS is lost. An honest filter keeps them inside its band, and "
         "the RMS error near the claimed one."
     )
-    return Figure("outage_fan", f"Outages: {s.name}", caption, tuple(panels), columns=2)
+    return Figure("outage_fan", f"Outages: {s.name}", caption, tuple(panels), columns=2, paper_columns=2)
 
 
 def architectures(comparison: Comparison, outages: str | None = None) -> Figure:
@@ -121,20 +121,20 @@ def separation(of: Separation) -> Figure:
 
 def plot_fan(statistics: OutageStatistics) -> MplFigure:
     """:func:`fan` drawn with matplotlib."""
-    from schuler.plotting.draw import draw
+    from schuler.plotting.drawing import draw
 
     return draw(fan(statistics))
 
 
 def plot_comparison(comparison: Comparison, outages: str | None = None) -> MplFigure:
     """:func:`architectures` drawn with matplotlib."""
-    from schuler.plotting.draw import draw
+    from schuler.plotting.drawing import draw
 
     return draw(architectures(comparison, outages))
 
 
 def plot_separation(of: Separation) -> MplFigure:
     """:func:`separation` drawn with matplotlib."""
-    from schuler.plotting.draw import draw
+    from schuler.plotting.drawing import draw
 
     return draw(separation(of))

@@ -10,14 +10,14 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.plotting.table import CampaignTable, Tabled
+from schuler.plotting.table import ResultTable, TabularResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
-class OutageStatistics(Tabled):
+class OutageStatistics(TabularResult):
     """Position errors of many outages by their age.
 
     Attributes
@@ -99,7 +99,7 @@ class OutageStatistics(Tabled):
         k = self._at(length)
         return self.error_n[:, 1 : k + 1].reshape(-1, 3) if every_epoch else self.error_n[:, k]
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """One row a length: Hayal's mean and sigmas at the end, then over every epoch, and the claim."""
         rows = []
         for length in self.lengths:
@@ -114,7 +114,7 @@ class OutageStatistics(Tabled):
                 )
             )  # fmt: skip
         low, high = chi_square_band(3, max(len(self), 1))
-        return CampaignTable(
+        return ResultTable(
             f"{self.name}: position error after outages",
             (
                 "outage_s", "outages", "mean_m", "sigma_north_m", "sigma_east_m", "sigma_down_m", "sigma_total_m",

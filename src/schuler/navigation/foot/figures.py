@@ -12,7 +12,7 @@ import numpy as np
 from schuler.exceptions import InputError
 from schuler.navigation.foot.result import FootResult
 from schuler.plotting import figure as content
-from schuler.plotting.draw import check_formats, draw, save, save_all
+from schuler.plotting.drawing import check_formats, draw, save, save_all
 from schuler.plotting.figure import Figure, Line, Markers, Panel
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def overview_content(result: FootResult, errors: WalkErrors | None = None) -> Fi
         chosen.append(strides(result))
     panels = tuple(replace(figure.panels[0], title=figure.title) for figure in chosen)
     caption = "The walk, its heights, the detector of rests, and its strides or its errors."
-    return Figure("overview", "Overview", caption, panels, columns=2, linked=False)
+    return Figure("overview", "Overview", caption, panels, columns=2, linked=False, paper_columns=2)
 
 
 def save_foot_figures(

@@ -1,7 +1,7 @@
 """Reports and figures of navigation solutions.
 
 :func:`~schuler.navigation.report.document.navigation_report` writes one self-contained HTML page,
-:func:`~schuler.navigation.report.figures.save_figures` PNG and SVG files, :mod:`schuler.plotting.draw` has one
+:func:`~schuler.navigation.report.figures.save_figures` PNG and SVG files, :mod:`schuler.plotting.drawing` has one
 function for each.
 """
 

@@ -189,7 +189,7 @@ def outage_figure(subject: Subject) -> Figure | None:
         "First the largest horizontal error in each outage, in order of time (number 1 begins at "
         f"{first[0] - subject.start:.0f} s), then how the error grows from the moment GNSS is lost."
     )
-    return Figure("outages", "Outages", caption, panels, columns=2, linked=False)
+    return Figure("outages", "Outages", caption, panels, columns=2, linked=False, paper_columns=2)
 
 
 def _of_block(e: object, block: str) -> FloatArray | None:

@@ -8,7 +8,7 @@ from schuler.filtering.kinds import shown
 from schuler.filtering.measurements import ACCEPTED, FORCED, GATED, REJECTED, STATUS, UNUSED
 from schuler.navigation.report.residuals import mean_nis
 from schuler.navigation.report.subject import Subject
-from schuler.plotting.numbers import number
+from schuler.plotting.parts import number
 
 
 def measurement_rows(subject: Subject) -> list[tuple[str, ...]]:

@@ -15,8 +15,8 @@ from schuler.navigation.report.backdrop import Backdrop
 from schuler.navigation.report.subject import Subject
 from schuler.navigation.result import NavigationResult
 from schuler.plotting import parts
-from schuler.plotting.parts import Section
-from schuler.plotting.parts import plotly_script as _plotly
+from schuler.plotting.page import Section, whole_page
+from schuler.plotting.page import plotly_script as _plotly
 from schuler.recording.series import GnssSeries
 from schuler.recording.trajectory import Trajectory
 
@@ -104,7 +104,7 @@ def _page(subject: Subject, script: str, title: str, recording_summary: str | No
         Section("notes", "Notes", (parts.notes(subject.result.notes),)),
         Section("provenance", "Provenance", (_provenance(subject, recording_summary),)),
     ]
-    return parts.whole_page(
+    return whole_page(
         title, "navigation report", _subtitle(subject), verdict.verdict(subject), _conventions(subject), sections,
         script,
     )  # fmt: skip

@@ -12,7 +12,7 @@ from schuler.navigation.report import accuracy, build, estimates, residuals, sat
 from schuler.navigation.report.subject import Subject
 from schuler.navigation.result import NavigationResult
 from schuler.plotting import figure as content
-from schuler.plotting.draw import check_formats, draw, save, save_all
+from schuler.plotting.drawing import check_formats, draw, save, save_all
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,7 +58,7 @@ def overview_content(subject: Subject) -> content.Figure:
     chosen.append((residuals.innovations(subject, tested[0]), -1) if tested else (track.motion(subject), 1))
     panels = tuple(replace(figure.panels[i], title=figure.title) for figure, i in chosen)
     caption = "Where it went, how far off it was, which way it looked, and what the measurements said about it."
-    return content.Figure("overview", "Overview", caption, panels, columns=2, linked=False)
+    return content.Figure("overview", "Overview", caption, panels, columns=2, linked=False, paper_columns=2)
 
 
 def plot_track(result: NavigationResult, *, ax: Axes | None = None, **options: Any) -> Figure:

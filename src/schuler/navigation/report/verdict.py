@@ -25,7 +25,7 @@ from schuler.navigation.report import separation
 from schuler.navigation.report.aids_text import aids
 from schuler.navigation.report.residuals import judged, mean_nis
 from schuler.navigation.report.subject import Subject, inside_share
-from schuler.plotting.numbers import number
+from schuler.plotting.parts import number
 
 # Claimed and actual sizes may differ by this factor before the words change: a fifth is what a careful tuning reaches.
 _HONEST = 1.25

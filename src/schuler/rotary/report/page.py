@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from schuler.budget.covariance import QUANTITIES
 from schuler.plotting import parts
 from schuler.plotting.figure import Figure
-from schuler.plotting.parts import Section, plotly_script
+from schuler.plotting.page import Section, plotly_script, whole_page
 from schuler.rotary.report.figures import (
     errors_figure,
     front_figure,
@@ -18,7 +18,7 @@ from schuler.rotary.report.figures import (
 )
 
 if TYPE_CHECKING:
-    from schuler.plotting.table import CampaignTable
+    from schuler.plotting.table import ResultTable
     from schuler.rotary.search.comparison import ScenarioComparison
     from schuler.rotary.search.search_result import SchemeSearch
 
@@ -61,7 +61,7 @@ def rotary_page(
         rows = parts.provenance_rows(provenance)
         made = parts.table("Options", ("entry", "value"), rows, numbers=False)
         sections.append(Section("made", "Made from", (made,)))
-    text = parts.whole_page(
+    text = whole_page(
         scenario.name, "Rotary INS", f"{scenario.imu.name}, {found.rotary.schedule.name or 'rotation'}",
         sentences(found, search),
         "Conventions: errors are estimate minus truth, east, north, up; angles and axes of the platform in the "
@@ -110,7 +110,7 @@ def search_blocks(search: SchemeSearch) -> tuple[str | Figure, ...]:
     return (*blocks, named, front)
 
 
-def _html(table: CampaignTable, *, numbers: bool = True) -> str:
+def _html(table: ResultTable, *, numbers: bool = True) -> str:
     from schuler.plotting.table import shown
 
     rows = [[shown(v) for v in row] for row in table.rows]

@@ -12,7 +12,7 @@ import numpy as np
 from schuler.arrays import BoolArray, FloatArray
 from schuler.budget.covariance import QUANTITIES, quantity_sigma
 from schuler.filtering.measurements import in_windows
-from schuler.plotting.table import CampaignTable, Cell
+from schuler.plotting.table import Cell, ResultTable
 from schuler.rotary.modulation import Modulation, modulation
 from schuler.rotary.rotating_imu import ideal_rotating_imu
 from schuler.rotary.schedule import Schedule
@@ -95,7 +95,7 @@ class ScenarioComparison:
         squares = [_square(h, quantity)[self.counted(h.t)] for h in way.histories]
         return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares else float("nan")
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """RMS of both ways, simulated and predicted, and their ratio."""
         rows: list[tuple[Cell, ...]] = []
         for quantity, (_, unit, scale) in QUANTITIES.items():
@@ -106,7 +106,7 @@ class ScenarioComparison:
             rows.append(tuple(row))
         n = len(self.rotary.histories)
         when = "in the outages" if self.scenario.in_outages else "over the mission"
-        return CampaignTable(
+        return ResultTable(
             f"{self.scenario.name}: RMS errors {when}",
             (
                 "quantity", "simulated_conventional", "simulated_rotary", "simulated_ratio", "predicted_conventional",
@@ -120,7 +120,7 @@ class ScenarioComparison:
             self.complete,
         )  # fmt: skip
 
-    def rates_table(self) -> CampaignTable:
+    def rates_table(self) -> ResultTable:
         """Predicted RMS against the rate of the schedule."""
         names = tuple(self.sigma)
         rows = tuple(
@@ -128,7 +128,7 @@ class ScenarioComparison:
             for k, rate in enumerate(self.rates)
         )
         suffix = tuple(f"{q}_{QUANTITIES[q][1].replace('/', '_')}" for q in names)
-        return CampaignTable(f"{self.scenario.name}: predicted RMS against the rate", ("rate_deg_s", *suffix), rows)
+        return ResultTable(f"{self.scenario.name}: predicted RMS against the rate", ("rate_deg_s", *suffix), rows)
 
     def summary(self) -> str:
         """Both tables as text."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from schuler.exceptions import InputError
-from schuler.plotting.table import CampaignTable, Cell
+from schuler.plotting.table import Cell, ResultTable
 from schuler.rotary.schedule import Schedule
 from schuler.rotary.search.families import Entries, schedule_of
 from schuler.rotary.search.pareto import pareto_front
@@ -141,17 +141,17 @@ class SchemeSearch:
         """How many times smaller the best scheme's objective is than that of an IMU that does not turn."""
         return next(c.error for c in self.candidates if c.name == "conventional") / self.best(axes).error
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """The best and every named scheme."""
         found = [self.best(k) for k in range(1, self.axes + 1)]
         rows = [self._row(c, f"best of {_axes(k)}") for k, c in enumerate(found, start=1)]
         rows += [self._row(c, c.source) for c in self.named()]
-        return CampaignTable(
+        return ResultTable(
             f"{self.mission}, {self.imu}: {self.what}", self._columns, tuple(rows),
             (f"{self.evaluations} schemes evaluated, seed {self.seed}",), self.complete,
         )  # fmt: skip
 
-    def front_table(self, by: str = "travel", worth: float = 0.01) -> CampaignTable:
+    def front_table(self, by: str = "travel", worth: float = 0.01) -> ResultTable:
         """Front of error against motion: of those within one step of error the one with the least motion.
 
         Parameters
@@ -169,7 +169,7 @@ class SchemeSearch:
                 kept.append(c)
                 first = c.error
         rows = tuple(self._row(c, c.source or "found") for c in kept)
-        return CampaignTable(
+        return ResultTable(
             f"{self.mission}, {self.imu}: {self.what} against the platform's motion", self._columns, rows,
             complete=self.complete,
         )  # fmt: skip

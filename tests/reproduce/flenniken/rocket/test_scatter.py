@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from schuler.exceptions import InputError
-from schuler.plotting.draw import draw
+from schuler.plotting.drawing import draw
 from schuler.reproduce.flenniken.study import rocket_figures
 from schuler.reproduce.flenniken.study.rocket import (
     ImpactEllipse,

@@ -12,7 +12,7 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.montecarlo import campaign
 from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 from schuler.reproduce.du.study import thesis_tables as thesis
 from schuler.reproduce.du.study.calibration_accuracy import CalibrationAccuracy, predicted_accuracy, whole_turns
 from schuler.reproduce.du.study.emulation import Emulation, emulation
@@ -20,7 +20,7 @@ from schuler.reproduce.du.study.trial import Trial, calibration_run
 from schuler.units import DEG, DEG_PER_HR, PPM
 
 
-def table_4_5() -> CampaignTable:
+def table_4_5() -> ResultTable:
     """Predicted accuracy for a minute at rest and a minute turning, by IMU and rate: as printed, ours, corrected.
 
     References
@@ -36,7 +36,7 @@ def table_4_5() -> CampaignTable:
                 (name, rate, printed, round(one.response_source / PPM, 1), round(one.response / PPM, 1),
                  thesis.BIAS_DEG_HR[name], round(one.bias / DEG_PER_HR, 1), round(one.at_rate / DEG_PER_HR, 1))
             )  # fmt: skip
-    return CampaignTable(
+    return ResultTable(
         "Table 4.5: 1-sigma of scale factor and installation errors found by rotation, 60 s at rest and 60 s turning",
         (
             "imu", "rate_deg_s", "thesis_ppm", "formula_ppm", "corrected_ppm", "thesis_bias_deg_hr", "bias_deg_hr",
@@ -67,7 +67,7 @@ class CalibrationTrials:
     predicted: CalibrationAccuracy
     errors: dict[str, FloatArray]
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """Standard deviation about the truth beside the prediction, with 95 % interval; mean over its own 1-sigma."""
         rows: list[tuple[Any, ...]] = []
         for name, unit, scale in (
@@ -83,7 +83,7 @@ class CalibrationTrials:
                 (f"{name}_{unit}", expected / scale, rms / scale, rms / np.sqrt(high) / scale,
                  rms / np.sqrt(low) / scale, rms / expected, worst)
             )  # fmt: skip
-        return CampaignTable(
+        return ResultTable(
             f"{self.imu.name} at {self.predicted.rate / DEG:g} deg/s: {len(self.errors['bias'])} calibrations of "
             f"{self.predicted.rest_s:g} s at rest and {self.predicted.turning_s:g} s turning",
             ("quantity", "predicted", "achieved", "low_95", "high_95", "ratio", "largest_mean_sigmas"),
@@ -145,7 +145,7 @@ def calibration_trials(
     return CalibrationTrials(unit, predicted, {k: found.column(k) for k in ("bias", "response", "at_rate")})
 
 
-def achieved(trials: Sequence[CalibrationTrials]) -> CampaignTable:
+def achieved(trials: Sequence[CalibrationTrials]) -> ResultTable:
     """Several trials below each other, one row a quantity."""
     rows = tuple(
         (t.imu.name, t.predicted.rate / DEG, *row) for t in trials for row in t.table().rows
@@ -153,4 +153,4 @@ def achieved(trials: Sequence[CalibrationTrials]) -> CampaignTable:
     columns = ("imu", "rate_deg_s", *trials[0].table().columns) if trials else ()
     if not trials:
         raise InputError("expected at least one set of trials")
-    return CampaignTable("Calibration by rotation: predicted and achieved", columns, rows, trials[0].table().notes)
+    return ResultTable("Calibration by rotation: predicted and achieved", columns, rows, trials[0].table().notes)

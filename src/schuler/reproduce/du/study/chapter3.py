@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from schuler.exceptions import InputError
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 from schuler.reproduce.du.study.thesis_tables import CHAPTER_3
 from schuler.rotary.du_axes import DuAxis, du_axis, installation_matrix, scale_matrix, swap_vector
 from schuler.rotary.schemes import continuous, fixed
@@ -69,7 +69,7 @@ class Chapter3:
         found |= {f"velocity_{c}_m_s": float(v) for c, v in zip("enu", run.velocity[-1], strict=True)}
         return found | {"horizontal_m": float(run.horizontal[-1]), "up_m": float(run.position[-1, 2])}
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """Ours at the end beside the digest's anchors, with what explains a difference."""
         rows: list[tuple[Any, ...]] = []
         for axis in self.runs:
@@ -77,7 +77,7 @@ class Chapter3:
             for name, printed in anchors(self.case, axis).items():
                 close = agrees(self.case, name, ours[name], printed)
                 rows.append((axis or "-", name, printed, ours[name], "-" if close else _why(name)))
-        return CampaignTable(
+        return ResultTable(
             f"Chapter 3, {self.case}, {self.rate / DEG:g} deg/s" + (", with noise" if self.noise else ", no noise"),
             ("axis", "quantity", "digest", "ours", "why"),
             tuple(rows),
@@ -90,7 +90,7 @@ class Chapter3:
 
     def plot(self) -> Figure:
         """Velocity and attitude errors over time, all schemes overlaid (matplotlib)."""
-        from schuler.plotting.draw import draw
+        from schuler.plotting.drawing import draw
         from schuler.reproduce.du.study.rotary_static_figures import chapter3_figure
 
         return draw(chapter3_figure(self))

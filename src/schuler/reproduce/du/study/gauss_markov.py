@@ -16,7 +16,7 @@ from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.characterisation.correlation import autocorrelation, expected_autocovariance
 from schuler.exceptions import InputError
 from schuler.filtering.states import StateLayout, StateModel
-from schuler.plotting.table import CampaignTable, Cell
+from schuler.plotting.table import Cell, ResultTable
 from schuler.recording.series import ImuSeries
 from schuler.sensors.noise import GaussMarkov
 
@@ -88,12 +88,12 @@ class StaticModels:
         """
         return StateLayout({"b_a": self.accel.model(accel_turn_on), "b_g": self.gyro.model(gyro_turn_on)})
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """One row a triad, SI."""
         rows: list[tuple[Cell, ...]] = []
         for name, b in (("gyro [rad/s]", self.gyro), ("accel [m/s^2]", self.accel)):
             rows.append((name, b.sigma, *b.sigma_range, b.tau, *b.tau_range, b.white))
-        return CampaignTable(
+        return ResultTable(
             "Gauss-Markov biases from the autocorrelation at rest",
             ("triad", "sigma", "sigma_least", "sigma_most", "tau_s", "tau_least_s", "tau_most_s", "white"),
             tuple(rows),

@@ -12,7 +12,7 @@ from schuler import units
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.montecarlo import campaign, run_seed
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 from schuler.recording.trajectory import Trajectory
 from schuler.reproduce.du.study import thesis_tables as thesis
 from schuler.reproduce.du.study.drive import DRIVE_S
@@ -64,7 +64,7 @@ class KinematicTest:
         k = index(quantity)
         return improvement(self.conventional[:, k], self.rotary[:, k], seed=self.seed)
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """Means beside the thesis's, if it has any: one conventional run, six rotary ones from least to most."""
         name = self.imu.name
         first, six = thesis.KINEMATIC.get(name, ((), ()))
@@ -86,7 +86,7 @@ class KinematicTest:
                 rows.append(
                     (way, f"{quantity}_{unit}", *beside[:3], mean, low, high, *beside[3:], floor / scale)
                 )  # fmt: skip
-        return CampaignTable(
+        return ResultTable(
             f"{name} driving {self.rotary_trial.duration_s:g} s, rotary at {self.rotary_trial.rate / DEG:g} deg/s, "
             f"mean of {self.runs} runs",
             (
@@ -132,7 +132,7 @@ class KinematicTest:
 
     def plot(self, run: int = 0) -> Figure:
         """Tracks, velocity and attitude errors of one run (matplotlib)."""
-        from schuler.plotting.draw import draw
+        from schuler.plotting.drawing import draw
         from schuler.reproduce.du.study.rotary_static_figures import kinematic_figure
 
         return draw(kinematic_figure(self, run))
@@ -218,7 +218,7 @@ def kinematic_test(
     return KinematicTest(trials[0], trials[1], found[0], found[1], seed)
 
 
-def claims(tests: list[KinematicTest]) -> CampaignTable:
+def claims(tests: list[KinematicTest]) -> ResultTable:
     """The thesis's claims about driving, its own numbers, and ours with 95 % intervals."""
     rows: list[tuple[Any, ...]] = []
     for test in tests:
@@ -237,7 +237,7 @@ def claims(tests: list[KinematicTest]) -> CampaignTable:
                  quantity, claimed, float(own.min()), float(own.max()), mean, found.ratio, found.low, found.high,
                  100.0 * found.wins, verdict)
             )  # fmt: skip
-    return CampaignTable(
+    return ResultTable(
         "Driving: how many times smaller rotation makes errors",
         (
             "imu", "initial_attitude_deg", "instability_deg_hr", "quantity", "claimed",

@@ -17,7 +17,7 @@ from schuler.filtering.measurements import MeasurementSchedule, gnss_measurement
 from schuler.mechanization.strapdown import NavState
 from schuler.montecarlo import campaign, traits
 from schuler.navigation.result import NavigationResult
-from schuler.plotting.table import CampaignTable, Cell
+from schuler.plotting.table import Cell, ResultTable
 from schuler.recording.series import Increments
 from schuler.recording.trajectory import Trajectory
 from schuler.reproduce.du.study.filter_imus import FilterImu
@@ -193,14 +193,14 @@ class LeverStudy:
             raise InputError(f"expected one of {VARIANTS} and of {tuple(self.values)}, got {variant!r}, {column!r}")
         return np.asarray(self.values[column][:, VARIANTS.index(variant)])
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """One row a variant: means over the runs."""
         rows: list[tuple[Cell, ...]] = [
             (v, *(float(np.mean(self.of(v, column))) for column in _COLUMNS)) for v in VARIANTS
         ]
         case = self.case
         turning = "turns there and back" if case.reverses else "continuous"
-        return CampaignTable(
+        return ResultTable(
             f"{case.imu.name}, {turning} at {case.rate / DEG:g} deg/s: what the filter knows of levers",
             ("filter", *_COLUMNS),
             tuple(rows),

@@ -16,7 +16,7 @@ from schuler.filtering.engine import run as filtered
 from schuler.montecarlo.lanes.replay import replay
 from schuler.navigation.evaluation.consistency import state_errors
 from schuler.navigation.result import NavigationResult
-from schuler.plotting.table import CampaignTable, Cell
+from schuler.plotting.table import Cell, ResultTable
 from schuler.reproduce.du.study.filter_imus import FilterImu
 from schuler.reproduce.du.study.integrated import IntegratedDrive, rotary_schedule
 
@@ -160,7 +160,7 @@ def second_order_table(
     drive: IntegratedDrive | None = None,
     outage: int = 0,
     seed: int = 0,
-) -> CampaignTable:
+) -> ResultTable:
     """NEES in an outage against the size of all errors, by definition; a row for each size and schedule.
 
     Parameters
@@ -181,7 +181,7 @@ def second_order_table(
             e = OutageErrors.of(replace(given, schedule=schedule, size=size), runs, outage=outage, seed=seed)
             values = [float(e.nees(definition).mean()) for definition in DEFINITIONS]
             rows.append((imu.name, e.drive.name, float(size), *values))
-    return CampaignTable(
+    return ResultTable(
         f"{imu.name}: NEES per degree of freedom in outage {outage + 1}, sensors of the filter's own models",
         ("imu", "imu_is", "size", "states", "no_vertical", "less_sag", "extended_pose"),
         tuple(rows),

@@ -10,7 +10,7 @@ import numpy as np
 from schuler.filtering.engine import run as filtered
 from schuler.montecarlo.lanes.replay import replay
 from schuler.navigation.result import NavigationResult
-from schuler.plotting.table import CampaignTable, Cell
+from schuler.plotting.table import Cell, ResultTable
 from schuler.recording.trajectory import Trajectory
 from schuler.reproduce.du.study.integrated import IntegratedDrive
 from schuler.units import DEG
@@ -44,7 +44,7 @@ def smoothed_run(drive: IntegratedDrive, run: int = 0, *, seed: int = 0) -> tupl
     return result, scenario.ideal.truth
 
 
-def smoothing_table(drive: IntegratedDrive, runs: Sequence[int] = range(4), *, seed: int = 0) -> CampaignTable:
+def smoothing_table(drive: IntegratedDrive, runs: Sequence[int] = range(4), *, seed: int = 0) -> ResultTable:
     """Filtered and smoothed errors in the outages of some runs.
 
     Parameters
@@ -69,7 +69,7 @@ def smoothing_table(drive: IntegratedDrive, runs: Sequence[int] = range(4), *, s
     for name, values in squares.items():
         h, tilt, heading = np.sqrt(np.mean(values, axis=0))
         rows.append((drive.imu.name, drive.name, name, float(h), float(tilt / DEG), float(heading / DEG)))
-    return CampaignTable(
+    return ResultTable(
         f"{drive.imu.name}, {drive.name}: smoothing over the outages",
         ("imu", "imu_is", "solution", "horizontal_m", "tilt_deg", "heading_deg"),
         tuple(rows),

@@ -12,7 +12,7 @@ from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import InputError
 from schuler.montecarlo.lanes.records import LaneRecords
 from schuler.montecarlo.lanes.run import run_lanes
-from schuler.plotting.table import CampaignTable, Cell
+from schuler.plotting.table import Cell, ResultTable
 from schuler.reproduce.du.study.filter_imus import FilterImu
 from schuler.reproduce.du.study.filter_tables import CONTINUOUS, OUTAGES, Integrated
 from schuler.reproduce.du.study.improvement import Improvement, improvement
@@ -168,7 +168,7 @@ class RotaryComparison:
             raise InputError(f"quantity: expected one of {', '.join(QUANTITIES)}, got {quantity!r}")
         return improvement(self.conventional.rms()[quantity], self.rotary.rms()[quantity], probability=probability)
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """The thesis's row and ours, conventional and rotary, then the gains and their intervals."""
         outages = bool(self.rotary.drive.outages)
         printed = OUTAGES if outages else CONTINUOUS
@@ -187,7 +187,7 @@ class RotaryComparison:
         rows.append((self.imu.name, "gain", "95 % from", *(g.low for g in gains)))
         rows.append((self.imu.name, "gain", "95 % to", *(g.high for g in gains)))
         what = f"{len(self.rotary.drive.outages)} outages" if outages else "GNSS all the time, after the first minute"
-        return CampaignTable(
+        return ResultTable(
             f"{self.imu.name}: {what}, RMS",
             ("imu", "imu_is", "who", "horizontal_m", "horizontal_m_s", "roll_deg", "pitch_deg", "azimuth_deg"),
             tuple(rows),
@@ -199,13 +199,13 @@ class RotaryComparison:
             ),
         )
 
-    def curves(self, step_s: int = 30) -> CampaignTable:
+    def curves(self, step_s: int = 30) -> ResultTable:
         """RMS against the time since GNSS was lost."""
         found = [r.curve(q) for q in ("horizontal_m", "horizontal_m_s") for r in (self.conventional, self.rotary)]
         age = found[0][0]
         at = sorted({*range(step_s - 1, len(age), step_s), len(age) - 1})
         rows: list[tuple[Cell, ...]] = [(float(age[k]), *(float(c[k]) for _, c in found)) for k in at]
-        return CampaignTable(
+        return ResultTable(
             f"{self.imu.name}: RMS against the length of an outage",
             (
                 "age_s", "conventional_horizontal_m", "rotary_horizontal_m", "conventional_horizontal_m_s",

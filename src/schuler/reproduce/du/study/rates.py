@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 from schuler.reproduce.du.study.improvement import mean_interval
 from schuler.reproduce.du.study.rms import index
 from schuler.reproduce.du.study.thesis_tables import RECOMMENDED_DEG_S
@@ -51,7 +51,7 @@ class RateChoice:
     high: FloatArray
     confidence: float
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """Means by rate, also relative to the mean of all faster rates."""
         order = np.argsort(np.abs(self.rates))
         rows: list[tuple[Any, ...]] = []
@@ -62,7 +62,7 @@ class RateChoice:
                 (round(float(self.rates[k]) / DEG, 6), float(self.means[k]), float(self.low[k]), float(self.high[k]),
                  over, bool(abs(self.rates[k] - self.rate) < 1e-9))
             )  # fmt: skip
-        return CampaignTable(
+        return ResultTable(
             f"{self.imu}: {self.quantity.replace('_', ' ')} by rate",
             ("rate_deg_s", "mean_m" if "position" in self.quantity else "mean_m_s", "low_95", "high_95", "over_faster",
              "chosen"),

@@ -8,7 +8,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.plotting.draw import draw
+from schuler.plotting.drawing import draw
 from schuler.plotting.figure import Figure, Item, Line, Panel, Span, level, line, view
 from schuler.units import DEG, DEG_PER_HR, G0
 

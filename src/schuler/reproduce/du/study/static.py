@@ -11,7 +11,7 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.montecarlo import campaign, run_seed
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 from schuler.reproduce.du.study import thesis_tables as thesis
 from schuler.reproduce.du.study.emulation import Emulation, emulation
 from schuler.reproduce.du.study.improvement import Improvement, improvement, mean_interval
@@ -87,7 +87,7 @@ class StaticTest:
 
         return recommended_rate(self, tolerance=tolerance)
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """Means over the runs by strategy and rate, with 95 % half widths of the horizontal ones."""
         rows: list[tuple[Any, ...]] = []
         for strategy, rate in self._cases():
@@ -104,7 +104,7 @@ class StaticTest:
             columns.append(f"{name}_{UNITS[name][0]}")
             if k in (_POSITION, _VELOCITY):
                 columns.append(f"half_width_{UNITS[name][0]}")
-        return CampaignTable(
+        return ResultTable(
             f"{self.imu.name} at rest, {self.duration_s:g} s, RMS over each run, mean of {self.runs} runs",
             tuple(columns),
             tuple(rows),
@@ -112,19 +112,19 @@ class StaticTest:
             self.complete,
         )
 
-    def beside_the_digest(self) -> CampaignTable:
+    def beside_the_digest(self) -> ResultTable:
         """See :func:`schuler.reproduce.du.study.static_tables.beside_the_digest`."""
         from schuler.reproduce.du.study import static_tables
 
         return static_tables.beside_the_digest(self)
 
-    def beside_the_thesis(self) -> CampaignTable:
+    def beside_the_thesis(self) -> ResultTable:
         """See :func:`schuler.reproduce.du.study.static_tables.beside_the_thesis`."""
         from schuler.reproduce.du.study import static_tables
 
         return static_tables.beside_the_thesis(self)
 
-    def improvements(self) -> CampaignTable:
+    def improvements(self) -> ResultTable:
         """See :func:`schuler.reproduce.du.study.static_tables.improvements`."""
         from schuler.reproduce.du.study import static_tables
 
@@ -139,7 +139,7 @@ class StaticTest:
 
     def plot(self) -> Figure:
         """RMS against rate, conventional as a line (matplotlib)."""
-        from schuler.plotting.draw import draw
+        from schuler.plotting.drawing import draw
         from schuler.reproduce.du.study.rotary_static_figures import rates_figure
 
         return draw(rates_figure(self))
@@ -157,7 +157,7 @@ class StaticTest:
 
     def plot_run(self, rate: float, run: int = 0) -> Figure:
         """Attitude and velocity errors of one run over time, conventional and both strategies (matplotlib)."""
-        from schuler.plotting.draw import draw
+        from schuler.plotting.drawing import draw
         from schuler.reproduce.du.study.rotary_static_figures import history_figure
 
         title = f"{self.imu.name} at rest, {rate / DEG:g} deg/s, run {run}"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 from schuler.reproduce.du.study import thesis_tables as thesis
 from schuler.reproduce.du.study.improvement import mean_interval, share_below
 from schuler.reproduce.du.study.rms import QUANTITIES, UNITS, index
@@ -20,7 +20,7 @@ _BAND = 0.10  # of the digest's acceptance
 _POSITION, _VELOCITY = index("horizontal_position"), index("horizontal_velocity")
 
 
-def beside_the_digest(test: StaticTest) -> CampaignTable:
+def beside_the_digest(test: StaticTest) -> ResultTable:
     """Means beside those of the digest's own emulation, which ours must meet within 10 %."""
     rows: list[tuple[Any, ...]] = []
     for (imu, strategy, rate), (position, velocity) in thesis.EMULATED.items():
@@ -32,7 +32,7 @@ def beside_the_digest(test: StaticTest) -> CampaignTable:
             ours = float(x[:, k].mean())
             row += [0.5 * sum(printed), ours, ours / (0.5 * sum(printed)), in_band(ours, printed)]
         rows.append(tuple(row))
-    return CampaignTable(
+    return ResultTable(
         f"{test.imu.name} at rest: emulation of the digest and ours",
         (
             "strategy", "rate_deg_s", "digest_position_m", "position_m", "position_ratio", "position_in_band",
@@ -44,7 +44,7 @@ def beside_the_digest(test: StaticTest) -> CampaignTable:
     )  # fmt: skip
 
 
-def beside_the_thesis(test: StaticTest) -> CampaignTable:
+def beside_the_thesis(test: StaticTest) -> ResultTable:
     """Means beside what was measured, and how usual the measured value is among ours."""
     rows: list[tuple[Any, ...]] = []
     name = thesis.check_imu(test.imu.name)
@@ -57,7 +57,7 @@ def beside_the_thesis(test: StaticTest) -> CampaignTable:
         for k, quantity in enumerate(QUANTITIES[:2]):
             x = test.rotary[strategy][:, :, k]
             rows.append(_beside(strategy, quantity, values[k], x, reason(name, strategy, quantity)))
-    return CampaignTable(
+    return ResultTable(
         f"{name} at rest: measured in the thesis and ours",
         ("strategy", "quantity", "thesis", "ours", "low_95", "high_95", "ratio", "share_below_percent", "why"),
         tuple(rows),
@@ -70,7 +70,7 @@ def beside_the_thesis(test: StaticTest) -> CampaignTable:
     )  # fmt: skip
 
 
-def improvements(test: StaticTest) -> CampaignTable:
+def improvements(test: StaticTest) -> ResultTable:
     """Ratios of errors, conventional over rotary, with 95 % intervals, beside the thesis's if it has any."""
     rows: list[tuple[Any, ...]] = []
     name = test.imu.name
@@ -88,7 +88,7 @@ def improvements(test: StaticTest) -> CampaignTable:
                 (strategy, quantity, printed, found.ratio, found.low, found.high, found.single_low,
                  found.single_high, 100.0 * found.wins, verdict)
             )  # fmt: skip
-    return CampaignTable(
+    return ResultTable(
         f"{name} at rest: how many times smaller rotation makes errors",
         (
             "strategy", "quantity", "thesis", "ours", "low_95", "high_95", "single_low", "single_high",

@@ -19,7 +19,7 @@ from schuler.filtering.measurements import zero_velocity
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.result import NavigationResult
-from schuler.plotting.table import CampaignTable, Cell
+from schuler.plotting.table import Cell, ResultTable
 from schuler.recording.series import Increments
 from schuler.reproduce.du.study.filter_imus import FILTER_IMUS, FilterImu
 from schuler.reproduce.du.study.filter_tables import ANCHORS
@@ -198,16 +198,16 @@ class ZuptStudy:
                 found.append((s.imu, s.case.name, name, ours, theirs))
         return found
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """One row a case."""
         rows: list[tuple[Cell, ...]] = [(s.imu, s.case.name, *s.values().values()) for s in self.sigmas]
         names = tuple(self.sigmas[0].values()) if self.sigmas else ()
-        return CampaignTable(
+        return ResultTable(
             "Zero-velocity filter on a turntable: 1-sigma at the end", ("imu", "case", *names), tuple(rows),
             ("axes of Du: x right, y forward, z up; tilt about east and north",),
         )  # fmt: skip
 
-    def comparison(self) -> CampaignTable:
+    def comparison(self) -> ResultTable:
         """Every cell beside the digest's anchor; it agrees within 20 % or half of the last digit printed."""
         rows: list[tuple[Cell, ...]] = []
         for imu, case, quantity, ours, theirs in self.cells():
@@ -217,7 +217,7 @@ class ZuptStudy:
                 half = _HALF_DIGIT if quantity.startswith("b_") else 0.0
                 agrees = ours < -theirs + half if bound else abs(ours - theirs) <= max(0.2 * theirs, half)
                 rows.append((imu, case, quantity, text, ours, None if bound else ours / theirs, agrees))
-        return CampaignTable(
+        return ResultTable(
             "Anchors of the zero-velocity filter",
             ("imu", "case", "quantity", "digest", "ours", "ratio", "agrees"),
             tuple(rows),

@@ -16,7 +16,7 @@ from schuler.montecarlo.lanes.errors import LaneErrors
 from schuler.montecarlo.lanes.records import LaneRecords
 from schuler.montecarlo.lanes.run import run_lanes
 from schuler.montecarlo.lanes.scenario import LaneScenario
-from schuler.plotting.table import CampaignTable, Cell
+from schuler.plotting.table import Cell, ResultTable
 from schuler.reproduce.du.study.filter_imus import FILTER_IMUS, TAU_S, FilterImu
 from schuler.reproduce.du.study.filter_tables import MEASURED, Measured
 from schuler.reproduce.du.study.zupt import SIGMA_ZUPT, TABLE_RATE, TableCase, table_start
@@ -227,7 +227,7 @@ class ZuptEmulation:
     runs: tuple[ZuptRun, ...]
     complete: bool = True
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """Measured and emulated side by side, two rows a case; then the scatter of single runs."""
         columns = (
             "imu", "test", "case", "who", "b_x_m_s2", "b_y_m_s2", "b_z_m_s2", "roll_deg", "pitch_deg", "azimuth_deg",
@@ -238,7 +238,7 @@ class ZuptEmulation:
             for who, m in (("Du", r.measured), ("ours", r.emulated()), ("scatter", r.spread())):
                 if m is not None:
                     rows.append((r.imu, r.test, r.case.name, who, *m.b_m_s2, *m.attitude_deg, *m.d_deg_hr))
-        return CampaignTable(
+        return ResultTable(
             "Zero-velocity filter on the turntable: one run of the thesis, and many of ours", columns, tuple(rows),
             (
                 "Du: one run, mean biases and RMS attitude errors. ours: mean over runs and the second half of 300 s; "

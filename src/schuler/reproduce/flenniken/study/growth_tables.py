@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 
 if TYPE_CHECKING:
     from schuler.growth.gauss_markov import Start
@@ -41,7 +41,7 @@ POSITION = {("tactical", 20.0): 0.05, ("tactical", 30.0): 0.10, ("consumer", 20.
 SIX_DEGREES = {"consumer": (29.95, 604.0, 2.42, 1.31, 40.4), "tactical": (0.08725, 2.075, 0.0259, None, None)}
 
 
-def positions() -> CampaignTable:
+def positions() -> ResultTable:
     """Chapter 3's positions at rest beside ours, from both starts."""
     from schuler.growth.totals import growth
     from schuler.sensors.catalogue import spec
@@ -56,7 +56,7 @@ def positions() -> CampaignTable:
         }
         as_printed = f"{grade}-printed" if grade == "tactical" else grade
         rows.append((grade, seconds, printed, ours[grade, "zero"], ours[grade, "stationary"], ours[as_printed, "zero"]))
-    return CampaignTable(
+    return ResultTable(
         "Flenniken, chapter 3: 1-sigma of position at rest",
         ("grade", "time_s", "source_m", "zero_start_m", "stationary_start_m", "zero_start_table_as_printed_m"),
         tuple(rows),

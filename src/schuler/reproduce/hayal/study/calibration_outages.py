@@ -16,7 +16,7 @@ import numpy as np
 from schuler.exceptions import InputError
 from schuler.navigation.evaluation.outage_forks import outage_statistics
 from schuler.navigation.evaluation.outage_statistics import OutageStatistics
-from schuler.plotting.table import CampaignTable, Tabled
+from schuler.plotting.table import ResultTable, TabularResult
 from schuler.reproduce.hayal.study.hayal_tables import IMUS, LENGTHS, PROTOTYPE, PUBLISHED, SEEDINGS
 from schuler.reproduce.hayal.study.hayal_walk import (
     CalibrationSigma,
@@ -30,7 +30,7 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class OutageGrid(Tabled):
+class OutageGrid(TabularResult):
     """Outage statistics by IMU and seeding.
 
     Attributes
@@ -49,7 +49,7 @@ class OutageGrid(Tabled):
         """Hayal's total sigma at the end of outages. [m]"""
         return float(np.linalg.norm(self.statistics[imu, seeding].sigma(length)))
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """Mean and sigma beside the prototype and the source, with the gain over Original."""
         rows = []
         for (imu, seeding), s in self.statistics.items():
@@ -66,7 +66,7 @@ class OutageGrid(Tabled):
                         100.0 * (1.0 - published[1] / PUBLISHED[imu, length][0][1]),
                     )
                 )  # fmt: skip
-        return CampaignTable(
+        return ResultTable(
             "Hayal, position error after outages",
             (
                 "imu", "seeding", "outage_s", "outages", "mean_m", "sigma_north_m", "sigma_east_m", "sigma_down_m",

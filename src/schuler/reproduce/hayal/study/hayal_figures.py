@@ -120,7 +120,7 @@ def outage_figure(grid: OutageGrid, imu: str, draws: int) -> Figure:
         "length of the outage [s]", "total sigma of the position [m]", tuple(items), log=True, log_x=True, title=imu
     )
     caption = "The thesis's errors are many times what its data sheets explain; nothing is tuned to them."
-    return Figure("outages", f"{imu}: position after outages", caption, (panel,))
+    return Figure("outages", f"{imu}: position after outages", caption, (panel,), paper_columns=2)
 
 
 def short_outage_figure(

@@ -17,7 +17,7 @@ from schuler import earth, frames
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.exceptions import InputError
 from schuler.mechanization.strapdown import NavState, mechanize
-from schuler.plotting.table import CampaignTable, Tabled
+from schuler.plotting.table import ResultTable, TabularResult
 from schuler.recording.series import ImuSeries, Increments
 from schuler.reproduce.stefanisko.study.figure_eight import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S
 from schuler.standstill.stationarity import static_intervals
@@ -243,7 +243,7 @@ def corrected_track(
 
 
 @dataclass(frozen=True)
-class BiasStudy(Tabled):
+class BiasStudy(TabularResult):
     """End errors of a log at rest that was corrected and integrated, over many runs.
 
     Attributes
@@ -263,10 +263,10 @@ class BiasStudy(Tabled):
         value: FloatArray = np.sqrt(np.mean(self.end_n[strategy] ** 2, axis=0))
         return value
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """One row a strategy, the digest's numbers beside ours."""
         rows = tuple((name, *map(float, self.rms(name)), *DIGEST[name]) for name in STRATEGIES if len(self.end_n[name]))
-        return CampaignTable(
+        return ResultTable(
             f"Stefanisko, bias removal at rest, {self.length_s:g} s, {len(self.end_n['none'])} runs",
             ("strategy", "rms_north_m", "rms_east_m", "rms_down_m", "digest_north_m", "digest_east_m", "digest_down_m"),
             rows,

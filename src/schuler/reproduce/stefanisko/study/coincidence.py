@@ -18,7 +18,7 @@ import numpy as np
 from schuler.exceptions import InputError
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.architectures import Comparison, compare_architectures
-from schuler.plotting.table import CampaignTable, Tabled
+from schuler.plotting.table import ResultTable, TabularResult
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries
 from schuler.reproduce.stefanisko.study.figure_eight import FigureEight
@@ -105,13 +105,13 @@ def compare_scheduling(
 
 
 @dataclass(frozen=True)
-class CoincidenceStudy(Tabled):
+class CoincidenceStudy(TabularResult):
     """The figure-eight with both schedules, the same draws."""
 
     coincidence: FigureEightResult
     asynchronous: FigureEightResult
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """Errors at 50 s and at the end of the outage, the digest's beside ours."""
         rows = []
         for name, r in (("coincidence", self.coincidence), ("asynchronous", self.asynchronous)):
@@ -120,7 +120,7 @@ class CoincidenceStudy(Tabled):
                 rows.append(
                     (name, r.case.update_s, t, r.position(t), r.claimed(slice(6, 9), t), published, r.velocity(t))
                 )
-        return CampaignTable(
+        return ResultTable(
             f"coincidence and asynchronous updates, figure-eight, {len(self.coincidence.nis)} runs",
             ("schedule", "update_s", "t_s", "rms_position_m", "claimed_position_m", "digest_m", "rms_velocity_m_s"),
             tuple(rows),

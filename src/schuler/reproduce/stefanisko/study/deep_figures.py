@@ -8,7 +8,7 @@ import numpy as np
 
 from schuler.exceptions import InputError
 from schuler.plotting import figure as content
-from schuler.plotting.draw import draw
+from schuler.plotting.drawing import draw
 from schuler.plotting.figure import Figure, Line, Markers, Panel, Span
 from schuler.reproduce.stefanisko.study import tracking_study as ts
 from schuler.reproduce.stefanisko.study.correlator import GPS_CA
@@ -75,7 +75,9 @@ def overview_content(study: DeepStudy, level_dbhz: float | None = None) -> Figur
     """Description of :func:`overview`."""
     panels = (position_errors(study, level_dbhz), replica_errors(study, level_dbhz), shares(study), largest(study))
     caption = "Simulation only: errors and replicas of one run through a fade, and how many channels survive fades."
-    return Figure("overview", "Deep coupling, simulation only", caption, panels, columns=2, linked=False)
+    return Figure(
+        "overview", "Deep coupling, simulation only", caption, panels, columns=2, linked=False, paper_columns=2
+    )
 
 
 def discriminators(spacing: float = 0.5) -> MplFigure:

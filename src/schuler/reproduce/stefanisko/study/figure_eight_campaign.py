@@ -12,7 +12,7 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.navigation.evaluation.errors import attitude_difference
 from schuler.navigation.result import NavigationResult
-from schuler.plotting.table import CampaignTable, Tabled
+from schuler.plotting.table import ResultTable, TabularResult
 from schuler.recording.trajectory import Trajectory
 from schuler.reproduce.stefanisko.study.figure_eight import FigureEight, Track, figure_eight_run
 from schuler.units import DEG
@@ -21,7 +21,7 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class FigureEightResult(Tabled):
+class FigureEightResult(TabularResult):
     """Many runs of one case.
 
     Attributes
@@ -76,7 +76,7 @@ class FigureEightResult(Tabled):
         """True over claimed position error: the digest asks for 0.7 to 1.3."""
         return self.position(t) / self.claimed(slice(6, 9), t)
 
-    def table(self, times: tuple[float, ...] = (50.0, 90.0, 93.0, 120.0)) -> CampaignTable:
+    def table(self, times: tuple[float, ...] = (50.0, 90.0, 93.0, 120.0)) -> ResultTable:
         """Errors and claims at some times."""
         rows = tuple(
             (
@@ -87,7 +87,7 @@ class FigureEightResult(Tabled):
             if t <= self.t[-1] + 0.5
         )  # fmt: skip
         moving = "figure-eight" if self.case.moving else "at rest"
-        return CampaignTable(
+        return ResultTable(
             f"Stefanisko, {moving}, {len(self.nis)} runs, fixes every {self.case.update_s:g} s",
             (
                 "t_s", "rms_position_m", "claimed_position_m", "rms_velocity_m_s", "rms_heading_deg", "rms_b_a_m_s2",

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from schuler.exceptions import InputError
-from schuler.plotting.table import CampaignTable, Tabled
+from schuler.plotting.table import ResultTable, TabularResult
 from schuler.reproduce.stefanisko.study.tuning_score import Factors, Runner, Score
 
 Progress = Callable[[float], None]
@@ -50,7 +50,7 @@ class TuningStep:
 
 
 @dataclass(frozen=True)
-class TuningResult(Tabled):
+class TuningResult(TabularResult):
     """What tuning found, and whether it holds on other data.
 
     Attributes
@@ -79,7 +79,7 @@ class TuningResult(Tabled):
             return None
         return self.after_out.likelihood >= self.before_out.likelihood
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """All factors tried, then in- and out-of-sample before and after."""
         rows: list[tuple[Any, ...]] = []
         for step in self.steps:
@@ -100,7 +100,7 @@ class TuningResult(Tabled):
         notes += [f"{s.parameter}: best at the edge of the grid; try farther" for s in self.steps if s.at_edge]
         if self.holds is False:
             notes.append("out-of-sample the tuned values explain less than the configured ones: do not use them")
-        return CampaignTable(
+        return ResultTable(
             "tuning P0, Q, R", ("what", "factor", "gain", "nis", "nees", "chosen"), tuple(rows), tuple(notes),
             self.complete,
         )  # fmt: skip

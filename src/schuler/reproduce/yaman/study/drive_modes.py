@@ -29,7 +29,7 @@ from schuler.navigation.evaluation.errors import trajectory_errors
 from schuler.navigation.evaluation.modes import parse_mode
 from schuler.navigation.navigate import navigate
 from schuler.navigation.result import NavigationResult
-from schuler.plotting.table import CampaignTable, Cell, Tabled
+from schuler.plotting.table import Cell, ResultTable, TabularResult
 from schuler.recording.recording import Recording
 from schuler.recording.trajectory import Trajectory
 from schuler.reproduce.yaman.study.yaman_drive import ACCEL_NOISE, DRIVES, GNSS_RATE_HZ, GYRO_NOISE, Drive
@@ -78,7 +78,7 @@ def mode_config(gps: Gps, calibrated: bool, aided: bool, outage: tuple[float, fl
 
 
 @dataclass(frozen=True)
-class DriveModes(Tabled):
+class DriveModes(TabularResult):
     """The nine modes on one drive.
 
     Attributes
@@ -101,7 +101,7 @@ class DriveModes(Tabled):
         """The source's table. Shape (9, 7)."""
         return np.array(PUBLISHED[self.number])
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """Ours and the source's, row by row."""
         columns = ["mode"]
         for name in QUANTITIES:
@@ -113,7 +113,7 @@ class DriveModes(Tabled):
                 rows.append((mode_name(*mode), *(float(x) for pair in pairs for x in pair)))
         length, lost = DRIVES[self.number]
         what = "the calibrated full solution" if self.against == "full" else "truth"
-        return CampaignTable(
+        return ResultTable(
             f"Yaman, drive {self.number}: RMS against {what}",
             tuple(columns),
             tuple(rows),

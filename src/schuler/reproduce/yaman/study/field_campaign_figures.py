@@ -9,9 +9,9 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.plotting.draw import draw
+from schuler.plotting.drawing import draw
 from schuler.plotting.figure import Band, Figure, Item, Line, Markers, Panel
-from schuler.plotting.numbers import number
+from schuler.plotting.parts import number
 from schuler.reproduce.yaman.study.field_tables import printed_unit, published
 
 if TYPE_CHECKING:

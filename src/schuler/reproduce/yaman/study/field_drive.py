@@ -23,7 +23,7 @@ from schuler.filtering.states import StateLayout
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.navigate import navigate
 from schuler.navigation.result import NavigationResult
-from schuler.plotting.table import CampaignTable, Cell, Tabled
+from schuler.plotting.table import Cell, ResultTable, TabularResult
 from schuler.recording.recording import Recording
 from schuler.reproduce.yaman.study.drive_modes import levelled_start, mode_config, rms_errors
 from schuler.reproduce.yaman.study.field_unit import (
@@ -46,7 +46,7 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class FieldDrives(Tabled):
+class FieldDrives(TabularResult):
     """Nine modes on one drive with many units.
 
     Attributes
@@ -80,7 +80,7 @@ class FieldDrives(Tabled):
         """Quantiles over units. Shapes (9, 7)."""
         return np.quantile(self.rms, low, axis=0), np.quantile(self.rms, high, axis=0)
 
-    def order(self, column: str = "position_horizontal_m") -> CampaignTable:
+    def order(self, column: str = "position_horizontal_m") -> ResultTable:
         """Pairs of modes on whose order both tables of the source agree: do the medians, and in how many units?
 
         Parameters
@@ -94,13 +94,13 @@ class FieldDrives(Tabled):
             share = float(np.mean(self.rms[:, better, k] < self.rms[:, worse, k]))
             ratio = float(self.median[worse, k] / self.median[better, k])
             rows.append((mode_name(*MODES[better]), mode_name(*MODES[worse]), ratio, share))
-        return CampaignTable(
+        return ResultTable(
             f"drive {self.number}, {column}: orders on which both drives of the source agree",
             ("better", "worse", "ratio_of_medians", "share_of_units"), tuple(rows),
             (f"{sum(r[2] > 1.0 for r in rows)} of {len(rows)} hold for the medians",), self.complete,  # type: ignore[operator]
         )  # fmt: skip
 
-    def table(self, quantities: Sequence[str] = QUANTITIES) -> CampaignTable:
+    def table(self, quantities: Sequence[str] = QUANTITIES) -> ResultTable:
         """Median, 16 % and 84 % quantiles, and the source's."""
         columns = ["mode"]
         for name in quantities:
@@ -118,7 +118,7 @@ class FieldDrives(Tabled):
         what = "the calibrated full solution" if self.against == "full" else "truth"
         again = "new switch-on before the drive" if self.turn_on == "repeatability" else "same switch-on"
         told = np.median(self.told, axis=0)
-        return CampaignTable(
+        return ResultTable(
             f"Field-calibrated MPU-6000, drive {self.number}, {len(self)} units, {again}: RMS against {what}",
             tuple(columns),
             tuple(rows),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from schuler.exceptions import InputError
-from schuler.plotting.draw import draw
+from schuler.plotting.drawing import draw
 from schuler.plotting.figure import Figure, Item, Line, Markers, Panel
 from schuler.reproduce.yaman.study.yaman_tables import MODES, PUBLISHED, QUANTITIES, mode_name
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.plotting.draw import draw, save_all
+from schuler.plotting.drawing import draw, save_all
 from schuler.plotting.figure import TIME, Figure, Panel, level, line, view
-from schuler.plotting.numbers import number
+from schuler.plotting.parts import number
 from schuler.recording.series import ImuSeries
 from schuler.units import DEG, MG
 

@@ -23,7 +23,7 @@ from schuler.navigation.configured import imu_spec
 from schuler.navigation.evaluation.architectures import compare_architectures
 from schuler.navigation.evaluation.errors import TrajectoryErrors
 from schuler.navigation.evaluation.outages import outage_errors
-from schuler.plotting.table import CampaignTable, Cell, Tabled
+from schuler.plotting.table import Cell, ResultTable, TabularResult
 from schuler.recording.recording import Recording
 from schuler.reproduce.yaman.study.field_at_rest import calibrate_at_rest
 from schuler.reproduce.yaman.study.reading_errors import reading_sigma
@@ -42,7 +42,7 @@ _NAMES = {("None", False): "ins", ("None", True): "ins+zupt+nhc", ("Full", False
 
 
 @dataclass(frozen=True)
-class RecordedModes(Tabled):
+class RecordedModes(TabularResult):
     """The nine modes on a recorded drive.
 
     Attributes
@@ -79,7 +79,7 @@ class RecordedModes(Tabled):
             )
         return float(self.rms[names.index(mode), COLUMNS.index(column)])
 
-    def order(self, column: str = COLUMNS[0]) -> CampaignTable:
+    def order(self, column: str = COLUMNS[0]) -> ResultTable:
         """Pairs of modes on whose order both tables of the source agree, and the ratio here."""
         k = COLUMNS.index(column)
         rows: list[tuple[Cell, ...]] = []
@@ -87,12 +87,12 @@ class RecordedModes(Tabled):
             ratio = float(self.rms[worse, k] / self.rms[better, k])
             rows.append((mode_name(*MODES[better]), mode_name(*MODES[worse]), ratio))
         held = sum(float(str(r[2])) > 1.0 for r in rows)
-        return CampaignTable(
+        return ResultTable(
             f"{self.name}, {column}: orders on which both drives of the source agree", ("better", "worse", "ratio"),
             tuple(rows), (f"{held} of {len(rows)} hold",), self.complete,
         )  # fmt: skip
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """The nine modes, and beside them the source's two drives, which were other drives."""
         h, v = (QUANTITIES.index(name) for name in COLUMNS[:2])
         rows: list[tuple[Cell, ...]] = []
@@ -102,7 +102,7 @@ class RecordedModes(Tabled):
                 source = [PUBLISHED[n][i][k] for n in (1, 2) for k in (h, v)]
                 rows.append((mode_name(*mode), *cells, *source))
         states = self.states if isinstance(self.states, int) else len(self.states)
-        return CampaignTable(
+        return ResultTable(
             f"{self.name}, states {states}: RMS against GNSS",
             ("mode", *COLUMNS, "source_1_horizontal_m", "source_1_vertical_m", "source_2_horizontal_m",
              "source_2_vertical_m"),

@@ -20,7 +20,7 @@ from schuler.calibration.field import Routine
 from schuler.calibration.field.options import FieldOptions
 from schuler.exceptions import InputError
 from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 from schuler.reproduce.yaman.study.field_runs import FieldJob, RestSource, gathered, processes
 from schuler.reproduce.yaman.study.field_static_unit import VARIANTS, StaticJob, static_unit
 from schuler.reproduce.yaman.study.field_tables import static_spec
@@ -97,7 +97,7 @@ class StaticDrift:
         """Drift of the raw unit over that of a calibrated one at the end. Shape (n,)."""
         return np.asarray(self.drift("raw", part)[:, -1] / self.drift(variant, part)[:, -1])
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """Median and quartiles over the units at the end, and the gain over raw."""
         rows = []
         for part in _PARTS:
@@ -124,7 +124,7 @@ class StaticDrift:
         ]
         if self.failed:
             notes.append(f"{len(self.failed)} units failed; unit {self.failed[0][0]}: {self.failed[0][1]}")
-        return CampaignTable(
+        return ResultTable(
             f"At rest for {self.t[-1]:.0f} s, {self.job.field.spec.name}, {len(self)} units",
             (
                 "part", "variant", "median_m", "quarter_m", "three_quarters_m", "claimed_m", "gain_median",
@@ -133,13 +133,13 @@ class StaticDrift:
             tuple(rows), tuple(notes), self.complete,
         )  # fmt: skip
 
-    def curves(self, part: Part = "all") -> CampaignTable:
+    def curves(self, part: Part = "all") -> ResultTable:
         """Median and quartiles of the drift over time, by variant, and the median predicted sigma: for a figure."""
         found = [np.percentile(self.drift(v, part), [25, 50, 75], axis=0).T for v in VARIANTS]
         sigma = np.sqrt(np.median(np.sum(self.sigma[:, :, _PARTS[part]] ** 2, axis=2), axis=0))
         columns = [f"{v}_{q}_m" for v in VARIANTS for q in ("quarter", "median", "three_quarters")]
         values = np.column_stack((self.t, *found, sigma))
-        return CampaignTable(
+        return ResultTable(
             f"Drift at rest, {part}, {self.job.field.spec.name}", ("t_s", *columns, "full_claimed_m"),
             tuple(tuple(row) for row in values.tolist()), (), self.complete,
         )  # fmt: skip
@@ -180,7 +180,7 @@ class StaticDrift:
             "sigma_east_m",
             "sigma_down_m",
         )
-        return CampaignTable("static test", columns, tuple(rows)).to_csv(path)
+        return ResultTable("static test", columns, tuple(rows)).to_csv(path)
 
 
 def static_drift(

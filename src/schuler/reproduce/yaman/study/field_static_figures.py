@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from schuler.exceptions import InputError
-from schuler.plotting.draw import draw
+from schuler.plotting.drawing import draw
 from schuler.plotting.figure import Figure, Item, Panel, band, line
-from schuler.plotting.numbers import number
+from schuler.plotting.parts import number
 from schuler.reproduce.yaman.study.field_static_unit import VARIANTS
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.plotting.table import CampaignTable, Cell
+from schuler.plotting.table import Cell, ResultTable
 from schuler.reproduce.yaman.study.field_bound import information_bound
 from schuler.reproduce.yaman.study.field_runs import FieldJob
 from schuler.reproduce.yaman.study.field_tables import RUNS, noise_limit, printed_unit, published
@@ -183,7 +183,7 @@ class FieldCampaign:
             )  # fmt: skip
         return self._bound
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """Modelled and residual errors of every parameter, with standard errors and what was claimed."""
         rows: list[tuple[Cell, ...]] = []
         for i, name in enumerate(self.names):
@@ -197,7 +197,7 @@ class FieldCampaign:
                     float(e.std(ddof=1)), float(np.median(self.sigma[:, i]) / factor), *ratio,
                 )
             )  # fmt: skip
-        return CampaignTable(
+        return ResultTable(
             f"Field calibration, {self.job.spec.name}, {len(self)} runs",
             (
                 "parameter", "unit", "modelled_mean", "modelled_std", "residual_mean", "standard_error",
@@ -206,7 +206,7 @@ class FieldCampaign:
             tuple(rows), self._notes(), self.complete,
         )  # fmt: skip
 
-    def thesis(self) -> CampaignTable:
+    def thesis(self) -> ResultTable:
         """Beside tables 5.3 and 5.4 of the source, with the reason where our scatter is above.
 
         Notes
@@ -229,7 +229,7 @@ class FieldCampaign:
                     "" if source is None else self.reason(name),
                 )
             )  # fmt: skip
-        return CampaignTable(
+        return ResultTable(
             f"Beside Yaman (2017), tables 5.3 and 5.4: {self.job.spec.name}, {len(self)} runs",
             (
                 "parameter", "unit", "source_modelled_std", "modelled_std", "source_mean", "residual_mean",
@@ -302,7 +302,7 @@ class FieldCampaign:
             )
             for k in range(len(self))
         )  # fmt: skip
-        return CampaignTable("runs", tuple(columns), rows).to_csv(path)
+        return ResultTable("runs", tuple(columns), rows).to_csv(path)
 
     def _notes(self) -> tuple[str, ...]:
         low, high = self.nees_band()

@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 from schuler.reproduce.flenniken.study.heading.filters import constant_bias, gauss_markov_bias, split_bias
 from schuler.reproduce.flenniken.study.heading.linear import LinearModel
 from schuler.reproduce.flenniken.study.heading.runs import FilterRuns, run_filter
@@ -58,7 +58,7 @@ class HeadingOutages:
         k = int(np.argmin(np.abs(self.t - seconds)))
         return np.asarray(self.rms[:, :, k])
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """Ours beside the independent check of the digest."""
         columns = ["truth", "filter"]
         for seconds in AFTER_S:
@@ -69,7 +69,7 @@ class HeadingOutages:
                 ours = [self.at(seconds)[i, j] / DEG for seconds in AFTER_S]
                 pairs = zip(ours, OUTAGE_DEG[truth, name], strict=True)
                 rows.append((truth, name, *(float(x) for pair in pairs for x in pair), self._sigma(j)))
-        return CampaignTable(
+        return ResultTable(
             "Heading error in an outage by bias model (Flenniken, section 4.3-4.5)",
             (*columns, "filter_sigma_240s_deg"),
             tuple(rows),
@@ -87,7 +87,7 @@ class HeadingOutages:
 
     def plot(self) -> Figure:
         """Errors over the outage by truth (matplotlib)."""
-        from schuler.plotting.draw import draw
+        from schuler.plotting.drawing import draw
         from schuler.reproduce.flenniken.study.heading_figures import outage_figure
 
         return draw(outage_figure(self))

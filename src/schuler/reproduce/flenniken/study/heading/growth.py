@@ -48,7 +48,7 @@ class HeadingBound:
 
     def plot(self) -> Figure:
         """Both bounds over time (matplotlib)."""
-        from schuler.plotting.draw import draw
+        from schuler.plotting.drawing import draw
         from schuler.reproduce.flenniken.study.heading_figures import bound_figure
 
         return draw(bound_figure(self))

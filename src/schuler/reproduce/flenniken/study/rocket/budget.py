@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 from schuler.reproduce.flenniken.study.rocket.ellipse import ImpactEllipse
 from schuler.reproduce.flenniken.study.rocket.errors import RocketErrors, is_random
 from schuler.reproduce.flenniken.study.rocket.influence import Influence
@@ -75,7 +75,7 @@ class ImpactBudget:
         """Of the point on the ground if all values are independent 1-sigmas."""
         return ImpactEllipse(np.zeros(2), self.ground @ self.P.sum(axis=0) @ self.ground.T)
 
-    def table(self) -> CampaignTable:
+    def table(self) -> ResultTable:
         """One row a parameter, largest first, totals last."""
         rows: list[tuple[Any, ...]] = [
             (name, *(None if is_random(name) else float(x) for x in d), float(c), float(s))
@@ -84,7 +84,7 @@ class ImpactBudget:
         rows.append(("all on as they are", *(float(x) for x in self.mean), self.together, None))
         rows.append(("all as independent 1-sigmas", None, None, None, self.sigma, 1.0))
         columns = ("parameter", "north_m", "up_m", "east_m", "norm_m", "variance_share")
-        return CampaignTable(f"Position error at impact, {self.variant}", columns, tuple(rows))
+        return ResultTable(f"Position error at impact, {self.variant}", columns, tuple(rows))
 
     def summary(self) -> str:
         """The table as text."""
@@ -96,7 +96,7 @@ class ImpactBudget:
 
     def plot(self) -> Figure:
         """Bars, largest first, with the totals (matplotlib)."""
-        from schuler.plotting.draw import draw
+        from schuler.plotting.drawing import draw
         from schuler.reproduce.flenniken.study.rocket_figures import ranking_figure
 
         return draw(ranking_figure(self))

@@ -95,7 +95,7 @@ class ImpactScatter:
 
     def plot(self) -> Figure:
         """Points, mean and ellipse (matplotlib)."""
-        from schuler.plotting.draw import draw
+        from schuler.plotting.drawing import draw
         from schuler.reproduce.flenniken.study.rocket_figures import scatter_figure
 
         return draw(scatter_figure(self))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler.plotting.table import CampaignTable
+from schuler.plotting.table import ResultTable
 from schuler.reproduce.flenniken.study.rocket.budget import impact_budget
 from schuler.reproduce.flenniken.study.rocket.errors import RocketErrors, all_angles
 from schuler.reproduce.flenniken.study.rocket.influence import influence
@@ -56,13 +56,13 @@ SENSITIVITIES: dict[tuple[str, float, str, float], tuple[_Vector, _Vector]] = {
 }
 
 
-def flight_table(trajectory: RocketTrajectory | None = None) -> CampaignTable:
+def flight_table(trajectory: RocketTrajectory | None = None) -> ResultTable:
     """The trajectory beside what the source and the digest print."""
     found = (trajectory or rocket_trajectory()).figures()
     rows = tuple(
         (f"{name} [{unit}]", printed, known, found[name] / scale) for name, unit, scale, printed, known in FLIGHT
     )
-    return CampaignTable(
+    return ResultTable(
         "Trajectory I",
         ("figure", "source", "digest", "ours"),
         rows,
@@ -73,7 +73,7 @@ def flight_table(trajectory: RocketTrajectory | None = None) -> CampaignTable:
     )
 
 
-def sensitivity_table(trajectory: RocketTrajectory | None = None) -> CampaignTable:
+def sensitivity_table(trajectory: RocketTrajectory | None = None) -> ResultTable:
     """Error at impact by each parameter alone, both ways of navigating, beside the digest's."""
     T = trajectory or rocket_trajectory()
     rows: list[tuple[Any, ...]] = []
@@ -84,14 +84,14 @@ def sensitivity_table(trajectory: RocketTrajectory | None = None) -> CampaignTab
             ours = w.effect(RocketErrors.of({name: size * scale}))
             rows.append((name, f"{size:g} {unit}", w.variant, *published, *(round(float(x), 9) + 0.0 for x in ours)))
     columns = ("parameter", "size", "variant", "north_digest_m", "up_digest_m", "east_digest_m")
-    return CampaignTable(
+    return ResultTable(
         "Position error at impact, one parameter at a time", (*columns, "north_m", "up_m", "east_m"), tuple(rows)
     )
 
 
 def scatter_table(
     *, runs: int = 200, seed: int = 0, rate_hz: float = 20.0, angle: float = 500.0 * _URAD
-) -> CampaignTable:
+) -> ResultTable:
     """Scatter of the simple and the advanced model beside the source's, 200 runs as there."""
     from schuler.sensors.catalogue import spec
 
@@ -111,7 +111,7 @@ def scatter_table(
         rows.append((name, variant, *(x for pair in zip(printed, ours, strict=True) for x in pair), s.ellipse.cep))
     shown = ("mean_downrange", "mean_crossrange", "sigma_downrange", "sigma_crossrange")
     columns = tuple(f"{name}_{who}m" for name in shown for who in ("source_", ""))
-    return CampaignTable(
+    return ResultTable(
         f"Impact scatter, {runs} runs", ("model", "variant", *columns, "cep_m"), tuple(rows),
         (
             f"tactical grade with accelerometers as printed, stationary biases; all angles {angle / _URAD:g} urad, an "
@@ -120,7 +120,7 @@ def scatter_table(
     )  # fmt: skip
 
 
-def ranking_table(angle: float = 500.0 * _URAD) -> CampaignTable:
+def ranking_table(angle: float = 500.0 * _URAD) -> ResultTable:
     """Ranking of the twelve angles, equal in size, by both ways of navigating."""
     T = rocket_trajectory()
     variants: tuple[Variant, ...] = ("thesis", "strapdown")
@@ -129,7 +129,7 @@ def ranking_table(angle: float = 500.0 * _URAD) -> CampaignTable:
         (i + 1, *(x for b in found for x in (b.names[i], round(float(b.contribution[i]), 9))))
         for i in range(len(found[0].names))
     )
-    return CampaignTable(
+    return ResultTable(
         f"Angles of {angle / _URAD:g} urad by their effect at impact",
         ("rank", "thesis", "thesis_m", "strapdown", "strapdown_m"),
         rows,

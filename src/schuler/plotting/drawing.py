@@ -131,9 +131,9 @@ def _arrangement(figure: content.Figure) -> tuple[int, int, tuple[float, float]]
         columns = max(figure.columns, 1)
         rows = -(-n // columns)
         return rows, columns, (_WIDE, 0.6 + rows * 1.02 * _WIDE / columns)
-    if figure.name in ("overview", "outages", "outage_fan"):
-        rows = -(-n // 2)
-        return rows, 2, (_WIDE, 0.5 + 2.6 * rows)
+    if figure.paper_columns:
+        rows = -(-n // figure.paper_columns)
+        return rows, figure.paper_columns, (_WIDE, 0.5 + 2.6 * rows)
     columns = 1 if n <= 5 else 2 if n <= 6 else 3
     rows = -(-n // columns)
     # slopes of a log-log plot are read by eye: it needs height

@@ -50,6 +50,10 @@ class FileFormatError(InputError):
         super().__init__(where + message)
 
 
+class TomlError(ConfigError, FileFormatError):
+    """A TOML file that is missing, cannot be opened, or is no TOML."""
+
+
 class MissingExtraError(SchulerError, ImportError):
     """An optional library is needed for what was asked.
 

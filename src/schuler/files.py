@@ -1,13 +1,42 @@
-"""Writing files so that nobody ever sees half of one, and naming what a result was made from."""
+"""Files: TOML read with clear errors, writing that never leaves half a file, and checksums for provenance."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import tempfile
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
+
+from schuler.exceptions import TomlError
+
+
+def read_toml(path: Path | str, missing: str = "no such configuration file") -> dict[str, Any]:
+    """Entries of a TOML file, not checked.
+
+    Parameters
+    ----------
+    path : Path or str
+    missing : str
+        Message if there is no such file.
+
+    Raises
+    ------
+    TomlError
+        If there is no such file, it cannot be opened, or it is no TOML.
+    """
+    path = Path(path)
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise TomlError(missing, path) from None
+    except OSError as error:
+        raise TomlError(f"cannot be read: {error.strerror}", path) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise TomlError(f"not a TOML file: {error}", path) from None
 
 
 @contextmanager

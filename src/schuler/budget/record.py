@@ -17,7 +17,7 @@ from schuler.filtering.measurements import DIMENSIONS, RESET_KINDS, MeasurementS
 from schuler.filtering.states import BLOCKS, StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import Increments
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory
 
 #: Sensor blocks that are recorded; every other parameterisation is made of their columns.
 SENSOR_BLOCKS = ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g", "G_g")
@@ -93,7 +93,7 @@ class Linearised:
 def linearise(
     increments: Increments,
     schedule: MeasurementSchedule,
-    truth: Trajectory,
+    truth: FullTrajectory,
     *,
     others: dict[str, StateModel] | None = None,
     rate_hz: float = 2.0,
@@ -107,7 +107,7 @@ def linearise(
         Ideal, of the true motion.
     schedule : MeasurementSchedule
         Measurements that agree with the truth; their covariances are kept, gates are not asked.
-    truth : Trajectory
+    truth : FullTrajectory
         True motion with velocity and attitude, its first sample at the start of the increments.
     others : dict of str to StateModel, optional
         State blocks of the aids (lever arm, clock, ...).
@@ -165,14 +165,12 @@ def _legs(increments: Increments, schedule: MeasurementSchedule) -> Iterator[tup
 def _leg(
     increments: Increments,
     schedule: MeasurementSchedule,
-    truth: Trajectory,
+    truth: FullTrajectory,
     layout: StateLayout,
     options: FilterOptions,
 ) -> tuple[SmootherNodes, BoolArray]:
     """Nodes of a leg, and which of its measurements were taken."""
     at = truth.at(np.array([increments.start]))
-    assert at.v_eb_e is not None
-    assert at.q_eb is not None
     n = layout.size
     initial = InitialState(
         NavState(increments.start, at.r_eb_e[0], at.v_eb_e[0], at.q_eb[0]), np.zeros((n, n)), np.zeros(n - 9)

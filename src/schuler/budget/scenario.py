@@ -14,6 +14,7 @@ from schuler import rotation, units
 from schuler.arrays import ArrayLike, FloatArray
 from schuler.budget.record import Linearised, linearise
 from schuler.exceptions import InputError
+from schuler.files import read_toml
 from schuler.filtering.measurements import (
     HEADING,
     LATERAL,
@@ -25,9 +26,9 @@ from schuler.filtering.measurements import (
     in_windows,
     merged,
 )
-from schuler.navigation.config_types import Config, NonNegative, Positive, Section, Triple, read_toml
+from schuler.navigation.config_types import Config, NonNegative, Positive, Section, Triple
 from schuler.recording.series import ImuSeries
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory
 from schuler.simulation.aid_sections import Window
 from schuler.simulation.imu import ideal_imu
 from schuler.simulation.motion import Motion
@@ -123,7 +124,7 @@ class BudgetMission:
     Attributes
     ----------
     name : str
-    truth : Trajectory
+    truth : FullTrajectory
     run : Linearised
     times : ndarray, shape (r,)
         Of the records. [s]
@@ -139,7 +140,7 @@ class BudgetMission:
     """
 
     name: str
-    truth: Trajectory
+    truth: FullTrajectory
     run: Linearised
     times: FloatArray
     outages: tuple[tuple[float, float], ...]

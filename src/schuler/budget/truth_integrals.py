@@ -9,7 +9,7 @@ import numpy as np
 from schuler import rotation
 from schuler.arrays import FloatArray, IntArray
 from schuler.recording.series import Increments
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory
 
 _SAME = 1e-7  # times that are one [s]
 
@@ -34,14 +34,14 @@ class TruthIntegrals:
     force: FloatArray
 
 
-def truth_integrals(increments: Increments, truth: Trajectory, t: FloatArray, length: FloatArray) -> TruthIntegrals:
+def truth_integrals(increments: Increments, truth: FullTrajectory, t: FloatArray, length: FloatArray) -> TruthIntegrals:
     """Integrate along a true motion.
 
     Parameters
     ----------
     increments : Increments
         Ideal.
-    truth : Trajectory
+    truth : FullTrajectory
         With attitude.
     t : ndarray, shape (k,)
         Nodes; the first is the start. [s]
@@ -65,9 +65,7 @@ def truth_integrals(increments: Increments, truth: Trajectory, t: FloatArray, le
     middle, h, node = middle[kept], h[kept], node[kept]
     sample = np.searchsorted(increments.t, middle)
     f = (increments.dv_ib_b / increments.dt[:, None])[sample]
-    attitude = truth.at(middle).q_eb
-    assert attitude is not None
-    C = rotation.dcm_from_quat(attitude)
+    C = rotation.dcm_from_quat(truth.at(middle).q_eb)
     rest = t[node] - middle  # until the node
     late = 1.0 - np.divide(rest, length[node], out=np.zeros_like(rest), where=length[node] > 0.0)
     spread, uneven = np.zeros((3, len(t), 2, 9)), np.zeros((len(t), 9, 6))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,8 @@ import numpy as np
 from schuler import units
 from schuler.cli.options import LogHints
 from schuler.cli.output import Flag, print_json, say
-from schuler.exceptions import ConfigError, InputError
+from schuler.exceptions import InputError
+from schuler.files import read_toml
 from schuler.gnss.signals import satellite_name
 from schuler.recording.recording import TIMED, Recording
 
@@ -43,12 +43,7 @@ def recording_section(config: Path | None) -> dict[str, Any]:
     """The ``[recording]`` section of a configuration, empty if there is none."""
     if config is None:
         return {}
-    try:
-        section: dict[str, Any] = tomllib.loads(config.read_text(encoding="utf-8")).get("recording", {})
-    except FileNotFoundError:
-        raise ConfigError(f"{config}: no such configuration file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{config}: not a TOML file: {error}") from None
+    section: dict[str, Any] = read_toml(config).get("recording", {})
     return section
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.cli.navigate import Outcome, evaluated, sentences, write_outputs
 from schuler.cli.output import Flag, Folder, print_json, progress, say
+from schuler.files import read_toml
 
 _OUTAGE_S = (300.0, 340.0)
 _RUNS = 25  # repetitions with other errors, for the consistency of the filter
@@ -62,13 +62,11 @@ def run_demo(seed: int | None, bar: Any = None) -> tuple[Outcome, Any, float]:
     bar : callable, optional
         Called with the fraction done.
     """
-    import tomllib
-
     from schuler.navigation.config import NavigationConfig
     from schuler.navigation.navigate import navigate
     from schuler.simulation.scenario import Scenario, prepare_mission, simulate_mission
 
-    data = tomllib.loads((files("schuler.cli") / "demo.toml").read_text(encoding="utf-8"))
+    data = read_toml(Path(__file__).with_name("demo.toml"))
     scenario = Scenario.parse(data)
     config = NavigationConfig.parse(
         {

@@ -15,7 +15,7 @@ from schuler import earth, frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3
 from schuler.exceptions import InputError
 from schuler.recording.series import Increments
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory
 
 Frame = Literal["ecef", "ned"]
 
@@ -85,7 +85,7 @@ class NavState:
 
 def mechanize(
     increments: Increments, initial: NavState, *, frame: Frame = "ecef", earth_rotation: bool = True
-) -> Trajectory:
+) -> FullTrajectory:
     """Integrate a log of increments from a known start, without any correction.
 
     Parameters
@@ -135,11 +135,13 @@ def mechanize(
     if frame == "ecef":
         nav = np.concatenate((initial.q_eb, initial.v_eb_e, initial.r_eb_e))
         _kernels.strapdown(*log, nav, omega, 0, q, v, r)
-        return Trajectory(increments.t, r, v, q)
+        return FullTrajectory(increments.t, r, v, q)
     nav = np.concatenate((initial.q_nb, initial.v_eb_n, initial.llh))
     _kernels.strapdown(*log, nav, omega, 1, q, v, r)
     q_en = frames.q_en(r)
-    return Trajectory(increments.t, frames.ecef_from_llh(r), rotation.rotate(q_en, v), rotation.quat_multiply(q_en, q))
+    return FullTrajectory(
+        increments.t, frames.ecef_from_llh(r), rotation.rotate(q_en, v), rotation.quat_multiply(q_en, q)
+    )
 
 
 def derivative_ecef(

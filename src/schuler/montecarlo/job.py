@@ -13,15 +13,15 @@ from pydantic import Field
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import ConfigError, InputError
-from schuler.files import sha256
+from schuler.files import read_toml, sha256
 from schuler.filtering.engine import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.config_types import Config, NonNegative, Positive, Section, Triple, read_toml
+from schuler.navigation.config_types import Config, NonNegative, Positive, Section, Triple
 from schuler.navigation.configured import imu_spec, state_layout
 from schuler.navigation.navigate import navigate
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory
 from schuler.sensors.spec import ImuSpec
 from schuler.sensors.spec_file import anchored
 from schuler.simulation.scenario import Mission, Scenario, prepare_mission, simulate_mission
@@ -93,7 +93,7 @@ class Plan(NamedTuple):
         True state at the start with the covariance that errors are drawn from.
     t : ndarray, shape (k,)
         Times looked at. [s]
-    truth : Trajectory
+    truth : FullTrajectory
         At those times.
     """
 
@@ -103,7 +103,7 @@ class Plan(NamedTuple):
     layout: StateLayout | None
     initial: InitialState | None
     t: FloatArray
-    truth: Trajectory
+    truth: FullTrajectory
 
 
 @dataclass(frozen=True)
@@ -280,9 +280,7 @@ def _plan(job: NavigationJob) -> Plan:
     return Plan(mission, _changed(job.navigation, record), spec, layout, initial, t, truth.at(np.minimum(t, end)))
 
 
-def _true_start(start: StartSection, truth: Trajectory, t: float, layout: StateLayout) -> InitialState:
-    assert truth.v_eb_e is not None
-    assert truth.q_eb is not None
+def _true_start(start: StartSection, truth: FullTrajectory, t: float, layout: StateLayout) -> InitialState:
     nav = NavState(t, truth.r_eb_e[0], truth.v_eb_e[0], truth.q_eb[0])
     return InitialState.from_sigmas(
         nav, layout, attitude=np.array(start.attitude_deg) * DEG, velocity=start.velocity_m_s, position=start.position_m

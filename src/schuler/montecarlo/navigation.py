@@ -71,10 +71,6 @@ def navigation_run(job: NavigationJob, seed: np.random.SeedSequence) -> dict[str
 def _errors(result: NavigationResult, at: IntArray, plan: Plan) -> tuple[FloatArray, FloatArray]:
     """Navigation errors north, east, down at records, and what is claimed of them. Shapes (k, 9), (k, 9, 9)."""
     s, truth = result.states, plan.truth
-    assert s.q_eb is not None
-    assert s.v_eb_e is not None
-    assert truth.q_eb is not None
-    assert truth.v_eb_e is not None
     dx = np.concatenate(
         (attitude_difference(s.q_eb[at], truth.q_eb), s.v_eb_e[at] - truth.v_eb_e, s.r_eb_e[at] - truth.r_eb_e), axis=1
     )

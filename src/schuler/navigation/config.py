@@ -12,8 +12,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from schuler.exceptions import ConfigError
+from schuler.files import read_toml
 from schuler.navigation.aiding_config import AidingSection, CorrelatedSection, TightSection
-from schuler.navigation.config_types import Config, NonNegative, Positive, Section, Triple, read_toml
+from schuler.navigation.config_types import Config, NonNegative, Positive, Section, Triple
 from schuler.sensors.spec_file import anchored
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
-from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -37,20 +35,3 @@ class Config(Section):
             return cls.model_validate(data)
         except ValidationError as error:
             raise ConfigError(f"{source}: " + "; ".join(sentences(error, cls))) from None
-
-
-def read_toml(path: Path | str) -> dict[str, Any]:
-    """Entries of a TOML file, not checked.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such file, or it is no TOML.
-    """
-    path = Path(path)
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: no such configuration file") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not a TOML file: {error}") from None

@@ -163,8 +163,6 @@ class Navigator:
         dv = (dv - b_a * dt[:, None]) @ inverse[1].T
         dtheta = (dtheta - b_g * dt[:, None] - dv @ inverse[2].T) @ inverse[0].T
         ahead = mechanize(Increments(np.array([w[0] for w in self._waiting]), dt, dtheta, dv), state)
-        assert ahead.v_eb_e is not None
-        assert ahead.q_eb is not None
         return NavState(float(ahead.t[-1]), ahead.r_eb_e[-1], ahead.v_eb_e[-1], ahead.q_eb[-1])
 
     @property

@@ -15,7 +15,7 @@ from schuler.filtering.engine import ForwardRun, SmootherNodes, unpack_symmetric
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.measurements import ACCEPTED, DIMENSIONS, FORCED, GATED, KINDS, REJECTED, STATUS, UNUSED
 from schuler.filtering.states import BLOCK_TEXT, StateLayout
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory, Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -96,11 +96,11 @@ class NavigationResult:
 
     Attributes
     ----------
-    trajectory : Trajectory
+    trajectory : FullTrajectory
         Position, velocity and attitude of the IMU.
     t : ndarray, shape (k,)
         Times of the records below. [s]
-    states : Trajectory
+    states : FullTrajectory
         Navigation states at the records.
     parameters : ndarray, shape (k, m)
         Parameter estimates at the records, order of the layout.
@@ -126,9 +126,9 @@ class NavigationResult:
         Of a tightly coupled run: its single-point solutions. Not in files.
     """
 
-    trajectory: Trajectory
+    trajectory: FullTrajectory
     t: FloatArray
-    states: Trajectory
+    states: FullTrajectory
     parameters: FloatArray
     covariance_e: FloatArray
     innovations: Innovations
@@ -152,9 +152,9 @@ class NavigationResult:
         """Result object of a forward run; ``rest`` are further fields."""
         rec = forward.rec_nav
         return cls(
-            trajectory=Trajectory(forward.t, forward.r, forward.v, forward.q),
+            trajectory=FullTrajectory(forward.t, forward.r, forward.v, forward.q),
             t=forward.rec_t,
-            states=Trajectory(forward.rec_t, rec[:, 7:10], rec[:, 4:7], rec[:, 0:4]),
+            states=FullTrajectory(forward.rec_t, rec[:, 7:10], rec[:, 4:7], rec[:, 0:4]),
             parameters=forward.rec_est,
             covariance_e=unpack_symmetric(forward.rec_P, layout.size),
             innovations=Innovations(

@@ -12,7 +12,7 @@ from schuler.filtering.states import BLOCK_TEXT, StateLayout, StateModel
 from schuler.navigation.result import Innovations, NavigationResult
 from schuler.recording.io.own import Columns
 from schuler.recording.tables.tables import Tables
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory
 
 FORMAT = "schuler/result-tables/1"
 _STATE = ("x", "y", "z", "vx", "vy", "vz", "qw", "qx", "qy", "qz")
@@ -132,9 +132,7 @@ def result_of(tables: Tables) -> NavigationResult:
         raise InputError(f"these tables are of no complete navigation result ({error!r}); make them anew") from error
 
 
-def _state_columns(T: Trajectory, *, with_angles: bool = False) -> Columns:
-    assert T.v_eb_e is not None
-    assert T.q_eb is not None
+def _state_columns(T: FullTrajectory, *, with_angles: bool = False) -> Columns:
     columns: Columns = {"t": T.t}
     columns |= dict(zip(_STATE, np.hstack((T.r_eb_e, T.v_eb_e, T.q_eb)).T, strict=True))
     if with_angles:
@@ -143,9 +141,9 @@ def _state_columns(T: Trajectory, *, with_angles: bool = False) -> Columns:
     return columns
 
 
-def _trajectory(columns: Columns) -> Trajectory:
+def _trajectory(columns: Columns) -> FullTrajectory:
     state = _stack(columns, list(_STATE))
-    return Trajectory(np.asarray(columns["t"], dtype=np.float64), state[:, :3], state[:, 3:6], state[:, 6:])
+    return FullTrajectory(np.asarray(columns["t"], dtype=np.float64), state[:, :3], state[:, 3:6], state[:, 6:])
 
 
 def _units(columns: Columns) -> dict[str, str]:

@@ -9,7 +9,7 @@ import numpy as np
 from schuler import rotation
 from schuler.arrays import FloatArray
 from schuler.filtering.engine import SmootherNodes, unpack_symmetric
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory, Trajectory
 
 if TYPE_CHECKING:
     from schuler.navigation.result import NavigationResult
@@ -27,7 +27,7 @@ def smooth_run(result: NavigationResult, nodes: SmootherNodes) -> tuple[Trajecto
 
     Returns
     -------
-    trajectory, states : Trajectory
+    trajectory, states : FullTrajectory
         Smoothed output trajectory and navigation states at the records.
     parameters : ndarray, shape (k, m)
         Smoothed parameter estimates at the records.
@@ -54,16 +54,12 @@ def smooth_run(result: NavigationResult, nodes: SmootherNodes) -> tuple[Trajecto
         record, minus, plus, packed,
     )  # fmt: skip
     trajectory, states = result.trajectory, result.states
-    assert trajectory.q_eb is not None
-    assert trajectory.v_eb_e is not None
-    assert states.q_eb is not None
-    assert states.v_eb_e is not None
     q, v, r = trajectory.q_eb.copy(), trajectory.v_eb_e.copy(), trajectory.r_eb_e.copy()
     k.apply_corrections(trajectory.t, q, v, r, nodes.t, minus, plus)
     dx = plus[at]
     return (
-        Trajectory(trajectory.t, r, v, q),
-        Trajectory(
+        FullTrajectory(trajectory.t, r, v, q),
+        FullTrajectory(
             states.t,
             states.r_eb_e + dx[:, 6:9],
             states.v_eb_e + dx[:, 3:6],

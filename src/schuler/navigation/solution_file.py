@@ -41,7 +41,6 @@ def write_solution(result: NavigationResult, path: Path | str) -> Path:
 
     T = result.trajectory
     llh, v, rpy = T.llh, T.v_eb_n, T.rpy_nb
-    assert T.q_eb is not None
     columns: dict[str, FloatArray] = {
         "t_s": T.t, "lat_deg": llh[:, 0] / units.DEG, "lon_deg": llh[:, 1] / units.DEG, "height_m": llh[:, 2],
         "v_north_m_s": v[:, 0], "v_east_m_s": v[:, 1], "v_down_m_s": v[:, 2],

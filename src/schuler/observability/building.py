@@ -183,8 +183,6 @@ def _along(
         raise InputError("resets have no memory: observability needs measurements that are weighed")
     ideal = ideal_imu(motion, imu_rate_hz, earth_rotation=earth_rotation)
     truth = ideal.truth
-    assert truth.q_eb is not None
-    assert truth.v_eb_e is not None
     increments = ImuSeries(ideal.t[1:], ideal.gyro, ideal.accel, "increment").increments()
     start = NavState(float(truth.t[0]), truth.r_eb_e[0], truth.v_eb_e[0], truth.q_eb[0])
     still = StateLayout({block: StateModel.constant(0.0) for block in layout.models})

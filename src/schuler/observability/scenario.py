@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from schuler import frames, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import ConfigError
+from schuler.files import read_toml
 from schuler.filtering.measurements import (
     HEADING,
     LATERAL,
@@ -23,7 +24,7 @@ from schuler.filtering.measurements import (
     merged,
 )
 from schuler.filtering.states import BLOCKS, StateLayout, StateModel, layout_for
-from schuler.navigation.config_types import Config, NonNegative, Positive, Section, Triple, read_toml
+from schuler.navigation.config_types import Config, NonNegative, Positive, Section, Triple
 from schuler.observability.building import motion_system
 from schuler.observability.system import LinearSystem
 from schuler.rotary.schedule import Schedule

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from schuler import earth, frames
+from schuler import earth, frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.exceptions import InputError
 from schuler.filtering.error_model import ecef_from_ned_states
@@ -60,7 +60,7 @@ def system_matrices(
     W = np.array([[0.0, -rate, 0.0], [rate, 0.0, 0.0], [0.0, 0.0, 0.0]])
     F = np.zeros((k, n, n))
     F[:, 0:3, 0:3] = -W
-    F[:, 3:6, 0:3] = -_skew(np.einsum("kij,kj->ki", C, f))
+    F[:, 3:6, 0:3] = -rotation.skew(np.einsum("kij,kj->ki", C, f))
     F[:, 3:6, 3:6] = -2.0 * W
     # the gradient of gravity holds the centrifugal part, which stays as gravity itself does
     F[:, 3:6, 6:9] = _gradient(s.r_eb_e)
@@ -79,7 +79,7 @@ def system_matrices(
         llh = s.llh
         lon_rate = earth.transport_rate_ned(llh[:, 0], llh[:, 2], s.v_eb_n)
         for i in (0, 3, 6):
-            turn[:, i : i + 3, i : i + 3] = _skew(lon_rate)
+            turn[:, i : i + 3, i : i + 3] = rotation.skew(lon_rate)
         F = np.swapaxes(T, 1, 2) @ F @ T - turn
     return F
 
@@ -161,14 +161,6 @@ def _exponentials(A: FloatArray) -> FloatArray:
 
 def _bracket(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(a @ b - b @ a)
-
-
-def _skew(v: FloatArray) -> FloatArray:
-    """Cross-product matrices. Shapes (k, 3) to (k, 3, 3)."""
-    S = np.zeros((len(v), 3, 3))
-    S[:, 0, 1], S[:, 0, 2], S[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    S[:, 1, 0], S[:, 2, 0], S[:, 2, 1] = v[:, 2], -v[:, 1], v[:, 0]
-    return S
 
 
 def _gradient(r: FloatArray) -> FloatArray:

@@ -123,6 +123,12 @@ class Recording:
             raise InputError(f"{self.metadata.name} has no GNSS series, which is needed here")
         return self.gnss
 
+    def need_reference(self) -> Trajectory:
+        """The reference trajectory, or an error that says it is missing."""
+        if self.reference is None:
+            raise InputError(f"{self.metadata.name} has no reference trajectory, which is needed here")
+        return self.reference
+
     def merged_with(self, other: Recording) -> Recording:
         """The same recording with the series of another that it lacks, brought to one time axis.
 

@@ -247,6 +247,12 @@ class GnssSeries:
     def __len__(self) -> int:
         return len(self.t)
 
+    def need_velocity(self) -> tuple[FloatArray, FloatArray]:
+        """Velocities and their covariances, or an error that says they are missing. Shapes (n, 3), (n, 3, 3)."""
+        if self.v_n is None or self.cov_v_n is None:
+            raise InputError("this GNSS series has no velocity, which is needed here")
+        return self.v_n, self.cov_v_n
+
     def where(self, keep: ArrayLike) -> GnssSeries:
         """The epochs selected by a boolean array or an index array."""
         k = np.asarray(keep)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schuler import frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, as_floats
@@ -17,7 +18,9 @@ _MANY = 20_000  # samples from which loading compiled code is worth its fraction
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Position, velocity and attitude over time, in Earth-fixed axes; everything else is derived when asked for.
+    """Position over time in Earth-fixed axes, with velocity and attitude where a file has them.
+
+    Everything else is derived when asked for. :meth:`full` gives the trajectory to those that need all three.
 
     Attributes
     ----------
@@ -49,7 +52,7 @@ class Trajectory:
     @classmethod
     def from_geodetic(
         cls, t: ArrayLike, llh: ArrayLike, v_eb_n: ArrayLike | None = None, C_nb: ArrayLike | None = None
-    ) -> Trajectory:
+    ) -> Self:
         """From latitude, longitude [rad], height [m], velocity north-east-down [m/s] and attitude ``C_nb``."""
         llh = as_floats(llh, "llh", (None, 3))
         n, C_en = len(llh), frames.C_en(llh)
@@ -59,6 +62,26 @@ class Trajectory:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def full(self) -> FullTrajectory:
+        """The same trajectory, of which velocity and attitude are certain.
+
+        Raises
+        ------
+        InputError
+            If it has no velocity, or no attitude.
+        """
+        return FullTrajectory(self.t, self.r_eb_e, self._velocity(), self._attitude(), self._cache)
+
+    def _velocity(self) -> FloatArray:
+        if self.v_eb_e is None:
+            raise InputError("this trajectory has no velocity: expected one made with v_eb_e")
+        return self.v_eb_e
+
+    def _attitude(self) -> FloatArray:
+        if self.q_eb is None:
+            raise InputError("this trajectory has no attitude: expected one made with q_eb")
+        return self.q_eb
 
     @property
     def llh(self) -> FloatArray:
@@ -75,28 +98,26 @@ class Trajectory:
     @property
     def v_eb_n(self) -> FloatArray:
         """Velocity north, east, down. Shape (n, 3). [m/s]"""
-        if self.v_eb_e is None:
-            raise InputError("this trajectory has no velocity: expected one made with v_eb_e")
+        v_eb_e = self._velocity()
         if "v_eb_n" not in self._cache:
             if len(self) < _MANY:
-                v_n = rotation.rotate(rotation.quat_conjugate(frames.q_en(self.llh)), self.v_eb_e)
+                v_n = rotation.rotate(rotation.quat_conjugate(frames.q_en(self.llh)), v_eb_e)
             else:
-                v_n = np.empty_like(self.v_eb_e)
-                _axes_kernels().vectors_to_ned(self.v_eb_e, self.llh, v_n)
+                v_n = np.empty_like(v_eb_e)
+                _axes_kernels().vectors_to_ned(v_eb_e, self.llh, v_n)
             self._cache["v_eb_n"] = v_n
         return self._cache["v_eb_n"]
 
     @property
     def q_nb(self) -> FloatArray:
         """Attitude, body to north-east-down axes. Shape (n, 4)."""
-        if self.q_eb is None:
-            raise InputError("this trajectory has no attitude: expected one made with q_eb")
+        q_eb = self._attitude()
         if "q_nb" not in self._cache:
             if len(self) < _MANY:
-                q_nb = rotation.quat_multiply(rotation.quat_conjugate(frames.q_en(self.llh)), self.q_eb)
+                q_nb = rotation.quat_multiply(rotation.quat_conjugate(frames.q_en(self.llh)), q_eb)
             else:
-                q_nb = np.empty_like(self.q_eb)
-                _axes_kernels().attitudes_to_ned(self.q_eb, self.llh, q_nb)
+                q_nb = np.empty_like(q_eb)
+                _axes_kernels().attitudes_to_ned(q_eb, self.llh, q_nb)
             self._cache["q_nb"] = q_nb
         return self._cache["q_nb"]
 
@@ -110,7 +131,7 @@ class Trajectory:
         """Roll, pitch, yaw. Shape (n, 3). [rad]"""
         return rotation.rpy_from_quat(self.q_nb)
 
-    def at(self, t: ArrayLike) -> Trajectory:
+    def at(self, t: ArrayLike) -> Self:
         """State at other times within the span, by cubic Hermite curves and constant turns between samples.
 
         Parameters
@@ -134,31 +155,32 @@ class Trajectory:
                 f"asked for {t[0]:.3f}..{t[-1]:.3f} s of a trajectory that runs {self.t[0]:.3f}..{self.t[-1]:.3f} s"
             )
         if len(self.t) == 1:
-            pick = np.zeros(len(t), dtype=int)
-            return Trajectory(
-                t,
-                self.r_eb_e[pick],
-                None if self.v_eb_e is None else self.v_eb_e[pick],
-                None if self.q_eb is None else self.q_eb[pick],
-            )
+            return self._samples(np.zeros(len(t), dtype=np.int64), t)
         k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
         h = (self.t[k + 1] - self.t[k])[:, None]
         s = (t - self.t[k])[:, None] / h
         r0, r1 = self.r_eb_e[k], self.r_eb_e[k + 1]
         q = None if self.q_eb is None else rotation.interpolate_quat(t, self.t, self.q_eb)
         if self.v_eb_e is None:
-            return Trajectory(t, r0 + s * (r1 - r0), None, q)
+            return type(self)(t, r0 + s * (r1 - r0), None, q)
         v0, v1 = self.v_eb_e[k], self.v_eb_e[k + 1]
         d = r1 - r0
         r = r0 + s * (h * v0 + s * (3.0 * d - h * (2.0 * v0 + v1) + s * (h * (v0 + v1) - 2.0 * d)))
         v = v0 + s * (6.0 * d / h - 4.0 * v0 - 2.0 * v1 + s * (3.0 * (v0 + v1) - 6.0 * d / h))
-        return Trajectory(t, r, v, q)
+        return type(self)(t, r, v, q)
 
-    def between(self, start: float, stop: float) -> Trajectory:
+    def between(self, start: float, stop: float) -> Self:
         """The samples with ``start <= t <= stop``. [s]"""
-        k = (self.t >= start - SAME_TIME) & (self.t <= stop + SAME_TIME)
-        return Trajectory(
-            self.t[k],
+        return self.samples((self.t >= start - SAME_TIME) & (self.t <= stop + SAME_TIME))
+
+    def samples(self, k: NDArray[Any]) -> Self:
+        """The samples of the given indices or flags."""
+        return self._samples(k, self.t[k])
+
+    def _samples(self, k: NDArray[Any], t: FloatArray) -> Self:
+        """The samples of the given indices or flags, at times ``t``."""
+        return type(self)(
+            t,
             self.r_eb_e[k],
             None if self.v_eb_e is None else self.v_eb_e[k],
             None if self.q_eb is None else self.q_eb[k],
@@ -182,6 +204,35 @@ class Trajectory:
         arm = np.asarray(l_bp_b)
         arm = as_floats(l_bp_b, "l_bp_b", (len(self.t), 3) if arm.ndim == 2 else (3,))
         return Trajectory(self.t, self.r_eb_e + rotation.rotate(self.q_eb, arm), None, self.q_eb)
+
+
+@dataclass(frozen=True)
+class FullTrajectory(Trajectory):
+    """Trajectory with velocity and attitude: truth of a simulation, mechanization, solution of a filter.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Time. [s]
+    r_eb_e : ndarray, shape (n, 3)
+        Position. [m]
+    v_eb_e : ndarray, shape (n, 3)
+        Velocity. [m/s]
+    q_eb : ndarray, shape (n, 4)
+        Attitude, body to Earth-fixed axes.
+    """
+
+    v_eb_e: FloatArray = field()
+    q_eb: FloatArray = field()
+
+    def __post_init__(self) -> None:
+        self._velocity()
+        self._attitude()
+        super().__post_init__()
+
+    def full(self) -> FullTrajectory:
+        """Itself."""
+        return self
 
 
 def _axes_kernels() -> Any:

@@ -21,7 +21,7 @@ from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.exceptions import InputError
 from schuler.mechanization.strapdown import Frame, NavState, mechanize
 from schuler.recording.series import Increments
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory
 from schuler.rotary import gimbals
 from schuler.rotary.encoder import Platform
 
@@ -40,7 +40,7 @@ def mechanize_rotating(
     rate_platform: Platform | None = None,
     frame: Frame = "ecef",
     earth_rotation: bool = True,
-) -> Trajectory:
+) -> FullTrajectory:
     """Position, velocity and attitude of the body from the increments of an IMU that turns in it.
 
     Parameters
@@ -63,7 +63,7 @@ def mechanize_rotating(
 
     Returns
     -------
-    Trajectory
+    FullTrajectory
         Of the body, one state for each interval's end.
 
     Raises
@@ -92,9 +92,8 @@ def mechanize_rotating(
         in_body = body_increments(increments, platform, rate_platform=rate_platform)
         start = NavState(initial.t, start_s.r_eb_e, start_s.v_eb_e, initial.q_eb)
         carried = mechanize(in_body, start, frame=frame, earth_rotation=earth_rotation)
-        assert carried.q_eb is not None
         q_bs = rotation.quat_from_dcm(_attitude(platform, carried.t))
-        solved = Trajectory(carried.t, carried.r_eb_e, carried.v_eb_e, rotation.quat_multiply(carried.q_eb, q_bs))
+        solved = FullTrajectory(carried.t, carried.r_eb_e, carried.v_eb_e, rotation.quat_multiply(carried.q_eb, q_bs))
     return body_trajectory(solved, platform, lever, omega_is_s[1:], earth_rotation=earth_rotation)
 
 
@@ -135,18 +134,18 @@ def sensor_start(
 
 
 def body_trajectory(
-    sensor: Trajectory,
+    sensor: FullTrajectory,
     platform: Platform,
     offset_m: ArrayLike = _NO_OFFSET,
     omega_is_s: ArrayLike | None = None,
     *,
     earth_rotation: bool = True,
-) -> Trajectory:
-    """Trajectory of the body from that of the IMU in its own axes, e.g. the output of a filter.
+) -> FullTrajectory:
+    """FullTrajectory of the body from that of the IMU in its own axes, e.g. the output of a filter.
 
     Parameters
     ----------
-    sensor : Trajectory
+    sensor : FullTrajectory
         With attitude ``q_es``.
     platform : Platform
     offset_m : array_like, shape (3,)
@@ -158,30 +157,26 @@ def body_trajectory(
 
     Returns
     -------
-    Trajectory
+    FullTrajectory
         ``C_eb = C_es C_sb``, ``r_b = r - C_es l``, ``v_b = v - C_es (omega_es x l)``.
 
     Raises
     ------
     InputError
-        If the trajectory has no attitude, or rates are missing.
+        If there is an offset, and no rates.
     """
-    if sensor.q_eb is None:
-        raise InputError("the trajectory of the IMU has no attitude, so that of the body cannot be found")
     q_bs = rotation.quat_from_dcm(_attitude(platform, sensor.t))
     q_eb = rotation.quat_multiply(sensor.q_eb, rotation.quat_conjugate(q_bs))
     lever = as_vector3(offset_m, "offset_m")
     if not lever.any():
-        return Trajectory(sensor.t, sensor.r_eb_e, sensor.v_eb_e, q_eb)
+        return FullTrajectory(sensor.t, sensor.r_eb_e, sensor.v_eb_e, q_eb)
     if omega_is_s is None:
         raise InputError("an offset moves the velocity with the rate: pass omega_is_s, e.g. of rates_at_limits")
     r = sensor.r_eb_e - rotation.rotate(sensor.q_eb, lever)
-    if sensor.v_eb_e is None:
-        return Trajectory(sensor.t, r, None, q_eb)
     q_se = rotation.quat_conjugate(sensor.q_eb)
     omega_es_s = np.asarray(omega_is_s, dtype=np.float64) - rotation.rotate(q_se, _earth(earth_rotation))
     v = sensor.v_eb_e - rotation.rotate(sensor.q_eb, np.cross(omega_es_s, lever))
-    return Trajectory(sensor.t, r, v, q_eb)
+    return FullTrajectory(sensor.t, r, v, q_eb)
 
 
 def body_increments(increments: Increments, platform: Platform, *, rate_platform: Platform | None = None) -> Increments:

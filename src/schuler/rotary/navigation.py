@@ -229,8 +229,6 @@ def vehicle_result(
         for x in (of_imu.trajectory, of_imu.states)
     )
     T = np.tile(np.eye(of_imu.layout.size), (len(states), 1, 1))
-    assert of_imu.states.v_eb_e is not None
-    assert states.v_eb_e is not None
     T[:, 6:9, 0:3] = rotation.skew(of_imu.states.r_eb_e - states.r_eb_e)
     T[:, 3:6, 0:3] = rotation.skew(of_imu.states.v_eb_e - states.v_eb_e)
     covariance: FloatArray = T @ of_imu.covariance_e @ np.swapaxes(T, 1, 2)

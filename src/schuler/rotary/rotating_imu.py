@@ -9,8 +9,9 @@ import numpy as np
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.exceptions import InputError
 from schuler.recording.series import Kind
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory
 from schuler.rotary.schedule import Schedule
+from schuler.rotation import skew
 from schuler.simulation.imu import IdealImu, ideal_imu
 from schuler.simulation.motion import Motion, MotionState, StaticMotion, inertial_quantities
 
@@ -153,7 +154,7 @@ def ideal_rotating_imu(
     if motion.offset_m.any():
         before = motion.schedule.omega_bs_s(breaks - _TINY)
         jump = motion.schedule.omega_bs_s(breaks + _TINY) - before
-        np.add.at(accel, holders, np.where(np.abs(jump) > 1e-6, jump, 0.0) @ _cross_with(motion.offset_m))
+        np.add.at(accel, holders, np.where(np.abs(jump) > 1e-6, jump, 0.0) @ skew(motion.offset_m))
     return ideal._replace(gyro=gyro, accel=accel)
 
 
@@ -170,18 +171,12 @@ def _in_parts(motion: RotatingMotion, cuts: FloatArray, earth_rotation: bool) ->
     return weight @ omega, weight @ f
 
 
-def _cross_with(lever: FloatArray) -> FloatArray:
-    """Matrix C with ``row @ C = row x lever``."""
-    x, y, z = lever
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
 def _turned(C: FloatArray, v: FloatArray) -> FloatArray:
     turned: FloatArray = np.einsum("nij,nj->ni", C, v)
     return turned
 
 
-def vehicle_truth(motion: RotatingMotion, t: ArrayLike) -> Trajectory:
+def vehicle_truth(motion: RotatingMotion, t: ArrayLike) -> FullTrajectory:
     """True trajectory of the vehicle under the IMU at times (n,)."""
     from schuler.simulation.imu import truth
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import difflib
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from importlib import resources
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
 
 from schuler.exceptions import InputError
+from schuler.files import read_toml
 from schuler.sensors.spec import ImuSpec, TriadSpec
 
 Kind: TypeAlias = Literal["imu", "gyro", "accelerometer", "grade", "class"]
@@ -170,9 +170,8 @@ def _plain(name: str) -> str:
 
 @cache
 def _entries() -> dict[str, Entry]:
-    text = resources.files("schuler.sensors").joinpath("catalogue.toml").read_text(encoding="utf-8")
     entries = {}
-    for name, data in tomllib.loads(text).items():
+    for name, data in read_toml(Path(__file__).with_name("catalogue.toml")).items():
         data["notes"] = " ".join(data.get("notes", "").split())
         data["aliases"] = tuple(data.get("aliases", ()))
         for key in ("gyro", "accel", "printed"):

@@ -5,14 +5,13 @@ from __future__ import annotations
 import difflib
 import json
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from schuler.exceptions import ConfigError, FileFormatError, InputError
-from schuler.files import write_text
+from schuler.files import read_toml, write_text
 from schuler.sensors.sheets import ACCEL_UNITS, GYRO_UNITS
 from schuler.sensors.spec import ImuSpec, TriadSpec
 
@@ -139,14 +138,7 @@ def read_spec_file(path: Path | str) -> SpecFile:
         message has the nearest known name), missing or impossible.
     """
     path = Path(path)
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise FileFormatError("no such file; expected an IMU specification (docs/noise-exports.md)", path) from None
-    except OSError as error:
-        raise FileFormatError(f"cannot be read: {error.strerror}", path) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileFormatError(f"not a TOML file: {error}", path) from None
+    data = read_toml(path, missing="no such file; expected an IMU specification (docs/noise-exports.md)")
     try:
         return _parsed(data)
     except InputError as error:

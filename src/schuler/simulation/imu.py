@@ -10,7 +10,7 @@ from schuler import rotation
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries, Kind
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory
 from schuler.sensors.errors import ApplyReport, ImuErrors
 from schuler.simulation.motion import Motion, ideal_increments, ideal_rates
 
@@ -26,7 +26,7 @@ class IdealImu(NamedTuple):
         Limits of the intervals, which are the samples for rates. [s]
     gyro, accel : ndarray, shape (n, 3) for increments, (n + 1, 3) for rates
         Integrals [rad], [m/s] or rates [rad/s], [m/s^2].
-    truth : Trajectory
+    truth : FullTrajectory
         Position, velocity and attitude of the IMU at ``t``.
     """
 
@@ -35,7 +35,7 @@ class IdealImu(NamedTuple):
     t: FloatArray
     gyro: FloatArray
     accel: FloatArray
-    truth: Trajectory
+    truth: FullTrajectory
 
 
 class SimulatedImu(NamedTuple):
@@ -95,9 +95,9 @@ def mounted(ideal: IdealImu, rpy: FloatArray, *, turn_truth: bool = False) -> Id
         Also the attitude of the truth: that of the IMU's axes, not of the vehicle's.
     """
     C_vs, true = rotation.dcm_from_rpy(rpy), ideal.truth
-    if turn_truth and true.q_eb is not None:
+    if turn_truth:
         q_es = rotation.quat_multiply(true.q_eb, rotation.quat_from_dcm(C_vs))
-        true = Trajectory(true.t, true.r_eb_e, true.v_eb_e, q_es)
+        true = FullTrajectory(true.t, true.r_eb_e, true.v_eb_e, q_es)
     # rows times C_vs: each vector times its transpose, from the vehicle's components to the IMU's
     return ideal._replace(gyro=ideal.gyro @ C_vs, accel=ideal.accel @ C_vs, truth=true)
 
@@ -130,11 +130,11 @@ def simulate_imu(
     return SimulatedImu(ImuSeries(ideal.t, gyro, accel, "rate"), report)
 
 
-def truth(motion: Motion, t: FloatArray) -> Trajectory:
+def truth(motion: Motion, t: FloatArray) -> FullTrajectory:
     """True trajectory of a motion at times (n,), in pieces so that hours need no more memory than the result."""
     r, v, q = np.empty((len(t), 3)), np.empty((len(t), 3)), np.empty((len(t), 4))
     for first in range(0, len(t), 32_768):
         part = slice(first, first + 32_768)
         s = motion.state(t[part])
         r[part], v[part], q[part] = s.r_eb_e, s.v_eb_e, s.q_eb
-    return Trajectory(t, r, v, q)
+    return FullTrajectory(t, r, v, q)

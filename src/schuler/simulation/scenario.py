@@ -5,7 +5,6 @@ Keys carry their units. A run is reproducible from package version, scenario and
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -14,6 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from schuler import units
 from schuler.exceptions import ConfigError, sentences
+from schuler.files import read_toml
 from schuler.recording.recording import Metadata, Recording
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ApplyReport, ImuErrors
@@ -119,13 +119,7 @@ class Scenario(Section):
     @classmethod
     def load(cls, path: Path | str) -> Scenario:
         """Checked scenario of a TOML file, to whose folder ``imu.spec`` is relative; see :meth:`parse`."""
-        path = Path(path)
-        try:
-            data = tomllib.loads(path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise ConfigError(f"{path}: no such scenario file") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ConfigError(f"{path}: not a TOML file: {error}") from None
+        data = read_toml(path, missing="no such scenario file")
         return cls.parse(anchored(data, path), str(path))
 
 

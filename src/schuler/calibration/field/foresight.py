@@ -214,9 +214,7 @@ def _readings(now: Standing, nav: NavState, steps: Sequence[Step]) -> tuple[Incr
     middle = C @ half
     increments = Increments(np.cumsum(d), d, r + d[:, None] * (omega_ie @ middle), d[:, None] * (-g @ middle))
     # attitudes as the filter will carry them on, coning of its polynomials included
-    q_eb = mechanize(increments, nav).q_eb
-    assert q_eb is not None
-    C_nb = frames.C_en(now.llh).T @ rotation.dcm_from_quat(q_eb)
+    C_nb = frames.C_en(now.llh).T @ rotation.dcm_from_quat(mechanize(increments, nav).q_eb)
     blocks = [int(np.ceil(used / _BLOCK_S - 1e-9)) for _, used in spans]
     edges = [start + np.linspace(0.0, used, k + 1) for (start, used), k in zip(spans, blocks, strict=True)]
     when = np.concatenate([0.5 * (e[1:] + e[:-1]) for e in edges])

@@ -135,8 +135,6 @@ class _Prepared:
         plan, at = _plan(scenario, every, s.t)
         self.t = t[at]
         truth = ideal.truth
-        assert truth.q_eb is not None
-        assert truth.v_eb_e is not None
         self.table = scenario.errors.table(layout)
         blocks = np.array([scenario.states(name) for name in scenario.nees], dtype=np.int64).reshape(-1, 2)
         driven = 3 * int(np.sum(self.table[:, 2] > 0.0))

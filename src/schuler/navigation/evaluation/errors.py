@@ -123,9 +123,7 @@ def trajectory_errors(estimate: Trajectory, reference: Trajectory) -> Trajectory
     C = frames.C_en(reference.llh[inside])
     position = np.einsum("nji,nj->ni", C, e.r_eb_e - reference.r_eb_e[inside])
     velocity = attitude = None
-    if e.v_eb_e is not None and reference.v_eb_e is not None:
-        v = estimate.v_eb_e
-        assert v is not None
+    if (v := estimate.v_eb_e) is not None and reference.v_eb_e is not None:
         # not the derivative of the curve through the positions: a filter's correction is a step in it
         v_e = np.column_stack([np.interp(t, estimate.t, v[:, i]) for i in range(3)])
         velocity = np.einsum("nji,nj->ni", C, v_e - reference.v_eb_e[inside])

@@ -191,8 +191,6 @@ def _blind(recording: Recording, config: NavigationConfig, base: NavigationResul
 def _continued(blind: _Blind, base: NavigationResult, k: int, longest: float) -> NavigationResult | None:
     """The run from its k-th record on, without GNSS; None if interrupted."""
     s = base.states
-    assert s.v_eb_e is not None
-    assert s.q_eb is not None
     t = float(base.t[k])
     start = InitialState(NavState(t, s.r_eb_e[k], s.v_eb_e[k], s.q_eb[k]), base.covariance[k], base.parameters[k])
     step = blind.options.record_s

@@ -90,10 +90,6 @@ def separation(filtered: NavigationResult, smoothed: NavigationResult | None = N
     if filtered.smoothed or not smoothed.smoothed or not np.array_equal(filtered.t, smoothed.t):
         raise InputError("expected the filtered and the smoothed solution of one run, in this order")
     f, s = filtered.states, smoothed.states
-    assert f.q_eb is not None
-    assert s.q_eb is not None
-    assert f.v_eb_e is not None
-    assert s.v_eb_e is not None
     C = frames.C_en(s.llh)
     parts = (attitude_difference(f.q_eb, s.q_eb), f.v_eb_e - s.v_eb_e, f.r_eb_e - s.r_eb_e)
     difference = np.concatenate([np.einsum("nji,nj->ni", C, p) for p in parts], axis=1)

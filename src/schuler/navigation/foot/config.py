@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from schuler.navigation.config_types import Config, NonNegative, Positive, Section, read_toml
+from schuler.files import read_toml
+from schuler.navigation.config_types import Config, NonNegative, Positive, Section
 
 
 class PlaceSection(Section):

@@ -24,7 +24,7 @@ from schuler.navigation.foot.strides import segment
 from schuler.navigation.result import NavigationResult
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries, Increments
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory
 
 
 def navigate_foot(
@@ -287,8 +287,6 @@ def _by_stride(
         filtered.append(result)
         smoothed.append(result.smooth())
         s = result.states
-        assert s.q_eb is not None
-        assert s.v_eb_e is not None
         nav = NavState(float(s.t[-1]), s.r_eb_e[-1], s.v_eb_e[-1], s.q_eb[-1])
         initial = InitialState(nav, result.covariance[-1], result.parameters[-1])
         if progress is not None:
@@ -310,11 +308,11 @@ def _joined(parts: list[NavigationResult], complete: bool) -> NavigationResult:
     def together(name: str) -> Any:
         return np.concatenate([getattr(p, name) for p in parts])
 
-    def path(name: str) -> Trajectory:
+    def path(name: str) -> FullTrajectory:
         def column(which: str) -> FloatArray:
             return np.concatenate([getattr(getattr(p, name), which) for p in parts])
 
-        return Trajectory(column("t"), column("r_eb_e"), column("v_eb_e"), column("q_eb"))
+        return FullTrajectory(column("t"), column("r_eb_e"), column("v_eb_e"), column("q_eb"))
 
     innovations = [p.innovations for p in parts]
     fields = ("t", "kind", "status", "nis", "innovation", "sigma")

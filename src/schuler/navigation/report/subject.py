@@ -202,7 +202,6 @@ class Subject:
         if not self.at_antenna:
             return self.sigma(result, "dr")
         C = frames.C_en(result.states.llh)
-        assert result.states.q_eb is not None
         arm = rotation.rotate(result.states.q_eb, np.broadcast_to(result.lever_arm_b, (len(C), 3)))
         J = np.concatenate([-rotation.skew(arm), np.broadcast_to(np.eye(3), (len(C), 3, 3))], axis=2)
         J = np.swapaxes(C, -1, -2) @ J

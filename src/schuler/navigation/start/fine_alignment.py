@@ -91,7 +91,5 @@ def fine_alignment(
         forward, schedule.t, schedule.kind, layout, notes=("fine alignment at rest by zero-velocity updates",)
     )
     end = result.trajectory
-    assert end.v_eb_e is not None
-    assert end.q_eb is not None
     state = NavState(float(end.t[-1]), end.r_eb_e[-1], end.v_eb_e[-1], end.q_eb[-1])
     return InitialState(state, result.covariance[-1], result.parameters[-1]), result

@@ -97,10 +97,9 @@ def align(
         gyro_bias = None  # the same data cannot fix both the heading and the bias
     else:
         k = _first_moving(gnss, section)
-        assert gnss.v_n is not None
-        assert gnss.cov_v_n is not None
-        sigma_v = float(np.sqrt(max(gnss.cov_v_n[k, 0, 0], gnss.cov_v_n[k, 1, 1])))
-        heading, sigma = heading_from_course(gnss.v_n[k], sigma_v, sigma_sideslip=section.sideslip_deg * units.DEG)
+        v_n, cov_v_n = gnss.need_velocity()
+        sigma_v = float(np.sqrt(max(cov_v_n[k, 0, 0], cov_v_n[k, 1, 1])))
+        heading, sigma = heading_from_course(v_n[k], sigma_v, sigma_sideslip=section.sideslip_deg * units.DEG)
         if level is not None and gnss.t[k] - rest_end < 20.0:
             alignment = level.with_heading(
                 heading, sigma, f"heading from course at {np.linalg.norm(gnss.v_n[k]):.2f} m/s"
@@ -192,13 +191,13 @@ def _level_in_motion(
     rates: ImuSeries, gnss: GnssSeries, k: int, heading: float, sigma: float, section: AlignmentSection, spec: ImuSpec
 ) -> Alignment:
     """Roll and pitch while moving: the specific force less the acceleration GNSS sees along the course."""
-    assert gnss.v_n is not None
+    v_n, cov_v_n = gnss.need_velocity()
     j = min(k + 1, len(gnss) - 1)
     i = max(j - 1, 0)
     span = float(gnss.t[j] - gnss.t[i])
     if not 0.0 < span <= 2.0:
         raise InputError("levelling in motion needs two GNSS velocities at most 2 s apart where the course is taken")
-    a_n = (gnss.v_n[j] - gnss.v_n[i]) / span
+    a_n = (v_n[j] - v_n[i]) / span
     f_n = a_n - earth.gravity_ned(float(gnss.llh[k, 0]), float(gnss.llh[k, 2]))
     f_b = rates.between(float(gnss.t[i]), float(gnss.t[j])).accel.mean(axis=0)
     s = rotation.dcm_from_rpy(np.array([0.0, 0.0, heading])).T @ f_n  # axes turned to the heading, still level
@@ -207,8 +206,7 @@ def _level_in_motion(
     pitch = float(frames.wrap_angle(pitch))
     down = np.sin(pitch) * s[0] + np.cos(pitch) * s[2]
     roll = float(frames.wrap_angle(np.arctan2(f_b[1], f_b[2]) - np.arctan2(s[1], down)))
-    assert gnss.cov_v_n is not None
-    noise = np.sqrt(2.0 * gnss.cov_v_n[k, 0, 0]) / span
+    noise = np.sqrt(2.0 * cov_v_n[k, 0, 0]) / span
     tilt = float(max(np.hypot(noise, spec.accel.turn_on_bias) / 9.81, 2.0 * section.tilt_floor_deg * units.DEG))
     return Alignment(
         float(gnss.t[k]),

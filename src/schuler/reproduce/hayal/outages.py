@@ -89,7 +89,6 @@ def _trajectory(effort: Effort) -> Outcome:
 
     walk = CartWalk.of(25.0, rate_hz=1.0)
     v = walk.ideal.truth.v_eb_n
-    assert v is not None
     turning = np.abs(np.diff(np.unwrap(np.arctan2(v[:, 1], v[:, 0]))))[20:] > 0.1
     curves = int(np.sum(np.diff(turning.astype(int)) == 1))
     speed = float(np.median(np.hypot(v[:, 0], v[:, 1])))

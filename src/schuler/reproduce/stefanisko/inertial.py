@@ -89,8 +89,7 @@ def _fixes(effort: Effort) -> tuple[FloatArray, FloatArray, FloatArray]:
     model = GnssModel(rate_hz=10.0, sigma_position=SIGMA_POSITION, sigma_velocity=SIGMA_VELOCITY)
     gnss = simulate_gnss(StaticMotion(ESIEE, np.zeros(3), 600.0), model, np.random.default_rng((effort.seed, 45)))
     r = ned_from_ecef(ecef_from_llh(gnss.llh), ESIEE)
-    assert gnss.v_n is not None
-    return gnss.t, r - r.mean(axis=0), gnss.v_n
+    return gnss.t, r - r.mean(axis=0), gnss.need_velocity()[0]
 
 
 def _receiver(effort: Effort) -> Outcome:

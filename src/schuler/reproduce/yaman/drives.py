@@ -159,8 +159,7 @@ def _trajectories(effort: Effort) -> Outcome:
     cells = []
     for number in (1, 2):
         d = drive_runs(effort, number).drive
-        truth = d.raw.reference
-        assert truth is not None
+        truth = d.raw.need_reference()
         way = float(np.linalg.norm(np.diff(truth.r_eb_e, axis=0), axis=1).sum())
         cells += [
             said(f"drive {number}: time", "nearly ten minutes", float(truth.t[-1] - truth.t[0]), low=540.0, high=600.1,

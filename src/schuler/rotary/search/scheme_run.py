@@ -15,7 +15,7 @@ from schuler.filtering.engine import InitialState
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory
 from schuler.rotary.du_axes import enu_errors
 from schuler.rotary.encoder import Platform, read_encoder
 from schuler.rotary.mechanization import mechanize_rotating
@@ -131,14 +131,11 @@ def _configuration(scenario: RotaryScenario) -> dict[str, Any]:
     return {**found, "aiding": aiding} if aiding else found
 
 
-def _thinned(solved: Trajectory, motion: RotatingMotion) -> ErrorHistory:
+def _thinned(solved: FullTrajectory, motion: RotatingMotion) -> ErrorHistory:
     stride = max(round(_STEP / float(np.median(np.diff(solved.t)))), 1)
     at = np.arange(stride - 1, len(solved.t), stride)
-    assert solved.v_eb_e is not None
-    assert solved.q_eb is not None
-    kept = Trajectory(solved.t[at], solved.r_eb_e[at], solved.v_eb_e[at], solved.q_eb[at])
+    kept = solved.samples(at)
     true = vehicle_truth(motion, kept.t)
-    assert kept.q_eb is not None
     # against Earth-fixed axes, as covariances have it: a place that is wrong by kilometres has another horizon
     in_true_n = np.swapaxes(frames.C_en(true.llh), 1, 2) @ rotation.dcm_from_quat(kept.q_eb)
     return replace(error_history(kept, true), attitude=enu_errors(in_true_n, true.C_nb))

@@ -143,8 +143,6 @@ class IntegratedDrive:
         layout, k = self.states, self.size
         sigma = (k * self.imu.sigma_gnss,) * 3
         true = ideal.truth
-        assert true.v_eb_e is not None
-        assert true.q_eb is not None
         nav = NavState(0.0, true.r_eb_e[0], true.v_eb_e[0], true.q_eb[0])
         start = InitialState.from_sigmas(
             nav, layout, attitude=k * START[0], velocity=k * START[1], position=k * START[2]

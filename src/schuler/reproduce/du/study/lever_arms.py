@@ -19,7 +19,7 @@ from schuler.montecarlo import campaign, traits
 from schuler.navigation.result import NavigationResult
 from schuler.plotting.table import Cell, ResultTable
 from schuler.recording.series import Increments
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory
 from schuler.reproduce.du.study.filter_imus import FilterImu
 from schuler.reproduce.du.study.integrated import START, IntegratedDrive
 from schuler.reproduce.du.study.long_drive import long_drive
@@ -117,7 +117,7 @@ def _filtered(
     increments: Increments,
     fixes: MeasurementSchedule,
     start: InitialState,
-    truth: Trajectory,
+    truth: FullTrajectory,
     biases: FloatArray,
 ) -> tuple[float, ...]:
     platform, layout = case.schedule, drive.states
@@ -147,7 +147,7 @@ def _filtered(
 
 
 @lru_cache(maxsize=4)
-def _scene(case: LeverCase) -> tuple[IntegratedDrive, IdealImu, Trajectory, RotatingMotion]:
+def _scene(case: LeverCase) -> tuple[IntegratedDrive, IdealImu, FullTrajectory, RotatingMotion]:
     """What all runs of a case share. Truth at every sample, for records fall between seconds."""
     vehicle = long_drive(case.length_s)
     motion = RotatingMotion(vehicle, case.schedule, np.array(case.offset_m))
@@ -156,10 +156,8 @@ def _scene(case: LeverCase) -> tuple[IntegratedDrive, IdealImu, Trajectory, Rota
     return drive, ideal, vehicle_truth(motion, ideal.t), motion
 
 
-def _start(truth: Trajectory, drive: IntegratedDrive, rng: np.random.Generator) -> InitialState:
+def _start(truth: FullTrajectory, drive: IntegratedDrive, rng: np.random.Generator) -> InitialState:
     """The vehicle's true state with errors as uncertain as it is said to be."""
-    assert truth.v_eb_e is not None
-    assert truth.q_eb is not None
     C = frames.C_en(truth.llh[0])
     psi, v, r = (C @ (sigma * rng.standard_normal(3)) for sigma in START)
     nav = NavState(

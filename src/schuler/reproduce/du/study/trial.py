@@ -147,10 +147,8 @@ def solutions(trial: Trial, seed: Any) -> dict[str, Trajectory]:
         else:
             clean = Increments(measured.t, measured.dt, dtheta[k] - calibration * measured.dt[:, None], dv[k])
         own = mechanize(clean, start)
-        assert own.v_eb_e is not None
-        assert own.q_eb is not None
         at = shared.every
-        thinned = Trajectory(own.t[at], own.r_eb_e[at], own.v_eb_e[at], own.q_eb[at])
+        thinned = own.samples(at)
         found[name] = body_trajectory(thinned, shared.schedule)
     return found
 
@@ -194,8 +192,6 @@ def ideal(trial: Trial) -> _Ideal:
     log = Increments(made.t[1 : n + 1], np.full(n, dt), gyro, accel)
     first = round(trial.start_s * rate_hz)
     true = made.truth
-    assert true.v_eb_e is not None
-    assert true.q_eb is not None
     start = NavState(float(true.t[first]), true.r_eb_e[first], true.v_eb_e[first], true.q_eb[first])
     stride = max(round(_STEP * rate_hz), 1)
     every = np.arange(stride - 1, n - first, stride)

@@ -93,8 +93,6 @@ CASES = (
 def table_start(ideal: IdealImu, layout: StateLayout) -> InitialState:
     """True state with the anchors' uncertainties: 1 deg about every axis, 0.01 m/s, 1 m."""
     true = ideal.truth
-    assert true.v_eb_e is not None
-    assert true.q_eb is not None
     nav = NavState(float(ideal.t[0]), true.r_eb_e[0], true.v_eb_e[0], true.q_eb[0])
     return InitialState.from_sigmas(nav, layout, attitude=[DEG] * 3, velocity=[SIGMA_ZUPT] * 3, position=[1.0] * 3)
 

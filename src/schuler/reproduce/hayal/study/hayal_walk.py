@@ -151,9 +151,7 @@ def seeded_start(
     layout: StateLayout = state_layout(config, imu_spec(config))
     z = rng.standard_normal(9)
     z_accel, z_gyro = rng.standard_normal((2, 9))
-    truth = recording.reference
-    assert truth is not None
-    assert truth.v_eb_e is not None
+    truth = recording.need_reference()
     first = truth.at([0.0])
     attitude = np.array([_SIGMA_TILT, _SIGMA_TILT, _SIGMA_HEADING])
     rpy = first.rpy_nb[0] + attitude * z[:3]  # level: about north and east as good as roll and pitch

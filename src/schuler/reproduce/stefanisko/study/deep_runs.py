@@ -336,8 +336,6 @@ def _measurements(
 def _errors(filter_: Navigator, world: Draw, k: int) -> tuple[float, FloatArray, FloatArray, FloatArray, float]:
     """Time, errors of position and velocity, claimed sigma, NEES of a live filter, right after an update."""
     truth, state = world.scene.truth, filter_.state
-    assert truth.v_eb_e is not None
-    assert truth.q_eb is not None
     C = frames.C_en(state.llh)
     attitude = attitude_difference(state.q_eb[None], truth.q_eb[k : k + 1])[0] @ C
     velocity, position = (state.v_eb_e - truth.v_eb_e[k]) @ C, (state.r_eb_e - truth.r_eb_e[k]) @ C

@@ -22,7 +22,7 @@ from schuler.gnss.range_errors import EXACT
 from schuler.gnss.synthetic import synthetic_ranges
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import Increments
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory
 from schuler.reproduce.stefanisko.study.correlator import Correlator, ratio_from_dbhz
 from schuler.simulation.motion import Motion, ideal_increments
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion
@@ -68,7 +68,7 @@ class DeepScene:
         Limits of IMU intervals, which are the halves of data bits. [s]
     ideal : Increments
         Of a perfect IMU, n intervals.
-    truth : Trajectory
+    truth : FullTrajectory
         Of IMU and antenna, which are one point here, at ``t``.
     sat : ndarray of int, shape (s,)
     r_sat_e, v_sat_e : ndarray, shape (n + 1, s, 3)
@@ -85,7 +85,7 @@ class DeepScene:
     correlator: Correlator
     t: FloatArray
     ideal: Increments
-    truth: Trajectory
+    truth: FullTrajectory
     sat: np.ndarray
     r_sat_e: FloatArray
     v_sat_e: FloatArray
@@ -155,7 +155,8 @@ def deep_scene(
     ).ranges
     shape = (len(t), satellites)
     return DeepScene(
-        cor, t, Increments(t[1:], np.diff(t), *ideal_increments(path, t)), Trajectory(t, s.r_eb_e, s.v_eb_e, s.q_eb),
+        cor, t, Increments(t[1:], np.diff(t), *ideal_increments(path, t)),
+        FullTrajectory(t, s.r_eb_e, s.v_eb_e, s.q_eb),
         r.sat[:satellites], r.r_sat_e.reshape(*shape, 3), r.v_sat_e.reshape(*shape, 3), r.pseudorange.reshape(shape),
         r.range_rate.reshape(shape), StateLayout({**MODELS, **(models or {})}),
     )  # fmt: skip
@@ -230,8 +231,6 @@ def draw(scene: DeepScene, rng: np.random.Generator, *, scale: float = 1.0, star
     sigma = np.repeat([scene.attitude, scene.velocity, scene.position], 3)
     error = (start * sigma * rng.standard_normal(9)).reshape(3, 3)
     at = scene.truth
-    assert at.v_eb_e is not None
-    assert at.q_eb is not None
     C = frames.C_en(at.llh[0])
     turned = rotation.quat_multiply(rotation.quat_from_rotvec(C @ error[0]), at.q_eb[0])
     nav = NavState(float(scene.t[0]), at.r_eb_e[0] + C @ error[2], at.v_eb_e[0] + C @ error[1], turned)

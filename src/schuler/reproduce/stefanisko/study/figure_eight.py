@@ -20,7 +20,7 @@ from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.result import NavigationResult
 from schuler.recording.series import GnssSeries, Increments
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory, Trajectory
 from schuler.simulation.imu import truth
 from schuler.simulation.motion import LocalMotion, Motion, StaticMotion, euler_attitude, ideal_increments
 from schuler.units import DEG, UG
@@ -136,7 +136,7 @@ class Track:
     start: NavState
     fixes_t: FloatArray
     fixes: Trajectory
-    reference: Trajectory = field(repr=False)
+    reference: FullTrajectory = field(repr=False)
 
     @classmethod
     def of(cls, case: FigureEight) -> Track:
@@ -150,8 +150,6 @@ class Track:
         if case.outage_s is not None:
             fixes_t = fixes_t[(fixes_t <= case.outage_s[0] + 1e-9) | (fixes_t > case.outage_s[1] + 1e-9)]
         first = truth(motion, np.zeros(1))
-        assert first.v_eb_e is not None
-        assert first.q_eb is not None
         return cls(
             case,
             Increments(t[1:], np.diff(t), dtheta, dv),

@@ -13,7 +13,7 @@ from schuler.exceptions import InputError
 from schuler.navigation.evaluation.errors import attitude_difference
 from schuler.navigation.result import NavigationResult
 from schuler.plotting.table import ResultTable, TabularResult
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory
 from schuler.reproduce.stefanisko.study.figure_eight import FigureEight, Track, figure_eight_run
 from schuler.units import DEG
 
@@ -140,15 +140,11 @@ def figure_eight(case: FigureEight, runs: int, seed: int = 1, progress: Progress
 
 
 def _scored(
-    result: NavigationResult, reference: Trajectory, biases: FloatArray
+    result: NavigationResult, reference: FullTrajectory, biases: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Errors and variances north-east-down, NEES at the records, mean NIS of a run."""
     s = result.states
     at = reference.at(np.clip(result.t, reference.t[0], reference.t[-1]))
-    assert s.q_eb is not None
-    assert s.v_eb_e is not None
-    assert at.q_eb is not None
-    assert at.v_eb_e is not None
     C = frames.C_en(at.llh)
     dx_e = (attitude_difference(s.q_eb, at.q_eb), s.v_eb_e - at.v_eb_e, s.r_eb_e - at.r_eb_e)
     dx = np.concatenate([*(np.einsum("nji,nj->ni", C, e) for e in dx_e), result.parameters - biases], axis=1)

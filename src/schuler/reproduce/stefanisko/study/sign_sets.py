@@ -178,8 +178,6 @@ def _filter(track: Track, drawn: Draw, signs: SignSet) -> tuple[FloatArray, Floa
         dv = log.dv_ib_b[part] + signs.bias * biases[:3] * h
         dtheta = log.dtheta_ib_b[part] + signs.bias * biases[3:] * h
         path = mechanize(Increments(log.t[part], log.dt[part], dtheta, dv), nav)
-        assert path.q_eb is not None
-        assert path.v_eb_e is not None
         P = _predicted(P, rotation.dcm_from_quat(path.q_eb), dv, h, signs, case.q_factor)
         r, v, q = path.r_eb_e[-1], path.v_eb_e[-1], path.q_eb[-1]
         fix = fix_at.get(first + _BLOCK)
@@ -197,8 +195,6 @@ def _filter(track: Track, drawn: Draw, signs: SignSet) -> tuple[FloatArray, Floa
         sigmas.append(np.sqrt([np.trace(P[i : i + 3, i : i + 3]) for i in (0, 3, 6)]))
     t = np.array([state.t for state in states])
     true = truth(case.motion(), t)
-    assert true.q_eb is not None
-    assert true.v_eb_e is not None
     turned = rotation.quat_multiply(np.array([s.q_eb for s in states]), rotation.quat_conjugate(true.q_eb))
     errors = (
         np.array([s.r_eb_e for s in states]) - true.r_eb_e,

@@ -135,8 +135,7 @@ def levelled_start(recording: Recording, calibrated: bool) -> InitialState:
     ----------
     Yaman (2017), section 6.2.1.1.
     """
-    gnss, truth = recording.need_gnss(), recording.reference
-    assert truth is not None
+    gnss, truth = recording.need_gnss(), recording.need_reference()
     rates = recording.need_imu().rates().between(0.0, _START_S)
     f = rates.accel.mean(axis=0)
     roll, pitch = np.arctan2(-f[1], -f[2]), np.arctan2(f[0], np.hypot(f[1], f[2]))
@@ -181,8 +180,7 @@ def drive_modes(
             best = mode_solution(drive, "Full", True, False)
             reference = best.trajectory
         else:
-            assert drive.raw.reference is not None
-            reference = drive.raw.reference
+            reference = drive.raw.need_reference().full()
         for k, (gps, calibrated, aided) in enumerate(MODES):
             result = mode_solution(drive, gps, calibrated, aided)
             window = drive.outage if gps == "Partial" else None

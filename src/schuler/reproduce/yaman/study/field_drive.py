@@ -236,8 +236,7 @@ def nine_modes(drive: Drive, told: FloatArray, *, against: Literal["full", "trut
     if against == "full":
         reference = _run(drive, "Full", True, False, told).trajectory
     else:
-        assert drive.raw.reference is not None
-        reference = drive.raw.reference
+        reference = drive.raw.need_reference().full()
     rms = []
     for gps, calibrated, aided in MODES:
         estimate = _run(drive, gps, calibrated, aided, told).trajectory

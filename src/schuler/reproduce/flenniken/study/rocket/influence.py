@@ -160,7 +160,7 @@ def influence(trajectory: RocketTrajectory, variant: Variant = "strapdown") -> I
     G = np.cumsum(push[::-1], axis=0)[::-1]  # from the start of each step on
     axes = C if variant == "strapdown" else np.broadcast_to(np.eye(3), C.shape)
     # a rate error within a step acts on the second half of that step, to second order in its length
-    W = -np.einsum("kij,kjl->kil", _skews(G - 0.5 * push), axes)
+    W = -np.einsum("kij,kjl->kil", skew(G - 0.5 * push), axes)
     # roll turns about the forward axis (strapdown) or about north (thesis); yaw about up, pitch about east
     turns = np.eye(3)
     if variant == "strapdown":
@@ -172,9 +172,3 @@ def check_variant(variant: str) -> None:
     """Refuse an unknown way of navigating."""
     if variant not in ("strapdown", "thesis"):
         raise InputError(f"variant: expected 'strapdown' or 'thesis', got {variant!r}")
-
-
-def _skews(v: FloatArray) -> FloatArray:
-    S = np.zeros((len(v), 3, 3))
-    S[:, 0, 1], S[:, 0, 2], S[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    return S - np.swapaxes(S, 1, 2)

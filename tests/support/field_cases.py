@@ -9,7 +9,6 @@ import numpy as np
 from scipy.stats import chi2
 
 from schuler.calibration.field.calibration import FieldCalibration, calibrate_field, field_layout, parameter_names
-from schuler.calibration.field.given_rests import given_rests
 from schuler.calibration.field.options import FieldOptions
 from schuler.calibration.field.routine import Routine, RoutineMotion, six_face_routine, thesis_routine
 from schuler.calibration.result.parameters import vector
@@ -21,6 +20,7 @@ from schuler.sensors.noise import NoiseModel
 from schuler.sensors.spec import ImuSpec
 from schuler.simulation.imu import ideal_imu, simulate_imu
 from schuler.simulation.motion import Motion
+from schuler.standstill.rests import given_rests
 from schuler.standstill.stationarity import StaticIntervals
 from schuler.units import DEG
 

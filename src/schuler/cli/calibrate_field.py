@@ -112,8 +112,7 @@ def field(
     else:
         recording = checking.passed(reading.read(log, uncalibrated=True))
     from schuler.calibration.field.calibration import calibrate_field
-    from schuler.calibration.field.given_rests import given_rests
-    from schuler.calibration.field.rests import field_rests
+    from schuler.standstill.rests import field_rests, given_rests
 
     imu = recording.need_imu()
     latitude, height, recording = place(site, recording)

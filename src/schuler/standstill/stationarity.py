@@ -206,13 +206,18 @@ def static_intervals(
     runs = _runs(still, imu.t, 0.5 * window_s)
     runs = _joined(runs, imu, W, sigma_f, sigma_w, max_rate)
     index = _trimmed(runs, imu, W, min_s)
-    mask = np.zeros(len(imu), dtype=bool)
+    return StaticIntervals(
+        imu.t[index[:, 0]], imu.t[index[:, 1] - 1], index, interval_mask(index, len(imu)), value, limit, method,
+        window_s, sigma_f, sigma_w, bias, tuple(notes),
+    )  # fmt: skip
+
+
+def interval_mask(index: IntArray, n: int) -> BoolArray:
+    """Samples of a log of n samples that lie in the intervals of ``index``, shape (k, 2). Shape (n,)."""
+    mask = np.zeros(n, dtype=bool)
     for a, b in index:
         mask[a:b] = True
-    return StaticIntervals(
-        imu.t[index[:, 0]], imu.t[index[:, 1] - 1], index, mask, value, limit, method, window_s, sigma_f, sigma_w,
-        bias, tuple(notes),
-    )  # fmt: skip
+    return mask
 
 
 def _quiet_bias(imu: ImuSeries, W: int, share: float, notes: list[str]) -> FloatArray:

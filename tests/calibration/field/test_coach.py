@@ -19,10 +19,8 @@ from schuler.calibration.field.blocks import rest_blocks
 from schuler.calibration.field.calibration import calibrate_field
 from schuler.calibration.field.coach import Coach, coach
 from schuler.calibration.field.foresight import LOST_S, foresee, standing_before
-from schuler.calibration.field.live_rests import LiveRests
 from schuler.calibration.field.options import FieldOptions
 from schuler.calibration.field.planning import advise, planned_routine
-from schuler.calibration.field.rests import field_rests
 from schuler.calibration.field.retrace import standing_after
 from schuler.calibration.field.setup import field_layout, informed, parameter_names
 from schuler.calibration.field.steps import Rest, Turn
@@ -31,6 +29,8 @@ from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
+from schuler.standstill.live import LiveRests
+from schuler.standstill.rests import field_rests
 from schuler.units import DEG
 
 LAT, HEIGHT = 39.92 * DEG, 1000.0

@@ -9,7 +9,6 @@ import pytest
 from field_cases import AUTOMOTIVE, LLH, TACTICAL, band, calibrated, campaign, drawn, log_of, nees_of, thesis
 
 from schuler.calibration.field.blocks import Blocks, rest_blocks
-from schuler.calibration.field.given_rests import given_rests
 from schuler.calibration.field.options import FieldOptions
 from schuler.calibration.field.standstill import MOMENT_S, as_much_wander, at_standstill
 from schuler.calibration.field.swaying import sway
@@ -17,6 +16,7 @@ from schuler.calibration.result.parameters import vector
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.recording.series import ImuSeries, Increments
 from schuler.reproduce.yaman.study.field_bound import information_bound
+from schuler.standstill.rests import given_rests
 from schuler.units import DEG
 
 

@@ -17,7 +17,6 @@ from schuler.calibration.field.heading import TOLD, first_pass, level, next_pass
 from schuler.calibration.field.history import FieldHistory, history_of
 from schuler.calibration.field.innovations import Innovations, innovations_of
 from schuler.calibration.field.options import FieldOptions
-from schuler.calibration.field.rests import field_rests
 from schuler.calibration.field.setup import field_layout, parameter_names, problem_of
 from schuler.calibration.field.swaying import settled_form
 from schuler.calibration.field.verdicts import residuals_of, verdicts_of
@@ -25,6 +24,7 @@ from schuler.calibration.result.parameters import LINEAR
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
+from schuler.standstill.rests import field_rests
 from schuler.standstill.stationarity import StaticIntervals
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ def calibrate_field(
     prior : CalibrationResult, optional
         What an earlier calibration says; its values and variances replace zero and the specification.
     rests : StaticIntervals, optional
-        Where the unit rests; found by :func:`schuler.calibration.field.rests.field_rests` by default.
+        Where the unit rests; found by :func:`schuler.standstill.rests.field_rests` by default.
     progress : callable, optional
         Called with the fraction done.
 

@@ -18,14 +18,14 @@ from schuler.calibration.field.blocks import rest_blocks
 from schuler.calibration.field.calibration import FieldCalibration, calibrate_field
 from schuler.calibration.field.foresight import Standing, standing_before
 from schuler.calibration.field.heading import FREE
-from schuler.calibration.field.live_rests import LiveRests
 from schuler.calibration.field.options import FieldOptions
 from schuler.calibration.field.planning import SURE, advise, missing
-from schuler.calibration.field.rests import field_rests
 from schuler.calibration.field.retrace import standing_after
 from schuler.calibration.field.setup import block_noise, field_layout, informed, parameter_names
 from schuler.calibration.field.swaying import settled_form
 from schuler.recording.series import ImuSeries, Kind
+from schuler.standstill.live import LiveRests
+from schuler.standstill.rests import field_rests
 from schuler.standstill.stationarity import StaticIntervals
 
 if TYPE_CHECKING:

@@ -13,14 +13,14 @@ from schuler.calibration.freepose import accel as freepose_accel
 from schuler.calibration.freepose.accel import AccelFit, fit_accelerometers
 from schuler.calibration.freepose.gyro import GyroFit, fit_gyroscopes, rescaled
 from schuler.calibration.freepose.motion import PLACES, MotionFit, fit_motion
-from schuler.calibration.freepose.rest import MARGINS, Rests, gaps_of, rest_intervals, restlessness, rests_of
-from schuler.calibration.freepose.rest_search import tedaldi_rests
+from schuler.calibration.freepose.rests import MARGINS, Rests, rests_of, tedaldi_rests
 from schuler.calibration.freepose.result import assemble, refused, undetermined
 from schuler.calibration.freepose.turns import Turns, first_scale
 from schuler.calibration.result.parameters import BIAS_G, MATRIX_G, SENSITIVITY
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
+from schuler.standstill.variance_ratio import intervals_below, log_gaps, variance_ratio
 from schuler.units import G0
 
 Bias: TypeAlias = Literal["rest", "estimate"]
@@ -83,7 +83,7 @@ def calibrate_freepose(
         The rests. None: found, see Notes. [s]
     rests : {"auto", "tedaldi"}
         How they are found: our way, or as the source does, see
-        :func:`~schuler.calibration.freepose.rest_search.tedaldi_rests`. The latter needs ``initial_rest_s``, looks at
+        :func:`~schuler.calibration.freepose.rests.tedaldi_rests`. The latter needs ``initial_rest_s``, looks at
         accelerometers alone, and uses ``min_s`` seconds of each rest.
     window_s, min_s : float
         Window of the detector and shortest rest. [s]
@@ -300,11 +300,11 @@ def _candidates(
         if (np.diff(index, axis=1) < 20).any() or (index[1:, 0] < index[:-1, 1]).any():
             raise InputError("intervals: expected rests one after another with 20 samples or more in each")
         return [rests_of(rates, interval, np.ascontiguousarray(index), float("nan"))]
-    statistic = restlessness(rates, interval, window_s, initial_rest_s)
-    gaps = gaps_of(rates.t, interval)
+    statistic = variance_ratio(rates, interval, window_s, initial_rest_s)
+    gaps = log_gaps(rates.t, interval)
     out: list[Rests] = []
     for margin in MARGINS:
-        index = rest_intervals(rates.t, interval, gaps, statistic, margin, min_s)
+        index = intervals_below(rates.t, interval, gaps, statistic, margin, min_s)
         if not out or not np.array_equal(index, out[-1].index):
             out.append(rests_of(rates, interval, index, margin))
     return out
@@ -331,7 +331,7 @@ def _turns(kind: str, rates: ImuSeries, rests: Rests, accel: AccelFit, factor: f
     f = (factor * rests.accel - accel.p[:3]) @ B.T
     spans = np.stack((rests.index[:-1, 1] - 1, rests.index[1:, 0]), axis=1)
     whole = np.ones(len(spans), dtype=bool)
-    for gap in gaps_of(rates.t, rates.interval):
+    for gap in log_gaps(rates.t, rates.interval):
         whole &= ~((spans[:, 0] <= gap) & (gap < spans[:, 1]))
     pair = np.stack((np.arange(len(spans)), np.arange(1, len(spans) + 1)), axis=1)
     up = np.asarray(f / np.linalg.norm(f, axis=1, keepdims=True), dtype=np.float64)

@@ -8,9 +8,9 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.calibration.freepose.accel import UPPER_COLUMN, UPPER_ROW, AccelFit
-from schuler.calibration.freepose.rest import Rests
+from schuler.calibration.freepose.rests import Rests
 from schuler.calibration.freepose.turns import COARSE, Turns, predicted, tangents
-from schuler.calibration.freepose.weights import downweighted, freed, spread_beyond, too_many
+from schuler.calibration.freepose.weights import downweighted, freed, pseudo_inverse, spread_beyond, too_many
 from schuler.exceptions import InputError
 
 
@@ -318,13 +318,3 @@ def _weighted(V: FloatArray, own: FloatArray, X: FloatArray) -> FloatArray:
             "imu: the covariance of the turns is singular; the log has no noise at all in some pose, give noise="
         )
     return X
-
-
-def pseudo_inverse(N: FloatArray) -> FloatArray:
-    """Inverse of a normal matrix with unit diagonal first; directions without information are left out."""
-    d = np.sqrt(np.maximum(np.diag(N), 0.0))
-    d[d == 0.0] = 1.0
-    values, Q = np.linalg.eigh(N / np.outer(d, d))
-    good = values > 1e-12 * values.max()
-    inverse = (Q[:, good] / values[good]) @ Q[:, good].T
-    return np.asarray(inverse / np.outer(d, d))

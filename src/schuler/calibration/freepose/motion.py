@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.calibration.freepose.gyro import GyroFit, pseudo_inverse
+from schuler.calibration.freepose.gyro import GyroFit
 from schuler.calibration.freepose.turns import Turns, rotations
-from schuler.calibration.freepose.weights import downweighted, spread_beyond
+from schuler.calibration.freepose.weights import downweighted, pseudo_inverse, spread_beyond
 
 #: Places of the accelerometers relative to that of the x accelerometer, as found from the size effect. [m]
 PLACES = ("r_a_yx", "r_a_yy", "r_a_yz", "r_a_zx", "r_a_zy", "r_a_zz")

@@ -1,4 +1,4 @@
-"""Weights of residuals: less for outliers, and a common spread where noise alone explains too little."""
+"""Weights of residuals: less for outliers, a common spread where noise explains too little; inverse normal matrices."""
 
 from __future__ import annotations
 
@@ -91,3 +91,13 @@ def spread_beyond(e: FloatArray, sigma: FloatArray, components: int, robust: boo
         if change <= 1e-9 * extra:
             break
     return float(np.sqrt(extra))
+
+
+def pseudo_inverse(N: FloatArray) -> FloatArray:
+    """Inverse of a normal matrix with unit diagonal first; directions without information are left out."""
+    d = np.sqrt(np.maximum(np.diag(N), 0.0))
+    d[d == 0.0] = 1.0
+    values, Q = np.linalg.eigh(N / np.outer(d, d))
+    good = values > 1e-12 * values.max()
+    inverse = (Q[:, good] / values[good]) @ Q[:, good].T
+    return np.asarray(inverse / np.outer(d, d))

@@ -78,9 +78,9 @@ def _kolmogorov(n: int) -> float:
 def _fig_5_15(effort: Effort) -> Outcome:
     from schuler import earth
     from schuler.calibration.field.calibration import calibrate_field
-    from schuler.calibration.field.given_rests import given_rests
     from schuler.reproduce.yaman.study.field_runs import FieldJob
     from schuler.sensors import catalogue
+    from schuler.standstill.rests import given_rests
     from schuler.units import MG, MGAL, PPM
 
     own = single_run(effort, "ours")

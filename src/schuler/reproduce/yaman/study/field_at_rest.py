@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from schuler.calibration.field.calibration import FieldCalibration, calibrate_field
-from schuler.calibration.field.given_rests import given_rests
 from schuler.calibration.field.options import FieldOptions
 from schuler.exceptions import InputError
 from schuler.mechanization.alignment import heading_from_course
@@ -16,6 +15,7 @@ from schuler.navigation.configured import imu_spec
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.sensors.spec import ImuSpec
+from schuler.standstill.rests import given_rests
 from schuler.units import DEG
 
 _MOVING, _BEFORE_S = 0.3, 2.0  # a speed that is no rest [m/s]; how long before it the rest is taken to end [s]

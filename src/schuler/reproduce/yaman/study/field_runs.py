@@ -15,7 +15,6 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.calibration.field import Routine, RoutineMotion, thesis_routine
 from schuler.calibration.field.calibration import FieldCalibration, calibrate_field
-from schuler.calibration.field.given_rests import given_rests
 from schuler.calibration.field.options import FieldOptions
 from schuler.calibration.result.parameters import vector
 from schuler.exceptions import InputError
@@ -23,6 +22,7 @@ from schuler.recording.series import ImuSeries
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.spec import ImuSpec
 from schuler.simulation.imu import IdealImu, SimulatedImu, ideal_imu, simulate_imu
+from schuler.standstill.rests import given_rests
 from schuler.units import DEG
 
 T = TypeVar("T")

@@ -1,33 +1,34 @@
-"""Rests of a log for field calibration: what stands still, and not what turns slowly and uniformly."""
+"""Rests of a log that was turned by hand: intervals at standstill, slow uniform rotation refused."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
-from schuler.arrays import ArrayLike, FloatArray, IntArray, as_vector3
-from schuler.calibration.field.rest_checks import consistent, contrasts, span_of, steady
-from schuler.calibration.field.rest_edges import regained
+from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.standstill import detectors
-from schuler.standstill.stationarity import StaticIntervals, static_intervals
+from schuler.standstill.consistency import consistent_rates, constant_direction
+from schuler.standstill.edges import cut_settling, extend_edges
+from schuler.standstill.stationarity import StaticIntervals, interval_mask, static_intervals
 from schuler.units import DEG, DEG_PER_HR_PER_G
 
 #: Sensitivity of a cheap gyroscope to specific force, 0.1 deg/s/g (MPU-6000). [(rad/s)/(m/s^2)]
 G_SENSITIVITY = 360.0 * DEG_PER_HR_PER_G
-#: Tilting at rest that the other rests of a log can excuse: a support that gives way. [rad/s]
+#: Rate of tilting that is accepted where the other rests of the log tilt too: a support that gives way. [rad/s]
 MAX_CREEP = 0.05 * DEG
 #: Above any bias: the first search does not test the mean rate. [rad/s]
 _ANY_RATE = 1e3
-#: Blocks of the test for settling. [s]
-_BLOCK_S = 0.2
-#: Margins tried, and how much more time at rest the wider one must find.
+#: Margins tried, and the factor on the time at rest from which the wider one is taken.
 _MARGINS = (3.0, 10.0)
 _LONGER = 1.05
+#: Fewest samples of a rest that is given.
+_FEWEST_SAMPLES = 20
 
 
 def field_rests(
@@ -61,14 +62,14 @@ def field_rests(
     noise : (array_like, array_like), optional
         Standard deviations of a sample at rest, specific force [m/s^2] and rate [rad/s]; None: from the log.
     gyro_bias : array_like, shape (3,), optional
-        If known, from a log that certainly rests: without it a log of one pose cannot be told from one that turns
-        uniformly about the vertical. [rad/s]
+        From a log that certainly rests: without it a log of one pose cannot be told from one that turns uniformly
+        about the vertical. [rad/s]
     max_rate : float
         A mean rate that differs more than this from that of the other rests is motion, whatever else. [rad/s]
     g_sensitivity : float
         1-sigma of the elements of G_g that may make rates at rest differ from pose to pose. [(rad/s)/(m/s^2)]
     max_creep : float
-        Largest rate of tilting that is excused because other rests of the log tilt as much. [rad/s]
+        Largest rate of tilting that is accepted because other rests of the log tilt as much. [rad/s]
     limit : float
         Standard deviations beyond which a rest is refused.
     settle_s : float
@@ -98,10 +99,10 @@ def field_rests(
        changes with the pose, is part of the uncertainty. The fit has least absolute deviations, then least squares
        without what was refused; every rest is predicted from the others only. Rates may scatter as the median
        of them does, for biases that wander.
-    5. Edges are moved out to where the motion begins, see :func:`schuler.calibration.field.rest_edges.regained`.
+    5. Edges are moved out to where the motion begins, see :func:`schuler.standstill.edges.extend_edges`.
 
-    What it cannot see: the same slow rotation about the vertical in most poses (it has the form of G_g), or one in the
-    only pose of the log. Most rests must be rests. ``docs/field-routine.md`` has the smallest rates refused.
+    Not detectable: the same slow rotation about the vertical in most poses (it has the form of G_g), or one in the only
+    pose of the log. ``docs/field-routine.md`` has the smallest rates refused.
 
     References
     ----------
@@ -117,60 +118,62 @@ def field_rests(
         )
     if min_s * imu.rate_hz < 18.0:
         raise InputError(f"min_s: {min_s:g} s are {min_s * imu.rate_hz:.1f} samples; expected 18 or more")
+    limits = _Limits(max_rate, g_sensitivity, max_creep, limit, min_s, settle_s)
     best: StaticIntervals | None = None
     for factor in _MARGINS if margin is None else (margin,):
-        quiet = partial(static_intervals, imu, min_s=min_s, window_s=window_s, margin=factor, noise=noise)
-        found = _found(imu, quiet, bias, max_rate, g_sensitivity, max_creep, limit, min_s, settle_s)
-        if best is None or found.mask.sum() > _LONGER * best.mask.sum():
-            best = found
-        wide = found.threshold * _MARGINS[1] / _MARGINS[0]
-        if np.count_nonzero(found.statistic < wide) <= _LONGER * np.count_nonzero(found.statistic < found.threshold):
-            break  # nothing to be won by it
+        search = partial(static_intervals, imu, min_s=min_s, window_s=window_s, margin=factor, noise=noise)
+        rests = _checked_rests(imu, search, bias, limits)
+        if best is None or rests.mask.sum() > _LONGER * best.mask.sum():
+            best = rests
+        wide = rests.threshold * _MARGINS[1] / _MARGINS[0]
+        if np.count_nonzero(rests.statistic < wide) <= _LONGER * np.count_nonzero(rests.statistic < rests.threshold):
+            break  # the wider margin can gain nothing
     assert best is not None
     return replace(best, notes=(*notes, *best.notes))
 
 
-def _found(
-    imu: ImuSeries,
-    quiet: Callable[..., StaticIntervals],
-    bias: FloatArray | None,
-    max_rate: float,
-    g_sensitivity: float,
-    max_creep: float,
-    limit: float,
-    min_s: float,
-    settle_s: float,
+class _Limits(NamedTuple):
+    """Limits of the checks, see :func:`field_rests`."""
+
+    max_rate: float
+    g_sensitivity: float
+    max_creep: float
+    limit: float
+    min_s: float
+    settle_s: float
+
+
+def _checked_rests(
+    imu: ImuSeries, search: Callable[..., StaticIntervals], bias: FloatArray | None, limits: _Limits
 ) -> StaticIntervals:
-    """Rests among the intervals that ``quiet`` finds around a gyro bias."""
+    """Rests among the intervals that ``search`` gives around a gyro bias: settled, not tilting, of consistent rate."""
     rates = imu.rates()
     centre = bias
     if centre is None:
-        found = quiet(gyro_bias=np.zeros(3), max_rate=_ANY_RATE)
-        if not len(found):
-            return replace(found, method="field")
-        centre = np.median(found.means(rates)[0], axis=0)
-    found = quiet(gyro_bias=centre, max_rate=max_rate)
-    index, notes = found.index, list(found.notes)
+        candidates = search(gyro_bias=np.zeros(3), max_rate=_ANY_RATE)
+        if not len(candidates):
+            return replace(candidates, method="field")
+        centre = np.median(candidates.means(rates)[0], axis=0)
+    candidates = search(gyro_bias=centre, max_rate=limits.max_rate)
+    index, notes, limit = candidates.index, list(candidates.notes), limits.limit
     if len(index):
-        index, said = _settled(rates, found, min_s, limit, settle_s)
-        notes += said
+        index, reasons = cut_settling(rates, candidates, limits.min_s, limit, limits.settle_s)
+        notes += reasons
     if len(index):
-        keep, said = steady(rates, index, found.sigma_f, max_creep=max_creep, limit=limit)
-        index, notes = index[keep], notes + said
+        keep, reasons = constant_direction(rates, index, candidates.sigma_f, max_creep=limits.max_creep, limit=limit)
+        index, notes = index[keep], notes + reasons
     if len(index):
-        keep, centre, said = consistent(
-            rates, index, found.sigma_w, bias=bias, g_sensitivity=g_sensitivity, max_rate=max_rate, limit=limit
-        )
-        index, notes = index[keep], notes + said
-        # where the sensor still settled is not asked again
-        ends = np.stack([np.isin(index[:, side], found.index[:, side]) for side in (0, 1)], axis=1)
-        index = regained(rates, index, reach_s=found.window_s, limit=limit, ends=ends)
-    mask = np.zeros(len(imu), dtype=bool)
-    for a, b in index:
-        mask[a:b] = True
+        keep, centre, reasons = consistent_rates(
+            rates, index, candidates.sigma_w, bias=bias, g_sensitivity=limits.g_sensitivity,
+            max_rate=limits.max_rate, limit=limit,
+        )  # fmt: skip
+        index, notes = index[keep], notes + reasons
+        # ends where the sensor still settled stay cut
+        ends = np.stack([np.isin(index[:, side], candidates.index[:, side]) for side in (0, 1)], axis=1)
+        index = extend_edges(rates, index, reach_s=candidates.window_s, limit=limit, ends=ends)
     return replace(
-        found, start=imu.t[index[:, 0]], stop=imu.t[index[:, 1] - 1], index=index, mask=mask, method="field",
-        gyro_bias=centre, notes=tuple(notes),
+        candidates, start=imu.t[index[:, 0]], stop=imu.t[index[:, 1] - 1], index=index,
+        mask=interval_mask(index, len(imu)), method="field", gyro_bias=centre, notes=tuple(notes),
     )  # fmt: skip
 
 
@@ -199,8 +202,8 @@ def printed_rests(
 
     Notes
     -----
-    There is no test of the mean rate. Half a window is cut from both ends of an interval, of which the source says
-    nothing.
+    There is no test of the mean rate. Half a window is cut from both ends of an interval, which the thesis does not
+    mention.
 
     References
     ----------
@@ -212,50 +215,47 @@ def printed_rests(
     )  # fmt: skip
 
 
-def _settled(
-    rates: ImuSeries, found: StaticIntervals, min_s: float, limit: float, settle_s: float
-) -> tuple[IntArray, list[str]]:
-    """Intervals without the blocks at their ends that are not like the middle, shape (k, 2), and what was cut."""
-    x = np.concatenate((rates.accel, rates.gyro), axis=1)
-    dt = rates.interval
-    m = max(2, round(_BLOCK_S / dt))
-    zones = np.minimum(round(settle_s / dt), np.diff(found.index, axis=1)[:, 0] // 4) // m * m
-    inner = found.index + zones[:, None] * (1, -1)
-    sigma = np.concatenate(
-        (
-            found.sigma_f * contrasts(rates.accel, inner, found.sigma_f).colour,
-            found.sigma_w * contrasts(rates.gyro, inner, found.sigma_w).colour,
-        )
-    )
-    kept, why, cut = [], [], 0
-    for (a, b), zone in zip(found.index, zones, strict=True):
-        middle = x[a + zone : b - zone]
-        ends = (x[a : a + zone], x[b - zone : b][::-1])
-        first, last = (m * _unsettled(end.reshape(-1, m, 6).mean(axis=1), middle, sigma, m, limit) for end in ends)
-        if rates.t[b - last - 1] - rates.t[a + first] + dt >= min_s:
-            kept.append((a + first, b - last))
-            cut += first + last
-        else:
-            why.append(f"refused {span_of(rates, a, b)}: less than {min_s:g} s of it is settled")
-    if cut:
-        why.append(f"{cut * dt:.1f} s cut from the ends of rests, where the sensor still settled")
-    return np.array(kept, dtype=np.int64).reshape(-1, 2), why
+def given_rests(imu: ImuSeries, spans: Sequence[tuple[float, float]] | FloatArray) -> StaticIntervals:
+    """Rests of a log between given times.
 
+    Parameters
+    ----------
+    imu : ImuSeries
+    spans : sequence of (start, stop), or ndarray, shape (k, 2)
+        In the time of the log, one after the other. [s]
 
-def _unsettled(blocks: FloatArray, middle: FloatArray, sigma: FloatArray, m: int, limit: float) -> int:
-    """How many blocks of m samples from the end inwards to leave out: means of shape (j, 6), outermost first.
+    Returns
+    -------
+    StaticIntervals
+        As given: nothing is tested or cut, noise is zero. ``gyro_bias`` is the median of the mean rates.
 
-    Each is compared with the middle by itself, and together with all further in.
+    Raises
+    ------
+    InputError
+        If there is none, one has fewer than 20 samples in the log, or they overlap.
     """
-    if not len(blocks):
-        return 0
-    off = blocks - middle.mean(axis=0)
-    count = np.arange(len(blocks), 0, -1)[:, None]
-    together = np.cumsum(off[::-1], axis=0)[::-1] / count
-    far = np.zeros(len(blocks), dtype=bool)
-    for difference, samples in ((off, m), (together, count * m)):
-        far |= np.any(np.abs(difference) > limit * sigma * np.sqrt(1.0 / samples + 1.0 / len(middle)), axis=1)
-    return int(np.flatnonzero(far).max(initial=-1)) + 1
+    pairs = np.asarray(spans, dtype=np.float64).reshape(-1, 2)
+    if not len(pairs):
+        raise InputError("spans: expected a start and a stop for each rest, got none")
+    first = np.searchsorted(imu.t, pairs[:, 0] - 1e-9)
+    last = np.searchsorted(imu.t, pairs[:, 1] + 1e-9, side="right")
+    for (start, stop), a, b in zip(pairs, first, last, strict=True):
+        if b - a < _FEWEST_SAMPLES:
+            raise InputError(
+                f"spans: expected {_FEWEST_SAMPLES} samples or more in {start:.2f}..{stop:.2f} s, got {max(b - a, 0)}; "
+                f"the log covers {imu.t[0]:.2f}..{imu.t[-1]:.2f} s"
+            )
+    if np.any(first[1:] < last[:-1]):
+        k = int(np.flatnonzero(first[1:] < last[:-1])[0])
+        raise InputError(f"spans: expected rests one after the other, but {pairs[k]} and {pairs[k + 1]} s overlap")
+    index = np.stack((first, last), axis=1)
+    gyro = imu.rates().gyro
+    zero = np.zeros(3)
+    return StaticIntervals(
+        imu.t[first], imu.t[last - 1], index, interval_mask(index, len(imu)), np.zeros(len(imu)), 0.0, "given", 0.0,
+        zero, zero,
+        np.median([gyro[a:b].mean(axis=0) for a, b in index], axis=0), ("rests as given",),
+    )  # fmt: skip
 
 
 def _check(min_s: float, limit: float, settle_s: float, g_sensitivity: float, max_creep: float) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from schuler.calibration.freepose.calibrate import calibrate_freepose
 from schuler.calibration.freepose.fleet import calibrate_fleet
-from schuler.calibration.freepose.rest_search import ENOUGH, MULTIPLES, tedaldi_rests, variance_magnitude
+from schuler.calibration.freepose.rests import ENOUGH, MULTIPLES, tedaldi_rests
 from schuler.calibration.freepose.simulation import hand_log, spread_turns
 from schuler.calibration.result.parameters import in_gauge, vector
 from schuler.exceptions import InputError
@@ -17,6 +17,7 @@ from schuler.recording.series import ImuSeries
 from schuler.rotation import dcm_from_rotvec
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.noise import White
+from schuler.standstill.variance_ratio import accel_variance_ratio
 from schuler.units import DEG, G0
 
 N_G, N_A = 3e-4, 2e-3  # a consumer IMU [rad/s/sqrt(Hz)], [m/s^2/sqrt(Hz)]
@@ -69,7 +70,7 @@ def log_of(errors, n=24, seed=1, **options) -> ImuSeries:
 def test_magnitude_of_variances_in_closed_form():
     """Length of the vector of variances, not of deviations, over count - 1. Rounding of sums over a window."""
     imu = pulses([((0, 0, 1), 1.0, 1000), ((0, 0, 1), 9.0, 500)])
-    ratio, at_rest = variance_magnitude(imu, DT, 10.0)
+    ratio, at_rest = accel_variance_ratio(imu, DT, 10.0)
     np.testing.assert_allclose(at_rest, AMPLITUDE**2 * AT_START, rtol=1e-10)
     np.testing.assert_allclose(ratio[HALF : 1000 - HALF], IN_WINDOW / AT_START, rtol=1e-9)
     np.testing.assert_allclose(ratio[1000 + HALF : -HALF], 9.0 * IN_WINDOW / AT_START, rtol=1e-9)
@@ -80,7 +81,7 @@ def test_magnitude_of_variances_in_closed_form():
                     * [0.0, 0.0, -AMPLITUDE[2] * 3.0])  # fmt: skip
     still = 9.0 * np.linalg.norm(AMPLITUDE[:2] ** 2) / np.linalg.norm(AMPLITUDE**2)
     np.testing.assert_allclose(
-        variance_magnitude(alone, DT, 10.0)[0][1000 + HALF : -HALF], still * IN_WINDOW / AT_START, rtol=1e-9
+        accel_variance_ratio(alone, DT, 10.0)[0][1000 + HALF : -HALF], still * IN_WINDOW / AT_START, rtol=1e-9
     )
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from schuler.calibration.freepose.accel import ellipsoid_start, fit_accelerometers
 from schuler.calibration.freepose.calibrate import calibrate_freepose
-from schuler.calibration.freepose.rest_search import tedaldi_rests
+from schuler.calibration.freepose.rests import tedaldi_rests
 from schuler.calibration.result.result import CalibrationResult
 from schuler.recording.series import ImuSeries
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.calibration.field.rest_edges import SHORTEST_S, regained
 from schuler.recording.series import ImuSeries
+from schuler.standstill.edges import SHORTEST_S, extend_edges
 from schuler.units import DEG, G0
 
 RATE = 100.0
@@ -26,7 +26,7 @@ def log(motion, *, seed=0, n=2200, noise=None, t=None) -> ImuSeries:
 
 
 def moved(imu, **options):
-    return regained(imu, FOUND, **({"reach_s": 0.5, "limit": 5.0} | options))
+    return extend_edges(imu, FOUND, **({"reach_s": 0.5, "limit": 5.0} | options))
 
 
 def test_what_begins_suddenly_costs_the_shortest_window():
@@ -40,14 +40,14 @@ def test_backwards_it_is_the_same():
     imu = log(1.0, seed=3)
     back = ImuSeries(imu.t, imu.gyro[::-1], imu.accel[::-1])
     n = len(imu)
-    forward, backward = moved(imu), regained(back, n - FOUND[::-1, ::-1], reach_s=0.5, limit=5.0)
+    forward, backward = moved(imu), extend_edges(back, n - FOUND[::-1, ::-1], reach_s=0.5, limit=5.0)
     np.testing.assert_array_equal(backward, n - forward[::-1, ::-1])
 
 
 @pytest.mark.parametrize("acceleration", np.geomspace(0.1, 300.0, 12) * DEG)
 def test_what_turns_inside_is_less_than_the_noise_of_carrying_on(acceleration):
     """A turn that speeds up uniformly, 0.1 to 300 deg/s^2: the angle in the rest, root mean square over 40 edges,
-    beside the random walk of the time regained or, where there is hardly any, of a window. A law, not a tolerance.
+    beside the random walk of the time extend_edges or, where there is hardly any, of a window. A law, not a tolerance.
     """
     s = np.arange(END - ONSET) / RATE
     ramp = acceleration * np.minimum(s, s[::-1])
@@ -71,7 +71,7 @@ def test_what_a_long_window_sees_sooner_is_given_up_by_it():
     """
     motion = np.where(np.arange(END - ONSET) < 35, 1.3 * SIGMA[3], 1.0)
     near = np.array([[0, ONSET - 5], [END + 5, 2200]])
-    kept = [int(regained(log(motion, seed=k), near, reach_s=0.5, limit=5.0)[0, 1]) - ONSET for k in range(20)]
+    kept = [int(extend_edges(log(motion, seed=k), near, reach_s=0.5, limit=5.0)[0, 1]) - ONSET for k in range(20)]
     assert max(kept) < 20 < 35 - SHORT
     assert np.median(kept) < 5
 
@@ -106,10 +106,10 @@ def test_neighbours_and_jumps_of_time_are_not_passed():
     gyro = imu.gyro.copy()
     gyro[985:989, 0] += 1.0  # a knock nearer to the first
     close = np.array([[0, 955], [1045, 2200]])
-    index = regained(ImuSeries(imu.t, gyro, imu.accel), close, reach_s=0.5, limit=5.0)
+    index = extend_edges(ImuSeries(imu.t, gyro, imu.accel), close, reach_s=0.5, limit=5.0)
     assert index.tolist() == [[0, 985 - SHORT + 1], [1045, 2200]]
     t = imu.t + np.where(np.arange(2200) >= 980, 1.0, 0.0)
-    index = regained(ImuSeries(t, gyro, imu.accel), close, reach_s=0.5, limit=5.0)
+    index = extend_edges(ImuSeries(t, gyro, imu.accel), close, reach_s=0.5, limit=5.0)
     np.testing.assert_array_equal(index, close)
 
 
@@ -134,7 +134,7 @@ def test_short_windows_of_the_search_and_no_rest_leave_everything():
     imu = log(1.0)
     np.testing.assert_array_equal(moved(imu, reach_s=0.05), FOUND)
     none = np.empty((0, 2), dtype=np.int64)
-    assert regained(imu, none, reach_s=0.5, limit=5.0).shape == (0, 2)
+    assert extend_edges(imu, none, reach_s=0.5, limit=5.0).shape == (0, 2)
 
 
 def test_readings_without_noise_move_no_edge():

@@ -1,4 +1,4 @@
-"""Rests of hand-turned logs: found and nothing else, slow uniform rotation refused, noise that is not white."""
+"""Rests of hand-turned logs: every rest and nothing else, slow uniform rotation refused, noise that is not white."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-from schuler.calibration.field.rests import field_rests, printed_rests
 from schuler.calibration.field.routine import RoutineMotion, free_routine, thesis_routine
 from schuler.calibration.field.steps import Rest, Routine, Turn
 from schuler.calibration.freepose.calibrate import calibrate_freepose
@@ -17,6 +16,7 @@ from schuler.recording.series import ImuSeries
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.imu import ideal_imu, simulate_imu
+from schuler.standstill.rests import field_rests, given_rests, printed_rests
 from schuler.units import DEG
 
 LLH = np.array([39.92 * DEG, 33.2 * DEG, 900.0])
@@ -46,14 +46,14 @@ def with_slow_turn(routine: Routine, rests, rate, about, duration_s=None) -> Rou
     return Routine(tuple(steps), routine.rpy_nb)
 
 
-def seconds_in(found, spans) -> float:
-    """How long the intervals found lie in the given ones. [s]"""
-    start = np.maximum(found.start[:, None], spans[:, 0])
-    stop = np.minimum(found.stop[:, None], spans[:, 1])
+def seconds_in(rests, spans) -> float:
+    """How long the intervals rests lie in the given ones. [s]"""
+    start = np.maximum(rests.start[:, None], spans[:, 0])
+    stop = np.minimum(rests.stop[:, None], spans[:, 1])
     return float(np.maximum(stop - start, 0.0).sum())
 
 
-# ---------------------------------------------------------------------------------------------- what is found
+# --------------------------------------------------------------------------------------------- every rest
 
 
 @pytest.mark.parametrize("grade", ["yaman-automotive", "yaman-tactical", "MPU-6000"])
@@ -61,25 +61,25 @@ def test_rests_of_the_thesis_routine(grade):
     """Every rest but 0.1 s at its edges, and no sample of a turn, though biases and G are those of the sheet."""
     routine = thesis_routine()
     for seed in range(2):
-        found = field_rests(log_of(routine, grade, seed))
-        assert len(found) == len(routine.rests) == 53
-        assert not any("refused" in note for note in found.notes)
-        assert seconds_in(found, routine.turns) == 0.0
-        assert seconds_in(found, routine.rests) > 0.98 * np.diff(routine.rests).sum()
-        assert np.median(np.concatenate((found.start - routine.rests[:, 0], routine.rests[:, 1] - found.stop))) < 0.1
-        assert found.method == "field"
-        assert found.mask.sum() == np.diff(found.index, axis=1).sum()
-        np.testing.assert_allclose(found.duration, found.stop - found.start)
+        rests = field_rests(log_of(routine, grade, seed))
+        assert len(rests) == len(routine.rests) == 53
+        assert not any("refused" in note for note in rests.notes)
+        assert seconds_in(rests, routine.turns) == 0.0
+        assert seconds_in(rests, routine.rests) > 0.98 * np.diff(routine.rests).sum()
+        assert np.median(np.concatenate((rests.start - routine.rests[:, 0], routine.rests[:, 1] - rests.stop))) < 0.1
+        assert rests.method == "field"
+        assert rests.mask.sum() == np.diff(rests.index, axis=1).sum()
+        np.testing.assert_allclose(rests.duration, rests.stop - rests.start)
 
 
 def test_rests_of_a_free_routine():
     for seed in range(2):
         routine = free_routine(np.random.default_rng(seed), poses=16, hand_m=0.3)
-        found = field_rests(log_of(routine, "MPU-6000", seed))
-        assert len(found) == 16
-        assert not any("refused" in note for note in found.notes)
-        assert seconds_in(found, routine.turns) < 0.05 * 16  # a gentle beginning, see the next test
-        assert seconds_in(found, routine.rests) > 0.95 * np.diff(routine.rests).sum()
+        rests = field_rests(log_of(routine, "MPU-6000", seed))
+        assert len(rests) == 16
+        assert not any("refused" in note for note in rests.notes)
+        assert seconds_in(rests, routine.turns) < 0.05 * 16  # a gentle beginning, see the next test
+        assert seconds_in(rests, routine.rests) > 0.95 * np.diff(routine.rests).sum()
 
 
 @pytest.mark.parametrize("grade", ["yaman-automotive", "yaman-tactical", "MPU-6000"])
@@ -90,12 +90,12 @@ def test_what_turns_in_a_rest_is_less_than_noise(grade):
     for seed in range(2):
         routine = free_routine(np.random.default_rng(seed), poses=16, hand_m=0.3)
         motion = RoutineMotion(routine, LLH)
-        found = field_rests(log_of(routine, grade, seed))
-        for found_at, true_at, outwards in (
-            (found.start, routine.rests[:, 0], -1.0), (found.stop, routine.rests[:, 1], 1.0),
+        rests = field_rests(log_of(routine, grade, seed))
+        for edge, true, outwards in (
+            (rests.start, routine.rests[:, 0], -1.0), (rests.stop, routine.rests[:, 1], 1.0),
         ):  # fmt: skip
-            beyond = np.where(outwards * (found_at - true_at) > 0.0, found_at, true_at)
-            C, D = motion.state(true_at).C_eb, motion.state(beyond).C_eb
+            beyond = np.where(outwards * (edge - true) > 0.0, edge, true)
+            C, D = motion.state(true).C_eb, motion.state(beyond).C_eb
             angles.append(np.linalg.norm(C - D, axis=(1, 2)) / np.sqrt(2.0))
     angles = np.concatenate(angles)
     assert len(angles) == 64
@@ -117,10 +117,10 @@ def test_a_large_bias_is_no_rotation():
         errors = ImuErrors.draw(catalogue.spec("MPU-6000"), np.random.default_rng(3))
         imu = simulate_imu(ideal_of(SET), errors, np.random.default_rng(4)).imu
         imu = ImuSeries(imu.t, imu.gyro - errors.b_g + sign * true, imu.accel)
-        found = field_rests(imu)
-        assert len(found) == 27
+        rests = field_rests(imu)
+        assert len(rests) == 27
         # G times the bias of the accelerometers belongs to it: 0.1 deg/s/g by 0.08 g a term; Earth rate is 0.004 deg/s
-        np.testing.assert_allclose(found.gyro_bias, sign * true, atol=0.04 * DEG)
+        np.testing.assert_allclose(rests.gyro_bias, sign * true, atol=0.04 * DEG)
 
 
 # ----------------------------------------------------------------------------------------------- slow rotation
@@ -137,11 +137,11 @@ def test_slow_uniform_rotation_is_refused_and_the_printed_detector_passes_it(gra
     imu = log_of(routine, grade)
     slow = routine.turns[[12]]
     np.testing.assert_allclose(np.diff(slow), 10.0)
-    found = field_rests(imu)
-    assert len(found) == 26
-    assert seconds_in(found, slow) == 0.0
-    assert seconds_in(found, routine.turns) == 0.0
-    why = [note for note in found.notes if note.startswith("refused")]
+    rests = field_rests(imu)
+    assert len(rests) == 26
+    assert seconds_in(rests, slow) == 0.0
+    assert seconds_in(rests, routine.turns) == 0.0
+    why = [note for note in rests.notes if note.startswith("refused")]
     if about == "vertical":
         assert len(why) == 1
         assert re.search(r" turns at 0.5\d* deg/s relative to the other rests, 0.5\d* of it about the vertical", why[0])
@@ -177,18 +177,18 @@ def test_a_third_of_the_rests_turning_does_not_hide_it():
     turning = [1, 4, 7, 10, 13, 16, 19, 22, 25]
     routine = with_slow_turn(SET, turning, 0.3 * DEG, "vertical")
     for grade in ("yaman-automotive", "MPU-6000"):
-        found = field_rests(log_of(routine, grade))
-        assert seconds_in(found, routine.turns) == 0.0
-        assert len(found) == 18
+        rests = field_rests(log_of(routine, grade))
+        assert seconds_in(rests, routine.turns) == 0.0
+        assert len(rests) == 18
 
 
 def test_a_log_that_turns_all_the_time_has_no_other_rest_to_compare_with():
     """Said in a note; a bias known beforehand tells."""
     whole = Routine((Turn("z", 30.0 * DEG, 60.0, ramp=0.001),))
     imu = log_of(whole, "yaman-tactical")
-    found = field_rests(imu)
-    assert len(found) == 1
-    assert any("would look like a gyro bias" in note for note in found.notes)
+    rests = field_rests(imu)
+    assert len(rests) == 1
+    assert any("would look like a gyro bias" in note for note in rests.notes)
     assert len(field_rests(imu, gyro_bias=(0.0, 0.0, 0.0), g_sensitivity=0.0)) == 0
     errors = ImuErrors.draw(catalogue.spec("yaman-tactical"), np.random.default_rng(1))
     still = log_of(Routine((Rest(60.0),)), "yaman-tactical")
@@ -199,9 +199,9 @@ def test_a_log_that_turns_all_the_time_has_no_other_rest_to_compare_with():
 
 def test_fast_rotation_on_a_table_is_refused_whatever_the_bias():
     routine = with_slow_turn(SET, [3, 12], 30.0 * DEG, "vertical")
-    found = field_rests(log_of(routine, "MPU-6000"))
-    assert len(found) == 25
-    assert seconds_in(found, routine.turns) == 0.0
+    rests = field_rests(log_of(routine, "MPU-6000"))
+    assert len(rests) == 25
+    assert seconds_in(rests, routine.turns) == 0.0
 
 
 # ------------------------------------------------------------------------------------- noise that is not white
@@ -223,10 +223,10 @@ def test_a_hand_that_trembles(rng):
     for k in range(1, len(kick)):
         slow[k] = 0.98 * slow[k - 1] + 0.2 * kick[k]
     gyro, accel = 0.1 * DEG * slow[:, :3], 0.05 * slow[:, 3:]
-    found = field_rests(disturbed(log_of(SET, "MPU-6000"), gyro, accel))
-    assert len(found) in (27, 28)  # one may come in two
-    assert not any("refused" in note for note in found.notes)
-    assert seconds_in(found, SET.rests) > 0.85 * np.diff(SET.rests).sum()
+    rests = field_rests(disturbed(log_of(SET, "MPU-6000"), gyro, accel))
+    assert len(rests) in (27, 28)  # one may come in two
+    assert not any("refused" in note for note in rests.notes)
+    assert seconds_in(rests, SET.rests) > 0.85 * np.diff(SET.rests).sum()
     # half a degree a second is still seen
     for about in ("vertical", "horizontal"):
         routine = with_slow_turn(SET, 12, 0.5 * DEG, about)
@@ -238,9 +238,9 @@ def test_biases_that_wander(rng):
     """0.05 deg/s from rest to rest, ten times what noise and Earth rate make of a mean; half a degree is still seen."""
     wander = 0.05 * DEG * rng.standard_normal((27, 3))
     imu = log_of(SET, "MPU-6000")
-    found = field_rests(disturbed(imu, wander[rest_number(imu.t)]))
-    assert len(found) == 27
-    assert not any("refused" in note for note in found.notes)
+    rests = field_rests(disturbed(imu, wander[rest_number(imu.t)]))
+    assert len(rests) == 27
+    assert not any("refused" in note for note in rests.notes)
     routine = with_slow_turn(SET, 12, 0.5 * DEG, "vertical")
     imu = log_of(routine, "MPU-6000")
     assert seconds_in(field_rests(disturbed(imu, wander[rest_number(imu.t)])), routine.turns[[12]]) == 0.0
@@ -270,16 +270,16 @@ def test_settling_after_a_turn_is_cut():
     since = imu.t - SET.rests[k, 0]
     rate = np.where((since >= 0.0) & (k > 0), 0.6 * DEG * np.exp(-np.maximum(since, 0.0) / 0.5), 0.0)
     tail = disturbed(imu, gyro=rate[:, None] * np.array((1.0, -0.5, 0.3)))
-    found, uncut = field_rests(tail), field_rests(tail, settle_s=0.0)
-    assert len(found) == len(uncut) == 27
-    assert any("still settled" in note for note in found.notes)
-    lost = uncut.duration - found.duration
+    rests, uncut = field_rests(tail), field_rests(tail, settle_s=0.0)
+    assert len(rests) == len(uncut) == 27
+    assert any("still settled" in note for note in rests.notes)
+    lost = uncut.duration - rests.duration
     assert 0.3 < np.median(lost) <= lost.max() < 1.3
 
     def mean(rests):
         return np.mean([rate[a:b].mean() for a, b in rests.index])
 
-    assert mean(found) < 0.5 * mean(uncut)
+    assert mean(rests) < 0.5 * mean(uncut)
 
 
 def test_a_rest_that_never_settles_is_refused():
@@ -289,9 +289,9 @@ def test_a_rest_that_never_settles_is_refused():
     into = imu.t - start
     shaken = np.where((into > 3.3) & (into < 10.0), 3.0 * np.sin(40.0 * imu.t), 0.0)[:, None]
     swing = np.where((into >= 0.0) & (into < 3.3), 0.8 * DEG * np.exp(-into / 0.5), 0.0)[:, None]
-    found = field_rests(disturbed(imu, swing, shaken), min_s=2.0)
-    assert len(found) == 26
-    assert any("less than 2 s of it is settled" in note for note in found.notes)
+    rests = field_rests(disturbed(imu, swing, shaken), min_s=2.0)
+    assert len(rests) == 26
+    assert any("less than 2 s of it is settled" in note for note in rests.notes)
 
 
 # ------------------------------------------------------------------------------------------------- edges, errors
@@ -302,18 +302,18 @@ def test_nothing_rests():
     t = np.arange(3000) / 100.0
     shake = np.sin(np.outer(t, (31.0, 37.0, 41.0)))
     imu = ImuSeries(t, shake + 1e-3 * rng.standard_normal((3000, 3)), shake - np.array((0.0, 0.0, 9.8)))
-    found = field_rests(imu, noise=(0.01, 1e-3))
-    assert len(found) == 0
-    assert found.mask.sum() == 0
-    assert "no interval at rest" in found.summary()
+    rests = field_rests(imu, noise=(0.01, 1e-3))
+    assert len(rests) == 0
+    assert rests.mask.sum() == 0
+    assert "no interval at rest" in rests.summary()
 
 
 def test_two_rests_that_disagree_are_both_doubted():
     """In one pose there is nothing to say which of them turns."""
     one = Routine((Rest(10.0), Turn("x", 6.28318, 2.0), Turn("z", 0.1, 10.0, ramp=0.01), Turn("x", 1.0, 2.0)))
-    found = field_rests(log_of(one))
-    assert len(found) == 0
-    assert sum("relative to the other rests" in note for note in found.notes) == 2
+    rests = field_rests(log_of(one))
+    assert len(rests) == 0
+    assert sum("relative to the other rests" in note for note in rests.notes) == 2
 
 
 @pytest.mark.parametrize(
@@ -335,6 +335,51 @@ def test_errors_say_what_was_expected(options, match):
         field_rests(log_of(SET), **options)
 
 
+# ---------------------------------------------------------------------------------------------- rests as given
+
+
+@pytest.fixture
+def numbered():
+    """Ten seconds at 10 Hz from 5 s on, the x rate is its own sample number."""
+    n = np.arange(100.0)
+    return ImuSeries(5.0 + 0.1 * n, np.outer(n, [1.0, 0.0, 0.0]), np.tile([0.0, 0.0, -9.8], (100, 1)))
+
+
+def test_given_spans_become_samples(numbered):
+    """Both ends belong to a rest; closed form."""
+    rests = given_rests(numbered, [(5.0, 7.0), (8.0, 10.95)])
+    np.testing.assert_array_equal(rests.index, [[0, 21], [30, 60]])
+    np.testing.assert_allclose(rests.start, [5.0, 8.0])
+    np.testing.assert_allclose(rests.stop, [7.0, 10.9])
+    assert rests.mask.sum() == 51
+    assert rests.method == "given"
+    gyro, accel = rests.means(numbered)
+    np.testing.assert_allclose(gyro[:, 0], [10.0, 44.5])
+    np.testing.assert_allclose(rests.gyro_bias, [27.25, 0.0, 0.0])  # median of two
+    np.testing.assert_allclose(accel[0], [0.0, 0.0, -9.8])
+
+
+def test_given_rests_of_increments_have_the_mean_rate(numbered):
+    increments = ImuSeries(numbered.t, 0.1 * numbered.gyro, 0.1 * numbered.accel, "increment")
+    np.testing.assert_allclose(given_rests(increments, [(5.0, 7.0)]).gyro_bias, [10.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("spans", "message"),
+    [
+        ([], "expected a start and a stop for each rest, got none"),
+        ([(5.0, 6.0)], "20 samples or more in 5.00..6.00 s, got 11; the log covers 5.00..14.90 s"),
+        ([(20.0, 30.0)], "got 0"),
+        ([(7.0, 5.0)], "got 0"),
+        ([(5.0, 8.0), (7.5, 10.0)], "overlap"),
+        ([(9.0, 12.0), (5.0, 8.0)], "one after the other"),
+    ],
+)
+def test_given_spans_that_are_refused(numbered, spans, message):
+    with pytest.raises(InputError, match=message):
+        given_rests(numbered, spans)
+
+
 # ------------------------------------------------------------------------------------------ real recordings
 
 
@@ -350,11 +395,11 @@ def test_poses_of_the_xsens_log(shared_data):
     imu = xsens(shared_data)
     poses = calibrate_freepose(imu, gravity=9.81744).extra["poses"]
     for margin in (None, 3.0, 10.0):
-        found = field_rests(imu, margin=margin)
-        assert len(found) == 38
-        assert abs(len(found) - poses) <= 4
-        assert found.stop[0] > 48.0
-        assert not any("refused" in note for note in found.notes)
+        rests = field_rests(imu, margin=margin)
+        assert len(rests) == 38
+        assert abs(len(rests) - poses) <= 4
+        assert rests.stop[0] > 48.0
+        assert not any("refused" in note for note in rests.notes)
     # strict about creeping, as if the accelerometers' noise were white, it refuses the worst of them
     assert 30 <= len(field_rests(imu, max_creep=0.0)) < 38
 
@@ -365,8 +410,8 @@ def test_hand_held_poses(shared_data):
     for name, fewest, most in (("imu_good1", 7, 9), ("imu_good2", 9, 12), ("imu_good3", 13, 15)):
         log = np.loadtxt(shared_data / "snu_staticposes" / f"{name}.txt")
         imu = ImuSeries(log[:, 0] - log[0, 0], log[:, 4:7], log[:, 1:4])
-        found = field_rests(imu, min_s=1.0)
-        assert fewest <= len(found) <= most
+        rests = field_rests(imu, min_s=1.0)
+        assert fewest <= len(rests) <= most
     assert len(field_rests(imu, min_s=1.0, margin=3.0)) < 13
 
 
@@ -377,7 +422,7 @@ def test_faces_of_a_ferraris_session(shared_data):
     imu = ImuSeries(np.arange(len(log)) / 102.4, log[:, 1:4] * DEG, log[:, 4:7])
     sections = np.array([(540, 1271), (1620, 2361), (2814, 3298), (3740, 4152), (4522, 4975), (5376, 5983)]) / 102.4
     turns = np.array([(6770, 7093), (8081, 8405), (9205, 9512)]) / 102.4
-    found = field_rests(imu)
+    rests = field_rests(imu)
     for section in sections:
-        assert seconds_in(found, section[None]) > 0.9 * np.diff(section)[0]
-    assert seconds_in(found, turns) < 0.35 * np.diff(turns).sum()  # marked generously: they begin and end at rest
+        assert seconds_in(rests, section[None]) > 0.9 * np.diff(section)[0]
+    assert seconds_in(rests, turns) < 0.35 * np.diff(turns).sum()  # marked generously: they begin and end at rest

@@ -1,80 +1,92 @@
-"""Rests of a hand-rotated log as Tedaldi, Pretto and Menegatti (2014) look for them, beside the search of our own."""
+"""Rests of a hand-rotated log in any unit: candidates for several thresholds, their means and noise."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from schuler.arrays import FloatArray, IntArray
+from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.calibration.freepose.accel import magnitude_residuals, response, start_of
-from schuler.calibration.freepose.gyro import pseudo_inverse
-from schuler.calibration.freepose.rest import Rests, check_length, gaps_of, least_variance, rest_intervals, rests_of
-from schuler.exceptions import InputError
+from schuler.calibration.freepose.weights import median, pseudo_inverse
 from schuler.recording.series import ImuSeries
+from schuler.standstill.variance_ratio import accel_variance_ratio, intervals_below, log_gaps
 
+#: Multiples of the variance at rest that are tried, those of Tedaldi's program; the one is kept whose poses determine
+#: the accelerometers best.
+MARGINS = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
 #: Multiples k of the variance magnitude at rest that are tried, those of imu_tk. The paper begins at 1, which half the
 #: windows at rest exceed: rests fall apart or get lost, and the few that are left cost less. With 1 among them, it won
 #: a quarter of 400 simulated logs, mostly with 12 to 19 of their 20 poses, once with too few to be solved.
 MULTIPLES = tuple(float(k) for k in range(2, 11))
 #: With fewer rests nine parameters fit them too well for a cost to tell anything.
 ENOUGH = 12
+# The median of a chi-square with 9 degrees of freedom over its mean: part means of one pose are ten.
+_MEDIAN_9 = 0.927
 
 
-def variance_magnitude(
-    rates: ImuSeries, interval: float, initial_rest_s: float, window_s: float = 1.0
-) -> tuple[FloatArray, FloatArray]:
-    """Magnitude of the variances of specific force over a window around each sample, relative to that at rest.
+@dataclass(frozen=True, eq=False)
+class Rests:
+    """Poses of a log in the units of the log.
 
-    Parameters
+    Attributes
     ----------
-    rates : ImuSeries
-        Rates in any unit.
-    interval : float
-        Of the samples. [s]
-    initial_rest_s : float
-        The log begins with so many seconds at rest. [s]
-    window_s : float
-        The window: the odd number of samples next to it, 101 at 100 Hz. [s]
+    index : ndarray of int, shape (n, 2)
+        First sample and one past the last.
+    accel, gyro : ndarray, shape (n, 3)
+        Means. [units of the log]
+    duration : ndarray, shape (n,)
+        [s]
+    density_a, density_g : ndarray, shape (3,)
+        Noise N of both triads at rest: the mean over T seconds has standard deviation N / sqrt(T). [unit/sqrt(Hz)]
+    margin : float
+        Threshold as a multiple of the variance at rest; NaN if intervals were given.
+    tried : tuple of (float, int, float)
+        What the published search tried: multiple, rests, cost of their accelerometers [m^2/s^4]; see
+        :func:`schuler.calibration.freepose.rests.tedaldi_rests`. Empty for the others.
+    """
 
-    Returns
-    -------
-    ratio : ndarray, shape (n,)
-        ``|(var f_x, var f_y, var f_z)|`` over that of the initial rest; infinite at both ends of the log, where no
-        window has its centre. [-]
-    at_rest : ndarray, shape (3,)
-        Variances of the initial rest. [unit of the log^2]
+    index: IntArray
+    accel: FloatArray
+    gyro: FloatArray
+    duration: FloatArray
+    density_a: FloatArray
+    density_g: FloatArray
+    margin: float
+    tried: tuple[tuple[float, int, float], ...] = ()
 
-    Raises
-    ------
-    InputError
-        If the log is shorter than ten windows or the initial rest than one.
+    def __len__(self) -> int:
+        return len(self.index)
 
-    References
-    ----------
-    Tedaldi, Pretto, Menegatti (2014), section on the static detector. Variances are over ``count - 1``. The variance
-    at rest is never taken below what rounding makes, so that a log without noise has rests.
+    def of(self, keep: BoolArray) -> Rests:
+        """Some of them, noise unchanged."""
+        return Rests(
+            self.index[keep], self.accel[keep], self.gyro[keep], self.duration[keep], self.density_a,
+            self.density_g, self.margin, self.tried,
+        )  # fmt: skip
+
+
+def rests_of(rates: ImuSeries, interval: float, index: IntArray, margin: float) -> Rests:
+    """Means over intervals, and noise pooled over them.
+
+    Noise is the sensor's and not the pose's, so it is one number an axis for all poses: the median over poses of the
+    scatter of ten part means or of the samples, whichever is larger; a pose that was disturbed does not count for much.
     """
     from schuler.calibration.freepose import _kernels as kernels
 
-    n = len(rates)
-    half = max(5, round(0.5 * window_s / interval)) if n > 1 else 5
-    W = 2 * half + 1
-    check_length(n, W, window_s)
-    first = int(np.searchsorted(rates.t, rates.t[0] + initial_rest_s))
-    if first < W:
-        raise InputError(
-            f"initial_rest_s: expected a window of {window_s:g} s or more, got {initial_rest_s:g} s ({first} samples)"
-        )
-    kernels.prepare_freepose()
-    at_rest = np.maximum(rates.accel[:first].var(axis=0, ddof=1), least_variance(rates.accel, W))
-    size = max(float(np.linalg.norm(at_rest)), 1e-300)
-    parts = np.full((n, 3), np.inf)
-    # the kernel divides sums of squares by 3 W sigma2; this makes it variances over count - 1
-    kernels.moving_variance(rates.accel, W, np.full(3, (W - 1.0) / (3.0 * W) * size), parts)
-    ratio = np.full(n, np.inf)
-    ratio[half : n - half] = np.sqrt((parts[half : n - half] ** 2).sum(axis=1))
-    return ratio, np.asarray(at_rest)
+    k = len(index)
+    means, density = [], []
+    for x in (rates.accel, rates.gyro):
+        mean, variance, coloured = np.empty((k, 3)), np.empty((k, 3)), np.empty((k, 3))
+        kernels.moments(x, index, mean, variance, coloured)
+        means.append(mean)
+        N = np.zeros(3)
+        if k:
+            N = np.sqrt(np.maximum(median(variance), median(coloured) / _MEDIAN_9) * interval)
+        # rounding of the means themselves, so that data without noise have a weight
+        density.append(np.maximum(N, 1e-14 * max(float(np.abs(mean).max(initial=0.0)), 1e-300)))
+    duration = np.asarray((index[:, 1] - index[:, 0]) * interval, dtype=np.float64)
+    return Rests(index, means[0], means[1], duration, density[0], density[1], margin)
 
 
 def tedaldi_rests(
@@ -102,7 +114,7 @@ def tedaldi_rests(
     factor : float, optional
         Of the accelerometers [m/s^2 per unit of the log]. None: found.
     window_s : float
-        Of :func:`variance_magnitude`. [s]
+        Of :func:`accel_variance_ratio`. [s]
     min_s : float
         Shortest rest, and what is used of each: so many seconds from its start. [s]
 
@@ -115,7 +127,7 @@ def tedaldi_rests(
     Raises
     ------
     InputError
-        As :func:`variance_magnitude`.
+        As :func:`accel_variance_ratio`.
 
     Notes
     -----
@@ -132,13 +144,13 @@ def tedaldi_rests(
     Tedaldi, Pretto, Menegatti (2014), static detector and eq. (10). The multiple is one of the variance magnitude, not
     of its square or of a standard deviation: so the nine counts and costs that imu_tk prints for its own log come out.
     """
-    ratio, _ = variance_magnitude(rates, interval, initial_rest_s, window_s)
-    gaps = gaps_of(rates.t, interval)
+    ratio, _ = accel_variance_ratio(rates, interval, initial_rest_s, window_s)
+    gaps = log_gaps(rates.t, interval)
     count = max(20, round(min_s / interval))
     spans: list[IntArray] = []
     tried: list[tuple[float, int, float]] = []
     for k in MULTIPLES:
-        index = rest_intervals(rates.t, interval, gaps, ratio, k, 0.0)
+        index = intervals_below(rates.t, interval, gaps, ratio, k, 0.0)
         index = np.ascontiguousarray(index[np.diff(index, axis=1)[:, 0] >= count])
         spans.append(index)
         tried.append((k, len(index), _cost(rates.accel, index, count, gravity, factor)))

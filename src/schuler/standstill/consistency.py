@@ -1,4 +1,4 @@
-"""Is a quiet interval a rest: does specific force keep its direction, does the mean rate agree with the other rests."""
+"""Checks of candidate rests: specific force keeps its direction, the mean rate agrees with the other rests."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.recording.series import ImuSeries
 from schuler.units import DEG
 
-#: Prior 1-sigma of a gyro bias of which nothing is known. [rad/s]
+#: Prior 1-sigma of an unknown gyro bias. [rad/s]
 _ANY_BIAS = 10.0
-#: From the median of absolute normal deviates to their standard deviation.
-_NORMAL = 1.4826
-#: Fewer rests do not tell how much rests of this log differ.
+#: Standard deviation of a normal distribution over the median of its absolute values.
+NORMAL = 1.4826
+#: Fewest rests from which their common scatter is estimated.
 _FEWEST = 5
 
 
@@ -54,7 +54,7 @@ def contrasts(x: FloatArray, index: IntArray, sigma: FloatArray) -> Contrasts:
     Returns
     -------
     Contrasts
-        Second differences of ninths are looked at too, since those of thirds are few in logs of one or two rests.
+        Second differences of ninths are used too, since those of thirds are few in logs of one or two rests.
     """
     drift: list[FloatArray] = []
     scale: list[FloatArray] = []
@@ -69,14 +69,14 @@ def contrasts(x: FloatArray, index: IntArray, sigma: FloatArray) -> Contrasts:
                 scale.append(sigma * np.sqrt(2.0 / m))
                 drift.append((means[2] - means[0]) / scale[-1])
     # nine values or more, or the median says little
-    found = [_spread(np.concatenate(z)) for parts, z in second.items() if parts * len(z) >= 9]
-    return Contrasts(np.array(drift).reshape(-1, 3), np.array(scale).reshape(-1, 3), max([1.0, *found]))
+    colours = [_robust_sigma(np.concatenate(z)) for parts, z in second.items() if parts * len(z) >= 9]
+    return Contrasts(np.array(drift).reshape(-1, 3), np.array(scale).reshape(-1, 3), max([1.0, *colours]))
 
 
-def steady(
+def constant_direction(
     rates: ImuSeries, index: IntArray, sigma_f: FloatArray, *, max_creep: float, limit: float
 ) -> tuple[BoolArray, list[str]]:
-    """Whether specific force keeps its direction.
+    """Test whether specific force keeps its direction.
 
     Parameters
     ----------
@@ -84,16 +84,16 @@ def steady(
     index : ndarray of int, shape (k, 2)
         Intervals.
     sigma_f : ndarray, shape (3,)
-        Of a sample at rest. [m/s^2]
+        Standard deviation of a sample at rest. [m/s^2]
     max_creep : float
-        Largest rate of tilting excused by that of the other intervals. [rad/s]
+        Largest rate of tilting accepted where the other intervals tilt as much. [rad/s]
     limit : float
         Standard deviations.
 
     Returns
     -------
     keep : ndarray of bool, shape (k,)
-    why : list of str
+    reasons : list of str
         A sentence on each that is refused.
     """
     contrast = contrasts(rates.accel, index, sigma_f)
@@ -107,19 +107,19 @@ def steady(
     span = 2.0 / 3.0 * (index[:, 1] - index[:, 0]) * rates.interval
     tilt = np.linalg.norm(change, axis=1) / (g * span)
     # squared, because supports do not give way by a normal distribution: in logs where most do, some do much more
-    common = _spread(contrast.drift) ** 2 if len(index) >= _FEWEST else 1.0
-    excused = max_creep * g * span / contrast.sigma.max(axis=1)
-    allowed = np.maximum(limit * contrast.colour, np.minimum(limit * common, excused))
+    common = _robust_sigma(contrast.drift) ** 2 if len(index) >= _FEWEST else 1.0
+    accepted = max_creep * g * span / contrast.sigma.max(axis=1)
+    allowed = np.maximum(limit * contrast.colour, np.minimum(limit * common, accepted))
     keep = z <= allowed
-    why = [
-        f"refused {span_of(rates, *index[k])}: tilts at {tilt[k] / DEG:.2g} deg/s "
+    reasons = [
+        f"refused {time_span(rates, *index[k])}: tilts at {tilt[k] / DEG:.2g} deg/s "
         f"(up to {tilt[k] * allowed[k] / z[k] / DEG:.2g} passes)"
         for k in np.flatnonzero(~keep)
     ]
-    return np.asarray(keep), why
+    return np.asarray(keep), reasons
 
 
-def consistent(
+def consistent_rates(
     rates: ImuSeries,
     index: IntArray,
     sigma_w: FloatArray,
@@ -129,7 +129,7 @@ def consistent(
     max_rate: float,
     limit: float,
 ) -> tuple[BoolArray, FloatArray, list[str]]:
-    """Whether the mean rate follows from those of the other intervals by ``b + G f``.
+    """Test whether the mean rate follows from those of the other intervals by ``b + G f``.
 
     Parameters
     ----------
@@ -137,13 +137,13 @@ def consistent(
     index : ndarray of int, shape (k, 2)
         Intervals.
     sigma_w : ndarray, shape (3,)
-        Of a sample at rest. [rad/s]
+        Standard deviation of a sample at rest. [rad/s]
     bias : ndarray, shape (3,), optional
-        If known. [rad/s]
+        Where it is given it is not estimated. [rad/s]
     g_sensitivity : float
         Prior 1-sigma of the elements of G. [(rad/s)/(m/s^2)]
     max_rate : float
-        Never allowed to differ by more. [rad/s]
+        Largest difference ever accepted. [rad/s]
     limit : float
         Standard deviations.
 
@@ -151,8 +151,8 @@ def consistent(
     -------
     keep : ndarray of bool, shape (k,)
     bias : ndarray, shape (3,)
-        As given, or found. [rad/s]
-    why : list of str
+        Given or estimated. [rad/s]
+    reasons : list of str
         A sentence on each that is refused.
 
     Notes
@@ -163,79 +163,78 @@ def consistent(
     n = index[:, 1] - index[:, 0]
     omega, f = (np.array([x[a:b].mean(axis=0) for a, b in index]) for x in (rates.gyro, rates.accel))
     if len(index) == 1 and bias is None:
-        alone = "one rest only: turning uniformly about the vertical would look like a gyro bias"
-        return np.ones(1, dtype=bool), omega[0], [alone]
+        note = "one rest only: turning uniformly about the vertical would look like a gyro bias"
+        return np.ones(1, dtype=bool), omega[0], [note]
     colour = contrasts(rates.gyro, index, sigma_w).colour
     white = (colour * sigma_w) ** 2 / n[:, None] + earth.WGS84.omega_ie**2 / 3.0
-    known = np.zeros(3) if bias is None else bias
     # for parameters of prior 1-sigma one: bias, and a row of G
     A = np.column_stack((np.full(len(f), _ANY_BIAS if bias is None else 0.0), g_sensitivity * f))
-    y = omega - known
+    y = omega - (np.zeros(3) if bias is None else bias)
     keep = _first_guess(y, A, white, limit)
-    back = np.zeros(len(y), dtype=bool)
+    readmitted = np.zeros(len(y), dtype=bool)
     while True:
-        b, residual, allowed = _compared(y, A, white, keep, limit)
+        b, residual, allowed = _residuals_and_limits(y, A, white, keep, limit)
         allowed = np.minimum(allowed, max_rate)
         ratio = np.max(np.abs(residual) / allowed, axis=1)
         worst = float(ratio[keep].max(initial=0.0))
         if worst > 1.0 and (keep.sum() > 1 or bias is not None):
-            keep &= ratio < 0.999 * worst  # of two that only contradict each other, neither is better
-        elif keep.any() and np.any(again := ~keep & ~back & (ratio <= 1.0)):
+            keep &= ratio < 0.999 * worst  # of two that contradict each other both are refused
+        elif keep.any() and np.any(again := ~keep & ~readmitted & (ratio <= 1.0)):
             best = int(np.flatnonzero(again)[np.argmin(ratio[again])])
-            keep[best] = back[best] = True  # once: it may have to leave again
+            keep[best] = readmitted[best] = True  # once: it may be refused again
         else:
             break
-    why = []
+    reasons = []
     for k in np.flatnonzero(~keep):
         upright = abs(residual[k] @ f[k]) / np.linalg.norm(f[k])
         j = int(np.argmax(np.abs(residual[k]) / allowed[k]))
-        why.append(
-            f"refused {span_of(rates, *index[k])}: turns at {np.linalg.norm(residual[k]) / DEG:.2g} deg/s relative to "
-            f"the other rests, {upright / DEG:.2g} of it about the vertical (up to {allowed[k, j] / DEG:.2g} about "
+        reasons.append(
+            f"refused {time_span(rates, *index[k])}: turns at {np.linalg.norm(residual[k]) / DEG:.2g} deg/s relative "
+            f"to the other rests, {upright / DEG:.2g} of it about the vertical (up to {allowed[k, j] / DEG:.2g} about "
             f"{'xyz'[j]} passes)"
         )
-    return keep, _ANY_BIAS * b[0] if bias is None else bias, why
+    return keep, _ANY_BIAS * b[0] if bias is None else bias, reasons
 
 
 def _first_guess(y: FloatArray, A: FloatArray, variance: FloatArray, limit: float) -> BoolArray:
-    """Rests near a fit of least absolute deviations, which a third of wrong rests does not bend."""
+    """Rests near a fit of least absolute deviations, which a third of outliers does not bias."""
     if len(y) < _FEWEST:
         return np.ones(len(y), dtype=bool)
     weight = 1.0 / variance
     for _ in range(20):
-        b, _, _ = _predicted(y, A, weight, variance)
+        b, _, _ = _leave_one_out_residuals(y, A, weight, variance)
         z = np.abs(y - A @ b) / np.sqrt(variance)
         weight = 1.0 / (variance * np.maximum(z, 1.0))
-    near: BoolArray = np.all(z <= limit * np.maximum(_NORMAL * np.median(z, axis=0), 1.0), axis=1)
+    near: BoolArray = np.all(z <= limit * np.maximum(NORMAL * np.median(z, axis=0), 1.0), axis=1)
     return near
 
 
-def _compared(
+def _residuals_and_limits(
     y: FloatArray, A: FloatArray, white: FloatArray, keep: BoolArray, limit: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Parameters from the rests kept, residuals of all against the prediction from the others, and what is allowed.
+    """Parameters from the rests kept, leave-one-out residuals of all, and their limits.
 
-    The variance by which the bias wanders makes the median residual what it should be, axis by axis.
+    The variance of the bias from rest to rest makes the median residual equal to its expectation, axis by axis.
     """
     from scipy.stats import norm, t
 
     wander = np.zeros(3)
     for _ in range(20 if keep.sum() >= _FEWEST else 1):
         variance = white + wander
-        b, residual, sigma = _predicted(y, A, np.where(keep[:, None], 1.0 / variance, 0.0), variance)
+        b, residual, sigma = _leave_one_out_residuals(y, A, np.where(keep[:, None], 1.0 / variance, 0.0), variance)
         if keep.sum() >= _FEWEST:
             z = (residual / sigma)[keep]
-            common = np.maximum(_spread(z), _NORMAL * np.median(np.abs(z), axis=0))
+            common = np.maximum(_robust_sigma(z), NORMAL * np.median(np.abs(z), axis=0))
             wander = np.maximum(wander + (common**2 - 1.0) * np.median(variance, axis=0), 0.0)
-    # what was found from few rests is as uncertain as Student says
+    # a scatter estimated from few rests has the tails of Student's distribution
     wide = t.isf(norm.sf(limit), max(int(keep.sum()) - A.shape[1], 1)) ** 2 - limit**2
     return b, residual, np.sqrt(limit**2 * sigma**2 + wide * wander)
 
 
-def _predicted(
+def _leave_one_out_residuals(
     y: FloatArray, A: FloatArray, weight: FloatArray, variance: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Ridge regression of each column of y; residuals against the prediction from the other rows, and their sigma.
+    """Ridge regression of each column of y, its leave-one-out residuals and their sigma.
 
     With p = a' N^-1 a and weight w of a row in the normal matrix N, the prediction without it has the residual
     ``e / (1 - w p)`` and the variance ``p / (1 - w p)`` in addition to that of the row itself.
@@ -245,17 +244,17 @@ def _predicted(
         N = np.eye(A.shape[1]) + A.T @ (weight[:, j, None] * A)
         b[:, j] = np.linalg.solve(N, A.T @ (weight[:, j] * y[:, j]))
         p = np.einsum("ij,ij->i", A, np.linalg.solve(N, A.T).T)
-        rest = np.maximum(1.0 - weight[:, j] * p, 1e-12)
-        residual[:, j] = (y[:, j] - A @ b[:, j]) / rest
-        sigma[:, j] = np.sqrt(variance[:, j] + p / rest)
+        remainder = np.maximum(1.0 - weight[:, j] * p, 1e-12)
+        residual[:, j] = (y[:, j] - A @ b[:, j]) / remainder
+        sigma[:, j] = np.sqrt(variance[:, j] + p / remainder)
     return b, residual, sigma
 
 
-def span_of(rates: ImuSeries, a: int, b: int) -> str:
-    """The times of samples a to b - 1, for people."""
+def time_span(rates: ImuSeries, a: int, b: int) -> str:
+    """Times of samples a to b - 1, as text."""
     return f"{rates.t[a]:.2f}..{rates.t[b - 1]:.2f} s"
 
 
-def _spread(z: FloatArray) -> float:
-    """Standard deviation of normal deviates of zero mean that outliers hardly change."""
-    return _NORMAL * float(np.median(np.abs(z)))
+def _robust_sigma(z: FloatArray) -> float:
+    """Standard deviation of normal deviates of zero mean, from the median of their absolute values."""
+    return NORMAL * float(np.median(np.abs(z)))

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from schuler.calibration.freepose.calibrate import calibrate_freepose
-from schuler.calibration.freepose.rest import rest_intervals
 from schuler.calibration.freepose.simulation import hand_log, spread_turns
 from schuler.calibration.freepose.verdicts import listed, missing_directions
 from schuler.calibration.freepose.weights import chance, downweighted, freed, median, spread_beyond
@@ -17,6 +16,7 @@ from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.noise import NoiseModel, White
+from schuler.standstill.variance_ratio import intervals_below
 from schuler.units import G0
 
 N_G, N_A = 3e-4, 2e-3
@@ -197,7 +197,7 @@ def test_rests_are_found_where_they_are():
 
 def test_intervals_are_cut_at_gaps():
     t = np.concatenate((0.01 * np.arange(300), 5.0 + 0.01 * np.arange(300)))
-    index = rest_intervals(t, 0.01, np.array([299]), np.zeros(600), 3.0, 1.0)
+    index = intervals_below(t, 0.01, np.array([299]), np.zeros(600), 3.0, 1.0)
     np.testing.assert_array_equal(index, [[0, 300], [300, 600]])
 
 

@@ -16,11 +16,11 @@ from schuler.diagnosis import diagnose
 from schuler.diagnosis.gyro_unit import by_turns, turns_between
 from schuler.diagnosis.lag import explained
 from schuler.diagnosis.motion import WindowMeans, motion_of
-from schuler.diagnosis.rests import find_rests
 from schuler.diagnosis.sampling import check_temperature
 from schuler.exceptions import InputError
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import ImuSeries
+from schuler.standstill.unscaled import unscaled_rests
 from schuler.units import DEG, G0
 
 
@@ -147,7 +147,7 @@ def _turned(angles, rate=50.0):
 def test_one_or_two_turns_are_not_explained_by_chance():
     """A factor of 50 turns many times and ends anywhere; axes need three turns."""
     imu = _turned([np.pi, np.pi])
-    turns = turns_between(imu, find_rests(imu))
+    turns = turns_between(imu, unscaled_rests(imu))
     assert len(turns) == 2
     factor, P, _ = by_turns(turns, imu.interval, ("rad/s", 1.0))
     assert factor == pytest.approx(1.0 / 0.7, rel=0.1)

@@ -8,7 +8,7 @@ import scipy.io
 
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
-from schuler.standstill import detectors
+from schuler.standstill import detectors, thresholds
 
 G = 9.81
 SIGMA_F, SIGMA_W = 0.02, 0.003
@@ -111,7 +111,7 @@ def test_a_window_at_rest_exceeds_the_threshold_as_often_as_stated(kind, window)
     windows, p = 4000, 0.02
     imu = at_rest(windows * window, rng)
     value = evaluate(imu, kind, window / 100.0)[(window - 1) // 2 :: window][:windows]
-    alarms = np.count_nonzero(value > detectors.threshold(kind, window, p))
+    alarms = np.count_nonzero(value > thresholds.threshold(kind, window, p))
     # statistical: independent windows, 3.5 standard errors of a binomial count; the norm's curvature is below 1e-3
     assert abs(alarms - windows * p) < 3.5 * np.sqrt(windows * p * (1.0 - p))
 
@@ -119,7 +119,9 @@ def test_a_window_at_rest_exceeds_the_threshold_as_often_as_stated(kind, window)
 def test_the_printed_deviation_has_at_most_the_stated_rate(rng):
     imu = at_rest(400_000, rng)
     value = evaluate(imu, "printed", 1.0)[49::100]
-    assert np.mean(value > detectors.threshold("printed", 100, 0.02)) < 0.02 + 3.5 * np.sqrt(0.02 / 4000)  # statistical
+    assert np.mean(value > thresholds.threshold("printed", 100, 0.02)) < 0.02 + 3.5 * np.sqrt(
+        0.02 / 4000
+    )  # statistical
 
 
 def test_noise_at_rest_is_found_in_a_log_that_mostly_moves():
@@ -128,18 +130,18 @@ def test_noise_at_rest_is_found_in_a_log_that_mostly_moves():
     moving = np.arange(60_000) % 6000 > 1800  # 30 % at rest
     shake = rng.standard_normal((60_000, 3)) * moving[:, None]
     imu = ImuSeries(imu.t, imu.gyro + 0.3 * shake, imu.accel + 2.0 * shake)
-    sigma_f, sigma_w = detectors.noise_at_rest(imu, 1.0)
+    sigma_f, sigma_w = thresholds.noise_at_rest(imu, 1.0)
     np.testing.assert_allclose(sigma_f, SIGMA_F, rtol=0.04)  # statistical: a quantile of 180 windows of 100 samples
     np.testing.assert_allclose(sigma_w, SIGMA_W, rtol=0.04)
     all_rest = at_rest(60_000, rng)
-    sigma_f, _ = detectors.noise_at_rest(all_rest, 1.0)
+    sigma_f, _ = thresholds.noise_at_rest(all_rest, 1.0)
     np.testing.assert_allclose(sigma_f, SIGMA_F, rtol=0.03)  # statistical; without the correction it is 12 % low
 
 
 def test_noise_at_rest_is_not_below_rounding(rng):
     imu = at_rest(5000, rng, sigma_f=0.001)
     imu = ImuSeries(imu.t, imu.gyro, np.round(imu.accel / 0.03) * 0.03 + 0.03 * (rng.random((5000, 3)) < 1e-3))
-    sigma_f, _ = detectors.noise_at_rest(imu, 1.0)
+    sigma_f, _ = thresholds.noise_at_rest(imu, 1.0)
     np.testing.assert_allclose(sigma_f, 0.03 / np.sqrt(12.0), rtol=1e-9)  # rounding
 
 
@@ -147,8 +149,8 @@ def test_a_threshold_from_the_log_survives_an_uncalibrated_accelerometer(rng):
     """A bias of 10 sigma adds 100 to the magnitude statistic: the theoretical threshold finds nothing at rest."""
     imu = at_rest(50_000, rng, f=(0.0, 0.0, -G - 0.2))
     value = evaluate(imu, "acceleration magnitude", 1.0)
-    assert np.all(value > detectors.threshold("acceleration magnitude", 100))
-    own = detectors.threshold_from_rest(value, "acceleration magnitude", 100)
+    assert np.all(value > thresholds.threshold("acceleration magnitude", 100))
+    own = thresholds.threshold_from_rest(value, "acceleration magnitude", 100)
     assert np.all(value < own)
     assert own < 200.0
 
@@ -172,7 +174,7 @@ def turning(axis, rate, rng, seconds=10.0):
 def test_uniform_rotation_is_motion_but_not_as_printed(axis, rng):
     imu = turning(axis, 0.5, rng)
     assert np.all(evaluate(imu, "moving deviation", 1.0) > 100.0)
-    assert np.all(evaluate(imu, "printed", 1.0) < detectors.threshold("printed", 100, 1e-6))
+    assert np.all(evaluate(imu, "printed", 1.0) < thresholds.threshold("printed", 100, 1e-6))
     assert np.all(evaluate(imu, "glrt", 1.0) > 100.0)
     assert np.all(evaluate(imu, "angular rate energy", 1.0) > 100.0)
     sees = np.all(evaluate(imu, "acceleration variance", 1.0) > 10.0)
@@ -199,7 +201,7 @@ def test_a_weak_shake_is_detected_as_often_as_the_noncentral_distribution_says()
     value = evaluate(
         ImuSeries(imu.t, imu.gyro + np.array((c, 0.0, 0.0)), imu.accel), "angular rate energy", window / 100.0
     )
-    limit = detectors.threshold("angular rate energy", window, 0.05)
+    limit = thresholds.threshold("angular rate energy", window, 0.05)
     p = ncx2.sf(window * limit, 3 * window, window * (c / SIGMA_W) ** 2)
     seen = np.count_nonzero(value[(window - 1) // 2 :: window][:windows] > limit)
     assert abs(seen - p * windows) < 3.5 * np.sqrt(windows * p * (1.0 - p))  # statistical
@@ -229,7 +231,7 @@ def test_a_dead_axis_has_no_noise(rng):
     imu = at_rest(5000, rng)
     dead = ImuSeries(imu.t, imu.gyro * (1.0, 0.0, 1.0), imu.accel)
     with pytest.raises(InputError, match="gyro_y: expected noise, but the axis always reads 0"):
-        detectors.noise_at_rest(dead, 1.0)
+        thresholds.noise_at_rest(dead, 1.0)
 
 
 # ------------------------------------------------------------------------------------------ real recordings

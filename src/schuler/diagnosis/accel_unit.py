@@ -10,7 +10,7 @@ import numpy as np
 from schuler import units
 from schuler.arrays import FloatArray
 from schuler.diagnosis.findings import Finding
-from schuler.diagnosis.rests import Rests
+from schuler.standstill.unscaled import UnscaledRests
 
 UNITS = {"m/s^2": 1.0, "g": units.G0, "mg": units.MG, "ug": units.UG, "ft/s^2": units.FT, "cm/s^2": 0.01}
 _RATE_OF = {"m/s": "m/s^2", "ft/s": "ft/s^2", "cm/s": "cm/s^2", "rad": "rad/s", "deg": "deg/s", "mrad": "mrad/s"}
@@ -63,7 +63,7 @@ def stated_factor(options: dict[str, Any], group: str) -> tuple[str, float]:
     return si, 1.0
 
 
-def level_at_rest(accel: FloatArray, rests: Rests) -> tuple[float, bool]:
+def level_at_rest(accel: FloatArray, rests: UnscaledRests) -> tuple[float, bool]:
     """Norm of the specific force at rest, or the median of all if there is no rest; and whether there was one."""
     if len(rests):
         weight = rests.t[:, 1] - rests.t[:, 0]
@@ -75,7 +75,7 @@ def level_at_rest(accel: FloatArray, rests: Rests) -> tuple[float, bool]:
 
 
 def accel_unit(
-    accel: FloatArray, rests: Rests, interval: float, kind: str, gravity: float, stated: tuple[str, float]
+    accel: FloatArray, rests: UnscaledRests, interval: float, kind: str, gravity: float, stated: tuple[str, float]
 ) -> tuple[list[Finding], Scaling]:
     """Findings ``accel_unit``, ``accel_scale``, ``kind``, ``no_gravity``, and what makes the numbers right.
 
@@ -83,7 +83,7 @@ def accel_unit(
     ----------
     accel : ndarray, shape (n, 3)
         Mean specific force over the samples as read.
-    rests : Rests
+    rests : UnscaledRests
         Of the same numbers.
     interval : float
         [s]

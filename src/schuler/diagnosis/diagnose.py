@@ -15,11 +15,11 @@ from schuler.diagnosis.findings import CODES, SEVERITIES, Finding
 from schuler.diagnosis.lag import find_lag
 from schuler.diagnosis.motion import WindowMeans, motion_of
 from schuler.diagnosis.orientation import find_axes, find_turns, find_upright
-from schuler.diagnosis.rests import find_rests
 from schuler.diagnosis.smoothing import check_smoothing
 from schuler.diagnosis.work import Work
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
+from schuler.standstill.unscaled import unscaled_rests
 
 
 def diagnose(recording: Recording, *, findings: tuple[Finding, ...] = (), quick: bool = False) -> Diagnosis:
@@ -68,7 +68,7 @@ def diagnose(recording: Recording, *, findings: tuple[Finding, ...] = (), quick:
     rates = None if work.imu is None else work.imu.rates()
     if rates is not None and work.motion is not None and work.lag is not None and work.lag.found:
         # constant velocity looks like rest to an IMU
-        work.rests = find_rests(rates, (work.motion.t - work.lag.offset, work.motion.speed))
+        work.rests = unscaled_rests(rates, (work.motion.t - work.lag.offset, work.motion.speed))
     return Diagnosis(
         recording.metadata.name,
         tuple(_merged(found)),
@@ -110,7 +110,7 @@ def _imu(work: Work) -> None:
     work.checked.append("unit of specific force")
     rates = imu.rates()
     if imu.accel.any():
-        work.rests = find_rests(rates)
+        work.rests = unscaled_rests(rates)
         stated = stated_factor(work.recording.metadata.options, "accel")
         counts = any("raw counts" in note for note in work.recording.metadata.notes)
         found, work.scaling = accel_unit(rates.accel, work.rests, imu.interval, imu.kind, work.gravity, stated)
@@ -122,7 +122,7 @@ def _imu(work: Work) -> None:
             (imu.t[::step], np.linalg.norm(rates.accel[::step], axis=1) * work.scaling.factor), axis=1
         )
     else:
-        work.rests = find_rests(rates)
+        work.rests = unscaled_rests(rates)
     work.curves["rests"] = work.rests.t
 
 

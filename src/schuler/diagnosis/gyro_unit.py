@@ -11,8 +11,8 @@ from schuler import rotation, units
 from schuler.arrays import FloatArray
 from schuler.diagnosis.axes import changes, signed_permutations
 from schuler.diagnosis.findings import Finding
-from schuler.diagnosis.rests import Rests
 from schuler.recording.series import ImuSeries
+from schuler.standstill.unscaled import UnscaledRests
 
 UNITS = {
     "rad/s": 1.0,
@@ -56,7 +56,7 @@ class Turns:
         return np.asarray(np.arccos(np.clip(np.sum(self.before * self.after, axis=1), -1.0, 1.0)))
 
 
-def turns_between(imu: ImuSeries, rests: Rests) -> Turns | None:
+def turns_between(imu: ImuSeries, rests: UnscaledRests) -> Turns | None:
     """Turns of more than 10 degrees of gravity between rests; None if there is none. ``imu`` holds rates."""
     if len(rests) < 2:
         return None

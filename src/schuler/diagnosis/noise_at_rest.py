@@ -6,8 +6,8 @@ import numpy as np
 
 from schuler import units
 from schuler.diagnosis.findings import Finding
-from schuler.diagnosis.rests import Rests
 from schuler.recording.series import ImuSeries
+from schuler.standstill.unscaled import UnscaledRests
 
 CHANNELS = ("ax", "ay", "az", "gx", "gy", "gz")
 LARGE_STEP = (0.03, 0.1 * units.DEG)  # of a reading [m/s^2], [rad/s]
@@ -37,14 +37,14 @@ def _noise(imu: ImuSeries, factors: tuple[float, float]) -> list[Finding]:
 
 
 def noise_at_rest(
-    imu: ImuSeries, rests: Rests, grid: list[float | None], factors: tuple[float, float], dead: list[str]
+    imu: ImuSeries, rests: UnscaledRests, grid: list[float | None], factors: tuple[float, float], dead: list[str]
 ) -> list[Finding]:
     """Findings ``imu_noise`` and ``quantised``: scatter and rounding of what rests.
 
     Parameters
     ----------
     imu : ImuSeries
-    rests : Rests
+    rests : UnscaledRests
     grid : list of float, optional
         Step of each channel's readings, None where there is none.
     factors : (float, float)

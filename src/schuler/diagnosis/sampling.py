@@ -8,8 +8,8 @@ from schuler.arrays import FloatArray
 from schuler.characterisation.readings import equal_runs, resolution
 from schuler.diagnosis.findings import Finding, Severity, number_of
 from schuler.diagnosis.noise_at_rest import CHANNELS, LARGE_STEP, noise_at_rest
-from schuler.diagnosis.rests import Rests
 from schuler.recording.series import ImuSeries
+from schuler.standstill.unscaled import UnscaledRests
 
 _FASTEST_K_S = 1.0  # a sensor's temperature changes by some kelvins a minute
 _MOST = 400_000  # samples looked at for what shows anywhere
@@ -75,14 +75,14 @@ def check_temperature(imu: ImuSeries) -> list[Finding]:
     return [Finding("time_unit", "warning", text, 0.9, fix, evidence)]
 
 
-def check_readings(imu: ImuSeries, rests: Rests, factors: tuple[float, float]) -> list[Finding]:
+def check_readings(imu: ImuSeries, rests: UnscaledRests, factors: tuple[float, float]) -> list[Finding]:
     """Findings about the values of an IMU log.
 
     Parameters
     ----------
     imu : ImuSeries
         As read; increments are looked at as they stand.
-    rests : Rests
+    rests : UnscaledRests
     factors : (float, float)
         Make the accelerometer's and the gyro's numbers SI rates.
     """

@@ -7,14 +7,14 @@ import numpy as np
 from schuler import units
 from schuler.arrays import FloatArray
 from schuler.diagnosis.motion import Motion
-from schuler.diagnosis.rests import Rests
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
+from schuler.standstill.unscaled import UnscaledRests
 
 _FACES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=np.float64)
 
 
-def poses(rests: Rests) -> tuple[int, int]:
+def poses(rests: UnscaledRests) -> tuple[int, int]:
     """Different attitudes in which the sensor rested (10 degrees apart), and how many of the six faces were up."""
     if not len(rests):
         return 0, 0
@@ -27,7 +27,9 @@ def poses(rests: Rests) -> tuple[int, int]:
     return len(kept), faces
 
 
-def uses(recording: Recording, imu: ImuSeries | None, rests: Rests | None, motion: Motion | None) -> tuple[str, ...]:
+def uses(
+    recording: Recording, imu: ImuSeries | None, rests: UnscaledRests | None, motion: Motion | None
+) -> tuple[str, ...]:
     """Sentences on what the log can be used for.
 
     Parameters
@@ -35,7 +37,7 @@ def uses(recording: Recording, imu: ImuSeries | None, rests: Rests | None, motio
     recording : Recording
     imu : ImuSeries, optional
         Rates.
-    rests : Rests, optional
+    rests : UnscaledRests, optional
     motion : Motion, optional
     """
     out: list[str] = []
@@ -80,7 +82,7 @@ def uses(recording: Recording, imu: ImuSeries | None, rests: Rests | None, motio
     return tuple(out)
 
 
-def segments(imu: ImuSeries, rests: Rests) -> tuple[tuple[float, float, str], ...]:
+def segments(imu: ImuSeries, rests: UnscaledRests) -> tuple[tuple[float, float, str], ...]:
     """Static and moving segments in order; rests closer than 2 s in one attitude are one."""
     out: list[tuple[float, float, str]] = []
     begin, end = float(imu.t[0]), float(imu.t[-1])

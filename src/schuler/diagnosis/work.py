@@ -11,9 +11,9 @@ from schuler.diagnosis.findings import Finding
 from schuler.diagnosis.lag import Lag
 from schuler.diagnosis.motion import Motion, WindowMeans
 from schuler.diagnosis.positions import GnssView
-from schuler.diagnosis.rests import Rests
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries, ImuSeries
+from schuler.standstill.unscaled import UnscaledRests
 
 USUAL_GRAVITY = 9.806  # where nothing is known of the place [m/s^2]
 VEHICLE = 0.4  # share of accelerations that the path explains, of a body that goes where it points
@@ -31,7 +31,7 @@ class Work:
     gravity: float = USUAL_GRAVITY
     scaling: Scaling = field(default_factory=Scaling)
     gyro_factor: float = 1.0
-    rests: Rests | None = None
+    rests: UnscaledRests | None = None
     imu: ImuSeries | None = None
     gnss: GnssSeries | None = None
     view: GnssView | None = None

@@ -115,7 +115,7 @@ def statistic(
     gyro_bias: ArrayLike = (0.0, 0.0, 0.0),
     max_rate: float = MAX_RATE,
 ) -> FloatArray:
-    """How unlike rest the log is around every sample.
+    """Test statistic of standing still around every sample.
 
     Parameters
     ----------
@@ -152,8 +152,8 @@ def statistic(
     Returns
     -------
     ndarray, shape (n,)
-        Dimensionless; compare with :func:`threshold`. Within half a window of the ends it is that of the nearest
-        whole window.
+        Dimensionless; compare with :func:`schuler.standstill.thresholds.threshold`. Within half a window of the ends
+        it is that of the nearest complete window.
 
     Raises
     ------
@@ -169,18 +169,20 @@ def statistic(
     if kind not in KINDS:
         raise InputError(f"kind: expected one of {', '.join(KINDS)}, got {kind!r}")
     W = window_samples(imu, window_s)
-    sf, sw = _three(sigma_f, "sigma_f"), _three(sigma_w, "sigma_w")
+    sf, sw = per_axis_sigma(sigma_f, "sigma_f"), per_axis_sigma(sigma_w, "sigma_w")
     rates = imu.rates()
     f, omega = rates.accel, rates.gyro - as_vector3(gyro_bias, "gyro_bias")
     if kind == "moving deviation":
         ratios = np.concatenate((moving_moments(f, W)[1] / sf**2, moving_moments(omega, W)[1] / sw**2), axis=1)
-        turning = mean_rate(imu, window_s, gyro_bias) / _positive(max_rate, "max_rate")
+        turning = mean_rate(imu, window_s, gyro_bias) / positive_number(max_rate, "max_rate")
         return np.asarray(np.maximum(ratios.max(axis=1), turning**2))
     if kind == "printed":
         norms = np.stack((np.linalg.norm(f, axis=1) / _rms(sf), np.linalg.norm(omega, axis=1) / _rms(sw)), axis=1)
         return np.asarray(moving_moments(norms, W)[1].max(axis=1))
     if kind == "acceleration magnitude":
-        return moving_moments((np.linalg.norm(f, axis=1) - _positive(gravity, "gravity")) ** 2, W)[0] / _rms(sf) ** 2
+        return (
+            moving_moments((np.linalg.norm(f, axis=1) - positive_number(gravity, "gravity")) ** 2, W)[0] / _rms(sf) ** 2
+        )
     if kind == "angular rate energy":
         return moving_moments(np.sum((omega / sw) ** 2, axis=1), W)[0]
     f_m, variance = moving_moments(f, W)
@@ -188,7 +190,7 @@ def statistic(
     if kind == "acceleration variance":
         return spread
     # the part of f - g f_m/|f_m| that is common to the window, along f_m
-    excess = f_m * (1.0 - _positive(gravity, "gravity") / np.linalg.norm(f_m, axis=1, keepdims=True))
+    excess = f_m * (1.0 - positive_number(gravity, "gravity") / np.linalg.norm(f_m, axis=1, keepdims=True))
     energy = moving_moments(np.sum((omega / sw) ** 2, axis=1), W)[0]
     return np.asarray(spread + np.sum((excess / sf) ** 2, axis=1) + energy)
 
@@ -199,163 +201,8 @@ def mean_rate(imu: ImuSeries, window_s: float, gyro_bias: ArrayLike = (0.0, 0.0,
     return np.asarray(np.linalg.norm(mean, axis=1))
 
 
-def threshold(kind: Kind, window: int, false_alarm: float = 1e-3) -> float:
-    """Value that a window at rest exceeds with probability ``false_alarm``, for white Gaussian noise.
-
-    Parameters
-    ----------
-    kind : str
-        As in :func:`statistic`.
-    window : int
-        Samples in a window, see :func:`window_samples`.
-    false_alarm : float
-        Probability that one window at rest is taken for motion. Overlapping windows fail together: a log of n
-        samples has about ``n / window`` independent ones.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range.
-
-    Notes
-    -----
-    With W samples, W times the statistic is chi-square distributed with 3 W (energy), 3 W - 3 (variance), W
-    (magnitude), 6 W - 2 (glrt) degrees of freedom; the moving deviation is the largest of six with W - 1. For
-    ``printed`` that is an upper bound where the rate is zero, because the norm of noise alone varies less than noise.
-    ``glrt`` and ``acceleration magnitude`` assume a calibrated accelerometer and all but the variances a known gyro
-    bias: an error c in either adds ``c^2 / sigma^2``. Where that is not small, as in most raw logs, use
-    :func:`threshold_from_rest`. Noise correlated over several samples has fewer degrees of freedom than counted here.
-
-    References
-    ----------
-    Skog et al. (2010), eqs. (10)-(18), for the statistics; the degrees of freedom follow from them.
-    """
-    from scipy.stats import chi2
-
-    W = int(window)
-    if W < 2:
-        raise InputError(f"window: expected at least 2 samples, got {window}")
-    p = _probability(false_alarm, "false_alarm")
-    if kind in ("moving deviation", "printed"):
-        axes = 6 if kind == "moving deviation" else 2
-        return float(chi2.isf(-np.expm1(np.log1p(-p) / axes), W - 1) / W)
-    return float(chi2.isf(p, _freedom(kind, W)) / W)
-
-
-def threshold_from_rest(
-    values: ArrayLike, kind: Kind, window: int, false_alarm: float = 1e-3, share: float = 0.1
-) -> float:
-    """Threshold from the quietest part of the log itself, for sensors whose noise or biases are not known.
-
-    Parameters
-    ----------
-    values : array_like, shape (n,)
-        Of :func:`statistic`.
-    kind, window, false_alarm
-        As in :func:`threshold`.
-    share : float
-        Share of the log that certainly rests.
-
-    Returns
-    -------
-    float
-        Median of the smallest ``share`` of the values, times the ratio between the chi-square quantiles of
-        ``1 - false_alarm`` and ``1/2``.
-
-    Raises
-    ------
-    InputError
-        If an argument is out of range.
-
-    Notes
-    -----
-    If more than ``share`` of the log rests, the median lies low: with everything at rest and ``share`` = 0.1 it is the
-    5 % quantile, and the false-alarm rate is higher than asked, by the more the shorter the window. A constant error
-    (bias in the magnitude tests) raises the threshold in proportion, which is on the safe side for noise.
-    """
-    v = np.sort(as_floats(values, "values", (None,)))
-    if len(v) == 0:
-        raise InputError("values: expected at least one, got none")
-    quiet = v[: max(1, round(_probability(share, "share") * len(v)))]
-    return float(np.median(quiet) * threshold(kind, window, false_alarm) / threshold(kind, window, 0.5))
-
-
-def noise_at_rest(imu: ImuSeries, window_s: float = 1.0, share: float = 0.1) -> tuple[FloatArray, FloatArray]:
-    """Standard deviation of every axis at rest, from the quietest windows of a log that also moves.
-
-    Parameters
-    ----------
-    imu : ImuSeries
-    window_s : float
-        Length of the windows, which do not overlap here. [s]
-    share : float
-        At least this share of the windows is at rest.
-
-    Returns
-    -------
-    sigma_f, sigma_w : ndarray, shape (3,)
-        Of a sample of specific force [m/s^2] and angular rate [rad/s], not below what rounding alone makes.
-
-    Raises
-    ------
-    InputError
-        If the log has fewer than 10 windows, or an axis never changes.
-
-    Notes
-    -----
-    The median of the lowest ``share`` of the window variances is a low quantile of the variances at rest; which one
-    depends on how much of the log rests, which is counted with the variance found, and so on until both agree.
-    """
-    W = window_samples(imu, window_s)
-    rates = imu.rates()
-    if len(imu) // W < 10:
-        raise InputError(
-            f"the log has {len(imu) // W} windows of {window_s} s; expected at least 10 to tell rest from motion"
-        )
-    sigma = [
-        _quiet_deviation(x, W, _probability(share, "share"), f"{name}_{axis}")
-        for name, triad in (("accel", rates.accel), ("gyro", rates.gyro))
-        for axis, x in zip("xyz", triad.T, strict=True)
-    ]
-    return np.array(sigma[:3]), np.array(sigma[3:])
-
-
-def _quiet_deviation(x: FloatArray, W: int, share: float, name: str) -> float:
-    from scipy.stats import chi2
-
-    variance = np.sort(x[: len(x) // W * W].reshape(-1, W).var(axis=1, ddof=1))
-    low = float(np.median(variance[: max(1, round(share * len(variance)))]))
-    level = np.unique(x)
-    if len(level) == 1:
-        raise InputError(f"{name}: expected noise, but the axis always reads {level[0]:.6g}; is it connected?")
-    # smallest step between readings: tiny for unrounded numbers, then no restriction
-    rounding = float(np.diff(level).min()) ** 2 / 12.0
-    rest, at_rest = max(low, rounding), share
-    for _ in range(20):
-        rest = max(low / (chi2.ppf(min(0.5, 0.5 * share / at_rest), W - 1) / (W - 1)), rounding)
-        limit = rest * chi2.ppf(0.99, W - 1) / (W - 1)
-        at_rest = max(share, np.count_nonzero(variance <= limit) / len(variance) / 0.99)
-    return float(np.sqrt(rest))
-
-
-def _freedom(kind: str, W: int) -> int:
-    """Degrees of freedom of W times the statistic."""
-    freedom = {
-        "glrt": 6 * W - 2,
-        "acceleration variance": 3 * W - 3,
-        "acceleration magnitude": W,
-        "angular rate energy": 3 * W,
-    }
-    if kind not in freedom:
-        raise InputError(f"kind: expected one of {', '.join(KINDS)}, got {kind!r}")
-    return freedom[kind]
-
-
-def _three(value: ArrayLike, name: str) -> FloatArray:
+def per_axis_sigma(value: ArrayLike, name: str) -> FloatArray:
+    """One positive 1-sigma value for all axes, or three. Shape (3,)."""
     sigma = as_floats(value, name)
     if sigma.shape not in ((), (3,)) or not np.all(sigma > 0.0):
         raise InputError(f"{name}: expected one positive number or three, got {value!r}")
@@ -366,13 +213,8 @@ def _rms(sigma: FloatArray) -> float:
     return float(np.sqrt(np.mean(sigma**2)))
 
 
-def _positive(value: float, name: str) -> float:
+def positive_number(value: float, name: str) -> float:
+    """The value, if it is finite and above zero; InputError otherwise."""
     if not (np.isfinite(value) and value > 0.0):
         raise InputError(f"{name}: expected a positive number, got {value}")
-    return float(value)
-
-
-def _probability(value: float, name: str) -> float:
-    if not 0.0 < value < 1.0:
-        raise InputError(f"{name}: expected a number between 0 and 1, got {value}")
     return float(value)

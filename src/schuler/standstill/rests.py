@@ -16,6 +16,7 @@ from schuler.standstill import detectors
 from schuler.standstill.consistency import consistent_rates, constant_direction
 from schuler.standstill.edges import cut_settling, extend_edges
 from schuler.standstill.stationarity import StaticIntervals, interval_mask, static_intervals
+from schuler.standstill.thresholds import noise_at_rest
 from schuler.units import DEG, DEG_PER_HR_PER_G
 
 #: Sensitivity of a cheap gyroscope to specific force, 0.1 deg/s/g (MPU-6000). [(rad/s)/(m/s^2)]
@@ -112,7 +113,7 @@ def field_rests(
     bias = None if gyro_bias is None else as_vector3(gyro_bias, "gyro_bias")
     notes = []
     if noise is None:
-        noise = detectors.noise_at_rest(imu, window_s)
+        noise = noise_at_rest(imu, window_s)
         notes.append(
             f"noise at rest estimated: specific force {_listed(noise[0])} m/s^2, rate {_listed(noise[1])} rad/s"
         )

@@ -1,4 +1,4 @@
-"""Where in a log the unit stands still: intervals for calibration, noise identification and zero-velocity updates."""
+"""Intervals of a log at rest, for calibration, noise identification and zero-velocity updates."""
 
 from __future__ import annotations
 
@@ -9,8 +9,17 @@ import numpy as np
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_vector3
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
-from schuler.standstill import detectors
-from schuler.standstill.detectors import Kind
+from schuler.standstill.detectors import (
+    MAX_RATE,
+    Kind,
+    mean_rate,
+    per_axis_sigma,
+    positive_number,
+    statistic,
+    window_samples,
+)
+from schuler.standstill.intervals import runs_between_pauses
+from schuler.standstill.thresholds import noise_at_rest, threshold, threshold_from_rest
 from schuler.units import G0
 
 #: A mean rate at rest beyond this is not believed to be a gyro bias, about 6 deg/s. [rad/s]
@@ -30,7 +39,7 @@ class StaticIntervals:
     mask : ndarray of bool, shape (n,)
         Samples that belong to an interval.
     statistic : ndarray, shape (n,)
-        Of :func:`schuler.standstill.detectors.statistic`.
+        Values of :func:`schuler.standstill.detectors.statistic`.
     threshold : float
         The statistic is below it at rest.
     method : str
@@ -105,7 +114,7 @@ def static_intervals(
     thresholds: float | tuple[float, float] | None = None,
     noise: tuple[ArrayLike, ArrayLike] | None = None,
     gyro_bias: ArrayLike | None = None,
-    max_rate: float = detectors.MAX_RATE,
+    max_rate: float = MAX_RATE,
     gravity: float = G0,
     false_alarm: float = 1e-3,
     margin: float = 3.0,
@@ -128,7 +137,7 @@ def static_intervals(
         exceeds with probability ``false_alarm``.
     noise : (array_like, array_like), optional
         Standard deviations of a sample at rest, specific force [m/s^2] and rate [rad/s], that the statistic is
-        relative to. None: from the quietest windows, see :func:`schuler.standstill.detectors.noise_at_rest`.
+        relative to. None: from the quietest windows, see :func:`schuler.standstill.thresholds.noise_at_rest`.
     gyro_bias : array_like, shape (3,), optional
         [rad/s] None: the median over the quietest and slowest windows, if below :data:`LARGEST_BIAS`, else zero.
     max_rate : float
@@ -171,40 +180,26 @@ def static_intervals(
         raise InputError(f"min_s: expected a positive time, got {min_s} s")
     if not margin >= 1.0:
         raise InputError(f"margin: expected 1 or more, got {margin}")
-    W = detectors.window_samples(imu, window_s)
+    W = window_samples(imu, window_s)
     notes: list[str] = []
-    if isinstance(thresholds, tuple):
-        if method not in ("moving deviation", "printed"):
-            raise InputError(
-                f"thresholds: two limits are for 'moving deviation' and 'printed'; give one for {method!r}"
-            )
-        if len(thresholds) != 2:
-            raise InputError(f"thresholds: expected one number or (m/s^2, rad/s), got {thresholds!r}")
-        sigma_f, sigma_w = (detectors._three(limit, "thresholds") for limit in thresholds)
-    elif noise is not None:
-        sigma_f, sigma_w = (detectors._three(sigma, "noise") for sigma in noise)
-    else:
-        sigma_f, sigma_w = detectors.noise_at_rest(imu, window_s, share)
-        notes.append(f"noise at rest estimated: specific force {_listed(sigma_f)} m/s^2, rate {_listed(sigma_w)} rad/s")
+    sigma_f, sigma_w = _noise_scale(imu, window_s, method, thresholds, noise, share, notes)
     bias = _quiet_bias(imu, W, share, notes) if gyro_bias is None else as_vector3(gyro_bias, "gyro_bias")
-    value = detectors.statistic(
+    value = statistic(
         imu, method, window_s, sigma_f=sigma_f, sigma_w=sigma_w, gravity=gravity, gyro_bias=bias, max_rate=max_rate
     )
     if isinstance(thresholds, tuple):
         limit = 1.0
     elif thresholds is not None:
-        limit = detectors._positive(thresholds, "thresholds")
+        limit = positive_number(thresholds, "thresholds")
     elif method in ("glrt", "acceleration magnitude", "angular rate energy"):
         # a bias of the accelerometer adds a constant; noise alone would then never reach the theoretical threshold
         limit = margin * max(
-            detectors.threshold(method, W, false_alarm),
-            detectors.threshold_from_rest(value, method, W, false_alarm, share),
+            threshold(method, W, false_alarm), threshold_from_rest(value, method, W, false_alarm, share)
         )
     else:
-        limit = margin * detectors.threshold(method, W, false_alarm)
-    still = (value < limit) & (detectors.mean_rate(imu, window_s, bias) < max_rate)
-    runs = _runs(still, imu.t, 0.5 * window_s)
-    runs = _joined(runs, imu, W, sigma_f, sigma_w, max_rate)
+        limit = margin * threshold(method, W, false_alarm)
+    still = (value < limit) & (mean_rate(imu, window_s, bias) < max_rate)
+    runs = _joined(runs_between_pauses(still, imu.t, 0.5 * window_s), imu, W, sigma_f, sigma_w, max_rate)
     index = _trimmed(runs, imu, W, min_s)
     return StaticIntervals(
         imu.t[index[:, 0]], imu.t[index[:, 1] - 1], index, interval_mask(index, len(imu)), value, limit, method,
@@ -218,6 +213,31 @@ def interval_mask(index: IntArray, n: int) -> BoolArray:
     for a, b in index:
         mask[a:b] = True
     return mask
+
+
+def _noise_scale(
+    imu: ImuSeries,
+    window_s: float,
+    method: Kind,
+    thresholds: float | tuple[float, float] | None,
+    noise: tuple[ArrayLike, ArrayLike] | None,
+    share: float,
+    notes: list[str],
+) -> tuple[FloatArray, FloatArray]:
+    """Deviations that the statistic is relative to: limits given, noise given, or noise of the quietest windows."""
+    if isinstance(thresholds, tuple):
+        if method not in ("moving deviation", "printed"):
+            raise InputError(
+                f"thresholds: two limits are for 'moving deviation' and 'printed'; give one for {method!r}"
+            )
+        if len(thresholds) != 2:
+            raise InputError(f"thresholds: expected one number or (m/s^2, rad/s), got {thresholds!r}")
+        return per_axis_sigma(thresholds[0], "thresholds"), per_axis_sigma(thresholds[1], "thresholds")
+    if noise is not None:
+        return per_axis_sigma(noise[0], "noise"), per_axis_sigma(noise[1], "noise")
+    sigma_f, sigma_w = noise_at_rest(imu, window_s, share)
+    notes.append(f"noise at rest estimated: specific force {_listed(sigma_f)} m/s^2, rate {_listed(sigma_w)} rad/s")
+    return sigma_f, sigma_w
 
 
 def _quiet_bias(imu: ImuSeries, W: int, share: float, notes: list[str]) -> FloatArray:
@@ -240,15 +260,6 @@ def _quiet_bias(imu: ImuSeries, W: int, share: float, notes: list[str]) -> Float
         return np.zeros(3)
     notes.append(f"gyro bias estimated: {_listed(bias)} rad/s")
     return np.asarray(bias)
-
-
-def _runs(still: BoolArray, t: FloatArray, pause: float) -> IntArray:
-    """First and one past the last index of each run of True, cut where time jumps by more than ``pause``. (k, 2)"""
-    edge = np.diff(np.concatenate(([False], still, [False])).astype(np.int8))
-    first, last = np.flatnonzero(edge == 1), np.flatnonzero(edge == -1)
-    jump = np.flatnonzero(np.diff(t) > max(pause, 1.5 * float(np.median(np.diff(t))))) + 1
-    jump = jump[still[jump - 1] & still[jump]]
-    return np.stack((np.sort(np.concatenate((first, jump))), np.sort(np.concatenate((last, jump)))), axis=1)
 
 
 def _joined(

@@ -13,7 +13,7 @@ from schuler import rotation, units
 from schuler.navigation.foot.config import FootConfig
 from schuler.navigation.foot.errors import walk_errors
 from schuler.navigation.foot.navigate import navigate_foot
-from schuler.navigation.foot.rests import find_rests
+from schuler.navigation.foot.rests import detect_rests
 from schuler.recording.formats.openshoe import read_openshoe_mat
 from schuler.recording.formats.pyshoe import (
     AUTHOR_GRAVITY,
@@ -216,6 +216,6 @@ def test_the_threshold_from_noise_on_the_square(shared_data):
     """A table top is still enough for the threshold that noise alone gives."""
     recording = read_openshoe_mat(shared_data / "openshoe" / "square2.mat", rate_hz=100.0)
     section = FootConfig.parse({"detector": {"threshold": "noise", "margin": 10.0, "window_s": 0.1}}).detector
-    found = find_rests(recording.imu, section, gravity=9.817, rest_s=5.0)
+    found = detect_rests(recording.imu, section, gravity=9.817, rest_s=5.0)
     assert found.mask[:1500].all()
     assert 0.5 < found.mask.mean() < 0.8

@@ -8,14 +8,14 @@ import walk_cases as wc
 
 from schuler import frames
 from schuler.exceptions import InputError
-from schuler.navigation.foot.rests import rests_of
 from schuler.navigation.foot.strides import segment
+from schuler.standstill.intervals import rests_from_mask
 
 
 def strides_of(motion, **options):
     t = wc.times(motion)
     state = motion.state(t)
-    rests = rests_of(t, motion.resting(t))
+    rests = rests_from_mask(t, motion.resting(t))
     return segment(rests, frames.ned_from_ecef(state.r_eb_e, wc.ORIGIN), state.rpy_nb[:, 2], **options)
 
 
@@ -62,21 +62,21 @@ def test_short_rests_and_short_motions_divide_nothing():
     mask[(t > 5.2) & (t < 5.22)] = True  # a false rest in the first swing
     mask[(t > 5.7) & (t < 5.75)] = False  # a twitch in the first rest
     r, heading = frames.ned_from_ecef(state.r_eb_e, wc.ORIGIN), state.rpy_nb[:, 2]
-    assert len(segment(rests_of(t, mask), r, heading)) == 12
-    assert len(segment(rests_of(t, mask), r, heading, min_rest_s=0.0, min_motion_s=0.0)) == 14
+    assert len(segment(rests_from_mask(t, mask), r, heading)) == 12
+    assert len(segment(rests_from_mask(t, mask), r, heading, min_rest_s=0.0, min_motion_s=0.0)) == 14
 
 
 def test_no_rest_no_stride():
     t = np.arange(10) / 100.0
-    s = segment(rests_of(t, np.zeros(10, dtype=bool)), np.zeros((10, 3)), np.zeros(10))
+    s = segment(rests_from_mask(t, np.zeros(10, dtype=bool)), np.zeros((10, 3)), np.zeros(10))
     assert len(s) == 0
     assert s.distance == 0.0
-    one = segment(rests_of(t, np.ones(10, dtype=bool)), np.zeros((10, 3)), np.zeros(10))
+    one = segment(rests_from_mask(t, np.ones(10, dtype=bool)), np.zeros((10, 3)), np.zeros(10))
     assert len(one) == 0
 
 
 def test_arrays_that_do_not_fit():
-    rests = rests_of(np.arange(10) / 100.0, np.ones(10, dtype=bool))
+    rests = rests_from_mask(np.arange(10) / 100.0, np.ones(10, dtype=bool))
     with pytest.raises(InputError, match="position_n"):
         segment(rests, np.zeros((9, 3)), np.zeros(10))
     with pytest.raises(InputError, match="at least 0"):

@@ -13,18 +13,19 @@ from schuler import earth, frames, units
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, InitialState, Progress, run
-from schuler.filtering.measurements import MeasurementSchedule, zero_velocity
+from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.alignment import levelling
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.foot.config import FootConfig
-from schuler.navigation.foot.rests import Rests, find_rests, rests_of
+from schuler.navigation.foot.rests import detect_rests, zero_velocities
 from schuler.navigation.foot.result import FootResult
 from schuler.navigation.foot.strides import segment
 from schuler.navigation.result import NavigationResult
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries, Increments
 from schuler.recording.trajectory import FullTrajectory
+from schuler.standstill.intervals import Rests, rests_from_mask
 
 
 def navigate_foot(
@@ -84,9 +85,9 @@ def navigate_foot(
     llh = np.array([config.place.lat_deg * units.DEG, config.place.lon_deg * units.DEG, config.place.height_m])
     if rest is None:
         gravity = float(np.linalg.norm(earth.gravity_ned(llh[0], llh[2])))
-        rests = find_rests(imu, config.detector, gravity=gravity, rest_s=config.alignment.rest_s)
+        rests = detect_rests(imu, config.detector, gravity=gravity, rest_s=config.alignment.rest_s)
     else:
-        rests = rests_of(imu.t, rest)
+        rests = rests_from_mask(imu.t, rest)
     increments = imu.increments(order=config.sensor.rate_order)
     begin = _beginning(rests, increments, config, notes)
     increments = increments.between(begin - 1e-9, increments.t[-1])
@@ -114,7 +115,7 @@ def navigate_foot(
     if not filtered.complete:
         notes.append(f"interrupted at {filtered.trajectory.t[-1]:.2f} s; the solution ends there")
         kept_rests = rests.t <= filtered.trajectory.t[-1] + 1e-9
-        rests = rests_of(rests.t[kept_rests], rests.mask[kept_rests], method=rests.method)
+        rests = rests_from_mask(rests.t[kept_rests], rests.mask[kept_rests], method=rests.method)
     position = np.concatenate((np.zeros((1, 3)), frames.ned_from_ecef(best.trajectory.r_eb_e, llh)))
     heading = np.concatenate(([initial.nav.rpy_nb[2]], best.trajectory.rpy_nb[:, 2]))
     strides = segment(
@@ -190,32 +191,6 @@ def align_foot(
     ).aligned(level, layout)  # fmt: skip
 
 
-def zero_velocities(imu: ImuSeries, rests: Rests, config: FootConfig) -> MeasurementSchedule:
-    """Zero velocity at every sample at rest, less certain while the foot turns.
-
-    Parameters
-    ----------
-    imu : ImuSeries
-    rests : Rests
-        Of the same log or its later part.
-    config : FootConfig
-        Section ``zupt``.
-
-    Returns
-    -------
-    MeasurementSchedule
-        1-sigma ``sqrt(sigma^2 + (roll |omega|)^2)``: a sole that rolls over the ground at omega moves the IMU at omega
-        times its distance from the point it rolls on, and that point wanders by ``roll``.
-    """
-    section = config.zupt
-    times = rests.t[1:][rests.mask[1:]]  # the first one is the start
-    at = np.searchsorted(imu.t, times - 1e-9)
-    omega = np.linalg.norm(imu.rates().gyro[at], axis=1)
-    unit = zero_velocity(times, 1.0, gate=None if section.gate == "off" else section.gate)
-    variance = section.sigma_m_s**2 + (section.roll_m * omega) ** 2
-    return replace(unit, R=unit.R * variance[:, None, None])
-
-
 def _check_gaps(imu: ImuSeries, config: FootConfig, notes: list[str]) -> None:
     gaps = imu.gaps(2.5)
     if not len(gaps):
@@ -252,7 +227,7 @@ def _from(rests: Rests, kept: BoolArray, begin: float, t: FloatArray) -> Rests:
     if times[0] > begin + 1e-9:  # increments: the first interval begins before the first stamp
         times, mask = np.concatenate(([begin], times)), np.concatenate(([mask[0]], mask))
         statistic, threshold = (np.concatenate((x[:1], x)) for x in (statistic, threshold))
-    return rests_of(times, mask, statistic=statistic, threshold=threshold, method=rests.method)
+    return rests_from_mask(times, mask, statistic=statistic, threshold=threshold, method=rests.method)
 
 
 def _by_stride(

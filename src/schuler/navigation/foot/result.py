@@ -10,9 +10,9 @@ import numpy as np
 from schuler import frames, units
 from schuler.arrays import FloatArray
 from schuler.filtering.measurements import ACCEPTED, FORCED
-from schuler.navigation.foot.rests import Rests
 from schuler.navigation.foot.strides import Strides
 from schuler.navigation.result import NavigationResult
+from schuler.standstill.intervals import Rests
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,7 +8,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
-from schuler.navigation.foot.rests import Rests, rests_of
+from schuler.standstill.intervals import Rests, rests_from_mask
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def segment(
     position, heading = as_floats(position_n, "position_n", (n, 3)), as_floats(heading, "heading", (n,))
     if not (min_rest_s >= 0.0 and min_motion_s >= 0.0 and min_length_m >= 0.0):
         raise InputError(f"expected limits of at least 0, got {min_rest_s}, {min_motion_s}, {min_length_m}")
-    kept = rests_of(rests.t, rests.mask, min_rest_s=min_rest_s, bridge_s=min_motion_s)
+    kept = rests_from_mask(rests.t, rests.mask, min_rest_s=min_rest_s, bridge_s=min_motion_s)
     middle, t = kept.middle, kept.t
     index = np.stack((middle[:-1], middle[1:]), axis=1) if len(kept) else np.empty((0, 2), dtype=np.int64)
     displacement = position[index[:, 1]] - position[index[:, 0]]

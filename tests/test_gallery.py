@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 
+import make
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
@@ -14,14 +14,6 @@ TEXT = (DOCS / "gallery.md").read_text(encoding="utf-8")
 LINES = 10  # of a program, imports and blanks left out
 
 
-def _make():
-    spec = importlib.util.spec_from_file_location("gallery_make", DOCS / "gallery" / "make.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-make = _make()
 PROGRAMS = make.programs(TEXT)
 
 

@@ -7,7 +7,6 @@ otherwise it is built once, half a minute, whatever the number of test processes
 from __future__ import annotations
 
 import fcntl
-import importlib.util
 import inspect
 import os
 import pkgutil
@@ -229,12 +228,7 @@ def test_names_on_pages_exist(page):
 def mathml():
     pytest.importorskip("sphinx", reason="Sphinx is not installed: pip install 'schuler[docs]'")
     pytest.importorskip("latex2mathml", reason="latex2mathml is not installed: pip install 'schuler[docs]'")
-    spec = importlib.util.spec_from_file_location("mathml", ROOT / "docs" / "_ext" / "mathml.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return import_module("mathml")
 
 
 def test_equations_become_mathml(mathml):

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import json
 import re
-import sys
-from pathlib import Path
 
 import pytest
 from places import DATA
+from real_recordings import GOOD
 
 from schuler.cli import main
 from schuler.diagnosis.not_a_log import not_a_log
 
 FILES = sorted(str(p.relative_to(DATA)) for p in DATA.rglob("*") if p.is_file()) if DATA.is_dir() else []
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "diagnosis"))
-
-from real_recordings import GOOD  # noqa: E402
 
 #: What a file is by its name: the first rule that fits.
 RULES = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,8 +16,6 @@ from schuler.gnss.ranges import Ranges
 from schuler.recording import GnssSeries, ImuSeries, Metadata, OdometerSeries, Recording, Trajectory
 from schuler.recording.scalar_series import ScalarSeries
 from schuler.timebase import TimeBase
-
-sys.path.insert(0, str(Path(__file__).parent))  # for format_drives, samples, mutations
 
 
 @pytest.fixture

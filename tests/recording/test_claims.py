@@ -10,6 +10,7 @@ from pathlib import Path
 import claims
 import pytest
 import samples
+from places import TESTS
 
 MOST_MB = 300.0  # a few copies of the 64 MB that any packed file may unpack to
 
@@ -24,7 +25,7 @@ pytest.importorskip("hatanaka")
 def measured() -> dict:
     if not Path("/proc/self/status").exists():
         pytest.skip("this system does not tell the address space of a process")
-    script = Path(__file__).with_name("claims.py")
+    script = TESTS / "support" / "claims.py"
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-3000:]
     return json.loads(done.stdout)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 import os
 import sys
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 ROOT = Path(__file__).resolve().parents[2]
 TESTS = ROOT / "tests"
@@ -15,16 +15,8 @@ EXAMPLES = ROOT / "examples"
 DATA = Path(os.environ.get("SCHULER_DATA", ROOT.parent / "shared" / "data"))
 
 
-def module(path: str) -> Any:
-    """A test module, by its path below the tests: for the results it makes."""
-    file = TESTS / path
-    name = f"shared_{file.stem}"
-    if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, file)
-        sys.modules[name] = importlib.util.module_from_spec(spec)
-        sys.path.insert(0, str(file.parent))  # test modules of a folder import each other by name
-        try:
-            spec.loader.exec_module(sys.modules[name])
-        finally:
-            sys.path.remove(str(file.parent))
-    return sys.modules[name]
+def module(path: str) -> ModuleType:
+    """A test module, by its path below the tests: for the cases and logs it makes."""
+    if str(ROOT) not in sys.path:  # in a script; pytest has it
+        sys.path.append(str(ROOT))
+    return importlib.import_module(".".join(Path("tests", path).with_suffix("").parts))

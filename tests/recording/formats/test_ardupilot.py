@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 import tempfile
 from contextlib import suppress
 from pathlib import Path
 
+import dataflash_encoder as encoder
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -19,9 +19,6 @@ from schuler.recording.formats import ardupilot, dataflash
 from schuler.recording.io import read
 from schuler.timebase import TimeBase
 
-_spec = importlib.util.spec_from_file_location("dataflash_encoder", Path(__file__).with_name("dataflash_encoder.py"))
-encoder = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(encoder)
 message = encoder.message
 
 WEEK, TOW = 2288, 252_000.0

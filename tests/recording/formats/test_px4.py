@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import struct
 import tempfile
 from contextlib import suppress
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import ulog_encoder as encoder
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -21,9 +21,6 @@ from schuler.recording.io import read
 from schuler.timebase import TimeBase
 
 pytest.importorskip("pyulog")
-_spec = importlib.util.spec_from_file_location("ulog_encoder", Path(__file__).with_name("ulog_encoder.py"))
-encoder = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(encoder)
 
 UTC = 1_700_000_000.0  # in GPS week 2288
 TOW = UTC - 315_964_800.0 + 18.0 - 2288 * 604_800.0

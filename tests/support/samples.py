@@ -7,24 +7,19 @@ from __future__ import annotations
 
 import functools
 import gzip
-import importlib.util
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import encode_vectornav
 import numpy as np
+import places
+from format_drives import WEEK, drive
 
-HERE = Path(__file__).resolve().parent
-if str(HERE) not in sys.path:
-    sys.path.insert(0, str(HERE))
-
-from format_drives import WEEK, drive  # noqa: E402
-
-from schuler.recording import Recording, Trajectory  # noqa: E402
-from schuler.recording.io import write  # noqa: E402
+from schuler.recording import Recording, Trajectory
+from schuler.recording.io import write
 
 #: Formats that ``recording.io`` reads itself, beside those of the registry.
 OLDER = (
@@ -47,18 +42,10 @@ class Sample:
         return self.files or (self.path,)
 
 
-@functools.cache
 def module(name: str) -> ModuleType:
-    """A test module that makes logs, from this folder or from ``formats``."""
-    path = HERE / f"{name}.py"
-    if not path.exists():
-        path = HERE / "formats" / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(f"samples_{name}", path)
-    assert spec is not None
-    assert spec.loader is not None
-    made = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    return made
+    """A module of the tests of recordings, for the logs it makes."""
+    (path,) = (places.TESTS / "recording").rglob(f"{name}.py")
+    return places.module(path.relative_to(places.TESTS).as_posix())
 
 
 @functools.cache
@@ -142,9 +129,7 @@ def vectornav(folder: Path) -> Sample:
 def vectornav_lines(folder: Path) -> Sample:
     (folder / "vn.txt").write_bytes(
         b"".join(
-            module("encode_vectornav").line(
-                "VNIMU,+00.2,-00.1,+00.4,+00.1,-00.2,-09.79,+00.01,+00.02,-00.03,+21.5,+101.3"
-            )
+            encode_vectornav.line("VNIMU,+00.2,-00.1,+00.4,+00.1,-00.2,-09.79,+00.01,+00.02,-00.03,+21.5,+101.3")
             for _ in range(60)
         )
     )

@@ -13,8 +13,9 @@ from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.preparation import prepare_ranges
 from schuler.gnss.range_errors import RangeErrors
 from schuler.gnss.synthetic import synthetic_ranges
-from schuler.navigation.aids.satellite import clock_models, range_measurements
+from schuler.navigation.aids.satellite import range_measurements
 from schuler.navigation.inputs.satellite_noise import honest
+from schuler.navigation.states import clock_models
 
 EPOCH = 1.3e9
 

@@ -1,7 +1,7 @@
 """The API reference: one page for each package, written from the package itself before every build.
 
 Everything public is documented once, under the shortest name it can be imported by: ``schuler.navigate`` rather than
-``schuler.navigation.navigate.navigate``. Only names in the ``__all__`` of a package have such a short name. Commands
+``schuler.navigation.run.navigate``. Only names in the ``__all__`` of a package have such a short name. Commands
 are left out; they are in commands.md.
 """
 

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from schuler.filtering.states import StateLayout, StateModel, layout_for
     from schuler.mechanization.strapdown import NavState, mechanize
     from schuler.navigation.config import NavigationConfig
-    from schuler.navigation.navigate import navigate
     from schuler.navigation.navigator import Navigator
     from schuler.navigation.result import NavigationResult
+    from schuler.navigation.run import navigate
     from schuler.navigation.start.fine_alignment import fine_alignment
     from schuler.recording.io import ReadHints, read, write
     from schuler.recording.recording import Metadata, Recording
@@ -60,7 +60,7 @@ _PLACES = {
     "schuler.navigation.config": ("NavigationConfig",),
     "schuler.filtering.engine": ("FilterOptions", "InitialState"),
     "schuler.navigation.start.fine_alignment": ("fine_alignment",),
-    "schuler.navigation.navigate": ("navigate",),
+    "schuler.navigation.run": ("navigate",),
     "schuler.navigation.navigator": ("Navigator",),
     "schuler.navigation.result": ("NavigationResult",),
     "schuler.filtering.states": ("StateLayout", "StateModel", "layout_for"),

@@ -14,7 +14,7 @@ from places import ROOT
 from schuler.characterisation.exports import EXPORTS, export_text
 from schuler.exceptions import ConfigError, FileFormatError, InputError
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.navigate import imu_spec
+from schuler.navigation.states import imu_spec
 from schuler.sensors import ImuSpec, TriadSpec, catalogue
 from schuler.sensors.spec_file import read_spec, read_spec_file, spec_text, write_spec
 from schuler.simulation.scenario import Scenario, prepare_mission, simulate_mission

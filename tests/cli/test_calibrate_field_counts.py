@@ -16,7 +16,7 @@ from schuler.calibration.result.parameters import vector
 from schuler.calibration.result.result import CalibrationResult
 from schuler.cli import main
 from schuler.filtering.states import layout_for
-from schuler.navigation.start.calibration_start import calibration_start
+from schuler.navigation.start.calibration import calibration_start
 from schuler.recording import io
 from schuler.recording.recording import Metadata, Recording
 from schuler.sensors import catalogue

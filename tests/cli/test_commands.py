@@ -15,9 +15,9 @@ from places import EXAMPLES, ROOT
 import schuler
 from schuler.cli import main
 from schuler.cli.app import COMMANDS, METHODS
-from schuler.navigation.aiding_config import AidingSection
 from schuler.navigation.evaluation.errors import trajectory_errors
-from schuler.navigation.solution_file import read_solution
+from schuler.navigation.sections import AidingSection
+from schuler.navigation.solution_tables import read_solution
 from schuler.recording import io
 
 

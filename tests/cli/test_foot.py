@@ -13,7 +13,7 @@ from schuler.cli.options import Reading
 from schuler.exceptions import ConfigError, InputError
 from schuler.navigation.foot.errors import walk_errors
 from schuler.navigation.foot.figures import detector, overview, save_foot_figures, track
-from schuler.navigation.foot.navigate import navigate_foot
+from schuler.navigation.foot.run import navigate_foot
 from schuler.recording.formats.csv import write_csv
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries

@@ -184,7 +184,7 @@ def test_smoothed_covariance_stays_positive_through_a_long_outage(drive_case):
 def test_states_that_are_hardly_seen_leave_no_infinities():
     """Rows of the square root that decay to denormal numbers once made the covariance NaN, compiled only."""
 
-    from schuler.navigation.navigate import navigate
+    from schuler.navigation.run import navigate
     from schuler.simulation.scenario import simulate
 
     examples = ROOT / "examples"

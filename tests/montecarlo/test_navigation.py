@@ -99,7 +99,7 @@ def test_errors_are_estimate_minus_truth_in_north_east_down(job):
     """Against the library's own comparison of trajectories."""
     from schuler.montecarlo.navigation import _drawn
     from schuler.navigation.evaluation.errors import trajectory_errors
-    from schuler.navigation.navigate import navigate
+    from schuler.navigation.run import navigate
     from schuler.simulation.scenario import simulate_mission
 
     seed = run_seed(0, 3)
@@ -120,7 +120,7 @@ def test_the_start_scatters_as_it_is_told(job):
     """400 draws: 4 standard errors of a sigma are 14 %."""
     from schuler import frames
     from schuler.montecarlo.navigation import _drawn
-    from schuler.navigation.evaluation.errors import attitude_difference
+    from schuler.navigation.evaluation.consistency import attitude_difference
 
     nav = job.plan.initial.nav
     C = frames.C_en(nav.llh)

@@ -16,10 +16,9 @@ from places import ROOT
 
 from schuler import frames, rotation, units
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.evaluation.errors import TrajectoryErrors, trajectory_errors
-from schuler.navigation.evaluation.outages import OutageError, outage_errors
-from schuler.navigation.navigate import navigate
+from schuler.navigation.evaluation.errors import OutageError, TrajectoryErrors, outage_errors, trajectory_errors
 from schuler.navigation.result import NavigationResult
+from schuler.navigation.run import navigate
 from schuler.recording.io import read
 from schuler.recording.recording import Recording
 from schuler.recording.trajectory import Trajectory

@@ -9,9 +9,8 @@ from places import EXAMPLES
 from schuler import units
 from schuler.exceptions import ConfigError, InputError
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.evaluation.errors import trajectory_errors
-from schuler.navigation.evaluation.outages import drift_curve, outage_errors
-from schuler.navigation.navigate import navigate
+from schuler.navigation.evaluation.errors import drift_curve, outage_errors, trajectory_errors
+from schuler.navigation.run import navigate
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.recording.trajectory import Trajectory

@@ -7,8 +7,8 @@ import pytest
 
 from schuler import units
 from schuler.exceptions import FileFormatError
-from schuler.navigation.navigate import navigate
-from schuler.navigation.solution_file import FORMAT, read_solution
+from schuler.navigation.run import navigate
+from schuler.navigation.solution_tables import FORMAT, read_solution
 from schuler.recording.formats.parquet import read_table, write_table
 from schuler.simulation.scenario import simulate
 

@@ -15,7 +15,7 @@ from schuler.gnss.preparation import prepare_ranges
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.navigation.inputs.satellites import limited
-from schuler.navigation.navigate import navigate
+from schuler.navigation.run import navigate
 from schuler.recording.recording import Recording
 from schuler.recording.trajectory import Trajectory
 from schuler.sensors import catalogue

@@ -10,8 +10,8 @@ from places import EXAMPLES
 
 from schuler.exceptions import InputError
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.configured import imu_spec
-from schuler.navigation.navigate import navigate
+from schuler.navigation.run import navigate
+from schuler.navigation.states import imu_spec
 from schuler.observability import (
     ObservabilityScenario,
     observability,

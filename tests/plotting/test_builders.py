@@ -11,7 +11,7 @@ from schuler import frames, units
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import ACCEPTED, FORCED, REJECTED
 from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.navigation.report import accuracy, build, estimates, residuals, track, verdict
+from schuler.navigation.report import accuracy, build, estimates, innovations, outages, track, verdict
 from schuler.navigation.report.subject import WITHHELD, Subject, inside_share
 from schuler.plotting.figure import Band, Bars, Line, Markers, Span, Text
 from schuler.plotting.parts import number
@@ -107,7 +107,7 @@ def test_rejected_and_forced_fixes_are_marked(wild):
     assert counts["accepted after lock-out"] >= 1
     assert len(items(panel, Markers, "rejected")[0].x) == counts["rejected"]
     assert len(items(panel, Markers, "forced")[0].x) == counts["accepted after lock-out"]
-    figure = residuals.innovations(subject, "position")
+    figure = innovations.by_component(subject, "position")
     for p in figure.panels:
         assert len(items(p, Markers, "rejected")[0].x) == counts["rejected"]
         assert len(items(p, Markers, "forced")[0].x) == counts["accepted after lock-out"]
@@ -116,7 +116,7 @@ def test_rejected_and_forced_fixes_are_marked(wild):
 
 def test_innovations_and_their_squares(full):
     inn = full.result.innovations.of("velocity")
-    figure = residuals.innovations(subject_of(full), "velocity")
+    figure = innovations.by_component(subject_of(full), "velocity")
     for i, panel in enumerate(figure.panels[:3]):
         assert np.allclose(items(panel, Markers)[0].y, inn.innovation[:, i])
         band = items(panel, Band)[0]
@@ -134,21 +134,21 @@ def test_innovations_and_their_squares(full):
 def test_a_few_wild_innovations_do_not_flatten_the_rest(rng):
     innovation = rng.standard_normal(1000)
     innovation[[3, 500]] = 400.0, -70.0
-    limit, beyond = residuals.reach(innovation, np.full(1000, 3.0))
+    limit, beyond = innovations.reach(innovation, np.full(1000, 3.0))
     assert 3.0 < limit < 5.0
     assert beyond == 2
-    assert residuals.reach(np.zeros(5), np.full(5, 3.0)) == (pytest.approx(3.3), 0)
-    assert residuals.reach(np.full(2, np.nan), np.full(2, np.nan)) == (1.0, 0)
+    assert innovations.reach(np.zeros(5), np.full(5, 3.0)) == (pytest.approx(3.3), 0)
+    assert innovations.reach(np.full(2, np.nan), np.full(2, np.nan)) == (1.0, 0)
 
 
 def test_running_mean_is_centred():
     values = np.arange(200.0)
-    mean, width = residuals.running_mean(values)
+    mean, width = innovations.running_mean(values)
     assert width == 11
     known = np.isfinite(mean)
     assert known.sum() == 200 - width + 1
     assert np.allclose(mean[known], values[known])
-    short, width = residuals.running_mean(np.ones(5))
+    short, width = innovations.running_mean(np.ones(5))
     assert np.isnan(short).all()
     assert width > 5
 
@@ -189,7 +189,7 @@ def test_every_block_has_a_name_a_unit_and_its_elements(make_run):
 
 
 def test_outages_and_drift(full):
-    figure = accuracy.outage_figure(subject_of(full))
+    figure = outages.outage_figure(subject_of(full))
     bars, drift = figure.panels
     e = full.result.errors(full.truth)
     expected = [e.between(a, b).max_horizontal for a, b in full.result.outages]

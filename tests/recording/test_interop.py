@@ -13,7 +13,7 @@ import schuler
 from schuler import rotation
 from schuler.exceptions import InputError, MissingExtraError, SchulerError
 from schuler.filtering.states import StateLayout, StateModel
-from schuler.navigation import result_tables
+from schuler.navigation import solution_tables as result_tables
 from schuler.navigation.result import Innovations, NavigationResult
 from schuler.recording import Recording, Trajectory
 from schuler.recording.io import own

@@ -17,7 +17,7 @@ from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.navigation.navigate import navigate
+from schuler.navigation.run import navigate
 from schuler.recording.recording import Recording
 from schuler.rotary.aids import in_imu_axes, lever_arms
 from schuler.rotary.encoder import Encoder, EncoderReadings, read_encoder
@@ -85,7 +85,7 @@ def recording(schedule=TURN, *, offset=(0.0, 0.0, 0.0), sign=1.0, seed=1, noisy=
 def true_start(t=0.0, sigma=(0.5 * DEG, 0.5 * DEG, 2.0 * DEG), seed=None):
     """The vehicle's true state, or one with errors as uncertain as it says."""
     from schuler.navigation.config import NavigationConfig
-    from schuler.navigation.configured import imu_spec, state_layout
+    from schuler.navigation.states import imu_spec, state_layout
 
     config = NavigationConfig.parse(CONFIG)
     layout = state_layout(config, imu_spec(config))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import ConfigError
-from schuler.navigation.config_types import Config
+from schuler.navigation.sections import Config
 from schuler.rotary import schemes
 from schuler.rotary.sections import EncoderSection, LimitsSection, RotarySection, ScheduleSection
 from schuler.rotary.usage import usage

@@ -165,7 +165,7 @@ def test_impossible_skies_are_explained(motion, model, message):
 
 def test_the_example_navigates_tightly_and_recovers_its_truth(tmp_path):
     """Simulate, write, read, navigate: 3 and 1 satellites, a reflection of 60 m, wrong odometer, compass, barometer."""
-    from schuler.navigation.navigate import navigate
+    from schuler.navigation.run import navigate
 
     run = simulate_mission(prepare_mission(EXAMPLES / "town_tight.toml"))
     recording = read(write(run.recording, tmp_path / "town.parquet")[0])

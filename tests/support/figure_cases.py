@@ -92,7 +92,7 @@ def modes():
 @cache
 def walked():
     from schuler.navigation.foot.errors import walk_errors
-    from schuler.navigation.foot.navigate import navigate_foot
+    from schuler.navigation.foot.run import navigate_foot
 
     recording = fixture("cli/test_foot.py", "recording")
     result = navigate_foot(recording, {"filter": {"smooth": "stride"}})
@@ -298,7 +298,7 @@ def eight():
 
 
 def fan_of(error: float = 1.0):
-    from schuler.navigation.evaluation.outage_statistics import OutageStatistics
+    from schuler.navigation.evaluation.outages import OutageStatistics
 
     age = np.arange(31.0)
     size = 0.1 + age**2 / 100.0
@@ -389,7 +389,7 @@ def _outages() -> dict[str, Callable]:
     t = np.arange(100.0)
 
     def separation():
-        from schuler.navigation.evaluation.separation import Separation
+        from schuler.navigation.evaluation.consistency import Separation
 
         return Separation(t, RNG(1).standard_normal((100, 9)), np.tile(np.eye(9), (100, 1, 1)), ((50.0, 60.0),))
 
@@ -403,17 +403,8 @@ def _outages() -> dict[str, Callable]:
 def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
     """Figures of a navigation run, by module and name."""
     from schuler.gnss.point import solve_points
+    from schuler.navigation.report import accuracy, estimates, figures, innovations, outages, satellites, track
     from schuler.navigation.report import accuracy as a
-    from schuler.navigation.report import (
-        by_satellite,
-        estimates,
-        figures,
-        residuals,
-        run_outages,
-        satellites_view,
-        separation,
-        track,
-    )
 
     def three():
         """A run of three outages, for a fan."""
@@ -421,7 +412,7 @@ def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
 
     def kinds(name):
         s = subject(run(name))
-        return [residuals.innovations(s, kind) for kind in residuals.kinds(s)]
+        return [innovations.by_component(s, kind) for kind in innovations.kinds(s)]
 
     def blocks(name):
         s = subject(run(name))
@@ -431,7 +422,7 @@ def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
         return run("everything").ranges
 
     def of_satellites():
-        return [by_satellite.innovations(subject(run("everything")), kind) for kind in residuals.OF_SATELLITES]
+        return [innovations.by_satellite(subject(run("everything")), kind) for kind in innovations.SATELLITE_KINDS]
 
     full = lambda **over: subject(run("full"), **over)  # noqa: E731
     return {
@@ -439,18 +430,18 @@ def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
         "navigation.report.accuracy.errors": lambda: [a.errors(full(), block) for block in ("dr", "dv", "dpsi")],
         "navigation.report.accuracy.sigmas": lambda: a.sigmas(full()),
         "navigation.report.accuracy.normalised_errors": lambda: a.normalised_errors(full()),
-        "navigation.report.accuracy.outage_figure": lambda: a.outage_figure(full()),
-        "navigation.report.by_satellite.innovations": of_satellites,
+        "navigation.report.outages.outage_figure": lambda: a.outage_figure(full()),
+        "navigation.report.innovations.by_satellite": of_satellites,
         "navigation.report.estimates.parameters": lambda: blocks("full") + blocks("everything"),
         "navigation.report.figures.overview_content": lambda: [figures.overview_content(s) for s in (full(), full(reference=None))],
-        "navigation.report.residuals.innovations": lambda: kinds("wild") + kinds("everything"),
-        "navigation.report.run_outages.outage_fan": lambda: run_outages.outage_fan(subject(three())),
-        "navigation.report.satellites_view.sky": lambda: satellites_view.sky(ranges()),
-        "navigation.report.satellites_view.timeline": lambda: satellites_view.timeline(ranges(), subject(run("everything"))),
-        "navigation.report.satellites_view.geometry": lambda: satellites_view.geometry(ranges(), solve_points(ranges(), integrity=None)),
-        "navigation.report.satellites_view.strengths": lambda: satellites_view.strengths(ranges()),
-        "navigation.report.satellites_view.satellite_figures": lambda: satellites_view.satellite_figures(ranges()),
-        "navigation.report.separation.separation": lambda: separation.separation(full()),
+        "navigation.report.innovations.by_component": lambda: kinds("wild") + kinds("everything"),
+        "navigation.report.outages.outage_fan": lambda: outages.outage_fan(subject(three())),
+        "navigation.report.satellites.sky": lambda: satellites.sky(ranges()),
+        "navigation.report.satellites.timeline": lambda: satellites.timeline(ranges(), subject(run("everything"))),
+        "navigation.report.satellites.geometry": lambda: satellites.geometry(ranges(), solve_points(ranges(), integrity=None)),
+        "navigation.report.satellites.strengths": lambda: satellites.strengths(ranges()),
+        "navigation.report.satellites.satellite_figures": lambda: satellites.satellite_figures(ranges()),
+        "navigation.report.accuracy.separation": lambda: accuracy.separation(full()),
         "navigation.report.track.track": lambda: [track.track(full()), track.track(subject(run("wild")))],
         "navigation.report.track.profile": lambda: track.profile(full()),
         "navigation.report.track.motion": lambda: track.motion(full()),

@@ -26,7 +26,7 @@ from schuler.filtering.measurements import (
     in_windows,
     merged,
 )
-from schuler.navigation.config_types import Config, NonNegative, Positive, Section, Triple
+from schuler.navigation.sections import Config, NonNegative, Positive, Section, Triple
 from schuler.recording.series import ImuSeries
 from schuler.recording.trajectory import FullTrajectory
 from schuler.simulation.aid_sections import Window

@@ -64,8 +64,7 @@ def compare(
     from schuler.diagnosis.first import checked
     from schuler.navigation.config import NavigationConfig
     from schuler.navigation.evaluation.architectures import compare_architectures
-    from schuler.navigation.evaluation.outage_forks import outage_statistics
-    from schuler.navigation.evaluation.outage_statistics import OutageStatistics
+    from schuler.navigation.evaluation.outages import OutageStatistics, outage_statistics
 
     began = time.perf_counter()
     changes = entries(set_)

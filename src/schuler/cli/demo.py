@@ -63,7 +63,7 @@ def run_demo(seed: int | None, bar: Any = None) -> tuple[Outcome, Any, float]:
         Called with the fraction done.
     """
     from schuler.navigation.config import NavigationConfig
-    from schuler.navigation.navigate import navigate
+    from schuler.navigation.run import navigate
     from schuler.simulation.scenario import Scenario, prepare_mission, simulate_mission
 
     data = read_toml(Path(__file__).with_name("demo.toml"))

@@ -62,7 +62,7 @@ def foot(
         Print one JSON object instead of text.
     """
     from schuler.navigation.foot.config import FootConfig
-    from schuler.navigation.foot.navigate import navigate_foot
+    from schuler.navigation.foot.run import navigate_foot
 
     began = time.perf_counter()
     config = FootConfig() if reading.config is None else FootConfig.load(reading.config)

@@ -73,7 +73,7 @@ def navigate(
     from schuler.cli.convert import read_log
     from schuler.diagnosis.first import checked
     from schuler.navigation.config import NavigationConfig
-    from schuler.navigation.navigate import navigate as run
+    from schuler.navigation.run import navigate as run
 
     began = time.perf_counter()
     changes = entries(set)
@@ -126,7 +126,7 @@ class Outcome:
 
 def evaluated(recording: Recording, result: NavigationResult, smooth: bool, truth_parameters: Any = None) -> Outcome:
     """Compare a solution with the recording's reference, or with all its GNSS fixes where there is none."""
-    from schuler.navigation.evaluation.evaluation import evaluate
+    from schuler.navigation.evaluation.errors import evaluate
 
     reference, at_antenna = recording.reference, False
     if reference is None and recording.gnss is not None:

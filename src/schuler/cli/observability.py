@@ -90,8 +90,8 @@ def _of_scenario(path: Path, changes: dict[str, object], symbolic: bool) -> tupl
 def _of_log(log: Path, config: Path, axes: str, known: tuple[str, ...], bar: Progress | None) -> Observability:
     from schuler.cli.convert import read_log
     from schuler.navigation.config import NavigationConfig
-    from schuler.navigation.configured import imu_spec
-    from schuler.navigation.navigate import navigate
+    from schuler.navigation.run import navigate
+    from schuler.navigation.states import imu_spec
     from schuler.observability import observability, result_system
 
     loaded = NavigationConfig.load(config, [("filter.smooth", True)])

@@ -1,1 +1,5 @@
-"""One error-state filter: states, error model, measurements, engine, smoother, live use."""
+"""Error-state Kalman filter: state layouts, measurements, the compiled engine and its error model."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

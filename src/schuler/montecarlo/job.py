@@ -18,9 +18,9 @@ from schuler.filtering.engine import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.config_types import Config, NonNegative, Positive, Section, Triple
-from schuler.navigation.configured import imu_spec, state_layout
-from schuler.navigation.navigate import navigate
+from schuler.navigation.run import navigate
+from schuler.navigation.sections import Config, NonNegative, Positive, Section, Triple
+from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.trajectory import FullTrajectory
 from schuler.sensors.spec import ImuSpec
 from schuler.sensors.spec_file import anchored

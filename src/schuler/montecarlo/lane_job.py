@@ -8,8 +8,8 @@ import numpy as np
 
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions
-from schuler.navigation.aiding_config import AidingSection
 from schuler.navigation.config import GnssSection, ImuSection
+from schuler.navigation.sections import AidingSection
 from schuler.simulation.aid_sections import StreamSection
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ from schuler.filtering.engine import InitialState
 from schuler.mechanization.strapdown import NavState
 from schuler.montecarlo.functions import RunFunction, traits
 from schuler.montecarlo.job import Engine, NavigationJob, Plan
-from schuler.navigation.evaluation.errors import attitude_difference
-from schuler.navigation.navigate import navigate
+from schuler.navigation.evaluation.consistency import attitude_difference
 from schuler.navigation.result import NavigationResult
+from schuler.navigation.run import navigate
 from schuler.simulation.scenario import simulate_mission
 
 #: Of the drawn start among the children of a run's seed, far from those that the simulation takes.

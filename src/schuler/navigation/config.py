@@ -13,8 +13,16 @@ from pydantic import Field, field_validator, model_validator
 
 from schuler.exceptions import ConfigError
 from schuler.files import read_toml
-from schuler.navigation.aiding_config import AidingSection, CorrelatedSection, TightSection
-from schuler.navigation.config_types import Config, NonNegative, Positive, Section, Triple
+from schuler.navigation.sections import (
+    AidingSection,
+    Config,
+    CorrelatedSection,
+    NonNegative,
+    Positive,
+    Section,
+    TightSection,
+    Triple,
+)
 from schuler.sensors.spec_file import anchored
 
 

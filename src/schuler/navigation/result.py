@@ -314,8 +314,8 @@ class NavigationResult:
         ----------
         path : Path or str
             One Parquet file; columns carry SI units in their names. Read back with any Parquet reader or
-            :func:`schuler.navigation.solution_file.read_solution`.
+            :func:`schuler.navigation.solution_tables.read_solution`.
         """
-        from schuler.navigation.solution_file import write_solution
+        from schuler.navigation.solution_tables import write_solution
 
         return write_solution(self, path)

@@ -24,7 +24,7 @@ from schuler.filtering.measurements import (
     merged,
 )
 from schuler.filtering.states import BLOCKS, StateLayout, StateModel, layout_for
-from schuler.navigation.config_types import Config, NonNegative, Positive, Section, Triple
+from schuler.navigation.sections import Config, NonNegative, Positive, Section, Triple
 from schuler.observability.building import motion_system
 from schuler.observability.system import LinearSystem
 from schuler.rotary.schedule import Schedule

@@ -10,7 +10,7 @@ from schuler.exceptions import ConfigError
 from schuler.filtering.engine import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.start.start import align
+from schuler.navigation.start.alignment import align
 from schuler.recording.series import GnssSeries, ImuSeries, Increments
 from schuler.rotary import gimbals
 from schuler.rotary.encoder import Platform
@@ -41,7 +41,7 @@ def aligned_vehicle(
     increments : Increments
         In the axes of the IMU.
     gnss, config, spec, layout, windows, notes
-        As for :func:`schuler.navigation.start.start.align`, which does the work in body axes.
+        As for :func:`schuler.navigation.start.alignment.align`, which does the work in body axes.
     platform : Platform
 
     Raises

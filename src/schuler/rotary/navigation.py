@@ -19,7 +19,6 @@ from schuler.filtering.engine import InitialState, run
 from schuler.filtering.states import StateLayout
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.configured import imu_spec, state_layout
 from schuler.navigation.inputs.gnss_faults import rejections
 from schuler.navigation.inputs.preparation import (
     current_velocities,
@@ -29,8 +28,9 @@ from schuler.navigation.inputs.preparation import (
     with_late_velocities,
 )
 from schuler.navigation.result import NavigationResult
-from schuler.navigation.start.calibration_start import configured_start
-from schuler.navigation.start.start import moved_to
+from schuler.navigation.start.alignment import moved_to
+from schuler.navigation.start.calibration import configured_start
+from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.io.own import time_document
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
@@ -54,7 +54,7 @@ def navigate_rotary(
 ) -> NavigationResult:
     """Navigate a vehicle with an IMU that a platform turns on it, aided by GNSS or by rest.
 
-    The filter is the one of :func:`schuler.navigation.navigate.navigate`, in the axes of the IMU, where its biases are
+    The filter is the one of :func:`schuler.navigation.run.navigate`, in the axes of the IMU, where its biases are
     what they are; what comes out is the vehicle.
 
     Parameters

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from schuler import rotation, units
 from schuler.arrays import FloatArray
-from schuler.navigation.config_types import NonNegative, Positive, Section, Triple
+from schuler.navigation.sections import NonNegative, Positive, Section, Triple
 from schuler.rotary import schemes
 from schuler.rotary.du_axes import du_axis
 from schuler.rotary.encoder import Between, Encoder

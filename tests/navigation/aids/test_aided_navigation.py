@@ -12,7 +12,7 @@ from aided_recording import HEADING_BIAS, MOUNT, SCALE, config, drawn, recorded
 from schuler import frames, units
 from schuler.exceptions import InputError
 from schuler.filtering import measurements as ms
-from schuler.navigation.navigate import navigate
+from schuler.navigation.run import navigate
 from schuler.recording.recording import Recording
 
 

@@ -13,15 +13,15 @@ from schuler import units
 from schuler.exceptions import ConfigError, InputError
 from schuler.filtering import measurements as ms
 from schuler.filtering.states import StateModel
-from schuler.navigation.aiding_config import RestSection
 from schuler.navigation.aids import aiding
-from schuler.navigation.aids.aiding import Sources, aiding_models, aiding_schedule
+from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.aids.rest import rest_times, zero_rates, zero_velocities
-from schuler.navigation.aids.satellite import clock_models, range_measurements
+from schuler.navigation.aids.satellite import range_measurements
 from schuler.navigation.aids.scalar import heading_measurements, known_positions
 from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic, odometer_measurements, smoothed_motion
 from schuler.navigation.inputs.satellites import limited
-from schuler.navigation.navigate import imu_spec, state_layout
+from schuler.navigation.sections import RestSection
+from schuler.navigation.states import aiding_models, clock_models, imu_spec, state_layout
 from schuler.recording.scalar_series import ScalarSeries
 from schuler.recording.series import OdometerSeries
 

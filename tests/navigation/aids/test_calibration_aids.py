@@ -14,7 +14,8 @@ from schuler.filtering.states import StateModel
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.aids.rest import earth_rates, gravities, zero_rates
 from schuler.navigation.evaluation.consistency import chi_square_band, state_errors
-from schuler.navigation.navigate import imu_spec, navigate
+from schuler.navigation.run import navigate
+from schuler.navigation.states import imu_spec
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries, ImuSeries
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion

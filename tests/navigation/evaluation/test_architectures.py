@@ -16,8 +16,8 @@ from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation import architectures
 from schuler.navigation.evaluation.architectures import compare_architectures
 from schuler.navigation.evaluation.modes import available_modes, parse_mode
-from schuler.navigation.evaluation.outage_forks import outage_statistics
-from schuler.navigation.navigate import navigate
+from schuler.navigation.evaluation.outages import outage_statistics
+from schuler.navigation.run import navigate
 from schuler.simulation.scenario import Scenario, simulate
 
 WINDOWS = ((60.0, 85.0), (120.0, 145.0))

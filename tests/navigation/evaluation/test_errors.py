@@ -7,7 +7,8 @@ import pytest
 
 from schuler import frames, rotation
 from schuler.exceptions import InputError
-from schuler.navigation.evaluation.errors import TrajectoryErrors, attitude_difference, trajectory_errors
+from schuler.navigation.evaluation.consistency import attitude_difference
+from schuler.navigation.evaluation.errors import TrajectoryErrors, trajectory_errors
 from schuler.recording.trajectory import Trajectory
 
 PLACE = np.array([0.8, 2.0, 300.0])

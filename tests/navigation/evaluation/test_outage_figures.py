@@ -9,11 +9,11 @@ import pytest
 
 from schuler.exceptions import InputError
 from schuler.navigation.evaluation.architectures import Comparison, ComparisonRow
+from schuler.navigation.evaluation.consistency import Separation
 from schuler.navigation.evaluation.errors import TrajectoryErrors
 from schuler.navigation.evaluation.figures import architectures, fan, separation
 from schuler.navigation.evaluation.modes import Mode
-from schuler.navigation.evaluation.outage_statistics import OutageStatistics
-from schuler.navigation.evaluation.separation import Separation
+from schuler.navigation.evaluation.outages import OutageStatistics
 from schuler.plotting.drawing import save
 from schuler.plotting.figure import Band, Line, Span
 

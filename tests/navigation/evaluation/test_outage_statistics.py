@@ -10,11 +10,10 @@ from places import EXAMPLES
 
 from schuler.exceptions import InputError
 from schuler.navigation.config import NavigationConfig, OutageSection
-from schuler.navigation.evaluation import outage_forks as module
-from schuler.navigation.evaluation.outage_forks import outage_statistics
-from schuler.navigation.evaluation.outage_statistics import OutageStatistics
-from schuler.navigation.evaluation.separation import separation
-from schuler.navigation.navigate import navigate
+from schuler.navigation.evaluation import outages as module
+from schuler.navigation.evaluation.consistency import separation
+from schuler.navigation.evaluation.outages import OutageStatistics, outage_statistics
+from schuler.navigation.run import navigate
 from schuler.simulation.scenario import Scenario, simulate
 
 

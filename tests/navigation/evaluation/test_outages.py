@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.navigation.evaluation.errors import TrajectoryErrors
-from schuler.navigation.evaluation.outages import drift_curve, outage_errors
+from schuler.navigation.evaluation.errors import TrajectoryErrors, drift_curve, outage_errors
 
 WINDOWS = [(10.0, 20.0), (30.0, 40.0)]
 

@@ -13,7 +13,7 @@ from schuler.exceptions import ConfigError, InputError
 from schuler.navigation.evaluation.consistency import chi_square_band, nees, state_errors
 from schuler.navigation.foot.config import FootConfig
 from schuler.navigation.foot.errors import walk_errors
-from schuler.navigation.foot.navigate import navigate_foot
+from schuler.navigation.foot.run import navigate_foot
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 

@@ -12,8 +12,8 @@ import pytest
 from schuler import rotation, units
 from schuler.navigation.foot.config import FootConfig
 from schuler.navigation.foot.errors import walk_errors
-from schuler.navigation.foot.navigate import navigate_foot
 from schuler.navigation.foot.rests import detect_rests
+from schuler.navigation.foot.run import navigate_foot
 from schuler.recording.formats.openshoe import read_openshoe_mat
 from schuler.recording.formats.pyshoe import (
     AUTHOR_GRAVITY,

@@ -24,7 +24,7 @@ from schuler.navigation.inputs.preparation import (
     refilled,
     with_late_velocities,
 )
-from schuler.navigation.navigate import navigate
+from schuler.navigation.run import navigate
 from schuler.recording.series import GnssSeries, ImuSeries
 
 tn = module("navigation/test_navigate.py")

@@ -21,7 +21,6 @@ from schuler.gnss.range_errors import RangeErrors, Sector
 from schuler.gnss.signals import SPEED_OF_LIGHT
 from schuler.gnss.synthetic import synthetic_ranges
 from schuler.mechanization.strapdown import NavState
-from schuler.navigation.aiding_config import CorrelatedSection
 from schuler.navigation.aids.satellite import range_measurements
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.satellite_noise import honest
@@ -37,7 +36,8 @@ from schuler.navigation.inputs.satellites import (
     without_clock_jumps,
     without_faults,
 )
-from schuler.navigation.navigate import navigate
+from schuler.navigation.run import navigate
+from schuler.navigation.sections import CorrelatedSection
 from schuler.recording.point_series import gnss_series
 from schuler.recording.recording import Metadata, Recording
 from schuler.sensors import catalogue

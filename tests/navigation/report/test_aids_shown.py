@@ -11,7 +11,7 @@ from schuler import units
 from schuler.filtering import kinds
 from schuler.filtering.measurements import ACCEPTED, DIMENSIONS, GATED, KINDS, REJECTED, RESET_POSITION
 from schuler.filtering.states import BLOCKS
-from schuler.navigation.report import aids_text, build, estimates, residuals, verdict
+from schuler.navigation.report import build, estimates, innovations, verdict
 from schuler.navigation.report.subject import Subject
 from schuler.plotting.figure import Band, Line, Markers
 
@@ -46,8 +46,8 @@ UNITS = {
 @pytest.mark.parametrize("kind", UNITS)
 def test_innovations_of_every_kind(everything, kind):
     subject = subject_of(everything, ranges=None)
-    assert set(residuals.kinds(subject)) == set(UNITS)
-    figure = residuals.innovations(subject, kind)
+    assert set(innovations.kinds(subject)) == set(UNITS)
+    figure = innovations.by_component(subject, kind)
     inn = everything.result.innovations.of(kind)
     inn = inn.where(np.isfinite(inn.nis))
     size = int(inn.freedom[0])
@@ -69,7 +69,7 @@ def test_innovations_of_every_kind(everything, kind):
 
 def test_band_of_satellites_is_the_mean_one_of_each_epoch(everything):
     inn = everything.result.innovations.of("pseudorange")
-    (band,) = of(residuals.innovations(subject_of(everything), "pseudorange").panels[0], Band)
+    (band,) = of(innovations.by_component(subject_of(everything), "pseudorange").panels[0], Band)
     known = np.isfinite(band.high)
     times = np.unique(inn.t)
     assert np.allclose(band.x[known], times)
@@ -81,13 +81,13 @@ def test_what_did_not_meet_its_condition_is_shown_and_counted(everything):
     inn = everything.result.innovations.of("lateral")
     gated = inn.t[inn.status == GATED]
     assert len(gated) > 50
-    figure = residuals.innovations(subject_of(everything), "lateral")
+    figure = innovations.by_component(subject_of(everything), "lateral")
     assert f"{len(gated)} more were not used because their condition was not met" in figure.caption
     (rings,) = of(figure.panels[0], Markers, "gated")
     assert len(rings.x) == len(gated)
     assert set(rings.x) <= set(gated)
     assert f"{len(gated)} without their condition" in verdict.verdict(subject_of(everything))[3]
-    rows = {r[0]: r for r in aids_text.measurement_rows(subject_of(everything))}
+    rows = {r[0]: r for r in verdict.measurement_rows(subject_of(everything))}
     assert rows["no sideways slip"][4] == str(len(gated))
 
 
@@ -100,8 +100,8 @@ def test_resets_are_shown_as_steps(full):
         status=np.full(k.sum(), ACCEPTED),
     )  # fmt: skip
     subject = Subject(replace(full.result, innovations=resets, outages=()))
-    assert residuals.kinds(subject) == ["reset_position"]
-    figure = residuals.innovations(subject, "reset_position")
+    assert innovations.kinds(subject) == ["reset_position"]
+    figure = innovations.by_component(subject, "reset_position")
     assert len(figure.panels) == 3
     assert np.allclose(of(figure.panels[0], Markers)[0].y, resets.innovation[:, 0])
     assert "no test" in figure.caption
@@ -117,12 +117,12 @@ def test_a_few_faults_do_not_make_a_filter_proud(everything):
     assert "pseudorange (817 used, 5 rejected)" in sentences[3]
     assert sentences[3].endswith("NIS is right for each.")
     inn = everything.result.innovations.of("pseudorange")
-    mean, right = residuals.mean_nis(inn)
+    mean, right = innovations.mean_nis(inn)
     assert right
     assert mean == pytest.approx(np.mean(inn.nis[inn.status != REJECTED]))
     many = np.where(np.arange(len(inn)) % 10 == 0, REJECTED, inn.status)
     worse = replace(inn, status=many, nis=np.where(many == REJECTED, 100.0, inn.nis))
-    mean, right = residuals.mean_nis(worse)
+    mean, right = innovations.mean_nis(worse)
     assert not right
     assert mean > 9.0
 

@@ -12,7 +12,7 @@ from schuler.filtering.measurements import REJECTED
 from schuler.gnss.point import solve_points
 from schuler.gnss.ranges import REASONS
 from schuler.gnss.signals import satellite_name
-from schuler.navigation.report import by_satellite, figures, residuals, satellites_view
+from schuler.navigation.report import figures, innovations, satellites
 from schuler.navigation.report.subject import Subject
 from schuler.plotting.figure import Line, Markers, Text
 from schuler.plotting.interactive import panel_data
@@ -29,7 +29,7 @@ def of(panel, kind, role=None):
 
 def test_sky_is_zenith_in_the_middle_and_north_up(everything):
     r = everything.ranges
-    (panel,) = satellites_view.sky(r).panels
+    (panel,) = satellites.sky(r).panels
     assert panel.bare
     assert panel.equal
     words = {t.text: (t.x, t.y) for t in of(panel, Text)}
@@ -46,7 +46,7 @@ def test_sky_is_zenith_in_the_middle_and_north_up(everything):
 
 def test_timeline_tells_used_left_out_and_rejected(everything):
     subject = subject_of(everything)
-    (panel,) = satellites_view.timeline(everything.ranges, subject).panels
+    (panel,) = satellites.timeline(everything.ranges, subject).panels
     r = everything.ranges
     rows = {name: value for value, name in panel.y_ticks}
     assert list(rows) == [satellite_name(s) for s in np.unique(r.sat)[::-1]]
@@ -67,13 +67,13 @@ def test_timeline_tells_used_left_out_and_rejected(everything):
 def test_numbers_and_dilutions_agree_with_the_point_solutions(everything):
     r = everything.ranges
     epochs = np.unique(r.t)
-    figure = satellites_view.geometry(r)
+    figure = satellites.geometry(r)
     total = next(i for i in figure.panels[0].items if isinstance(i, Line) and i.label == "all")
     assert np.array_equal(total.y, [np.sum(r.used & (r.t == t)) for t in epochs])
     by_system = [i for i in figure.panels[0].items if isinstance(i, Line) and i.label in ("GPS", "Galileo")]
     assert np.array_equal(sum(i.y for i in by_system), total.y)
     points = solve_points(r, integrity=None)
-    theirs = satellites_view.geometry(r, points)
+    theirs = satellites.geometry(r, points)
     for role in ("axis_x", "axis_y", "axis_z"):
         mine, other = (of(f.panels[1], Line, role)[0] for f in (figure, theirs))
         assert np.allclose(mine.y, other.y, rtol=2e-3)  # theirs are at the solved place, mine at the approximate one
@@ -81,25 +81,25 @@ def test_numbers_and_dilutions_agree_with_the_point_solutions(everything):
 
 def test_signal_strength_is_left_out_where_there_is_none(everything):
     r = everything.ranges
-    figure = satellites_view.strengths(r)
+    figure = satellites.strengths(r)
     over_time = of(figure.panels[0], Line)
     assert {i.label for i in over_time} == {"GPS", "Galileo"}
     assert 30.0 < np.nanmedian(over_time[0].y) < 50.0
-    assert satellites_view.strengths(replace(r, cn0=np.full(len(r), np.nan))) is None
+    assert satellites.strengths(replace(r, cn0=np.full(len(r), np.nan))) is None
 
 
 def test_few_and_no_ranges(everything):
     r = everything.ranges
     nowhere = replace(r, elevation=np.full(len(r), np.nan), azimuth=np.full(len(r), np.nan))
-    assert "sky" not in [f.name for f in satellites_view.satellite_figures(nowhere)]
-    assert satellites_view.satellite_figures(r.where(np.zeros(len(r), dtype=bool))) == []
+    assert "sky" not in [f.name for f in satellites.satellite_figures(nowhere)]
+    assert satellites.satellite_figures(r.where(np.zeros(len(r), dtype=bool))) == []
     one = r.where(np.arange(3))
-    for figure in satellites_view.satellite_figures(one):
+    for figure in satellites.satellite_figures(one):
         figures.draw(figure)
     unused = replace(r, reason=np.full(len(r), 2))
-    for figure in satellites_view.satellite_figures(unused):
+    for figure in satellites.satellite_figures(unused):
         figures.draw(figure)
-    assert "no epoch has enough" in satellites_view.geometry(unused).panels[1].title
+    assert "no epoch has enough" in satellites.geometry(unused).panels[1].title
 
 
 def test_innovations_find_their_satellites(everything):
@@ -121,7 +121,7 @@ def test_ranges_that_are_not_those_of_the_run_are_not_guessed(everything):
     t = everything.result.innovations.of("pseudorange").t
     assert np.all(sat[t < 19.5] == 0)
     assert np.all(sat[t > 20.5] > 0)
-    figure = by_satellite.innovations(subject_of(everything, ranges=other), "pseudorange")
+    figure = innovations.by_satellite(subject_of(everything, ranges=other), "pseudorange")
     assert "the ranges given here do not fit the run's" in figure.caption
     assert not np.any(subject_of(everything, ranges=None).satellite_of("range_rate"))
 
@@ -129,22 +129,22 @@ def test_ranges_that_are_not_those_of_the_run_are_not_guessed(everything):
 @pytest.mark.parametrize("kind", ["pseudorange", "range_rate"])
 def test_a_panel_for_each_satellite(everything, kind):
     subject = subject_of(everything)
-    figure = by_satellite.innovations(subject, kind)
+    figure = innovations.by_satellite(subject, kind)
     names = [satellite_name(s) for s in np.unique(everything.ranges.sat)]
     assert [p.y_label.split()[0] for p in figure.panels] == names
-    _, sat = by_satellite.tested(subject, kind)
+    _, sat = innovations._tested(subject, kind)
     for s, panel in zip(np.unique(sat), figure.panels, strict=True):
         assert sum(len(i.x) for i in of(panel, Markers)) == np.sum(sat == s)
-    colours = {i.role for p in residuals.innovations(subject, kind).panels[:1] for i in of(p, Markers)}
+    colours = {i.role for p in innovations.by_component(subject, kind).panels[:1] for i in of(p, Markers)}
     assert {"system_g", "system_e"} <= colours
-    assert by_satellite.innovations(subject_of(everything, ranges=None), kind) is None
+    assert innovations.by_satellite(subject_of(everything, ranges=None), kind) is None
 
 
 def test_table_of_satellites(everything):
-    rows = by_satellite.satellite_rows(subject_of(everything))
+    rows = innovations.satellite_rows(subject_of(everything))
     faulty = satellite_name(np.unique(everything.ranges.sat)[2])
     assert {r[0]: r[2] for r in rows if r[2] != "0"} == {faulty: "5"}
-    inn, sat = by_satellite.tested(subject_of(everything), "pseudorange")
+    inn, sat = innovations._tested(subject_of(everything), "pseudorange")
     first = inn.innovation[sat == np.unique(sat)[0], 0]
     assert rows[0][3] == f"{first.mean():+.2f}"
     assert sum(int(r[1]) + int(r[2]) for r in rows) == len(inn)
@@ -159,7 +159,7 @@ def test_data_of_long_logs_are_thinned(everything):
         many = replace(
             r, **{n: np.concatenate([getattr(p, n) for p in parts]) for n in vars(r) if n not in ("groups", "notes")}
         )
-        data = [[panel_data(f, p) for p in f.panels] for f in satellites_view.satellite_figures(many)]
+        data = [[panel_data(f, p) for p in f.panels] for f in satellites.satellite_figures(many)]
         return len(json.dumps(data))
 
     one, many = size(2), size(32)

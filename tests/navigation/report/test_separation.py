@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from schuler.navigation.report import build, run_outages, separation, verdict
+from schuler.navigation.report import accuracy, build, outages, verdict
 from schuler.navigation.report.subject import Subject
 from schuler.plotting.figure import Band, Line
 
@@ -17,7 +17,7 @@ def subject_of(run, **over):
 
 
 def test_figure_has_the_difference_and_its_sigma(full):
-    figure = separation.separation(subject_of(full))
+    figure = accuracy.separation(subject_of(full))
     assert len(figure.panels) == 9
     f, s = full.result, full.smoothed
     gain = f.sigma("dr") ** 2 - s.sigma("dr") ** 2
@@ -38,12 +38,12 @@ def test_shares_of_honest_runs_are_those_of_a_normal_distribution(make_run):
     """Six runs by different draws of parameters: 95.4 and 99.7 %, with the slack that hundreds of seconds need."""
     two, three = [], []
     for states in (15, 21, 33):
-        for outages in (((40.0, 55.0), (70.0, 80.0)), ()):
-            run = make_run(states, outages=outages)
+        for windows in (((40.0, 55.0), (70.0, 80.0)), ()):
+            run = make_run(states, outages=windows)
             subject = subject_of(run)
             for block in ("dr", "dv", "dpsi"):
-                two.append(separation.share(subject, subject.apart, block, 2.0))
-                three.append(separation.share(subject, subject.apart, block))
+                two.append(accuracy.separation_share(subject, subject.apart, block, 2.0))
+                three.append(accuracy.separation_share(subject, subject.apart, block))
     # statistical: neighbouring records hang together, some twenty independent ones each
     assert 0.90 < np.mean(two) < 0.99
     assert np.mean(three) > 0.985
@@ -56,7 +56,7 @@ def test_a_proud_filter_is_found_out_without_a_reference(full):
         replace(full.result, covariance_e=full.result.covariance_e * shy),
         replace(full.smoothed, covariance_e=full.smoothed.covariance_e * shy),
     )
-    assert separation.share(proud, proud.apart, "dr") < 0.6
+    assert accuracy.separation_share(proud, proud.apart, "dr") < 0.6
     assert "smoothing moved the position by more than three sigma" in verdict.verdict(proud)[1]
     honest = subject_of(full, reference=None)
     assert "smoothing moved" not in verdict.verdict(honest)[1]
@@ -65,15 +65,15 @@ def test_a_proud_filter_is_found_out_without_a_reference(full):
 
 
 def test_without_two_solutions_there_is_none(full):
-    assert separation.separation(Subject(full.result)) is None
-    assert separation.separation(Subject(full.smoothed)) is None
+    assert accuracy.separation(Subject(full.result)) is None
+    assert accuracy.separation(Subject(full.smoothed)) is None
     assert build.separation_figures(Subject(full.smoothed, full.smoothed)) == []
 
 
 def test_unknown_covariances_are_told_and_not_drawn(full):
     broken = np.full_like(full.smoothed.covariance_e, np.nan)
     subject = Subject(full.result, replace(full.smoothed, covariance_e=broken))
-    figure = separation.separation(subject)
+    figure = accuracy.separation(subject)
     assert figure.panels[0].title == "position, inside: not known"
     sentences = verdict.verdict(subject)
     assert "nan" not in " ".join(sentences)
@@ -83,7 +83,7 @@ def test_unknown_covariances_are_told_and_not_drawn(full):
 def test_fan_of_a_runs_own_outages(make_run):
     windows = ((20.0, 30.0), (40.0, 50.0), (60.0, 71.0), (80.0, 83.0))
     subject = subject_of(make_run(15, outages=windows))
-    s = run_outages.statistics(subject)
+    s = outages.statistics(subject)
     # the one of 3 s is left out, and a record ends each
     assert s.starts.tolist() == [20.0, 40.0, 60.0]
     assert s.age.tolist() == np.arange(10.0).tolist()
@@ -93,5 +93,5 @@ def test_fan_of_a_runs_own_outages(make_run):
     k = np.argmin(np.abs(subject.result.t - 46.0))
     assert np.sqrt(s.cov_n[1, 6].diagonal()) == pytest.approx(sigma[k], rel=0.2)  # records are 10 ms beside
     assert [f.name for f in build.outage_figures(subject)] == ["outages", "outage_fan"]
-    assert run_outages.outage_fan(subject_of(make_run(15, outages=windows[:2]))) is None
-    assert run_outages.outage_fan(Subject(subject.result)) is None
+    assert outages.outage_fan(subject_of(make_run(15, outages=windows[:2]))) is None
+    assert outages.outage_fan(Subject(subject.result)) is None

@@ -22,10 +22,11 @@ from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.consistency import chi_square_band, state_errors
 from schuler.navigation.inputs.preparation import prepared_imu
-from schuler.navigation.navigate import imu_spec, navigate, state_layout
 from schuler.navigation.navigator import Navigator
-from schuler.navigation.solution_file import read_solution
-from schuler.navigation.start.calibration_start import Age, calibration_start, configured_start
+from schuler.navigation.run import navigate
+from schuler.navigation.solution_tables import read_solution
+from schuler.navigation.start.calibration import Age, calibration_start, configured_start
+from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.series import ImuSeries
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.spec import ImuSpec, TriadSpec
@@ -313,9 +314,9 @@ def test_log_and_start_together_are_the_whole_calibration(name, gauge, C_bs):
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_errors_of_the_calibration_are_those_of_the_start(name):
     """A true sensor that differs from the calibration: what its changed log has, less the start, is J times that."""
-    from schuler.navigation.start.calibration_known import known as all_errors
-    from schuler.navigation.start.calibration_known import places
-    from schuler.navigation.start.calibration_mapping import split
+    from schuler.navigation.start.calibrated_errors import known as all_errors
+    from schuler.navigation.start.calibrated_errors import places
+    from schuler.navigation.start.sensor_errors import split
 
     layout = layout_for(SPEC, tuple(LAYOUTS[name]))
     c = large()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.navigation.navigate import imu_spec, state_layout
+from schuler.navigation.states import imu_spec, state_layout
 from schuler.reproduce.hayal.study.calibration_outages import outage_grid
 from schuler.reproduce.hayal.study.hayal_tables import LENGTHS, PROTOTYPE, PUBLISHED, SEEDINGS
 from schuler.reproduce.hayal.study.hayal_walk import (

@@ -11,8 +11,8 @@ from places import EXAMPLES
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import ACCEPTED, POSITION, REJECTED, SPEED, UNUSED
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.navigate import imu_spec, state_layout
 from schuler.navigation.result import Innovations
+from schuler.navigation.states import imu_spec, state_layout
 from schuler.reproduce.stefanisko.study.figure_eight import FigureEight
 from schuler.reproduce.stefanisko.study.tuning import tune
 from schuler.reproduce.stefanisko.study.tuning_runners import figure_eight_runner, recording_runners, with_factors

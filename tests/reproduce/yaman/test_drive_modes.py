@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.navigation.navigate import imu_spec, state_layout
+from schuler.navigation.states import imu_spec, state_layout
 from schuler.reproduce.yaman.study.drive_modes import drive_modes, levelled_start, mode_config, rms_errors
 from schuler.reproduce.yaman.study.yaman_drive import RAW, Drive, route
 from schuler.reproduce.yaman.study.yaman_tables import MODES, PUBLISHED, QUANTITIES, agreed_order, mode_name

@@ -16,7 +16,7 @@ from places import ROOT
 from schuler.calibration.field.routine import thesis_routine
 from schuler.calibration.result.parameters import vector
 from schuler.exceptions import InputError
-from schuler.navigation.configured import imu_spec
+from schuler.navigation.states import imu_spec
 from schuler.recording.series import ImuSeries
 from schuler.reproduce.yaman.study import field_drive
 from schuler.reproduce.yaman.study.drive_modes import mode_config

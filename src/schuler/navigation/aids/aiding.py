@@ -9,14 +9,13 @@ import numpy as np
 from schuler import units
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements, in_windows, merged
-from schuler.filtering.states import StateModel
 from schuler.gnss.ranges import Ranges
-from schuler.navigation.aiding_config import AidingSection, RestSection
 from schuler.navigation.aids.rest import earth_rates, gravities, zero_rates, zero_velocities
-from schuler.navigation.aids.satellite import clock_models, range_measurements, resets
+from schuler.navigation.aids.satellite import range_measurements, resets
 from schuler.navigation.aids.scalar import heading_measurements, height_measurements, known_positions
 from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic, odometer_measurements
 from schuler.navigation.config import GnssSection, NavigationConfig
+from schuler.navigation.sections import AidingSection, RestSection
 from schuler.recording.scalar_series import ScalarSeries
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries
 from schuler.sensors.spec import ImuSpec
@@ -33,53 +32,6 @@ class Sources:
     odometer: OdometerSeries | None = None
     heading: ScalarSeries | None = None
     height: ScalarSeries | None = None
-
-
-def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, StateModel]:
-    """State blocks that the configured aids need, by name.
-
-    Parameters
-    ----------
-    config : NavigationConfig
-    ranges : Ranges, optional
-        Of a tightly coupled run: its receiver clocks become states.
-    """
-    aiding, gnss = config.aiding, config.gnss
-    models: dict[str, StateModel] = {}
-
-    def constant(name: str, sigma: float) -> None:
-        if sigma > 0.0:
-            models[name] = StateModel.constant(max(sigma, models[name].sigma if name in models else 0.0))
-
-    constant("lever", gnss.lever_sigma_m)
-    constant("delay", gnss.delay_sigma_s)
-    slow = gnss.correlated
-    if gnss.coupling == "loose" and slow.position_sigma_m > 0.0:
-        models["b_r"] = StateModel.gauss_markov(slow.position_sigma_m, slow.position_tau_s)
-    if gnss.coupling == "loose" and slow.velocity_sigma_m_s > 0.0:
-        models["b_v"] = StateModel.gauss_markov(slow.velocity_sigma_m_s, slow.velocity_tau_s)
-    if aiding.non_holonomic is not None:
-        constant("mount", aiding.non_holonomic.mount_sigma_deg * units.DEG)
-        constant("lever_v", aiding.non_holonomic.lever_sigma_m)
-    if aiding.odometer is not None:
-        constant("odometer", aiding.odometer.scale_sigma)
-        constant("mount", aiding.odometer.mount_sigma_deg * units.DEG)
-    if aiding.heading is not None:
-        constant("b_heading", aiding.heading.bias_sigma_deg * units.DEG)
-    if aiding.barometer is not None and aiding.barometer.bias_sigma_m > 0.0:
-        models["baro"] = StateModel.random_walk(aiding.barometer.bias_sigma_m, aiding.barometer.bias_noise_m)
-    if ranges is not None:
-        tight = gnss.tight
-        models |= clock_models(
-            ranges,
-            offset_sigma=tight.clock_sigma_m,
-            drift_sigma=tight.clock_drift_sigma_m_s,
-            offset_noise=tight.clock_noise_m,
-            drift_noise=tight.clock_drift_noise_m_s,
-            between_sigma=tight.clock_sigma_m,
-            between_noise=tight.system_noise_m,
-        )
-    return models
 
 
 def aiding_schedule(

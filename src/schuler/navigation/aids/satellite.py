@@ -16,7 +16,6 @@ from schuler.filtering.measurements import (
     gate_threshold,
     merged,
 )
-from schuler.filtering.states import StateModel
 from schuler.gnss.ranges import Ranges
 from schuler.recording.series import GnssSeries
 
@@ -82,37 +81,6 @@ def _check_sigmas(sigma: FloatArray, what: str) -> None:
             f"expected positive standard deviations of {what}, {int(bad.sum())} of {len(sigma)} are not: "
             "filtering.satellites.with_sigmas fills them in"
         )
-
-
-def clock_models(
-    ranges: Ranges,
-    *,
-    offset_sigma: float,
-    drift_sigma: float,
-    offset_noise: float,
-    drift_noise: float,
-    between_sigma: float,
-    between_noise: float = 0.0,
-) -> dict[str, StateModel]:
-    """State blocks of the receiver clock, and of the other systems' clocks against the first one's.
-
-    Parameters
-    ----------
-    ranges : Ranges
-    offset_sigma, drift_sigma : float
-        Initial 1-sigma of the first clock. [m], [m/s]
-    offset_noise, drift_noise : float
-        Root densities of white frequency noise and of the random walk of frequency. [m/sqrt(s)], [m/s/sqrt(s)]
-    between_sigma, between_noise : float
-        Initial 1-sigma of the other clocks against it [m], and their wander [m/sqrt(s)].
-    """
-    models = {
-        "clock": StateModel.random_walk(offset_sigma, offset_noise),
-        "clock_drift": StateModel.random_walk(drift_sigma, drift_noise),
-    }
-    for i in range(1, len(ranges.groups)):
-        models[f"clock_{i + 1}"] = StateModel.random_walk(between_sigma, between_noise)
-    return models
 
 
 def resets(gnss: GnssSeries, lever_arm_b: ArrayLike, *, every_s: float = 0.0) -> MeasurementSchedule:

@@ -1,1 +1,5 @@
-"""Errors, consistency and outages of navigation solutions."""
+"""Evaluation of solutions: errors against a reference, consistency, outages, comparison of architectures."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

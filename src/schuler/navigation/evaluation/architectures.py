@@ -12,11 +12,10 @@ import numpy as np
 
 from schuler.exceptions import InputError
 from schuler.navigation.config import NavigationConfig, OutageSection
-from schuler.navigation.evaluation.errors import TrajectoryErrors
-from schuler.navigation.evaluation.evaluation import evaluate
+from schuler.navigation.evaluation.errors import TrajectoryErrors, evaluate
 from schuler.navigation.evaluation.modes import Mode, available_modes, parse_mode
-from schuler.navigation.navigate import navigate
 from schuler.navigation.result import NavigationResult
+from schuler.navigation.run import navigate
 from schuler.plotting.table import ResultTable, TabularResult
 from schuler.recording.recording import Recording
 from schuler.recording.trajectory import Trajectory
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 Windows = tuple[tuple[float, float], ...]
 Progress = Callable[[float], None]
 
-#: Columns of the table, and what they are called in :func:`schuler.navigation.evaluation.evaluation.evaluate`.
+#: Columns of the table, and what they are called in :func:`schuler.navigation.evaluation.errors.evaluate`.
 _COLUMNS = (
     "rms_horizontal_m", "max_horizontal_m", "rms_vertical_m", "rms_outage_horizontal_m", "mean_outage_max_horizontal_m",
     "smoothed_rms_horizontal_m", "smoothed_mean_outage_max_horizontal_m", "nees_mean", "nis_mean", "rejected",
@@ -44,7 +43,7 @@ class ComparisonRow:
     outages : str
         Name of the set.
     numbers : dict
-        As of :func:`schuler.navigation.evaluation.evaluation.evaluate`, ``smoothed`` with the same of the smoothed
+        As of :func:`schuler.navigation.evaluation.errors.evaluate`, ``smoothed`` with the same of the smoothed
         solution; empty if the run failed.
     failed : str
         Why there is no solution, empty if there is one.

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler import frames, rotation, units
-from schuler.arrays import FloatArray
+from schuler import frames, units
+from schuler.arrays import ArrayLike, FloatArray
 from schuler.exceptions import InputError
+from schuler.navigation.evaluation.consistency import attitude_difference, nees
 from schuler.recording.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from schuler.navigation.result import NavigationResult
 
 
 @dataclass(frozen=True)
@@ -132,10 +138,137 @@ def trajectory_errors(estimate: Trajectory, reference: Trajectory) -> Trajectory
     return TrajectoryErrors(t, position, velocity, attitude)
 
 
-def attitude_difference(q_hat_eb: FloatArray, q_eb: FloatArray) -> FloatArray:
-    """Rotation vector ``dpsi`` with ``C_hat = exp([dpsi x]) C``, Earth-fixed axes. Shapes (n, 4) to (n, 3). [rad]"""
-    return rotation.rotvec_from_quat(rotation.quat_multiply(q_hat_eb, rotation.quat_conjugate(q_eb)))
-
-
 def _rms(x: FloatArray) -> float:
     return float(np.sqrt(np.mean(x**2)))
+
+
+@dataclass(frozen=True)
+class OutageError:
+    """What happened in one outage.
+
+    Attributes
+    ----------
+    start, stop : float
+        [s]
+    max_horizontal : float
+        Largest horizontal error inside. [m]
+    end_horizontal : float
+        Horizontal error at the last reference epoch inside. [m]
+    max_vertical : float
+        [m]
+    """
+
+    start: float
+    stop: float
+    max_horizontal: float
+    end_horizontal: float
+    max_vertical: float
+
+
+def outage_errors(errors: TrajectoryErrors, windows: Sequence[tuple[float, float]]) -> list[OutageError]:
+    """Errors inside each outage; windows without a reference epoch are left out."""
+    found = []
+    horizontal, vertical = errors.horizontal, np.abs(errors.position_n[:, 2])
+    for start, stop in windows:
+        k = np.flatnonzero((errors.t >= start) & (errors.t <= stop))
+        if len(k):
+            h = horizontal[k]
+            found.append(OutageError(start, stop, float(h.max()), float(h[-1]), float(vertical[k].max())))
+    return found
+
+
+def drift_curve(
+    errors: TrajectoryErrors, windows: Sequence[tuple[float, float]], step: float = 1.0
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Horizontal error against time since GNSS was lost, over all outages.
+
+    Parameters
+    ----------
+    errors : TrajectoryErrors
+    windows : sequence of (start, stop)
+        [s]
+    step : float
+        Width of the time bins; the last one takes what is left of the longest outage. [s]
+
+    Returns
+    -------
+    age : ndarray, shape (k,)
+        End of each bin. [s]
+    rms, largest : ndarray, shape (k,)
+        Horizontal error in the bin over all outages, NaN where no reference epoch fell. [m]
+    """
+    longest = max((stop - start for start, stop in windows), default=0.0)
+    age = np.arange(step, longest + 0.5 * step, step)
+    total, count, largest = np.zeros(len(age)), np.zeros(len(age)), np.full(len(age), -np.inf)
+    for start, stop in windows:
+        k = (errors.t >= start) & (errors.t <= stop)
+        bins = np.clip(np.ceil((errors.t[k] - start) / step).astype(int) - 1, 0, len(age) - 1)
+        h = errors.horizontal[k]
+        np.add.at(total, bins, h**2)
+        np.add.at(count, bins, 1.0)
+        np.maximum.at(largest, bins, h)
+    seen = count > 0.0
+    rms = np.full(len(age), np.nan)
+    rms[seen] = np.sqrt(total[seen] / count[seen])
+    return age, rms, np.where(seen, largest, np.nan)
+
+
+def evaluate(
+    result: NavigationResult,
+    reference: Trajectory | None,
+    *,
+    at_antenna: bool = False,
+    parameters: ArrayLike | None = None,
+    origin: float = 0.0,
+) -> dict[str, Any]:
+    """Accuracy, consistency and outage behaviour of a solution.
+
+    Parameters
+    ----------
+    result : NavigationResult
+    reference : Trajectory, optional
+        Truth or a better solution; without it only what the filter knows of itself is reported.
+    at_antenna : bool
+        The reference is the antenna's.
+    parameters : array_like, optional
+        True parameters, for the NEES over all states; without them over the nine navigation states.
+    origin : float
+        Time that is called zero in the times of outages. [s]
+
+    Returns
+    -------
+    dict
+        Keys as documented in docs/commands.md; None where something cannot be known.
+    """
+    numbers: dict[str, Any] = {"rms_horizontal_m": None, "max_horizontal_m": None, "nees_mean": None}
+    if reference is not None:
+        errors = result.errors(reference, at_antenna=at_antenna)
+        numbers.update(errors.statistics())
+        if result.outages:
+            numbers.update(_outages(errors, result, origin))
+        if reference.q_eb is not None and reference.v_eb_e is not None and not at_antenna:
+            numbers["nees_mean"] = float(np.mean(nees(result, reference, parameters)))
+    numbers.setdefault("outages", [])
+    numbers.setdefault("mean_outage_max_horizontal_m", None)
+    return numbers
+
+
+def _outages(errors: TrajectoryErrors, result: NavigationResult, origin: float) -> dict[str, Any]:
+    found = outage_errors(errors, result.outages)
+    aided = np.ones(len(errors.t), dtype=bool)
+    for start, stop in result.outages:
+        aided &= ~((errors.t >= start) & (errors.t <= stop))
+    return {
+        "outages": [
+            {
+                "start_s": round(o.start - origin, 6),
+                "stop_s": round(o.stop - origin, 6),
+                "max_horizontal_m": o.max_horizontal,
+                "end_horizontal_m": o.end_horizontal,
+                "max_vertical_m": o.max_vertical,
+            }
+            for o in found
+        ],
+        "mean_outage_max_horizontal_m": float(np.mean([o.max_horizontal for o in found])) if found else None,
+        "rms_horizontal_aided_m": float(np.sqrt(np.mean(errors.horizontal[aided] ** 2))) if aided.any() else None,
+    }

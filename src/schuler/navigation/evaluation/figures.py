@@ -8,8 +8,8 @@ import numpy as np
 
 from schuler.exceptions import InputError
 from schuler.navigation.evaluation.architectures import Comparison
-from schuler.navigation.evaluation.outage_statistics import OutageStatistics
-from schuler.navigation.evaluation.separation import Separation
+from schuler.navigation.evaluation.consistency import Separation
+from schuler.navigation.evaluation.outages import OutageStatistics
 from schuler.plotting.figure import Band, Figure, Item, Line, Panel, Span, band, level, line, view
 
 if TYPE_CHECKING:

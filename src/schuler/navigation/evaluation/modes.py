@@ -7,7 +7,8 @@ from types import MappingProxyType
 from typing import Any
 
 from schuler.exceptions import InputError
-from schuler.navigation.aiding_config import (
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.sections import (
     BarometerSection,
     HeadingSection,
     NonHolonomicSection,
@@ -15,7 +16,6 @@ from schuler.navigation.aiding_config import (
     ZeroRateSection,
     ZeroVelocitySection,
 )
-from schuler.navigation.config import NavigationConfig
 from schuler.recording.recording import Recording
 
 #: First word of a mode: value of ``gnss.coupling``.

@@ -1,82 +1,357 @@
-"""GNSS outages: where to put them, and how far the solution drifts in them."""
+"""Position errors of many GNSS outages: Hayal's mean and sigmas, and what the filter claims of them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from schuler.arrays import FloatArray
-from schuler.navigation.evaluation.errors import TrajectoryErrors
+from schuler import frames
+from schuler.arrays import ArrayLike, FloatArray, as_floats
+from schuler.exceptions import InputError
+from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.measurements import GNSS_KINDS, MeasurementSchedule
+from schuler.mechanization.strapdown import NavState
+from schuler.navigation.aids.aiding import Sources, aiding_schedule
+from schuler.navigation.config import NavigationConfig, OutageSection
+from schuler.navigation.evaluation.architectures import reference_of
+from schuler.navigation.evaluation.consistency import chi_square_band
+from schuler.navigation.inputs.preparation import prepared_imu
+from schuler.navigation.result import NavigationResult
+from schuler.navigation.run import navigate
+from schuler.navigation.start.alignment import moved_to
+from schuler.navigation.states import imu_spec
+from schuler.plotting.table import ResultTable, TabularResult
+from schuler.recording.recording import Recording
+from schuler.recording.series import Increments
+from schuler.recording.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
-class OutageError:
-    """What happened in one outage.
+class OutageStatistics(TabularResult):
+    """Position errors of many outages by their age.
 
     Attributes
     ----------
-    start, stop : float
-        [s]
-    max_horizontal : float
-        Largest horizontal error inside. [m]
-    end_horizontal : float
-        Horizontal error at the last reference epoch inside. [m]
-    max_vertical : float
-        [m]
+    lengths : ndarray, shape (k,)
+        Lengths asked for. [s]
+    starts : ndarray, shape (n,)
+        When GNSS was lost, from the start of the recording. [s]
+    age : ndarray, shape (m,)
+        Time since GNSS was lost; zero is the last aided state. [s]
+    error_n : ndarray, shape (n, m, 3)
+        Estimate minus reference, north, east, down. [m]
+    cov_n : ndarray, shape (n, m, 3, 3)
+        Covariance the filter claims. [m^2]
+    name : str
+        For titles.
+    complete : bool
+        False if interrupted: the outages that were finished.
     """
 
-    start: float
-    stop: float
-    max_horizontal: float
-    end_horizontal: float
-    max_vertical: float
+    lengths: FloatArray
+    starts: FloatArray
+    age: FloatArray
+    error_n: FloatArray
+    cov_n: FloatArray
+    name: str = "outages"
+    complete: bool = True
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    def _at(self, length: float) -> int:
+        k = int(np.argmin(np.abs(self.age - length)))
+        if abs(self.age[k] - length) > 1e-6:
+            raise InputError(
+                f"no errors {length:g} s after the loss of GNSS; there are some every {self.age[1]:g} s up to "
+                f"{self.age[-1]:g} s"
+            )
+        return k
+
+    def end_errors(self, length: float) -> FloatArray:
+        """Errors at the end of outages of a length [s]. Shape (n, 3). [m]"""
+        return self.error_n[:, self._at(length)]
+
+    def mean(self, length: float, *, every_epoch: bool = False) -> FloatArray:
+        """Mean error north, east, down, Hayal (5.1). Shape (3,). [m]"""
+        value: FloatArray = self._chosen(length, every_epoch).mean(axis=0)
+        return value
+
+    def sigma(self, length: float, *, every_epoch: bool = False) -> FloatArray:
+        """Standard deviation of the error about its mean, divisor n, Hayal (5.2). Shape (3,). [m]
+
+        Parameters
+        ----------
+        length : float
+            [s]
+        every_epoch : bool
+            Over all epochs of the outages instead of their last; the source does not say which it takes.
+        """
+        value: FloatArray = self._chosen(length, every_epoch).std(axis=0)
+        return value
+
+    def rms_horizontal(self, length: float) -> float:
+        """Root mean square of the horizontal error at the end. [m]"""
+        e = self.end_errors(length)
+        return float(np.sqrt(np.mean(e[:, 0] ** 2 + e[:, 1] ** 2)))
+
+    def claimed_horizontal(self, length: float) -> float:
+        """The same as the filter claims it. [m]"""
+        P = self.cov_n[:, self._at(length)]
+        return float(np.sqrt(np.mean(P[:, 0, 0] + P[:, 1, 1])))
+
+    def nees(self, length: float) -> float:
+        """Mean normalised position error squared per degree of freedom at the end; 1 for an honest filter."""
+        e, P = self.end_errors(length), self.cov_n[:, self._at(length)]
+        return float(np.mean(np.einsum("ni,ni->n", e, np.linalg.solve(P, e[:, :, None])[:, :, 0])) / 3.0)
+
+    def _chosen(self, length: float, every_epoch: bool) -> FloatArray:
+        k = self._at(length)
+        return self.error_n[:, 1 : k + 1].reshape(-1, 3) if every_epoch else self.error_n[:, k]
+
+    def table(self) -> ResultTable:
+        """One row a length: Hayal's mean and sigmas at the end, then over every epoch, and the claim."""
+        rows = []
+        for length in self.lengths:
+            mean, sigma = self.mean(length), self.sigma(length)
+            every = float(np.linalg.norm(self.sigma(length, every_epoch=True)))
+            end = self.error_n[:, self._at(length)]
+            rows.append(
+                (
+                    float(length), len(self), float(np.linalg.norm(mean)), *map(float, sigma),
+                    float(np.linalg.norm(sigma)), every, self.rms_horizontal(length),
+                    float(np.hypot(end[:, 0], end[:, 1]).max()), self.claimed_horizontal(length), self.nees(length),
+                )
+            )  # fmt: skip
+        low, high = chi_square_band(3, max(len(self), 1))
+        return ResultTable(
+            f"{self.name}: position error after outages",
+            (
+                "outage_s", "outages", "mean_m", "sigma_north_m", "sigma_east_m", "sigma_down_m", "sigma_total_m",
+                "sigma_total_every_epoch_m", "rms_horizontal_m", "max_horizontal_m", "claimed_horizontal_m", "nees",
+            ),
+            tuple(rows),
+            (
+                "mean is the length of the mean error vector; sigma_total the root of the sum of the three squares "
+                "(Hayal 5.1 to 5.4)",
+                f"were the {len(self)} outages independent, the NEES of an honest filter would lie in {low:.2f} to "
+                f"{high:.2f} (95 %); those that share a slow bias are not",
+            ),
+            self.complete,
+        )  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {**self.table().to_dict(), "starts_s": self.starts.tolist()}
+
+    def plot(self) -> Figure:
+        """Fan of all outages with the claimed 3 sigma, see :func:`schuler.navigation.evaluation.figures.plot_fan`."""
+        from schuler.navigation.evaluation.figures import plot_fan
+
+        return plot_fan(self)
 
 
-def outage_errors(errors: TrajectoryErrors, windows: Sequence[tuple[float, float]]) -> list[OutageError]:
-    """Errors inside each outage; windows without a reference epoch are left out."""
-    found = []
-    horizontal, vertical = errors.horizontal, np.abs(errors.position_n[:, 2])
-    for start, stop in windows:
-        k = np.flatnonzero((errors.t >= start) & (errors.t <= stop))
-        if len(k):
-            h = horizontal[k]
-            found.append(OutageError(start, stop, float(h.max()), float(h[-1]), float(vertical[k].max())))
-    return found
+Progress = Callable[[float], None]
 
 
-def drift_curve(
-    errors: TrajectoryErrors, windows: Sequence[tuple[float, float]], step: float = 1.0
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Horizontal error against time since GNSS was lost, over all outages.
+def outage_statistics(
+    recording: Recording,
+    config: NavigationConfig | dict[str, Any] | Path | str,
+    *,
+    lengths: Sequence[float] = (2.0, 10.0, 30.0, 60.0),
+    starts: ArrayLike | None = None,
+    settle_s: float = 60.0,
+    every_s: float | None = None,
+    step_s: float = 1.0,
+    initial: InitialState | None = None,
+    progress: Progress | None = None,
+) -> OutageStatistics:
+    """Lose GNSS again and again over a run, and see how far off the solution is after each length.
 
     Parameters
     ----------
-    errors : TrajectoryErrors
-    windows : sequence of (start, stop)
-        [s]
-    step : float
-        Width of the time bins; the last one takes what is left of the longest outage. [s]
+    recording : Recording
+        Errors are measured against its reference, or against its GNSS fixes at the antenna.
+    config : NavigationConfig, dict, or path of a TOML file
+        Its own outages are left out.
+    lengths : sequence of float
+        Multiples of ``step_s``. [s]
+    starts : array_like, optional
+        When GNSS is lost, from the start of the recording; moved to the record of the filter before. [s]
+    settle_s : float
+        Without ``starts``: first one so long after the filter begins. [s]
+    every_s : float, optional
+        Without ``starts``: period of the losses; default a third of the longest outage, at least ``step_s``. [s]
+    step_s : float
+        Spacing of the errors looked at. [s]
+    initial : InitialState, optional
+        Of the aided run, see :func:`schuler.navigation.run.navigate`.
+    progress : callable, optional
+        Called with the fraction done.
 
     Returns
     -------
-    age : ndarray, shape (k,)
-        End of each bin. [s]
-    rms, largest : ndarray, shape (k,)
-        Horizontal error in the bin over all outages, NaN where no reference epoch fell. [m]
+    OutageStatistics
+        On Ctrl-C the outages that were finished.
+
+    Raises
+    ------
+    InputError
+        If lengths are no multiples of the step, or the recording is too short for one outage.
+
+    References
+    ----------
+    Hayal (2010), section 5.4, eqs. (5.1) to (5.4).
     """
-    longest = max((stop - start for start, stop in windows), default=0.0)
-    age = np.arange(step, longest + 0.5 * step, step)
-    total, count, largest = np.zeros(len(age)), np.zeros(len(age)), np.full(len(age), -np.inf)
-    for start, stop in windows:
-        k = (errors.t >= start) & (errors.t <= stop)
-        bins = np.clip(np.ceil((errors.t[k] - start) / step).astype(int) - 1, 0, len(age) - 1)
-        h = errors.horizontal[k]
-        np.add.at(total, bins, h**2)
-        np.add.at(count, bins, 1.0)
-        np.maximum.at(largest, bins, h)
-    seen = count > 0.0
-    rms = np.full(len(age), np.nan)
-    rms[seen] = np.sqrt(total[seen] / count[seen])
-    return age, rms, np.where(seen, largest, np.nan)
+    if not isinstance(config, NavigationConfig):
+        config = NavigationConfig.parse(config) if isinstance(config, dict) else NavigationConfig.load(config)
+    wanted = as_floats(list(lengths), "lengths", (None,))
+    if not len(wanted) or not step_s > 0.0 or np.any(wanted < step_s - 1e-9):
+        raise InputError(f"lengths: expected one or more of at least step_s = {step_s} s, got {list(lengths)}")
+    if np.any(np.abs(wanted / step_s - np.round(wanted / step_s)) > 1e-6):
+        raise InputError(f"lengths: expected multiples of step_s = {step_s} s, got {list(lengths)}")
+    longest = float(wanted.max())
+    config = config.model_copy(
+        update={
+            "outages": OutageSection(),
+            "filter": config.filter.model_copy(update={"smooth": False, "record_s": step_s}),
+        }
+    )
+    reference, at_antenna, _ = reference_of(recording)
+    base = navigate(recording, config, initial=initial)
+    if not base.complete:
+        raise KeyboardInterrupt
+    origin = recording.start
+    limits = (
+        float(base.t[0]) + settle_s,
+        min(float(base.trajectory.t[-1]), float(reference.t[-1])) - longest,
+    )
+    if starts is None:
+        period = max(longest / 3.0, step_s) if every_s is None else every_s
+        times = np.arange(limits[0], limits[1] + 1e-9, period)
+    else:
+        times = origin + as_floats(starts, "starts", (None,))
+        if np.any(times < base.t[0]) or np.any(times > limits[1] + 1e-9):
+            raise InputError(
+                f"starts: expected times from {base.t[0] - origin:.1f} to {limits[1] - origin:.1f} s, so that the "
+                f"filter runs before and {longest:g} s of the log are left, got {times.min() - origin:.1f} to "
+                f"{times.max() - origin:.1f} s"
+            )
+    if not len(times):
+        raise InputError(
+            f"the solution runs from {base.t[0] - origin:.1f} to {base.trajectory.t[-1] - origin:.1f} s: too short for "
+            f"an outage of {longest:g} s after {settle_s:g} s of settling; give shorter lengths or settle_s"
+        )
+    records = np.unique(np.searchsorted(base.t, times + 1e-9, side="right") - 1)
+    records = records[records >= 0]
+    age = step_s * np.arange(round(longest / step_s) + 1.0)
+    blind = _blind(recording, config, base, step_s)
+    errors, covariances, done = [], [], []
+    complete = True
+    try:
+        for k in records:
+            ahead = _continued(blind, base, int(k), longest)
+            if ahead is None:
+                complete = False
+                break
+            first = _errors(base, slice(int(k), int(k) + 1), reference, at_antenna)
+            rest = _errors(ahead, slice(0, len(age) - 1), reference, at_antenna)
+            if len(rest[0]) < len(age) - 1:
+                continue  # the log ends, or a gap left a record out
+            errors.append(np.concatenate((first[0], rest[0])))
+            covariances.append(np.concatenate((first[1], rest[1])))
+            done.append(float(base.t[k]) - origin)
+            if progress is not None:
+                progress(len(done) / len(records))
+    except KeyboardInterrupt:
+        complete = False
+    if not done and complete:
+        raise InputError(f"no outage of {longest:g} s fits between the gaps of the log; give shorter lengths")
+    n, m = len(done), len(age)
+    return OutageStatistics(
+        wanted, np.array(done), age, np.array(errors).reshape(n, m, 3), np.array(covariances).reshape(n, m, 3, 3),
+        recording.metadata.name, complete,
+    )  # fmt: skip
+
+
+class _Blind(NamedTuple):
+    """What a run needs that goes on without GNSS, made once."""
+
+    increments: Increments
+    schedule: MeasurementSchedule
+    gyro_psd: FloatArray
+    accel_psd: FloatArray
+    options: FilterOptions
+
+
+def _blind(recording: Recording, config: NavigationConfig, base: NavigationResult, step: float) -> _Blind:
+    """The log and all aids but GNSS, as :func:`schuler.navigation.run.navigate` prepares them."""
+    spec = imu_spec(config)
+    imu = prepared_imu(recording.need_imu(), config, [])
+    off = config.model_copy(update={"gnss": config.gnss.model_copy(update={"coupling": "off"})})
+    # GNSS must not help to find rest, so all of the log is an outage
+    schedule, _ = aiding_schedule(
+        Sources(imu, recording.gnss, None, recording.odometer, recording.heading, recording.height),
+        off, spec, float(base.trajectory.t[0]), recording.start, ((-np.inf, np.inf),),
+    )  # fmt: skip
+    options = FilterOptions(
+        covariance_rate_hz=None if config.filter.full_rate else config.filter.covariance_rate_hz,
+        record_s=step,
+        output_rate_hz=1.0 / step,
+        lockout=config.filter.lockout,
+        earth_rotation=config.filter.earth_rotation,
+    )
+    return _Blind(
+        imu.increments(order=config.imu.rate_order), schedule.where(~np.isin(schedule.kind, GNSS_KINDS)),
+        np.full(3, spec.gyro.random_walk**2), np.full(3, spec.accel.random_walk**2), options,
+    )  # fmt: skip
+
+
+def _continued(blind: _Blind, base: NavigationResult, k: int, longest: float) -> NavigationResult | None:
+    """The run from its k-th record on, without GNSS; None if interrupted."""
+    s = base.states
+    t = float(base.t[k])
+    start = InitialState(NavState(t, s.r_eb_e[k], s.v_eb_e[k], s.q_eb[k]), base.covariance[k], base.parameters[k])
+    step = blind.options.record_s
+    increments = blind.increments.between(t - 1e-9, t + longest + 1.5 * step)
+    ahead = blind.schedule.where((blind.schedule.t > t + 1e-6) & (blind.schedule.t <= increments.t[-1]))
+    forward = run(
+        increments, ahead, moved_to(start, increments), base.layout, blind.gyro_psd, blind.accel_psd, blind.options
+    )
+    if not forward.complete:
+        return None
+    return NavigationResult.from_run(
+        forward, ahead.t, ahead.kind, base.layout, lever_arm_b=base.lever_arm_b, outages=((t, t + longest),)
+    )
+
+
+def _errors(
+    result: NavigationResult, part: slice, reference: Trajectory, at_antenna: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Position errors and claimed covariance at records. Shapes (k, 3), (k, 3, 3). [m], [m^2]"""
+    states = result.states.moved_by(result.lever_arm_b) if at_antenna else result.states
+    t = result.t[part]
+    truth = reference.at(t)
+    C = frames.C_en(truth.llh)
+    error: FloatArray = np.einsum("nji,nj->ni", C, states.r_eb_e[part] - truth.r_eb_e)
+    P = result.covariance_e[part]
+    T = np.zeros((len(t), 3, P.shape[1]))
+    T[:, :, 6:9] = np.eye(3)
+    if at_antenna:
+        # the antenna's error is dr + dpsi x (C l) = dr - [C l x] dpsi
+        arm = states.r_eb_e[part] - result.states.r_eb_e[part]
+        x, y, z = arm.T
+        zero = np.zeros(len(t))
+        T[:, :, 0:3] = np.stack(
+            (np.stack((zero, z, -y), -1), np.stack((-z, zero, x), -1), np.stack((y, -x, zero), -1)), 1
+        )
+    TC = np.swapaxes(C, 1, 2) @ T
+    cov: FloatArray = TC @ P @ np.swapaxes(TC, 1, 2)
+    return error, cov

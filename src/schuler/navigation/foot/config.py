@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from schuler.files import read_toml
-from schuler.navigation.config_types import Config, NonNegative, Positive, Section
+from schuler.navigation.sections import Config, NonNegative, Positive, Section
 
 
 class PlaceSection(Section):

@@ -18,7 +18,7 @@ from schuler.filtering.engine import FilterOptions
 from schuler.filtering.measurements import RESET_VELOCITY, VELOCITY, MeasurementSchedule
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.gnss_faults import contradictions, frozen, no_overlap
-from schuler.navigation.start.calibration_start import CalibrationStart, configured_start
+from schuler.navigation.start.calibration import CalibrationStart, configured_start
 from schuler.recording.series import GnssSeries, ImuSeries
 
 _MISSING = 1.5  # sample intervals: a longer step lacks a sample

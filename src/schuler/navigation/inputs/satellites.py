@@ -15,9 +15,9 @@ from schuler.filtering.states import StateLayout
 from schuler.gnss.point import solve_points
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import Ranges
-from schuler.navigation.aiding_config import CorrelatedSection
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.satellite_noise import honest
+from schuler.navigation.sections import CorrelatedSection
 from schuler.recording.point_series import gnss_series
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries

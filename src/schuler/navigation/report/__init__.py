@@ -1,14 +1,9 @@
-"""Reports and figures of navigation solutions.
+"""Report and figures of navigation solutions.
 
-:func:`~schuler.navigation.report.document.navigation_report` writes one self-contained HTML page,
-:func:`~schuler.navigation.report.figures.save_figures` PNG and SVG files, :mod:`schuler.plotting.drawing` has one
-function for each.
+:func:`navigation_report` writes one self-contained HTML page, :func:`save_figures` PNG and SVG files; each ``plot_``
+function draws one figure.
 """
 
-from __future__ import annotations
+import lazy_loader
 
-from schuler.navigation.report.document import navigation_report
-from schuler.navigation.report.figures import overview, save_figures
-from schuler.navigation.report.subject import Subject
-
-__all__ = ["Subject", "navigation_report", "overview", "save_figures"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

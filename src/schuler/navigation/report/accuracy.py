@@ -6,11 +6,11 @@ import numpy as np
 
 from schuler import units
 from schuler.arrays import FloatArray
-from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.navigation.evaluation.outages import drift_curve, outage_errors
+from schuler.navigation.evaluation.consistency import Separation, chi_square_band
 from schuler.navigation.report.subject import Subject, inside_share
 from schuler.navigation.report.track import outages
-from schuler.plotting.figure import TIME, Band, Bars, Figure, Item, Panel, band, level, line, view
+from schuler.plotting.figure import TIME, Band, Figure, Item, Panel, band, level, line, view
+from schuler.units import DEG
 
 AXES = ("north", "east", "down")
 #: Block of the filter: name of the figure, title, what is in the axis label, factor to the unit shown.
@@ -161,37 +161,6 @@ def normalised_errors(subject: Subject) -> Figure | None:
     return Figure("nees", "Is the claimed uncertainty true?", caption, (panel,))
 
 
-def outage_figure(subject: Subject) -> Figure | None:
-    """Largest horizontal error by outage and drift curve; None without outages or a reference."""
-    found = {role: outage_errors(e, subject.result.outages) for role, e in subject.errors.items()}
-    if not found or not next(iter(found.values())):
-        return None
-    bars: list[Item] = []
-    drift: list[Item] = []
-    n = len(next(iter(found.values())))
-    several = n > 1
-    for role, list_of in found.items():
-        number = np.arange(1.0, len(list_of) + 1.0)
-        bars.append(Bars(number, np.array([o.max_horizontal for o in list_of]), role, role))
-        age, rms, largest = drift_curve(subject.errors[role], subject.result.outages)
-        # a bin in which no reference epoch fell is bridged: the drift goes on meanwhile
-        known = np.isfinite(rms)
-        drift.append(line(age[known], rms[known], role, f"{role}, RMS of all outages" if several else role))
-        if several:
-            dashed = "largest" if role == "filtered" else "largest_smoothed"
-            drift.append(line(age[known], largest[known], dashed, f"{role}, largest"))
-    first = subject.result.outages[0]
-    panels = (
-        Panel("number of the outage [-]", "largest horizontal error [m]", tuple(bars), x_limits=(0.25, n + 0.75)),
-        Panel("time since GNSS was lost [s]", "horizontal error [m]", tuple(drift)),
-    )
-    caption = (
-        "First the largest horizontal error in each outage, in order of time (number 1 begins at "
-        f"{first[0] - subject.start:.0f} s), then how the error grows from the moment GNSS is lost."
-    )
-    return Figure("outages", "Outages", caption, panels, columns=2, linked=False, paper_columns=2)
-
-
 def _of_block(e: object, block: str) -> FloatArray | None:
     value: FloatArray | None = getattr(e, {"dr": "position_n", "dv": "velocity_n", "dpsi": "attitude_n"}[block])
     return value
@@ -199,3 +168,64 @@ def _of_block(e: object, block: str) -> FloatArray | None:
 
 def _percent(share: float) -> str:
     return "not known" if np.isnan(share) else f"{100.0 * share:.1f}\N{NO-BREAK SPACE}%"
+
+
+#: Records where smoothing takes away less of a variance than this tell nothing: rounding decides there.
+LEAST_GAIN = 1e-3
+#: Name, unit and its factor, first column of a Separation.
+_SEPARATION_BLOCKS = {
+    "dr": ("position", "m", 1.0, 6),
+    "dv": ("velocity", "m/s", 1.0, 3),
+    "dpsi": ("attitude", "deg", DEG, 0),
+}
+
+
+def separation_with_sigma(subject: Subject, apart: Separation, block: str) -> tuple[FloatArray, FloatArray]:
+    """Difference of a block and its 1-sigma, NaN where smoothing gained next to nothing. Shapes (k, 3), (k, 3)."""
+    first = _SEPARATION_BLOCKS[block][3]
+    part = slice(first, first + 3)
+    gain = np.einsum("kii->ki", apart.covariance)[:, part]
+    before = Subject.sigma(subject.result, block) ** 2
+    with np.errstate(invalid="ignore"):
+        return apart.difference[:, part], np.sqrt(np.where(gain > LEAST_GAIN * before, gain, np.nan))
+
+
+def separation_share(subject: Subject, apart: Separation, block: str, times: float = 3.0) -> float:
+    """Share of a block's components inside so many sigmas; NaN if none can be told."""
+    d, sigma = separation_with_sigma(subject, apart, block)
+    known = np.isfinite(sigma)
+    return float(np.mean(np.abs(d[known]) <= times * sigma[known])) if known.any() else float("nan")
+
+
+def separation(subject: Subject) -> Figure | None:
+    """Filtered minus smoothed position, velocity and attitude with the sigma of that difference; None without both."""
+    apart = subject.apart
+    if apart is None:
+        return None
+    t = subject.seconds(apart.t)
+    panels = []
+    for block, (name, unit, factor, _) in _SEPARATION_BLOCKS.items():
+        difference, sigma = separation_with_sigma(subject, apart, block)
+        for i, axis in enumerate(AXES):
+            d, three = difference[:, i] / factor, 3.0 * sigma[:, i] / factor
+            known = np.isfinite(three)
+            items: tuple[Item, ...] = (
+                *outages(subject),
+                band(t, -three, three, "expected", "±3 sigma of the difference"),
+                level(subject.span, 0.0, "level"),
+                line(t, d, "filtered", "filtered minus smoothed"),
+            )
+            within = f"{100.0 * np.mean(np.abs(d[known]) <= three[known]):.1f} %" if known.any() else "not known"
+            label = f"{'about ' if block == 'dpsi' else ''}{axis} [{unit}]"
+            panels.append(
+                Panel(
+                    TIME, label, items, title=f"{name}, inside: {within}", x_limits=subject.span,
+                    y_limits=view([d], [three, -three]),
+                )
+            )  # fmt: skip
+    caption = (
+        "What later measurements changed: the difference of the two solutions should stay inside three times the sigma "
+        "that their covariances give it (root of filtered less smoothed variance; 99.7 % are right), and no reference "
+        "is needed. It leaves the band where models are wrong; errors that both solutions share are not seen."
+    )
+    return Figure("separation", "Filtered minus smoothed", caption, tuple(panels), columns=3)

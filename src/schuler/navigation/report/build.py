@@ -2,16 +2,7 @@
 
 from __future__ import annotations
 
-from schuler.navigation.report import (
-    accuracy,
-    by_satellite,
-    estimates,
-    residuals,
-    run_outages,
-    satellites_view,
-    separation,
-    track,
-)
+from schuler.navigation.report import accuracy, estimates, innovations, outages, satellites, track
 from schuler.navigation.report.subject import Subject
 from schuler.plotting.figure import Figure
 
@@ -36,7 +27,7 @@ def error_figures(subject: Subject) -> list[Figure]:
 
 def outage_figures(subject: Subject) -> list[Figure]:
     """Drift without GNSS, if there were outages and a reference, and all of them laid over each other."""
-    figures = [accuracy.outage_figure(subject), run_outages.outage_fan(subject)]
+    figures = [outages.outage_figure(subject), outages.outage_fan(subject)]
     return [f for f in figures if f is not None]
 
 
@@ -52,16 +43,16 @@ def parameter_figures(subject: Subject) -> list[Figure]:
 def innovation_figures(subject: Subject) -> list[Figure]:
     """One figure for each kind of measurement that was tested, and one of its satellites where they are known."""
     figures: list[Figure | None] = []
-    for kind in residuals.kinds(subject):
-        figures.append(residuals.innovations(subject, kind))
-        if kind in residuals.OF_SATELLITES:
-            figures.append(by_satellite.innovations(subject, kind))
+    for kind in innovations.kinds(subject):
+        figures.append(innovations.by_component(subject, kind))
+        if kind in innovations.SATELLITE_KINDS:
+            figures.append(innovations.by_satellite(subject, kind))
     return [f for f in figures if f is not None]
 
 
 def separation_figures(subject: Subject) -> list[Figure]:
     """Filtered against smoothed solution, if there are both."""
-    figure = separation.separation(subject)
+    figure = accuracy.separation(subject)
     return [] if figure is None else [figure]
 
 
@@ -69,7 +60,7 @@ def satellite_figures(subject: Subject) -> list[Figure]:
     """Sky, satellites over time, numbers and dilutions, signal strengths; if the ranges are known."""
     if subject.ranges is None or not len(subject.ranges):
         return []
-    return satellites_view.satellite_figures(subject.ranges, subject.points, subject)
+    return satellites.satellite_figures(subject.ranges, subject.points, subject)
 
 
 def all_figures(subject: Subject) -> list[Figure]:

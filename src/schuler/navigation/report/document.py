@@ -10,7 +10,7 @@ from schuler.files import write_text
 from schuler.filtering.states import BLOCK_TEXT
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import Ranges
-from schuler.navigation.report import aids_text, build, by_satellite, estimates, verdict
+from schuler.navigation.report import build, estimates, innovations, verdict
 from schuler.navigation.report.backdrop import Backdrop
 from schuler.navigation.report.subject import Subject
 from schuler.navigation.result import NavigationResult
@@ -134,7 +134,7 @@ def _numbers(subject: Subject) -> str:
     text = parts.table(
         f"Accuracy{against}, and what the filter claims", ("quantity", *heads), [(r.name, *r.values) for r in rows]
     )
-    counts = aids_text.measurement_rows(subject)
+    counts = verdict.measurement_rows(subject)
     if counts:
         heads = ("measurement", "used", "rejected", "after lock-out", "condition not met", "outside the run")
         text += "\n" + parts.table(
@@ -144,7 +144,7 @@ def _numbers(subject: Subject) -> str:
 
 
 def _satellite_table(subject: Subject) -> str:
-    rows = by_satellite.satellite_rows(subject)
+    rows = innovations.satellite_rows(subject)
     if not rows:
         return ""
     heads = ("satellite", "used", "rejected", "mean [m]", "RMS [m]", "NIS of ranges", "NIS of range rates")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schuler.exceptions import InputError
-from schuler.navigation.report import accuracy, build, estimates, residuals, satellites_view, separation, track
+from schuler.navigation.report import accuracy, build, estimates, innovations, outages, satellites, track
 from schuler.navigation.report.subject import Subject
 from schuler.navigation.result import NavigationResult
 from schuler.plotting import figure as content
@@ -54,8 +54,8 @@ def overview_content(subject: Subject) -> content.Figure:
         chosen.append((by_name.get("attitude_error", by_name["position_error"]), 2))
     elif "uncertainty" in by_name:
         chosen += [(by_name["uncertainty"], 0), (by_name["uncertainty"], 2)]
-    tested = [k for k in residuals.kinds(subject) if k not in residuals.RESETS]
-    chosen.append((residuals.innovations(subject, tested[0]), -1) if tested else (track.motion(subject), 1))
+    tested = [k for k in innovations.kinds(subject) if k not in innovations.RESET_NAMES]
+    chosen.append((innovations.by_component(subject, tested[0]), -1) if tested else (track.motion(subject), 1))
     panels = tuple(replace(figure.panels[i], title=figure.title) for figure, i in chosen)
     caption = "Where it went, how far off it was, which way it looked, and what the measurements said about it."
     return content.Figure("overview", "Overview", caption, panels, columns=2, linked=False, paper_columns=2)
@@ -96,7 +96,7 @@ def plot_nees(result: NavigationResult, *, ax: Axes | None = None, **options: An
 
 def plot_outages(result: NavigationResult, **options: Any) -> Figure:
     """Largest error by outage, and drift curve; needs outages and ``reference``."""
-    return draw(_there(accuracy.outage_figure(Subject(result, **options)), "outages and a reference that covers them"))
+    return draw(_there(outages.outage_figure(Subject(result, **options)), "outages and a reference that covers them"))
 
 
 def plot_parameters(result: NavigationResult, block: str, **options: Any) -> Figure:
@@ -107,13 +107,13 @@ def plot_parameters(result: NavigationResult, block: str, **options: Any) -> Fig
 def plot_innovations(result: NavigationResult, kind: str = "position", **options: Any) -> Figure:
     """Innovations of one kind of measurement and their normalised squares."""
     subject = Subject(result, **options)
-    figure = residuals.innovations(subject, kind) if kind in residuals.kinds(subject) else None
+    figure = innovations.by_component(subject, kind) if kind in innovations.kinds(subject) else None
     return draw(_there(figure, f"measurements of the kind {kind!r}"))
 
 
 def plot_separation(result: NavigationResult, **options: Any) -> Figure:
     """Filtered minus smoothed solution with the sigma of that difference; needs ``smoothed``."""
-    return draw(_there(separation.separation(Subject(result, **options)), "a filtered solution and its smoothed one"))
+    return draw(_there(accuracy.separation(Subject(result, **options)), "a filtered solution and its smoothed one"))
 
 
 def plot_profile(result: NavigationResult, *, ax: Axes | None = None, **options: Any) -> Figure:
@@ -123,7 +123,7 @@ def plot_profile(result: NavigationResult, *, ax: Axes | None = None, **options:
 
 def plot_satellites(ranges: Ranges, points: PointSolution | None = None) -> dict[str, Figure]:
     """Sky, satellites over time, numbers and dilutions, signal strengths: each drawn, by its name."""
-    return {f.name: draw(f) for f in satellites_view.satellite_figures(ranges, points)}
+    return {f.name: draw(f) for f in satellites.satellite_figures(ranges, points)}
 
 
 def save_figures(

@@ -11,19 +11,20 @@ from schuler.filtering.kinds import shown
 from schuler.filtering.measurements import (
     ACCEPTED,
     FORCED,
+    GATED,
     GNSS_KINDS,
     POSITION,
     PSEUDORANGE,
     REJECTED,
     RESET_POSITION,
+    STATUS,
+    UNUSED,
     in_windows,
 )
 from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.navigation.evaluation.errors import TrajectoryErrors
-from schuler.navigation.evaluation.outages import outage_errors
-from schuler.navigation.report import separation
-from schuler.navigation.report.aids_text import aids
-from schuler.navigation.report.residuals import judged, mean_nis
+from schuler.navigation.evaluation.errors import TrajectoryErrors, outage_errors
+from schuler.navigation.report.accuracy import separation_share
+from schuler.navigation.report.innovations import judged, mean_nis
 from schuler.navigation.report.subject import Subject, inside_share
 from schuler.plotting.parts import number
 
@@ -78,7 +79,7 @@ def key_numbers(subject: Subject) -> tuple[tuple[str, ...], list[Row]]:
     apart = subject.apart
     if apart is not None:
         for block, name in (("dr", "position"), ("dpsi", "attitude")):
-            share = number(100.0 * separation.share(subject, apart, block))
+            share = number(100.0 * separation_share(subject, apart, block))
             rows.append(
                 Row(
                     f"filtered minus smoothed {name}, inside 3 sigma (honest: 99.7) [%]",
@@ -223,7 +224,7 @@ def _how_honest(subject: Subject) -> str:
         )
     apart = subject.apart
     if apart is not None:
-        share = separation.share(subject, apart, "dr")
+        share = separation_share(subject, apart, "dr")
         if share < _INSIDE:  # more than this is no news; NaN neither
             parts.append(
                 (share, f"smoothing moved the position by more than three sigma of the difference in "
@@ -287,3 +288,47 @@ def _without_gnss(subject: Subject) -> str:
         claimed = _level(subject.sigma(subject.result, "dr"))[during]
         return f"{text}: the claimed horizontal 1-sigma uncertainty grew to {number(float(np.nanmax(claimed)), 'm')}."
     return f"{text}, outside the solution's span or between its records."
+
+
+def measurement_rows(subject: Subject) -> list[tuple[str, ...]]:
+    """Rows of a table: kind, used, rejected, accepted after lock-out, condition not met, outside the run."""
+    return [
+        (
+            shown(kind).text,
+            str(count[STATUS[ACCEPTED]] + count[STATUS[FORCED]]),
+            str(count[STATUS[REJECTED]]),
+            str(count[STATUS[FORCED]]),
+            str(count[STATUS[GATED]]),
+            str(count[STATUS[UNUSED]]),
+        )
+        for kind, count in subject.result.innovations.counts().items()
+    ]
+
+
+def aids(subject: Subject) -> str:
+    """What aided, how often, what was not used, and whose innovations have another size than predicted."""
+    inn = subject.result.innovations
+    told, wrong = [], []
+    for kind, count in inn.counts().items():
+        used = count[STATUS[ACCEPTED]] + count[STATUS[FORCED]]
+        more = [
+            f"{n} {why}"
+            for n, why in (
+                (count[STATUS[REJECTED]], "rejected"), (count[STATUS[GATED]], "without their condition"),
+            )
+            if n
+        ]  # fmt: skip
+        if used or more:
+            told.append(f"{shown(kind).text} ({', '.join([f'{used} used', *more])})")
+            mean, right = mean_nis(inn.of(kind))
+            if not right:
+                wrong.append(f"{shown(kind).text} ({'too sure' if mean > 1.0 else 'too cautious'}, {number(mean)})")
+    if not told:
+        return "Nothing aided the INS."
+    tested = bool(np.isfinite(inn.nis).any())
+    verdict_of_nis = "; NIS is " + (f"off for {_listed(wrong)}" if wrong else "right for each") if tested else ""
+    return f"Aids: {', '.join(told)}{verdict_of_nis}."
+
+
+def _listed(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

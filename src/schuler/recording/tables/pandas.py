@@ -65,7 +65,7 @@ def from_pandas(frames: pd.DataFrame | Mapping[str, pd.DataFrame], **options: An
 
 
 def tables_from_pandas(frames: pd.DataFrame | Mapping[str, pd.DataFrame]) -> Tables:
-    """Tables of data frames, for :func:`recording_of` and :func:`schuler.navigation.result_tables.result_of`."""
+    """Tables of data frames, for :func:`recording_of` and :func:`schuler.navigation.solution_tables.result_of`."""
     pd = _pandas()
     if isinstance(frames, pd.DataFrame):
         frames = {str(frames.attrs.get("part", "imu")): frames}

@@ -79,7 +79,7 @@ def from_polars(data: PolarsFrames | pl.DataFrame | Mapping[str, pl.DataFrame], 
 
 
 def tables_from_polars(data: PolarsFrames | pl.DataFrame | Mapping[str, pl.DataFrame]) -> Tables:
-    """Tables of data frames, for :func:`recording_of` and :func:`schuler.navigation.result_tables.result_of`."""
+    """Tables of data frames, for :func:`recording_of` and :func:`schuler.navigation.solution_tables.result_of`."""
     pl = _polars()
     if isinstance(data, pl.DataFrame):
         data = {"imu": data}

@@ -1,7 +1,7 @@
 """Tables between data classes and frames of other libraries: columns in SI, their units, a document of the rest.
 
 A recording becomes one table for each of its parts (imu, gnss, ...), with the columns of our files
-(:mod:`schuler.recording.io.own`). :mod:`schuler.navigation.result_tables` does the same for navigation results.
+(:mod:`schuler.recording.io.own`). :mod:`schuler.navigation.solution_tables` does the same for navigation results.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def tables_of(data: Recording | Tables) -> Tables:
     if not isinstance(data, Recording):
         raise InputError(
             f"expected a Recording or Tables, got {type(data).__name__}; a series goes into one with "
-            "Recording(imu=series), a navigation result with schuler.navigation.result_tables.tables_of(result)"
+            "Recording(imu=series), a navigation result with schuler.navigation.solution_tables.tables_of(result)"
         )
     flat = own.flatten(data)
     si = _si(data.imu.kind if data.imu is not None else "rate")

@@ -78,7 +78,7 @@ def from_xarray(data: xr.DataTree | xr.Dataset, **options: Any) -> Recording:
 
 
 def tables_from_xarray(data: xr.DataTree | xr.Dataset) -> Tables:
-    """Tables of datasets, for :func:`recording_of` and :func:`schuler.navigation.result_tables.result_of`."""
+    """Tables of datasets, for :func:`recording_of` and :func:`schuler.navigation.solution_tables.result_of`."""
     xr = _xarray()
     if isinstance(data, xr.Dataset):
         data = xr.DataTree.from_dict({"/": xr.Dataset(attrs=data.attrs), "/imu": data})

@@ -128,7 +128,7 @@ def _receiver(effort: Effort) -> Outcome:
 
 def _zero_velocity(effort: Effort) -> Outcome:
     """Fig. B.1: biases of a board that rests, from zero velocities."""
-    from schuler.navigation.foot.navigate import navigate_foot
+    from schuler.navigation.foot.run import navigate_foot
     from schuler.recording.series import ImuSeries
     from schuler.reproduce.stefanisko.study.bias_removal import expected_at_rest
     from schuler.reproduce.stefanisko.study.figure_eight import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S

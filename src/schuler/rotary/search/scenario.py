@@ -24,8 +24,8 @@ from schuler.exceptions import ConfigError
 from schuler.files import read_toml
 from schuler.filtering.measurements import HEIGHT, MeasurementSchedule, merged
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.config_types import Config, NonNegative, Positive, Section
-from schuler.navigation.configured import imu_spec
+from schuler.navigation.sections import Config, NonNegative, Positive, Section
+from schuler.navigation.states import imu_spec
 from schuler.rotary.search.families import SchemeSpace
 from schuler.rotary.search.objective import SchemeObjective, scheme_objective
 from schuler.rotary.search.search import SearchSettings

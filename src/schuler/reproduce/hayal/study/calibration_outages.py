@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schuler.exceptions import InputError
-from schuler.navigation.evaluation.outage_forks import outage_statistics
-from schuler.navigation.evaluation.outage_statistics import OutageStatistics
+from schuler.navigation.evaluation.outages import OutageStatistics, outage_statistics
 from schuler.plotting.table import ResultTable, TabularResult
 from schuler.reproduce.hayal.study.hayal_tables import IMUS, LENGTHS, PROTOTYPE, PUBLISHED, SEEDINGS
 from schuler.reproduce.hayal.study.hayal_walk import (

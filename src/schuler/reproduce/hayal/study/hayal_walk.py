@@ -12,7 +12,7 @@ from schuler.filtering.engine import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import ModelSection, NavigationConfig
-from schuler.navigation.navigate import imu_spec, state_layout
+from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.recording import Metadata, Recording
 from schuler.reproduce.hayal.study.multiposition_study import NOISE, StudyCase, run_case
 from schuler.reproduce.hayal.study.study_attitudes import scenario

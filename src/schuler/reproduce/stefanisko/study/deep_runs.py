@@ -30,8 +30,7 @@ from schuler.filtering.measurements import (
     merged,
 )
 from schuler.gnss.range_model import predicted_ranges, predicted_rates
-from schuler.navigation.evaluation.consistency import state_errors
-from schuler.navigation.evaluation.errors import attitude_difference
+from schuler.navigation.evaluation.consistency import attitude_difference, state_errors
 from schuler.navigation.navigator import Navigator
 from schuler.navigation.result import NavigationResult
 from schuler.reproduce.stefanisko.study import tracking_study as ts

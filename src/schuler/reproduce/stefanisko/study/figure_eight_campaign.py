@@ -10,7 +10,7 @@ import numpy as np
 from schuler import frames
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.navigation.evaluation.errors import attitude_difference
+from schuler.navigation.evaluation.consistency import attitude_difference
 from schuler.navigation.result import NavigationResult
 from schuler.plotting.table import ResultTable, TabularResult
 from schuler.recording.trajectory import FullTrajectory

@@ -12,8 +12,9 @@ import numpy as np
 from schuler.exceptions import InputError
 from schuler.navigation.config import ModelSection, NavigationConfig
 from schuler.navigation.evaluation.consistency import nees, state_errors
-from schuler.navigation.navigate import imu_spec, navigate, state_layout
 from schuler.navigation.result import NavigationResult
+from schuler.navigation.run import navigate
+from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.recording import Recording
 from schuler.reproduce.stefanisko.study.figure_eight import FigureEight, Track, figure_eight_run
 from schuler.reproduce.stefanisko.study.tuning_score import Factors, Runner, Score, likelihood

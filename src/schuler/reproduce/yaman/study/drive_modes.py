@@ -27,8 +27,8 @@ from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.errors import trajectory_errors
 from schuler.navigation.evaluation.modes import parse_mode
-from schuler.navigation.navigate import navigate
 from schuler.navigation.result import NavigationResult
+from schuler.navigation.run import navigate
 from schuler.plotting.table import Cell, ResultTable, TabularResult
 from schuler.recording.recording import Recording
 from schuler.recording.trajectory import Trajectory

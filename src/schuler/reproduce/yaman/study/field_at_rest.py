@@ -11,7 +11,7 @@ from schuler.calibration.field.options import FieldOptions
 from schuler.exceptions import InputError
 from schuler.mechanization.alignment import heading_from_course
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.configured import imu_spec
+from schuler.navigation.states import imu_spec
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.sensors.spec import ImuSpec

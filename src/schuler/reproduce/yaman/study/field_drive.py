@@ -21,8 +21,8 @@ from schuler.exceptions import InputError
 from schuler.filtering.engine import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.navigate import navigate
 from schuler.navigation.result import NavigationResult
+from schuler.navigation.run import navigate
 from schuler.plotting.table import Cell, ResultTable, TabularResult
 from schuler.recording.recording import Recording
 from schuler.reproduce.yaman.study.drive_modes import levelled_start, mode_config, rms_errors

@@ -19,10 +19,9 @@ from schuler.arrays import BoolArray, FloatArray
 from schuler.calibration.field.calibration import FieldCalibration
 from schuler.exceptions import InputError
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.configured import imu_spec
 from schuler.navigation.evaluation.architectures import compare_architectures
-from schuler.navigation.evaluation.errors import TrajectoryErrors
-from schuler.navigation.evaluation.outages import outage_errors
+from schuler.navigation.evaluation.errors import TrajectoryErrors, outage_errors
+from schuler.navigation.states import imu_spec
 from schuler.plotting.table import Cell, ResultTable, TabularResult
 from schuler.recording.recording import Recording
 from schuler.reproduce.yaman.study.field_at_rest import calibrate_at_rest

@@ -14,7 +14,7 @@ from schuler.calibration.result.sheet import sheet
 from schuler.calibration.thermal.correction import thermal_value
 from schuler.exceptions import InputError
 from schuler.filtering.states import BLOCKS, StateLayout
-from schuler.navigation.start.calibration_mapping import B_A, B_G, G_G, HELD, M_A, M_G, SIZE, SensorErrors
+from schuler.navigation.start.sensor_errors import B_A, B_G, G_G, HELD, M_A, M_G, SIZE, SensorErrors
 from schuler.sensors.spec import ImuSpec, TriadSpec
 
 _WANDER = 1.9  # standard deviation of flicker noise over a run, in B, as in layout_for

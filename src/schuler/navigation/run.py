@@ -14,7 +14,6 @@ from schuler.exceptions import ConfigError
 from schuler.filtering.engine import InitialState, Progress, run
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.configured import imu_spec, state_layout
 from schuler.navigation.inputs.gnss_faults import rejections
 from schuler.navigation.inputs.preparation import (
     current_velocities,
@@ -25,12 +24,11 @@ from schuler.navigation.inputs.preparation import (
 )
 from schuler.navigation.inputs.satellites import satellites, with_clocks
 from schuler.navigation.result import NavigationResult
-from schuler.navigation.start.calibration_start import configured_start
-from schuler.navigation.start.start import align, moved_to
+from schuler.navigation.start.alignment import align, moved_to
+from schuler.navigation.start.calibration import configured_start
+from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.io.own import time_document
 from schuler.recording.recording import Recording
-
-__all__ = ["imu_spec", "navigate", "state_layout"]
 
 
 def navigate(
@@ -54,7 +52,7 @@ def navigate(
     calibration : CalibrationResult or path, optional
         Of this unit, instead of ``imu.calibration`` of the configuration: the sensor states start from its values and
         covariance, what the filter does not estimate is taken out of the log; see
-        :func:`~schuler.navigation.start.calibration_start.calibration_start`.
+        :func:`~schuler.navigation.start.calibration.calibration_start`.
     progress : callable, optional
         Called with the fraction done.
 

@@ -1,4 +1,4 @@
-"""The outages of one run laid over each other: a fan of their errors with what the filter claimed."""
+"""Outages of one run: largest errors, drift curve, and all of them laid over each other."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from schuler.arrays import FloatArray
+from schuler.navigation.evaluation.errors import drift_curve, outage_errors
 from schuler.navigation.report.subject import Subject
-from schuler.plotting.figure import Figure
+from schuler.plotting.figure import Bars, Figure, Item, Panel, line
 
 if TYPE_CHECKING:
-    from schuler.navigation.evaluation.outage_statistics import OutageStatistics
+    from schuler.navigation.evaluation.outages import OutageStatistics
 
 _FEWEST = 3  # outages that make a fan, and records in each
 
@@ -22,7 +23,7 @@ def statistics(subject: Subject) -> OutageStatistics | None:
     Of outages of several lengths the shortest says how far it goes; shorter than half of the longest ones are left out.
     Only the claimed variances are taken along, not their correlation.
     """
-    from schuler.navigation.evaluation.outage_statistics import OutageStatistics
+    from schuler.navigation.evaluation.outages import OutageStatistics
 
     windows = subject.result.outages
     role, result = subject.solutions[0]
@@ -49,6 +50,37 @@ def statistics(subject: Subject) -> OutageStatistics | None:
     starts = np.array([a - subject.start for a, _ in kept])
     cov = np.stack(variances)[:, :, :, None] * np.eye(3)
     return OutageStatistics(np.array([age[-1]]), starts, age, np.stack(errors), cov, name=f"{role} solution")
+
+
+def outage_figure(subject: Subject) -> Figure | None:
+    """Largest horizontal error by outage and drift curve; None without outages or a reference."""
+    found = {role: outage_errors(e, subject.result.outages) for role, e in subject.errors.items()}
+    if not found or not next(iter(found.values())):
+        return None
+    bars: list[Item] = []
+    drift: list[Item] = []
+    n = len(next(iter(found.values())))
+    several = n > 1
+    for role, list_of in found.items():
+        number = np.arange(1.0, len(list_of) + 1.0)
+        bars.append(Bars(number, np.array([o.max_horizontal for o in list_of]), role, role))
+        age, rms, largest = drift_curve(subject.errors[role], subject.result.outages)
+        # a bin in which no reference epoch fell is bridged: the drift goes on meanwhile
+        known = np.isfinite(rms)
+        drift.append(line(age[known], rms[known], role, f"{role}, RMS of all outages" if several else role))
+        if several:
+            dashed = "largest" if role == "filtered" else "largest_smoothed"
+            drift.append(line(age[known], largest[known], dashed, f"{role}, largest"))
+    first = subject.result.outages[0]
+    panels = (
+        Panel("number of the outage [-]", "largest horizontal error [m]", tuple(bars), x_limits=(0.25, n + 0.75)),
+        Panel("time since GNSS was lost [s]", "horizontal error [m]", tuple(drift)),
+    )
+    caption = (
+        "First the largest horizontal error in each outage, in order of time (number 1 begins at "
+        f"{first[0] - subject.start:.0f} s), then how the error grows from the moment GNSS is lost."
+    )
+    return Figure("outages", "Outages", caption, panels, columns=2, linked=False, paper_columns=2)
 
 
 def outage_fan(subject: Subject) -> Figure | None:

@@ -10,10 +10,9 @@ from schuler.filtering.measurements import REJECTED
 from schuler.gnss.dilution import Dilution, dilution
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import REASONS, Ranges
-from schuler.gnss.signals import satellite_name
-from schuler.navigation.report.residuals import OF_SATELLITES
+from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS, satellite_name
+from schuler.navigation.report.innovations import SATELLITE_KINDS, system_role, systems_of
 from schuler.navigation.report.subject import Subject
-from schuler.navigation.report.systems import system_index, system_label, system_role, systems_of
 from schuler.navigation.report.track import outages
 from schuler.plotting.figure import TIME, Figure, Item, Limits, Line, Markers, Panel, Text, line, markers, thin
 
@@ -61,7 +60,7 @@ def sky(ranges: Ranges) -> Figure | None:
     for letter in systems_of(ranges.sat[known]):
         xs: list[FloatArray] = []
         ys: list[FloatArray] = []
-        for s in np.unique(ranges.sat[known & (ranges.sat // 100 == system_index(letter))]).tolist():
+        for s in np.unique(ranges.sat[known & (ranges.sat // 100 == SYSTEMS.index(letter))]).tolist():
             k = np.flatnonzero(known & (ranges.sat == s))
             # where it was lost for a while the way is not drawn through
             k = k[thin([x[k], y[k]], _TRACK)]
@@ -69,9 +68,9 @@ def sky(ranges: Ranges) -> Figure | None:
             ys += [y[k], _GAP]
             items.append(Text(float(x[k[-1]]), float(y[k[-1]]) + 0.005, satellite_name(s)))
         x_way, y_way = np.concatenate(xs), np.concatenate(ys)
-        items.append(Line(x_way, y_way, system_role(letter), system_label(letter)))
+        items.append(Line(x_way, y_way, system_role(letter), SYSTEM_NAMES[letter]))
         last = np.flatnonzero(np.isnan(x_way)) - 1
-        items.append(Markers(x_way[last], y_way[last], system_role(letter), system_label(letter)))
+        items.append(Markers(x_way[last], y_way[last], system_role(letter), SYSTEM_NAMES[letter]))
     for reason in sorted(set(REASONS) - {0}):
         role = MARKS.get(reason, "unused")
         k = np.flatnonzero(known & (ranges.reason == reason))
@@ -96,11 +95,11 @@ def timeline(ranges: Ranges, subject: Subject | None = None) -> Figure:
     items: list[Item] = list(outages(subject)) if subject is not None else []
     step = _step(ranges.t)
     for letter in systems_of(ranges.sat):
-        own = [s for s in numbers.tolist() if s // 100 == system_index(letter)]
+        own = [s for s in numbers.tolist() if s // 100 == SYSTEMS.index(letter)]
         parts = [_stretches(t, ranges.used & (ranges.sat == s), float(row[s]), step) for s in own]
         x, y = (np.concatenate([p[i] for p in parts]) for i in range(2))
         if np.isfinite(x).any():
-            items.append(Line(x, y, system_role(letter), f"{system_label(letter)}, used"))
+            items.append(Line(x, y, system_role(letter), f"{SYSTEM_NAMES[letter]}, used"))
     place = np.array([row[int(s)] for s in numbers[::-1]], dtype=np.float64)[np.searchsorted(numbers[::-1], ranges.sat)]
     for reason in sorted(set(REASONS) - {0}):
         role = MARKS.get(reason, "unused")
@@ -134,9 +133,9 @@ def geometry(ranges: Ranges, points: PointSolution | None = None, subject: Subje
     counts: list[Item] = []
     most = 0
     for letter in systems_of(ranges.sat[ranges.used]):
-        own = ranges.used & (ranges.sat // 100 == system_index(letter))
+        own = ranges.used & (ranges.sat // 100 == SYSTEMS.index(letter))
         counts.append(
-            line(t, np.bincount(index[own], minlength=len(epochs)), system_role(letter), system_label(letter))
+            line(t, np.bincount(index[own], minlength=len(epochs)), system_role(letter), SYSTEM_NAMES[letter])
         )
     total = np.bincount(index[ranges.used], minlength=len(epochs))
     most = int(total.max(initial=0))
@@ -177,8 +176,8 @@ def strengths(ranges: Ranges, subject: Subject | None = None) -> Figure | None:
     over_time: list[Item] = list(outages(subject)) if subject is not None else []
     over_elevation: list[Item] = []
     for letter in systems_of(ranges.sat[known]):
-        role, label = system_role(letter), system_label(letter)
-        own = known & (ranges.sat // 100 == system_index(letter))
+        role, label = system_role(letter), SYSTEM_NAMES[letter]
+        own = known & (ranges.sat // 100 == SYSTEMS.index(letter))
         xs: list[FloatArray] = []
         ys: list[FloatArray] = []
         for s in np.unique(ranges.sat[own]).tolist():
@@ -239,7 +238,7 @@ def _rejected(subject: Subject | None, row: dict[int, int], span: Limits) -> lis
     if subject is None:
         return []
     items: list[Item] = []
-    for kind, role in zip(OF_SATELLITES, ("filter_range", "filter_rate"), strict=True):
+    for kind, role in zip(SATELLITE_KINDS, ("filter_range", "filter_rate"), strict=True):
         inn, sat = subject.result.innovations.of(kind), subject.satellite_of(kind)
         k = np.flatnonzero((inn.status == REJECTED) & np.isin(sat, list(row)))
         if len(k):

@@ -16,9 +16,9 @@ from schuler.filtering.measurements import (
     REJECTED,
     RESET_KINDS,
 )
+from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS, satellite_name
 from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.navigation.report.subject import Subject
-from schuler.navigation.report.systems import system_index, system_label, system_role, systems_of
 from schuler.navigation.report.track import outages
 from schuler.navigation.result import Innovations
 from schuler.plotting.figure import TIME, Band, Figure, Item, Markers, Panel, band, level, line, markers
@@ -32,8 +32,18 @@ _GATED_SHOWN = 400
 _FEW = 0.02  # share of rejections that says nothing against a filter
 
 #: Kinds of one number a satellite, and kinds that are put into the state and not weighed.
-OF_SATELLITES = (KINDS[PSEUDORANGE], KINDS[RANGE_RATE])
-RESETS = tuple(KINDS[k] for k in RESET_KINDS)
+SATELLITE_KINDS = (KINDS[PSEUDORANGE], KINDS[RANGE_RATE])
+RESET_NAMES = tuple(KINDS[k] for k in RESET_KINDS)
+
+
+def systems_of(sat: IntArray) -> list[str]:
+    """Letters of the systems among satellites' numbers, in the order of :data:`~schuler.gnss.signals.SYSTEMS`."""
+    return [SYSTEMS[i] for i in np.unique(sat // 100).tolist()]
+
+
+def system_role(letter: str) -> str:
+    """Role of a system in figures."""
+    return f"system_{letter.lower()}"
 
 
 def kinds(subject: Subject) -> list[str]:
@@ -43,19 +53,19 @@ def kinds(subject: Subject) -> list[str]:
     return [name for code, name in KINDS.items() if np.any((inn.kind == code) & known)]
 
 
-def innovations(subject: Subject, kind: str) -> Figure:
+def by_component(subject: Subject, kind: str) -> Figure:
     """Innovations of one kind, component by component, with their predicted 3-sigma, and their normalised squares.
 
     Of resets, the steps they made. Pseudoranges and range rates are coloured by system where the ranges are known.
     """
     every, what = subject.result.innovations.of(kind), shown(kind)
     gated = subject.seconds(every.t[every.status == GATED])
-    if kind in RESETS:
+    if kind in RESET_NAMES:
         return _steps(subject, every, kind, what)
     keep = np.isfinite(every.nis)
     inn = every.where(keep)
     t = subject.seconds(inn.t)
-    sat = subject.satellite_of(kind)[keep] if kind in OF_SATELLITES else np.zeros(len(inn), dtype=np.int64)
+    sat = subject.satellite_of(kind)[keep] if kind in SATELLITE_KINDS else np.zeros(len(inn), dtype=np.int64)
     panels = []
     for i, axis in enumerate(what.axes):
         three = 3.0 * inn.sigma[:, i] / what.factor
@@ -79,7 +89,7 @@ def innovations(subject: Subject, kind: str) -> Figure:
         "sign means that something is not modelled; the last panel is the squared size against its prediction, about 1 "
         "for an honest filter."
     )
-    if kind in OF_SATELLITES:
+    if kind in SATELLITE_KINDS:
         caption += " The band is the mean one of the satellites of each epoch; the share counts each with its own."
     if len(gated):
         caption += (
@@ -103,8 +113,8 @@ def _points(t: FloatArray, y: FloatArray, status: IntArray, sat: IntArray) -> li
         k = status == code
         if code == ACCEPTED:
             for letter in systems_of(sat[k & (sat > 0)]):
-                own = k & (sat > 0) & (sat // 100 == system_index(letter))
-                items.append(markers(t[own], y[own], system_role(letter), system_label(letter)))
+                own = k & (sat > 0) & (sat // 100 == SYSTEMS.index(letter))
+                items.append(markers(t[own], y[own], system_role(letter), SYSTEM_NAMES[letter]))
             k = k & (sat == 0)
         if k.any():
             items.append(markers(t[k], y[k], role, label))
@@ -217,3 +227,103 @@ def _normalised(subject: Subject, inn: Innovations, t: FloatArray) -> Panel:
     top = max(10.0, 1.5 * float(nis[finite].max())) if finite.any() else 10.0
     per = "NIS per axis [-]" if inn.freedom[0] > 1 else "NIS [-]"
     return Panel(TIME, per, tuple(items), title=title, x_limits=subject.span, y_limits=(0.02, top), log=True)
+
+
+_MOST_SATELLITES = 24  # panels; the others have the fewest measurements
+_POINTS = 400  # kept of each satellite
+
+
+def _tested(subject: Subject, kind: str) -> tuple[Innovations, IntArray]:
+    """Innovations of a kind that were tested, and the satellite of each, 0 where it is not known."""
+    inn = subject.result.innovations.of(kind)
+    keep = np.isfinite(inn.nis)
+    return inn.where(keep), subject.satellite_of(kind)[keep]
+
+
+def by_satellite(subject: Subject, kind: str) -> Figure | None:
+    """A panel for each satellite: its innovations with their 3-sigma; None where the satellites are not known."""
+    inn, sat = _tested(subject, kind)
+    numbers, count = np.unique(sat[sat > 0], return_counts=True)
+    if not len(numbers):
+        return None
+    what = shown(kind)
+    kept = np.sort(numbers[np.argsort(-count, kind="stable")[:_MOST_SATELLITES]])
+    limit, _ = reach(inn.innovation[:, 0], 3.0 * inn.sigma[:, 0])
+    panels = []
+    for s in kept.tolist():
+        own = inn.where(sat == s)
+        t = subject.seconds(own.t)
+        three = 3.0 * own.sigma[:, 0]
+        items: list[Item] = [
+            *outages(subject), band(t, -three, three, "sigma", "±3 sigma predicted", limit=_POINTS),
+            level(subject.span, 0.0, "level"), *_satellite_points(t, own, s),
+        ]  # fmt: skip
+        panels.append(
+            Panel(
+                TIME, f"{satellite_name(s)} [{what.unit}]", tuple(items), title=_title(own), x_limits=subject.span,
+                y_limits=(-limit, limit),
+            )
+        )  # fmt: skip
+    caption = (
+        f"The same innovations ({what.text}), each satellite for itself on one scale: one that stays away from zero "
+        "while the others do not is reflected, blocked or sick; all of them together point to the clock or the motion."
+    )
+    left = len(numbers) - len(kept)
+    if left:
+        caption += f" Not shown: {left} satellites with fewer measurements."
+    unknown = int(np.sum(sat == 0))
+    if unknown:
+        caption += (
+            f" Of {unknown} of {len(sat)} the satellite is not known: the ranges given here do not fit the run's."
+        )
+    return Figure(
+        f"innovations_{kind}_satellites", f"Innovations by satellite: {what.text}", caption, tuple(panels), columns=3
+    )
+
+
+def satellite_rows(subject: Subject) -> list[tuple[str, ...]]:
+    """Rows of a table: satellite, used and rejected ranges, their mean and RMS, NIS of ranges and of range rates."""
+    ranges, rates = (_tested(subject, kind) for kind in SATELLITE_KINDS)
+    rows = []
+    for s in np.unique(np.concatenate((ranges[1], rates[1]))).tolist():
+        if s == 0:
+            continue
+        own, rate = ranges[0].where(ranges[1] == s), rates[0].where(rates[1] == s)
+        used, rejected = _counts(own)
+        rows.append(
+            (
+                satellite_name(s), str(used), str(rejected), *_mean_and_rms(own.innovation[:, 0]),
+                *(f"{mean_nis(i)[0]:.2f}" if len(i) else "-" for i in (own, rate)),
+            )
+        )  # fmt: skip
+    return rows
+
+
+def _satellite_points(t: FloatArray, inn: Innovations, sat: int) -> list[Item]:
+    items: list[Item] = []
+    (letter,) = systems_of(np.array([sat]))
+    for status, role, label in (
+        (ACCEPTED, system_role(letter), SYSTEM_NAMES[letter]),
+        (FORCED, "forced", "accepted after lock-out"),
+        (REJECTED, "rejected", "rejected"),
+    ):
+        k = inn.status == status
+        if k.any():
+            items.append(markers(t[k], inn.innovation[k, 0], role, label, limit=_POINTS))
+    return items
+
+
+def _title(inn: Innovations) -> str:
+    used, rejected = _counts(inn)
+    return f"NIS {mean_nis(inn)[0]:.2f}, {used} used, {rejected} rejected"
+
+
+def _counts(inn: Innovations) -> tuple[int, int]:
+    rejected = int(np.sum(inn.status == REJECTED))
+    return len(inn) - rejected, rejected
+
+
+def _mean_and_rms(values: FloatArray) -> tuple[str, str]:
+    if not len(values):
+        return "-", "-"
+    return f"{np.mean(values):+.2f}", f"{np.sqrt(np.mean(values**2)):.2f}"

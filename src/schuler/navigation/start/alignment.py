@@ -13,7 +13,7 @@ from schuler.filtering.states import StateLayout
 from schuler.mechanization.alignment import Alignment, gyrocompass, heading_from_course, levelling
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import AlignmentSection, NavigationConfig
-from schuler.navigation.start.sensor_start import CalibrationStart, rest_columns
+from schuler.navigation.start.calibration import CalibrationStart, rest_columns
 from schuler.recording.series import GnssSeries, ImuSeries, Increments
 from schuler.sensors.spec import ImuSpec
 

@@ -1,0 +1,45 @@
+from .architectures import Comparison as Comparison
+from .architectures import ComparisonRow as ComparisonRow
+from .architectures import compare_architectures as compare_architectures
+from .architectures import reference_of as reference_of
+from .consistency import Separation as Separation
+from .consistency import attitude_difference as attitude_difference
+from .consistency import chi_square_band as chi_square_band
+from .consistency import nees as nees
+from .consistency import separation as separation
+from .consistency import state_errors as state_errors
+from .errors import OutageError as OutageError
+from .errors import TrajectoryErrors as TrajectoryErrors
+from .errors import drift_curve as drift_curve
+from .errors import evaluate as evaluate
+from .errors import outage_errors as outage_errors
+from .errors import trajectory_errors as trajectory_errors
+from .modes import Mode as Mode
+from .modes import available_modes as available_modes
+from .modes import parse_mode as parse_mode
+from .outages import OutageStatistics as OutageStatistics
+from .outages import outage_statistics as outage_statistics
+
+__all__ = [
+    "Comparison",
+    "ComparisonRow",
+    "Mode",
+    "OutageError",
+    "OutageStatistics",
+    "Separation",
+    "TrajectoryErrors",
+    "attitude_difference",
+    "available_modes",
+    "chi_square_band",
+    "compare_architectures",
+    "drift_curve",
+    "evaluate",
+    "nees",
+    "outage_errors",
+    "outage_statistics",
+    "parse_mode",
+    "reference_of",
+    "separation",
+    "state_errors",
+    "trajectory_errors",
+]

@@ -1,0 +1,127 @@
+"""Error budget and filter states of a configuration: the IMU's, and those that the configured aids need."""
+
+from __future__ import annotations
+
+from schuler import units
+from schuler.exceptions import ConfigError
+from schuler.filtering.states import BLOCKS, StateLayout, StateModel, layout_for
+from schuler.gnss.ranges import Ranges
+from schuler.navigation.config import NavigationConfig
+from schuler.sensors import catalogue
+from schuler.sensors.spec import ImuSpec, TriadSpec
+from schuler.sensors.spec_file import configured_spec
+
+
+def imu_spec(config: NavigationConfig) -> ImuSpec:
+    """Error budget of the IMU a configuration names or describes."""
+    section = config.imu
+    if section.catalogue is not None:
+        return catalogue.spec(section.catalogue)
+    if section.spec is not None:
+        return configured_spec(section.spec)
+    try:
+        gyro, accel = TriadSpec.gyro(**section.gyro), TriadSpec.accelerometer(**section.accel)  # type: ignore[arg-type]
+    except TypeError as error:
+        raise ConfigError(f"imu: {error}; see docs/sensors.md for the data-sheet values that can be given") from None
+    return ImuSpec(name="as configured", gyro=gyro, accel=accel)
+
+
+def state_layout(config: NavigationConfig, spec: ImuSpec, ranges: Ranges | None = None) -> StateLayout:
+    """State layout of a configuration: from the IMU's budget, what the aids need, and the models given instead."""
+    return StateLayout(_block_models(config, spec, ranges))
+
+
+def sensor_layout(config: NavigationConfig, spec: ImuSpec) -> StateLayout:
+    """The sensor blocks of a configuration's layout, which come first among its parameters."""
+    return StateLayout({name: m for name, m in _block_models(config, spec, None).items() if BLOCKS[name][0][0] >= 0})
+
+
+def _block_models(config: NavigationConfig, spec: ImuSpec, ranges: Ranges | None) -> dict[str, StateModel]:
+    given = {name: StateModel(model.sigma, model.noise, model.tau_s) for name, model in config.filter.models.items()}
+    states = config.filter.states
+    required = aiding_models(config, ranges)
+    if isinstance(states, tuple):
+        unmodelled = tuple(name for name in states if name not in given and name not in required)
+        budgeted = layout_for(spec, unmodelled).models
+        models = {name: budgeted.get(name) or required.get(name) or given[name] for name in states}
+    else:
+        models = layout_for(spec, states).models
+    return {**models, **required, **given}
+
+
+def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, StateModel]:
+    """State blocks that the configured aids need, by name.
+
+    Parameters
+    ----------
+    config : NavigationConfig
+    ranges : Ranges, optional
+        Of a tightly coupled run: its receiver clocks become states.
+    """
+    aiding, gnss = config.aiding, config.gnss
+    models: dict[str, StateModel] = {}
+
+    def constant(name: str, sigma: float) -> None:
+        if sigma > 0.0:
+            models[name] = StateModel.constant(max(sigma, models[name].sigma if name in models else 0.0))
+
+    constant("lever", gnss.lever_sigma_m)
+    constant("delay", gnss.delay_sigma_s)
+    slow = gnss.correlated
+    if gnss.coupling == "loose" and slow.position_sigma_m > 0.0:
+        models["b_r"] = StateModel.gauss_markov(slow.position_sigma_m, slow.position_tau_s)
+    if gnss.coupling == "loose" and slow.velocity_sigma_m_s > 0.0:
+        models["b_v"] = StateModel.gauss_markov(slow.velocity_sigma_m_s, slow.velocity_tau_s)
+    if aiding.non_holonomic is not None:
+        constant("mount", aiding.non_holonomic.mount_sigma_deg * units.DEG)
+        constant("lever_v", aiding.non_holonomic.lever_sigma_m)
+    if aiding.odometer is not None:
+        constant("odometer", aiding.odometer.scale_sigma)
+        constant("mount", aiding.odometer.mount_sigma_deg * units.DEG)
+    if aiding.heading is not None:
+        constant("b_heading", aiding.heading.bias_sigma_deg * units.DEG)
+    if aiding.barometer is not None and aiding.barometer.bias_sigma_m > 0.0:
+        models["baro"] = StateModel.random_walk(aiding.barometer.bias_sigma_m, aiding.barometer.bias_noise_m)
+    if ranges is not None:
+        tight = gnss.tight
+        models |= clock_models(
+            ranges,
+            offset_sigma=tight.clock_sigma_m,
+            drift_sigma=tight.clock_drift_sigma_m_s,
+            offset_noise=tight.clock_noise_m,
+            drift_noise=tight.clock_drift_noise_m_s,
+            between_sigma=tight.clock_sigma_m,
+            between_noise=tight.system_noise_m,
+        )
+    return models
+
+
+def clock_models(
+    ranges: Ranges,
+    *,
+    offset_sigma: float,
+    drift_sigma: float,
+    offset_noise: float,
+    drift_noise: float,
+    between_sigma: float,
+    between_noise: float = 0.0,
+) -> dict[str, StateModel]:
+    """State blocks of the receiver clock, and of the other systems' clocks against the first one's.
+
+    Parameters
+    ----------
+    ranges : Ranges
+    offset_sigma, drift_sigma : float
+        Initial 1-sigma of the first clock. [m], [m/s]
+    offset_noise, drift_noise : float
+        Root densities of white frequency noise and of the random walk of frequency. [m/sqrt(s)], [m/s/sqrt(s)]
+    between_sigma, between_noise : float
+        Initial 1-sigma of the other clocks against it [m], and their wander [m/sqrt(s)].
+    """
+    models = {
+        "clock": StateModel.random_walk(offset_sigma, offset_noise),
+        "clock_drift": StateModel.random_walk(drift_sigma, drift_noise),
+    }
+    for i in range(1, len(ranges.groups)):
+        models[f"clock_{i + 1}"] = StateModel.random_walk(between_sigma, between_noise)
+    return models

@@ -214,7 +214,7 @@ DRAWN = {
 
 def test_what_is_drawn_is_described():
     """Nothing is drawn with matplotlib alone: each such function draws one of the descriptions above."""
-    assert annotated("mpl") - set(DRAWN) == {"plotting.draw.draw"}
+    assert annotated("mpl") - set(DRAWN) == {"plotting.drawing.draw"}
     assert set(DRAWN) - annotated("mpl") == set()
     assert set(DRAWN.values()) <= set(NAMES)
     for name, described in DRAWN.items():

@@ -12,11 +12,10 @@ from pathlib import Path
 import pytest
 
 from schuler.montecarlo import run_seed
-from schuler.montecarlo.batches import Batches
 from schuler.montecarlo.job import read_job
 from schuler.montecarlo.navigation import lane_runs, navigation_run
 from schuler.montecarlo.store import Span
-from schuler.montecarlo.workers import in_threads
+from schuler.montecarlo.workers import Batches, in_threads
 
 HOUR = Path(__file__).resolve().parents[1] / "examples" / "montecarlo_hour.toml"
 EPOCHS = 360_000  # of one run

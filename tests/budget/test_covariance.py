@@ -18,7 +18,7 @@ from schuler.budget import (
     prepare_budget,
     true_covariance,
 )
-from schuler.budget.record import linearise
+from schuler.budget.linearisation import linearise
 from schuler.budget.replay import records_at, replay_filter
 from schuler.budget.scenario import BudgetScenario, rotation_of_start, true_schedule
 from schuler.budget.sources import filter_layout
@@ -245,7 +245,7 @@ def test_a_run_in_legs_is_the_whole(town, mission, monkeypatch):
     """1e-7: discretisation, the run has left the truth by micrometres. Legs end at nodes, as those of an hour do."""
     imu = spec(IMU)
     whole = linear_covariance(mission, imu)
-    monkeypatch.setattr("schuler.budget.record.LEG_S", 47.5)
+    monkeypatch.setattr("schuler.budget.linearisation.LEG_S", 47.5)
     legs = prepare_budget(town)
     assert len(legs.run.t) > len(mission.run.t)
     assert_allclose(linear_covariance(legs, imu).quantity("position"), whole.quantity("position"), rtol=1e-7)

@@ -9,14 +9,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from schuler.budget import linear_covariance, linearised_mission, true_covariance
-from schuler.budget.record import linearise
+from schuler.budget.linearisation import linearise
 from schuler.budget.replay import System, records_at, replay_filter, replay_noise
 from schuler.budget.sources import constants, filter_layout, noises
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, InitialState, run
 from schuler.filtering.measurements import GRAVITY_VECTOR, MeasurementSchedule
 from schuler.filtering.states import BLOCKS
-from schuler.growth.gauss_markov import integral_variance
+from schuler.growth.integrals import integral_variance
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import ImuSeries
 from schuler.reproduce.flenniken.study.rocket import RocketErrors, influence, rocket_motion, rocket_trajectory

@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose
 from schuler.exceptions import InputError
 from schuler.growth import (
     constant,
-    gauss_markov,
     growth,
     horizontal,
     integral_covariance,
@@ -24,7 +23,8 @@ from schuler.growth import (
     white,
     white_sampled,
 )
-from schuler.growth.bounded import RADIUS
+from schuler.growth.closed_forms import gauss_markov
+from schuler.growth.schuler_loop import RADIUS
 from schuler.reproduce.flenniken.study.growth_tables import EXACT, LATERAL, positions
 from schuler.reproduce.flenniken.study.heading.linear import LinearModel
 from schuler.sensors.catalogue import spec

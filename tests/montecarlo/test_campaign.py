@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError, SchulerError
-from schuler.montecarlo import Statistics, campaign, run_seed
+from schuler.montecarlo import Statistics, run_seed
+from schuler.montecarlo.engine import campaign
 
 
 @pytest.fixture

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError, SchulerError
-from schuler.montecarlo import Statistics, campaign
+from schuler.montecarlo import Statistics
+from schuler.montecarlo.engine import campaign
 
 pytest.importorskip("distributed")
 

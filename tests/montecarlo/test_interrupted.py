@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from schuler.montecarlo import campaign
+from schuler.montecarlo.engine import campaign
 from schuler.montecarlo.rows import joined
 from schuler.montecarlo.store import read_rows
 

@@ -7,11 +7,12 @@ import pytest
 from places import ROOT
 
 from schuler.exceptions import ConfigError, InputError
-from schuler.montecarlo import campaign, run_seed
+from schuler.montecarlo import run_seed
+from schuler.montecarlo.engine import campaign
+from schuler.montecarlo.error_scatter import COMPONENTS, scatter
 from schuler.montecarlo.fingerprint import fingerprint
 from schuler.montecarlo.job import NavigationJob, StartSection, read_job
 from schuler.montecarlo.navigation import lane_runs, navigation_run, runner
-from schuler.montecarlo.scatter import COMPONENTS, scatter
 from schuler.units import DEG
 
 MOTION = """

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import FileFormatError, InputError
-from schuler.montecarlo import campaign, read_manifest, read_rows
+from schuler.montecarlo import read_manifest, read_rows
+from schuler.montecarlo.engine import campaign
 from schuler.montecarlo.fingerprint import fingerprint
 from schuler.montecarlo.rows import joined
 from schuler.montecarlo.store import Span, identity_of, opened

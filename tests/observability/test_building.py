@@ -19,8 +19,8 @@ from schuler.observability import (
     motion_system,
     spectrum,
     system_matrices,
-    transitions,
 )
+from schuler.observability.dynamics import transitions
 from schuler.observability.system import state_names
 from schuler.recording.series import ImuSeries
 from schuler.rotary.rotating_imu import RotatingMotion
@@ -77,7 +77,7 @@ def test_ned_matrices_are_the_turned_ones():
 @pytest.mark.parametrize("size", [0.0, 1e-3, 0.4, 3.0, 40.0])
 def test_exponentials_in_a_batch_are_those_one_by_one(size):
     """Against SciPy, below and above the norm at which squaring begins; rounding, grown by the squarings."""
-    from schuler.observability.transitions import _exponentials
+    from schuler.observability.dynamics import _exponentials
 
     A = np.random.default_rng(2).standard_normal((20, 12, 12))
     A *= size / np.abs(A).sum(axis=-2).max()

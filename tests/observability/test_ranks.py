@@ -21,7 +21,7 @@ from schuler.observability import (
     spectrum,
 )
 from schuler.observability import symbolic as sym
-from schuler.observability.models import VELOCITY_ROWS
+from schuler.observability.numeric_model import VELOCITY_ROWS
 from schuler.units import DEG, DEG_PER_HR
 
 #: Du's axes of the platform in forward, right, down.

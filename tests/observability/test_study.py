@@ -20,7 +20,7 @@ from schuler.observability import (
     scenario_system,
     spectrum,
 )
-from schuler.observability.formulas import scenario_formulas, scenario_model
+from schuler.observability.symbolic import scenario_formulas, scenario_model
 from schuler.sensors import catalogue
 from schuler.simulation.scenario import simulate
 from schuler.units import DEG, DEG_PER_HR

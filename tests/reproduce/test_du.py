@@ -215,7 +215,7 @@ def test_noisier_gyroscopes_are_seen(monkeypatch):
 
 def test_an_interruption_is_not_a_result(monkeypatch):
     from schuler.exceptions import InputError
-    from schuler.montecarlo import campaign as real
+    from schuler.montecarlo.engine import campaign as real
     from schuler.reproduce.du.study import accuracy
 
     with pytest.raises(KeyboardInterrupt), bands.interruptible():

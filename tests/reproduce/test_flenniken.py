@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from schuler.growth import forms
+from schuler.growth import closed_forms as forms
 from schuler.reproduce import Effort, reproduce
 from schuler.reproduce.flenniken import ITEMS, NOT_RESULTS, chapter_4, chapter_7
 from schuler.reproduce.flenniken.study.heading.linear import LinearModel

@@ -16,7 +16,7 @@ from schuler import earth
 from schuler.reproduce.du.study.analytic_tables import DuErrors
 from schuler.rotary import schemes
 from schuler.rotary.du_axes import du_axis, installation_matrix, scale_matrix
-from schuler.rotary.static_run import static_run
+from schuler.rotary.free_navigation import static_run
 from schuler.sensors import catalogue
 from schuler.units import DEG, DEG_PER_HR
 

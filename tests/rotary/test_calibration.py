@@ -12,8 +12,7 @@ from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import Increments
 from schuler.reproduce.du.study.calibration_accuracy import predicted_accuracy, whole_turns
 from schuler.rotary import schemes
-from schuler.rotary.calibration import calibrate_rotation, estimate
-from schuler.rotary.calibration_noise import allan_random_walk
+from schuler.rotary.calibration import allan_random_walk, calibrate_rotation, estimate
 from schuler.rotary.encoder import EncoderReadings
 from schuler.rotary.rotating_imu import RotatingMotion, ideal_rotating_imu
 from schuler.sensors.errors import ImuErrors

@@ -14,6 +14,7 @@ from schuler.recording.series import ImuSeries, Increments
 from schuler.recording.trajectory import FullTrajectory
 from schuler.rotary import schemes
 from schuler.rotary.encoder import Encoder, EncoderReadings, read_encoder
+from schuler.rotary.free_navigation import free_run, start_of
 from schuler.rotary.mechanization import (
     body_increments,
     body_trajectory,
@@ -23,7 +24,6 @@ from schuler.rotary.mechanization import (
 )
 from schuler.rotary.rotating_imu import RotatingMotion, ideal_rotating_imu, vehicle_truth
 from schuler.rotary.schedule import Schedule, stacked
-from schuler.rotary.static_run import free_run, start_of
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.motion import Motion, StaticMotion
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion

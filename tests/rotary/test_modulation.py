@@ -9,8 +9,15 @@ from schuler import rotation
 from schuler.exceptions import InputError
 from schuler.rotary import gimbals, schemes
 from schuler.rotary.du_axes import du_axis, enu_errors, installation_matrix, rpy_from_du, swap_matrix, swap_vector
-from schuler.rotary.modulation import bias_in_n, effective_rate, modulation, open_loop_errors, residue, turning_vehicle
-from schuler.rotary.platform_errors import platform_error
+from schuler.rotary.encoder import platform_error
+from schuler.rotary.modulated_errors import (
+    bias_in_n,
+    effective_rate,
+    modulation,
+    open_loop_errors,
+    residue,
+    turning_vehicle,
+)
 from schuler.rotary.rotating_imu import RotatingMotion
 from schuler.rotary.schedule import stacked
 from schuler.sensors.errors import ImuErrors

@@ -8,7 +8,7 @@ import pytest
 from schuler import earth, rotation
 from schuler.exceptions import InputError
 from schuler.rotary import schemes
-from schuler.rotary.modulation import turning_vehicle
+from schuler.rotary.modulated_errors import turning_vehicle
 from schuler.rotary.rotating_imu import RotatingMotion, angular_acceleration, ideal_rotating_imu, vehicle_truth
 from schuler.rotary.schedule import stacked
 from schuler.simulation.imu import ideal_imu

@@ -10,9 +10,9 @@ from schuler.exceptions import InputError
 from schuler.rotary import schemes
 from schuler.rotary.du_axes import du_axis, swap_matrix
 from schuler.rotary.gimbals import axis_vector
+from schuler.rotary.platform_usage import PlatformLimits, usage, within
 from schuler.rotary.profiles import AngleProfile, profile_of, profile_of_rates, turn_pieces
 from schuler.rotary.schedule import Schedule, stacked
-from schuler.rotary.usage import PlatformLimits, usage, within
 from schuler.units import DEG
 
 W, A = 10.0 * DEG, 5.0 * DEG

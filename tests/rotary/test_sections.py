@@ -8,8 +8,8 @@ import pytest
 from schuler.exceptions import ConfigError
 from schuler.navigation.sections import Config
 from schuler.rotary import schemes
+from schuler.rotary.platform_usage import usage
 from schuler.rotary.sections import EncoderSection, LimitsSection, RotarySection, ScheduleSection
-from schuler.rotary.usage import usage
 from schuler.simulation.motion import StaticMotion
 from schuler.units import DEG
 

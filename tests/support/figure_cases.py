@@ -113,7 +113,7 @@ def noise():
 @cache
 def scattered():
     """Made up: sixteen runs of an honest filter."""
-    from schuler.montecarlo.scatter import Scatter
+    from schuler.montecarlo.error_scatter import Scatter
 
     t = np.linspace(0.0, 100.0, 26)
     claimed = np.tile(np.sqrt(0.1 + t[:, None] / 100.0), (1, 9))
@@ -140,18 +140,18 @@ def unknown():
 def rotary():
     import tomllib
 
-    from schuler.rotary.search.comparison import compare_scenario
+    from schuler.rotary.search.comparison import compare_rotary
 
     raw = tomllib.loads((EXAMPLES / "rotary_static.toml").read_text())
     raw["motion"]["duration_s"] = 60.0
     raw["rates_deg_s"] = [10.0, 40.0]
-    return compare_scenario(raw, runs=1)
+    return compare_rotary(raw, runs=1)
 
 
 @cache
 def searched():
+    from schuler.rotary.search.evolution import search_schemes
     from schuler.rotary.search.scenario import load_rotary
-    from schuler.rotary.search.search import search_schemes
 
     scenario = load_rotary(EXAMPLES / "rotary_static.toml")
     return search_schemes(scenario.scheme_objective(), scenario.space(), scenario.settings(evaluations=50))
@@ -215,7 +215,7 @@ def turned():
 @cache
 def modulated():
     from schuler.rotary import schemes
-    from schuler.rotary.modulation import modulation, turning_vehicle
+    from schuler.rotary.modulated_errors import modulation, turning_vehicle
     from schuler.rotary.rotating_imu import RotatingMotion
 
     vehicle = turning_vehicle(np.array([0.8, 0.0, 0.0]), 5.0 * DEG, 72.0)

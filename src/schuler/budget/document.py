@@ -18,8 +18,8 @@ from schuler.plotting.page import Section, plotly_script, whole_page
 from schuler.plotting.table import ResultTable, shown
 
 if TYPE_CHECKING:
-    from schuler.budget.budget import ErrorBudget
     from schuler.budget.choice import ImuChoice
+    from schuler.budget.contributions import ErrorBudget
     from schuler.budget.covariance import LinearCovariance
     from schuler.budget.scenario import BudgetMission
 

@@ -14,8 +14,8 @@ from schuler.plotting.figure import Figure, Line, Markers, Panel, Span
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MplFigure
 
-    from schuler.budget.budget import ErrorBudget
     from schuler.budget.choice import ImuChoice
+    from schuler.budget.contributions import ErrorBudget
     from schuler.budget.covariance import LinearCovariance
     from schuler.budget.scenario import BudgetMission
 

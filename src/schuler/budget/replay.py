@@ -8,7 +8,7 @@ import numpy as np
 
 from schuler import frames
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
-from schuler.budget.record import Linearised
+from schuler.budget.linearisation import Linearised
 from schuler.exceptions import InputError
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.limits import MAX_STATES

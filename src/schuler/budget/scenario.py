@@ -12,7 +12,7 @@ from pydantic import Field
 
 from schuler import rotation, units
 from schuler.arrays import ArrayLike, FloatArray
-from schuler.budget.record import Linearised, linearise
+from schuler.budget.linearisation import Linearised, linearise
 from schuler.exceptions import InputError
 from schuler.files import read_toml
 from schuler.filtering.measurements import (

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from schuler.budget.budget import ErrorBudget
     from schuler.budget.choice import ImuChoice
+    from schuler.budget.contributions import ErrorBudget
     from schuler.budget.covariance import LinearCovariance
     from schuler.budget.scenario import BudgetAccelerometer
     from schuler.sensors.spec import ImuSpec

@@ -10,7 +10,7 @@ from schuler.cli.output import Flag, Folder, named, print_json, progress, say
 from schuler.exceptions import InputError
 
 if TYPE_CHECKING:
-    from schuler.montecarlo.scatter import Scatter
+    from schuler.montecarlo.error_scatter import Scatter
 
 
 def montecarlo(
@@ -62,10 +62,11 @@ def montecarlo(
     json
         Print one JSON object instead of text.
     """
-    from schuler.montecarlo import Statistics, campaign
+    from schuler.montecarlo import Statistics
+    from schuler.montecarlo.engine import campaign
+    from schuler.montecarlo.error_scatter import SHOWN, scatter
     from schuler.montecarlo.job import read_job
     from schuler.montecarlo.navigation import runner
-    from schuler.montecarlo.scatter import SHOWN, scatter
 
     began = time.perf_counter()
     if resume and store is None:

@@ -80,7 +80,7 @@ def observability(
 
 def _of_scenario(path: Path, changes: dict[str, object], symbolic: bool) -> tuple[Observability, tuple[str, ...]]:
     from schuler.observability import ObservabilityScenario, scenario_observability
-    from schuler.observability.formulas import scenario_formulas
+    from schuler.observability.symbolic import scenario_formulas
 
     loaded = ObservabilityScenario.load(path).model_copy(update=changes)
     formulas = scenario_formulas(loaded) if symbolic else ()

@@ -47,16 +47,16 @@ def rotary(
     json
         Print one JSON object instead of text.
     """
-    from schuler.rotary.search.comparison import compare_scenario
+    from schuler.rotary.search.comparison import compare_rotary
+    from schuler.rotary.search.evolution import search_schemes
     from schuler.rotary.search.scenario import RotaryScenario
-    from schuler.rotary.search.search import search_schemes
 
     began = time.perf_counter()
     loaded = RotaryScenario.load(scenario)
     if seed is not None:
         loaded = loaded.model_copy(update={"seed": seed})
     with progress("simulating") as bar:
-        found = compare_scenario(loaded, runs=runs, progress=bar)
+        found = compare_rotary(loaded, runs=runs, progress=bar)
     if not json:
         print(found.summary())
     best: SchemeSearch | None = None

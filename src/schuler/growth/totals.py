@@ -9,8 +9,8 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
 from schuler.exceptions import InputError
-from schuler.growth.forms import constant, gauss_markov, random_walk, white
-from schuler.growth.gauss_markov import Start
+from schuler.growth.closed_forms import constant, gauss_markov, random_walk, white
+from schuler.growth.integrals import Start
 from schuler.plotting.table import ResultTable
 from schuler.units import DEG, G0
 
@@ -120,7 +120,7 @@ def growth(spec: ImuSpec, t: ArrayLike, *, gravity: float = G0, start: Start = "
     Notes
     -----
     Flat Earth: up to some ten minutes (a sixth of the Schuler period) position is right to a few percent; beyond, see
-    :mod:`schuler.growth.bounded`.
+    :mod:`schuler.growth.schuler_loop`.
 
     References
     ----------

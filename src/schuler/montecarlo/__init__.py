@@ -4,25 +4,6 @@
 simulates, navigates, and compares with the truth, for a job read by ``read_job``. See docs/monte-carlo.md.
 """
 
-from schuler.montecarlo.campaign import campaign
-from schuler.montecarlo.column import ColumnStatistics, Consistency
-from schuler.montecarlo.functions import Traits, run_seed, traits
-from schuler.montecarlo.result import Campaign
-from schuler.montecarlo.rows import Rows
-from schuler.montecarlo.statistics import Accumulator, Statistics
-from schuler.montecarlo.store import read_manifest, read_rows
+import lazy_loader
 
-__all__ = [
-    "Accumulator",
-    "Campaign",
-    "ColumnStatistics",
-    "Consistency",
-    "Rows",
-    "Statistics",
-    "Traits",
-    "campaign",
-    "read_manifest",
-    "read_rows",
-    "run_seed",
-    "traits",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -10,9 +10,8 @@ from importlib import metadata
 from typing import Any
 
 from schuler.exceptions import InputError, MissingExtraError, SchulerError
-from schuler.montecarlo.batches import Batches
 from schuler.montecarlo.store import Span
-from schuler.montecarlo.workers import Finished, Timed, Work, timed
+from schuler.montecarlo.workers import Batches, Finished, Timed, Work, timed
 
 #: ``scheduler="local"``: a cluster of processes on this machine, ended with the campaign.
 LOCAL = "local"

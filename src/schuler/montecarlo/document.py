@@ -6,9 +6,9 @@ from pathlib import Path
 
 from schuler.files import write_text
 from schuler.montecarlo import figures as montecarlo_figures
+from schuler.montecarlo.error_scatter import Scatter
 from schuler.montecarlo.job import NavigationJob
 from schuler.montecarlo.result import Campaign
-from schuler.montecarlo.scatter import Scatter
 from schuler.plotting import parts
 from schuler.plotting.page import Section, plotly_script, whole_page
 from schuler.plotting.table import ResultTable, shown

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.montecarlo.scatter import COMPONENTS, Scatter
+from schuler.montecarlo.error_scatter import COMPONENTS, Scatter
 from schuler.plotting.figure import Band, Figure, Item, Line, Panel, Span, level, view
 
 

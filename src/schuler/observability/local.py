@@ -7,9 +7,9 @@ import numpy as np
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.exceptions import InputError
 from schuler.filtering.states import StateLayout
+from schuler.observability.dynamics import SystemFunction, system_matrices
 from schuler.observability.ranks import Spectrum
 from schuler.observability.system import state_names
-from schuler.observability.transitions import SystemFunction, system_matrices
 from schuler.simulation.motion import Motion
 
 _EPS = float(np.finfo(np.float64).eps)

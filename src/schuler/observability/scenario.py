@@ -25,7 +25,7 @@ from schuler.filtering.measurements import (
 )
 from schuler.filtering.states import BLOCKS, StateLayout, StateModel, layout_for
 from schuler.navigation.sections import Config, NonNegative, Positive, Section, Triple
-from schuler.observability.building import motion_system
+from schuler.observability.filter_system import motion_system
 from schuler.observability.system import LinearSystem
 from schuler.rotary.schedule import Schedule
 from schuler.rotary.sections import RotarySection

@@ -11,9 +11,9 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.earth import WGS84
 from schuler.exceptions import InputError
+from schuler.observability.axes import in_du_axes, in_navigation_axes
 from schuler.observability.combinations import Combination, seen, unseen
 from schuler.observability.degree import Degree, degree_of_observability
-from schuler.observability.named import in_du_axes, in_navigation_axes
 from schuler.observability.ranks import Spectrum, spectrum
 from schuler.observability.scenario import ObservabilityScenario, scenario_motion, scenario_system
 from schuler.observability.system import LinearSystem

@@ -5,21 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from schuler.exceptions import InputError
-from schuler.observability.symbolic_model import Symbolic, SymbolicModel, rotary_model, sympy_module
+import numpy as np
 
-__all__ = [
-    "Symbolic",
-    "SymbolicModel",
-    "coefficients",
-    "observability_matrix",
-    "observable_combinations",
-    "observable_states",
-    "rank",
-    "rotary_model",
-    "same_span",
-    "unobservable_directions",
-]
+from schuler.exceptions import InputError
+from schuler.observability.scenario import ObservabilityScenario
+from schuler.observability.symbolic_model import Symbolic, SymbolicModel, sympy_module
+from schuler.observability.symbolic_model import rotary_model as rotary_model  # handed on beside the recursion
+from schuler.rotary.sections import axis_of
 
 
 def observability_matrix(model: SymbolicModel, order: int | None = None, *, injected: bool = False) -> Symbolic:
@@ -84,7 +76,7 @@ def _recursion(
     return stack[0].vstack(*stack[1:]) if count > 1 else H
 
 
-def rank(model: SymbolicModel, order: int | None = None) -> int:
+def symbolic_rank(model: SymbolicModel, order: int | None = None) -> int:
     """Rank of the observability matrix for almost all values of its constants.
 
     Notes
@@ -179,3 +171,63 @@ def _reduced(sp: Any, model: SymbolicModel, order: int | None) -> tuple[Symbolic
     stack = _recursion(sp, model, order, {}, injected=True)
     reduced, pivots = stack.extract(range(stack.shape[0]), _PREFERRED).rref()
     return reduced.to_Matrix()[: len(pivots), :], tuple(pivots), _PREFERRED
+
+
+_REFUSED = (
+    "formulas are for a vehicle at rest whose IMU is fixed or turns at a constant rate about an axis of the body: "
+)
+
+
+def scenario_model(scenario: ObservabilityScenario, *, biases: str = "navigation") -> SymbolicModel:
+    """Symbolic model of a scenario.
+
+    Parameters
+    ----------
+    scenario : ObservabilityScenario
+        Static; its IMU fixed, or turning at a constant rate about x, y or z.
+    biases : {"navigation", "imu"}
+
+    Notes
+    -----
+    Angles that are zero are zero; any other stands for a general one and is replaced by one of a Pythagorean triangle,
+    so that everything stays exact.
+
+    Raises
+    ------
+    InputError
+        For any other scenario.
+    """
+    axis = _axis(scenario)
+    sp: Any = sympy_module()
+    general = (sp.Rational(3, 4), sp.Rational(5, 12), sp.Rational(8, 15))
+    roll, pitch, azimuth = (
+        sp.atan(ratio) if angle else 0 for angle, ratio in zip(scenario.motion.rpy_deg, general, strict=True)
+    )
+    model: SymbolicModel = rotary_model(
+        axis, roll=roll, pitch=pitch, azimuth=azimuth, earth=scenario.motion.earth_rotation,
+        biases="imu" if biases == "imu" else "navigation", axes=scenario.axes,
+    )  # fmt: skip
+    return model
+
+
+def scenario_formulas(scenario: ObservabilityScenario) -> tuple[str, ...]:
+    """Rank and combinations of a scenario as text."""
+    model = scenario_model(scenario)
+    texts = [str(c) for c in observable_combinations(model)]
+    return (f"rank {len(texts)} of {len(model.names)}", *texts)
+
+
+def _axis(scenario: ObservabilityScenario) -> Any:
+    """Letter of the platform's axis in the axes of the model, None if the IMU is fixed."""
+    if scenario.motion.type != "static":
+        raise InputError(f"{_REFUSED}the motion is of type {scenario.motion.type}")
+    if scenario.rotary is None or scenario.rotary.schedule.type == "fixed":
+        return None
+    s = scenario.rotary.schedule
+    if s.type != "continuous" or s.tilt_deg or any(s.mount_rpy_deg) or s.start_s or s.acceleration_deg_s2:
+        raise InputError(f"{_REFUSED}the schedule is of type {s.type}, or tilted, mounted askew, or starts later")
+    u = np.abs(axis_of(s.axis))
+    if np.sum(u > 1e-12) != 1:
+        raise InputError(f"{_REFUSED}its axis is {s.axis}")
+    letters = "xyz" if scenario.axes == "ned" else "yxz"
+    return letters[int(np.argmax(u))]

@@ -48,7 +48,7 @@ class LinearSystem:
 
     Notes
     -----
-    Errors are estimate minus truth, north-east-down, unless :func:`.named.in_du_axes` made something else of them.
+    Errors are estimate minus truth, north-east-down, unless :func:`.axes.in_du_axes` made something else of them.
     """
 
     names: tuple[str, ...]

@@ -1,1 +1,5 @@
-"""Toolkit of figures, tables and pages; it knows nothing of navigation."""
+"""Toolkit of figures, tables and pages; it knows no domain."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

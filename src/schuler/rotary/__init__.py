@@ -1,15 +1,5 @@
-"""IMUs that a platform turns: schedules of rotation, encoders, mechanization, modulation of errors.
+"""Rotating IMUs: schedules of rotation, encoders, mechanization, modulated errors, calibration, navigation, search."""
 
-schedule, schemes, usage
-    ``C_bs(t)`` with exact rates; continuous, reciprocating, dwelling, dual-axis, cable-limited; what they ask.
-encoder, platform_errors
-    Readings of the platform's angles, and what their errors do.
-rotating_imu, mechanization
-    Motion and ideal output of the IMU, and navigation from it by two routes.
-modulation, tables
-    Errors in navigation axes, their means over a revolution and what is left of them.
-sections
-    Entries of a scenario's file.
-du_axes
-    Axes of Du (2015), whose tables are reproduced.
-"""
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

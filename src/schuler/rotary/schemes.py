@@ -236,8 +236,8 @@ def dual_axis(
     axis: biases in the dwells and scale factors cancel over a cycle. What is left depends on the order. On the way half
     a circle may be passed twice, then biases during the moves do not cancel; and installation errors tilt the IMU at
     every half turn. Four positions, ``+o +i -o -i``, leave both. The orders of eight and sixteen were found by trying
-    all closed sequences of eight half turns, and pairs of them, see :func:`schuler.rotary.modulation.residue`. Eight
-    leave no mean rate of error from installation (from biases that of the moves: no eight leave neither); sixteen
+    all closed sequences of eight half turns, and pairs of them, see :func:`schuler.rotary.modulated_errors.residue`.
+    Eight leave no mean rate of error from installation (from biases that of the moves: no eight leave neither); sixteen
     leave none from either and, for 30 deg/h and 2e-3, the smallest mean tilt within half a turn of zero. All begin in
     the middle of a dwell. Literature has several orders under the same numbers (Yuan et al. 2012; Sun 2011), which
     these are not; others go into :func:`sequence`.

@@ -14,9 +14,9 @@ from schuler.rotary import schemes
 from schuler.rotary.du_axes import du_axis
 from schuler.rotary.encoder import Between, Encoder
 from schuler.rotary.gimbals import axis_vector
+from schuler.rotary.platform_usage import PlatformLimits
 from schuler.rotary.rotating_imu import RotatingMotion
 from schuler.rotary.schedule import Schedule
-from schuler.rotary.usage import PlatformLimits
 from schuler.simulation.motion import Motion
 
 AxisName = Literal["x", "y", "z", "-x", "-y", "-z", "du-X", "du-Y", "du-Z"]

@@ -11,10 +11,10 @@ from schuler.reproduce.du.study import analytic_tables as tables
 from schuler.reproduce.du.study.analytic_tables import SCHEMES, SOURCES, DuErrors
 from schuler.rotary import schemes
 from schuler.rotary.du_axes import du_axis, swap_vector
-from schuler.rotary.modulation import open_loop_errors
+from schuler.rotary.free_navigation import static_run
+from schuler.rotary.modulated_errors import open_loop_errors
 from schuler.rotary.rotating_imu import RotatingMotion
 from schuler.rotary.schedule import Schedule
-from schuler.rotary.static_run import static_run
 from schuler.simulation.motion import StaticMotion
 from schuler.units import DEG, DEG_PER_HR
 

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from schuler.exceptions import InputError
-from schuler.montecarlo import campaign
+from schuler.montecarlo.engine import campaign
 from schuler.reproduce.du.study import thesis_tables as thesis
 from schuler.reproduce.du.study.emulation import drawn_emulation, emulation
 from schuler.reproduce.du.study.floor import noise_floor
@@ -19,8 +19,8 @@ from schuler.reproduce.du.study.rms import QUANTITIES, index, rms_values
 from schuler.reproduce.du.study.static import static_test
 from schuler.reproduce.du.study.static_tables import in_band
 from schuler.reproduce.du.study.trial import Trial, ideal, trial_run
+from schuler.rotary.free_navigation import static_run
 from schuler.rotary.schemes import fixed
-from schuler.rotary.static_run import static_run
 from schuler.sensors import catalogue
 from schuler.units import DEG, DEG_PER_HR, DEG_PER_RTHR
 

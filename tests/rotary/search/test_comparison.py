@@ -9,7 +9,7 @@ import pytest
 
 from schuler.exceptions import ConfigError
 from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.rotary.search.comparison import compare_scenario
+from schuler.rotary.search.comparison import compare_rotary
 from schuler.rotary.search.scenario import load_rotary
 from schuler.units import DEG, DEG_PER_HR
 
@@ -39,12 +39,12 @@ AIDED = {
 
 @cache
 def alone():
-    return compare_scenario(ALONE, runs=40)
+    return compare_rotary(ALONE, runs=40)
 
 
 @cache
 def aided():
-    return compare_scenario(AIDED, runs=6)
+    return compare_rotary(AIDED, runs=6)
 
 
 def normalised(way, rows, name, time):
@@ -110,7 +110,7 @@ def test_rates_and_tables():
 
 def test_a_schedule_without_a_rate_has_no_sweep():
     scheme = {"type": "rates", "axis": "z", "t_s": (0.0, 60.0), "rates_deg_s": (0.0, 20.0)}
-    found = compare_scenario({**ALONE, "rotary": {"schedule": scheme}}, runs=1)
+    found = compare_rotary({**ALONE, "rotary": {"schedule": scheme}}, runs=1)
     assert len(found.rates) == 0
     assert "against the rate" not in found.summary()
 
@@ -120,7 +120,7 @@ def test_interrupted_after_the_first_run_it_keeps_what_it_has():
         if fraction > 0.3:
             raise KeyboardInterrupt
 
-    found = compare_scenario(ALONE, runs=4, progress=stop)
+    found = compare_rotary(ALONE, runs=4, progress=stop)
     assert not found.complete
     assert len(found.rotary.histories) == len(found.conventional.histories) == 2
     assert "INTERRUPTED" in found.table().summary()

@@ -13,16 +13,16 @@ import pytest
 from places import ROOT
 
 from schuler.budget.covariance import quantity_sigma, true_covariance
-from schuler.budget.record import linearise
+from schuler.budget.linearisation import linearise
 from schuler.exceptions import ConfigError, InputError
 from schuler.recording.series import Increments
+from schuler.rotary.platform_usage import PlatformLimits, usage, within
 from schuler.rotary.rotating_imu import RotatingMotion, ideal_rotating_imu
+from schuler.rotary.search.evolution import SearchSettings, search_schemes
 from schuler.rotary.search.families import SchemeSpace, families, place_of, schedule_of
 from schuler.rotary.search.named_schemes import named_schemes
-from schuler.rotary.search.pareto import pareto_front
 from schuler.rotary.search.scenario import load_rotary
-from schuler.rotary.search.search import SearchSettings, search_schemes
-from schuler.rotary.usage import PlatformLimits, usage, within
+from schuler.rotary.search.search_result import pareto_front
 from schuler.units import DEG
 
 BASE = {

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from schuler.budget.covariance import quantity_sigma, true_covariance
-from schuler.budget.record import SENSOR_BLOCKS, linearise
+from schuler.budget.linearisation import SENSOR_BLOCKS, linearise
 from schuler.budget.scenario import BudgetScenario, linearised_mission, prepare_budget, true_schedule
 from schuler.exceptions import InputError
 from schuler.recording.series import Increments

@@ -54,7 +54,7 @@ def _of(test: StaticTest, values: FloatArray, k: int) -> FloatArray:
 
 
 def _conventional(imu: str, effort: Effort) -> Outcome:
-    from schuler.montecarlo import campaign
+    from schuler.montecarlo.engine import campaign
     from schuler.reproduce.du.study.emulation import emulation
     from schuler.reproduce.du.study.thesis_tables import EMULATED, STATIC_CONVENTIONAL
     from schuler.reproduce.du.study.trial import Trial, trial_run

@@ -117,7 +117,7 @@ def _road(effort: Effort) -> Outcome:
 
 def _one_drive(effort: Effort) -> Outcome:
     from schuler.reproduce.du.study.rms import index
-    from schuler.rotary.static_run import error_history
+    from schuler.rotary.free_navigation import error_history
 
     test = campaign_of_drives("NAV440", effort)
     turn = 2.0 * np.pi / test.rotary_trial.rate

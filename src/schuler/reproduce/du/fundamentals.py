@@ -20,7 +20,7 @@ def _modulation(effort: Effort) -> Outcome:
     from schuler.reproduce.du.study.rotary_thesis_figures import modulated_biases
     from schuler.rotary import schemes
     from schuler.rotary.du_axes import du_axis, swap_vector
-    from schuler.rotary.modulation import effective_rate, modulation, turning_vehicle
+    from schuler.rotary.modulated_errors import effective_rate, modulation, turning_vehicle
     from schuler.rotary.rotating_imu import RotatingMotion
 
     llh = np.array([45.0 * DEG, 0.0, 0.0])
@@ -107,8 +107,7 @@ def _platform(effort: Effort) -> Outcome:
     from schuler import rotation
     from schuler.rotary import schemes
     from schuler.rotary.du_axes import du_axis
-    from schuler.rotary.encoder import Encoder, read_encoder
-    from schuler.rotary.platform_errors import platform_error
+    from schuler.rotary.encoder import Encoder, platform_error, read_encoder
 
     t = np.linspace(0.0, 36.0, 145)
     platform = schemes.continuous(du_axis("Z"), _RATE)

@@ -52,7 +52,7 @@ def _table_5_1(effort: Effort) -> Outcome:
     inside = [symbolic.same_span(model, found, [*found, c]) for c in table]
     cells = (
         digits("combinations of the table that velocity determines", "9", float(sum(inside))),
-        digits("all combinations that it determines", "9", float(symbolic.rank(model))),
+        digits("all combinations that it determines", "9", float(symbolic.symbolic_rank(model))),
         digits("states determined by themselves", "4", float(len(symbolic.observable_states(model)))),
     )
     return Outcome(
@@ -182,7 +182,7 @@ def _manoeuvres(effort: Effort) -> Outcome:
     cells = []
     for axis, name in ((None, "conventional"), ("z", "about Z, level")):
         model = symbolic.rotary_model(axis, manoeuvre=True, earth=False)  # type: ignore[arg-type]
-        cells.append(digits(f"{name}: combinations of twelve determined", "12", float(symbolic.rank(model))))
+        cells.append(digits(f"{name}: combinations of twelve determined", "12", float(symbolic.symbolic_rank(model))))
     return Outcome(tuple(cells), "A horizontal acceleration whose direction changes; without the Earth's rate.")
 
 

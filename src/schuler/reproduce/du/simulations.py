@@ -38,7 +38,7 @@ def _growth(scheme: Scheme) -> Outcome:
     from schuler.reproduce.du.study import analytic_tables as tables
     from schuler.rotary import schemes
     from schuler.rotary.du_axes import du_axis, swap_vector
-    from schuler.rotary.modulation import open_loop_errors
+    from schuler.rotary.modulated_errors import open_loop_errors
     from schuler.rotary.rotating_imu import RotatingMotion
     from schuler.simulation.motion import StaticMotion
 

@@ -25,8 +25,8 @@ from schuler.units import DEG, G0
 
 if TYPE_CHECKING:
     from schuler.growth import Bounds, Growth
-    from schuler.growth.gauss_markov import Start
-    from schuler.growth.upright import GravityModel
+    from schuler.growth.dead_reckoning import GravityModel
+    from schuler.growth.integrals import Start
     from schuler.plotting.figure import Figure
 
 #: Samples of 20 Hz beside the continuous forms: 3 / k of a variance after k steps, at 30 s half a percent.

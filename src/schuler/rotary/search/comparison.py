@@ -13,13 +13,13 @@ from schuler.arrays import BoolArray, FloatArray
 from schuler.budget.covariance import QUANTITIES, quantity_sigma
 from schuler.filtering.measurements import in_windows
 from schuler.plotting.table import Cell, ResultTable
-from schuler.rotary.modulation import Modulation, modulation
+from schuler.rotary.free_navigation import ErrorHistory
+from schuler.rotary.modulated_errors import Modulation, modulation
 from schuler.rotary.rotating_imu import ideal_rotating_imu
 from schuler.rotary.schedule import Schedule
 from schuler.rotary.schemes import fixed
 from schuler.rotary.search.scenario import RotaryScenario, load_rotary
 from schuler.rotary.search.scheme_run import one_run
-from schuler.rotary.static_run import ErrorHistory
 from schuler.units import DEG
 
 _SHOWN = 2000  # times of the modulated bias
@@ -146,7 +146,7 @@ class ScenarioComparison:
         }  # fmt: skip
 
 
-def compare_scenario(
+def compare_rotary(
     scenario: RotaryScenario | dict[str, Any] | Path | str,
     *,
     runs: int | None = None,

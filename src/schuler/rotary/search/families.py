@@ -16,9 +16,9 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.rotary.gimbals import axis_vector
+from schuler.rotary.platform_usage import PlatformLimits
 from schuler.rotary.schedule import Schedule
 from schuler.rotary.sections import ScheduleSection
-from schuler.rotary.usage import PlatformLimits
 from schuler.units import DEG
 
 #: What a scenario's ``[rotary.schedule]`` says.

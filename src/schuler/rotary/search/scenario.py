@@ -26,9 +26,9 @@ from schuler.filtering.measurements import HEIGHT, MeasurementSchedule, merged
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.sections import Config, NonNegative, Positive, Section
 from schuler.navigation.states import imu_spec
+from schuler.rotary.search.evolution import SearchSettings
 from schuler.rotary.search.families import SchemeSpace
 from schuler.rotary.search.objective import SchemeObjective, scheme_objective
-from schuler.rotary.search.search import SearchSettings
 from schuler.rotary.sections import LimitsSection, RotarySection
 from schuler.sensors import catalogue
 from schuler.sensors.spec import ImuSpec

@@ -18,11 +18,11 @@ from schuler.recording.series import GnssSeries
 from schuler.recording.trajectory import FullTrajectory
 from schuler.rotary.du_axes import enu_errors
 from schuler.rotary.encoder import Platform, read_encoder
+from schuler.rotary.free_navigation import ErrorHistory, error_history
 from schuler.rotary.mechanization import mechanize_rotating
 from schuler.rotary.navigation import navigate_rotary
 from schuler.rotary.rotating_imu import RotatingMotion, vehicle_truth
 from schuler.rotary.search.scenario import RotaryScenario
-from schuler.rotary.static_run import ErrorHistory, error_history
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.aiding import GnssModel, draw_gnss
 from schuler.simulation.imu import IdealImu, simulate_imu

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
-from schuler.budget.record import Linearised
+from schuler.budget.linearisation import Linearised
 from schuler.budget.scenario import BudgetMission
 from schuler.exceptions import InputError
 from schuler.filtering.states import BLOCKS

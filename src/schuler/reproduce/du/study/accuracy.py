@@ -10,7 +10,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.montecarlo import campaign
+from schuler.montecarlo.engine import campaign
 from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.plotting.table import ResultTable
 from schuler.reproduce.du.study import thesis_tables as thesis

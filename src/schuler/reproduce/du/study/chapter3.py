@@ -12,8 +12,8 @@ from schuler.exceptions import InputError
 from schuler.plotting.table import ResultTable
 from schuler.reproduce.du.study.thesis_tables import CHAPTER_3
 from schuler.rotary.du_axes import DuAxis, du_axis, installation_matrix, scale_matrix, swap_vector
+from schuler.rotary.free_navigation import ErrorHistory, static_run
 from schuler.rotary.schemes import continuous, fixed
-from schuler.rotary.static_run import ErrorHistory, static_run
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.noise import noise_model

@@ -11,7 +11,8 @@ import numpy as np
 from schuler import units
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.montecarlo import campaign, run_seed
+from schuler.montecarlo import run_seed
+from schuler.montecarlo.engine import campaign
 from schuler.plotting.table import ResultTable
 from schuler.recording.trajectory import Trajectory
 from schuler.reproduce.du.study import thesis_tables as thesis

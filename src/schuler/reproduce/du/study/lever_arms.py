@@ -15,7 +15,8 @@ from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, InitialState, run
 from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements
 from schuler.mechanization.strapdown import NavState
-from schuler.montecarlo import campaign, traits
+from schuler.montecarlo import traits
+from schuler.montecarlo.engine import campaign
 from schuler.navigation.result import NavigationResult
 from schuler.plotting.table import Cell, ResultTable
 from schuler.recording.series import Increments

@@ -7,7 +7,7 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.recording.trajectory import Trajectory
-from schuler.rotary.static_run import error_history
+from schuler.rotary.free_navigation import error_history
 from schuler.units import DEG
 
 #: Order of :func:`rms_values`; horizontal ones are of both components together.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from schuler.reproduce.du.study.kinematic import KinematicTest
     from schuler.reproduce.du.study.static import StaticTest
     from schuler.rotary.du_axes import DuAxis
-    from schuler.rotary.static_run import ErrorHistory
+    from schuler.rotary.free_navigation import ErrorHistory
 
 _AXES = ("axis_x", "axis_y", "axis_z")
 _SCHEMES = {None: ("mean", "conventional"), "X": ("axis_x", "about X"), "Y": ("axis_y", "about Y"),
@@ -113,7 +113,7 @@ def rates_figure(test: StaticTest, strategies: Sequence[str] | None = None) -> F
 
 def kinematic_figure(test: KinematicTest, run: int = 0) -> Figure:
     """Tracks, velocity and attitude errors of one run of a drive."""
-    from schuler.rotary.static_run import error_history
+    from schuler.rotary.free_navigation import error_history
 
     solved = test.example(run)
     truth = solved.pop("truth")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from schuler.reproduce.du.study.accuracy import CalibrationTrials
     from schuler.reproduce.du.study.calibration_accuracy import CalibrationAccuracy
     from schuler.reproduce.du.study.outages import RotaryComparison
-    from schuler.rotary.modulation import Modulation
+    from schuler.rotary.modulated_errors import Modulation
     from schuler.simulation.motion import Motion
 
 _LEAST = 1e-12  # of what is drawn on a logarithmic axis

@@ -10,14 +10,15 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.montecarlo import campaign, run_seed
+from schuler.montecarlo import run_seed
+from schuler.montecarlo.engine import campaign
 from schuler.plotting.table import ResultTable
 from schuler.reproduce.du.study import thesis_tables as thesis
 from schuler.reproduce.du.study.emulation import Emulation, emulation
 from schuler.reproduce.du.study.improvement import Improvement, improvement, mean_interval
 from schuler.reproduce.du.study.rms import QUANTITIES, UNITS, index
 from schuler.reproduce.du.study.trial import Trial, ideal, solutions, trial_run
-from schuler.rotary.static_run import ErrorHistory, error_history
+from schuler.rotary.free_navigation import ErrorHistory, error_history
 from schuler.units import DEG, DEG_PER_HR
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 from schuler.plotting.table import ResultTable
 
 if TYPE_CHECKING:
-    from schuler.growth.gauss_markov import Start
+    from schuler.growth.integrals import Start
 
 #: 1-sigma by (grade, time, start): heading [deg], velocity [m/s], position [m], with gravity velocity and position.
 EXACT: dict[tuple[str, float, Start], tuple[float, ...]] = {

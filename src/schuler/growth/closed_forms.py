@@ -13,7 +13,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
 from schuler.exceptions import InputError
-from schuler.growth.gauss_markov import Start, integral_variance
+from schuler.growth.integrals import Start, integral_variance
 from schuler.units import G0
 
 
@@ -76,7 +76,7 @@ def constant(integrals: int, t: ArrayLike, value: float) -> FloatArray:
 
 
 def gauss_markov(integrals: int, t: ArrayLike, sigma: float, tau: float, start: Start = "stationary") -> FloatArray:
-    """Variance of a Gauss-Markov bias integrated n times, see :func:`.gauss_markov.integral_variance`."""
+    """Variance of a Gauss-Markov bias integrated n times, see :func:`.integrals.integral_variance`."""
     return integral_variance(integrals, t, sigma, tau, start)
 
 

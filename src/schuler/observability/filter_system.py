@@ -16,8 +16,8 @@ from schuler.filtering.measurements import RESET_KINDS, MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.result import NavigationResult
+from schuler.observability.dynamics import system_matrices, transitions
 from schuler.observability.system import LinearSystem, state_names
-from schuler.observability.transitions import system_matrices, transitions
 from schuler.recording.series import ImuSeries
 from schuler.simulation.imu import ideal_imu
 from schuler.simulation.motion import Motion
@@ -65,7 +65,7 @@ def motion_system(
     step : float
         Largest step of the exact transitions. [s]
     breaks : array_like, optional
-        Moments at which rates jump, see :func:`.transitions.transitions`. [s]
+        Moments at which rates jump, see :func:`.dynamics.transitions`. [s]
     transition : {"exact", "engine"}
         By a sixth-order expansion of the system matrix along the motion, or as the engine itself accumulates them.
         Measurement rows are the engine's in both cases.

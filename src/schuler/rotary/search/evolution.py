@@ -12,11 +12,11 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
+from schuler.rotary.platform_usage import usage, within
 from schuler.rotary.search.families import Entries, Family, SchemeSpace, families, place_of, schedule_of
 from schuler.rotary.search.named_schemes import named_schemes
 from schuler.rotary.search.objective import SchemeObjective
 from schuler.rotary.search.search_result import Candidate, SchemeSearch
-from schuler.rotary.usage import usage, within
 
 #: Shares of the best scheme's travel at which the front is filled.
 SHARES = (0.5, 0.2, 0.08, 0.03)

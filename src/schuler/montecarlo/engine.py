@@ -12,14 +12,13 @@ from typing import Any, Literal, NamedTuple
 
 from schuler.exceptions import InputError
 from schuler.montecarlo import workers as local
-from schuler.montecarlo.batches import Batches
 from schuler.montecarlo.fingerprint import fingerprint, plain
 from schuler.montecarlo.functions import RunFunction, traits_of
 from schuler.montecarlo.result import Campaign
 from schuler.montecarlo.rows import Rows
 from schuler.montecarlo.statistics import Accumulator, Statistics
 from schuler.montecarlo.store import Span, Store, identity_of, opened
-from schuler.montecarlo.workers import Finished, Work
+from schuler.montecarlo.workers import Batches, Finished, Work
 
 
 def campaign(

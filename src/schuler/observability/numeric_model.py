@@ -10,8 +10,8 @@ from schuler import rotation
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.earth import WGS84, radii_of_curvature
 from schuler.exceptions import InputError
+from schuler.observability.dynamics import transitions
 from schuler.observability.system import LinearSystem, state_names
-from schuler.observability.transitions import transitions
 
 _BLOCKS = {"dpsi": 3, "dv": 3, "b_a": 3, "b_g": 3}
 _G = 9.806

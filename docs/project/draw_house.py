@@ -57,7 +57,9 @@ def draw(path: Path) -> None:
             size = f"{lines / 1000:.1f}k" if lines > 950 else str(lines)
             ax.text(x + 0.12, y + 0.66, name, fontsize=9, fontweight="bold", va="center")
             ax.text(x + width - 0.12, y + 0.66, size, fontsize=7, ha="right", va="center", color="#555555")
-            words = textwrap.shorten(text.split(":")[0] if len(names) > 2 else text, int(17.5 * width), placeholder=" ...")
+            words = textwrap.shorten(
+                text.split(":")[0] if len(names) > 2 else text, int(17.5 * width), placeholder=" ..."
+            )
             ax.text(x + 0.12, y + 0.32, words, fontsize=6.5, va="center", color="#333333")
     figure.savefig(path)
 

@@ -7,15 +7,15 @@ from .error_model import parameter_columns as parameter_columns
 from .error_model import system_matrix_ecef as system_matrix_ecef
 from .error_model import system_matrix_ned as system_matrix_ned
 from .measurements import KINDS as KINDS
-from .measurements import MeasurementSchedule as MeasurementSchedule
 from .measurements import STATUS as STATUS
+from .measurements import MeasurementSchedule as MeasurementSchedule
 from .measurements import gnss_measurements as gnss_measurements
 from .measurements import merged as merged
 from .measurements import position as position
 from .measurements import velocity as velocity
 from .measurements import zero_velocity as zero_velocity
-from .states import BLOCKS as BLOCKS
 from .states import BLOCK_TEXT as BLOCK_TEXT
+from .states import BLOCKS as BLOCKS
 from .states import StateLayout as StateLayout
 from .states import StateModel as StateModel
 from .states import layout_for as layout_for

@@ -1,0 +1,115 @@
+from .budget import choose_imu as choose_imu
+from .budget import error_budget as error_budget
+from .budget import linear_covariance as linear_covariance
+from .budget import prepare_budget as prepare_budget
+from .calibration.bench.ferraris import calibrate_ferraris as calibrate_ferraris
+from .calibration.bench.multiposition import calibrate_multiposition as calibrate_multiposition
+from .calibration.bench.poses import Poses as Poses
+from .calibration.bench.poses import poses_of as poses_of
+from .calibration.bench.ratetable import calibrate_angle_rate as calibrate_angle_rate
+from .calibration.bench.ratetable import calibrate_ratetable as calibrate_ratetable
+from .calibration.bench.sixposition import calibrate_sixposition as calibrate_sixposition
+from .calibration.field.calibration import calibrate_field as calibrate_field
+from .calibration.freepose.calibrate import calibrate_freepose as calibrate_freepose
+from .calibration.freepose.fleet import calibrate_fleet as calibrate_fleet
+from .calibration.result.result import CalibrationResult as CalibrationResult
+from .calibration.thermal.calibrate import calibrate_thermal as calibrate_thermal
+from .characterisation import NoiseIdentification as NoiseIdentification
+from .characterisation import allan_deviation as allan_deviation
+from .characterisation import identify_noise as identify_noise
+from .diagnosis import Diagnosis as Diagnosis
+from .diagnosis import check as check
+from .filtering import FilterOptions as FilterOptions
+from .filtering import InitialState as InitialState
+from .filtering import StateLayout as StateLayout
+from .filtering import StateModel as StateModel
+from .filtering import layout_for as layout_for
+from .mechanization import NavState as NavState
+from .mechanization import mechanize as mechanize
+from .montecarlo import campaign as campaign
+from .navigation import NavigationConfig as NavigationConfig
+from .navigation import NavigationResult as NavigationResult
+from .navigation import Navigator as Navigator
+from .navigation import compare_architectures as compare_architectures
+from .navigation import fine_alignment as fine_alignment
+from .navigation import navigate as navigate
+from .navigation.foot import navigate_foot as navigate_foot
+from .observability import scenario_observability as scenario_observability
+from .recording import GnssSeries as GnssSeries
+from .recording import ImuSeries as ImuSeries
+from .recording import Increments as Increments
+from .recording import Metadata as Metadata
+from .recording import OdometerSeries as OdometerSeries
+from .recording import Recording as Recording
+from .recording import Trajectory as Trajectory
+from .recording.io import ReadHints as ReadHints
+from .recording.io import read as read
+from .recording.io import write as write
+from .rotary import compare_rotary as compare_rotary
+from .rotary import navigate_rotary as navigate_rotary
+from .rotary import search_schemes as search_schemes
+from .sensors import ImuErrors as ImuErrors
+from .sensors import ImuSpec as ImuSpec
+from .sensors import TriadSpec as TriadSpec
+from .simulation.scenario import Scenario as Scenario
+from .simulation.scenario import simulate as simulate
+
+__version__: str
+
+__all__ = [
+    "CalibrationResult",
+    "Diagnosis",
+    "FilterOptions",
+    "GnssSeries",
+    "ImuErrors",
+    "ImuSeries",
+    "ImuSpec",
+    "Increments",
+    "InitialState",
+    "Metadata",
+    "NavState",
+    "NavigationConfig",
+    "NavigationResult",
+    "Navigator",
+    "NoiseIdentification",
+    "OdometerSeries",
+    "Poses",
+    "ReadHints",
+    "Recording",
+    "Scenario",
+    "StateLayout",
+    "StateModel",
+    "Trajectory",
+    "TriadSpec",
+    "allan_deviation",
+    "calibrate_angle_rate",
+    "calibrate_ferraris",
+    "calibrate_field",
+    "calibrate_fleet",
+    "calibrate_freepose",
+    "calibrate_multiposition",
+    "calibrate_ratetable",
+    "calibrate_sixposition",
+    "calibrate_thermal",
+    "campaign",
+    "check",
+    "choose_imu",
+    "compare_architectures",
+    "compare_rotary",
+    "error_budget",
+    "fine_alignment",
+    "identify_noise",
+    "layout_for",
+    "linear_covariance",
+    "mechanize",
+    "navigate",
+    "navigate_foot",
+    "navigate_rotary",
+    "poses_of",
+    "prepare_budget",
+    "read",
+    "scenario_observability",
+    "search_schemes",
+    "simulate",
+    "write",
+]

@@ -1,7 +1,8 @@
-"""Fixtures shared by all tests."""
+"""Fixtures shared by all tests, the choice of cases that run by default, and how processes share them."""
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,27 @@ import pytest
 from places import DATA
 
 SHARED_DATA = DATA
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Of a test marked ``thinned(n)`` every n-th case runs by default, beginning with the first."""
+    seen: Counter[str] = Counter()
+    for item in items:
+        thinned = item.get_closest_marker("thinned")
+        if thinned is not None:
+            function = item.nodeid.partition("[")[0]
+            if seen[function] % thinned.args[0]:
+                item.add_marker(pytest.mark.campaign)
+            seen[function] += 1
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Files stay together while they can: fixtures of modules and kernels are made once, not once a process."""
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log)
 
 
 @pytest.fixture(scope="session")

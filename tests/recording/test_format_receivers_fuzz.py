@@ -81,11 +81,12 @@ def sbg_systems(draw):
     ("name", "message"),
     [("novatel", novatel), ("sbf", septentrio), ("vectornav", vectornav), ("xsens", xsens), ("sbg", sbg_systems)],
 )
-def test_any_contents(tmp_path, name, message):
-    """60 logs of up to 12 messages each, some of them repeated."""
+@pytest.mark.parametrize("logs", [15, pytest.param(60, marks=pytest.mark.fuzz)])
+def test_any_contents(tmp_path, name, message, logs):
+    """Logs of up to 12 messages each, some of them repeated."""
     path = tmp_path / "log"
 
-    @settings(max_examples=60, deadline=None, derandomize=True, database=None,
+    @settings(max_examples=logs, deadline=None, derandomize=True, database=None,
               suppress_health_check=list(HealthCheck))  # fmt: skip
     @given(st.data())
     def run(data):

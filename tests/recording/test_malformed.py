@@ -107,16 +107,23 @@ hints = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=1000, deadline=None, suppress_health_check=list(HealthCheck))
-@given(data=contents, options=hints, name=st.sampled_from(("log.csv", "log.txt", "log.pos", "log")))
-def test_malformed_text_raises_only_errors_of_ours(data, options, name):
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / name
-        path.write_bytes(data)
-        with suppress(SchulerError):
-            recording = read(path, **options)
-            assert isinstance(recording, Recording)
-            assert recording.metadata.sources
+EXAMPLES = pytest.mark.parametrize("examples", [60, pytest.param(1000, marks=pytest.mark.fuzz)])
+
+
+@EXAMPLES
+def test_malformed_text_raises_only_errors_of_ours(examples):
+    @settings(max_examples=examples, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(data=contents, options=hints, name=st.sampled_from(("log.csv", "log.txt", "log.pos", "log")))
+    def law(data, options, name):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / name
+            path.write_bytes(data)
+            with suppress(SchulerError):
+                recording = read(path, **options)
+                assert isinstance(recording, Recording)
+                assert recording.metadata.sources
+
+    law()
 
 
 IMU_ROWS = [f"{k / 100},{0.1 + 0.001 * (k % 3)},-0.2,-9.79,0.001,{0.001 * (k % 2)},0" for k in range(120)]
@@ -156,17 +163,21 @@ def spoilt(draw) -> tuple[bytes, dict]:
     return draw(st.sampled_from(("\n", "\r\n"))).join(lines).encode("utf-8", "replace"), options
 
 
-@settings(max_examples=1000, deadline=None, suppress_health_check=list(HealthCheck))
-@given(log=spoilt(), more=st.one_of(st.just({}), hints))
-def test_spoilt_logs_raise_only_errors_of_ours(log, more):
-    data, options = log
-    with tempfile.TemporaryDirectory() as folder, suppress(SchulerError):
-        path = Path(folder) / "log.csv"
-        path.write_bytes(data)
-        assert isinstance(read(path, **{**more, **options}), Recording)
+@EXAMPLES
+def test_spoilt_logs_raise_only_errors_of_ours(examples):
+    @settings(max_examples=examples, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(log=spoilt(), more=st.one_of(st.just({}), hints))
+    def law(log, more):
+        data, options = log
+        with tempfile.TemporaryDirectory() as folder, suppress(SchulerError):
+            path = Path(folder) / "log.csv"
+            path.write_bytes(data)
+            assert isinstance(read(path, **{**more, **options}), Recording)
+
+    law()
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     data=st.binary(max_size=300),
     options=hints,

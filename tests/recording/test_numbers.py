@@ -53,8 +53,8 @@ printed = st.builds(lambda fmt, x: fmt % x, st.sampled_from(["%r", "%.17g", "%.9
 middles = doubles.map(lambda x: str(Decimal(x) + (Decimal(math.nextafter(x, math.inf)) - Decimal(x)) / 2))
 
 
-# 300 examples of 20 texts each, and the ones below: 6000 texts
-@settings(max_examples=300, deadline=None, derandomize=True)
+# 100 examples of 20 texts each, and the ones below
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(texts=st.lists(st.one_of(written, printed, middles), min_size=20, max_size=20))
 @example(texts=["9007199254740993", "9007199254740993.0", "9007199254740993" + "0" * 300, "0." + "0" * 300 + "1"])
 @example(texts=["2.2250738585072011e-308", "4.9e-324", "1e400", "-1e400", "1e-400", "-0", "-0.0e99999", "1.", ".5"])
@@ -83,16 +83,16 @@ def drawn(rng, n):
             yield str(middle) if kind == 6 else f"{middle:.{rng.randint(15, 19)}e}"
 
 
-@pytest.mark.parametrize("cases", [100_000, pytest.param(10_000_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cases", [20_000, pytest.param(10_000_000, marks=pytest.mark.slow)])
 def test_many_numbers_are_those_of_float(tmp_path, cases):
     rng = random.Random(9)
-    for _ in range(cases // 100_000):
-        texts = list(drawn(rng, 100_000))
+    for _ in range(max(cases // 100_000, 1)):
+        texts = list(drawn(rng, min(cases, 100_000)))
         assert_same_bits(read_all(tmp_path, texts), texts)
 
 
-# 300 examples of 10 texts each
-@settings(max_examples=300, deadline=None, derandomize=True)
+# 100 examples of 10 texts each
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(
     st.lists(
         st.builds(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import gzip
+import importlib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -43,9 +44,9 @@ class Sample:
 
 
 def module(name: str) -> ModuleType:
-    """A module of the tests of recordings, for the logs it makes."""
-    (path,) = (places.TESTS / "recording").rglob(f"{name}.py")
-    return places.module(path.relative_to(places.TESTS).as_posix())
+    """A helper module, or a module of the tests of recordings, for the logs it makes."""
+    paths = list((places.TESTS / "recording").rglob(f"{name}.py"))
+    return places.module(paths[0].relative_to(places.TESTS).as_posix()) if paths else importlib.import_module(name)
 
 
 @functools.cache

@@ -232,6 +232,7 @@ CASES = 400
 SAMPLE = encoder.log(messages(seconds=1.0), NAMES)
 
 
+@pytest.mark.fuzz  # some run in test_fuzz.py always
 @settings(max_examples=CASES, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_damaged_logs_raise_only_errors_of_ours(data):

@@ -262,6 +262,7 @@ CASES = 300
 SAMPLE = flight(seconds=0.6, imu=("sensor_combined", "vehicle_imu"))
 
 
+@pytest.mark.fuzz  # some run in test_fuzz.py always
 @settings(max_examples=CASES, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_damaged_logs_raise_only_errors_of_ours(data):

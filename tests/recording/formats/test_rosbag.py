@@ -548,6 +548,7 @@ def samples(drive) -> dict[str, bytes]:
 CASES = 300
 
 
+@pytest.mark.fuzz  # some run in test_fuzz.py always
 @settings(max_examples=CASES, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_damaged_containers_raise_only_errors_of_ours(samples, data):

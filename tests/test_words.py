@@ -20,8 +20,8 @@ KEPT = {"hexdigest", "digest", "sources_digest"}
 
 #: Parts of the package whose names and docstrings are still to be gone through.
 STILL = {
-    "budget", "calibration", "characterisation", "cli", "diagnosis", "exceptions", "gnss", "growth", "montecarlo",
-    "navigation", "observability", "plotting", "recording", "reproduce", "rotary", "sensors", "simulation", "units",
+    "calibration", "characterisation", "cli", "diagnosis", "exceptions", "gnss", "montecarlo",
+    "navigation", "recording", "reproduce", "rotary", "sensors", "simulation", "units",
 }  # fmt: skip
 
 

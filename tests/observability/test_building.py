@@ -232,7 +232,7 @@ def test_local_observability_at_rest_and_in_a_turn():
     """At rest heading is hidden; where the force turns all is seen at one moment, without Earth rate (F28)."""
     sigma = np.concatenate((START, np.sqrt(LAYOUT.initial_variances())))
     rest, turn = (
-        motion_local_spectrum(motion, LAYOUT, 20.0, sigma, known=("dr",), width=4.0, order=9, earth_rotation=False)
+        motion_local_spectrum(motion, LAYOUT, 20.0, sigma, fixed=("dr",), width=4.0, order=9, earth_rotation=False)
         for motion in (still(), circle())
     )
     assert rest.formal == 8
@@ -241,13 +241,13 @@ def test_local_observability_at_rest_and_in_a_turn():
     with pytest.raises(InputError, match="both ends"):
         motion_local_spectrum(circle(), LAYOUT, 0.5, sigma)
     with pytest.raises(InputError, match="measured"):
-        motion_local_spectrum(circle(), LAYOUT, 8.0, sigma, measured=("dr",), known=("dr",))
+        motion_local_spectrum(circle(), LAYOUT, 8.0, sigma, measured=("dr",), fixed=("dr",))
 
 
 def test_a_motion_that_is_not_smooth_is_doubted_not_believed():
     """Way-points are joined by quintic splines: higher derivatives do not exist, and nothing counts as seen by them."""
     sigma = np.concatenate((START, np.sqrt(LAYOUT.initial_variances())))
-    found = motion_local_spectrum(drive(), LAYOUT, 20.0, sigma, width=4.0, known=("dr",))
+    found = motion_local_spectrum(drive(), LAYOUT, 20.0, sigma, width=4.0, fixed=("dr",))
     assert found.doubt > 1e-3 * found.values[0]
 
 

@@ -129,7 +129,7 @@ class ImuChoice:
     def summary(self) -> str:
         """The table, what limits those asked about, and what is not in it."""
         lines = [self.table().summary()]
-        lines += [_said(b, self.requirement) for b in self.bottlenecks.values()]
+        lines += [_bottleneck_sentence(b, self.requirement) for b in self.bottlenecks.values()]
         if self.left_out:
             lines.append(f"left out, too little is known: {', '.join(self.left_out)}")
         return "\n".join(lines)
@@ -235,12 +235,12 @@ def bottleneck(mission: BudgetMission, wanted: Requirement, spec: ImuSpec) -> Bo
     filter's gains change with it. The sensitivity is that of the variance shares, gains unchanged: exact to first
     order for an optimal filter, whose variance does not change with its gains.
     """
-    found = linear_covariance(mission, spec)
-    value, time = wanted.worst(mission, found.P)
-    r = int(np.argmin(np.abs(found.t - time)))
+    covariance = linear_covariance(mission, spec)
+    value, time = wanted.worst(mission, covariance.P)
+    r = int(np.argmin(np.abs(covariance.t - time)))
     places = list(QUANTITIES[wanted.quantity][0])
-    squares = np.sum(np.square(found.parts[:, r, places]), axis=1)
-    shares = _by_field(mission, spec, found, squares / squares.sum())
+    squares = np.sum(np.square(covariance.parts[:, r, places]), axis=1)
+    shares = _by_field(mission, spec, covariance, squares / squares.sum())
     if not shares:
         raise InputError(f"{spec.name}: nothing in the specification contributes")
     field = max(shares, key=lambda f: shares[f])
@@ -273,12 +273,12 @@ def scaled(spec: ImuSpec, field: tuple[str, str], factor: float) -> ImuSpec:
 
 
 def _by_field(
-    mission: BudgetMission, spec: ImuSpec, found: LinearCovariance, share: FloatArray
+    mission: BudgetMission, spec: ImuSpec, covariance: LinearCovariance, share: FloatArray
 ) -> dict[tuple[str, str], float]:
     still = constants(spec, mission.start_sigma, asymmetry=mission.asymmetry, quadratic=mission.quadratic)
     fields = {c.name: c.field for c in still} | {n.name: n.field for n in noises(spec)}
     shares: dict[tuple[str, str], float] = {}
-    for name, value in zip(found.names, share, strict=True):
+    for name, value in zip(covariance.names, share, strict=True):
         field = fields.get(name)
         if field is not None:
             shares[field] = shares.get(field, 0.0) + float(value)
@@ -302,7 +302,7 @@ def _solve(at: Callable[[float], float], limit: float, value: float, floor: floa
     return low
 
 
-def _said(b: Bottleneck, wanted: Requirement) -> str:
+def _bottleneck_sentence(b: Bottleneck, wanted: Requirement) -> str:
     _, unit, scale = QUANTITIES[wanted.quantity]
     head = f"{b.imu}: limited by {b.words} ({b.present:.3g} SI, {100.0 * b.share:.0f} % of the variance)"
     if b.needed is None:

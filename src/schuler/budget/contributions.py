@@ -49,7 +49,7 @@ class ErrorBudget:
 
     @property
     def share(self) -> FloatArray:
-        """Of the variance. Shape (sources,)."""
+        """Share of each source in the variance. Shape (sources,)."""
         return np.asarray(np.square(self.contribution) / self.total**2)
 
     def by_group(self) -> dict[str, float]:
@@ -124,19 +124,22 @@ def error_budget(
     ----------
     Flenniken (2005), section 7.4, figure 7.4; docs/budget.md maps his 48 parameters to the names here.
     """
-    found = linear_covariance(mission, spec, states=states, by_axis=True, angles=angles)
-    return budget_of(found, quantity, time)
+    covariance = linear_covariance(mission, spec, states=states, by_axis=True, angles=angles)
+    return budget_of(covariance, quantity, time)
 
 
-def budget_of(found: LinearCovariance, quantity: str = "horizontal", time: float | None = None) -> ErrorBudget:
+def budget_of(covariance: LinearCovariance, quantity: str = "horizontal", time: float | None = None) -> ErrorBudget:
     """Contributions at a record of a linear covariance, the last not after ``time``."""
     if quantity not in QUANTITIES:
         raise InputError(f"quantity: expected one of {', '.join(QUANTITIES)}, got {quantity!r}")
-    at = float(found.t[-1]) if time is None else time
-    if not found.t[0] <= at <= found.t[-1] + 1e-6:
-        raise InputError(f"time: expected {found.t[0]:g} to {found.t[-1]:g} s, got {at:g}")
-    r = int(np.searchsorted(found.t, at + 1e-6, side="right") - 1)
+    at = float(covariance.t[-1]) if time is None else time
+    if not covariance.t[0] <= at <= covariance.t[-1] + 1e-6:
+        raise InputError(f"time: expected {covariance.t[0]:g} to {covariance.t[-1]:g} s, got {at:g}")
+    r = int(np.searchsorted(covariance.t, at + 1e-6, side="right") - 1)
     places = list(QUANTITIES[quantity][0])
-    part = np.sqrt(np.sum(np.square(found.parts[:, r, places]), axis=1))
-    total = float(found.quantity(quantity)[r])
-    return ErrorBudget(quantity, float(found.t[r]), found.names, found.groups, part, total, found.imu, found.mission)
+    part = np.sqrt(np.sum(np.square(covariance.parts[:, r, places]), axis=1))
+    total = float(covariance.quantity(quantity)[r])
+    return ErrorBudget(
+        quantity, float(covariance.t[r]), covariance.names, covariance.groups, part, total, covariance.imu,
+        covariance.mission,
+    )  # fmt: skip

@@ -61,11 +61,11 @@ def budget_report(
     MissingExtraError
         If there are figures to draw and plotly is not installed (extra ``report``).
     """
-    sentences = [*(_verdict(c) for c in choices), *(_blame(found, one) for found, one in budgets)]
+    sentences = [*(_verdict(c) for c in choices), *(_blame(covariance, one) for covariance, one in budgets)]
     sections = [
         Section(f"requirement_{k + 1}", choice.requirement.text, (_choice(choice),)) for k, choice in enumerate(choices)
     ]
-    for k, (found, one) in enumerate(budgets):
+    for k, (covariance, one) in enumerate(budgets):
         sections.append(
             Section(
                 f"budget_{k + 1}",
@@ -73,7 +73,7 @@ def budget_report(
                 (
                     _bars(one, single=False),
                     parts.folded(f"Every parameter by itself: {len(one.by_source())} sources", _bars(one, single=True)),
-                    covariance_content(found, mission, f"covariance_{k + 1}"),
+                    covariance_content(covariance, mission, f"covariance_{k + 1}"),
                 ),
             )
         )
@@ -98,17 +98,17 @@ def _verdict(choice: ImuChoice) -> str:
     return f"{choice.requirement.text}: {len(passed)} of {len(choice.verdicts)} IMUs pass; {reached}."
 
 
-def _blame(found: LinearCovariance, one: ErrorBudget) -> str:
+def _blame(covariance: LinearCovariance, one: ErrorBudget) -> str:
     _, unit, scale = QUANTITIES[one.quantity]
     (first, value), *_ = one.by_group().items()
     text = (
         f"{one.imu}: {one.quantity} is {one.total / scale:.3g} {unit} (1-sigma) after {one.time:g} s, "
         f"{100.0 * value**2 / one.total**2:.0f} % of its variance by {first}."
     )
-    at = int(np.argmin(np.abs(found.t - one.time)))
-    believed = float(quantity_sigma(found.believed[at], one.quantity))
-    said = "knows it" if one.total < BELIEVED * believed else f"believes {believed / scale:.3g} {unit}"
-    return f"{text} The filter of {found.states} states {said}."
+    at = int(np.argmin(np.abs(covariance.t - one.time)))
+    believed = float(quantity_sigma(covariance.believed[at], one.quantity))
+    belief = "knows it" if one.total < BELIEVED * believed else f"believes {believed / scale:.3g} {unit}"
+    return f"{text} The filter of {covariance.states} states {belief}."
 
 
 def _choice(choice: ImuChoice) -> str:

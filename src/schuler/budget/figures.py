@@ -67,23 +67,24 @@ def budget_content(budget: ErrorBudget, *, single: bool = False) -> Figure:
     return Figure("budget", "Error budget", caption, (panel,))
 
 
-def covariance_figure(found: LinearCovariance, mission: BudgetMission) -> MplFigure:
+def covariance_figure(covariance: LinearCovariance, mission: BudgetMission) -> MplFigure:
     """1-sigma of every quantity over the mission, true and as the filter believes, outages shaded."""
-    return draw(covariance_content(found, mission))
+    return draw(covariance_content(covariance, mission))
 
 
-def covariance_content(found: LinearCovariance, mission: BudgetMission, name: str = "covariance") -> Figure:
+def covariance_content(covariance: LinearCovariance, mission: BudgetMission, name: str = "covariance") -> Figure:
     """The same to be drawn in a page, where every figure has a name of its own."""
     from schuler.budget.covariance import quantity_sigma
 
     panels = []
     for quantity, (_, unit, scale) in QUANTITIES.items():
         items: list[content.Item] = [Span(a, b, "outage", "outage") for a, b in mission.outages]
-        items.append(content.line(found.t, found.quantity(quantity) / scale, "filtered", "true"))
-        items.append(content.line(found.t, quantity_sigma(found.believed, quantity) / scale, "smoothed", "believed"))
+        items.append(content.line(covariance.t, covariance.quantity(quantity) / scale, "filtered", "true"))
+        believed = quantity_sigma(covariance.believed, quantity) / scale
+        items.append(content.line(covariance.t, believed, "smoothed", "believed"))
         panels.append(Panel("time [s]", f"{quantity} [{unit}]", tuple(items)))
     caption = "True: with all errors of the IMU. Believed: the filter's own covariance."
-    return Figure(name, f"{found.mission}, {found.imu}: 1-sigma", caption, tuple(panels), columns=2)
+    return Figure(name, f"{covariance.mission}, {covariance.imu}: 1-sigma", caption, tuple(panels), columns=2)
 
 
 def choice_figure(choice: ImuChoice) -> MplFigure:

@@ -156,16 +156,16 @@ class Linearised:
     def columns(self, layout: StateLayout) -> IntArray:
         """For every parameter of another layout the recorded parameter that acts the same. Shape (m,)."""
         place = {tuple(row): i for i, row in enumerate(self.layout.table()[: self.layout.n_sensor])}
-        found = []
+        places = []
         for block in layout.models:
             for i, row in enumerate(BLOCKS[block]):
                 if row[0] >= 0:
-                    found.append(place[row])
+                    places.append(place[row])
                 elif block in self.layout:
-                    found.append(self.layout[block].start - 9 + i)
+                    places.append(self.layout[block].start - 9 + i)
                 else:
                     raise InputError(f"the state block {block} was not recorded; record the run with its aid")
-        return np.array(found, dtype=np.int64)
+        return np.array(places, dtype=np.int64)
 
 
 def linearise(
@@ -217,14 +217,15 @@ def linearise(
     before = np.cumsum([0] + [len(nodes.G) for nodes, _ in legs[:-1]])
     upd = np.concatenate([np.asarray(leg.upd, dtype=np.int64) + k for (leg, _), k in zip(legs, before, strict=True)])
     taken = np.concatenate([done for _, done in legs])
-    found = truth_integrals(increments, truth, t, phi[:, 0])
+    integrals = truth_integrals(increments, truth, t, phi[:, 0])
     # an error of force acts on a measurement as a bias of its size does
-    force = found.force[np.searchsorted(upd, np.arange(len(G)), side="right")]
+    force = integrals.force[np.searchsorted(upd, np.arange(len(G)), side="right")]
     bias = G[:, :, layout["b_a"]]
     seen = np.concatenate((bias * np.abs(force)[:, None], bias * (force**2)[:, None]), axis=2)
     return Linearised(
         t, np.ascontiguousarray(phi[:, :8]), np.ascontiguousarray(phi[:, 8:]), B, upd, G, schedule.R[taken],
-        schedule.kind[taken], layout, earth.WGS84.omega_ie if earth_rotation else 0.0, found.spread, found.uneven, seen,
+        schedule.kind[taken], layout, earth.WGS84.omega_ie if earth_rotation else 0.0, integrals.spread,
+        integrals.uneven, seen,
     )  # fmt: skip
 
 

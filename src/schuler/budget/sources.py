@@ -150,7 +150,7 @@ def constants(
     for what, size in zip(UNEVEN, (asymmetry, quadratic), strict=True):
         if not (np.isfinite(size) and size >= 0.0):
             raise InputError(f"{what}: expected a 1-sigma value, zero or more, got {size!r}")
-    found = [
+    sources = [
         Constant(name, f"initial {name.split('_')[0]}", float(sigma), "", ((i, 1.0),))
         for i, (name, sigma) in enumerate(zip(START, start_sigma, strict=True))
         if sigma > 0.0
@@ -161,24 +161,24 @@ def constants(
         sigma = float(getattr(getattr(spec, field[0]), field[1]))
         if sigma > 0.0:
             for name, terms in _parameters(block, angles):
-                found.append(Constant(name, _GROUPS[block], sigma, block, terms, field))
+                sources.append(Constant(name, _GROUPS[block], sigma, block, terms, field))
     for k, (what, sigma) in enumerate(zip(UNEVEN, (asymmetry, quadratic), strict=True)):
         if sigma > 0.0:
             for i, axis in enumerate(AXES):
                 group = f"accelerometer {'asymmetry' if k == 0 else 'nonlinearity'}"
                 terms = ((3 * k + i, 1.0),)
-                found.append(Constant(f"accel_{what}_{axis}", group, sigma, "uneven", terms, ("accel", what)))
-    return found
+                sources.append(Constant(f"accel_{what}_{axis}", group, sigma, "uneven", terms, ("accel", what)))
+    return sources
 
 
 def noises(spec: ImuSpec, *, by_axis: bool = False) -> list[Noise]:
     """Noise sources of an IMU: white noise, in-run bias, bias instability, random walk; of each triad or each axis."""
-    found: list[Noise] = []
+    sources: list[Noise] = []
     for triad in ("gyro", "accel"):
-        found += _noises(getattr(spec, triad), triad)
+        sources += _noises(getattr(spec, triad), triad)
     if not by_axis:
-        return found
-    return [replace(one, name=f"{one.name}_{letter}", axis=i) for one in found for i, letter in enumerate(AXES)]
+        return sources
+    return [replace(one, name=f"{one.name}_{letter}", axis=i) for one in sources for i, letter in enumerate(AXES)]
 
 
 def _parameters(block: str, angles: Angles) -> list[tuple[str, tuple[tuple[int, float], ...]]]:
@@ -186,17 +186,17 @@ def _parameters(block: str, angles: Angles) -> list[tuple[str, tuple[tuple[int, 
     if angles == "elements" or block not in ("M_a6", "M_g"):
         return [(constant_name(block, row), ((i, 1.0),)) for i, row in enumerate(BLOCKS[block])]
     triad, half = ("gyro" if block == "M_g" else "accel"), float(np.sqrt(0.5))
-    found: list[tuple[str, tuple[tuple[int, float], ...]]] = []
+    parameters: list[tuple[str, tuple[tuple[int, float], ...]]] = []
     for what, sign in (("misalignment", -1.0), ("non_orthogonality", 1.0)):
-        found += [(f"{triad}_{what}_{axis}", ((i, half), (j, sign * half))) for axis, i, j in _TURNED]
-    return found
+        parameters += [(f"{triad}_{what}_{axis}", ((i, half), (j, sign * half))) for axis, i, j in _TURNED]
+    return parameters
 
 
 def _noises(t: TriadSpec, triad: Literal["gyro", "accel"]) -> list[Noise]:
     word = "gyroscope" if triad == "gyro" else "accelerometer"
-    found = []
+    sources = []
     if t.random_walk > 0.0:
-        found.append(
+        sources.append(
             Noise(f"{triad}_noise", f"{word} noise", "white", triad, t.random_walk, None, (triad, "random_walk"))
         )
     processes = []
@@ -211,8 +211,8 @@ def _noises(t: TriadSpec, triad: Literal["gyro", "accel"]) -> list[Noise]:
         processes.append(("rate random walk", "rate_random_walk", StateModel.random_walk(0.0, t.rate_random_walk)))
     for what, field, model in processes:
         name = f"{triad}_{what.replace(' ', '_').replace('-', '_')}"
-        found.append(Noise(name, f"{word} {what}", "process", triad, 0.0, model, (triad, field)))
-    return found
+        sources.append(Noise(name, f"{word} {what}", "process", triad, 0.0, model, (triad, field)))
+    return sources
 
 
 def constant_name(block: str, row: tuple[int, int, int]) -> str:

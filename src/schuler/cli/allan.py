@@ -62,19 +62,19 @@ def allan(
     recordings = [reading.read(path) for path in (log, *more)]
     name = recordings[0].metadata.name + (f" and {len(more)} more" if more else "")
     with progress("identifying the noise") as bar:
-        found = identify_noise(
+        noise = identify_noise(
             recordings if more else recordings[0], method=method, robust=robust, progress=bar, name=name
         )
     folder = Path(f"{log.resolve().stem}-noise") if out is None else out
-    files = write_report(folder, recordings, found) if report else {}
-    if not found.axes:
-        raise InputError(nothing_left(found))
-    exported, failures = write_exports(folder, found, export, inflate)
+    files = write_report(folder, recordings, noise) if report else {}
+    if not noise.axes:
+        raise InputError(nothing_left(noise))
+    exported, failures = write_exports(folder, noise, export, inflate)
     files = {**exported, **files}
     if json:
         print_json(
             {
-                "command": "allan", **numbers(found), "warnings": [*warnings(found), *failures],
+                "command": "allan", **numbers(noise), "warnings": [*warnings(noise), *failures],
                 "elapsed_s": clock.perf_counter() - began, "files": files,
             }
         )  # fmt: skip
@@ -83,7 +83,7 @@ def allan(
 
         for recording in recordings:
             say(recording.summary())
-        print(summary(found))
+        print(summary(noise))
         print("\n".join(f"{what}: {path}" for what, path in files.items() if not what.startswith("figure")))
     for failure in failures:
         say(f"schuler: {failure}")
@@ -91,7 +91,7 @@ def allan(
     return 2 if failures and export else 0
 
 
-def write_report(folder: Path, recordings: list[Recording], found: NoiseIdentification) -> dict[str, Path]:
+def write_report(folder: Path, recordings: list[Recording], noise: NoiseIdentification) -> dict[str, Path]:
     """Page and figures; the log itself is shown if there is only one."""
     from schuler.characterisation.report.document import noise_report
     from schuler.characterisation.report.figures import save_noise_figures
@@ -103,15 +103,15 @@ def write_report(folder: Path, recordings: list[Recording], found: NoiseIdentifi
     described = "\n".join(recording.summary() for recording in recordings)
     files = {
         "report": noise_report(
-            found, folder / "noise.html", imu=imu, spectra=spectra, recording_summary=described
+            noise, folder / "noise.html", imu=imu, spectra=spectra, recording_summary=described
         )
     }  # fmt: skip
-    files |= named(save_noise_figures(found, folder / "figures", imu=imu, spectra=spectra))
+    files |= named(save_noise_figures(noise, folder / "figures", imu=imu, spectra=spectra))
     return files
 
 
 def write_exports(
-    folder: Path, found: NoiseIdentification, names: tuple[str, ...], inflate: float | None
+    folder: Path, noise: NoiseIdentification, names: tuple[str, ...], inflate: float | None
 ) -> tuple[dict[str, Path], list[str]]:
     """Budget file and what was asked for; files by name, and sentences on those that cannot be."""
     from schuler.characterisation.exports import EXPORTS, export
@@ -122,50 +122,50 @@ def write_exports(
         path = folder / ("imu.toml" if name == "schuler" else f"imu_{name}{EXPORTS[name].suffix}")
         options = {} if inflate is None or name == "schuler" else {"inflation": inflate}
         try:
-            files["budget" if name == "schuler" else name] = export(found, name, path, **options)
+            files["budget" if name == "schuler" else name] = export(noise, name, path, **options)
         except InputError as error:
             failures.append(f"{path.name} was not written: {error}")
     return files, failures
 
 
-def numbers(found: NoiseIdentification) -> dict[str, Any]:
+def numbers(noise: NoiseIdentification) -> dict[str, Any]:
     """An identification for JSON; every axis is there, a refused one with empty curves and no terms."""
-    axes = {name: _axis(axis) for name, axis in found.axes.items()}
-    for name, reasons in found.refused.items():
+    axes = {name: _axis(axis) for name, axis in noise.axes.items()}
+    for name, reasons in noise.refused.items():
         axes[name] = {
             "tau_s": [], "adev": [], "adev_low": [], "adev_high": [], "terms": {**dict.fromkeys(TERMS), "GM": []},
             "warnings": [f.text for f in reasons], "refused": True, "findings": [asdict(f) for f in reasons],
         }  # fmt: skip
-    some = next(iter(found.axes.values()), None)
+    some = next(iter(noise.axes.values()), None)
     return {
-        "name": found.name,
+        "name": noise.name,
         "rate_hz": None if some is None else some.rate_hz,
         "duration_s": None if some is None else some.duration_s,
         "method": None if some is None else some.method,
         "axes": axes,
-        "refused": {name: [asdict(f) for f in reasons] for name, reasons in found.refused.items()},
-        "findings": [asdict(f) for f in found.findings],
-        "spec": None if found.spec is None else found.spec.to_dict(),
-        "spec_sigma": found.spec_sigma,
-        "notes": found.notes,
-        "provenance": found.provenance,
+        "refused": {name: [asdict(f) for f in reasons] for name, reasons in noise.refused.items()},
+        "findings": [asdict(f) for f in noise.findings],
+        "spec": None if noise.spec is None else noise.spec.to_dict(),
+        "spec_sigma": noise.spec_sigma,
+        "notes": noise.notes,
+        "provenance": noise.provenance,
     }
 
 
-def warnings(found: NoiseIdentification) -> list[str]:
+def warnings(noise: NoiseIdentification) -> list[str]:
     """Sentences on what a script should not overlook."""
     from schuler.characterisation.report.text import findings, located
 
-    return [located(where, f) for where, f in findings(found) if f.severity != "note"]
+    return [located(where, f) for where, f in findings(noise) if f.severity != "note"]
 
 
-def nothing_left(found: NoiseIdentification) -> str:
+def nothing_left(noise: NoiseIdentification) -> str:
     """Why there is no result at all, in one line."""
     from schuler.characterisation.report.text import located
 
-    about = [located(name, f) for name, several in found.refused.items() for f in several if f.severity == "refused"]
-    about += [f.text for f in found.findings if f.severity == "refused"]
-    return f"{found.name}: no axis could be identified; {'; '.join(dict.fromkeys(about)) or 'no reason was given'}"
+    about = [located(name, f) for name, several in noise.refused.items() for f in several if f.severity == "refused"]
+    about += [f.text for f in noise.findings if f.severity == "refused"]
+    return f"{noise.name}: no axis could be identified; {'; '.join(dict.fromkeys(about)) or 'no reason was given'}"
 
 
 def _axis(axis: AxisNoise) -> dict[str, Any]:

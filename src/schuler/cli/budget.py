@@ -98,10 +98,10 @@ def budget(
     files: dict[str, Path] = {}
     budgets, choices, texts = [], [], []
     for spec in specs:
-        found = linear_covariance(mission, spec, by_axis=True, angles=angles)
-        one = budget_of(found, quantity, time)
-        budgets.append((found, one))
-        texts += [found.summary(), one.table(single=single).summary()]
+        covariance = linear_covariance(mission, spec, by_axis=True, angles=angles)
+        one = budget_of(covariance, quantity, time)
+        budgets.append((covariance, one))
+        texts += [covariance.summary(), one.table(single=single).summary()]
         label = _label(spec.name)
         files[f"budget_{label}"] = one.table(single=True).to_csv(folder / f"budget-{label}.csv")
         if figures:
@@ -109,7 +109,7 @@ def budget(
 
             files |= _saved(one.plot(), folder / f"budget-{label}")
             files |= _saved(one.plot(single=True), folder / f"parameters-{label}")
-            files |= _saved(covariance_figure(found, mission), folder / f"covariance-{label}")
+            files |= _saved(covariance_figure(covariance, mission), folder / f"covariance-{label}")
     ranked, left_out = (specs, {}) if specs else catalogue_specs()
     for k, one_wanted in enumerate(wanted):
         with progress(one_wanted.text) as bar:
@@ -131,7 +131,7 @@ def budget(
         print_json(
             {
                 "command": "budget", "mission": mission.name, **_firsts(budgets, choices),
-                "budgets": [{"covariance": found.to_dict(), "budget": one.to_dict()} for found, one in budgets],
+                "budgets": [{"covariance": c.to_dict(), "budget": one.to_dict()} for c, one in budgets],
                 "choices": [choice.to_dict() for choice in choices],
                 "passes": passed, "elapsed_s": clock.perf_counter() - began, "files": files,
             }

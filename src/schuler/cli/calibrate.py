@@ -226,20 +226,20 @@ def ratetable(
     began = clock.perf_counter()
     recordings = [checking.passed(reading.read(path, uncalibrated=True)) for path in (log, *more)]
     speeds = np.array(numbers_of("--rates", rates)) * u.DEG
-    found, failures = [], []
+    turns, failures = [], []
     for recording in recordings:
         try:
-            found.append(rate_plateaus(recording.need_imu(), speeds, min_s=min_turn, settle_s=settle))
+            turns.append(rate_plateaus(recording.need_imu(), speeds, min_s=min_turn, settle_s=settle))
         except InputError as error:
             failures.append(f"{recording.metadata.name}: {error}")
-    if not found:
+    if not turns:
         raise InputError("; ".join(failures))
     try:
         poses = poses_in(recordings, sensor, site, min_rest, None)
     except InputError:
         poses = None  # plateaus alone are a calibration of the gyroscopes
     result = calibrate_ratetable(
-        joined(found), poses, gravity=site.g, g_sensitivity=g_sensitivity, latitude=site.lat, rate_sigma=rate_sigma
+        joined(turns), poses, gravity=site.g, g_sensitivity=g_sensitivity, latitude=site.lat, rate_sigma=rate_sigma
     )
     return finish(result, log, recordings, output, began)
 

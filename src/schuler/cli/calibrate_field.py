@@ -125,17 +125,17 @@ def field(
     if len(rests) and (earlier is None or factors is not None):
         _check_units(rests.means(imu)[1])
     with progress("calibrating") as bar:
-        found = calibrate_field(
+        calibration = calibrate_field(
             imu, spec, latitude=latitude, height=height, gravity=gravity, heading=start, options=options, prior=earlier,
             rests=rests, progress=bar,
         )  # fmt: skip
     if factors is not None:
-        found = _in_counts(found, factors)
-    return conclude(found, log, recording, output, began, history, imu)
+        calibration = _in_counts(calibration, factors)
+    return conclude(calibration, log, recording, output, began, history, imu)
 
 
 def conclude(
-    found: FieldCalibration,
+    calibration: FieldCalibration,
     log: Path,
     recording: Recording,
     output: Output,
@@ -148,8 +148,8 @@ def conclude(
     ``before`` is the log in SI, for figures of it before and after.
     """
     return finish(
-        found.calibration, log, [recording], output, began, field=found, truth=_truth(recording), history=history,
-        before=recording.need_imu() if before is None else before,
+        calibration.calibration, log, [recording], output, began, field=calibration, truth=_truth(recording),
+        history=history, before=recording.need_imu() if before is None else before,
     )  # fmt: skip
 
 
@@ -196,14 +196,14 @@ def _factors(
     return count_factors(recording.need_imu(), triads, gravity=gravity, intervals=spans)
 
 
-def _in_counts(found: FieldCalibration, factors: CountFactors) -> FieldCalibration:
+def _in_counts(calibration: FieldCalibration, factors: CountFactors) -> FieldCalibration:
     """Result and history of a log that was brought to SI, as those of the log."""
-    shift = np.array([factors.shift.get(name, 0.0) for name in found.calibration.names])
+    shift = np.array([factors.shift.get(name, 0.0) for name in calibration.calibration.names])
     return replace(
-        found,
-        calibration=factors.in_counts(found.calibration),
-        history=replace(found.history, values=found.history.values + shift),
-        passes=found.passes + shift,
+        calibration,
+        calibration=factors.in_counts(calibration.calibration),
+        history=replace(calibration.history, values=calibration.history.values + shift),
+        passes=calibration.passes + shift,
     )
 
 
@@ -259,6 +259,6 @@ def _check_units(f: FloatArray) -> None:
 
 def _truth(recording: Recording) -> dict[str, float] | None:
     """True biases of a simulated log; they do not depend on the body axes."""
-    told = recording.metadata.options.get("truth") or {}
-    found = {f"{name}_{'xyz'[i]}": float(told[name][i]) for name in ("b_a", "b_g") if name in told for i in range(3)}
-    return found or None
+    true = recording.metadata.options.get("truth") or {}
+    biases = {f"{name}_{'xyz'[i]}": float(true[name][i]) for name in ("b_a", "b_g") if name in true for i in range(3)}
+    return biases or None

@@ -104,7 +104,7 @@ def run_coach(
     following = _grows(log) if follow is None and not piped else piped or bool(follow)
     pipe = _Pipe(log, stdin) if piped else None
     source = _Source(log, reading, following)
-    told = _Told(out, bell)
+    lines = _CoachLines(out, bell)
     coach: Coach | None = None
     fed = 0
     inspected = inspect is None
@@ -121,12 +121,12 @@ def run_coach(
                     coach = Coach(
                         spec, latitude=latitude, height=height, gravity=gravity, heading=heading, kind=imu.kind, **more
                     )  # fmt: skip
-                    told.waiting(coach)
+                    lines.waiting(coach)
                 while fed < len(imu) and not coach.advice.done:
                     stop = max(fed + 1, int(np.searchsorted(imu.t, imu.t[fed] + _BLOCK_S)))
                     advice = coach.imu(imu.t[fed:stop], imu.gyro[fed:stop], imu.accel[fed:stop])
                     fed = stop
-                    told.tell(coach, advice is not None, float(imu.t[fed - 1] - imu.t[0]))
+                    lines.tell(coach, advice is not None, float(imu.t[fed - 1] - imu.t[0]))
                 if coach.advice.done:
                     break
             elif not following or (ended if piped else source.idle_s > idle_s):
@@ -138,11 +138,11 @@ def run_coach(
     with suppress(KeyboardInterrupt, SchulerError):
         source.newer()  # what came in the meantime
     recording = source.recording()
-    told.end(coach, recording)
+    lines.end(coach, recording)
     return recording
 
 
-class _Told:
+class _CoachLines:
     """Lines of the coach, each event once."""
 
     def __init__(self, out: Say, bell: bool) -> None:

@@ -28,15 +28,15 @@ def poses_in(
     """Rests of all logs, one after the other."""
     from schuler.calibration.bench.poses import joined, poses_of
 
-    found = []
+    poses = []
     with progress("looking for rests") as bar:
         for i, recording in enumerate(recordings):
             imu = recording.need_imu()
             spans = None if intervals is None else spans_of(intervals, imu)
-            found.append(poses_of(imu, spans, min_s=min_rest, noise=sensor.noise, gravity=site.g))
+            poses.append(poses_of(imu, spans, min_s=min_rest, noise=sensor.noise, gravity=site.g))
             if bar is not None:
                 bar((i + 1) / len(recordings))
-    return joined(found)
+    return joined(poses)
 
 
 def spans_of(path: Path, imu: ImuSeries) -> list[tuple[float, float]]:
@@ -47,8 +47,8 @@ def spans_of(path: Path, imu: ImuSeries) -> list[tuple[float, float]]:
 def counted(recording: Recording) -> tuple[Triad, ...]:
     """Which triads of a log are in converter counts, as was said on reading it."""
     notes = recording.metadata.notes
-    said = [n.partition(f": {COUNTS_NOTE}")[0].rpartition(": ")[2] for n in notes if COUNTS_NOTE in n]
-    return tuple(name for name in _TRIADS if any(re.search(rf"\b{name}\b", words) for words in said))
+    sentences = [n.partition(f": {COUNTS_NOTE}")[0].rpartition(": ")[2] for n in notes if COUNTS_NOTE in n]
+    return tuple(name for name in _TRIADS if any(re.search(rf"\b{name}\b", words) for words in sentences))
 
 
 def sections_of(path: Path, imu: ImuSeries) -> dict[str, tuple[float, float]]:

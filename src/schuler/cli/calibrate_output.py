@@ -60,9 +60,9 @@ def finish(
     if output.report:
         from schuler.calibration.report.figures import save_calibration_figures
 
-        said = "\n".join(recording.summary() for recording in recordings)
+        summary = "\n".join(recording.summary() for recording in recordings)
         files["report"] = result.report(
-            folder / "calibration.html", previous=earlier, recording_summary=said, field=field, truth=truth
+            folder / "calibration.html", previous=earlier, recording_summary=summary, field=field, truth=truth
         )
         figures = save_calibration_figures(result, folder / "figures", field=field, truth=truth)
         if before is not None and field is not None and result.status != "refused":

@@ -62,8 +62,8 @@ def check(
         parts = {**parts, **given}
     else:
         parts = given
-    found = diagnose_log(log, **parts)
-    print(found.to_json() if json else found.summary())
+    diagnosis = diagnose_log(log, **parts)
+    print(diagnosis.to_json() if json else diagnosis.summary())
     if report is not None:
-        say(str(found.report(report)))
-    return 0 if found.ok else 2
+        say(str(diagnosis.report(report)))
+    return 0 if diagnosis.ok else 2

@@ -78,24 +78,24 @@ def compare(
     numbers = None if lengths is None else _lengths(lengths)
     recording = checked(read_log(log, config), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
     with progress("comparing") as bar:
-        found = compare_architectures(recording, loaded, modes=wanted, smooth=smooth, progress=bar)
+        comparison = compare_architectures(recording, loaded, modes=wanted, smooth=smooth, progress=bar)
     statistics: list[OutageStatistics] = []
-    if numbers is not None and found.complete:
-        for mode in dict.fromkeys(row.mode for row in found.rows if not row.failed and row.mode.coupling != "ins"):
+    if numbers is not None and comparison.complete:
+        for mode in dict.fromkeys(row.mode for row in comparison.rows if not row.failed and row.mode.coupling != "ins"):
             with progress(f"outages, {mode.name}") as bar:
                 one = outage_statistics(recording, mode.configure(loaded), lengths=numbers, progress=bar)
             statistics.append(replace(one, name=f"{recording.metadata.name}, {mode.name}"))
             if not one.complete:
                 break
-    complete = found.complete and all(s.complete for s in statistics)
+    complete = comparison.complete and all(s.complete for s in statistics)
     folder = Path(f"{log.resolve().stem}-comparison") if out is None else out
-    files = _write(folder, found, statistics, figures=figures)
+    files = _write(folder, comparison, statistics, figures=figures)
     if json:
-        data: dict[str, Any] = {"command": "compare", **found.to_dict(), "complete": complete}
+        data: dict[str, Any] = {"command": "compare", **comparison.to_dict(), "complete": complete}
         data["outage_statistics"] = [s.to_dict() for s in statistics]
         print_json({**data, "elapsed_s": time.perf_counter() - began, "files": files})
     else:
-        print(found.summary())
+        print(comparison.summary())
         for s in statistics:
             print("\n" + s.summary())
         print("\n".join(f"{name}: {path}" for name, path in files.items() if not name.startswith("figure")))
@@ -109,13 +109,13 @@ def _lengths(text: str) -> list[float]:
         raise InputError(f"--lengths: expected seconds such as 2,10,30,60, got {text!r}") from None
 
 
-def _write(folder: Path, found: Any, statistics: list[Any], *, figures: bool) -> dict[str, Path]:
+def _write(folder: Path, comparison: Any, statistics: list[Any], *, figures: bool) -> dict[str, Path]:
     """Tables as CSV and figures; their paths by name."""
     folder.mkdir(parents=True, exist_ok=True)
-    files = {"table": found.to_csv(folder / "architectures.csv")}
+    files = {"table": comparison.to_csv(folder / "architectures.csv")}
     drawn = []
-    if figures and any(row.errors is not None for row in found.rows):
-        drawn.append(("architectures", found))
+    if figures and any(row.errors is not None for row in comparison.rows):
+        drawn.append(("architectures", comparison))
     for s in statistics:
         name = s.name.rpartition(", ")[2].replace("+", "_")
         files[f"outages_{name}"] = s.to_csv(folder / f"outages_{name}.csv")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from schuler.cli.convert import described, read_log
 from schuler.cli.options import LogHints
@@ -49,18 +50,22 @@ def info(log: Path | None = None, /, *, formats: Flag = False, json: Flag = Fals
         else:
             print(recording.summary())
         return
+    content: dict[str, Any] = {}
     try:
-        found, refused = read_log(log, hints.config, **hints.given), None
+        recording = read_log(log, hints.config, **hints.given)
     except SchulerError as error:
         if not listed:
             raise
-        found, refused = None, str(error)
+        refused: str | None = str(error)
+        outcome = f"not read as a recording yet: {error}"
+    else:
+        content, refused, outcome = described(recording), None, recording.summary()
     if json:
         rows = [{**asdict(s), "rate_hz": s.rate_hz} for s in listed]
-        print_json({**({} if found is None else described(found)), "streams": rows, "not_read": refused})
+        print_json({**content, "streams": rows, "not_read": refused})
         return
     print(table(listed))
-    print(f"\n{found.summary()}" if found is not None else f"\nnot read as a recording yet: {refused}")
+    print(f"\n{outcome}")
 
 
 def streams_in(log: Path, name: str | None = None) -> list[Stream] | None:
@@ -79,10 +84,10 @@ def streams_in(log: Path, name: str | None = None) -> list[Stream] | None:
     if name is not None:
         module = registry.module(name)
     else:
-        found = registry.find_folder(log) if log.is_dir() else registry.find(lines.check_file(log), log)
-        if found is None:
+        reader = registry.find_folder(log) if log.is_dir() else registry.find(lines.check_file(log), log)
+        if reader is None:
             return None
-        module = found
+        module = reader
     contents = getattr(module, "contents", None)
     if contents is None:
         return None

@@ -86,36 +86,36 @@ def montecarlo(
     if not done.statistics or done["position"].n < 2:
         say("two runs or more are needed for statistics")
         return 1
-    found = scatter(done, job)
+    errors = scatter(done, job)
     folder = Path(f"{scenario.resolve().stem}-montecarlo") if out is None else out
-    files = _write(found, folder)
+    files = _write(errors, folder)
     if report:
         from schuler.montecarlo.figures import all_figures
         from schuler.plotting.drawing import save_all
 
-        files["report"] = found.report(folder / "report.html", done, job)
-        files |= named(save_all(all_figures(found), folder / "figures", ("png", "svg")))
+        files["report"] = errors.report(folder / "report.html", done, job)
+        files |= named(save_all(all_figures(errors), folder / "figures", ("png", "svg")))
     if json:
         print_json(
             {
                 "command": "montecarlo", "engine": function.__name__, "why": why,
-                **done.to_dict(), **found.to_dict(),
-                "table": found.table().to_dict(), "tenths": found.tenths().to_dict(),
+                **done.to_dict(), **errors.to_dict(),
+                "table": errors.table().to_dict(), "tenths": errors.tenths().to_dict(),
                 "elapsed_s": time.perf_counter() - began, "store": store, "files": files,
             }
         )  # fmt: skip
     else:
         print(done.summary().splitlines()[0])
-        print(found.summary())
+        print(errors.summary())
         if done.failures:
             print(done.summary().splitlines()[-1].strip())
         print("\n".join(f"{name}: {path}" for name, path in files.items() if not name.startswith("figure")))
     return 0 if done.complete else 1
 
 
-def _write(found: Scatter, folder: Path) -> dict[str, Path]:
+def _write(errors: Scatter, folder: Path) -> dict[str, Path]:
     folder.mkdir(parents=True, exist_ok=True)
     return {
-        "errors": found.table().to_csv(folder / "errors.csv"),
-        "tenths": found.tenths().to_csv(folder / "tenths.csv"),
+        "errors": errors.table().to_csv(folder / "errors.csv"),
+        "tenths": errors.tenths().to_csv(folder / "tenths.csv"),
     }

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
 
 from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress, say
 from schuler.exceptions import InputError
@@ -20,7 +22,7 @@ def observability(
     *,
     log: Path | None = None,
     axes: Literal["ned", "enu"] | None = None,
-    known: Texts = (),
+    fixed: Annotated[Texts, Parameter(name="--known")] = (),
     symbolic: Flag = False,
     out: Folder = None,
     report: Flag = False,
@@ -37,7 +39,7 @@ def observability(
         A recording: it is navigated, and what its own transitions and measurements tell is looked at.
     axes
         ned: ours. enu: axes, names and signs of Du's thesis. Default: as the scenario says.
-    known
+    fixed
         State to be taken as known, such as dr; may be given several times. Default: as the scenario says.
     symbolic
         Formulas too (SymPy): for a vehicle at rest, its IMU fixed or turning at a constant rate about x, y or z.
@@ -49,13 +51,13 @@ def observability(
         Print one JSON object instead of text.
     """
     began = time.perf_counter()
-    changes: dict[str, object] = {k: v for k, v in {"axes": axes, "known": known}.items() if v}
+    changes: dict[str, object] = {k: v for k, v in {"axes": axes, "fixed": fixed}.items() if v}
     formulas: tuple[str, ...] = ()
     if log is not None:
         if symbolic:
             raise InputError("--symbolic: formulas are of schemes at rest, not of a log; leave out one of the two")
         with progress("navigating") as bar:
-            study = _of_log(log, scenario, axes or "ned", known, bar)
+            study = _of_log(log, scenario, axes or "ned", fixed, bar)
     else:
         study, formulas = _of_scenario(scenario, changes, symbolic)
     files: dict[str, Path] = {}
@@ -87,7 +89,7 @@ def _of_scenario(path: Path, changes: dict[str, object], symbolic: bool) -> tupl
     return scenario_observability(loaded), formulas
 
 
-def _of_log(log: Path, config: Path, axes: str, known: tuple[str, ...], bar: Progress | None) -> Observability:
+def _of_log(log: Path, config: Path, axes: str, fixed: tuple[str, ...], bar: Progress | None) -> Observability:
     from schuler.cli.convert import read_log
     from schuler.navigation.config import NavigationConfig
     from schuler.navigation.run import navigate
@@ -101,7 +103,7 @@ def _of_log(log: Path, config: Path, axes: str, known: tuple[str, ...], bar: Pro
     spec = imu_spec(loaded)
     say(result.summary())
     system = result_system(
-        result, without=known, gyro_psd=spec.gyro.random_walk**2, accel_psd=spec.accel.random_walk**2
+        result, without=fixed, gyro_psd=spec.gyro.random_walk**2, accel_psd=spec.accel.random_walk**2
     )
     return observability(system, axes=axes)
 

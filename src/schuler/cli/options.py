@@ -154,9 +154,9 @@ class Checking:
         """The recording with a note on what was checked; what is no reason to stop goes to stderr in sentences."""
         from schuler.diagnosis.first import judged
 
-        recording, found = judged(recording, unchecked=self.unchecked)
-        if found is not None:
-            for f in (*found.errors, *found.warnings):
+        recording, diagnosis = judged(recording, unchecked=self.unchecked)
+        if diagnosis is not None:
+            for f in (*diagnosis.errors, *diagnosis.warnings):
                 if f.code == "axes" and recording.gnss is None:
                     continue  # on a bench any side is up
                 say(f"{recording.metadata.name}: {f.severity} {f.code}: {f.text}" + (f" -> {f.fix}" if f.fix else ""))

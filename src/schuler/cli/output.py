@@ -152,16 +152,16 @@ def entries(texts: tuple[str, ...]) -> list[tuple[str, Any]]:
     """``SECTION.KEY=VALUE`` with the value in TOML's spelling; what is no TOML is taken as a string."""
     import tomllib
 
-    found = []
+    pairs = []
     for text in texts:
         key, sign, value = text.partition("=")
         if not sign or "." not in key or not all(key.strip().split(".")):
             raise InputError(f"--set: expected SECTION.KEY=VALUE, such as filter.states=21, got {text!r}")
         try:
-            found.append((key.strip(), tomllib.loads(f"x = {value}")["x"]))
+            pairs.append((key.strip(), tomllib.loads(f"x = {value}")["x"]))
         except tomllib.TOMLDecodeError:
-            found.append((key.strip(), value.strip()))
-    return found
+            pairs.append((key.strip(), value.strip()))
+    return pairs
 
 
 def _numbers(text: str) -> list[float]:

@@ -56,11 +56,11 @@ def rotary(
     if seed is not None:
         loaded = loaded.model_copy(update={"seed": seed})
     with progress("simulating") as bar:
-        found = compare_rotary(loaded, runs=runs, progress=bar)
+        comparison = compare_rotary(loaded, runs=runs, progress=bar)
     if not json:
-        print(found.summary())
+        print(comparison.summary())
     best: SchemeSearch | None = None
-    if search and found.complete:
+    if search and comparison.complete:
         changes = {"evaluations": evaluations, "seed": seed}
         settings = loaded.settings(**{k: v for k, v in changes.items() if v is not None})
         own = loaded.rotary.schedule.model_dump(exclude_unset=True)
@@ -70,12 +70,12 @@ def rotary(
             )
         if not json:
             print(f"\n{best.summary()}\n\n{best.best().toml()}")
-    files = _written(found, best, out, report)
-    complete = found.complete and (best is None or best.complete)
+    files = _written(comparison, best, out, report)
+    complete = comparison.complete and (best is None or best.complete)
     if json:
         print_json(
             {
-                "command": "rotary", **found.to_dict(), "search": None if best is None else best.to_dict(),
+                "command": "rotary", **comparison.to_dict(), "search": None if best is None else best.to_dict(),
                 "complete": complete, "elapsed_s": time.perf_counter() - began, "files": files,
             }
         )  # fmt: skip
@@ -88,7 +88,7 @@ def rotary(
 
 
 def _written(
-    found: ScenarioComparison, best: SchemeSearch | None, out: Path | None, report: Path | None
+    comparison: ScenarioComparison, best: SchemeSearch | None, out: Path | None, report: Path | None
 ) -> dict[str, Path]:
     """Tables, figures and report, as far as they were asked for."""
     files: dict[str, Path] = {}
@@ -103,11 +103,14 @@ def _written(
         )
 
         out.mkdir(parents=True, exist_ok=True)
-        files["errors"] = found.table().to_csv(out / "errors.csv")
-        figures = [scheme_figure(found.rotary.schedule, float(found.rotary.t[-1])), modulation_figure(found)]
-        figures.append(errors_figure(found))
-        if (rates := rates_figure(found)) is not None:
-            files["rates"] = found.rates_table().to_csv(out / "rates.csv")
+        files["errors"] = comparison.table().to_csv(out / "errors.csv")
+        figures = [
+            scheme_figure(comparison.rotary.schedule, float(comparison.rotary.t[-1])),
+            modulation_figure(comparison),
+        ]
+        figures.append(errors_figure(comparison))
+        if (rates := rates_figure(comparison)) is not None:
+            files["rates"] = comparison.rates_table().to_csv(out / "rates.csv")
             figures.append(rates)
         if best is not None:
             files["schemes"] = best.table().to_csv(out / "schemes.csv")
@@ -119,8 +122,8 @@ def _written(
     if report is not None:
         from schuler.rotary.report.page import rotary_page
 
-        made_from = {"scenario": found.scenario.model_dump(mode="json", exclude_none=True, exclude_unset=True)}
-        files["report"] = rotary_page(report, found, best, made_from)
+        made_from = {"scenario": comparison.scenario.model_dump(mode="json", exclude_none=True, exclude_unset=True)}
+        files["report"] = rotary_page(report, comparison, best, made_from)
     return files
 
 

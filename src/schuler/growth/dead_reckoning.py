@@ -51,7 +51,7 @@ class Bounds:
         return float(1.0 / np.sqrt(2.0 * (self.runs - 1)))
 
     def index(self, seconds: float) -> int:
-        """Of the time nearest to one."""
+        """Index of the time nearest to ``seconds``."""
         return int(np.argmin(np.abs(self.t - seconds)))
 
     def plot(self) -> Figure:

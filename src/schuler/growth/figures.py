@@ -47,13 +47,13 @@ def bounds_figure(bounds: Bounds) -> Figure:
 
 
 def beside_figure(
-    found: Mapping[str, Bounds], names: Sequence[str], closed: Mapping[str, Mapping[str, FloatArray]], title: str
+    campaigns: Mapping[str, Bounds], names: Sequence[str], closed: Mapping[str, Mapping[str, FloatArray]], title: str
 ) -> Figure:
     """1-sigma of several Monte Carlo campaigns, two standard errors wide, with closed forms: a panel for each quantity.
 
     Parameters
     ----------
-    found : mapping of str to Bounds
+    campaigns : mapping of str to Bounds
         By label, all with the same times.
     names : sequence of str
         Quantities of the bounds to show.
@@ -65,10 +65,10 @@ def beside_figure(
     for name in names:
         unit, label = _unit(name)
         items: list[content.Item] = []
-        for i, (who, b) in enumerate(found.items()):
+        for i, (who, b) in enumerate(campaigns.items()):
             s, u = b.sigma[name] / unit, 2.0 * b.uncertainty
             items.append(content.band(b.t, s * (1.0 - u), s * (1.0 + u), _BANDS[i % len(_BANDS)], f"{who}, runs"))
-        t = next(iter(found.values())).t
+        t = next(iter(campaigns.values())).t
         for i, (who, forms) in enumerate(closed.items()):
             if name in forms:
                 items.append(content.line(t, forms[name] / unit, _FORMS[i % len(_FORMS)], who))

@@ -144,15 +144,15 @@ def growth(spec: ImuSpec, t: ArrayLike, *, gravity: float = G0, start: Start = "
 
 
 def _causes(triad: TriadSpec, start: Start) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    causes: dict[str, Any] = {}
     if triad.random_walk:
-        found["noise"] = lambda n, t: np.sqrt(white(n, t, triad.random_walk))
+        causes["noise"] = lambda n, t: np.sqrt(white(n, t, triad.random_walk))
     if triad.in_run_bias:
-        found["in-run bias"] = lambda n, t: np.sqrt(
+        causes["in-run bias"] = lambda n, t: np.sqrt(
             gauss_markov(n, t, triad.in_run_bias, triad.in_run_time, start)
         )  # fmt: skip
     if triad.turn_on_bias:
-        found["turn-on bias"] = lambda n, t: constant(n, t, triad.turn_on_bias)
+        causes["turn-on bias"] = lambda n, t: constant(n, t, triad.turn_on_bias)
     if triad.rate_random_walk:
-        found["rate random walk"] = lambda n, t: np.sqrt(random_walk(n, t, triad.rate_random_walk))
-    return found
+        causes["rate random walk"] = lambda n, t: np.sqrt(random_walk(n, t, triad.rate_random_walk))
+    return causes

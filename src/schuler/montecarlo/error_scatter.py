@@ -85,15 +85,15 @@ class Scatter:
     def verdict(self) -> str:
         """One sentence on whether the filter is as good as it says."""
         mean = float(np.mean(self.nees.mean))
-        found = (
+        evidence = (
             f"mean NEES {mean:.3f} per degree of freedom, {100.0 * self.nees.share:.0f} % of the times inside the band "
             f"{self.nees.low:.3f} to {self.nees.high:.3f}"
         )
         if mean > self.nees.high:
-            return f"The filter claims to be better than it is: {found}."
+            return f"The filter claims to be better than it is: {evidence}."
         if mean < self.nees.low:
-            return f"The filter is better than it claims: {found}."
-        return f"The filter is as good as it says: {found}."
+            return f"The filter is better than it claims: {evidence}."
+        return f"The filter is as good as it says: {evidence}."
 
     def at(self, t: float) -> int:
         """Index of the time looked at that is nearest to ``t``."""

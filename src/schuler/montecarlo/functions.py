@@ -55,9 +55,9 @@ def traits_of(function: Any) -> Traits:
     """What is known of a function; of a ``functools.partial``, what is known of what it calls."""
     while not hasattr(function, _MARK) and hasattr(function, "func"):
         function = function.func
-    found = getattr(function, _MARK, Traits())
-    assert isinstance(found, Traits)
-    return found
+    marked = getattr(function, _MARK, Traits())
+    assert isinstance(marked, Traits)
+    return marked
 
 
 def run_seed(seed: int, run: int) -> np.random.SeedSequence:

@@ -128,7 +128,7 @@ class NavigationJob:
 
     @property
     def name(self) -> str:
-        """Of the mission."""
+        """Name of the mission."""
         return self.simulation.name
 
     @cached_property

@@ -102,13 +102,13 @@ def lane_runs(job: NavigationJob, seeds: Sequence[np.random.SeedSequence]) -> di
     records = run_lanes(scenario, numbers, seed=entropy, threads=1)
     at = np.searchsorted(records.t, job.plan.t - 1e-6)
     error = np.where(records.diverged[:, None, None], np.nan, records.error[:, at, :9])
-    found = looked_at(error, records.sigma[:, at, :9], records.nees["navigation"][:, at])
+    columns = looked_at(error, records.sigma[:, at, :9], records.nees["navigation"][:, at])
     weight = np.where(np.isfinite(records.nis), records.accepted + records.rejected, 0)
     measured = weight.sum(axis=1)
     if np.all(measured > 0):
-        found["nis"] = np.sum(np.where(weight > 0, records.nis, 0.0) * weight, axis=1) / measured
-    found["rejected"] = records.rejected.sum(axis=1)
-    return found
+        columns["nis"] = np.sum(np.where(weight > 0, records.nis, 0.0) * weight, axis=1) / measured
+    columns["rejected"] = records.rejected.sum(axis=1)
+    return columns
 
 
 def runner(job: NavigationJob, engine: Engine = "auto") -> tuple[RunFunction, str]:

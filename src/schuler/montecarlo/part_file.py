@@ -95,13 +95,13 @@ def document_of(path: Path) -> dict[str, Any]:
     """What a file says of itself; one that is damaged is a :class:`FileFormatError`."""
     _, pq = pyarrow_needed()
     try:
-        found = json.loads((pq.read_schema(path).metadata or {})[_KEY])
-        assert {"runs", "first", "columns", "failures"} <= set(found)
+        document = json.loads((pq.read_schema(path).metadata or {})[_KEY])
+        assert {"runs", "first", "columns", "failures"} <= set(document)
     except (OSError, ValueError, KeyError, AssertionError) as error:
         raise FileFormatError(
             f"damaged or no part of a campaign ({error}); delete it, and its runs are done anew", path
         ) from None
-    return dict(found)
+    return dict(document)
 
 
 def pieces(path: Path) -> Iterator[Rows]:

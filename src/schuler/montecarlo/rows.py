@@ -119,16 +119,16 @@ def joined(parts: Iterable[Rows]) -> Rows:
 
 def check_alike(expected: Mapping[str, tuple[str, tuple[int, ...]]], rows: Rows) -> None:
     """Refuse rows whose columns differ from those of other runs."""
-    found = rows.shapes
-    if not found or not expected or found == expected:
+    shapes = rows.shapes
+    if not shapes or not expected or shapes == expected:
         return
-    for name in dict.fromkeys((*expected, *found)):
-        if expected.get(name) != found.get(name):
-            a, b = (_told(d.get(name)) for d in (expected, found))
+    for name in dict.fromkeys((*expected, *shapes)):
+        if expected.get(name) != shapes.get(name):
+            a, b = (_column_text(d.get(name)) for d in (expected, shapes))
             raise InputError(
                 f"run {rows.runs[0]}: {name} is {b}, but {a} in other runs; every run must give the same columns"
             )
 
 
-def _told(what: tuple[str, tuple[int, ...]] | None) -> str:
+def _column_text(what: tuple[str, tuple[int, ...]] | None) -> str:
     return "missing" if what is None else f"{what[0]} of shape {what[1]}"

@@ -88,8 +88,8 @@ class QuantileSketch:
     def _settle(self) -> None:
         if not self._new:
             return
-        found, counts = np.unique(np.concatenate(self._new), return_counts=True)
-        keys = np.concatenate((self._keys, found))
+        buckets, counts = np.unique(np.concatenate(self._new), return_counts=True)
+        keys = np.concatenate((self._keys, buckets))
         self._keys, inverse = np.unique(keys, return_inverse=True)
         total = np.zeros(len(self._keys), dtype=np.int64)
         np.add.at(total, inverse, np.concatenate((self._counts, counts)))

@@ -129,10 +129,10 @@ class Accumulator:
             self._early.append(rows)
             while self._first in self.failures:
                 self._first += 1
-            found = [r for r in self._early if self._first in r.runs]
-            if not found:
+            holding = [r for r in self._early if self._first in r.runs]
+            if not holding:
                 return
-            self._centre = found[0].where(self._first, self._first)
+            self._centre = holding[0].where(self._first, self._first)
             for early in self._early:
                 _count(self._sketches, early, self._centre)
             self._early = []
@@ -169,13 +169,13 @@ class Accumulator:
             early = joined(self._early)
             sketches, centre = self._new_sketches(), early.where(int(early.runs[0]), int(early.runs[0]))
             _count(sketches, early, centre)
-        found = {}
+        columns = {}
         for name, m in total.columns.items():
             middle = None if centre is None else _flat(centre, name)[0]
-            found[name] = ColumnStatistics(
+            columns[name] = ColumnStatistics(
                 name, self.shapes[name][1], m, sketches.get(name), middle, total.covariances.get(name)
             )
-        return found
+        return columns
 
 
 def _flat(rows: Rows, name: str) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:

@@ -47,8 +47,8 @@ class Store:
         for path in sorted(folder.iterdir()):
             if path.name.startswith((".part-", f".{TABLE}", f".{MANIFEST}")):
                 path.unlink()  # half written when something ended the campaign
-            elif found := _PART.fullmatch(path.name):
-                self._files[Span(int(found[1]), int(found[2]))] = path
+            elif match := _PART.fullmatch(path.name):
+                self._files[Span(int(match[1]), int(match[2]))] = path
         table = folder / TABLE
         if table.is_file():
             whole = Span(0, document_of(table)["runs"] - 1)
@@ -179,15 +179,15 @@ def read_manifest(folder: Path | str) -> dict[str, Any]:
     """
     path = Path(folder) / MANIFEST
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        manifest = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise FileFormatError("no such file: the folder is not the store of a campaign", path) from None
     except ValueError as error:
         raise FileFormatError(f"not a manifest of a campaign: {error}", path) from None
-    if not isinstance(found, dict) or found.get("format") != FORMAT:
-        what = found.get("format") if isinstance(found, dict) else found
+    if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
+        what = manifest.get("format") if isinstance(manifest, dict) else manifest
         raise FileFormatError(f"expected the format {FORMAT}, got {what!r}", path)
-    return found
+    return manifest
 
 
 def read_rows(folder: Path | str) -> Iterator[Rows]:
@@ -196,8 +196,8 @@ def read_rows(folder: Path | str) -> Iterator[Rows]:
     read_manifest(folder)
     paths = {}
     for path in folder.iterdir():
-        if found := _PART.fullmatch(path.name):
-            paths[int(found[1])] = path
+        if match := _PART.fullmatch(path.name):
+            paths[int(match[1])] = path
     table, after = folder / TABLE, 0
     if table.is_file():
         after = document_of(table)["runs"]
@@ -214,14 +214,14 @@ _DIFFERENT = {
 }
 
 
-def _check(found: Mapping[str, Any], wanted: Mapping[str, Any], folder: Path) -> None:
-    wrong = [name for name in wanted if found.get(name) != wanted[name]]
+def _check(manifest: Mapping[str, Any], wanted: Mapping[str, Any], folder: Path) -> None:
+    wrong = [name for name in wanted if manifest.get(name) != wanted[name]]
     if not wrong:
         return
     name = wrong[0]
     raise InputError(
         f"{folder} is the store of a campaign {_DIFFERENT.get(name, f'with another {name}')} "
-        f"({_short(found.get(name))}; this one is {_short(wanted[name])}); give another folder, or run with what it "
+        f"({_short(manifest.get(name))}; this one is {_short(wanted[name])}); give another folder, or run with what it "
         "was begun with: runs of two campaigns are never mixed"
     )
 

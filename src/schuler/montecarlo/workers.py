@@ -200,7 +200,7 @@ _work: Work | None = None
 
 
 def _begin(packed: bytes) -> None:
-    """Of a process: be deaf to Ctrl-C, which goes to all of a terminal, and end with the process that collects."""
+    """Start a worker process: ignore Ctrl-C, which all of a terminal get, and end with the process that collects."""
     import signal
     from multiprocessing import parent_process
 

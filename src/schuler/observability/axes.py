@@ -77,10 +77,10 @@ def in_du_axes(system: LinearSystem) -> LinearSystem:
 def _triads(system: LinearSystem, letters: str) -> list[tuple[str, list[int]]]:
     """Blocks with the three components given, and their places; of ``xyz`` only biases."""
     place = {name: i for i, name in enumerate(system.names)}
-    found = []
+    triads = []
     for block in dict.fromkeys(name.rpartition("_")[0] for name in system.names):
         wanted = [f"{block}_{letter}" for letter in letters]
         is_bias = block in _BIASES or block in _DU.values()
         if all(w in place for w in wanted) and (is_bias if letters == "xyz" else block != ""):
-            found.append((block, [place[w] for w in wanted]))
-    return found
+            triads.append((block, [place[w] for w in wanted]))
+    return triads

@@ -37,12 +37,12 @@ class Combination:
     text: str
 
 
-def seen(found: Spectrum, constants: Mapping[str, float], *, which: str = "formal") -> list[Combination]:
+def seen(spectrum: Spectrum, constants: Mapping[str, float], *, which: str = "formal") -> list[Combination]:
     """A sparse basis of what the measurements determine.
 
     Parameters
     ----------
-    found : Spectrum
+    spectrum : Spectrum
     constants : mapping of str to float
         Names and values that factors may be made of, such as ``{"g": 9.81, "w": 0.17}``; see :func:`recognised`.
     which : {"formal", "rank", "useful"}
@@ -55,19 +55,19 @@ def seen(found: Spectrum, constants: Mapping[str, float], *, which: str = "forma
         As many as the rank, single states first; each has a state that no other has, with factor 1. Velocity and
         biases are preferred for it, so that tilts and heading are written as their partners.
     """
-    r = found.chosen(which)
-    rows = _echelon(found.directions[:r], _groups(found.names, reverse=False), _smallest(found, r))
-    return _texts(rows / found.sigma, rows, found.names, constants, _sum)
+    r = spectrum.chosen(which)
+    rows = _echelon(spectrum.directions[:r], _groups(spectrum.names, reverse=False), _smallest(spectrum, r))
+    return _texts(rows / spectrum.sigma, rows, spectrum.names, constants, _sum)
 
 
-def unseen(found: Spectrum, constants: Mapping[str, float], *, which: str = "formal") -> list[Combination]:
+def unseen(spectrum: Spectrum, constants: Mapping[str, float], *, which: str = "formal") -> list[Combination]:
     """A sparse basis of the errors that leave no trace in the measurements; arguments as of :func:`seen`.
 
     Each is written as one state with the values of the others that hide it.
     """
-    r = found.chosen(which)
-    rows = _echelon(found.directions[r:], _groups(found.names, reverse=True), _smallest(found, r))
-    return _texts(rows * found.sigma, rows, found.names, constants, _together)
+    r = spectrum.chosen(which)
+    rows = _echelon(spectrum.directions[r:], _groups(spectrum.names, reverse=True), _smallest(spectrum, r))
+    return _texts(rows * spectrum.sigma, rows, spectrum.names, constants, _together)
 
 
 def recognised(value: float, constants: Mapping[str, float]) -> str:
@@ -98,10 +98,10 @@ def recognised(value: float, constants: Mapping[str, float]) -> str:
 def _products(constants: Mapping[str, float]) -> list[tuple[str, float]]:
     """Products of at most two constants, simplest first."""
     usable = {name: v for name, v in constants.items() if v > 0.0}
-    found = [("", 1.0, 0)]
+    products = [("", 1.0, 0)]
     powers = (1, -1, 2, -2)
     for name, v in usable.items():
-        found += [(_power(name, p), v**p, 1 + abs(p)) for p in powers]
+        products += [(_power(name, p), v**p, 1 + abs(p)) for p in powers]
     names = list(usable)
     for i, j in product(range(len(names)), repeat=2):
         if i < j:
@@ -114,8 +114,8 @@ def _products(constants: Mapping[str, float]) -> list[tuple[str, float]]:
                     text = " ".join(up) + below
                 else:
                     text = f"1 / ({' '.join(down)})"
-                found.append((text, usable[names[i]] ** p * usable[names[j]] ** q, 3 + abs(p) + abs(q)))
-    return [(text, v) for text, v, _ in sorted(found, key=lambda item: item[2])]
+                products.append((text, usable[names[i]] ** p * usable[names[j]] ** q, 3 + abs(p) + abs(q)))
+    return [(text, v) for text, v, _ in sorted(products, key=lambda item: item[2])]
 
 
 def _power(name: str, p: int) -> str:
@@ -124,8 +124,8 @@ def _power(name: str, p: int) -> str:
     return text if p > 0 else f"1 / {text if ' ' not in text else f'({text})'}"
 
 
-def _smallest(found: Spectrum, r: int) -> float:
-    return max(_SMALLEST, found.blur(r)) if r == found.formal else _ABOUT
+def _smallest(spectrum: Spectrum, r: int) -> float:
+    return max(_SMALLEST, spectrum.blur(r)) if r == spectrum.formal else _ABOUT
 
 
 def _groups(names: tuple[str, ...], *, reverse: bool) -> list[list[int]]:

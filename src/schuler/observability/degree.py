@@ -87,6 +87,6 @@ def degree_of_observability(system: LinearSystem, times: ArrayLike, *, noise: bo
             P = P - W.T @ np.linalg.solve(W @ used.T + np.eye(len(used)), W)
         P = 0.5 * (P + P.T)
         sigma[k] = np.sqrt(np.maximum(np.diag(P), 0.0))
-    values = np.array([found.values for found in spectra(system, times)])
+    values = np.array([one.values for one in spectra(system, times)])
     ratio = sigma[record]
     return Degree(system.names, times, ratio * scale, ratio, values)

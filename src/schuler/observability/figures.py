@@ -111,11 +111,11 @@ def observability_report(study: Observability, path: Path | str, formulas: tuple
     def listed(title: str, texts: list[str] | tuple[str, ...]) -> str:
         return parts.table(title, ("combination",), [(text,) for text in texts], numbers=False) if texts else ""
 
-    found = study.spectrum
+    spectrum = study.spectrum
     hidden = [c.text for c in study.unseen()]
     sentences = [
-        f"Of {study.system.n} states the measurements determine {found.useful} independent combinations better than "
-        f"the prior; formally {found.formal}, by the rank of the Gramian in double precision {found.rank}.",
+        f"Of {study.system.n} states the measurements determine {spectrum.useful} independent combinations better than "
+        f"the prior; formally {spectrum.formal}, by the rank of the Gramian in double precision {spectrum.rank}.",
         f"Not determined: {'; '.join(hidden)}." if hidden else "Everything is determined.",
     ]
     sections = [

@@ -159,7 +159,7 @@ def motion_local_spectrum(
     sigma: ArrayLike,
     *,
     measured: tuple[str, ...] = ("dv",),
-    known: tuple[str, ...] = (),
+    fixed: tuple[str, ...] = (),
     width: float = 1.0,
     order: int | None = None,
     earth_rotation: bool = True,
@@ -177,17 +177,17 @@ def motion_local_spectrum(
         Scale of all states of the layout.
     measured : tuple of str
         Blocks that are measured: ``dv``, ``dr``, ``dpsi`` or any other.
-    known : tuple of str
+    fixed : tuple of str
         Blocks left out, as if they were known.
     width, order
         As of :func:`local_spectrum`.
     earth_rotation : bool
     """
-    gone = {i for block in known for i in range(layout[block].start, layout[block].stop)}
+    gone = {i for block in fixed for i in range(layout[block].start, layout[block].stop)}
     keep = [i for i in range(layout.size) if i not in gone]
     seen = [i for block in measured for i in range(layout[block].start, layout[block].stop)]
     if not seen or gone & set(seen):
-        raise InputError(f"measured: expected blocks that are not known, got {measured} with known {known}")
+        raise InputError(f"measured: expected blocks that are not known, got {measured} with known {fixed}")
     if not width <= t <= motion.duration - width:
         raise InputError(
             f"t: expected {width:g} to {motion.duration - width:g} s, a width of {width:g} s from both ends of the "

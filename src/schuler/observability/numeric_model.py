@@ -85,7 +85,7 @@ class RotaryModel:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the states."""
+        """Names of the twelve states."""
         return state_names(_BLOCKS)
 
 

@@ -76,16 +76,16 @@ class Observability:
 
     def ranks(self) -> ResultTable:
         """Ranks by three rules and the singular values."""
-        found = self.spectrum
+        spectrum = self.spectrum
         return ResultTable(
             f"{self.system.name}: ranks of {self.system.n} states",
             ("rule", "rank"),
             (
-                ("formal: above rounding and discretisation", found.formal),
-                ("of the Gramian in double precision", found.rank),
-                ("useful: known better than before", found.useful),
+                ("formal: above rounding and discretisation", spectrum.formal),
+                ("of the Gramian in double precision", spectrum.rank),
+                ("useful: known better than before", spectrum.useful),
             ),
-            ("singular values in units of the prior: " + ", ".join(f"{v:.2g}" for v in found.values),),
+            ("singular values in units of the prior: " + ", ".join(f"{v:.2g}" for v in spectrum.values),),
         )
 
     def summary(self) -> str:
@@ -110,9 +110,9 @@ class Observability:
             "observable": [n for n, o in zip(s.names, s.observable(), strict=True) if o],
             "observable_useful": [n for n, o in zip(s.names, s.observable("useful"), strict=True) if o],
             "combinations": [
-                {"text": c.text, "factors": _factors(c, names), "observable": known}
-                for known, found in ((True, self.seen()), (False, self.unseen()))
-                for c in found
+                {"text": c.text, "factors": _factors(c, names), "observable": determined}
+                for determined, combinations in ((True, self.seen()), (False, self.unseen()))
+                for c in combinations
             ],
             "degree": {n: float(d.ratio[-1, i]) for i, n in enumerate(d.names)},
             "seen": [{"text": c.text, "factors": _factors(c, names)} for c in self.seen()],
@@ -164,9 +164,9 @@ def observability(
     used = in_du_axes(system) if axes == "enu" else system
     begin, end = float(used.t[0]), float(used.t[-1])
     times = np.append(np.arange(begin + every_s, end - 1e-6, every_s), end)
-    found = spectrum(used)
+    total = spectrum(used)
     along = spectrum(in_navigation_axes(used))
-    return Observability(used, found, along, degree_of_observability(used, times), constants or {})
+    return Observability(used, total, along, degree_of_observability(used, times), constants or {})
 
 
 def scenario_observability(scenario: ObservabilityScenario | dict[str, Any] | Path | str) -> Observability:
@@ -204,11 +204,11 @@ def named_constants(motion: Motion, *, rate: float | None = None, earth_rotation
     """
     state = motion.state(np.zeros(1))
     _, f = inertial_quantities(state, earth_rotation=earth_rotation)
-    found = {"g": float(np.linalg.norm(f[0]))}
+    constants = {"g": float(np.linalg.norm(f[0]))}
     if rate is not None:
-        found["w"] = rate
+        constants["w"] = rate
     if earth_rotation:
         lat: FloatArray = state.llh[0, 0]
-        found["W cos(lat)"] = float(abs(WGS84.omega_ie * np.cos(lat)))
-        found["W sin(lat)"] = float(abs(WGS84.omega_ie * np.sin(lat)))
-    return found
+        constants["W cos(lat)"] = float(abs(WGS84.omega_ie * np.cos(lat)))
+        constants["W sin(lat)"] = float(abs(WGS84.omega_ie * np.sin(lat)))
+    return constants

@@ -129,14 +129,14 @@ def unobservable_directions(model: SymbolicModel, order: int | None = None) -> l
     sp = sympy_module()
     reduced, pivots, places = _reduced(sp, model, order)
     names = [model.names[i] for i in places]
-    found = []
+    directions = []
     for free in (i for i in range(len(names)) if i not in pivots):
         direction = {names[free]: sp.Integer(1)}
         for k, pivot in enumerate(pivots):
             if reduced[k, free] != 0:
                 direction[names[pivot]] = -sp.factor(reduced[k, free])
-        found.append(direction)
-    return found
+        directions.append(direction)
+    return directions
 
 
 def observable_states(model: SymbolicModel, order: int | None = None) -> list[str]:

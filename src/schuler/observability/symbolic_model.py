@@ -160,7 +160,7 @@ def rotary_model(
 
 
 def _cosine_and_sine(sp: Any, angle: Symbolic, halves: dict[str, Symbolic]) -> tuple[Symbolic, Symbolic]:
-    """Of an angle; of a symbol as rational functions of the tangent of its half, which is added to ``halves``."""
+    """Cosine and sine of an angle; for a symbol, rational functions of the tangent of its half, added to ``halves``."""
     if not angle.is_Symbol:
         return sp.cos(angle), sp.sin(angle)
     h = halves.setdefault(f"h_{angle}", sp.Symbol(f"h_{angle}"))

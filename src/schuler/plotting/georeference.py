@@ -52,13 +52,13 @@ class Georeference:
         shape : tuple of int
             Of the picture.
         """
-        x, y = project(self.found(near_llh, shape), lon, lat)
+        x, y = project(self.crs_near(near_llh, shape), lon, lat)
         a, b, c, d, e, f = self.affine
         determinant = a * e - b * d
         u, v = x - c, y - f
         return (e * u - b * v) / determinant, (a * v - d * u) / determinant
 
-    def found(self, near_llh: FloatArray, shape: tuple[int, ...]) -> str:
+    def crs_near(self, near_llh: FloatArray, shape: tuple[int, ...]) -> str:
         """The coordinates that are meant: as the file says, or those that bring the picture nearest to the track."""
         if self.crs is not None:
             return self.crs
@@ -77,9 +77,9 @@ class Georeference:
         """Coordinates and the picture's corners in them."""
         a, b, c, d, e, f = self.affine
         h, w = shape[0], shape[1]
-        digits = 4 if self.found(near_llh, shape) == _DEGREES else 0
+        digits = 4 if self.crs_near(near_llh, shape) == _DEGREES else 0
         return (
-            f"{self.found(near_llh, shape)}, from ({c:.{digits}f}, {f:.{digits}f}) to "
+            f"{self.crs_near(near_llh, shape)}, from ({c:.{digits}f}, {f:.{digits}f}) to "
             f"({a * w + b * h + c:.{digits}f}, {d * w + e * h + f:.{digits}f})"
         )
 

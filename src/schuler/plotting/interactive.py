@@ -168,9 +168,9 @@ def _axis(label: str, limits: tuple[float, float] | None, *, log: bool) -> dict[
 
 def _outline(band: Band) -> tuple[FloatArray, FloatArray]:
     """Closed outlines of the parts of a band, with a NaN between them."""
-    known = np.isfinite(band.low) & np.isfinite(band.high)
-    starts = np.flatnonzero(known & ~np.r_[False, known[:-1]])
-    stops = np.flatnonzero(known & ~np.r_[known[1:], False]) + 1
+    finite = np.isfinite(band.low) & np.isfinite(band.high)
+    starts = np.flatnonzero(finite & ~np.r_[False, finite[:-1]])
+    stops = np.flatnonzero(finite & ~np.r_[finite[1:], False]) + 1
     xs: list[FloatArray] = []
     ys: list[FloatArray] = []
     gap = np.array([np.nan])
@@ -186,9 +186,9 @@ def _numbers(values: FloatArray, *, log: bool = False) -> list[float | None]:
     """Numbers for JSON, as many digits as can be seen: a hundred-thousandth of their range, or five on a log axis."""
     if log:
         return [float(f"{v:.5g}") if math.isfinite(v) else None for v in values.tolist()]
-    known = values[np.isfinite(values)]
-    size = float(np.ptp(known)) if len(known) else 0.0
-    size = size or (float(np.abs(known[0])) if len(known) else 1.0) or 1.0
+    finite = values[np.isfinite(values)]
+    size = float(np.ptp(finite)) if len(finite) else 0.0
+    size = size or (float(np.abs(finite[0])) if len(finite) else 1.0) or 1.0
     places = 5 - math.floor(math.log10(size))
     rounded = np.round(values, places) if places < 15 else values
     return [

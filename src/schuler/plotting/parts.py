@@ -71,8 +71,8 @@ def table(
     lines = []
     for row, text in zip(rows, explained or [""] * len(rows), strict=True):
         cells = "".join(f"<td{cell}>{_cell(v)}</td>" for v in row[1:])
-        told = ' class="told"' if text else ""
-        lines.append(f'<tr{told}><th scope="row">{escape(row[0])}</th>{cells}</tr>')
+        joined = ' class="told"' if text else ""
+        lines.append(f'<tr{joined}><th scope="row">{escape(row[0])}</th>{cells}</tr>')
         if text:
             lines.append(f'<tr><td class="small" colspan="{len(heads)}">{escape(text)}</td></tr>')
     body = "\n".join(lines)

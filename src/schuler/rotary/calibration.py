@@ -173,11 +173,11 @@ def _spans(
         if not isinstance(platform, Schedule):
             raise InputError("encoder readings do not say where the rate is constant: give spans=[(start, stop), ...]")
         edges = np.concatenate(([begin], platform.breakpoints(begin, end), [end]))
-        found = []
+        steady = []
         for a, b in pairwise(edges):
             if b - a > 1.0 and not np.any(platform.accelerations(np.array([0.5 * (a + b)]))):
-                found.append((float(a), float(b)))
-        return found
+                steady.append((float(a), float(b)))
+        return steady
     chosen = [(float(a), float(b)) for a, b in spans]
     for a, b in chosen:
         if not (begin - 1e-6 <= a < b <= end + 1e-6):
@@ -227,11 +227,11 @@ def _stretches(
             edges = limits[0] + period * np.arange(count + 1)
         else:
             edges = limits[[0, -1]]
-    found = []
+    stretches = []
     nearest = np.searchsorted(limits, edges + 1e-9 - 0.5 * part.dt[0])
     for a, b in pairwise(nearest):
-        found.append(_mean(part, platform, body, int(a), int(min(b, len(part))), earth_rotation))
-    return found
+        stretches.append(_mean(part, platform, body, int(a), int(min(b, len(part))), earth_rotation))
+    return stretches
 
 
 def _mean(part: Increments, platform: Platform, body: NavState, a: int, b: int, earth_rotation: bool) -> Stretch:
@@ -348,7 +348,7 @@ def allan_random_walk(increments: Increments, span: tuple[float, float], *, tau_
             f"got {duration:g} s; rest longer or pass a shorter tau_s"
         )
     rate_hz = len(part) / duration
-    found = [
+    deviations = [
         allan_deviation(axis / part.dt, rate_hz, taus=[tau_s], noise=0.0).deviation[0] for axis in part.dtheta_ib_b.T
     ]
-    return np.asarray(np.array(found) * np.sqrt(tau_s))
+    return np.asarray(np.array(deviations) * np.sqrt(tau_s))

@@ -104,14 +104,14 @@ class RotationCalibration:
     @property
     def names(self) -> tuple[str, ...]:
         """Names in the order of the covariance: ``b_g_x``, ..., then ``M_g_xz``, ... or ``response_1_x``, ..."""
-        found = [f"b_g_{i}" for i in _LETTERS]
+        names = [f"b_g_{i}" for i in _LETTERS]
         for k, axis in enumerate(self.axes):
             along = np.flatnonzero(np.abs(axis) > 1.0 - 1e-9)
             if len(along) and axis[along[0]] > 0.0:
-                found += [f"M_g_{i}{_LETTERS[along[0]]}" for i in _LETTERS]
+                names += [f"M_g_{i}{_LETTERS[along[0]]}" for i in _LETTERS]
             else:
-                found += [f"response_{k + 1}_{i}" for i in _LETTERS]
-        return tuple(found)
+                names += [f"response_{k + 1}_{i}" for i in _LETTERS]
+        return tuple(names)
 
     @property
     def scatter(self) -> float:

@@ -76,10 +76,10 @@ def aligned_vehicle(
     P[:, sensor], P[sensor, :], estimates[: layout.n_sensor] = 0.0, 0.0, 0.0
     P[sensor, sensor] = np.diag(layout.initial_variances()[: layout.n_sensor])
     note = "the platform turned during alignment: attitude and biases start uncorrelated"
-    found = _rest_bias(increments, gnss, platform, initial, config.alignment.rest_s, spec)
-    if found is not None and "b_g" in layout:
+    rest_bias = _rest_bias(increments, gnss, platform, initial, config.alignment.rest_s, spec)
+    if rest_bias is not None and "b_g" in layout:
         part = layout["b_g"]
-        estimates[part.start - 9 : part.stop - 9], sigma = found
+        estimates[part.start - 9 : part.stop - 9], sigma = rest_bias
         P[part, part] = sigma**2 * np.eye(3)
         note += f"; gyro biases from the rest before the motion, 1-sigma {sigma / units.DEG:.4f} deg/s"
     notes.append(note)

@@ -74,12 +74,12 @@ def C_bs(axes: FloatArray, angles: FloatArray, C_mount: FloatArray | None = None
 def axes_in_s(axes: FloatArray, angles: FloatArray, C_mount: FloatArray | None = None) -> FloatArray:
     """Directions of the platform's axes in the IMU's axes. Shapes (m, 3), (n, m) to (n, m, 3)."""
     n, m = angles.shape
-    found = np.empty((n, m, 3))
+    directions = np.empty((n, m, 3))
     C = np.broadcast_to(np.eye(3) if C_mount is None else C_mount, (n, 3, 3))  # from s to the frame inside axis k
     for k in range(m - 1, -1, -1):
-        found[:, k] = axes[k] @ C
+        directions[:, k] = axes[k] @ C
         C = rotation.dcm_from_rotvec(angles[:, k, None] * axes[k]) @ C
-    return found
+    return directions
 
 
 def omega_bs_s(

@@ -110,11 +110,11 @@ def navigate_rotary(
     lever = as_vector3(offset_m, "offset_m")
     notes = list(recording.metadata.notes)
     spec = imu_spec(config)
-    known = configured_start(config, recording.need_imu(), calibration)
-    if known is not None and initial is None:
+    calibrated = configured_start(config, recording.need_imu(), calibration)
+    if calibrated is not None and initial is None:
         raise ConfigError("a calibrated rotating IMU is not aligned from its log: give the vehicle's initial state")
     turning = Clocked(platform, float(platform_zero_s))
-    imu = covered(prepared_imu(recording.need_imu(), config, notes, known), turning, notes)
+    imu = covered(prepared_imu(recording.need_imu(), config, notes, calibrated), turning, notes)
     increments = imu.increments(order=config.imu.rate_order)
     check_platform(increments, turning)
     in_body = body_increments(increments, turning)
@@ -128,8 +128,8 @@ def navigate_rotary(
         initial = aligned_vehicle(
             body_log, increments, fixes, turning, config, spec, layout, windows, notes
         )  # fmt: skip
-    elif known is not None:
-        initial = known.put_into(initial)
+    elif calibrated is not None:
+        initial = calibrated.put_into(initial)
     increments = increments.between(initial.nav.t - 1e-9, increments.t[-1])
     initial = moved_to(initial, increments)
     rates = rates_at_limits(increments)
@@ -180,7 +180,7 @@ def navigate_rotary(
                 "zero_s": turning.zero_s,
                 "offset_m": lever.tolist(),
             },
-            **({} if known is None else {"calibration": known.provenance}),
+            **({} if calibrated is None else {"calibration": calibrated.provenance}),
             "elapsed_s": time.perf_counter() - began,
         },
         notes=tuple(notes),
@@ -217,12 +217,12 @@ def vehicle_result(
         return replace(of_imu, trajectory=moved[0], states=moved[1])
 
     def omega(at: FloatArray) -> FloatArray:
-        found: FloatArray = np.column_stack([np.interp(at, t, column) for column in omega_is_s.T])
+        rate: FloatArray = np.column_stack([np.interp(at, t, column) for column in omega_is_s.T])
         if "b_g" not in of_imu.layout:
-            return found
+            return rate
         bias = of_imu.parameter("b_g")
-        found -= np.column_stack([np.interp(at, of_imu.t, column) for column in bias.T])
-        return found
+        rate -= np.column_stack([np.interp(at, of_imu.t, column) for column in bias.T])
+        return rate
 
     trajectory, states = (
         body_trajectory(x, platform, offset_m, omega(x.t), earth_rotation=earth_rotation)

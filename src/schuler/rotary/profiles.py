@@ -79,16 +79,16 @@ class AngleProfile:
 
     def breakpoints(self, start: float, stop: float) -> FloatArray:
         """Times within ``(start, stop)`` at which rate or acceleration change. Shape (b,). [s]"""
-        found = self.start
+        times = self.start
         if self.cycle is not None:
             first, last = self.cycle
             inner = self.start[(self.start >= first) & (self.start < last)]
             inner = np.concatenate(([first], inner))
             count = max(int(np.ceil((stop - first) / (last - first))), 0) + 1
             again = (inner + (last - first) * np.arange(count)[:, None]).ravel()
-            found = np.concatenate((self.start[self.start < first], again))
-        found = np.unique(found[(found > start) & (found < stop)])
-        return found[np.concatenate(([True], np.diff(found) > 1e-9))] if len(found) else found
+            times = np.concatenate((self.start[self.start < first], again))
+        times = np.unique(times[(times > start) & (times < stop)])
+        return times[np.concatenate(([True], np.diff(times) > 1e-9))] if len(times) else times
 
     def delayed(self, delay: float) -> AngleProfile:
         """The same after standing for ``delay`` seconds at the first angle."""

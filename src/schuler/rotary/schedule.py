@@ -72,8 +72,8 @@ class Schedule:
 
     def breakpoints(self, start: float, stop: float) -> FloatArray:
         """Times within ``(start, stop)`` at which a rate or an acceleration jumps. Shape (b,). [s]"""
-        found = np.unique(np.concatenate([p.breakpoints(start, stop) for p in self.profiles]))
-        return found[np.concatenate(([True], np.diff(found) > 1e-9))] if len(found) else found
+        times = np.unique(np.concatenate([p.breakpoints(start, stop) for p in self.profiles]))
+        return times[np.concatenate(([True], np.diff(times) > 1e-9))] if len(times) else times
 
     def delayed(self, delay: float) -> Schedule:
         """The same after standing still for ``delay`` seconds, as for the mean of a gyroscope before the start."""

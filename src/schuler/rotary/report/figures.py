@@ -87,12 +87,12 @@ def projected(v: ArrayLike) -> tuple[FloatArray, FloatArray]:
     return np.stack((v @ right, v @ up), axis=-1), v @ viewer
 
 
-def modulation_figure(found: ScenarioComparison) -> Figure:
+def modulation_figure(comparison: ScenarioComparison) -> Figure:
     """Biases of the IMU in navigation axes: turning, their running mean, and not turning."""
     panels = []
     words = {"gyro": "gyroscope", "accel": "accelerometer"}
     for what, unit, scale in (("gyro", "deg/h", DEG_PER_HR), ("accel", "m/s^2", 1.0)):
-        turning, still = getattr(found.rotary, what), getattr(found.conventional, what)
+        turning, still = getattr(comparison.rotary, what), getattr(comparison.conventional, what)
         limits = content.view([turning.bias_n / scale, still.bias_n / scale, np.zeros(1)])
         for k, axis in enumerate(("north", "east", "down")):
             items = (
@@ -107,7 +107,7 @@ def modulation_figure(found: ScenarioComparison) -> Figure:
     )  # fmt: skip
 
 
-def errors_figure(found: ScenarioComparison) -> Figure:
+def errors_figure(comparison: ScenarioComparison) -> Figure:
     """Errors of attitude, velocity and position of the first run, with the predicted 1-sigma."""
     panels = []
     ned = (1, 0, 2)  # places of east, north, up
@@ -115,11 +115,11 @@ def errors_figure(found: ScenarioComparison) -> Figure:
     for row, (what, unit, scale) in enumerate(kinds):
         for k, axis in enumerate("ENU"):
             items: list[Item] = []
-            for way in found.ways:
+            for way in comparison.ways:
                 area = _ROLES[way.name][1]
                 sigma = np.sqrt(np.maximum(way.P[:, 3 * row + ned[k], 3 * row + ned[k]], 0.0)) / scale
                 items.append(content.band(way.t, -sigma, sigma, area, f"{way.name}, predicted 1 sigma"))
-            for way in found.ways:
+            for way in comparison.ways:
                 if way.histories:
                     h = way.histories[0]
                     items.append(content.line(h.t, getattr(h, what)[:, k] / scale, _ROLES[way.name][0], way.name))
@@ -131,15 +131,15 @@ def errors_figure(found: ScenarioComparison) -> Figure:
     )  # fmt: skip
 
 
-def rates_figure(found: ScenarioComparison) -> Figure | None:
+def rates_figure(comparison: ScenarioComparison) -> Figure | None:
     """Predicted RMS against the rate of the schedule; None if it has no rate."""
-    if not len(found.rates):
+    if not len(comparison.rates):
         return None
-    x = found.rates / DEG
+    x = comparison.rates / DEG
     panels = []
-    for quantity, values in found.sigma.items():
+    for quantity, values in comparison.sigma.items():
         _, unit, scale = QUANTITIES[quantity]
-        still = found.predicted(found.conventional, quantity) / scale
+        still = comparison.predicted(comparison.conventional, quantity) / scale
         items = (
             content.level((float(x.min()), float(x.max())), still, "smoothed", "conventional"),
             Line(x, values / scale, "filtered", "rotary"),
@@ -155,52 +155,54 @@ def rates_figure(found: ScenarioComparison) -> Figure | None:
     )  # fmt: skip
 
 
-def front_figure(found: SchemeSearch) -> Figure:
+def front_figure(search: SchemeSearch) -> Figure:
     """Everything that was looked at: error against travel and against reversals, with the front."""
     panels = []
-    usable = [c for c in found.candidates if np.isfinite(c.error)]
+    usable = [c for c in search.candidates if np.isfinite(c.error)]
     named = [c for c in usable if c.source and c.source != "own"]
     own = [c for c in usable if c.source == "own"]
-    lowest = min(c.error for c in usable) / found.scale
-    highest = max((c.error for c in named), default=lowest * 10.0) / found.scale
+    lowest = min(c.error for c in usable) / search.scale
+    highest = max((c.error for c in named), default=lowest * 10.0) / search.scale
     for by, unit, label in (("travel", _TURN, "travel [revolutions]"), ("reversals", 1.0, "reversals [-]")):
 
         def at(group: list[Candidate], by: str = by, unit: float = unit) -> tuple[FloatArray, FloatArray]:
             return (
-                np.array([getattr(c, by) / unit for c in group]), np.array([c.error / found.scale for c in group])
+                np.array([getattr(c, by) / unit for c in group]), np.array([c.error / search.scale for c in group])
             )  # fmt: skip
 
         items: list[Item] = [Markers(*at([c for c in usable if not c.source]), "measured", "found")]
-        for k in range(1, found.axes + 1):
-            front = found.front(by, k)[::-1]
-            role = "filtered" if k == found.axes else "smoothed"
+        for k in range(1, search.axes + 1):
+            front = search.front(by, k)[::-1]
+            role = "filtered" if k == search.axes else "smoothed"
             items.append(Line(*at(front), role, f"front, {k} ax{'is' if k == 1 else 'es'}"))
         items.append(Markers(*at(named), "read_off", "of the literature"))
         if own:
             items.append(Markers(*at(own), "start", "own"))
-        best = found.best()
+        best = search.best()
         x, y = at([best])
         items.append(Text(float(x[0]), float(y[0]), "best"))
-        panels.append(
-            Panel(label, f"[{found.unit}]", tuple(items), found.what, log=True, y_limits=(0.8 * lowest, 1.5 * highest))
-        )  # fmt: skip
+        limits = (0.8 * lowest, 1.5 * highest)
+        panels.append(Panel(label, f"[{search.unit}]", tuple(items), search.what, log=True, y_limits=limits))
     return Figure(
-        "front", f"{found.imu}: error against the platform's motion",
+        "front", f"{search.imu}: error against the platform's motion",
         "Every dot is a schedule that keeps the platform's limits; none is better than the line in both.",
         tuple(panels), columns=2, linked=False,
     )  # fmt: skip
 
 
-def calibration_figure(found: RotationCalibration) -> Figure:
+def calibration_figure(calibration: RotationCalibration) -> Figure:
     """Means of stretches with their 1-sigma beside the fitted model, against the rate along the first axis."""
     panels = []
-    rate = np.array([s.expected @ found.axes[0] for s in found.stretches])
-    error = np.array([s.reading - s.expected for s in found.stretches])
-    T = np.array([s.duration for s in found.stretches])
+    rate = np.array([s.expected @ calibration.axes[0] for s in calibration.stretches])
+    error = np.array([s.reading - s.expected for s in calibration.stretches])
+    T = np.array([s.duration for s in calibration.stretches])
     order = np.argsort(rate)
-    model = found.bias + np.array([found.axes @ s.expected for s in found.stretches]) @ found.response
+    model = (
+        calibration.bias
+        + np.array([calibration.axes @ s.expected for s in calibration.stretches]) @ calibration.response
+    )
     for i, axis in enumerate("xyz"):
-        sigma = found.random_walk[i] / np.sqrt(T) / DEG_PER_HR
+        sigma = calibration.random_walk[i] / np.sqrt(T) / DEG_PER_HR
         y = error[:, i] / DEG_PER_HR
         x = rate / DEG
         items: list[content.Item] = [

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 def rotary_page(
     path: Path | str,
-    found: ScenarioComparison,
+    comparison: ScenarioComparison,
     search: SchemeSearch | None = None,
     provenance: dict[str, Any] | None = None,
 ) -> Path:
@@ -34,7 +34,7 @@ def rotary_page(
     Parameters
     ----------
     path : Path or str
-    found : ScenarioComparison
+    comparison : ScenarioComparison
     search : SchemeSearch, optional
     provenance : dict, optional
         What it was made from.
@@ -46,15 +46,15 @@ def rotary_page(
     """
     from schuler.files import write_text
 
-    scenario = found.scenario
+    scenario = comparison.scenario
     sections = [
-        Section("scheme", "Scheme", (scheme_figure(found.rotary.schedule, found.rotary.t[-1]),)),
-        Section("modulation", "Modulation", (modulation_figure(found),)),
-        Section("errors", "Errors", (errors_figure(found), _html(found.table()))),
+        Section("scheme", "Scheme", (scheme_figure(comparison.rotary.schedule, comparison.rotary.t[-1]),)),
+        Section("modulation", "Modulation", (modulation_figure(comparison),)),
+        Section("errors", "Errors", (errors_figure(comparison), _html(comparison.table()))),
     ]
-    rates = rates_figure(found)
+    rates = rates_figure(comparison)
     if rates is not None:
-        sections.append(Section("rates", "Rates", (rates, _html(found.rates_table()))))
+        sections.append(Section("rates", "Rates", (rates, _html(comparison.rates_table()))))
     if search is not None:
         sections.append(Section("search", "Search", search_blocks(search)))
     if provenance:
@@ -62,8 +62,8 @@ def rotary_page(
         made = parts.table("Options", ("entry", "value"), rows, numbers=False)
         sections.append(Section("made", "Made from", (made,)))
     text = whole_page(
-        scenario.name, "Rotary INS", f"{scenario.imu.name}, {found.rotary.schedule.name or 'rotation'}",
-        sentences(found, search),
+        scenario.name, "Rotary INS", f"{scenario.imu.name}, {comparison.rotary.schedule.name or 'rotation'}",
+        sentences(comparison, search),
         "Conventions: errors are estimate minus truth, east, north, up; angles and axes of the platform in the "
         "vehicle's axes forward, right, down, right-handed.",
         sections, plotly_script(),
@@ -71,15 +71,15 @@ def rotary_page(
     return write_text(path, text)
 
 
-def sentences(found: ScenarioComparison, search: SchemeSearch | None = None) -> list[str]:
+def sentences(comparison: ScenarioComparison, search: SchemeSearch | None = None) -> list[str]:
     """What it comes to."""
-    quantity = found.scenario.objective.quantity
+    quantity = comparison.scenario.objective.quantity
     quantity = quantity if quantity in QUANTITIES else "tilt"
     _, unit, scale = QUANTITIES[quantity]
-    a, b = (found.predicted(way, quantity) / scale for way in found.ways)
-    s, r = (found.simulated(way, quantity) / scale for way in found.ways)
-    when = "in the outages" if found.scenario.in_outages else "over the mission"
-    n = len(found.rotary.histories)
+    a, b = (comparison.predicted(way, quantity) / scale for way in comparison.ways)
+    s, r = (comparison.simulated(way, quantity) / scale for way in comparison.ways)
+    when = "in the outages" if comparison.scenario.in_outages else "over the mission"
+    n = len(comparison.rotary.histories)
     better = f"{a / b:.4g} times less" if b < a else f"{b / a:.4g} times more"
     lines = [
         f"With rotation the {quantity} error {when} is expected to be {b:.4g} {unit} RMS, {better} than without "

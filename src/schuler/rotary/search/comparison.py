@@ -188,8 +188,8 @@ def compare_rotary(
             for name, schedule in ways.items()
         }
         for k in range(count):
-            found = {n: one_run(scenario, replace(made, schedule=s), ideals[n], k) for n, s in ways.items()}
-            for name, history in found.items():
+            pair = {n: one_run(scenario, replace(made, schedule=s), ideals[n], k) for n, s in ways.items()}
+            for name, history in pair.items():
                 histories[name].append(history)
             if progress is not None:
                 progress((k + 1) / count)
@@ -212,22 +212,22 @@ def compare_rotary(
 
 
 def _rate_sweep(
-    found: ScenarioComparison, over_time: Callable[[Schedule], tuple[FloatArray, FloatArray]]
+    comparison: ScenarioComparison, over_time: Callable[[Schedule], tuple[FloatArray, FloatArray]]
 ) -> tuple[FloatArray, dict[str, FloatArray]]:
     """The scenario's schedule at other rates, within its limits."""
-    section = found.scenario.rotary.schedule
+    section = comparison.scenario.rotary.schedule
     if section.rate_deg_s is None:
         return np.zeros(0), {}
     sign = float(np.sign(section.rate_deg_s))
-    rates = [r for r in found.scenario.rates_deg_s if r <= found.scenario.limits.rate_deg_s]
+    rates = [r for r in comparison.scenario.rates_deg_s if r <= comparison.scenario.limits.rate_deg_s]
     quantities = ("horizontal", "velocity", "tilt", "heading")
     values: dict[str, list[float]] = {q: [] for q in quantities}
     for rate in rates:
         schedule = section.model_copy(update={"rate_deg_s": sign * rate}).build()
         t, P = over_time(schedule)
-        way = replace(found.rotary, t=t, P=P)
+        way = replace(comparison.rotary, t=t, P=P)
         for q in quantities:
-            values[q].append(found.predicted(way, q))
+            values[q].append(comparison.predicted(way, q))
     return np.array(rates) * DEG, {q: np.array(v) for q, v in values.items()}
 
 

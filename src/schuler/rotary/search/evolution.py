@@ -108,16 +108,16 @@ def search_schemes(
         complete = False
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
-    found = archive.ordered()
-    if not any(np.isfinite(c.error) for c in found):
+    candidates = archive.ordered()
+    if not any(np.isfinite(c.error) for c in candidates):
         raise InputError(
             "no scheme was evaluated that the platform can follow"
             + ("" if complete else " before the interruption")
-            + (f"; {found[0].name}: {found[0].refused[0]}" if found and found[0].refused else "")
+            + (f"; {candidates[0].name}: {candidates[0].refused[0]}" if candidates and candidates[0].refused else "")
         )
     return SchemeSearch(
         objective.name, objective.unit, objective.scale, objective.spec.name, objective.turning.fixed.name,
-        space.duration, axes, tuple(found), archive.count, complete, settings.seed,
+        space.duration, axes, tuple(candidates), archive.count, complete, settings.seed,
     )  # fmt: skip
 
 
@@ -164,8 +164,8 @@ def _evolve(
     span = np.array([w - 1 if w else 1 for w in family.whole], dtype=np.float64)
     choice = np.array([w > 0 for w in family.whole])
     first = np.where(choice, np.minimum(np.floor(first * (span + 1.0)), span), first)
-    known = [c.place for c in archive.front(family.name, travel) if c.place is not None][: members // 2]
-    first[: len(known)] = np.array(known).reshape(-1, n)
+    seeded = [c.place for c in archive.front(family.name, travel) if c.place is not None][: members // 2]
+    first[: len(seeded)] = np.array(seeded).reshape(-1, n)
 
     def cost(x: FloatArray) -> float:
         return archive.cost(family, np.where(choice, np.rint(x), x), travel)
@@ -213,7 +213,7 @@ class _Archive:
     ) -> None:
         self.objective, self.space, self.total, self.progress = objective, space, total, progress
         self.limits = replace(space.limits, axes=axes)
-        self.found: dict[str, Candidate] = {}
+        self.candidates: dict[str, Candidate] = {}
         self.count = 0
         self.lock = threading.Lock()
 
@@ -246,15 +246,15 @@ class _Archive:
     def ordered(self) -> list[Candidate]:
         """In an order that does not depend on threads."""
         with self.lock:
-            return [self.found[key] for key in sorted(self.found)]
+            return [self.candidates[key] for key in sorted(self.candidates)]
 
     def _look(
         self, entries: Entries, name: str, family: str, source: str, place: tuple[float, ...] | None
     ) -> Candidate:
         key = json.dumps([source != "", name if source else "", entries], sort_keys=True)
         with self.lock:
-            if key in self.found:
-                return self.found[key]
+            if key in self.candidates:
+                return self.candidates[key]
         schedule = schedule_of(entries)
         used = usage(schedule, self.space.duration)
         limits = self.limits
@@ -267,7 +267,7 @@ class _Archive:
             int(used.reversals.sum()), refused, place,
         )  # fmt: skip
         with self.lock:
-            self.found[key] = made
+            self.candidates[key] = made
             self.count += not refused
             done = min(self.count / self.total, 1.0)
         if self.progress is not None:

@@ -110,7 +110,7 @@ def families(space: SchemeSpace, axes: int, chosen: Sequence[str] = ()) -> list[
     lean = 2 if space.tilt > 0.0 else 0
     n, p = len(space.axes), len(space.positions)
     pairs = len(_pairs(space))
-    found = [
+    members = [
         Family("continuous", 1, (n, 2, 0, *[0] * lean), _continuous),
         Family("reciprocating", 1, (n, 2, 0, 0, 0, 2, *[0] * lean), _reciprocating),
         Family("carousel", 1, (n, 0, 0, *[0] * lean), _carousel),
@@ -118,17 +118,17 @@ def families(space: SchemeSpace, axes: int, chosen: Sequence[str] = ()) -> list[
         Family("sequence", 1, (n, 0, *[0] * (2 * MOVES), *[0] * lean), _sequence),
     ]
     if pairs:
-        found += [
+        members += [
             Family("dual_axis", 2, (pairs, 3, 0, 0), _dual_axis),
             Family("dual_order", 2, (pairs, 0, 0, *[4] * HALF_TURNS), _dual_order),
         ]
-    unknown = sorted(set(chosen) - {f.name for f in found})
+    unknown = sorted(set(chosen) - {f.name for f in members})
     if unknown:
-        raise InputError(f"families: expected some of {', '.join(f.name for f in found)}, got {unknown[0]!r}")
+        raise InputError(f"families: expected some of {', '.join(f.name for f in members)}, got {unknown[0]!r}")
     if not np.isinf(space.limits.angle):
         # nothing turns for ever on a cable
-        found = [f for f in found if f.name != "continuous"]
-    return [f for f in found if f.axes <= axes and (not chosen or f.name in chosen)]
+        members = [f for f in members if f.name != "continuous"]
+    return [f for f in members if f.axes <= axes and (not chosen or f.name in chosen)]
 
 
 def place_of(space: SchemeSpace, entries: Entries) -> tuple[str, tuple[float, ...]] | None:
@@ -196,7 +196,7 @@ def _rate(space: SchemeSpace, x: float) -> float:
 
 
 def _time(space: SchemeSpace, x: float) -> float:
-    """Of a dwell: from nothing to half the mission, short ones more likely. [s]"""
+    """Length of a dwell: from nothing to half the mission, short ones more likely. [s]"""
     return float(0.5 * space.duration * x**3)
 
 

@@ -54,20 +54,20 @@ def named_schemes(space: SchemeSpace, axes: int = 1) -> list[NamedScheme]:
     pairs of opposite sensors, which is no schedule.
     """
     limit = space.limits.rate
-    found = [NamedScheme("conventional", "no rotation", 1, {"type": "fixed"})]
-    found += _at(space, axes, float(min(RATE, limit) / DEG), "")
+    schemes = [NamedScheme("conventional", "no rotation", 1, {"type": "fixed"})]
+    schemes += _at(space, axes, float(min(RATE, limit) / DEG), "")
     if limit > RATE:
-        found += _at(space, axes, float(limit / DEG), ", at the limit")
-    return found
+        schemes += _at(space, axes, float(limit / DEG), ", at the limit")
+    return schemes
 
 
 def _at(space: SchemeSpace, axes: int, rate: float, suffix: str) -> list[NamedScheme]:
     """All schemes at one rate. [deg/s]"""
     usual = space.usual
-    found: list[NamedScheme] = []
+    schemes: list[NamedScheme] = []
 
     def add(name: str, source: str, entries: Entries, needs: int = 1) -> None:
-        found.append(NamedScheme(name + suffix, source, needs, {**entries, **usual}))
+        schemes.append(NamedScheme(name + suffix, source, needs, {**entries, **usual}))
 
     for axis in space.axes:
         turning = {"type": "continuous", "axis": axis, "rate_deg_s": rate}
@@ -97,7 +97,7 @@ def _at(space: SchemeSpace, axes: int, rate: float, suffix: str) -> list[NamedSc
                         name = f"dual axis {positions} positions {outer}{inner}"
                         add(name, "Yuan 2012, Levinson and Majure",
                             {**both, "positions": positions, "dwell_s": seconds}, 2)  # fmt: skip
-    return found
+    return schemes
 
 
 def _fitted(space: SchemeSpace, visits: int, moving: float) -> float:

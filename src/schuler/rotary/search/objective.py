@@ -87,8 +87,8 @@ class SchemeObjective:
 
     def over_time(self, schedule: Schedule) -> tuple[FloatArray, FloatArray]:
         """Times (r,) [s] and true covariance (r, 9, 9) of attitude, velocity, position errors, north, east, down."""
-        found = linear_covariance(self.turning.with_schedule(schedule), self.spec)
-        return found.t, found.P
+        covariance = linear_covariance(self.turning.with_schedule(schedule), self.spec)
+        return covariance.t, covariance.P
 
     def _left(self, mission: BudgetMission) -> float:
         layout = filter_layout(self.spec, mission.states)

@@ -196,7 +196,7 @@ class RotaryScenario(Config):
 
     @property
     def limits(self) -> LimitsSection:
-        """Of the platform; without any, 100 deg/s and one axis."""
+        """Limits of the platform; 100 deg/s and one axis where none are given."""
         return self.rotary.limits or LimitsSection()
 
     def mission(self) -> BudgetMission:

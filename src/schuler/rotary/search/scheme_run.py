@@ -113,7 +113,7 @@ def _configuration(scenario: RotaryScenario) -> dict[str, Any]:
         block: {"sigma": m.sigma, "noise": m.noise, **({} if m.tau is None else {"tau_s": m.tau})}
         for block, m in layout.models.items()
     }
-    found: dict[str, Any] = {
+    config: dict[str, Any] = {
         "imu": scenario.imu.source(),
         "filter": {
             "states": tuple(layout.models), "models": models, "smooth": False,
@@ -122,13 +122,13 @@ def _configuration(scenario: RotaryScenario) -> dict[str, Any]:
         "outages": {"windows_s": scenario.outages},
     }  # fmt: skip
     if (g := scenario.gnss) is not None:
-        found["gnss"] = {"lever_arm_m": g.lever_arm_m, "velocity": g.sigma_velocity_m_s is not None}
+        config["gnss"] = {"lever_arm_m": g.lever_arm_m, "velocity": g.sigma_velocity_m_s is not None}
     aiding: dict[str, Any] = {}
     if (z := scenario.zero_velocity) is not None:
         aiding["zero_velocity"] = {"sigma_m_s": z.sigma_m_s, "rate_hz": z.rate_hz}
     if scenario.height is not None:
         aiding["barometer"] = {"bias_sigma_m": 0.0}
-    return {**found, "aiding": aiding} if aiding else found
+    return {**config, "aiding": aiding} if aiding else config
 
 
 def _thinned(solved: FullTrajectory, motion: RotatingMotion) -> ErrorHistory:

@@ -143,8 +143,8 @@ class SchemeSearch:
 
     def table(self) -> ResultTable:
         """The best and every named scheme."""
-        found = [self.best(k) for k in range(1, self.axes + 1)]
-        rows = [self._row(c, f"best of {_axes(k)}") for k, c in enumerate(found, start=1)]
+        best = [self.best(k) for k in range(1, self.axes + 1)]
+        rows = [self._row(c, f"best of {_axes(k)}") for k, c in enumerate(best, start=1)]
         rows += [self._row(c, c.source) for c in self.named()]
         return ResultTable(
             f"{self.mission}, {self.imu}: {self.what}", self._columns, tuple(rows),

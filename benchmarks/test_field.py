@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from schuler.calibration.field.options import FieldOptions
-from schuler.reproduce.yaman.study.field_runs import FieldJob, calibrated, field_run, simulated_unit
-from schuler.reproduce.yaman.study.field_static_unit import StaticJob, static_unit
-from schuler.reproduce.yaman.study.field_tables import static_spec
+from schuler.reproduce.yaman.study.runs import FieldJob, calibrated, field_run, simulated_unit
+from schuler.reproduce.yaman.study.static_unit import StaticJob, static_unit
+from schuler.reproduce.yaman.study.tables import static_spec
 from schuler.sensors import catalogue
 from schuler.standstill.rests import field_rests
 

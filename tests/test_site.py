@@ -130,10 +130,10 @@ def test_the_search_for_broken_links_finds_them(tmp_path):
 
 
 def test_links_to_code_lead_into_the_reference(site):
-    """``[...](../src/schuler/reproduce/yaman/study/drive_modes.py)`` on GitHub is the file, here the module's
+    """``[...](../src/schuler/reproduce/yaman/study/modes.py)`` on GitHub is the file, here the module's
     documentation.
     """
-    assert any("api/schuler.reproduce.yaman.study.html#module-schuler.reproduce.yaman.study.drive_modes" in link
+    assert any("api/schuler.reproduce.yaman.study.html#module-schuler.reproduce.yaman.study.modes" in link
                for link in links_of(site / "field-drives.html").links)  # fmt: skip
 
 

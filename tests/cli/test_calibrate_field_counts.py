@@ -123,7 +123,7 @@ def test_figures_of_counts_are_of_the_log_in_si(in_counts, tmp_path, capsys):
         return []
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("schuler.reproduce.yaman.study.field_output_figures.save_output_figures", keep)
+        patch.setattr("schuler.calibration.report.output_figures.save_output_figures", keep)
         # the others take their time and are of the result alone
         patch.setattr("schuler.calibration.report.figures.save_calibration_figures", lambda *_, **__: [])
         patch.setattr(CalibrationResult, "report", lambda _, path, **__: path)

@@ -10,7 +10,7 @@ from schuler import rotation
 from schuler.exceptions import InputError
 from schuler.growth import growth, lateral, planar_bounds, planar_reckoning, spatial_bounds, spatial_reckoning
 from schuler.growth.dead_reckoning import upright_bounds, upright_reckoning
-from schuler.reproduce.flenniken.study.growth_tables import SIX_DEGREES
+from schuler.reproduce.flenniken.study.tables import SIX_DEGREES
 from schuler.sensors.catalogue import spec
 from schuler.units import DEG, G0
 

@@ -25,8 +25,8 @@ from schuler.growth import (
 )
 from schuler.growth.closed_forms import gauss_markov
 from schuler.growth.schuler_loop import RADIUS
-from schuler.reproduce.flenniken.study.growth_tables import EXACT, LATERAL, positions
 from schuler.reproduce.flenniken.study.heading.linear import LinearModel
+from schuler.reproduce.flenniken.study.tables import EXACT, LATERAL, positions
 from schuler.sensors.catalogue import spec
 from schuler.units import DEG, G0
 

@@ -10,7 +10,8 @@ from schuler import rotation
 from schuler.exceptions import InputError
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import Increments
-from schuler.reproduce.du.study.calibration_accuracy import predicted_accuracy, whole_turns
+from schuler.reproduce.du.study.accuracy import predicted_accuracy
+from schuler.reproduce.du.study.trial import whole_turns
 from schuler.rotary import schemes
 from schuler.rotary.calibration import allan_random_walk, calibrate_rotation, estimate
 from schuler.rotary.encoder import EncoderReadings

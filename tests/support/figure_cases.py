@@ -79,12 +79,12 @@ def field():
 
 @cache
 def campaign():
-    return module("reproduce/yaman/test_field_campaign_figures.py").campaign()
+    return module("reproduce/yaman/test_campaign_figures.py").campaign()
 
 
 @cache
 def modes():
-    cases = module("reproduce/yaman/test_drive_mode_figures.py")
+    cases = module("reproduce/yaman/test_mode_figures.py")
     drive = cases.drive.__wrapped__()
     return cases.solutions.__wrapped__(drive), drive
 
@@ -168,7 +168,7 @@ def turntable():
 
 @cache
 def driven():
-    from schuler.reproduce.du.study.filter_imus import NAV440
+    from schuler.reproduce.du.study.imus import NAV440
     from schuler.reproduce.du.study.integrated import IntegratedDrive
     from schuler.reproduce.du.study.outages import rotary_comparison
 
@@ -177,14 +177,14 @@ def driven():
 
 @cache
 def at_rest():
-    from schuler.reproduce.du.study.chapter3 import chapter3
+    from schuler.reproduce.du.study.fixed_errors import chapter3
 
     return chapter3("bias", axes=[None, "Z"], rate_hz=10.0, duration_s=60.0, noise=True)
 
 
 @cache
 def static():
-    from schuler.reproduce.du.study.emulation import emulation
+    from schuler.reproduce.du.study.imus import emulation
     from schuler.reproduce.du.study.static import static_test
 
     unit = emulation("NAV440", rate_hz=2.0)
@@ -193,7 +193,7 @@ def static():
 
 @cache
 def road():
-    from schuler.reproduce.du.study.emulation import emulation
+    from schuler.reproduce.du.study.imus import emulation
     from schuler.reproduce.du.study.kinematic import kinematic_test
 
     return kinematic_test(emulation("NAV440", rate_hz=5.0), runs=2, workers=1)
@@ -226,9 +226,8 @@ def modulated():
 
 @cache
 def accuracy():
-    from schuler.reproduce.du.study.accuracy import calibration_trials
-    from schuler.reproduce.du.study.calibration_accuracy import predicted_accuracy
-    from schuler.reproduce.du.study.emulation import emulation
+    from schuler.reproduce.du.study.accuracy import calibration_trials, predicted_accuracy
+    from schuler.reproduce.du.study.imus import emulation
 
     unit = emulation("NAV440", rate_hz=2.0)
     predicted = [predicted_accuracy(unit.gyro_random_walk, rate * DEG) for rate in (10.0, 20.0, 60.0)]
@@ -257,8 +256,8 @@ def heading():
         recorded_outage,
         split_bias,
     )
-    from schuler.reproduce.flenniken.study.heading.position import position_outage
-    from schuler.reproduce.flenniken.study.heading.truth import BiasTruth
+    from schuler.reproduce.flenniken.study.heading.filters import BiasTruth
+    from schuler.reproduce.flenniken.study.heading.outages import position_outage
     from schuler.sensors.catalogue import spec
 
     truth = BiasTruth(0.03, 0.024, 100.0, 0.1)
@@ -282,15 +281,15 @@ def grown():
 
 @cache
 def cart():
-    from schuler.reproduce.hayal.study.hayal_walk import CartWalk
+    from schuler.reproduce.hayal.study.walk import CartWalk
 
     return CartWalk.of(2.0, 2.0)
 
 
 @cache
 def eight():
-    from schuler.reproduce.stefanisko.study.figure_eight import FigureEight
-    from schuler.reproduce.stefanisko.study.figure_eight_campaign import figure_eight
+    from schuler.reproduce.stefanisko.study.campaign import figure_eight
+    from schuler.reproduce.stefanisko.study.experiment import FigureEight
     from schuler.reproduce.stefanisko.study.sign_sets import sign_study
 
     case = FigureEight(outage_s=(10.0, 15.0), duration_s=16.0)
@@ -318,8 +317,8 @@ def subject(run: Any, **over: Any) -> Any:
 
 
 def _hayal() -> dict[str, Callable]:
-    from schuler.reproduce.hayal.study import hayal_figures as f
-    from schuler.reproduce.hayal.study.multiposition_study import StudyCase, sweep
+    from schuler.reproduce.hayal.study import figures as f
+    from schuler.reproduce.hayal.study.multiposition import StudyCase, sweep
 
     ours = {"case 1": np.array([0.5, 1.0, 2.0])[:, None] * np.ones(9)}
     cases = [(s, o, m) for o in (3, 9) for s in (1, 2, 3, 4) for m in (1.0, 3.0, 5.0)]
@@ -339,7 +338,7 @@ def _hayal() -> dict[str, Callable]:
 
 
 def _stefanisko() -> dict[str, Callable]:
-    from schuler.reproduce.stefanisko.study import stefanisko_figures as f
+    from schuler.reproduce.stefanisko.study import figures as f
 
     t = np.linspace(0.0, 10.0, 101)
     r = np.column_stack([t, t**2, 0.0 * t])
@@ -362,10 +361,10 @@ def _stefanisko() -> dict[str, Callable]:
 
 def _charts() -> dict[str, Callable]:
     from schuler.characterisation import allan_deviation, autocorrelation
-    from schuler.reproduce.flenniken.study import chart_figures as f
+    from schuler.reproduce.flenniken.study import figures as f
     from schuler.reproduce.flenniken.study.grade_comparison import overlay
 
-    cases = module("reproduce/flenniken/test_chart_figures.py")
+    cases = module("reproduce/flenniken/test_figures.py")
     x = cases.X[:500]
     curve = allan_deviation(x, 2.0)
     r = autocorrelation(x, 2.0)
@@ -456,8 +455,9 @@ def _diagnosed():
 
 
 def _deep() -> dict[str, Callable]:
-    from schuler.reproduce.stefanisko.study import deep_figures as f
-    from schuler.reproduce.stefanisko.study import deep_scene, deep_study
+    from schuler.reproduce.stefanisko.study.deep import figures as f
+    from schuler.reproduce.stefanisko.study.deep import scene as deep_scene
+    from schuler.reproduce.stefanisko.study.deep import study as deep_study
 
     study = cache(lambda: deep_study.deep_study(deep_scene.agile, (30.0, 20.0), runs=1, seconds=6.0, window=(1.0, 3.0)))
     return {
@@ -474,27 +474,23 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
     from schuler.calibration.report import field_figures, field_panels, pose_figure, thermal_figure
     from schuler.calibration.report import figures as calibration_figures
     from schuler.calibration.report import panels as calibration_panels
+    from schuler.calibration.report.output_figures import outputs
     from schuler.characterisation.report import figures as noise_figures
     from schuler.characterisation.report import panels as noise_panels
     from schuler.characterisation.report import spectra as noise_spectra
     from schuler.growth import figures as growth_figures
     from schuler.montecarlo import figures as montecarlo_figures
     from schuler.navigation.foot import figures as foot_figures
-    from schuler.reproduce.du.study import rotary_filter_figures, rotary_static_figures, rotary_thesis_figures
-    from schuler.reproduce.flenniken.study import heading_figures, rocket_figures
-    from schuler.reproduce.yaman.study import (
-        drive_mode_figures,
-        field_campaign_figures,
-        field_drive_figures,
-        field_families,
-        field_static_figures,
-        routine_figures,
-    )
-    from schuler.reproduce.yaman.study.field_output_figures import outputs
+    from schuler.reproduce.du.study import figures as du_figures
+    from schuler.reproduce.du.study import filter_figures
+    from schuler.reproduce.flenniken.study.heading import figures as heading_figures
+    from schuler.reproduce.flenniken.study.rocket import figures as rocket_figures
+    from schuler.reproduce.yaman.study import campaign_figures, mode_figures
+    from schuler.reproduce.yaman.study import figures as yaman_figures
     from schuler.rotary.report import figures as rotary_figures
 
     b, c, fp, fo = budget_figures, calibration_panels, field_panels, foot_figures
-    r, s, th = rotary_filter_figures, rotary_static_figures, rotary_thesis_figures
+    r, s = filter_figures, du_figures
     m, h, g = montecarlo_figures, heading_figures, growth_figures
 
     def budget():
@@ -504,14 +500,14 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
 
     def drive_mode(name, *more):
         solutions, drive = modes()
-        return getattr(drive_mode_figures, name)(solutions, drive.raw.reference, *(drive.outage for _ in more))
+        return getattr(mode_figures, name)(solutions, drive.raw.reference, *(drive.outage for _ in more))
 
     def output(truth):
-        before, true = module("reproduce/yaman/test_field_output_figures.py").logs()
+        before, true = module("calibration/report/test_output_figures.py").logs()
         return outputs(before, true, truth=true if truth else None)
 
     def drives():
-        return fixture("reproduce/yaman/test_field_drive_figures.py", "found")
+        return fixture("reproduce/yaman/test_unit_drives_figure.py", "found")
 
     def noise_of(function, *which):
         return function(noise()[0], *(noise()[k] for k in which))
@@ -538,7 +534,7 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         return g.beside_figure(dict.fromkeys("abcd", found), ("heading", "velocity_north"), closed, "t")
 
     def driven_motion():
-        from schuler.reproduce.du.study.drive import drive
+        from schuler.reproduce.du.study.drives import drive
 
         return drive(np.array([0.8, 0.0, 0.0]), rest_s=10.0)
 
@@ -559,34 +555,32 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         "calibration.report.panels.before_after": lambda: c.before_after(calibration()),
         "calibration.report.panels.parameters": lambda: c.parameters(calibration()),
         "diagnosis.report.figures.figures": _diagnosed,
-        "reproduce.yaman.study.drive_mode_figures.position_figure": lambda: drive_mode("position_figure", "outage"),
-        "reproduce.yaman.study.drive_mode_figures.velocity_figure": lambda: drive_mode("velocity_figure"),
-        "reproduce.yaman.study.drive_mode_figures.attitude_figure": lambda: drive_mode("attitude_figure"),
-        "reproduce.yaman.study.drive_mode_figures.outage_figure": lambda: drive_mode("outage_figure", "outage"),
-        "reproduce.yaman.study.field_campaign_figures.campaign_content": lambda: [
-            field_campaign_figures.campaign_content(campaign(), which) for which in ("residual", "modelled", "left")
+        "reproduce.yaman.study.mode_figures.position_figure": lambda: drive_mode("position_figure", "outage"),
+        "reproduce.yaman.study.mode_figures.velocity_figure": lambda: drive_mode("velocity_figure"),
+        "reproduce.yaman.study.mode_figures.attitude_figure": lambda: drive_mode("attitude_figure"),
+        "reproduce.yaman.study.mode_figures.outage_figure": lambda: drive_mode("outage_figure", "outage"),
+        "reproduce.yaman.study.campaign_figures.campaign_content": lambda: [
+            campaign_figures.campaign_content(campaign(), which) for which in ("residual", "modelled", "left")
         ],
-        "reproduce.yaman.study.field_campaign_figures.histograms": lambda: field_campaign_figures.histograms(
+        "reproduce.yaman.study.campaign_figures.histograms": lambda: campaign_figures.histograms(
             campaign(), "normalised", campaign().names
         ),
-        "reproduce.yaman.study.field_campaign_figures.left": lambda: field_campaign_figures.left(
-            campaign(), campaign().names
-        ),
-        "reproduce.yaman.study.field_drive_figures.modes": lambda: field_drive_figures.modes(drives()),
-        "reproduce.yaman.study.field_families.family_figure": lambda: field_families.family_figure(
+        "reproduce.yaman.study.campaign_figures.left": lambda: campaign_figures.left(campaign(), campaign().names),
+        "reproduce.yaman.study.mode_figures.modes": lambda: mode_figures.modes(drives()),
+        "reproduce.yaman.study.campaign_figures.family_figure": lambda: campaign_figures.family_figure(
             field()[0], ("b_a_x",), field()[1]
         ),
         "calibration.report.field_figures.field_content": lambda: field_figures.field_content(
             field()[0], "estimates", truth=field()[1]
         ),
-        "reproduce.yaman.study.field_output_figures.outputs": lambda: [output(k) for k in (False, True)],
+        "calibration.report.output_figures.outputs": lambda: [output(k) for k in (False, True)],
         "calibration.report.field_panels.field_panels": lambda: fp.field_panels(*field()),
         "calibration.report.field_panels.convergence": lambda: fp.convergence(field()[0]),
         "calibration.report.field_panels.estimates": lambda: fp.estimates(*field()),
         "calibration.report.field_panels.rests": lambda: fp.rests(field()[0]),
         "calibration.report.field_panels.innovations": lambda: fp.innovations(field()[0]),
-        "reproduce.yaman.study.field_static_figures.drift": lambda: field_static_figures.drift(
-            fixture("reproduce/yaman/test_field_static_figures.py", "found")
+        "reproduce.yaman.study.figures.drift": lambda: yaman_figures.drift(
+            fixture("reproduce/yaman/test_static_figures.py", "found")
         ),
         "navigation.foot.figures.track": lambda: fo.track(*walked()),
         "navigation.foot.figures.heights": lambda: fo.heights(walked()[0]),
@@ -603,14 +597,14 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         "growth.figures.difference_figure": lambda: g.difference_figure(
             grown()[1].t, {"heading": grown()[1].sigma["heading"]}, {"heading": grown()[1].sigma["heading"]}
         ),
-        "reproduce.flenniken.study.heading_figures.bound_figure": lambda: h.bound_figure(
+        "reproduce.flenniken.study.heading.figures.bound_figure": lambda: h.bound_figure(
             heading()[0][0], {"three states": heading()[0][1]}
         ),
-        "reproduce.flenniken.study.heading_figures.outage_figure": lambda: h.outage_figure(
+        "reproduce.flenniken.study.heading.figures.outage_figure": lambda: h.outage_figure(
             heading()[1], ("Gauss-Markov",)
         ),
-        "reproduce.flenniken.study.heading_figures.recorded_figure": lambda: h.recorded_figure(heading()[2], 20.0),
-        "reproduce.flenniken.study.heading_figures.position_figure": lambda: h.position_figure(heading()[3]),
+        "reproduce.flenniken.study.heading.figures.recorded_figure": lambda: h.recorded_figure(heading()[2], 20.0),
+        "reproduce.flenniken.study.heading.figures.position_figure": lambda: h.position_figure(heading()[3]),
         "montecarlo.figures.all_figures": lambda: m.all_figures(scattered()),
         "montecarlo.figures.scatter_figure": lambda: m.scatter_figure(scattered()),
         "montecarlo.figures.horizontal_figure": lambda: m.horizontal_figure(scattered()),
@@ -626,43 +620,39 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         "characterisation.report.spectra.signals": lambda: noise_of(noise_spectra.signals, 1),
         "observability.figures.observability_figure": lambda: observability_figures.observability_figure(unknown()),
         "calibration.report.pose_figure.plan_content": lambda: pose_figure.plan_content(attitude_plan(26), 7),
-        "reproduce.flenniken.study.rocket_figures.trajectory_figure": lambda: rocket_figures.trajectory_figure(
+        "reproduce.flenniken.study.rocket.figures.trajectory_figure": lambda: rocket_figures.trajectory_figure(
             rocket()[0]
         ),
-        "reproduce.flenniken.study.rocket_figures.scatter_figure": lambda: rocket_figures.scatter_figure(*rocket()[1]),
-        "reproduce.flenniken.study.rocket_figures.ranking_figure": lambda: rocket_figures.ranking_figure(rocket()[2]),
-        "reproduce.flenniken.study.rocket_figures.error_types_figure": lambda: rocket_figures.error_types_figure(),
+        "reproduce.flenniken.study.rocket.figures.scatter_figure": lambda: rocket_figures.scatter_figure(*rocket()[1]),
+        "reproduce.flenniken.study.rocket.figures.ranking_figure": lambda: rocket_figures.ranking_figure(rocket()[2]),
+        "reproduce.flenniken.study.rocket.figures.error_types_figure": lambda: rocket_figures.error_types_figure(),
         "rotary.report.figures.scheme_figure": lambda: rotary_figures.scheme_figure(rotary().rotary.schedule, 60.0),
         "rotary.report.figures.modulation_figure": lambda: rotary_figures.modulation_figure(rotary()),
         "rotary.report.figures.errors_figure": lambda: rotary_figures.errors_figure(rotary()),
         "rotary.report.figures.rates_figure": lambda: rotary_figures.rates_figure(rotary()),
         "rotary.report.figures.front_figure": lambda: rotary_figures.front_figure(searched()),
-        "reproduce.du.study.rotary_filter_figures.zupt_runs": lambda: r.zupt_runs(turntable()[0], "NAV440", "Z"),
-        "reproduce.du.study.rotary_filter_figures.zupt_sigmas": lambda: r.zupt_sigmas(turntable()[1], "NAV440"),
-        "reproduce.du.study.rotary_filter_figures.sigma_histories": lambda: r.sigma_histories(driven()),
-        "reproduce.du.study.rotary_filter_figures.outage_errors": lambda: r.outage_errors(driven()),
-        "reproduce.du.study.rotary_filter_figures.growth": lambda: r.growth(driven()),
-        "reproduce.du.study.rotary_static_figures.chapter3_figure": lambda: s.chapter3_figure(
-            at_rest(), bias=at_rest()
-        ),
-        "reproduce.du.study.rotary_static_figures.history_figure": histories,
-        "reproduce.du.study.rotary_static_figures.rates_figure": lambda: s.rates_figure(static()),
-        "reproduce.du.study.rotary_static_figures.kinematic_figure": lambda: s.kinematic_figure(road()),
+        "reproduce.du.study.filter_figures.zupt_runs": lambda: r.zupt_runs(turntable()[0], "NAV440", "Z"),
+        "reproduce.du.study.filter_figures.zupt_sigmas": lambda: r.zupt_sigmas(turntable()[1], "NAV440"),
+        "reproduce.du.study.filter_figures.sigma_histories": lambda: r.sigma_histories(driven()),
+        "reproduce.du.study.filter_figures.outage_errors": lambda: r.outage_errors(driven()),
+        "reproduce.du.study.filter_figures.growth": lambda: r.growth(driven()),
+        "reproduce.du.study.figures.chapter3_figure": lambda: s.chapter3_figure(at_rest(), bias=at_rest()),
+        "reproduce.du.study.figures.history_figure": histories,
+        "reproduce.du.study.figures.rates_figure": lambda: s.rates_figure(static()),
+        "reproduce.du.study.figures.kinematic_figure": lambda: s.kinematic_figure(road()),
         "rotary.report.figures.calibration_figure": lambda: rotary_figures.calibration_figure(turned()),
-        "reproduce.du.study.rotary_thesis_figures.modulated_biases": lambda: th.modulated_biases(modulated()),
-        "reproduce.du.study.rotary_thesis_figures.drive_figure": lambda: th.drive_figure(driven_motion(), "t"),
-        "reproduce.du.study.rotary_thesis_figures.drive_attitude": lambda: th.drive_attitude(driven()),
-        "reproduce.du.study.rotary_thesis_figures.singular_values": lambda: th.singular_values(
-            unknown().system, "t", points=3
-        ),
-        "reproduce.du.study.rotary_thesis_figures.accuracy_figure": lambda: th.accuracy_figure(*accuracy()),
-        "reproduce.yaman.study.routine_figures.readings_figure": lambda: routine_figures.readings_figure(readings()),
-        "reproduce.yaman.study.routine_figures.poses_figure": lambda: routine_figures.poses_figure(perfect()[0]),
+        "reproduce.du.study.figures.modulated_biases": lambda: s.modulated_biases(modulated()),
+        "reproduce.du.study.figures.drive_figure": lambda: s.drive_figure(driven_motion(), "t"),
+        "reproduce.du.study.figures.drive_attitude": lambda: s.drive_attitude(driven()),
+        "reproduce.du.study.figures.singular_values": lambda: s.singular_values(unknown().system, "t", points=3),
+        "reproduce.du.study.figures.accuracy_figure": lambda: s.accuracy_figure(*accuracy()),
+        "reproduce.yaman.study.figures.readings_figure": lambda: yaman_figures.readings_figure(readings()),
+        "reproduce.yaman.study.figures.poses_figure": lambda: yaman_figures.poses_figure(perfect()[0]),
         "calibration.report.thermal_figure.thermal_content": lambda: thermal_figure.thermal_content(thermal()),
     }
     for name, group in (
-        ("reproduce.hayal.study.hayal_figures", _hayal()), ("reproduce.stefanisko.study.stefanisko_figures", _stefanisko()), ("reproduce.flenniken.study.chart_figures", _charts()),
-        ("navigation.evaluation.figures", _outages()), ("reproduce.stefanisko.study.deep_figures", _deep()),
+        ("reproduce.hayal.study.figures", _hayal()), ("reproduce.stefanisko.study.figures", _stefanisko()), ("reproduce.flenniken.study.figures", _charts()),
+        ("navigation.evaluation.figures", _outages()), ("reproduce.stefanisko.study.deep.figures", _deep()),
     ):  # fmt: skip
         out |= {f"{name}.{key}": make for key, make in group.items()}
     return out | _solutions(run)

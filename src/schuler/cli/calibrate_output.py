@@ -66,7 +66,7 @@ def finish(
         )
         figures = save_calibration_figures(result, folder / "figures", field=field, truth=truth)
         if before is not None and field is not None and result.status != "refused":
-            from schuler.reproduce.yaman.study.field_output_figures import save_output_figures
+            from schuler.calibration.report.output_figures import save_output_figures
 
             # in the axes of the log, whatever the gauge of the file
             after = field.calibration.apply(recordings[0].need_imu())

@@ -20,7 +20,7 @@ from schuler.calibration.result.two_triads import pair_conditions
 from schuler.earth import earth_rate_ned
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
-from schuler.reproduce.hayal.study.study_attitudes import study_attitudes
+from schuler.reproduce.hayal.study.attitudes import study_attitudes
 from schuler.rotation import dcm_from_rotvec
 from schuler.sensors import catalogue
 from schuler.sensors.spec import ImuSpec, TriadSpec

@@ -35,9 +35,9 @@ from schuler.exceptions import InputError
 from schuler.filtering.states import StateModel
 from schuler.frames import wrap_angle
 from schuler.recording.series import ImuSeries
-from schuler.reproduce.yaman.study.field_runs import FieldJob, simulated_unit
-from schuler.reproduce.yaman.study.field_runs import calibrated as calibrated_job
-from schuler.reproduce.yaman.study.field_tables import static_spec
+from schuler.reproduce.yaman.study.runs import FieldJob, simulated_unit
+from schuler.reproduce.yaman.study.runs import calibrated as calibrated_job
+from schuler.reproduce.yaman.study.tables import static_spec
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.units import DEG

@@ -15,7 +15,7 @@ from schuler.calibration.field.swaying import sway
 from schuler.calibration.result.parameters import vector
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.recording.series import ImuSeries, Increments
-from schuler.reproduce.yaman.study.field_bound import information_bound
+from schuler.reproduce.yaman.study.bound import information_bound
 from schuler.standstill.rests import given_rests
 from schuler.units import DEG
 

@@ -234,7 +234,7 @@ def test_gyroscopes_in_their_own_axes_get_the_turn_between_the_triads():
 
 def test_hayals_study_seeds_the_same_by_hand():
     """What the emulated study of 2010 puts into its filter: independent sigmas of accelerometers and gyro biases."""
-    from schuler.reproduce.hayal.study.hayal_walk import (
+    from schuler.reproduce.hayal.study.walk import (
         CalibrationSigma,
         CartWalk,
         cart_config,

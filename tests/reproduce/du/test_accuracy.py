@@ -7,7 +7,7 @@ import pytest
 
 from schuler.exceptions import InputError
 from schuler.reproduce.du.study.accuracy import achieved, calibration_trials, table_4_5
-from schuler.reproduce.du.study.emulation import emulation
+from schuler.reproduce.du.study.imus import emulation
 
 
 def test_table_4_5_is_the_printed_one():

@@ -9,8 +9,8 @@ from schuler.characterisation.correlation import expected_autocovariance
 from schuler.exceptions import InputError
 from schuler.filtering.states import StateModel
 from schuler.recording.series import ImuSeries
-from schuler.reproduce.du.study.filter_imus import MTI_G, NAV440, TAU_S
 from schuler.reproduce.du.study.gauss_markov import fit_bias, static_models
+from schuler.reproduce.du.study.imus import MTI_G, NAV440, TAU_S
 from schuler.reproduce.du.study.integrated import IntegratedDrive
 from schuler.sensors.noise import GaussMarkov, NoiseModel, White
 from schuler.units import DEG_PER_HR

@@ -7,13 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from schuler.exceptions import InputError
-from schuler.reproduce.du.study import thesis_tables as thesis
-from schuler.reproduce.du.study.drive import DRIVE_S, drive
-from schuler.reproduce.du.study.emulation import emulation
+from schuler.reproduce.du.study import tables as thesis
+from schuler.reproduce.du.study.drives import DRIVE_S, drive
 from schuler.reproduce.du.study.floor import noise_floor
-from schuler.reproduce.du.study.improvement import Improvement
+from schuler.reproduce.du.study.imus import emulation
 from schuler.reproduce.du.study.kinematic import claims, kinematic_test
-from schuler.reproduce.du.study.rms import index
+from schuler.reproduce.du.study.metrics import Improvement, index
 from schuler.units import DEG
 
 RUNS = 60

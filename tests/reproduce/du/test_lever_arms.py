@@ -9,7 +9,7 @@ import pytest
 
 from schuler.exceptions import InputError
 from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.reproduce.du.study.filter_imus import NAV440
+from schuler.reproduce.du.study.imus import NAV440
 from schuler.reproduce.du.study.lever_arms import VARIANTS, LeverCase, lever_study
 from schuler.units import DEG
 

@@ -12,7 +12,7 @@ from scipy.linalg import logm
 from schuler import rotation
 from schuler.exceptions import InputError
 from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.reproduce.du.study.filter_imus import MTI_G
+from schuler.reproduce.du.study.imus import MTI_G
 from schuler.reproduce.du.study.integrated import START, IntegratedDrive, rotary_schedule
 from schuler.reproduce.du.study.outage_errors import OutageErrors, extended_pose_errors, second_order_table
 from schuler.reproduce.du.study.outages import DriveRuns

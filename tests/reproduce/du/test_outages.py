@@ -11,13 +11,12 @@ import pytest
 from schuler.exceptions import InputError
 from schuler.montecarlo.lanes.scenario import draw_run
 from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.reproduce.du.study.filter_imus import MTI_G, NAV440
-from schuler.reproduce.du.study.filter_tables import OUTAGES
+from schuler.reproduce.du.study.drives import LENGTH_S, OUTAGES_S, long_drive
 from schuler.reproduce.du.study.floor import noise_floor
+from schuler.reproduce.du.study.imus import MTI_G, NAV440
 from schuler.reproduce.du.study.integrated import IntegratedDrive, rotary_schedule
-from schuler.reproduce.du.study.long_drive import LENGTH_S, OUTAGES_S, long_drive
-from schuler.reproduce.du.study.outage_smoothing import smoothing_table
-from schuler.reproduce.du.study.outages import DriveRuns, rotary_comparison
+from schuler.reproduce.du.study.outages import DriveRuns, rotary_comparison, smoothing_table
+from schuler.reproduce.du.study.tables import OUTAGES
 
 #: One outage of 300 s instead of three.
 SHORT = {"length_s": 700.0, "outages": ((360.0, 660.0),)}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.reproduce.du.study.emulation import emulation
 from schuler.reproduce.du.study.floor import noise_floor, position_by_rate
+from schuler.reproduce.du.study.imus import emulation
 from schuler.reproduce.du.study.rates import recommended_rate
 from schuler.reproduce.du.study.static import StaticTest
 from schuler.units import DEG

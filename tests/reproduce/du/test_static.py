@@ -10,12 +10,11 @@ from numpy.testing import assert_allclose
 
 from schuler.exceptions import InputError
 from schuler.montecarlo.engine import campaign
-from schuler.reproduce.du.study import thesis_tables as thesis
-from schuler.reproduce.du.study.emulation import drawn_emulation, emulation
+from schuler.reproduce.du.study import tables as thesis
 from schuler.reproduce.du.study.floor import noise_floor
-from schuler.reproduce.du.study.improvement import improvement, mean_interval, share_below
+from schuler.reproduce.du.study.imus import drawn_emulation, emulation
 from schuler.reproduce.du.study.kinematic import kinematic_test
-from schuler.reproduce.du.study.rms import QUANTITIES, index, rms_values
+from schuler.reproduce.du.study.metrics import QUANTITIES, improvement, index, mean_interval, rms_values, share_below
 from schuler.reproduce.du.study.static import static_test
 from schuler.reproduce.du.study.static_tables import in_band
 from schuler.reproduce.du.study.trial import Trial, ideal, trial_run

@@ -11,8 +11,8 @@ from schuler import earth
 from schuler.exceptions import InputError
 from schuler.montecarlo.lanes.run import run_lanes
 from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.reproduce.du.study.filter_imus import FILTER_IMUS, MTI_G, NAV440, TAU_S
-from schuler.reproduce.du.study.filter_tables import ANCHORS, MEASURED
+from schuler.reproduce.du.study.imus import FILTER_IMUS, MTI_G, NAV440, TAU_S
+from schuler.reproduce.du.study.tables import ANCHORS, MEASURED
 from schuler.reproduce.du.study.zupt import CASES, PLACE, TABLE_RATE, TableCase, zupt_sigmas, zupt_study
 from schuler.reproduce.du.study.zupt_runs import table_unit, zupt_emulation, zupt_runs, zupt_scenario
 from schuler.rotary.du_axes import swap_vector

@@ -18,7 +18,7 @@ from schuler.reproduce.stefanisko.study.bias_removal import (
     mean_removed,
     moving_mean_removed,
 )
-from schuler.reproduce.stefanisko.study.figure_eight import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S
+from schuler.reproduce.stefanisko.study.experiment import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S
 
 RUNS = 150
 

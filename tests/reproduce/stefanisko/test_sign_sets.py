@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.reproduce.stefanisko.study.figure_eight import FigureEight
-from schuler.reproduce.stefanisko.study.figure_eight_campaign import figure_eight
+from schuler.reproduce.stefanisko.study.campaign import figure_eight
+from schuler.reproduce.stefanisko.study.experiment import FigureEight
 from schuler.reproduce.stefanisko.study.sign_sets import SIGN_SETS, sign_study
 
 CASE = replace(FigureEight(), duration_s=60.0, outage_s=(30.0, 50.0))

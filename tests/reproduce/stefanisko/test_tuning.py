@@ -13,10 +13,9 @@ from schuler.filtering.measurements import ACCEPTED, POSITION, REJECTED, SPEED, 
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.result import Innovations
 from schuler.navigation.states import imu_spec, state_layout
-from schuler.reproduce.stefanisko.study.figure_eight import FigureEight
-from schuler.reproduce.stefanisko.study.tuning import tune
+from schuler.reproduce.stefanisko.study.experiment import FigureEight
+from schuler.reproduce.stefanisko.study.tuning import Factors, Score, likelihood, tune
 from schuler.reproduce.stefanisko.study.tuning_runners import figure_eight_runner, recording_runners, with_factors
-from schuler.reproduce.stefanisko.study.tuning_score import Factors, Score, likelihood
 from schuler.simulation.scenario import Scenario, simulate
 
 SHORT = {"duration_s": 80.0, "outage_s": (30.0, 60.0)}

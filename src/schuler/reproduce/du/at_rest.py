@@ -37,7 +37,7 @@ _NO_DRIFT = (
 @cache
 def campaign_at_rest(imu: str, effort: Effort) -> StaticTest:
     """The campaign that all items of an IMU share."""
-    from schuler.reproduce.du.study.emulation import emulation
+    from schuler.reproduce.du.study.imus import emulation
     from schuler.reproduce.du.study.static import static_test
 
     # white noise does not care for the sampling
@@ -55,8 +55,8 @@ def _of(test: StaticTest, values: FloatArray, k: int) -> FloatArray:
 
 def _conventional(imu: str, effort: Effort) -> Outcome:
     from schuler.montecarlo.engine import campaign
-    from schuler.reproduce.du.study.emulation import emulation
-    from schuler.reproduce.du.study.thesis_tables import EMULATED, STATIC_CONVENTIONAL
+    from schuler.reproduce.du.study.imus import emulation
+    from schuler.reproduce.du.study.tables import EMULATED, STATIC_CONVENTIONAL
     from schuler.reproduce.du.study.trial import Trial, trial_run
 
     test = campaign_at_rest(imu, effort)
@@ -96,7 +96,7 @@ def _conventional(imu: str, effort: Effort) -> Outcome:
 
 
 def _run_figure(imu: str, strategy: str, effort: Effort) -> Figure:
-    from schuler.reproduce.du.study.rotary_static_figures import history_figure
+    from schuler.reproduce.du.study.figures import history_figure
 
     test, rate = campaign_at_rest(imu, effort), SHOWN_DEG_S[imu]
     runs = test.histories(rate * DEG)
@@ -110,7 +110,7 @@ def _run_figure(imu: str, strategy: str, effort: Effort) -> Figure:
 
 def _series(imu: str, strategy: str, effort: Effort) -> Outcome:
     """One run over time: swings have the period of the rotation, and strategy II takes most of them off."""
-    from schuler.reproduce.du.study.swings import swing_period, swing_size
+    from schuler.reproduce.du.study.metrics import swing_period, swing_size
 
     rate = SHOWN_DEG_S[imu]
     turn = 360.0 / rate
@@ -151,14 +151,14 @@ def _series(imu: str, strategy: str, effort: Effort) -> Outcome:
 
 
 def _rates_figure(imu: str, strategy: str, effort: Effort) -> Figure:
-    from schuler.reproduce.du.study.rotary_static_figures import rates_figure
+    from schuler.reproduce.du.study.figures import rates_figure
 
     return rates_figure(campaign_at_rest(imu, effort), (strategy,))
 
 
 def _sweep_one(imu: str, effort: Effort) -> Outcome:
     """Strategy I against the rate."""
-    from schuler.reproduce.du.study.thesis_tables import EMULATED, STATIC_ROTARY
+    from schuler.reproduce.du.study.tables import EMULATED, STATIC_ROTARY
 
     test = campaign_at_rest(imu, effort)
     cells: list[Cell] = []
@@ -187,7 +187,7 @@ def _sweep_one(imu: str, effort: Effort) -> Outcome:
 
 def _reduced(test: StaticTest, strategy: str, which: tuple[int, ...]) -> list[Cell]:
     """Ratios of means, rotating over conventional, with their bootstrap error."""
-    from schuler.reproduce.du.study.rms import QUANTITIES
+    from schuler.reproduce.du.study.metrics import QUANTITIES
 
     cells = []
     for k in which:
@@ -202,7 +202,7 @@ def _reduced(test: StaticTest, strategy: str, which: tuple[int, ...]) -> list[Ce
 
 def _sweep_two(imu: str, effort: Effort) -> Outcome:
     """Strategy II against the rate."""
-    from schuler.reproduce.du.study.thesis_tables import EMULATED, RATES_DEG_S, STATIC_ROTARY
+    from schuler.reproduce.du.study.tables import EMULATED, RATES_DEG_S, STATIC_ROTARY
 
     test = campaign_at_rest(imu, effort)
     cells: list[Cell] = []
@@ -250,7 +250,7 @@ def _by_rate(test: StaticTest, imu: str) -> list[Cell]:
 
 def _more(imu: str, effort: Effort) -> Outcome:
     """Two more series with strategy II: other seeds, and the rate that is recommended."""
-    from schuler.reproduce.du.study.thesis_tables import RECOMMENDED_DEG_S, STATIC_ROTARY
+    from schuler.reproduce.du.study.tables import RECOMMENDED_DEG_S, STATIC_ROTARY
 
     test = campaign_at_rest(imu, effort)
     choice = test.recommended_rate()

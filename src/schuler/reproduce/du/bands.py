@@ -119,7 +119,7 @@ def below(name: str, claim: str, values: ArrayLike, high: float = 1.0) -> Cell:
 
 def period(name: str, expected: float, t: ArrayLike, x: ArrayLike) -> Cell:
     """The period of the strongest swing of an error, which is said to be that of the rotation: half a bin."""
-    from schuler.reproduce.du.study.swings import swing_period
+    from schuler.reproduce.du.study.metrics import swing_period
 
     t = np.asarray(t, dtype=np.float64)
     half = expected**2 / (2.0 * float(t[-1] - t[0]))

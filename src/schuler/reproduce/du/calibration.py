@@ -14,17 +14,16 @@ from schuler.units import DEG, DEG_PER_HR, PPM
 
 if TYPE_CHECKING:
     from schuler.plotting.figure import Figure
-    from schuler.reproduce.du.study.accuracy import CalibrationTrials
-    from schuler.reproduce.du.study.calibration_accuracy import CalibrationAccuracy
+    from schuler.reproduce.du.study.accuracy import CalibrationAccuracy, CalibrationTrials
 
 IMUS = ("NAV440", "MTi-G")
 _MISPRINT = {("NAV440", 60.0): "14.2"}
 
 
 def _predicted(imu: str) -> list[CalibrationAccuracy]:
-    from schuler.reproduce.du.study.calibration_accuracy import predicted_accuracy
-    from schuler.reproduce.du.study.emulation import emulation
-    from schuler.reproduce.du.study.thesis_tables import RATES_DEG_S
+    from schuler.reproduce.du.study.accuracy import predicted_accuracy
+    from schuler.reproduce.du.study.imus import emulation
+    from schuler.reproduce.du.study.tables import RATES_DEG_S
 
     walk = emulation(imu).gyro_random_walk
     return [predicted_accuracy(walk, rate * DEG) for rate in RATES_DEG_S]
@@ -33,8 +32,8 @@ def _predicted(imu: str) -> list[CalibrationAccuracy]:
 @cache
 def _trials(imu: str, effort: Effort) -> CalibrationTrials:
     from schuler.reproduce.du.study.accuracy import calibration_trials
-    from schuler.reproduce.du.study.emulation import emulation
-    from schuler.reproduce.du.study.thesis_tables import RECOMMENDED_DEG_S
+    from schuler.reproduce.du.study.imus import emulation
+    from schuler.reproduce.du.study.tables import RECOMMENDED_DEG_S
 
     unit = emulation(imu, rate_hz=5.0 if effort.quick else None)
     with interruptible():
@@ -48,13 +47,13 @@ def _trials(imu: str, effort: Effort) -> CalibrationTrials:
 
 
 def _figure(effort: Effort) -> Figure:
-    from schuler.reproduce.du.study.rotary_thesis_figures import accuracy_figure
+    from schuler.reproduce.du.study.figures import accuracy_figure
 
     return accuracy_figure({i: _predicted(i) for i in IMUS}, {i: _trials(i, effort) for i in IMUS})
 
 
 def _table_4_5(effort: Effort) -> Outcome:
-    from schuler.reproduce.du.study.thesis_tables import BIAS_DEG_HR, CALIBRATION_PPM
+    from schuler.reproduce.du.study.tables import BIAS_DEG_HR, CALIBRATION_PPM
 
     cells: list[Cell] = []
     for imu in IMUS[::-1]:
@@ -85,7 +84,7 @@ def _largest_of(n: int) -> float:
 
 
 def _achieved(effort: Effort) -> Outcome:
-    from schuler.reproduce.du.study.thesis_tables import BIAS_DEG_HR, CALIBRATION_PPM, RATES_DEG_S
+    from schuler.reproduce.du.study.tables import BIAS_DEG_HR, CALIBRATION_PPM, RATES_DEG_S
 
     cells: list[Cell] = []
     for imu in IMUS:

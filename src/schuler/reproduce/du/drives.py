@@ -29,7 +29,7 @@ _EMULATED = (
 @cache
 def campaign_of_drives(imu: str, effort: Effort) -> KinematicTest:
     """The campaign that all items of an IMU share."""
-    from schuler.reproduce.du.study.emulation import emulation
+    from schuler.reproduce.du.study.imus import emulation
     from schuler.reproduce.du.study.kinematic import kinematic_test
 
     unit = emulation(imu, rate_hz=10.0 if effort.quick else None)
@@ -39,13 +39,13 @@ def campaign_of_drives(imu: str, effort: Effort) -> KinematicTest:
 
 def _values(test: KinematicTest, way: str, k: int) -> np.ndarray:
     from schuler.reproduce.du.study.kinematic import PRINTED
-    from schuler.reproduce.du.study.rms import index
+    from schuler.reproduce.du.study.metrics import index
 
     return np.asarray(getattr(test, way)[:, index(PRINTED[k])] / _UNITS[k][1])
 
 
 def _table(imu: str, effort: Effort) -> Outcome:
-    from schuler.reproduce.du.study.thesis_tables import CLAIMED, KINEMATIC
+    from schuler.reproduce.du.study.tables import CLAIMED, KINEMATIC
 
     test = campaign_of_drives(imu, effort)
     first, six = KINEMATIC[imu]
@@ -88,14 +88,14 @@ _WHY = {
 
 
 def _figure(imu: str, effort: Effort) -> Figure:
-    from schuler.reproduce.du.study.rotary_static_figures import kinematic_figure
+    from schuler.reproduce.du.study.figures import kinematic_figure
 
     return kinematic_figure(campaign_of_drives(imu, effort))
 
 
 def _road(effort: Effort) -> Outcome:
-    from schuler.reproduce.du.study.drive import DRIVE_S, drive
-    from schuler.reproduce.du.study.rotary_thesis_figures import drive_figure
+    from schuler.reproduce.du.study.drives import DRIVE_S, drive
+    from schuler.reproduce.du.study.figures import drive_figure
 
     motion = drive(np.array([45.0 * DEG, 0.0, 0.0]), rest_s=10.0)
     t = np.arange(0.0, motion.duration, 0.1)
@@ -116,7 +116,7 @@ def _road(effort: Effort) -> Outcome:
 
 
 def _one_drive(effort: Effort) -> Outcome:
-    from schuler.reproduce.du.study.rms import index
+    from schuler.reproduce.du.study.metrics import index
     from schuler.rotary.free_navigation import error_history
 
     test = campaign_of_drives("NAV440", effort)

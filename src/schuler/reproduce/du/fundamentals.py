@@ -17,7 +17,7 @@ _DROPPED = 6.7e-3  # the source takes N as constant over the latitude: the squar
 
 
 def _modulation(effort: Effort) -> Outcome:
-    from schuler.reproduce.du.study.rotary_thesis_figures import modulated_biases
+    from schuler.reproduce.du.study.figures import modulated_biases
     from schuler.rotary import schemes
     from schuler.rotary.du_axes import du_axis, swap_vector
     from schuler.rotary.modulated_errors import effective_rate, modulation, turning_vehicle

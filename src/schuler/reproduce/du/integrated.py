@@ -35,7 +35,7 @@ _TURNED_S = 120.0
 @cache
 def campaign_with_gnss(imu: str, outages: bool, effort: Effort) -> RotaryComparison:
     """The runs that all items of an IMU share, with GNSS throughout or with three outages."""
-    from schuler.reproduce.du.study.filter_imus import FILTER_IMUS
+    from schuler.reproduce.du.study.imus import FILTER_IMUS
     from schuler.reproduce.du.study.outages import rotary_comparison
 
     unit, runs = FILTER_IMUS[imu], effort.runs(24, 400)
@@ -45,8 +45,8 @@ def campaign_with_gnss(imu: str, outages: bool, effort: Effort) -> RotaryCompari
 
 
 def _road(effort: Effort) -> Outcome:
-    from schuler.reproduce.du.study.long_drive import OUTAGES_S, long_drive
-    from schuler.reproduce.du.study.rotary_thesis_figures import drive_figure
+    from schuler.reproduce.du.study.drives import OUTAGES_S, long_drive
+    from schuler.reproduce.du.study.figures import drive_figure
 
     motion = long_drive()
     v = np.linalg.norm(motion.state(np.arange(0.0, motion.duration, 1.0)).v_eb_n, axis=1)
@@ -64,7 +64,7 @@ def _road(effort: Effort) -> Outcome:
 
 
 def _sigma_figure(effort: Effort) -> Figure:
-    from schuler.reproduce.du.study.rotary_filter_figures import sigma_histories
+    from schuler.reproduce.du.study.filter_figures import sigma_histories
 
     return sigma_histories(campaign_with_gnss("MTi-G", False, effort))
 
@@ -119,14 +119,14 @@ def _sigmas(effort: Effort) -> Outcome:
 
 
 def _attitude_figure(imu: str, effort: Effort) -> Figure:
-    from schuler.reproduce.du.study.rotary_thesis_figures import drive_attitude
+    from schuler.reproduce.du.study.figures import drive_attitude
 
     return drive_attitude(campaign_with_gnss(imu, False, effort))
 
 
 def _attitude(imu: str, effort: Effort) -> Outcome:
     """Tables 6.1 and 6.3: attitude with GNSS throughout."""
-    from schuler.reproduce.du.study.filter_tables import CONTINUOUS
+    from schuler.reproduce.du.study.tables import CONTINUOUS
 
     found = campaign_with_gnss(imu, False, effort)
     cells: list[Cell] = []
@@ -154,7 +154,7 @@ def _attitude(imu: str, effort: Effort) -> Outcome:
 
 def _position(imu: str, effort: Effort) -> Outcome:
     """Tables 6.2 and 6.4: position and velocity with GNSS throughout."""
-    from schuler.reproduce.du.study.filter_tables import CONTINUOUS_CM
+    from schuler.reproduce.du.study.tables import CONTINUOUS_CM
 
     found = campaign_with_gnss(imu, False, effort)
     names = ("latitude", "longitude", "height", "velocity east", "velocity north", "velocity up")
@@ -181,8 +181,8 @@ def _position(imu: str, effort: Effort) -> Outcome:
 
 def _outages(imu: str, effort: Effort) -> Outcome:
     """Tables 6.5 and 6.6: three outages."""
-    from schuler.reproduce.du.study.filter_tables import OUTAGES
     from schuler.reproduce.du.study.floor import noise_floor
+    from schuler.reproduce.du.study.tables import OUTAGES
 
     found = campaign_with_gnss(imu, True, effort)
     columns = (("horizontal position", "horizontal_m", "m", 0.1), ("horizontal velocity", "horizontal_m_s", "m/s", 0.1),
@@ -227,7 +227,7 @@ _WHY = {
 
 
 def _growth_figure(imu: str, effort: Effort) -> Figure:
-    from schuler.reproduce.du.study.rotary_filter_figures import growth
+    from schuler.reproduce.du.study.filter_figures import growth
 
     return growth(campaign_with_gnss(imu, True, effort))
 
@@ -269,7 +269,7 @@ def _one_drive(effort: Effort) -> Outcome:
 
 
 def _outage_figure(effort: Effort) -> Figure:
-    from schuler.reproduce.du.study.rotary_filter_figures import outage_errors
+    from schuler.reproduce.du.study.filter_figures import outage_errors
 
     return outage_errors(campaign_with_gnss("NAV440", True, effort))
 

@@ -170,7 +170,7 @@ def _ranks(effort: Effort) -> Outcome:
 
 
 def _singular_figure(axis: str | None, pitch: float) -> Figure:
-    from schuler.reproduce.du.study.rotary_thesis_figures import singular_values
+    from schuler.reproduce.du.study.figures import singular_values
 
     title = "not turning" if axis is None else f"about {axis}, pitch {pitch:g} deg"
     return singular_values(_system(axis, 0.0, pitch), title)

@@ -16,7 +16,7 @@ from schuler.units import DEG, DEG_PER_HR
 if TYPE_CHECKING:
     from schuler.plotting.figure import Figure
     from schuler.reproduce.du.study.analytic_tables import Scheme
-    from schuler.reproduce.du.study.chapter3 import Case, Chapter3
+    from schuler.reproduce.du.study.fixed_errors import Case, Chapter3
 
 _RATE, _TIME_S, _LAT = 10.0 * DEG, 300.0, 45.0 * DEG
 _TURN_S = 36.0
@@ -124,7 +124,7 @@ _NAMES = {
 
 @cache
 def _chapter3(case: Case) -> Chapter3:
-    from schuler.reproduce.du.study.chapter3 import chapter3
+    from schuler.reproduce.du.study.fixed_errors import chapter3
 
     return chapter3(case)
 
@@ -132,7 +132,7 @@ def _chapter3(case: Case) -> Chapter3:
 def _anchors(case: Case, axes: Sequence[str | None]) -> list[Cell]:
     """Ours at the end of the run beside the digest's numbers, 2 % or a unit of their last digit."""
     from schuler import earth
-    from schuler.reproduce.du.study.chapter3 import allowance, anchors
+    from schuler.reproduce.du.study.fixed_errors import allowance, anchors
 
     k = float(np.sqrt(2.0 * earth.gravity_somigliana(_LAT) / _EARTH_RADIUS)) * _TIME_S
     vertical = {"velocity_u_m_s": np.sinh(k) / k, "up_m": 2.0 * (np.cosh(k) - 1.0) / k**2}
@@ -170,8 +170,8 @@ def _ratio(name: str, claim: str, case: Case, axis: str, key: str, *, same: bool
 
 
 def _figures(case: Case, axes: Sequence[str | None], effort: Effort, *, reference: bool = False) -> Figure:
-    from schuler.reproduce.du.study.chapter3 import chapter3
-    from schuler.reproduce.du.study.rotary_static_figures import chapter3_figure
+    from schuler.reproduce.du.study.figures import chapter3_figure
+    from schuler.reproduce.du.study.fixed_errors import chapter3
 
     noisy = chapter3(case, axes=axes, noise=True, seed=effort.seed)  # type: ignore[arg-type]
     bias = chapter3("bias", axes=[None], noise=True, seed=effort.seed) if reference else None

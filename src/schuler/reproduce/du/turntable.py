@@ -46,7 +46,7 @@ def campaign_on_the_table(imu: str, test: Literal["Y", "Z"], effort: Effort) -> 
 
 
 def _figure(imu: str, test: Literal["Y", "Z"], effort: Effort) -> Figure:
-    from schuler.reproduce.du.study.rotary_filter_figures import zupt_runs
+    from schuler.reproduce.du.study.filter_figures import zupt_runs
 
     return zupt_runs(campaign_on_the_table(imu, test, effort), imu, test)
 
@@ -138,7 +138,7 @@ def _study() -> ZuptStudy:
 
 
 def _covariances(effort: Effort) -> Outcome:
-    from schuler.reproduce.du.study.rotary_filter_figures import zupt_sigmas
+    from schuler.reproduce.du.study.filter_figures import zupt_sigmas
 
     cells: list[Cell] = []
     units = {"deg": "deg", "s2": "m/s^2", "hr": "deg/h"}

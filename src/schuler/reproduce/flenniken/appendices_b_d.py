@@ -148,7 +148,7 @@ def _random_correlation(effort: Effort) -> Correlation:
 
 
 def _example_figure(effort: Effort) -> Figure:
-    from schuler.reproduce.flenniken.study.chart_figures import series_figure
+    from schuler.reproduce.flenniken.study.figures import series_figure
 
     x = GaussMarkov(1.0, _TAU).sample((100_000, 3), _DT, np.random.default_rng([effort.seed, 6]))
     t = np.asarray(_DT * np.arange(len(x)), dtype=np.float64)
@@ -158,7 +158,7 @@ def _example_figure(effort: Effort) -> Figure:
 
 
 def _sweep_figure(effort: Effort) -> Figure:
-    from schuler.reproduce.flenniken.study.chart_figures import sweep_figure
+    from schuler.reproduce.flenniken.study.figures import sweep_figure
 
     chosen = {s[2]: found for s, found in _sweep(effort).items() if s[:2] == (100.0, 100.0)}
     wanted, found = np.array(list(chosen)), np.array(list(chosen.values()))
@@ -168,7 +168,7 @@ def _sweep_figure(effort: Effort) -> Figure:
 
 
 def _sine_figure() -> Figure:
-    from schuler.reproduce.flenniken.study.chart_figures import series_figure
+    from schuler.reproduce.flenniken.study.figures import series_figure
 
     x = _sine()[100:]
     k = np.arange(200)
@@ -177,14 +177,14 @@ def _sine_figure() -> Figure:
 
 
 def _sine_correlation_figure() -> Figure:
-    from schuler.reproduce.flenniken.study.chart_figures import correlation_figure
+    from schuler.reproduce.flenniken.study.figures import correlation_figure
 
     r = _sine_correlation()
     return correlation_figure({"sine": r}, {"cosine": (r.lag, np.cos(2.0 * pi * r.lag / 100.0))}, "lag [samples]")
 
 
 def _random_figure(effort: Effort) -> Figure:
-    from schuler.reproduce.flenniken.study.chart_figures import series_figure
+    from schuler.reproduce.flenniken.study.figures import series_figure
 
     x = _random(effort)
     shifted = {f"shifted by {m}": np.roll(x, m)[100:200] for m in (0, 1)}
@@ -193,7 +193,7 @@ def _random_figure(effort: Effort) -> Figure:
 
 
 def _random_correlation_figure(effort: Effort) -> Figure:
-    from schuler.reproduce.flenniken.study.chart_figures import correlation_figure
+    from schuler.reproduce.flenniken.study.figures import correlation_figure
 
     return correlation_figure({"white noise": _random_correlation(effort)}, {}, "lag [samples]")
 

@@ -135,7 +135,7 @@ def _lobes() -> float:
 
 
 def _white_figure(effort: Effort) -> Figure:
-    from schuler.reproduce.flenniken.study.chart_figures import allan_figure
+    from schuler.reproduce.flenniken.study.figures import allan_figure
 
     curves = _white_curves(effort)
     models = [(c.tau, sqrt(float(name) / _RATE_HZ) / np.sqrt(c.tau)) for name, c in curves.items()]
@@ -144,7 +144,7 @@ def _white_figure(effort: Effort) -> Figure:
 
 
 def _markov_figure(effort: Effort) -> Figure:
-    from schuler.reproduce.flenniken.study.chart_figures import allan_figure
+    from schuler.reproduce.flenniken.study.figures import allan_figure
 
     curves = _markov_curves(effort)
     models = [(c.tau, np.sqrt(GaussMarkov(1.0, tau).allan_variance(c.tau))) for tau, c in curves.items()]

@@ -228,7 +228,7 @@ def _correlated(effort: Effort) -> float:
 
 
 def _log_figure(sensor: Sensor, effort: Effort) -> Figure:
-    from schuler.reproduce.flenniken.study.chart_figures import log_figure
+    from schuler.reproduce.flenniken.study.figures import log_figure
 
     log = log_of(sensor, effort)
     t = np.arange(len(log.x)) / log.rate_hz
@@ -236,7 +236,7 @@ def _log_figure(sensor: Sensor, effort: Effort) -> Figure:
 
 
 def _chart_figure(sensor: Sensor, effort: Effort) -> Figure:
-    from schuler.reproduce.flenniken.study.chart_figures import allan_figure
+    from schuler.reproduce.flenniken.study.figures import allan_figure
 
     curve = chart_of(sensor, effort)
     model = np.sqrt(model_of(sensor).allan_variance(curve.tau))
@@ -244,14 +244,14 @@ def _chart_figure(sensor: Sensor, effort: Effort) -> Figure:
 
 
 def _correlation_figure(sensor: Sensor, effort: Effort, tau: float) -> Figure:
-    from schuler.reproduce.flenniken.study.chart_figures import correlation_figure
+    from schuler.reproduce.flenniken.study.figures import correlation_figure
 
     r = correlation_of(sensor, effort)
     return correlation_figure({"filtered log": r}, {f"exp(-t / {tau:g} s)": (r.lag, np.exp(-r.lag / tau))})
 
 
 def _overlay_figure(sensor: Sensor, models: dict[str, str], effort: Effort) -> Figure:
-    from schuler.reproduce.flenniken.study.chart_figures import overlay_figure
+    from schuler.reproduce.flenniken.study.figures import overlay_figure
 
     found = {label: overlay_of(sensor, entry, effort) for label, entry in models.items()}
     return overlay_figure(found, sensor.unit, sensor.scale)

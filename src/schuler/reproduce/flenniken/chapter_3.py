@@ -18,7 +18,7 @@ from schuler.growth import (
 )
 from schuler.reproduce.cells import Cell, against, digits, said, shown
 from schuler.reproduce.flenniken.bands import ERRORS, deviation, read_off
-from schuler.reproduce.flenniken.study.growth_tables import EXACT, POSITION
+from schuler.reproduce.flenniken.study.tables import EXACT, POSITION
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.sensors.catalogue import spec
 from schuler.units import DEG, G0

@@ -20,9 +20,8 @@ from schuler.reproduce.flenniken.study.heading import (
     recorded_outage,
     split_bias,
 )
-from schuler.reproduce.flenniken.study.heading.comparison import CONSTANT_SIGMA, FIX_SIGMA
-from schuler.reproduce.flenniken.study.heading.position import PositionOutage, position_outage
-from schuler.reproduce.flenniken.study.heading.tables import AFTER_S, BOUND_DEG, OUTAGE_DEG, SIGMA_240_DEG
+from schuler.reproduce.flenniken.study.heading.outages import CONSTANT_SIGMA, FIX_SIGMA, PositionOutage, position_outage
+from schuler.reproduce.flenniken.study.tables import AFTER_S, BOUND_DEG, OUTAGE_DEG, SIGMA_240_DEG
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.sensors.catalogue import spec
 from schuler.units import DEG, G0
@@ -301,13 +300,13 @@ def six_states(effort: Effort) -> Outcome:
 
 
 def _bound_figure(grade: str, *, three: bool = False) -> Figure:
-    from schuler.reproduce.flenniken.study.heading_figures import bound_figure
+    from schuler.reproduce.flenniken.study.heading.figures import bound_figure
 
     return bound_figure(_bound(grade), {"three states": _bound(grade, "three")} if three else None)
 
 
 def _log_figure(found: Recorded, names: tuple[str, ...], start_s: float) -> Figure:
-    from schuler.reproduce.flenniken.study.heading_figures import recorded_figure
+    from schuler.reproduce.flenniken.study.heading.figures import recorded_figure
 
     return recorded_figure({name: found[name] for name in names}, start_s)
 
@@ -315,7 +314,7 @@ def _log_figure(found: Recorded, names: tuple[str, ...], start_s: float) -> Figu
 def _outage_figure(effort: Effort, truth: str) -> Figure:
     from dataclasses import replace
 
-    from schuler.reproduce.flenniken.study.heading_figures import outage_figure
+    from schuler.reproduce.flenniken.study.heading.figures import outage_figure
 
     found = _outages(effort)
     i = found.truths.index(truth)
@@ -324,7 +323,7 @@ def _outage_figure(effort: Effort, truth: str) -> Figure:
 
 
 def _position_figure(effort: Effort) -> Figure:
-    from schuler.reproduce.flenniken.study.heading_figures import position_figure
+    from schuler.reproduce.flenniken.study.heading.figures import position_figure
 
     return position_figure(_position(effort))
 

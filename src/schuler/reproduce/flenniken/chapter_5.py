@@ -11,7 +11,7 @@ import numpy as np
 from schuler.growth import growth, second_order_vertical, spatial_bounds
 from schuler.reproduce.cells import Cell, against, said, shown
 from schuler.reproduce.flenniken.bands import ERRORS, deviation
-from schuler.reproduce.flenniken.study.growth_tables import SIX_DEGREES
+from schuler.reproduce.flenniken.study.tables import SIX_DEGREES
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.sensors.catalogue import spec
 from schuler.units import DEG, G0

@@ -127,7 +127,7 @@ def start(effort: Effort) -> Outcome:
 
 
 def _types_figure() -> Figure:
-    from schuler.reproduce.flenniken.study.rocket_figures import error_types_figure
+    from schuler.reproduce.flenniken.study.rocket.figures import error_types_figure
 
     return error_types_figure()
 

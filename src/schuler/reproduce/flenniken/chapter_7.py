@@ -20,7 +20,7 @@ from schuler.reproduce.flenniken.study.rocket import (
     influence,
     rocket_trajectory,
 )
-from schuler.reproduce.flenniken.study.rocket.tables import sensitivity_table, with_angles
+from schuler.reproduce.flenniken.study.tables import sensitivity_table, with_angles
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.sensors.catalogue import spec
 from schuler.units import DEG, DEG_PER_HR, G0, KM, UG
@@ -219,26 +219,26 @@ def sensitivities(effort: Effort) -> Outcome:
 
 
 def _scatter_figure(*scatters: ImpactScatter) -> Figure:
-    from schuler.reproduce.flenniken.study.rocket_figures import scatter_figure
+    from schuler.reproduce.flenniken.study.rocket.figures import scatter_figure
 
     return scatter_figure(*scatters)
 
 
 def _ranking_figure(variant: Variant) -> Figure:
-    from schuler.reproduce.flenniken.study.rocket_figures import ranking_figure
+    from schuler.reproduce.flenniken.study.rocket.figures import ranking_figure
 
     return ranking_figure(_budget(variant))
 
 
 def _flight_figure() -> Figure:
-    from schuler.reproduce.flenniken.study.rocket_figures import trajectory_figure
+    from schuler.reproduce.flenniken.study.rocket.figures import trajectory_figure
 
     drawn = trajectory_figure(_flight())
     return replace(drawn, panels=drawn.panels[:3])
 
 
 def _path_figure() -> Figure:
-    from schuler.reproduce.flenniken.study.rocket_figures import trajectory_figure
+    from schuler.reproduce.flenniken.study.rocket.figures import trajectory_figure
 
     drawn = trajectory_figure(_flight())
     return replace(drawn, panels=drawn.panels[3:])

@@ -25,7 +25,7 @@ def _iterations(effort: Effort) -> Outcome:
 
     from schuler.calibration.bench.gauss_helmert import adjust
     from schuler.earth import WGS84
-    from schuler.reproduce.hayal.study.multiposition_study import TRUTH, StudyCase, run_case, simulated_readings
+    from schuler.reproduce.hayal.study.multiposition import TRUTH, StudyCase, run_case, simulated_readings
 
     runs = effort.runs(20, 200)
     rng = np.random.default_rng((effort.seed, 43))
@@ -98,7 +98,7 @@ def _iterations(effort: Effort) -> Outcome:
 def _needed_rate(effort: Effort) -> Outcome:
     """At which rate scale factors are as good as the data sheet."""
     from schuler.earth import WGS84, earth_rate_ned
-    from schuler.reproduce.hayal.study.multiposition_study import LATITUDE, NOISE, TRUTH, StudyCase, run_case
+    from schuler.reproduce.hayal.study.multiposition import LATITUDE, NOISE, TRUTH, StudyCase, run_case
 
     study = run_case(StudyCase(rate_factor=1e3), effort.runs(30, 400), np.random.default_rng((effort.seed, 45)))
     sigma = study.mean_sigma
@@ -160,7 +160,7 @@ def _turntable(
     """RMS errors of bias, scale factors, angles, 26 poses both ways; and the scale error with Earth rate forgotten."""
     from schuler.calibration.bench.gauss_helmert import adjust
     from schuler.calibration.bench.sensor_geometry import triad_reading
-    from schuler.reproduce.hayal.study.study_attitudes import ordered_attitudes, study_attitudes
+    from schuler.reproduce.hayal.study.attitudes import ordered_attitudes, study_attitudes
 
     rng = np.random.default_rng((effort.seed, 24))
     turns = np.tile((rate, -rate), 26)
@@ -180,7 +180,7 @@ def _turntable(
 
 def _fewer_parameters(effort: Effort) -> Outcome:
     """Section 4.4.2: accelerometers with 3 and 6 parameters; what unmodelled ones do to the unit weight."""
-    from schuler.reproduce.hayal.study.multiposition_study import StudyCase, run_case
+    from schuler.reproduce.hayal.study.multiposition import StudyCase, run_case
 
     runs = effort.runs(40, 400)
     rng = np.random.default_rng((effort.seed, 442))
@@ -239,7 +239,7 @@ def _two_stages(effort: Effort) -> Outcome:
     """Section 6: angles of an earlier calibration, then six attitudes."""
     from schuler.calibration.bench.sensor_geometry import PARAMETERS
     from schuler.calibration.design.plans import ATTITUDES
-    from schuler.reproduce.hayal.study.multiposition_study import TRUTH, StudyCase, run_case
+    from schuler.reproduce.hayal.study.multiposition import TRUTH, StudyCase, run_case
 
     runs = effort.runs(60, 400)
     known = dict(zip(PARAMETERS[6:], TRUTH["accel"][6:], strict=True))

@@ -13,7 +13,7 @@ from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import MIN
 
 if TYPE_CHECKING:
-    from schuler.reproduce.hayal.study.multiposition_study import StudyResult
+    from schuler.reproduce.hayal.study.multiposition import StudyResult
 
 _PATTERN = 1.7
 #: What the digest finds with all 26 attitudes: 2 to 5 and 1.2 to 4.5, as far as these digits go.
@@ -23,8 +23,8 @@ _UNIT_WEIGHT = {("accel", 9): (1.5, 5.5), ("gyro", 3): (1.15, 4.55)}
 @cache
 def calibrations(effort: Effort, imu: str, sensor: str, order: int, subset: int, minutes: float) -> StudyResult:
     """The unit of the data sheet in an attitude subset, adjusted as in the source, many times."""
-    from schuler.reproduce.hayal.study.multiposition_study import NOISE, StudyCase, run_case
-    from schuler.reproduce.hayal.study.study_attitudes import scenario
+    from schuler.reproduce.hayal.study.attitudes import scenario
+    from schuler.reproduce.hayal.study.multiposition import NOISE, StudyCase, run_case
     from schuler.sensors import catalogue
 
     triad = getattr(catalogue.spec(imu), sensor)
@@ -46,7 +46,7 @@ def _shape(sigma: np.ndarray) -> np.ndarray:
 
 
 def _table(table: str, effort: Effort) -> Outcome:
-    from schuler.reproduce.hayal.study.hayal_figures import sigma_figure
+    from schuler.reproduce.hayal.study.figures import sigma_figure
 
     sensor, order, subset = TABLES[table]
     printed, words = field_table(sensor, order, subset), field_words(sensor, order, subset)
@@ -151,8 +151,8 @@ def _reason(sensor: str, order: int, subset: int) -> str:
 
 def _failed(effort: Effort) -> float:
     """Share of runs of the last ten attitudes that end nowhere, as the HG1900 did with one minute."""
-    from schuler.reproduce.hayal.study.multiposition_study import NOISE, StudyCase, run_case
-    from schuler.reproduce.hayal.study.study_attitudes import scenario
+    from schuler.reproduce.hayal.study.attitudes import scenario
+    from schuler.reproduce.hayal.study.multiposition import NOISE, StudyCase, run_case
     from schuler.sensors import catalogue
 
     noise = catalogue.spec("HG1900").gyro.random_walk / NOISE["gyro"]

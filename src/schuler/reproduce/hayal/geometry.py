@@ -105,7 +105,7 @@ _SETS = (
 
 def _attitudes(effort: Effort) -> Outcome:
     from schuler.calibration.design.plans import attitude_plan, design_matrix
-    from schuler.reproduce.hayal.study.study_attitudes import ordered_attitudes, scenario
+    from schuler.reproduce.hayal.study.attitudes import ordered_attitudes, scenario
 
     all_of = ordered_attitudes()
     ones = np.sum(np.abs(all_of) > 1e-9, axis=1)
@@ -148,8 +148,8 @@ def _sphere() -> Figure:
     from schuler.calibration.bench.multiposition import calibrate_multiposition
     from schuler.calibration.bench.poses import Poses
     from schuler.calibration.report.panels import coverage
-    from schuler.reproduce.hayal.study.multiposition_study import GRAVITY, NOISE
-    from schuler.reproduce.hayal.study.study_attitudes import ordered_attitudes, study_attitudes
+    from schuler.reproduce.hayal.study.attitudes import ordered_attitudes, study_attitudes
+    from schuler.reproduce.hayal.study.multiposition import GRAVITY, NOISE
 
     f = study_attitudes(ordered_attitudes(), 20.0 * DEG, 0.0) @ (0.0, 0.0, -GRAVITY)
     n, t = len(f), np.linspace(0.0, 200.0 * (len(f) - 1), len(f))

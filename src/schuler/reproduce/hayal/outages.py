@@ -13,8 +13,8 @@ from schuler.reproduce.hayal.printed import IMUS, MINUTES, SHORT_ORIGINAL, short
 from schuler.reproduce.items import Effort, Item, Outcome
 
 if TYPE_CHECKING:
-    from schuler.reproduce.hayal.study.calibration_outages import OutageGrid
-    from schuler.reproduce.hayal.study.hayal_walk import CalibrationSigma, CartWalk
+    from schuler.reproduce.hayal.study.outages import OutageGrid
+    from schuler.reproduce.hayal.study.walk import CalibrationSigma, CartWalk
 
 _TOO_LARGE = (
     "The thesis's position errors are 9 to 50 times what the data sheets of its units explain (1 mg makes 0.02, 0.5, "
@@ -27,7 +27,7 @@ _ONE_UNIT = 2.0
 
 @cache
 def _walk(quick: bool) -> CartWalk:
-    from schuler.reproduce.hayal.study.hayal_walk import CartWalk
+    from schuler.reproduce.hayal.study.walk import CartWalk
 
     return CartWalk.of(6.0, rate_hz=50.0) if quick else CartWalk.of()
 
@@ -39,7 +39,7 @@ def _draws(effort: Effort) -> int:
 @cache
 def _grid(effort: Effort) -> OutageGrid:
     """Table 5.7: both units, four seedings."""
-    from schuler.reproduce.hayal.study.calibration_outages import outage_grid
+    from schuler.reproduce.hayal.study.outages import outage_grid
 
     return outage_grid(
         _walk(effort.quick),
@@ -56,7 +56,7 @@ def _short(effort: Effort, imu: str) -> dict[tuple[int, int, float], tuple[float
 
     (0, 0, 0) is without calibration. All share their draws.
     """
-    from schuler.reproduce.hayal.study.calibration_outages import outage_grid
+    from schuler.reproduce.hayal.study.outages import outage_grid
 
     found: dict[tuple[int, int, float], tuple[float, float]] = {}
     options = {"draws": effort.runs(1, 10), "outages": effort.runs(12, 66), "seed": effort.seed}
@@ -74,7 +74,7 @@ def _short(effort: Effort, imu: str) -> dict[tuple[int, int, float], tuple[float
 
 def seeds(effort: Effort, imu: str, subset: int, minutes: float) -> CalibrationSigma:
     """What the calibrations of section 5.3 claim, as in the emulation of its tables: the median over runs."""
-    from schuler.reproduce.hayal.study.hayal_walk import CalibrationSigma
+    from schuler.reproduce.hayal.study.walk import CalibrationSigma
 
     parts = []
     for sensor, order in (("accel", 9), ("gyro", 9), ("gyro", 3)):
@@ -84,8 +84,8 @@ def seeds(effort: Effort, imu: str, subset: int, minutes: float) -> CalibrationS
 
 
 def _trajectory(effort: Effort) -> Outcome:
-    from schuler.reproduce.hayal.study.hayal_figures import walk_figure
-    from schuler.reproduce.hayal.study.hayal_walk import CartWalk
+    from schuler.reproduce.hayal.study.figures import walk_figure
+    from schuler.reproduce.hayal.study.walk import CartWalk
 
     walk = CartWalk.of(25.0, rate_hz=1.0)
     v = walk.ideal.truth.v_eb_n
@@ -118,8 +118,8 @@ def _by_draw(grid: OutageGrid, imu: str, seeding: str, length: float, draws: int
 
 
 def _longer(effort: Effort) -> Outcome:
-    from schuler.reproduce.hayal.study.hayal_figures import outage_figure
-    from schuler.reproduce.hayal.study.hayal_tables import LENGTHS, PROTOTYPE, PUBLISHED, SEEDINGS
+    from schuler.reproduce.hayal.study.figures import outage_figure
+    from schuler.reproduce.hayal.study.tables import LENGTHS, PROTOTYPE, PUBLISHED, SEEDINGS
 
     grid, draws = _grid(effort), _draws(effort)
     cells: list[Cell] = []
@@ -174,7 +174,7 @@ def _longer(effort: Effort) -> Outcome:
 
 
 def _two_seconds(imu: str, effort: Effort) -> Outcome:
-    from schuler.reproduce.hayal.study.hayal_figures import short_outage_figure
+    from schuler.reproduce.hayal.study.figures import short_outage_figure
 
     ours, printed = _short(effort, imu), short_outages(imu)
     first, (_, theirs) = ours[0, 0, 0.0][1], SHORT_ORIGINAL[imu]
@@ -247,7 +247,7 @@ def _two_seconds(imu: str, effort: Effort) -> Outcome:
 
 def _improvements(effort: Effort) -> Outcome:
     """Percentages of the abstract and the text, from the printed tables by the table of our own emulation."""
-    from schuler.reproduce.hayal.study.hayal_tables import PUBLISHED
+    from schuler.reproduce.hayal.study.tables import PUBLISHED
 
     grid, draws = _grid(effort), _draws(effort)
     table = grid.table()

@@ -13,7 +13,7 @@ from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import PPM
 
 if TYPE_CHECKING:
-    from schuler.reproduce.hayal.study.multiposition_study import StudyResult
+    from schuler.reproduce.hayal.study.multiposition import StudyResult
 
 _NO_ATTITUDES = (
     "The thesis has one draw and does not say which attitudes it chose or how they are offset, so its uncertainties "
@@ -40,15 +40,15 @@ _RUNS = (40, 400)
 
 @cache
 def _study(effort: Effort, table: str, case: int) -> StudyResult:
-    from schuler.reproduce.hayal.study.multiposition_study import run_case
-    from schuler.reproduce.hayal.study.multiposition_tables import table_case
+    from schuler.reproduce.hayal.study.multiposition import run_case
+    from schuler.reproduce.hayal.study.tables import table_case
 
     key = (effort.seed, int(table.replace(".", "")), case)
     return run_case(table_case(table, case), effort.runs(*_RUNS), np.random.default_rng(key))
 
 
 def _inserted(effort: Effort) -> Outcome:
-    from schuler.reproduce.hayal.study.multiposition_study import TRUTH
+    from schuler.reproduce.hayal.study.multiposition import TRUTH
     from schuler.sensors import catalogue
 
     cells = []
@@ -70,8 +70,8 @@ def _inserted(effort: Effort) -> Outcome:
 
 def _table(table: str, effort: Effort) -> Outcome:
     """One of Tables 4.2 to 4.5: uncertainties and errors of the single draw beside the distribution of ours."""
-    from schuler.reproduce.hayal.study.hayal_figures import sigma_figure
-    from schuler.reproduce.hayal.study.multiposition_tables import printed_rows
+    from schuler.reproduce.hayal.study.figures import sigma_figure
+    from schuler.reproduce.hayal.study.tables import printed_rows
 
     cells: list[Cell] = []
     sensor = "accel" if table == "4.5" else "gyro"
@@ -167,7 +167,7 @@ def spread(study: StudyResult) -> np.ndarray:
 
 @cache
 def _sweep(effort: Effort, name: str) -> tuple[StudyResult, ...]:
-    from schuler.reproduce.hayal.study.multiposition_study import StudyCase, sweep
+    from schuler.reproduce.hayal.study.multiposition import StudyCase, sweep
 
     factors = (1.0, 10.0, 1e2, 1e3, 1e4, 1e5) if name == "rate_factor" else (0.01, 0.1, 1.0, 2.0, 3.0, 4.0, 7.0)
     rng = np.random.default_rng((effort.seed, len(name)))
@@ -200,7 +200,7 @@ def _groups(name: str, expected: dict[float, tuple[float | None, float, float]],
 
 
 def _over_rate(effort: Effort) -> Outcome:
-    from schuler.reproduce.hayal.study.hayal_figures import sweep_figure
+    from schuler.reproduce.hayal.study.figures import sweep_figure
 
     expected: dict[float, tuple[float | None, float, float]] = {
         1.0: (1.4e-6, 2.1e4, 3.9e4), 10.0: (1.4e-6, 2.1e3, 3.9e3), 1e2: (None, 206.0, 387.0), 1e3: (None, 20.6, 38.7),
@@ -230,7 +230,7 @@ def _over_rate(effort: Effort) -> Outcome:
 
 
 def _over_noise(effort: Effort) -> Outcome:
-    from schuler.reproduce.hayal.study.hayal_figures import sweep_figure
+    from schuler.reproduce.hayal.study.figures import sweep_figure
 
     expected: dict[float, tuple[float | None, float, float]] = {
         0.01: (1.4e-8, 206.0, 387.0), 0.1: (1.4e-7, 2.06e3, 3.9e3), 1.0: (1.43e-6, 2.1e4, 3.9e4),

@@ -127,8 +127,8 @@ def _six_positions(effort: Effort) -> Outcome:
 def _earth_rate(effort: Effort) -> Outcome:
     from schuler.earth import WGS84, earth_rate_ned, gravity_somigliana
     from schuler.frames import C_en
-    from schuler.reproduce.hayal.study.hayal_figures import earth_rate_figure
-    from schuler.reproduce.hayal.study.multiposition_study import GRAVITY, LATITUDE
+    from schuler.reproduce.hayal.study.figures import earth_rate_figure
+    from schuler.reproduce.hayal.study.multiposition import GRAVITY, LATITUDE
 
     rate = earth_rate_ned(LATITUDE)
     omega = WGS84.omega_ie
@@ -189,7 +189,7 @@ def _earth_rate(effort: Effort) -> Outcome:
 
 
 def _rotation(effort: Effort) -> Outcome:
-    from schuler.reproduce.hayal.study.study_attitudes import attitude_rotation
+    from schuler.reproduce.hayal.study.attitudes import attitude_rotation
 
     rng = np.random.default_rng(effort.seed)
     e, x, a = rng.uniform(-3.0, 3.0, 3)
@@ -210,7 +210,7 @@ def _rotation(effort: Effort) -> Outcome:
 
 def _scaled_reference(effort: Effort) -> Outcome:
     from schuler.calibration.bench.gauss_helmert import adjust
-    from schuler.reproduce.hayal.study.multiposition_study import GRAVITY, StudyCase, simulated_readings
+    from schuler.reproduce.hayal.study.multiposition import GRAVITY, StudyCase, simulated_readings
 
     case = StudyCase(sensor="accel")
     Y = simulated_readings(case, np.random.default_rng(effort.seed))

@@ -30,7 +30,7 @@ def _removal(effort: Effort) -> BiasStudy:
 def _tracks(effort: Effort, strategy: str) -> tuple[FloatArray, FloatArray]:
     """Times and positions of some runs over 20 s."""
     from schuler.reproduce.stefanisko.study.bias_removal import corrected_track, resting_log
-    from schuler.reproduce.stefanisko.study.figure_eight import IMU_INTERVAL_S
+    from schuler.reproduce.stefanisko.study.experiment import IMU_INTERVAL_S
 
     n = round(20.0 / IMU_INTERVAL_S)
     tracks = []
@@ -44,7 +44,7 @@ def _tracks(effort: Effort, strategy: str) -> tuple[FloatArray, FloatArray]:
 def _drift(effort: Effort) -> Outcome:
     """Fig. 4.6: how the error grows, and whether the data sheet explains its size."""
     from schuler.reproduce.stefanisko.study.bias_removal import BIAS_ACCEL
-    from schuler.reproduce.stefanisko.study.stefanisko_figures import drift_figure
+    from schuler.reproduce.stefanisko.study.figures import drift_figure
     from schuler.sensors import catalogue
 
     t, tracks = _tracks(effort, "none")
@@ -103,7 +103,7 @@ def _drift(effort: Effort) -> Outcome:
 
 def _corrected(strategy: str, printed: float, effort: Effort) -> Outcome:
     """Figs. 4.8 and 4.9: one run of his is one of ours, if it is not rare among them."""
-    from schuler.reproduce.stefanisko.study.stefanisko_figures import drift_figure
+    from schuler.reproduce.stefanisko.study.figures import drift_figure
 
     study = _removal(effort)
     ends = np.abs(study.end_n[strategy])
@@ -157,7 +157,7 @@ def _corrected(strategy: str, printed: float, effort: Effort) -> Outcome:
 def _which_is_best(effort: Effort) -> Outcome:
     """Section 4.4 and conclusion: the mean is best, so the bias is constant."""
     from schuler.reproduce.stefanisko.study.bias_removal import DIGEST, STRATEGIES
-    from schuler.reproduce.stefanisko.study.figure_eight import ACCEL_NOISE, GYRO_NOISE
+    from schuler.reproduce.stefanisko.study.experiment import ACCEL_NOISE, GYRO_NOISE
 
     study = _removal(effort)
     runs = len(study.end_n["none"])
@@ -227,8 +227,8 @@ def _which_is_best(effort: Effort) -> Outcome:
 def _moving_mean(effort: Effort) -> Outcome:
     """Fig. 4.7 and what a moving mean does to true motion: 125 m become 5."""
     from schuler.reproduce.stefanisko.study.bias_removal import moving_mean_removed
-    from schuler.reproduce.stefanisko.study.figure_eight import IMU_INTERVAL_S
-    from schuler.reproduce.stefanisko.study.stefanisko_figures import moving_mean_figure
+    from schuler.reproduce.stefanisko.study.experiment import IMU_INTERVAL_S
+    from schuler.reproduce.stefanisko.study.figures import moving_mean_figure
 
     h, w = IMU_INTERVAL_S, 167
     t = np.asarray(h * np.arange(4000), dtype=np.float64)

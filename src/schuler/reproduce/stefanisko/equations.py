@@ -55,7 +55,7 @@ def _attitude(effort: Effort) -> Outcome:
     from schuler.earth import WGS84
     from schuler.mechanization.strapdown import NavState, mechanize
     from schuler.recording.series import Increments
-    from schuler.reproduce.stefanisko.study.gendata import flat_navigation
+    from schuler.reproduce.stefanisko.study.generator import flat_navigation
     from schuler.rotation import dcm_from_quat, dcm_from_rpy, quat_from_rpy
     from schuler.simulation.motion import StaticMotion, ideal_increments
 
@@ -129,7 +129,7 @@ def _attitude(effort: Effort) -> Outcome:
 def _gravity(effort: Effort) -> Outcome:
     from schuler.earth import WGS84, gravitation_j2, gravity_somigliana
     from schuler.frames import C_en, ecef_from_llh
-    from schuler.reproduce.stefanisko.study.figure_eight import ESIEE
+    from schuler.reproduce.stefanisko.study.experiment import ESIEE
 
     lat = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 1801)
     formula = 9.780327 * (1.0 + 0.0053024 * np.sin(lat) ** 2 - 0.0000058 * np.sin(2.0 * lat) ** 2)

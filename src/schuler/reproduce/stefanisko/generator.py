@@ -14,7 +14,7 @@ from schuler.reproduce.stefanisko.equations import TAU
 from schuler.units import DEG
 
 if TYPE_CHECKING:
-    from schuler.reproduce.stefanisko.study.gendata import FlatTrack
+    from schuler.reproduce.stefanisko.study.generator import FlatTrack
 
 #: His matrices of Figs. 4.3 to 4.5.
 _A = ((0.0, 0.0, 6.0), (5.0, 6.0, 4.0), (10.0, 0.0, 2.0))
@@ -29,7 +29,7 @@ _STEP = 5.0
 
 def _solved(interval: float, place: float = 0.5) -> tuple[FloatArray, FloatArray, FloatArray, FlatTrack]:
     """Times, true positions, true pitch and the solution from samples at a place of their intervals."""
-    from schuler.reproduce.stefanisko.study.gendata import flat_navigation, gendata
+    from schuler.reproduce.stefanisko.study.generator import flat_navigation, gendata
     from schuler.simulation.profiles import polynomial_motion
 
     motion = polynomial_motion(_A, _STEP, _B, _STEP, np.zeros(3))
@@ -43,7 +43,7 @@ def _solved(interval: float, place: float = 0.5) -> tuple[FloatArray, FloatArray
 
 
 def _clean(effort: Effort) -> Outcome:
-    from schuler.reproduce.stefanisko.study.stefanisko_figures import track_figure
+    from schuler.reproduce.stefanisko.study.figures import track_figure
 
     t, r, pitch, found = _solved(TAU)
     length = float(np.linalg.norm(np.diff(r, axis=0), axis=1).sum())
@@ -114,8 +114,8 @@ def _clean(effort: Effort) -> Outcome:
 
 def _with_rotation(effort: Effort) -> Outcome:
     """Fig. 4.5: where the path ends with and without rotation, read in three ways."""
-    from schuler.reproduce.stefanisko.study.gendata import AccelFrame, flat_navigation, gendata
-    from schuler.reproduce.stefanisko.study.stefanisko_figures import paths_figure
+    from schuler.reproduce.stefanisko.study.figures import paths_figure
+    from schuler.reproduce.stefanisko.study.generator import AccelFrame, flat_navigation, gendata
     from schuler.simulation.profiles import polynomial_motion
 
     motion = polynomial_motion(_A, _STEP, _B, _STEP, np.zeros(3))
@@ -168,7 +168,7 @@ def _with_rotation(effort: Effort) -> Outcome:
 
 
 def _initial_velocity(effort: Effort) -> Outcome:
-    from schuler.reproduce.stefanisko.study.gendata import velocity_from_samples
+    from schuler.reproduce.stefanisko.study.generator import velocity_from_samples
     from schuler.simulation.profiles import polynomial_motion
 
     motion = polynomial_motion(_A, _STEP, _B, _STEP, np.zeros(3))

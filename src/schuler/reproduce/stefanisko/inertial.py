@@ -21,8 +21,8 @@ HARDWARE = "Recorded by the board; ours is a unit with the noise of its sensors'
 def _samples(effort: Effort) -> Outcome:
     from schuler.earth import gravity_ned
     from schuler.reproduce.stefanisko.study.bias_removal import resting_log
-    from schuler.reproduce.stefanisko.study.figure_eight import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S
-    from schuler.reproduce.stefanisko.study.stefanisko_figures import samples_figure
+    from schuler.reproduce.stefanisko.study.experiment import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S
+    from schuler.reproduce.stefanisko.study.figures import samples_figure
 
     log = resting_log(np.random.default_rng(effort.seed), round(10.0 / IMU_INTERVAL_S))
     root = np.sqrt(IMU_INTERVAL_S)
@@ -82,7 +82,7 @@ def _samples(effort: Effort) -> Outcome:
 def _fixes(effort: Effort) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Ten minutes of a receiver at rest: times, positions about their mean, velocities, north-east-down."""
     from schuler.frames import ecef_from_llh, ned_from_ecef
-    from schuler.reproduce.stefanisko.study.figure_eight import ESIEE, SIGMA_POSITION, SIGMA_VELOCITY
+    from schuler.reproduce.stefanisko.study.experiment import ESIEE, SIGMA_POSITION, SIGMA_VELOCITY
     from schuler.simulation.aiding import GnssModel, simulate_gnss
     from schuler.simulation.motion import StaticMotion
 
@@ -93,8 +93,8 @@ def _fixes(effort: Effort) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _receiver(effort: Effort) -> Outcome:
-    from schuler.reproduce.stefanisko.study.figure_eight import SIGMA_POSITION, SIGMA_VELOCITY
-    from schuler.reproduce.stefanisko.study.stefanisko_figures import gnss_figure
+    from schuler.reproduce.stefanisko.study.experiment import SIGMA_POSITION, SIGMA_VELOCITY
+    from schuler.reproduce.stefanisko.study.figures import gnss_figure
 
     t, r, v = _fixes(effort)
     half = 4.0 / np.sqrt(2.0 * len(t))
@@ -131,8 +131,8 @@ def _zero_velocity(effort: Effort) -> Outcome:
     from schuler.navigation.foot.run import navigate_foot
     from schuler.recording.series import ImuSeries
     from schuler.reproduce.stefanisko.study.bias_removal import expected_at_rest
-    from schuler.reproduce.stefanisko.study.figure_eight import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S
-    from schuler.reproduce.stefanisko.study.stefanisko_figures import zupt_figure
+    from schuler.reproduce.stefanisko.study.experiment import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S
+    from schuler.reproduce.stefanisko.study.figures import zupt_figure
 
     sigma = np.repeat((0.1, 0.05 * DEG), 3)  # larger ones turn the heading by degrees: no longer linear
     config = {

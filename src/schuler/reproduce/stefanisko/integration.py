@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from schuler.plotting.figure import Figure
-    from schuler.reproduce.stefanisko.study.figure_eight import FigureEight
-    from schuler.reproduce.stefanisko.study.figure_eight_campaign import FigureEightResult
+    from schuler.reproduce.stefanisko.study.campaign import FigureEightResult
+    from schuler.reproduce.stefanisko.study.experiment import FigureEight
     from schuler.reproduce.stefanisko.study.sign_sets import SignStudy
 
 #: As the digest states of its own 40 runs.
@@ -39,14 +39,14 @@ _POSITION, _VELOCITY = slice(6, 9), slice(3, 6)
 
 
 def _case(name: str) -> FigureEight:
-    from schuler.reproduce.stefanisko.study.figure_eight import FigureEight
+    from schuler.reproduce.stefanisko.study.experiment import FigureEight
 
     return replace(FigureEight(), **_CASES[name])
 
 
 @cache
 def _runs(effort: Effort, name: str) -> FigureEightResult:
-    from schuler.reproduce.stefanisko.study.figure_eight_campaign import figure_eight
+    from schuler.reproduce.stefanisko.study.campaign import figure_eight
 
     return figure_eight(_case(name), effort.runs(40, 400), effort.seed)
 
@@ -57,8 +57,8 @@ def _against(name: str, printed: float, ours: float, unit: str) -> Cell:
 
 def _fused(effort: Effort) -> Outcome:
     """Figs. 4.12 to 4.15: with all fixes, moving and at rest."""
-    from schuler.reproduce.stefanisko.study.figure_eight import SIGMA_POSITION, SIGMA_VELOCITY
-    from schuler.reproduce.stefanisko.study.stefanisko_figures import fused_figure
+    from schuler.reproduce.stefanisko.study.experiment import SIGMA_POSITION, SIGMA_VELOCITY
+    from schuler.reproduce.stefanisko.study.figures import fused_figure
 
     moving, rest = _runs(effort, "no outage"), _runs(effort, "at rest, no outage")
     cells: list[Cell] = []
@@ -116,8 +116,8 @@ def _fused(effort: Effort) -> Outcome:
 
 def _fused_figures(runs: FigureEightResult, when: str) -> tuple[Callable[[], Figure], ...]:
     """Errors of position, velocity, rotation and biases of one case."""
-    from schuler.reproduce.stefanisko.study.figure_eight import SIGMA_POSITION, SIGMA_VELOCITY
-    from schuler.reproduce.stefanisko.study.stefanisko_figures import fused_figure
+    from schuler.reproduce.stefanisko.study.experiment import SIGMA_POSITION, SIGMA_VELOCITY
+    from schuler.reproduce.stefanisko.study.figures import fused_figure
 
     return (
         partial(fused_figure, runs, "position", f"Position error{when}", SIGMA_POSITION),
@@ -253,7 +253,7 @@ def _signs(effort: Effort) -> SignStudy:
 
 def _sign_sets(effort: Effort) -> Outcome:
     """(3.4) to (3.8) and (3.20) with the signs as printed, and with three sets that agree in themselves."""
-    from schuler.reproduce.stefanisko.study.stefanisko_figures import sign_figure
+    from schuler.reproduce.stefanisko.study.figures import sign_figure
 
     study, engine = _signs(effort), _runs(effort, "outage")
     a, printed, other = "A", "printed, biases added", "printed, biases subtracted"

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from schuler.navigation.result import NavigationResult
     from schuler.recording.series import ImuSeries
     from schuler.recording.trajectory import Trajectory
-    from schuler.reproduce.yaman.study.field_drive import FieldDrives
-    from schuler.reproduce.yaman.study.field_static import StaticDrift
-    from schuler.reproduce.yaman.study.field_statistics import FieldCampaign
-    from schuler.reproduce.yaman.study.yaman_drive import Drive
+    from schuler.reproduce.yaman.study.drive import Drive
+    from schuler.reproduce.yaman.study.static import StaticDrift
+    from schuler.reproduce.yaman.study.statistics import FieldCampaign
+    from schuler.reproduce.yaman.study.unit_drives import FieldDrives
     from schuler.sensors.errors import ImuErrors
 
 #: Options of the package, or the source's own: one pass, P1 and P2 as printed, gravity vector from the second half on.
@@ -87,7 +87,7 @@ def options_of(form: Form) -> FieldOptions:
 def single_run(effort: Effort, form: Form) -> SingleRun:
     """The unit of section 5.1: the same log for both forms."""
     from schuler.calibration.result.parameters import vector
-    from schuler.reproduce.yaman.study.field_runs import FieldJob, calibrated, simulated_unit
+    from schuler.reproduce.yaman.study.runs import FieldJob, calibrated, simulated_unit
     from schuler.sensors import catalogue
 
     job = FieldJob(catalogue.spec(AUTOMOTIVE), options=options_of(form), rests="given" if effort.quick else "found")
@@ -99,7 +99,7 @@ def single_run(effort: Effort, form: Form) -> SingleRun:
 @cache
 def campaign(effort: Effort, grade: str, form: Form) -> FieldCampaign:
     """Monte Carlo of section 5.2: both forms and grades share their draws."""
-    from schuler.reproduce.yaman.study.field_campaign import field_campaign
+    from schuler.reproduce.yaman.study.campaign import field_campaign
 
     found = field_campaign(
         grade, effort.runs(_QUICK[grade], 1000), seed=effort.seed,
@@ -114,7 +114,7 @@ def campaign(effort: Effort, grade: str, form: Form) -> FieldCampaign:
 @cache
 def static_test(effort: Effort, imu: str) -> StaticDrift:
     """Units of a data sheet, calibrated and left at rest for a minute, section 6.2.1."""
-    from schuler.reproduce.yaman.study.field_static import static_drift
+    from schuler.reproduce.yaman.study.static import static_drift
 
     found = static_drift(
         imu, effort.runs(*_STATIC), seed=effort.seed, rests="given" if effort.quick else "found",
@@ -128,7 +128,7 @@ def static_test(effort: Effort, imu: str) -> StaticDrift:
 @cache
 def unit_drives(effort: Effort, number: int) -> FieldDrives:
     """Units of the MPU-6000's sheet: calibrated, switched on again, driven in the nine modes."""
-    from schuler.reproduce.yaman.study.field_drive import field_drives
+    from schuler.reproduce.yaman.study.unit_drives import field_drives
 
     units = effort.runs(*_DRIVEN)
     found = field_drives(number, units, seed=effort.seed, rate_hz=50.0 if effort.quick else 100.0)
@@ -160,8 +160,8 @@ class DriveRuns:
 
     def rms(self, name: str, quantity: str) -> float:
         """A number of tables 6.2 and 6.3: over the run, of partial GPS over the outage."""
-        from schuler.reproduce.yaman.study.drive_modes import rms_errors
-        from schuler.reproduce.yaman.study.yaman_tables import QUANTITIES
+        from schuler.reproduce.yaman.study.modes import rms_errors
+        from schuler.reproduce.yaman.study.tables import QUANTITIES
 
         if quantity not in QUANTITIES:
             raise InputError(f"quantity: expected one of {', '.join(QUANTITIES)}, got {quantity!r}")
@@ -173,9 +173,9 @@ class DriveRuns:
 @cache
 def drive_runs(effort: Effort, number: int) -> DriveRuns:
     """Trajectories of the nine modes."""
-    from schuler.reproduce.yaman.study.drive_modes import mode_solution
-    from schuler.reproduce.yaman.study.yaman_drive import Drive
-    from schuler.reproduce.yaman.study.yaman_tables import MODES, mode_name
+    from schuler.reproduce.yaman.study.drive import Drive
+    from schuler.reproduce.yaman.study.modes import mode_solution
+    from schuler.reproduce.yaman.study.tables import MODES, mode_name
 
     drive = Drive.of(number, effort.seed, 50.0 if effort.quick else 100.0)
     reference = mode_solution(drive, "Full", True, False).trajectory

@@ -63,7 +63,7 @@ def _beside(name: str, printed: float, values: np.ndarray, unit: str, reference:
 
 def _table(number: int) -> Callable[[Effort], Outcome]:
     def run(effort: Effort) -> Outcome:
-        from schuler.reproduce.yaman.study.yaman_tables import MODES, PUBLISHED, QUANTITIES, mode_name
+        from schuler.reproduce.yaman.study.tables import MODES, PRINTED_MODES, QUANTITIES, mode_name
 
         found = unit_drives(effort, number)
         cells: list[Cell] = []
@@ -71,7 +71,7 @@ def _table(number: int) -> Callable[[Effort], Outcome]:
             for k, (quantity, unit) in enumerate(zip(QUANTITIES, _UNITS, strict=True)):
                 words = quantity.removesuffix("_m_s").removesuffix("_m").removesuffix("_deg").replace("_", " ")
                 label = f"{mode_name(*mode)}: {words}"
-                cells.append(_beside(label, PUBLISHED[number][i][k], found.rms[:, i, k], unit))
+                cells.append(_beside(label, PRINTED_MODES[number][i][k], found.rms[:, i, k], unit))
         for column in QUANTITIES[:2]:
             pairs = found.order(column)
             held = sum(ratio > 1.0 for ratio in pairs.column("ratio_of_medians"))
@@ -81,7 +81,7 @@ def _table(number: int) -> Callable[[Effort], Outcome]:
             )  # fmt: skip
 
         def figure() -> Figure:
-            from schuler.reproduce.yaman.study.field_drive_figures import modes
+            from schuler.reproduce.yaman.study.mode_figures import modes
 
             return modes(found)
 
@@ -98,12 +98,12 @@ def _table(number: int) -> Callable[[Effort], Outcome]:
 
 
 def _conclusions(effort: Effort) -> Outcome:
-    from schuler.reproduce.yaman.study.yaman_tables import MODES, PUBLISHED, mode_name
+    from schuler.reproduce.yaman.study.tables import MODES, PRINTED_MODES, mode_name
 
     row = {mode_name(*mode): k for k, mode in enumerate(MODES)}
     cells: list[Cell] = []
     for number in (1, 2):
-        rms, printed = unit_drives(effort, number).rms, np.array(PUBLISHED[number])
+        rms, printed = unit_drives(effort, number).rms, np.array(PRINTED_MODES[number])
         at, where = f"drive {number}", rms[:, row["None, INS+CIMU+NG"], :2]
         H, V = np.exp(np.mean(np.log(where), axis=0))
         limit = {1: 20.0, 2: 30.0}[number]
@@ -169,7 +169,7 @@ def _trajectories(effort: Effort) -> Outcome:
 
     def figure(number: int) -> Callable[[], Figure]:
         def make() -> Figure:
-            from schuler.reproduce.yaman.study.drive_mode_figures import position_figure
+            from schuler.reproduce.yaman.study.mode_figures import position_figure
 
             runs = drive_runs(effort, number)
             return position_figure(runs.some("Full, INS"), runs.reference, runs.drive.outage)
@@ -185,10 +185,10 @@ def _trajectories(effort: Effort) -> Outcome:
 
 def _whole(number: int) -> Callable[[Effort], Outcome]:
     def run(effort: Effort) -> Outcome:
-        from schuler.reproduce.yaman.study.yaman_tables import MODES, PUBLISHED, QUANTITIES, mode_name
+        from schuler.reproduce.yaman.study.tables import MODES, PRINTED_MODES, QUANTITIES, mode_name
 
         runs = drive_runs(effort, number)
-        printed = dict(zip((mode_name(*m) for m in MODES), PUBLISHED[number], strict=True))
+        printed = dict(zip((mode_name(*m) for m in MODES), PRINTED_MODES[number], strict=True))
         cells = [
             shown(f"{name}: {what}, RMS", runs.rms(name, quantity), unit=unit,
                   printed=f"{printed[name][QUANTITIES.index(quantity)]:g}")
@@ -215,7 +215,7 @@ def _whole(number: int) -> Callable[[Effort], Outcome]:
 
         def figure(name: str) -> Callable[[], Figure]:
             def make() -> Figure:
-                from schuler.reproduce.yaman.study import drive_mode_figures as f
+                from schuler.reproduce.yaman.study import mode_figures as f
 
                 some = runs.some(*_BOUNDED)
                 return {
@@ -234,10 +234,10 @@ def _whole(number: int) -> Callable[[Effort], Outcome]:
 
 def _lost(number: int) -> Callable[[Effort], Outcome]:
     def run(effort: Effort) -> Outcome:
-        from schuler.reproduce.yaman.study.yaman_tables import MODES, PUBLISHED, mode_name
+        from schuler.reproduce.yaman.study.tables import MODES, PRINTED_MODES, mode_name
 
         runs = drive_runs(effort, number)
-        printed = dict(zip((mode_name(*m) for m in MODES), PUBLISHED[number], strict=True))
+        printed = dict(zip((mode_name(*m) for m in MODES), PRINTED_MODES[number], strict=True))
         cells: list[Cell] = []
         size: dict[tuple[str, int], float] = {}
         for name in _OUTAGE:
@@ -256,12 +256,12 @@ def _lost(number: int) -> Callable[[Effort], Outcome]:
         )  # fmt: skip
 
         def position() -> Figure:
-            from schuler.reproduce.yaman.study.drive_mode_figures import position_figure
+            from schuler.reproduce.yaman.study.mode_figures import position_figure
 
             return position_figure(runs.some(*_OUTAGE), runs.reference, runs.drive.outage)
 
         def errors() -> Figure:
-            from schuler.reproduce.yaman.study.drive_mode_figures import outage_figure
+            from schuler.reproduce.yaman.study.mode_figures import outage_figure
 
             return outage_figure(runs.some(*_OUTAGE), runs.reference, runs.drive.outage)
 

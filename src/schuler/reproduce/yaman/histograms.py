@@ -20,10 +20,10 @@ _PRINTED_FIRST = ("b_a_x", "b_g_x", "M_a_xx", "M_g_xx")
 
 def _histograms(grade: str, chosen: Callable[[str], bool]) -> Callable[[Effort], Outcome]:
     def run(effort: Effort) -> Outcome:
-        from schuler.reproduce.yaman.study.field_tables import PUBLISHED
+        from schuler.reproduce.yaman.study.tables import PRINTED_CAMPAIGNS
 
         found = campaign(effort, grade, "ours")
-        names = [name for name in PUBLISHED[grade] if chosen(name)]
+        names = [name for name in PRINTED_CAMPAIGNS[grade] if chosen(name)]
         at = [found.column(name) for name in names]
         before = found.modelled[:, at] / found.prior_sigma[at]
         most = _kolmogorov(len(found))
@@ -44,7 +44,7 @@ def _histograms(grade: str, chosen: Callable[[str], bool]) -> Callable[[Effort],
 
         def figure(which: str) -> Callable[[], Figure]:
             def make() -> Figure:
-                from schuler.reproduce.yaman.study.field_campaign_figures import histograms
+                from schuler.reproduce.yaman.study.campaign_figures import histograms
 
                 return histograms(found, which, names)
 
@@ -78,7 +78,7 @@ def _kolmogorov(n: int) -> float:
 def _fig_5_15(effort: Effort) -> Outcome:
     from schuler import earth
     from schuler.calibration.field.calibration import calibrate_field
-    from schuler.reproduce.yaman.study.field_runs import FieldJob
+    from schuler.reproduce.yaman.study.runs import FieldJob
     from schuler.sensors import catalogue
     from schuler.standstill.rests import given_rests
     from schuler.units import MG, MGAL, PPM
@@ -117,7 +117,7 @@ def _fig_5_15(effort: Effort) -> Outcome:
     ]  # fmt: skip
 
     def figure() -> Figure:
-        from schuler.reproduce.yaman.study.field_families import family_figure
+        from schuler.reproduce.yaman.study.campaign_figures import family_figure
 
         return family_figure(own.found, ("M_a_xx", "M_a_yy", "M_a_zz"), own.truth, "Scale factors with true gravity")
 

@@ -185,8 +185,8 @@ def _system_matrix(effort: Effort) -> Outcome:
 def _limits(effort: Effort) -> Outcome:
     """What noise and P2 allow: digest 5.4."""
     from schuler.calibration.field.options import FieldOptions
-    from schuler.reproduce.yaman.study.field_runs import FieldJob, calibrated, simulated_unit
-    from schuler.reproduce.yaman.study.field_tables import DURATION_S, GRADES, PUBLISHED, noise_limit
+    from schuler.reproduce.yaman.study.runs import FieldJob, calibrated, simulated_unit
+    from schuler.reproduce.yaman.study.tables import DURATION_S, GRADES, PRINTED_CAMPAIGNS, noise_limit
     from schuler.sensors import catalogue
     from schuler.units import DEG_PER_HR, DEG_PER_HR_PER_G, UG
 
@@ -205,7 +205,7 @@ def _limits(effort: Effort) -> Outcome:
         digits("accelerometer bias, tactical", "1.45", limit(tactical, "b_a_x", UG), unit="ug", reference="corrected"),
     ]  # fmt: skip
     for name in ("b_g_x", "b_g_z"):
-        left = PUBLISHED["yaman-tactical"][name][3]
+        left = PRINTED_CAMPAIGNS["yaman-tactical"][name][3]
         cells.append(
             said(f"smallest {name} that noise allows, tactical", f"{left:g} left", allowed, high=left, unit="deg/h")
         )

@@ -13,7 +13,7 @@ from schuler.reproduce.yaman.campaigns import AUTOMOTIVE, GRADES, TACTICAL, Form
 
 if TYPE_CHECKING:
     from schuler.plotting.figure import Figure
-    from schuler.reproduce.yaman.study.field_statistics import FieldCampaign
+    from schuler.reproduce.yaman.study.statistics import FieldCampaign
 
 #: Standard errors of both sides' runs within which numbers agree: one in 16 000 of true ones is beyond.
 STANDARD_ERRORS = 4.0
@@ -31,9 +31,9 @@ _MISPRINTED = {
 
 def names_of(grade: str, triad: str) -> tuple[str, ...]:
     """Parameters of table 5.3 (``a``) or 5.4 (``g``) of a grade, in their order."""
-    from schuler.reproduce.yaman.study.field_tables import PUBLISHED
+    from schuler.reproduce.yaman.study.tables import PRINTED_CAMPAIGNS
 
-    return tuple(name for name in PUBLISHED[grade] if name[2] == triad)
+    return tuple(name for name in PRINTED_CAMPAIGNS[grade] if name[2] == triad)
 
 
 # ------------------------------------------------------------------------------------------- tables 5.3 and 5.4
@@ -41,7 +41,7 @@ def names_of(grade: str, triad: str) -> tuple[str, ...]:
 
 def _own(effort: Effort, triad: str) -> list[Cell]:
     """Errors put in against the tables, errors left with the default options against tables and bound."""
-    from schuler.reproduce.yaman.study.field_tables import RUNS, printed_unit, published
+    from schuler.reproduce.yaman.study.tables import RUNS, printed_unit, published
 
     cells: list[Cell] = []
     for grade in GRADES:
@@ -82,7 +82,7 @@ def _own(effort: Effort, triad: str) -> list[Cell]:
 
 def _form(effort: Effort, triad: str) -> list[Cell]:
     """Errors left in the source's own form against the tables; means are turned, see field_tables.published."""
-    from schuler.reproduce.yaman.study.field_tables import RUNS, printed_unit, published
+    from schuler.reproduce.yaman.study.tables import RUNS, printed_unit, published
 
     cells: list[Cell] = []
     for grade in GRADES:
@@ -152,7 +152,7 @@ def _table_form(triad: str) -> Callable[[Effort], Outcome]:
 
 def _left(effort: Effort, grade: str, form: Form, names: Sequence[str]) -> Callable[[], Figure]:
     def make() -> Figure:
-        from schuler.reproduce.yaman.study.field_campaign_figures import left
+        from schuler.reproduce.yaman.study.campaign_figures import left
 
         return left(campaign(effort, grade, form), names)
 
@@ -178,14 +178,14 @@ def gains(found: FieldCampaign, names: Sequence[str]) -> dict[str, float]:
 
 
 def _text(effort: Effort) -> Outcome:
-    from schuler.reproduce.yaman.study.field_tables import PUBLISHED
+    from schuler.reproduce.yaman.study.tables import PRINTED_CAMPAIGNS
 
     cells: list[Cell] = []
     for group, grade, families, claim, low, high in _CLAIMS:
         found = campaign(effort, grade, "ours")
-        names = [name for name in PUBLISHED[grade] if name[:3] in families]
+        names = [name for name in PRINTED_CAMPAIGNS[grade] if name[:3] in families]
         ours = gains(found, names)
-        theirs = {name: PUBLISHED[grade][name][1] / PUBLISHED[grade][name][3] for name in names}
+        theirs = {name: PRINTED_CAMPAIGNS[grade][name][1] / PRINTED_CAMPAIGNS[grade][name][3] for name in names}
         label = f"{group}, {grade.removeprefix('yaman-')}"
         cells += [
             said(

@@ -35,7 +35,7 @@ _FIRST = (
 
 
 def _table_5_2(effort: Effort) -> Outcome:
-    from schuler.reproduce.yaman.study.field_tables import PUBLISHED
+    from schuler.reproduce.yaman.study.tables import PRINTED_CAMPAIGNS
     from schuler.sensors import catalogue
     from schuler.units import DEG_PER_HR, DEG_PER_HR_PER_G, DEG_PER_RTHR, MG, PPM
 
@@ -61,7 +61,7 @@ def _table_5_2(effort: Effort) -> Outcome:
             for text, (name, value, unit) in zip(numbers, ours, strict=True)
         ]
     G = catalogue.spec(AUTOMOTIVE).gyro.g_sensitivity / DEG_PER_HR_PER_G
-    drawn = float(np.mean([PUBLISHED[AUTOMOTIVE][name][1] for name in G_SENSITIVITY]))
+    drawn = float(np.mean([PRINTED_CAMPAIGNS[AUTOMOTIVE][name][1] for name in G_SENSITIVITY]))
     cells += [
         digits("automotive: g-sensitivity", "100", G, unit="deg/h/g"),
         # nine samples of 1000 draws: two standard errors of their mean deviation
@@ -81,7 +81,7 @@ def _fig_5_2(effort: Effort) -> Outcome:
     from schuler import earth
     from schuler.calibration.field import thesis_routine
     from schuler.recording.series import ImuSeries
-    from schuler.reproduce.yaman.study.field_runs import PLACE, FieldJob
+    from schuler.reproduce.yaman.study.runs import PLACE, FieldJob
     from schuler.sensors import catalogue
     from schuler.units import DEG
 
@@ -109,7 +109,7 @@ def _fig_5_2(effort: Effort) -> Outcome:
     ]
 
     def readings() -> Figure:
-        from schuler.reproduce.yaman.study.routine_figures import readings_figure
+        from schuler.reproduce.yaman.study.figures import readings_figure
 
         return readings_figure(imu)
 
@@ -122,7 +122,7 @@ def _fig_5_2(effort: Effort) -> Outcome:
 def _family(effort: Effort, names: tuple[str, ...], title: str) -> tuple[Callable[[], Figure], ...]:
     def of(form: str, heading: str) -> Callable[[], Figure]:
         def make() -> Figure:
-            from schuler.reproduce.yaman.study.field_families import family_figure
+            from schuler.reproduce.yaman.study.campaign_figures import family_figure
 
             run = single_run(effort, "thesis" if form == "thesis" else "ours")
             return family_figure(run.found, names, run.truth, f"{title}, {heading}")
@@ -251,7 +251,7 @@ def _fig_5_9(effort: Effort) -> Outcome:
 
 def _fig_5_10(effort: Effort) -> Outcome:
     from schuler.recording.series import ImuSeries
-    from schuler.reproduce.yaman.study.field_runs import FieldJob
+    from schuler.reproduce.yaman.study.runs import FieldJob
     from schuler.sensors import catalogue
 
     own = single_run(effort, "ours")
@@ -279,7 +279,7 @@ def _fig_5_10(effort: Effort) -> Outcome:
     ]
 
     def output() -> Figure:
-        from schuler.reproduce.yaman.study.field_output_figures import outputs
+        from schuler.calibration.report.output_figures import outputs
 
         return outputs(own.imu, after, "accel", truth=true)
 

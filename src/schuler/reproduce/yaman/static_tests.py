@@ -12,9 +12,9 @@ from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.reproduce.yaman.campaigns import static_test
 
 if TYPE_CHECKING:
+    from schuler.calibration.report.output_figures import Triad
     from schuler.plotting.figure import Figure
     from schuler.recording.series import ImuSeries
-    from schuler.reproduce.yaman.study.field_output_figures import Triad
 
 _HARDWARE = "Recorded by the author's units; here units are drawn from their data sheets, so no curve can be compared."
 _SECONDS = 60.0
@@ -43,7 +43,7 @@ def _fig_6_6(effort: Effort) -> Outcome:
     ]  # fmt: skip
 
     def figure() -> Figure:
-        from schuler.reproduce.yaman.study.routine_figures import poses_figure
+        from schuler.reproduce.yaman.study.figures import poses_figure
 
         return poses_figure(routine)
 
@@ -59,8 +59,8 @@ def _different(poses: np.ndarray) -> int:
 
 def _calibrated_log(effort: Effort, imu: str) -> tuple[ImuSeries, ImuSeries]:
     """Log of one unit in the routine, raw and calibrated."""
-    from schuler.reproduce.yaman.study.field_runs import FieldJob, calibrated, simulated_unit
-    from schuler.reproduce.yaman.study.field_tables import static_spec
+    from schuler.reproduce.yaman.study.runs import FieldJob, calibrated, simulated_unit
+    from schuler.reproduce.yaman.study.tables import static_spec
 
     job = FieldJob(static_spec(imu), rests="given", rate_hz=50.0 if effort.quick else 100.0)
     (log, _), _, heading = simulated_unit(job, np.random.SeedSequence(effort.seed))
@@ -70,7 +70,7 @@ def _calibrated_log(effort: Effort, imu: str) -> tuple[ImuSeries, ImuSeries]:
 def _misread(log: ImuSeries) -> np.ndarray:
     """Mean reading of the first ten seconds less what is true there, level: x, y, z. [m/s^2]"""
     from schuler import earth
-    from schuler.reproduce.yaman.study.field_runs import PLACE
+    from schuler.reproduce.yaman.study.runs import PLACE
 
     g = earth.gravity_ned(PLACE[0], PLACE[2])
     return np.asarray(log.rates().between(0.0, 9.9).accel.mean(axis=0) + g)
@@ -78,7 +78,7 @@ def _misread(log: ImuSeries) -> np.ndarray:
 
 def _output(logs: tuple[ImuSeries, ImuSeries], triad: Triad) -> Callable[[], Figure]:
     def make() -> Figure:
-        from schuler.reproduce.yaman.study.field_output_figures import outputs
+        from schuler.calibration.report.output_figures import outputs
 
         return outputs(*logs, triad)
 
@@ -106,7 +106,7 @@ def _fig_6_7(effort: Effort) -> Outcome:
 
 
 def _fig_6_9(effort: Effort) -> Outcome:
-    from schuler.reproduce.yaman.study.field_tables import VN_200_BIAS
+    from schuler.reproduce.yaman.study.tables import VN_200_BIAS
     from schuler.units import DEG
 
     logs = _calibrated_log(effort, "VN-200")
@@ -125,8 +125,8 @@ def _fig_6_9(effort: Effort) -> Outcome:
 
 def _turned(effort: Effort) -> np.ndarray:
     """Mean rate of a perfect IMU in the routine. Shape (3,). [deg/s]"""
-    from schuler.reproduce.yaman.study.field_runs import FieldJob
-    from schuler.reproduce.yaman.study.field_tables import static_spec
+    from schuler.reproduce.yaman.study.runs import FieldJob
+    from schuler.reproduce.yaman.study.tables import static_spec
     from schuler.units import DEG
 
     ideal = FieldJob(static_spec("VN-200"), rate_hz=50.0 if effort.quick else 100.0).ideal
@@ -149,7 +149,7 @@ def _drift(effort: Effort, imu: str) -> tuple[list[Cell], tuple[Callable[[], Fig
     ]
 
     def figure() -> Figure:
-        from schuler.reproduce.yaman.study.field_static_figures import drift
+        from schuler.reproduce.yaman.study.figures import drift
 
         return drift(found)
 
@@ -157,7 +157,7 @@ def _drift(effort: Effort, imu: str) -> tuple[list[Cell], tuple[Callable[[], Fig
 
 
 def _fig_6_8(effort: Effort) -> Outcome:
-    from schuler.reproduce.yaman.study.rest_drift import rest_drift
+    from schuler.reproduce.yaman.study.static import rest_drift
     from schuler.sensors.errors import ImuErrors
     from schuler.units import MG
 
@@ -178,8 +178,8 @@ def _fig_6_8(effort: Effort) -> Outcome:
 
 def _fig_6_11(effort: Effort) -> Outcome:
     from schuler import earth
-    from schuler.reproduce.yaman.study.field_runs import PLACE
-    from schuler.reproduce.yaman.study.rest_drift import rest_drift
+    from schuler.reproduce.yaman.study.runs import PLACE
+    from schuler.reproduce.yaman.study.static import rest_drift
     from schuler.sensors.errors import ImuErrors
     from schuler.units import DEG
 

@@ -17,9 +17,8 @@ from schuler.reproduce.flenniken.study.heading import (
     run_filter,
     split_bias,
 )
-from schuler.reproduce.flenniken.study.heading.comparison import FIX_SIGMA
-from schuler.reproduce.flenniken.study.heading.position import position_outage
-from schuler.reproduce.flenniken.study.heading.tables import AFTER_S, BOUND_DEG, OUTAGE_DEG
+from schuler.reproduce.flenniken.study.heading.outages import FIX_SIGMA, position_outage
+from schuler.reproduce.flenniken.study.tables import AFTER_S, BOUND_DEG, OUTAGE_DEG
 from schuler.sensors.catalogue import spec
 from schuler.units import DEG, G0
 

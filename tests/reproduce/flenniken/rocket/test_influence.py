@@ -21,7 +21,7 @@ from schuler.reproduce.flenniken.study.rocket import (
     rocket_trajectory,
 )
 from schuler.reproduce.flenniken.study.rocket.errors import is_random
-from schuler.reproduce.flenniken.study.rocket.tables import ranking_table, sensitivity_table
+from schuler.reproduce.flenniken.study.tables import ranking_table, sensitivity_table
 from schuler.sensors.catalogue import spec
 from schuler.units import G0
 

@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose
 
 from schuler.exceptions import InputError
 from schuler.plotting.drawing import draw
-from schuler.reproduce.flenniken.study import rocket_figures
 from schuler.reproduce.flenniken.study.rocket import (
     ImpactEllipse,
     RocketErrors,
@@ -18,7 +17,8 @@ from schuler.reproduce.flenniken.study.rocket import (
     influence,
     rocket_trajectory,
 )
-from schuler.reproduce.flenniken.study.rocket.tables import scatter_table
+from schuler.reproduce.flenniken.study.rocket import figures as rocket_figures
+from schuler.reproduce.flenniken.study.tables import scatter_table
 from schuler.sensors.catalogue import spec
 
 T = rocket_trajectory(rate_hz=4.0)

@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 
 from schuler.exceptions import InputError
 from schuler.reproduce.flenniken.study.rocket import RocketProfile, rocket_motion, rocket_trajectory
-from schuler.reproduce.flenniken.study.rocket.tables import FLIGHT, flight_table
 from schuler.reproduce.flenniken.study.rocket.trajectory import attitude
+from schuler.reproduce.flenniken.study.tables import FLIGHT, flight_table
 from schuler.simulation.motion import ideal_increments, inertial_quantities
 from schuler.units import DEG, G0
 

@@ -1,4 +1,4 @@
-"""Accuracy of a calibration by rotation: Du's Table 4.5, the prediction corrected, and what trials achieve."""
+"""How well a platform at rest and turning can calibrate gyroscopes of a given noise, before anything is measured."""
 
 from __future__ import annotations
 
@@ -13,11 +13,85 @@ from schuler.exceptions import InputError
 from schuler.montecarlo.engine import campaign
 from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.plotting.table import ResultTable
-from schuler.reproduce.du.study import thesis_tables as thesis
-from schuler.reproduce.du.study.calibration_accuracy import CalibrationAccuracy, predicted_accuracy, whole_turns
-from schuler.reproduce.du.study.emulation import Emulation, emulation
-from schuler.reproduce.du.study.trial import Trial, calibration_run
+from schuler.reproduce.du.study import tables as thesis
+from schuler.reproduce.du.study.imus import Emulation, emulation
+from schuler.reproduce.du.study.trial import Trial, calibration_run, whole_turns
 from schuler.units import DEG, DEG_PER_HR, PPM
+
+
+@dataclass(frozen=True)
+class CalibrationAccuracy:
+    """1-sigma of what a rest and a rotation about one axis tell, from white noise alone; each axis of the gyroscopes.
+
+    Attributes
+    ----------
+    rate : float
+        Of the rotation. [rad/s]
+    rest_s, turning_s : float
+        [s]
+    bias : float
+        ``ARW / sqrt(T_rest)``, (3.48). [rad/s]
+    response : float
+        Scale factor and installation errors: ``ARW / rate * sqrt(1 / T_turning + 1 / T_rest)``. [-]
+    response_source : float
+        (3.49) as the thesis has it, without the noise of the bias that is subtracted: ``sqrt(2)`` too small for equal
+        times. [-]
+    at_rate : float
+        Bias left at this rate once both are compensated: that of the mean while turning, because what is applied,
+        bias plus response times rate, is that mean. [rad/s]
+    """
+
+    rate: float
+    rest_s: float
+    turning_s: float
+    bias: float
+    response: float
+    response_source: float
+    at_rate: float
+
+
+def predicted_accuracy(
+    random_walk: float, rate: float, *, rest_s: float = 60.0, turning_s: float = 60.0
+) -> CalibrationAccuracy:
+    """Predict the accuracy of a calibration by rotation.
+
+    Parameters
+    ----------
+    random_walk : float
+        Angle random walk of the gyroscopes. [rad/sqrt(s)]
+    rate : float
+        Of the rotation; the sign does not matter. [rad/s]
+    rest_s, turning_s : float
+        Times at rest and turning. [s]
+
+    Returns
+    -------
+    CalibrationAccuracy
+
+    Raises
+    ------
+    InputError
+        If the noise is negative, or a time or the rate is not positive.
+
+    References
+    ----------
+    Du (2015), eqs. (3.48), (3.49); the latter corrected.
+    """
+    if not (random_walk >= 0.0 and np.isfinite(random_walk)):
+        raise InputError(f"random_walk: expected a number of zero or more, got {random_walk!r}")
+    for name, value in (("rate", abs(rate)), ("rest_s", rest_s), ("turning_s", turning_s)):
+        if not (value > 0.0 and np.isfinite(value)):
+            raise InputError(f"{name}: expected a finite number other than zero, times positive, got {value!r}")
+    w = abs(rate)
+    return CalibrationAccuracy(
+        rate,
+        rest_s,
+        turning_s,
+        bias=random_walk / float(np.sqrt(rest_s)),
+        response=random_walk / w * float(np.sqrt(1.0 / turning_s + 1.0 / rest_s)),
+        response_source=random_walk / w / float(np.sqrt(turning_s)),
+        at_rate=random_walk / float(np.sqrt(turning_s)),
+    )
 
 
 def table_4_5() -> ResultTable:

@@ -16,8 +16,8 @@ from schuler.mechanization.strapdown import NavState
 from schuler.montecarlo.lanes.aiding import true_gnss
 from schuler.montecarlo.lanes.errors import LaneErrors
 from schuler.montecarlo.lanes.scenario import LaneScenario
-from schuler.reproduce.du.study.filter_imus import FilterImu
-from schuler.reproduce.du.study.long_drive import LENGTH_S, OUTAGES_S, long_drive
+from schuler.reproduce.du.study.drives import LENGTH_S, OUTAGES_S, long_drive
+from schuler.reproduce.du.study.imus import FilterImu
 from schuler.rotary.du_axes import du_axis
 from schuler.rotary.rotating_imu import RotatingMotion, ideal_rotating_imu
 from schuler.rotary.schedule import Schedule
@@ -57,7 +57,7 @@ class IntegratedDrive:
     layout : StateLayout, optional
         Instead of the IMU's, e.g. of :func:`schuler.reproduce.du.study.gauss_markov.static_models`.
     motion : Motion, optional
-        Of the vehicle; default :func:`~schuler.reproduce.du.study.long_drive.long_drive`.
+        Of the vehicle; default :func:`~schuler.reproduce.du.study.drives.long_drive`.
     size : float
         Noises, biases, errors at the start and of GNSS are this many times the IMU's, and the filter is told: what is
         left of a NEES above one as this goes to zero is a defect, what vanishes with its square is of second order.

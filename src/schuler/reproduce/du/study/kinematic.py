@@ -15,12 +15,11 @@ from schuler.montecarlo import run_seed
 from schuler.montecarlo.engine import campaign
 from schuler.plotting.table import ResultTable
 from schuler.recording.trajectory import Trajectory
-from schuler.reproduce.du.study import thesis_tables as thesis
-from schuler.reproduce.du.study.drive import DRIVE_S
-from schuler.reproduce.du.study.emulation import Emulation, emulation
+from schuler.reproduce.du.study import tables as thesis
+from schuler.reproduce.du.study.drives import DRIVE_S
 from schuler.reproduce.du.study.floor import noise_floor
-from schuler.reproduce.du.study.improvement import Improvement, improvement, mean_interval, share_below
-from schuler.reproduce.du.study.rms import UNITS, index
+from schuler.reproduce.du.study.imus import Emulation, emulation
+from schuler.reproduce.du.study.metrics import UNITS, Improvement, improvement, index, mean_interval, share_below
 from schuler.reproduce.du.study.trial import Trial, ideal, solutions, trial_run
 from schuler.units import DEG
 
@@ -40,7 +39,7 @@ class KinematicTest:
     ----------
     conventional_trial, rotary_trial : Trial
     conventional, rotary : ndarray, shape (runs, 7)
-        In the order of :data:`~schuler.reproduce.du.study.rms.QUANTITIES`, SI; rotary with strategy II.
+        In the order of :data:`~schuler.reproduce.du.study.metrics.QUANTITIES`, SI; rotary with strategy II.
     seed : int
     """
 
@@ -134,7 +133,7 @@ class KinematicTest:
     def plot(self, run: int = 0) -> Figure:
         """Tracks, velocity and attitude errors of one run (matplotlib)."""
         from schuler.plotting.drawing import draw
-        from schuler.reproduce.du.study.rotary_static_figures import kinematic_figure
+        from schuler.reproduce.du.study.figures import kinematic_figure
 
         return draw(kinematic_figure(self, run))
 
@@ -191,7 +190,7 @@ def kinematic_test(
     Notes
     -----
     Conventional: mean of five minutes at rest. Rotary: a minute at rest and one turning, strategy II. The drive is
-    ours, see :func:`schuler.reproduce.du.study.drive.drive`; no vibration.
+    ours, see :func:`schuler.reproduce.du.study.drives.drive`; no vibration.
 
     References
     ----------

@@ -21,9 +21,9 @@ from schuler.navigation.result import NavigationResult
 from schuler.plotting.table import Cell, ResultTable
 from schuler.recording.series import Increments
 from schuler.recording.trajectory import FullTrajectory
-from schuler.reproduce.du.study.filter_imus import FilterImu
+from schuler.reproduce.du.study.drives import long_drive
+from schuler.reproduce.du.study.imus import FilterImu
 from schuler.reproduce.du.study.integrated import START, IntegratedDrive
-from schuler.reproduce.du.study.long_drive import long_drive
 from schuler.rotary.aids import in_imu_axes
 from schuler.rotary.du_axes import du_axis
 from schuler.rotary.filter_start import imu_start

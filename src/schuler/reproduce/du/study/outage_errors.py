@@ -17,7 +17,7 @@ from schuler.montecarlo.lanes.replay import replay
 from schuler.navigation.evaluation.consistency import state_errors
 from schuler.navigation.result import NavigationResult
 from schuler.plotting.table import Cell, ResultTable
-from schuler.reproduce.du.study.filter_imus import FilterImu
+from schuler.reproduce.du.study.imus import FilterImu
 from schuler.reproduce.du.study.integrated import IntegratedDrive, rotary_schedule
 
 Definition = Literal["states", "no vertical", "less sag", "extended pose"]

@@ -10,9 +10,8 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.plotting.table import ResultTable
-from schuler.reproduce.du.study.improvement import mean_interval
-from schuler.reproduce.du.study.rms import index
-from schuler.reproduce.du.study.thesis_tables import RECOMMENDED_DEG_S
+from schuler.reproduce.du.study.metrics import index, mean_interval
+from schuler.reproduce.du.study.tables import RECOMMENDED_DEG_S
 from schuler.units import DEG
 
 if TYPE_CHECKING:

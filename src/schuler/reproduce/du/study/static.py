@@ -13,10 +13,9 @@ from schuler.exceptions import InputError
 from schuler.montecarlo import run_seed
 from schuler.montecarlo.engine import campaign
 from schuler.plotting.table import ResultTable
-from schuler.reproduce.du.study import thesis_tables as thesis
-from schuler.reproduce.du.study.emulation import Emulation, emulation
-from schuler.reproduce.du.study.improvement import Improvement, improvement, mean_interval
-from schuler.reproduce.du.study.rms import QUANTITIES, UNITS, index
+from schuler.reproduce.du.study import tables as thesis
+from schuler.reproduce.du.study.imus import Emulation, emulation
+from schuler.reproduce.du.study.metrics import QUANTITIES, UNITS, Improvement, improvement, index, mean_interval
 from schuler.reproduce.du.study.trial import Trial, ideal, solutions, trial_run
 from schuler.rotary.free_navigation import ErrorHistory, error_history
 from schuler.units import DEG, DEG_PER_HR
@@ -39,7 +38,7 @@ class StaticTest:
     duration_s : float
         Of each run. [s]
     conventional : ndarray, shape (runs, 7)
-        In the order of :data:`~schuler.reproduce.du.study.rms.QUANTITIES`, SI.
+        In the order of :data:`~schuler.reproduce.du.study.metrics.QUANTITIES`, SI.
     rates : ndarray, shape (m,)
         [rad/s]
     rotary : dict of str to ndarray, shape (m, runs, 7)
@@ -141,7 +140,7 @@ class StaticTest:
     def plot(self) -> Figure:
         """RMS against rate, conventional as a line (matplotlib)."""
         from schuler.plotting.drawing import draw
-        from schuler.reproduce.du.study.rotary_static_figures import rates_figure
+        from schuler.reproduce.du.study.figures import rates_figure
 
         return draw(rates_figure(self))
 
@@ -159,7 +158,7 @@ class StaticTest:
     def plot_run(self, rate: float, run: int = 0) -> Figure:
         """Attitude and velocity errors of one run over time, conventional and both strategies (matplotlib)."""
         from schuler.plotting.drawing import draw
-        from schuler.reproduce.du.study.rotary_static_figures import history_figure
+        from schuler.reproduce.du.study.figures import history_figure
 
         title = f"{self.imu.name} at rest, {rate / DEG:g} deg/s, run {run}"
         return draw(history_figure(self.histories(rate, run), title, random_walk=self.imu.gyro_random_walk))

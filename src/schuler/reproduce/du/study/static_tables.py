@@ -8,9 +8,8 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.plotting.table import ResultTable
-from schuler.reproduce.du.study import thesis_tables as thesis
-from schuler.reproduce.du.study.improvement import mean_interval, share_below
-from schuler.reproduce.du.study.rms import QUANTITIES, UNITS, index
+from schuler.reproduce.du.study import tables as thesis
+from schuler.reproduce.du.study.metrics import QUANTITIES, UNITS, index, mean_interval, share_below
 from schuler.units import DEG
 
 if TYPE_CHECKING:

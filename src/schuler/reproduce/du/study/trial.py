@@ -15,10 +15,9 @@ from schuler.mechanization.strapdown import NavState, mechanize
 from schuler.montecarlo import traits
 from schuler.recording.series import Increments
 from schuler.recording.trajectory import Trajectory
-from schuler.reproduce.du.study.calibration_accuracy import whole_turns
-from schuler.reproduce.du.study.drive import DRIVE_S, drive
-from schuler.reproduce.du.study.emulation import Emulation
-from schuler.reproduce.du.study.rms import rms_values
+from schuler.reproduce.du.study.drives import DRIVE_S, drive
+from schuler.reproduce.du.study.imus import Emulation
+from schuler.reproduce.du.study.metrics import rms_values
 from schuler.rotary.calibration import calibrate_rotation, estimate
 from schuler.rotary.calibration_result import RotationCalibration, Stretch
 from schuler.rotary.du_axes import du_axis
@@ -112,7 +111,7 @@ def trial_run(trial: Trial, seed: Any) -> dict[str, FloatArray]:
     -------
     dict of str to ndarray, shape (7,)
         ``conventional``, or ``I`` and ``II`` of the same recording, in the order of
-        :data:`~schuler.reproduce.du.study.rms.QUANTITIES`.
+        :data:`~schuler.reproduce.du.study.metrics.QUANTITIES`.
     """
     shared = ideal(trial)
     return {
@@ -249,3 +248,11 @@ def _turned(start: NavState, wrong: FloatArray) -> NavState:
         return start
     q = rotation.quat_multiply(rotation.quat_from_rotvec(wrong), start.q_eb)
     return NavState(start.t, start.r_eb_e, start.v_eb_e, q)
+
+
+def whole_turns(rate: float, at_least: float) -> float:
+    """Shortest time of whole revolutions at ``rate`` [rad/s] that is at least so long. [s]"""
+    if not (np.isfinite(rate) and rate != 0.0 and at_least > 0.0):
+        raise InputError(f"expected a rate other than zero and a positive time, got {rate!r} rad/s, {at_least!r} s")
+    turn = 2.0 * np.pi / abs(rate)
+    return float(np.ceil(at_least / turn - 1e-9)) * turn

@@ -21,8 +21,8 @@ from schuler.mechanization.strapdown import NavState
 from schuler.navigation.result import NavigationResult
 from schuler.plotting.table import Cell, ResultTable
 from schuler.recording.series import Increments
-from schuler.reproduce.du.study.filter_imus import FILTER_IMUS, FilterImu
-from schuler.reproduce.du.study.filter_tables import ANCHORS
+from schuler.reproduce.du.study.imus import FILTER_IMUS, FilterImu
+from schuler.reproduce.du.study.tables import ANCHORS
 from schuler.rotary.du_axes import du_axis, swap_vector
 from schuler.rotary.rotating_imu import RotatingMotion, ideal_rotating_imu
 from schuler.rotary.schedule import Schedule
@@ -143,7 +143,7 @@ def zupt_sigmas(imu: FilterImu, case: TableCase) -> ZuptSigmas:
     Parameters
     ----------
     imu : FilterImu
-        Its :attr:`~schuler.reproduce.du.study.filter_imus.FilterImu.layout` is what the filter believes.
+        Its :attr:`~schuler.reproduce.du.study.imus.FilterImu.layout` is what the filter believes.
     case : TableCase
 
     References
@@ -237,7 +237,7 @@ def zupt_study(imus: Sequence[str] = ("MTi-G", "NAV440"), cases: Sequence[TableC
     Parameters
     ----------
     imus : sequence of str
-        Names in :data:`~schuler.reproduce.du.study.filter_imus.FILTER_IMUS`.
+        Names in :data:`~schuler.reproduce.du.study.imus.FILTER_IMUS`.
     cases : sequence of TableCase
     """
     unknown = [name for name in imus if name not in FILTER_IMUS]

@@ -17,8 +17,8 @@ from schuler.montecarlo.lanes.records import LaneRecords
 from schuler.montecarlo.lanes.run import run_lanes
 from schuler.montecarlo.lanes.scenario import LaneScenario
 from schuler.plotting.table import Cell, ResultTable
-from schuler.reproduce.du.study.filter_imus import FILTER_IMUS, TAU_S, FilterImu
-from schuler.reproduce.du.study.filter_tables import MEASURED, Measured
+from schuler.reproduce.du.study.imus import FILTER_IMUS, TAU_S, FilterImu
+from schuler.reproduce.du.study.tables import MEASURED, Measured
 from schuler.reproduce.du.study.zupt import SIGMA_ZUPT, TABLE_RATE, TableCase, table_start
 from schuler.rotary.du_axes import swap_matrix, swap_vector
 from schuler.sensors.errors import ImuErrors
@@ -133,7 +133,7 @@ class ZuptRun:
         Returns
         -------
         b_m_s2, attitude_deg, d_deg_hr : ndarray, shape (n, 3)
-            As the fields of :class:`~schuler.reproduce.du.study.filter_tables.Measured`.
+            As the fields of :class:`~schuler.reproduce.du.study.tables.Measured`.
         """
         b, d = (np.mean(x[:, self.late], axis=1) for x in (self.b_a, self.b_g))
         rms = np.sqrt(np.mean(self.attitude[:, self.late] ** 2, axis=1))

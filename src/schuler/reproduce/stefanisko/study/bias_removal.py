@@ -19,7 +19,7 @@ from schuler.exceptions import InputError
 from schuler.mechanization.strapdown import NavState, mechanize
 from schuler.plotting.table import ResultTable, TabularResult
 from schuler.recording.series import ImuSeries, Increments
-from schuler.reproduce.stefanisko.study.figure_eight import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S
+from schuler.reproduce.stefanisko.study.experiment import ACCEL_NOISE, ESIEE, GYRO_NOISE, IMU_INTERVAL_S
 from schuler.standstill.stationarity import static_intervals
 from schuler.units import DEG
 
@@ -204,7 +204,7 @@ def resting_log(rng: np.random.Generator, samples: int, llh: ArrayLike = ESIEE) 
     ----------
     rng : numpy.random.Generator
     samples : int
-        At :data:`~schuler.reproduce.stefanisko.study.figure_eight.IMU_INTERVAL_S`, the first one interval after zero.
+        At :data:`~schuler.reproduce.stefanisko.study.experiment.IMU_INTERVAL_S`, the first one interval after zero.
     llh : array_like, shape (3,)
     """
     omega, f = expected_at_rest(llh)

@@ -21,8 +21,8 @@ from schuler.navigation.evaluation.architectures import Comparison, compare_arch
 from schuler.plotting.table import ResultTable, TabularResult
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries
-from schuler.reproduce.stefanisko.study.figure_eight import FigureEight
-from schuler.reproduce.stefanisko.study.figure_eight_campaign import FigureEightResult, figure_eight
+from schuler.reproduce.stefanisko.study.campaign import FigureEightResult, figure_eight
+from schuler.reproduce.stefanisko.study.experiment import FigureEight
 
 Progress = Callable[[float], None]
 
@@ -137,7 +137,7 @@ def coincidence_study(
     Parameters
     ----------
     runs, seed
-        See :func:`~schuler.reproduce.stefanisko.study.figure_eight.figure_eight`; both schedules share IMU errors and
+        See :func:`~schuler.reproduce.stefanisko.study.campaign.figure_eight`; both schedules share IMU errors and
         the fixes they have in common.
     case : FigureEight, optional
     progress : callable, optional

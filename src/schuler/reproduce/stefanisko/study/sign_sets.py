@@ -19,7 +19,7 @@ from schuler.earth import WGS84
 from schuler.exceptions import InputError
 from schuler.mechanization.strapdown import NavState, mechanize
 from schuler.recording.series import Increments
-from schuler.reproduce.stefanisko.study.figure_eight import (
+from schuler.reproduce.stefanisko.study.experiment import (
     ACCEL_NOISE,
     GYRO_NOISE,
     IMU_INTERVAL_S,
@@ -117,7 +117,7 @@ def sign_study(
     case : FigureEight, optional
         Fixes every 0.3 s.
     runs, seed : int
-        As in :func:`schuler.reproduce.stefanisko.study.figure_eight_campaign.figure_eight`: the same draws.
+        As in :func:`schuler.reproduce.stefanisko.study.campaign.figure_eight`: the same draws.
     names : tuple of str
         Keys of :data:`SIGN_SETS`.
     progress : callable, optional

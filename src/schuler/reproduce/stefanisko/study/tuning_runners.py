@@ -16,8 +16,8 @@ from schuler.navigation.result import NavigationResult
 from schuler.navigation.run import navigate
 from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.recording import Recording
-from schuler.reproduce.stefanisko.study.figure_eight import FigureEight, Track, figure_eight_run
-from schuler.reproduce.stefanisko.study.tuning_score import Factors, Runner, Score, likelihood
+from schuler.reproduce.stefanisko.study.experiment import FigureEight, Track, figure_eight_run
+from schuler.reproduce.stefanisko.study.tuning import Factors, Runner, Score, likelihood
 from schuler.sensors.spec_file import write_spec
 
 

@@ -49,7 +49,7 @@ class HeadingBound:
     def plot(self) -> Figure:
         """Both bounds over time (matplotlib)."""
         from schuler.plotting.drawing import draw
-        from schuler.reproduce.flenniken.study.heading_figures import bound_figure
+        from schuler.reproduce.flenniken.study.heading.figures import bound_figure
 
         return draw(bound_figure(self))
 

@@ -97,7 +97,7 @@ class ImpactBudget:
     def plot(self) -> Figure:
         """Bars, largest first, with the totals (matplotlib)."""
         from schuler.plotting.drawing import draw
-        from schuler.reproduce.flenniken.study.rocket_figures import ranking_figure
+        from schuler.reproduce.flenniken.study.rocket.figures import ranking_figure
 
         return draw(ranking_figure(self))
 

@@ -96,7 +96,7 @@ class ImpactScatter:
     def plot(self) -> Figure:
         """Points, mean and ellipse (matplotlib)."""
         from schuler.plotting.drawing import draw
-        from schuler.reproduce.flenniken.study.rocket_figures import scatter_figure
+        from schuler.reproduce.flenniken.study.rocket.figures import scatter_figure
 
         return draw(scatter_figure(self))
 

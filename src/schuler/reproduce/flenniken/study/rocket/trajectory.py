@@ -213,7 +213,7 @@ class RocketTrajectory:
     def plot(self) -> Figure:
         """Body accelerations, rates and pitch, velocity, and height over range (matplotlib)."""
         from schuler.plotting.drawing import draw
-        from schuler.reproduce.flenniken.study.rocket_figures import trajectory_figure
+        from schuler.reproduce.flenniken.study.rocket.figures import trajectory_figure
 
         return draw(trajectory_figure(self))
 

@@ -188,6 +188,7 @@ def test_options_reach_the_library(log, identified, tmp_path, capsys):
     assert any("Only 10 to 70 s of rest were used" in note for note in identified.asked.metadata.notes)
 
 
+@pytest.mark.campaign
 def test_several_logs_are_pooled(log, identified, tmp_path, capsys):
     code, _, err = run(capsys, "allan", log, log, log, "--out", tmp_path)
     assert code == 0, err
@@ -245,6 +246,7 @@ needs_identify = pytest.mark.skipif(
 )
 
 
+@pytest.mark.campaign
 @needs_identify
 def test_white_noise_is_found_again(tmp_path, capsys):
     """Half an hour of white noise at 50 Hz through the real command: statistical, N to 2 %, its own intervals."""
@@ -302,6 +304,7 @@ def test_budget_of_the_real_command(tmp_path, capsys):
     assert spec.accel.rate_random_walk == pytest.approx(2e-4, rel=4.0 * sigma["accel"]["rate_random_walk"])
 
 
+@pytest.mark.campaign
 @needs_identify
 def test_warnings_of_a_bad_log_reach_the_script(tmp_path, capsys):
     """A step, a stuck axis and outliers: exit code 0, each in the warnings; --robust and --from take them away."""
@@ -332,6 +335,7 @@ def test_warnings_of_a_bad_log_reach_the_script(tmp_path, capsys):
     assert data["provenance"]["robust"] is True
 
 
+@pytest.mark.campaign
 @needs_identify
 def test_two_real_logs_are_pooled(tmp_path, capsys):
     paths = [real_log(tmp_path / f"{name}.parquet", 300.0 + 60.0 * k, k) for k, name in enumerate("ab")]

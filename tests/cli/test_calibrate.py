@@ -144,7 +144,7 @@ def test_ratetable(tmp_path, capsys):
 
 def test_thermal_ramp(tmp_path, capsys):
     rng = np.random.default_rng(4)
-    n = 20_000
+    n = 4_000
     T = np.concatenate((np.linspace(-10.0, 60.0, n // 2), np.linspace(60.0, -10.0, n // 2)))
     gyro = 1e-3 * rng.standard_normal((n, 3)) + 1e-4 * (T[:, None] - 25.0) + [0.01, 0.0, 0.0]
     accel = 1e-2 * rng.standard_normal((n, 3)) + [0.0, 0.0, -G0]

@@ -68,6 +68,7 @@ def calibrated(turned, tmp_path_factory):
     return printed[0]
 
 
+@pytest.mark.campaign
 def test_json_and_files_are_those_of_every_method(calibrated, turned):
     assert calibrated.keys() >= {"status", "gauge", "parameters", "condition", "residual_rms", "verdicts", "next_pose"}
     assert (calibrated["command"], calibrated["method"]) == ("calibrate", "field")

@@ -76,6 +76,7 @@ def test_demo_writes_what_it_says(demo):
     assert meta["provenance"]["schuler"] == schuler.__version__
 
 
+@pytest.mark.campaign
 def test_demo_with_another_seed_is_another_drive(demo, tmp_path, capsys):
     code, out, _ = run(capsys, "demo", "--json", "--no-report", "--seed", 5, "--out", tmp_path)
     numbers = json.loads(out)
@@ -195,6 +196,7 @@ def test_help_and_documents_name_every_aid(capsys):
     assert set(re.findall(r"^\| `\[aiding\.(\w+)\]`", table, re.MULTILINE)) == switched | {"fixes"}
 
 
+@pytest.mark.campaign
 def test_navigate_writes_a_report_and_prose(town, tmp_path, capsys):
     code, out, err = run(capsys, "navigate", town, "--config", CONFIG, "--out", tmp_path, "--outage-every", "50:10:60")
     assert code == 0
@@ -304,9 +306,10 @@ def test_a_broken_configuration_is_shown_with_its_place(town, tmp_path, capsys):
 # ----------------------------------------------------------------------------------------- help and documents
 
 
-def test_help_lists_every_command():
-    done = subprocess.run([sys.executable, "-m", "schuler", "--help"], capture_output=True, text=True, check=True)
-    assert all(re.search(rf"^\W*{name}\b", done.stdout, re.MULTILINE) for name in COMMANDS)
+def test_help_lists_every_command(capsys):
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    assert all(re.search(rf"^\W*{name}\b", text, re.MULTILINE) for name in COMMANDS)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -317,22 +320,19 @@ def test_every_command_has_help_with_an_example(name, capsys):
     assert "Example:" in text
 
 
-def options(name):
+def options(name, capsys):
     """Long options a command has, or all of its methods, as its help shows them."""
-    calls = [[name, method] for method in METHODS] if name == "calibrate" else [[name]]
-    shown = [
-        subprocess.run([sys.executable, "-m", "schuler", *call, "--help"], capture_output=True, text=True, check=True)
-        for call in calls
-    ]
-    return set(re.findall(r"(?<!\S)--[a-z][a-z-]*", "".join(done.stdout for done in shown)))
+    for call in [[name, method] for method in METHODS] if name == "calibrate" else [[name]]:
+        assert main([*call, "--help"]) == 0
+    return set(re.findall(r"(?<!\S)--[a-z][a-z-]*", capsys.readouterr().out))
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_documents_have_every_command_and_no_option_that_does_not_exist(name):
+def test_documents_have_every_command_and_no_option_that_does_not_exist(name, capsys):
     text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     section = text.partition(f"## `schuler {name}`")[2].partition("\n## ")[0]
     assert section, f"docs/commands.md has no section on {name}"
-    assert set(re.findall(r"--[a-z][a-z-]*", section)) <= options(name) | {"--no-report"}
+    assert set(re.findall(r"--[a-z][a-z-]*", section)) <= options(name, capsys) | {"--no-report"}
 
 
 def test_version_is_that_of_the_package(capsys):

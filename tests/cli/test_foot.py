@@ -77,6 +77,7 @@ def test_configuration_and_messages(log, tmp_path):
         foot(tmp_path / "nothing.mat", out=tmp_path)
 
 
+@pytest.mark.campaign
 def test_figures_with_a_reference(recording, tmp_path):
     result = navigate_foot(recording)
     errors = walk_errors(result, recording.reference)

@@ -15,6 +15,7 @@ def keys_of(capsys, *arguments, code=0):
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.campaign
 def test_demo(capsys, tmp_path):
     data = keys_of(capsys, "demo", "--json", "--out", tmp_path / "demo", "--no-report")
     assert {

@@ -63,6 +63,7 @@ def test_without_a_search(short, capsys):
     assert [p.name for p in short.parent.iterdir()] == ["short.toml"]
 
 
+@pytest.mark.campaign
 def test_search_with_everything_written(short, tmp_path, capsys):
     folder = tmp_path / "out"
     arguments = ("--search", "--evaluations", 60, "--seed", 2, "--out", folder, "--json")

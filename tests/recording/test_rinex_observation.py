@@ -596,6 +596,7 @@ def test_no_such_file(tmp_path):
         read_rinex_observation(tmp_path / "none.obs")
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_file_cut_off_anywhere_is_read_up_to_the_last_complete_epoch(read, version):
     """Whatever the place of the cut, no value is there that the whole file does not have."""

@@ -125,6 +125,7 @@ def test_increments_are_taken():
 # ---------------------------------------------------------------------------------------------------- Monte Carlo
 
 
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize(
     "options",
     [

@@ -186,6 +186,7 @@ def test_a_prior_is_one_more_observation(rng):
 # ------------------------------------------------------------------------------------------------ statistics
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize(
     ("rho", "x", "sigma"), [(G, ACCEL, 2.733e-4), (1e4 * W, GYRO, 2.71e-6)], ids=["accelerometer", "fast table"]
 )
@@ -204,6 +205,7 @@ def test_predicted_covariance_is_the_scatter(rng, rho, x, sigma):
     assert kstest(weight, chi2(17).cdf).pvalue > 0.001
 
 
+@pytest.mark.campaign
 def test_misclosures_have_the_scatter_they_are_said_to_have(rng):
     w = []
     u = scattered(rng)

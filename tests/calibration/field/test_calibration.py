@@ -130,6 +130,7 @@ def test_wide_priors_settle(name, share):
         assert np.max(off / prior) < 2e-3
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(
     ("spec", "scene"),
     [
@@ -161,6 +162,7 @@ def test_agreement_with_a_batch_adjustment(spec, scene):
 # ---------------------------------------------------------------------------------------------------- heading
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("true", [0.0, 100.0 * DEG, -160.0 * DEG])
 @pytest.mark.parametrize("spec", [AUTOMOTIVE, TACTICAL], ids=["automotive", "tactical"])
 def test_a_heading_that_is_not_known_is_found(spec, true):

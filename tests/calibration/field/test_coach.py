@@ -253,6 +253,7 @@ def test_shares_are_those_of_the_calibration():
 # ------------------------------------------------------------------------------------------- who follows it
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_automotive_grade_is_found_out_sooner_than_by_the_routine(seed):
     """b_a and S_a within 10 % before the 150 s of the fixed routine, and everything before its 270 s."""
@@ -271,6 +272,7 @@ def test_automotive_grade_is_found_out_sooner_than_by_the_routine(seed):
     assert last.rests == len(found.rests)
 
 
+@pytest.mark.campaign
 def test_tactical_grade_stops_at_what_takes_hours():
     """0.1 deg/h of a bias takes (0.125 deg/sqrt(h) / 0.1 deg/h)^2 = 1.6 h: everything else is found out, then stop."""
     guide, hand, said = led(TACTICAL, 1, heading=KNOWN)
@@ -294,6 +296,7 @@ def test_what_is_found_is_true():
     assert chi2.ppf(1e-4, freedom) < total < chi2.isf(1e-4, freedom)
 
 
+@pytest.mark.campaign
 def test_without_heading_and_with_a_clumsy_hand():
     """Turns 15 % off in angle and axis, from a slanting start, heading unknown: it takes longer, no more."""
     guide, hand, said = led(AUTOMOTIVE, 3, slop=0.15, rpy=(0.5, -0.3, 2.0))
@@ -324,6 +327,7 @@ def test_it_stops_and_stays_stopped():
     assert all(a.done for a in later if a is not None)
 
 
+@pytest.mark.campaign
 def test_it_does_not_stop_for_one_who_does_nothing():
     guide, hand = Coach(AUTOMOTIVE, latitude=LAT, height=HEIGHT), Person(AUTOMOTIVE, 4)
     said = [a for a in (guide.imu(*hand.rest(0.5)) for _ in range(120)) if a is not None]

@@ -54,6 +54,7 @@ def settled(imu, scene, rng):
     return ImuSeries(imu.t, imu.gyro, accel, "increment")
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("runs", [8, pytest.param(60, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("spoil", "factor", "allowed"),
@@ -159,6 +160,7 @@ def test_a_prior_in_another_gauge_is_the_same():
 # -------------------------------------------------------------------------------------------------- as printed
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("runs", [20, pytest.param(200, marks=pytest.mark.slow)])
 def test_the_source_takes_earth_rate_for_g_sensitivity(runs):
     """P2 as printed and one pass: diagonal of G_g off by +8..+13 deg/h/g, scale factors by the pattern of Table 5.3.
@@ -218,6 +220,7 @@ def test_an_imu_off_the_turning_axis_costs_nothing_at_rest(lever):
     del rng
 
 
+@pytest.mark.campaign
 def test_in_turns_it_costs_more_than_turns_tell():
     """Gravity in turns as well: in place 1 percent better, 6 cm off the axis 15 percent worse, 22 cm twice as bad.
 

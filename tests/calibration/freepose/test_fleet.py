@@ -74,6 +74,7 @@ def test_the_spread_of_the_fleet_is_the_specification(some):
     assert values.shape == sigma.shape == (30,)
 
 
+@pytest.mark.campaign
 def test_workers_do_not_change_a_digit(some):
     logs, _, table = some
     two = calibrate_fleet(logs[:8], workers=2)

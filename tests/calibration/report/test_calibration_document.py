@@ -313,6 +313,7 @@ def test_advice_on_other_things_is_not_drawn():
     assert next_direction(result_from("m", {"b_a_x": (0.0, 1.0)}, "full", next_pose="heat it")) is None
 
 
+@pytest.mark.campaign
 def test_files_of_all_figures(result, tmp_path):
     paths = save_calibration_figures(result, tmp_path / "f", ("svg",))
     assert [p.stem for p in paths] == ["residuals", "coverage", "before_after", "parameters", "next_pose"]

@@ -190,6 +190,7 @@ def test_one_figure_by_name(found, errors):
         found.plot(which="sphere")
 
 
+@pytest.mark.campaign
 def test_files_of_all_figures_and_the_same_bytes(found, tmp_path):
     paths = save_field_figures(found, tmp_path / "a", ("svg",))
     assert [p.stem for p in paths] == ["field_convergence", "field_estimates", "field_rests", "field_innovations"]
@@ -201,6 +202,7 @@ def test_files_of_all_figures_and_the_same_bytes(found, tmp_path):
         save_field_figures(found, tmp_path, ("gif",))
 
 
+@pytest.mark.campaign
 def test_they_are_saved_with_those_of_every_calibration(found, tmp_path):
     stems = [p.stem for p in save_calibration_figures(found.calibration, tmp_path, ("svg",), field=found)]
     assert stems[:4] == ["residuals", "coverage", "before_after", "parameters"]

@@ -107,6 +107,7 @@ def test_a_difference_of_gauge_alone_would_have_passed_for_a_change():
     assert compare(a, a.in_gauge("lower")).changed == ()
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("gauges", [("full", "full"), ("full", "lower"), ("symmetric", "lower")])
 def test_chi_square_has_its_distribution(gauges):
     """100 pairs of calibrations drawn from their covariances: p-values uniform (Kolmogorov-Smirnov, statistical)."""

@@ -57,6 +57,7 @@ def thermal(result):
 # ------------------------------------------------------------------------------------------ perfect data
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("shape", [there_and_back, three_ways])
 @pytest.mark.parametrize("n", [400, 4321])
 def test_perfect_ramp_is_exact(shape, n):
@@ -203,6 +204,7 @@ def chi_square(result, name, c):
     return float(d / scale @ np.linalg.solve(C / np.outer(scale, scale), d / scale))
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("shape", [there_and_back, three_ways])
 def test_ramp_with_known_noise_has_the_stated_covariance(shape):
     """Mean of 240 chi-squares of 4: within 4 standard errors (statistical). No hysteresis: 0.1 % false alarms, so at
@@ -220,13 +222,19 @@ def test_ramp_with_known_noise_has_the_stated_covariance(shape):
     assert alarms <= 4
 
 
-@pytest.mark.parametrize("slow", ["none", "correlated", "random walk"])
-def test_ramp_with_unknown_noise_covers(slow):
+@pytest.mark.parametrize(
+    ("slow", "runs"),
+    [
+        ("correlated", 2),
+        *(pytest.param(s, 20, marks=pytest.mark.campaign) for s in ("none", "correlated", "random walk")),
+    ],
+)
+def test_ramp_with_unknown_noise_covers(slow, runs):
     """RMS of the normalised error of the curve is 1; the noise is estimated, so 0.45 to 1.5 is accepted, and 5 % false
     alarms of hysteresis (nominal 0.1 %, documented as up to 3 %)."""
     from schuler.sensors.noise import GaussMarkov, RandomWalk
 
-    n, runs, sigma = 1500, 20, 1e-4
+    n, sigma = 1500, 1e-4
     T, rng = three_ways(n), np.random.default_rng(12)
     process = {"none": None, "correlated": GaussMarkov(2e-5, 60.0), "random walk": RandomWalk(1e-6)}[slow]
     at = np.array([-10.0, 10.0, 25.0, 40.0, 60.0])
@@ -240,7 +248,7 @@ def test_ramp_with_unknown_noise_covers(slow):
             z.append((value - curve(at) - mean) / one)
             alarms += thermal(result)["hysteresis"][name]["found"]
     assert 0.45 < np.sqrt(np.mean(np.square(z))) < 1.5
-    assert alarms <= 0.05 * 6 * runs
+    assert alarms <= max(0.05 * 6 * runs, 1.0)
 
 
 def test_soak_has_the_stated_covariance():

@@ -160,6 +160,7 @@ CONFIGURATIONS = {
 }
 
 
+@pytest.mark.thinned(6)
 @pytest.mark.parametrize("runs", RUNS)
 @pytest.mark.parametrize("name", CONFIGURATIONS)
 def test_nees(drive, name, runs):
@@ -185,6 +186,7 @@ def at_standstill(truth):
     return ms.MeasurementSchedule.of(ms.ZERO_VELOCITY, t, 0.01 * truth.draws(len(t), 3), 0.01**2)
 
 
+@pytest.mark.campaign
 def test_gravity_and_zero_velocity_together_would_be_over_confident(parked):
     """The reason for the refusal: each knows the vertical bias to N/sqrt(T), by the same noise, both claim less."""
     band = 4.5 / np.sqrt(2 * 60)  # statistical, of a spread

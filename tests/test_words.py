@@ -20,7 +20,7 @@ KEPT = {"hexdigest", "digest", "sources_digest"}
 
 #: Parts of the package whose names and docstrings are still to be gone through.
 STILL = {
-    "calibration", "characterisation", "cli", "diagnosis", "exceptions", "gnss", "montecarlo",
+    "calibration", "characterisation", "diagnosis", "exceptions", "gnss", "montecarlo",
     "navigation", "recording", "reproduce", "rotary", "sensors", "simulation", "units",
 }  # fmt: skip
 

@@ -120,7 +120,7 @@ def test_what_is_no_error_is_said_in_a_sentence(imu, write, capsys):
 
 def test_a_unit_upside_down_on_the_bench_is_no_fault(write, capsys, rng):
     """At rest with z up, as a thermal chamber or one face of six may hold it: the checks of a drive would say so."""
-    from schuler.cli.options import Checking
+    from schuler.cli.reading import Checking
     from schuler.recording.series import ImuSeries
 
     f = np.array([0.0, 0.0, 9.81]) + rng.normal(0.0, 0.02, (3000, 3))

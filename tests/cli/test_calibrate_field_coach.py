@@ -15,7 +15,7 @@ from schuler import earth, rotation
 from schuler.calibration.field.advice import CoachOptions
 from schuler.cli import calibrate_field_coach as terminal
 from schuler.cli.calibrate_field_coach import run_coach
-from schuler.cli.options import Reading
+from schuler.cli.reading import Reading
 from schuler.exceptions import InputError
 from schuler.sensors import catalogue
 from schuler.units import DEG

@@ -9,7 +9,7 @@ import pytest
 
 from schuler import units
 from schuler.cli.foot import foot
-from schuler.cli.options import Reading
+from schuler.cli.reading import Reading
 from schuler.exceptions import ConfigError, InputError
 from schuler.navigation.foot.errors import walk_errors
 from schuler.navigation.foot.figures import detector, overview, save_foot_figures, track

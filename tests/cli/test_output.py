@@ -7,7 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from schuler.cli.output import period, print_json, progress, window
+from schuler.cli.configuration import period, window
+from schuler.cli.output import print_json, progress
 from schuler.exceptions import InputError
 
 

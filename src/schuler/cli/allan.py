@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from schuler.characterisation.result import TERMS, AxisNoise, Estimate, NoiseIdentification
-from schuler.cli.options import Reading
 from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress, say
+from schuler.cli.reading import Reading
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
 

@@ -9,13 +9,12 @@ from typing import Any, Literal
 import numpy as np
 
 from schuler import units as u
-from schuler.cli.calibrate_input import numbers_of, poses_in, sections_of, spans_of
+from schuler.cli.calibrate_options import CalibrationOptions, numbers_of, sections_of, spans_of
 from schuler.cli.calibrate_output import finish
-from schuler.cli.options import Checking, Output, Reading, Sensor, Site
 from schuler.cli.output import Flag
 from schuler.exceptions import InputError
 
-_READING, _CHECKING, _SITE, _SENSOR, _OUTPUT = Reading(), Checking(), Site(), Sensor(), Output()
+_OPTIONS = CalibrationOptions()
 
 
 def sixposition(
@@ -26,11 +25,7 @@ def sixposition(
     headings: str | None = None,
     min_rest: float = 1.0,
     intervals: Path | None = None,
-    reading: Reading = _READING,
-    checking: Checking = _CHECKING,
-    site: Site = _SITE,
-    sensor: Sensor = _SENSOR,
-    output: Output = _OUTPUT,
+    options: CalibrationOptions = _OPTIONS,
 ) -> int:
     """Six faces up in turn: bias, scale factors and cross-coupling of the accelerometers, bias of the gyroscopes.
 
@@ -52,13 +47,13 @@ def sixposition(
     from schuler.calibration.bench.sixposition import calibrate_sixposition
 
     began = clock.perf_counter()
-    recordings = [checking.passed(reading.read(path, uncalibrated=True)) for path in (log, *more)]
-    poses = poses_in(recordings, sensor, site, min_rest, intervals)
+    recordings = options.recordings(log, *more)
+    poses = options.poses(recordings, min_rest, intervals)
     angles = None if headings is None else np.array(numbers_of("--headings", headings)) * u.DEG
     result = calibrate_sixposition(
-        poses, gravity=site.g, improved=not standard, latitude=site.lat, headings=angles
+        poses, gravity=options.site.g, improved=not standard, latitude=options.site.lat, headings=angles
     )  # fmt: skip
-    return finish(result, log, recordings, output, began)
+    return finish(result, log, recordings, options.output, began)
 
 
 def multiposition(
@@ -73,11 +68,7 @@ def multiposition(
     between_triads: Flag = False,
     min_rest: float = 1.0,
     intervals: Path | None = None,
-    reading: Reading = _READING,
-    checking: Checking = _CHECKING,
-    site: Site = _SITE,
-    sensor: Sensor = _SENSOR,
-    output: Output = _OUTPUT,
+    options: CalibrationOptions = _OPTIONS,
 ) -> int:
     """Many poses, no fixture: only the magnitude of gravity and Earth rate (or of a table's rate) is used.
 
@@ -108,18 +99,18 @@ def multiposition(
     from schuler.calibration.result.result import CalibrationResult
 
     began = clock.perf_counter()
-    recordings = [checking.passed(reading.read(path, uncalibrated=True)) for path in (log, *more)]
-    poses = poses_in(recordings, sensor, site, min_rest, intervals)
+    recordings = options.recordings(log, *more)
+    poses = options.poses(recordings, min_rest, intervals)
     table = None if table_rate is None else np.array(numbers_of("--table-rate", table_rate)) * u.DEG
     if table is not None and len(table) != len(poses):
         raise InputError(f"--table-rate: expected {len(poses)} numbers, one for each pose, got {len(table)}")
     result = calibrate_multiposition(
-        poses, gravity=site.g, latitude=site.lat, table_rate=table, accel_order=accel_order,
+        poses, gravity=options.site.g, latitude=options.site.lat, table_rate=table, accel_order=accel_order,
         gyro_order="auto" if gyro_order == "auto" else int(gyro_order),  # type: ignore[arg-type]
-        prior_spec=sensor.spec, use_prior=prior, between_triads=between_triads,
+        prior_spec=options.sensor.spec, use_prior=prior, between_triads=between_triads,
         fixed=None if fixed is None else CalibrationResult.from_yaml(fixed),
     )  # fmt: skip
-    return finish(result, log, recordings, output, began)
+    return finish(result, log, recordings, options.output, began)
 
 
 def freepose(
@@ -135,11 +126,7 @@ def freepose(
     rests: Literal["auto", "tedaldi"] = "auto",
     min_rest: float = 1.0,
     intervals: Path | None = None,
-    reading: Reading = _READING,
-    checking: Checking = _CHECKING,
-    site: Site = _SITE,
-    sensor: Sensor = _SENSOR,
-    output: Output = _OUTPUT,
+    options: CalibrationOptions = _OPTIONS,
 ) -> int:
     """Put down by hand in many poses: accelerometers from gravity, gyroscopes from the turns between the poses.
 
@@ -171,15 +158,15 @@ def freepose(
     if rests == "tedaldi" and initial_rest is None:
         raise InputError("--initial-rest: expected the seconds at rest that the log begins with, for --rests tedaldi")
     began = clock.perf_counter()
-    recording = checking.passed(reading.read(log, uncalibrated=True))
+    (recording,) = options.recordings(log)
     imu = recording.need_imu()
     result = calibrate_freepose(
-        imu, gravity=site.g, noise=sensor.noise, initial_rest_s=initial_rest, robust=robust, min_s=min_rest,
-        gyro_bias="estimate" if estimate_gyro_bias else "rest", g_sensitivity=g_sensitivity, size_effect=size_effect,
-        delay=delay, rests=rests,
+        imu, gravity=options.site.g, noise=options.sensor.noise, initial_rest_s=initial_rest, robust=robust,
+        min_s=min_rest, gyro_bias="estimate" if estimate_gyro_bias else "rest", g_sensitivity=g_sensitivity,
+        size_effect=size_effect, delay=delay, rests=rests,
         intervals=None if intervals is None else spans_of(intervals, imu),
     )  # fmt: skip
-    return finish(result, log, [recording], output, began)
+    return finish(result, log, [recording], options.output, began)
 
 
 def ratetable(
@@ -192,11 +179,7 @@ def ratetable(
     g_sensitivity: bool = True,
     rate_sigma: float = 0.0,
     min_rest: float = 1.0,
-    reading: Reading = _READING,
-    checking: Checking = _CHECKING,
-    site: Site = _SITE,
-    sensor: Sensor = _SENSOR,
-    output: Output = _OUTPUT,
+    options: CalibrationOptions = _OPTIONS,
 ) -> int:
     """Turned at known rates about its axes: response, bias and g-sensitivity of the gyroscopes.
 
@@ -224,7 +207,7 @@ def ratetable(
     from schuler.calibration.bench.turns_in_log import rate_plateaus
 
     began = clock.perf_counter()
-    recordings = [checking.passed(reading.read(path, uncalibrated=True)) for path in (log, *more)]
+    recordings = options.recordings(log, *more)
     speeds = np.array(numbers_of("--rates", rates)) * u.DEG
     turns, failures = [], []
     for recording in recordings:
@@ -235,13 +218,18 @@ def ratetable(
     if not turns:
         raise InputError("; ".join(failures))
     try:
-        poses = poses_in(recordings, sensor, site, min_rest, None)
+        poses = options.poses(recordings, min_rest)
     except InputError:
         poses = None  # plateaus alone are a calibration of the gyroscopes
     result = calibrate_ratetable(
-        joined(turns), poses, gravity=site.g, g_sensitivity=g_sensitivity, latitude=site.lat, rate_sigma=rate_sigma
+        joined(turns),
+        poses,
+        gravity=options.site.g,
+        g_sensitivity=g_sensitivity,
+        latitude=options.site.lat,
+        rate_sigma=rate_sigma,
     )
-    return finish(result, log, recordings, output, began)
+    return finish(result, log, recordings, options.output, began)
 
 
 def ferraris(
@@ -251,11 +239,7 @@ def ferraris(
     sections: Path | None = None,
     turn_angle: float = 360.0,
     g_sensitivity: bool = True,
-    reading: Reading = _READING,
-    checking: Checking = _CHECKING,
-    site: Site = _SITE,
-    sensor: Sensor = _SENSOR,
-    output: Output = _OUTPUT,
+    options: CalibrationOptions = _OPTIONS,
 ) -> int:
     """Six faces and one turn about each axis by hand: both triads and the g-sensitivity.
 
@@ -273,14 +257,14 @@ def ferraris(
     from schuler.calibration.bench.ferraris import calibrate_ferraris
 
     began = clock.perf_counter()
-    recording = checking.passed(reading.read(log, uncalibrated=True))
+    (recording,) = options.recordings(log)
     imu = recording.need_imu()
     named = None if sections is None else sections_of(sections, imu)
     result = calibrate_ferraris(
-        imu, named, turn_angle=turn_angle * u.DEG, gravity=site.g, g_sensitivity=g_sensitivity, latitude=site.lat,
-        noise=sensor.noise,
+        imu, named, turn_angle=turn_angle * u.DEG, gravity=options.site.g, g_sensitivity=g_sensitivity,
+        latitude=options.site.lat, noise=options.sensor.noise,
     )  # fmt: skip
-    return finish(result, log, [recording], output, began)
+    return finish(result, log, [recording], options.output, began)
 
 
 def thermal(
@@ -292,11 +276,7 @@ def thermal(
     table_step: float | None = None,
     soak: Flag = False,
     min_rest: float = 1.0,
-    reading: Reading = _READING,
-    checking: Checking = _CHECKING,
-    site: Site = _SITE,
-    sensor: Sensor = _SENSOR,
-    output: Output = _OUTPUT,
+    options: CalibrationOptions = _OPTIONS,
 ) -> int:
     """Heated and cooled: biases (from soaks also scale factors) against temperature, with hysteresis.
 
@@ -320,16 +300,14 @@ def thermal(
     from schuler.calibration.thermal.calibrate import calibrate_thermal
 
     began = clock.perf_counter()
-    recordings = [checking.passed(reading.read(path, uncalibrated=True)) for path in (log, *more)]
+    recordings = options.recordings(log, *more)
     if more and not soak:
         raise InputError(f"--soak: expected it with {len(recordings)} logs, a ramp is one; got several logs without it")
     source: Any = (
-        [poses_in([recording], sensor, site, min_rest, None) for recording in recordings]
-        if soak
-        else recordings[0].need_imu()
+        [options.poses([recording], min_rest) for recording in recordings] if soak else recordings[0].need_imu()
     )
     result = calibrate_thermal(
         source, degree="auto" if degree == "auto" else int(degree), reference_temperature=reference_temperature,
-        table_step=table_step, gravity=site.g,
+        table_step=table_step, gravity=options.site.g,
     )  # fmt: skip
-    return finish(result, log, recordings, output, began)
+    return finish(result, log, recordings, options.output, began)

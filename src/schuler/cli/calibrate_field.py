@@ -12,9 +12,8 @@ from cyclopts import Parameter
 
 from schuler import units as u
 from schuler.arrays import FloatArray
-from schuler.cli.calibrate_input import counted, numbers_of, spans_of
+from schuler.cli.calibrate_options import CalibrationOptions, Output, Sensor, Site, counted, numbers_of, spans_of
 from schuler.cli.calibrate_output import finish
-from schuler.cli.options import Checking, Output, Reading, Sensor, Site
 from schuler.cli.output import Flag, progress
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from schuler.calibration.result.result import CalibrationResult
     from schuler.sensors.spec import ImuSpec
 
-_READING, _CHECKING, _SITE, _SENSOR, _OUTPUT = Reading(), Checking(), Site(), Sensor(), Output()
+_OPTIONS = CalibrationOptions()
 # a specific force at rest further from gravity is no sensor error but another unit
 _SANE = (0.7, 1.4)
 
@@ -46,11 +45,7 @@ def field(
     min_rest: float = 2.0,
     intervals: Path | None = None,
     history: Literal["csv", "parquet"] = "csv",
-    reading: Reading = _READING,
-    checking: Checking = _CHECKING,
-    site: Site = _SITE,
-    sensor: Sensor = _SENSOR,
-    output: Output = _OUTPUT,
+    options: CalibrationOptions = _OPTIONS,
 ) -> int:
     """Turned by hand between rests, no fixture: everything from gravity and the Earth's rate, by a 39-state filter.
 
@@ -82,10 +77,10 @@ def field(
         Format of the file with estimates and uncertainties over the log.
     """
     began = clock.perf_counter()
-    spec = _spec(sensor)
-    options = _options(thesis, states, during_turns)
+    spec = _spec(options.sensor)
+    field_options = _field_options(thesis, states, during_turns)
     start = _heading(heading)
-    if start is None and options.secondary == options.earth_rate == "off":
+    if start is None and field_options.secondary == field_options.earth_rate == "off":
         start = (0.0, 1.0)  # nothing depends on it, so it is not looked for
     earlier = None
     if prior is not None:
@@ -94,30 +89,31 @@ def field(
         earlier = CalibrationResult.from_yaml(prior)
         if coach and earlier.nominal != (1.0, 1.0):
             raise InputError("--prior: expected a calibration of a log in SI with --coach, got one of a log in counts")
-    gravity = None if site.gravity is None else site.g
+    gravity = None if options.site.gravity is None else options.site.g
     if coach:
         from schuler.cli.calibrate_field_coach import run_coach
 
-        if site.lat is None:
+        if options.site.lat is None:
             raise InputError("--latitude: expected degrees with --coach, gravity and the Earth's rate depend on it")
         recording = run_coach(
-            log, spec, latitude=site.lat, height=site.height, gravity=gravity, heading=start, reading=reading,
-            bell=bell, keep=None if output.out is None else output.out / "field-log.txt", options=options,
-            prior=earlier, inspect=checking.stop,
+            log, spec, latitude=options.site.lat, height=options.site.height, gravity=gravity, heading=start,
+            reading=options.reading, bell=bell,
+            keep=None if options.output.out is None else options.output.out / "field-log.txt",
+            options=field_options, prior=earlier, inspect=options.checking.stop,
         )  # fmt: skip
-        recording = checking.passed(recording)
+        recording = options.checking.passed(recording)
         log = Path(recording.metadata.name) if str(log) == "-" else log
     elif str(log) == "-":
         raise InputError("-: lines on stdin are for the coach, add --coach; otherwise expected a file or folder")
     else:
-        recording = checking.passed(reading.read(log, uncalibrated=True))
+        recording = options.checking.passed(options.reading.read(log, uncalibrated=True))
     from schuler.calibration.field.calibration import calibrate_field
     from schuler.standstill.rests import field_rests, given_rests
 
     imu = recording.need_imu()
-    latitude, height, recording = place(site, recording)
+    latitude, height, recording = place(options.site, recording)
     spans = None if intervals is None else spans_of(intervals, imu)
-    factors = _factors(recording, earlier, gravity_at(site, latitude, height), spans)
+    factors = _factors(recording, earlier, gravity_at(options.site, latitude, height), spans)
     if factors is not None:
         imu = factors.to_si(imu)
         earlier, spec = (None, factors.widened(spec)) if earlier is None else (factors.in_si(earlier), spec)
@@ -126,12 +122,12 @@ def field(
         _check_units(rests.means(imu)[1])
     with progress("calibrating") as bar:
         calibration = calibrate_field(
-            imu, spec, latitude=latitude, height=height, gravity=gravity, heading=start, options=options, prior=earlier,
-            rests=rests, progress=bar,
+            imu, spec, latitude=latitude, height=height, gravity=gravity, heading=start, options=field_options,
+            prior=earlier, rests=rests, progress=bar,
         )  # fmt: skip
     if factors is not None:
         calibration = _in_counts(calibration, factors)
-    return conclude(calibration, log, recording, output, began, history, imu)
+    return conclude(calibration, log, recording, options.output, began, history, imu)
 
 
 def conclude(
@@ -218,7 +214,7 @@ def _spec(sensor: Sensor) -> ImuSpec:
     return spec
 
 
-def _options(thesis: bool, states: str | None, during_turns: bool) -> FieldOptions:
+def _field_options(thesis: bool, states: str | None, during_turns: bool) -> FieldOptions:
     from schuler.calibration.field.options import BLOCKS, FieldOptions
 
     options = FieldOptions.thesis() if thesis else FieldOptions()

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from schuler.cli.calibrate_input import counted
-from schuler.cli.options import Reading
+from schuler.cli.calibrate_options import counted
 from schuler.cli.output import say
+from schuler.cli.reading import Reading
 from schuler.exceptions import InputError, SchulerError
 from schuler.recording.recording import Recording
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from schuler import units as u
-from schuler.cli.options import Output
+from schuler.cli.calibrate_options import Output
 from schuler.cli.output import named, print_json, say
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from schuler.cli.convert import recording_section
-from schuler.cli.options import LogHints
 from schuler.cli.output import File, Flag, say
+from schuler.cli.reading import LogHints, recording_section
 from schuler.exceptions import InputError
 
 _HINTS = LogHints()

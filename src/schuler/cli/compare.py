@@ -9,7 +9,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from schuler.cli.output import Flag, Folder, Texts, entries, named, period, print_json, progress, window
+from schuler.cli.configuration import configuration, entries
+from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress
 from schuler.exceptions import InputError
 
 
@@ -60,20 +61,13 @@ def compare(
     json
         Print one JSON object instead of text.
     """
-    from schuler.cli.convert import read_log
+    from schuler.cli.reading import read_log
     from schuler.diagnosis.first import checked
-    from schuler.navigation.config import NavigationConfig
     from schuler.navigation.evaluation.architectures import compare_architectures
     from schuler.navigation.evaluation.outages import OutageStatistics, outage_statistics
 
     began = time.perf_counter()
-    changes = entries(set_)
-    if outage_every is not None:
-        changes += [(f"outages.{key}", value) for key, value in period(outage_every).items()]
-    loaded = NavigationConfig.load(config, changes)
-    if outage:
-        windows = (*loaded.outages.windows_s, *(window(text) for text in outage))
-        loaded = loaded.model_copy(update={"outages": loaded.outages.model_copy(update={"windows_s": windows})})
+    loaded = configuration(config, entries(set_), outage, outage_every)
     wanted = None if modes is None else [text for text in modes.split(",") if text.strip()]
     numbers = None if lengths is None else _lengths(lengths)
     recording = checked(read_log(log, config), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)

@@ -1,4 +1,4 @@
-"""``schuler convert``, and how every command reads a log."""
+"""``schuler convert``, and what is in a recording, for JSON."""
 
 from __future__ import annotations
 
@@ -8,43 +8,12 @@ from typing import Any
 import numpy as np
 
 from schuler import units
-from schuler.cli.options import LogHints
 from schuler.cli.output import Flag, print_json, say
-from schuler.exceptions import InputError
-from schuler.files import read_toml
+from schuler.cli.reading import LogHints, read_log
 from schuler.gnss.signals import satellite_name
 from schuler.recording.recording import TIMED, Recording
 
 _HINTS = LogHints()
-
-
-def read_log(log: Path, config: Path | None, **hints: Any) -> Recording:
-    """A log with hints from options; those of a configuration's ``[recording]`` stand behind them."""
-    from schuler.recording.io import read
-
-    given = {name: value for name, value in hints.items() if value is not None}
-    parts = recording_section(config)
-    if not log.exists():
-        raise InputError(f"{log}: no such file or folder")
-    if log.is_dir():
-        from schuler.recording.formats import registry
-
-        if given and ("format" in given or registry.find_folder(log) is not None):
-            return read(log, **given)
-        if given:
-            raise InputError(f"{log} is a folder: say how its files are read in the [recording] section of a --config")
-        return read(log, **parts)
-    if parts and not all(isinstance(v, dict) for v in parts.values()):
-        given = {**parts, **given}
-    return read(log, **given)
-
-
-def recording_section(config: Path | None) -> dict[str, Any]:
-    """The ``[recording]`` section of a configuration, empty if there is none."""
-    if config is None:
-        return {}
-    section: dict[str, Any] = read_toml(config).get("recording", {})
-    return section
 
 
 def convert(log: Path, out: Path, /, *, to: str | None = None, json: Flag = False, hints: LogHints = _HINTS) -> None:

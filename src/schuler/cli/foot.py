@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from schuler import units
-from schuler.cli.options import Reading
 from schuler.cli.output import Flag, Folder, named, print_json, progress, say
+from schuler.cli.reading import Reading
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
 
@@ -94,7 +94,7 @@ def foot(
 
 def read_foot_log(log: Path, reading: Reading) -> tuple[Recording, dict[str, Any] | None]:
     """The recording, and the stored labels if it is a PyShoe trial."""
-    from schuler.cli.options import cut
+    from schuler.cli.reading import cut
     from schuler.recording.formats.openshoe import read_microstrain_text, read_openshoe_mat
     from schuler.recording.formats.pyshoe import is_pyshoe, read_pyshoe
 

@@ -6,9 +6,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from schuler.cli.convert import described, read_log
-from schuler.cli.options import LogHints
+from schuler.cli.convert import described
 from schuler.cli.output import Flag, print_json
+from schuler.cli.reading import LogHints, read_log
 from schuler.exceptions import InputError, SchulerError
 from schuler.recording.formats.streams import Stream, table
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from schuler.cli.output import Flag, Folder, Texts, entries, named, period, print_json, progress, say, window
+from schuler.cli.configuration import configuration, entries
+from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress, say
 from schuler.navigation.result import NavigationResult
 from schuler.recording.recording import Recording
 from schuler.recording.trajectory import Trajectory
@@ -70,9 +71,8 @@ def navigate(
     json
         Print one JSON object instead of text.
     """
-    from schuler.cli.convert import read_log
+    from schuler.cli.reading import read_log
     from schuler.diagnosis.first import checked
-    from schuler.navigation.config import NavigationConfig
     from schuler.navigation.run import navigate as run
 
     began = time.perf_counter()
@@ -84,12 +84,7 @@ def navigate(
     if smooth is not None:
         changes.append(("filter.smooth", smooth))
     changes += [(f"aiding.{name}", {}) for name in aid] + [(f"aiding.{name}", None) for name in without]
-    if outage_every is not None:
-        changes += [(f"outages.{key}", value) for key, value in period(outage_every).items()]
-    loaded = NavigationConfig.load(config, changes)
-    if outage:
-        windows = (*loaded.outages.windows_s, *(window(text) for text in outage))
-        loaded = loaded.model_copy(update={"outages": loaded.outages.model_copy(update={"windows_s": windows})})
+    loaded = configuration(config, changes, outage, outage_every)
     recording = checked(read_log(log, config), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
     backdrop = None
     if background is not None:

@@ -90,7 +90,7 @@ def _of_scenario(path: Path, changes: dict[str, object], symbolic: bool) -> tupl
 
 
 def _of_log(log: Path, config: Path, axes: str, fixed: tuple[str, ...], bar: Progress | None) -> Observability:
-    from schuler.cli.convert import read_log
+    from schuler.cli.reading import read_log
     from schuler.navigation.config import NavigationConfig
     from schuler.navigation.run import navigate
     from schuler.navigation.states import imu_spec

@@ -1,4 +1,4 @@
-"""What commands share: JSON on stdout, prose and progress on stderr, options of readers."""
+"""What commands share: types of options, JSON on stdout, prose and progress on stderr."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
-
-from schuler.exceptions import InputError
 
 Flag = Annotated[bool, Parameter(negative=())]
 #: Text that may begin with a hyphen, as a list of columns does of which the first is passed over.
@@ -128,44 +126,3 @@ def rate_text(gained: float, fraction: float, seconds: float, total: int, unit: 
     left = round((1.0 - fraction) / gained * seconds)
     clock = f"{left // 3600}:{left // 60 % 60:02d}:{left % 60:02d}"
     return f"{done}, {gained * total / seconds:.3g} {unit}/s, {clock} left"
-
-
-def window(text: str) -> tuple[float, float]:
-    """``START:STOP`` in seconds."""
-    numbers = _numbers(text)
-    if len(numbers) != 2 or not numbers[1] > numbers[0] or not all(map(math.isfinite, numbers)):
-        raise InputError(f"--outage: expected START:STOP in seconds, such as 50:90, got {text!r}")
-    return numbers[0], numbers[1]
-
-
-def period(text: str) -> dict[str, float]:
-    """``PERIOD:LENGTH`` or ``PERIOD:LENGTH:FIRST`` in seconds, as entries of the outage section."""
-    numbers = _numbers(text)
-    if len(numbers) not in (2, 3) or not 0.0 < numbers[1] < numbers[0] or not all(map(math.isfinite, numbers)):
-        raise InputError(
-            f"--outage-every: expected PERIOD:LENGTH or PERIOD:LENGTH:FIRST in seconds, such as 45:15, got {text!r}"
-        )
-    return dict(zip(("every_s", "length_s", "first_s"), numbers, strict=False))
-
-
-def entries(texts: tuple[str, ...]) -> list[tuple[str, Any]]:
-    """``SECTION.KEY=VALUE`` with the value in TOML's spelling; what is no TOML is taken as a string."""
-    import tomllib
-
-    pairs = []
-    for text in texts:
-        key, sign, value = text.partition("=")
-        if not sign or "." not in key or not all(key.strip().split(".")):
-            raise InputError(f"--set: expected SECTION.KEY=VALUE, such as filter.states=21, got {text!r}")
-        try:
-            pairs.append((key.strip(), tomllib.loads(f"x = {value}")["x"]))
-        except tomllib.TOMLDecodeError:
-            pairs.append((key.strip(), value.strip()))
-    return pairs
-
-
-def _numbers(text: str) -> list[float]:
-    try:
-        return [float(part) for part in text.split(":")]
-    except ValueError:
-        return []

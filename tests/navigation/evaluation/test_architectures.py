@@ -179,7 +179,7 @@ def test_interruption_keeps_the_rows_that_were_finished(town, config, monkeypatc
 @pytest.mark.realdata
 def test_a_car_in_eleven_outages(shared_data):
     """The marks of the project: below 4.0 m causal with NHC, below 0.40 m smoothed (best peer 4.8 and 0.44 m)."""
-    from schuler.cli.convert import read_log
+    from schuler.cli.reading import read_log
 
     path = EXAMPLES / "rtkexp_drive.toml"
     config = NavigationConfig.load(

@@ -1,20 +1,17 @@
-"""Groups of options that several commands share."""
+"""Options on how a log is read, checked and cut, the same in every command, and the reading itself."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from schuler import units as u
-from schuler.cli.output import Dashed, Flag, Folder, say
+from schuler.cli.output import Dashed, Flag, say
 from schuler.exceptions import InputError
+from schuler.files import read_toml
 from schuler.recording.recording import Recording
-
-if TYPE_CHECKING:
-    from schuler.sensors.spec import ImuSpec
 
 
 @Parameter(name="*")
@@ -122,8 +119,6 @@ class Reading(Hints):
 
     def read(self, log: Path, *, uncalibrated: bool = False) -> Recording:
         """The log, cut as asked for; the norm of an uncalibrated sensor's specific force is not checked in a file."""
-        from schuler.cli.convert import read_log
-
         hints = self.given
         # our own files need no hints and take none
         if uncalibrated and not log.is_dir() and hints:
@@ -163,104 +158,6 @@ class Checking:
         return recording
 
 
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Site:
-    """Where the unit stands.
-
-    Parameters
-    ----------
-    gravity
-        Local gravity in m/s^2. Default: normal gravity at --latitude and --height, else 9.80665.
-    latitude
-        Degrees, for gravity and Earth rate.
-    height
-        Above the ellipsoid in metres, for gravity.
-    """
-
-    gravity: float | None = None
-    latitude: float | None = None
-    height: float = 0.0
-
-    @property
-    def lat(self) -> float | None:
-        """Latitude. [rad]"""
-        if self.latitude is not None and not abs(self.latitude) <= 90.0:
-            raise InputError(f"--latitude: expected degrees between -90 and 90, got {self.latitude:g}")
-        return None if self.latitude is None else self.latitude * u.DEG
-
-    @property
-    def g(self) -> float:
-        """Local gravity. [m/s^2]"""
-        if self.gravity is not None:
-            if not 9.0 < self.gravity < 10.5:
-                raise InputError(f"--gravity: expected local gravity in m/s^2, such as 9.81, got {self.gravity:g}")
-            return self.gravity
-        if self.lat is None:
-            return u.G0
-        from schuler.earth import gravity_somigliana
-
-        return float(gravity_somigliana(self.lat, self.height))
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Sensor:
-    """What is known of the IMU.
-
-    Parameters
-    ----------
-    imu
-        Budget of the IMU for weights and as data sheet: a catalogue name or the imu.toml of schuler allan.
-    """
-
-    imu: str | None = None
-
-    @property
-    def spec(self) -> ImuSpec | None:
-        """The budget."""
-        from schuler.sensors import catalogue
-        from schuler.sensors.spec_file import read_spec
-
-        if self.imu is None:
-            return None
-        return read_spec(Path(self.imu)) if self.imu.endswith(".toml") else catalogue.spec(self.imu)
-
-    @property
-    def noise(self) -> tuple[float, float] | None:
-        """N of gyroscopes and accelerometers, if both are known."""
-        spec = self.spec
-        if spec is None or not (spec.gyro.random_walk and spec.accel.random_walk):
-            return None
-        return spec.gyro.random_walk, spec.accel.random_walk
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Output:
-    """What is written.
-
-    Parameters
-    ----------
-    out
-        Folder for the files. Default: the first log's name with -calibration.
-    gauge
-        Body axes of the result: lower, upper, symmetric. Default: those of the method.
-    previous
-        An earlier calibration.yaml of the same unit: what changed beyond its uncertainty.
-    report
-        Write calibration.html and figures.
-    json
-        Print one JSON object instead of text.
-    """
-
-    out: Folder = None
-    gauge: Literal["lower", "upper", "symmetric"] | None = None
-    previous: Path | None = None
-    report: bool = True
-    json: Flag = False
-
-
 def cut(recording: Recording, start: float | None, stop: float | None) -> Recording:
     """The recording's IMU series between two times from its start. [s]"""
     imu = recording.need_imu()
@@ -272,3 +169,32 @@ def cut(recording: Recording, start: float | None, stop: float | None) -> Record
     part = imu.between(float(imu.t[0]) + first, float(imu.t[0]) + last)
     note = f"Only {first:g} to {last:g} s of {recording.metadata.name} were used, as asked for."
     return replace(recording, imu=part, metadata=recording.metadata.noting(note))
+
+
+def read_log(log: Path, config: Path | None, **hints: Any) -> Recording:
+    """A log with hints from options; those of a configuration's ``[recording]`` stand behind them."""
+    from schuler.recording.io import read
+
+    given = {name: value for name, value in hints.items() if value is not None}
+    parts = recording_section(config)
+    if not log.exists():
+        raise InputError(f"{log}: no such file or folder")
+    if log.is_dir():
+        from schuler.recording.formats import registry
+
+        if given and ("format" in given or registry.find_folder(log) is not None):
+            return read(log, **given)
+        if given:
+            raise InputError(f"{log} is a folder: say how its files are read in the [recording] section of a --config")
+        return read(log, **parts)
+    if parts and not all(isinstance(v, dict) for v in parts.values()):
+        given = {**parts, **given}
+    return read(log, **given)
+
+
+def recording_section(config: Path | None) -> dict[str, Any]:
+    """The ``[recording]`` section of a configuration, empty if there is none."""
+    if config is None:
+        return {}
+    section: dict[str, Any] = read_toml(config).get("recording", {})
+    return section

@@ -1,0 +1,207 @@
+"""Options that all methods of ``schuler calibrate`` have, and what they read besides logs: rests, sections, numbers."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from cyclopts import Parameter
+
+from schuler import units as u
+from schuler.cli.output import Flag, Folder, progress
+from schuler.cli.reading import Checking, Reading
+from schuler.exceptions import InputError
+from schuler.recording.io.hint_texts import COUNTS_NOTE
+from schuler.recording.recording import Recording
+from schuler.recording.series import ImuSeries
+
+if TYPE_CHECKING:
+    from schuler.calibration.bench.counts import Triad
+    from schuler.calibration.bench.poses import Poses
+    from schuler.sensors.spec import ImuSpec
+
+_READING, _CHECKING = Reading(), Checking()
+_TRIADS: tuple[Triad, ...] = ("accel", "gyro")
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Site:
+    """Where the unit stands.
+
+    Parameters
+    ----------
+    gravity
+        Local gravity in m/s^2. Default: normal gravity at --latitude and --height, else 9.80665.
+    latitude
+        Degrees, for gravity and Earth rate.
+    height
+        Above the ellipsoid in metres, for gravity.
+    """
+
+    gravity: float | None = None
+    latitude: float | None = None
+    height: float = 0.0
+
+    @property
+    def lat(self) -> float | None:
+        """Latitude. [rad]"""
+        if self.latitude is not None and not abs(self.latitude) <= 90.0:
+            raise InputError(f"--latitude: expected degrees between -90 and 90, got {self.latitude:g}")
+        return None if self.latitude is None else self.latitude * u.DEG
+
+    @property
+    def g(self) -> float:
+        """Local gravity. [m/s^2]"""
+        if self.gravity is not None:
+            if not 9.0 < self.gravity < 10.5:
+                raise InputError(f"--gravity: expected local gravity in m/s^2, such as 9.81, got {self.gravity:g}")
+            return self.gravity
+        if self.lat is None:
+            return u.G0
+        from schuler.earth import gravity_somigliana
+
+        return float(gravity_somigliana(self.lat, self.height))
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Sensor:
+    """What is known of the IMU.
+
+    Parameters
+    ----------
+    imu
+        Budget of the IMU for weights and as data sheet: a catalogue name or the imu.toml of schuler allan.
+    """
+
+    imu: str | None = None
+
+    @property
+    def spec(self) -> ImuSpec | None:
+        """The budget."""
+        from schuler.sensors import catalogue
+        from schuler.sensors.spec_file import read_spec
+
+        if self.imu is None:
+            return None
+        return read_spec(Path(self.imu)) if self.imu.endswith(".toml") else catalogue.spec(self.imu)
+
+    @property
+    def noise(self) -> tuple[float, float] | None:
+        """N of gyroscopes and accelerometers, if both are known."""
+        spec = self.spec
+        if spec is None or not (spec.gyro.random_walk and spec.accel.random_walk):
+            return None
+        return spec.gyro.random_walk, spec.accel.random_walk
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Output:
+    """What is written.
+
+    Parameters
+    ----------
+    out
+        Folder for the files. Default: the first log's name with -calibration.
+    gauge
+        Body axes of the result: lower, upper, symmetric. Default: those of the method.
+    previous
+        An earlier calibration.yaml of the same unit: what changed beyond its uncertainty.
+    report
+        Write calibration.html and figures.
+    json
+        Print one JSON object instead of text.
+    """
+
+    out: Folder = None
+    gauge: Literal["lower", "upper", "symmetric"] | None = None
+    previous: Path | None = None
+    report: bool = True
+    json: Flag = False
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class CalibrationOptions:
+    """How the logs of a calibration are read and checked, where and what the unit is, and what is written."""
+
+    reading: Reading = _READING
+    checking: Checking = _CHECKING
+    site: Site = Site()
+    sensor: Sensor = Sensor()
+    output: Output = Output()
+
+    def recordings(self, *logs: Path) -> list[Recording]:
+        """The logs, read and checked, of an uncalibrated sensor."""
+        return [self.checking.passed(self.reading.read(path, uncalibrated=True)) for path in logs]
+
+    def poses(self, recordings: Sequence[Recording], min_rest: float, intervals: Path | None = None) -> Poses:
+        """Rests of all logs, one after the other."""
+        from schuler.calibration.bench.poses import joined, poses_of
+
+        poses = []
+        with progress("looking for rests") as bar:
+            for i, recording in enumerate(recordings):
+                imu = recording.need_imu()
+                spans = None if intervals is None else spans_of(intervals, imu)
+                poses.append(poses_of(imu, spans, min_s=min_rest, noise=self.sensor.noise, gravity=self.site.g))
+                if bar is not None:
+                    bar((i + 1) / len(recordings))
+        return joined(poses)
+
+
+def spans_of(path: Path, imu: ImuSeries) -> list[tuple[float, float]]:
+    """Rests of a CSV file with lines START,STOP in seconds from the start of the log, in the time of the log."""
+    return [(start, stop) for _, start, stop in _table(path, imu, named=False)]
+
+
+def counted(recording: Recording) -> tuple[Triad, ...]:
+    """Which triads of a log are in converter counts, as was said on reading it."""
+    notes = recording.metadata.notes
+    sentences = [n.partition(f": {COUNTS_NOTE}")[0].rpartition(": ")[2] for n in notes if COUNTS_NOTE in n]
+    return tuple(name for name in _TRIADS if any(re.search(rf"\b{name}\b", words) for words in sentences))
+
+
+def sections_of(path: Path, imu: ImuSeries) -> dict[str, tuple[float, float]]:
+    """Named sections of a CSV file with lines NAME,START,STOP, likewise."""
+    return {name: (start, stop) for name, start, stop in _table(path, imu, named=True)}
+
+
+def _table(path: Path, imu: ImuSeries, named: bool) -> list[tuple[str, float, float]]:
+    """Lines of (NAME,)START,STOP in seconds from the start of the log, in the time of the log."""
+    shape = "NAME,START,STOP" if named else "START,STOP"
+    try:
+        lines = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: expected a CSV file with lines {shape}: {error}") from None
+    rows = []
+    for number, line in enumerate(lines, 1):
+        if not line or line[0].startswith("#"):
+            continue
+        try:
+            name = line[0].strip() if named else ""
+            start, stop = (float(cell) for cell in line[int(named) :])
+        except ValueError:
+            if number == 1:
+                continue  # a header
+            raise InputError(f"{path}, line {number}: expected {shape} in seconds, got {','.join(line)!r}") from None
+        if not 0.0 <= start < stop:
+            raise InputError(f"{path}, line {number}: expected 0 <= START < STOP in seconds, got {start:g}, {stop:g}")
+        rows.append((name, start + float(imu.t[0]), stop + float(imu.t[0])))
+    if not rows:
+        raise InputError(f"{path}: expected lines {shape}, got none")
+    return rows
+
+
+def numbers_of(option: str, text: str) -> list[float]:
+    """Numbers with commas between them."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(f"{option}: expected numbers with commas between them, got {text!r}") from None

@@ -1,0 +1,69 @@
+"""Configuration of a navigation with what the options of ``navigate`` and ``compare`` say instead."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from schuler.exceptions import InputError
+
+if TYPE_CHECKING:
+    from schuler.navigation.config import NavigationConfig
+
+
+def configuration(
+    config: Path, changes: Sequence[tuple[str, Any]], outage: Sequence[str], outage_every: str | None
+) -> NavigationConfig:
+    """The configuration of a file with changed entries and with the outages of ``--outage`` and ``--outage-every``."""
+    from schuler.navigation.config import NavigationConfig
+
+    changes = list(changes)
+    if outage_every is not None:
+        changes += [(f"outages.{key}", value) for key, value in period(outage_every).items()]
+    loaded = NavigationConfig.load(config, changes)
+    if outage:
+        windows = (*loaded.outages.windows_s, *(window(text) for text in outage))
+        loaded = loaded.model_copy(update={"outages": loaded.outages.model_copy(update={"windows_s": windows})})
+    return loaded
+
+
+def window(text: str) -> tuple[float, float]:
+    """``START:STOP`` in seconds."""
+    numbers = _numbers(text)
+    if len(numbers) != 2 or not numbers[1] > numbers[0] or not all(map(math.isfinite, numbers)):
+        raise InputError(f"--outage: expected START:STOP in seconds, such as 50:90, got {text!r}")
+    return numbers[0], numbers[1]
+
+
+def period(text: str) -> dict[str, float]:
+    """``PERIOD:LENGTH`` or ``PERIOD:LENGTH:FIRST`` in seconds, as entries of the outage section."""
+    numbers = _numbers(text)
+    if len(numbers) not in (2, 3) or not 0.0 < numbers[1] < numbers[0] or not all(map(math.isfinite, numbers)):
+        raise InputError(
+            f"--outage-every: expected PERIOD:LENGTH or PERIOD:LENGTH:FIRST in seconds, such as 45:15, got {text!r}"
+        )
+    return dict(zip(("every_s", "length_s", "first_s"), numbers, strict=False))
+
+
+def entries(texts: tuple[str, ...]) -> list[tuple[str, Any]]:
+    """``SECTION.KEY=VALUE`` with the value in TOML's spelling; what is no TOML is taken as a string."""
+    pairs = []
+    for text in texts:
+        key, sign, value = text.partition("=")
+        if not sign or "." not in key or not all(key.strip().split(".")):
+            raise InputError(f"--set: expected SECTION.KEY=VALUE, such as filter.states=21, got {text!r}")
+        try:
+            pairs.append((key.strip(), tomllib.loads(f"x = {value}")["x"]))
+        except tomllib.TOMLDecodeError:
+            pairs.append((key.strip(), value.strip()))
+    return pairs
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(":")]
+    except ValueError:
+        return []

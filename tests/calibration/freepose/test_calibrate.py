@@ -266,6 +266,7 @@ def check_campaign(runs, options, z_limit):
     assert (np.abs(z.mean(axis=0)) < 4.5 / np.sqrt(runs)).all()  # no bias
 
 
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize("options", OPTIONS)
 def test_covariance_is_the_scatter(options):
     check_campaign(60, options, 4.0)

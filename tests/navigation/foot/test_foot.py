@@ -161,6 +161,7 @@ def run_of(seed, motion, ideal, smooth):
     return result, np.concatenate((b_a, b_g))
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(("smooth", "runs"), [("none", 60), ("walk", 30)])
 def test_the_filter_is_as_good_as_it_says(square, smooth, runs):
     """NEES over navigation states and biases, at times in swings and at the end."""

@@ -35,6 +35,7 @@ def written(full, tmp_path_factory):
     return paths
 
 
+@pytest.mark.campaign
 def test_every_figure_in_both_formats(written):
     names = {p.stem for p in written}
     assert names == {
@@ -46,6 +47,7 @@ def test_every_figure_in_both_formats(written):
     assert all(p.is_file() for p in written)
 
 
+@pytest.mark.campaign
 def test_png_is_of_a_useful_size(written):
     for path in written:
         if path.suffix == ".png":
@@ -55,6 +57,7 @@ def test_png_is_of_a_useful_size(written):
             assert path.stat().st_size > 10_000, path.name
 
 
+@pytest.mark.campaign
 def test_svg_is_xml_with_drawing_and_without_dates(written):
     for path in written:
         if path.suffix == ".svg":
@@ -66,6 +69,7 @@ def test_svg_is_xml_with_drawing_and_without_dates(written):
             assert all(v.startswith("#") for v in links), path.name
 
 
+@pytest.mark.campaign
 def test_same_input_same_bytes(full, tmp_path):
     def once(folder):
         figure = figures.plot_errors(full.result, "dr", reference=full.truth)

@@ -55,6 +55,7 @@ def normalised(way, rows, name, time):
     return float(np.einsum("ri,ij,rj->", ned, np.linalg.inv(P), ned)), ned.size
 
 
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize("which", [0, 1], ids=["conventional", "rotary"])
 @pytest.mark.parametrize(("rows", "name"), [((0, 1, 2), "attitude"), ((3, 4, 5), "velocity"), ((6, 7, 8), "position")])
 def test_free_navigation_scatters_as_predicted(which, rows, name):
@@ -64,6 +65,7 @@ def test_free_navigation_scatters_as_predicted(which, rows, name):
     assert low < total / n < high  # statistical
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("which", [0, 1], ids=["conventional", "rotary"])
 def test_the_filter_scatters_as_predicted(which):
     """GNSS, lever arm, offset of the IMU, encoder and an outage together. Few runs: all three kinds of error."""

@@ -149,6 +149,7 @@ def test_spaces_and_families_that_make_no_sense():
 # ------------------------------------------------------------------------------------------------------ search
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("cable", [False, True])
 def test_no_named_scheme_is_better_than_the_best(cable):
     result, (_, space, _) = found(cable), prepared(cable)
@@ -187,6 +188,7 @@ def test_everything_kept_is_within_the_limits(cable):
         assert c.reversals == used.reversals.sum()
 
 
+@pytest.mark.campaign
 def test_front_goes_from_the_best_to_no_motion():
     result = found()
     for by in ("travel", "reversals"):
@@ -234,6 +236,7 @@ def test_the_best_scheme_runs_from_its_own_lines():
         assert objective.of(schedule_of(entries)) == pytest.approx(best.error, rel=1e-12)
 
 
+@pytest.mark.campaign
 def test_same_seed_same_result_for_any_number_of_threads():
     objective, space, scenario = prepared()
     settings = scenario.settings(evaluations=60, families=("continuous", "dual_axis"))
@@ -260,6 +263,7 @@ def test_interrupted_it_keeps_the_best_so_far():
     assert calls == sorted(calls)
 
 
+@pytest.mark.campaign
 def test_nothing_to_turn_for_is_found_out():
     """Scale factors alone: any turn makes them worse, so the best is not to turn."""
     nothing = {"name": "NAV440-emulated", "gyro_bias_deg_h": 0.0, "accel_bias_m_s2": 0.0, "gyro_misalignment_mrad": 0.0,

@@ -17,6 +17,8 @@ RETIRED = {"found", "known", "said", "told", "heard", "moved_to", "Standing", "A
 RETIRED_PARTS = re.compile(r"soften|softness|foresee|foresight|(?<![a-z])digests?(?![a-z])")
 #: Hash sums, and fields of results that users read.
 KEPT = {"hexdigest", "digest", "sources_digest"}
+#: Entries of files that users write, by the file whose sections have them.
+ENTRIES = {"observability/scenario.py": {"known"}}
 
 #: Parts of the package whose names and docstrings are still to be gone through.
 STILL = {
@@ -39,11 +41,11 @@ def identifiers(tree: ast.AST) -> list[tuple[str, int]]:
     return names
 
 
-def retired_names(tree: ast.AST) -> list[str]:
+def retired_names(tree: ast.AST, entries: frozenset[str] | set[str] = frozenset()) -> list[str]:
     return [
         f"line {line}: {name}"
         for name, line in identifiers(tree)
-        if name in RETIRED or (RETIRED_PARTS.search(name.lower()) and name not in KEPT)
+        if (name in RETIRED and name not in entries) or (RETIRED_PARTS.search(name.lower()) and name not in KEPT)
     ]
 
 
@@ -66,7 +68,10 @@ def test_names_are_of_the_field_and_docstrings_begin_with_the_thing():
         name = path.relative_to(PACKAGE)
         if name.parts[0].removesuffix(".py") not in STILL:
             tree = ast.parse(path.read_text(encoding="utf-8"))
-            offenders += [f"{name}, {problem}" for problem in retired_names(tree) + inverted_docstrings(tree)]
+            offenders += [
+                f"{name}, {problem}"
+                for problem in retired_names(tree, ENTRIES.get(name.as_posix(), set())) + inverted_docstrings(tree)
+            ]
     assert not offenders, "\n".join(["see docs/project/words.md", *offenders])
 
 

@@ -106,7 +106,7 @@ def test_noise_is_integrated_where_the_body_turns_between_nodes():
 
 
 def test_moving_bias_of_a_single_axis():
-    """Gauss-Markov biases at rest against the closed integrals (Flenniken 4.5, digest): 3e-3, discretisation."""
+    """Gauss-Markov biases at rest against the closed integrals (docs/theory/growth.md): 3e-3, discretisation."""
     sigma, tau = 2e-3, 30.0
     gyro = TriadSpec(random_walk=1e-9, in_run_bias=1e-5, in_run_time=tau)
     imu = ImuSpec("moving", gyro, TriadSpec(random_walk=1e-9, in_run_bias=sigma, in_run_time=tau))

@@ -36,7 +36,7 @@ def test_planar_converges_with_first_order():
 
 
 def test_sum_is_runge_kutta_with_held_inputs():
-    """Position after one step is v T + a T^2 / 2, which the source reaches by four evaluations; rounding."""
+    """Position after one step is v T + a T^2 / 2, which Flenniken reaches by four evaluations; rounding."""
     _, velocity, position = planar_reckoning(np.zeros((2, 1)), np.array([[1.0], [3.0]]), 0.5)
     assert_allclose(velocity[:, 0, 0], [0.5, 2.0])
     assert_allclose(position[:, 0, 0], [0.125, 0.125 + 0.25 + 0.375])
@@ -129,7 +129,7 @@ def test_moving_platform_errs_across_its_acceleration():
 
 @pytest.mark.parametrize("grade", ["consumer", "tactical"])
 def test_six_sensors_at_rest(grade):
-    """Section 7.5 of the digest: closed form and its own Monte Carlo; 1500 runs, four standard errors and 1 %."""
+    """Flenniken, chapter 5: closed form and its own Monte Carlo; 1500 runs, four standard errors and 1 %."""
     with_g = spatial_bounds(spec(f"flenniken-{grade}"), 60.0, rate_hz=10.0, runs=1500, seed=9)
     without = spatial_bounds(spec(f"flenniken-{grade}"), 60.0, rate_hz=10.0, runs=1500, seed=9, gravity=0.0)
     tolerance = 4.0 * with_g.uncertainty + 0.02

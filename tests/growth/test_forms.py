@@ -279,7 +279,7 @@ def test_vertical_channel():
 
 
 def test_exact_table():
-    """Eleven rows of the digest to their printed digits (three or four)."""
+    """Eleven worked cases to their printed digits (three or four)."""
     for (grade, t, start), printed in EXACT.items():
         flat = growth(spec(f"flenniken-{grade}"), [t], gravity=0.0, start=start)
         tilted = growth(spec(f"flenniken-{grade}"), [t], start=start)

@@ -1,4 +1,4 @@
-"""Ranks in numbers: the digest's table, three rules, the local matrix, and the engine's own transitions."""
+"""Ranks in numbers: a table by scheme, three rules, the local matrix, and the engine's own transitions."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from schuler.units import DEG, DEG_PER_HR
 
 #: Du's axes of the platform in forward, right, down.
 AXES = {None: None, "X": (0.0, 1.0, 0.0), "Y": (1.0, 0.0, 0.0), "Z": (0.0, 0.0, -1.0)}
-#: NAV440 of digest 5.5: attitude, velocity, accelerometer and gyroscope biases.
+#: NAV440, Du chapter 5: attitude, velocity, accelerometer and gyroscope biases.
 SIGMA = np.repeat([DEG, 0.01, 0.2, 400.0 * DEG_PER_HR], 3)
 
-#: scheme, roll, pitch, azimuth; digest's rank without and with Earth rate, how many of the latter are weak.
-DIGEST = [
+#: scheme, roll, pitch, azimuth; rank without and with Earth rate, how many of the latter are weak.
+SCHEMES = [
     (None, 0, 0, 0, 8, 9, 0),
     ("X", 0, 0, 0, 10, 10, 0),
     ("X", 0, 30, 0, 10, 10, 0),
@@ -54,9 +54,9 @@ def scheme(axis, roll=0, pitch=0, azimuth=0, *, earth=True, **rest):
     return RotaryModel(axis=AXES[axis], rate=10.0 * DEG, rpy_nb=rpy, lat=45.75 * DEG, **rate, **rest)
 
 
-@pytest.mark.parametrize(("axis", "roll", "pitch", "azimuth", "without", "with_earth", "weak"), DIGEST)
-def test_ranks_of_the_digest(axis, roll, pitch, azimuth, without, with_earth, weak):
-    """300 s, 10 deg/s, 12 states. Without Earth rate all three rules agree; with it the Gramian's rank is the digest's,
+@pytest.mark.parametrize(("axis", "roll", "pitch", "azimuth", "without", "with_earth", "weak"), SCHEMES)
+def test_ranks_of_twelve_states_by_scheme(axis, roll, pitch, azimuth, without, with_earth, weak):
+    """300 s, 10 deg/s, 12 states. Without Earth rate all three rules agree; with it the Gramian's rank is the printed one,
     and directions it calls very weak are those the prior knows better."""
     found = spectrum(model_system(scheme(axis, roll, pitch, azimuth, earth=False), duration=300.0, sigma=SIGMA))
     assert found.rank == found.formal == found.useful == without
@@ -92,7 +92,7 @@ def test_ranks_without_earth_rate_do_not_depend_on_the_prior(sigma_gyro):
     ],
 )
 def test_states_seen_one_by_one(axis, pitch, states):
-    """Digest 3.11 in our names: its x is our y, its y our x."""
+    """Du, section 5.3, in our names: its x is our y, its y our x."""
     found = spectrum(model_system(scheme(axis, pitch=pitch, earth=False), duration=300.0, sigma=SIGMA))
     seen = {name for name, yes in zip(found.names, found.observable(), strict=True) if yes}
     assert seen == {"dv_N", "dv_E", "dv_D"} | states

@@ -1,4 +1,4 @@
-"""Scenarios and runs: the examples, the anchors of the digest, real filters of any kind."""
+"""Scenarios and runs: the examples, the results of chapter 5, real filters of any kind."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from schuler.sensors import catalogue
 from schuler.simulation.scenario import simulate
 from schuler.units import DEG, DEG_PER_HR
 
-#: Of the examples: rank without Earth rate (digest 3.11) and what stays hidden.
+#: Of the examples: rank without Earth rate (Du, section 5.3) and what stays hidden.
 EXPECTED = {
     "conventional": (8, {"eps_U", "d_U", "eps_E with b_N = g eps_E", "eps_N with b_E = -g eps_N"}),
     "rotary_x": (10, {"eps_U", "eps_N with b_E = -g eps_N"}),
@@ -53,7 +53,7 @@ def base(**changes):
 
 @pytest.mark.parametrize("name", EXPECTED)
 def test_examples(name):
-    """The engine's own rows, the motion's own transitions: the digest's ranks by all three rules."""
+    """The engine's own rows, the motion's own transitions: the expected ranks by all three rules."""
     rank, hidden = EXPECTED[name]
     found = scenario_observability(example(name))
     s = found.spectrum
@@ -75,7 +75,7 @@ def test_driving_makes_everything_observable():
     assert heading[-1] < 0.1
 
 
-#: Digest 5.5 after 300 s, as printed: tilt east and north [deg], azimuth [deg], accelerometers x and y [m/s^2],
+#: Du, chapter 5, after 300 s, as printed: tilt east and north [deg], azimuth [deg], accelerometers x and y [m/s^2],
 #: gyroscopes x, y, z [deg/h].
 ANCHORS = {
     ("NAV440", "conventional"): "0.76 0.76 31 0.13 0.13 7 5 375",
@@ -87,7 +87,7 @@ ANCHORS = {
     ("MTi-G", "rotary_z_level"): "0.51 0.51 94 0.086 0.086 317 317 1130",
     ("MTi-G", "rotary_z_tilted"): "0.055 0.055 2.0 0.001 0.001 18 18 26",
 }
-#: Digest 5.5: prior of accelerometers [m/s^2] and gyroscopes [rad/s], walk of the latter, angle and velocity walks. SI
+#: Du, chapter 5: prior of accelerometers [m/s^2] and gyroscopes [rad/s], walk of the latter, angle and velocity walks. SI
 NOISE = {
     "NAV440": (0.2, 400.0 * DEG_PER_HR, 10.0 * DEG_PER_HR, 0.4 * DEG / 60.0, 0.5 / 60.0),
     "MTi-G": (0.1, DEG, 20.0 * DEG_PER_HR, 3.0 * DEG / 60.0, 0.002),
@@ -95,9 +95,9 @@ NOISE = {
 
 
 @pytest.mark.parametrize(("imu", "name"), ANCHORS)
-def test_anchors_of_the_digest(imu, name):
+def test_means_and_sigmas_of_chapter_5(imu, name):
     """Standard deviations of a velocity filter at 1 Hz, 1 cm/s. Tolerance: 0.6 of the last printed digit, or 1.5 % for
-    how the digest puts noise into steps of a second (it matters for the MTi-G's tilt, 0.0543 here)."""
+    how the reference puts noise into steps of a second (it matters for the MTi-G's tilt, 0.0543 here)."""
     accel, gyro, walk, arw, vrw = NOISE[imu]
     data = example(name).model_dump(exclude_defaults=True)
     data |= {"velocity": {"rate_hz": 1.0, "sigma_m_s": 0.01}}

@@ -1,4 +1,4 @@
-"""Formulas: ranks of the digest's table exactly, Tables 5.1 and 5.2 by span, the same system in two ways."""
+"""Formulas: ranks by scheme exactly, Tables 5.1 and 5.2 by span, the same system in two ways."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from schuler.reproduce.du.study.observability_tables import closed, table_5_1, t
 
 TILT = sp.atan(sp.Rational(3, 4))  # stands for any
 
-#: axis, roll, pitch, azimuth; rank without Earth rate as the digest has it, exact rank with it.
+#: axis, roll, pitch, azimuth; rank without Earth rate, exact rank with it.
 SCHEMES = [
     (None, 0, 0, 0, 8, 9),
     (None, 0, 0, TILT, 8, 9),
@@ -32,7 +32,7 @@ SCHEMES = [
 
 @pytest.mark.parametrize(("axis", "roll", "pitch", "azimuth", "without", "with_earth"), SCHEMES)
 def test_ranks(axis, roll, pitch, azimuth, without, with_earth):
-    """Exact. With Earth rate the digest counts X at an azimuth 11 and Z level 10: what is of second order in W is lost
+    """Exact. With Earth rate a rank in numbers counts X at an azimuth 11 and Z level 10: what is of second order in W is lost
     in its Gramian (see test_ranks_of_the_gramian); 9, 10 and 12 are the same here."""
     for earth, expected in ((False, without), (True, with_earth)):
         model = sym.rotary_model(axis, roll=roll, pitch=pitch, azimuth=azimuth, earth=earth, biases="navigation")
@@ -92,7 +92,7 @@ def test_named_combinations_of_the_conventional_system():
 
 
 def test_what_level_rotation_about_z_hides():
-    """Digest 3.11: a tilt that turns with the IMU: d_h = delta, b_h = g delta / w, eps_h(0) = -i delta / w."""
+    """Du, section 5.3: a tilt that turns with the IMU: d_h = delta, b_h = g delta / w, eps_h(0) = -i delta / w."""
     model = sym.rotary_model("z", earth=False, biases="navigation")
     g, w = model.constants["g"], model.constants["w"]
     hidden = sym.unobservable_directions(model)
@@ -111,7 +111,7 @@ def test_manoeuvres_make_everything_observable(axis):
 
 
 def test_thesis_verdicts_without_earth_rate():
-    """Which states each scheme determines one by one, in the axes of the IMU (digest 3.11)."""
+    """Which states each scheme determines one by one, in the axes of the IMU (Du, section 5.3)."""
     velocity = {"dv_E", "dv_N", "dv_U"}
     for axis, pitch, expected in (
         (None, 0, {"b_z", "d_x", "d_y"}),

@@ -1,6 +1,6 @@
-"""The simulations of Du's chapter 3 against the digest's anchors (5.2): 300 s, 45 degrees, 10 deg/s.
+"""The simulations of Du's chapter 3 against reference runs: 300 s, 45 degrees, 10 deg/s.
 
-The digest's numbers come from a mechanization in ENU whose gravity does not change with height, and whose horizontal
+The reference numbers come from a mechanization in ENU whose gravity does not change with height, and whose horizontal
 position error is the integral of its velocities. A second mechanization of that kind, written here, reproduces all of
 them; the engine, whose gravity falls with height, all but the vertical channel, where it grows by the known factor.
 """
@@ -53,7 +53,7 @@ every = pytest.mark.parametrize("cell", ANCHORS, ids=" ".join)
 
 
 def compare(found, printed, digits):
-    """Within half a unit of the last printed digit, and a twentieth for the digest's own rounding."""
+    """Within half a unit of the last printed digit, and a twentieth for the reference's own rounding."""
     for f, p in zip(np.atleast_1d(found), np.atleast_1d(np.array(printed, dtype=object)), strict=True):
         if p is not None:
             assert abs(f - p) < 0.55 * 10.0**-digits, (f, p)
@@ -72,7 +72,7 @@ def test_the_engine_reproduces_the_anchors(cell):
     if cell[0] == "installation" and cell[1] != "conventional":
         compare(np.abs(run.attitude).max(axis=0) / DEG, attitude, 3)
     elif attitude is not None:
-        # the digest prints "~0" and "< 0.01" for the conventional IMU
+        # the reference prints "~0" and "< 0.01" for the conventional IMU
         compare(run.attitude[-1] / DEG, attitude, 1.7 if cell[1] == "conventional" and cell[0] != "bias" else 2)
     compare(run.velocity[-1, :2], velocity[:2], 1)
     # the integral of the velocities; falling gravity moves it by up to a metre where the height runs away
@@ -99,7 +99,7 @@ def skew(v):
 
 @functools.cache
 def second_mechanization():
-    """All sixteen runs at once: digest 3.3 and 3.4 in ENU, s -> b route, Runge-Kutta of fourth order by 0.5 s."""
+    """All sixteen runs at once: Du (2.5) in ENU, s -> b route, Runge-Kutta of fourth order by 0.5 s."""
     u = np.array([[0, 0, 0], *np.eye(3)] * 4, dtype=float)
     errors = [CASES[c] for c in CASES for _ in AXES]
     d, b, M = (np.array([getattr(e, name) for e in errors]) for name in ("d", "b", "K"))
@@ -147,7 +147,7 @@ def test_a_second_mechanization_reproduces_the_anchors_to_their_digits(cell):
     compare(V, velocity, 1)
     compare(np.hypot(P[0], P[1]), horizontal, 0)
     if up is not None:
-        assert abs(P[2] - up) < 0.9  # the digest's gravity does not follow the latitude, or its last digit is off
+        assert abs(P[2] - up) < 0.9  # the reference's gravity does not follow the latitude, or its last digit is off
 
 
 @every
@@ -171,7 +171,7 @@ def test_the_cases_are_the_catalogues():
 
 
 def test_qualitative_targets_of_the_thesis():
-    """Which errors shrink with which axis (digest 5.2)."""
+    """Which errors shrink with which axis (Du, chapter 3)."""
     conventional = engine("bias", "conventional")
     for axis, kept in (("X", 0), ("Y", 1), ("Z", 2)):
         ratio = np.abs(engine("bias", axis).attitude[-1] / conventional.attitude[-1])

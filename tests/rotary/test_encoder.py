@@ -36,7 +36,7 @@ def test_linear_interpolation_misses_the_sag_and_cubic_does_not():
 
 
 def test_a_time_offset_is_an_angle_error_of_rate_times_offset():
-    """10 deg/s by 5 ms are 0.05 deg (digest 3.7)."""
+    """10 deg/s by 5 ms are 0.05 deg (Du, section 2.4)."""
     schedule = schemes.continuous("z", W)
     read = read_encoder(schedule, Encoder(time_offset=0.005), 10.0)
     np.testing.assert_allclose(read.angles(T_IMU) - schedule.angles(T_IMU), 0.05 * DEG, atol=1e-14)

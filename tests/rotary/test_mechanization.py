@@ -182,7 +182,7 @@ def test_coarse_counts_do_not_spoil_the_sensor_route_but_for_the_angle_itself():
 
 
 def test_a_zero_offset_about_the_vertical_gives_no_velocity_but_a_tilted_one_does():
-    """Digest 3.7: level static Z rotation is blind to the angle error, but for Earth rate, which it misplaces.
+    """Du, section 2.4: level static Z rotation is blind to the angle error, but for Earth rate, which it misplaces.
 
     ``g W cos(lat) dtheta t^2 / 2 = 1.6e-3 m/s``. About X the error tilts the IMU: ``g dtheta t = 1.03 m/s``.
     """

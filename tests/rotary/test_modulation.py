@@ -40,7 +40,7 @@ def test_a_z_rotation_modulates_as_printed():
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0, -1.0])
 def test_a_vehicle_that_turns_back_undoes_the_modulation(share):
-    """Effective rate: platform plus vehicle. At -rate of the platform the bias stands still in n (digest 2.3).
+    """Effective rate: platform plus vehicle. At -rate of the platform the bias stands still in n (Du, section 2.3).
 
     The vehicle's turn is relative to axes that turn with the Earth: rounding.
     """
@@ -175,7 +175,7 @@ def test_the_swap_is_a_rotation_and_its_own_inverse():
 
 
 def test_recommended_attitude_matrix_in_du_axes():
-    """The digest's standard form R3(A) R1(-p) R2(-r), printed element by element; rounding."""
+    """The standard form R3(A) R1(-p) R2(-r), printed element by element; rounding."""
     A, r, p = 0.5, 0.2, -0.3
     cA, sA, cr, sr, cp, sp = np.cos(A), np.sin(A), np.cos(r), np.sin(r), np.cos(p), np.sin(p)
     printed = [

@@ -62,8 +62,8 @@ def test_without_offset_only_the_axes_turn():
 
 
 @pytest.mark.parametrize(("rate_deg", "printed"), [(10.0, 1.5e-3), (100.0, 0.15)])
-def test_five_centimetres_off_the_axis_feel_what_the_digest_says(rate_deg, printed):
-    """omega^2 l of digest 3.3: 1.5e-3 m/s^2 at 10 deg/s, 0.15 at 100 (printed digits), inwards, constant in s."""
+def test_five_centimetres_off_the_axis_feel_centripetal_force(rate_deg, printed):
+    """omega^2 l: 1.5e-3 m/s^2 at 10 deg/s, 0.15 at 100 (printed digits), inwards, constant in s."""
     rest = StaticMotion(LLH, np.zeros(3), 60.0)
     rate, offset = rate_deg * DEG, np.array([0.05, 0.0, 0.0])
     t = np.linspace(0.0, 30.0, 100)
@@ -88,7 +88,7 @@ def test_a_run_up_feels_the_tangential_acceleration():
 
 
 def test_at_rest_a_z_rotation_turns_earth_rate_and_keeps_gravity():
-    """omega_is_s of digest 3.8 about Z, in our axes; rounding."""
+    """omega_is_s about Z, in our axes; rounding."""
     rest = StaticMotion(LLH, np.zeros(3), 60.0)
     t = np.linspace(0.0, 36.0, 40)
     omega, f = inertial_quantities(RotatingMotion(rest, schemes.continuous("-z", W)).state(t))

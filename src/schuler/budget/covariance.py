@@ -44,7 +44,7 @@ class LinearCovariance:
     believed : ndarray, shape (r, 9, 9)
         The filter's own.
     names, groups : tuple of str
-        Of the sources.
+        Names of the sources, and the groups they are counted with.
     parts : ndarray, shape (sources, r, 9)
         1-sigma that each source contributes; squares add up to the diagonal of ``P``.
     imu, mission : str

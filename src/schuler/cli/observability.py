@@ -51,7 +51,7 @@ def observability(
         Print one JSON object instead of text.
     """
     began = time.perf_counter()
-    changes: dict[str, object] = {k: v for k, v in {"axes": axes, "fixed": fixed}.items() if v}
+    changes: dict[str, object] = {k: v for k, v in {"axes": axes, "known": fixed}.items() if v}
     formulas: tuple[str, ...] = ()
     if log is not None:
         if symbolic:

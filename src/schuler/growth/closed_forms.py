@@ -59,7 +59,7 @@ def white_sampled(t: ArrayLike, step: float, N: float) -> FloatArray:
     References
     ----------
     Flenniken (2005), eq. (3.27), whose sum is shifted by one and then holds for Euler's rule only with
-    ``- k^2 / 2 + k / 6`` (E3 of the digest).
+    ``- k^2 / 2 + k / 6``.
     """
     k = np.round(_positive(t) / step)
     return np.asarray(step**3 * N**2 * (k**3 / 3.0 - k / 12.0))
@@ -103,7 +103,7 @@ def lateral_white(t: ArrayLike, N_a: float, N_g: float) -> tuple[FloatArray, Flo
     References
     ----------
     Flenniken (2005), eq. (3.41), and (3.51) with 1/12 for the printed 1/8: increments of velocity become more uncertain
-    with time (E1 of the digest).
+    with time.
     """
     t = _positive(t)
     return np.asarray(0.5 * (N_a * N_g * t) ** 2), np.asarray((N_a * N_g * t**2) ** 2 / 12.0)

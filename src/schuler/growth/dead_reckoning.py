@@ -116,7 +116,7 @@ def spatial_reckoning(
         Zero leaves it out, of readings too. [m/s^2]
     attitude : {"strapdown", "thesis"}
         Rotations composed; or angles as plain sums of the body rates, which holds for small angles or turns about one
-        axis only (E21 of the digest).
+        axis only, eqs. (5.25)-(5.29).
     rpy : tuple of float
         Roll, pitch, yaw at the start. [rad]
 
@@ -193,7 +193,7 @@ def planar_bounds(
         [s]
     rate_hz, runs, seed
     start : {"stationary", "zero"}
-        Of the in-run biases; the source's numbers fit a zero start.
+        Of the in-run biases; the thesis's numbers fit a zero start.
     turn_rate, acceleration : float
         True motion: errors are against the reckoning of true readings. [rad/s], [m/s^2]
 
@@ -225,7 +225,7 @@ def spatial_bounds(
     gravity: float = G0,
     attitude: Attitude = "strapdown",
 ) -> Bounds:
-    """Monte Carlo of six sensors at rest, with gravity or without (figures 5.2-5.7 of the source).
+    """Monte Carlo of six sensors at rest, with gravity or without (Flenniken 2005, figures 5.2-5.7).
 
     Parameters as of :func:`planar_bounds` and :func:`spatial_reckoning`.
     """
@@ -284,7 +284,7 @@ def upright_reckoning(
 
     References
     ----------
-    Flenniken (2005), eqs. (3.53)-(3.55); the digest's remark on the gravity channel.
+    Flenniken (2005), eqs. (3.53)-(3.55), where gravity enters the upward channel.
     """
     end = step * np.cumsum(rate, axis=0)
     begin = end - step * rate

@@ -47,7 +47,7 @@ def integral_variance(order: int, t: ArrayLike, sigma: float, tau: float, start:
 
     References
     ----------
-    Not in Flenniken (2005), which leaves these integrals as future work; derived for its digest, section 4.5.
+    Not in Flenniken (2005), which leaves these integrals as future work; derivation in docs/theory/growth.md.
     """
     if order not in (0, 1, 2, 3):
         raise InputError(f"order: expected 0, 1, 2 or 3 integrals, got {order!r}")

@@ -124,7 +124,7 @@ def growth(spec: ImuSpec, t: ArrayLike, *, gravity: float = G0, start: Start = "
 
     References
     ----------
-    Flenniken (2005), chapter 3, completed and corrected as in its digest's section 4.5.
+    Flenniken (2005), chapter 3, completed and corrected as docs/error-growth.md says.
     """
     times = np.asarray(t, dtype=np.float64)
     if times.ndim != 1 or not len(times):

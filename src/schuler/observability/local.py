@@ -33,7 +33,7 @@ def local_matrix(F: ArrayLike, H: ArrayLike, order: int | None = None) -> FloatA
 
     Notes
     -----
-    The observability of the state at the instant is that of the stack, ``N.reshape(-1, n)``. The source writes the
+    The observability of the state at the instant is that of the stack, ``N.reshape(-1, n)``. Du writes the
     blocks beside each other; they stand below each other.
 
     References

@@ -116,8 +116,8 @@ class ObservabilityScenario(Config):
         As of a filter: 15, 21, ..., or names of blocks.
     models : dict
         Models of blocks that the IMU says nothing about, such as ``lever``.
-    fixed : tuple of str
-        States left out, as if they were given: ``dr``. The entry of the file is ``known``.
+    known : tuple of str
+        States left out, as if they were known: ``dr``.
     axes : {"ned", "enu"}
         ``enu``: Du's axes, names and signs.
     """
@@ -134,7 +134,7 @@ class ObservabilityScenario(Config):
     states: Literal[9, 15, 21, 27, 33, 39, 42] | tuple[str, ...] = 15
     models: dict[str, StateSection] = Field(default_factory=dict)
     prior: PriorSection = PriorSection()
-    fixed: tuple[str, ...] = Field((), alias="known")
+    known: tuple[str, ...] = ()
     axes: Literal["ned", "enu"] = "ned"
     every_s: Positive = Field(1.0, description="spacing of the heat map")
 
@@ -215,7 +215,7 @@ def scenario_system(scenario: ObservabilityScenario | dict[str, Any] | Path | st
     breaks = () if schedule is None else schedule.breakpoints(0.0, vehicle.duration)
     return motion_system(
         imu, measurements(scenario, vehicle, imu, schedule), scenario.layout(), start_sigma=sigma,
-        without=scenario.fixed, gyro_psd=spec.gyro.random_walk**2, accel_psd=spec.accel.random_walk**2,
+        without=scenario.known, gyro_psd=spec.gyro.random_walk**2, accel_psd=spec.accel.random_walk**2,
         earth_rotation=scenario.motion.earth_rotation, imu_rate_hz=max(20.0, 40.0 * fastest),
         step=min(0.2, 0.1 / max(fastest, 0.1)), breaks=breaks, name=scenario.name,
     )  # fmt: skip

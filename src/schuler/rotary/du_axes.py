@@ -76,7 +76,7 @@ def rpy_from_du(azimuth: ArrayLike, roll: ArrayLike, pitch: ArrayLike, *, printe
     azimuth, roll, pitch : array_like, shape (...)
     printed : bool
         With True the signs of the thesis as printed, where pitch is nose down and roll right wing up and the pitch is
-        turned innermost; else the usual ones, which the digest recommends and which are ours.
+        turned innermost; else the usual ones, which are ours.
 
     Returns
     -------
@@ -98,7 +98,7 @@ def rpy_from_du(azimuth: ArrayLike, roll: ArrayLike, pitch: ArrayLike, *, printe
 
 
 def enu_errors(C_nb_estimated: ArrayLike, C_nb_true: ArrayLike) -> FloatArray:
-    """Attitude error about east, north, up: the antisymmetric part of ``C_hat C^T``, as digests of Du's runs use it.
+    """Attitude error about east, north, up: the antisymmetric part of ``C_hat C^T``.
 
     Parameters
     ----------

@@ -118,7 +118,7 @@ def static_run(
     schedule, errors, rate_hz, rng
         See :func:`free_run`.
     duration : float
-        The thesis does not state it; the digest's anchors take 300 s. [s]
+        The thesis does not state it; its results fit 300 s. [s]
     lat : float
         Likewise 45 degrees. [rad]
     rpy_nb : array_like, shape (3,)

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.reproduce import Cell, Effort, Item, Outcome, Result, against, digits, said, shown
+from schuler.reproduce import Cell, Effort, Item, Outcome, Result, against, claimed, digits, shown
 from schuler.reproduce import run as runner
 from schuler.reproduce.book import write_book
 
@@ -23,27 +23,27 @@ def test_printed_digits_are_half_a_unit_of_the_last():
 def test_bands_of_numbers_and_claims():
     assert against("x", -10.0, -10.9, relative=0.1).agrees
     assert not against("x", -10.0, -11.1, relative=0.1).agrees
-    assert said("x", "grows faster", 2.0, low=1.0).agrees
-    assert not said("x", "grows faster", 0.5, low=1.0).agrees
+    assert claimed("x", "grows faster", 2.0, low=1.0).agrees
+    assert not claimed("x", "grows faster", 0.5, low=1.0).agrees
     assert shown("x", 1.0).agrees is None
 
 
 def test_numbers_are_shown_with_the_digits_that_tell_them_apart():
     cell = digits("x", "9.77891", 9.77897)
     assert len({cell.shown(), *cell.band().split(" to ")}) == 3
-    assert said("x", "small", 2.0, high=1.3).band() == "at most 1.3"
-    assert said("x", "large", 2.0, low=2.5).band() == "at least 2.5"
+    assert claimed("x", "small", 2.0, high=1.3).band() == "at most 1.3"
+    assert claimed("x", "large", 2.0, low=2.5).band() == "at least 2.5"
     assert shown("x", 2.0).band() == ""
-    assert said("x", "equal", 1.0, low=1.0, high=1.0).shown() == "1"
+    assert claimed("x", "equal", 1.0, low=1.0, high=1.0).shown() == "1"
 
 
 def test_a_number_that_is_none_agrees_with_nothing():
-    assert not said("x", "small", math.nan, high=1.0).agrees
+    assert not claimed("x", "small", math.nan, high=1.0).agrees
     assert not against("x", 1.0, math.nan, relative=1.0).agrees
 
 
 @pytest.mark.parametrize("make", [
-    lambda: said("x", "anything", 1.0),  # a band without ends cannot fail
+    lambda: claimed("x", "anything", 1.0),  # a band without ends cannot fail
     lambda: against("x", 1.0, 1.0),
     lambda: Cell("x", 1.0, low=0.0, high=1.0),
     lambda: Cell("x", 1.0, reference="thesis"),

@@ -5,11 +5,21 @@ One module a thesis, each a tuple ``ITEMS``; all computing is in the library bel
 
 from __future__ import annotations
 
-from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown
 from schuler.reproduce.items import Effort, Item, Outcome, Result
 from schuler.reproduce.run import THESES, Reproduction, reproduce
 
 __all__ = [
-    "THESES", "Cell", "Effort", "Item", "Outcome", "Reproduction", "Result", "against", "digits", "reproduce", "said",
+    "THESES",
+    "Cell",
+    "Effort",
+    "Item",
+    "Outcome",
+    "Reproduction",
+    "Result",
+    "against",
+    "claimed",
+    "digits",
+    "reproduce",
     "shown",
-]  # fmt: skip
+]

@@ -155,7 +155,7 @@ def digits(name: str, printed: str, ours: float, *, unit: str = "", reference: R
     return Cell(name, float(ours), unit, printed, value - half, value + half, "printed digits", reference)
 
 
-def said(
+def claimed(
     name: str,
     claim: str,
     ours: float,

@@ -59,8 +59,8 @@ class Reproduction:
             compared = [c for c in r.outcome.cells if c.compared]
             met = f"{sum(bool(c.agrees) for c in compared)}/{len(compared)}" if compared else ""
             lines.append(f"{r.item.id:<14} {r.item.kind:<11} {r.verdict:<9} {met:>7}  {r.item.title}")
-            told = [*(text for text in map(_differing, compared) if text), r.outcome.reason]
-            for text in filter(None, told):
+            reasons = [*(text for text in map(_differing, compared) if text), r.outcome.reason]
+            for text in filter(None, reasons):
                 lines += wrap(text, 120, initial_indent=" " * 16, subsequent_indent=" " * 18)
         counts = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items() if n)
         return "\n".join([*lines, f"{len(self.results)} items: {counts}"])
@@ -92,8 +92,8 @@ def items_of(thesis: str) -> tuple[Item, ...]:
     """
     if thesis not in THESES:
         raise InputError(f"reproduce: expected one of {', '.join(THESES)}, got {thesis!r}")
-    found: tuple[Item, ...] = import_module(f"schuler.reproduce.{thesis}").ITEMS
-    return found
+    items: tuple[Item, ...] = import_module(f"schuler.reproduce.{thesis}").ITEMS
+    return items
 
 
 def reproduce(
@@ -128,13 +128,13 @@ def reproduce(
     InputError
         If there is no such thesis or item.
     """
-    known = items_of(thesis)
-    by_id = {name: item for item in known for name in (item.id, *item.also)}
+    available = items_of(thesis)
+    by_id = {name: item for item in available for name in (item.id, *item.also)}
     for name in items:
         if name not in by_id:
-            raise InputError(f"reproduce {thesis}: no item {name!r}; there are {', '.join(i.id for i in known)}")
-    wanted = {by_id[name].id for name in items} or {item.id for item in known}
-    chosen = [item for item in known if item.id in wanted]
+            raise InputError(f"reproduce {thesis}: no item {name!r}; there are {', '.join(i.id for i in available)}")
+    selected = {by_id[name].id for name in items} or {item.id for item in available}
+    chosen = [item for item in available if item.id in selected]
     effort = Effort(quick, seed)
     results: list[Result] = []
     try:

@@ -35,7 +35,7 @@ def reduced(request):
 
 def test_means_are_the_digests(reduced):
     """Within 10 % of the digest's means widened by three standard errors of ours and theirs (200 runs); statistical."""
-    table = reduced.beside_the_digest()
+    table = reduced.beside_the_check()
     assert len(table) == 7
     for strategy, rate, _, _, _, _, _, _, _, _ in table.rows:
         x = reduced.case(strategy, rate * DEG if rate else None)
@@ -51,7 +51,7 @@ def test_means_are_the_digests(reduced):
 def test_full_campaign_is_inside_the_digests_band(name):
     """600 runs: every mean within 10 %, and the recommended rates are the thesis's; statistical, fixed seed."""
     found = static_test(emulation(name, rate_hz=20.0), runs=600, seed=1)
-    table = found.beside_the_digest()
+    table = found.beside_the_check()
     for quantity in ("position", "velocity"):
         assert all(table.column(f"{quantity}_in_band")), table.summary()
     assert found.recommended_rate().rate / DEG == pytest.approx(thesis.RECOMMENDED_DEG_S[name])

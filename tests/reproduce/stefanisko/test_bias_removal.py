@@ -10,7 +10,7 @@ import pytest
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.reproduce.stefanisko.study.bias_removal import (
-    DIGEST,
+    CHECK,
     STRATEGIES,
     bias_study,
     corrected_log,
@@ -78,7 +78,7 @@ def test_the_moving_mean_destroys_motion():
 def test_the_simulation_of_the_digest(study):
     """Its 400 runs, printed to two digits; ours with 150: 30 % is five standard errors."""
     for name in STRATEGIES:
-        np.testing.assert_allclose(study.rms(name), DIGEST[name], rtol=0.30)
+        np.testing.assert_allclose(study.rms(name), CHECK[name], rtol=0.30)
 
 
 def test_closed_forms_of_the_vertical(study):

@@ -56,13 +56,13 @@ def estimated(recording, config):
 
 def test_the_rest_tells_gyro_biases_and_the_reading_along_gravity(found, recording, config):
     """One pose: the combination that gravity fixes is known to a thousandth, everything else as before."""
-    c = found.found.calibration
+    c = found.fit.calibration
     assert c.status == "refused"  # not a calibration to keep; good for this drive
     share = c.observability
     assert all(share[f"b_g_{i}"] < 0.12 for i in "xyz")
     assert all(share[name] > 0.85 for name in ("b_a_x", "b_a_y", "M_a_xx", "M_a_yy", "M_g_xx", "M_g_yy", "M_g_zz"))
     imu = recording.imu
-    end = float(found.found.rests.stop[0])
+    end = float(found.fit.rests.stop[0])
     assert 30.0 < end - imu.t[0] < 34.0  # the car creeps from 33.8 s on
     still = imu.between(float(imu.t[0]), end).rates()
     C = rotation.dcm_from_rpy(np.array(config.imu.mount_rpy_deg) * units.DEG)
@@ -80,7 +80,7 @@ def test_the_rest_tells_gyro_biases_and_the_reading_along_gravity(found, recordi
 
 def test_filter_is_told_what_the_calibration_is_uncertain_by(found):
     """Less than before; not much less, since one pose leaves tilt and scale factors unknown."""
-    raw, calibrated = found.told
+    raw, calibrated = found.stated_errors
     assert np.all(calibrated < raw)
     assert 15.0 * units.MG < calibrated[0] < raw[0] < 25.0 * units.MG
     assert raw[1] == pytest.approx(0.11 * units.DEG, rel=0.1)

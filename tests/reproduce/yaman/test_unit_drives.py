@@ -31,9 +31,9 @@ from schuler.reproduce.yaman.study.unit import (
     reading_sigma,
     remaining,
     routine_scene,
-    told_spec,
+    stated_spec,
 )
-from schuler.reproduce.yaman.study.unit_drives import FieldDrives, field_drives, told_config
+from schuler.reproduce.yaman.study.unit_drives import FieldDrives, config_with_errors_as_noise, field_drives
 from schuler.sensors.noise import NoiseModel
 from schuler.units import DEG, MG
 
@@ -166,10 +166,12 @@ def test_reading_errors_in_closed_form():
 
 def test_errors_without_states_are_told_as_noise():
     """N^2 of the sheet and b^2 T, T = 0.2 s between two fixes; printed digits of the sheet."""
-    spec = imu_spec(told_config(mode_config("Partial", True, True, (300.0, 401.0)), 3.0 * MG, 0.002 * DEG))
+    spec = imu_spec(
+        config_with_errors_as_noise(mode_config("Partial", True, True, (300.0, 401.0)), 3.0 * MG, 0.002 * DEG)
+    )
     assert spec.accel.random_walk == pytest.approx(np.hypot(0.4 * MG, 3.0 * MG * np.sqrt(0.2)))
     assert spec.gyro.random_walk == pytest.approx(np.hypot(0.005 * DEG, 0.002 * DEG * np.sqrt(0.2)))
-    assert told_spec().gyro.turn_on_bias == pytest.approx(0.1 * DEG)
+    assert stated_spec().gyro.turn_on_bias == pytest.approx(0.1 * DEG)
 
 
 # -------------------------------------------------------------------------------------------- the modes

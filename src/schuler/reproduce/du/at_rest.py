@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, shown
 from schuler.reproduce.du.bands import ERRORS, below, emulated, few_rms, interruptible, period
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG
@@ -43,10 +43,10 @@ def campaign_at_rest(imu: str, effort: Effort) -> StaticTest:
     # white noise does not care for the sampling
     unit = emulation(imu, rate_hz=10.0 if effort.quick else None)
     with interruptible():
-        found = static_test(unit, runs=effort.runs(30, 200), seed=effort.seed, workers=1 if effort.quick else None)
-    if not found.complete:
+        test = static_test(unit, runs=effort.runs(30, 200), seed=effort.seed, workers=1 if effort.quick else None)
+    if not test.complete:
         raise KeyboardInterrupt
-    return found
+    return test
 
 
 def _of(test: StaticTest, values: FloatArray, k: int) -> FloatArray:
@@ -176,7 +176,7 @@ def _sweep_one(imu: str, effort: Effort) -> Outcome:
     azimuth = np.array([_of(test, values, 6).mean() for values in test.rotary["I"]])
     line = np.polyval(np.polyfit(x, azimuth, 1), x)
     straight = 1.0 - float(np.sum((azimuth - line) ** 2) / np.sum((azimuth - azimuth.mean()) ** 2))
-    cells.append(said("azimuth against the rate: R squared of a line", "almost linear", straight, low=0.95))
+    cells.append(claimed("azimuth against the rate: R squared of a line", "almost linear", straight, low=0.95))
     return Outcome(
         tuple(cells),
         _EMULATED + "Cross-couplings were fitted by the digest to the difference of strategies I and II, so the means "
@@ -191,10 +191,10 @@ def _reduced(test: StaticTest, strategy: str, which: tuple[int, ...]) -> list[Ce
 
     cells = []
     for k in which:
-        found = test.improvement(strategy, quantity=QUANTITIES[k])
-        error = (1.0 / found.low - 1.0 / found.high) / 3.92
+        gain = test.improvement(strategy, quantity=QUANTITIES[k])
+        error = (1.0 / gain.low - 1.0 / gain.high) / 3.92
         cells.append(
-            said(f"{_LABELS[k]}, rotating over conventional", "reduced", 1.0 / found.ratio, high=1.0 + ERRORS * error,
+            claimed(f"{_LABELS[k]}, rotating over conventional", "reduced", 1.0 / gain.ratio, high=1.0 + ERRORS * error,
                  tolerance="statistical")
         )  # fmt: skip
     return cells
@@ -241,10 +241,10 @@ def _by_rate(test: StaticTest, imu: str) -> list[Cell]:
     slow, fast = (_of(test, test.case("II", rate * DEG), 0) for rate in (10.0, 100.0))
     ratio = slow / fast
     error = ERRORS * float(np.std(ratio, ddof=1)) / float(np.sqrt(len(ratio)))
-    found, name = float(slow.mean() / fast.mean()), "horizontal position, 10 over 100 deg/s"
+    slow_over_fast, name = float(slow.mean() / fast.mean()), "horizontal position, 10 over 100 deg/s"
     if imu == "NAV440":
-        return [said(name, "higher rates make errors smaller", found, low=1.0, tolerance="band")]
-    return [said(name, "not strongly related to the rate", found, low=0.9 - error, high=1.1 + error,
+        return [claimed(name, "higher rates make errors smaller", slow_over_fast, low=1.0, tolerance="band")]
+    return [claimed(name, "not strongly related to the rate", slow_over_fast, low=0.9 - error, high=1.1 + error,
                  tolerance="statistical")]  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
 from schuler.exceptions import InputError
-from schuler.reproduce.cells import Cell, Reference, against, said
+from schuler.reproduce.cells import Cell, Reference, against, claimed
 
 #: Standard errors of a statistical band: among 300 cells one is outside by chance.
 ERRORS = 3.0
@@ -114,7 +114,7 @@ def below(name: str, claim: str, values: ArrayLike, high: float = 1.0) -> Cell:
     """
     x = np.atleast_1d(np.asarray(values, dtype=np.float64))
     error = ERRORS * float(np.std(x, ddof=1)) / float(np.sqrt(len(x))) if len(x) > 1 else 0.0
-    return said(name, claim, float(np.mean(x)), high=high + error, tolerance="statistical" if error else "band")
+    return claimed(name, claim, float(np.mean(x)), high=high + error, tolerance="statistical" if error else "band")
 
 
 def period(name: str, expected: float, t: ArrayLike, x: ArrayLike) -> Cell:

@@ -88,16 +88,16 @@ def _achieved(effort: Effort) -> Outcome:
 
     cells: list[Cell] = []
     for imu in IMUS:
-        found = _trials(imu, effort)
-        rate = abs(found.predicted.rate) / DEG
-        rms = {name: float(np.sqrt(np.mean(x**2))) for name, x in found.errors.items()}
+        trials = _trials(imu, effort)
+        rate = abs(trials.predicted.rate) / DEG
+        rms = {name: float(np.sqrt(np.mean(x**2))) for name, x in trials.errors.items()}
         # of three gyroscopes in every trial
-        half = ERRORS / float(np.sqrt(2.0 * found.errors["bias"].size))
+        half = ERRORS / float(np.sqrt(2.0 * trials.errors["bias"].size))
         printed = CALIBRATION_PPM[imu][RATES_DEG_S.index(round(rate, 6))]
         title = f"{imu}, {rate:g} deg/s"
         worst = max(
             float(np.abs(np.mean(x, axis=0)).max()) / (float(np.std(x)) / float(np.sqrt(len(x))))
-            for x in found.errors.values()
+            for x in trials.errors.values()
         )
         cells += [
             against(f"{title}: bias", BIAS_DEG_HR[imu], rms["bias"] / DEG_PER_HR, relative=half, unit="deg/h"),
@@ -109,7 +109,7 @@ def _achieved(effort: Effort) -> Outcome:
             against(f"{title}: largest mean error, in its 1-sigma", 0.0, worst, absolute=_largest_of(9),
                     source="estimates are unbiased"),
         ]  # fmt: skip
-        cells.append(shown(f"{title}: trials", float(len(found.errors["bias"]))))
+        cells.append(shown(f"{title}: trials", float(len(trials.errors["bias"]))))
     return Outcome(
         tuple(cells),
         "(3.49) leaves out the noise of the bias that is subtracted before the responses are found: with a minute of "

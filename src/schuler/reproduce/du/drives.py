@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown
 from schuler.reproduce.du.bands import ERRORS, few_rms, interruptible, period
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG
@@ -62,17 +62,17 @@ def _table(imu: str, effort: Effort) -> Outcome:
                 source=f"2.94; its six runs give {printed}" if wrong else printed,
                 reference="corrected" if wrong else "thesis"),
         ]  # fmt: skip
-    found = test.improvement()
-    error = ERRORS * (found.high - found.low) / 3.92
+    improvement = test.improvement()
+    error = ERRORS * (improvement.high - improvement.low) / 3.92
     low, high = CLAIMED[imu]
     cells.append(
-        said("horizontal position, conventional over rotating", f"{low:g} to {high:g} times", found.ratio,
+        claimed("horizontal position, conventional over rotating", f"{low:g} to {high:g} times", improvement.ratio,
              low=low - error, high=high + error, tolerance="statistical")
     )  # fmt: skip
     azimuth = test.improvement("azimuth")
     error = ERRORS * (azimuth.high - azimuth.low) / 3.92
     cells.append(
-        said("azimuth, conventional over rotating", "not improved", azimuth.ratio, high=1.0 + error,
+        claimed("azimuth, conventional over rotating", "not improved", azimuth.ratio, high=1.0 + error,
              tolerance="statistical")
     )  # fmt: skip
     return Outcome(tuple(cells), _EMULATED + _WHY[imu], (lambda: _figure(imu, effort),))
@@ -136,18 +136,23 @@ def _one_drive(effort: Effort) -> Outcome:
     cells = [period(f"velocity {name}: period", turn, first.t, first.velocity[:, k])
              for k, name in enumerate(("east", "north"))]  # fmt: skip
     for name in ("roll", "pitch"):
-        found = test.improvement(name)
-        error = ERRORS * (1.0 / found.low - 1.0 / found.high) / 3.92
+        improvement = test.improvement(name)
+        error = ERRORS * (1.0 / improvement.low - 1.0 / improvement.high) / 3.92
         cells.append(
-            said(f"{name}, rotating over conventional", "effectively reduced", 1.0 / found.ratio, high=1.0 + error,
-                 tolerance="statistical")
-        )  # fmt: skip
+            claimed(
+                f"{name}, rotating over conventional",
+                "effectively reduced",
+                1.0 / improvement.ratio,
+                high=1.0 + error,
+                tolerance="statistical",
+            )
+        )
     cells += [
         few_rms("conventional: horizontal velocity error after 200 s", 10.0, late, unit="m/s",
                 source="over 10 m (meant are m/s)"),
         few_rms("conventional: largest roll or pitch error", 1.0, largest, unit="deg", digit=0.1,
             source="almost reaches 1 deg"),
-        said("position error at the end, rotating over conventional, median", "keeps the shape of the track",
+        claimed("position error at the end, rotating over conventional, median", "keeps the shape of the track",
              float(np.median(ratio)), high=0.5),
         shown("rotating: mean of roll RMS", float(test.rotary[:, index("roll")].mean() / DEG), unit="deg",
               printed="0.15"),

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.reproduce.cells import against, digits, said, shown
+from schuler.reproduce.cells import against, claimed, digits, shown
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, DEG_PER_HR, MIN
 
@@ -34,19 +34,19 @@ def _modulation(effort: Effort) -> Outcome:
         )
         for share in (0.0, 0.5, 1.0, -1.0)
     }
-    found = {name: modulation(motion, swap_vector(bias), t) for name, motion in motions.items()}
-    rest, _, back, _ = found.values()
+    modulations = {name: modulation(motion, swap_vector(bias), t) for name, motion in motions.items()}
+    rest, _, back, _ = modulations.values()
     c, s = np.cos(_RATE * t), np.sin(_RATE * t)
     expected = np.stack((bias[0] * c - bias[1] * s, bias[0] * s + bias[1] * c, np.full_like(t, bias[2])), axis=1)
     size = float(np.linalg.norm(bias[:2]))
     left = np.abs(rest.mean_n[-1, :2]).max() / size
     kept = np.linalg.norm(back.mean_n[-1, :2]) / size
     cells = [
-        said(
+        claimed(
             "largest departure from (2.6) to (2.9)", "bias in the n-frame", high=_ROUNDING, tolerance="rounding",
             ours=float(np.abs(swap_vector(rest.bias_n) - expected).max() / size),
         ),
-        said("horizontal mean of two revolutions", "zero", left, high=_ROUNDING, tolerance="rounding"),
+        claimed("horizontal mean of two revolutions", "zero", left, high=_ROUNDING, tolerance="rounding"),
         against("mean along the axis", 1.0, abs(rest.mean_n[-1, 2]) / bias[2], absolute=_ROUNDING, tolerance="rounding",
                 source="not modulated"),
         against("mean with the vehicle turning back as fast", 1.0, float(kept), absolute=_ROUNDING,
@@ -54,7 +54,7 @@ def _modulation(effort: Effort) -> Outcome:
     ]  # fmt: skip
     for name, motion in motions.items():
         cells.append(shown(f"{name}: effective rate", float(effective_rate(motion, t).mean() / DEG), unit="deg/s"))
-    return Outcome(tuple(cells), figures=(lambda: modulated_biases(found),))
+    return Outcome(tuple(cells), figures=(lambda: modulated_biases(modulations),))
 
 
 def _error_model(effort: Effort) -> Outcome:
@@ -125,7 +125,7 @@ def _platform(effort: Effort) -> Outcome:
     inside = (t > 1.0) & (t < 35.0)
     off = np.abs(late.angles(t[inside])[:, 0] - platform.angles(t[inside])[:, 0]).mean()
     cells = (
-        said("level, about Z: error of the force by one degree of angle error, over g", "no velocity error",
+        claimed("level, about Z: error of the force by one degree of angle error, over g", "no velocity error",
              float(np.abs(level).max() / g), high=1e-12, tolerance="rounding"),
         against("pitch 30 deg: the same", np.sin(30.0 * DEG) * one,
                 float(np.linalg.norm(tilted[:, :2], axis=1).max() / g), relative=1e-9,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown
 from schuler.reproduce.du.bands import ERRORS, few_rms, period
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, DEG_PER_HR, MIN
@@ -70,8 +70,8 @@ def _sigma_figure(effort: Effort) -> Figure:
 
 
 def _sigmas(effort: Effort) -> Outcome:
-    found = campaign_with_gnss("MTi-G", False, effort)
-    still, turning = found.conventional, found.rotary
+    comparison = campaign_with_gnss("MTi-G", False, effort)
+    still, turning = comparison.conventional, comparison.rotary
     t = still.records.t
 
     def at(runs: DriveRuns, block: str, seconds: float) -> np.ndarray:
@@ -83,29 +83,49 @@ def _sigmas(effort: Effort) -> Outcome:
         shrunk = {b: at(runs, b, after) / at(runs, b, before) for b in ("dpsi", "b_a", "b_g")}
         heading = at(runs, "dpsi", before)[2] / at(runs, "dpsi", 1.0)[2]
         cells += [
-            said(f"{name}: tilts, after the first turn over at rest", "dramatically reduced",
+            claimed(f"{name}: tilts, after the first turn over at rest", "dramatically reduced",
                  float(shrunk["dpsi"][:2].max()), high=0.5),
-            said(f"{name}: b_x, b_y, likewise", "as the tilts", float(shrunk["b_a"][:2].max()), high=0.5),
-            said(f"{name}: azimuth, end of the rest over its start", "accumulates at rest", float(heading), low=1.0),
-            said(f"{name}: azimuth, after the first turn over at rest", "largely reduced", float(shrunk["dpsi"][2]),
+            claimed(f"{name}: b_x, b_y, likewise", "as the tilts", float(shrunk["b_a"][:2].max()), high=0.5),
+            claimed(f"{name}: azimuth, end of the rest over its start", "accumulates at rest", float(heading), low=1.0),
+            claimed(f"{name}: azimuth, after the first turn over at rest", "largely reduced", float(shrunk["dpsi"][2]),
                  high=0.5),
-            said(f"{name}: d_z, likewise", "largely reduced", float(shrunk["b_g"][2]), high=0.5),
+            claimed(f"{name}: d_z, likewise", "largely reduced", float(shrunk["b_g"][2]), high=0.5),
         ]  # fmt: skip
     rest = [at(r, "b_g", before)[:2] / at(r, "b_g", 1.0)[:2] for r in (still, turning)]
     driving = t > after
     mean = [r.sigmas("b_g")[driving, :2].mean() for r in (still, turning)]
     cells += [
-        said("conventional: d_x, d_y, end of the rest over its start", "quickly dropped at rest", float(rest[0].max()),
-             high=0.5),
-        said("rotating: d_x, d_y, end of the rest over its start", "reduced only after it moves", float(rest[1].min()),
-             low=0.5),
-        said("d_x, d_y at the end of the rest, rotating over conventional", "rotating not observable",
-             float((at(turning, "b_g", before) / at(still, "b_g", before))[:2].min()), low=1.0),
-        said("rotating: d_x, d_y, after the first turn over at rest", "reduced after it moves",
-             float((at(turning, "b_g", after) / at(turning, "b_g", before))[:2].max()), high=0.5),
-        said("d_x, d_y over the rest of the drive, conventional over rotating", "conventional smaller",
-             float(mean[0] / mean[1]), high=1.0),
-    ]  # fmt: skip
+        claimed(
+            "conventional: d_x, d_y, end of the rest over its start",
+            "quickly dropped at rest",
+            float(rest[0].max()),
+            high=0.5,
+        ),
+        claimed(
+            "rotating: d_x, d_y, end of the rest over its start",
+            "reduced only after it moves",
+            float(rest[1].min()),
+            low=0.5,
+        ),
+        claimed(
+            "d_x, d_y at the end of the rest, rotating over conventional",
+            "rotating not observable",
+            float((at(turning, "b_g", before) / at(still, "b_g", before))[:2].min()),
+            low=1.0,
+        ),
+        claimed(
+            "rotating: d_x, d_y, after the first turn over at rest",
+            "reduced after it moves",
+            float((at(turning, "b_g", after) / at(turning, "b_g", before))[:2].max()),
+            high=0.5,
+        ),
+        claimed(
+            "d_x, d_y over the rest of the drive, conventional over rotating",
+            "conventional smaller",
+            float(mean[0] / mean[1]),
+            high=1.0,
+        ),
+    ]
     for name, runs in (("conventional", still), ("rotating", turning)):
         value = float(at(runs, "b_g", before)[:2].mean() / DEG_PER_HR)
         cells.append(shown(f"{name}: d_x, d_y at the end of the rest", value, unit="deg/h"))
@@ -128,20 +148,20 @@ def _attitude(imu: str, effort: Effort) -> Outcome:
     """Tables 6.1 and 6.3: attitude with GNSS throughout."""
     from schuler.reproduce.du.study.tables import CONTINUOUS
 
-    found = campaign_with_gnss(imu, False, effort)
+    comparison = campaign_with_gnss(imu, False, effort)
     cells: list[Cell] = []
     for way in _SIDES:
-        rms = getattr(found, way).rms()
+        rms = getattr(comparison, way).rms()
         for k, name in enumerate(("roll", "pitch", "azimuth")):
             cells.append(
                 few_rms(f"{way}: {name}", CONTINUOUS[imu, way].attitude_deg[k], rms[f"{name}_deg"], unit="deg",
                         digit=0.01)
             )  # fmt: skip
     for name in ("roll", "pitch", "azimuth"):
-        g = found.gain(f"{name}_deg")
+        g = comparison.gain(f"{name}_deg")
         error = ERRORS * (g.high - g.low) / 3.92
         cells.append(
-            said(f"{name}, conventional over rotary", "very similar", g.ratio, low=0.8 - error, high=1.25 + error,
+            claimed(f"{name}, conventional over rotary", "very similar", g.ratio, low=0.8 - error, high=1.25 + error,
                  tolerance="statistical")
         )  # fmt: skip
     return Outcome(
@@ -156,10 +176,10 @@ def _position(imu: str, effort: Effort) -> Outcome:
     """Tables 6.2 and 6.4: position and velocity with GNSS throughout."""
     from schuler.reproduce.du.study.tables import CONTINUOUS_CM
 
-    found = campaign_with_gnss(imu, False, effort)
+    comparison = campaign_with_gnss(imu, False, effort)
     names = ("latitude", "longitude", "height", "velocity east", "velocity north", "velocity up")
     cells: list[Cell] = []
-    rms = {way: [100.0 * x for x in getattr(found, way).component_rms().values()] for way in _SIDES}
+    rms = {way: [100.0 * x for x in getattr(comparison, way).component_rms().values()] for way in _SIDES}
     for way in _SIDES:
         for k, name in enumerate(names):
             cells.append(
@@ -184,13 +204,13 @@ def _outages(imu: str, effort: Effort) -> Outcome:
     from schuler.reproduce.du.study.floor import noise_floor
     from schuler.reproduce.du.study.tables import OUTAGES
 
-    found = campaign_with_gnss(imu, True, effort)
+    comparison = campaign_with_gnss(imu, True, effort)
     columns = (("horizontal position", "horizontal_m", "m", 0.1), ("horizontal velocity", "horizontal_m_s", "m/s", 0.1),
                ("roll", "roll_deg", "deg", 0.01), ("pitch", "pitch_deg", "deg", 0.01),
                ("azimuth", "azimuth_deg", "deg", 0.01))  # fmt: skip
     cells: list[Cell] = []
     for way in _SIDES:
-        row, rms = OUTAGES[imu, way], getattr(found, way).rms()
+        row, rms = OUTAGES[imu, way], getattr(comparison, way).rms()
         printed = (row.horizontal_m, row.horizontal_m_s, *row.attitude_deg)
         for (name, key, unit, digit), value in zip(columns, printed, strict=True):
             cells.append(few_rms(f"{way}: {name}", value, rms[key], unit=unit, digit=digit))
@@ -199,18 +219,18 @@ def _outages(imu: str, effort: Effort) -> Outcome:
         ("horizontal position", "horizontal_m", first.horizontal_m / second.horizontal_m),
         ("horizontal velocity", "horizontal_m_s", first.horizontal_m_s / second.horizontal_m_s),
     ):
-        ratio = found.conventional.rms()[key] / found.rotary.rms()[key]
+        ratio = comparison.conventional.rms()[key] / comparison.rotary.rms()[key]
         cells.append(few_rms(f"gain of a single pair of drives, {name}", theirs, ratio))
-        g = found.gain(key)
+        g = comparison.gain(key)
         cells.append(
-            said(f"gain of the means, {name}", "about 2 times and more, digest's check", g.ratio,
+            claimed(f"gain of the means, {name}", "about 2 times and more, digest's check", g.ratio,
                  low=2.0 - ERRORS * (g.high - g.low) / 3.92, tolerance="statistical", reference="corrected")
         )  # fmt: skip
-    floor = noise_floor(found.imu.spec.gyro.random_walk, 300.0).horizontal_position
-    age, conventional = found.conventional.curve("horizontal_m")
-    rotary = found.rotary.curve("horizontal_m")[1]
+    floor = noise_floor(comparison.imu.spec.gyro.random_walk, 300.0).horizontal_position
+    age, conventional = comparison.conventional.curve("horizontal_m")
+    rotary = comparison.rotary.curve("horizontal_m")[1]
     cells += [
-        said("position error at the end of an outage, rotary over conventional", "effectively dampened",
+        claimed("position error at the end of an outage, rotary over conventional", "effectively dampened",
              float(rotary[-1] / conventional[-1]), high=1.0),
         shown("floor of the gyroscopes' noise", floor, unit="m"),
         shown(f"position error after {age[-1]:.0f} s, conventional", float(conventional[-1]), unit="m"),
@@ -234,17 +254,17 @@ def _growth_figure(imu: str, effort: Effort) -> Figure:
 
 def _one_drive(effort: Effort) -> Outcome:
     """Figures 6.9 to 6.14: NAV440 in each outage."""
-    found = campaign_with_gnss("NAV440", True, effort)
-    runs, t = found.rotary, found.rotary.records.t
-    turn = 2.0 * np.pi / found.imu.rate
+    comparison = campaign_with_gnss("NAV440", True, effort)
+    runs, t = comparison.rotary, comparison.rotary.records.t
+    turn = 2.0 * np.pi / comparison.imu.rate
     cells: list[Cell] = []
     largest: dict[str, np.ndarray] = {}
     for number, (start, stop) in enumerate(runs.drive.outages, start=1):
         inside = (t > start) & (t < stop)
         late = (t > stop - 2.0 * turn) & (t < stop)
         for way in _SIDES:
-            error = np.abs(getattr(found, way).records.error[:, inside][:, :, :2]).max(axis=(1, 2)) / DEG
-            last = np.abs(getattr(found, way).records.error[:, late][:, :, :2]).max(axis=(1, 2)) / DEG
+            error = np.abs(getattr(comparison, way).records.error[:, inside][:, :, :2]).max(axis=(1, 2)) / DEG
+            last = np.abs(getattr(comparison, way).records.error[:, late][:, :, :2]).max(axis=(1, 2)) / DEG
             largest[way] = error
             printed, words = (0.4, "drift to about 0.4 deg") if way == "conventional" else (0.2, "less than 0.2 deg")
             if number == 1:
@@ -254,7 +274,7 @@ def _one_drive(effort: Effort) -> Outcome:
                 )  # fmt: skip
         ratio = largest["rotary"] / largest["conventional"]
         cells.append(
-            said(f"outage {number}: largest roll or pitch, rotary over conventional, median", "reduced",
+            claimed(f"outage {number}: largest roll or pitch, rotary over conventional, median", "reduced",
                  float(np.median(ratio)), high=1.0)
         )  # fmt: skip
         error = runs.records.error[0, inside]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from schuler.exceptions import MissingExtraError
-from schuler.reproduce.cells import Cell, digits, said, shown
+from schuler.reproduce.cells import Cell, claimed, digits, shown
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, DEG_PER_HR
 
@@ -48,8 +48,8 @@ def _table_5_1(effort: Effort) -> Outcome:
     from schuler.reproduce.du.study.observability_tables import table_5_1
 
     model = symbolic.rotary_model(None, biases="navigation")
-    found, table = symbolic.observable_combinations(model), table_5_1(model)
-    inside = [symbolic.same_span(model, found, [*found, c]) for c in table]
+    combinations, table = symbolic.observable_combinations(model), table_5_1(model)
+    inside = [symbolic.same_span(model, combinations, [*combinations, c]) for c in table]
     cells = (
         digits("combinations of the table that velocity determines", "9", float(sum(inside))),
         digits("all combinations that it determines", "9", float(symbolic.symbolic_rank(model))),
@@ -72,13 +72,13 @@ def _table_5_2(effort: Effort) -> Outcome:
     for axis in axes:
         title = f"about {axis.upper()}"
         model = symbolic.rotary_model(axis, biases="navigation")
-        found, table = symbolic.observable_combinations(model), table_5_2(model)
-        inside = [symbolic.same_span(model, found, [*found, c]) for c in table]
-        whole = symbolic.same_span(model, found, closed(model, table))
+        combinations, table = symbolic.observable_combinations(model), table_5_2(model)
+        inside = [symbolic.same_span(model, combinations, [*combinations, c]) for c in table]
+        spans_all = symbolic.same_span(model, combinations, closed(model, table))
         cells += [
             digits(f"{title}: combinations of the table that velocity determines", "8", float(sum(inside))),
-            said(f"{title}: with their derivatives they are all there is", "not in the thesis",
-                 float(whole), low=0.5, tolerance="rounding", reference="corrected"),
+            claimed(f"{title}: with their derivatives they are all there is", "not in the thesis",
+                 float(spans_all), low=0.5, tolerance="rounding", reference="corrected"),
         ]  # fmt: skip
     return Outcome(
         tuple(cells),
@@ -112,13 +112,13 @@ def _verdict(
 ) -> tuple[list[Cell], set[str]]:
     from schuler.observability import spectrum
 
-    found = spectrum(_system(axis, roll, pitch, step=_step(effort)))
-    names = {n for n, yes in zip(found.names, found.observable(), strict=True) if not yes}
+    singular = spectrum(_system(axis, roll, pitch, step=_step(effort)))
+    names = {n for n, yes in zip(singular.names, singular.observable(), strict=True) if not yes}
     title = f"about {axis}, roll {roll:g}, pitch {pitch:g} deg"
     return [
-        digits(f"{title}: combinations determined", str(rank), float(found.rank)),
+        digits(f"{title}: combinations determined", str(rank), float(singular.rank)),
         digits(f"{title}: states not determined by themselves", str(len(unseen)), float(len(names))),
-        said(f"{title}: of these, others than the thesis names", ", ".join(sorted(unseen)),
+        claimed(f"{title}: of these, others than the thesis names", ", ".join(sorted(unseen)),
              float(len(names - unseen)), high=0.5, tolerance="rounding"),
     ], names  # fmt: skip
 

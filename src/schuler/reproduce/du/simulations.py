@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, shown
 from schuler.reproduce.du.bands import period
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, DEG_PER_HR
@@ -56,7 +56,7 @@ def _growth(scheme: Scheme) -> Outcome:
         # the integral of the accelerometers' errors has gravity to 1e-9 of another formula
         scale = float(np.abs(seen).max()) if np.abs(seen).max() > 1e-12 else 1.0
         cells.append(
-            said(f"{source}: largest departure of the formulas from an integral", "formulas E, N, U",
+            claimed(f"{source}: largest departure of the formulas from an integral", "formulas E, N, U",
                  float(np.abs(seen - formula).max()) / scale, high=1e-6, tolerance="rounding")
         )  # fmt: skip
     if scheme == "Z":
@@ -93,15 +93,15 @@ def _eliminated(effort: Effort) -> Outcome:
     still = 0.5 * g * d * _TIME_S**2
     tilt, velocity = left(bias)
     cells = (
-        said("gyroscope bias across the axis, 30 deg/h: tilt after whole revolutions, over that of none",
+        claimed("gyroscope bias across the axis, 30 deg/h: tilt after whole revolutions, over that of none",
              "eliminated after a cycle", tilt / (d * 10.0 * _TURN_S), high=1e-9, tolerance="rounding"),
-        said("the same: velocity after 300 s, over that of none", "eliminated after a cycle", velocity / still,
+        claimed("the same: velocity after 300 s, over that of none", "eliminated after a cycle", velocity / still,
              high=1e-9, tolerance="rounding"),
         against("the same: velocity after 300 s", 2.45, velocity, absolute=0.005, unit="m/s",
                 tolerance="printed digits", reference="corrected", source="0; corrected g d / omega t"),
         against("installation error of 0.1 deg: velocity after 300 s", 5.13, left(coupling)[1], absolute=0.01,
                 unit="m/s", tolerance="printed digits", reference="corrected", source="oscillates; corrected g K t"),
-        said("rotation there and back: velocity by the bias", "not in the thesis", left(bias, reciprocating=True)[1],
+        claimed("rotation there and back: velocity by the bias", "not in the thesis", left(bias, reciprocating=True)[1],
              high=1e-9, unit="m/s", tolerance="rounding", reference="corrected"),
         against("rotation there and back: velocity by the installation error", 5.13,
                 left(coupling, reciprocating=True)[1], absolute=0.01, unit="m/s", tolerance="printed digits",
@@ -136,10 +136,10 @@ def _anchors(case: Case, axes: Sequence[str | None]) -> list[Cell]:
 
     k = float(np.sqrt(2.0 * earth.gravity_somigliana(_LAT) / _EARTH_RADIUS)) * _TIME_S
     vertical = {"velocity_u_m_s": np.sinh(k) / k, "up_m": 2.0 * (np.cosh(k) - 1.0) / k**2}
-    found = _chapter3(case)
+    simulation = _chapter3(case)
     cells = []
     for axis in axes:
-        ours = found.values(axis)  # type: ignore[arg-type]
+        ours = simulation.values(axis)  # type: ignore[arg-type]
         for name, printed in anchors(case, axis).items():  # type: ignore[arg-type]
             text, unit = _NAMES[name]
             text = f"{case}, {'conventional' if axis is None else f'about {axis}'}: {text}"
@@ -162,11 +162,11 @@ def _anchors(case: Case, axes: Sequence[str | None]) -> list[Cell]:
 
 def _ratio(name: str, claim: str, case: Case, axis: str, key: str, *, same: bool) -> Cell:
     """Size of an error about an axis of rotation over that of the conventional IMU."""
-    found = _chapter3(case)
-    ratio = abs(found.values(axis)[key] / found.values(None)[key])  # type: ignore[arg-type]
+    simulation = _chapter3(case)
+    ratio = abs(simulation.values(axis)[key] / simulation.values(None)[key])  # type: ignore[arg-type]
     if same:
-        return said(name, claim, ratio, low=1.0 - _SAME, high=1.0 + _SAME)
-    return said(name, claim, ratio, high=_HALF)
+        return claimed(name, claim, ratio, low=1.0 - _SAME, high=1.0 + _SAME)
+    return claimed(name, claim, ratio, high=_HALF)
 
 
 def _figures(case: Case, axes: Sequence[str | None], effort: Effort, *, reference: bool = False) -> Figure:
@@ -194,8 +194,8 @@ def _bias(axis: str, reduced: Sequence[str], kept: Sequence[str], effort: Effort
 def _scale(axis: str, angle: str, effort: Effort) -> Outcome:
     from schuler.units import PPM
 
-    found = _chapter3("scale factor")
-    ours = found.values(axis)  # type: ignore[arg-type]
+    simulation = _chapter3("scale factor")
+    ours = simulation.values(axis)  # type: ignore[arg-type]
     ramp = 3000.0 * PPM * _RATE * _TIME_S / DEG
     cells = [
         against(f"{_COMPONENTS[angle]} after 300 s", ramp, ours[angle], relative=0.03, unit="deg", tolerance="band",
@@ -204,12 +204,12 @@ def _scale(axis: str, angle: str, effort: Effort) -> Outcome:
     if axis == "Z":
         for name in ("attitude_e_deg", "attitude_n_deg", "horizontal_m"):
             other = {"attitude_e_deg": "X", "attitude_n_deg": "Y", "horizontal_m": "X"}[name]
-            ratio = abs(ours[name] / found.values(other)[name])  # type: ignore[arg-type]
-            cells.append(said(f"{_COMPONENTS[name]}: about Z over about {other}", "much smaller", ratio, high=0.1))
+            ratio = abs(ours[name] / simulation.values(other)[name])  # type: ignore[arg-type]
+            cells.append(claimed(f"{_COMPONENTS[name]}: about Z over about {other}", "much smaller", ratio, high=0.1))
     else:
         key = {"X": "velocity_n_m_s", "Y": "velocity_e_m_s"}[axis]
         ratio = abs(ours[key] / _chapter3("bias").values(None)[key.replace("_n_", "_e_")])
-        cells.append(said(f"velocity {key[9]}, over that of the biases without rotation", "large", ratio, low=1.0))
+        cells.append(claimed(f"velocity {key[9]}, over that of the biases without rotation", "large", ratio, low=1.0))
     cells += _anchors("scale factor", (None, axis))
     return Outcome(tuple(cells), _CURVES, (lambda: _figures("scale factor", (None, axis), effort, reference=True),))
 
@@ -221,7 +221,7 @@ def _installation(axis: str, swinging: Sequence[int], effort: Effort) -> Outcome
     quiet = next(k for k in range(3) if k not in swinging)
     ratio = np.abs(run.attitude).max(axis=0)
     cells.append(
-        said(f"{names[quiet]}: largest, over the others", "only the other two oscillate",
+        claimed(f"{names[quiet]}: largest, over the others", "only the other two oscillate",
              float(ratio[quiet] / ratio[list(swinging)].min()), high=0.1)
     )  # fmt: skip
     if axis == "Z":

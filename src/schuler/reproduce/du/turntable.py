@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, shown
 from schuler.reproduce.du.bands import few, few_rms
 from schuler.reproduce.items import Effort, Item, Outcome
 
@@ -39,10 +39,10 @@ def campaign_on_the_table(imu: str, test: Literal["Y", "Z"], effort: Effort) -> 
     from schuler.reproduce.du.study.zupt_runs import zupt_emulation
 
     rows = [(imu, test, tilt) for tilt in (None, 0.0, 30.0)]
-    found = zupt_emulation(rows, runs=effort.runs(32, 96), seed=effort.seed)
-    if not found.complete:
+    emulation = zupt_emulation(rows, runs=effort.runs(32, 96), seed=effort.seed)
+    if not emulation.complete:
         raise KeyboardInterrupt
-    return found
+    return emulation
 
 
 def _figure(imu: str, test: Literal["Y", "Z"], effort: Effort) -> Figure:
@@ -52,10 +52,10 @@ def _figure(imu: str, test: Literal["Y", "Z"], effort: Effort) -> Figure:
 
 
 def _table(imu: str, test: Literal["Y", "Z"], quantity: Quantity, effort: Effort) -> Outcome:
-    found = campaign_on_the_table(imu, test, effort)
+    emulation = campaign_on_the_table(imu, test, effort)
     cells: list[Cell] = []
     unit, digit = _UNIT[quantity], _DIGIT[quantity]
-    for run in found.runs:
+    for run in emulation.runs:
         assert run.measured is not None
         values = run.by_run()[_PLACE[quantity]]
         tilt = None if run.case.axis is None else run.case.tilt_deg
@@ -70,7 +70,7 @@ def _table(imu: str, test: Literal["Y", "Z"], quantity: Quantity, effort: Effort
                 cells.append(few_rms(title, printed, x, unit=unit, digit=digit))
             else:
                 cells.append(few(title, printed, x, unit=unit, digit=digit))
-    still, level, tilted = (run.by_run() for run in found.runs)
+    still, level, tilted = (run.by_run() for run in emulation.runs)
     cells += _claims(test, quantity, still, level, tilted)
     return Outcome(tuple(cells), _EMULATED + _why(imu, test, quantity), (lambda: _figure(imu, test, effort),))
 
@@ -86,30 +86,33 @@ def _claims(
         ratio = float(max(np.std(c[:, k]) / np.std(b[:, k]) for k in unseen))
         which = "b_y" if test == "Y" else "b_x, b_y"
         return [
-            said(f"scatter of {which}, tilted over level", "converges only with a tilt", ratio, high=0.2),
-            said("scatter of b_x, b_y, tilted over conventional", "not observable without rotation",
+            claimed(f"scatter of {which}, tilted over level", "converges only with a tilt", ratio, high=0.2),
+            claimed("scatter of b_x, b_y, tilted over conventional", "not observable without rotation",
                  float((np.std(c, axis=0) / np.std(a, axis=0))[:2].max()), high=0.2),
         ]  # fmt: skip
     if quantity == "attitude":
         mean = [x.mean(axis=0) for x in (a, b, c)]
-        found = [
-            said("roll and pitch, tilted over conventional", "significantly reduced",
+        cells = [
+            claimed("roll and pitch, tilted over conventional", "significantly reduced",
                  float((mean[2] / mean[0])[:2].max()), high=0.5),
-            said("azimuth, tilted over conventional", "accumulation mitigated", float(mean[2][2] / mean[0][2]),
+            claimed("azimuth, tilted over conventional", "accumulation mitigated", float(mean[2][2] / mean[0][2]),
                  high=0.5),
         ]  # fmt: skip
         if test == "Z":
-            found.append(said("azimuth, level over tilted", "grows rapidly when level", float(mean[1][2] / mean[2][2]),
-                              low=2.0))  # fmt: skip
+            cells.append(
+                claimed(
+                    "azimuth, level over tilted", "grows rapidly when level", float(mean[1][2] / mean[2][2]), low=2.0
+                )
+            )
         else:
-            found.append(said("pitch, level over tilted", "pitch degraded at pitch zero",
+            cells.append(claimed("pitch, level over tilted", "pitch degraded at pitch zero",
                               float(mean[1][1] / mean[2][1]), low=1.0))  # fmt: skip
-        return found
+        return cells
     worse = float((np.std(b, axis=0) / np.std(c, axis=0))[:2].min())
     name = "scatter of d_x, d_y, level over tilted"
     if test == "Z":
-        return [said(name, "do not converge when level", worse, low=5.0)]
-    return [said(name, "no strong effect of rotation", float((np.std(b, axis=0) / np.std(c, axis=0))[:2].max()),
+        return [claimed(name, "do not converge when level", worse, low=5.0)]
+    return [claimed(name, "no strong effect of rotation", float((np.std(b, axis=0) / np.std(c, axis=0))[:2].max()),
                  low=1.0 / 3.0, high=3.0)]  # fmt: skip
 
 
@@ -149,7 +152,7 @@ def _covariances(effort: Effort) -> Outcome:
             continue
         half = 5e-4 if name.startswith("b_") else 0.0
         if printed < 0.0:
-            cells.append(said(title, f"digest: below {-printed:g}", ours, high=half - printed, unit=unit,
+            cells.append(claimed(title, f"digest: below {-printed:g}", ours, high=half - printed, unit=unit,
                               tolerance="printed digits", reference="corrected"))  # fmt: skip
         else:
             cells.append(against(title, printed, ours, absolute=max(half, 0.2 * printed), unit=unit, tolerance="band",

@@ -10,7 +10,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.characterisation import autocorrelation
-from schuler.reproduce.cells import against, digits, said, shown
+from schuler.reproduce.cells import against, claimed, digits, shown
 from schuler.reproduce.flenniken.bands import ERRORS, deviation
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.sensors.noise import (
@@ -82,9 +82,9 @@ _SWEEP_RUNS = 100
 def markov_sweep(effort: Effort) -> Outcome:
     """Figure B.3, printed as a second B.2."""
     cells = tuple(
-        deviation(f"{rate:g} Hz, time constant {tau:g} s, wanted {sigma:g}", sigma, found, _SWEEP_RUNS,
+        deviation(f"{rate:g} Hz, time constant {tau:g} s, wanted {sigma:g}", sigma, deviations, _SWEEP_RUNS,
                   reference="thesis", source=f"{sigma:g}")
-        for (rate, tau, sigma), found in _sweep(effort).items()
+        for (rate, tau, sigma), deviations in _sweep(effort).items()
     )  # fmt: skip
     return Outcome(cells, "The settings are not printed; 100 runs as there.", (lambda: _sweep_figure(effort),))
 
@@ -119,7 +119,7 @@ def random_series(effort: Effort) -> Outcome:
                 source="0.5"),
         against("mean of lags 1 to 100", 0.0, float(r.value[1:].mean()), absolute=ERRORS * 0.5 / sqrt(100.0 * n),
                 source="about zero"),
-        said("largest of lags 1 to 100 over lag zero", "about zero", float(np.abs(r.normalised[1:]).max()),
+        claimed("largest of lags 1 to 100 over lag zero", "about zero", float(np.abs(r.normalised[1:]).max()),
              high=5.0 / sqrt(n), tolerance="statistical"),
         shown("lags within 1.96 standard errors of zero", float(inside.mean())),
     )  # fmt: skip
@@ -160,11 +160,11 @@ def _example_figure(effort: Effort) -> Figure:
 def _sweep_figure(effort: Effort) -> Figure:
     from schuler.reproduce.flenniken.study.figures import sweep_figure
 
-    chosen = {s[2]: found for s, found in _sweep(effort).items() if s[:2] == (100.0, 100.0)}
-    wanted, found = np.array(list(chosen)), np.array(list(chosen.values()))
-    error = found / sqrt(2.0 * (_SWEEP_RUNS - 1))
+    chosen = {s[2]: deviations for s, deviations in _sweep(effort).items() if s[:2] == (100.0, 100.0)}
+    wanted, deviations = np.array(list(chosen)), np.array(list(chosen.values()))
+    error = deviations / sqrt(2.0 * (_SWEEP_RUNS - 1))
     title = "Deviation of a Gauss-Markov process, 100 Hz, 100 s"
-    return sweep_figure(wanted, {"100 runs": (found, error)}, "wanted [-]", "found [-]", title)
+    return sweep_figure(wanted, {"100 runs": (deviations, error)}, "wanted [-]", "found [-]", title)
 
 
 def _sine_figure() -> Figure:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, digits, said
+from schuler.reproduce.cells import Cell, against, claimed, digits
 from schuler.reproduce.flenniken.bands import ERRORS
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.sensors.noise import (
@@ -74,8 +74,8 @@ def markov_charts(effort: Effort) -> Outcome:
     cells: list[Cell] = []
     for tau, c in _markov_curves(effort).items():
         expected = np.sqrt(GaussMarkov(1.0, tau).discrete_allan_variance(np.round(c.tau * _RATE_HZ), 1.0 / _RATE_HZ))
-        known = c.relative_sigma < 0.3  # from some twenty degrees of freedom on
-        k = int(np.argmin(np.abs(np.log(c.tau[known] / (1.893 * tau)))))  # nearest to its maximum
+        certain = c.relative_sigma < 0.3  # from some twenty degrees of freedom on
+        k = int(np.argmin(np.abs(np.log(c.tau[certain] / (1.893 * tau)))))  # nearest to its maximum
         cells.append(
             against(f"time constant {tau:g} s: Allan deviation at {c.tau[k]:.3g} s", float(expected[k]),
                     float(c.deviation[k]), relative=ERRORS * 0.5 * float(c.relative_sigma[k]), reference="corrected",
@@ -86,8 +86,8 @@ def markov_charts(effort: Effort) -> Outcome:
     peak = np.sqrt(GaussMarkov(1.0, 1.0).allan_variance(t))
     cells += [
         # nearer to the slope stated than to its neighbours in Table A.1
-        said("slope at 1 s, time constant 1e4 s", "+1/2", _slope(slow, 1.0), low=0.25, high=0.75),
-        said("slope at 1 s, time constant 0.01 s", "downwards, as white noise", _slope(fast, 1.0), low=-0.75,
+        claimed("slope at 1 s, time constant 1e4 s", "+1/2", _slope(slow, 1.0), low=0.25, high=0.75),
+        claimed("slope at 1 s, time constant 0.01 s", "downwards, as white noise", _slope(fast, 1.0), low=-0.75,
              high=-0.25),
         digits("maximum over sigma", "0.6174", float(peak.max()), reference="corrected"),
         digits("averaging time of the maximum over the time constant", "1.893", float(t[peak.argmax()]),

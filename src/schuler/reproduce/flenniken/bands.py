@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from schuler.reproduce.cells import Cell, Reference, against, said
+from schuler.reproduce.cells import Cell, Reference, against, claimed
 
 #: Standard errors allowed. Some hundred numbers are compared, so that two of them would fail one run in three.
 ERRORS = 4.0
@@ -49,7 +49,7 @@ def deviation(
 def share(name: str, claim: str, ours: float, n: int, *, least: float, reference: Reference = "thesis") -> Cell:
     """A share of n logs that is to be ``least`` or more, less four standard errors of a binomial number."""
     low = least - ERRORS * sqrt(least * (1.0 - least) / n)
-    return said(name, claim, ours, low=low, tolerance="statistical", reference=reference)
+    return claimed(name, claim, ours, low=low, tolerance="statistical", reference=reference)
 
 
 def read_off(name: str, printed: str, ours: float, unit: str) -> Cell:

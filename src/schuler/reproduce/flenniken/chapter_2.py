@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown
 from schuler.reproduce.flenniken.bands import ERRORS, share
 from schuler.reproduce.flenniken.logs import (
     AQRS,
@@ -62,13 +62,13 @@ def aqrs_chart(effort: Effort) -> Outcome:
 
     N, c = log_of(AQRS, effort).by_hand.N, campaign_of(AQRS, effort)
     at, depth = allan_valley(0.0237, 0.054, 1171.0)
-    found = _minimum_of_model()
+    minimum = _minimum_of_model()
     cells = (
         digits("white noise, Allan deviation at 1 s", "0.021", N.value / DEG, unit="deg/s/sqrt(Hz)"),
         # nearer to the slope stated than to its neighbours in Table A.1, -1 and 0 or 0 and +1
-        said("slope, 1 to 4 s, mean of logs", "about -1/2", float(c.falling.mean()), low=-0.75, high=-0.25),
-        said("slope, 60 to 240 s, mean of logs", "about +1/2", float(c.rising.mean()), low=0.25, high=0.75),
-        said("averaging time of the minimum", "about 10", found, low=5.0, high=15.0, unit="s", tolerance="read"),
+        claimed("slope, 1 to 4 s, mean of logs", "about -1/2", float(c.falling.mean()), low=-0.75, high=-0.25),
+        claimed("slope, 60 to 240 s, mean of logs", "about +1/2", float(c.rising.mean()), low=0.25, high=0.75),
+        claimed("averaging time of the minimum", "about 10", minimum, low=5.0, high=15.0, unit="s", tolerance="read"),
         digits("minimum of the model, N 0.0237", "18.6", at, unit="s", reference="corrected"),
         digits("Allan deviation there", "0.0078", depth, unit="deg/s", reference="corrected"),
         digits("minimum of the model, N 0.021", "16.5", allan_valley(0.021, 0.054, 1171.0)[0], unit="s",
@@ -121,7 +121,7 @@ def kvh_overlay(effort: Effort) -> Outcome:
     cells = (
         digits("white noise of the sheet, 0.083 deg/sqrt(h)", "1.3e-3",
                catalogue.triad("KVH-5000", "gyro").random_walk / DEG, unit="deg/s/sqrt(Hz)"),
-        said("by the sheet: share of simulations that stray as far as the log", "do not match", sheet.allan.p,
+        claimed("by the sheet: share of simulations that stray as far as the log", "do not match", sheet.allan.p,
              high=0.025, tolerance="statistical"),
         against("by the sheet: simulated over measured Allan deviation, about 1 s", 1.627, ratios[0],
                 relative=error, reference="corrected", source="1.3e-3 over 8.5e-4"),
@@ -205,12 +205,12 @@ def _white(name: str, printed: float, ours: float, sigma: float, unit: str) -> C
     return against(name, printed, ours, absolute=ERRORS * sigma, unit=unit, source=f"{printed:g}")
 
 
-def _one_of(name: str, printed: float, found: np.ndarray, unit: str) -> tuple[Cell, ...]:
+def _one_of(name: str, printed: float, values: np.ndarray, unit: str) -> tuple[Cell, ...]:
     """The printed number is one log's: a number that nine of ten such logs would show."""
     return (
-        said(f"{name}: share of logs that show less than the thesis's", f"{printed:g} {unit}",
-             float(np.mean(found < printed)), low=0.05, high=0.95, tolerance="statistical"),
-        shown(f"{name}, median of logs", float(np.median(found)), unit=unit, printed=f"{printed:g}"),
+        claimed(f"{name}: share of logs that show less than the thesis's", f"{printed:g} {unit}",
+             float(np.mean(values < printed)), low=0.05, high=0.95, tolerance="statistical"),
+        shown(f"{name}, median of logs", float(np.median(values)), unit=unit, printed=f"{printed:g}"),
     )  # fmt: skip
 
 
@@ -253,8 +253,8 @@ def _correlation_figure(sensor: Sensor, effort: Effort, tau: float) -> Figure:
 def _overlay_figure(sensor: Sensor, models: dict[str, str], effort: Effort) -> Figure:
     from schuler.reproduce.flenniken.study.figures import overlay_figure
 
-    found = {label: overlay_of(sensor, entry, effort) for label, entry in models.items()}
-    return overlay_figure(found, sensor.unit, sensor.scale)
+    overlays = {label: overlay_of(sensor, entry, effort) for label, entry in models.items()}
+    return overlay_figure(overlays, sensor.unit, sensor.scale)
 
 
 ITEMS = (

@@ -16,7 +16,7 @@ from schuler.growth import (
     upright_bounds,
     white,
 )
-from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown
 from schuler.reproduce.flenniken.bands import ERRORS, deviation, read_off
 from schuler.reproduce.flenniken.study.tables import EXACT, POSITION
 from schuler.reproduce.items import Effort, Item, Outcome
@@ -63,8 +63,16 @@ def static_bounds(grade: str, effort: Effort) -> Outcome:
     if grade == "consumer":
         ratio = _position("consumer", 20.0) / _position("tactical", 20.0)
         # bounds of what "nearly one" and "close to 0.05" round from
-        cells.append(said("20 s: consumer over tactical", "1900 % better, 20", ratio, low=0.5 / 0.055, high=1.5 / 0.045,
-                          tolerance="read"))  # fmt: skip
+        cells.append(
+            claimed(
+                "20 s: consumer over tactical",
+                "1900 % better, 20",
+                ratio,
+                low=0.5 / 0.055,
+                high=1.5 / 0.045,
+                tolerance="read",
+            )
+        )
     b = _planar(grade, effort)
     exact = _closed(grade, b.t)
     k = b.index(30.0)
@@ -116,7 +124,7 @@ def bias_and_noise(effort: Effort) -> Outcome:
             name = f"{q}_{axis}"
             ratio = float(b.sigma[name][-1] / forms[name][-1])
             cells.append(
-                said(f"60 s: {q} {axis}, all errors over white noise", "much faster", ratio,
+                claimed(f"60 s: {q} {axis}, all errors over white noise", "much faster", ratio,
                      low=1.0 + ERRORS * b.uncertainty, tolerance="statistical")
             )  # fmt: skip
     reason = "Lateral white-noise forms are 1.2 times smaller in position than printed (1/12 for 1/8)."
@@ -134,7 +142,7 @@ def bias_alone(effort: Effort) -> Outcome:
         expected = float(exact.total(q)[-1] - forms[name][-1])
         error = (ERRORS * b.uncertainty + _SAMPLED) * float(exact.total(q)[-1])
         cells += [
-            said(f"60 s: {q} north, bound less white noise", "biases play a key role", ours, low=error,
+            claimed(f"60 s: {q} north, bound less white noise", "biases play a key role", ours, low=error,
                  unit=_NAME[q], tolerance="statistical"),
             against(f"60 s: {q} north, the same by closed form", expected, ours, absolute=error, unit=_NAME[q],
                     reference="corrected", source="curve"),
@@ -154,7 +162,7 @@ def gravity(grade: str, effort: Effort) -> Outcome:
         with_g, without = float(tilted.total(q)[0]), float(flat.total(q)[0])
         tilt = sqrt(with_g**2 - without**2)
         cells += [
-            said(f"60 s: {q}, with gravity over without", "additional error",
+            claimed(f"60 s: {q}, with gravity over without", "additional error",
                  float(physical.sigma[f"{q}_north"][-1]) / without, low=1.0 + ERRORS * physical.uncertainty,
                  tolerance="statistical"),
             deviation(f"60 s: {q}, gravity in the upward channel as printed", tilt, float(printed.sigma[f"{q}_up"][-1]),
@@ -217,13 +225,13 @@ def _difference_figure(effort: Effort) -> Figure:
 def _gravity_figure(grade: str, effort: Effort) -> Figure:
     from schuler.growth.figures import beside_figure
 
-    found = {"strapdown": _upright(grade, "strapdown", effort), "as printed": _upright(grade, "thesis", effort)}
-    t = found["strapdown"].t
+    bounds = {"strapdown": _upright(grade, "strapdown", effort), "as printed": _upright(grade, "thesis", effort)}
+    t = bounds["strapdown"].t
     closed = {
         "with gravity": _forms(_closed(grade, t, gravity=True)), "without": _forms(_closed(grade, t)),
     }  # fmt: skip
     names = ("position_north", "velocity_north", "position_up", "velocity_up")
-    return beside_figure(found, names, closed, f"Gravity in the north-up plane, {grade} grade")
+    return beside_figure(bounds, names, closed, f"Gravity in the north-up plane, {grade} grade")
 
 
 STATIC = (

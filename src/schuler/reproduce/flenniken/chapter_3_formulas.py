@@ -19,7 +19,7 @@ from schuler.growth import (
     white,
 )
 from schuler.growth.dead_reckoning import readings
-from schuler.reproduce.cells import against, said, shown
+from schuler.reproduce.cells import against, claimed, shown
 from schuler.reproduce.flenniken.bands import ERRORS, deviation
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.sensors.catalogue import spec, triad
@@ -57,9 +57,9 @@ def kvh_with_bias(effort: Effort) -> Outcome:
     early, late = b.index(10.0), len(b.t) - 1
     ratio = b.sigma["heading"] / form
     cells = (
-        said("2000 s: bound over (3.8)", "grows faster after a time", float(ratio[late]),
+        claimed("2000 s: bound over (3.8)", "grows faster after a time", float(ratio[late]),
              low=1.0 + ERRORS * b.uncertainty, tolerance="statistical"),
-        said("bound over (3.8), 2000 s over 10 s", "grows faster after a time", float(ratio[late] / ratio[early]),
+        claimed("bound over (3.8), 2000 s over 10 s", "grows faster after a time", float(ratio[late] / ratio[early]),
              low=1.0 + ERRORS * sqrt(2.0) * b.uncertainty, tolerance="statistical"),
         deviation("2000 s: heading", float(exact[late]) / DEG, float(b.sigma["heading"][late]) / DEG, b.runs,
                   unit="deg", also=_SAMPLED, source="curve"),
@@ -88,7 +88,7 @@ def kvh_log_inside(effort: Effort) -> Outcome:
     n = heading.shape[1]
     cells = (
         # a log of the model itself would be inside one sigma in 68 % of cases
-        said("logs inside the 1-sigma bound at the end", "well within", float(inside[-1].mean()),
+        claimed("logs inside the 1-sigma bound at the end", "well within", float(inside[-1].mean()),
              low=0.683, tolerance="band"),
         shown("share of time that a log is inside, mean of logs", float(inside.mean())),
         shown("logs", float(n)),

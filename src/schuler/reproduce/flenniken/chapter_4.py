@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown
 from schuler.reproduce.flenniken.bands import ERRORS, deviation
 from schuler.reproduce.flenniken.study.heading import (
     BiasTruth,
@@ -66,15 +66,15 @@ def bound(grade: str, seconds: float, effort: Effort) -> Outcome:
     cells = [
         shown(f"steady, {when} an update", value / DEG, unit="deg", printed=claim)
         if free
-        else said(f"steady, {when} an update", claim, value / DEG, low=low, high=high, unit="deg")
+        else claimed(f"steady, {when} an update", claim, value / DEG, low=low, high=high, unit="deg")
         for when, value in (("after", b.steady_posterior), ("before", b.steady_prior))
     ]
     cells += [
-        said(f"off its final value at {seconds:g} s", f"steady at about {seconds:g} s", _off(b, seconds),
+        claimed(f"off its final value at {seconds:g} s", f"steady at about {seconds:g} s", _off(b, seconds),
              low=-_SETTLED, high=_SETTLED),
-        said(f"off its final value at {seconds / 2.0:g} s", f"steady at about {seconds:g} s", _off(b, seconds / 2.0),
+        claimed(f"off its final value at {seconds / 2.0:g} s", f"steady at about {seconds:g} s", _off(b, seconds / 2.0),
              low=_SETTLED),
-        said("free integration over filter at the end", "filter bounds the error", float(b.free[-1] / b.aided[-1]),
+        claimed("free integration over filter at the end", "filter bounds the error", float(b.free[-1] / b.aided[-1]),
              low=1.0),
         digits("steady, after an update, to the digest's digits", f"{after:g}", b.steady_posterior / DEG, unit="deg",
                reference="corrected"),
@@ -157,35 +157,35 @@ def _outages(effort: Effort) -> HeadingOutages:
 
 def outage(truth: str, effort: Effort) -> Outcome:
     """Figures 4.5 and 4.6."""
-    found = _outages(effort)
-    i = found.truths.index(truth)
+    outages = _outages(effort)
+    i = outages.truths.index(truth)
     worse, better = ("constant, asleep", "Gauss-Markov")[:: 1 if truth == "wandering" else -1]
-    j, k = found.filters.index(worse), found.filters.index(better)
-    error = ERRORS / sqrt(found.runs)
+    j, k = outages.filters.index(worse), outages.filters.index(better)
+    error = ERRORS / sqrt(outages.runs)
     cells: list[Cell] = [
-        said(f"{seconds:g} s: error of {worse} over {better}", "grows much faster",
-             float(found.at(seconds)[i, j] / found.at(seconds)[i, k]), low=1.0 + error, tolerance="statistical")
+        claimed(f"{seconds:g} s: error of {worse} over {better}", "grows much faster",
+             float(outages.at(seconds)[i, j] / outages.at(seconds)[i, k]), low=1.0 + error, tolerance="statistical")
         for seconds in (60.0, 120.0)
     ]  # fmt: skip
     matching = better
-    m = found.filters.index(matching)
+    m = outages.filters.index(matching)
     cells.append(
         deviation(f"240 s: error of {matching} over its own 1-sigma", 1.0,
-                  float(found.at(240.0)[i, m] / found.sigma[m, -1]), found.runs, source="differ, for 60 runs")
+                  float(outages.at(240.0)[i, m] / outages.sigma[m, -1]), outages.runs, source="differ, for 60 runs")
     )  # fmt: skip
-    for name in found.filters:
-        n = found.filters.index(name)
+    for name in outages.filters:
+        n = outages.filters.index(name)
         for seconds in (60.0, 240.0):
-            known = OUTAGE_DEG[truth, name][AFTER_S.index(seconds)]
-            half = 0.5 * 10.0 ** -len(f"{known:g}".partition(".")[2]) / known
+            expected = OUTAGE_DEG[truth, name][AFTER_S.index(seconds)]
+            half = 0.5 * 10.0 ** -len(f"{expected:g}".partition(".")[2]) / expected
             cells.append(
-                deviation(f"{seconds:g} s: {name}", known, float(found.at(seconds)[i, n]) / DEG, found.runs,
+                deviation(f"{seconds:g} s: {name}", expected, float(outages.at(seconds)[i, n]) / DEG, outages.runs,
                           theirs=4000, unit="deg", also=half, source="curve")
             )  # fmt: skip
     cells += [
-        digits(f"1-sigma that the filter claims at 240 s: {name}", f"{known:g}",
-               float(found.sigma[found.filters.index(name), -1]) / DEG, unit="deg", reference="corrected")
-        for name, known in SIGMA_240_DEG.items()
+        digits(f"1-sigma that the filter claims at 240 s: {name}", f"{expected:g}",
+               float(outages.sigma[outages.filters.index(name), -1]) / DEG, unit="deg", reference="corrected")
+        for name, expected in SIGMA_240_DEG.items()
     ]  # fmt: skip
     wandering = (
         "The gap needs a constant bias without process noise, as the equation has it and the text warns of; with a "
@@ -206,11 +206,11 @@ def three_states(effort: Effort) -> Outcome:
         return float(three.aided[int(np.argmin(np.abs(three.t - seconds)))]) / DEG
 
     cells = (
-        said("900 s: three states over two", "same threshold", float(three.aided[-1] / two.aided[-1]),
+        claimed("900 s: three states over two", "same threshold", float(three.aided[-1] / two.aided[-1]),
              low=1.0 - _SETTLED, high=1.0 + _SETTLED),
-        said("1 s: three states over two", "extreme uncertainty at first", at(1.0) / (float(two.aided[0]) / DEG),
+        claimed("1 s: three states over two", "extreme uncertainty at first", at(1.0) / (float(two.aided[0]) / DEG),
              low=1.0),
-        said("900 s: free integration over three states", "keeps growing", float(three.free[-1] / three.aided[-1]),
+        claimed("900 s: free integration over three states", "keeps growing", float(three.free[-1] / three.aided[-1]),
              low=1.0),
         digits("two states, steady", "0.112", two.steady_posterior / DEG, unit="deg", reference="corrected"),
         digits("three states, 900 s", "0.112", at(900.0), unit="deg", reference="corrected"),
@@ -229,34 +229,73 @@ def _aqrs(effort: Effort) -> Recorded:
 
 def recorded(effort: Effort) -> Outcome:
     """Figures 4.8 to 4.10."""
-    found = _aqrs(effort)
-    rms = {name: float(np.sqrt(np.mean(run.estimate[-1, 0] ** 2))) / DEG for name, (_, run) in found.items()}
-    runs = found["both"][1].estimate.shape[2]
+    solutions = _aqrs(effort)
+    rms = {name: float(np.sqrt(np.mean(run.estimate[-1, 0] ** 2))) / DEG for name, (_, run) in solutions.items()}
+    runs = solutions["both"][1].estimate.shape[2]
     asleep, walking, markov, both = "constant, asleep", "constant, walking", "Gauss-Markov", "both"
     cells = (
-        against("constant bias: estimate at the end over that at the start", 1.0, _kept(found[walking][1], 1800.0),
-                relative=1e-9, tolerance="rounding", source="remains constant"),
-        against("Gauss-Markov bias: the same", exp(-600.0 / 1171.0), _kept(found[markov][1], 1800.0), relative=1e-9,
-                tolerance="rounding", source="converges to zero"),
-        against("three states, moving part: the same", exp(-600.0 / 1171.0), _kept(found[both][1], 1800.0),
-                relative=1e-9, tolerance="rounding", source="converges to zero"),
-        against("three states, constant part: the same", 1.0, _kept(found[both][1], 1800.0, 2), relative=1e-9,
-                tolerance="rounding", source="remains constant"),
-        said("600 s into the outage: error of Gauss-Markov over three states", "large errors", rms[markov] / rms[both],
-             low=1.0 + ERRORS / sqrt(runs), tolerance="statistical"),
-        said("error of constant bias, (4.8) as printed, over three states", "three states minimise the error",
-             rms[asleep] / rms[both], low=1.0 + ERRORS / sqrt(runs), tolerance="statistical"),
-        said("error of constant bias with process noise over three states", "three states minimise the error",
-             rms[walking] / rms[both], low=1.0 - ERRORS / sqrt(runs), tolerance="statistical"),
+        against(
+            "constant bias: estimate at the end over that at the start",
+            1.0,
+            _kept(solutions[walking][1], 1800.0),
+            relative=1e-9,
+            tolerance="rounding",
+            source="remains constant",
+        ),
+        against(
+            "Gauss-Markov bias: the same",
+            exp(-600.0 / 1171.0),
+            _kept(solutions[markov][1], 1800.0),
+            relative=1e-9,
+            tolerance="rounding",
+            source="converges to zero",
+        ),
+        against(
+            "three states, moving part: the same",
+            exp(-600.0 / 1171.0),
+            _kept(solutions[both][1], 1800.0),
+            relative=1e-9,
+            tolerance="rounding",
+            source="converges to zero",
+        ),
+        against(
+            "three states, constant part: the same",
+            1.0,
+            _kept(solutions[both][1], 1800.0, 2),
+            relative=1e-9,
+            tolerance="rounding",
+            source="remains constant",
+        ),
+        claimed(
+            "600 s into the outage: error of Gauss-Markov over three states",
+            "large errors",
+            rms[markov] / rms[both],
+            low=1.0 + ERRORS / sqrt(runs),
+            tolerance="statistical",
+        ),
+        claimed(
+            "error of constant bias, (4.8) as printed, over three states",
+            "three states minimise the error",
+            rms[asleep] / rms[both],
+            low=1.0 + ERRORS / sqrt(runs),
+            tolerance="statistical",
+        ),
+        claimed(
+            "error of constant bias with process noise over three states",
+            "three states minimise the error",
+            rms[walking] / rms[both],
+            low=1.0 - ERRORS / sqrt(runs),
+            tolerance="statistical",
+        ),
         *(shown(f"600 s: RMS of {name}", value, unit="deg") for name, value in rms.items()),
-    )  # fmt: skip
+    )
     reason = (
         "The log is not public: these are of the noise found in it, about a mean of -0.15 deg/s, as the thesis only "
         "says that it is negative. A constant bias with process noise does nearly as well as three states, within the "
         f"scatter of the runs. {_FIXES}"
     )
     shown_ = (walking, markov, both)
-    return Outcome(cells, reason, (lambda: _log_figure(found, shown_, 1800.0),))
+    return Outcome(cells, reason, (lambda: _log_figure(solutions, shown_, 1800.0),))
 
 
 @cache
@@ -267,13 +306,13 @@ def _position(effort: Effort) -> PositionOutage:
 
 def six_states(effort: Effort) -> Outcome:
     """Section 4.6."""
-    found = _position(effort)
-    runs = found.error.shape[2]
-    last = int(np.searchsorted(found.run.t, found.start_s - 1e-6))
+    position = _position(effort)
+    runs = position.error.shape[2]
+    last = int(np.searchsorted(position.run.t, position.start_s - 1e-6))
     model = position_filter(
         0.003 * G0, 2.4e-3 * G0, 100.0, 0.6, sigma_constant=0.2, sigma_velocity=0.05, sigma_position=1.0
     )
-    rms = found.rms
+    rms = position.rms
     numbers = {
         "with fixes: velocity north": (0.029, rms[last, 0], "m/s", 0.0005),
         "with fixes: position north": (0.19, rms[last, 2], "m", 0.005),
@@ -282,14 +321,14 @@ def six_states(effort: Effort) -> Outcome:
         "60 s into the outage: position north": (21.3, rms[-1, 2], "m", 0.05),
     }
     cells = [
-        said("states", "six (five in sections 4.7 and 8.1)", float(len(model.names)), low=6.0, high=6.0),
-        said("rank of observability", "all estimated", float(model.observability_rank()), low=6.0),
+        claimed("states", "six (five in sections 4.7 and 8.1)", float(len(model.names)), low=6.0, high=6.0),
+        claimed("rank of observability", "all estimated", float(model.observability_rank()), low=6.0),
         *(
-            deviation(name, known, float(ours), runs, theirs=500, unit=unit, also=half / known)
-            for name, (known, ours, unit, half) in numbers.items()
+            deviation(name, expected, float(ours), runs, theirs=500, unit=unit, also=half / expected)
+            for name, (expected, ours, unit, half) in numbers.items()
         ),
         deviation("60 s: error over the filter's own 1-sigma, position", 1.0,
-                  float(rms[-1, 2] / found.run.sigma[-1, 2]), runs),
+                  float(rms[-1, 2] / position.run.sigma[-1, 2]), runs),
     ]  # fmt: skip
     reason = (
         "The thesis prints no result for this filter: the numbers are the digest's check case (0.003 g/sqrt(Hz), "
@@ -305,10 +344,10 @@ def _bound_figure(grade: str, *, three: bool = False) -> Figure:
     return bound_figure(_bound(grade), {"three states": _bound(grade, "three")} if three else None)
 
 
-def _log_figure(found: Recorded, names: tuple[str, ...], start_s: float) -> Figure:
+def _log_figure(recorded: Recorded, names: tuple[str, ...], start_s: float) -> Figure:
     from schuler.reproduce.flenniken.study.heading.figures import recorded_figure
 
-    return recorded_figure({name: found[name] for name in names}, start_s)
+    return recorded_figure({name: recorded[name] for name in names}, start_s)
 
 
 def _outage_figure(effort: Effort, truth: str) -> Figure:
@@ -316,9 +355,9 @@ def _outage_figure(effort: Effort, truth: str) -> Figure:
 
     from schuler.reproduce.flenniken.study.heading.figures import outage_figure
 
-    found = _outages(effort)
-    i = found.truths.index(truth)
-    one = replace(found, truths=(truth,), rms=found.rms[i : i + 1])
+    outages = _outages(effort)
+    i = outages.truths.index(truth)
+    one = replace(outages, truths=(truth,), rms=outages.rms[i : i + 1])
     return outage_figure(one, ("Gauss-Markov", "constant, asleep"))
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from schuler.growth import growth, second_order_vertical, spatial_bounds
-from schuler.reproduce.cells import Cell, against, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, shown
 from schuler.reproduce.flenniken.bands import ERRORS, deviation
 from schuler.reproduce.flenniken.study.tables import SIX_DEGREES
 from schuler.reproduce.items import Effort, Item, Outcome
@@ -63,21 +63,21 @@ def motion(grade: str, q: str, effort: Effort) -> Outcome:
     tilted, flat = (float(_closed(grade, gravity=g).total(q)[0]) for g in (True, False))
     unit = _NAME[q]
     v, p, up, v_flat, p_flat = SIX_DEGREES[grade]
-    known, known_flat = (v, v_flat) if q == "velocity" else (p, p_flat)
+    reference, reference_flat = (v, v_flat) if q == "velocity" else (p, p_flat)
     cells: list[Cell] = []
     for axis in ("north", "east"):
         ours = float(with_g.sigma[f"{q}_{axis}"][-1])
         cells += [
             deviation(f"60 s: {q} {axis}, gravity, closed form", tilted, ours, with_g.runs, unit=unit, also=_SAMPLED,
                       source="curve"),
-            deviation(f"60 s: {q} {axis}, gravity, the digest's runs", float(known or 0.0), ours, with_g.runs,
+            deviation(f"60 s: {q} {axis}, gravity, the digest's runs", float(reference or 0.0), ours, with_g.runs,
                       theirs=_CHECK_RUNS, unit=unit, also=_SAMPLED, source="curve"),
             deviation(f"60 s: {q} {axis}, no gravity", flat, float(without.sigma[f"{q}_{axis}"][-1]), without.runs,
                       unit=unit, also=_SAMPLED, source="curve"),
         ]  # fmt: skip
-        if known_flat is not None:
+        if reference_flat is not None:
             cells.append(
-                deviation(f"60 s: {q} {axis}, no gravity, the digest's runs", float(known_flat),
+                deviation(f"60 s: {q} {axis}, no gravity, the digest's runs", float(reference_flat),
                           float(without.sigma[f"{q}_{axis}"][-1]), without.runs, theirs=_CHECK_RUNS, unit=unit,
                           also=_SAMPLED, source="curve")
             )  # fmt: skip
@@ -112,10 +112,12 @@ def _claims(grade: str, q: str, ratio: float) -> list[Cell]:
     """Gravity makes horizontal errors grow slightly faster, less than twice; or much faster, more than twice."""
     name = f"60 s: horizontal {q} over vertical, closed form"
     if grade == "consumer":
-        return [said(name, "at a much faster rate", ratio, low=2.0)]
+        return [claimed(name, "at a much faster rate", ratio, low=2.0)]
     printed = [float(_closed("tactical-printed", gravity=g).total(q)[0]) for g in (True, False)]
     return [
-        said(f"{name}, Table 2.2 as printed", "at a slightly higher rate", printed[0] / printed[1], low=1.0, high=2.0),
+        claimed(
+            f"{name}, Table 2.2 as printed", "at a slightly higher rate", printed[0] / printed[1], low=1.0, high=2.0
+        ),
         shown(f"{name}, as the LN-200", ratio),
     ]
 
@@ -123,8 +125,8 @@ def _claims(grade: str, q: str, ratio: float) -> list[Cell]:
 def _figure(grade: str, names: tuple[str, ...], effort: Effort) -> Figure:
     from schuler.growth.figures import beside_figure
 
-    found = {"with gravity": _bounds(grade, True, effort), "without": _bounds(grade, False, effort)}
-    t = found["without"].t
+    bounds = {"with gravity": _bounds(grade, True, effort), "without": _bounds(grade, False, effort)}
+    t = bounds["without"].t
     forms = {}
     for label, g in (("with gravity, closed form", True), ("without, closed form", False)):
         imu = spec(f"flenniken-{grade}")
@@ -134,7 +136,7 @@ def _figure(grade: str, names: tuple[str, ...], effort: Effort) -> Figure:
             for name in names
             if not (g and name.endswith("_down"))  # first order: as without
         }
-    return beside_figure(found, names, forms, f"Six sensors at rest, {grade} grade")
+    return beside_figure(bounds, names, forms, f"Six sensors at rest, {grade} grade")
 
 
 ITEMS = (

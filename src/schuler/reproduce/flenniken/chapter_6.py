@@ -50,8 +50,8 @@ def error_types(effort: Effort) -> Outcome:
     cells: list[Cell] = [
         against(f"{name} {size:g}: reading of {sign:+d}", expected, ours, absolute=1e-12, tolerance="rounding",
                 source="(6.1)")
-        for name, (found, wanted) in forms.items()
-        for sign, ours, expected in zip((1, -1), found, wanted, strict=True)
+        for name, (computed, formula) in forms.items()
+        for sign, ours, expected in zip((1, -1), computed, formula, strict=True)
     ]  # fmt: skip
     z = np.array([0.0, 0.0, _ANGLE])
     turned, leaning = GyroTriad(misalignment=z).matrix(), GyroTriad(non_orthogonality=z).matrix()
@@ -102,12 +102,12 @@ def roll_row(effort: Effort) -> Outcome:
 def start(effort: Effort) -> Outcome:
     """Table 6.2 and figure 6.4."""
     rho, attitude = np.array([3.0, -2.0, 1.0]), np.array([0.01, -0.02, 0.03])
-    found = InitialErrors.from_flenniken(rho, attitude)
+    errors = InitialErrors.from_flenniken(rho, attitude)
     llh, rpy = np.array([0.6, 0.1, 100.0]), np.array([0.1, 0.2, 0.3])
-    assumed_llh, assumed_rpy = found.apply(llh, rpy)
+    assumed_llh, assumed_rpy = errors.apply(llh, rpy)
     cells = (
-        digits("errors of the start", "6", float(found.dr_n.size + found.drpy.size)),
-        against("actual less assumed, north", 3.0, -float(found.dr_n[0]), absolute=1e-12, unit="m",
+        digits("errors of the start", "6", float(errors.dr_n.size + errors.drpy.size)),
+        against("actual less assumed, north", 3.0, -float(errors.dr_n[0]), absolute=1e-12, unit="m",
                 tolerance="rounding", source="rho_N"),
         against("actual less assumed, height", 1.0, float(llh[2] - assumed_llh[2]), absolute=1e-5, unit="m",
                 tolerance="rounding", source="rho_U"),
@@ -116,7 +116,7 @@ def start(effort: Effort) -> Outcome:
         # his yaw turns to the left, ours to the right
         against("actual less assumed, yaw to the left", 0.03, -float(rpy[2] - assumed_rpy[2]), absolute=1e-12,
                 unit="rad", tolerance="rounding", source="psi_err"),
-        against("actual less assumed, east", -2.0, -float(found.dr_n[1]), absolute=1e-12, unit="m",
+        against("actual less assumed, east", -2.0, -float(errors.dr_n[1]), absolute=1e-12, unit="m",
                 tolerance="rounding", source="rho_E"),
     )  # fmt: skip
     reason = (

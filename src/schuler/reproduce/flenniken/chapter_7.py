@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown
 from schuler.reproduce.flenniken.bands import ERRORS, about, deviation
 from schuler.reproduce.flenniken.study.rocket import (
     ImpactScatter,
@@ -140,9 +140,11 @@ def scatter(effort: Effort) -> Outcome:
     return Outcome(tuple(cells), reason, (lambda: _scatter_figure(simple, advanced),))
 
 
-def _checked(name: str, known: float, ours: float, source: str) -> Cell:
+def _checked(name: str, expected: float, ours: float, source: str) -> Cell:
     """Beside the digest's own simulation, which asks for one percent."""
-    return against(name, known, ours, relative=0.01, unit="m", tolerance="band", reference="corrected", source=source)
+    return against(
+        name, expected, ours, relative=0.01, unit="m", tolerance="band", reference="corrected", source=source
+    )
 
 
 def _with_lower_noise() -> tuple[Cell, ...]:
@@ -183,14 +185,14 @@ def ranking(effort: Effort) -> Outcome:
     first, second = "gyro_misalignment_y", "accel_misalignment_y"
     others = [v for k, v in as_thesis.items() if "_y" not in k]
     cells = (
-        said("gyroscope misalignment y over accelerometer misalignment y", "first and second",
+        claimed("gyroscope misalignment y over accelerometer misalignment y", "first and second",
              as_thesis[first] / as_thesis[second], low=1.0),
-        said("accelerometer misalignment y over the largest angle about another axis", "second",
+        claimed("accelerometer misalignment y over the largest angle about another axis", "second",
              as_thesis[second] / max(others), low=1.0),
         _checked("gyroscope misalignment y, 500 urad", 115.0, as_thesis[first], "bar"),
         _checked("accelerometer misalignment y, 500 urad", 110.0, as_thesis[second], "bar"),
         _checked("physical: accelerometer misalignment y, 500 urad", 74.0, physical[second], "bar"),
-        said("physical: gyroscope misalignment y, 500 urad", "first", physical[first], high=0.5, unit="m",
+        claimed("physical: gyroscope misalignment y, 500 urad", "first", physical[first], high=0.5, unit="m",
              tolerance="printed digits", reference="corrected"),
         shown("all twelve angles at once: total", _budget("thesis").together, unit="m"),
         shown("all twelve angles as independent 1-sigmas", _budget("thesis").sigma, unit="m"),
@@ -206,12 +208,12 @@ def sensitivities(effort: Effort) -> Outcome:
     """Section 7.4: each parameter alone, beside the digest's independent simulation."""
     cells: list[Cell] = []
     for name, size, variant, *numbers in sensitivity_table(_flight()).rows:
-        known, ours = np.array(numbers[:3], dtype=np.float64), np.array(numbers[3:], dtype=np.float64)
-        i = int(np.argmax(np.abs(known))) if known.any() else int(np.argmax(np.abs(ours)))
+        expected, ours = np.array(numbers[:3], dtype=np.float64), np.array(numbers[3:], dtype=np.float64)
+        i = int(np.argmax(np.abs(expected))) if expected.any() else int(np.argmax(np.abs(ours)))
         axis = ("north", "up", "east")[i]
         # printed to three digits, 100 Hz there and here: one percent, as the digest asks, and half a centimetre
         cells.append(
-            against(f"{variant}: {name} {size}, {axis}", float(known[i]), float(ours[i]), relative=0.01,
+            against(f"{variant}: {name} {size}, {axis}", float(expected[i]), float(ours[i]), relative=0.01,
                     absolute=0.0051, unit="m", tolerance="band", reference="corrected", source="")
         )  # fmt: skip
     reason = "The thesis prints a chart without values: the numbers are the digest's own simulation."

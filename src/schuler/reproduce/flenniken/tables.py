@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from schuler.reproduce.cells import Cell, digits, said, shown
+from schuler.reproduce.cells import Cell, claimed, digits, shown
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, DEG_PER_HR, DEG_PER_RTHR, G0, PERCENT, PPM, UG
 
@@ -63,11 +63,11 @@ def gyroscopes(effort: Effort) -> Outcome:
     cells: list[Cell] = []
     for name, (noise_unit, noise, scale_unit, scale, bias, reach) in _GYROSCOPES.items():
         t = triad(name, "gyro")
-        found = t.in_run_bias or t.bias_instability
+        in_run = t.in_run_bias or t.bias_instability
         cells += [
             digits(f"{name}: white noise", noise, t.random_walk / _UNITS[noise_unit], unit=noise_unit),
             digits(f"{name}: scale factor", scale, t.scale_factor / _UNITS[scale_unit], unit=scale_unit),
-            digits(f"{name}: bias variation", bias, found / DEG_PER_HR, unit="deg/h"),
+            digits(f"{name}: bias variation", bias, in_run / DEG_PER_HR, unit="deg/h"),
             digits(f"{name}: range", reach, (t.range or 0.0) / DEG, unit="deg/s"),
         ]
     return Outcome(tuple(cells), "Where a range is printed the catalogue holds its upper end.")
@@ -127,15 +127,18 @@ def categories(effort: Effort) -> Outcome:
         for name in ("LN-200", "KVH-5000-measured", "AQRS-104", "AQRS-104-measured")
     }
     cells = [
-        said("grades that the rule finds of their own row", "three grades with numbers", float(own), low=3.0, high=3.0),
+        claimed(
+            "grades that the rule finds of their own row", "three grades with numbers", float(own), low=3.0, high=3.0
+        ),
         *(
             shown(f"{name}: grade (0 {_GRADES[0]}, 1 {_GRADES[1]}, 2 {_GRADES[2]})", float(_GRADES.index(str(v.grade))))
             for name, v in verdicts.items()
         ),
         digits("price, tactical", "20", entry("flenniken-tactical").printed["price_usd"] / 1e3, unit="1000 US$"),
-        digits("price, consumer: below", "1", entry("flenniken-consumer").printed["price_usd_below"] / 1e3,
-               unit="1000 US$"),
-    ]  # fmt: skip
+        digits(
+            "price, consumer: below", "1", entry("flenniken-consumer").printed["price_usd_below"] / 1e3, unit="1000 US$"
+        ),
+    ]
     reason = (
         "The thesis prints tables but no rule: ours is the nearest grade of each attribute in logarithms and the worst "
         "of these. Navigation grade is named without numbers."

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, shown
 from schuler.reproduce.hayal.simulation import spread
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, PPM
@@ -38,10 +38,10 @@ def _iterations(effort: Effort) -> Outcome:
     ):
         study = run_case(case, runs, rng)
         needed = float(np.median(study.iterations[study.converged]))
-        cells.append(said(f"{what}: iterations", "100 iterations", needed, high=100.0))
+        cells.append(claimed(f"{what}: iterations", "100 iterations", needed, high=100.0))
         # the digest counts in one draw each; a draw is one more or less, with much noise some more
         cells.append(
-            said(
+            claimed(
                 f"{what}: iterations, other program",
                 most,
                 needed,
@@ -56,7 +56,7 @@ def _iterations(effort: Effort) -> Outcome:
     with_term, without = adjust(Y, case.sigma, rho), adjust(Y, case.sigma, rho, pope=False)
     off = float((np.abs(with_term.values - without.values) / with_term.sigma).max())
     cells.append(
-        said(
+        claimed(
             "accelerometer: Pope's term left out, in sigma",
             "usually done incorrectly",
             off,
@@ -79,7 +79,7 @@ def _iterations(effort: Effort) -> Outcome:
             )
         )
         cells.append(
-            said(
+            claimed(
                 f"bias of {size:g} Earth rates, start from fewer parameters: converge",
                 "",
                 ours.success,
@@ -118,14 +118,14 @@ def _needed_rate(effort: Effort) -> Outcome:
             reference="corrected",
             source="about 1e4",
         ),
-        said(
+        claimed(
             "scale factor at 1e4 Earth rates",
             "accurate",
             1e3 * float(sigma[3:6].max()) / 1e4 / PPM,
             high=150.0,
             unit="ppm",
         ),
-        said(
+        claimed(
             "scale factor at Earth rate over data sheet",
             "cannot be estimated",
             1e3 * float(sigma[3:6].min()) / (150.0 * PPM),
@@ -189,8 +189,8 @@ def _fewer_parameters(effort: Effort) -> Outcome:
     similar = float(np.mean(three.mean_sigma[:3] / nine.mean_sigma[:3]))
     wide = 3.0 * np.sqrt(0.5 / (3.0 * runs) + 0.5 / 1200.0) + 0.05
     cells = [
-        said("sigma of bias, 3 parameters over 9", "similar results", similar, high=_SIMILAR),
-        said(
+        claimed("sigma of bias, 3 parameters over 9", "similar results", similar, high=_SIMILAR),
+        claimed(
             "sigma of bias, 6 parameters over 9",
             "similar results",
             float(np.mean(six.mean_sigma[:3] / nine.mean_sigma[:3])),
@@ -242,14 +242,14 @@ def _two_stages(effort: Effort) -> Outcome:
     from schuler.reproduce.hayal.study.multiposition import TRUTH, StudyCase, run_case
 
     runs = effort.runs(60, 400)
-    known = dict(zip(PARAMETERS[6:], TRUTH["accel"][6:], strict=True))
-    case = StudyCase(sensor="accel", order=6, fixed=known, directions=ATTITUDES[:6])
+    given = dict(zip(PARAMETERS[6:], TRUTH["accel"][6:], strict=True))
+    case = StudyCase(sensor="accel", order=6, fixed=given, directions=ATTITUDES[:6])
     study = run_case(case, runs, np.random.default_rng((effort.seed, 6)))
     b, s, _ = study.groups()
     relative = 3.0 * np.sqrt(0.5 / (3.0 * runs) + 0.5 / 1200.0) + 0.03
     return Outcome(
         (
-            said(
+            claimed(
                 "accelerometers, six attitudes: converge",
                 "six attitudes suffice",
                 study.success,

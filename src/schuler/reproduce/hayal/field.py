@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, shown
 from schuler.reproduce.hayal.printed import IMUS, MINUTES, TABLES, field_table, field_words
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import MIN
@@ -61,7 +61,7 @@ def _table(table: str, effort: Effort) -> Outcome:
             share = study.success
             # the printed ones converged, so a unit that hardly ever does has no counterpart
             if not study.converged.any():
-                cells.append(said(f"{where}: share of runs that converge", "converged", share, low=0.05))
+                cells.append(claimed(f"{where}: share of runs that converge", "converged", share, low=0.05))
                 continue
             ours = study.sigma[study.converged][:, :order]
             median = np.median(ours, axis=0)
@@ -72,7 +72,7 @@ def _table(table: str, effort: Effort) -> Outcome:
                 )
             factor = np.exp(np.abs(np.log(_shape(theirs) / _shape(median))).max())
             cells.append(
-                said(
+                claimed(
                     f"{where}: largest factor between the patterns of sigma",
                     "the nine printed sigmas",
                     float(factor),
@@ -83,7 +83,7 @@ def _table(table: str, effort: Effort) -> Outcome:
             what = f"{where}: printed over ours, the field's root of unit weight"
             if subset == 1 and (sensor, order) in _UNIT_WEIGHT:
                 low, high = _UNIT_WEIGHT[sensor, order]
-                cells.append(said(what, "", implied, low=low, high=high, tolerance="band", reference="corrected"))
+                cells.append(claimed(what, "", implied, low=low, high=high, tolerance="band", reference="corrected"))
             else:
                 cells.append(shown(what, implied))
             case = f"{imu}, {minutes:g} min"
@@ -170,7 +170,7 @@ def _failures(effort: Effort) -> Outcome:
     half = 3.0 * np.sqrt(0.2 * 0.8 / effort.runs(60, 400)) + 0.065
     spread = 3.0 * float((third.sigma[:, 7].std() / third.sigma[:, 7].mean()) / np.sqrt(len(third.values)))
     cells = (
-        said(
+        claimed(
             "subset 3, accelerometers: theta_zx over the other angles",
             f"{printed3[7] / printed3[[6, 8]].max():.1f}",
             float(theta[1] / theta[[0, 2]].max()),
@@ -186,7 +186,7 @@ def _failures(effort: Effort) -> Outcome:
             reference="corrected",
             source="346 (HG1700)",
         ),
-        said(
+        claimed(
             "subset 4, accelerometers: s_y over s_x",
             f"{printed4[4] / printed4[3]:.1f}",
             float(fourth[1] / fourth[0]),

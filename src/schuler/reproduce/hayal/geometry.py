@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import against, digits, said
+from schuler.reproduce.cells import against, claimed, digits
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG
 
@@ -27,15 +27,15 @@ def _geometry(effort: Effort) -> Outcome:
     cells = (
         against("(3.9) as printed", -np.sin(1e-4), exact[2, 0], absolute=1e-12, tolerance="rounding"),
         against("(3.15) as printed", 1e-4, small[2, 1], absolute=1e-12, tolerance="rounding"),
-        said("(3.13), (3.14): there and back", "inverse of each other", loss, high=1e-13, tolerance="rounding"),
-        said(
+        claimed("(3.13), (3.14): there and back", "inverse of each other", loss, high=1e-13, tolerance="rounding"),
+        claimed(
             "(3.13): s and theta from the matrix",
             "the same",
             float(np.abs(np.array(back) - (s, theta)).max()),
             high=1e-13,
             tolerance="rounding",
         ),
-        said(
+        claimed(
             "(3.15) and (3.13) at 100 urad",
             "first order",
             float(np.abs(small - exact).max()),
@@ -86,8 +86,8 @@ def _jacobians(effort: Effort) -> Outcome:
     words = "analytic = numerical"
     return Outcome(
         (
-            said("A, (3.63) to (3.71), (3.80), (3.88)", words, worst[0], high=5e-10, tolerance="discretisation"),
-            said("B, (3.72) to (3.74), (3.82), (3.89)", words, worst[1], high=5e-10, tolerance="discretisation"),
+            claimed("A, (3.63) to (3.71), (3.80), (3.88)", words, worst[0], high=5e-10, tolerance="discretisation"),
+            claimed("B, (3.72) to (3.74), (3.82), (3.89)", words, worst[1], high=5e-10, tolerance="discretisation"),
         )
     )
 
@@ -131,10 +131,12 @@ def _attitudes(effort: Effort) -> Outcome:
                 worst = float(sd[3 * k : 3 * k + 3].max())
                 cells.append(digits(f"{words}: sigma of {what}", text, worst, reference="corrected"))
     for number, rank in ((1, "9"), (2, "9"), (3, "8"), (4, "8")):
-        found = int(np.linalg.matrix_rank(design_matrix(scenario(number))))
-        cells.append(digits(f"scenario {number}: rank of A", rank, found, reference="corrected"))
+        computed = int(np.linalg.matrix_rank(design_matrix(scenario(number))))
+        cells.append(digits(f"scenario {number}: rank of A", rank, computed, reference="corrected"))
         if number > 2:
-            cells.append(said(f"scenario {number}: rank for nine parameters", "ten attitudes suffice", found, low=9))
+            cells.append(
+                claimed(f"scenario {number}: rank for nine parameters", "ten attitudes suffice", computed, low=9)
+            )
     return Outcome(
         tuple(cells),
         "The thesis asks for nine different attitudes or more and finds ten enough. Different is not enough: corners "

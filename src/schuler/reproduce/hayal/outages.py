@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown
 from schuler.reproduce.hayal.field import calibrations
 from schuler.reproduce.hayal.printed import IMUS, MINUTES, SHORT_ORIGINAL, short_outages
 from schuler.reproduce.items import Effort, Item, Outcome
@@ -58,7 +58,7 @@ def _short(effort: Effort, imu: str) -> dict[tuple[int, int, float], tuple[float
     """
     from schuler.reproduce.hayal.study.outages import outage_grid
 
-    found: dict[tuple[int, int, float], tuple[float, float]] = {}
+    statistics: dict[tuple[int, int, float], tuple[float, float]] = {}
     options = {"draws": effort.runs(1, 10), "outages": effort.runs(12, 66), "seed": effort.seed}
     cases: list[tuple[int, float]] = [(0, 0.0), *((k, t) for k in (1, 2, 3, 4) for t in MINUTES)]
     for subset, minutes in cases:
@@ -68,8 +68,8 @@ def _short(effort: Effort, imu: str) -> dict[tuple[int, int, float], tuple[float
         for seeding in seedings:
             order = {"3.3": 3, "3.9": 9}.get(seeding, 0)
             mean = float(np.linalg.norm(grid.statistics[imu, seeding].mean(2.0)))
-            found[subset, order, minutes] = (mean, grid.total(imu, seeding, 2.0))
-    return found
+            statistics[subset, order, minutes] = (mean, grid.total(imu, seeding, 2.0))
+    return statistics
 
 
 def seeds(effort: Effort, imu: str, subset: int, minutes: float) -> CalibrationSigma:
@@ -104,7 +104,7 @@ def _trajectory(effort: Effort) -> Outcome:
                 tolerance="read",
             ),
             against("curves", 25.0, curves, absolute=1.0, tolerance="read"),
-            said("speed", "walking speed", speed, low=0.8, high=1.8, unit="m/s"),
+            claimed("speed", "walking speed", speed, low=0.8, high=1.8, unit="m/s"),
         ),
         "Drawn by a receiver; ours is a simulated walk with sections of one length.",
         (partial(walk_figure, walk),),
@@ -129,7 +129,7 @@ def _longer(effort: Effort) -> Outcome:
                 ours, (mean, sigma) = grid.total(imu, seeding, length), PUBLISHED[imu, length][j]
                 what = f"{imu}, {length:g} s, {seeding}"
                 cells.append(
-                    said(
+                    claimed(
                         f"{what}: sigma", f"{sigma:.4f}", ours, low=sigma / _ONE_UNIT, high=sigma * _ONE_UNIT, unit="m"
                     )
                 )
@@ -157,7 +157,7 @@ def _longer(effort: Effort) -> Outcome:
                     )
         worst = [grid.total(imu, s, 60.0) for s in SEEDINGS[1:]]
         cells.append(
-            said(
+            claimed(
                 f"{imu}, 60 s: 3.9 over the better of 3.0 and 3.3",
                 "3.9 is the worst for longer outages",
                 worst[2] / min(worst[:2]),
@@ -180,7 +180,7 @@ def _two_seconds(imu: str, effort: Effort) -> Outcome:
     first, (_, theirs) = ours[0, 0, 0.0][1], SHORT_ORIGINAL[imu]
     # the same fixes and noise for all cases: a ratio is known much better than its parts
     cells: list[Cell] = [
-        said("Original: sigma", f"{theirs:.5f}", first, low=theirs / _ONE_UNIT, high=theirs * _ONE_UNIT, unit="m"),
+        claimed("Original: sigma", f"{theirs:.5f}", first, low=theirs / _ONE_UNIT, high=theirs * _ONE_UNIT, unit="m"),
         shown("Original: mean", ours[0, 0, 0.0][0], unit="m", printed=f"{SHORT_ORIGINAL[imu][0]:.5f}"),
     ]
     for (subset, order, minutes), (mean, sigma) in printed.items():
@@ -195,7 +195,7 @@ def _two_seconds(imu: str, effort: Effort) -> Outcome:
     three = [abs(1.0 - ours[k][1] / first) for k in printed if k[1] == 3]
     most = max(abs(1.0 - printed[k][1] / theirs) for k in printed if k[1] == 3)
     cells.append(
-        said(
+        claimed(
             "largest change by a calibration with 3 gyro parameters",
             f"{100.0 * most:.1f} percent",
             100.0 * max(three),
@@ -206,7 +206,7 @@ def _two_seconds(imu: str, effort: Effort) -> Outcome:
     nine = {k: ours[k][1] / first for k in printed if k[1] == 9}
     if imu == "HG1900":
         cells.append(
-            said(
+            claimed(
                 "subset 4, 1 min, 9 gyro parameters over Original",
                 "fails: 31.48 m, 118 times",
                 nine[4, 9, 1.0],
@@ -214,7 +214,7 @@ def _two_seconds(imu: str, effort: Effort) -> Outcome:
             )
         )
         cells.append(
-            said(
+            claimed(
                 "the worst case is that of subset 4, 1 min",
                 "the same",
                 nine[4, 9, 1.0] / max(v for k, v in nine.items() if k != (4, 9, 1.0)),
@@ -228,7 +228,7 @@ def _two_seconds(imu: str, effort: Effort) -> Outcome:
     else:
         best = max(printed, key=lambda k: -printed[k][1])
         cells.append(
-            said(
+            claimed(
                 f"best of the thesis (subset {best[0]}, {best[2]:g} min, 9): gain",
                 "+19.2 percent",
                 100.0 * (1.0 - ours[best][1] / first),
@@ -282,10 +282,10 @@ def _improvements(effort: Effort) -> Outcome:
         )
     for length in (10.0, 30.0):
         ratio = grid.total("HG1700", "3.3", length) / grid.total("HG1900", "3.3", length)
-        cells.append(said(f"{length:g} s, 3.3: HG1700 over HG1900", "text: HG1900 more accurate", ratio, low=1.0))
+        cells.append(claimed(f"{length:g} s, 3.3: HG1700 over HG1900", "text: HG1900 more accurate", ratio, low=1.0))
         printed = PUBLISHED["HG1700", length][2][1] / PUBLISHED["HG1900", length][2][1]
         cells.append(
-            said(
+            claimed(
                 f"{length:g} s, 3.3: the same, from its table",
                 f"{printed:.2f}",
                 ratio,

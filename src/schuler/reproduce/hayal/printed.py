@@ -178,11 +178,11 @@ def field_table(sensor: str, order: int, subset: int) -> FloatArray:
 
 def field_words(sensor: str, order: int, subset: int) -> dict[tuple[int, int, int], str]:
     """The same as printed, ``estimate +- sigma``, by (parameter, IMU, duration)."""
-    found = {}
+    rows = {}
     for i, (_, *words) in enumerate(_rows(sensor, order, subset)):
         for k in range(6):
-            found[i, k // 3, k % 3] = f"{words[2 * k]} +- {words[2 * k + 1]}"
-    return found
+            rows[i, k // 3, k % 3] = f"{words[2 * k]} +- {words[2 * k + 1]}"
+    return rows
 
 
 def _rows(sensor: str, order: int, subset: int) -> list[list[str]]:
@@ -193,9 +193,9 @@ def _rows(sensor: str, order: int, subset: int) -> list[list[str]]:
 
 def short_outages(imu: str) -> dict[tuple[int, int, float], tuple[float, float]]:
     """Mean and sigma after 2 s by (subset, gyroscope parameters, minutes). [m]"""
-    found = {}
+    rows = {}
     for line in SHORT[imu].split("\n")[1:-1]:
         subset, order, *rest = line.split()
         for k, minutes in enumerate(MINUTES):
-            found[int(subset), int(order), minutes] = (float(rest[2 * k]), float(rest[2 * k + 1]))
-    return found
+            rows[int(subset), int(order), minutes] = (float(rest[2 * k]), float(rest[2 * k + 1]))
+    return rows

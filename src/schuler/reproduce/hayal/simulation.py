@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, digits, said
+from schuler.reproduce.cells import Cell, against, claimed, digits
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import PPM
 
@@ -88,12 +88,14 @@ def _table(table: str, effort: Effort) -> Outcome:
             if len(sigma) == 9 and case == 1:  # nothing but rounding on both sides
                 high = 1e-13 * float(np.linalg.norm(study.case.reference_n)) if i < 3 else 1e-13 / size
                 cells += [
-                    said(f"{what}: sigma", f"{sigma[i]:.3g}", predicted, high=high, unit=words, tolerance="rounding"),
-                    said(f"{what}: rms error", f"{error[i]:.3g}", rms, high=high, unit=words, tolerance="rounding"),
+                    claimed(
+                        f"{what}: sigma", f"{sigma[i]:.3g}", predicted, high=high, unit=words, tolerance="rounding"
+                    ),
+                    claimed(f"{what}: rms error", f"{error[i]:.3g}", rms, high=high, unit=words, tolerance="rounding"),
                 ]
                 continue
             cells.append(
-                said(
+                claimed(
                     f"{what}: sigma",
                     f"{sigma[i]:.5g}",
                     predicted,
@@ -104,7 +106,7 @@ def _table(table: str, effort: Effort) -> Outcome:
             )
             # one draw of an error: beyond three of ours in one of 370
             cells.append(
-                said(
+                claimed(
                     f"{what}: rms error or sigma",
                     f"|error| {error[i]:.4g}",
                     max(rms, predicted),
@@ -211,9 +213,9 @@ def _over_rate(effort: Effort) -> Outcome:
     first, fast = studies[0].groups(), studies[4].groups()
     n = 3.0 * len(studies[0].values)
     cells += [
-        said("scale factors, rate x 1 over x 1e4", "improves with the rate", first[1] / fast[1], low=10.0),
-        said("angles, rate x 1 over x 1e4", "improves with the rate", first[2] / fast[2], low=10.0),
-        said(
+        claimed("scale factors, rate x 1 over x 1e4", "improves with the rate", first[1] / fast[1], low=10.0),
+        claimed("angles, rate x 1 over x 1e4", "improves with the rate", first[2] / fast[2], low=10.0),
+        claimed(
             "bias, rate x 1e4 over x 1",
             "does not change very much",
             fast[0] / first[0],
@@ -240,7 +242,7 @@ def _over_noise(effort: Effort) -> Outcome:
     studies = {s.case.noise_factor: s for s in _sweep(effort, "noise_factor")}
     for k, what in enumerate(("bias", "scale factors", "angles")):
         ratio = studies[2.0].groups()[k] / studies[0.1].groups()[k]
-        cells.append(said(f"{what}, noise x 2 over x 0.1", "significantly worse with noise", ratio, low=10.0))
+        cells.append(claimed(f"{what}, noise x 2 over x 0.1", "significantly worse with noise", ratio, low=10.0))
     for factor, share in ((3.0, 1.0), (4.0, 1.0), (7.0, 0.40)):
         n = len(studies[factor].values)
         half = 3.0 * np.sqrt(max(share * (1.0 - share), 1.0 / n) * (1.0 / n + 1.0 / 400.0)) + 0.005

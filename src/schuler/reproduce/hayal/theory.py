@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, DEG_PER_HR, DEG_PER_RTHR, G0, MG, MPS_PER_RTHR, PPM
 
@@ -81,7 +81,7 @@ def _six_positions(effort: Effort) -> Outcome:
     Y = poses(M).f
     equation = (Y[::2] + Y[1::2]).diagonal() / 2.0  # (2.5), each axis up and down
     cells = [
-        said(
+        claimed(
             "(2.5), (2.6): bias",
             "b = (up + down) / 2",
             float(np.abs(standard.errors.b_a - b).max()),
@@ -89,14 +89,14 @@ def _six_positions(effort: Effort) -> Outcome:
             unit="m/s^2",
             tolerance="rounding",
         ),
-        said(
+        claimed(
             "(2.5), (2.6): scale factor",
             "S = (up - down - 2 K) / 2 K",
             float(np.abs(np.diag(standard.errors.M_a) - np.diag(M - one)).max()),
             high=1e-12,
             tolerance="rounding",
         ),
-        said(
+        claimed(
             "(2.5) by hand against ours",
             "the same",
             float(np.abs(equation - improved.errors.b_a).max()),
@@ -104,7 +104,7 @@ def _six_positions(effort: Effort) -> Outcome:
             unit="m/s^2",
             tolerance="rounding",
         ),
-        said(
+        claimed(
             "(2.8), (2.9): all twelve",
             "X = Y A' inv(A A')",
             float(max(np.abs(improved.errors.M_a - (M - one)).max(), np.abs(improved.errors.b_a - b).max())),
@@ -114,9 +114,9 @@ def _six_positions(effort: Effort) -> Outcome:
     ]
     for angle, loss in ((0.1, "-1.5"), (0.5, "-38"), (1.0, "-152"), (2.0, "-609")):
         turned = imu_errors({"M_a_xx": 0.0}).M_a + dcm_from_rotvec(np.array((0.0, angle * DEG, 0.0)))
-        found = calibrate_sixposition(poses(turned), gravity=g, improved=False, gyro="none")
+        calibration = calibrate_sixposition(poses(turned), gravity=g, improved=False, gyro="none")
         name = f"scale error of an axis {angle:g} deg off"
-        cells.append(digits(name, loss, found["M_a_xx"][0] / PPM, unit="ppm", reference="corrected"))
+        cells.append(digits(name, loss, calibration["M_a_xx"][0] / PPM, unit="ppm", reference="corrected"))
     return Outcome(
         tuple(cells),
         "The thesis names the effect of tilt without numbers; these are 1 - cos of the angle. It calls the diagonal "
@@ -164,7 +164,7 @@ def _earth_rate(effort: Effort) -> Outcome:
             unit="rad/s",
             source="-omega sin(lambda)",
         ),
-        said(
+        claimed(
             "(4.3) at longitude -83 deg against it",
             "independent of longitude",
             float(np.abs(turned - rate).max()),
@@ -172,7 +172,7 @@ def _earth_rate(effort: Effort) -> Outcome:
             unit="rad/s",
             tolerance="rounding",
         ),
-        said(
+        claimed(
             "height at which normal gravity is 9.801",
             "mean gravity at 40 deg",
             float((gravity_somigliana(LATITUDE) - GRAVITY) / (gravity_somigliana(LATITUDE) * 2.0 / WGS84.a)),
@@ -204,7 +204,7 @@ def _rotation(effort: Effort) -> Outcome:
     product = about(2, a) @ about(1, x) @ about(0, e)
     off = float(np.abs(attitude_rotation((e, x, a)) - product).max())
     return Outcome(
-        (said("(4.10) against R3 R2 R1", "R = R3(alpha) R2(chi) R1(eta)", off, high=1e-14, tolerance="rounding"),)
+        (claimed("(4.10) against R3 R2 R1", "R = R3(alpha) R2(chi) R1(eta)", off, high=1e-14, tolerance="rounding"),)
     )
 
 
@@ -220,7 +220,7 @@ def _scaled_reference(effort: Effort) -> Outcome:
     words = "does not change"
     return Outcome(
         (
-            said(
+            claimed(
                 "bias, gravity wrong by 1e-3",
                 words,
                 float(moved[:3].max()),
@@ -228,8 +228,8 @@ def _scaled_reference(effort: Effort) -> Outcome:
                 unit="m/s^2",
                 tolerance="rounding",
             ),
-            said("angles", words, float(moved[6:].max()), high=1e-12, unit="rad", tolerance="rounding"),
-            said(
+            claimed("angles", words, float(moved[6:].max()), high=1e-12, unit="rad", tolerance="rounding"),
+            claimed(
                 "1 + s",
                 "divided by the factor",
                 float(np.abs((1.0 + other.values[3:6]) * (1.0 + kappa) - 1.0 - one.values[3:6]).max()),

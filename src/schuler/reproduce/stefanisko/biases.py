@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.reproduce.stefanisko.inertial import HARDWARE
 from schuler.units import G0, MG
@@ -59,7 +59,7 @@ def _drift(effort: Effort) -> Outcome:
     for k, (axis, printed, tolerance) in enumerate(zip("xyz", (100.0, 70.0, 18.0), sheet, strict=True)):
         needed = 2.0 * printed / 20.0**2 / MG
         cells.append(
-            said(
+            claimed(
                 f"{axis}: constant error that it takes, over the data sheet's",
                 f"{printed:g} m",
                 needed / tolerance,
@@ -113,7 +113,7 @@ def _corrected(strategy: str, printed: float, effort: Effort) -> Outcome:
     n = len(ends)
     half = 3.0 / np.sqrt(2.0 * n)
     cells: list[Cell] = [
-        said(
+        claimed(
             "RMS after 20 s, worst axis",
             f"{printed:g} m",
             float(rms.max()),
@@ -121,7 +121,7 @@ def _corrected(strategy: str, printed: float, effort: Effort) -> Outcome:
             high=printed * 10.0,
             unit="m",
         ),
-        said(
+        claimed(
             "share of our runs with more on some axis",
             f"{printed:g} m in one run",
             larger,
@@ -129,16 +129,16 @@ def _corrected(strategy: str, printed: float, effort: Effort) -> Outcome:
             high=0.99,
             tolerance="statistical",
         ),
-        said("better than without correction by", "significantly", float((uncorrected / rms).min()), low=10.0),
+        claimed("better than without correction by", "significantly", float((uncorrected / rms).min()), low=10.0),
     ]
-    from schuler.reproduce.stefanisko.study.bias_removal import DIGEST
+    from schuler.reproduce.stefanisko.study.bias_removal import CHECK
 
     for k, axis in enumerate(("north", "east", "down")):
-        digest = DIGEST[strategy][k]
+        reference = CHECK[strategy][k]
         cells.append(
             against(
                 f"RMS after 20 s, {axis}",
-                digest,
+                reference,
                 float(rms[k]),
                 unit="m",
                 reference="corrected",
@@ -156,7 +156,7 @@ def _corrected(strategy: str, printed: float, effort: Effort) -> Outcome:
 
 def _which_is_best(effort: Effort) -> Outcome:
     """Section 4.4 and conclusion: the mean is best, so the bias is constant."""
-    from schuler.reproduce.stefanisko.study.bias_removal import DIGEST, STRATEGIES
+    from schuler.reproduce.stefanisko.study.bias_removal import CHECK, STRATEGIES
     from schuler.reproduce.stefanisko.study.experiment import ACCEL_NOISE, GYRO_NOISE
 
     study = _removal(effort)
@@ -170,7 +170,7 @@ def _which_is_best(effort: Effort) -> Outcome:
                 cells.append(
                     against(
                         f"{name}, {axis}",
-                        DIGEST[name][k],
+                        CHECK[name][k],
                         float(rms[k]),
                         unit="m",
                         relative=relative,
@@ -185,8 +185,8 @@ def _which_is_best(effort: Effort) -> Outcome:
     down = (float(study.rms("mean, same stretch")[2]), float(study.rms("mean, stretch before")[2]))
     spread = 4.0 / np.sqrt(2.0 * runs)
     cells += [
-        said("mean of the same stretch over moving mean", "the mean is best", inside / moving, high=1.0),
-        said("mean of the stretch before over moving mean", "", outside / moving, low=1.0, reference="corrected"),
+        claimed("mean of the same stretch over moving mean", "the mean is best", inside / moving, high=1.0),
+        claimed("mean of the stretch before over moving mean", "", outside / moving, low=1.0, reference="corrected"),
         against(
             "same stretch, down: N sqrt(T^3 / 12)", root, down[0], relative=spread, unit="m", reference="corrected"
         ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, G0
 
@@ -74,7 +74,7 @@ def _attitude(effort: Effort) -> Outcome:
     first = flat_navigation(spin, TAU, np.zeros(3), np.zeros(3), np.eye(3), attitude="first order").C_nb[-1]
     growth = 100.0 * (float(np.linalg.norm(first[:, 0])) ** (1.0 / (len(spin) * TAU)) - 1.0)
     cells: list[Cell] = [
-        said(
+        claimed(
             "(1.5) mended against our rotation",
             "C_bn, three factors",
             float(np.abs(product - dcm_from_rpy(rpy).T).max()),
@@ -82,14 +82,14 @@ def _attitude(effort: Effort) -> Outcome:
             tolerance="rounding",
             reference="corrected",
         ),
-        said(
+        claimed(
             "(1.11) against our quaternion",
             "C from q",
             float(np.abs(dcm_from_quat(quat_from_rpy(rpy)) - dcm_from_rpy(rpy)).max()),
             high=1e-14,
             tolerance="rounding",
         ),
-        said(
+        claimed(
             "dual Euler angles",
             "the same attitude",
             float(np.abs(dual - dcm_from_rpy(rpy)).max()),
@@ -144,7 +144,7 @@ def _gravity(effort: Effort) -> Outcome:
     printed = zero * (1.0 - 2.0 / a * (1.0 + f + m) * 1e4 + 3.0 / a**2 * 1e8)
     return Outcome(
         (
-            said(
+            claimed(
                 "(1.24) against the normal gravity of WGS 84",
                 "called WGS 84",
                 float(np.abs(formula - gravity_somigliana(lat)).max()),
@@ -168,7 +168,7 @@ def _gravity(effort: Effort) -> Outcome:
                 tolerance="rounding",
                 reference="corrected",
             ),
-            said(
+            claimed(
                 "J2 and centrifugal term against (1.23) mended, 48.84 deg",
                 "4e-5",
                 abs(from_j2 - float(gravity_somigliana(ESIEE[0], ESIEE[2]))),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.reproduce.cells import Cell, against, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, shown
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.reproduce.stefanisko.equations import TAU
 from schuler.units import DEG
@@ -38,26 +38,26 @@ def _solved(interval: float, place: float = 0.5) -> tuple[FloatArray, FloatArray
     r, v, _ = motion.path(t)
     C, _ = motion.attitude(t[:1])
     samples = gendata(_A, _STEP, _B, _STEP, interval, np.arange(n) + place)
-    found = flat_navigation(samples, interval, r[0], v[0], C[0])
-    return t, r, 0.25 * np.pi * t / _STEP, found
+    solution = flat_navigation(samples, interval, r[0], v[0], C[0])
+    return t, r, 0.25 * np.pi * t / _STEP, solution
 
 
 def _clean(effort: Effort) -> Outcome:
     from schuler.reproduce.stefanisko.study.figures import track_figure
 
-    t, r, pitch, found = _solved(TAU)
+    t, r, pitch, solution = _solved(TAU)
     length = float(np.linalg.norm(np.diff(r, axis=0), axis=1).sum())
-    worst = float(np.linalg.norm(found.r_n - r, axis=1).max())
+    worst = float(np.linalg.norm(solution.r_n - r, axis=1).max())
     steps = (0.012, 0.006, 0.003)
     off = []
     for place in (0.5, 0.0):
         ends = [_solved(h, place) for h in steps]
-        off.append([float(np.linalg.norm(found.r_n[-1] - r[-1])) for _, r, _, found in ends])
-    C = found.C_nb[-1]
+        off.append([float(np.linalg.norm(solution.r_n[-1] - r[-1])) for _, r, _, solution in ends])
+    C = solution.C_nb[-1]
     cells: list[Cell] = [
-        said("largest position error over the path", "input = output", worst / length, high=1e-3),
+        claimed("largest position error over the path", "input = output", worst / length, high=1e-3),
         *(
-            said(
+            claimed(
                 f"samples at the middle: error at {1e3 * h:g} ms over {5e2 * h:g} ms",
                 "falls with the step",
                 a / b,
@@ -69,7 +69,7 @@ def _clean(effort: Effort) -> Outcome:
             for h, a, b in zip(steps, off[0], off[0][1:], strict=False)
         ),
         *(
-            said(
+            claimed(
                 f"samples at the start: error at {1e3 * h:g} ms over {5e2 * h:g} ms",
                 "falls with the step",
                 a / b,
@@ -97,7 +97,7 @@ def _clean(effort: Effort) -> Outcome:
             against(
                 f"{axis} at the end",
                 end,
-                float(found.r_n[-1, k]),
+                float(solution.r_n[-1, k]),
                 absolute=1e-3 * length,
                 unit="m",
                 source=f"{_A[-1][k]:g}",
@@ -108,7 +108,7 @@ def _clean(effort: Effort) -> Outcome:
         tuple(cells),
         "The thesis shows curves; it does not say where in their interval its samples lie. At the middle the error "
         "is of second order in the step, at the start of first order.",
-        (partial(track_figure, t, r, pitch, found),),
+        (partial(track_figure, t, r, pitch, solution),),
     )
 
 
@@ -143,8 +143,8 @@ def _with_rotation(effort: Effort) -> Outcome:
     x_moved = float(np.linalg.norm(solved(about_x, "body")[-1] - solved(still, "body")[-1]))
     late = float(np.linalg.norm(_solved(TAU, 0.0)[3].r_n[-1] - first))
     cells = (
-        said("end point moves with the rotation", "it changes", moved["with rotation"], low=0.5, unit="m"),
-        said(
+        claimed("end point moves with the rotation", "it changes", moved["with rotation"], low=0.5, unit="m"),
+        claimed(
             "end point moves, correct generator",
             "it does not",
             moved["with rotation"],
@@ -173,11 +173,11 @@ def _initial_velocity(effort: Effort) -> Outcome:
 
     motion = polynomial_motion(_A, _STEP, _B, _STEP, np.zeros(3))
     r, v, a = motion.path(np.array((0.0, TAU)))
-    found = velocity_from_samples(r, TAU)
-    off = found - v[0]
+    velocity = velocity_from_samples(r, TAU)
+    off = velocity - v[0]
     return Outcome(
         (
-            said(
+            claimed(
                 "first difference against the derivative",
                 "velocity from the first samples",
                 float(np.abs(off).max()),

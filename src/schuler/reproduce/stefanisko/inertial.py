@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG
 
@@ -30,13 +30,13 @@ def _samples(effort: Effort) -> Outcome:
     mean = log.accel.mean(axis=0)
     n = len(log)
     cells: list[Cell] = [
-        said(
+        claimed(
             "offset of z over that of x and y",
             "much bigger: gravity",
             abs(mean[2]) / float(np.abs(mean[:2]).max()),
             low=5.0,
         ),
-        said(
+        claimed(
             "gyroscopes: largest mean",
             "no gravity",
             float(np.abs(log.gyro.mean(axis=0)).max()) / DEG,
@@ -158,11 +158,11 @@ def _zero_velocity(effort: Effort) -> Outcome:
         accel = f + bias[:3] + ACCEL_NOISE / root * rng.standard_normal((n, 3))
         result = navigate_foot(ImuSeries(IMU_INTERVAL_S * np.arange(1.0, n + 1.0), gyro, accel), config)
         run = result.navigation
-        claimed = np.sqrt(np.einsum("kii->ki", run.covariance))[:, 9:15]
-        z.append((run.parameters[-1, :6] - bias) / claimed[-1])
+        claimed_sigma = np.sqrt(np.einsum("kii->ki", run.covariance))[:, 9:15]
+        z.append((run.parameters[-1, :6] - bias) / claimed_sigma[-1])
         shares.append(float(result.rests.mask.mean()))
         if kept is None:
-            kept = (run.t, run.parameters[:, :6], claimed, bias)
+            kept = (run.t, run.parameters[:, :6], claimed_sigma, bias)
     assert kept is not None
     left = kept[2][-1] / sigma
     normal = np.array(z)
@@ -171,11 +171,11 @@ def _zero_velocity(effort: Effort) -> Outcome:
     words = "estimated"
     return Outcome(
         (
-            said("share of the log found at rest", "zero velocities", min(shares), low=0.95),
-            said("accelerometer z: sigma left", words, float(left[2]), high=0.5),
-            said("gyroscopes x, y: sigma left", words, float(left[3:5].max()), high=0.5),
-            said("accelerometers x, y: sigma left", words, float(left[:2].min()), high=0.5),
-            said("gyroscope z: sigma left", words, float(left[5]), high=0.5),
+            claimed("share of the log found at rest", "zero velocities", min(shares), low=0.95),
+            claimed("accelerometer z: sigma left", words, float(left[2]), high=0.5),
+            claimed("gyroscopes x, y: sigma left", words, float(left[3:5].max()), high=0.5),
+            claimed("accelerometers x, y: sigma left", words, float(left[:2].min()), high=0.5),
+            claimed("gyroscope z: sigma left", words, float(left[5]), high=0.5),
             against("errors over claim, squared", 1.0, mean_square, absolute=half, source="", reference="corrected"),
         ),
         HARDWARE + "At rest zero velocities show the vertical accelerometer and the horizontal gyroscopes. Horizontal "

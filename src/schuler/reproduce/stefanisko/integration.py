@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, shown
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, G0
 
@@ -62,21 +62,23 @@ def _fused(effort: Effort) -> Outcome:
 
     moving, rest = _runs(effort, "no outage"), _runs(effort, "at rest, no outage")
     cells: list[Cell] = []
-    for what, found in (("moving", moving), ("at rest", rest)):
+    for what, result in (("moving", moving), ("at rest", rest)):
         late = np.arange(10.0, 91.0)
-        position = max(found.position(t) for t in late) / float(np.linalg.norm(SIGMA_POSITION))
-        velocity = max(found.velocity(t) for t in late) / float(np.linalg.norm(SIGMA_VELOCITY))
-        peak = float(np.abs(found.errors[:, 10:, 6:9]).max(axis=(0, 1)).max() / (4.0 * SIGMA_POSITION.max()))
+        position = max(result.position(t) for t in late) / float(np.linalg.norm(SIGMA_POSITION))
+        velocity = max(result.velocity(t) for t in late) / float(np.linalg.norm(SIGMA_VELOCITY))
+        peak = float(np.abs(result.errors[:, 10:, 6:9]).max(axis=(0, 1)).max() / (4.0 * SIGMA_POSITION.max()))
         cells += [
-            said(f"{what}: position error over that of a fix, 10 to 90 s", "does not exceed GNSS", position, high=1.0),
-            said(
+            claimed(
+                f"{what}: position error over that of a fix, 10 to 90 s", "does not exceed GNSS", position, high=1.0
+            ),
+            claimed(
                 f"{what}: velocity error over that of a fix",
                 "does not exceed GNSS",
                 velocity,
                 high=1.05,
                 tolerance="statistical",
             ),
-            said(f"{what}: largest error over four sigma of a fix", "GNSS peaks are smoothed", peak, high=1.0),
+            claimed(f"{what}: largest error over four sigma of a fix", "GNSS peaks are smoothed", peak, high=1.0),
         ]
     each = rest.rms(slice(9, 11), 50.0) / np.sqrt(2.0)
     case = rest.case
@@ -131,13 +133,13 @@ def _outage(effort: Effort) -> Outcome:
     """Figs. 4.16 to 4.19: no GNSS from 50 to 90 s."""
     moving, rest, alone = _runs(effort, "outage"), _runs(effort, "at rest"), _runs(effort, "INS alone")
     cells: list[Cell] = [
-        said(
+        claimed(
             "position after 40 s without GNSS over INS alone",
             "less error than INS alone",
             moving.position(90.0) / alone.position(40.0),
             high=1.0,
         ),
-        said(
+        claimed(
             "position 3 s after the outage over its end",
             "GNSS corrects it",
             moving.position(93.0) / moving.position(90.0),
@@ -184,18 +186,18 @@ def _tuning(effort: Effort) -> Outcome:
     trusting = _runs(effort, "R / 100")
     k = int(np.argmin(np.abs(start.t - 5.0)))
     cells = (
-        said(
+        claimed(
             "P0 / 100, 5 s: error over claim of the biases",
             "true errors much larger than claimed",
             float(np.sqrt(np.mean(start.errors[:, k, 9:] ** 2 / start.variances[:, k, 9:]))),
             low=1.5,
         ),
-        said("Q / 100: error over claim, 90 s", "true errors much larger than claimed", small.ratio(90.0), low=1.5),
-        said("Q x 167: claim over error, 90 s", "uncertainties too large", 1.0 / large.ratio(90.0), low=1.5),
-        said(
+        claimed("Q / 100: error over claim, 90 s", "true errors much larger than claimed", small.ratio(90.0), low=1.5),
+        claimed("Q x 167: claim over error, 90 s", "uncertainties too large", 1.0 / large.ratio(90.0), low=1.5),
+        claimed(
             "R / 100: error over claim, 50 s", "biased by the noise of the measurements", trusting.ratio(50.0), low=1.5
         ),
-        said(
+        claimed(
             "R / 100: error over that with the true R, 50 s",
             "biased by the noise of the measurements",
             trusting.position(50.0) / true.position(50.0),
@@ -265,8 +267,10 @@ def _sign_sets(effort: Effort) -> Outcome:
     k = int(np.argmin(np.abs(engine.t - 90.0)))
     same = float(np.sqrt(np.mean(np.sum(engine.errors[:runs, k, 6:9] ** 2, axis=1))))
     cells = (
-        said("as printed: error over claim after the outage", "the filter works", study.ratio(printed, 90.0), high=1.3),
-        said(
+        claimed(
+            "as printed: error over claim after the outage", "the filter works", study.ratio(printed, 90.0), high=1.3
+        ),
+        claimed(
             "A and B: largest difference",
             "the same filter",
             apart[0],
@@ -274,7 +278,7 @@ def _sign_sets(effort: Effort) -> Outcome:
             tolerance="rounding",
             reference="corrected",
         ),
-        said(
+        claimed(
             "A and C: largest difference",
             "the same filter",
             apart[1],
@@ -302,7 +306,7 @@ def _sign_sets(effort: Effort) -> Outcome:
         _against(
             "as printed, biases added: position after the outage", 8000.0, study.rms(printed, slice(0, 3), 90.0), "m"
         ),
-        said(
+        claimed(
             "biases subtracted over added, after the outage",
             "worse",
             study.rms(other, slice(0, 3), 90.0) / study.rms(printed, slice(0, 3), 90.0),

@@ -45,33 +45,33 @@ class SingleRun:
     truth : ImuErrors
     true : ndarray, shape (p,)
         The same in the order of the calibration. SI.
-    found : FieldCalibration
+    fit : FieldCalibration
     """
 
     imu: ImuSeries
     truth: ImuErrors
     true: np.ndarray
-    found: FieldCalibration
+    fit: FieldCalibration
 
     def worst(self, names: tuple[str, ...]) -> float:
         """Largest error of some parameters over their claimed sigma."""
-        c = self.found.calibration
+        c = self.fit.calibration
         z = np.abs(c.values - self.true) / np.sqrt(np.diag(c.covariance))
         return float(max(z[c.names.index(name)] for name in names))
 
     def left(self, names: tuple[str, ...]) -> float:
         """Largest error of some parameters over what was known before."""
-        c = self.found.calibration
+        c = self.fit.calibration
         return float(max(abs(c[n][0] - self.true[c.names.index(n)]) / c.prior_sigma[n] for n in names))
 
     def reached(self, names: tuple[str, ...]) -> float:
         """Time from which all of them are known to a tenth of what was known before. [s]"""
-        reached = self.found.history.reached(0.1)
+        reached = self.fit.history.reached(0.1)
         return max(reached[name] for name in names)
 
     def share(self, names: tuple[str, ...], t: float) -> float:
         """Largest square root of the variance of some parameters over that at the start, at a time."""
-        h = self.found.history
+        h = self.fit.history
         k = min(int(np.searchsorted(h.t, t)), len(h.t) - 1)
         return float(max(h.normalised[k, h.names.index(name)] for name in names))
 
@@ -92,8 +92,8 @@ def single_run(effort: Effort, form: Form) -> SingleRun:
 
     job = FieldJob(catalogue.spec(AUTOMOTIVE), options=options_of(form), rests="given" if effort.quick else "found")
     (imu, _), truth, heading = simulated_unit(job, np.random.SeedSequence(effort.seed))
-    found = calibrated(job, imu, heading)
-    return SingleRun(imu, truth, vector(truth, found.calibration.names), found)
+    fit = calibrated(job, imu, heading)
+    return SingleRun(imu, truth, vector(truth, fit.calibration.names), fit)
 
 
 @cache
@@ -101,14 +101,14 @@ def campaign(effort: Effort, grade: str, form: Form) -> FieldCampaign:
     """Monte Carlo of section 5.2: both forms and grades share their draws."""
     from schuler.reproduce.yaman.study.campaign import field_campaign
 
-    found = field_campaign(
+    result = field_campaign(
         grade, effort.runs(_QUICK[grade], 1000), seed=effort.seed,
         options=options_of(form), rests="given" if effort.quick else "found",
         workers=1 if effort.quick else None,
     )  # fmt: skip
-    if not found.complete:
+    if not result.complete:
         raise KeyboardInterrupt
-    return found
+    return result
 
 
 @cache
@@ -116,13 +116,13 @@ def static_test(effort: Effort, imu: str) -> StaticDrift:
     """Units of a data sheet, calibrated and left at rest for a minute, section 6.2.1."""
     from schuler.reproduce.yaman.study.static import static_drift
 
-    found = static_drift(
+    result = static_drift(
         imu, effort.runs(*_STATIC), seed=effort.seed, rests="given" if effort.quick else "found",
         rate_hz=50.0 if effort.quick else 100.0, workers=1 if effort.quick else None,
     )  # fmt: skip
-    if not found.complete:
+    if not result.complete:
         raise KeyboardInterrupt
-    return found
+    return result
 
 
 @cache
@@ -131,10 +131,10 @@ def unit_drives(effort: Effort, number: int) -> FieldDrives:
     from schuler.reproduce.yaman.study.unit_drives import field_drives
 
     units = effort.runs(*_DRIVEN)
-    found = field_drives(number, units, seed=effort.seed, rate_hz=50.0 if effort.quick else 100.0)
-    if not found.complete:
+    drives = field_drives(number, units, seed=effort.seed, rate_hz=50.0 if effort.quick else 100.0)
+    if not drives.complete:
         raise KeyboardInterrupt
-    return found
+    return drives
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, Reference, said, shown
+from schuler.reproduce.cells import Cell, Reference, claimed, shown
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.reproduce.yaman.campaigns import drive_runs, unit_drives
 
@@ -52,7 +52,7 @@ def one_more(values: np.ndarray) -> float:
 def _beside(name: str, printed: float, values: np.ndarray, unit: str, reference: Reference = "thesis") -> Cell:
     """Geometric mean of the units; the printed unit is to be one of them."""
     factor = one_more(values)
-    return said(
+    return claimed(
         name, f"{printed:g}", float(np.exp(np.mean(np.log(values)))), low=printed / factor, high=printed * factor,
         unit=unit, tolerance="statistical", reference=reference,
     )  # fmt: skip
@@ -65,25 +65,25 @@ def _table(number: int) -> Callable[[Effort], Outcome]:
     def run(effort: Effort) -> Outcome:
         from schuler.reproduce.yaman.study.tables import MODES, PRINTED_MODES, QUANTITIES, mode_name
 
-        found = unit_drives(effort, number)
+        drives = unit_drives(effort, number)
         cells: list[Cell] = []
         for i, mode in enumerate(MODES):
             for k, (quantity, unit) in enumerate(zip(QUANTITIES, _UNITS, strict=True)):
                 words = quantity.removesuffix("_m_s").removesuffix("_m").removesuffix("_deg").replace("_", " ")
                 label = f"{mode_name(*mode)}: {words}"
-                cells.append(_beside(label, PRINTED_MODES[number][i][k], found.rms[:, i, k], unit))
+                cells.append(_beside(label, PRINTED_MODES[number][i][k], drives.rms[:, i, k], unit))
         for column in QUANTITIES[:2]:
-            pairs = found.order(column)
+            pairs = drives.order(column)
             held = sum(ratio > 1.0 for ratio in pairs.column("ratio_of_medians"))
             cells.append(
-                said(f"pairs of modes in the source's order, {column.split('_')[1]}",
+                claimed(f"pairs of modes in the source's order, {column.split('_')[1]}",
                      f"{len(pairs)} on which both tables agree", float(held), low=float(len(pairs)), unit="-")
             )  # fmt: skip
 
         def figure() -> Figure:
             from schuler.reproduce.yaman.study.mode_figures import modes
 
-            return modes(found)
+            return modes(drives)
 
         return Outcome(
             tuple(cells),
@@ -108,9 +108,9 @@ def _conclusions(effort: Effort) -> Outcome:
         H, V = np.exp(np.mean(np.log(where), axis=0))
         limit = {1: 20.0, 2: 30.0}[number]
         claim = f"below {limit:.0f} m"
-        cells.append(said(f"{at}: no GPS, CIMU+NG, horizontal", claim, float(H), high=limit, unit="m"))
+        cells.append(claimed(f"{at}: no GPS, CIMU+NG, horizontal", claim, float(H), high=limit, unit="m"))
         if number == 1:
-            cells.append(said(f"{at}: no GPS, CIMU+NG, vertical", "below 80 m", float(V), high=80.0, unit="m"))
+            cells.append(claimed(f"{at}: no GPS, CIMU+NG, vertical", "below 80 m", float(V), high=80.0, unit="m"))
         else:
             cells.append(
                 _beside(
@@ -123,12 +123,12 @@ def _conclusions(effort: Effort) -> Outcome:
             )
         outage = np.exp(np.mean(np.log(rms[:, row["Partial, INS+CIMU+NG"], 0])))
         cells.append(
-            said(f"{at}: outage, CIMU+NG, horizontal", "useful below 50 m", float(outage), high=50.0, unit="m")
+            claimed(f"{at}: outage, CIMU+NG, horizontal", "useful below 50 m", float(outage), high=50.0, unit="m")
         )
         for mode in ("None, INS+CIMU", "None, INS", "Partial, INS+CIMU", "Partial, INS"):
             gain = np.median(rms[:, row[mode], 0] / rms[:, row[f"{mode}+NG"], 0])
             cells.append(
-                said(
+                claimed(
                     f"{at}: {mode}: gain by NG, horizontal, median",
                     "NG better, calibrated or not",
                     float(gain),
@@ -139,7 +139,7 @@ def _conclusions(effort: Effort) -> Outcome:
             ratio = rms[:, row["Partial, INS"], k] / rms[:, row["Partial, INS+CIMU"], k]
             theirs = float(printed[row["Partial, INS"], k] / printed[row["Partial, INS+CIMU"], k])
             cells += [
-                said(f"{at}: outage: gain by calibration, {axis}, median", "more than an order of magnitude",
+                claimed(f"{at}: outage: gain by calibration, {axis}, median", "more than an order of magnitude",
                      float(np.median(ratio)), low=10.0, unit="-"),
                 _beside(f"{at}: the same beside the table", theirs, ratio, "-", reference="corrected"),
             ]  # fmt: skip
@@ -162,10 +162,16 @@ def _trajectories(effort: Effort) -> Outcome:
         truth = d.raw.need_reference()
         way = float(np.linalg.norm(np.diff(truth.r_eb_e, axis=0), axis=1).sum())
         cells += [
-            said(f"drive {number}: time", "nearly ten minutes", float(truth.t[-1] - truth.t[0]), low=540.0, high=600.1,
-                 unit="s"),
+            claimed(
+                f"drive {number}: time",
+                "nearly ten minutes",
+                float(truth.t[-1] - truth.t[0]),
+                low=540.0,
+                high=600.1,
+                unit="s",
+            ),
             shown(f"drive {number}: way", way, unit="m"),
-        ]  # fmt: skip
+        ]
 
     def figure(number: int) -> Callable[[], Figure]:
         def make() -> Figure:
@@ -202,14 +208,14 @@ def _whole(number: int) -> Callable[[Effort], Outcome]:
         V = {name: runs.rms(name, "position_vertical_m") for name in _BOUNDED}
         theirs = printed["None, INS"][1] / printed["None, INS+CIMU"][1]
         cells += [
-            said("no GPS, raw: height", "garbage", V["None, INS"], low=1000.0, unit="m"),
-            said("no GPS: gain by calibration, height", f"several orders of magnitude; its table {theirs:.3g}",
+            claimed("no GPS, raw: height", "garbage", V["None, INS"], low=1000.0, unit="m"),
+            claimed("no GPS: gain by calibration, height", f"several orders of magnitude; its table {theirs:.3g}",
                  V["None, INS"] / V["None, INS+CIMU"], low=10.0**1.5, unit="-"),
-            said("no GPS, calibrated, no NG: horizontal", "not to be used for long", H["None, INS+CIMU"], low=1000.0,
+            claimed("no GPS, calibrated, no NG: horizontal", "not to be used for long", H["None, INS+CIMU"], low=1000.0,
                  unit="m"),
-            said("no GPS, calibrated: gain by NG, horizontal", "highly increased",
+            claimed("no GPS, calibrated: gain by NG, horizontal", "highly increased",
                  H["None, INS+CIMU"] / H["None, INS+CIMU+NG"], low=10.0, unit="-"),
-            said("no GPS, raw: gain by NG, horizontal", "highly increased",
+            claimed("no GPS, raw: gain by NG, horizontal", "highly increased",
                  H["None, INS"] / H["None, INS+NG"], low=10.0, unit="-"),
         ]  # fmt: skip
 
@@ -247,11 +253,11 @@ def _lost(number: int) -> Callable[[Effort], Outcome]:
         for k, axis in enumerate(("horizontal", "vertical")):
             theirs = printed["Partial, INS"][k] / printed["Partial, INS+CIMU"][k]
             cells.append(
-                said(f"gain by calibration, {axis}", f"more than an order of magnitude; its table {theirs:.3g}",
+                claimed(f"gain by calibration, {axis}", f"more than an order of magnitude; its table {theirs:.3g}",
                      size["Partial, INS", k] / size["Partial, INS+CIMU", k], low=10.0, unit="-")
             )  # fmt: skip
         cells.append(
-            said("gain by NG, raw, horizontal", "similar to that of calibration: larger than 1",
+            claimed("gain by NG, raw, horizontal", "similar to that of calibration: larger than 1",
                  size["Partial, INS", 0] / size["Partial, INS+NG", 0], low=1.0, unit="-")
         )  # fmt: skip
 

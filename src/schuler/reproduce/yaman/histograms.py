@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import against, digits, said, shown
+from schuler.reproduce.cells import against, claimed, digits, shown
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.reproduce.yaman.campaigns import AUTOMOTIVE, TACTICAL, campaign, single_run
 from schuler.reproduce.yaman.multi import STANDARD_ERRORS
@@ -22,31 +22,40 @@ def _histograms(grade: str, chosen: Callable[[str], bool]) -> Callable[[Effort],
     def run(effort: Effort) -> Outcome:
         from schuler.reproduce.yaman.study.tables import PRINTED_CAMPAIGNS
 
-        found = campaign(effort, grade, "ours")
+        result = campaign(effort, grade, "ours")
         names = [name for name in PRINTED_CAMPAIGNS[grade] if chosen(name)]
-        at = [found.column(name) for name in names]
-        before = found.modelled[:, at] / found.prior_sigma[at]
-        most = _kolmogorov(len(found))
-        inside = float(np.mean(np.abs(found.normalised[:, at]) < 1.0))
-        width = [float(np.ptp(found.residual[:, i]) / np.ptp(found.modelled[:, i])) for i in at]
+        at = [result.column(name) for name in names]
+        before = result.modelled[:, at] / result.prior_sigma[at]
+        most = _kolmogorov(len(result))
+        inside = float(np.mean(np.abs(result.normalised[:, at]) < 1.0))
+        width = [float(np.ptp(result.residual[:, i]) / np.ptp(result.modelled[:, i])) for i in at]
         cells = (
-            said(
-                "put in: largest distance from the normal distribution of Table 5.2", "normally distributed",
-                _distance(before), high=most, unit="-", tolerance="statistical",
+            claimed(
+                "put in: largest distance from the normal distribution of Table 5.2",
+                "normally distributed",
+                _distance(before),
+                high=most,
+                unit="-",
+                tolerance="statistical",
             ),
-            said(
-                "left: largest distance from the normal distribution that is claimed", "claims are true",
-                _distance(found.normalised[:, at]), high=most, unit="-", tolerance="statistical", reference="corrected",
+            claimed(
+                "left: largest distance from the normal distribution that is claimed",
+                "claims are true",
+                _distance(result.normalised[:, at]),
+                high=most,
+                unit="-",
+                tolerance="statistical",
+                reference="corrected",
             ),
             shown("left: share of runs within their 1 sigma", inside, unit="-"),
             shown("width of what is left over width of what was put in, largest", max(width), unit="-"),
-        )  # fmt: skip
+        )
 
         def figure(which: str) -> Callable[[], Figure]:
             def make() -> Figure:
                 from schuler.reproduce.yaman.study.campaign_figures import histograms
 
-                return histograms(found, which, names)
+                return histograms(result, which, names)
 
             return make
 
@@ -86,30 +95,30 @@ def _fig_5_15(effort: Effort) -> Outcome:
     own = single_run(effort, "ours")
     job = FieldJob(catalogue.spec(AUTOMOTIVE))
     g = float(np.linalg.norm(earth.gravity_ned(job.place[0], job.place[2])))
-    found = []
+    deflections = []
     for local in (g, g + 100.0 * MGAL):
         rests = given_rests(own.imu, job.routine.rests + np.array([0.1, -0.1]))
-        found.append(
+        deflections.append(
             calibrate_field(
                 own.imu, job.spec, latitude=job.place[0], height=job.place[2], gravity=local,
                 heading=(float(job.routine.rpy_nb[2]), job.heading_sigma), rests=rests,
             ).calibration
         )  # fmt: skip
-    moved = [found[1][f"M_a_{a}{a}"][0] - found[0][f"M_a_{a}{a}"][0] for a in "xyz"]
-    told = -100.0 * MGAL / g
+    moved = [deflections[1][f"M_a_{a}{a}"][0] - deflections[0][f"M_a_{a}{a}"][0] for a in "xyz"]
+    expected = -100.0 * MGAL / g
     cells = [
         digits("100 mgal", "0.1", 100.0 * MGAL / MG, unit="mg"),
         *(
             against(
-                f"S_a_{a} by gravity told 100 mgal too large", told / PPM, m / PPM, relative=0.02, unit="ppm",
+                f"S_a_{a} by gravity told 100 mgal too large", expected / PPM, m / PPM, relative=0.02, unit="ppm",
                 tolerance="discretisation", reference="corrected",
             )
             for a, m in zip("xyz", moved, strict=True)
         ),
         *(
-            said(
+            claimed(
                 f"of the errors put in, {grade.removeprefix('yaman-')}", "highly accurate for low-cost sensors",
-                abs(told) / catalogue.spec(grade).accel.scale_factor, high=limit, unit="-",
+                abs(expected) / catalogue.spec(grade).accel.scale_factor, high=limit, unit="-",
                 reference="thesis" if grade == AUTOMOTIVE else "corrected",
             )
             for grade, limit in ((AUTOMOTIVE, 0.1), (TACTICAL, 1.0))
@@ -119,7 +128,7 @@ def _fig_5_15(effort: Effort) -> Outcome:
     def figure() -> Figure:
         from schuler.reproduce.yaman.study.campaign_figures import family_figure
 
-        return family_figure(own.found, ("M_a_xx", "M_a_yy", "M_a_zz"), own.truth, "Scale factors with true gravity")
+        return family_figure(own.fit, ("M_a_xx", "M_a_yy", "M_a_zz"), own.truth, "Scale factors with true gravity")
 
     return Outcome(
         tuple(cells),

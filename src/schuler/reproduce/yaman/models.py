@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, Tolerance, against, digits, said
+from schuler.reproduce.cells import Cell, Tolerance, against, claimed, digits
 from schuler.reproduce.items import Effort, Item, Outcome
 
 
@@ -207,7 +207,7 @@ def _limits(effort: Effort) -> Outcome:
     for name in ("b_g_x", "b_g_z"):
         left = PRINTED_CAMPAIGNS["yaman-tactical"][name][3]
         cells.append(
-            said(f"smallest {name} that noise allows, tactical", f"{left:g} left", allowed, high=left, unit="deg/h")
+            claimed(f"smallest {name} that noise allows, tactical", f"{left:g} left", allowed, high=left, unit="deg/h")
         )
     options = replace(FieldOptions.thesis(), earth_rate="off")
     job = FieldJob(auto, options=options, rests="given")
@@ -216,7 +216,7 @@ def _limits(effort: Effort) -> Outcome:
     diagonal = [c[f"G_g_{a}{a}"][1] / DEG_PER_HR_PER_G for a in "xyz"]
     few = 2.0 / np.sqrt(2.0 * 60.0)  # two standard errors of a scatter of 60
     cells += [
-        said(
+        claimed(
             f"G_g_{a}{a} without P2, 1 sigma", "52 to 56, scatter of 60 runs of another filter", sigma,
             low=52.0 * (1.0 - few), high=56.0 * (1.0 + few), unit="deg/h/g", tolerance="statistical",
             reference="corrected",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, said
+from schuler.reproduce.cells import Cell, against, claimed
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.reproduce.yaman.campaigns import AUTOMOTIVE, GRADES, TACTICAL, Form, campaign
 
@@ -45,14 +45,14 @@ def _own(effort: Effort, triad: str) -> list[Cell]:
 
     cells: list[Cell] = []
     for grade in GRADES:
-        found = campaign(effort, grade, "ours")
-        n, bound = len(found), found.bound()
+        result = campaign(effort, grade, "ours")
+        n, bound = len(result), result.bound()
         both = STANDARD_ERRORS * np.sqrt(0.5 / n + 0.5 / RUNS)
         few = STANDARD_ERRORS * np.sqrt(0.5 / n)
         for name in names_of(grade, triad):
-            i, (unit, factor) = found.column(name), printed_unit(name)
+            i, (unit, factor) = result.column(name), printed_unit(name)
             mean, std, _, left = (v / factor for v in published(grade, name) or ())
-            x, e = found.modelled[:, i] / factor, found.residual[:, i] / factor
+            x, e = result.modelled[:, i] / factor, result.residual[:, i] / factor
             label, scatter = f"{grade.removeprefix('yaman-')} {name}", float(e.std(ddof=1))
             odd = _MISPRINTED.get((grade, name, "put in, mean"))
             limit = bound[name] / factor
@@ -63,11 +63,11 @@ def _own(effort: Effort, triad: str) -> list[Cell]:
                     reference="corrected" if odd else "thesis",
                 ),
                 against(f"{label}: put in, std", std, float(x.std(ddof=1)), relative=both, unit=unit),
-                said(
+                claimed(
                     f"{label}: left, std, no more than", f"{left:g}", scatter, high=left * (1.0 + both), unit=unit,
                     tolerance="statistical",
                 ),
-                said(
+                claimed(
                     f"{label}: left, std, at the bound", f"{limit:.3g}", scatter, low=limit * (1.0 - few),
                     high=limit * (1.0 + _EDGES) * (1.0 + few), unit=unit, tolerance="statistical",
                     reference="corrected",
@@ -86,17 +86,17 @@ def _form(effort: Effort, triad: str) -> list[Cell]:
 
     cells: list[Cell] = []
     for grade in GRADES:
-        found = campaign(effort, grade, "thesis")
-        n = len(found)
+        result = campaign(effort, grade, "thesis")
+        n = len(result)
         few = STANDARD_ERRORS * np.sqrt(0.5 / n)
         for name in names_of(grade, triad):
-            i, (unit, factor) = found.column(name), printed_unit(name)
+            i, (unit, factor) = result.column(name), printed_unit(name)
             _, _, mean, left = (v / factor for v in published(grade, name) or ())
-            e = found.residual[:, i] / factor
+            e = result.residual[:, i] / factor
             scatter = float(e.std(ddof=1))
             label = f"{grade.removeprefix('yaman-')} {name}"
             cells += [
-                said(
+                claimed(
                     f"{label}: left, std", f"{left:g}", scatter, low=left / _TWICE * (1.0 - few),
                     high=left * _TWICE * (1.0 + few), unit=unit,
                 ),
@@ -109,7 +109,7 @@ def _form(effort: Effort, triad: str) -> list[Cell]:
             if name in ("G_g_xx", "G_g_yy", "G_g_zz"):
                 error = STANDARD_ERRORS * scatter / np.sqrt(n)
                 cells.append(
-                    said(
+                    claimed(
                         f"{label}: artefact of P2", "7 to 10.4, thesis and another filter", float(e.mean()),
                         low=7.0 - error, high=10.4 + error, unit=unit, reference="corrected",
                     )
@@ -171,10 +171,10 @@ _CLAIMS = (
 )
 
 
-def gains(found: FieldCampaign, names: Sequence[str]) -> dict[str, float]:
+def gains(result: FieldCampaign, names: Sequence[str]) -> dict[str, float]:
     """Standard deviation put in over that left, by parameter."""
-    before, after = found.modelled.std(axis=0, ddof=1), found.residual.std(axis=0, ddof=1)
-    return {name: float(before[found.column(name)] / after[found.column(name)]) for name in names}
+    before, after = result.modelled.std(axis=0, ddof=1), result.residual.std(axis=0, ddof=1)
+    return {name: float(before[result.column(name)] / after[result.column(name)]) for name in names}
 
 
 def _text(effort: Effort) -> Outcome:
@@ -182,18 +182,18 @@ def _text(effort: Effort) -> Outcome:
 
     cells: list[Cell] = []
     for group, grade, families, claim, low, high in _CLAIMS:
-        found = campaign(effort, grade, "ours")
+        result = campaign(effort, grade, "ours")
         names = [name for name in PRINTED_CAMPAIGNS[grade] if name[:3] in families]
-        ours = gains(found, names)
+        ours = gains(result, names)
         theirs = {name: PRINTED_CAMPAIGNS[grade][name][1] / PRINTED_CAMPAIGNS[grade][name][3] for name in names}
         label = f"{group}, {grade.removeprefix('yaman-')}"
         cells += [
-            said(
+            claimed(
                 f"{label}: gain, geometric mean", f"{claim}; its tables {_mean(theirs):.3g}", _mean(ours),
                 low=10.0 ** (low - 0.5), high=10.0 ** (high + 0.5), unit="-",
             ),
-            said(
-                f"{label}: smallest gain over that of the tables", "at least half", low=0.5 * (1.0 - _few(found)),
+            claimed(
+                f"{label}: smallest gain over that of the tables", "at least half", low=0.5 * (1.0 - _few(result)),
                 ours=min(ours[n] / theirs[n] for n in names if n not in _LIMITED[grade]), unit="-",
                 reference="corrected",
             ),
@@ -201,7 +201,7 @@ def _text(effort: Effort) -> Outcome:
     tactical = gains(campaign(effort, TACTICAL, "ours"), ("b_g_x", "b_g_y", "b_g_z"))
     spread = _few(campaign(effort, TACTICAL, "ours")) / np.sqrt(3.0)
     cells.append(
-        said(
+        claimed(
             "gyroscope bias, tactical: gain, geometric mean", "several times", _mean(tactical),
             low=2.0 * (1.0 - spread), high=10.0 * (1.0 + spread), unit="-",
         )
@@ -218,9 +218,9 @@ def _mean(ratios: dict[str, float]) -> float:
     return float(np.exp(np.mean(np.log(list(ratios.values())))))
 
 
-def _few(found: FieldCampaign) -> float:
+def _few(result: FieldCampaign) -> float:
     """Four standard errors of a ratio of two deviations."""
-    return float(STANDARD_ERRORS * np.sqrt(1.0 / len(found)))
+    return float(STANDARD_ERRORS * np.sqrt(1.0 / len(result)))
 
 
 ITEMS = (

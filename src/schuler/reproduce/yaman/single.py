@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, digits, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.reproduce.yaman.campaigns import AUTOMOTIVE, GRADES, TACTICAL, SingleRun, single_run
 
@@ -98,11 +98,11 @@ def _fig_5_2(effort: Effort) -> Outcome:
     cells = [
         digits("three axes", "270", thesis_routine(repeats=1).duration, unit="s"),
         digits("and again", "540", float(ideal.t[-1] - ideal.t[0]), unit="s"),
-        said(
+        claimed(
             "specific force is gravity, largest deviation", "rotation in place", off, high=2.0 * short + 1e-9, unit="-"
         ),
         *(
-            said(f"turned about {axis}", "a simple rotation, twice", float(angle), low=700.0, unit="deg")
+            claimed(f"turned about {axis}", "a simple rotation, twice", float(angle), low=700.0, unit="deg")
             for axis, angle in zip("xyz", turned, strict=True)
         ),
         shown("largest rate", fastest / DEG, unit="deg/s"),
@@ -125,7 +125,7 @@ def _family(effort: Effort, names: tuple[str, ...], title: str) -> tuple[Callabl
             from schuler.reproduce.yaman.study.campaign_figures import family_figure
 
             run = single_run(effort, "thesis" if form == "thesis" else "ours")
-            return family_figure(run.found, names, run.truth, f"{title}, {heading}")
+            return family_figure(run.fit, names, run.truth, f"{title}, {heading}")
 
         return make
 
@@ -140,7 +140,7 @@ def _reach(own: SingleRun, names: tuple[str, ...]) -> list[Cell]:
     """Of the package's own form: estimates reach the true values."""
     return [
         shown("default options: known to a tenth after", own.reached(names), unit="s"),
-        said(
+        claimed(
             "default options: largest error over its sigma", "reach the modelled values", own.worst(names),
             high=_LARGEST, unit="sigma", tolerance="statistical", reference="corrected",
         ),
@@ -151,8 +151,8 @@ def _within_150(names: tuple[str, ...], title: str) -> Callable[[Effort], Outcom
     def run(effort: Effort) -> Outcome:
         form, own = _runs(effort)
         cells = [
-            said("below 10 % after", "within 150 s, all axes", form.reached(names), high=150.0, unit="s"),
-            said("left at 150 s", "< 0.10", form.share(names, 150.0), high=0.10, unit="-"),
+            claimed("below 10 % after", "within 150 s, all axes", form.reached(names), high=150.0, unit="s"),
+            claimed("left at 150 s", "< 0.10", form.share(names, 150.0), high=0.10, unit="-"),
             shown("error at the end over 1 sigma put in", form.left(names), unit="-"),
             *_reach(own, names),
         ]
@@ -165,18 +165,18 @@ def _fig_5_5(effort: Effort) -> Outcome:
     form, own = _runs(effort)
     others = (*ACCEL_BIAS, *ACCEL_SCALE)
     cells = [
-        said(
+        claimed(
             "below 10 % after: later than bias and scale factor by", "converge last",
             form.reached(ACCEL_CROSS) - form.reached(others), low=0.0, unit="s",
         ),
         *(
-            said(
+            claimed(
                 f"{name}: below 10 % after", f"in the {which} rotation (another filter)", form.reached((name,)),
                 low=low, high=low + 90.0, unit="s", reference="corrected",
             )
             for name, which, low in (("M_a_yz", "first", 0.0), ("M_a_xz", "second", 90.0), ("M_a_xy", "third", 180.0))
         ),
-        said("M_a_xy left at 175 s", "0.9 until then (another filter)", form.share(("M_a_xy",), 175.0), low=0.9,
+        claimed("M_a_xy left at 175 s", "0.9 until then (another filter)", form.share(("M_a_xy",), 175.0), low=0.9,
              reference="corrected"),
         *_reach(own, ACCEL_CROSS),
     ]  # fmt: skip
@@ -186,9 +186,9 @@ def _fig_5_5(effort: Effort) -> Outcome:
 def _fig_5_6(effort: Effort) -> Outcome:
     form, own = _runs(effort)
     cells = [
-        said("left at 540 s over left at 270 s", "estimated all along",
+        claimed("left at 540 s over left at 270 s", "estimated all along",
              form.share(GYRO_BIAS, 540.0) / form.share(GYRO_BIAS, 270.0), high=1.0, unit="-"),
-        said("below 10 % after", "about 150 s (another filter)", form.reached(GYRO_BIAS), high=150.0, unit="s",
+        claimed("below 10 % after", "about 150 s (another filter)", form.reached(GYRO_BIAS), high=150.0, unit="s",
              reference="corrected"),
         *_reach(own, GYRO_BIAS),
     ]  # fmt: skip
@@ -200,11 +200,23 @@ def _fig_5_7(effort: Effort) -> Outcome:
     cells: list[Cell] = []
     for name, begin in zip(GYRO_SCALE, _SECOND, strict=True):
         cells += [
-            said(f"{name}: below 10 % after", "when turned about it, second half", form.reached((name,)), low=begin,
-                 high=begin + 90.0, unit="s"),
-            said(f"{name}: left before that", "not seen before (another filter: 1)", form.share((name,), begin - 5.0),
-                 low=0.8, unit="-", reference="corrected"),
-        ]  # fmt: skip
+            claimed(
+                f"{name}: below 10 % after",
+                "when turned about it, second half",
+                form.reached((name,)),
+                low=begin,
+                high=begin + 90.0,
+                unit="s",
+            ),
+            claimed(
+                f"{name}: left before that",
+                "not seen before (another filter: 1)",
+                form.share((name,), begin - 5.0),
+                low=0.8,
+                unit="-",
+                reference="corrected",
+            ),
+        ]
     cells += _reach(own, GYRO_SCALE)
     return Outcome(
         tuple(cells),
@@ -216,15 +228,15 @@ def _fig_5_7(effort: Effort) -> Outcome:
 
 def _fig_5_8(effort: Effort) -> Outcome:
     form, own = _runs(effort)
-    c = form.found.calibration
+    c = form.fit.calibration
     s = np.sqrt(np.diag(c.covariance))
     correlation = np.abs(c.covariance / np.outer(s, s))
     pairs = [correlation[c.names.index(a), c.names.index(b)] for a in GYRO_SCALE for b in GYRO_CROSS]
     cells = [
-        said("below 10 % after", "after a rotation about each axis", form.reached(GYRO_CROSS), high=540.0, unit="s"),
-        said("left at the end", "about 0.04 (another filter)", form.share(GYRO_CROSS, 540.0), high=0.045, unit="-",
+        claimed("below 10 % after", "after a rotation about each axis", form.reached(GYRO_CROSS), high=540.0, unit="s"),
+        claimed("left at the end", "about 0.04 (another filter)", form.share(GYRO_CROSS, 540.0), high=0.045, unit="-",
              reference="corrected"),
-        said("largest correlation with a scale factor", "told apart from scale factors", float(max(pairs)), high=0.5,
+        claimed("largest correlation with a scale factor", "told apart from scale factors", float(max(pairs)), high=0.5,
              unit="-"),
         *_reach(own, GYRO_CROSS),
     ]  # fmt: skip
@@ -234,9 +246,9 @@ def _fig_5_8(effort: Effort) -> Outcome:
 def _fig_5_9(effort: Effort) -> Outcome:
     form, own = _runs(effort)
     cells = [
-        said("left at 540 s over left at 270 s", "estimated all along",
+        claimed("left at 540 s over left at 270 s", "estimated all along",
              form.share(G_SENSITIVITY, 540.0) / form.share(G_SENSITIVITY, 270.0), high=1.0, unit="-"),
-        said("left at 270 s", "0.04 to 0.09 (another filter)", form.share(G_SENSITIVITY, 270.0), high=0.095,
+        claimed("left at 270 s", "0.04 to 0.09 (another filter)", form.share(G_SENSITIVITY, 270.0), high=0.095,
              reference="corrected"),
         shown("error of the diagonal at the end over 1 sigma put in", form.left(("G_g_xx", "G_g_yy", "G_g_zz"))),
         *_reach(own, G_SENSITIVITY),
@@ -257,7 +269,7 @@ def _fig_5_10(effort: Effort) -> Outcome:
     own = single_run(effort, "ours")
     ideal = FieldJob(catalogue.spec(AUTOMOTIVE)).ideal
     true = ImuSeries(ideal.t[1:], ideal.gyro, ideal.accel, "increment")
-    after = own.found.calibration.apply(own.imu)
+    after = own.fit.calibration.apply(own.imu)
     per_s = round(1.0 / true.interval)
 
     def rms(imu: ImuSeries) -> float:
@@ -269,7 +281,7 @@ def _fig_5_10(effort: Effort) -> Outcome:
     cells = [
         shown("RMS error of means over 1 s, uncalibrated", before, unit="m/s^2"),
         shown("calibrated", left, unit="m/s^2"),
-        said(
+        claimed(
             "calibrated over uncalibrated",
             "calibrated readings on the true profile",
             left / before,
@@ -295,13 +307,23 @@ def _lessons(effort: Effort) -> Outcome:
         s = catalogue.spec(grade)
         window[grade] = (s.gyro.random_walk / (0.1 * s.gyro.turn_on_bias)) ** 2
     cells = [
-        said("misalignment left, second set over first", "repeating the routine improves it",
-             own.share(ACCEL_CROSS, 540.0) / own.share(ACCEL_CROSS, 268.0), high=1.0, unit="-"),
+        claimed(
+            "misalignment left, second set over first",
+            "repeating the routine improves it",
+            own.share(ACCEL_CROSS, 540.0) / own.share(ACCEL_CROSS, 268.0),
+            high=1.0,
+            unit="-",
+        ),
         shown("averaging for a tenth of the bias, automotive", window[AUTOMOTIVE], unit="s"),
         shown("averaging for a tenth of the bias, tactical", window[TACTICAL], unit="s"),
-        said("tactical over automotive", "better gyroscopes need longer means", window[TACTICAL] / window[AUTOMOTIVE],
-             low=1.0, unit="-"),
-    ]  # fmt: skip
+        claimed(
+            "tactical over automotive",
+            "better gyroscopes need longer means",
+            window[TACTICAL] / window[AUTOMOTIVE],
+            low=1.0,
+            unit="-",
+        ),
+    ]
     return Outcome(tuple(cells))
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, said, shown
+from schuler.reproduce.cells import Cell, against, claimed, shown
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.reproduce.yaman.campaigns import static_test
 
@@ -35,7 +35,7 @@ def _fig_6_6(effort: Effort) -> Outcome:
     cells = [
         against("median turn between poses", 45.0, float(np.median(steps)), absolute=2.5, unit="deg", tolerance="read"),
         *(
-            said(f"turned about {axis} while horizontal", "each axis at least once", float(angle), low=360.0 - 1e-9,
+            claimed(f"turned about {axis} while horizontal", "each axis at least once", float(angle), low=360.0 - 1e-9,
                  unit="deg")
             for axis, angle in around.items()
         ),
@@ -95,11 +95,11 @@ def _fig_6_7(effort: Effort) -> Outcome:
     sigma = float(np.hypot(s.turn_on_bias, s.scale_factor * G0)) / MG
     cells = [
         # 100 mg has to be an ordinary draw: between the 2.5 % and 97.5 % points of the size of a normal number
-        said("z reads gravity wrong by, 1 sigma of the sheet", "about 100 mg", sigma, low=100.0 / 2.241,
+        claimed("z reads gravity wrong by, 1 sigma of the sheet", "about 100 mg", sigma, low=100.0 / 2.241,
              high=100.0 / 0.0313, unit="mg", tolerance="statistical"),
         shown("z of this unit, raw", float(raw[2]), unit="mg"),
         shown("z of this unit, calibrated", float(clean[2]), unit="mg"),
-        said("wrong in the first pose, all axes, calibrated over raw", "seen to be corrected",
+        claimed("wrong in the first pose, all axes, calibrated over raw", "seen to be corrected",
              float(np.linalg.norm(clean) / np.linalg.norm(raw)), high=0.1, unit="-"),
     ]  # fmt: skip
     return Outcome(tuple(cells), _HARDWARE, (_output(logs, "accel"),))
@@ -117,7 +117,7 @@ def _fig_6_9(effort: Effort) -> Outcome:
             shown(f"mean rate of {axis} too large, raw", float(b), unit="deg/s")
             for axis, b in zip("xyz", raw, strict=True)
         ),
-        said("all axes, calibrated over raw", "seen to be corrected",
+        claimed("all axes, calibrated over raw", "seen to be corrected",
              float(np.linalg.norm(clean) / np.linalg.norm(raw)), high=0.1, unit="-"),
     ]  # fmt: skip
     return Outcome(tuple(cells), _HARDWARE, (_output(logs, "accel"), _output(logs, "gyro")))
@@ -137,12 +137,12 @@ def _turned(effort: Effort) -> np.ndarray:
 
 
 def _drift(effort: Effort, imu: str) -> tuple[list[Cell], tuple[Callable[[], Figure], ...]]:
-    found = static_test(effort, imu)
-    gain = float(np.median(found.improvement()))
+    test = static_test(effort, imu)
+    gain = float(np.median(test.improvement()))
     cells = [
-        said("calibration brings, median unit", "more than an order of magnitude", gain, low=10.0, unit="-"),
+        claimed("calibration brings, median unit", "more than an order of magnitude", gain, low=10.0, unit="-"),
         *(
-            shown(f"{part}, {variant}, median", float(np.median(found.drift(variant, part)[:, -1])), unit="m")
+            shown(f"{part}, {variant}, median", float(np.median(test.drift(variant, part)[:, -1])), unit="m")
             for part in ("horizontal", "vertical")
             for variant in ("raw", "gyro", "full")
         ),
@@ -151,7 +151,7 @@ def _drift(effort: Effort, imu: str) -> tuple[list[Cell], tuple[Callable[[], Fig
     def figure() -> Figure:
         from schuler.reproduce.yaman.study.figures import drift
 
-        return drift(found)
+        return drift(test)
 
     return cells, (figure,)
 
@@ -162,17 +162,29 @@ def _fig_6_8(effort: Effort) -> Outcome:
     from schuler.units import MG
 
     cells, figures = _drift(effort, "MPU-6000")
-    found = static_test(effort, "MPU-6000")
+    test = static_test(effort, "MPU-6000")
     down = float(rest_drift(ImuErrors(b_a=np.array([0.0, 0.0, 100.0 * MG])), _SECONDS)[2])
-    gyro, full = (np.median(found.drift(v)[:, -1]) for v in ("gyro", "full"))
+    gyro, full = (np.median(test.drift(v)[:, -1]) for v in ("gyro", "full"))
     claims = [
-        said("100 mg on z: vertical error after 60 s", "more than 1 km", down, low=1000.0, unit="m"),
+        claimed("100 mg on z: vertical error after 60 s", "more than 1 km", down, low=1000.0, unit="m"),
         # the vertical channel is not stable: (t / 570 s)^2 / 6 more
-        against("100 mg on z: half a t^2", 50.0 * MG * _SECONDS**2, down, relative=2.5e-3, unit="m", tolerance="band",
-                reference="corrected"),
-        said("gyroscopes calibrated over all calibrated", "accelerometer errors dominate", float(gyro / full), low=2.0,
-             unit="-"),
-    ]  # fmt: skip
+        against(
+            "100 mg on z: half a t^2",
+            50.0 * MG * _SECONDS**2,
+            down,
+            relative=2.5e-3,
+            unit="m",
+            tolerance="band",
+            reference="corrected",
+        ),
+        claimed(
+            "gyroscopes calibrated over all calibrated",
+            "accelerometer errors dominate",
+            float(gyro / full),
+            low=2.0,
+            unit="-",
+        ),
+    ]
     return Outcome((*claims, *cells), _HARDWARE, figures)
 
 
@@ -188,12 +200,24 @@ def _fig_6_11(effort: Effort) -> Outcome:
     small = rest_drift(ImuErrors(b_g=np.array([0.0, 0.1 * DEG, 0.0])), _SECONDS)
     g = float(np.linalg.norm(earth.gravity_ned(PLACE[0], PLACE[2])))
     claims = [
-        said("1 deg/s on z over the same on y: horizontal error", "heading only", float(_size(z) / _size(y)), high=0.01,
-             unit="-"),
-        against("0.1 deg/s on y: g b t^3 / 6", g * 0.1 * DEG * _SECONDS**3 / 6.0, _size(small), relative=3e-3, unit="m",
-                tolerance="band", reference="corrected"),
+        claimed(
+            "1 deg/s on z over the same on y: horizontal error",
+            "heading only",
+            float(_size(z) / _size(y)),
+            high=0.01,
+            unit="-",
+        ),
+        against(
+            "0.1 deg/s on y: g b t^3 / 6",
+            g * 0.1 * DEG * _SECONDS**3 / 6.0,
+            _size(small),
+            relative=3e-3,
+            unit="m",
+            tolerance="band",
+            reference="corrected",
+        ),
         *_gyroscopes_decide(effort, "VN-200"),
-    ]  # fmt: skip
+    ]
     return Outcome((*claims, *cells), _HARDWARE, figures)
 
 
@@ -203,10 +227,10 @@ def _fig_6_12(effort: Effort) -> Outcome:
 
 
 def _gyroscopes_decide(effort: Effort, imu: str) -> list[Cell]:
-    found = static_test(effort, imu)
-    raw, gyro = (float(np.median(found.drift(v, "horizontal")[:, -1])) for v in ("raw", "gyro"))
+    test = static_test(effort, imu)
+    raw, gyro = (float(np.median(test.drift(v, "horizontal")[:, -1])) for v in ("raw", "gyro"))
     return [
-        said("horizontal error left when gyroscopes alone are calibrated", "a horizontal gyroscope's bias dominates",
+        claimed("horizontal error left when gyroscopes alone are calibrated", "a horizontal gyroscope's bias dominates",
              gyro / raw, high=0.5, unit="-"),
     ]  # fmt: skip
 

@@ -210,13 +210,13 @@ def calibration_trials(
     trial = Trial(
         imu=unit, rate=rate_deg_s * DEG, rest_s=rest_s, turning_s=turning_s, start_s=start, duration_s=1.0
     )  # fmt: skip
-    found = campaign(
+    trials = campaign(
         calibration_run, trial, runs, seed=seed, workers=workers, keep=True, progress=progress
     )  # fmt: skip
-    if not found.complete:
+    if not trials.complete:
         raise InputError("interrupted before all runs were done")
     predicted = predicted_accuracy(unit.gyro_random_walk, rate_deg_s * DEG, rest_s=rest_s, turning_s=turning)
-    return CalibrationTrials(unit, predicted, {k: found.column(k) for k in ("bias", "response", "at_rate")})
+    return CalibrationTrials(unit, predicted, {k: trials.column(k) for k in ("bias", "response", "at_rate")})
 
 
 def achieved(trials: Sequence[CalibrationTrials]) -> ResultTable:

@@ -36,28 +36,28 @@ _NAMES = {"conventional": ("mean", "conventional"), "rotary": ("filtered", "rota
 
 
 def chapter3_figure(
-    found: Chapter3, axes: Sequence[DuAxis | None] | None = None, *, bias: Chapter3 | None = None
+    simulation: Chapter3, axes: Sequence[DuAxis | None] | None = None, *, bias: Chapter3 | None = None
 ) -> Figure:
     """Attitude errors about E, N, U (pitch, roll, azimuth at rest) and velocity errors, schemes overlaid.
 
     Parameters
     ----------
-    found : Chapter3
+    simulation : Chapter3
     axes : sequence of {"X", "Y", "Z", None}, optional
         Schemes to show; default all.
     bias : Chapter3, optional
         Its conventional run is drawn as a reference, as figures 3.7 to 3.10 of the thesis do.
     """
-    chosen = found.runs if axes is None else axes
-    runs = {_SCHEMES[axis]: found.runs[axis] for axis in chosen}
+    chosen = simulation.runs if axes is None else axes
+    runs = {_SCHEMES[axis]: simulation.runs[axis] for axis in chosen}
     if bias is not None:
         runs[("reference", "conventional, biases only")] = bias.runs[None]
-    walk = found.random_walk
+    walk = simulation.random_walk
     caption = "Estimate minus truth, of one run."
-    if found.noise:
+    if simulation.noise:
         caption += " Shaded: 1 sigma of the noise of the gyroscopes alone."
-    title = f"{found.case}, {found.rate / DEG:g} deg/s" + (", with noise" if found.noise else "")
-    panels = _history_panels(runs, walk=walk if found.noise else 0.0)
+    title = f"{simulation.case}, {simulation.rate / DEG:g} deg/s" + (", with noise" if simulation.noise else "")
+    panels = _history_panels(runs, walk=walk if simulation.noise else 0.0)
     return Figure("chapter3", title, caption, tuple(panels), columns=3)
 
 
@@ -169,12 +169,14 @@ _ROLES = ("filtered", "smoothed", "case_3", "case_4")
 _SIDES = (("conventional", "mean", "reference_band"), ("rotary", "filtered", "sigma"))
 
 
-def modulated_biases(found: Mapping[str, Modulation], *, scale: float = DEG_PER_HR, unit: str = "deg/h") -> Figure:
+def modulated_biases(
+    modulations: Mapping[str, Modulation], *, scale: float = DEG_PER_HR, unit: str = "deg/h"
+) -> Figure:
     """A bias in navigation axes and its mean from the start, for several vehicles.
 
     Parameters
     ----------
-    found : mapping of str to Modulation
+    modulations : mapping of str to Modulation
         By label, up to four.
     scale : float
         Size of the unit.
@@ -185,7 +187,7 @@ def modulated_biases(found: Mapping[str, Modulation], *, scale: float = DEG_PER_
         for k, axis in enumerate(("north", "east", "down")):
             items = tuple(
                 content.line(m.t, getattr(m, what)[:, k] / scale, role, label)
-                for (label, m), role in zip(found.items(), _ROLES, strict=False)
+                for (label, m), role in zip(modulations.items(), _ROLES, strict=False)
             )
             limits = content.view([item.y for item in items], least=1.0)
             panels.append(Panel("time [s]", f"{words}{axis} [{unit}]", items, y_limits=limits))

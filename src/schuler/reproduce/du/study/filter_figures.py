@@ -37,8 +37,8 @@ def zupt_runs(of: ZuptEmulation, imu: str, test: str, run: int = 0) -> Figure:
     InputError
         If there is no such test among the runs.
     """
-    found = [r for r in of.runs if (r.imu, r.test) == (imu, test)]
-    if not found:
+    matching = [r for r in of.runs if (r.imu, r.test) == (imu, test)]
+    if not matching:
         raise InputError(f"no runs of {imu!r}, test {test!r}; there are {sorted({(r.imu, r.test) for r in of.runs})}")
     panels = []
     for name, unit, scale, labels, limit in (
@@ -48,7 +48,7 @@ def zupt_runs(of: ZuptEmulation, imu: str, test: str, run: int = 0) -> Figure:
     ):
         for k, axis in enumerate(labels):
             items: list[Item] = []
-            for role, r in zip(_ROLES, found, strict=False):
+            for role, r in zip(_ROLES, matching, strict=False):
                 items.append(line(r.t, getattr(r, name)[run, :, k] / scale, role, r.case.name))
             what = "error of" if name == "attitude" else name
             limits = limit if axis == "azimuth" else None
@@ -73,8 +73,8 @@ def zupt_sigmas(of: ZuptStudy, imu: str) -> Figure:
     InputError
         If there is no such IMU in the study.
     """
-    found = [s for s in of.sigmas if s.imu == imu]
-    if not found:
+    sigmas = [s for s in of.sigmas if s.imu == imu]
+    if not sigmas:
         raise InputError(f"imu: expected one of {sorted({s.imu for s in of.sigmas})}, got {imu!r}")
     columns: tuple[tuple[str, Callable[[ZuptSigmas], FloatArray]], ...] = (
         ("tilt east [deg]", lambda s: s.tilt[:, 0] / DEG),
@@ -90,7 +90,7 @@ def zupt_sigmas(of: ZuptStudy, imu: str) -> Figure:
     panels = tuple(
         Panel(
             "time [s]", label,
-            tuple(line(s.t, of_case(s), role, s.case.name) for role, s in zip(_ROLES, found, strict=False)), log=True,
+            tuple(line(s.t, of_case(s), role, s.case.name) for role, s in zip(_ROLES, sigmas, strict=False)), log=True,
         )
         for label, of_case in columns
     )  # fmt: skip

@@ -65,9 +65,9 @@ class Chapter3:
             raise InputError(f"axis: there is no run about {axis!r}; there are {list(self.runs)}")
         run = self.runs[axis]
         angles = np.abs(run.attitude).max(axis=0) if self.case == "installation" else run.attitude[-1]
-        found = {f"attitude_{c}_deg": float(a / DEG) for c, a in zip("enu", angles, strict=True)}
-        found |= {f"velocity_{c}_m_s": float(v) for c, v in zip("enu", run.velocity[-1], strict=True)}
-        return found | {"horizontal_m": float(run.horizontal[-1]), "up_m": float(run.position[-1, 2])}
+        numbers = {f"attitude_{c}_deg": float(a / DEG) for c, a in zip("enu", angles, strict=True)}
+        numbers |= {f"velocity_{c}_m_s": float(v) for c, v in zip("enu", run.velocity[-1], strict=True)}
+        return numbers | {"horizontal_m": float(run.horizontal[-1]), "up_m": float(run.position[-1, 2])}
 
     def table(self) -> ResultTable:
         """Ours at the end beside the digest's anchors, with what explains a difference."""
@@ -155,14 +155,14 @@ def case_errors(case: Case, *, noise: bool = False) -> ImuErrors:
     ones = np.ones(3)
     if case in ("bias", "gyro bias"):
         accel = 0.0 if case == "gyro bias" else spec.accel.turn_on_bias
-        found = ImuErrors(b_g=swap_vector(spec.gyro.turn_on_bias * ones), b_a=swap_vector(accel * ones))
+        errors = ImuErrors(b_g=swap_vector(spec.gyro.turn_on_bias * ones), b_a=swap_vector(accel * ones))
     elif case == "scale factor":
-        found = ImuErrors(M_g=scale_matrix(*(3 * [spec.gyro.scale_factor])))
+        errors = ImuErrors(M_g=scale_matrix(*(3 * [spec.gyro.scale_factor])))
     else:
-        found = ImuErrors(M_g=installation_matrix(*(6 * [spec.gyro.misalignment])))
+        errors = ImuErrors(M_g=installation_matrix(*(6 * [spec.gyro.misalignment])))
     if not noise:
-        return found
-    return replace(found, gyro_noise=noise_model(spec.gyro), accel_noise=noise_model(spec.accel))
+        return errors
+    return replace(errors, gyro_noise=noise_model(spec.gyro), accel_noise=noise_model(spec.accel))
 
 
 def allowance(case: Case, name: str, printed: float) -> float:
@@ -180,12 +180,12 @@ def agrees(case: Case, name: str, ours: float, printed: float) -> bool:
 def anchors(case: Case, axis: DuAxis | None) -> dict[str, float]:
     """The digest's numbers of a case and an axis of rotation, by the names of :meth:`Chapter3.values`."""
     attitude, velocity, horizontal, up = CHAPTER_3[case, axis]
-    found: dict[str, float] = {}
+    numbers: dict[str, float] = {}
     if attitude is not None:
-        found |= {f"attitude_{c}_deg": a for c, a in zip("enu", attitude, strict=True)}
-    found |= {f"velocity_{c}_m_s": v for c, v in zip("enu", velocity, strict=False)}
-    found["horizontal_m"] = horizontal
-    return found if up is None else found | {"up_m": up}
+        numbers |= {f"attitude_{c}_deg": a for c, a in zip("enu", attitude, strict=True)}
+    numbers |= {f"velocity_{c}_m_s": v for c, v in zip("enu", velocity, strict=False)}
+    numbers["horizontal_m"] = horizontal
+    return numbers if up is None else numbers | {"up_m": up}
 
 
 def _why(name: str) -> str:

@@ -190,9 +190,9 @@ def static_models(imu: ImuSeries, *, longest_s: float | None = None) -> StaticMo
 
 def _fit(x: FloatArray, rate: float, longest: float) -> tuple[float, float, float]:
     """sigma, tau and white noise density of the mean autocorrelation of several signals."""
-    found = [autocorrelation(column, rate, longest_s=longest) for column in x.T]
-    lag, duration = found[0].lag, len(x) / rate
-    value = np.mean([c.value for c in found], axis=0)
+    correlations = [autocorrelation(column, rate, longest_s=longest) for column in x.T]
+    lag, duration = correlations[0].lag, len(x) / rate
+    value = np.mean([c.value for c in correlations], axis=0)
     best = (np.inf, 0.0, 1.0)
     for tau in np.geomspace(2.0 / rate, duration, _TRIES):
         shape = expected_autocovariance(GaussMarkov(1.0, float(tau)), lag[1:], duration)

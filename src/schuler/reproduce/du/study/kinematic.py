@@ -100,15 +100,15 @@ class KinematicTest:
     def verdict(self) -> str:
         """Whether the thesis's claim about the horizontal position holds, and why not."""
         name = thesis.check_imu(self.imu.name)
-        claim, found = thesis.CLAIMED[name], self.improvement()
+        claim, gain = thesis.CLAIMED[name], self.improvement()
         first, six = thesis.KINEMATIC[name]
         ratios = first[0] / np.array([row[0] for row in six])
         own = first[0] / float(np.mean([row[0] for row in six]))
         return (
             f"{name}, driving: claimed {claim[0]:g} to {claim[1]:g} times smaller; the thesis's own runs give "
-            f"{ratios.min():.1f} to {ratios.max():.1f}, by means {own:.1f}; ours {found.ratio:.2f} "
-            f"({found.low:.2f} to {found.high:.2f}; initial attitude to "
-            f"{self.rotary_trial.initial_attitude / DEG:g} deg): {found.compared(claim)}"
+            f"{ratios.min():.1f} to {ratios.max():.1f}, by means {own:.1f}; ours {gain.ratio:.2f} "
+            f"({gain.low:.2f} to {gain.high:.2f}; initial attitude to "
+            f"{self.rotary_trial.initial_attitude / DEG:g} deg): {gain.compared(claim)}"
         )
 
     def summary(self) -> str:
@@ -208,14 +208,14 @@ def kinematic_test(
         "initial_attitude": initial_attitude_deg * DEG,
     }  # fmt: skip
     trials = (Trial(rest_s=5.0 * units.MIN, **common), Trial(rate=rate_deg_s * DEG, **common))
-    found = []
+    drives = []
     for case, trial in enumerate(trials):
         done = None if progress is None else _share(progress, case)
         part = campaign(trial_run, trial, runs, seed=seed, workers=workers, keep=True, progress=done)
         if not part.complete:
             raise InputError("interrupted before both ways were done: nothing to compare")
-        found.append(part.column("II" if trial.rate else "conventional"))
-    return KinematicTest(trials[0], trials[1], found[0], found[1], seed)
+        drives.append(part.column("II" if trial.rate else "conventional"))
+    return KinematicTest(trials[0], trials[1], drives[0], drives[1], seed)
 
 
 def claims(tests: list[KinematicTest]) -> ResultTable:
@@ -228,14 +228,14 @@ def claims(tests: list[KinematicTest]) -> ResultTable:
             k = PRINTED.index(quantity)
             own = first[k] / np.array([row[k] for row in six])
             mean = first[k] / float(np.mean([row[k] for row in six]))
-            found = test.improvement(quantity)
+            gain = test.improvement(quantity)
             claim = thesis.CLAIMED[name] if quantity == "horizontal_position" else None
-            verdict = "-" if claim is None else found.compared(claim)
+            verdict = "-" if claim is None else gain.compared(claim)
             claimed = "-" if claim is None else f"{claim[0]:g} to {claim[1]:g}"
             rows.append(
                 (name, test.rotary_trial.initial_attitude / DEG, test.imu.gyro_instability / units.DEG_PER_HR,
-                 quantity, claimed, float(own.min()), float(own.max()), mean, found.ratio, found.low, found.high,
-                 100.0 * found.wins, verdict)
+                 quantity, claimed, float(own.min()), float(own.max()), mean, gain.ratio, gain.low, gain.high,
+                 100.0 * gain.wins, verdict)
             )  # fmt: skip
     return ResultTable(
         "Driving: how many times smaller rotation makes errors",

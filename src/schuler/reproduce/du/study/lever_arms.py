@@ -107,8 +107,8 @@ def lever_run(case: LeverCase, seed: np.random.SeedSequence) -> dict[str, Any]:
     fixes = gnss_measurements(simulate_gnss(motion.vehicle, receiver, gnss_rng), case.lever_m, gate=None)
     fixes = fixes.where(fixes.t <= increments.t[-1])
     start = _start(truth, drive, start_rng)
-    found = [_filtered(case, v, drive, increments, fixes, start, truth, drawn) for v in VARIANTS]
-    return {name: np.array([row[k] for row in found]) for k, name in enumerate(_COLUMNS)}
+    solutions = [_filtered(case, v, drive, increments, fixes, start, truth, drawn) for v in VARIANTS]
+    return {name: np.array([row[k] for row in solutions]) for k, name in enumerate(_COLUMNS)}
 
 
 def _filtered(

@@ -258,8 +258,8 @@ def swing_size(t: ArrayLike, x: ArrayLike, period: float) -> float:
     s = 2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0
     a = 2.0 * np.pi / period * (t - t[0])
     design = np.stack((np.ones_like(s), s, s**2, s**3, np.cos(a), np.sin(a)), axis=1)
-    found = np.linalg.lstsq(design, x, rcond=None)[0]
-    return float(np.hypot(found[4], found[5]))
+    coefficients = np.linalg.lstsq(design, x, rcond=None)[0]
+    return float(np.hypot(coefficients[4], coefficients[5]))
 
 
 def _series(t: ArrayLike, x: ArrayLike) -> tuple[FloatArray, FloatArray]:

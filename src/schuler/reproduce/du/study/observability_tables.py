@@ -78,8 +78,8 @@ def closed(model: SymbolicModel, combinations: Sequence[Symbolic]) -> list[Symbo
         raise InputError("closed: expected a model with biases in navigation axes, whose system matrix is constant")
     rows = coefficients(model, combinations)
     stack = observability_matrix(replace(model, H=rows), injected=True)
-    found = [sum(stack[i, j] * model.states[j] for j in range(stack.cols)) for i in range(stack.rows)]
-    return [c for c in found if c != 0]
+    derivatives = [sum(stack[i, j] * model.states[j] for j in range(stack.cols)) for i in range(stack.rows)]
+    return [c for c in derivatives if c != 0]
 
 
 def _parts(model: SymbolicModel) -> tuple[dict[str, Symbolic], dict[str, Symbolic]]:

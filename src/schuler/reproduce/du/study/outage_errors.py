@@ -124,9 +124,9 @@ class OutageErrors:
         if len(numbers) == 0:
             raise InputError("runs: expected at least one")
         start, stop = drive.outages[outage]
-        found = [_one(drive, int(k), seed, start, stop, max(1, round(every_s))) for k in numbers]
-        error, P, sag = (np.array([x[i] for x in found]) for i in (1, 2, 3))
-        return cls(drive, found[0][0], error, P, sag)
+        results = [_one(drive, int(k), seed, start, stop, max(1, round(every_s))) for k in numbers]
+        error, P, sag = (np.array([x[i] for x in results]) for i in (1, 2, 3))
+        return cls(drive, results[0][0], error, P, sag)
 
     def nees(self, definition: Definition = "states") -> FloatArray:
         """Normalised errors squared per degree of freedom, shape (n, k).

@@ -205,10 +205,10 @@ class RotaryComparison:
 
     def curves(self, step_s: int = 30) -> ResultTable:
         """RMS against the time since GNSS was lost."""
-        found = [r.curve(q) for q in ("horizontal_m", "horizontal_m_s") for r in (self.conventional, self.rotary)]
-        age = found[0][0]
+        curves = [r.curve(q) for q in ("horizontal_m", "horizontal_m_s") for r in (self.conventional, self.rotary)]
+        age = curves[0][0]
         at = sorted({*range(step_s - 1, len(age), step_s), len(age) - 1})
-        rows: list[tuple[Cell, ...]] = [(float(age[k]), *(float(c[k]) for _, c in found)) for k in at]
+        rows: list[tuple[Cell, ...]] = [(float(age[k]), *(float(c[k]) for _, c in curves)) for k in at]
         return ResultTable(
             f"{self.imu.name}: RMS against the length of an outage",
             (

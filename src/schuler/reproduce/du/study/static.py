@@ -112,11 +112,11 @@ class StaticTest:
             self.complete,
         )
 
-    def beside_the_digest(self) -> ResultTable:
-        """See :func:`schuler.reproduce.du.study.static_tables.beside_the_digest`."""
+    def beside_the_check(self) -> ResultTable:
+        """See :func:`schuler.reproduce.du.study.static_tables.beside_the_check`."""
         from schuler.reproduce.du.study import static_tables
 
-        return static_tables.beside_the_digest(self)
+        return static_tables.beside_the_check(self)
 
     def beside_the_thesis(self) -> ResultTable:
         """See :func:`schuler.reproduce.du.study.static_tables.beside_the_thesis`."""
@@ -148,12 +148,12 @@ class StaticTest:
         """Errors over time of one run: ``conventional``, ``I`` and ``II`` at a rate [rad/s]."""
         if not 0 <= run < self.runs:
             raise InputError(f"run: expected 0 to {self.runs - 1}, got {run}")
-        found: dict[str, ErrorHistory] = {}
+        histories: dict[str, ErrorHistory] = {}
         for w in (0.0, rate):
             trial = Trial(imu=self.imu, rate=w, duration_s=self.duration_s)
             for name, solved in solutions(trial, run_seed(self.seed, run)).items():
-                found[name] = error_history(solved, ideal(trial).vehicle)
-        return found
+                histories[name] = error_history(solved, ideal(trial).vehicle)
+        return histories
 
     def plot_run(self, rate: float, run: int = 0) -> Figure:
         """Attitude and velocity errors of one run over time, conventional and both strategies (matplotlib)."""
@@ -239,18 +239,18 @@ def static_test(
     first = run(0.0, 0)
     if not first.complete:
         raise InputError("interrupted before the conventional runs were done: nothing to compare with")
-    found: dict[str, list[FloatArray]] = {"I": [], "II": []}
+    columns: dict[str, list[FloatArray]] = {"I": [], "II": []}
     for case, rate in enumerate(rates, start=1):
         part = run(float(rate), case)
         if not part.complete:
             break
-        for strategy, values in found.items():
+        for strategy, values in columns.items():
             values.append(part.column(strategy))
-    if not found["I"]:
+    if not columns["I"]:
         raise InputError("interrupted before the first rate was done")
-    n = len(found["I"])
+    n = len(columns["I"])
     return StaticTest(
-        unit, duration_s, first.column("conventional"), rates[:n], {s: np.stack(v) for s, v in found.items()}, seed,
+        unit, duration_s, first.column("conventional"), rates[:n], {s: np.stack(v) for s, v in columns.items()}, seed,
         n == len(rates),
     )  # fmt: skip
 

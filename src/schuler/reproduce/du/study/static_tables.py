@@ -19,7 +19,7 @@ _BAND = 0.10  # of the digest's acceptance
 _POSITION, _VELOCITY = index("horizontal_position"), index("horizontal_velocity")
 
 
-def beside_the_digest(test: StaticTest) -> ResultTable:
+def beside_the_check(test: StaticTest) -> ResultTable:
     """Means beside those of the digest's own emulation, which ours must meet within 10 %."""
     rows: list[tuple[Any, ...]] = []
     for (imu, strategy, rate), (position, velocity) in thesis.EMULATED.items():
@@ -73,19 +73,19 @@ def improvements(test: StaticTest) -> ResultTable:
     """Ratios of errors, conventional over rotary, with 95 % intervals, beside the thesis's if it has any."""
     rows: list[tuple[Any, ...]] = []
     name = test.imu.name
-    known = name in thesis.IMUS
+    measured = name in thesis.IMUS
     for strategy in ("I", "II"):
         for k, quantity in ((_POSITION, "horizontal_position"), (_VELOCITY, "horizontal_velocity")):
-            found = test.improvement(strategy, quantity=quantity)
-            printed, verdict = None, "better" if found.certain else "not certain"
-            if known:
+            gain = test.improvement(strategy, quantity=quantity)
+            printed, verdict = None, "better" if gain.certain else "not certain"
+            if measured:
                 printed = thesis.STATIC_CONVENTIONAL[name][k] / thesis.STATIC_ROTARY[name, strategy][k]
-                inside = found.low <= printed <= found.high
-                single = found.single_low <= printed <= found.single_high
+                inside = gain.low <= printed <= gain.high
+                single = gain.single_low <= printed <= gain.single_high
                 verdict = "agrees" if inside else "single runs scatter so far" if single else "outside"
             rows.append(
-                (strategy, quantity, printed, found.ratio, found.low, found.high, found.single_low,
-                 found.single_high, 100.0 * found.wins, verdict)
+                (strategy, quantity, printed, gain.ratio, gain.low, gain.high, gain.single_low,
+                 gain.single_high, 100.0 * gain.wins, verdict)
             )  # fmt: skip
     return ResultTable(
         f"{name} at rest: how many times smaller rotation makes errors",

@@ -139,7 +139,7 @@ def solutions(trial: Trial, seed: Any) -> dict[str, Trajectory]:
     k = slice(shared.first, None)
     measured = Increments(log.t[k], log.dt[k], dtheta[k], dv[k])
     start = _turned(shared.start, wrong)
-    found = {}
+    by_strategy = {}
     for name in trial.strategies:
         if isinstance(calibration, RotationCalibration):
             clean = calibration.compensated(measured, "I" if name == "I" else "II")
@@ -148,8 +148,8 @@ def solutions(trial: Trial, seed: Any) -> dict[str, Trajectory]:
         own = mechanize(clean, start)
         at = shared.every
         thinned = own.samples(at)
-        found[name] = body_trajectory(thinned, shared.schedule)
-    return found
+        by_strategy[name] = body_trajectory(thinned, shared.schedule)
+    return by_strategy
 
 
 @traits(threads=True)
@@ -165,10 +165,10 @@ def calibration_run(trial: Trial, seed: Any) -> dict[str, FloatArray]:
         raise InputError("rate: a calibration by rotation needs one other than zero")
     shared = ideal(trial)
     dtheta, _ = _noisy(shared, trial.imu, np.random.default_rng(seed))
-    found = _calibration(shared, trial, dtheta)
-    assert isinstance(found, RotationCalibration)
-    bias = found.bias - np.array(trial.imu.gyro_bias)
-    response = found.M[:, 2] - np.array(trial.imu.response)
+    calibration = _calibration(shared, trial, dtheta)
+    assert isinstance(calibration, RotationCalibration)
+    bias = calibration.bias - np.array(trial.imu.gyro_bias)
+    response = calibration.M[:, 2] - np.array(trial.imu.response)
     omega_z = trial.rate * du_axis("Z")[2]
     return {"bias": bias, "response": response, "at_rate": bias + response * omega_z}
 
@@ -207,7 +207,7 @@ def ideal(trial: Trial) -> _Ideal:
 
 def _noisy(shared: _Ideal, imu: Emulation, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Increments of one run: the shared ones with noise of its own."""
-    found, (n, dt) = [], (len(shared.log), 1.0 / imu.rate_hz)
+    increments, (n, dt) = [], (len(shared.log), 1.0 / imu.rate_hz)
     children = rng.spawn(3)
     for fixed_part, walk, child in (
         (shared.log.dtheta_ib_b, imu.gyro_random_walk, children[0]),
@@ -215,10 +215,10 @@ def _noisy(shared: _Ideal, imu: Emulation, rng: np.random.Generator) -> tuple[Fl
     ):
         noise = child.standard_normal((n, 3))
         turned = np.matmul(noise[:, None, :], shared.C_bs)[:, 0, :]
-        found.append(fixed_part + walk * np.sqrt(dt) * turned)
+        increments.append(fixed_part + walk * np.sqrt(dt) * turned)
     if imu.gyro_instability:
-        found[0] += Flicker(imu.gyro_instability).sample((n, 3), dt, children[2]) * dt
-    return found[0], found[1]
+        increments[0] += Flicker(imu.gyro_instability).sample((n, 3), dt, children[2]) * dt
+    return increments[0], increments[1]
 
 
 def _stretches(trial: Trial, log: Increments, schedule: Schedule, body: NavState) -> tuple[Stretch, ...]:

@@ -186,15 +186,15 @@ class ZuptStudy:
 
         An anchor that is an upper bound is negative.
         """
-        found: list[tuple[str, str, str, float, float | None]] = []
+        cells: list[tuple[str, str, str, float, float | None]] = []
         for s in self.sigmas:
             anchor = ANCHORS.get((s.imu, s.case.axis, s.case.tilt_deg))
             given: Sequence[float | None] = [None] * 8
             if anchor is not None:
                 given = [*anchor.tilt_deg, anchor.azimuth_deg, *anchor.b_m_s2, *anchor.d_deg_hr]
             for (name, ours), theirs in zip(s.values().items(), given, strict=True):
-                found.append((s.imu, s.case.name, name, ours, theirs))
-        return found
+                cells.append((s.imu, s.case.name, name, ours, theirs))
+        return cells
 
     def table(self) -> ResultTable:
         """One row a case."""

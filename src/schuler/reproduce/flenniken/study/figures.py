@@ -69,19 +69,19 @@ def allan_figure(
 
 
 def correlation_figure(
-    found: Mapping[str, Correlation], models: Mapping[str, Curve], x_label: str = "lag [s]"
+    correlations: Mapping[str, Correlation], models: Mapping[str, Curve], x_label: str = "lag [s]"
 ) -> Figure:
     """Normalised autocorrelations with two standard deviations, and models beside.
 
     Parameters
     ----------
-    found : mapping of str to Correlation
+    correlations : mapping of str to Correlation
     models : mapping of str to (ndarray, ndarray)
         Lags and coefficients.
     x_label : str
     """
     items: list[Item] = []
-    for k, (label, r) in enumerate(found.items()):
+    for k, (label, r) in enumerate(correlations.items()):
         y, s = r.normalised, r.sigma / r.value[0]
         items.append(
             content.band(r.lag, y - 2.0 * s, y + 2.0 * s, "sigma", "two standard deviations" if k == 0 else "")
@@ -118,23 +118,27 @@ def series_figure(t: FloatArray, series: Mapping[str, FloatArray], x_label: str,
 
 
 def sweep_figure(
-    wanted: FloatArray, found: Mapping[str, tuple[FloatArray, FloatArray]], x_label: str, y_label: str, title: str
+    specified: FloatArray,
+    deviations: Mapping[str, tuple[FloatArray, FloatArray]],
+    x_label: str,
+    y_label: str,
+    title: str,
 ) -> Figure:
     """Values wanted and found with two standard errors, both axes logarithmic (figure B.3 of Flenniken).
 
     Parameters
     ----------
-    wanted : ndarray, shape (k,)
-    found : mapping of str to (ndarray, ndarray)
+    specified : ndarray, shape (k,)
+    deviations : mapping of str to (ndarray, ndarray)
         Values and their standard errors, shape (k,).
     """
-    items: list[Item] = [Line(wanted, wanted, "reference", "as wanted")]
-    for k, (label, (value, error)) in enumerate(found.items()):
+    items: list[Item] = [Line(specified, specified, "reference", "as wanted")]
+    for k, (label, (value, error)) in enumerate(deviations.items()):
         role = _ROLES[k % len(_ROLES)]
-        items.append(content.Markers(wanted, value, role, label))
+        items.append(content.Markers(specified, value, role, label))
         items += [
             Line(np.array([x, x]), np.array([y - 2.0 * e, y + 2.0 * e]), role)
-            for x, y, e in zip(wanted, value, error, strict=True)
+            for x, y, e in zip(specified, value, error, strict=True)
         ]
     panel = Panel(x_label, y_label, tuple(items), log=True, log_x=True)
     return Figure("sweep", title, "Bars: two standard errors.", (panel,))

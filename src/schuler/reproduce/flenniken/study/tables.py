@@ -162,8 +162,8 @@ def sensitivity_table(trajectory: RocketTrajectory | None = None) -> ResultTable
     rows: list[tuple[Any, ...]] = []
     variants: tuple[Variant, ...] = ("thesis", "strapdown")
     weights = [influence(T, variant) for variant in variants]
-    for (name, size, unit, scale), known in SENSITIVITIES.items():
-        for w, published in zip(weights, known, strict=True):
+    for (name, size, unit, scale), reference in SENSITIVITIES.items():
+        for w, published in zip(weights, reference, strict=True):
             ours = w.effect(RocketErrors.of({name: size * scale}))
             rows.append((name, f"{size:g} {unit}", w.variant, *published, *(round(float(x), 9) + 0.0 for x in ours)))
     columns = ("parameter", "size", "variant", "north_digest_m", "up_digest_m", "east_digest_m")

@@ -140,10 +140,10 @@ def outage_grid(
             config = cart_config(imu, gnss_every_s, wander)
             recording, errors, rng = cart_recording(walk, imu, seed, draw, wander)
             initial = seeded_start(recording, config, errors, seeding, seeds[imu], rng)
-            found = outage_statistics(recording, config, lengths=LENGTHS, starts=starts, initial=initial)
-            if not found.complete:
+            statistics = outage_statistics(recording, config, lengths=LENGTHS, starts=starts, initial=initial)
+            if not statistics.complete:
                 raise KeyboardInterrupt
-            parts.setdefault((imu, seeding), []).append(found)
+            parts.setdefault((imu, seeding), []).append(statistics)
             if progress is not None:
                 progress((n + 1) / len(cases))
     except KeyboardInterrupt:

@@ -71,7 +71,7 @@ class CalibrationSigma:
         leave it one degree of freedom, chance. Correlations between parameters are left out.
         """
         spec = imu_spec(cart_config(imu))
-        found = {}
+        sigmas = {}
         for sensor, order, triad in (("accel", 9, spec.accel), ("gyro", 9, spec.gyro), ("gyro", 3, spec.gyro)):
             case = StudyCase(
                 sensor=sensor, order=order, noise_factor=triad.random_walk / NOISE[sensor],  # type: ignore[arg-type]
@@ -80,8 +80,8 @@ class CalibrationSigma:
             study = run_case(case, runs, np.random.default_rng(seed))
             if not study.converged.any():
                 raise InputError(f"{imu}, {sensor}, {order} parameters: the calibration did not converge in any run")
-            found[sensor, order] = np.median(study.sigma[study.converged], axis=0)
-        return cls(found["accel", 9], found["gyro", 9], found["gyro", 3][:3])
+            sigmas[sensor, order] = np.median(study.sigma[study.converged], axis=0)
+        return cls(sigmas["accel", 9], sigmas["gyro", 9], sigmas["gyro", 3][:3])
 
 
 def cart_config(imu: str, gnss_every_s: float = 0.0, wander: bool = True) -> NavigationConfig:
@@ -164,21 +164,21 @@ def seeded_start(
     off = np.array([k for k in range(6) if k not in _GYRO_ANGLES])
     P[layout["M_g"].start + off, layout["M_g"].start + off] = 0.0
     upper = np.triu_indices(3, 1)
-    known = []
+    given = []
     if seeding != "Original":
         values = (errors.b_a, np.diag(errors.M_a), errors.M_a[upper])
-        known += [(b, np.arange(3), v) for b, v in zip(("b_a", "S_a", "M_a"), values, strict=True)]
+        given += [(b, np.arange(3), v) for b, v in zip(("b_a", "S_a", "M_a"), values, strict=True)]
         s, error = [sigma.accel], [sigma.accel * z_accel]
     if seeding in ("3.3", "3.9"):
-        known.append(("b_g", np.arange(3), errors.b_g))
+        given.append(("b_g", np.arange(3), errors.b_g))
         bias = sigma.gyro_bias if seeding == "3.3" else sigma.gyro[:3]
         s, error = [*s, bias], [*error, bias * z_gyro[:3]]
     if seeding == "3.9":
-        known += [("S_g", np.arange(3), np.diag(errors.M_g)), ("M_g", np.array(_GYRO_ANGLES), errors.M_g[upper])]
+        given += [("S_g", np.arange(3), np.diag(errors.M_g)), ("M_g", np.array(_GYRO_ANGLES), errors.M_g[upper])]
         s, error = [*s, sigma.gyro[3:]], [*error, sigma.gyro[3:] * z_gyro[3:]]
-    if known:
+    if given:
         each, wrong = np.concatenate(s).reshape(-1, 3), np.concatenate(error).reshape(-1, 3)
-        for (block, places, value), sigma_k, error_k in zip(known, each, wrong, strict=True):
+        for (block, places, value), sigma_k, error_k in zip(given, each, wrong, strict=True):
             at = layout[block].start + places
             P[at, at] = sigma_k**2
             estimates[at - 9] = value + error_k

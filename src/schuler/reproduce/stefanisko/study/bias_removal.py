@@ -33,7 +33,7 @@ STRATEGIES: tuple[Strategy, ...] = (
 BIAS_ACCEL = np.array([0.50, 0.35, 0.09])
 BIAS_GYRO = np.full(3, 0.02 * DEG)
 #: End errors of the digest's simulation of 400 runs, north, east, down. [m]
-DIGEST = {
+CHECK = {
     "none": (95.0, 75.0, 18.0),
     "mean, same stretch": (0.24, 0.27, 0.10),
     "mean, stretch before": (0.52, 0.52, 0.25),
@@ -265,7 +265,7 @@ class BiasStudy(TabularResult):
 
     def table(self) -> ResultTable:
         """One row a strategy, the digest's numbers beside ours."""
-        rows = tuple((name, *map(float, self.rms(name)), *DIGEST[name]) for name in STRATEGIES if len(self.end_n[name]))
+        rows = tuple((name, *map(float, self.rms(name)), *CHECK[name]) for name in STRATEGIES if len(self.end_n[name]))
         return ResultTable(
             f"Stefanisko, bias removal at rest, {self.length_s:g} s, {len(self.end_n['none'])} runs",
             ("strategy", "rms_north_m", "rms_east_m", "rms_down_m", "digest_north_m", "digest_east_m", "digest_down_m"),
@@ -307,16 +307,16 @@ def bias_study(
     place = as_floats(llh, "llh", (3,))
     n = round(length_s / IMU_INTERVAL_S)
     begin, span = IMU_INTERVAL_S * n, IMU_INTERVAL_S * n
-    found: dict[str, list[FloatArray]] = {name: [] for name in STRATEGIES}
+    end_errors: dict[str, list[FloatArray]] = {name: [] for name in STRATEGIES}
     complete = True
     try:
         for k, child in enumerate(np.random.SeedSequence(seed).spawn(runs)):
             log = resting_log(np.random.default_rng(child), 2 * n, place)
             ends = [corrected_track(log, name, begin, span, place)[-1] for name in STRATEGIES]
             for name, end in zip(STRATEGIES, ends, strict=True):
-                found[name].append(end)
+                end_errors[name].append(end)
             if progress is not None:
                 progress((k + 1) / runs)
     except KeyboardInterrupt:
         complete = False
-    return BiasStudy({name: np.array(v).reshape(-1, 3) for name, v in found.items()}, length_s, complete)
+    return BiasStudy({name: np.array(v).reshape(-1, 3) for name, v in end_errors.items()}, length_s, complete)

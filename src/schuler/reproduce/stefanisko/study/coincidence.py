@@ -27,7 +27,7 @@ from schuler.reproduce.stefanisko.study.experiment import FigureEight
 Progress = Callable[[float], None]
 
 #: The digest's position errors at 50 s and at the end of the outage, by update interval. [s]: [m], [m]
-DIGEST = {0.3: (0.50, 4.1), 0.1: (0.31, 3.6)}
+CHECK = {0.3: (0.50, 4.1), 0.1: (0.31, 3.6)}
 
 
 def common_interval(first_s: float, second_s: float, *, resolution_s: float = 1e-6) -> float:
@@ -115,8 +115,8 @@ class CoincidenceStudy(TabularResult):
         """Errors at 50 s and at the end of the outage, the digest's beside ours."""
         rows = []
         for name, r in (("coincidence", self.coincidence), ("asynchronous", self.asynchronous)):
-            digest = DIGEST.get(round(r.case.update_s, 6), (None, None))
-            for t, published in zip((50.0, 90.0), digest, strict=True):
+            reference = CHECK.get(round(r.case.update_s, 6), (None, None))
+            for t, published in zip((50.0, 90.0), reference, strict=True):
                 rows.append(
                     (name, r.case.update_s, t, r.position(t), r.claimed(slice(6, 9), t), published, r.velocity(t))
                 )

@@ -51,7 +51,7 @@ def samples_figure(t: FloatArray, accel: FloatArray, gyro: FloatArray, sigma: tu
     return Figure("samples", "IMU at rest", caption, tuple(panels), columns=3)
 
 
-def track_figure(t: FloatArray, true_r: FloatArray, true_pitch: FloatArray, found: FlatTrack) -> Figure:
+def track_figure(t: FloatArray, true_r: FloatArray, true_pitch: FloatArray, solution: FlatTrack) -> Figure:
     """Generated and recomputed position and pitch over time; errors in panels of their own.
 
     Parameters
@@ -62,17 +62,17 @@ def track_figure(t: FloatArray, true_r: FloatArray, true_pitch: FloatArray, foun
         [m]
     true_pitch : ndarray, shape (n,)
         [rad]
-    found : FlatTrack
+    solution : FlatTrack
         At the same times.
     """
-    pitch = np.arctan2(-found.C_nb[:, 2, 0], found.C_nb[:, 0, 0])
+    pitch = np.arctan2(-solution.C_nb[:, 2, 0], solution.C_nb[:, 0, 0])
     panels = []
     for i, axis in enumerate(AXES):
-        items = (line(t, true_r[:, i], "reference", "generated"), line(t, found.r_n[:, i], "filtered", "recomputed"))
+        items = (line(t, true_r[:, i], "reference", "generated"), line(t, solution.r_n[:, i], "filtered", "recomputed"))
         panels.append(Panel("time [s]", f"{axis} [m]", items))
     items = (line(t, true_pitch / DEG, "reference", "generated"), line(t, pitch / DEG, "filtered", "recomputed"))
     panels.append(Panel("time [s]", "pitch [deg]", items))
-    off = np.linalg.norm(found.r_n - true_r, axis=1)
+    off = np.linalg.norm(solution.r_n - true_r, axis=1)
     panels.append(Panel("time [s]", "position error [m]", (line(t, off, "rejected", "discretisation"),)))
     caption = "No sensor errors: what is left is the step of 6 ms. Exact, no statistical uncertainty."
     return Figure("track", "Input and output of the navigation equations", caption, tuple(panels), columns=2)

@@ -141,19 +141,19 @@ def sign_study(
     if abs(case.update_s - _BLOCK * IMU_INTERVAL_S) > 1e-9:
         raise InputError(f"update_s: expected {_BLOCK * IMU_INTERVAL_S:g} s, got {case.update_s:g}")
     track = Track.of(case)
-    found: dict[str, list[tuple[FloatArray, FloatArray]]] = {name: [] for name in names}
+    by_name: dict[str, list[tuple[FloatArray, FloatArray]]] = {name: [] for name in names}
     t = np.empty(0)
     for k, child in enumerate(np.random.SeedSequence(seed).spawn(runs)):
         drawn = figure_eight_draw(track, np.random.default_rng(child))
         for name in names:
             t, errors, sigma = _filter(track, drawn, SIGN_SETS[name])
-            found[name].append((errors, sigma))
+            by_name[name].append((errors, sigma))
         if progress is not None:
             progress((k + 1) / runs)
     return SignStudy(
         t,
-        {name: np.array([e for e, _ in kept]) for name, kept in found.items()},
-        {name: np.array([s for _, s in kept]) for name, kept in found.items()},
+        {name: np.array([e for e, _ in kept]) for name, kept in by_name.items()},
+        {name: np.array([s for _, s in kept]) for name, kept in by_name.items()},
     )
 
 

@@ -56,12 +56,12 @@ class Score:
         if not scores:
             raise InputError("expected at least one score, got none")
         freedom = sum(s.freedom for s in scores)
-        known = [s.nees for s in scores if s.nees is not None]
+        nees = [s.nees for s in scores if s.nees is not None]
         return Score(
             float(sum(s.likelihood for s in scores)),
             freedom,
             float(sum(s.nis * s.freedom for s in scores)) / max(freedom, 1),
-            float(np.mean(known)) if known else None,
+            float(np.mean(nees)) if nees else None,
         )
 
 

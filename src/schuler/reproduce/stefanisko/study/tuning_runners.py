@@ -108,8 +108,8 @@ def with_factors(config: NavigationConfig, factors: Factors, spec_file: Path) ->
         accel=replace(spec.accel, random_walk=root_q * spec.accel.random_walk),
     )
     write_spec(spec_file, scaled)
-    known = state_layout(config, spec).models
-    models = {n: ModelSection(sigma=root_p * m.sigma, noise=root_q * m.noise, tau_s=m.tau) for n, m in known.items()}
+    states = state_layout(config, spec).models
+    models = {n: ModelSection(sigma=root_p * m.sigma, noise=root_q * m.noise, tau_s=m.tau) for n, m in states.items()}
     g, a = config.gnss, config.alignment
     return config.model_copy(
         update={

@@ -84,19 +84,19 @@ def histograms(campaign: FieldCampaign, which: str, names: Sequence[str], bins: 
     """One panel a parameter: its distribution over the runs, and the one that is claimed for it."""
     bins = bins or max(4, round(2.0 * len(campaign) ** (1.0 / 3.0)))
     if which == "modelled":
-        said = (
+        caption = (
             "Errors put in, with mean and standard deviation, and the normal distribution of the specification they "
             "were drawn from."
         )
     elif which == "residual":
-        said = (
+        caption = (
             "Estimate minus truth, with mean and standard deviation: the curve is what the runs' own covariances "
             "claim, so columns that are wider than it are errors nobody was told of."
         )
     else:
-        said = "Residuals over the 1-sigma that was claimed for each: standard normal if all claims are true."
+        caption = "Residuals over the 1-sigma that was claimed for each: standard normal if all claims are true."
     return Figure(
-        f"campaign_{which}", f"{campaign.job.spec.name}, {len(campaign)} runs: {_TITLES[which]}", said,
+        f"campaign_{which}", f"{campaign.job.spec.name}, {len(campaign)} runs: {_TITLES[which]}", caption,
         tuple(_panel(campaign, which, name, bins) for name in names), columns=3, linked=False,
     )  # fmt: skip
 
@@ -176,12 +176,14 @@ def _density(x: FloatArray, sigma: FloatArray) -> FloatArray:
     return np.asarray(np.mean(np.exp(-0.5 * z**2) / (np.sqrt(2.0 * np.pi) * sigma), axis=1))
 
 
-def family_figure(found: FieldCalibration, names: Sequence[str], truth: Truth | None = None, title: str = "") -> Figure:
+def family_figure(
+    calibration: FieldCalibration, names: Sequence[str], truth: Truth | None = None, title: str = ""
+) -> Figure:
     """Estimates with three sigma beside the square root of the variance over that before the log.
 
     Parameters
     ----------
-    found : FieldCalibration
+    calibration : FieldCalibration
     names : sequence of str
         Parameters; panels that hold one of them are taken.
     truth : ImuErrors or mapping of str to float, optional
@@ -200,7 +202,7 @@ def family_figure(found: FieldCalibration, names: Sequence[str], truth: Truth | 
     ----------
     Yaman (2017), Figs. 5.3 to 5.9: one figure a group.
     """
-    values, left = estimates(found, truth), convergence(found)
+    values, left = estimates(calibration, truth), convergence(calibration)
     if values is None or left is None:
         raise InputError("names: expected a calibration with its history, this one was refused")
     panels = [
@@ -210,7 +212,7 @@ def family_figure(found: FieldCalibration, names: Sequence[str], truth: Truth | 
         if set(pair[0].title.split(", ")) & set(names)
     ]
     if not panels:
-        raise InputError(f"names: expected some of {', '.join(found.history.names)}, got {', '.join(names)}")
+        raise InputError(f"names: expected some of {', '.join(calibration.history.names)}, got {', '.join(names)}")
     return replace(
         values,
         name=f"field_family_{names[0]}",

@@ -155,12 +155,12 @@ _STEP = 0.2  # of a row: the source's mark stands below ours
 _UNITS = {"m": "m", "s": "m/s", "deg": "deg"}  # by the last word of a quantity
 
 
-def modes_figure(found: FieldDrives, quantities: Sequence[str] = QUANTITIES[:2]) -> MplFigure:
+def modes_figure(drives: FieldDrives, quantities: Sequence[str] = QUANTITIES[:2]) -> MplFigure:
     """Errors by mode, a panel for each quantity.
 
     Parameters
     ----------
-    found : FieldDrives
+    drives : FieldDrives
     quantities : sequence of str
         Out of :data:`schuler.reproduce.yaman.study.tables.QUANTITIES`.
 
@@ -179,16 +179,16 @@ def modes_figure(found: FieldDrives, quantities: Sequence[str] = QUANTITIES[:2])
     ----------
     Yaman (2017), tables 6.2 and 6.3.
     """
-    return draw(modes(found, quantities))
+    return draw(modes(drives, quantities))
 
 
-def modes(found: FieldDrives, quantities: Sequence[str] = QUANTITIES[:2]) -> Figure:
+def modes(drives: FieldDrives, quantities: Sequence[str] = QUANTITIES[:2]) -> Figure:
     """Description of the figure: median and 16 to 84 % of the units, and the source's. Parameters as above."""
     unknown = [name for name in quantities if name not in QUANTITIES]
     if unknown or not quantities:
         raise InputError(f"quantities: expected some of {', '.join(QUANTITIES)}, got {list(quantities)}")
-    low, high = found.between()
-    published = np.array(PRINTED_MODES[found.number])
+    low, high = drives.between()
+    published = np.array(PRINTED_MODES[drives.number])
     rows = np.arange(len(MODES), dtype=np.float64)[::-1]  # the first mode on top
     panels = []
     for name in quantities:
@@ -198,17 +198,17 @@ def modes(found: FieldDrives, quantities: Sequence[str] = QUANTITIES[:2]) -> Fig
         ]
         items = (
             *spread,
-            Markers(found.median[:, k], rows, "filtered", f"{len(found)} units, median and 16 to 84 %"),
+            Markers(drives.median[:, k], rows, "filtered", f"{len(drives)} units, median and 16 to 84 %"),
             Markers(published[:, k], rows - _STEP, "rejected", "Yaman (2017)"),
         )
         words = name.split("_")
         label = f"{' '.join(w for w in words if w not in _UNITS)} [{_UNITS[words[-1]]}]"
         ticks = tuple((float(y), mode_name(*mode)) for y, mode in zip(rows, MODES, strict=True))
         panels.append(Panel(label, "", items, log_x=True, y_ticks=ticks, y_limits=(-0.7, len(MODES) - 0.4), height=1.3))
-    against = "the calibrated solution with full GPS" if found.against == "full" else "the truth"
+    against = "the calibrated solution with full GPS" if drives.against == "full" else "the truth"
     return Figure(
         "field_drive",
-        f"Drive {found.number}, nine modes",
+        f"Drive {drives.number}, nine modes",
         f"RMS against {against}, of partial GPS over the outage.",
         tuple(panels),
         linked=False,

@@ -53,9 +53,9 @@ class RecordedModes(TabularResult):
         Of the recording.
     states : int or tuple of str
         ``filter.states`` of all modes.
-    found : FieldCalibration
+    fit : FieldCalibration
         From the start at rest, in the vehicle's axes.
-    told : ndarray, shape (2, 2)
+    stated_errors : ndarray, shape (2, 2)
         1-sigma of the errors of accelerometers [m/s^2] and gyroscopes [rad/s], raw and calibrated.
     rms : ndarray, shape (9, 3)
         Rows as :data:`MODES`, columns as :data:`COLUMNS`; NaN where there is nothing.
@@ -66,8 +66,8 @@ class RecordedModes(TabularResult):
 
     name: str
     states: int | tuple[str, ...]
-    found: FieldCalibration
-    told: FloatArray
+    fit: FieldCalibration
+    stated_errors: FloatArray
     rms: FloatArray
     windows: Windows
     complete: bool = True
@@ -115,7 +115,7 @@ class RecordedModes(TabularResult):
                 "with full GPS the solution is compared with what it is fed: agreement, not accuracy",
                 *(
                     f"{name}: sensor errors of {a / MG:.2g} mg and {w / DEG:.2g} deg/s"
-                    for name, (a, w) in zip(("raw", "calibrated"), self.told, strict=True)
+                    for name, (a, w) in zip(("raw", "calibrated"), self.stated_errors, strict=True)
                 ),
             ),
             self.complete,
@@ -169,11 +169,11 @@ def recorded_modes(
         config = NavigationConfig.parse(config) if isinstance(config, dict) else NavigationConfig.load(config)
     recording, config = _in_vehicle_axes(recording, config)
     imu, spec = recording.need_imu(), imu_spec(config)
-    found = calibrate_at_rest(recording, config)
-    result = found.calibration
-    moving = imu.between(float(found.rests.stop[-1]), float(imu.t[-1]))
+    fit = calibrate_at_rest(recording, config)
+    result = fit.calibration
+    moving = imu.between(float(fit.rests.stop[-1]), float(imu.t[-1]))
     prior = np.diag([result.prior_sigma[n] ** 2 for n in result.names])
-    told = np.array([reading_sigma(result.names, P, moving) for P in (prior, result.covariance)])
+    sigma = np.array([reading_sigma(result.names, P, moving) for P in (prior, result.covariance)])
     logs = (recording, replace(recording, imu=result.apply(imu)))
     stop = float(recording.need_gnss().t[-1]) - recording.start
     sets = [_windows(first, every_s, length_s, stop) for first in first_s]
@@ -182,7 +182,7 @@ def recorded_modes(
     complete = True
     try:
         for k, (gps, calibrated, aided) in enumerate(MODES):
-            used = _configured(config, spec, recording, told[int(calibrated)], states)
+            used = _configured(config, spec, recording, sigma[int(calibrated)], states)
             windows: list[Windows] = sets if gps == "Partial" else [()]
             errors = [_errors(logs[int(calibrated)], used, _NAMES[gps, aided], w) for w in windows]
             rms[k] = _numbers(errors, windows, recording.start)
@@ -198,7 +198,7 @@ def recorded_modes(
     except KeyboardInterrupt:
         complete = False
     shown = config.filter.states if states is None else states
-    return RecordedModes(recording.metadata.name, shown, found, told, rms, reached, complete)
+    return RecordedModes(recording.metadata.name, shown, fit, sigma, rms, reached, complete)
 
 
 def _in_vehicle_axes(recording: Recording, config: NavigationConfig) -> tuple[Recording, NavigationConfig]:
@@ -210,13 +210,13 @@ def _in_vehicle_axes(recording: Recording, config: NavigationConfig) -> tuple[Re
 
 
 def _configured(
-    config: NavigationConfig, spec: ImuSpec, recording: Recording, told: FloatArray, states: int | None
+    config: NavigationConfig, spec: ImuSpec, recording: Recording, sigma: FloatArray, states: int | None
 ) -> NavigationConfig:
     section = config.filter.model_copy(update={"smooth": False})
     if states is None:
         return config.model_copy(update={"filter": section})
     root = float(np.sqrt(np.median(np.diff(recording.need_gnss().t))))
-    accel, gyro = (float(x) for x in told)
+    accel, gyro = (float(x) for x in sigma)
     imu = config.imu.model_copy(
         update={
             "catalogue": None,
@@ -240,10 +240,10 @@ def _windows(first: float, every: float, length: float, stop: float) -> Windows:
 
 
 def _errors(recording: Recording, config: NavigationConfig, mode: str, windows: Windows) -> TrajectoryErrors:
-    found = compare_architectures(recording, config, modes=[mode], outages={"one": windows}, smooth=False)
-    if not found.complete:
+    comparison = compare_architectures(recording, config, modes=[mode], outages={"one": windows}, smooth=False)
+    if not comparison.complete:
         raise KeyboardInterrupt
-    row = found.rows[0]
+    row = comparison.rows[0]
     if row.errors is None:
         raise InputError(f"{mode}: {row.failed}")
     return row.errors

@@ -144,10 +144,10 @@ def field_run(job: FieldJob, child: np.random.SeedSequence) -> FieldRun | str:
     begin = process_time()
     (imu, report), errors, heading = simulated_unit(job, child)
     try:
-        found = calibrated(job, imu, heading)
+        fit = calibrated(job, imu, heading)
     except (InputError, np.linalg.LinAlgError) as error:
         return f"{type(error).__name__}: {error}"
-    c = found.calibration
+    c = fit.calibration
     modelled = vector(errors, c.names)
     last = max(1, round(job.rate_hz))
     for family, history in (("b_g", report.b_g), ("b_a", report.b_a)):
@@ -156,9 +156,9 @@ def field_run(job: FieldJob, child: np.random.SeedSequence) -> FieldRun | str:
             if f"{family}_{axis}" in c.names:
                 modelled[c.names.index(f"{family}_{axis}")] = b[k]
     prior = np.array([c.prior_sigma[name] for name in c.names])
-    nis = {kind: mean for kind, (mean, _) in found.nis.items()}
+    nis = {kind: mean for kind, (mean, _) in fit.nis.items()}
     cpu_s = process_time() - begin
-    return FieldRun(c.names, modelled, c.values, c.covariance, prior, len(found.passes), c.status, nis, cpu_s)
+    return FieldRun(c.names, modelled, c.values, c.covariance, prior, len(fit.passes), c.status, nis, cpu_s)
 
 
 def in_parallel(

@@ -140,10 +140,10 @@ class StaticDrift:
 
     def curves(self, part: Part = "all") -> ResultTable:
         """Median and quartiles of the drift over time, by variant, and the median predicted sigma: for a figure."""
-        found = [np.percentile(self.drift(v, part), [25, 50, 75], axis=0).T for v in VARIANTS]
+        quartiles = [np.percentile(self.drift(v, part), [25, 50, 75], axis=0).T for v in VARIANTS]
         sigma = np.sqrt(np.median(np.sum(self.sigma[:, :, _PARTS[part]] ** 2, axis=2), axis=0))
         columns = [f"{v}_{q}_m" for v in VARIANTS for q in ("quarter", "median", "three_quarters")]
-        values = np.column_stack((self.t, *found, sigma))
+        values = np.column_stack((self.t, *quartiles, sigma))
         return ResultTable(
             f"Drift at rest, {part}, {self.job.field.spec.name}", ("t_s", *columns, "full_claimed_m"),
             tuple(tuple(row) for row in values.tolist()), (), self.complete,

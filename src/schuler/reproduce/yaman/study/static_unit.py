@@ -64,7 +64,7 @@ def static_unit(job: StaticJob, child: np.random.SeedSequence) -> StaticUnit | s
     (imu, _), _, heading = simulated_unit(whole, child)
     end = job.field.routine.duration
     try:
-        found = calibrated(job.field, imu.between(imu.t[0], end), heading).calibration
+        calibration = calibrated(job.field, imu.between(imu.t[0], end), heading).calibration
     except (InputError, np.linalg.LinAlgError) as error:
         return f"{type(error).__name__}: {error}"
     # what somebody told is wrong by the same angle here
@@ -74,11 +74,11 @@ def static_unit(job: StaticJob, child: np.random.SeedSequence) -> StaticUnit | s
     llh = np.array(job.field.place)
     rest = imu.between(end + 0.5 / whole.rate_hz, np.inf)
     errors = []
-    for log in (rest, gyro_calibrated(found, rest), found.apply(rest)):
+    for log in (rest, gyro_calibrated(calibration, rest), calibration.apply(rest)):
         nav = levelled(log, llh, yaw, job.level_s)
         track = mechanize(log.increments().between(nav.t, np.inf), nav)
         errors.append(_ned(track.r_eb_e, llh))
-    initial, layout = calibrated_start(found, job, nav, log)
+    initial, layout = calibrated_start(calibration, job, nav, log)
     t, covariance = predicted(initial, layout, rest, job)
     keep = np.searchsorted(track.t, t - 1e-6)
     return StaticUnit(t - nav.t, np.array(errors)[:, keep], covariance)

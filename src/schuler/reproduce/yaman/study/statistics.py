@@ -156,21 +156,21 @@ class FieldCampaign:
         from scipy.stats import t
 
         each = 1.0 - (1.0 - probability) / (2 * len(self.names) + 1)
-        said = []
+        complaints = []
         low, high = self.nees_band(each)
         if not low < self.nees.mean() < high:
-            said.append(f"NEES {self.nees.mean():.3f} outside of {low:.3f} to {high:.3f}")
+            complaints.append(f"NEES {self.nees.mean():.3f} outside of {low:.3f} to {high:.3f}")
         most = float(t.ppf(0.5 + 0.5 * each, len(self) - 1))
         for name in self.names:
             ratio, low, high = self.scatter_ratio(name, each)
             if not low < 1.0 < high:
-                said.append(f"{name}: scatter is {ratio:.3f} times what is claimed ({low:.3f} to {high:.3f})")
+                complaints.append(f"{name}: scatter is {ratio:.3f} times what is claimed ({low:.3f} to {high:.3f})")
             mean, error = self.mean(name)
             if abs(mean) > most * error:
-                said.append(f"{name}: mean residual is {mean / error:.1f} standard errors from zero")
+                complaints.append(f"{name}: mean residual is {mean / error:.1f} standard errors from zero")
         if self.failed:
-            said.append(f"{len(self.failed)} runs failed")
-        return tuple(said)
+            complaints.append(f"{len(self.failed)} runs failed")
+        return tuple(complaints)
 
     def bound(self) -> dict[str, float]:
         """1-sigma that no estimator can beat with this routine and noise, see :mod:`.field_bound`. SI."""
@@ -262,8 +262,8 @@ class FieldCampaign:
 
     def above(self) -> list[str]:
         """Parameters whose scatter is above the source's although noise and routine allow less."""
-        known = [name for name in self.names if published(self.job.spec.name, name) is not None]
-        return [name for name in known if self.reason(name) == "above the source"]
+        printed = [name for name in self.names if published(self.job.spec.name, name) is not None]
+        return [name for name in printed if self.reason(name) == "above the source"]
 
     def histogram(self, name: str, bins: int = 40) -> Histogram:
         """Distribution of a parameter over the runs before and after the calibration."""

@@ -151,9 +151,9 @@ def noise_limit(spec: ImuSpec, name: str, duration_s: float) -> float | None:
     if name[:3] not in ("b_a", "b_g"):
         return None
     triad = spec.accel if name[2] == "a" else spec.gyro
-    known = duration_s / triad.random_walk**2 if triad.random_walk else np.inf
+    information = duration_s / triad.random_walk**2 if triad.random_walk else np.inf
     before = 1.0 / triad.turn_on_bias**2 if triad.turn_on_bias else np.inf
-    return float(1.0 / np.sqrt(known + before))
+    return float(1.0 / np.sqrt(information + before))
 
 
 def static_spec(imu: str) -> ImuSpec:

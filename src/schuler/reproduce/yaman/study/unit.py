@@ -99,20 +99,20 @@ class CalibratedUnit:
     Attributes
     ----------
     unit : FieldUnit
-    found : FieldCalibration
+    fit : FieldCalibration
         Of readings without the offset.
     offset : ndarray, shape (3,)
         That the autopilot took off the gyroscopes when the routine began. [rad/s]
     """
 
     unit: FieldUnit
-    found: FieldCalibration
+    fit: FieldCalibration
     offset: FloatArray
 
     @property
     def calibration(self) -> CalibrationResult:
         """What is applied to the log of a drive."""
-        return self.found.calibration
+        return self.fit.calibration
 
     @property
     def truth(self) -> ImuErrors:
@@ -152,7 +152,7 @@ class DriveScene:
         return cls(number, motion, ideal_imu(motion, rate_hz), (begin, begin + lost))
 
 
-def told_spec() -> ImuSpec:
+def stated_spec() -> ImuSpec:
     """What is known of the unit before the routine: its sheet, gyro biases as far as the autopilot leaves any.
 
     What it took off held for one pose only: g-sensitivity brings it back in the others.
@@ -182,11 +182,11 @@ def calibrate_unit(
     imu = simulate_imu(scene, unit.field, rng).imu
     offset = imu.rates().between(0.0, BOOT_S).gyro.mean(axis=0)
     heading = float(scene.truth.rpy_nb[0, 2] + _HEADING_SIGMA * rng.standard_normal())
-    found = calibrate_field(
-        without_offset(imu, offset), told_spec(), latitude=float(ELMADAG[0]), height=float(ELMADAG[2]),
+    fit = calibrate_field(
+        without_offset(imu, offset), stated_spec(), latitude=float(ELMADAG[0]), height=float(ELMADAG[2]),
         heading=(heading, _HEADING_SIGMA), options=options,
     )  # fmt: skip
-    return CalibratedUnit(unit, found, offset)
+    return CalibratedUnit(unit, fit, offset)
 
 
 def drive_logs(scene: DriveScene, calibrated: CalibratedUnit, rng: np.random.Generator) -> Drive:
@@ -265,7 +265,7 @@ def remaining(calibrated: CalibratedUnit, imu: ImuSeries, *, raw: bool) -> tuple
     Where the mean at rest was taken off, what is left of the gyroscopes' biases is the noise of that mean and the Earth
     rate in it, and g-sensitivity acts on what differs from the specific force at rest. See :func:`reading_sigma`.
     """
-    result, spec = calibrated.calibration, told_spec()
+    result, spec = calibrated.calibration, stated_spec()
     names = result.names
     P = np.diag([result.prior_sigma[n] ** 2 for n in names]) if raw else np.array(result.covariance)
     again = calibrated.unit.turn_on != "none"

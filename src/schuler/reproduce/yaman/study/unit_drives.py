@@ -56,7 +56,7 @@ class FieldDrives(TabularResult):
     against : {"truth", "full"}
     rms : ndarray, shape (units, 9, 7)
         Rows as :data:`MODES`, columns as :data:`QUANTITIES`.
-    told : ndarray, shape (units, 2, 2)
+    stated_errors : ndarray, shape (units, 2, 2)
         What the filter was told of the errors of accelerometers [m/s^2] and gyroscopes [rad/s], raw and calibrated.
     complete : bool
     """
@@ -65,7 +65,7 @@ class FieldDrives(TabularResult):
     turn_on: TurnOn
     against: str
     rms: FloatArray
-    told: FloatArray
+    stated_errors: FloatArray
     complete: bool = True
 
     def __len__(self) -> int:
@@ -117,7 +117,7 @@ class FieldDrives(TabularResult):
         length, lost = DRIVES[self.number]
         what = "the calibrated full solution" if self.against == "full" else "truth"
         again = "new switch-on before the drive" if self.turn_on == "repeatability" else "same switch-on"
-        told = np.median(self.told, axis=0)
+        residual = np.median(self.stated_errors, axis=0)
         return ResultTable(
             f"Field-calibrated MPU-6000, drive {self.number}, {len(self)} units, {again}: RMS against {what}",
             tuple(columns),
@@ -127,7 +127,7 @@ class FieldDrives(TabularResult):
                 "units, low and high: 16 and 84 % of them",
                 *(
                     f"{name}: the filter is told {a / MG:.2g} mg and {w / DEG:.2g} deg/s (medians)"
-                    for name, (a, w) in zip(("raw", "calibrated"), told, strict=True)
+                    for name, (a, w) in zip(("raw", "calibrated"), residual, strict=True)
                 ),
             ),
             self.complete,
@@ -147,7 +147,7 @@ class FieldDrives(TabularResult):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
-        return self.table().to_dict() | {"rms": self.rms.tolist(), "told": self.told.tolist()}
+        return self.table().to_dict() | {"rms": self.rms.tolist(), "told": self.stated_errors.tolist()}
 
 
 def field_drives(
@@ -199,7 +199,7 @@ def field_drives(
     scene = drive if isinstance(drive, DriveScene) else DriveScene.of(drive, rate_hz)
     turned = routine_scene(routine or thesis_routine(), scene.ideal.rate_hz)
     rms: list[FloatArray] = []
-    told: list[FloatArray] = []
+    residual: list[FloatArray] = []
     complete = True
     try:
         for k, child in enumerate(np.random.SeedSequence(seed).spawn(units)):
@@ -208,24 +208,24 @@ def field_drives(
             logs = drive_logs(scene, calibrated, of_drive)
             levels = np.array([remaining(calibrated, logs.raw.need_imu(), raw=raw) for raw in (True, False)])
             rms.append(nine_modes(logs, levels, against=against))
-            told.append(levels)
+            residual.append(levels)
             if progress is not None:
                 progress((k + 1) / units)
     except KeyboardInterrupt:
         complete = False
     return FieldDrives(
         scene.number, turn_on, against, np.array(rms).reshape(-1, len(MODES), len(QUANTITIES)),
-        np.array(told).reshape(-1, 2, 2), complete,
+        np.array(residual).reshape(-1, 2, 2), complete,
     )  # fmt: skip
 
 
-def nine_modes(drive: Drive, told: FloatArray, *, against: Literal["full", "truth"] = "full") -> FloatArray:
+def nine_modes(drive: Drive, residual: FloatArray, *, against: Literal["full", "truth"] = "full") -> FloatArray:
     """RMS errors of the nine modes on a drive.
 
     Parameters
     ----------
     drive : Drive
-    told : ndarray, shape (2, 2)
+    residual : ndarray, shape (2, 2)
         What the filter is told of the errors of accelerometers [m/s^2] and gyroscopes [rad/s], raw and calibrated.
     against : {"full", "truth"}
 
@@ -234,17 +234,17 @@ def nine_modes(drive: Drive, told: FloatArray, *, against: Literal["full", "trut
     ndarray, shape (9, 7)
     """
     if against == "full":
-        reference = _run(drive, "Full", True, False, told).trajectory
+        reference = _run(drive, "Full", True, False, residual).trajectory
     else:
         reference = drive.raw.need_reference().full()
     rms = []
     for gps, calibrated, aided in MODES:
-        estimate = _run(drive, gps, calibrated, aided, told).trajectory
+        estimate = _run(drive, gps, calibrated, aided, residual).trajectory
         rms.append(rms_errors(estimate, reference, drive.outage if gps == "Partial" else None))
     return np.array(rms)
 
 
-def told_config(config: NavigationConfig, accel: float, gyro: float) -> NavigationConfig:
+def config_with_errors_as_noise(config: NavigationConfig, accel: float, gyro: float) -> NavigationConfig:
     """A mode's configuration with errors that no state takes told as noise, ``N = b sqrt(T)`` as in drive_modes.
 
     Parameters
@@ -269,10 +269,10 @@ def told_config(config: NavigationConfig, accel: float, gyro: float) -> Navigati
     return config.model_copy(update={"imu": imu})
 
 
-def _run(drive: Drive, gps: Gps, calibrated: bool, aided: bool, told: FloatArray) -> NavigationResult:
+def _run(drive: Drive, gps: Gps, calibrated: bool, aided: bool, residual: FloatArray) -> NavigationResult:
     recording = drive.calibrated if calibrated else drive.raw
-    accel, gyro = told[int(calibrated)]
-    config = told_config(mode_config(gps, calibrated, aided, drive.outage), float(accel), float(gyro))
+    accel, gyro = residual[int(calibrated)]
+    config = config_with_errors_as_noise(mode_config(gps, calibrated, aided, drive.outage), float(accel), float(gyro))
     start = _start(recording, calibrated, float(accel))
     if gps == "None":
         recording = replace(recording, gnss=None)  # it must not help to find rest either

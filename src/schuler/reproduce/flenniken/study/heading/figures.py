@@ -66,17 +66,17 @@ def outage_figure(outages: HeadingOutages, claimed: Collection[str] = ()) -> Fig
     )
 
 
-def recorded_figure(found: dict[str, tuple[FloatArray, FilterRuns]], start_s: float = 1800.0) -> Figure:
+def recorded_figure(recorded: dict[str, tuple[FloatArray, FilterRuns]], start_s: float = 1800.0) -> Figure:
     """One log, several filters: heading error with its 1-sigma, bias estimate (figures 4.3, 4.4, 4.8 to 4.10)."""
     errors: list[content.Item] = []
     biases: list[content.Item] = []
-    for name, (error, run) in found.items():
+    for name, (error, run) in recorded.items():
         claimed = run.sigma[:, 0] / DEG
         errors.append(content.band(run.t, -claimed, claimed, _BANDS[name]))
         errors.append(content.line(run.t, error / DEG, _ROLES[name], name))
         total = np.sum(run.estimate[:, 1:, 0], axis=1)
         biases.append(content.line(run.t, total / DEG, _ROLES[name], name))
-    last = float(next(iter(found.values()))[1].t[-1])
+    last = float(next(iter(recorded.values()))[1].t[-1])
     span = Span(start_s, last, "outage", "no fixes")
     panels = (
         Panel("time [s]", "heading error [deg]", (span, *errors)),

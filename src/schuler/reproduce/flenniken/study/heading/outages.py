@@ -211,11 +211,11 @@ def recorded_outage(
     fixes = FIX_SIGMA * rng.standard_normal((count, 1, runs))
     t = step * np.arange(1, count + 1)
     fix = (np.abs(t / FIX_PERIOD_S - np.round(t / FIX_PERIOD_S)) < 0.25 * step) & (t <= start_s + 1e-9)
-    found = {}
+    outages = {}
     for name, model in outage_filters(truth.N, truth.sigma, truth.tau).items():
         done = run_filter(model, increments, step, fixes, np.array([[FIX_SIGMA**2]]), fix)
-        found[name] = (done.estimate[:, 0, 0], done)
-    return found
+        outages[name] = (done.estimate[:, 0, 0], done)
+    return outages
 
 
 @dataclass(frozen=True)

@@ -75,10 +75,10 @@ class RocketErrors:
         InputError
             If a name is unknown.
         """
-        known = parameter_names()
+        names = parameter_names()
         for name in values:
-            if name not in known:
-                raise InputError(f"{name}: no such parameter; there are {', '.join(known)}")
+            if name not in names:
+                raise InputError(f"{name}: no such parameter; there are {', '.join(names)}")
         fields_: dict[str, dict[str, Any]] = {"gyro": {}, "accel": {}}
         for triad, kind in (("gyro", GyroTriad), ("accel", AccelerometerTriad)):
             for name in kind.names():
@@ -105,10 +105,10 @@ class RocketErrors:
 
     def parameters(self) -> dict[str, float]:
         """All 54 by name: ``gyro_...`` 21, ``accel_...`` 27, ``start_...`` 6. SI"""
-        found = {f"gyro_{k}": v for k, v in self.gyro.parameters().items()}
-        found |= {f"accel_{k}": v for k, v in self.accel.parameters().items()}
+        values = {f"gyro_{k}": v for k, v in self.gyro.parameters().items()}
+        values |= {f"accel_{k}": v for k, v in self.accel.parameters().items()}
         begin = np.concatenate((self.start_position, self.start_attitude))
-        return found | dict(zip(STARTS, begin.tolist(), strict=True))
+        return values | dict(zip(STARTS, begin.tolist(), strict=True))
 
     def replaced(self, **values: float) -> RocketErrors:
         """The same with some parameters of other value."""

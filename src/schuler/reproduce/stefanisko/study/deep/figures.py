@@ -117,8 +117,8 @@ def _by_level(study: DeepStudy, field: str, label: str, title: str) -> Panel:
 
 def _level(study: DeepStudy, level_dbhz: float | None) -> float:
     if level_dbhz is None:
-        heard = [r.level_dbhz for r in study.rows() if r.architecture == "tight" and r.tracked >= 0.1]
-        return min(heard, default=study.levels[-1])
+        tracked_levels = [r.level_dbhz for r in study.rows() if r.architecture == "tight" and r.tracked >= 0.1]
+        return min(tracked_levels, default=study.levels[-1])
     if level_dbhz not in study.levels:
         raise InputError(f"level_dbhz: expected one of {', '.join(f'{x:g}' for x in study.levels)}, got {level_dbhz!r}")
     return level_dbhz

@@ -166,7 +166,7 @@ def track(
     growth = (rates[2] - rates[0]) / bit
     speed = speed + 0.5 * bit * growth
     measured, quick, missing = cn0[0].copy(), cn0[0].copy(), np.zeros(shape[1:])
-    found = np.full(shape[1:], loops.settle)
+    settling = np.full(shape[1:], loops.settle)
     locked = np.ones(shape[1:], dtype=bool)
     out = Tracked(*(np.empty(cn0.shape, dtype=d) for d in (float, float, float, bool, bool)))
     strong = cn0 >= ratio_from_dbhz(loops.acquire_dbhz)
@@ -184,17 +184,21 @@ def track(
         place = place + bit * speed - np.where(locked, 4.0 * loops.code_bandwidth * bit * code, 0.0)
         growth = np.where(locked, growth - bit * omega**2 * rate, 0.0)
         speed = speed + bit * growth - np.where(locked, bit * _DAMPING * omega * rate, 0.0)
-        found = found + bit
-        lost = locked & (measured < 2.0 * least) & (found > loops.window)
+        settling = settling + bit
+        lost = locked & (measured < 2.0 * least) & (settling > loops.window)
         missing = np.where(locked | ~strong[k], 0.0, missing + bit)
         again = missing >= loops.acquire
         locked = (locked & ~lost) | again
         if again.any():
             place = np.where(again, ranges[2 * k + 2] + loops.acquired_range * rng.standard_normal(shape[1:]), place)
             speed = np.where(again, rates[2 * k + 2] + loops.acquired_rate * rng.standard_normal(shape[1:]), speed)
-            found = np.where(again, 0.0, found)
+            settling = np.where(again, 0.0, settling)
             measured, quick = np.where(again, cn0[k], measured), np.where(again, cn0[k], quick)
         out.range_error[k] = place - ranges[2 * k + 2]
         out.rate_error[k] = speed - 0.5 * bit * growth - rates[2 * k + 2]  # the replica's rate is that of mid-bit
-        out.cn0[k], out.locked[k], out.usable[k] = np.maximum(measured, least), locked, locked & (found >= loops.settle)
+        out.cn0[k], out.locked[k], out.usable[k] = (
+            np.maximum(measured, least),
+            locked,
+            locked & (settling >= loops.settle),
+        )
     return out

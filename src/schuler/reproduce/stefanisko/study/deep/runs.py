@@ -199,18 +199,18 @@ def deep_run(
         out = ts.bit_outputs(cor, o.kind, cn0[first : first + per], e, e_rate, rng, scale=scale)
         pieces.append((e, e_rate))
         strength = ts.measured_cn0(power.mean_with(out.power.mean(axis=0)), bit)
-        heard = strength > ratio_from_dbhz(o.least_dbhz)
-        if not heard.any() or b == len(log):
+        usable = strength > ratio_from_dbhz(o.least_dbhz)
+        if not usable.any() or b == len(log):
             continue
-        c = strength[heard]
+        c = strength[usable]
         z = ins[-1] - (ins[1::2] - osc).mean(axis=0)
         z_rate = ins_rate[-1] - (ins_rate[1::2] - osc_rate).mean(axis=0)
-        z, z_rate = z[heard], z_rate[heard]
-        z = z - ts.code_error(cor, o.kind, out.code.mean(axis=0)[heard], c)
-        z_rate = z_rate - ts.rate_error(cor, out.cross.mean(axis=0)[heard], c)
+        z, z_rate = z[usable], z_rate[usable]
+        z = z - ts.code_error(cor, o.kind, out.code.mean(axis=0)[usable], c)
+        z_rate = z_rate - ts.rate_error(cor, out.cross.mean(axis=0)[usable], c)
         filter_.aid(
             _measurements(
-                scene, b, heard, z, z_rate, ts.range_sigma(cor, o.kind, c) / np.sqrt(per),
+                scene, b, usable, z, z_rate, ts.range_sigma(cor, o.kind, c) / np.sqrt(per),
                 ts.rate_sigma(cor, c) / np.sqrt(per), o.gate, _AFTER,
             )
         )  # fmt: skip
@@ -251,14 +251,14 @@ def tight_run(
     every = max(1, round(update / cor.signal.bit))
     schedule = []
     for bit in range(every - 1, scene.bits, every):
-        heard = tracked.usable[bit]
-        if not heard.any():
+        usable = tracked.usable[bit]
+        if not usable.any():
             continue
         k = 2 * bit + 2
-        z = (world.pseudorange[k] + tracked.range_error[bit])[heard]
-        z_rate = (world.range_rate[k] + tracked.rate_error[bit])[heard]
+        z = (world.pseudorange[k] + tracked.range_error[bit])[usable]
+        z_rate = (world.range_rate[k] + tracked.rate_error[bit])[usable]
         schedule.append(
-            _measurements(scene, k, heard, z, z_rate, *scalar.sigmas(cor, tracked.cn0[bit][heard]), gate, 0.0)
+            _measurements(scene, k, usable, z, z_rate, *scalar.sigmas(cor, tracked.cn0[bit][usable]), gate, 0.0)
         )
     everything = merged(*schedule)
     forward = run(
@@ -313,7 +313,7 @@ def _predicted(solution: FloatArray, scene: DeepScene, part: slice) -> tuple[Flo
 def _measurements(
     scene: DeepScene,
     k: int,
-    heard: BoolArray,
+    usable: BoolArray,
     z: FloatArray,
     z_rate: FloatArray,
     sigma: FloatArray,
@@ -322,7 +322,7 @@ def _measurements(
     after: float,
 ) -> MeasurementSchedule:
     """Pseudoranges and range rates of the satellites heard, at ``scene.t[k]``."""
-    r_s, v_s = scene.r_sat_e[k][heard], scene.v_sat_e[k][heard]
+    r_s, v_s = scene.r_sat_e[k][usable], scene.v_sat_e[k][usable]
     t = np.full(len(z), scene.t[k] + after)
     threshold = gate_threshold(gate, 1)
     of = MeasurementSchedule.of

@@ -148,8 +148,8 @@ class DeepStudy:
         ]
         for name in ARCHITECTURES:
             low = self.threshold(name)
-            said = f"down to {low:g} dB-Hz" if np.isfinite(low) else "at no level of this study"
-            lines.append(f"  {name}: nine channels in ten track {said}")
+            limit = f"down to {low:g} dB-Hz" if np.isfinite(low) else "at no level of this study"
+            lines.append(f"  {name}: nine channels in ten track {limit}")
         if not self.complete:
             lines.append("  interrupted: the runs done until then")
         return "\n".join(lines)

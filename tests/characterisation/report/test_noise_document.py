@@ -333,6 +333,7 @@ def test_spectra_use_the_longest_part_without_a_gap():
     assert noise_spectra.log_spectra(imu.between(50.0, 50.4)) == {}
 
 
+@pytest.mark.campaign
 def test_files_of_all_figures(found, shown, tmp_path):
     paths = noise_figures.save_noise_figures(found, tmp_path / "f", ("png", "svg"), **shown)
     assert {p.stem for p in paths} == {"allan", "allan_axes", "allan_ratio", "spectrum", "autocorrelation", "signals"}

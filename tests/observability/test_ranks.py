@@ -56,8 +56,8 @@ def scheme(axis, roll=0, pitch=0, azimuth=0, *, earth=True, **rest):
 
 @pytest.mark.parametrize(("axis", "roll", "pitch", "azimuth", "without", "with_earth", "weak"), SCHEMES)
 def test_ranks_of_twelve_states_by_scheme(axis, roll, pitch, azimuth, without, with_earth, weak):
-    """300 s, 10 deg/s, 12 states. Without Earth rate all three rules agree; with it the Gramian's rank is the printed one,
-    and directions it calls very weak are those the prior knows better."""
+    """300 s, 10 deg/s, 12 states. Without Earth rate all three rules agree; with it the Gramian's rank is the printed
+    one, and directions it calls very weak are those the prior knows better."""
     found = spectrum(model_system(scheme(axis, roll, pitch, azimuth, earth=False), duration=300.0, sigma=SIGMA))
     assert found.rank == found.formal == found.useful == without
     found = spectrum(model_system(scheme(axis, roll, pitch, azimuth), duration=300.0, sigma=SIGMA))

@@ -87,7 +87,8 @@ ANCHORS = {
     ("MTi-G", "rotary_z_level"): "0.51 0.51 94 0.086 0.086 317 317 1130",
     ("MTi-G", "rotary_z_tilted"): "0.055 0.055 2.0 0.001 0.001 18 18 26",
 }
-#: Du, chapter 5: prior of accelerometers [m/s^2] and gyroscopes [rad/s], walk of the latter, angle and velocity walks. SI
+#: Du, chapter 5: prior of accelerometers [m/s^2] and gyroscopes [rad/s], walk of the latter, angle and
+#: velocity walks. SI
 NOISE = {
     "NAV440": (0.2, 400.0 * DEG_PER_HR, 10.0 * DEG_PER_HR, 0.4 * DEG / 60.0, 0.5 / 60.0),
     "MTi-G": (0.1, DEG, 20.0 * DEG_PER_HR, 3.0 * DEG / 60.0, 0.002),

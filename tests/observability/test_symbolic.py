@@ -32,8 +32,8 @@ SCHEMES = [
 
 @pytest.mark.parametrize(("axis", "roll", "pitch", "azimuth", "without", "with_earth"), SCHEMES)
 def test_ranks(axis, roll, pitch, azimuth, without, with_earth):
-    """Exact. With Earth rate a rank in numbers counts X at an azimuth 11 and Z level 10: what is of second order in W is lost
-    in its Gramian (see test_ranks_of_the_gramian); 9, 10 and 12 are the same here."""
+    """Exact. With Earth rate a rank in numbers counts X at an azimuth 11 and Z level 10: what is of second order in W
+    is lost in its Gramian (see test_ranks_of_the_gramian); 9, 10 and 12 are the same here."""
     for earth, expected in ((False, without), (True, with_earth)):
         model = sym.rotary_model(axis, roll=roll, pitch=pitch, azimuth=azimuth, earth=earth, biases="navigation")
         assert sym.symbolic_rank(model) == expected

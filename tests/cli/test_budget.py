@@ -2,26 +2,14 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
+from command import answer, run
 from places import EXAMPLES
-
-from schuler.cli import main
-
-
-def run(capsys, *arguments):
-    """Exit code, stdout and stderr of a command."""
-    code = main([str(a) for a in arguments])
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
 
 
 def test_budget_of_an_imu(tmp_path, capsys):
     arguments = ("--imu", "MPU-6000", "--out", tmp_path, "--time", "140", "--json")
-    code, out, _ = run(capsys, "budget", EXAMPLES / "budget_town.toml", *arguments)
-    data = json.loads(out)
-    assert code == 0
+    data = answer(capsys, "budget", EXAMPLES / "budget_town.toml", *arguments)
     budget = data["budgets"][0]["budget"]
     assert budget["time_s"] == 140.0
     assert sum(v**2 for v in budget["by_source"].values()) == pytest.approx(budget["total"] ** 2, rel=1e-9)

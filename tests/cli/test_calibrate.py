@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from command import answer, refusal, run
 
 from schuler.calibration.freepose.simulation import hand_log
 from schuler.calibration.result.result import CalibrationResult
@@ -30,12 +31,6 @@ ERRORS = ImuErrors(
 #: The keys scripts rely on (design, section 5).
 KEYS = {"status", "gauge", "parameters", "condition", "residual_rms", "verdicts", "next_pose"}
 HALF = 0.5 * np.pi
-
-
-def run(capsys, *arguments):
-    code = main([str(a) for a in arguments])
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 def write(imu: ImuSeries, path, name: str = "unit"):
@@ -64,9 +59,7 @@ def within(data, name, value, sigmas=4.0):
 
 
 def test_freepose_finds_the_errors_and_writes_its_files(hand, tmp_path, capsys):
-    code, out, err = run(capsys, "calibrate", "freepose", hand, "--out", tmp_path, "--json")
-    assert code == 0, err
-    data = json.loads(out)
+    data = answer(capsys, "calibrate", "freepose", hand, "--out", tmp_path, "--json")
     assert data.keys() >= KEYS
     assert (data["command"], data["method"], data["gauge"]) == ("calibrate", "freepose", "upper")
     within(data, "b_a_x", 0.05)
@@ -85,23 +78,19 @@ def test_another_gauge_and_an_earlier_calibration(hand, tmp_path, capsys):
     first = tmp_path / "a" / "calibration.yaml"
     code, _, err = run(capsys, "calibrate", "freepose", hand, "--out", tmp_path / "a", "--no-report")
     assert code == 0, err
-    code, out, err = run(
+    data = answer(
         capsys, "calibrate", "freepose", hand, "--out", tmp_path / "b", "--no-report", "--json", "--gauge", "lower",
         "--previous", first,
     )  # fmt: skip
-    assert code == 0, err
-    data = json.loads(out)
     assert data["gauge"] == "lower"
     assert data["changed"] == []
     assert data["parameters"]["M_a_xy"].get("fixed")
 
 
 def test_sixposition(faces, tmp_path, capsys):
-    code, out, err = run(
+    data = answer(
         capsys, "calibrate", "sixposition", faces, "--out", tmp_path, "--no-report", "--json", "--gravity", G0
     )
-    assert code == 0, err
-    data = json.loads(out)
     assert data["gauge"] == "full"
     within(data, "b_a_z", 0.02)
     within(data, "M_a_xx", 0.004)
@@ -109,12 +98,10 @@ def test_sixposition(faces, tmp_path, capsys):
 
 
 def test_multiposition_needs_no_fixture(hand, tmp_path, capsys):
-    code, out, err = run(
+    data = answer(
         capsys, "calibrate", "multiposition", hand, "--out", tmp_path, "--no-report", "--json", "--gyro-order", "3",
         "--latitude", 47.0, "--gravity", G0,
     )  # fmt: skip
-    assert code == 0, err
-    data = json.loads(out)
     assert data["gauge"] == "lower"
     assert data["parameters"]["M_a_yy"]["sigma"] < 1e-3
 
@@ -132,12 +119,10 @@ def test_ratetable(tmp_path, capsys):
                 f.append(np.tile(up, (n, 1)))
     gyro, accel, _ = ERRORS.apply_rates(np.concatenate(omega), np.concatenate(f), dt, rng)
     log = write(ImuSeries(np.arange(len(gyro)) * dt, gyro, accel), tmp_path / "table.parquet")
-    code, out, err = run(
+    data = answer(
         capsys, "calibrate", "ratetable", log, "--rates", "30", "--no-g-sensitivity", "--latitude", 0.0,
         "--out", tmp_path, "--no-report", "--json",
     )  # fmt: skip
-    assert code == 0, err
-    data = json.loads(out)
     within(data, "M_g_xx", 0.005, 6.0)
     within(data, "b_g_y", -0.002, 6.0)
 
@@ -149,9 +134,7 @@ def test_thermal_ramp(tmp_path, capsys):
     gyro = 1e-3 * rng.standard_normal((n, 3)) + 1e-4 * (T[:, None] - 25.0) + [0.01, 0.0, 0.0]
     accel = 1e-2 * rng.standard_normal((n, 3)) + [0.0, 0.0, -G0]
     log = write(ImuSeries(0.1 * np.arange(n), gyro, accel, temperature=T), tmp_path / "chamber.parquet")
-    code, out, err = run(capsys, "calibrate", "thermal", log, "--out", tmp_path, "--no-report", "--json")
-    assert code == 0, err
-    data = json.loads(out)
+    data = answer(capsys, "calibrate", "thermal", log, "--out", tmp_path, "--no-report", "--json")
     within(data, "b_g_x", 0.01, 5.0)
     assert data["parameters"]["b_a_x"]["sigma"] is None
     assert "b_a_x" in data["undetermined"]
@@ -187,24 +170,18 @@ def test_too_few_poses_are_refused_with_what_to_do(tmp_path, capsys):
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_exit_code_2(arguments, message, hand, capsys):
-    code, out, err = run(capsys, "calibrate", *(a.format(hand=hand) for a in arguments))
-    assert (code, out) == (2, "")
-    assert err.startswith("schuler: ")
-    assert err.count("\n") == 1
-    assert message in err
+    assert message in refusal(capsys, "calibrate", *(a.format(hand=hand) for a in arguments))
 
 
 def test_rests_as_published(hand, tmp_path, capsys):
     """What was tried is in the JSON; a log that moves at the start has no rests and no threshold has a cost."""
     options = ("--rests", "tedaldi", "--no-report", "--json", "--out", tmp_path)
-    code, out, err = run(capsys, "calibrate", "freepose", hand, "--initial-rest", 15, *options)
-    assert code == 0, err
-    data = json.loads(out)
+    data = answer(capsys, "calibrate", "freepose", hand, "--initial-rest", 15, *options)
     within(data, "M_a_zz", 0.002)
     assert data["provenance"]["options"]["rests"] == "tedaldi"
     assert data["extra"]["poses"] == 24
     assert [k for k, _, _ in data["extra"]["tried"]] == list(range(2, 11))
-    code, out, err = run(capsys, "calibrate", "freepose", hand, "--initial-rest", 60, *options)
+    code, out, _ = run(capsys, "calibrate", "freepose", hand, "--initial-rest", 60, *options)
     assert code == 2
     assert json.loads(out)["extra"]["tried"][-1][2] is None
 
@@ -213,12 +190,10 @@ def test_rests_as_published(hand, tmp_path, capsys):
 def test_rests_as_published_of_a_recording(shared_data, tmp_path, capsys):
     """imu_tk's 14 rests of good3, and its numbers to 1e-3, in its form ``T K = (I + M)^-1``, ``B = b``."""
     log = shared_data / "snu_staticposes" / "imu_good3.txt"
-    code, out, err = run(
+    data = answer(
         capsys, "calibrate", "freepose", log, "--columns", "t,ax,ay,az,gx,gy,gz,*", "--units", "m/s^2,rad/s",
         "--gravity", 9.79871, "--initial-rest", 4, "--rests", "tedaldi", "--no-report", "--json", "--out", tmp_path,
     )  # fmt: skip
-    assert code == 0, err
-    data = json.loads(out)
     expected = json.loads((log.parent / "expected.json").read_text())["imu_good3"]
     assert data["extra"]["poses"] == expected["n_intervals"] == 14
     assert data["extra"]["margin"] == 2.0
@@ -269,11 +244,9 @@ def test_counts_are_a_unit(tmp_path, capsys):
     ]
     log = tmp_path / "counts.csv"
     log.write_text("\n".join(lines), encoding="utf-8")
-    code, out, err = run(
+    data = answer(
         capsys, "calibrate", "freepose", log, "--units", "counts,counts", "--out", tmp_path, "--no-report", "--json"
     )
-    assert code == 0, err
-    data = json.loads(out)
     assert data["nominal"][0] == pytest.approx(1.0 / 400.0, rel=0.01)
     assert data["nominal"][1] == pytest.approx(1.0 / 5000.0, rel=0.02)
     # bias over scale does not depend on the factor

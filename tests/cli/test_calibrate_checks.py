@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from command import run
 
 from schuler.calibration.freepose.simulation import hand_log
 from schuler.calibration.result.result import CalibrationResult
-from schuler.cli import main
 from schuler.cli.app import METHODS
 from schuler.recording import io
 from schuler.recording.recording import Metadata, Recording
@@ -19,19 +19,9 @@ from schuler.sensors.noise import White
 from schuler.units import DEG
 
 ERRORS = ImuErrors(
-    b_a=np.array([0.05, -0.03, 0.02]),
-    M_a=np.diag([0.004, -0.003, 0.002]),
-    b_g=np.array([0.004, -0.002, 0.001]),
-    M_g=np.diag([0.005, -0.004, 0.003]),
-    gyro_noise=White(1e-4) + White(0.0),
-    accel_noise=White(1e-3) + White(0.0),
-)
-
-
-def run(capsys, *arguments):
-    code = main([str(a) for a in arguments])
-    out, err = capsys.readouterr()
-    return code, out, err
+    b_a=np.array([0.05, -0.03, 0.02]), M_a=np.diag([0.004, -0.003, 0.002]), b_g=np.array([0.004, -0.002, 0.001]),
+    M_g=np.diag([0.005, -0.004, 0.003]), gyro_noise=White(1e-4) + White(0.0), accel_noise=White(1e-3) + White(0.0),
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from command import answer, refusal, run
 from places import ROOT
 
 from schuler.calibration.field.routine import RoutineMotion, thesis_routine
@@ -28,12 +29,8 @@ LLH = np.array([39.92 * DEG, 33.2 * DEG, 1000.0])
 ROUTINE = thesis_routine(dwell_s=5.0, repeats=1)  # 150 s
 LONG = ROUTINE.rests[np.diff(ROUTINE.rests)[:, 0] > 2.0]  # two of 1.75 s are no rests by themselves
 PLACE = ("--latitude", 39.92, "--height", 1000.0)
-
-
-def run(capsys, *arguments):
-    code = main([str(a) for a in arguments])
-    out, err = capsys.readouterr()
-    return code, out, err
+AUTOMOTIVE = ("--imu", "yaman-automotive", *PLACE, "--no-report", "--json")
+NORTH = ("--heading", "0,1")
 
 
 def simulated(name: str, seed: int, kind="rate"):
@@ -113,13 +110,10 @@ def test_the_history_ends_at_the_result(calibrated):
 
 
 def test_another_gauge_an_earlier_calibration_and_a_parquet_history(calibrated, turned, tmp_path, capsys):
-    code, out, err = run(
-        capsys, "calibrate", "field", turned[0], "--imu", "yaman-automotive", *PLACE, "--heading", "0,1", "--no-report",
-        "--json", "--out", tmp_path, "--gauge", "lower", "--previous", calibrated["files"]["calibration"],
-        "--history", "parquet",
+    data = answer(
+        capsys, "calibrate", "field", turned[0], *AUTOMOTIVE, *NORTH, "--out", tmp_path, "--gauge", "lower",
+        "--previous", calibrated["files"]["calibration"], "--history", "parquet",
     )  # fmt: skip
-    assert code == 0, err
-    data = json.loads(out)
     assert data["gauge"] == "lower"
     assert data["changed"] == []
     same = CalibrationResult.from_yaml(calibrated["files"]["calibration"]).in_gauge("lower")
@@ -145,10 +139,7 @@ def test_printed_for_people(turned, tmp_path, capsys):
 
 def test_heading_is_found_where_it_is_not_given(turned, tmp_path, capsys):
     """It is zero; 1-sigma of tens of degrees on so short a log, stated and kept within 3."""
-    code, out, err = run(
-        capsys, "calibrate", "field", turned[0], "--imu", "yaman-automotive", *PLACE, "--no-report", "--json",
-        "--out", tmp_path,
-    )  # fmt: skip
+    code, out, err = run(capsys, "calibrate", "field", turned[0], *AUTOMOTIVE, "--out", tmp_path)
     assert code == 0, err
     angle, sigma = json.loads(out)["field"]["heading_deg"]
     assert abs(angle) < 3.0 * sigma < 180.0
@@ -156,12 +147,7 @@ def test_heading_is_found_where_it_is_not_given(turned, tmp_path, capsys):
 
 def test_accelerometers_alone_by_the_size_of_gravity(turned, tmp_path, capsys):
     """Gyroscopes that are not estimated would be believed: 100 deg/h, in attitudes that bend the misalignments."""
-    code, out, err = run(
-        capsys, "calibrate", "field", turned[0], "--imu", "yaman-automotive", *PLACE, "--no-report", "--json",
-        "--out", tmp_path, "--states", "M_a,b_a,S_a",
-    )  # fmt: skip
-    assert code == 0, err
-    data = json.loads(out)
+    data = answer(capsys, "calibrate", "field", turned[0], *AUTOMOTIVE, "--out", tmp_path, "--states", "M_a,b_a,S_a")
     assert set(data["field"]["nis"]) == {"gravity"}
     result = CalibrationResult.from_yaml(data["files"]["calibration"])
     assert result.names[:3] == ("b_a_x", "b_a_y", "b_a_z")
@@ -171,12 +157,7 @@ def test_accelerometers_alone_by_the_size_of_gravity(turned, tmp_path, capsys):
 
 
 def test_the_source_for_comparison(turned, tmp_path, capsys):
-    code, out, err = run(
-        capsys, "calibrate", "field", turned[0], "--imu", "yaman-automotive", *PLACE, "--heading", "0,1", "--no-report",
-        "--json", "--out", tmp_path, "--thesis",
-    )  # fmt: skip
-    assert code == 0, err
-    data = json.loads(out)
+    data = answer(capsys, "calibrate", "field", turned[0], *AUTOMOTIVE, *NORTH, "--out", tmp_path, "--thesis")
     assert data["field"]["passes"] == 1
     assert "earth_rate_magnitude" in data["field"]["nis"]
     assert data["provenance"]["options"]["earth_rate"] == "magnitude"
@@ -187,9 +168,8 @@ def test_rests_of_a_file_are_used(turned, tmp_path, capsys):
     spans = [(a + 0.5, b - 0.5) for a, b in ROUTINE.rests - io.read(turned[0]).need_imu().t[0]]
     table.write_text("start,stop\n" + "\n".join(f"{a:.3f},{b:.3f}" for a, b in spans), encoding="utf-8")
     code, out, err = run(
-        capsys, "calibrate", "field", turned[0], "--imu", "yaman-automotive", *PLACE, "--heading", "0,1", "--no-report",
-        "--json", "--out", tmp_path, "--intervals", table,
-    )  # fmt: skip
+        capsys, "calibrate", "field", turned[0], *AUTOMOTIVE, *NORTH, "--out", tmp_path, "--intervals", table
+    )
     assert code == 0, err
     found = np.array(json.loads(out)["field"]["rests"])
     np.testing.assert_allclose(found, spans, atol=0.021)  # a sample
@@ -198,8 +178,8 @@ def test_rests_of_a_file_are_used(turned, tmp_path, capsys):
 def test_an_earlier_calibration_as_prior(calibrated, turned, tmp_path, capsys):
     """What it says counts: uncertainties shrink by the root of two where both know as much (rounding apart)."""
     code, out, err = run(
-        capsys, "calibrate", "field", turned[0], "--imu", "yaman-automotive", *PLACE, "--heading", "0,1", "--no-report",
-        "--json", "--out", tmp_path, "--prior", calibrated["files"]["calibration"],
+        capsys, "calibrate", "field", turned[0], *AUTOMOTIVE, *NORTH, "--out", tmp_path, "--prior",
+        calibrated["files"]["calibration"],
     )  # fmt: skip
     assert code == 0, err
     again = json.loads(out)["parameters"]
@@ -235,12 +215,10 @@ def test_a_simulated_routine_knows_its_place_and_its_biases(tmp_path, capsys):
     )  # fmt: skip
     run_ = simulate_mission(prepare_mission(scenario))
     io.write(run_.recording, tmp_path / "turned.parquet")
-    code, out, err = run(
+    data = answer(
         capsys, "calibrate", "field", tmp_path / "turned.parquet", "--imu", "yaman-automotive", "--heading", "60,1",
         "--no-report", "--json", "--out", tmp_path,
     )  # fmt: skip
-    assert code == 0, err
-    data = json.loads(out)
     for i, axis in enumerate("xyz"):
         found = data["parameters"][f"b_a_{axis}"]
         assert abs(found["value"] - run_.errors.b_a[i]) < 4.0 * found["sigma"]
@@ -250,10 +228,7 @@ def test_a_simulated_routine_knows_its_place_and_its_biases(tmp_path, capsys):
 
 
 def test_the_coach_ends_with_a_calibration(turned, tmp_path, capsys):
-    code, out, err = run(
-        capsys, "calibrate", "field", turned[0], "--imu", "yaman-automotive", *PLACE, "--heading", "0,1", "--no-report",
-        "--json", "--out", tmp_path, "--coach",
-    )  # fmt: skip
+    code, out, err = run(capsys, "calibrate", "field", turned[0], *AUTOMOTIVE, *NORTH, "--out", tmp_path, "--coach")
     assert code == 0, err
     assert "to go" in err
     assert json.loads(out)["method"] == "field"
@@ -264,9 +239,8 @@ def test_the_coach_ends_with_a_calibration(turned, tmp_path, capsys):
 
 def test_too_few_rests_are_refused_with_what_to_do(turned, tmp_path, capsys):
     code, out, err = run(
-        capsys, "calibrate", "field", turned[0], "--imu", "yaman-automotive", *PLACE, "--heading", "0,1", "--no-report",
-        "--json", "--out", tmp_path / "o", "--to", "17",
-    )  # fmt: skip
+        capsys, "calibrate", "field", turned[0], *AUTOMOTIVE, *NORTH, "--out", tmp_path / "o", "--to", "17"
+    )
     assert code == 2
     data = json.loads(out)
     assert data["status"] == "refused"
@@ -330,11 +304,7 @@ THERE = (*KNOWN, "--latitude", "40")
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_exit_code_2(arguments, message, turned, capsys):
-    code, out, err = run(capsys, "calibrate", "field", *(a.format(log=turned[0]) for a in arguments))
-    assert (code, out) == (2, "")
-    assert err.startswith("schuler: ")
-    assert err.count("\n") == 1
-    assert message in err
+    assert message in refusal(capsys, "calibrate", "field", *(a.format(log=turned[0]) for a in arguments))
 
 
 def test_a_log_that_never_rests(turned, tmp_path, capsys):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command import run
 
 from schuler import earth
 from schuler.calibration.field.calibration import calibrate_field
@@ -32,12 +33,6 @@ PLACE = ("--latitude", 39.92, "--height", 1000.0)
 #: An MPU-6000's: 16384 counts a g, 131 a degree per second.
 LSB = (G0 / 16384.0, DEG / 131.0)
 COUNTED = ("--units", "counts,counts", "--imu", "yaman-automotive", *PLACE, "--heading", "0,1", "--no-report", "--json")
-
-
-def run(capsys, *arguments):
-    code = main([str(a) for a in arguments])
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 @pytest.fixture(scope="module")
@@ -149,16 +144,9 @@ def test_the_filter_that_navigates_takes_it(known, in_counts):
 def test_an_earlier_calibration_brings_its_factors(known, in_counts, tmp_path, capsys):
     first = CalibrationResult.from_yaml(known["files"]["calibration"])
     code, _, err = run(
-        capsys,
-        "calibrate",
-        "field",
-        in_counts[0],
-        *COUNTED,
-        "--out",
-        tmp_path,
-        "--prior",
+        capsys, "calibrate", "field", in_counts[0], *COUNTED, "--out", tmp_path, "--prior",
         known["files"]["calibration"],
-    )
+    )  # fmt: skip
     assert code == 0, err
     second = CalibrationResult.from_yaml(tmp_path / "calibration.yaml")
     assert second.nominal == first.nominal

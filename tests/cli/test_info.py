@@ -6,20 +6,14 @@ import json
 
 import numpy as np
 import pytest
+from command import answer, run
 
-from schuler.cli import main
 from schuler.recording import ImuSeries, Metadata, OdometerSeries, Recording
 from schuler.recording.formats import registry
 from schuler.recording.io import read, write
 from schuler.timebase import TimeBase
 
 pytest.importorskip("rosbags")
-
-
-def run(capsys, *arguments):
-    code = main([str(a) for a in arguments])
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
 
 
 @pytest.fixture
@@ -44,9 +38,7 @@ def test_topics_stand_before_the_recording(bag, capsys):
 
 
 def test_topics_as_json(bag, capsys):
-    code, out, _ = run(capsys, "info", bag, "--json")
-    data = json.loads(out)
-    assert code == 0
+    data = answer(capsys, "info", bag, "--json")
     assert {s["name"]: s["count"] for s in data["streams"]} == {"/imu/data": 300, "/odometer": 30, "/schuler": 1}
     assert data["streams"][0]["rate_hz"] == pytest.approx(100.0)
     assert data["imu"]["samples"] == 300

@@ -78,11 +78,7 @@ def test_logs_open_with_the_hints_of_their_readmes(shared_data, name, hints, cap
 @pytest.mark.parametrize(
     ("name", "content", "what"),
     [
-        (
-            "notes.txt",
-            b"The car stood still for a minute.\nThen it went round twice.\n",
-            "text for people",
-        ),
+        ("notes.txt", b"The car stood still for a minute.\nThen it went round twice.\n", "text for people"),
         ("a.json", b'{"units": "g", "rate": 100}\n', "a JSON file"),
         ("a.bin", b"\x1f\x8b\x08\x00" + b"\x00" * 40, "compressed"),
         ("a.csv", b"\n \n", "empty"),

@@ -2,21 +2,11 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
+from command import answer, run
 from places import EXAMPLES
 
-from schuler.cli import main
-
 LEVEL = EXAMPLES / "observability_rotary_z_level.toml"
-
-
-def run(capsys, *arguments):
-    """Exit code, stdout and stderr of a command."""
-    code = main([str(a) for a in arguments])
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
 
 
 def test_text(capsys, tmp_path, monkeypatch):
@@ -28,9 +18,7 @@ def test_text(capsys, tmp_path, monkeypatch):
 
 
 def test_json_with_formulas(capsys):
-    code, out, _ = run(capsys, "observability", EXAMPLES / "observability_conventional.toml", "--symbolic", "--json")
-    data = json.loads(out)
-    assert code == 0
+    data = answer(capsys, "observability", EXAMPLES / "observability_conventional.toml", "--symbolic", "--json")
     assert data["command"] == "observability"
     assert (data["rank"], data["rank_formal"], data["rank_useful"]) == (8, 8, 8)
     assert "b_E + eps_N*g" in data["formulas"]
@@ -74,7 +62,5 @@ def test_a_log(capsys, tmp_path):
     pytest.importorskip("pyarrow")
     log = tmp_path / "town.parquet"
     assert run(capsys, "simulate", EXAMPLES / "town.toml", "--out", log)[0] == 0
-    code, out, _ = run(capsys, "observability", EXAMPLES / "town_navigation.toml", "--log", log, "--json")
-    data = json.loads(out)
-    assert code == 0
+    data = answer(capsys, "observability", EXAMPLES / "town_navigation.toml", "--log", log, "--json")
     assert data["rank_formal"] == len(data["states"])

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import _thread
-import json
 import re
 import tomllib
 
 import pytest
+from command import answer, run
 from places import EXAMPLES
 
-from schuler.cli import main
 from schuler.cli.app import COMMANDS
 from schuler.rotary.search.scenario import RotaryScenario
 
@@ -40,13 +39,6 @@ axes = ["x", "z"]
 """
 
 
-def run(capsys, *arguments):
-    """Exit code, stdout and stderr of a command."""
-    code = main([str(a) for a in arguments])
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
-
-
 @pytest.fixture
 def short(tmp_path):
     path = tmp_path / "short.toml"
@@ -67,9 +59,7 @@ def test_without_a_search(short, capsys):
 def test_search_with_everything_written(short, tmp_path, capsys):
     folder = tmp_path / "out"
     arguments = ("--search", "--evaluations", 60, "--seed", 2, "--out", folder, "--json")
-    code, out, _ = run(capsys, "rotary", short, *arguments)
-    data = json.loads(out)
-    assert code == 0
+    data = answer(capsys, "rotary", short, *arguments)
     assert data["complete"] is True
     assert data["search"]["seed"] == 2
     names = {c["name"] for c in data["search"]["named"]}

@@ -199,10 +199,7 @@ def test_one_at_a_time(runs, tmp_path):
         assert store.missing(5) == [Span(0, 4)]
         store.put(Span(1, 1), campaign(runs.values, {}, 1, workers=1, keep=True).rows())
         (tmp_path / "s" / ".lock").unlink()  # as if this one had ended
-        with (
-            pytest.raises(InputError, match="holds 1 runs"),
-            opened(tmp_path / "s", identity, resume=False),
-        ):
+        with pytest.raises(InputError, match="holds 1 runs"), opened(tmp_path / "s", identity, resume=False):
             pass
         assert store.missing(5) == [Span(0, 0), Span(2, 4)]
         with pytest.raises(InputError, match="not all runs are there"):

@@ -225,10 +225,7 @@ def test_formulas_of_scenarios():
         ({"imu": "none at all"}, "catalogue"),
         ({"known": ["dx"]}, "no state 'dx'"),
         ({"colour": 1}, "colour"),
-        (
-            {"heading": {}, "rotary": {"schedule": {"type": "continuous", "rate_deg_s": 5.0}}},
-            "not with a rotary IMU",
-        ),
+        ({"heading": {}, "rotary": {"schedule": {"type": "continuous", "rate_deg_s": 5.0}}}, "not with a rotary IMU"),
     ],
 )
 def test_faults_say_what_to_do(changes, said):

@@ -15,19 +15,10 @@ TILT = sp.atan(sp.Rational(3, 4))  # stands for any
 
 #: axis, roll, pitch, azimuth; rank without Earth rate, exact rank with it.
 SCHEMES = [
-    (None, 0, 0, 0, 8, 9),
-    (None, 0, 0, TILT, 8, 9),
-    ("x", 0, 0, 0, 10, 10),
-    ("x", 0, TILT, 0, 10, 10),
-    ("x", 0, 0, TILT, 10, 12),
-    ("x", TILT, 0, 0, 11, 12),
-    ("y", 0, 0, 0, 10, 12),
-    ("y", TILT, 0, 0, 10, 12),
-    ("y", 0, TILT, 0, 11, 12),
-    ("z", 0, 0, 0, 8, 12),
-    ("z", TILT, 0, 0, 11, 12),
-    ("z", 0, TILT, TILT, 11, 12),
-]
+    (None, 0, 0, 0, 8, 9), (None, 0, 0, TILT, 8, 9), ("x", 0, 0, 0, 10, 10), ("x", 0, TILT, 0, 10, 10),
+    ("x", 0, 0, TILT, 10, 12), ("x", TILT, 0, 0, 11, 12), ("y", 0, 0, 0, 10, 12), ("y", TILT, 0, 0, 10, 12),
+    ("y", 0, TILT, 0, 11, 12), ("z", 0, 0, 0, 8, 12), ("z", TILT, 0, 0, 11, 12), ("z", 0, TILT, TILT, 11, 12),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("axis", "roll", "pitch", "azimuth", "without", "with_earth"), SCHEMES)

@@ -76,13 +76,8 @@ def test_no_figure_function_is_left_out():
 
 #: They give what others do; looked at, but not drawn once more.
 _GATHER = (
-    "all_figures",
-    "field_panels",
-    "satellite_figures",
-    "overview_content",
-    "calibration_content",
-    "field_content",
-)
+    "all_figures", "field_panels", "satellite_figures", "overview_content", "calibration_content", "field_content",
+)  # fmt: skip
 _DRAWN_PANELS = 4  # into given axes
 
 

@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.budget.replay import (
-    FilterReplay,
-    System,
-    records_at,
-    replay_constants,
-    replay_filter,
-    replay_noise,
-)
+from schuler.budget.replay import FilterReplay, System, records_at, replay_constants, replay_filter, replay_noise
 from schuler.budget.scenario import BudgetMission
 from schuler.budget.sources import Angles, Constant, Noise, constants, filter_layout, noises
 from schuler.exceptions import InputError

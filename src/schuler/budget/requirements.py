@@ -17,16 +17,8 @@ if TYPE_CHECKING:
     from schuler.budget.scenario import BudgetMission
 
 _UNITS = {
-    "m": 1.0,
-    "km": 1e3,
-    "cm": 1e-2,
-    "m/s": 1.0,
-    "cm/s": 1e-2,
-    "km/h": 1.0 / 3.6,
-    "deg": DEG,
-    "mrad": 1e-3,
-    "rad": 1.0,
-}
+    "m": 1.0, "km": 1e3, "cm": 1e-2, "m/s": 1.0, "cm/s": 1e-2, "km/h": 1.0 / 3.6, "deg": DEG, "mrad": 1e-3, "rad": 1.0,
+}  # fmt: skip
 _PATTERN = re.compile(
     r"^\s*(?P<quantity>[a-z]+)\s*<=?\s*(?P<value>[0-9.eE+-]+)\s*(?P<unit>[a-z/]+)"
     r"(?:\s*\(\s*(?P<factor>[0-9.]+)\s*sigma\s*\))?"

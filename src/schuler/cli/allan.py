@@ -138,18 +138,12 @@ def numbers(noise: NoiseIdentification) -> dict[str, Any]:
         }  # fmt: skip
     some = next(iter(noise.axes.values()), None)
     return {
-        "name": noise.name,
-        "rate_hz": None if some is None else some.rate_hz,
-        "duration_s": None if some is None else some.duration_s,
-        "method": None if some is None else some.method,
-        "axes": axes,
-        "refused": {name: [asdict(f) for f in reasons] for name, reasons in noise.refused.items()},
-        "findings": [asdict(f) for f in noise.findings],
-        "spec": None if noise.spec is None else noise.spec.to_dict(),
-        "spec_sigma": noise.spec_sigma,
-        "notes": noise.notes,
-        "provenance": noise.provenance,
-    }
+        "name": noise.name, "rate_hz": None if some is None else some.rate_hz,
+        "duration_s": None if some is None else some.duration_s, "method": None if some is None else some.method,
+        "axes": axes, "refused": {name: [asdict(f) for f in reasons] for name, reasons in noise.refused.items()},
+        "findings": [asdict(f) for f in noise.findings], "spec": None if noise.spec is None else noise.spec.to_dict(),
+        "spec_sigma": noise.spec_sigma, "notes": noise.notes, "provenance": noise.provenance,
+    }  # fmt: skip
 
 
 def warnings(noise: NoiseIdentification) -> list[str]:
@@ -173,20 +167,12 @@ def _axis(axis: AxisNoise) -> dict[str, Any]:
     terms: dict[str, Any] = {letter: _estimate(axis.terms.get(letter)) for letter in TERMS}
     terms["GM"] = [{"sigma": _estimate(sigma), "tau": _estimate(tau)} for sigma, tau in axis.gauss_markov]
     return {
-        "tau_s": c.tau,
-        "adev": c.deviation,
-        "adev_low": c.low,
-        "adev_high": c.high,
-        "adev_model": axis.fitted(c.tau),
-        "terms": terms,
-        "warnings": [f.text for f in axis.findings if f.severity != "note"],
-        "refused": False,
-        "unit": axis.unit,
-        "mean": _estimate(axis.mean),
-        "read_off": axis.read_off,
+        "tau_s": c.tau, "adev": c.deviation, "adev_low": c.low, "adev_high": c.high, "adev_model": axis.fitted(c.tau),
+        "terms": terms, "warnings": [f.text for f in axis.findings if f.severity != "note"], "refused": False,
+        "unit": axis.unit, "mean": _estimate(axis.mean), "read_off": axis.read_off,
         "candidates": [asdict(candidate) for candidate in axis.candidates],
         "findings": [asdict(f) for f in axis.findings],
-    }
+    }  # fmt: skip
 
 
 def _estimate(e: Estimate | None) -> dict[str, Any] | None:

@@ -222,13 +222,9 @@ def ratetable(
     except InputError:
         poses = None  # plateaus alone are a calibration of the gyroscopes
     result = calibrate_ratetable(
-        joined(turns),
-        poses,
-        gravity=options.site.g,
-        g_sensitivity=g_sensitivity,
-        latitude=options.site.lat,
+        joined(turns), poses, gravity=options.site.g, g_sensitivity=g_sensitivity, latitude=options.site.lat,
         rate_sigma=rate_sigma,
-    )
+    )  # fmt: skip
     return finish(result, log, recordings, options.output, began)
 
 

@@ -171,10 +171,7 @@ def gravity_at(site: Site, latitude: float, height: float) -> float:
 
 
 def _factors(
-    recording: Recording,
-    earlier: CalibrationResult | None,
-    gravity: float,
-    spans: list[tuple[float, float]] | None,
+    recording: Recording, earlier: CalibrationResult | None, gravity: float, spans: list[tuple[float, float]] | None
 ) -> CountFactors | None:
     """What makes a log in counts SI: of the earlier calibration, or found; None for a log in SI."""
     from schuler.calibration.bench.counts import count_factors, factors_of

@@ -104,24 +104,15 @@ def numbers(result: CalibrationResult) -> dict[str, Any]:
     }
     held = {name: {"value": v, "sigma": 0.0, "unit": unit(name), "fixed": True} for name, v in result.fixed.items()}
     return {
-        "method": result.method,
-        "status": result.status,
-        "gauge": result.gauge,
-        "gauge_means": GAUGES[result.gauge],
+        "method": result.method, "status": result.status, "gauge": result.gauge, "gauge_means": GAUGES[result.gauge],
         "parameters": estimated | held,
         "undetermined": [name for name, s in zip(result.names, result.sigma, strict=True) if not np.isfinite(s)],
-        "condition": result.condition,
-        "variance_of_unit_weight": result.variance_of_unit_weight,
-        "freedom": result.freedom,
-        "residual_rms": {name: r.rms for name, r in result.residuals.items()},
-        "observability": result.observability,
-        "verdicts": list(result.verdicts),
-        "next_pose": result.next_pose,
-        "nominal": list(result.nominal),
-        "temperature_deg_c": result.temperature,
-        "extra": result.extra,
+        "condition": result.condition, "variance_of_unit_weight": result.variance_of_unit_weight,
+        "freedom": result.freedom, "residual_rms": {name: r.rms for name, r in result.residuals.items()},
+        "observability": result.observability, "verdicts": list(result.verdicts), "next_pose": result.next_pose,
+        "nominal": list(result.nominal), "temperature_deg_c": result.temperature, "extra": result.extra,
         "provenance": result.provenance,
-    }
+    }  # fmt: skip
 
 
 def course(field: FieldCalibration) -> dict[str, Any]:

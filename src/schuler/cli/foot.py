@@ -126,31 +126,18 @@ def walk_numbers(result: FootResult, errors: WalkErrors | None) -> dict[str, Any
 
     frequency = median(s.frequency)
     return {
-        "epochs": best.epochs,
-        "states": best.layout.size,
-        "smoothing": result.smoothing,
-        "start_s": float(result.t[0]),
-        "stop_s": float(result.t[-1]),
-        "rests": len(result.rests),
-        "resting_share": float(result.rests.mask.mean()),
-        "zero_velocities": result.zero_velocities,
-        "strides": int(w.sum()),
-        "distance_m": result.distance,
-        "median_length_m": median(s.length),
-        "median_duration_s": median(s.duration),
-        "median_speed_m_s": median(s.speed),
+        "epochs": best.epochs, "states": best.layout.size, "smoothing": result.smoothing,
+        "start_s": float(result.t[0]), "stop_s": float(result.t[-1]), "rests": len(result.rests),
+        "resting_share": float(result.rests.mask.mean()), "zero_velocities": result.zero_velocities,
+        "strides": int(w.sum()), "distance_m": result.distance, "median_length_m": median(s.length),
+        "median_duration_s": median(s.duration), "median_speed_m_s": median(s.speed),
         "median_cadence_steps_min": None if frequency is None else 120.0 * frequency,
-        "median_clearance_m": median(s.clearance),
-        "end_north_m": float(closure[0]),
-        "end_east_m": float(closure[1]),
-        "end_down_m": float(closure[2]),
-        "end_sigma_m": best.sigma("dr")[-1],
+        "median_clearance_m": median(s.clearance), "end_north_m": float(closure[0]), "end_east_m": float(closure[1]),
+        "end_down_m": float(closure[2]), "end_sigma_m": best.sigma("dr")[-1],
         "end_sigma_heading_deg": float(best.sigma("dpsi")[-1, 2] / units.DEG),
-        "pivot_m": None if pivot is None else pivot[0],
-        "errors": None if errors is None else errors.statistics(),
-        "complete": result.navigation.complete,
-        "notes": result.notes,
-    }
+        "pivot_m": None if pivot is None else pivot[0], "errors": None if errors is None else errors.statistics(),
+        "complete": result.navigation.complete, "notes": result.notes,
+    }  # fmt: skip
 
 
 def write_walk(folder: Path, result: FootResult, errors: WalkErrors | None, *, report: bool) -> dict[str, Path]:

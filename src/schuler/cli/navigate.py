@@ -130,19 +130,14 @@ def evaluated(recording: Recording, result: NavigationResult, smooth: bool, trut
     smoothed = result.smooth() if smooth and result.can_smooth else None
     origin = recording.start
     numbers: dict[str, Any] = {
-        "epochs": result.epochs,
-        "elapsed_s": None,
-        "states": result.layout.size,
+        "epochs": result.epochs, "elapsed_s": None, "states": result.layout.size,
         "start_s": float(result.trajectory.t[0]) - recording.start,
         "stop_s": float(result.trajectory.t[-1]) - recording.start,
         "reference": _reference_name(recording, reference is not None, at_antenna),
         **evaluate(result, reference, parameters=truth_parameters, at_antenna=at_antenna, origin=origin),
-        "nis_mean": result.innovations.mean_nis(),
-        "measurements": result.innovations.counts(),
-        "rejected": result.innovations.rejected(),
-        "complete": result.complete,
-        "notes": result.notes,
-    }
+        "nis_mean": result.innovations.mean_nis(), "measurements": result.innovations.counts(),
+        "rejected": result.innovations.rejected(), "complete": result.complete, "notes": result.notes,
+    }  # fmt: skip
     if smoothed is not None:
         numbers["smoothed"] = evaluate(smoothed, reference, at_antenna=at_antenna, origin=origin)
     return Outcome(result, smoothed, reference, at_antenna, numbers, truth_parameters)

@@ -10,14 +10,7 @@ import numpy as np
 from schuler.cli.output import File, Flag, print_json, say
 
 
-def simulate(
-    scenario: Path,
-    /,
-    *,
-    out: File = None,
-    seed: int | None = None,
-    json: Flag = False,
-) -> None:
+def simulate(scenario: Path, /, *, out: File = None, seed: int | None = None, json: Flag = False) -> None:
     """Simulate a scenario: true motion, IMU, GNSS solutions, satellite ranges and other aids, with all their errors.
 
     Parameters

@@ -154,15 +154,10 @@ class Scatter:
         }
         n = self.nees
         return {
-            "name": self.name,
-            "runs": self.runs,
-            "components": [name for name, _, _ in COMPONENTS],
-            **arrays,
-            "nees": {"mean": n.mean.tolist(), "low": n.low, "high": n.high, "share_inside": n.share},
-            "nis": self.nis,
-            "outages": [list(o) for o in self.outages],
-            "verdict": self.verdict,
-        }
+            "name": self.name, "runs": self.runs, "components": [name for name, _, _ in COMPONENTS], **arrays,
+            "nees": {"mean": n.mean.tolist(), "low": n.low, "high": n.high, "share_inside": n.share}, "nis": self.nis,
+            "outages": [list(o) for o in self.outages], "verdict": self.verdict,
+        }  # fmt: skip
 
 
 def scatter(campaign: Campaign, job: NavigationJob) -> Scatter:
@@ -184,17 +179,11 @@ def scatter(campaign: Campaign, job: NavigationJob) -> Scatter:
     if job.simulation.gnss is not None:
         windows += [(float(a), float(b)) for a, b in job.simulation.gnss.outages_s]
     return Scatter(
-        name=job.name,
-        runs=first.n,
-        t=job.plan.t,
-        mean=np.concatenate([p.mean for p in parts], axis=1),
-        sigma=np.concatenate([p.sigma for p in parts], axis=1),
-        low=np.concatenate([b[0] for b in bounds], axis=1),
-        high=np.concatenate([b[1] for b in bounds], axis=1),
-        rms=np.concatenate([p.rms for p in parts], axis=1),
+        name=job.name, runs=first.n, t=job.plan.t, mean=np.concatenate([p.mean for p in parts], axis=1),
+        sigma=np.concatenate([p.sigma for p in parts], axis=1), low=np.concatenate([b[0] for b in bounds], axis=1),
+        high=np.concatenate([b[1] for b in bounds], axis=1), rms=np.concatenate([p.rms for p in parts], axis=1),
         claimed=np.concatenate([campaign[f"sigma_{name}"].rms for name in _PARTS], axis=1),
         horizontal=np.stack([horizontal.quantile(q) for q in (0.5, 0.68, 0.95)], axis=1),
         nees=campaign["nees"].consistency(_DEGREES),
-        nis=float(campaign["nis"].mean) if "nis" in campaign.statistics else None,
-        outages=tuple(sorted(windows)),
-    )
+        nis=float(campaign["nis"].mean) if "nis" in campaign.statistics else None, outages=tuple(sorted(windows)),
+    )  # fmt: skip

@@ -133,16 +133,10 @@ def looked_at(error: FloatArray, sigma: FloatArray, nees: FloatArray) -> dict[st
     """Columns of errors and claimed sigmas, of one run (k, 9) or of many (n, k, 9)."""
     horizontal = np.hypot(error[..., 6], error[..., 7])
     return {
-        "attitude": error[..., 0:3],
-        "velocity": error[..., 3:6],
-        "position": error[..., 6:9],
-        "sigma_attitude": sigma[..., 0:3],
-        "sigma_velocity": sigma[..., 3:6],
-        "sigma_position": sigma[..., 6:9],
-        "horizontal": horizontal,
-        "nees": nees,
-        "rms_horizontal": np.sqrt(np.mean(horizontal**2, axis=-1)),
-    }
+        "attitude": error[..., 0:3], "velocity": error[..., 3:6], "position": error[..., 6:9],
+        "sigma_attitude": sigma[..., 0:3], "sigma_velocity": sigma[..., 3:6], "sigma_position": sigma[..., 6:9],
+        "horizontal": horizontal, "nees": nees, "rms_horizontal": np.sqrt(np.mean(horizontal**2, axis=-1)),
+    }  # fmt: skip
 
 
 def _nees(error: FloatArray, P: FloatArray) -> FloatArray:

@@ -107,20 +107,12 @@ class Campaign:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON: statistics of every column, arrays nested."""
         return {
-            "function": self.function,
-            "seed": self.seed,
-            "runs": self.done,
-            "wanted": self.wanted,
-            "computed": self.executed,
-            "resumed": self.done - self.executed,
-            "failed": len(self.failures),
-            "complete": self.complete,
-            "elapsed_s": self.elapsed_s,
-            "runs_per_s": self.rate,
-            "where": self.where,
+            "function": self.function, "seed": self.seed, "runs": self.done, "wanted": self.wanted,
+            "computed": self.executed, "resumed": self.done - self.executed, "failed": len(self.failures),
+            "complete": self.complete, "elapsed_s": self.elapsed_s, "runs_per_s": self.rate, "where": self.where,
             "failures": {str(k): why for k, why in self.failures.items()},
             "statistics": {name: _column(s) for name, s in self.statistics.items()},
-        }
+        }  # fmt: skip
 
 
 def _column(s: ColumnStatistics) -> dict[str, Any]:

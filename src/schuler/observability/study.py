@@ -140,11 +140,7 @@ def _factors(c: Combination, names: tuple[str, ...]) -> dict[str, float]:
 
 
 def observability(
-    system: LinearSystem,
-    *,
-    axes: str = "ned",
-    constants: dict[str, float] | None = None,
-    every_s: float = 1.0,
+    system: LinearSystem, *, axes: str = "ned", constants: dict[str, float] | None = None, every_s: float = 1.0
 ) -> Observability:
     """Look at a system.
 

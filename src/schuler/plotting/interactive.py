@@ -17,12 +17,8 @@ from schuler.plotting.figure import Band, Bars, Figure, Item, Line, Markers, Pan
 from schuler.plotting.style import style
 
 _SYMBOLS = {
-    "dot": "circle",
-    "cross": "x-thin-open",
-    "triangle": "triangle-up",
-    "ring": "circle-open",
-    "square": "square",
-}
+    "dot": "circle", "cross": "x-thin-open", "triangle": "triangle-up", "ring": "circle-open", "square": "square",
+}  # fmt: skip
 _PX = 4.0 / 3.0  # CSS pixels in a point
 _DASH_PX = 1.5  # of a dash of one line width
 _AREA = "-area"  # of the names of variables for transparent colours

@@ -153,16 +153,10 @@ def estimate(
     residual = (Z - h @ x) * np.sqrt(T)[:, None] / random_walk
     covariance = np.einsum("ab,ij->aibj", inverse, np.diag(random_walk**2)).reshape(3 * len(x), 3 * len(x))
     return RotationCalibration(
-        axes=directions,
-        bias=x[0],
-        response=x[1:],
-        covariance=covariance,
-        random_walk=np.array(random_walk, dtype=np.float64),
-        chi_square=float(np.sum(residual**2)),
-        degrees=3 * (len(T) - len(x)),
-        stretches=tuple(stretches),
-        notes=tuple(dict.fromkeys(notes)),
-    )
+        axes=directions, bias=x[0], response=x[1:], covariance=covariance,
+        random_walk=np.array(random_walk, dtype=np.float64), chi_square=float(np.sum(residual**2)),
+        degrees=3 * (len(T) - len(x)), stretches=tuple(stretches), notes=tuple(dict.fromkeys(notes)),
+    )  # fmt: skip
 
 
 def _spans(

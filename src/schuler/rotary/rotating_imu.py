@@ -69,13 +69,9 @@ class RotatingMotion:
         alpha += np.einsum("nji,nj->ni", C_bs, angular_acceleration(self.vehicle, t))
         r, v, a = moved_by_lever(omega, alpha, self.offset_m)
         return MotionState(
-            t,
-            body.r_eb_e + _turned(C_es, r),
-            body.v_eb_e + _turned(C_es, v),
-            body.a_eb_e + _turned(C_es, a),
-            C_es,
+            t, body.r_eb_e + _turned(C_es, r), body.v_eb_e + _turned(C_es, v), body.a_eb_e + _turned(C_es, a), C_es,
             omega,
-        )
+        )  # fmt: skip
 
 
 def moved_by_lever(

@@ -24,13 +24,9 @@ from schuler.units import DEG
 
 AIDS = {"gnss": {"lever_arm_m": (0.8, 0.3, -1.2), "outages_s": ((20.0, 60.0),)}}
 LAP = [
-    {"duration_s": 5.0},
-    {"duration_s": 8.0, "speed_m_s": 10.0},
-    {"duration_s": 6.0, "turn_deg": 90.0},
-    {"duration_s": 10.0},
-    {"duration_s": 8.0, "turn_deg": -70.0, "speed_m_s": 4.0},
-    {"duration_s": 23.0},
-]
+    {"duration_s": 5.0}, {"duration_s": 8.0, "speed_m_s": 10.0}, {"duration_s": 6.0, "turn_deg": 90.0},
+    {"duration_s": 10.0}, {"duration_s": 8.0, "turn_deg": -70.0, "speed_m_s": 4.0}, {"duration_s": 23.0},
+]  # fmt: skip
 SCHEMES = [
     continuous("-z", 20.0 * DEG, acceleration=40.0 * DEG, start=3.3),
     tilted(reciprocating("z", 60.0 * DEG, dwell=1.7, acceleration=100.0 * DEG), "x", 25.0 * DEG),

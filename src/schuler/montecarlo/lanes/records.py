@@ -56,16 +56,11 @@ class LaneRecords:
         good = ~self.diverged
         seen = np.isfinite(self.nis[good])
         return LaneStatistics(
-            t=self.t,
-            count=int(good.sum()),
-            diverged=int(self.diverged.sum()),
-            sum_error=_sum(self.error[good]),
-            sum_square=_sum(self.error[good] ** 2),
-            sum_variance=_sum(self.sigma[good] ** 2),
+            t=self.t, count=int(good.sum()), diverged=int(self.diverged.sum()), sum_error=_sum(self.error[good]),
+            sum_square=_sum(self.error[good] ** 2), sum_variance=_sum(self.sigma[good] ** 2),
             sum_nees={name: _sum(values[good]) for name, values in self.nees.items()},
-            sum_nis=_sum(np.where(seen, self.nis[good], 0.0)),
-            layout=self.layout,
-        )
+            sum_nis=_sum(np.where(seen, self.nis[good], 0.0)), layout=self.layout,
+        )  # fmt: skip
 
     @classmethod
     def joined(cls, parts: list[LaneRecords]) -> LaneRecords:
@@ -120,16 +115,12 @@ class LaneStatistics:
         if self.t.shape != other.t.shape or np.any(self.t != other.t) or self.layout.names != other.layout.names:
             raise InputError("statistics of different scenarios cannot be added: their times or states differ")
         return LaneStatistics(
-            t=self.t,
-            count=self.count + other.count,
-            diverged=self.diverged + other.diverged,
-            sum_error=self.sum_error + other.sum_error,
-            sum_square=self.sum_square + other.sum_square,
+            t=self.t, count=self.count + other.count, diverged=self.diverged + other.diverged,
+            sum_error=self.sum_error + other.sum_error, sum_square=self.sum_square + other.sum_square,
             sum_variance=self.sum_variance + other.sum_variance,
             sum_nees={name: value + other.sum_nees[name] for name, value in self.sum_nees.items()},
-            sum_nis=self.sum_nis + other.sum_nis,
-            layout=self.layout,
-        )
+            sum_nis=self.sum_nis + other.sum_nis, layout=self.layout,
+        )  # fmt: skip
 
     @property
     def mean(self) -> FloatArray:
@@ -183,16 +174,11 @@ class LaneStatistics:
     def to_dict(self) -> dict[str, Any]:
         """Numbers and lists, for files."""
         return {
-            "t": self.t.tolist(),
-            "count": self.count,
-            "diverged": self.diverged,
-            "states": self.layout.names,
-            "mean": self.mean.tolist(),
-            "scatter": self.scatter.tolist(),
-            "claimed": self.claimed.tolist(),
+            "t": self.t.tolist(), "count": self.count, "diverged": self.diverged, "states": self.layout.names,
+            "mean": self.mean.tolist(), "scatter": self.scatter.tolist(), "claimed": self.claimed.tolist(),
             "nees": {name: value.tolist() for name, value in self.nees.items()},
             "nis": (self.sum_nis / self.count).tolist(),
-        }
+        }  # fmt: skip
 
 
 def _sum(values: FloatArray) -> FloatArray:

@@ -199,17 +199,11 @@ class _Prepared:
         finite = np.isfinite(error).all(axis=(1, 2)) & np.isfinite(sigma).all(axis=(1, 2))
         degrees = {name: stop - start for name, (start, stop) in zip(scenario.nees, self.truth[2], strict=True)}
         return LaneRecords(
-            t=self.t,
-            runs=np.asarray(numbers, dtype=np.int64),
-            error=error,
-            sigma=sigma,
-            nees={name: nees[:, :, i] / degrees[name] for i, name in enumerate(scenario.nees)},
-            nis=nis,
-            accepted=np.rint(sums[:, 1]).astype(np.int64).T,
-            rejected=np.rint(sums[:, 2]).astype(np.int64).T,
-            diverged=~(finite & (counts[6, :kept] < LARGEST_TURN**2)),
-            layout=scenario.layout,
-        )
+            t=self.t, runs=np.asarray(numbers, dtype=np.int64), error=error, sigma=sigma,
+            nees={name: nees[:, :, i] / degrees[name] for i, name in enumerate(scenario.nees)}, nis=nis,
+            accepted=np.rint(sums[:, 1]).astype(np.int64).T, rejected=np.rint(sums[:, 2]).astype(np.int64).T,
+            diverged=~(finite & (counts[6, :kept] < LARGEST_TURN**2)), layout=scenario.layout,
+        )  # fmt: skip
 
 
 def _plan(scenario: LaneScenario, every: int, fixes: FloatArray) -> tuple[IntArray, IntArray]:

@@ -126,13 +126,9 @@ def draw_run(scenario: LaneScenario, run: int, seed: int) -> Draws:
         rotation.quat_multiply(rotation.quat_from_rotvec(C @ dx[0:3]), nav.q_eb),
     )
     return Draws(
-        InitialState(start, P, scenario.initial.parameters),
-        drawn.constants,
-        true_parameters(scenario.layout, drawn.constants),
-        drawn.starts,
-        drawn.slopes,
-        streams,
-    )
+        InitialState(start, P, scenario.initial.parameters), drawn.constants,
+        true_parameters(scenario.layout, drawn.constants), drawn.starts, drawn.slopes, streams,
+    )  # fmt: skip
 
 
 def aligned(*shape: int) -> FloatArray:

@@ -9,13 +9,7 @@ from schuler.budget.covariance import QUANTITIES
 from schuler.plotting import parts
 from schuler.plotting.figure import Figure
 from schuler.plotting.page import Section, plotly_script, whole_page
-from schuler.rotary.report.figures import (
-    errors_figure,
-    front_figure,
-    modulation_figure,
-    rates_figure,
-    scheme_figure,
-)
+from schuler.rotary.report.figures import errors_figure, front_figure, modulation_figure, rates_figure, scheme_figure
 
 if TYPE_CHECKING:
     from schuler.plotting.table import ResultTable

@@ -66,11 +66,11 @@ class Bottleneck:
     present : float
         1-sigma or density, SI.
     share : float
-        Of the variance where the requirement is hardest.
+        Share of the variance where the requirement is hardest.
     needed : float or None
         Value with which the requirement is met, all else as it is; None if no value of it alone is enough.
     reached : float
-        What the requirement's quantity is with ``needed`` (or with zero), re-run. SI
+        The requirement's quantity with ``needed`` (or with zero), re-run. SI
     sensitivity : dict of str to float
         d ln(sigma) / d ln(specification) for every one.
     """
@@ -96,7 +96,7 @@ class ImuChoice:
     verdicts : tuple of Verdict
         Best first.
     bottlenecks : dict of str to Bottleneck
-        Of those asked for.
+        Limits of the IMUs asked about, by name.
     left_out : dict of str to str
         Entries that say too little, and why.
     """

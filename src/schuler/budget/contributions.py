@@ -118,7 +118,7 @@ def error_budget(
     time : float, optional
         The end by default. [s]
     states, angles : optional
-        As of :func:`.covariance.linear_covariance`.
+        See :func:`.covariance.linear_covariance`.
 
     References
     ----------

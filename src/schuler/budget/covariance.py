@@ -42,7 +42,7 @@ class LinearCovariance:
         1-sigma that each source contributes; squares add up to the diagonal of ``P``.
     imu, mission : str
     states : int
-        Of the filter.
+        Number of the filter's states.
     """
 
     t: FloatArray
@@ -111,11 +111,11 @@ def linear_covariance(
     ----------
     mission : BudgetMission
     spec : ImuSpec
-        What the filter believes.
+        Specification that the filter believes.
     states : int or tuple of str, optional
-        What the filter estimates; as the mission says by default.
+        States that the filter estimates; as the mission says by default.
     truth : ImuSpec, optional
-        What the IMU really is; what the filter believes by default.
+        Specification of the real IMU; what the filter believes by default.
     by_axis : bool
         Noise of each axis by itself, in half as much time again; False: of each triad, the same total.
     angles : {"elements", "triad"}

@@ -45,11 +45,11 @@ def budget_report(
         The HTML file.
     mission : BudgetMission
     budgets : sequence of (LinearCovariance, ErrorBudget)
-        Of every IMU looked at.
+        Results for every IMU looked at.
     choices : sequence of ImuChoice
-        Of every requirement.
+        Results for every requirement.
     provenance : dict, optional
-        What the page is made from: scenario and specifications.
+        Scenario and specifications that the page is made from.
 
     Returns
     -------

@@ -28,8 +28,8 @@ class TruthIntegrals:
     Attributes
     ----------
     spread : ndarray, shape (3, k, 2, 9)
-        Of ``c c'`` with the column c of C_eb of each body axis, its weight falling from 1 to 0 over the interval and
-        rising from 0 to 1: what unit white noise of that axis adds before and after the transition. [s]
+        Integrals of ``c c'`` with the column c of C_eb of each body axis, its weight falling from 1 to 0 over the
+        interval and rising from 0 to 1: what unit white noise of that axis adds before and after the transition. [s]
     uneven : ndarray, shape (k, 9, 6)
         Columns of the transition for errors ``|f|`` [m/s^2] of the x, y, z accelerometer, and ``f^2`` [m^2/s^4].
     force : ndarray, shape (k, 3)
@@ -53,7 +53,7 @@ def truth_integrals(increments: Increments, truth: FullTrajectory, t: FloatArray
     t : ndarray, shape (k,)
         Nodes; the first is the start. [s]
     length : ndarray, shape (k,)
-        Of the interval into each node, zero where the node only has another update. [s]
+        Length of the interval into each node, zero where the node only has another update. [s]
 
     Notes
     -----
@@ -190,7 +190,7 @@ def linearise(
     others : dict of str to StateModel, optional
         State blocks of the aids (lever arm, clock, ...).
     rate_hz : float
-        Of nodes; updates always have one of their own.
+        Rate of the nodes; updates always have one of their own.
     earth_rotation : bool
         As the ideal increments were made.
 

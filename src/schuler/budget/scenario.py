@@ -85,14 +85,14 @@ class BudgetScenario(Config):
     ----------
     name : str
     motion : MotionSection
-        As of a simulation.
+        Motion, as in a simulation.
     gnss, zero_velocity, non_holonomic
         Aids; those left out are not there.
     start : BudgetStart
     accelerometer : BudgetAccelerometer
         Asymmetry and nonlinearity; none by default.
     states : int
-        Of the filter; blocks an IMU has no uncertainty for are left out.
+        States of the filter; blocks an IMU has no uncertainty for are left out.
     require : tuple of str
         Such as ``horizontal < 10 m @ 60 s outage``, see :mod:`.requirement`.
     """
@@ -127,7 +127,7 @@ class BudgetMission:
     truth : FullTrajectory
     run : Linearised
     times : ndarray, shape (r,)
-        Of the records. [s]
+        Times of the records. [s]
     outages : tuple of (start, stop)
         [s]
     start_sigma : ndarray, shape (9,)
@@ -201,10 +201,10 @@ def linearised_mission(
     start_sigma : array_like, shape (9,)
         1-sigma of attitude north, east, down [rad], velocity [m/s], position [m].
     name, states, outages, imu_rate_hz, node_rate_hz, every_s, settle_s
-        As of :class:`BudgetScenario`.
+        See :class:`BudgetScenario`.
     earth_rotation : bool
     asymmetry, quadratic : float
-        As of :class:`BudgetMission`.
+        See :class:`BudgetMission`.
     """
     ideal = ideal_imu(motion, imu_rate_hz, earth_rotation=earth_rotation)
     truth = ideal.truth

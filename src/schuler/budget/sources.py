@@ -43,7 +43,7 @@ class Constant:
     name : str
         Such as ``b_a_x``, ``M_g_xy``, ``attitude_north``, ``accel_quadratic_x``.
     group : str
-        What it is counted with in short tables, such as ``accelerometer bias``.
+        Group in short tables, such as ``accelerometer bias``.
     sigma : float
         SI
     block : str
@@ -75,10 +75,10 @@ class Noise:
     density : float
         Root density of white noise. SI
     model : StateModel or None
-        Of a process that adds to the bias.
+        Model of a process that adds to the bias.
     field : (str, str)
     axis : int or None
-        Of the body; None is all three.
+        Axis of the body; None is all three.
     """
 
     name: str

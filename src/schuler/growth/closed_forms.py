@@ -144,7 +144,7 @@ def lateral(
     accel, gyro : (N, sigma, tau)
         Root density, standard deviation and correlation time, stationary start. SI, [s]
     nodes : int
-        Of the quadrature in each direction.
+        Nodes of the quadrature in each direction.
 
     Returns
     -------
@@ -184,8 +184,8 @@ def lateral(
 def second_order_vertical(t: ArrayLike, sigma_bias: float, gravity: float = G0) -> FloatArray:
     """Mean vertical position error from tilts, second order: ``- g sigma^2 t^4 / 12``.
 
-    Of constant gyro biases of 1-sigma ``sigma`` about both horizontal axes. Valid while t is short against the bias's
-    correlation time. [m], up positive
+    The cause is constant gyro biases of 1-sigma ``sigma`` about both horizontal axes. Valid while t is short against
+    the bias's correlation time. [m], up positive
     """
     return np.asarray(-gravity * sigma_bias**2 * _positive(t) ** 4 / 12.0)
 

@@ -193,7 +193,7 @@ def planar_bounds(
         [s]
     rate_hz, runs, seed
     start : {"stationary", "zero"}
-        Of the in-run biases; the thesis's numbers fit a zero start.
+        State of the in-run biases at the start; the thesis's numbers fit zero.
     turn_rate, acceleration : float
         True motion: errors are against the reckoning of true readings. [rad/s], [m/s^2]
 
@@ -320,7 +320,7 @@ def upright_bounds(
     rate_hz, runs, seed
         The same seed gives the same readings as :func:`.planar_bounds`.
     start : {"stationary", "zero"}
-        Of the in-run biases.
+        State of the in-run biases at the start.
     gravity : float
         Zero leaves it out. [m/s^2]
     gravity_model : {"strapdown", "thesis"}
@@ -329,7 +329,7 @@ def upright_bounds(
     Returns
     -------
     Bounds
-        Of ``pitch``, and velocity and position ``north`` and ``up``.
+        ``pitch``, and velocity and position ``north`` and ``up``.
 
     References
     ----------

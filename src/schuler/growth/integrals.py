@@ -73,7 +73,7 @@ def integral_covariance(orders: tuple[int, int], t: ArrayLike, sigma: float, tau
     ----------
     orders : {(0, 1), (0, 2), (1, 2)}
     t, sigma, tau
-        As of :func:`integral_variance`.
+        See :func:`integral_variance`.
     """
     t = _times(t, sigma, tau)
     z, s2 = t / tau, sigma**2

@@ -42,7 +42,7 @@ class Growth:
     gravity : float
         That tilts turn into acceleration; zero for sensors in a plane, where they do not. [m/s^2]
     start : {"stationary", "zero"}
-        Of the in-run biases.
+        State of the in-run biases at the start.
     """
 
     t: FloatArray

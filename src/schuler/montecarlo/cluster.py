@@ -84,7 +84,7 @@ def connected(scheduler: Any, workers: int | None = None) -> Iterator[Any]:
     scheduler : str or distributed.Client
         Address such as ``tcp://host:8786``, ``"local"`` for a cluster of this machine, or a client that stays open.
     workers : int, optional
-        Of a local cluster.
+        Number of processes of a local cluster.
 
     Raises
     ------

@@ -50,7 +50,7 @@ class ColumnStatistics:
     ----------
     name : str
     shape : tuple of int
-        Of what one run gives; so is that of every statistic.
+        Shape of what one run gives, and of every statistic.
     moments : Moments
     """
 

@@ -54,7 +54,7 @@ def campaign(
     runs : int
         Runs 0 to ``runs - 1``. A store with fewer is filled up; of one with more the first are used.
     seed : int
-        Of the campaign.
+        Seed of the campaign.
     store : Path or str, optional
         Folder for the results, written as they finish. What is there already is not done again.
     resume : bool

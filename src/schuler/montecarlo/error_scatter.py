@@ -39,7 +39,7 @@ class Scatter:
     Attributes
     ----------
     name : str
-        Of the mission.
+        Name of the mission.
     runs : int
         Over which the statistics are.
     t : ndarray, shape (k,)

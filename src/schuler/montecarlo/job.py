@@ -86,7 +86,7 @@ class Plan(NamedTuple):
     config : NavigationConfig
         Without smoothing, records where they are needed.
     spec : ImuSpec
-        What the filter believes of the IMU.
+        Specification that the filter believes.
     layout : StateLayout or None
         None where it depends on the satellites in view.
     initial : InitialState, optional

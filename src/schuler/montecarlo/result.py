@@ -37,7 +37,7 @@ class Campaign:
         False if it was interrupted.
     elapsed_s : float
     where : str
-        What did the work, such as ``2 processes``.
+        Place of the work, such as ``2 processes``.
     store : Path, optional
     """
 

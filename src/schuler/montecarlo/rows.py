@@ -27,7 +27,7 @@ class Rows:
     runs : ndarray of int, shape (n,)
         Numbers of the runs that could be done, ascending.
     columns : dict of str to ndarray, shape (n, ...)
-        What they gave: float64, int64 or bool, finite.
+        Results: float64, int64 or bool, finite.
     failures : dict of int to str
         Runs that could not be done, and why.
     """

@@ -128,7 +128,7 @@ def opened(folder: Path | str, identity: Mapping[str, Any], *, resume: bool = Tr
     ----------
     folder : Path or str
     identity : dict
-        What the campaign is of: ``function``, ``scenario`` (fingerprints), ``seed``, ``schuler`` (version), and
+        Identity of the campaign: ``function``, ``scenario`` (fingerprints), ``seed``, ``schuler`` (version), and
         ``about`` for people to read.
     resume : bool
         False refuses a folder that holds runs.

@@ -28,8 +28,8 @@ class Combination:
     Attributes
     ----------
     coefficients : ndarray, shape (n,)
-        Of the states in SI. Seen: ``coefficients @ x`` is known. Unseen: ``x`` along ``coefficients`` changes nothing
-        that is measured.
+        Factors of the states in SI. Seen: ``coefficients @ x`` is known. Unseen: ``x`` along ``coefficients`` changes
+        nothing that is measured.
     text : str
     """
 

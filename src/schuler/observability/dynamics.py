@@ -30,7 +30,7 @@ def system_matrices(
     Parameters
     ----------
     motion : Motion
-        Of the IMU itself: of a turning one, too.
+        Motion of the IMU itself, also of a turning one.
     layout : StateLayout
     t : array_like, shape (k,)
         [s]

@@ -48,7 +48,7 @@ def motion_system(
     Parameters
     ----------
     motion : Motion
-        Of the IMU itself.
+        Motion of the IMU itself.
     schedule : MeasurementSchedule
         Kinds, times, lever arms and covariances; measured values are not needed, gates are not asked.
     layout : StateLayout
@@ -61,7 +61,7 @@ def motion_system(
         White noise ``N**2``, for covariances over time. [rad^2/s], [m^2/s^3]
     earth_rotation : bool
     imu_rate_hz : float
-        Of the ideal increments the engine gets.
+        Rate of the ideal increments the engine gets.
     step : float
         Largest step of the exact transitions. [s]
     breaks : array_like, optional

@@ -135,7 +135,7 @@ def local_spectrum(
     Returns
     -------
     Spectrum
-        Of one measurement of unit accuracy; only its ranks ``formal`` and ``rank`` mean something.
+        Spectrum of one measurement of unit accuracy; only its ranks ``formal`` and ``rank`` mean something.
     """
     scale = as_floats(sigma, "sigma", (None,))
     n = len(scale)
@@ -169,7 +169,7 @@ def motion_local_spectrum(
     Parameters
     ----------
     motion : Motion
-        Of the IMU; smooth within ``t`` plus or minus ``width``.
+        Motion of the IMU; smooth within ``t`` plus or minus ``width``.
     layout : StateLayout
     t : float
         [s]
@@ -180,7 +180,7 @@ def motion_local_spectrum(
     fixed : tuple of str
         Blocks left out, as if they were known.
     width, order
-        As of :func:`local_spectrum`.
+        See :func:`local_spectrum`.
     earth_rotation : bool
     """
     gone = {i for block in fixed for i in range(layout[block].start, layout[block].stop)}

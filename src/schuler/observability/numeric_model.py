@@ -29,7 +29,7 @@ class RotaryModel:
     rate : float
         [rad/s]
     rpy_nb : tuple of 3 floats
-        Of the vehicle: tilt and heading. [rad]
+        Attitude of the vehicle: tilt and heading. [rad]
     lat : float
         [rad]
     earth_rate : float
@@ -114,13 +114,13 @@ def model_system(
     sigma : array_like, shape (12,)
         Prior 1-sigma of attitude, velocity, accelerometer and gyroscope biases. SI
     rate_hz : float
-        Of measurements.
+        Rate of the measurements.
     sigma_velocity : float
         1-sigma of each. [m/s]
     step : float
         Largest step. [s]
     psd : array_like, shape (12,), optional
-        Of driving noise; none by default.
+        Densities of the driving noise; none by default.
     name : str
     """
     if not (duration * rate_hz >= 1.0 and sigma_velocity > 0.0):

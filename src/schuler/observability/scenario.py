@@ -105,7 +105,7 @@ class ObservabilityScenario(Config):
     ----------
     name : str
     motion : MotionSection
-        Of the vehicle.
+        Motion of the vehicle.
     rotary : RotarySection, optional
         A platform that turns the IMU.
     velocity, gnss, zero_velocity, non_holonomic, heading
@@ -113,7 +113,7 @@ class ObservabilityScenario(Config):
     imu : str
         Catalogue name or file of a budget: states, priors and noise.
     states : int or tuple of str
-        As of a filter: 15, 21, ..., or names of blocks.
+        States of the filter: 15, 21, ..., or names of blocks.
     models : dict
         Models of blocks that the IMU says nothing about, such as ``lever``.
     known : tuple of str

@@ -33,13 +33,13 @@ class Observability:
     system : LinearSystem
         Biases in the IMU's axes.
     spectrum : Spectrum
-        Of all measurements, in those states.
+        Spectrum of all measurements, in those states.
     along : Spectrum
         The same with biases in navigation axes at the start, which the combinations are written in.
     degree : Degree
         Over time.
     constants : dict of str to float
-        What factors of combinations are recognised as.
+        Values that factors of combinations are recognised as.
     """
 
     system: LinearSystem
@@ -189,7 +189,7 @@ def named_constants(motion: Motion, *, rate: float | None = None, earth_rotation
     ----------
     motion : Motion
     rate : float, optional
-        Of the platform, called ``w``. [rad/s]
+        Rate of the platform, called ``w``. [rad/s]
     earth_rotation : bool
         Whether Earth rate ``W`` times sine and cosine of the latitude are among them.
 

@@ -34,7 +34,7 @@ class SymbolicModel:
     H : sympy.Matrix
         Constant measurement matrix.
     constants : dict of str to sympy.Expr
-        What the entries are made of: ``g``, ``W`` (Earth rate), ``c``, ``s`` (cosine and sine of the latitude), ``w``
+        Symbols of the entries: ``g``, ``W`` (Earth rate), ``c``, ``s`` (cosine and sine of the latitude), ``w``
         (rate of the platform), ``M``, ``N`` (radii), and ``f_1``, ... if it manoeuvres. A constant set to zero is 0.
     scheme : str
     axes : {"enu", "ned"}

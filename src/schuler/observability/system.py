@@ -20,7 +20,7 @@ class LinearSystem:
     Attributes
     ----------
     names : tuple of str, length n
-        Of the states: ``eps_N``, ``dv_E``, ``b_a_x``, ...
+        Names of the states: ``eps_N``, ``dv_E``, ``b_a_x``, ...
     t : ndarray, shape (k,)
         Nodes; the first is the start. [s]
     step : ndarray, shape (k, n, n)
@@ -42,7 +42,7 @@ class LinearSystem:
         Attitude of the IMU at the start, ``C_ns``: from its axes to the axes of the names.
     axes : {"ned", "enu"}
     sign : {-1, 1}
-        Of biases: -1 where they are errors of estimates, +1 where they are errors of the sensor.
+        Sign of biases: -1 where they are errors of estimates, +1 where they are errors of the sensor.
     name : str
     notes : tuple of str
 

@@ -114,7 +114,7 @@ class Panel:
     title : str
         A phrase above the panel.
     x_limits, y_limits : (low, high), optional
-        What is shown at first; all of it if left out.
+        Range shown at first; all of it if left out.
     equal : bool
         A metre is as long on both axes.
     log : bool

@@ -50,7 +50,7 @@ class Georeference:
         near_llh : ndarray, shape (3,)
             A point of the track, whose UTM zone is tried.
         shape : tuple of int
-            Of the picture.
+            Shape of the picture.
         """
         x, y = project(self.crs_near(near_llh, shape), lon, lat)
         a, b, c, d, e, f = self.affine

@@ -32,7 +32,7 @@ class Section:
     Attributes
     ----------
     name : str
-        Of the link: letters, digits, underscores.
+        Name of the link: letters, digits, underscores.
     title : str
     blocks : tuple of str or Figure
         In the order in which they stand.

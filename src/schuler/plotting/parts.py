@@ -56,9 +56,9 @@ def table(
     ----------
     caption : str
     heads : sequence of str
-        Of the columns.
+        Heads of the columns.
     rows : sequence of sequence of str
-        What follows a line break in a cell is in small letters.
+        Cells; text after a line break in a cell is in small letters.
     numbers : bool
         The other columns are numbers, set to the right.
     explained : sequence of str

@@ -19,15 +19,15 @@ class Style:
     light, dark : str
         Colour on light and dark ground, ``#rrggbb``.
     width : float
-        Of lines and symbol strokes. [pt]
+        Width of lines and symbol strokes. [pt]
     dash : tuple of float
         Lengths of dashes and gaps, in widths of the line; empty for a full line.
     symbol : str
         ``dot``, ``cross``, ``triangle``, ``ring`` or ``square``.
     size : float
-        Of symbols. [pt]
+        Size of symbols. [pt]
     alpha : float
-        Of areas, and of lines that lie under others.
+        Opacity of areas, and of lines that lie under others.
     """
 
     light: str

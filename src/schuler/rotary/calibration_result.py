@@ -29,7 +29,7 @@ class Stretch(NamedTuple):
     start, stop : float
         [s]
     reading : ndarray, shape (3,)
-        Of the gyroscopes. [rad/s]
+        Mean of the gyroscopes. [rad/s]
     expected : ndarray, shape (3,)
         True rate there: the platform's and the Earth's. [rad/s]
     platform : ndarray, shape (3,)
@@ -64,7 +64,7 @@ class RotationCalibration:
     response : ndarray, shape (m, 3)
         Row a: what the three gyroscopes show too much for a unit rate about axis a. [-]
     covariance : ndarray, shape (3 + 3 m, 3 + 3 m)
-        Of bias, then the rows of response.
+        Covariance of bias, then of the rows of response.
     random_walk : ndarray, shape (3,)
         Noise that weights and covariance are from. [rad/sqrt(s)]
     chi_square : float
@@ -73,7 +73,7 @@ class RotationCalibration:
         Its degrees of freedom; zero if nothing is left over.
     stretches : tuple of Stretch
     notes : tuple of str
-        What was left out or is doubtful.
+        Sentences on what was left out or is doubtful.
     """
 
     axes: FloatArray

@@ -77,7 +77,7 @@ def free_run(
     rng : numpy.random.Generator, optional
         For the noise of the errors, if they have any.
     platform : Platform, optional
-        What the mechanization believes of the platform: readings of an encoder; default the truth.
+        Platform that the mechanization believes in: readings of an encoder; default the truth.
     route
         See :func:`schuler.rotary.mechanization.mechanize_rotating`.
     offset_m, modelled_offset_m : array_like, shape (3,)
@@ -86,7 +86,7 @@ def free_run(
     Returns
     -------
     ErrorHistory
-        Of the vehicle, at the ends of the sampling intervals.
+        Errors of the vehicle, at the ends of the sampling intervals.
     """
     motion = RotatingMotion(vehicle, schedule, as_vector3(offset_m, "offset_m"))
     ideal = ideal_rotating_imu(motion, rate_hz)

@@ -54,7 +54,7 @@ def C_bs(axes: FloatArray, angles: FloatArray, C_mount: FloatArray | None = None
     angles : ndarray, shape (n, m)
         [rad]
     C_mount : ndarray, shape (3, 3), optional
-        Of the IMU in the innermost frame; default none.
+        Mounting of the IMU in the innermost frame; default none.
 
     Returns
     -------
@@ -92,7 +92,7 @@ def omega_bs_s(
     axes, angles, C_mount
         See :func:`C_bs`.
     rates : ndarray, shape (n, m)
-        Of the angles. [rad/s]
+        Rates of the angles. [rad/s]
 
     Returns
     -------

@@ -48,7 +48,7 @@ def mechanize_rotating(
     increments : Increments
         In the axes of the IMU.
     initial : NavState
-        Of the body (the point where the platform's axes meet), at the start of the first interval.
+        State of the body (the point where the platform's axes meet), at the start of the first interval.
     platform : Platform
         A :class:`~schuler.rotary.schedule.Schedule` or :class:`~schuler.rotary.encoder.EncoderReadings`.
     route : {"sensor", "body"}
@@ -64,7 +64,7 @@ def mechanize_rotating(
     Returns
     -------
     FullTrajectory
-        Of the body, one state for each interval's end.
+        Trajectory of the body, one state for each interval's end.
 
     Raises
     ------

@@ -118,7 +118,7 @@ def bias_in_n(motion: Motion, bias_s: ArrayLike, t: ArrayLike) -> FloatArray:
     Parameters
     ----------
     motion : Motion
-        Of the IMU, e.g. :class:`~schuler.rotary.rotating_imu.RotatingMotion`.
+        Motion of the IMU, e.g. :class:`~schuler.rotary.rotating_imu.RotatingMotion`.
     bias_s : array_like, shape (3,)
         IMU axes.
     t : array_like, shape (n,)
@@ -179,7 +179,7 @@ def open_loop_errors(motion: Motion, errors: ImuErrors, t: ArrayLike, *, step: f
     Parameters
     ----------
     motion : Motion
-        Of the IMU.
+        Motion of the IMU.
     errors : ImuErrors
         Biases and matrices (``b_g, b_a, M_g, M_a, G_g``); noise and temperature are left out.
     t : array_like, shape (n,)
@@ -225,7 +225,7 @@ def residue(motion: Motion, duration: float, *, start: float = 0.0, step: float 
     Parameters
     ----------
     motion : Motion
-        Of the IMU.
+        Motion of the IMU.
     duration : float
         [s]
     start : float

@@ -73,9 +73,9 @@ def navigate_rotary(
         From the point where the platform's axes meet to the accelerometers, IMU axes. Left out, an IMU off the axis
         looks as if it had an acceleration bias of ``rate^2 offset``, and another one at each change of rate. [m]
     initial : InitialState, optional
-        Of the **vehicle**; biases in the axes of the IMU. Start here instead of aligning.
+        State of the **vehicle**; biases in the axes of the IMU. Start here instead of aligning.
     calibration : CalibrationResult or path, optional
-        Of the IMU, see ``navigate``; needs ``initial``.
+        Calibration of the IMU, see ``navigate``; needs ``initial``.
     progress : callable, optional
         Called with the fraction done.
 

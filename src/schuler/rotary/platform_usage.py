@@ -19,7 +19,7 @@ class PlatformLimits:
     Attributes
     ----------
     rate : float
-        Of any axis. [rad/s]
+        Largest rate of any axis. [rad/s]
     acceleration : float
         [rad/s^2]
     angle : float

@@ -25,7 +25,7 @@ class RotatingMotion:
     Attributes
     ----------
     vehicle : Motion
-        Of the body; the platform's axes meet at its origin.
+        Motion of the body; the platform's axes meet at its origin.
     schedule : Schedule
         Zero of its time is zero of the motion's.
     offset_m : ndarray, shape (3,)

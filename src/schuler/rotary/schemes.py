@@ -65,7 +65,7 @@ def continuous(
     rate : float
         Signed; zero does not turn. [rad/s]
     acceleration : float, optional
-        Of the run-up. [rad/s^2]
+        Acceleration of the run-up. [rad/s^2]
     start : float
         At rest before it. [s]
     angle : float
@@ -318,7 +318,7 @@ def tilted(schedule: Schedule, axis: Axis, angle: float) -> Schedule:
     ----------
     schedule : Schedule
     axis : str or array_like, shape (3,)
-        Of the outer gimbal.
+        Axis of the outer gimbal.
     angle : float
         [rad]
     """

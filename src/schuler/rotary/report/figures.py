@@ -32,9 +32,9 @@ def scheme_figure(schedule: Schedule, duration: float, name: str = "scheme") -> 
     ----------
     schedule : Schedule
     duration : float
-        Of the mission; the picture shows one cycle of it. [s]
+        Length of the mission; the picture shows one cycle of it. [s]
     name : str
-        Of the figure.
+        Name of the figure.
     """
     end = _cycle(schedule, duration)
     t = np.linspace(0.0, end, _POINTS)

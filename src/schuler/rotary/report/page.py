@@ -31,7 +31,7 @@ def rotary_page(
     comparison : ScenarioComparison
     search : SchemeSearch, optional
     provenance : dict, optional
-        What it was made from.
+        Options that it was made from.
 
     Raises
     ------

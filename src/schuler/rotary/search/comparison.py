@@ -40,7 +40,7 @@ class Way:
     P : ndarray, shape (r, 9, 9)
         Linear covariance of attitude, velocity, position errors, north, east, down.
     gyro, accel : Modulation
-        What its schedule makes of biases of their 1-sigma on all three axes, north, east, down.
+        Modulated biases of their 1-sigma on all three axes, north, east, down.
     """
 
     name: str

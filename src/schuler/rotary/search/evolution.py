@@ -32,11 +32,11 @@ class SearchSettings:
     Attributes
     ----------
     axes : int
-        Of the platform: 1 or 2. With two, everything one can do is looked at too.
+        Number of the platform's axes: 1 or 2. With two, everything one can do is looked at too.
     families : tuple of str
         All if empty.
     evaluations : int
-        Of the objective, besides the named schemes; roughly kept.
+        Evaluations of the objective, besides the named schemes; roughly kept.
     seed : int
     threads : int
         Results are the same for any number.

@@ -38,7 +38,7 @@ class SchemeSpace:
     ----------
     limits : PlatformLimits
     duration : float
-        Of the mission. [s]
+        Length of the mission. [s]
     axes : tuple of str
         The platform's possible axes, body axes.
     positions : tuple of int

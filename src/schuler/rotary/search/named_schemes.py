@@ -29,7 +29,7 @@ class NamedScheme(NamedTuple):
         Who proposed it, as the thesis says.
     axes : int
     entries : dict
-        Of ``[rotary.schedule]``.
+        Entries of ``[rotary.schedule]``.
     """
 
     name: str

@@ -35,7 +35,7 @@ class SchemeObjective:
     quantity : str
         One of :data:`schuler.budget.covariance.QUANTITIES`, or ``observability``.
     statistic : {"rms", "end", "largest"}
-        Of its 1-sigma over the mission; ``observability`` is always of the end.
+        Statistic of its 1-sigma over the mission; ``observability`` is always that of the end.
     when : ndarray of bool, shape (r,)
         Records that count.
     """
@@ -119,7 +119,7 @@ def scheme_objective(
     fixed : BudgetMission
         The vehicle with the IMU fixed to it.
     motion : Motion
-        Of the vehicle.
+        Motion of the vehicle.
     spec : ImuSpec
     quantity, statistic
         See :class:`SchemeObjective`.

@@ -130,21 +130,21 @@ class RotaryScenario(Config):
     ----------
     name : str
     seed : int
-        Of the simulated runs.
+        Seed of the simulated runs.
     runs : int
-        Of the simulation.
+        Number of simulated runs.
     imu : ImuSection
     motion : MotionSection
-        Of the vehicle.
+        Motion of the vehicle.
     rotary : RotarySection
         Schedule, encoder, limits of the platform, offset of the IMU.
     gnss, zero_velocity, height
         Aids; without any the IMU navigates alone.
     start : BudgetStart
     states : int
-        Of the filter.
+        States of the filter.
     node_rate_hz : float
-        Of the covariance.
+        Rate of the covariance.
     objective : ObjectiveSection
     search : SearchSection
     rates_deg_s : tuple of float

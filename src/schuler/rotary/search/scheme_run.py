@@ -41,14 +41,14 @@ def one_run(scenario: RotaryScenario, motion: RotatingMotion, ideal: IdealImu, k
     motion : RotatingMotion
         Its schedule counts, not that of the scenario.
     ideal : IdealImu
-        Of that motion.
+        Ideal IMU on that motion.
     k : int
         Number of the run: errors and noise are the same for every schedule.
 
     Returns
     -------
     ErrorHistory
-        Of the vehicle, every quarter of a second; attitude against Earth-fixed axes.
+        Errors of the vehicle, every quarter of a second; attitude against Earth-fixed axes.
     """
     seeds = np.random.SeedSequence([scenario.seed, k]).spawn(5)
     errors_rng, noise_rng, start_rng, gnss_rng, encoder_rng = (np.random.default_rng(s) for s in seeds)

@@ -27,14 +27,14 @@ class Candidate:
     family : str
         Or the type of a named one.
     source : str
-        Of a named scheme; empty for one that was found.
+        Author of a named scheme; empty for one that the search came to.
     axes : int
     entries : dict
-        Of ``[rotary.schedule]``.
+        Entries of ``[rotary.schedule]``.
     error : float
         The objective, SI; infinite if the platform cannot follow it.
     travel : float
-        Of all axes over the mission. [rad]
+        Travel of all axes over the mission. [rad]
     reversals : int
     refused : tuple of str
         Limits that it breaks.
@@ -79,13 +79,13 @@ class SchemeSearch:
         SI in that unit.
     imu, mission : str
     duration : float
-        Of the mission. [s]
+        Length of the mission. [s]
     axes : int
-        Of the platform.
+        Number of the platform's axes.
     candidates : tuple of Candidate
         Everything that was looked at.
     evaluations : int
-        Of the objective.
+        Evaluations of the objective.
     complete : bool
         False if it was interrupted.
     seed : int
@@ -129,7 +129,7 @@ class SchemeSearch:
         by : {"travel", "reversals", "both"}
             ``both``: none is better in error, travel and reversals together.
         axes : int, optional
-            Of the platform.
+            Number of the platform's axes.
         """
         columns = {"travel": ("travel",), "reversals": ("reversals",), "both": ("travel", "reversals")}
         if by not in columns:

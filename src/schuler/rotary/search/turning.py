@@ -37,7 +37,7 @@ class TurningMission:
     t : ndarray, shape (n,)
         Even steps of what follows. [s]
     table : ndarray, shape (n, 15)
-        Of the vehicle: ``C_eb`` row by row, specific force and angular rate, body axes.
+        Motion of the vehicle: ``C_eb`` row by row, specific force and angular rate, body axes.
     force : ndarray, shape (n, 3)
         Integral of the specific force since the start, Earth-fixed axes. [m/s]
     blocks : tuple of str
@@ -88,13 +88,13 @@ def turning_mission(
     Parameters
     ----------
     fixed : BudgetMission
-        Of the vehicle with the IMU fixed to it, as from :func:`schuler.budget.scenario.linearised_mission`.
+        Mission of the vehicle with the IMU fixed to it, as from :func:`schuler.budget.scenario.linearised_mission`.
     motion : Motion
         The same of the vehicle.
     blocks : tuple of str
         Sensor blocks that will be asked for: of the filter's states and of the IMU's errors. Biases always are.
     rate_hz : float
-        Of the table of the vehicle's attitude, between whose entries it changes linearly.
+        Rate of the table of the vehicle's attitude, between whose entries it changes linearly.
     earth_rotation : bool
 
     Raises

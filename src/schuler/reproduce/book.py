@@ -19,8 +19,8 @@ _CONVENTIONS = (
     "agrees: every number the thesis prints is met within the band that stands beside it. corrected: the equations are "
     "met after their errors are mended, and what the thesis prints differs or cannot be compared. differs: with the "
     "reason. shown: the thesis prints nothing to compare with. Class hardware: the thesis used recordings that are not "
-    "public; ours come from simulated sensors of the same parameters. Digest: our working-out of a thesis, its "
-    "equations checked and mended, with numbers computed from them."
+    "public; ours come from simulated sensors of the same parameters. Check: numbers of an independent computation "
+    "from a thesis's equations, verified and mended."
 )
 
 

@@ -8,7 +8,8 @@ from typing import Literal, TypeAlias
 
 from schuler.exceptions import InputError
 
-#: Where a band comes from. "read": a number read from a printed curve. "band": stated by source or digest.
+#: Where a band comes from. "read": a number read from a printed curve. "band": stated by the thesis or by
+#: the independent check of its equations.
 Tolerance: TypeAlias = Literal["rounding", "printed digits", "discretisation", "statistical", "read", "band", ""]
 
 #: Whose number it is: the thesis's own, or that of its equations after their errors are corrected.

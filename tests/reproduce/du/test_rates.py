@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.reproduce.du.study.floor import noise_floor, position_by_rate
 from schuler.reproduce.du.study.imus import emulation
 from schuler.reproduce.du.study.rates import recommended_rate
 from schuler.reproduce.du.study.static import StaticTest
@@ -63,12 +62,3 @@ def test_wrong_questions():
         recommended_rate(found, strategy="conventional")
     with pytest.raises(InputError, match="quantity"):
         recommended_rate(found, quantity="speed")
-
-
-def test_law_in_the_rate():
-    """Floor and bias / rate in quadrature: NAV440 at 10, 20 deg/s as the digest reasons (0.148 m/s^2, 300 s)."""
-    walk = emulation("NAV440").gyro_random_walk
-    position = position_by_rate(walk, 0.148, np.array([10.0, 20.0, 1e6]) * DEG, 300.0)
-    floor = noise_floor(walk, 300.0).horizontal_position
-    assert position[2] == pytest.approx(floor, rel=1e-6)
-    assert np.sqrt(position[:2] ** 2 - floor**2) == pytest.approx([146.9, 73.4], rel=1e-3)

@@ -26,7 +26,7 @@ _LABELS = ("horizontal position", "horizontal velocity", "height", "vertical vel
 _UNITS = (("m", 1.0), ("m/s", 1.0), ("m", 1.0), ("m/s", 1.0), ("deg", DEG), ("deg", DEG), ("deg", DEG))
 _DIGITS = (0.1, 0.1, 0.1, 0.1, 0.01, 0.01, 0.01)
 _DRIFT_DEG_HR = 12.0
-_EMULATED = "Recorded by the thesis's own units, one run each: emulated with the digest's parameters. "
+_EMULATED = "Recorded by the thesis's own units, one run each: emulated with parameters that give its results. "
 _ORDER = " The thesis's text names figures 4.4 and 4.5 in the wrong order."
 _NO_DRIFT = (
     "The emulation has no drift in the run, because the thesis states none that fits its tests; measured roll, pitch "
@@ -179,7 +179,7 @@ def _sweep_one(imu: str, effort: Effort) -> Outcome:
     cells.append(claimed("azimuth against the rate: R squared of a line", "almost linear", straight, low=0.95))
     return Outcome(
         tuple(cells),
-        _EMULATED + "Cross-couplings were fitted by the digest to the difference of strategies I and II, so the means "
+        _EMULATED + "Cross-couplings were fitted to the difference of strategies I and II, so the means "
         "agree by construction and are not compared. " + (_NO_DRIFT if imu == "NAV440" else ""),
         (lambda: _rates_figure(imu, "I", effort),),
     )

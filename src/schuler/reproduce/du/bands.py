@@ -83,7 +83,7 @@ def _both(x: FloatArray, own: ArrayLike, of: int) -> float:
 
 
 def emulated(name: str, low: float, high: float, values: ArrayLike, *, unit: str = "") -> Cell:
-    """The digest's own emulation of 200 runs: its 10 % and three standard errors of the means of both.
+    """An independent emulation of 200 runs: its 10 % and three standard errors of the means of both.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def emulated(name: str, low: float, high: float, values: ArrayLike, *, unit: str
     half = ERRORS * float(np.std(x, ddof=1)) * float(np.sqrt(1.0 / 200.0 + 1.0 / len(x)))
     text = f"{low:g}" if low == high else f"{low:g} to {high:g}"
     return Cell(
-        name, float(np.mean(x)), unit, f"digest's emulation: {text}", 0.9 * low - half, 1.1 * high + half,
+        name, float(np.mean(x)), unit, f"independent emulation: {text}", 0.9 * low - half, 1.1 * high + half,
         "statistical", "corrected",
     )  # fmt: skip
 

@@ -20,8 +20,8 @@ _LABELS = ("horizontal position", "horizontal velocity", "roll", "pitch", "azimu
 _UNITS = (("m", 1.0), ("m/s", 1.0), ("deg", DEG), ("deg", DEG), ("deg", DEG))
 _DIGITS = (0.1, 0.1, 0.01, 0.01, 0.01)
 _EMULATED = (
-    "Recorded by the thesis's own units, one conventional and six rotating drives: emulated with the digest's "
-    "parameters, the start good to 0.1 deg, which the digest infers from the outages of chapter 6; the order of the "
+    "Recorded by the thesis's own units, one conventional and six rotating drives: emulated with parameters "
+    "that give its results, the start good to 0.1 deg, inferred from the outages of chapter 6; the order of the "
     "manoeuvres is ours. "
 )
 

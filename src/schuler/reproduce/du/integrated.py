@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _SIDES = ("conventional", "rotary")
 _EMULATED = (
-    "One recorded drive of each, with filters whose tuning the thesis does not state: emulated with the digest's "
+    "One recorded drive of each, with filters whose tuning the thesis does not state: emulated with our "
     "assumptions; the road and the start of the outages are ours. "
 )
 _GNSS = (
@@ -223,7 +223,7 @@ def _outages(imu: str, effort: Effort) -> Outcome:
         cells.append(few_rms(f"gain of a single pair of drives, {name}", theirs, ratio))
         g = comparison.gain(key)
         cells.append(
-            claimed(f"gain of the means, {name}", "about 2 times and more, digest's check", g.ratio,
+            claimed(f"gain of the means, {name}", "about 2 times and more, independent check", g.ratio,
                  low=2.0 - ERRORS * (g.high - g.low) / 3.92, tolerance="statistical", reference="corrected")
         )  # fmt: skip
     floor = noise_floor(comparison.imu.spec.gyro.random_walk, 300.0).horizontal_position

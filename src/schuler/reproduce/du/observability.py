@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from schuler.plotting.figure import Figure
 
 _RATE, _LAT, _TIME_S = 10.0 * DEG, 45.75 * DEG, 300.0
-#: Prior of attitude, velocity, accelerometer and gyroscope biases: the digest's NAV440.
+#: Prior of attitude, velocity, accelerometer and gyroscope biases: NAV440.
 _SIGMA = np.repeat([DEG, 0.01, 0.2, 400.0 * DEG_PER_HR], 3)
 _SWAP = {"X": (0.0, 1.0, 0.0), "Y": (1.0, 0.0, 0.0), "Z": (0.0, 0.0, -1.0)}
 
-#: Axis, roll, pitch, azimuth [deg]; the digest's ranks without and with the Earth's rate.
+#: Axis, roll, pitch, azimuth [deg]; ranks of an independent check without and with the Earth's rate.
 _RANKS = (
     (None, 0.0, 0.0, 0.0, 8, 9), ("X", 0.0, 0.0, 0.0, 10, 10), ("X", 0.0, 30.0, 0.0, 10, 10),
     ("X", 0.0, 0.0, 40.0, 10, 11), ("X", 30.0, 0.0, 0.0, 11, 12), ("Y", 0.0, 0.0, 0.0, 10, 12),
@@ -165,7 +165,7 @@ def _ranks(effort: Effort) -> Outcome:
     return Outcome(
         tuple(cells),
         "Ranks of the Gramian over 300 s, twelve states, roll, pitch and azimuth as named. The thesis gives verdicts "
-        "in words; the numbers are the digest's.",
+        "in words; the numbers are those of an independent check.",
     )
 
 

@@ -24,8 +24,8 @@ _EARTH_RADIUS = 6.37e6
 _SAME = 0.1  # "almost the same"
 _HALF = 0.5  # "significantly reduced"
 _CURVES = (
-    "The thesis prints curves only, so numbers are the digest's, of the corrected equations without noise; the "
-    "latitude and the length are its choice."
+    "The thesis prints curves only, so numbers are an independent check's, of the corrected equations without noise; "
+    "the latitude and the length are its choice."
 )
 _GRAVITY = (
     " Its gravity does not fall with height: numbers of the vertical channel are corrected for that where the height "
@@ -130,7 +130,7 @@ def _chapter3(case: Case) -> Chapter3:
 
 
 def _anchors(case: Case, axes: Sequence[str | None]) -> list[Cell]:
-    """Ours at the end of the run beside the digest's numbers, 2 % or a unit of their last digit."""
+    """Ours at the end of the run beside the check's numbers, 2 % or a unit of their last digit."""
     from schuler import earth
     from schuler.reproduce.du.study.fixed_errors import allowance, anchors
 
@@ -146,17 +146,17 @@ def _anchors(case: Case, axes: Sequence[str | None]) -> list[Cell]:
             if name not in vertical:
                 cells.append(
                     against(text, printed, ours[name], absolute=allowance(case, name, printed), unit=unit,
-                            tolerance="band", reference="corrected", source=f"digest: {printed:g}")
+                            tolerance="band", reference="corrected", source=f"check: {printed:g}")
                 )  # fmt: skip
             elif axis in (None, "Z"):
                 expected = printed * float(vertical[name])
                 cells.append(
                     against(text, expected, ours[name], absolute=allowance(case, name, expected), unit=unit,
                             tolerance="band", reference="corrected",
-                            source=f"digest: {printed:g} without the gradient of gravity")
+                            source=f"check: {printed:g} without the gradient of gravity")
                 )  # fmt: skip
             else:
-                cells.append(shown(text, ours[name], unit=unit, printed=f"digest: {printed:g}"))
+                cells.append(shown(text, ours[name], unit=unit, printed=f"check: {printed:g}"))
     return cells
 
 

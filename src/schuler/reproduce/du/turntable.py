@@ -1,4 +1,4 @@
-"""Section 5.4: the filter with zero velocity on the turntable, emulated, and the digest's covariances."""
+"""Section 5.4: the filter with zero velocity on the turntable, emulated, and covariances of an independent filter."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _GIVEN = {
     ("gyro", None): (0, 1), ("gyro", 0.0): (), ("gyro", 30.0): (0, 1, 2),
 }  # fmt: skip
 _EMULATED = (
-    "One run of each case by filters whose tuning the thesis does not state, emulated with the digest's; the unit's "
+    "One run of each case by filters whose tuning the thesis does not state, emulated with ours; the unit's "
     "biases are read from the thesis's tilted runs and conventional gyroscopes x and y, so that numbers there agree by "
     "construction and are not compared. "
 )
@@ -152,15 +152,15 @@ def _covariances(effort: Effort) -> Outcome:
             continue
         half = 5e-4 if name.startswith("b_") else 0.0
         if printed < 0.0:
-            cells.append(claimed(title, f"digest: below {-printed:g}", ours, high=half - printed, unit=unit,
+            cells.append(claimed(title, f"check: below {-printed:g}", ours, high=half - printed, unit=unit,
                               tolerance="printed digits", reference="corrected"))  # fmt: skip
         else:
             cells.append(against(title, printed, ours, absolute=max(half, 0.2 * printed), unit=unit, tolerance="band",
-                                 reference="corrected", source=f"digest: {printed:g}"))  # fmt: skip
+                                 reference="corrected", source=f"check: {printed:g}"))  # fmt: skip
     return Outcome(
         tuple(cells),
         "Covariances of a filter with zero velocity after 300 s; the thesis has none, and no uncertainties to compute "
-        "them with. The digest's own twelve-state filter, 20 %.",
+        "them with. An independent twelve-state filter, 20 %.",
         tuple(partial(zupt_sigmas, _study(), imu) for imu in ("MTi-G", "NAV440")),
     )
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     Recorded = dict[str, tuple[FloatArray, FilterRuns]]
 
 _FIXES = "The thesis prints neither deviation nor rate of its fixes: 0.2 deg each second meet both bounds it quotes."
-#: Settled: within this of the final value, as in the digest.
+#: Settled: within this of the final value.
 _SETTLED = 0.05
 _CONSUMER_OUTAGE_S, _CONSUMER_START_S = 240.0, 180.0
 
@@ -76,12 +76,12 @@ def bound(grade: str, seconds: float, effort: Effort) -> Outcome:
              low=_SETTLED),
         claimed("free integration over filter at the end", "filter bounds the error", float(b.free[-1] / b.aided[-1]),
              low=1.0),
-        digits("steady, after an update, to the digest's digits", f"{after:g}", b.steady_posterior / DEG, unit="deg",
+        digits("steady, after an update, to the check's digits", f"{after:g}", b.steady_posterior / DEG, unit="deg",
                reference="corrected"),
     ]  # fmt: skip
     if before is not None:
         cells.append(
-            digits("steady, before an update, to the digest's digits", f"{before:g}", b.steady_prior / DEG, unit="deg",
+            digits("steady, before an update, to the check's digits", f"{before:g}", b.steady_prior / DEG, unit="deg",
                    reference="corrected")
         )  # fmt: skip
     cells += [
@@ -331,7 +331,7 @@ def six_states(effort: Effort) -> Outcome:
                   float(rms[-1, 2] / position.run.sigma[-1, 2]), runs),
     ]  # fmt: skip
     reason = (
-        "The thesis prints no result for this filter: the numbers are the digest's check case (0.003 g/sqrt(Hz), "
+        "The thesis prints no result for this filter: the numbers are those of an independent check (0.003 g/sqrt(Hz), "
         "2.4 mg over 100 s, constant 10 mg, heading 0.6 rad, fixes of 0.05 m/s and 1 m each second), its runs taken "
         "for 500."
     )

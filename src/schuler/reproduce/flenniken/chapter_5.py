@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from schuler.plotting.figure import Figure
 
 _SECONDS = 60.0
-_CHECK_RUNS = 6000  # of the digest's Monte Carlo
-#: Samples of 10 Hz: 3 / k of a variance after k = 600 steps, and rounding of the digest's three digits.
+_CHECK_RUNS = 6000  # of the independent Monte Carlo
+#: Samples of 10 Hz: 3 / k of a variance after k = 600 steps, and rounding of the check's three digits.
 _SAMPLED = 0.01
 _NAME = {"velocity": "m/s", "position": "m"}
 
@@ -70,14 +70,14 @@ def motion(grade: str, q: str, effort: Effort) -> Outcome:
         cells += [
             deviation(f"60 s: {q} {axis}, gravity, closed form", tilted, ours, with_g.runs, unit=unit, also=_SAMPLED,
                       source="curve"),
-            deviation(f"60 s: {q} {axis}, gravity, the digest's runs", float(reference or 0.0), ours, with_g.runs,
+            deviation(f"60 s: {q} {axis}, gravity, the check's runs", float(reference or 0.0), ours, with_g.runs,
                       theirs=_CHECK_RUNS, unit=unit, also=_SAMPLED, source="curve"),
             deviation(f"60 s: {q} {axis}, no gravity", flat, float(without.sigma[f"{q}_{axis}"][-1]), without.runs,
                       unit=unit, also=_SAMPLED, source="curve"),
         ]  # fmt: skip
         if reference_flat is not None:
             cells.append(
-                deviation(f"60 s: {q} {axis}, no gravity, the digest's runs", float(reference_flat),
+                deviation(f"60 s: {q} {axis}, no gravity, the check's runs", float(reference_flat),
                           float(without.sigma[f"{q}_{axis}"][-1]), without.runs, theirs=_CHECK_RUNS, unit=unit,
                           also=_SAMPLED, source="curve")
             )  # fmt: skip
@@ -85,7 +85,7 @@ def motion(grade: str, q: str, effort: Effort) -> Outcome:
     if q == "velocity":
         # a sum of squares of Gauss-Markov tilts: kurtosis up to 15 where it rules, so 2.6 times the usual error
         cells.append(
-            against("60 s: velocity up, gravity, the digest's runs", float(up or 0.0), vertical,
+            against("60 s: velocity up, gravity, the check's runs", float(up or 0.0), vertical,
                     relative=ERRORS * sqrt(3.5 / with_g.runs + 3.5 / _CHECK_RUNS) + _SAMPLED, unit=unit,
                     reference="corrected", source="curve")
         )  # fmt: skip

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 _SOURCE_RUNS = 200
 _ANGLE = 500e-6  # of each of the twelve, inferred: the thesis prints none [rad]
-#: Of the digest's own runs, 2000: downrange, crossrange. [m]
+#: Deviations of 2000 independent runs of section 7.3: downrange, crossrange. [m]
 _CHECK, _CHECK_RUNS = (47.3, 49.9), 2000
 _INCONSISTENT = (
     "The printed numbers exclude each other: -10 deg/s for 15 s are 150 deg and not 143; a fall from 24 km alone gives "
@@ -113,7 +113,7 @@ def scatter(effort: Effort) -> Outcome:
         cells += [
             deviation(f"simple model: deviation {name}", 50.0, s, n, theirs=_SOURCE_RUNS, unit="m", reference="thesis",
                       also=0.01, source="50"),
-            deviation(f"simple model: deviation {name}, the digest's runs", _CHECK[i], s, n, theirs=_CHECK_RUNS,
+            deviation(f"simple model: deviation {name}, the check's runs", _CHECK[i], s, n, theirs=_CHECK_RUNS,
                       unit="m", also=0.01, source="50"),
             against(f"simple model: mean {name}", 0.0, float(simple.mean[i]),
                     absolute=ERRORS * 50.0 * sqrt(1.0 / n + 1.0 / _SOURCE_RUNS), unit="m", source="0"),
@@ -141,7 +141,7 @@ def scatter(effort: Effort) -> Outcome:
 
 
 def _checked(name: str, expected: float, ours: float, source: str) -> Cell:
-    """Beside the digest's own simulation, which asks for one percent."""
+    """Ours beside an independent simulation, within one percent."""
     return against(
         name, expected, ours, relative=0.01, unit="m", tolerance="band", reference="corrected", source=source
     )
@@ -205,18 +205,18 @@ def ranking(effort: Effort) -> Outcome:
 
 
 def sensitivities(effort: Effort) -> Outcome:
-    """Section 7.4: each parameter alone, beside the digest's independent simulation."""
+    """Section 7.4: each parameter alone, beside an independent simulation."""
     cells: list[Cell] = []
     for name, size, variant, *numbers in sensitivity_table(_flight()).rows:
         expected, ours = np.array(numbers[:3], dtype=np.float64), np.array(numbers[3:], dtype=np.float64)
         i = int(np.argmax(np.abs(expected))) if expected.any() else int(np.argmax(np.abs(ours)))
         axis = ("north", "up", "east")[i]
-        # printed to three digits, 100 Hz there and here: one percent, as the digest asks, and half a centimetre
+        # printed to three digits, 100 Hz there and here: one percent and half a centimetre
         cells.append(
             against(f"{variant}: {name} {size}, {axis}", float(expected[i]), float(ours[i]), relative=0.01,
                     absolute=0.0051, unit="m", tolerance="band", reference="corrected", source="")
         )  # fmt: skip
-    reason = "The thesis prints a chart without values: the numbers are the digest's own simulation."
+    reason = "The thesis prints a chart without values: the numbers are those of an independent simulation."
     return Outcome(tuple(cells), reason)
 
 

@@ -39,7 +39,7 @@ def _iterations(effort: Effort) -> Outcome:
         study = run_case(case, runs, rng)
         needed = float(np.median(study.iterations[study.converged]))
         cells.append(claimed(f"{what}: iterations", "100 iterations", needed, high=100.0))
-        # the digest counts in one draw each; a draw is one more or less, with much noise some more
+        # counted in one draw each; a draw is one more or less, with much noise some more
         cells.append(
             claimed(
                 f"{what}: iterations, other program",
@@ -91,7 +91,8 @@ def _iterations(effort: Effort) -> Outcome:
     return Outcome(
         tuple(cells),
         "A hundred iterations are unnecessary. The thesis states no start; zeros converge for biases below the "
-        "reference only, which the HG1900's data sheet (17 deg/h) exceeds. Counts of iterations are of the digest.",
+        "reference only, which the HG1900's data sheet (17 deg/h) exceeds. Counts of iterations are of an independent "
+        "program.",
     )
 
 
@@ -259,7 +260,7 @@ def _two_stages(effort: Effort) -> Outcome:
             against("bias", 1.9e-4, b, relative=relative, unit="m/s^2", reference="corrected"),
             against("scale factors", 20.0, s / PPM, relative=relative, unit="ppm", reference="corrected"),
         ),
-        "The thesis suggests it without a test; numbers are those of the digest's program.",
+        "The thesis suggests it without a test; numbers are those of an independent program.",
     )
 
 

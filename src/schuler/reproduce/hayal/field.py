@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from schuler.reproduce.hayal.study.multiposition import StudyResult
 
 _PATTERN = 1.7
-#: What the digest finds with all 26 attitudes: 2 to 5 and 1.2 to 4.5, as far as these digits go.
+#: Independent emulation with all 26 attitudes: 2 to 5 and 1.2 to 4.5, as far as these digits go.
 _UNIT_WEIGHT = {("accel", 9): (1.5, 5.5), ("gyro", 3): (1.15, 4.55)}
 
 
@@ -161,7 +161,7 @@ def _failed(effort: Effort) -> float:
 
 
 def _failures(effort: Effort) -> Outcome:
-    """Section 5.3 as a whole: what the digest found in its own emulation, and the field's own evidence."""
+    """Section 5.3: failures in an independent emulation, and the field's own evidence."""
     third = calibrations(effort, "HG1700", "accel", 9, 3, 3.0)
     theta = _medians(third, 9)[6:] / 1e-6
     fourth = _medians(calibrations(effort, "HG1700", "accel", 9, 4, 3.0), 9)[3:6] / 1e-6
@@ -206,7 +206,7 @@ def _failures(effort: Effort) -> Outcome:
         cells,
         "The thesis finds ten attitudes and three minutes enough, from uncertainties with one degree of freedom; its "
         "own theta_zx of 6638 +- 346 urad with ten attitudes and 90 +- 38 with 26 shows that they are not. More of "
-        "our runs with the last ten attitudes fail than of the digest's program: which ten they are is not stated.",
+        "our runs with the last ten attitudes fail than of the independent program: which ten they are is not stated.",
     )
 
 

@@ -92,7 +92,8 @@ def _jacobians(effort: Effort) -> Outcome:
     )
 
 
-#: Poses, rank, condition, sigma of b / sigma, s g / sigma, theta g / sigma (digest, section 3.8).
+#: Poses, rank, condition, sigma of b / sigma, s g / sigma, theta g / sigma (computed for exact faces,
+#: edges and corners).
 _SETS = (
     ("faces", "6", "6"), ("corners", "8", "7"), ("edges", "12", "9", "2.0", "0.500", "0.866", "1.000"),
     ("faces+corners", "14", "9", "2.3", "0.463", "0.636", "1.061"),

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 _NO_ATTITUDES = (
     "The thesis has one draw and does not say which attitudes it chose or how they are offset, so its uncertainties "
-    "are held to the factor of 1.7 that the digest found to cover that."
+    "are held to the factor of 1.7 that an independent check gave for it."
 )
 
 
-#: Digest, section 5.2: uncertainties of another program's runs. Bias in rad/s or m/s^2; ppm and urad.
+#: Section 4.4: uncertainties of an independent program's runs. Bias in rad/s or m/s^2; ppm and urad.
 _PROTOTYPE = {
     ("4.2", 1): (3.35e-9, 4.23e-9, 3.72e-9), ("4.2", 2): (0.85e-6, 1.06e-6, 0.94e-6),
     ("4.2", 3): (3.35e-5, 4.23e-5, 3.72e-5), ("4.3", 2): (1.18e-6, 1.11e-6, 0.97e-6, 1.99e4, 2.17e4, 1.74e4),
@@ -177,7 +177,7 @@ def _sweep(effort: Effort, name: str) -> tuple[StudyResult, ...]:
 
 
 def _groups(name: str, expected: dict[float, tuple[float | None, float, float]], effort: Effort) -> list[Cell]:
-    """Ours against the digest's program: rms of three parameters over the runs of both."""
+    """Ours against an independent program: rms of three parameters over the runs of both."""
     cells = []
     for study in _sweep(effort, name):
         k = getattr(study.case, name)
@@ -226,7 +226,7 @@ def _over_rate(effort: Effort) -> Outcome:
     ]
     return Outcome(
         tuple(cells),
-        "The thesis shows curves without numbers; numbers are those of the digest's program.",
+        "The thesis shows curves without numbers; numbers are those of an independent program.",
         (partial(sweep_figure, studies, "rate_factor"),),
     )
 
@@ -257,8 +257,8 @@ def _over_noise(effort: Effort) -> Outcome:
         )
     return Outcome(
         tuple(cells),
-        "The thesis shows curves without numbers; numbers are those of the digest's program. Which runs converge "
-        "when noise approaches the reference depends on start and step limit, which the digest does not give.",
+        "The thesis shows curves without numbers; numbers are those of an independent program. Which runs converge "
+        "when noise approaches the reference depends on start and step limit, which are not given.",
         (partial(sweep_figure, _sweep(effort, "noise_factor"), "noise_factor"),),
     )
 

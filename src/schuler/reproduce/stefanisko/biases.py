@@ -149,7 +149,7 @@ def _corrected(strategy: str, printed: float, effort: Effort) -> Outcome:
     t, tracks = _tracks(effort, strategy)
     return Outcome(
         tuple(cells),
-        HARDWARE + "Numbers are those of the digest's program, 400 runs.",
+        HARDWARE + "Numbers are those of an independent check, 400 runs.",
         (partial(drift_figure, t, tracks, f"Drift with {strategy}"),),
     )
 
@@ -256,7 +256,7 @@ def _moving_mean(effort: Effort) -> Outcome:
             ),
         ),
         "His sketch shows the lag. A moving mean is a high-pass filter: displacement tends to half a window times "
-        "the velocity, so it must not be used in motion (digest, 3.10).",
+        "the velocity, so it must not be used in motion (section 4.4).",
         (partial(moving_mean_figure, t, true, path),),
     )
 

@@ -122,7 +122,7 @@ def _attitude(effort: Effort) -> Outcome:
     return Outcome(
         tuple(cells),
         "(1.5) prints a wrong yaw factor and a wrong element; (1.8) does not say that omega is relative to the "
-        "Earth. Costs of the first-order update and of leaving Earth rate out are of the digest.",
+        "Earth. Costs of the first-order update and of leaving Earth rate out are of an independent check.",
     )
 
 

@@ -161,8 +161,8 @@ def _with_rotation(effort: Effort) -> Outcome:
     return Outcome(
         cells,
         "His figure shows an end point that changes when rotation is added: knots read along the turned axes. "
-        "Position does not depend on attitude. Accelerations in body axes (the digest's guess) do not move the end "
-        "for this example, whose only acceleration is along the axis of rotation; velocities in body axes do.",
+        "Position does not depend on attitude. Accelerations in body axes (one reading of the text) do not move the "
+        "end for this example, whose only acceleration is along the axis of rotation; velocities in body axes do.",
         (partial(paths_figure, paths),),
     )
 

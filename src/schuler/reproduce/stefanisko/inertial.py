@@ -46,7 +46,7 @@ def _samples(effort: Effort) -> Outcome:
         digits(
             "data sheet: accelerometer, a sample", "0.0506", ACCEL_NOISE / root, unit="m/s^2", reference="corrected"
         ),
-        # the digest rounds 0.06455 up
+        # 0.06455 rounded up
         against(
             "data sheet: gyroscope, a sample",
             0.0646,

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from schuler.reproduce.stefanisko.study.experiment import FigureEight
     from schuler.reproduce.stefanisko.study.sign_sets import SignStudy
 
-#: As the digest states of its own 40 runs.
+#: Of 40 runs of an independent simulation of section 4.6.
 _BAND = 0.30
 _SIMULATED = (
-    "His curves have no numbers and his recordings no reference; numbers are those of the digest's program, 40 runs "
+    "His curves have no numbers and his recordings no reference; numbers are those of an independent check, 40 runs "
     "of the filter with the signs mended, and its band of 30 percent. "
 )
 _CASES: dict[str, dict[str, Any]] = {
@@ -317,7 +317,7 @@ def _sign_sets(effort: Effort) -> Outcome:
     return Outcome(
         cells,
         "F is of errors INS minus truth, the correction step of truth minus INS: tilt is fed back with the wrong "
-        "sign and the filter diverges. The attitude error of ours grows to more than the digest's 20 deg; once it "
+        "sign and the filter diverges. The attitude error of ours grows to more than the check's 20 deg; once it "
         "has diverged its size is chance.",
         (partial(sign_figure, study),),
     )

@@ -183,7 +183,7 @@ def _system_matrix(effort: Effort) -> Outcome:
 
 
 def _limits(effort: Effort) -> Outcome:
-    """What noise and P2 allow: digest 5.4."""
+    """Limits that white noise and P2 set on Tables 5.3 and 5.4."""
     from schuler.calibration.field.options import FieldOptions
     from schuler.reproduce.yaman.study.runs import FieldJob, calibrated, simulated_unit
     from schuler.reproduce.yaman.study.tables import DURATION_S, GRADES, PRINTED_CAMPAIGNS, noise_limit

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 STANDARD_ERRORS = 4.0
 #: Claims are above the bound of the routine by what is lost at the edges of rests, docs/field-validation.md.
 _EDGES = 0.05
-#: Digest 5.4: of deviations and improvements, where the profile is not known.
+#: Tables 5.3 and 5.4: of deviations and improvements, where the profile is not known.
 _TWICE = 2.0
 #: By itself below what the routine inferred here can tell, or below N / sqrt(T).
 _LIMITED = {AUTOMOTIVE: ("M_a_xy", "M_a_yz"), TACTICAL: ("b_g_x", "b_g_z", "M_a_xy")}

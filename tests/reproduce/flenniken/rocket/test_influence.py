@@ -21,7 +21,7 @@ from schuler.reproduce.flenniken.study.rocket import (
     rocket_trajectory,
 )
 from schuler.reproduce.flenniken.study.rocket.errors import is_random
-from schuler.reproduce.flenniken.study.tables import ranking_table, sensitivity_table
+from schuler.reproduce.flenniken.study.tables import sensitivity_table
 from schuler.sensors.catalogue import spec
 from schuler.units import G0
 
@@ -107,12 +107,12 @@ def test_a_bias_that_hardly_moves_is_a_constant():
 
 def test_ranking_of_the_source_and_why():
     """As printed in section 7.4 with kinematic accelerations; with specific force gyroscope angles do nothing."""
-    rows = ranking_table().rows
-    assert [r[1] for r in rows[:4:2]] == ["gyro_misalignment_y", "accel_misalignment_y"]
-    assert_allclose([rows[0][2], rows[2][2]], [115.5, 109.8], rtol=0.01)  # digest: 115 and 110 m
-    assert {r[3] for r in rows[:4]} == {f"accel_{k}_{a}" for k in ("misalignment", "non_orthogonality") for a in "yz"}
-    assert_allclose([r[4] for r in rows[:4]], 74.1, rtol=0.01)
-    assert max(r[4] for r in rows[4:]) < 1e-9
+    thesis, strapdown = (impact_budget(WEIGHTS[v], all_angles(5e-4)) for v in ("thesis", "strapdown"))
+    assert list(thesis.names[:4:2]) == ["gyro_misalignment_y", "accel_misalignment_y"]
+    assert_allclose(thesis.contribution[:4:2], [115.5, 109.8], rtol=0.01)
+    assert set(strapdown.names[:4]) == {f"accel_{k}_{a}" for k in ("misalignment", "non_orthogonality") for a in "yz"}
+    assert_allclose(strapdown.contribution[:4], 74.1, rtol=0.01)
+    assert strapdown.contribution[4:].max() < 1e-9
 
 
 def test_mean_east_of_the_source():

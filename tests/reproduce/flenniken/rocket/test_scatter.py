@@ -18,7 +18,7 @@ from schuler.reproduce.flenniken.study.rocket import (
     rocket_trajectory,
 )
 from schuler.reproduce.flenniken.study.rocket import figures as rocket_figures
-from schuler.reproduce.flenniken.study.tables import scatter_table
+from schuler.reproduce.flenniken.study.tables import with_angles
 from schuler.sensors.catalogue import spec
 
 T = rocket_trajectory(rate_hz=4.0)
@@ -48,20 +48,22 @@ def test_scatter_is_the_linear_covariance(variant, start):
     assert_allclose(s.sigma, np.sqrt(np.diag(ground)), rtol=4.0 * s.uncertainty)
 
 
-def test_the_sources_scatter_and_means():
-    """47 x 50 m and 450 m with 200 runs of variant A, within 3 standard errors: 5 % of a deviation, 3.5 m of a mean."""
-    table = scatter_table(runs=200, rate_hz=4.0)
-    simple, printed, corrected, physical, angles = table.rows
-    columns = {name: i for i, name in enumerate(table.columns)}
-    down, cross = columns["sigma_downrange_m"], columns["sigma_crossrange_m"]
-    assert_allclose([simple[down], simple[cross]], [47.3, 49.9], rtol=3.0 / np.sqrt(2.0 * 199))
+def test_scatter_and_means_of_the_thesis():
+    """Section 7.3, 200 runs: within 3 standard errors, 5 % of a deviation and 3.5 m of a mean."""
+    cases = {
+        "simple": (SIMPLE, "thesis"),
+        "(6.7) as printed": (with_angles(SIMPLE, 5e-4, printed=True), "thesis"),
+        "(6.7) corrected": (with_angles(SIMPLE, 5e-4), "thesis"),
+        "simple, strapdown": (SIMPLE, "strapdown"),
+        "angles, strapdown": (with_angles(SIMPLE, 5e-4), "strapdown"),
+    }
+    scatter = {name: impact_scatter(T, e, runs=200, seed=0, variant=v) for name, (e, v) in cases.items()}
+    assert_allclose(scatter["simple"].sigma, [47.3, 49.9], rtol=3.0 / np.sqrt(2.0 * 199))
     # a fixed error moves the cloud and does not widen it
-    assert_allclose([printed[down], printed[cross]], [simple[down], simple[cross]], rtol=0.01)
-    east = [row[columns["mean_crossrange_m"]] for row in table.rows]
+    assert_allclose(scatter["(6.7) as printed"].sigma, scatter["simple"].sigma, rtol=0.01)
+    east = [s.mean[1] for s in scatter.values()]
     assert_allclose(east, [0.0, 450.5, 219.0, 0.0, 148.2], atol=3.0 * 50.0 / np.sqrt(200))
-    assert_allclose([physical[down], physical[cross]], [42.3, 46.6], rtol=3.0 / np.sqrt(2.0 * 199))
-    assert angles[1] == "strapdown"
-    assert corrected[1] == "thesis"
+    assert_allclose(scatter["simple, strapdown"].sigma, [42.3, 46.6], rtol=3.0 / np.sqrt(2.0 * 199))
 
 
 def test_drawn_constants_widen_the_cloud():

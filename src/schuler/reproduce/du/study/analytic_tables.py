@@ -6,7 +6,7 @@ about the axis named. ``Wc`` and ``Ws`` are Earth rate times cosine and sine of 
 
 References
 ----------
-Du (2015), chapter 3, with the digest's corrections: (3.12), (3.13) use ``C_s^b``; (3.23) lacks the time.
+Du (2015), chapter 3, corrected: (3.12), (3.13) use ``C_s^b``; (3.23) lacks the time.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def cycle_rate(source: Source, scheme: Scheme, errors: DuErrors, *, rate: float,
 
     References
     ----------
-    Du (2015), sections 3.1 and 3.2; the digest's tables 3.8.
+    Du (2015), sections 3.1 and 3.2, eqs. (3.1)-(3.36) integrated over a revolution, corrected.
     """
     if (source, scheme) not in CELLS:
         raise InputError(f"no cell {source!r}, {scheme!r}: sources are {', '.join(SOURCES)}, schemes {SCHEMES}")

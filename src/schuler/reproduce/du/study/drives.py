@@ -1,4 +1,4 @@
-"""The drive of the kinematic tests: 2.3 km in 210 s, straights, turns, two loops, from rest to rest."""
+"""Drives of the kinematic tests (2.3 km in 210 s) and of the integrated tests (33 minutes, three long outages)."""
 
 from __future__ import annotations
 

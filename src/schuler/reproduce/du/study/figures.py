@@ -1,4 +1,4 @@
-"""Figures of rotating IMUs in free-inertial tests: chapter 3, rates, drives, calibration."""
+"""Figures of rotating IMUs: modulated biases, chapter 3, tests at rest and driving, calibration, singular values."""
 
 from __future__ import annotations
 

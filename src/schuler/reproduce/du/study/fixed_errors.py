@@ -59,7 +59,7 @@ class Chapter3:
     def values(self, axis: DuAxis | None) -> dict[str, float]:
         """What the anchors name, at the end of the run: attitude [deg], velocity [m/s], position [m].
 
-        Attitude of installation errors is the largest absolute value in the run, as in the digest.
+        Attitude of installation errors is the largest absolute value in the run.
         """
         if axis not in self.runs:
             raise InputError(f"axis: there is no run about {axis!r}; there are {list(self.runs)}")
@@ -70,7 +70,7 @@ class Chapter3:
         return numbers | {"horizontal_m": float(run.horizontal[-1]), "up_m": float(run.position[-1, 2])}
 
     def table(self) -> ResultTable:
-        """Ours at the end beside the digest's anchors, with what explains a difference."""
+        """Ours at the end beside the independent check's anchors, with what explains a difference."""
         rows: list[tuple[Any, ...]] = []
         for axis in self.runs:
             ours = self.values(axis)
@@ -79,7 +79,7 @@ class Chapter3:
                 rows.append((axis or "-", name, printed, ours[name], "-" if close else _why(name)))
         return ResultTable(
             f"Chapter 3, {self.case}, {self.rate / DEG:g} deg/s" + (", with noise" if self.noise else ", no noise"),
-            ("axis", "quantity", "digest", "ours", "why"),
+            ("axis", "quantity", "check", "ours", "why"),
             tuple(rows),
             ("agreement: 2 %, or a unit of the last printed digit",),
         )
@@ -178,7 +178,7 @@ def agrees(case: Case, name: str, ours: float, printed: float) -> bool:
 
 
 def anchors(case: Case, axis: DuAxis | None) -> dict[str, float]:
-    """The digest's numbers of a case and an axis of rotation, by the names of :meth:`Chapter3.values`."""
+    """The independent check's numbers of a case and an axis of rotation, by the names of :meth:`Chapter3.values`."""
     attitude, velocity, horizontal, up = CHAPTER_3[case, axis]
     numbers: dict[str, float] = {}
     if attitude is not None:
@@ -191,5 +191,5 @@ def anchors(case: Case, axis: DuAxis | None) -> dict[str, float]:
 def _why(name: str) -> str:
     """What explains a difference: known of the vertical channel only."""
     if name in ("up_m", "velocity_u_m_s"):
-        return "gravity of the digest does not fall with height, ours does: 2 g h / R"
+        return "gravity of the check does not fall with height, ours does: 2 g h / R"
     return "unexplained"

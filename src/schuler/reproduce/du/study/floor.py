@@ -51,7 +51,7 @@ def noise_floor(random_walk: float, duration: float, *, gravity: float = G0) -> 
 
     References
     ----------
-    Digest of Du (2015), section 5.3.
+    Integrals of angle random walk over a flat Earth, for the tests of Du (2015), section 4.1.
     """
     g_n = gravity * random_walk
     return NoiseFloor(
@@ -81,7 +81,7 @@ def noise_growth(random_walk: float, t: ArrayLike, *, gravity: float = G0) -> tu
 
     References
     ----------
-    Digest of Du (2015), section 5.3.
+    Integrals of angle random walk over a flat Earth, for the tests of Du (2015), section 4.1.
     """
     t = np.maximum(np.asarray(t, dtype=np.float64), 0.0)
     g_n = gravity * random_walk
@@ -89,31 +89,3 @@ def noise_growth(random_walk: float, t: ArrayLike, *, gravity: float = G0) -> tu
         np.asarray(random_walk * np.sqrt(t)), np.asarray(g_n * np.sqrt(t**3 / 3.0)),
         np.asarray(g_n * np.sqrt(t**5 / 20.0)),
     )  # fmt: skip
-
-
-def position_by_rate(
-    random_walk: float, accel_bias: float, rate: ArrayLike, duration: float, *, gravity: float = G0
-) -> FloatArray:
-    """Horizontal position error of a run with calibrated gyroscopes against the rate of rotation.
-
-    Parameters
-    ----------
-    random_walk : float
-        [rad/sqrt(s)]
-    accel_bias : float
-        Horizontal, both components together. [m/s^2]
-    rate : array_like, shape (k,)
-        About the vertical, not zero. [rad/s]
-    duration : float
-        [s]
-    gravity : float
-        [m/s^2]
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Root of the sum of squares of the floor and of what the accelerometers' bias leaves, a velocity of
-        ``bias / rate``: ``bias T / (sqrt(3) rate)``. [m]
-    """
-    left = accel_bias * duration / (np.sqrt(3.0) * np.abs(np.asarray(rate, dtype=np.float64)))
-    return np.asarray(np.hypot(noise_floor(random_walk, duration, gravity=gravity).horizontal_position, left))

@@ -1,8 +1,10 @@
-"""The two IMUs of Du's filters, as far as they can be made up: what the thesis leaves open is assumed here, once.
+"""The two IMUs of Du (2015), MTi-G and NAV440: what the thesis leaves open is assumed here, once.
 
 The thesis states neither initial uncertainties nor noise of its filters, nor anything of the accelerometers. The
-values are those under which the anchors of the digest were computed. Data sheets alone would not do: an MTi-G with a
-flicker of 3600 deg/h, as printed, would drift by degrees in a minute, which it did not.
+values are those under which the anchors of the independent check were computed. Data sheets alone would not do: an
+MTi-G with a flicker of 3600 deg/h, as printed, would drift by degrees in a minute, which it did not.
+
+For free-inertial tests both units are emulated so that runs land where the measured ones did.
 """
 
 from __future__ import annotations
@@ -104,7 +106,7 @@ class Emulation:
     response : tuple of float
         Column of M_g for a rate about the rotation axis, z: cross-coupling into x and y, and scale factor. [-]
     gyro_instability : float
-        B of 1/f noise of the gyroscopes; zero in the digest's emulation. [rad/s]
+        B of 1/f noise of the gyroscopes; zero by default. [rad/s]
     rate_hz : float
     """
 
@@ -134,7 +136,7 @@ class Emulation:
 
 
 def emulation(name: str, *, instability_deg_hr: float = 0.0, rate_hz: float | None = None) -> Emulation:
-    """NAV440 or MTi-G as the digest of the thesis emulates them.
+    """NAV440 or MTi-G, emulated so that free-inertial runs land where the thesis's did.
 
     Parameters
     ----------

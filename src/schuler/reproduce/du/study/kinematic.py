@@ -173,7 +173,7 @@ def kinematic_test(
     runs, seed, workers
         See :func:`schuler.reproduce.du.study.static.static_test`.
     initial_attitude_deg : float
-        1-sigma about each axis. The thesis takes the attitude from another INS; from its outages the digest infers a
+        1-sigma about each axis. The thesis takes the attitude from another INS; from its outages follows a
         tenth of a degree. No rotation takes it off, and how much rotation is worth depends on it. [deg]
     progress : callable, optional
         Called with the fraction done.

@@ -1,4 +1,4 @@
-"""Numbers of a free-inertial run: root mean squares over time of the vehicle's errors."""
+"""Metrics of free-inertial runs: RMS errors, their ratio over runs with its interval, period and size of swings."""
 
 from __future__ import annotations
 

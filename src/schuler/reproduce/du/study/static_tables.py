@@ -1,4 +1,4 @@
-"""Tables of tests at rest beside the thesis's measurements and the digest's emulation."""
+"""Tables of tests at rest beside the thesis's measurements and an independent emulation."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from schuler.units import DEG
 if TYPE_CHECKING:
     from schuler.reproduce.du.study.static import StaticTest
 
-_BAND = 0.10  # of the digest's acceptance
+_BAND = 0.10  # for agreement with the independent emulation
 _POSITION, _VELOCITY = index("horizontal_position"), index("horizontal_velocity")
 
 
 def beside_the_check(test: StaticTest) -> ResultTable:
-    """Means beside those of the digest's own emulation, which ours must meet within 10 %."""
+    """Means beside those of an independent emulation, which ours must meet within 10 %."""
     rows: list[tuple[Any, ...]] = []
     for (imu, strategy, rate), (position, velocity) in thesis.EMULATED.items():
         if imu != test.imu.name or (rate and not np.any(np.abs(test.rates / DEG - rate) < 1e-6)):
@@ -32,13 +32,13 @@ def beside_the_check(test: StaticTest) -> ResultTable:
             row += [0.5 * sum(printed), ours, ours / (0.5 * sum(printed)), in_band(ours, printed)]
         rows.append(tuple(row))
     return ResultTable(
-        f"{test.imu.name} at rest: emulation of the digest and ours",
+        f"{test.imu.name} at rest: independent emulation and ours",
         (
-            "strategy", "rate_deg_s", "digest_position_m", "position_m", "position_ratio", "position_in_band",
-            "digest_velocity_m_s", "velocity_m_s", "velocity_ratio", "velocity_in_band",
+            "strategy", "rate_deg_s", "check_position_m", "position_m", "position_ratio", "position_in_band",
+            "check_velocity_m_s", "velocity_m_s", "velocity_ratio", "velocity_in_band",
         ),
         tuple(rows),
-        ("band: 10 % beyond the digest's mean, or beyond the ends of its range", *test.notes()),
+        ("band: 10 % beyond the check's mean, or beyond the ends of its range", *test.notes()),
         test.complete,
     )  # fmt: skip
 
@@ -100,12 +100,12 @@ def improvements(test: StaticTest) -> ResultTable:
 
 
 def in_band(ours: float, printed: tuple[float, float], band: float = _BAND) -> bool:
-    """Whether a mean lies within the digest's range widened by 10 %."""
+    """Whether a mean lies within the check's range widened by 10 %."""
     return printed[0] * (1.0 - band) <= ours <= printed[1] * (1.0 + band)
 
 
 def reason(imu: str, strategy: str, quantity: str) -> str:
-    """Why a measured value and ours differ, where the digest or a calculation of ours knows."""
+    """Reason why a measured value and ours differ, where there is one."""
     if strategy != "conventional":
         if imu == "MTi-G":
             return "below the floor of the sheet's 3 deg/sqrt(h): 2 would fit here, but the drives fit 3"

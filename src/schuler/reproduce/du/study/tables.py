@@ -1,4 +1,4 @@
-"""Numbers of Du's chapters 3 to 5 as printed, and those that the digest of it computed, which ours stand beside."""
+"""Numbers of Du's chapters 3 to 6 as printed, and those of independent computations from its corrected equations."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ CALIBRATION_PPM = {
 #: Section 4.1.2: 1-sigma of the gyroscope biases after 60 s. [deg/h]
 BIAS_DEG_HR = {"MTi-G": 23.2, "NAV440": 3.1}
 
-#: Chapter 3 has figures only. Anchors of the digest: no noise, 45 deg of latitude, 10 deg/s, 300 s. By case and axis of
-#: rotation (Du's), None for conventional: attitude error about E, N, U [deg], velocity E, N, U [m/s], horizontal and
-#: vertical position [m]; None where the digest says nothing. Of installation, largest absolute attitude errors.
+#: Chapter 3 has figures only. Anchors of an independent check: no noise, 45 deg of latitude, 10 deg/s, 300 s. By case
+#: and axis of rotation (Du's), None for conventional: attitude error about E, N, U [deg], velocity E, N, U [m/s], horizontal and
+#: vertical position [m]; None where the check has none. Of installation, largest absolute attitude errors.
 CHAPTER_3: dict[tuple[str, str | None], tuple[tuple[float, ...] | None, tuple[float, ...], float, float | None]] = {
     ("bias", None): ((2.52, 2.34, 2.38), (121.8, -5.7, 60.0), 15447.0, 9022.0),
     ("bias", "X"): ((2.44, -0.13, 0.06), (55.4, -65.0, 2.9), 10855.0, 383.0),
@@ -55,7 +55,7 @@ STATIC_ROTARY = {
 #: Rates that the thesis recommends. [deg/s]
 RECOMMENDED_DEG_S = {"MTi-G": 10.0, "NAV440": 20.0}
 
-#: The digest's emulation (200 runs): means of horizontal position [m] and velocity [m/s], by IMU, strategy and rate.
+#: Independent emulation (200 runs): means of horizontal position [m] and velocity [m/s], by IMU, strategy and rate.
 #: Of a range both ends.
 EMULATED: dict[tuple[str, str, float], tuple[tuple[float, float], tuple[float, float]]] = {
     ("NAV440", "conventional", 0.0): ((2964.0, 2964.0), (25.5, 25.5)),
@@ -149,7 +149,7 @@ MEASURED: dict[tuple[str, str, float | None], Measured] = {
 
 
 class Anchor(NamedTuple):
-    """1-sigma at 300 s of the digest's covariance runs; of a value with ``<`` in it only an upper bound.
+    """1-sigma at 300 s of independent covariance runs; of a value with ``<`` in it only an upper bound.
 
     Attributes
     ----------

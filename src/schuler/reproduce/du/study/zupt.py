@@ -148,7 +148,7 @@ def zupt_sigmas(imu: FilterImu, case: TableCase) -> ZuptSigmas:
 
     References
     ----------
-    Du (2015), section 5.4; uncertainties of the digest, which the thesis does not state.
+    Du (2015), section 5.4; uncertainties are ours: the thesis does not state them.
     """
     ideal, layout = case.ideal(), imu.layout
     increments = Increments(ideal.t[1:], np.diff(ideal.t), ideal.gyro, ideal.accel)
@@ -182,7 +182,7 @@ class ZuptStudy:
                          + "; ".join(f"{s.imu}, {s.case.name}" for s in self.sigmas))  # fmt: skip
 
     def cells(self) -> list[tuple[str, str, str, float, float | None]]:
-        """IMU, case, quantity, our value, the digest's: every number that has an anchor, or None beside it.
+        """IMU, case, quantity, our value, the check's: every number that has an anchor, or None beside it.
 
         An anchor that is an upper bound is negative.
         """
@@ -206,7 +206,7 @@ class ZuptStudy:
         )  # fmt: skip
 
     def comparison(self) -> ResultTable:
-        """Every cell beside the digest's anchor; it agrees within 20 % or half of the last digit printed."""
+        """Every cell beside the check's anchor; it agrees within 20 % or half of the last digit printed."""
         rows: list[tuple[Cell, ...]] = []
         for imu, case, quantity, ours, theirs in self.cells():
             if theirs is not None:
@@ -217,9 +217,9 @@ class ZuptStudy:
                 rows.append((imu, case, quantity, text, ours, None if bound else ours / theirs, agrees))
         return ResultTable(
             "Anchors of the zero-velocity filter",
-            ("imu", "case", "quantity", "digest", "ours", "ratio", "agrees"),
+            ("imu", "case", "quantity", "check", "ours", "ratio", "agrees"),
             tuple(rows),
-            ("the digest prints accelerometer biases to 0.001 m/s^2",),
+            ("the check has accelerometer biases to 0.001 m/s^2",),
         )
 
     def summary(self) -> str:

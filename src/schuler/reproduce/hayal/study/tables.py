@@ -1,4 +1,4 @@
-"""Tables 4.2 to 4.5 of Hayal (2010) beside the same simulation done many times.
+"""Tables 4.2 to 4.5 and 5.7 of Hayal (2010), the former beside the same simulation done many times.
 
 The source has one draw of each case and does not say which attitudes it used. So its uncertainties agree within a
 factor, and its errors are one draw from our distribution of errors.
@@ -150,18 +150,6 @@ def table_rows(runs: int, rng: np.random.Generator, tables: Sequence[str] = tupl
     return rows
 
 
-def table_text(rows: Sequence[TableRow]) -> str:
-    """Side by side: bias in its SI unit, scale factors in ppm, angles in microradian."""
-    lines = ["table case parameter   source sigma   our sigma   source error   our rms error   inside"]
-    for r in rows:
-        unit = 1.0 if r.parameter[0] == "b" else 1.0 / PPM
-        lines.append(
-            f"{r.table:5} {r.case:4d} {r.parameter:9} {r.source_sigma * unit:14.3g} {r.sigma * unit:11.3g} "
-            f"{r.source_error * unit:14.3g} {r.rms_error * unit:15.3g}   {'yes' if r.inside else 'NO'}"
-        )
-    return "\n".join(lines)
-
-
 def _rows(table: str, case: int, sigma: FloatArray, error: FloatArray, ours: StudyResult) -> list[TableRow]:
     order = len(sigma)
     unit = np.array([1.0] * 3 + [PPM] * 6)[:order]
@@ -193,7 +181,7 @@ PUBLISHED = {
     ("HG1900", 30.0): ((2.1299, 21.2205), (2.0695, 23.0985), (2.0353, 23.1007), (2.8572, 24.6951)),
     ("HG1900", 60.0): ((17.9284, 92.3565), (13.9221, 76.5114), (13.7034, 75.9497), (18.3633, 83.7324)),
 }
-#: The digest's prototype of this emulation (another program, 66 outages, two draws): sigma at the four lengths. [m]
+#: Independent prototype of this emulation (another program, 66 outages, two draws): sigma at the four lengths. [m]
 PROTOTYPE = {
     ("HG1700", "Original"): (0.0315, 0.198, 1.19, 4.63), ("HG1700", "3.0"): (0.0314, 0.196, 1.17, 4.55),
     ("HG1700", "3.3"): (0.0314, 0.196, 1.15, 4.47), ("HG1700", "3.9"): (0.0311, 0.195, 1.16, 4.51),

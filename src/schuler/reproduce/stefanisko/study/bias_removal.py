@@ -32,7 +32,7 @@ STRATEGIES: tuple[Strategy, ...] = (
 #: Constant errors that explain the source's drift without correction: 100, 70, 18 m in 20 s. [m/s^2], [rad/s]
 BIAS_ACCEL = np.array([0.50, 0.35, 0.09])
 BIAS_GYRO = np.full(3, 0.02 * DEG)
-#: End errors of the digest's simulation of 400 runs, north, east, down. [m]
+#: End errors of an independent simulation of 400 runs, north, east, down. [m]
 CHECK = {
     "none": (95.0, 75.0, 18.0),
     "mean, same stretch": (0.24, 0.27, 0.10),
@@ -264,11 +264,11 @@ class BiasStudy(TabularResult):
         return value
 
     def table(self) -> ResultTable:
-        """One row a strategy, the digest's numbers beside ours."""
+        """One row a strategy, numbers of the independent check beside ours."""
         rows = tuple((name, *map(float, self.rms(name)), *CHECK[name]) for name in STRATEGIES if len(self.end_n[name]))
         return ResultTable(
             f"Stefanisko, bias removal at rest, {self.length_s:g} s, {len(self.end_n['none'])} runs",
-            ("strategy", "rms_north_m", "rms_east_m", "rms_down_m", "digest_north_m", "digest_east_m", "digest_down_m"),
+            ("strategy", "rms_north_m", "rms_east_m", "rms_down_m", "check_north_m", "check_east_m", "check_down_m"),
             rows,
             (
                 "'same stretch' is estimated and tested on the same data (in-sample), 'stretch before' on others; the "

@@ -73,7 +73,7 @@ class FigureEightResult(TabularResult):
         return self.rms(slice(2, 3), t)
 
     def ratio(self, t: float) -> float:
-        """True over claimed position error: the digest asks for 0.7 to 1.3."""
+        """True over claimed position error; consistent between 0.7 and 1.3."""
         return self.position(t) / self.claimed(slice(6, 9), t)
 
     def table(self, times: tuple[float, ...] = (50.0, 90.0, 93.0, 120.0)) -> ResultTable:

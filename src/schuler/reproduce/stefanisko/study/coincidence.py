@@ -26,7 +26,7 @@ from schuler.reproduce.stefanisko.study.experiment import FigureEight
 
 Progress = Callable[[float], None]
 
-#: The digest's position errors at 50 s and at the end of the outage, by update interval. [s]: [m], [m]
+#: Position errors of an independent simulation at 50 s and at the end of the outage, by update interval. [s]: [m], [m]
 CHECK = {0.3: (0.50, 4.1), 0.1: (0.31, 3.6)}
 
 
@@ -112,7 +112,7 @@ class CoincidenceStudy(TabularResult):
     asynchronous: FigureEightResult
 
     def table(self) -> ResultTable:
-        """Errors at 50 s and at the end of the outage, the digest's beside ours."""
+        """Errors at 50 s and at the end of the outage, the independent check's beside ours."""
         rows = []
         for name, r in (("coincidence", self.coincidence), ("asynchronous", self.asynchronous)):
             reference = CHECK.get(round(r.case.update_s, 6), (None, None))
@@ -122,7 +122,7 @@ class CoincidenceStudy(TabularResult):
                 )
         return ResultTable(
             f"coincidence and asynchronous updates, figure-eight, {len(self.coincidence.nis)} runs",
-            ("schedule", "update_s", "t_s", "rms_position_m", "claimed_position_m", "digest_m", "rms_velocity_m_s"),
+            ("schedule", "update_s", "t_s", "rms_position_m", "claimed_position_m", "check_m", "rms_velocity_m_s"),
             tuple(rows),
             ("white GNSS errors: with errors that are correlated over seconds the gain is smaller",),
             self.coincidence.complete and self.asynchronous.complete,

@@ -38,7 +38,7 @@ GYRO_NOISE, ACCEL_NOISE = 0.005 * DEG, 400.0 * UG
 
 @dataclass(frozen=True)
 class FigureEight:
-    """One case of the experiment; the defaults are the digest's.
+    """One case of the experiment; the defaults follow section 4.6.
 
     Attributes
     ----------

@@ -1,4 +1,10 @@
-"""What a filter with some factors on its variances is worth: the likelihood of its innovations."""
+"""Stefanisko's tuning guide as a program: P0 first, then Q, then R, judged in-sample and out-of-sample.
+
+The thesis (section 4.6) fixes P0, then Q, and varies R "until estimates are stable", by eye. Here each of the three is
+a factor on the configured variances, varied on a grid while the others stay, and judged by the log likelihood of the
+innovations: it punishes a filter that claims too little (large normalised innovations) and one that claims too much
+(wide ones) alike, and needs no truth. Whether the choice holds is asked of data that had no part in it.
+"""
 
 from __future__ import annotations
 

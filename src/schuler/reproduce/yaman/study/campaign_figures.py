@@ -1,4 +1,4 @@
-"""Figures of a Monte Carlo of field calibrations: errors put in and left over, as histograms and side by side."""
+"""Figures of a Monte Carlo of field calibrations: errors put in and left over, and convergence of one run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figure of the static test: how far units at rest drift, raw, with calibrated gyroscopes, and calibrated."""
+"""Figures of the static test (drift of units at rest, raw and calibrated) and of the routine by hand."""
 
 from __future__ import annotations
 

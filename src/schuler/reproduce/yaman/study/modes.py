@@ -45,7 +45,9 @@ _HEADING_ERROR = 1.0 * DEG
 
 
 def mode_config(gps: Gps, calibrated: bool, aided: bool, outage: tuple[float, float]) -> NavigationConfig:
-    """Configuration of a mode. Gates, rates and sigmas of ZUPT and NHC are the digest's suggestions (4.7)."""
+    """Configuration of a mode. Gates, rates and sigmas of ZUPT and NHC are
+    ours: the thesis does not state them.
+    """
     accel, gyro = TOLD["calibrated" if calibrated else "raw"]
     root = float(np.sqrt(1.0 / GNSS_RATE_HZ))
     base = NavigationConfig.parse(

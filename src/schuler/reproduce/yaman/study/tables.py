@@ -1,4 +1,4 @@
-"""Yaman's tables of navigation performance by mode, as printed."""
+"""Tables of Yaman (2017) as printed: navigation by mode, Monte Carlo of the field calibration (Tables 5.3, 5.4)."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def printed_unit(name: str) -> tuple[str, float]:
 def published(grade: str, name: str) -> tuple[float, float, float, float] | None:
     """Modelled mean and std, residual mean and std of a parameter in SI; None where the source has none.
 
-    The source's residuals are truth minus estimate as far as can be told (digest 5.4): means have the other sign here.
+    The source's residuals are truth minus estimate as far as Tables 5.3 and 5.4 show: means have the other sign here.
     """
     row = PRINTED_CAMPAIGNS.get(grade, {}).get(name)
     if row is None:

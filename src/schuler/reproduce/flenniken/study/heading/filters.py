@@ -1,4 +1,4 @@
-"""The filters: heading with a bias modelled as constant, as Gauss-Markov, as both; position with both.
+"""Heading filters with a bias constant, Gauss-Markov or both, the position filter, and the sensor's true bias.
 
 Heading error and biases in SI. The gyroscope's reading is the input, so its noise drives the heading.
 """
@@ -23,7 +23,7 @@ def constant_bias(N: float, *, walk: float = 0.0, sigma_heading: float, sigma_bi
         Root density of the gyroscope's noise. [rad/s/sqrt(Hz)]
     walk : float
         Root density of the bias's random walk; zero lets the filter fall asleep, which the source's text warns of and
-        its equation does (E9 of the digest). [rad/s/sqrt(s)]
+        its equation does (eqs. 4.8, 4.26, 4.35). [rad/s/sqrt(s)]
     sigma_heading, sigma_bias : float
         1-sigma at the start. [rad], [rad/s]
 

@@ -43,7 +43,7 @@ class RocketProfile:
     Notes
     -----
     The source's numbers contradict each other: -10 deg/s for 15 s are 150 deg and not the 143 from 55 to -88 deg, a
-    peak of 24 km "in 40 seconds" leaves 125 s to fall, and so on (E22 of the digest). T1-R keeps 8 g, 55 and -88 deg
+    peak of 24 km "in 40 seconds" leaves 125 s to fall, and so on (section 7.2). T1-R keeps 8 g, 55 and -88 deg
     and 15 s; it burns 12.5 s so that range and both burnout velocities come near. The 40 are then kilometres.
 
     References

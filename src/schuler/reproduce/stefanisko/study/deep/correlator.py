@@ -98,12 +98,6 @@ def ratio_from_dbhz(cn0_dbhz: ArrayLike) -> FloatArray:
     return np.asarray(10.0 ** (0.1 * np.asarray(cn0_dbhz, dtype=np.float64)))
 
 
-def dbhz_from_ratio(cn0: ArrayLike) -> FloatArray:
-    """The inverse of :func:`ratio_from_dbhz`; -inf for zero and for what noise made negative. [Hz] to [dB-Hz]"""
-    c = np.asarray(cn0, dtype=np.float64)
-    return np.where(c > 0.0, 10.0 * np.log10(np.where(c > 0.0, c, 1.0)), -np.inf)
-
-
 def code_correlation(x: ArrayLike) -> FloatArray:
     """Correlation of the code with itself, ``1 - |x|`` within a chip. ``x`` in chips.
 

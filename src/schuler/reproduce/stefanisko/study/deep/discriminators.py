@@ -55,12 +55,6 @@ def cross_product(first: np.ndarray, second: np.ndarray) -> FloatArray:
     return np.asarray((second * np.conj(first)).imag)
 
 
-def decision_directed(first: np.ndarray, second: np.ndarray) -> FloatArray:
-    """Cross product times the sign of ``I_1 I_2 + Q_1 Q_2``: indifferent to a data bit that changes in between."""
-    turned = second * np.conj(first)
-    return np.asarray(turned.imag * np.where(turned.real < 0.0, -1.0, 1.0))
-
-
 def code_curve(kind: CodeKind, x: ArrayLike, spacing: float) -> FloatArray:
     """Mean of a code discriminator for a prompt power of one: its S-curve. ``x`` and ``spacing`` in chips."""
     _check(kind)

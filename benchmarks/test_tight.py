@@ -14,7 +14,7 @@ from schuler.gnss.preparation import prepare_ranges
 from schuler.gnss.range_errors import RangeErrors
 from schuler.gnss.synthetic import synthetic_ranges
 from schuler.navigation.aids.satellite import range_measurements
-from schuler.navigation.inputs.satellite_noise import honest
+from schuler.navigation.inputs.satellite_noise import inflate_sigmas
 from schuler.navigation.states import clock_models
 
 EPOCH = 1.3e9
@@ -75,4 +75,4 @@ def test_preparation(benchmark, sky, what):
         )
     else:
         ranges = replace(sky.ranges, notes=())
-        benchmark.pedantic(lambda: honest(ranges, []), rounds=5, warmup_rounds=1)
+        benchmark.pedantic(lambda: inflate_sigmas(ranges, []), rounds=5, warmup_rounds=1)

@@ -94,7 +94,7 @@ def test_zero_rotation_with_noise_of_its_own_is_exact(drive):
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_wrong_stamps_are_found(drive, sign):
+def test_wrong_stamps_are_estimated(drive, sign):
     """GNSS stamps wrong by +-0.1 s: the delay is found, and the solution is as good as it says.
 
     The model is of first order in the delay: jerk, and the antenna's turning about the IMU, are left out. Seen over
@@ -155,7 +155,7 @@ EITHER = {
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("block", EITHER)
-def test_each_block_is_found_with_either_sign(drive, block, sign):
+def test_each_block_is_estimated_with_either_sign(drive, block, sign):
     """One block off by its sigma, nothing else wrong and hardly any noise: its estimate goes there, not away."""
     lay = ac.layout(block)
     size = lay[block].stop - lay[block].start
@@ -167,11 +167,11 @@ def test_each_block_is_found_with_either_sign(drive, block, sign):
     sigma = np.sqrt(np.diag(P[-1]))[part]
     # statistical: noise is 2 percent of what the filter takes it for, so errors are far below a sigma
     assert np.all(np.abs(dx[-1, part]) < 1.0 * sigma + 0.02 * np.abs(value)), dx[-1, part] / sigma
-    told = sigma < 0.5 * lay.models[block].sigma
-    assert told.sum() >= {"b_r": 0, "b_v": 0, "lever": 2, "lever_v": 1}.get(block, size)
+    observable = sigma < 0.5 * lay.models[block].sigma
+    assert observable.sum() >= {"b_r": 0, "b_v": 0, "lever": 2, "lever_v": 1}.get(block, size)
     last = one.parameters[-1, part.start - 9 : part.stop - 9]
     estimate = one.result.parameters[-1, part.start - 9 : part.stop - 9]
-    assert np.all(np.sign(last[told]) * estimate[told] > 0.0)
+    assert np.all(np.sign(last[observable]) * estimate[observable] > 0.0)
 
 
 def everything(drive, seed=2, gate=0.9999):

@@ -43,7 +43,7 @@ def test_nees_over_a_hundred_seeds(drive_case, states):
     assert np.all(np.abs(spread - 1.0) < 4.5 / np.sqrt(200)), spread
 
 
-def test_nees_with_every_state_there_is(drive_case):
+def test_nees_with_all_states(drive_case):
     """45 states: biases, scale factors, cross-coupling, g-sensitivity and a lever arm that is 0.2 m off."""
     lay = cases.layout(45)
     values, nis, _ = campaign(drive_case, lay, range(40))
@@ -84,7 +84,7 @@ def test_nees_over_an_hour(runs):
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("block", ["b_a", "b_g", "S_a", "S_g", "M_a6", "M_g", "G_g", "lever"])
-def test_each_parameter_is_found_with_either_sign(drive_case, block, sign):
+def test_each_parameter_is_estimated_with_either_sign(drive_case, block, sign):
     """One parameter block off, all else exact and almost noise-free: its estimate goes to the truth, not away."""
     lay = cases.layout(45)
     rng = np.random.default_rng(3)
@@ -103,11 +103,11 @@ def test_each_parameter_is_found_with_either_sign(drive_case, block, sign):
     sigma = np.sqrt(np.diag(P[-1]))[part]
     assert np.all(np.abs(dx[-1, part]) < 4.5 * sigma), dx[-1, part] / sigma  # statistical: 4.5 sigma
     # where the drive tells anything at all, the estimate has moved towards the truth
-    told = sigma < 0.5 * lay.models[block].sigma
+    observable = sigma < 0.5 * lay.models[block].sigma
     estimate = result.parameters[-1, part.start - 9 : part.stop - 9]
-    assert np.all(sign * estimate[told] > 0.0)
+    assert np.all(sign * estimate[observable] > 0.0)
     least = {"b_a": 2, "b_g": 3, "S_g": 1, "lever": 2}  # a car hardly turns about any but its vertical axis
-    assert told.sum() >= least.get(block, 0)
+    assert observable.sum() >= least.get(block, 0)
 
 
 def test_zero_error_data_stays_at_zero(drive_case):

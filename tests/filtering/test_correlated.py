@@ -24,7 +24,7 @@ def test_honest_with_states_for_them(drive, blocks, runs):
 
 
 @pytest.mark.parametrize("runs", RUNS)
-def test_honest_with_wheels_and_known_places_beside_them(drive, runs):
+def test_nees_with_wheels_and_surveyed_places_is_in_band(drive, runs):
     lay = ac.layout("b_r", "b_v", "mount", "lever_v")
     ac.Campaign.of(drive, lay, [ac.gnss, ac.wheels, ac.known_places], range(runs)).check()
 
@@ -67,7 +67,7 @@ def test_uncertainty_does_not_average_below_the_slow_error(drive):
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_a_long_lasting_error_is_told_by_known_places(drive, sign):
+def test_surveyed_places_show_a_long_lasting_error(drive, sign):
     """The slow error of positions is observable against fixes of 0.3 m, with either sign."""
     lay = ac.layout(b_r=StateModel.gauss_markov(2.0, 2000.0))
     given = {"b_a": 0.0, "b_g": 0.0, "b_r": sign * np.array([2.0, -2.0, 2.0])}

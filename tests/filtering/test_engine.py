@@ -76,12 +76,12 @@ def test_order_of_measurements_of_one_time_does_not_matter(drive_case):
 
 def test_chunks_of_the_log_join_without_a_seam(drive_case, monkeypatch):
     log, schedule, initial, lay = setup(drive_case)
-    whole = run(log, schedule, initial, lay, *NOISE, FilterOptions(smoother=True))
+    complete = run(log, schedule, initial, lay, *NOISE, FilterOptions(smoother=True))
     monkeypatch.setattr(engine, "_CHUNK", 997)
     parts = run(log, schedule, initial, lay, *NOISE, FilterOptions(smoother=True))
     for name in ("t", "q", "v", "r", "rec_t", "rec_P", "status", "nis"):
-        np.testing.assert_array_equal(getattr(whole, name), getattr(parts, name))
-    np.testing.assert_array_equal(whole.nodes.P, parts.nodes.P)
+        np.testing.assert_array_equal(getattr(complete, name), getattr(parts, name))
+    np.testing.assert_array_equal(complete.nodes.P, parts.nodes.P)
 
 
 def test_live_navigator_gives_the_batch_numbers(drive_case):

@@ -89,9 +89,9 @@ def numerical(kind, nav, est, z, lay, steps):
         for sign in (1.0, -1.0):
             dx = np.zeros(lay.size)
             dx[k] = sign * step
-            there = moved(nav, dx)
-            y = rows(kind, there, est + dx[9:], z, lay)[1]
-            sides.append(U @ frames.C_en(frames.llh_from_ecef(there[7:10])) @ y if len(y) == 3 else y)
+            displaced = moved(nav, dx)
+            y = rows(kind, displaced, est + dx[9:], z, lay)[1]
+            sides.append(U @ frames.C_en(frames.llh_from_ecef(displaced[7:10])) @ y if len(y) == 3 else y)
         columns.append((sides[0] - sides[1]) / (2.0 * step))
     return np.array(columns).T
 

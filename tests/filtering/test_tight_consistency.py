@@ -49,7 +49,7 @@ def test_nees_with_an_unknown_lever_arm_and_aids(drive, runs):
 
 @pytest.mark.parametrize("runs", RUNS)
 @pytest.mark.parametrize("most", [3, 2, 1, 0])
-def test_nees_through_a_minute_of_few_satellites(drive, most, runs):
+def test_nees_through_a_minute_with_a_subset_of_satellites(drive, most, runs):
     """Eight satellites, then three, two, one or none from 45 to 105 s, then eight again."""
     t = drive.fixes_t
     over = ac.sky(drive, "G", np.where((t > 45.0) & (t < 105.0), most, 8))
@@ -97,7 +97,7 @@ def test_one_or_two_satellites_from_the_start_are_bounded(drive, most):
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("block", [*CLOCK, "clock_2", "lever"])
-def test_each_clock_is_found_with_either_sign(drive, block, sign):
+def test_each_clock_is_estimated_with_either_sign(drive, block, sign):
     """Hardly any noise in the ranges, one block off: its estimate follows the truth, walks and all."""
     lay = ac.layout(*CLOCK, "clock_2", "lever")
     size = lay[block].stop - lay[block].start
@@ -106,11 +106,13 @@ def test_each_clock_is_found_with_either_sign(drive, block, sign):
     one = ac.filtered(drive, lay, [ac.satellites(ac.sky(drive, "GE", 12))], 4, given=given, noise=0.02)
     part = slice(lay[block].start - 9, lay[block].stop - 9)
     sigma = one.result.sigma(block)
-    told = sigma[-1] < 0.5 * lay.models[block].sigma
-    assert told.sum() >= (2 if block == "lever" else 1)
+    observable = sigma[-1] < 0.5 * lay.models[block].sigma
+    assert observable.sum() >= (2 if block == "lever" else 1)
     error = one.result.parameters[:, part] - one.parameters[:, part]
-    assert np.all(np.abs(error[-20:, told]) < 1.0 * sigma[-20:, told])  # statistical: noise is far below a sigma
-    assert np.all(sign * one.result.parameters[-1, part][told] > 0.0)
+    assert np.all(
+        np.abs(error[-20:, observable]) < 1.0 * sigma[-20:, observable]
+    )  # statistical: noise is far below a sigma
+    assert np.all(sign * one.result.parameters[-1, part][observable] > 0.0)
 
 
 @pytest.mark.parametrize("runs", RUNS)
@@ -194,8 +196,8 @@ def test_tight_is_loose_in_the_limit_of_a_clock_without_memory(drive):
     A clock known to 1 km before an epoch and to metres after it leaves 1e-5 of the information; rounding of variances
     that differ as much is below that.
     """
-    found = np.array([loose_and_tight(drive, s)[1] for s in (10.0, 100.0)])
-    assert 30.0 < found[0] / found[1] < 110.0, found  # a hundred, less what linearisation leaves
+    differences = np.array([loose_and_tight(drive, s)[1] for s in (10.0, 100.0)])
+    assert 30.0 < differences[0] / differences[1] < 110.0, differences  # a hundred, less what linearisation leaves
     assert np.all(loose_and_tight(drive, 3000.0) < LIMIT)
 
 

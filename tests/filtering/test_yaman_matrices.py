@@ -135,7 +135,7 @@ def test_navigation_columns_are_the_printed_ones(seed):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_gravity_is_known_better_than_in_the_source(seed):
+def test_gravity_is_more_accurate_than_in_the_source(seed):
     """3.086e-6 1/s^2 a metre in place of 2 g0/rS = 3.078e-6; the source drops 0.051 m/s^2 a radian and 7.9e-9 1/s^2."""
     llh = state(seed)[0]
     with_latitude, with_height = gravity_columns(llh)

@@ -144,7 +144,7 @@ def test_wheels_bring_more_than_half(recording, outcomes):
         assert free.mean_smoothed > outcomes[first].mean_smoothed
 
 
-def test_what_wheels_say_is_rarely_rejected_and_counted(outcomes):
+def test_wheel_measurements_are_rarely_rejected_and_counted(outcomes):
     counts = outcomes[40.0].result.innovations.counts()
     for kind in ("lateral", "vertical"):
         c = counts[kind]
@@ -153,7 +153,7 @@ def test_what_wheels_say_is_rarely_rejected_and_counted(outcomes):
         assert c["condition not met"] > 100  # standing, and squat and dive for the vertical one
 
 
-def test_the_car_stands_at_traffic_stops(outcomes):
+def test_the_car_rests_at_traffic_stops(outcomes):
     counts = outcomes[40.0].result.innovations.counts()
     assert counts["zero_velocity"]["rejected"] == 0
     assert counts["zero_velocity"]["accepted"] > 40
@@ -235,7 +235,7 @@ def test_the_derived_stamps_are_stretched(recording, shared_data, criterion):
     assert predicted_over(derived, 10.0, data)[0] < criterion - 1.0
 
 
-def test_mount_angles_and_clock_are_found_in_the_log(recording):
+def test_mount_angles_and_clock_are_estimated_from_the_log(recording):
     """From 10 degrees and 0.3 s of ignorance; with cross-coupling of 1 percent as any cheap IMU has it."""
     raw_axes = np.diag([-1.0, 1.0, -1.0])  # "BRU"
     C = rotation.dcm_from_rpy(np.array(README_MOUNT_RPY) * units.DEG).T @ raw_axes

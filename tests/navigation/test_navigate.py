@@ -244,7 +244,7 @@ def test_gyrocompassing_starts_a_good_imu():
     assert result.sigma("dpsi")[0, 2] < 0.5 * units.DEG
 
 
-def test_clocks_that_do_not_overlap_are_said_so(recording):
+def test_clocks_that_do_not_overlap_are_refused(recording):
     off = Recording(recording.imu.shifted(1e5), recording.gnss, None, recording.reference)
     with pytest.raises(InputError, match=r"no GNSS fix lies within the IMU log .* check the clocks"):
         navigate(off, config())
@@ -264,7 +264,7 @@ def test_clocks_that_do_not_overlap_are_said_so(recording):
         ({"alignment": {"method": "given"}}, "rpy_deg goes with method"),
     ],
 )
-def test_faulty_configurations_say_where_and_what(sections, message):
+def test_faulty_configurations_are_refused_with_place_and_reason(sections, message):
     with pytest.raises(ConfigError, match=message):
         NavigationConfig.parse(config(**sections))
 

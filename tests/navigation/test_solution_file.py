@@ -8,7 +8,7 @@ import pytest
 from schuler import units
 from schuler.exceptions import FileFormatError
 from schuler.navigation.run import navigate
-from schuler.navigation.solution_tables import FORMAT, read_solution
+from schuler.navigation.solution_tables import SOLUTION_FORMAT, read_solution
 from schuler.recording.formats.parquet import read_table, write_table
 from schuler.simulation.scenario import simulate
 
@@ -43,7 +43,7 @@ def test_a_solution_survives_the_file(result, tmp_path):
     np.testing.assert_array_equal(T.r_eb_e, result.trajectory.r_eb_e)
     np.testing.assert_array_equal(T.q_eb, result.trajectory.q_eb)
     np.testing.assert_allclose(T.v_eb_e, result.trajectory.v_eb_e, atol=1e-12)  # rounding: stored north, east, down
-    assert meta["format"] == FORMAT
+    assert meta["format"] == SOLUTION_FORMAT
     assert meta["states"] == result.layout.to_dict()
     assert meta["outages"] == [[30.0, 34.0]]
     assert meta["lever_arm_b_m"] == [0.5, 0.0, -1.0]
@@ -69,7 +69,7 @@ def test_columns_have_units_in_their_names_and_sigmas(result, tmp_path):
     assert len({len(column) for column in columns.values()}) == 1
 
 
-def test_smoothed_solutions_say_so(result, tmp_path):
+def test_smoothed_solutions_are_marked(result, tmp_path):
     _, meta = read_solution(result.smooth().to_parquet(tmp_path / "smoothed.parquet"))
     assert meta["smoothed"]
 

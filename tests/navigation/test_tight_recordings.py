@@ -109,7 +109,7 @@ def test_walk_innovations_are_honest(whole_walk):
 
 @pytest.mark.parametrize(("most", "largest"), [(3, 3.0), (2, 5.0), (1, 15.0)])
 @pytest.mark.parametrize("begin", [60.0, 75.0])
-def test_walk_goes_on_with_few_satellites(walk, whole_walk, most, largest, begin):
+def test_walk_goes_on_with_a_subset_of_satellites(walk, whole_walk, most, largest, begin):
     """Twenty seconds with three, two, one satellite: bounded, within what is claimed, and back at once."""
     start = walk.ranges.t[0]
     window = (start + begin, start + begin + 20.0)
@@ -128,7 +128,7 @@ def test_walk_goes_on_with_few_satellites(walk, whole_walk, most, largest, begin
     assert 0 < np.sum(within) <= 80 * most
 
 
-def test_walk_cut_to_few_satellites_all_along(walk):
+def test_walk_with_a_subset_of_satellites_all_along(walk):
     """By the entry of the configuration: the uncertainty says what is lost."""
     sigma = {}
     for most in (12, 6, 5, 4):
@@ -248,16 +248,16 @@ def test_spirent_finds_injected_biases(spirent, name, sign):
     for block, true in (("b_g", b_g), ("b_a", b_a)):
         error, sigma = result.parameter(block)[-1] - true, result.sigma(block)[-1]
         assert np.all(np.abs(error) < 1.5 * sigma), (block, error / sigma)
-        told = sigma < 0.5 * result.sigma(block)[0]
-        assert told.any()
-        assert np.all(np.sign(result.parameter(block)[-1][told]) == np.sign(true[told]))
+        observable = sigma < 0.5 * result.sigma(block)[0]
+        assert observable.any()
+        assert np.all(np.sign(result.parameter(block)[-1][observable]) == np.sign(true[observable]))
     d = result.states.r_eb_e - spirent.truth.at(result.t).r_eb_e
     assert np.linalg.norm(d, axis=1)[60:].max() < 0.6
 
 
 @pytest.mark.parametrize("runs", [6, pytest.param(40, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", list(SETS))
-def test_spirent_is_as_good_as_it_says(spirent, name, runs):
+def test_spirent_nees_is_in_band(spirent, name, runs):
     """NEES of position, velocity and attitude with the catalogue's errors and white noise as the budget has it.
 
     The budget of ranges holds errors that last; as white noise they are what the filter believes, so the test is of the

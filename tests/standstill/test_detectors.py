@@ -124,7 +124,7 @@ def test_the_printed_deviation_has_at_most_the_stated_rate(rng):
     )  # statistical
 
 
-def test_noise_at_rest_is_found_in_a_log_that_mostly_moves():
+def test_noise_at_rest_is_estimated_in_a_log_that_mostly_moves():
     rng = np.random.default_rng(3)
     imu = at_rest(60_000, rng)
     moving = np.arange(60_000) % 6000 > 1800  # 30 % at rest
@@ -182,7 +182,7 @@ def test_uniform_rotation_is_motion_but_not_as_printed(axis, rng):
     assert np.all(evaluate(imu, "acceleration magnitude", 1.0) < 3.0)
 
 
-def test_a_known_gyro_bias_is_not_motion(rng):
+def test_a_given_gyro_bias_is_not_motion(rng):
     imu = at_rest(2000, rng)
     biased = ImuSeries(imu.t, imu.gyro + np.array((0.05, -0.02, 0.01)), imu.accel)
     assert evaluate(biased, "moving deviation").min() > 5.0
@@ -191,7 +191,7 @@ def test_a_known_gyro_bias_is_not_motion(rng):
     )  # rounding
 
 
-def test_a_weak_shake_is_detected_as_often_as_the_noncentral_distribution_says():
+def test_detection_rate_of_a_weak_shake_follows_the_noncentral_distribution():
     """Rate energy of a constant rate c: W times the statistic is noncentral chi-square with W c^2 / sigma^2."""
     from scipy.stats import ncx2
 

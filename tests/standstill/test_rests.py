@@ -185,8 +185,8 @@ def test_a_third_of_the_rests_turning_does_not_hide_it():
 
 def test_a_log_that_turns_all_the_time_has_no_other_rest_to_compare_with():
     """Said in a note; a bias known beforehand tells."""
-    whole = Routine((Turn("z", 30.0 * DEG, 60.0, ramp=0.001),))
-    imu = log_of(whole, "yaman-tactical")
+    complete = Routine((Turn("z", 30.0 * DEG, 60.0, ramp=0.001),))
+    imu = log_of(complete, "yaman-tactical")
     rests = field_rests(imu)
     assert len(rests) == 1
     assert any("would look like a gyro bias" in note for note in rests.notes)

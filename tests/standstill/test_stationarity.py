@@ -42,43 +42,43 @@ def poses(rng, count=8, rest_s=6.0, turn_s=2.0, rate_hz=100.0, bias=(0.01, -0.02
     return ImuSeries(t, gyro, accel), np.array(rest)
 
 
-def check(found, rest, window_s):
+def check(intervals, rest, window_s):
     """Every interval lies within a true one and loses at most a window at either end."""
-    assert len(found) == len(rest)
-    assert np.all(found.start >= rest[:, 0] - 1e-9)
-    assert np.all(found.stop <= rest[:, 1] + 1e-9)
-    lost = found.start[1:] - rest[1:, 0], rest[:-1, 1] - found.stop[:-1]
+    assert len(intervals) == len(rest)
+    assert np.all(intervals.start >= rest[:, 0] - 1e-9)
+    assert np.all(intervals.stop <= rest[:, 1] + 1e-9)
+    lost = intervals.start[1:] - rest[1:, 0], rest[:-1, 1] - intervals.stop[:-1]
     assert np.max(lost) < 1.1 * window_s + 0.02
 
 
 @pytest.mark.parametrize("method", ["moving deviation", "glrt", "angular rate energy"])
-def test_poses_are_found_and_turns_are_not(method, rng):
+def test_poses_are_detected_and_turns_are_not(method, rng):
     imu, rest = poses(rng)
-    found = static_intervals(imu, method=method, window_s=0.5, gravity=G)
-    check(found, rest, 0.5)
-    assert found.start[0] == imu.t[0]  # nothing is cut at the ends of the log
-    assert found.stop[-1] == imu.t[-1]
-    assert found.mask.sum() == np.diff(found.index, axis=1).sum()
-    np.testing.assert_allclose(found.duration, found.stop - found.start)
-    assert found.summary().startswith("8 intervals at rest")
+    intervals = static_intervals(imu, method=method, window_s=0.5, gravity=G)
+    check(intervals, rest, 0.5)
+    assert intervals.start[0] == imu.t[0]  # nothing is cut at the ends of the log
+    assert intervals.stop[-1] == imu.t[-1]
+    assert intervals.mask.sum() == np.diff(intervals.index, axis=1).sum()
+    np.testing.assert_allclose(intervals.duration, intervals.stop - intervals.start)
+    assert intervals.summary().startswith("8 intervals at rest")
 
 
 @pytest.mark.parametrize("rate_hz", [10.0, 50.0, 800.0])
-def test_poses_are_found_at_any_rate(rate_hz, rng):
+def test_poses_are_detected_at_any_rate(rate_hz, rng):
     imu, rest = poses(rng, count=5, rate_hz=rate_hz)
     check(static_intervals(imu, window_s=1.0), rest, 1.0)
 
 
 def test_means_of_the_intervals_are_gravity_and_bias(rng):
     imu, _ = poses(rng, rest_s=10.0)
-    found = static_intervals(imu)
-    omega, f = found.means(imu)
+    intervals = static_intervals(imu)
+    omega, f = intervals.means(imu)
     # statistical: 3.5 sigma of the mean of about 800 samples, 48 of them
     np.testing.assert_allclose(np.linalg.norm(f, axis=1), G, atol=4.0 * 0.02 / np.sqrt(800))
     np.testing.assert_allclose(omega, np.tile((0.01, -0.02, 0.005), (8, 1)), atol=4.0 * 0.003 / np.sqrt(800))
-    np.testing.assert_allclose(found.gyro_bias, (0.01, -0.02, 0.005), atol=2e-3)  # statistical: one window
+    np.testing.assert_allclose(intervals.gyro_bias, (0.01, -0.02, 0.005), atol=2e-3)  # statistical: one window
     with pytest.raises(InputError, match="expected the log of"):
-        found.means(imu.between(0.0, 5.0))
+        intervals.means(imu.between(0.0, 5.0))
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -98,38 +98,38 @@ def test_uniform_rotation_is_not_rest(axis, rng):
     gyro[:, axis] += rate
     log = ImuSeries(imu.t, gyro, imu.accel - (0.0, 0.0, -G) + f)
     for method in ("moving deviation", "printed", "glrt", "acceleration variance"):
-        found = static_intervals(log, method=method, gravity=G)
-        assert len(found) == 1
-        assert found.start[0] > 20.0
+        intervals = static_intervals(log, method=method, gravity=G)
+        assert len(intervals) == 1
+        assert intervals.start[0] > 20.0
     # turning all the time: too fast for a bias, and then nothing rests
-    whole = log.between(0.0, 19.0)
-    found = static_intervals(whole)
-    assert len(found) == 0
-    assert "no interval at rest" in found.summary()
-    assert any("too fast for a gyro bias" in note for note in found.notes)
+    complete = log.between(0.0, 19.0)
+    intervals = static_intervals(complete)
+    assert len(intervals) == 0
+    assert "no interval at rest" in intervals.summary()
+    assert any("too fast for a gyro bias" in note for note in intervals.notes)
 
 
 def test_one_bad_sample_does_not_cut_an_interval_but_a_new_pose_does(rng):
     imu, rest = poses(rng, count=2, rest_s=20.0)
     accel = imu.accel.copy()
     accel[1000] += 5.0
-    found = static_intervals(ImuSeries(imu.t, imu.gyro, accel))
-    check(found, rest, 1.0)
+    intervals = static_intervals(ImuSeries(imu.t, imu.gyro, accel))
+    check(intervals, rest, 1.0)
     # tilted within one sample by 2 deg: a break no longer than that of a bad sample
     still, _ = poses(rng, count=1, rest_s=20.0)
     jump = np.where(still.t[:, None] > 10.0, (G * np.sin(0.035), 0.0, 0.0), 0.0)
-    found = static_intervals(ImuSeries(still.t, still.gyro, still.accel + jump))
-    assert len(found) == 2
-    assert found.stop[0] < 10.0 < found.start[1]
+    intervals = static_intervals(ImuSeries(still.t, still.gyro, still.accel + jump))
+    assert len(intervals) == 2
+    assert intervals.stop[0] < 10.0 < intervals.start[1]
 
 
 def test_intervals_end_at_gaps(rng):
     imu, _ = poses(rng, count=1, rest_s=20.0)
     keep = (imu.t < 8.0) | (imu.t > 13.0)
-    found = static_intervals(ImuSeries(imu.t[keep], imu.gyro[keep], imu.accel[keep]))
-    assert len(found) == 2
-    assert found.stop[0] < 8.0
-    assert found.start[1] > 13.0
+    intervals = static_intervals(ImuSeries(imu.t[keep], imu.gyro[keep], imu.accel[keep]))
+    assert len(intervals) == 2
+    assert intervals.stop[0] < 8.0
+    assert intervals.start[1] > 13.0
 
 
 def test_short_intervals_are_left_out(rng):
@@ -141,9 +141,9 @@ def test_short_intervals_are_left_out(rng):
 def test_limits_in_units_of_the_sensor(rng):
     """Yaman's way: standard deviations allowed at rest; the statistic is then relative to them."""
     imu, rest = poses(rng)
-    found = static_intervals(imu, thresholds=(0.05, 0.01))
-    check(found, rest, 1.0)
-    assert found.threshold == 1.0
+    intervals = static_intervals(imu, thresholds=(0.05, 0.01))
+    check(intervals, rest, 1.0)
+    assert intervals.threshold == 1.0
     assert len(static_intervals(imu, thresholds=(0.005, 0.01))) == 0
     with pytest.raises(InputError, match="two limits are for 'moving deviation' and 'printed'"):
         static_intervals(imu, method="glrt", thresholds=(0.05, 0.01))
@@ -155,10 +155,10 @@ def test_detection_and_false_alarm_by_monte_carlo():
     kept = total = joined = 0
     for _ in range(40):
         imu, rest = poses(rng, count=6, rest_s=5.0, turn_s=0.5, angle=0.07)
-        found = static_intervals(imu, window_s=0.5)
-        kept += found.mask.sum()
+        intervals = static_intervals(imu, window_s=0.5)
+        kept += intervals.mask.sum()
         total += len(imu)
-        joined += len(found) != len(rest)
+        joined += len(intervals) != len(rest)
     assert joined == 0
     # at most two half windows and the trimming of 0.25 s at each of ten ends: 6 * 5 - 10 * 0.5 of 32.5 s; the false
     # alarm rate of 1e-3 per window with margin 3 takes nothing that would show
@@ -169,8 +169,8 @@ def test_without_margin_the_share_of_rest_lost_is_the_false_alarm_rate():
     rng = np.random.default_rng(9)
     n = 400_000
     imu = ImuSeries(np.arange(n) / 100.0, 0.003 * rng.standard_normal((n, 3)), 0.02 * rng.standard_normal((n, 3)) + G)
-    found = static_intervals(imu, margin=1.0, noise=(0.02, 0.003), false_alarm=0.01)
-    share = np.mean(found.statistic >= found.threshold)
+    intervals = static_intervals(imu, margin=1.0, noise=(0.02, 0.003), false_alarm=0.01)
+    share = np.mean(intervals.statistic >= intervals.threshold)
     # statistical: 4000 windows that are independent, 3.5 standard errors; overlap makes them a little wider
     assert abs(share - 0.01) < 3.5 * np.sqrt(0.01 / 4000) * 1.5
 
@@ -205,10 +205,10 @@ def xsens(shared_data):
 def test_poses_of_the_xsens_log(shared_data, margin):
     """imu_tk finds 42 to 38 with its multipliers 2 to 10 of the variance."""
     imu = xsens(shared_data)
-    found = static_intervals(imu, margin=margin)
-    assert 37 <= len(found) <= 42
-    assert found.stop[0] > 48.0  # the first 50 s are one
-    _, f = found.means(imu)
+    intervals = static_intervals(imu, margin=margin)
+    assert 37 <= len(intervals) <= 42
+    assert intervals.stop[0] > 48.0  # the first 50 s are one
+    _, f = intervals.means(imu)
     norm = np.linalg.norm(f, axis=1)  # uncalibrated axes, biases to 0.02 m/s^2
     assert np.all(np.abs(norm - 9.81744) < 0.15)
 
@@ -235,11 +235,11 @@ def test_stances_of_foot_mounted_walks_against_motion_capture(shared_data):
         t = log["ts"].ravel()
         imu = ImuSeries(t - t[0], log["imu"][:, 3:], log["imu"][:, :3])
         speed = np.linalg.norm(np.gradient(log["gt"], t, axis=0), axis=1)
-        found = static_intervals(
+        intervals = static_intervals(
             imu, method="glrt", window_s=0.025, min_s=0.1, thresholds=3e4, noise=(0.01, 0.1 * np.pi / 180.0),
             max_rate=1.5, gyro_bias=(0.0, 0.0, 0.0),
         )  # fmt: skip
-        assert len(found) >= 10
-        assert 0.1 < found.mask.mean() < 0.6
-        assert np.median(speed[found.mask]) < 0.03  # m/s, by motion capture; walking goes to 5 m/s at the foot
-        assert np.median(speed[~found.mask]) > 0.3
+        assert len(intervals) >= 10
+        assert 0.1 < intervals.mask.mean() < 0.6
+        assert np.median(speed[intervals.mask]) < 0.03  # m/s, by motion capture; walking goes to 5 m/s at the foot
+        assert np.median(speed[~intervals.mask]) > 0.3

@@ -1,4 +1,4 @@
-"""What each kind of measurement is called in reports, and in which units its innovations are shown."""
+"""Names of the kinds of measurements in reports, and the units of their innovations."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ _NED = ("north", "east", "down")
 
 
 class Kind(NamedTuple):
-    """A kind of measurement as it is shown.
+    """Display of a kind of measurement.
 
     Attributes
     ----------
     text : str
-        What people call it.
+        Name in reports.
     unit : str
     factor : float
         SI unit in the unit shown: divide by it.
     axes : tuple of str
-        Of the components.
+        Names of the components.
     """
 
     text: str
@@ -53,7 +53,7 @@ class Kind(NamedTuple):
 
 
 #: By code of the kind.
-SHOWN: MappingProxyType[int, Kind] = MappingProxyType(
+DISPLAY: MappingProxyType[int, Kind] = MappingProxyType(
     {
         POSITION: Kind("GNSS position", "m", 1.0, _NED),
         VELOCITY: Kind("GNSS velocity", "m/s", 1.0, _NED),
@@ -78,6 +78,6 @@ SHOWN: MappingProxyType[int, Kind] = MappingProxyType(
 )
 
 
-def shown(kind: str) -> Kind:
-    """How a kind is shown, by its name in results."""
-    return SHOWN[next(code for code, name in KINDS.items() if name == kind)]
+def kind_display(kind: str) -> Kind:
+    """Display of a kind, by its name in results."""
+    return DISPLAY[next(code for code, name in KINDS.items() if name == kind)]

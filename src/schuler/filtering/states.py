@@ -1,4 +1,4 @@
-"""What a filter estimates: a layout of named state blocks, each with its stochastic model.
+"""State layouts: named blocks, each with its stochastic model.
 
 Nine navigation errors come first, always in this order: attitude ``dpsi``, velocity ``dv``, position ``dr``
 (Earth-fixed axes inside, north-east-down wherever a person reads them). Behind them stand parameters, in any
@@ -138,7 +138,7 @@ class StateModel:
         return cls(sigma if initial_sigma is None else initial_sigma, sigma * float(np.sqrt(2.0 / tau)), tau)
 
     def describe(self) -> str:
-        """A phrase for summaries, numbers in the unit of the block."""
+        """Phrase for summaries, numbers in the unit of the block."""
         if self.tau is not None:
             return f"Gauss-Markov, tau {self.tau:g} s, driving noise {self.noise:.3g}, initial 1-sigma {self.sigma:.3g}"
         if self.noise > 0.0:
@@ -281,7 +281,7 @@ def layout_for(spec: ImuSpec, states: int | tuple[str, ...] = 15) -> StateLayout
     ----------
     39 states: Yaman (2017), section 4.3, eq. (4-6).
     """
-    named: dict[int, tuple[str, ...]] = {
+    named_blocks: dict[int, tuple[str, ...]] = {
         9: (),
         15: ("b_a", "b_g"),
         21: ("b_a", "b_g", "S_a", "S_g"),
@@ -291,9 +291,11 @@ def layout_for(spec: ImuSpec, states: int | tuple[str, ...] = 15) -> StateLayout
         42: ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g", "G_g"),
     }
     if isinstance(states, int):
-        if states not in named:
-            raise InputError(f"states: expected one of {', '.join(map(str, named))} or block names, got {states}")
-        blocks = named[states]
+        if states not in named_blocks:
+            raise InputError(
+                f"states: expected one of {', '.join(map(str, named_blocks))} or block names, got {states}"
+            )
+        blocks = named_blocks[states]
     else:
         blocks = tuple(states)
     models = {}

@@ -17,7 +17,7 @@ from schuler.exceptions import InputError
 
 @dataclass(frozen=True)
 class Alignment:
-    """An attitude and how well it is known.
+    """Attitude with its covariance.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Alignment:
     cov_noise_n : ndarray, shape (3, 3)
         Covariance of the attitude error about north, east, down from everything but biases. [rad^2]
     method : str
-        How it was found, a phrase for reports.
+        Method, a phrase for reports.
     psi_accel, psi_gyro : ndarray, shape (3, 3)
         Attitude error (n axes, estimate minus truth) per error of the accelerometer and gyro bias estimates used
         (body axes, estimate minus truth). [rad/(m/s^2)], [rad/(rad/s)]
@@ -61,7 +61,7 @@ class Alignment:
         return cov
 
     def with_heading(self, heading: float, sigma: float, method: str) -> Alignment:
-        """The same roll and pitch with a heading from elsewhere.
+        """Add a heading from another source.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What a person configures of a navigation run: one TOML file, checked before anything is read or computed.
+"""Configuration of a navigation run: one TOML file, checked before anything is read or computed.
 
 Every key that carries a number names its unit. Unknown keys are errors, with the nearest known one.
 """
@@ -27,7 +27,7 @@ from schuler.sensors.spec_file import anchored
 
 
 class ImuSection(Section):
-    """The IMU: its error budget, how it is mounted, how its clock runs."""
+    """The IMU: error budget, mounting, clock."""
 
     catalogue: str | None = Field(None, description="name in the IMU catalogue")
     spec: str | None = Field(None, description="file of an identified budget, relative to this one")
@@ -62,7 +62,7 @@ class ImuSection(Section):
 
 
 class GnssSection(Section):
-    """How GNSS is used: as solutions (loose, reset) or satellite by satellite (tight)."""
+    """Use of GNSS: as solutions (loose, reset) or satellite by satellite (tight)."""
 
     coupling: Literal["loose", "tight", "reset", "off"] = Field(
         "loose", description="reset: position and velocity are put where GNSS is; off: only for alignment and rest"
@@ -96,7 +96,7 @@ class GnssSection(Section):
 
 
 class AlignmentSection(Section):
-    """Where the initial attitude comes from."""
+    """Source of the initial attitude."""
 
     method: Literal["auto", "course", "gyrocompass", "given"] = Field(
         "auto",

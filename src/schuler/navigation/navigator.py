@@ -17,7 +17,7 @@ from schuler.mechanization.strapdown import NavState
 
 
 class Outcome(NamedTuple):
-    """What became of one measurement: time [s], kind, status, normalised innovation squared, innovation (3,)."""
+    """Outcome of one measurement: time [s], kind, status, normalised innovation squared, innovation (3,)."""
 
     t: float
     kind: str
@@ -179,7 +179,7 @@ class Navigator:
 
     @property
     def outcomes(self) -> list[Outcome]:
-        """What became of every measurement so far."""
+        """Outcomes of all measurements so far."""
         return list(self._outcomes)
 
     def _compensation(self) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:

@@ -1,4 +1,4 @@
-"""What a filter run returns: trajectory, covariance, parameters, innovations, and how it all came about."""
+"""Result of a filter run: trajectory, covariance, parameters, innovations, provenance."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ import numpy as np
 from schuler import frames, units
 from schuler.arrays import ArrayLike, FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.filtering.engine import ForwardRun, SmootherNodes, unpack_symmetric
+from schuler.filtering.engine import ForwardRun, InitialState, SmootherNodes, unpack_symmetric
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.measurements import ACCEPTED, DIMENSIONS, FORCED, GATED, KINDS, REJECTED, STATUS, UNUSED
 from schuler.filtering.states import BLOCK_TEXT, StateLayout
+from schuler.mechanization.strapdown import NavState
 from schuler.recording.trajectory import FullTrajectory, Trajectory
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Innovations:
-    """Every measurement that was offered to the filter and what became of it.
+    """Innovations and outcomes of all measurements offered to the filter.
 
     Attributes
     ----------
@@ -115,15 +116,15 @@ class NavigationResult:
     outages : tuple of (start, stop)
         Windows in which GNSS was withheld. [s]
     lever_arm_b : ndarray, shape (3,)
-        From the IMU to the antenna. [m]
+        Lever arm from the IMU to the antenna. [m]
     provenance : dict
         Package version, options, input hashes.
     notes : tuple of str
         What was assumed, repaired or left out.
     ranges : Ranges, optional
-        Of a tightly coupled run: every satellite, with the reason if it was not used. Not in files.
+        Ranges of a tightly coupled run, with the reason of each that was not used. Not in files.
     points : PointSolution, optional
-        Of a tightly coupled run: its single-point solutions. Not in files.
+        Single-point solutions of a tightly coupled run. Not in files.
     """
 
     trajectory: FullTrajectory
@@ -198,9 +199,15 @@ class NavigationResult:
             raise InputError(f"{block} is a navigation block; parameters are {', '.join(self.layout.models)}")
         return self.parameters[:, part.start - 9 : part.stop - 9]
 
+    def state_at(self, record: int) -> InitialState:
+        """Navigation state, covariance (north-east-down) and parameters of one record, to start a run from it."""
+        s = self.states
+        nav = NavState(float(s.t[record]), s.r_eb_e[record], s.v_eb_e[record], s.q_eb[record])
+        return InitialState(nav, self.covariance[record], self.parameters[record])
+
     @property
     def can_smooth(self) -> bool:
-        """Whether :meth:`smooth` has what it needs: a complete run that kept it, without resets."""
+        """Whether the run is complete, without resets, and kept the data for :meth:`smooth`."""
         return self.smoothed or self._nodes is not None
 
     def antenna(self) -> Trajectory:

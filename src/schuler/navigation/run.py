@@ -1,4 +1,4 @@
-"""From a recording and a configuration to a navigation solution."""
+"""Navigation of a recording with a configuration."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from schuler.navigation.inputs.preparation import (
 )
 from schuler.navigation.inputs.satellites import satellites, with_clocks
 from schuler.navigation.result import NavigationResult
-from schuler.navigation.start.alignment import align, moved_to
+from schuler.navigation.start.alignment import advance_to_log_start, align
 from schuler.navigation.start.calibration import configured_start
 from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.io.own import time_document
@@ -50,8 +50,8 @@ def navigate(
         Start here instead of aligning; the log is cut to begin there. With a calibration only its navigation part and
         the parameters that are not calibrated count.
     calibration : CalibrationResult or path, optional
-        Of this unit, instead of ``imu.calibration`` of the configuration: the sensor states start from its values and
-        covariance, what the filter does not estimate is taken out of the log; see
+        Calibration of this unit, instead of ``imu.calibration`` of the configuration: the sensor states start from its
+        values and covariance, errors that the filter does not estimate are taken out of the log; see
         :func:`~schuler.navigation.start.calibration.calibration_start`.
     progress : callable, optional
         Called with the fraction done.
@@ -69,20 +69,19 @@ def navigate(
     FileFormatError
         If the calibration's file cannot be read.
     """
-    if not isinstance(config, NavigationConfig):
-        config = NavigationConfig.parse(config) if isinstance(config, dict) else NavigationConfig.load(config)
-    began = time.perf_counter()
+    config = NavigationConfig.checked(config)
+    started = time.perf_counter()
     simulated = recording.metadata.options.get("scenario", {}).get("motion", {})
-    turns = simulated.get("earth_rotation", True)
-    if turns != config.filter.earth_rotation:
+    rotating = simulated.get("earth_rotation", True)
+    if rotating != config.filter.earth_rotation:
         raise ConfigError(
             f"filter.earth_rotation is {str(config.filter.earth_rotation).lower()}, but the recording was simulated "
-            f"with {str(turns).lower()}; set the same"
+            f"with {str(rotating).lower()}; set the same"
         )
     notes = list(recording.metadata.notes)
     spec = imu_spec(config)
-    known = configured_start(config, recording.need_imu(), calibration)
-    imu = prepared_imu(recording.need_imu(), config, notes, known)
+    calibrated = configured_start(config, recording.need_imu(), calibration)
+    imu = prepared_imu(recording.need_imu(), config, notes, calibrated)
     ranges, points = None, None
     if config.gnss.coupling == "tight":
         ranges, points = satellites(recording, config, notes)
@@ -94,13 +93,13 @@ def navigate(
     increments = imu.increments(order=config.imu.rate_order)
     if initial is None:
         fixes = None if gnss is None else current_velocities(gnss, delay)
-        initial = align(imu, fixes, config, spec, layout, windows, notes, known)
+        initial = align(imu, fixes, config, spec, layout, windows, notes, calibrated)
         if points is not None:
             initial = with_clocks(initial, points, layout)
-    elif known is not None:
-        initial = known.put_into(initial)
+    elif calibrated is not None:
+        initial = calibrated.put_into(initial)
     increments = increments.between(initial.nav.t - 1e-9, increments.t[-1])
-    initial = moved_to(initial, increments)
+    initial = advance_to_log_start(initial, increments)
     schedule, notes_of_aids = aiding_schedule(
         Sources(imu, gnss, ranges, recording.odometer, recording.heading, recording.height),
         config, spec, initial.nav.t, start, windows,
@@ -140,8 +139,8 @@ def navigate(
             "recording_options": recording.metadata.options,
             "time": time_document(recording.metadata.time),
             "imu": spec.name,
-            **({} if known is None else {"calibration": known.provenance}),
-            "elapsed_s": time.perf_counter() - began,
+            **({} if calibrated is None else {"calibration": calibrated.provenance}),
+            "elapsed_s": time.perf_counter() - started,
         },
         notes=tuple(notes),
         ranges=ranges,

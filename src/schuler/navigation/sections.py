@@ -1,12 +1,14 @@
-"""What all configurations and their sections share."""
+"""Base of configurations and their sections, and the sections for everything that aids besides GNSS solutions."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from schuler.exceptions import ConfigError, sentences
+from schuler.files import read_toml
 
 Triple = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0)]
@@ -14,13 +16,13 @@ NonNegative = Annotated[float, Field(ge=0.0)]
 
 
 class Section(BaseModel):
-    """Base of all sections: immutable, nothing unknown."""
+    """Base of all sections: immutable, unknown entries refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Config(Section):
-    """Base of whole configurations."""
+    """Base of complete configurations."""
 
     @classmethod
     def parse(cls, data: dict[str, Any], source: str = "configuration") -> Self:
@@ -35,6 +37,18 @@ class Config(Section):
             return cls.model_validate(data)
         except ValidationError as error:
             raise ConfigError(f"{source}: " + "; ".join(sentences(error, cls))) from None
+
+    @classmethod
+    def load(cls, path: Path | str) -> Self:
+        """Checked configuration of a TOML file; see :meth:`parse`."""
+        return cls.parse(read_toml(path), str(path))
+
+    @classmethod
+    def checked(cls, source: Self | dict[str, Any] | Path | str) -> Self:
+        """Configuration from an object, nested dictionaries, or the path of a TOML file."""
+        if isinstance(source, cls):
+            return source
+        return cls.parse(source) if isinstance(source, dict) else cls.load(source)  # type: ignore[arg-type]
 
 
 Gate = Annotated[float, Field(gt=0.0, lt=1.0)] | Literal["off"]
@@ -139,7 +153,7 @@ class FixesSection(Section):
 
 
 class AidingSection(Section):
-    """What aids besides GNSS; a part that is not there is not used."""
+    """Aids besides GNSS; a section that is left out is not used."""
 
     rest: RestSection = RestSection()
     zero_velocity: ZeroVelocitySection | None = None

@@ -1,4 +1,4 @@
-"""Solutions as files: one Parquet table with the trajectory, its uncertainty and the provenance."""
+"""Solutions as Parquet files, and results as tables for data frames of other libraries and back, bit for bit."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from schuler.navigation.result import NavigationResult
 
 
-_SOLUTION_FORMAT = "schuler/solution/1"
+SOLUTION_FORMAT = "schuler/solution/1"
 
 
 def write_solution(result: NavigationResult, path: Path | str) -> Path:
@@ -67,7 +67,7 @@ def write_solution(result: NavigationResult, path: Path | str) -> Path:
                 columns[f"{block}_{i}"] = value[held, i]
                 columns[f"sigma_{block}_{i}"] = sigma[held, i]
     meta: dict[str, Any] = {
-        "format": _SOLUTION_FORMAT,
+        "format": SOLUTION_FORMAT,
         "smoothed": result.smoothed,
         "complete": result.complete,
         "states": result.layout.to_dict(),
@@ -101,8 +101,8 @@ def read_solution(path: Path | str) -> tuple[Trajectory, dict[str, Any]]:
     from schuler.recording.formats.parquet import read_table
 
     columns, meta = read_table(path)
-    if meta.get("format") != _SOLUTION_FORMAT:
-        raise FileFormatError(f"expected a solution of format {_SOLUTION_FORMAT!r}, got {meta.get('format')!r}", path)
+    if meta.get("format") != SOLUTION_FORMAT:
+        raise FileFormatError(f"expected a solution of format {SOLUTION_FORMAT!r}, got {meta.get('format')!r}", path)
     r = np.column_stack([columns[f"{c}_ecef_m"] for c in "xyz"])
     q = np.column_stack([columns[f"q_eb_{c}"] for c in "wxyz"])
     llh = np.column_stack([columns["lat_deg"] * units.DEG, columns["lon_deg"] * units.DEG, columns["height_m"]])
@@ -111,7 +111,7 @@ def read_solution(path: Path | str) -> tuple[Trajectory, dict[str, Any]]:
     return Trajectory(columns["t_s"], r, from_geodetic.v_eb_e, q), meta
 
 
-_TABLES_FORMAT = "schuler/result-tables/1"
+TABLES_FORMAT = "schuler/result-tables/1"
 _STATE = ("x", "y", "z", "vx", "vy", "vz", "qw", "qx", "qy", "qz")
 _NED = ("north", "east", "down")
 _TRAJECTORY_UNITS = {
@@ -157,7 +157,7 @@ def tables_of(result: NavigationResult) -> Tables:
     for i in range(3):
         innovations |= {f"innovation_{i}": s.innovation[:, i], f"sigma_{i}": s.sigma[:, i]}
     document = {
-        "format": _TABLES_FORMAT,
+        "format": TABLES_FORMAT,
         "states": result.layout.to_dict(),
         "epochs": result.epochs,
         "propagations": result.propagations,
@@ -177,7 +177,7 @@ def result_of(tables: Tables) -> NavigationResult:
     Parameters
     ----------
     tables : Tables
-        As :func:`schuler.recording.tables.pandas.tables_from_pandas` and the like make them.
+        Tables from :func:`schuler.recording.tables.pandas.tables_from_pandas` and the like.
 
     Returns
     -------
@@ -190,8 +190,8 @@ def result_of(tables: Tables) -> NavigationResult:
         If the tables are not of a result, or a column is missing.
     """
     d = tables.document
-    if d.get("format") != _TABLES_FORMAT:
-        raise InputError(f"expected the tables of a navigation result ({_TABLES_FORMAT}), got {d.get('format')!r}")
+    if d.get("format") != TABLES_FORMAT:
+        raise InputError(f"expected the tables of a navigation result ({TABLES_FORMAT}), got {d.get('format')!r}")
     try:
         layout = StateLayout({name: StateModel(**model) for name, model in d["states"].items()})
         records, s = tables.columns["records"], tables.columns["innovations"]

@@ -56,7 +56,7 @@ def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, 
     ----------
     config : NavigationConfig
     ranges : Ranges, optional
-        Of a tightly coupled run: its receiver clocks become states.
+        Ranges of a tightly coupled run: its receiver clocks become states.
     """
     aiding, gnss = config.aiding, config.gnss
     models: dict[str, StateModel] = {}

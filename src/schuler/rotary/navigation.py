@@ -28,7 +28,7 @@ from schuler.navigation.inputs.preparation import (
     with_late_velocities,
 )
 from schuler.navigation.result import NavigationResult
-from schuler.navigation.start.alignment import moved_to
+from schuler.navigation.start.alignment import advance_to_log_start
 from schuler.navigation.start.calibration import configured_start
 from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.io.own import time_document
@@ -103,8 +103,7 @@ def navigate_rotary(
     axes. Here the IMU's own axes are navigated: biases need no turning, and the platform's rate is only used where a
     lever arm moves.
     """
-    if not isinstance(config, NavigationConfig):
-        config = NavigationConfig.parse(config) if isinstance(config, dict) else NavigationConfig.load(config)
+    config = NavigationConfig.checked(config)
     check_aids(config)
     began = time.perf_counter()
     lever = as_vector3(offset_m, "offset_m")
@@ -131,7 +130,7 @@ def navigate_rotary(
     elif calibrated is not None:
         initial = calibrated.put_into(initial)
     increments = increments.between(initial.nav.t - 1e-9, increments.t[-1])
-    initial = moved_to(initial, increments)
+    initial = advance_to_log_start(initial, increments)
     rates = rates_at_limits(increments)
     start = imu_start(
         initial, turning, lever, rates[0] - _bias(layout, initial.parameters), layout,

@@ -86,8 +86,8 @@ def test_tight_run_of_a_recording_with_ranges(recording, truth):
     clock = truth.at("clock", result.t)
     assert np.all(np.abs(result.parameter("clock") - clock)[20:] < 5.0 * result.sigma("clock")[20:])
     r = recording.ranges
-    few = replace(r, reason=np.where((r.t > 60.0) & (r.t < 100.0) & _not_among_first(r, 2), 3, r.reason))
-    a = navigate(replace(bare, ranges=few), config(recording, gnss=tight, outages={"windows_s": []}))
+    subset = replace(r, reason=np.where((r.t > 60.0) & (r.t < 100.0) & _not_among_first(r, 2), 3, r.reason))
+    a = navigate(replace(bare, ranges=subset), config(recording, gnss=tight, outages={"windows_s": []}))
     b = navigate(bare, config(recording, gnss=tight))
     assert horizontal(a, recording) < horizontal(b, recording)
 

@@ -13,7 +13,7 @@ from schuler import units
 from schuler.exceptions import ConfigError, InputError
 from schuler.filtering import measurements as ms
 from schuler.filtering.states import StateModel
-from schuler.navigation.aids import aiding
+from schuler.navigation.aids import aiding, satellite
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.aids.rest import rest_times, zero_rates, zero_velocities
 from schuler.navigation.aids.satellite import range_measurements
@@ -163,22 +163,22 @@ def test_declination_is_added_east(recording):
 
 
 def test_gnss_is_thinned_to_a_least_spacing(recording):
-    thin = aiding.thinned(recording.gnss, 3.0)
+    thin = satellite.thinned(recording.gnss, 3.0)
     assert np.diff(thin.t).min() == pytest.approx(3.0)
-    assert aiding.thinned(recording.gnss, 0.0) is recording.gnss
+    assert satellite.thinned(recording.gnss, 0.0) is recording.gnss
 
 
 def test_rests_are_the_stops(recording, truth):
     """A simulated ride without vibration is as quiet as rest: GNSS vetoes it, but is not asked in an outage."""
     alone = aiding.rests(recording.imu, None, RestSection())
-    found = aiding.rests(recording.imu, recording.gnss, RestSection())
+    intervals = aiding.rests(recording.imu, recording.gnss, RestSection())
     speed = np.linalg.norm(truth.drive.motion.state(recording.imu.t).v_eb_e, axis=1)
-    assert len(alone) > len(found)
-    assert not np.any(found.mask & (speed > 0.5))
-    assert np.mean(found.mask[ac.at_rest(truth, recording.imu.t)]) > 0.8
-    for mask, intervals in ((alone.mask, alone), (found.mask, found)):
-        assert sum(b - a for a, b in intervals.index) == mask.sum()
-    quiet = alone.start[~np.isin(alone.start, found.start)][0] - 1.0
+    assert len(alone) > len(intervals)
+    assert not np.any(intervals.mask & (speed > 0.5))
+    assert np.mean(intervals.mask[ac.at_rest(truth, recording.imu.t)]) > 0.8
+    for mask, part in ((alone.mask, alone), (intervals.mask, intervals)):
+        assert sum(b - a for a, b in part.index) == mask.sum()
+    quiet = alone.start[~np.isin(alone.start, intervals.start)][0] - 1.0
     blind = aiding.rests(recording.imu, recording.gnss, RestSection(), windows=((quiet, 1e9),))
     assert len(blind) == len(alone)
     static = replace(recording.gnss, v_n=None, cov_v_n=None)
@@ -186,17 +186,17 @@ def test_rests_are_the_stops(recording, truth):
 
 
 def test_zero_velocities_are_at_their_rate_within_rests(recording):
-    found = aiding.rests(recording.imu, None, RestSection())
-    t = rest_times(found, 4.0)
-    assert np.all(np.any((t[:, None] >= found.start - 1e-9) & (t[:, None] <= found.stop + 1e-9), axis=1))
-    assert len(t) == pytest.approx(4.0 * found.duration.sum(), abs=2 * len(found))
-    s = zero_velocities(found, sigma=0.03)
+    intervals = aiding.rests(recording.imu, None, RestSection())
+    t = rest_times(intervals, 4.0)
+    assert np.all(np.any((t[:, None] >= intervals.start - 1e-9) & (t[:, None] <= intervals.stop + 1e-9), axis=1))
+    assert len(t) == pytest.approx(4.0 * intervals.duration.sum(), abs=2 * len(intervals))
+    s = zero_velocities(intervals, sigma=0.03)
     np.testing.assert_allclose(s.R, np.tile(0.03**2 * np.eye(3), (len(s), 1, 1)))
 
 
 def test_zero_rates_are_the_means_of_the_log(recording, truth):
-    found = aiding.rests(recording.imu, recording.gnss, RestSection())
-    s = zero_rates(recording.imu, found, sigma_noise=ac.GYRO_N, sigma=1e-4, block_s=0.5)
+    intervals = aiding.rests(recording.imu, recording.gnss, RestSection())
+    s = zero_rates(recording.imu, intervals, sigma_noise=ac.GYRO_N, sigma=1e-4, block_s=0.5)
     np.testing.assert_allclose(s.R[:, 0, 0], ac.GYRO_N**2 / 0.5 + 1e-8)
     expected = truth.at("b_g", s.t)
     assert np.all(np.abs(s.z[:, :3] - expected) < 7.3e-5 + 5.0 * ac.GYRO_N / np.sqrt(0.5))  # Earth rate, noise

@@ -70,7 +70,7 @@ def rests(stop_and_go):
         (lambda *a, **k: zero_rates(*a, **k), ms.ZERO_RATE, 3),
     ],
 )
-def test_means_of_whole_blocks(stop_and_go, rests, make, kind, freedom):
+def test_means_of_complete_blocks(stop_and_go, rests, make, kind, freedom):
     s = make(stop_and_go, rests, sigma_noise=0.003, sigma=1e-3, block_s=0.5)
     assert np.all(s.kind == kind)
     assert np.all(s.gate == ms.gate_threshold(0.9999, freedom))
@@ -205,7 +205,7 @@ def test_earth_rate_and_zero_rate_together_would_be_over_confident(parked):
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("aids", [[ac.gravity, ac.earth_rate], [ac.gravity_vector, ac.earth_rate]])
-def test_biases_of_either_sign_are_found_at_rest(parked, aids, sign):
+def test_biases_of_either_sign_are_estimated_at_rest(parked, aids, sign):
     """Half a minute parked and level, no satellites: both vertical biases; by a direction of gravity what tilts it."""
     given = {"b_a": sign * np.full(3, 0.05), "b_g": sign * np.full(3, 2e-3)}
     one = ac.filtered(parked, ac.layout(**PARKED), aids, 5, given=given, noise=0.1)
@@ -224,7 +224,7 @@ def test_biases_of_either_sign_are_found_at_rest(parked, aids, sign):
         assert np.all(others < 0.1) if tilting else np.all(others > 0.6)
 
 
-def test_earth_rate_tells_where_the_heading_does_not(parked):
+def test_earth_rate_needs_no_heading(parked):
     """Without it a bias about the vertical is not seen at rest at all, with any heading error."""
     lay = ac.layout(**PARKED)
     without = ac.filtered(parked, lay, [at_standstill], 1).result.sigma("b_g")[-1, 2]

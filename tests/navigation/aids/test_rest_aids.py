@@ -40,9 +40,9 @@ def stop_and_go() -> ImuSeries:
 
 @pytest.fixture(scope="module")
 def rests(stop_and_go):
-    found = static_intervals(stop_and_go, min_s=1.0, window_s=0.5)
-    assert len(found) == 2
-    return found
+    intervals = static_intervals(stop_and_go, min_s=1.0, window_s=0.5)
+    assert len(intervals) == 2
+    return intervals
 
 
 def test_times_lie_within_the_rests_at_the_rate(rests):
@@ -63,7 +63,7 @@ def test_zero_velocities(rests):
     assert np.all(s.gate == gate_threshold(0.9999, 3))
 
 
-def test_zero_rates_are_means_of_whole_blocks(stop_and_go, rests):
+def test_zero_rates_are_means_of_complete_blocks(stop_and_go, rests):
     s = zero_rates(stop_and_go, rests, sigma_noise=SIGMA_W / 10.0, sigma=1e-4, block_s=1.0)
     assert np.all(s.kind == ZERO_RATE)
     lengths = [(b - a) // 100 for a, b in rests.index]
@@ -140,7 +140,7 @@ def test_known_places_come_in_order_of_time():
     assert len(s.outside([(5.0, 15.0)])) == 2  # a surveyed mark does not go with GNSS
 
 
-def test_refusals_of_known_places():
+def test_faulty_surveyed_places_are_refused():
     with pytest.raises(InputError, match="as many times as places, got 2 and 1"):
         known_positions([1.0, 2.0], [[0.8, 0.1, 100.0]], (0.1, 0.1, 0.1))
     with pytest.raises(InputError, match="these look like degrees"):

@@ -100,7 +100,7 @@ def test_the_order_that_theory_wants(comparison):
     assert comparison.row("reset").entry("smoothed_rms_horizontal_m") is None
 
 
-def test_the_table_says_what_was_run(comparison, tmp_path):
+def test_the_table_lists_all_runs(comparison, tmp_path):
     table = comparison.table()
     assert len(table) == len(comparison.rows) == 2 * 11
     assert table.column("outages") == ["none"] * 11 + ["two"] * 11
@@ -121,7 +121,7 @@ def test_gnss_does_not_help_the_free_run_to_find_rest(town, config):
     assert sum(offered.values()) > sum(with_gnss.values())
 
 
-def test_tight_where_there_are_ranges(town, config):
+def test_ranges_add_the_tight_modes(town, config):
     """Simulated GPS and Galileo at the IMU: tight is tried, needs no receiver's fix, and has outages too."""
     at = town.reference.at(np.arange(1.0, 200.0))
     config = config.model_copy(update={"gnss": config.gnss.model_copy(update={"lever_arm_m": (0.0, 0.0, 0.0)})})
@@ -130,26 +130,32 @@ def test_tight_where_there_are_ranges(town, config):
     ).ranges
     recording = replace(town, ranges=ranges)
     assert "tight" in [m.name for m in available_modes(recording, config)]
-    found = compare_architectures(recording, config, modes=["tight"], outages={"two": WINDOWS}, smooth=False)
-    assert found.rows[0].failed == ""
-    assert found.rows[0].numbers["rms_horizontal_m"] < 30.0
-    assert found.rows[0].numbers["measurements"]["pseudorange"]["accepted"] > 500
+    comparison_of_run = compare_architectures(
+        recording, config, modes=["tight"], outages={"two": WINDOWS}, smooth=False
+    )
+    assert comparison_of_run.rows[0].failed == ""
+    assert comparison_of_run.rows[0].numbers["rms_horizontal_m"] < 30.0
+    assert comparison_of_run.rows[0].numbers["measurements"]["pseudorange"]["accepted"] > 500
     statistics = outage_statistics(recording, parse_mode("tight").configure(config), lengths=(10.0,), every_s=20.0)
     assert len(statistics) > 3
     assert statistics.claimed_horizontal(10.0) > statistics.claimed_horizontal(1.0)
 
 
 def test_a_mode_that_cannot_run_is_a_row(town, config):
-    found = compare_architectures(town, config, modes=["tight", "loose"], outages={"none": ()}, smooth=False)
-    assert "ranges" in found.rows[0].failed or "observations" in found.rows[0].failed
-    assert found.rows[1].failed == ""
-    assert "tight, none:" in found.summary()
+    comparison_of_run = compare_architectures(
+        town, config, modes=["tight", "loose"], outages={"none": ()}, smooth=False
+    )
+    assert "ranges" in comparison_of_run.rows[0].failed or "observations" in comparison_of_run.rows[0].failed
+    assert comparison_of_run.rows[1].failed == ""
+    assert "tight, none:" in comparison_of_run.summary()
 
 
 def test_configured_outages_are_a_set_of_their_own(town, config):
     windows = config.outages.model_copy(update={"windows_s": ((50.0, 60.0),)})
-    found = compare_architectures(town, config.model_copy(update={"outages": windows}), modes=["loose"], smooth=False)
-    assert found.windows == {"none": (), "configured": ((50.0, 60.0),)}
+    comparison_of_run = compare_architectures(
+        town, config.model_copy(update={"outages": windows}), modes=["loose"], smooth=False
+    )
+    assert comparison_of_run.windows == {"none": (), "configured": ((50.0, 60.0),)}
     with pytest.raises(InputError, match="stops after it starts"):
         compare_architectures(town, config, modes=["loose"], outages={"x": ((5.0, 5.0),)})
     with pytest.raises(InputError, match="at least one mode"):
@@ -167,12 +173,12 @@ def test_interruption_keeps_the_rows_that_were_finished(town, config, monkeypatc
 
     monkeypatch.setattr(architectures, "navigate", interrupted)
     seen = []
-    found = compare_architectures(
+    comparison_of_run = compare_architectures(
         town, config, modes=["ins", "reset", "loose"], outages={"none": ()}, smooth=False, progress=seen.append
     )
-    assert [r.mode.name for r in found.rows] == ["ins", "reset"]
-    assert not found.complete
-    assert "INTERRUPTED" in found.summary()
+    assert [r.mode.name for r in comparison_of_run.rows] == ["ins", "reset"]
+    assert not comparison_of_run.complete
+    assert "INTERRUPTED" in comparison_of_run.summary()
     assert seen == [1 / 3, 2 / 3]
 
 
@@ -186,10 +192,10 @@ def test_a_car_in_eleven_outages(shared_data):
         path, [("outages.every_s", 45.0), ("outages.length_s", 15.0), ("outages.first_s", 40)]
     )
     recording = read_log(shared_data / "rtkexp_drive", path)
-    found = compare_architectures(recording, config, modes=["loose", "loose+nhc"])
-    held = found.row("loose+nhc", "configured")
-    assert len(found.windows["configured"]) == 11
+    comparison_of_run = compare_architectures(recording, config, modes=["loose", "loose+nhc"])
+    held = comparison_of_run.row("loose+nhc", "configured")
+    assert len(comparison_of_run.windows["configured"]) == 11
     assert held.entry("mean_outage_max_horizontal_m") < 4.0
     assert held.entry("smoothed_mean_outage_max_horizontal_m") < 0.40
-    free = found.row("loose", "configured")
+    free = comparison_of_run.row("loose", "configured")
     assert held.entry("mean_outage_max_horizontal_m") < 0.7 * free.entry("mean_outage_max_horizontal_m")

@@ -43,9 +43,9 @@ def drawn(rng, k, scale=1.0):
 
 def test_state_errors_are_those_put_in(rng):
     result, truth, dx = drawn(rng, 200)
-    t, found, P = state_errors(result, truth, np.full(3, 0.5))
+    t, errors, P = state_errors(result, truth, np.full(3, 0.5))
     np.testing.assert_array_equal(t, result.t)
-    np.testing.assert_allclose(found, dx, rtol=1e-6, atol=2e-9)  # rounding of 6.4e6 m
+    np.testing.assert_allclose(errors, dx, rtol=1e-6, atol=2e-9)  # rounding of 6.4e6 m
     assert P.shape == (200, 12, 12)
     assert state_errors(result, truth)[1].shape == (200, 9)
 

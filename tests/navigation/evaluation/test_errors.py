@@ -85,7 +85,7 @@ def test_the_lever_arm_moves_the_point_compared():
     np.testing.assert_allclose(e.position_n[:, 2], -1.5, atol=1e-4)
 
 
-def test_statistics_of_known_errors():
+def test_statistics_of_given_errors():
     position = np.array([[3.0, 4.0, 1.0], [0.0, 0.0, -2.0], [6.0, 8.0, 0.0], [0.0, 1.0, 0.0]])
     e = TrajectoryErrors(np.arange(4.0), position, position * 0.1, np.tile([0.003, 0.004, -0.02], (4, 1)))
     s = e.statistics()

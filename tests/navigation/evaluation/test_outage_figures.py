@@ -71,16 +71,16 @@ def test_separation_counts_what_is_inside(tmp_path):
     d = np.zeros((200, 9))
     d[:, 6:] = np.random.default_rng(1).uniform(-2.9, 2.9, (200, 3))
     d[:20, 6] = 10.0
-    found = Separation(t, d, np.tile(np.eye(9), (200, 1, 1)), ((50.0, 60.0),))
-    figure = separation(found)
+    apart = Separation(t, d, np.tile(np.eye(9), (200, 1, 1)), ((50.0, 60.0),))
+    figure = separation(apart)
     assert figure.panels[0].title == "inside ±3 sigma: 90.0 %"
     assert figure.panels[2].title == "inside ±3 sigma: 100.0 %"
     span = next(i for i in figure.panels[0].items if isinstance(i, Span))
     assert (span.start, span.stop) == (45.0, 55.0)
-    assert save(found.plot(), tmp_path / "s", ["svg"])[0].stat().st_size > 1000
+    assert save(apart.plot(), tmp_path / "s", ["svg"])[0].stat().st_size > 1000
 
 
-def test_what_cannot_be_drawn_is_said(statistics, comparison):
+def test_empty_figures_are_refused(statistics, comparison):
     with pytest.raises(InputError, match="no outage"):
         fan(replace(statistics, starts=np.empty(0), error_n=np.empty((0, 31, 3)), cov_n=np.empty((0, 31, 3, 3))))
     with pytest.raises(InputError, match="expected one of one, got 'two'"):

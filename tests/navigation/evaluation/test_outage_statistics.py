@@ -41,9 +41,9 @@ def test_a_continued_run_is_the_run_of_its_own(town, config, aided):
         config = NavigationConfig.parse(
             {**config.model_dump(exclude_unset=True), "aiding": {"odometer": {"scale_sigma": 0.01}}}
         )
-    found = outage_statistics(town, config, lengths=(5.0, 40.0), starts=[62.0, 90.0])
-    assert found.starts[0] <= 62.0 < found.starts[0] + 1.0
-    for i, start in enumerate(found.starts):
+    outages = outage_statistics(town, config, lengths=(5.0, 40.0), starts=[62.0, 90.0])
+    assert outages.starts[0] <= 62.0 < outages.starts[0] + 1.0
+    for i, start in enumerate(outages.starts):
         window = ((start + 1e-3, start + 40.5),)
         direct = navigate(
             town,
@@ -59,12 +59,12 @@ def test_a_continued_run_is_the_run_of_its_own(town, config, aided):
             k = int(np.argmin(np.abs(direct.t - t)))
             error = direct.states.at([direct.t[k]]).r_eb_e - town.reference.at([direct.t[k]]).r_eb_e
             P = direct.covariance[k][6:9, 6:9]
-            j = found._at(length)
+            j = outages._at(length)
             sigma = np.sqrt(np.diag(P))
             assert np.linalg.norm(error) == pytest.approx(
-                np.linalg.norm(found.error_n[i, j]), abs=0.02 * float(np.linalg.norm(sigma))
+                np.linalg.norm(outages.error_n[i, j]), abs=0.02 * float(np.linalg.norm(sigma))
             )
-            np.testing.assert_allclose(np.sqrt(np.diag(found.cov_n[i, j])), sigma, rtol=5e-3)
+            np.testing.assert_allclose(np.sqrt(np.diag(outages.cov_n[i, j])), sigma, rtol=5e-3)
 
 
 def test_statistics_are_hayals():
@@ -87,14 +87,14 @@ def test_statistics_are_hayals():
         s.sigma(3.0)
 
 
-def test_errors_grow_and_the_filter_says_so(town, config):
+def test_errors_and_claimed_sigmas_grow_with_the_outage(town, config):
     """Neighbouring outages share their biases, so the NEES of one drive is loose: 0.2 to 3, statistical."""
-    found = outage_statistics(town, config, lengths=(2.0, 10.0, 30.0), every_s=5.0)
-    claims = [found.claimed_horizontal(x) for x in (2.0, 10.0, 30.0)]
+    outages = outage_statistics(town, config, lengths=(2.0, 10.0, 30.0), every_s=5.0)
+    claims = [outages.claimed_horizontal(x) for x in (2.0, 10.0, 30.0)]
     assert claims == sorted(claims)
-    assert len(found) > 10
-    assert 0.2 < found.nees(30.0) < 3.0
-    assert found.table().column("outages") == [len(found)] * 3
+    assert len(outages) > 10
+    assert 0.2 < outages.nees(30.0) < 3.0
+    assert outages.table().column("outages") == [len(outages)] * 3
 
 
 def test_an_aid_that_is_no_gnss_goes_on(town, config):
@@ -107,14 +107,14 @@ def test_an_aid_that_is_no_gnss_goes_on(town, config):
 def test_against_fixes_at_the_antenna(town, config):
     """Without a reference the fixes are it: errors at the antenna, larger by the fixes' noise of 2.1 m; statistical."""
     bare = replace(town, reference=None)
-    found = outage_statistics(bare, config, lengths=(10.0,), every_s=5.0)
+    outages = outage_statistics(bare, config, lengths=(10.0,), every_s=5.0)
     truth = outage_statistics(town, config, lengths=(10.0,), every_s=5.0)
-    n = min(len(found), len(truth))
-    added = np.mean(found.end_errors(10.0)[:n, :2] ** 2) - np.mean(truth.end_errors(10.0)[:n, :2] ** 2)
+    n = min(len(outages), len(truth))
+    added = np.mean(outages.end_errors(10.0)[:n, :2] ** 2) - np.mean(truth.end_errors(10.0)[:n, :2] ** 2)
     assert 0.3 < added / (1.5**2 * 0.75) < 2.0  # interpolated between two fixes: about three quarters of the variance
 
 
-def test_what_cannot_be_done_is_said(town, config):
+def test_impossible_outages_are_refused(town, config):
     with pytest.raises(InputError, match="multiples of step_s"):
         outage_statistics(town, config, lengths=(2.5,))
     with pytest.raises(InputError, match="at least step_s"):
@@ -135,9 +135,9 @@ def test_interruption_keeps_the_outages_that_were_finished(town, config, monkeyp
         return genuine(*args)
 
     monkeypatch.setattr(module, "_continued", interrupted)
-    found = outage_statistics(town, config, lengths=(5.0,), every_s=10.0)
-    assert len(found) == 2
-    assert not found.complete
+    outages = outage_statistics(town, config, lengths=(5.0,), every_s=10.0)
+    assert len(outages) == 2
+    assert not outages.complete
 
 
 def test_separation_is_what_the_smoother_added(town, config):
@@ -145,10 +145,10 @@ def test_separation_is_what_the_smoother_added(town, config):
     result = navigate(
         town, config.model_copy(update={"outages": OutageSection(windows_s=((70.0, 95.0), (120.0, 140.0)))})
     )
-    found = separation(result)
-    assert np.abs(found.difference[-1]).max() < 1e-9  # at the end both know the same
-    assert 0.4 < found.normalised().mean() < 2.0
-    inside = np.abs(found.difference[:, 6:]) <= 3.0 * found.sigma[:, 6:] + 1e-9
+    apart = separation(result)
+    assert np.abs(apart.difference[-1]).max() < 1e-9  # at the end both know the same
+    assert 0.4 < apart.normalised().mean() < 2.0
+    inside = np.abs(apart.difference[:, 6:]) <= 3.0 * apart.sigma[:, 6:] + 1e-9
     assert inside.mean() > 0.97
     with pytest.raises(InputError, match="in this order"):
         separation(result.smooth(), result.smooth())

@@ -90,9 +90,9 @@ def test_the_rate_of_the_foot_while_it_rolls_is_used_to_find_the_resting_point()
     turning = {**PLAIN, "zupt": {**quiet, "pivot": True}}
     result = navigate_foot(imu, turning, rest=rest)
     ignored = navigate_foot(imu, {**PLAIN, "zupt": {**quiet, "pivot": False}}, rest=rest)
-    found, sigma = result.pivot_b()
+    estimate, sigma = result.pivot_b()
     # forward and down act through the pitch rate; 3 sigma claimed, no noise in the data
-    assert np.all(np.abs(found - pivot)[[0, 2]] < 3.0 * sigma[[0, 2]] + 1e-3), (found, sigma)
+    assert np.all(np.abs(estimate - pivot)[[0, 2]] < 3.0 * sigma[[0, 2]] + 1e-3), (estimate, sigma)
     assert np.all(sigma[[0, 2]] < 0.01)
     assert sigma[1] > 0.05  # rolling straight on says nothing of the lateral one but for the turning in swings
     # roll_over reaches 1 rad/s: 10 cm/s of the IMU, taken for none, bend the track
@@ -111,18 +111,18 @@ def test_pieces_of_a_stride_are_the_same_filter(square):
     imu = wc.noisy(imu, np.random.default_rng(5), gyro_n=GYRO_N, accel_n=ACCEL_N, b_g=(0.001, -0.001, 0.0005))
     rest = motion.resting(imu.t - 0.5 / wc.RATE)
     exact = {"covariance_rate_hz": None}
-    whole = navigate_foot(imu, {"place": wc.PLACE, "filter": {**exact, "smooth": "walk"}}, rest=rest)
+    complete = navigate_foot(imu, {"place": wc.PLACE, "filter": {**exact, "smooth": "walk"}}, rest=rest)
     pieces = navigate_foot(imu, {"place": wc.PLACE, "filter": {**exact, "smooth": "stride"}}, rest=rest)
-    gap = np.abs(whole.navigation.trajectory.r_eb_e - pieces.navigation.trajectory.r_eb_e).max()
+    gap = np.abs(complete.navigation.trajectory.r_eb_e - pieces.navigation.trajectory.r_eb_e).max()
     # the coning correction of the first interval of each piece, which does not know the one before
     assert gap < 1e-5
-    at = np.searchsorted(pieces.navigation.t, whole.navigation.t[-1] - 1e-9)
+    at = np.searchsorted(pieces.navigation.t, complete.navigation.t[-1] - 1e-9)
     np.testing.assert_allclose(
-        pieces.navigation.sigma("dr")[at], whole.navigation.sigma("dr")[-1], rtol=1e-6
+        pieces.navigation.sigma("dr")[at], complete.navigation.sigma("dr")[-1], rtol=1e-6
     )  # rounding
     # the last piece knows all that is known: there both are the fixed-interval smoother
     last = slice(-int(2.0 * wc.RATE), None)
-    gap = np.abs(whole.smoothed.trajectory.r_eb_e[last] - pieces.smoothed.trajectory.r_eb_e[last]).max()
+    gap = np.abs(complete.smoothed.trajectory.r_eb_e[last] - pieces.smoothed.trajectory.r_eb_e[last]).max()
     assert gap < 1e-5
 
 
@@ -163,7 +163,7 @@ def run_of(seed, motion, ideal, smooth):
 
 @pytest.mark.thinned(2)
 @pytest.mark.parametrize(("smooth", "runs"), [("none", 60), ("walk", 30)])
-def test_the_filter_is_as_good_as_it_says(square, smooth, runs):
+def test_nees_of_a_walk_is_in_band(square, smooth, runs):
     """NEES over navigation states and biases, at times in swings and at the end."""
     motion, ideal = square
     truth = wc.truth(motion, np.arange(0.0, motion.duration, 1.0 / wc.RATE))

@@ -84,7 +84,7 @@ def authors_metric(path, reference, distance=0.8):
     return np.sqrt((e**2).mean(axis=1)).mean()
 
 
-def test_the_stored_errors_are_what_we_say_they_are(trials):
+def test_the_stored_errors_follow_the_author_s_definition(trials):
     """The published filter with the stored labels gives the stored errors, by the definition of ``author_error``."""
     ours = np.array([authors_metric(textbook(trial), trial.position_n) for trial in trials])
     stored = np.array([trial.errors["shoe"] for trial in trials])
@@ -216,6 +216,6 @@ def test_the_threshold_from_noise_on_the_square(shared_data):
     """A table top is still enough for the threshold that noise alone gives."""
     recording = read_openshoe_mat(shared_data / "openshoe" / "square2.mat", rate_hz=100.0)
     section = FootConfig.parse({"detector": {"threshold": "noise", "margin": 10.0, "window_s": 0.1}}).detector
-    found = detect_rests(recording.imu, section, gravity=9.817, rest_s=5.0)
-    assert found.mask[:1500].all()
-    assert 0.5 < found.mask.mean() < 0.8
+    rests = detect_rests(recording.imu, section, gravity=9.817, rest_s=5.0)
+    assert rests.mask[:1500].all()
+    assert 0.5 < rests.mask.mean() < 0.8

@@ -57,7 +57,7 @@ def without(imu: ImuSeries, gone: np.ndarray) -> ImuSeries:
     return ImuSeries(imu.t[keep], imu.gyro[keep], imu.accel[keep], imu.kind)
 
 
-def said(notes, text) -> bool:
+def mentions(notes, text) -> bool:
     return any(text in note for note in notes)
 
 
@@ -104,8 +104,8 @@ def test_single_lost_samples_cost_nothing(drives, kind):
     gone = np.zeros(len(r.imu), dtype=bool)
     gone[np.random.default_rng(3).choice(np.arange(500, len(gone) - 10), len(gone) // 100, replace=False)] = True
     result = navigate(replace(r, imu=without(r.imu, gone)), config())
-    assert said(result.notes, "single IMU samples are missing")
-    assert said(result.notes, "IMU increments were lost") == (kind == "increment")
+    assert mentions(result.notes, "single IMU samples are missing")
+    assert mentions(result.notes, "IMU increments were lost") == (kind == "increment")
     # 1.05 without a loss; statistical
     assert largest(result, r) < 1.2
     assert 0.85 < result.innovations.mean_nis() < 1.1
@@ -116,7 +116,7 @@ def test_pauses_of_a_third_of_a_second_are_bridged(drives, kind):
     r = drives[kind]
     gone = (r.imu.t > 40.0) & (r.imu.t % 10.0 > 9.6) & (r.imu.t % 10.0 < 9.9)
     result = navigate(replace(r, imu=without(r.imu, gone)), config())
-    assert said(result.notes, "pauses of the IMU log bridged, the longest 0.3")
+    assert mentions(result.notes, "pauses of the IMU log bridged, the longest 0.3")
     assert largest(result, r) < 1.2
     assert 0.85 < result.innovations.mean_nis() < 1.1
 
@@ -134,14 +134,14 @@ def test_lost_increments_are_filled_exactly_where_motion_is_uniform():
     n, h = 400, 0.01
     t = h * np.arange(1, n + 1)
     w, f = np.array([0.1, -0.2, 0.3]), np.array([0.5, 0.2, -9.8])
-    whole = ImuSeries(t, np.tile(w * h, (n, 1)), np.tile(f * h, (n, 1)), "increment")
+    complete = ImuSeries(t, np.tile(w * h, (n, 1)), np.tile(f * h, (n, 1)), "increment")
     gone = np.zeros(n, dtype=bool)
     gone[[100, 150, 151, 152, 200, 202]] = True
     gone[300:330] = True
     notes: list[str] = []
-    filled = refilled(without(whole, gone), notes)
-    np.testing.assert_allclose(filled.gyro.sum(axis=0), whole.gyro.sum(axis=0), rtol=1e-9)  # rounding
-    np.testing.assert_allclose(filled.accel.sum(axis=0), whole.accel.sum(axis=0), rtol=1e-9)
+    filled = refilled(without(complete, gone), notes)
+    np.testing.assert_allclose(filled.gyro.sum(axis=0), complete.gyro.sum(axis=0), rtol=1e-9)  # rounding
+    np.testing.assert_allclose(filled.accel.sum(axis=0), complete.accel.sum(axis=0), rtol=1e-9)
     assert "at 5 places IMU increments were lost, 0.360 s in all" in notes[0]
 
 
@@ -158,10 +158,10 @@ def test_increments_that_span_the_loss_are_left_alone():
     assert notes == ["2 IMU increments cover more than one interval"]
 
 
-def test_jitter_is_said(recording):
+def test_jitter_is_noted(recording):
     t = recording.imu.t + np.random.default_rng(1).uniform(-4e-3, 4e-3, len(recording.imu))
     result = navigate(replace(recording, imu=replace(recording.imu, t=t)), config())
-    assert said(result.notes, "IMU stamps jitter by")
+    assert mentions(result.notes, "IMU stamps jitter by")
     assert largest(result, recording) < 1.2
 
 
@@ -174,14 +174,14 @@ def test_saturated_and_stuck_axes_are_named(recording):
     gyro[:, 0] = 0.0
     notes: list[str] = []
     prepared_imu(replace(imu, gyro=gyro), parsed(), notes)
-    assert said(notes, "gyro z: 1000 samples in a row read")
-    assert said(notes, "gyro x reads 0 throughout: is it connected?")
+    assert mentions(notes, "gyro z: 1000 samples in a row read")
+    assert mentions(notes, "gyro x reads 0 throughout: is it connected?")
     spike = imu.accel.copy()
     spike[5000:5300, 1] = 30.0
     notes.clear()
     prepared_imu(replace(imu, accel=spike), parsed(), notes)
-    assert said(notes, "accelerometer y: 300 samples")
-    assert said(notes, "sigmas do not cover it")
+    assert mentions(notes, "accelerometer y: 300 samples")
+    assert mentions(notes, "sigmas do not cover it")
 
 
 def test_bridging_noise_is_that_of_the_trapezoid_rule():
@@ -247,7 +247,7 @@ def test_late_velocities_are_noticed_and_put_right(recording, late):
     v = np.stack([np.interp(g.t - late, g.t, x) for x in g.v_n.T], axis=1)
     wrong = replace(recording, gnss=replace(g, v_n=v))
     right = navigate(wrong, config(gnss={"velocity_delay_s": late}))
-    assert said(right.notes, "GNSS velocities are taken to be valid")
+    assert mentions(right.notes, "GNSS velocities are taken to be valid")
     assert largest(right, recording) < 1.3
     assert largest(navigate(wrong, config()), recording) > 1.5 * largest(right, recording)
 
@@ -287,21 +287,21 @@ def test_frozen_fixes_are_left_out(recording, velocity_too):
     g = replace(g, llh=llh, v_n=v)
     assert np.flatnonzero(frozen(g)).tolist() == k[1:].tolist()
     result = navigate(replace(recording, gnss=g), config())
-    assert said(result.notes, f"{len(k) - 1} GNSS fixes left out whose position stood still")
+    assert mentions(result.notes, f"{len(k) - 1} GNSS fixes left out whose position stood still")
     assert largest(result, recording) < 3.0
 
 
-def test_a_vehicle_that_stands_is_not_frozen():
+def test_a_vehicle_at_rest_is_not_frozen():
     n = 50
     cov = np.tile(np.eye(3), (n, 1, 1))
     g = GnssSeries(np.arange(float(n)), np.tile([0.8, 0.1, 0.0], (n, 1)), cov, np.full((n, 3), 0.01), cov)
     assert not frozen(g).any()
 
 
-def test_a_step_of_the_stamps_is_rejected_and_said(recording):
+def test_a_step_of_the_stamps_is_rejected_and_noted(recording):
     g = replace(recording.gnss, t=recording.gnss.t + 1.0 * (recording.gnss.t > 80.0))
     result = navigate(replace(recording, gnss=g), config())
-    assert said(result.notes, "or the clocks differ (gnss.delay_sigma_s)")
+    assert mentions(result.notes, "or the clocks differ (gnss.delay_sigma_s)")
 
 
 # --- GNSS: accuracies -----------------------------------------------------------------------------------------------
@@ -328,8 +328,8 @@ def test_accuracies_too_good_to_be_true_are_seen_before_and_after_the_run(record
     g = replace(recording.gnss, cov_r_n=np.tile(1e-4 * np.eye(3), (n, 1, 1)))
     bad = replace(recording, gnss=g)
     result = navigate(bad, config())
-    assert said(result.notes, "positions jump against their own velocities")
-    assert said(result.notes, "they claim 0.01 m")
+    assert mentions(result.notes, "positions jump against their own velocities")
+    assert mentions(result.notes, "they claim 0.01 m")
     good = navigate(bad, config(gnss={"position_sigma_floor_m": [1.5, 1.5, 2.5]}))
     assert largest(good, recording) < 1.3
 
@@ -351,8 +351,8 @@ def test_a_minute_of_wrong_fixes(recording):
     wrong = replace(recording, gnss=moved(g, np.outer(bad * 20.0, [1.0, 0.0, 0.0])))
     never = navigate(wrong, config(filter={"lockout": 0}))
     default = navigate(wrong, config())
-    assert said(never.notes, "GNSS position fixes were rejected")
-    assert said(default.notes, "taken after lock-out (filter.lockout)")
+    assert mentions(never.notes, "GNSS position fixes were rejected")
+    assert mentions(default.notes, "taken after lock-out (filter.lockout)")
     assert not (never.innovations.status == FORCED).any()
     assert largest(never, recording) < 3.0 < largest(default, recording)
     assert largest(default, recording) < 22.0
@@ -371,7 +371,7 @@ def started(request):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_time_offset_is_found(started, sign):
+def test_time_offset_is_estimated(started, sign):
     late = replace(started, gnss=replace(started.gnss, t=started.gnss.t + sign * 0.2))
     result = navigate(late, config(gnss={"delay_sigma_s": 0.3}))
     error, sigma = result.parameter("delay")[-1, 0] + sign * 0.2, result.sigma("delay")[-1, 0]
@@ -380,7 +380,7 @@ def test_time_offset_is_found(started, sign):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_lever_arm_is_found(started, sign):
+def test_lever_arm_is_estimated(started, sign):
     given = np.array(tn.LEVER) + sign * np.array([0.5, -0.5, 0.5])
     result = navigate(started, config(gnss={"lever_arm_m": given.tolist(), "lever_sigma_m": 0.5}))
     error, sigma = given + result.parameter("lever")[-1] - tn.LEVER, result.sigma("lever")[-1]
@@ -389,7 +389,7 @@ def test_lever_arm_is_found(started, sign):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_mount_angles_are_found(started, sign):
+def test_mount_angles_are_estimated(started, sign):
     mount = sign * np.radians([2.0, -3.0])
     C = rotation.dcm_from_rpy(np.array([0.0, *mount]))
     imu = started.imu
@@ -424,5 +424,5 @@ def test_real_velocities_are_half_an_interval_late(shared_data):
         data["gnss"]["velocity_delay_s"] = late
         result = navigate(recording, data)
         nis[late] = result.innovations.of("velocity").mean_nis()
-        assert said(result.notes, "GNSS velocities seem to be 0.126 s late") == (late == 0.0)
+        assert mentions(result.notes, "GNSS velocities seem to be 0.126 s late") == (late == 0.0)
     assert nis[0.0] > 1.5 > 0.8 > nis[0.125]  # seen 2.14 and 0.48

@@ -23,7 +23,7 @@ from schuler.gnss.synthetic import synthetic_ranges
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.aids.satellite import range_measurements
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.inputs.satellite_noise import honest
+from schuler.navigation.inputs.satellite_noise import inflate_sigmas
 from schuler.navigation.inputs.satellites import (
     Points,
     inflated,
@@ -169,7 +169,7 @@ def test_true_standard_deviations_stay(case):
     for seed in range(12):
         r = case.made(seed).ranges
         notes: list[str] = []
-        same, _ = honest(r, notes)
+        same, _ = inflate_sigmas(r, notes)
         assert same is r, (seed, notes)
 
 
@@ -182,7 +182,7 @@ def test_too_small_standard_deviations_are_enlarged_where_they_are(clean, factor
         sigma_rate=np.where(late, clean.sigma_rate / factor, clean.sigma_rate),
     )
     notes: list[str] = []
-    r, _ = honest(wrong, notes)
+    r, _ = inflate_sigmas(wrong, notes)
     for name in ("sigma_range", "sigma_rate"):
         ratio = getattr(r, name) / getattr(clean, name)
         np.testing.assert_array_equal(ratio[~late], 1.0)
@@ -194,7 +194,7 @@ def test_too_small_standard_deviations_are_enlarged_where_they_are(clean, factor
 
 def test_too_large_standard_deviations_stay(clean):
     """Errors that last, or that all satellites share, do not show in residuals."""
-    r, _ = honest(replace(clean, sigma_range=4.0 * clean.sigma_range), [])
+    r, _ = inflate_sigmas(replace(clean, sigma_range=4.0 * clean.sigma_range), [])
     np.testing.assert_array_equal(r.sigma_range, 4.0 * clean.sigma_range)
 
 
@@ -202,7 +202,7 @@ def test_a_fault_does_not_pass_as_noise(clean):
     """40 m on one of many satellites for 4 s: excluded there, and nobody's standard deviation grows."""
     sat = int(clean.sat[np.argmax(clean.elevation)])
     wrong = faulty(clean, sat, 40.0, 44.0, 40.0)
-    r, solution = honest(wrong, [])
+    r, solution = inflate_sigmas(wrong, [])
     np.testing.assert_array_equal(r.sigma_range, clean.sigma_range)
     notes: list[str] = []
     left = without_faults(r, solution, notes)
@@ -247,8 +247,8 @@ def test_a_bad_epoch_and_a_calm_clock_are_no_jumps(clean):
     bad = replace(clean, pseudorange=clean.pseudorange + 80.0 * (clean.t == 50.0))
     same, _ = without_clock_jumps(bad, solve_points(bad), notes)
     assert same is bad
-    few = clean.where(clean.t < 1.2)
-    assert without_clock_jumps(few, solve_points(few), notes)[0] is few
+    subset = clean.where(clean.t < 1.2)
+    assert without_clock_jumps(subset, solve_points(subset), notes)[0] is subset
     assert not notes
 
 
@@ -379,7 +379,7 @@ def test_a_change_of_ephemerides_does_not_show(case):
     assert np.abs(np.diff(error, axis=0)).max() < 0.6  # a metre on each of twelve ranges, and gently
 
 
-def test_a_receiver_that_says_a_centimetre(case, clean):
+def test_a_receiver_that_claims_a_centimetre(case, clean):
     """All satellites claim 1 cm and 1 mm/s with errors of half a metre and 5 cm/s."""
     wrong = replace(clean, sigma_range=np.full(len(clean), 0.01), sigma_rate=np.full(len(clean), 0.001))
     result = case.navigated(wrong)
@@ -389,7 +389,7 @@ def test_a_receiver_that_says_a_centimetre(case, clean):
 
 
 @pytest.mark.parametrize("metres", [-20.0, 20.0])
-def test_a_satellite_that_says_a_centimetre_and_is_wrong_by_twenty_metres(case, clean, metres):
+def test_a_satellite_that_claims_a_centimetre_and_is_wrong_by_twenty_metres(case, clean, metres):
     sat = int(clean.sat[np.argmax(clean.elevation)])
     k = clean.sat == sat
     wrong = faulty(clean, sat, 50.0, 80.0, metres)

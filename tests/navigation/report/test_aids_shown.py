@@ -29,10 +29,10 @@ def of(panel, kind, role=None):
 
 
 def test_every_kind_has_a_name_a_unit_and_its_axes():
-    assert set(kinds.SHOWN) == set(KINDS)
-    for code, what in kinds.SHOWN.items():
+    assert set(kinds.DISPLAY) == set(KINDS)
+    for code, what in kinds.DISPLAY.items():
         assert len(what.axes) == DIMENSIONS[code], what.text
-    assert len({w.text for w in kinds.SHOWN.values()}) == len(KINDS)
+    assert len({w.text for w in kinds.DISPLAY.values()}) == len(KINDS)
 
 
 FACTORS = {"m": 1.0, "m/s": 1.0, "deg": units.DEG, "deg/s": units.DEG}
@@ -59,8 +59,8 @@ def test_innovations_of_every_kind(everything, kind):
         assert np.allclose(np.sort(values), np.sort(inn.innovation[:, i] / factor))
         (band,) = of(panel, Band)
         if kind not in ("pseudorange", "range_rate"):
-            known = np.isfinite(band.high)
-            assert np.allclose(band.high[known], 3.0 * inn.sigma[:, i] / factor)
+            finite = np.isfinite(band.high)
+            assert np.allclose(band.high[finite], 3.0 * inn.sigma[:, i] / factor)
     last = figure.panels[-1]
     assert last.y_label == ("NIS per axis [-]" if size == 3 else "NIS [-]")
     assert f"mean {np.mean(inn.nis / size):.2f}" in last.title
@@ -70,14 +70,14 @@ def test_innovations_of_every_kind(everything, kind):
 def test_band_of_satellites_is_the_mean_one_of_each_epoch(everything):
     inn = everything.result.innovations.of("pseudorange")
     (band,) = of(innovations.by_component(subject_of(everything), "pseudorange").panels[0], Band)
-    known = np.isfinite(band.high)
+    finite = np.isfinite(band.high)
     times = np.unique(inn.t)
-    assert np.allclose(band.x[known], times)
+    assert np.allclose(band.x[finite], times)
     expected = [3.0 * np.sqrt(np.mean(inn.sigma[inn.t == t, 0] ** 2)) for t in times]
-    assert np.allclose(band.high[known], expected)
+    assert np.allclose(band.high[finite], expected)
 
 
-def test_what_did_not_meet_its_condition_is_shown_and_counted(everything):
+def test_gated_measurements_are_drawn_and_counted(everything):
     inn = everything.result.innovations.of("lateral")
     gated = inn.t[inn.status == GATED]
     assert len(gated) > 50
@@ -91,7 +91,7 @@ def test_what_did_not_meet_its_condition_is_shown_and_counted(everything):
     assert rows["no sideways slip"][4] == str(len(gated))
 
 
-def test_resets_are_shown_as_steps(full):
+def test_resets_are_drawn_as_steps(full):
     inn = full.result.innovations
     k = inn.kind == 1
     nothing = np.full((int(k.sum()), 3), np.nan)
@@ -110,7 +110,7 @@ def test_resets_are_shown_as_steps(full):
     assert sentences[3] == f"Aids: position reset ({k.sum()} used)."
 
 
-def test_a_few_faults_do_not_make_a_filter_proud(everything):
+def test_rare_faults_do_not_count_against_consistency(everything):
     subject = subject_of(everything)
     sentences = verdict.verdict(subject)
     assert "can be believed" in sentences[1]

@@ -44,9 +44,9 @@ def test_a_road_lies_where_the_track_would(tmp_path):
     assert line.role == "road_major"
     llh = np.column_stack((np.radians([p[1] for p in points]), np.radians([p[0] for p in points]), np.full(3, 400.0)))
     ned = frames.ned_from_ecef(frames.ecef_from_llh(llh), ORIGIN)
-    known = np.isfinite(line.x)
-    assert np.allclose(line.x[known], ned[:, 1], atol=1e-6)  # rounding
-    assert np.allclose(line.y[known], ned[:, 0], atol=1e-6)
+    finite = np.isfinite(line.x)
+    assert np.allclose(line.x[finite], ned[:, 1], atol=1e-6)  # rounding
+    assert np.allclose(line.y[finite], ned[:, 0], atol=1e-6)
 
 
 def test_kinds_of_osm_have_roles_and_all_geometries_are_read(tmp_path):
@@ -101,14 +101,14 @@ def test_large_maps_stay_small(tmp_path):
         (json.dumps(collection(road([1, 2]))), "not lists of [longitude, latitude]"),
     ],
 )
-def test_bad_geojson_says_what_is_expected(tmp_path, text, says):
+def test_bad_geojson_is_refused(tmp_path, text, says):
     with pytest.raises(FileFormatError) as caught:
         read_backdrop(written(tmp_path, text))
     assert says in str(caught.value)
     assert "map.geojson" in str(caught.value)
 
 
-def test_other_files_say_what_is_expected(tmp_path):
+def test_other_files_are_refused(tmp_path):
     with pytest.raises(InputError, match="is no file; expected a GeoJSON file"):
         read_backdrop(tmp_path / "nothing.geojson")
     with pytest.raises(InputError, match=r"expected a GeoJSON file .* got town\.osm\.pbf"):
@@ -130,7 +130,7 @@ def test_other_files_say_what_is_expected(tmp_path):
         read_backdrop(tmp_path / "bare.png")
 
 
-def test_a_map_of_another_place_says_where_both_are(tmp_path):
+def test_a_map_of_another_place_is_refused_with_both_places(tmp_path):
     elsewhere = read_backdrop(written(tmp_path, collection(road([[20.0, 10.0], [20.1, 10.0]]))))
     with pytest.raises(
         InputError, match=r"longitude 8\.5400, latitude 47\.3700 deg; the file covers longitude 20\.0000"
@@ -244,7 +244,7 @@ def test_graticule_has_round_values_at_their_places(half, lat):
         assert place == pytest.approx(value, abs=1e-3 * half / 111_000.0 + 1e-9)
 
 
-def test_track_stands_on_the_map_and_names_it(full, tmp_path):
+def test_track_is_drawn_on_the_map_with_its_name(full, tmp_path):
     llh = full.result.trajectory.llh[::500, :2]
     points = np.degrees(llh[:, ::-1]).tolist()
     path = written(tmp_path, collection(road(points, highway="primary"), attribution="© somebody."))
@@ -253,8 +253,8 @@ def test_track_stands_on_the_map_and_names_it(full, tmp_path):
     assert "Background: map.geojson (© somebody)." in figure.caption
     (major,) = [i for i in panel.items if isinstance(i, Line) and i.role == "road_major"]
     filtered = next(i for i in panel.items if isinstance(i, Line) and i.role == "filtered")
-    known = np.isfinite(major.x)
-    distance = np.hypot(major.x[known][:, None] - filtered.x, major.y[known][:, None] - filtered.y).min(axis=1)
+    finite = np.isfinite(major.x)
+    distance = np.hypot(major.x[finite][:, None] - filtered.x, major.y[finite][:, None] - filtered.y).min(axis=1)
     # corners of the road are points of the track, which is thinned
     assert distance.max() < 3.0
     assert panel.x_limits[1] - panel.x_limits[0] == pytest.approx(panel.y_limits[1] - panel.y_limits[0])

@@ -124,7 +124,7 @@ def test_nothing_is_fetched(page, source):
     assert "showSendToCloud: false" in source
 
 
-def test_all_notes_and_texts_are_there_escaped(page, source, full):
+def test_all_notes_and_texts_are_escaped(page, source, full):
     listed = page.text["li"]
     assert all(note in listed for note in full.result.notes)
     assert "<b>markup</b>" not in source

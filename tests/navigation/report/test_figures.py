@@ -102,7 +102,7 @@ def test_one_function_for_each_figure(full):
     assert len(figures.plot_innovations(full.result, "velocity").axes) == 4
 
 
-def test_what_cannot_be_drawn_says_what_is_missing(full):
+def test_missing_input_of_a_figure_is_an_error(full):
     with pytest.raises(InputError, match="needs a reference"):
         figures.plot_horizontal_error(full.result)
     with pytest.raises(InputError, match="measurements of the kind 'zero_velocity'"):

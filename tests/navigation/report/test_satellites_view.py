@@ -44,7 +44,7 @@ def test_sky_is_zenith_in_the_middle_and_north_up(everything):
     assert marks == {REASONS[k]: int(np.sum(r.reason == k)) for k in (3, 4, 6)}
 
 
-def test_timeline_tells_used_left_out_and_rejected(everything):
+def test_timeline_marks_used_left_out_and_rejected(everything):
     subject = subject_of(everything)
     (panel,) = satellites.timeline(everything.ranges, subject).panels
     r = everything.ranges
@@ -79,7 +79,7 @@ def test_numbers_and_dilutions_agree_with_the_point_solutions(everything):
         assert np.allclose(mine.y, other.y, rtol=2e-3)  # theirs are at the solved place, mine at the approximate one
 
 
-def test_signal_strength_is_left_out_where_there_is_none(everything):
+def test_signal_strength_without_values_is_left_out(everything):
     r = everything.ranges
     figure = satellites.strengths(r)
     over_time = of(figure.panels[0], Line)

@@ -49,7 +49,7 @@ def test_shares_of_honest_runs_are_those_of_a_normal_distribution(make_run):
     assert np.mean(three) > 0.985
 
 
-def test_a_proud_filter_is_found_out_without_a_reference(full):
+def test_an_optimistic_filter_is_detected_without_a_reference(full):
     """Both covariances a hundredth of what they should be, as if all noise were believed ten times smaller."""
     shy = 0.01
     proud = Subject(
@@ -64,13 +64,13 @@ def test_a_proud_filter_is_found_out_without_a_reference(full):
     assert "filtered minus smoothed position, inside 3 sigma (honest: 99.7) [%]" in names
 
 
-def test_without_two_solutions_there_is_none(full):
+def test_separation_needs_two_solutions(full):
     assert accuracy.separation(Subject(full.result)) is None
     assert accuracy.separation(Subject(full.smoothed)) is None
     assert build.separation_figures(Subject(full.smoothed, full.smoothed)) == []
 
 
-def test_unknown_covariances_are_told_and_not_drawn(full):
+def test_unknown_covariances_are_reported_and_not_drawn(full):
     broken = np.full_like(full.smoothed.covariance_e, np.nan)
     subject = Subject(full.result, replace(full.smoothed, covariance_e=broken))
     figure = accuracy.separation(subject)

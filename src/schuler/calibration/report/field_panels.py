@@ -12,7 +12,7 @@ from schuler.calibration.field.calibration import FieldCalibration
 from schuler.calibration.field.history import FieldHistory
 from schuler.calibration.result.parameters import AXES, in_gauge, vector
 from schuler.calibration.result.sheet import sheet
-from schuler.filtering.kinds import shown
+from schuler.filtering.kinds import kind_display
 from schuler.plotting.figure import TIME, Band, Figure, Item, Line, Markers, Panel, Span, band, level, line, view
 from schuler.sensors.errors import ImuErrors
 from schuler.units import DEG_PER_HR, MG
@@ -169,9 +169,9 @@ def innovations(found: FieldCalibration) -> Figure | None:
             Band(np.array(limits), np.full(2, -2.0), np.full(2, 2.0), "expected", "±2 sigma"),
             level(limits, 0.0, "level"),
         ]
-        for i, axis in enumerate(shown(kind).axes):
+        for i, axis in enumerate(kind_display(kind).axes):
             items.append(Markers(v.t, v.z[:, i], _ROLES[i], axis))
-        title = f"{shown(kind).text}: mean square {np.mean(v.z**2):.2f}"
+        title = f"{kind_display(kind).text}: mean square {np.mean(v.z**2):.2f}"
         reach = max(4.0, 1.05 * float(np.abs(v.z).max()))
         panels.append(Panel(TIME, "innovation [sigma]", tuple(items), title=title, y_limits=(-reach, reach)))
     if not panels:

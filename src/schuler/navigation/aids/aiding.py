@@ -1,4 +1,4 @@
-"""From a configuration to measurements and the states they need: everything that aids a run."""
+"""Measurements of a run from its configuration: GNSS, vehicle, scalar sensors, rest."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from schuler.exceptions import InputError
 from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements, in_windows, merged
 from schuler.gnss.ranges import Ranges
 from schuler.navigation.aids.rest import earth_rates, gravities, zero_rates, zero_velocities
-from schuler.navigation.aids.satellite import range_measurements, resets
+from schuler.navigation.aids.satellite import range_measurements, resets, thinned
 from schuler.navigation.aids.scalar import heading_measurements, height_measurements, known_positions
 from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic, odometer_measurements
 from schuler.navigation.config import GnssSection, NavigationConfig
@@ -24,7 +24,7 @@ from schuler.standstill.stationarity import StaticIntervals, static_intervals
 
 @dataclass(frozen=True)
 class Sources:
-    """The series a run can draw on: IMU in vehicle axes, fixes and ranges as prepared, and the recording's others."""
+    """Series that aids are made from: IMU in vehicle axes, prepared fixes and ranges, other series of the recording."""
 
     imu: ImuSeries
     gnss: GnssSeries | None = None
@@ -49,7 +49,7 @@ def aiding_schedule(
     sources : Sources
     config : NavigationConfig
     spec : ImuSpec
-        Its noise weighs what is compared with Earth rate and gravity at rest.
+        Its noise weighs means at rest against Earth rate and gravity.
     start : float
         Time of the initial state. [s]
     origin : float
@@ -67,8 +67,12 @@ def aiding_schedule(
     if aiding.non_holonomic is not None:
         parts.append(_vehicle_part(sources.imu, aiding, start))
     if aiding.odometer is not None:
-        series = _need(sources.odometer, "odometer")
-        section = aiding.odometer
+        series, section = sources.odometer, aiding.odometer
+        if series is None:
+            raise InputError(
+                "aiding.odometer is configured, but the recording has no odometer series: "
+                "read one with the log, or leave the aid out"
+            )
         if section.sigma_m_s is not None:
             series = replace(series, sigma=np.full(len(series), section.sigma_m_s))
         parts.append(
@@ -77,7 +81,8 @@ def aiding_schedule(
             )
         )
     if aiding.heading is not None:
-        heading = _scalar(sources.heading, "heading", _times(aiding.heading.sigma_deg, units.DEG))
+        sigma = aiding.heading.sigma_deg
+        heading = _scalar(sources.heading, "heading", None if sigma is None else sigma * units.DEG)
         parts.append(
             heading_measurements(
                 heading,
@@ -94,12 +99,12 @@ def aiding_schedule(
         t = origin + np.array(aiding.fixes.t_s)
         parts.append(known_positions(t, llh, aiding.fixes.sigma_m, lever_b=aiding.fixes.lever_m))
     if any(x is not None for x in (aiding.zero_velocity, aiding.zero_rate, aiding.gravity, aiding.earth_rate)):
-        found = rests(sources.imu, sources.gnss, aiding.rest, windows)
+        intervals = rests(sources.imu, sources.gnss, aiding.rest, windows)
         notes.append(
-            f"at rest: {len(found)} intervals, {found.duration.sum():.1f} s in all"
-            + (" (what is measured at rest has nothing to work with)" if not len(found) else "")
+            f"at rest: {len(intervals)} intervals, {intervals.duration.sum():.1f} s in all"
+            + (" (what is measured at rest has nothing to work with)" if not len(intervals) else "")
         )
-        parts += _rest_parts(sources.imu, found, aiding, spec)
+        parts += _rest_parts(sources.imu, intervals, aiding, spec)
     schedule = merged(*parts)
     return schedule.where(schedule.t > start + 1e-6), notes
 
@@ -113,44 +118,48 @@ def rests(
     ----------
     imu : ImuSeries
     gnss : GnssSeries, optional
-        Its speed vetoes: a smooth ride is as quiet as rest, and slow turning of the mean rate may go unseen.
+        Rests during which it moves are dropped: a smooth ride is as quiet as rest.
     section : RestSection
     windows : tuple of (start, stop)
-        Outages, whose fixes are not asked. [s]
+        Outages, whose fixes are not used. [s]
     """
-    found = static_intervals(imu, min_s=section.min_s, window_s=section.window_s, margin=section.margin)
-    if gnss is None or gnss.v_n is None or gnss.cov_v_n is None or not len(found):
-        return found
+    intervals = static_intervals(imu, min_s=section.min_s, window_s=section.window_s, margin=section.margin)
+    if gnss is None or gnss.v_n is None or gnss.cov_v_n is None or not len(intervals):
+        return intervals
     sigma = np.sqrt(np.einsum("nii->n", gnss.cov_v_n) / 3.0)
     moving = (np.linalg.norm(gnss.v_n, axis=1) > section.max_speed_m_s + 3.0 * sigma) & ~in_windows(gnss.t, windows)
     times = gnss.t[moving]
-    keep = np.searchsorted(times, found.start) == np.searchsorted(times, found.stop, side="right")
-    mask = found.mask.copy()
-    for a, b in found.index[~keep]:
+    keep = np.searchsorted(times, intervals.start) == np.searchsorted(times, intervals.stop, side="right")
+    mask = intervals.mask.copy()
+    for a, b in intervals.index[~keep]:
         mask[a:b] = False
-    return replace(found, start=found.start[keep], stop=found.stop[keep], index=found.index[keep], mask=mask)
+    return replace(
+        intervals, start=intervals.start[keep], stop=intervals.stop[keep], index=intervals.index[keep], mask=mask
+    )
 
 
 def _rest_parts(
-    imu: ImuSeries, found: StaticIntervals, aiding: AidingSection, spec: ImuSpec
+    imu: ImuSeries, intervals: StaticIntervals, aiding: AidingSection, spec: ImuSpec
 ) -> list[MeasurementSchedule]:
-    """What rest says, as far as it is configured."""
+    """Measurements at rest that are configured."""
     parts = []
     if aiding.zero_velocity is not None:
         z = aiding.zero_velocity
-        parts.append(zero_velocities(found, sigma=z.sigma_m_s, rate_hz=z.rate_hz, gate=_gate(z.gate)))
+        parts.append(zero_velocities(intervals, sigma=z.sigma_m_s, rate_hz=z.rate_hz, gate=_gate(z.gate)))
     gyro_noise, accel_noise = spec.gyro.random_walk, spec.accel.random_walk
     for section, function in ((aiding.zero_rate, zero_rates), (aiding.earth_rate, earth_rates)):
         if section is not None:
             sigma = section.sigma_deg_s * units.DEG
             gate = _gate(section.gate)
-            parts.append(function(imu, found, sigma_noise=gyro_noise, sigma=sigma, block_s=section.block_s, gate=gate))
+            parts.append(
+                function(imu, intervals, sigma_noise=gyro_noise, sigma=sigma, block_s=section.block_s, gate=gate)
+            )
     if aiding.gravity is not None:
         g = aiding.gravity
         parts.append(
             gravities(
                 imu,
-                found,
+                intervals,
                 sigma_noise=accel_noise,
                 sigma=g.sigma_m_s2,
                 vector=g.form == "vector",
@@ -179,17 +188,6 @@ def _satellite_parts(sources: Sources, section: GnssSection) -> MeasurementSched
     )
 
 
-def thinned(gnss: GnssSeries, every_s: float) -> GnssSeries:
-    """The fixes that are at least ``every_s`` apart; all of them for 0."""
-    if every_s <= 0.0:
-        return gnss
-    kept: list[int] = []
-    for k, t in enumerate(gnss.t):
-        if not kept or t - gnss.t[kept[-1]] >= every_s - 1e-6:
-            kept.append(k)
-    return gnss.where(np.array(kept, dtype=np.int64))
-
-
 def _vehicle_part(imu: ImuSeries, aiding: AidingSection, start: float) -> MeasurementSchedule:
     section = aiding.non_holonomic
     assert section is not None
@@ -212,19 +210,6 @@ def _vehicle_part(imu: ImuSeries, aiding: AidingSection, start: float) -> Measur
 
 def _gate(value: float | str) -> float | None:
     return None if isinstance(value, str) else value
-
-
-def _times(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor
-
-
-def _need(series: OdometerSeries | None, name: str) -> OdometerSeries:
-    if series is None:
-        raise InputError(
-            f"aiding.{name} is configured, but the recording has no {name} series: "
-            "read one with the log, or leave the aid out"
-        )
-    return series
 
 
 def _scalar(series: ScalarSeries | None, name: str, sigma: float | None) -> ScalarSeries:

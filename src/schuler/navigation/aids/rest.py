@@ -1,4 +1,4 @@
-"""What rest says: no velocity, no rotation but the Earth's, no specific force but that against gravity."""
+"""Measurements at rest: zero velocity, zero rotation, gravity, Earth rate."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def zero_velocities(
     Parameters
     ----------
     intervals : StaticIntervals
-        Of :func:`schuler.standstill.stationarity.static_intervals`.
+        Intervals of :func:`schuler.standstill.stationarity.static_intervals`.
     sigma : float
         1-sigma: what the vehicle may still move, vibration included. [m/s]
     rate_hz : float
@@ -67,7 +67,7 @@ def zero_rates(
     ----------
     imu : ImuSeries
     intervals : StaticIntervals
-        Of this log.
+        Rests of this log.
     sigma_noise : float
         Root density N of the gyroscopes: a mean over T has ``N / sqrt(T)``. [rad/s/sqrt(Hz)]
     sigma : float
@@ -112,7 +112,7 @@ def gravities(
     ----------
     imu : ImuSeries
     intervals : StaticIntervals
-        Of this log.
+        Rests of this log.
     sigma_noise : float
         Root density N of the accelerometers. [m/s^2/sqrt(Hz)]
     sigma : float
@@ -169,7 +169,7 @@ def earth_rates(
     ----------
     imu : ImuSeries
     intervals : StaticIntervals
-        Of this log.
+        Rests of this log.
     sigma_noise : float
         Root density N of the gyroscopes. [rad/s/sqrt(Hz)]
     sigma : float

@@ -1,4 +1,4 @@
-"""Tightly coupled measurements: every satellite for itself. And the uncoupled architecture: resets."""
+"""Pseudoranges and range rates for tight coupling, and resets for the uncoupled architecture."""
 
 from __future__ import annotations
 
@@ -99,13 +99,19 @@ def resets(gnss: GnssSeries, lever_arm_b: ArrayLike, *, every_s: float = 0.0) ->
     Stefanisko (2015), section 3.1.1.
     """
     lever = as_vector3(lever_arm_b, "lever_arm_b")
-    keep, last = [], -np.inf
-    for k, t in enumerate(gnss.t):
-        if t - last >= every_s - 1e-6:
-            keep.append(k)
-            last = float(t)
-    g = gnss.where(np.array(keep, dtype=np.int64))
+    g = thinned(gnss, every_s)
     positions = MeasurementSchedule.of(RESET_POSITION, g.t, frames.ecef_from_llh(g.llh), g.cov_r_n, lever)
     if g.v_n is None or g.cov_v_n is None:
         return positions
     return merged(positions, MeasurementSchedule.of(RESET_VELOCITY, g.t, g.v_n, g.cov_v_n, lever))
+
+
+def thinned(gnss: GnssSeries, every_s: float) -> GnssSeries:
+    """The fixes that are at least ``every_s`` apart; all of them for 0."""
+    if every_s <= 0.0:
+        return gnss
+    kept: list[int] = []
+    for k, t in enumerate(gnss.t):
+        if not kept or t - gnss.t[kept[-1]] >= every_s - 1e-6:
+            kept.append(k)
+    return gnss.where(np.array(kept, dtype=np.int64))

@@ -1,4 +1,4 @@
-"""Heading and height sensors, and places that are known."""
+"""Heading and height sensors, and fixes at surveyed places."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def known_positions(
     lever_b: ArrayLike = (0.0, 0.0, 0.0),
     gate: float | None = None,
 ) -> MeasurementSchedule:
-    """Fixes at places that are known (a surveyed mark, a terminal), which go on in GNSS outages.
+    """Fixes at surveyed places (a mark, a terminal), which go on in GNSS outages.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a vehicle's wheels say: it does not slip sideways or leave the ground, and how fast it goes."""
+"""Measurements of a wheeled vehicle: no velocity across and up, and the speed of its wheels."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SMOOTHING_S = 0.5  # conditions look at means over half a second: vibration is 
 
 @dataclass(frozen=True)
 class VehicleConditions:
-    """When the assumption that a vehicle does not slip is good enough to be used.
+    """Conditions under which a vehicle is assumed not to slip.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ def non_holonomic(
     Returns
     -------
     MeasurementSchedule
-        With the measurements whose conditions are not met: the filter counts them as such.
+        All measurements; the filter counts those whose conditions are not met.
 
     Raises
     ------
@@ -114,18 +114,18 @@ def non_holonomic(
     z[:, 7] = conditions.min_speed
     threshold = gate_threshold(gate, 1)
 
-    def of(kind: int, sigma: float, met: BoolArray) -> MeasurementSchedule:
+    def schedule(kind: int, sigma: float, met: BoolArray) -> MeasurementSchedule:
         return MeasurementSchedule.of(kind, t, z, sigma**2, lever, np.where(met, threshold, -1.0))
 
-    return merged(of(LATERAL, sigma_lateral, lateral), of(VERTICAL, sigma_vertical, vertical))
+    return merged(schedule(LATERAL, sigma_lateral, lateral), schedule(VERTICAL, sigma_vertical, vertical))
 
 
 def smoothed_motion(imu: ImuSeries, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Turn rate about down [rad/s], specific force across and along, without their means [m/s^2], at given times.
 
-    Of the forces the medians over the log are taken off: they stand for biases and tilt, which are not known yet, and
-    a vehicle goes straight at one speed most of the time. The turn rate keeps its bias, small beside what it is
-    compared with. Means are centred, so they see a quarter of a second ahead; a live filter has that delay.
+    Medians of the forces over the log stand for biases and tilt, since a vehicle goes straight at one speed most of the
+    time. The turn rate keeps its bias, small beside the limit it is compared with. Means are centred: a live filter has
+    a delay of a quarter of a second.
     """
     rates = imu.rates()
     window = min(window_samples(rates, _SMOOTHING_S), len(rates))

@@ -43,12 +43,12 @@ class ComparisonRow:
     outages : str
         Name of the set.
     numbers : dict
-        As of :func:`schuler.navigation.evaluation.errors.evaluate`, ``smoothed`` with the same of the smoothed
+        Numbers of :func:`schuler.navigation.evaluation.errors.evaluate`, ``smoothed`` with the same of the smoothed
         solution; empty if the run failed.
     failed : str
         Why there is no solution, empty if there is one.
     errors : TrajectoryErrors, optional
-        Of the filtered solution.
+        Errors of the filtered solution.
     """
 
     mode: Mode
@@ -73,9 +73,9 @@ class Comparison(TabularResult):
     Attributes
     ----------
     recording : str
-        Its name.
+        Name of the recording.
     reference : str
-        What errors are measured against.
+        Description of the trajectory that errors are measured against.
     rows : tuple of ComparisonRow
     windows : dict of str to tuple of (start, stop)
         Sets of outages by name, seconds from the start of the recording.
@@ -102,9 +102,9 @@ class Comparison(TabularResult):
         )
 
     def table(self) -> ResultTable:
-        """All rows with the numbers people compare."""
-        shown = [c for c in _COLUMNS if any(r.entry(c) is not None for r in self.rows)]
-        rows = tuple((r.mode.name, r.outages, *(r.entry(c) for c in shown)) for r in self.rows)
+        """One row a run: errors, consistency, rejections."""
+        columns = [c for c in _COLUMNS if any(r.entry(c) is not None for r in self.rows)]
+        rows = tuple((r.mode.name, r.outages, *(r.entry(c) for c in columns)) for r in self.rows)
         failed = tuple(f"{r.mode.name}, {r.outages}: {r.failed}" for r in self.rows if r.failed)
         sets = tuple(
             f"outages {name}: {len(w)}, {sum(b - a for a, b in w):.1f} s in all"
@@ -113,7 +113,8 @@ class Comparison(TabularResult):
         )
         against = (f"errors against {self.reference}; NEES and NIS per degree of freedom, 1 for an honest filter",)
         return ResultTable(
-            f"{self.recording}: architectures and outages", ("mode", "outages", *shown), rows, against + sets + failed,
+            f"{self.recording}: architectures and outages", ("mode", "outages", *columns), rows,
+            against + sets + failed,
             self.complete,
         )  # fmt: skip
 
@@ -166,8 +167,7 @@ def compare_architectures(
     InputError, ConfigError
         If the configuration or a mode is wrong, or there is nothing to compare with.
     """
-    if not isinstance(config, NavigationConfig):
-        config = NavigationConfig.parse(config) if isinstance(config, dict) else NavigationConfig.load(config)
+    config = NavigationConfig.checked(config)
     chosen = available_modes(recording, config) if modes is None else tuple(
         m if isinstance(m, Mode) else parse_mode(m) for m in modes
     )  # fmt: skip
@@ -194,7 +194,7 @@ def compare_architectures(
 
 
 def reference_of(recording: Recording) -> tuple[Trajectory, bool, str]:
-    """What errors are measured against: reference trajectory, whether it is the antenna's, and its name.
+    """Reference for errors: the trajectory, whether it is the antenna's, and its name.
 
     Raises
     ------
@@ -240,9 +240,12 @@ def _run(
         result = navigate(recording, changed)
         if mode.coupling == "ins" and {"zupt", "zaru"} & set(mode.aids) and recording.gnss is not None:
             # GNSS is there for the alignment only: it must not help to find rest later
-            blind = (float(result.trajectory.t[0]) - recording.start + 1e-6, recording.stop - recording.start + 1.0)
+            without_gnss = (
+                float(result.trajectory.t[0]) - recording.start + 1e-6,
+                recording.stop - recording.start + 1.0,
+            )
             result = replace(
-                navigate(recording, changed.model_copy(update={"outages": OutageSection(windows_s=(blind,))})),
+                navigate(recording, changed.model_copy(update={"outages": OutageSection(windows_s=(without_gnss,))})),
                 outages=result.outages,
             )
     except InputError as error:  # a mode that cannot run is a finding, not the end of the campaign

@@ -1,4 +1,4 @@
-"""Is a filter as good as it says? Normalised errors against their chi-square bands."""
+"""Consistency of a filter: normalised errors against chi-square bands, and filtered against smoothed solutions."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def state_errors(
     reference : Trajectory
         Truth of the IMU with velocity and attitude, covering the records.
     parameters : array_like, shape (m,) or (k, m), optional
-        True parameters, constant or at each record; left out, only the nine navigation errors are looked at.
+        True parameters, constant or at each record; without them only the nine navigation errors are returned.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def state_errors(
 
 
 def nees(result: NavigationResult, reference: Trajectory, parameters: ArrayLike | None = None) -> FloatArray:
-    """Normalised estimation error squared at the records, per degree of freedom: 1 on average for an honest filter.
+    """Normalised estimation error squared at the records, per degree of freedom: 1 on average for a consistent filter.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ class Separation:
     difference : ndarray, shape (k, 9)
         Attitude, velocity, position about or along north, east, down. [rad], [m/s], [m]
     covariance : ndarray, shape (k, 9, 9)
-        What an honest filter expects of it, ``P_f - P_s``.
+        Covariance of the difference for a consistent filter, ``P_f - P_s``.
     outages : tuple of (start, stop)
         [s]
     """
@@ -172,7 +172,10 @@ class Separation:
 
 
 def separation(filtered: NavigationResult, smoothed: NavigationResult | None = None) -> Separation:
-    """Compare a solution with its smoothed twin.
+    """Filtered minus smoothed solution of one run, with the covariance that this difference should have.
+
+    The difference has the covariance ``P_f - P_s``, what the later measurements added; a difference beyond that says
+    that the model is wrong, where no reference is at hand.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Errors of a trajectory against a reference, and the numbers people quote of them."""
+"""Errors of a trajectory against a reference: statistics, outages, drift."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class TrajectoryErrors:
         )
 
     def statistics(self) -> dict[str, float]:
-        """The usual numbers, with units in the names."""
+        """RMS, maxima and CEP, with units in the names."""
         numbers = {
             "rms_horizontal_m": self.rms_horizontal,
             "max_horizontal_m": self.max_horizontal,
@@ -106,7 +106,7 @@ def trajectory_errors(estimate: Trajectory, reference: Trajectory) -> Trajectory
         Interpolated to the times of the reference that lie in its span (positions by cubic Hermite curves, velocities
         linearly, attitude by constant turns).
     reference : Trajectory
-        Of the same point of the body; see :meth:`Trajectory.moved_by` for another.
+        Trajectory of the same point of the body; see :meth:`Trajectory.moved_by` for another.
 
     Returns
     -------
@@ -144,7 +144,7 @@ def _rms(x: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class OutageError:
-    """What happened in one outage.
+    """Errors of one outage.
 
     Attributes
     ----------
@@ -167,14 +167,14 @@ class OutageError:
 
 def outage_errors(errors: TrajectoryErrors, windows: Sequence[tuple[float, float]]) -> list[OutageError]:
     """Errors inside each outage; windows without a reference epoch are left out."""
-    found = []
+    outages = []
     horizontal, vertical = errors.horizontal, np.abs(errors.position_n[:, 2])
     for start, stop in windows:
         k = np.flatnonzero((errors.t >= start) & (errors.t <= stop))
         if len(k):
             h = horizontal[k]
-            found.append(OutageError(start, stop, float(h.max()), float(h[-1]), float(vertical[k].max())))
-    return found
+            outages.append(OutageError(start, stop, float(h.max()), float(h[-1]), float(vertical[k].max())))
+    return outages
 
 
 def drift_curve(
@@ -227,13 +227,13 @@ def evaluate(
     ----------
     result : NavigationResult
     reference : Trajectory, optional
-        Truth or a better solution; without it only what the filter knows of itself is reported.
+        Truth or a better solution; without it no errors are given.
     at_antenna : bool
         The reference is the antenna's.
     parameters : array_like, optional
         True parameters, for the NEES over all states; without them over the nine navigation states.
     origin : float
-        Time that is called zero in the times of outages. [s]
+        Origin of the times of outages. [s]
 
     Returns
     -------
@@ -254,7 +254,7 @@ def evaluate(
 
 
 def _outages(errors: TrajectoryErrors, result: NavigationResult, origin: float) -> dict[str, Any]:
-    found = outage_errors(errors, result.outages)
+    outages = outage_errors(errors, result.outages)
     aided = np.ones(len(errors.t), dtype=bool)
     for start, stop in result.outages:
         aided &= ~((errors.t >= start) & (errors.t <= stop))
@@ -267,8 +267,8 @@ def _outages(errors: TrajectoryErrors, result: NavigationResult, origin: float) 
                 "end_horizontal_m": o.end_horizontal,
                 "max_vertical_m": o.max_vertical,
             }
-            for o in found
+            for o in outages
         ],
-        "mean_outage_max_horizontal_m": float(np.mean([o.max_horizontal for o in found])) if found else None,
+        "mean_outage_max_horizontal_m": float(np.mean([o.max_horizontal for o in outages])) if outages else None,
         "rms_horizontal_aided_m": float(np.sqrt(np.mean(errors.horizontal[aided] ** 2))) if aided.any() else None,
     }

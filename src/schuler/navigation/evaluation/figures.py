@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 AXES = ("north", "east", "down")
 _AGE = "time since GNSS was lost [s]"
-_FEW = 40  # more outages than this are not drawn one by one
+_MOST_LINES = 40  # more outages than this are not drawn one by one
 
 
 def fan(statistics: OutageStatistics) -> Figure:
@@ -35,11 +35,11 @@ def fan(statistics: OutageStatistics) -> Figure:
     s = statistics
     if not len(s):
         raise InputError("there is no outage to draw")
-    shown = range(0, len(s), -(-len(s) // _FEW))
+    single = range(0, len(s), -(-len(s) // _MOST_LINES))
     panels = []
     for i, axis in enumerate(AXES):
         three = 3.0 * np.sqrt(np.mean(s.cov_n[:, :, i, i], axis=0))
-        lines = [Line(s.age, s.error_n[k, :, i], "term", "single outages" if k == 0 else "") for k in shown]
+        lines = [Line(s.age, s.error_n[k, :, i], "term", "single outages" if k == 0 else "") for k in single]
         items: list[Item] = [
             Band(s.age, -three, three, "sigma", "claimed ±3 sigma"),
             *lines,
@@ -49,7 +49,7 @@ def fan(statistics: OutageStatistics) -> Figure:
         panels.append(Panel(_AGE, f"{axis} [m]", tuple(items), y_limits=limits))
     horizontal = np.hypot(s.error_n[:, :, 0], s.error_n[:, :, 1])
     claimed = np.sqrt(np.mean(s.cov_n[:, :, 0, 0] + s.cov_n[:, :, 1, 1], axis=0))
-    items = [Line(s.age, horizontal[k], "term", "single outages" if k == 0 else "") for k in shown]
+    items = [Line(s.age, horizontal[k], "term", "single outages" if k == 0 else "") for k in single]
     items += [
         Line(s.age, np.sqrt(np.mean(horizontal**2, axis=0)), "filtered", "RMS error"),
         Line(s.age, claimed, "model", "RMS error as claimed"),
@@ -92,13 +92,13 @@ def architectures(comparison: Comparison, outages: str | None = None) -> Figure:
     return Figure("architectures", f"Architectures: {comparison.recording}", caption, tuple(panels), columns=3)
 
 
-def separation(of: Separation) -> Figure:
+def separation(apart: Separation) -> Figure:
     """Position, filtered minus smoothed, with the 3-sigma band that an honest filter expects of it."""
-    t = of.t - of.t[0]
-    spans = [Span(a - of.t[0], b - of.t[0], "outage", "GNSS withheld") for a, b in of.outages]
+    t = apart.t - apart.t[0]
+    spans = [Span(a - apart.t[0], b - apart.t[0], "outage", "GNSS withheld") for a, b in apart.outages]
     panels = []
     for i, axis in enumerate(AXES):
-        d, three = of.difference[:, 6 + i], 3.0 * of.sigma[:, 6 + i]
+        d, three = apart.difference[:, 6 + i], 3.0 * apart.sigma[:, 6 + i]
         inside = 100.0 * float(np.mean(np.abs(d) <= three + 1e-9))
         items: list[Item] = [
             *spans,
@@ -133,8 +133,8 @@ def plot_comparison(comparison: Comparison, outages: str | None = None) -> MplFi
     return draw(architectures(comparison, outages))
 
 
-def plot_separation(of: Separation) -> MplFigure:
+def plot_separation(apart: Separation) -> MplFigure:
     """:func:`separation` drawn with matplotlib."""
     from schuler.plotting.drawing import draw
 
-    return draw(separation(of))
+    return draw(separation(apart))

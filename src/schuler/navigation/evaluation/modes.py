@@ -54,7 +54,7 @@ class Mode:
 
     @property
     def name(self) -> str:
-        """As :func:`parse_mode` reads it, such as ``loose+zupt+nhc``."""
+        """Name for :func:`parse_mode`, such as ``loose+zupt+nhc``."""
         return "+".join((self.coupling, *self.aids))
 
     def configure(self, config: NavigationConfig) -> NavigationConfig:
@@ -83,7 +83,7 @@ class Mode:
 
 
 def parse_mode(text: str) -> Mode:
-    """A mode of its name: a coupling and aids, joined by plus signs.
+    """Mode from its name: a coupling and aids, joined by plus signs.
 
     Raises
     ------
@@ -115,13 +115,13 @@ def available_modes(recording: Recording, config: NavigationConfig) -> tuple[Mod
         all of them. An aid that is not configured is not tried: whether a log is of a wheeled vehicle is not in the
         log.
     """
-    there: dict[str, Any] = {
+    series: dict[str, Any] = {
         "odometer": recording.odometer, "heading": recording.heading, "barometer": recording.height,
     }  # fmt: skip
     aids = tuple(
         word
         for word, (name, _) in AIDS.items()
-        if getattr(config.aiding, name) is not None and there.get(word, True) is not None
+        if getattr(config.aiding, name) is not None and series.get(word, True) is not None
     )
     bases = ["ins", "reset", "loose"]
     if recording.ranges is not None or (recording.observations is not None and recording.ephemerides is not None):

@@ -14,7 +14,6 @@ from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, InitialState, run
 from schuler.filtering.measurements import GNSS_KINDS, MeasurementSchedule
-from schuler.mechanization.strapdown import NavState
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.config import NavigationConfig, OutageSection
 from schuler.navigation.evaluation.architectures import reference_of
@@ -22,7 +21,7 @@ from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.navigation.inputs.preparation import prepared_imu
 from schuler.navigation.result import NavigationResult
 from schuler.navigation.run import navigate
-from schuler.navigation.start.alignment import moved_to
+from schuler.navigation.start.alignment import advance_to_log_start
 from schuler.navigation.states import imu_spec
 from schuler.plotting.table import ResultTable, TabularResult
 from schuler.recording.recording import Recording
@@ -103,7 +102,7 @@ class OutageStatistics(TabularResult):
         return float(np.sqrt(np.mean(e[:, 0] ** 2 + e[:, 1] ** 2)))
 
     def claimed_horizontal(self, length: float) -> float:
-        """The same as the filter claims it. [m]"""
+        """Root mean square of the horizontal error as the filter claims it. [m]"""
         P = self.cov_n[:, self._at(length)]
         return float(np.sqrt(np.mean(P[:, 0, 0] + P[:, 1, 1])))
 
@@ -192,7 +191,7 @@ def outage_statistics(
     step_s : float
         Spacing of the errors looked at. [s]
     initial : InitialState, optional
-        Of the aided run, see :func:`schuler.navigation.run.navigate`.
+        Start of the aided run, see :func:`schuler.navigation.run.navigate`.
     progress : callable, optional
         Called with the fraction done.
 
@@ -210,14 +209,13 @@ def outage_statistics(
     ----------
     Hayal (2010), section 5.4, eqs. (5.1) to (5.4).
     """
-    if not isinstance(config, NavigationConfig):
-        config = NavigationConfig.parse(config) if isinstance(config, dict) else NavigationConfig.load(config)
-    wanted = as_floats(list(lengths), "lengths", (None,))
-    if not len(wanted) or not step_s > 0.0 or np.any(wanted < step_s - 1e-9):
+    config = NavigationConfig.checked(config)
+    ages = as_floats(list(lengths), "lengths", (None,))
+    if not len(ages) or not step_s > 0.0 or np.any(ages < step_s - 1e-9):
         raise InputError(f"lengths: expected one or more of at least step_s = {step_s} s, got {list(lengths)}")
-    if np.any(np.abs(wanted / step_s - np.round(wanted / step_s)) > 1e-6):
+    if np.any(np.abs(ages / step_s - np.round(ages / step_s)) > 1e-6):
         raise InputError(f"lengths: expected multiples of step_s = {step_s} s, got {list(lengths)}")
-    longest = float(wanted.max())
+    longest = float(ages.max())
     config = config.model_copy(
         update={
             "outages": OutageSection(),
@@ -252,37 +250,37 @@ def outage_statistics(
     records = np.unique(np.searchsorted(base.t, times + 1e-9, side="right") - 1)
     records = records[records >= 0]
     age = step_s * np.arange(round(longest / step_s) + 1.0)
-    blind = _blind(recording, config, base, step_s)
-    errors, covariances, done = [], [], []
+    unaided = _unaided_log(recording, config, base, step_s)
+    errors, covariances, starts_done = [], [], []
     complete = True
     try:
         for k in records:
-            ahead = _continued(blind, base, int(k), longest)
-            if ahead is None:
+            forked = _fork(unaided, base, int(k), longest)
+            if forked is None:
                 complete = False
                 break
-            first = _errors(base, slice(int(k), int(k) + 1), reference, at_antenna)
-            rest = _errors(ahead, slice(0, len(age) - 1), reference, at_antenna)
-            if len(rest[0]) < len(age) - 1:
+            first = _position_errors(base, slice(int(k), int(k) + 1), reference, at_antenna)
+            after = _position_errors(forked, slice(0, len(age) - 1), reference, at_antenna)
+            if len(after[0]) < len(age) - 1:
                 continue  # the log ends, or a gap left a record out
-            errors.append(np.concatenate((first[0], rest[0])))
-            covariances.append(np.concatenate((first[1], rest[1])))
-            done.append(float(base.t[k]) - origin)
+            errors.append(np.concatenate((first[0], after[0])))
+            covariances.append(np.concatenate((first[1], after[1])))
+            starts_done.append(float(base.t[k]) - origin)
             if progress is not None:
-                progress(len(done) / len(records))
+                progress(len(starts_done) / len(records))
     except KeyboardInterrupt:
         complete = False
-    if not done and complete:
+    if not starts_done and complete:
         raise InputError(f"no outage of {longest:g} s fits between the gaps of the log; give shorter lengths")
-    n, m = len(done), len(age)
+    n, m = len(starts_done), len(age)
     return OutageStatistics(
-        wanted, np.array(done), age, np.array(errors).reshape(n, m, 3), np.array(covariances).reshape(n, m, 3, 3),
+        ages, np.array(starts_done), age, np.array(errors).reshape(n, m, 3), np.array(covariances).reshape(n, m, 3, 3),
         recording.metadata.name, complete,
     )  # fmt: skip
 
 
-class _Blind(NamedTuple):
-    """What a run needs that goes on without GNSS, made once."""
+class _UnaidedLog(NamedTuple):
+    """Increments, aids and options of a run that goes on without GNSS."""
 
     increments: Increments
     schedule: MeasurementSchedule
@@ -291,7 +289,7 @@ class _Blind(NamedTuple):
     options: FilterOptions
 
 
-def _blind(recording: Recording, config: NavigationConfig, base: NavigationResult, step: float) -> _Blind:
+def _unaided_log(recording: Recording, config: NavigationConfig, base: NavigationResult, step: float) -> _UnaidedLog:
     """The log and all aids but GNSS, as :func:`schuler.navigation.run.navigate` prepares them."""
     spec = imu_spec(config)
     imu = prepared_imu(recording.need_imu(), config, [])
@@ -308,31 +306,36 @@ def _blind(recording: Recording, config: NavigationConfig, base: NavigationResul
         lockout=config.filter.lockout,
         earth_rotation=config.filter.earth_rotation,
     )
-    return _Blind(
+    return _UnaidedLog(
         imu.increments(order=config.imu.rate_order), schedule.where(~np.isin(schedule.kind, GNSS_KINDS)),
         np.full(3, spec.gyro.random_walk**2), np.full(3, spec.accel.random_walk**2), options,
     )  # fmt: skip
 
 
-def _continued(blind: _Blind, base: NavigationResult, k: int, longest: float) -> NavigationResult | None:
+def _fork(unaided: _UnaidedLog, base: NavigationResult, k: int, longest: float) -> NavigationResult | None:
     """The run from its k-th record on, without GNSS; None if interrupted."""
-    s = base.states
     t = float(base.t[k])
-    start = InitialState(NavState(t, s.r_eb_e[k], s.v_eb_e[k], s.q_eb[k]), base.covariance[k], base.parameters[k])
-    step = blind.options.record_s
-    increments = blind.increments.between(t - 1e-9, t + longest + 1.5 * step)
-    ahead = blind.schedule.where((blind.schedule.t > t + 1e-6) & (blind.schedule.t <= increments.t[-1]))
+    start = base.state_at(k)
+    step = unaided.options.record_s
+    increments = unaided.increments.between(t - 1e-9, t + longest + 1.5 * step)
+    forked = unaided.schedule.where((unaided.schedule.t > t + 1e-6) & (unaided.schedule.t <= increments.t[-1]))
     forward = run(
-        increments, ahead, moved_to(start, increments), base.layout, blind.gyro_psd, blind.accel_psd, blind.options
+        increments,
+        forked,
+        advance_to_log_start(start, increments),
+        base.layout,
+        unaided.gyro_psd,
+        unaided.accel_psd,
+        unaided.options,
     )
     if not forward.complete:
         return None
     return NavigationResult.from_run(
-        forward, ahead.t, ahead.kind, base.layout, lever_arm_b=base.lever_arm_b, outages=((t, t + longest),)
+        forward, forked.t, forked.kind, base.layout, lever_arm_b=base.lever_arm_b, outages=((t, t + longest),)
     )
 
 
-def _errors(
+def _position_errors(
     result: NavigationResult, part: slice, reference: Trajectory, at_antenna: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Position errors and claimed covariance at records. Shapes (k, 3), (k, 3, 3). [m], [m^2]"""

@@ -1,18 +1,16 @@
-"""What a person configures of a foot-mounted run: one TOML file, or nothing at all."""
+"""Configuration of a foot-mounted run: one TOML file, or the defaults."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from schuler.files import read_toml
 from schuler.navigation.sections import Config, NonNegative, Positive, Section
 
 
 class PlaceSection(Section):
-    """Where the walk is: foot logs do not say, and only gravity and the Earth's rotation depend on it."""
+    """Place of the walk, which foot logs do not hold; only gravity and the Earth's rotation depend on it."""
 
     lat_deg: Annotated[float, Field(ge=-89.9, le=89.9)] = Field(45.0, description="geodetic latitude")
     lon_deg: Annotated[float, Field(ge=-180.0, le=360.0)] = Field(0.0, description="longitude")
@@ -33,7 +31,7 @@ class SensorSection(Section):
 
 
 class DetectorSection(Section):
-    """How rests of the foot are found."""
+    """Detection of the rests of the foot."""
 
     kind: Literal["shoe", "ared", "amv", "magnitude"] = Field(
         "shoe", description="likelihood ratio, angular rate energy, acceleration variance, acceleration magnitude"
@@ -71,7 +69,7 @@ class DetectorSection(Section):
 
 
 class ZuptSection(Section):
-    """What the filter is told of a resting foot."""
+    """Zero velocities of a resting foot."""
 
     sigma_m_s: Positive = Field(0.02, description="1-sigma velocity of a resting foot, every sample")
     roll_m: NonNegative = Field(0.06, description="adds this times the angular rate: the foot rolls over the ground")
@@ -83,7 +81,7 @@ class ZuptSection(Section):
 
 
 class FootAlignmentSection(Section):
-    """Where the initial attitude comes from: gravity at the first rest, and a heading that is given."""
+    """Initial attitude: gravity at the first rest, and a given heading."""
 
     rest_s: Positive = Field(1.0, description="longest stretch of the first rest used for levelling")
     min_rest_s: Positive = Field(0.1, description="shortest first rest that is accepted")
@@ -103,7 +101,7 @@ class FootFilterSection(Section):
 
 
 class StrideSection(Section):
-    """What is called a stride."""
+    """Definition of a stride."""
 
     min_rest_s: NonNegative = Field(0.05, description="shorter rests do not end a stride")
     min_motion_s: NonNegative = Field(0.1, description="shorter motions do not divide a rest")
@@ -129,8 +127,3 @@ class FootConfig(Config):
     alignment: FootAlignmentSection = FootAlignmentSection()
     filter: FootFilterSection = FootFilterSection()
     stride: StrideSection = StrideSection()
-
-    @classmethod
-    def load(cls, path: Path | str) -> FootConfig:
-        """Checked configuration of a TOML file; see :meth:`parse`."""
-        return cls.parse(read_toml(path), str(path))

@@ -83,7 +83,7 @@ class WalkErrors:
         return float(horizontal.mean()), float(np.mean(e[:, 2] ** 2 / P[:, 2, 2]))
 
     def statistics(self) -> dict[str, float]:
-        """The usual numbers, with units in the names."""
+        """RMS, maxima and NEES, with units in the names."""
         numbers = {
             "author_error_m": self.author_error,
             "rms_horizontal_m": self.rms_horizontal,

@@ -113,7 +113,7 @@ def overview(result: FootResult, errors: WalkErrors | None = None) -> MplFigure:
     ----------
     result : FootResult
     errors : WalkErrors, optional
-        Of :func:`schuler.navigation.foot.errors.walk_errors`.
+        Errors from :func:`schuler.navigation.foot.errors.walk_errors`.
     """
     return draw(overview_content(result, errors))
 

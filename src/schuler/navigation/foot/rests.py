@@ -108,7 +108,7 @@ def zero_velocities(imu: ImuSeries, rests: Rests, config: FootConfig) -> Measure
     ----------
     imu : ImuSeries
     rests : Rests
-        Of the same log or its later part.
+        Rests of the same log or its later part.
     config : FootConfig
         Section ``zupt``.
 

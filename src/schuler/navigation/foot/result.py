@@ -1,4 +1,4 @@
-"""What a foot-mounted run returns: the walk with its uncertainty, the rests it was cut by, and the strides."""
+"""Result of a foot-mounted run: the walk with its uncertainty, the rests, and the strides."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class FootResult:
     rests : Rests
         Zero-velocity samples, at :attr:`t`.
     strides : Strides
-        Of the best solution there is.
+        Strides of the smoothed solution, or of the filtered one.
     origin_llh : ndarray, shape (3,)
         Start: latitude, longitude [rad], height [m]; assumed, as foot logs do not know where they are.
     notes : tuple of str

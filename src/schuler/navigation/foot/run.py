@@ -1,4 +1,4 @@
-"""Foot-mounted inertial navigation: whenever the shoe stands on the ground its velocity is known, it is zero."""
+"""Foot-mounted inertial navigation: a strapdown filter with zero velocity wherever the shoe rests."""
 
 from __future__ import annotations
 
@@ -74,10 +74,7 @@ def navigate_foot(
     zero-velocity detectors for foot-mounted inertial navigation systems; Groves (2013), section 15.3; Stefanisko
     (2015), appendix B. Departure: the resting point is a state.
     """
-    if config is None:
-        config = FootConfig()
-    elif not isinstance(config, FootConfig):
-        config = FootConfig.parse(config) if isinstance(config, dict) else FootConfig.load(config)
+    config = FootConfig() if config is None else FootConfig.checked(config)
     recording = source if isinstance(source, Recording) else Recording(imu=source)
     notes = list(recording.metadata.notes)
     imu = recording.need_imu()
@@ -93,8 +90,8 @@ def navigate_foot(
     increments = increments.between(begin - 1e-9, increments.t[-1])
     layout = foot_layout(config)
     initial = align_foot(imu, rests, begin, llh, layout, config, notes)
-    kept = imu.t >= begin - 1e-9
-    rests = _from(rests, kept, begin, imu.t)
+    navigated = imu.t >= begin - 1e-9
+    rests = _from(rests, navigated, begin, imu.t)
     schedule = zero_velocities(imu, rests, config)
     psd = (np.full(3, (config.sensor.gyro_noise_deg_s_rthz * units.DEG) ** 2),
            np.full(3, config.sensor.accel_noise_m_s2_rthz**2))  # fmt: skip
@@ -114,8 +111,8 @@ def navigate_foot(
     best = filtered if smoothed is None else smoothed
     if not filtered.complete:
         notes.append(f"interrupted at {filtered.trajectory.t[-1]:.2f} s; the solution ends there")
-        kept_rests = rests.t <= filtered.trajectory.t[-1] + 1e-9
-        rests = rests_from_mask(rests.t[kept_rests], rests.mask[kept_rests], method=rests.method)
+        before_end = rests.t <= filtered.trajectory.t[-1] + 1e-9
+        rests = rests_from_mask(rests.t[before_end], rests.mask[before_end], method=rests.method)
     position = np.concatenate((np.zeros((1, 3)), frames.ned_from_ecef(best.trajectory.r_eb_e, llh)))
     heading = np.concatenate(([initial.nav.rpy_nb[2]], best.trajectory.rpy_nb[:, 2]))
     strides = segment(
@@ -160,7 +157,7 @@ def align_foot(
     llh : ndarray, shape (3,)
         Place of the start. [rad], [m]
     layout, config
-        Of the run.
+        Layout and configuration of the run.
     notes : list of str
         Gets a sentence on what was done.
 
@@ -220,10 +217,10 @@ def _beginning(rests: Rests, increments: Increments, config: FootConfig, notes: 
     return begin
 
 
-def _from(rests: Rests, kept: BoolArray, begin: float, t: FloatArray) -> Rests:
+def _from(rests: Rests, navigated: BoolArray, begin: float, t: FloatArray) -> Rests:
     """The rests of the samples that are navigated; the first sample is the start."""
-    mask, times = rests.mask[kept], t[kept]
-    statistic, threshold = (x[kept] if len(x) else x for x in (rests.statistic, rests.threshold))
+    mask, times = rests.mask[navigated], t[navigated]
+    statistic, threshold = (x[navigated] if len(x) else x for x in (rests.statistic, rests.threshold))
     if times[0] > begin + 1e-9:  # increments: the first interval begins before the first stamp
         times, mask = np.concatenate(([begin], times)), np.concatenate(([mask[0]], mask))
         statistic, threshold = (np.concatenate((x[:1], x)) for x in (statistic, threshold))
@@ -261,9 +258,7 @@ def _by_stride(
         result = NavigationResult.from_run(forward, due.t, due.kind, layout)
         filtered.append(result)
         smoothed.append(result.smooth())
-        s = result.states
-        nav = NavState(float(s.t[-1]), s.r_eb_e[-1], s.v_eb_e[-1], s.q_eb[-1])
-        initial = InitialState(nav, result.covariance[-1], result.parameters[-1])
+        initial = result.state_at(-1)
         if progress is not None:
             progress(last / len(increments))
     complete = len(filtered) == len(cuts) - 1

@@ -1,4 +1,4 @@
-"""Strides: what the foot does between two rests."""
+"""Strides: motions of the foot between two rests."""
 
 from __future__ import annotations
 
@@ -102,11 +102,11 @@ def segment(
     Parameters
     ----------
     rests : Rests
-        Of the foot.
+        Rests of the foot.
     position_n : array_like, shape (n, 3)
         North, east, down at the samples of the rests. [m]
     heading : array_like, shape (n,)
-        Of the IMU at the same samples. [rad]
+        Heading of the IMU at the same samples. [rad]
     min_rest_s : float
         Shorter rests do not end a stride. [s]
     min_motion_s : float

@@ -1,4 +1,4 @@
-"""What GNSS solutions tell against themselves: positions that do not go where velocities say, clocks that cannot be."""
+"""Contradictions within GNSS solutions: positions against velocities, clocks against the IMU's, rejected fixes."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def no_overlap(imu: ImuSeries, gnss: GnssSeries) -> None:
     if np.any((gnss.t >= imu.t[0]) & (gnss.t <= imu.t[-1])):
         return
     weeks = round(float(gnss.t[0] - imu.t[0]) / WEEK_S)
-    moved = gnss.t - weeks * WEEK_S
+    shifted = gnss.t - weeks * WEEK_S
     text = (
         f"no GNSS fix lies within the IMU log (fixes {gnss.t[0]:.3f}..{gnss.t[-1]:.3f} s, IMU {imu.t[0]:.3f}.."
         f"{imu.t[-1]:.3f} s): check the clocks (recording hints time and offset)"
     )
-    if weeks and np.any((moved >= imu.t[0]) & (moved <= imu.t[-1])):
+    if weeks and np.any((shifted >= imu.t[0]) & (shifted <= imu.t[-1])):
         text += f"; {weeks:+d} GPS week{'s' if abs(weeks) > 1 else ''} would explain it: a week number is wrong"
     raise InputError(text)
 
@@ -58,7 +58,7 @@ def contradictions(gnss: GnssSeries, *, delay: float = 0.0, used: bool = True) -
     ----------
     gnss : GnssSeries
     delay : float
-        By how much velocities are known to be late. [s]
+        Configured delay of the velocities. [s]
     used : bool
         Whether velocities are measurements, so that their lateness matters.
 
@@ -81,37 +81,37 @@ def contradictions(gnss: GnssSeries, *, delay: float = 0.0, used: bool = True) -
     if gnss.v_n is None or gnss.cov_v_n is None or len(gnss) < _PAIRS:
         return []
     dt = np.diff(gnss.t)
-    whole = dt <= max(2.0, 2.5 * float(np.median(dt)))
+    unbroken = dt <= max(2.0, 2.5 * float(np.median(dt)))
     r_n = np.einsum(
         "nji,nj->ni", frames.C_en(gnss.llh[:-1]), np.diff(frames.ecef_from_llh(gnss.llh), axis=0)
     )  # displacement in each step, north-east-down
     by_v = 0.5 * (gnss.v_n[1:] + gnss.v_n[:-1]) * dt[:, None]
     sigma_r = np.sqrt(np.einsum("nii->n", gnss.cov_r_n[:, :2, :2]))
     sigma_v = np.sqrt(np.einsum("nii->n", gnss.cov_v_n[:, :2, :2]))
-    _directions(r_n, by_v, dt, whole, float(np.median(sigma_r)))
-    said = []
+    _directions(r_n, by_v, dt, unbroken, float(np.median(sigma_r)))
+    sentences = []
     if used:
-        said += _lateness(r_n, by_v, np.diff(gnss.v_n, axis=0), dt, whole, delay)
+        sentences += _lateness(r_n, by_v, np.diff(gnss.v_n, axis=0), dt, unbroken, delay)
     late = 0.5 * np.abs(delay) * np.linalg.norm(np.diff(gnss.v_n, axis=0)[:, :2], axis=1)
     gap = np.linalg.norm((r_n - by_v)[:, :2], axis=1)
     allowed = 6.0 * np.hypot(np.hypot(sigma_r[1:], sigma_r[:-1]), dt * np.hypot(sigma_v[1:], sigma_v[:-1]))
     # a turn between fixes: the trapezoid misses a' dt^3 / 12, a fifth of the change of velocity is far above it
     allowed += 0.5 + 0.2 * dt * np.linalg.norm(np.diff(gnss.v_n, axis=0)[:, :2], axis=1) + late
-    jump = np.flatnonzero(whole & (gap > allowed))
+    jump = np.flatnonzero(unbroken & (gap > allowed))
     if len(jump):
         worst = int(jump[np.argmax(gap[jump])])
-        said.append(
+        sentences.append(
             f"GNSS positions jump against their own velocities at {len(jump)} of {len(dt)} steps, the most by "
             f"{gap[worst]:.1f} m at {gnss.t[worst + 1]:.3f} s: wrong fixes, stamps that step, or accuracies too good "
             "to be true (gnss.position_sigma_floor_m)"
         )
-    return said
+    return sentences
 
 
-def _directions(r_n: FloatArray, by_v: FloatArray, dt: FloatArray, whole: BoolArray, sigma: float) -> None:
+def _directions(r_n: FloatArray, by_v: FloatArray, dt: FloatArray, unbroken: BoolArray, sigma: float) -> None:
     """Raise if displacements go along the velocities with a sign turned or columns exchanged, not along them."""
     speed = np.linalg.norm(by_v[:, :2], axis=1) / dt
-    moving = whole & (speed > _MOVING)
+    moving = unbroken & (speed > _MOVING)
     if moving.sum() < _PAIRS:
         return
     typical = float(np.median(speed[moving] * dt[moving]))
@@ -144,11 +144,11 @@ def _directions(r_n: FloatArray, by_v: FloatArray, dt: FloatArray, whole: BoolAr
 
 
 def _lateness(
-    r_n: FloatArray, by_v: FloatArray, change: FloatArray, dt: FloatArray, whole: BoolArray, delay: float
+    r_n: FloatArray, by_v: FloatArray, change: FloatArray, dt: FloatArray, unbroken: BoolArray, delay: float
 ) -> list[str]:
     """A sentence if velocities are later or earlier than the configuration says."""
-    e = ((r_n - by_v) / dt[:, None])[whole, :2]
-    a = (change / dt[:, None])[whole, :2]
+    e = ((r_n - by_v) / dt[:, None])[unbroken, :2]
+    a = (change / dt[:, None])[unbroken, :2]
     size = np.linalg.norm(e, axis=1)
     keep = size <= 5.0 * np.median(size) + 1e-9  # jumps say nothing about clocks
     e, a = e[keep], a[keep]
@@ -175,7 +175,7 @@ def rejections(kind: IntArray, status: IntArray, t: FloatArray, R: FloatArray) -
         [s]
     R : ndarray, shape (m, 3, 3)
     """
-    said = []
+    sentences = []
     for code in (POSITION, VELOCITY):
         mine = kind == code
         out, forced = mine & (status == REJECTED), mine & (status == FORCED)
@@ -184,10 +184,10 @@ def rejections(kind: IntArray, status: IntArray, t: FloatArray, R: FloatArray) -
         sigma = float(np.sqrt(np.median(np.einsum("nii->ni", R[out | forced]))))
         first = t[out | forced][0]
         unit = "m" if code == POSITION else "m/s"
-        said.append(
+        sentences.append(
             f"{int(out.sum())} of {int(mine.sum())} GNSS {KINDS[code]} fixes were rejected, the first at {first:.3f} s"
             + (f", and {int(forced.sum())} taken after lock-out (filter.lockout)" if forced.any() else "")
             + f"; they claim {sigma:.3g} {unit}: they are wrong, or that is too good (gnss.sigma_scale, floors), or "
             "the IMU is worse than configured, or the clocks differ (gnss.delay_sigma_s)"
         )
-    return said
+    return sentences

@@ -1,7 +1,6 @@
-"""What a run does to a log before it is used, and what it says about a log that is not as it should be.
+"""Preparation of the IMU log and the fixes of a run, with a note on every change and every doubt.
 
-Little is repaired and nothing silently: every change and every doubt becomes a note of the result; what cannot be told
-apart from a wrong file is refused. One table of faults: docs/robustness.md.
+The faults of a log and what is done about them: docs/robustness.md.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ _JITTER = 0.2  # of the sample interval, robust spread of the stamps that is sai
 
 
 def prepared_imu(
-    imu: ImuSeries, config: NavigationConfig, notes: list[str], known: CalibrationStart | None = None
+    imu: ImuSeries, config: NavigationConfig, notes: list[str], calibrated: CalibrationStart | None = None
 ) -> ImuSeries:
     """The IMU log in vehicle axes and on the GNSS clock, its gaps bridged or refused, without what is not estimated.
 
@@ -39,8 +38,8 @@ def prepared_imu(
         ``imu.mount_rpy_deg``, ``imu.clock_shift_s`` and ``imu.max_gap_s`` are used.
     notes : list of str
         Gets a sentence on everything that was done or looks wrong.
-    known : CalibrationStart, optional
-        What the filter takes from a calibration; default: from the one that the configuration names, if it does.
+    calibrated : CalibrationStart, optional
+        Start from a calibration; default: from the one that the configuration names, if it does.
 
     Raises
     ------
@@ -48,11 +47,11 @@ def prepared_imu(
         If the log pauses for longer than ``imu.max_gap_s``, or the calibration is not of such a log.
     """
     section = config.imu
-    known = configured_start(config, imu) if known is None else known
-    said = _readings(imu)
-    if known is not None:
-        imu = known.in_si(imu)
-        notes += known.notes
+    calibrated = configured_start(config, imu) if calibrated is None else calibrated
+    sentences = _readings(imu)
+    if calibrated is not None:
+        imu = calibrated.in_si(imu)
+        notes += calibrated.notes
     if any(section.mount_rpy_deg):
         C_bs = rotation.dcm_from_rpy(np.array(section.mount_rpy_deg) * units.DEG)
         imu = imu.rotated(C_bs)
@@ -60,7 +59,7 @@ def prepared_imu(
     if section.clock_shift_s:
         imu = imu.shifted(section.clock_shift_s)
         notes.append(f"{section.clock_shift_s:+g} s added to the IMU's time stamps")
-    notes += said
+    notes += sentences
     gaps = imu.gaps(PAUSE)
     if len(gaps):
         longest = gaps[np.argmax(gaps[:, 1])]
@@ -71,11 +70,11 @@ def prepared_imu(
             )
         notes.append(f"{len(gaps)} pauses of the IMU log bridged, the longest {longest[1]:.3f} s at {longest[0]:.3f} s")
     imu = refilled(imu, notes)
-    return imu if known is None else known.corrected(imu)
+    return imu if calibrated is None else calibrated.corrected(imu)
 
 
 def refilled(imu: ImuSeries, notes: list[str]) -> ImuSeries:
-    """Increments whose predecessor got lost, made up for the time that nobody integrated.
+    """Fill increments after lost samples with the time that they do not cover.
 
     Parameters
     ----------
@@ -123,13 +122,13 @@ def bridged(imu: ImuSeries) -> float:
 
 
 def bridging_noise(imu: ImuSeries, length: float, most: int = 2000) -> tuple[float, float]:
-    """How wrong a pause of the log is bridged, found by bridging pieces of the log that are there.
+    """Error of bridging a pause of the log, from bridging pieces of the log without a pause.
 
     Parameters
     ----------
     imu : ImuSeries
     length : float
-        Of the pause. [s]
+        Length of the pause. [s]
     most : int
         Number of pieces, spread evenly.
 
@@ -145,8 +144,8 @@ def bridging_noise(imu: ImuSeries, length: float, most: int = 2000) -> tuple[flo
         h = np.diff(imu.t, prepend=imu.t[0] - imu.interval)[:, None]
         rates = (imu.gyro / h, imu.accel / h)
     m = max(round(length / imu.interval), 2)
-    whole = imu.t[m:] - imu.t[:-m] < 1.5 * length  # no pause inside
-    first = np.flatnonzero(whole)
+    unbroken = imu.t[m:] - imu.t[:-m] < 1.5 * length  # no pause inside
+    first = np.flatnonzero(unbroken)
     if not len(first):
         raise InputError(
             f"the IMU log has no stretch of {length:.3f} s without a pause, so nothing tells how bad a bridge of that "
@@ -166,28 +165,28 @@ def _readings(imu: ImuSeries) -> list[str]:
     """Sentences on jitter, missing samples, and readings that are stuck or at the end of the range."""
     if len(imu) < 100:
         return []
-    said = []
+    sentences = []
     h, step = imu.interval, np.diff(imu.t)
     spread = 1.4826 * float(np.median(np.abs(step - h)))
     if spread > _JITTER * h:
-        said.append(
+        sentences.append(
             f"IMU stamps jitter by {spread * 1e3:.2f} ms, {100 * spread / h:.0f} % of the interval: if they are times "
             "of arrival, count samples at a constant rate instead"
         )
     lost = int(np.sum((step > _MISSING * h) & (step <= PAUSE * h)))
     if lost and spread <= _JITTER * h:
-        said.append(f"{lost} single IMU samples are missing")
+        sentences.append(f"{lost} single IMU samples are missing")
     time = imu.t - imu.t[0]
     for name, values in (("gyro", imu.gyro), ("accelerometer", imu.accel)):
         for axis, column in zip("xyz", values.T, strict=True):
             x = np.ascontiguousarray(column)
             if not np.ptp(x) > 0.0:
-                said.append(f"{name} {axis} reads {x[0]:g} throughout: is it connected?")
+                sentences.append(f"{name} {axis} reads {x[0]:g} throughout: is it connected?")
                 continue
             grid = resolution(x)
-            found = saturated(x, time, f"{name} {axis}", None, grid) + stuck(x, time, f"{name} {axis}", grid)
-            said += [f"{f.text} (navigated as it is: sigmas do not cover it)" for f in found]
-    return said
+            faults = saturated(x, time, f"{name} {axis}", None, grid) + stuck(x, time, f"{name} {axis}", grid)
+            sentences += [f"{f.text} (navigated as it is: sigmas do not cover it)" for f in faults]
+    return sentences
 
 
 def prepared_gnss(
@@ -202,7 +201,7 @@ def prepared_gnss(
         Section ``gnss``.
     notes : list of str
     imu : ImuSeries, optional
-        As prepared, to see whether the clocks can be right.
+        Prepared IMU log, to check that the clocks overlap.
 
     Raises
     ------
@@ -219,8 +218,8 @@ def prepared_gnss(
         keep = np.isin(gnss.quality, section.quality)
         notes.append(f"{int(np.sum(~keep))} GNSS epochs of other quality than {list(section.quality)} left out")
         if not keep.any():
-            there = sorted({int(q) for q in np.asarray(gnss.quality).ravel()})
-            raise InputError(f"gnss.quality: no epoch has quality {list(section.quality)}; the log has {there}")
+            present = sorted({int(q) for q in np.asarray(gnss.quality).ravel()})
+            raise InputError(f"gnss.quality: no epoch has quality {list(section.quality)}; the log has {present}")
         gnss = gnss.where(keep)
     if imu is not None:
         no_overlap(imu, gnss)
@@ -277,10 +276,10 @@ def with_late_velocities(
     late = np.isin(schedule.kind, (VELOCITY, RESET_VELOCITY))
     if delay == 0.0 or not late.any():
         return schedule
-    moved = replace(schedule, t=np.where(late, schedule.t - delay, schedule.t))
-    moved = moved.where(moved.t > start + 1e-6)
+    shifted = replace(schedule, t=np.where(late, schedule.t - delay, schedule.t))
+    shifted = shifted.where(shifted.t > start + 1e-6)
     notes.append(f"GNSS velocities are taken to be valid {delay:g} s before their stamps")
-    return moved.where(np.argsort(moved.t, kind="stable"))
+    return shifted.where(np.argsort(shifted.t, kind="stable"))
 
 
 def current_velocities(gnss: GnssSeries, delay: float) -> GnssSeries:

@@ -1,4 +1,4 @@
-"""Are the standard deviations of satellite measurements true? Single points tell, and a filter should know."""
+"""Standard deviations of satellite measurements, enlarged where the residuals of single points contradict them."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _LEAST = 1.25  # standard deviations that are wrong by less do no harm
 _SETTLED = 1.05
 
 
-def honest(ranges: Ranges, notes: list[str]) -> tuple[Ranges, PointSolution]:
-    """Ranges whose standard deviations are not smaller than their scatter, with single points of them.
+def inflate_sigmas(ranges: Ranges, notes: list[str]) -> tuple[Ranges, PointSolution]:
+    """Enlarge standard deviations of ranges that are smaller than their scatter.
 
     Parameters
     ----------
     ranges : Ranges
-        With positive standard deviations.
+        Ranges with positive standard deviations.
     notes : list of str
         Gets a sentence if any were enlarged.
 
@@ -32,7 +32,7 @@ def honest(ranges: Ranges, notes: list[str]) -> tuple[Ranges, PointSolution]:
     -------
     ranges : Ranges
     solution : PointSolution
-        With fault detection, by the standard deviations returned.
+        Single points with fault detection, by the standard deviations returned.
 
     Notes
     -----
@@ -53,9 +53,9 @@ def honest(ranges: Ranges, notes: list[str]) -> tuple[Ranges, PointSolution]:
     solution = solve_points(ranges)
     larger_range, larger_rate = np.zeros((2, len(solution)), dtype=bool)
     for _ in range(_ROUNDS):
-        found = solution.status != 2
+        tested = solution.status != 2
         freedom, rate_freedom = solution.redundancy, np.maximum(solution.n_rates - 4, 0)
-        of_range = _factors(solution.t, solution.statistic, freedom, found & (freedom > 0), larger_range)
+        of_range = _factors(solution.t, solution.statistic, freedom, tested & (freedom > 0), larger_range)
         of_rate = _factors(solution.t, solution.velocity_statistic, rate_freedom, rate_freedom > 0, larger_rate)
         if max(of_range.max(), of_rate.max()) < _SETTLED:
             break
@@ -81,7 +81,7 @@ def honest(ranges: Ranges, notes: list[str]) -> tuple[Ranges, PointSolution]:
 
 
 def _factors(
-    t: FloatArray, statistic: FloatArray, freedom: IntArray, found: BoolArray, larger: BoolArray
+    t: FloatArray, statistic: FloatArray, freedom: IntArray, tested: BoolArray, larger: BoolArray
 ) -> FloatArray:
     """Factor on the standard deviations of each epoch, 1 or more; epochs without redundancy take their window's.
 
@@ -90,17 +90,17 @@ def _factors(
     from scipy.special import chdtri
 
     factors = np.ones(len(t))
-    found = found & np.isfinite(statistic)
-    if not found.any():
+    tested = tested & np.isfinite(statistic)
+    if not tested.any():
         return factors
-    normal = statistic[found] / chdtri(freedom[found], 0.5)
+    normal = statistic[tested] / chdtri(freedom[tested], 0.5)
     window = np.floor((t - t[0]) / WINDOW_S).astype(np.int64)
-    of = window[found]
-    for w in np.unique(of):
-        mine = of == w
-        ratio = float(np.median(normal[mine]))
+    windows = window[tested]
+    for w in np.unique(windows):
+        members = windows == w
+        ratio = float(np.median(normal[members]))
         # a median of n values of relative spread sqrt(2 / f) has 1.2533 times that of their mean
-        spread = 1.2533 * np.sqrt(2.0 / float(freedom[found][mine].mean()) / mine.sum())
+        spread = 1.2533 * np.sqrt(2.0 / float(freedom[tested][members].mean()) / members.sum())
         clear = ratio > 1.0 + _SIGMAS * spread and ratio > _LEAST**2
         if clear or (ratio > _SETTLED**2 and larger[window == w].any()):
             factors[window == w] = np.sqrt(ratio)

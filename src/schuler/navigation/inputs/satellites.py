@@ -1,4 +1,4 @@
-"""Raw satellite measurements made ready for a tightly coupled run, and its clock at the start."""
+"""Preparation of raw satellite measurements for a tightly coupled run, and its clock at the start."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from schuler.gnss.point import solve_points
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import Ranges
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.inputs.satellite_noise import honest
+from schuler.navigation.inputs.satellite_noise import inflate_sigmas
 from schuler.navigation.sections import CorrelatedSection
 from schuler.recording.point_series import gnss_series
 from schuler.recording.recording import Recording
@@ -39,12 +39,12 @@ class Points:
 
 
 def satellites(recording: Recording, config: NavigationConfig, notes: list[str]) -> tuple[Ranges, Points]:
-    """Ranges of a recording as a filter can use them, and its single-point solutions.
+    """Ranges of a recording, prepared for a filter, and their single-point solutions.
 
     Parameters
     ----------
     recording : Recording
-        With ranges, or observations and ephemerides.
+        Recording with ranges, or observations and ephemerides.
     config : NavigationConfig
         Sections ``gnss.tight`` and ``gnss.correlated``.
     notes : list of str
@@ -88,7 +88,7 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
         raise InputError("no range is usable: check systems, masks, ephemerides and the times of both files")
     ranges = with_sigmas(once_each(ranges, notes), notes)
     if section.integrity:
-        ranges, solution = honest(ranges, notes)
+        ranges, solution = inflate_sigmas(ranges, notes)
         ranges = without_faults(ranges, solution, notes)
     else:
         solution = solve_points(ranges, integrity=None)
@@ -176,7 +176,7 @@ def without_clock_jumps(ranges: Ranges, solution: PointSolution, notes: list[str
     ----------
     ranges : Ranges
     solution : PointSolution
-        Of these ranges.
+        Single-point solutions of these ranges.
     notes : list of str
         Gets a sentence if there are jumps.
 
@@ -193,37 +193,37 @@ def without_clock_jumps(ranges: Ranges, solution: PointSolution, notes: list[str
         return ranges, solution
     t, clock, drift = solution.t[k], solution.clock[k], solution.drift[k]
     dt = np.diff(t)
-    moved = np.diff(clock, axis=0)
-    shown = np.isfinite(moved).any(axis=1)
+    steps = np.diff(clock, axis=0)
+    seen = np.isfinite(steps).any(axis=1)
     common = np.full(len(dt), np.nan)
-    common[shown] = np.nanmedian(moved[shown], axis=1)
+    common[seen] = np.nanmedian(steps[seen], axis=1)
     expected = 0.5 * (drift[1:] + drift[:-1])
     rate = common / dt
-    usual = float(np.nanmedian(rate)) if shown.any() else 0.0
-    expected = np.where(np.isfinite(expected), expected, usual)
+    usual_rate = float(np.nanmedian(rate)) if seen.any() else 0.0
+    expected = np.where(np.isfinite(expected), expected, usual_rate)
     left = common - expected * dt
-    tested = shown & (dt <= _LONGEST_GAP_S)
+    tested = seen & (dt <= _LONGEST_GAP_S)
     if not tested.any():
         return ranges, solution
     scatter = 1.4826 * float(np.median(np.abs(left[tested] - np.median(left[tested]))))
     clear = np.flatnonzero(tested & (np.abs(left) > max(_SMALLEST_JUMP, _CLEAR_JUMP * scatter)))
     level = np.concatenate(([0.0], np.cumsum(np.where(tested, left, 0.0))))
     lasting = [_lasting(level, int(i)) for i in clear]
-    found = clear[np.array(lasting, dtype=bool)]
-    if not len(found):
+    jumps = clear[np.array(lasting, dtype=bool)]
+    if not len(jumps):
         return ranges, solution
     notes.append(
-        f"the receiver clock jumped {len(found)} times, first by {left[found[0]]:+.1f} m at {t[found[0] + 1]:.3f} s: "
+        f"the receiver clock jumped {len(jumps)} times, first by {left[jumps[0]]:+.1f} m at {t[jumps[0] + 1]:.3f} s: "
         "taken out"
     )
-    times, sums = t[found + 1], np.concatenate(([0.0], np.cumsum(left[found])))
+    times, sums = t[jumps + 1], np.concatenate(([0.0], np.cumsum(left[jumps])))
     ranges = replace(ranges, pseudorange=ranges.pseudorange - sums[np.searchsorted(times, ranges.t, side="right")])
     shifted = solution.clock - sums[np.searchsorted(times, solution.t, side="right")][:, None]
     return ranges, replace(solution, clock=shifted)
 
 
 def _lasting(level: FloatArray, i: int) -> bool:
-    """Whether the level of a clock before and after interval ``i`` differs, and not an epoch or two beside it."""
+    """Whether the level of a clock before and after interval ``i`` differs for more than an epoch or two."""
     before, after = level[max(i - _LASTING, 0) : i + 1], level[i + 1 : i + 2 + _LASTING]
     return bool((np.median(after) - np.median(before)) / (level[i + 1] - level[i]) > 0.5)
 
@@ -303,7 +303,7 @@ def with_clocks(initial: InitialState, points: Points, layout: StateLayout) -> I
         At the time of a fix.
     points : Points
     layout : StateLayout
-        With clock blocks.
+        Layout with clock blocks.
     """
     s = points.solution
     estimates = initial.parameters.copy()

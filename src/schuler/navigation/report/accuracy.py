@@ -193,8 +193,8 @@ def separation_with_sigma(subject: Subject, apart: Separation, block: str) -> tu
 def separation_share(subject: Subject, apart: Separation, block: str, times: float = 3.0) -> float:
     """Share of a block's components inside so many sigmas; NaN if none can be told."""
     d, sigma = separation_with_sigma(subject, apart, block)
-    known = np.isfinite(sigma)
-    return float(np.mean(np.abs(d[known]) <= times * sigma[known])) if known.any() else float("nan")
+    finite = np.isfinite(sigma)
+    return float(np.mean(np.abs(d[finite]) <= times * sigma[finite])) if finite.any() else float("nan")
 
 
 def separation(subject: Subject) -> Figure | None:
@@ -208,14 +208,14 @@ def separation(subject: Subject) -> Figure | None:
         difference, sigma = separation_with_sigma(subject, apart, block)
         for i, axis in enumerate(AXES):
             d, three = difference[:, i] / factor, 3.0 * sigma[:, i] / factor
-            known = np.isfinite(three)
+            finite = np.isfinite(three)
             items: tuple[Item, ...] = (
                 *outages(subject),
                 band(t, -three, three, "expected", "±3 sigma of the difference"),
                 level(subject.span, 0.0, "level"),
                 line(t, d, "filtered", "filtered minus smoothed"),
             )
-            within = f"{100.0 * np.mean(np.abs(d[known]) <= three[known]):.1f} %" if known.any() else "not known"
+            within = f"{100.0 * np.mean(np.abs(d[finite]) <= three[finite]):.1f} %" if finite.any() else "not known"
             label = f"{'about ' if block == 'dpsi' else ''}{axis} [{unit}]"
             panels.append(
                 Panel(

@@ -35,7 +35,7 @@ class Backdrop:
     Attributes
     ----------
     name : str
-        Of its file.
+        Name of the file.
     credit : str
         Whom the file itself names as its source; OpenStreetMap asks to be named.
     shapes : tuple of (role, points)
@@ -54,7 +54,7 @@ class Backdrop:
 
 @dataclass(frozen=True)
 class Window:
-    """What a panel shows: a square in metres east and north of the track's origin."""
+    """Square shown by a panel, in metres east and north of the track's origin."""
 
     origin_llh: FloatArray
     east: float
@@ -103,7 +103,7 @@ def read_backdrop(path: Path | str) -> Backdrop:
 
 
 def backdrop_items(backdrop: Backdrop, window: Window) -> list[Item]:
-    """What of a map lies in a window, in metres east and north.
+    """Parts of a map that lie in a window, in metres east and north.
 
     Raises
     ------

@@ -186,7 +186,7 @@ def _provenance(subject: Subject, recording_summary: str | None) -> str:
     text = parts.table("What this result was made from", ("item", "value"), rows, numbers=False)
     if recording_summary:
         # its notes are among those of the result, and stand above
-        said = {f"- {note}" for note in r.notes}
-        lines = [line for line in recording_summary.splitlines() if line.strip() not in said]
+        note_lines = {f"- {note}" for note in r.notes}
+        lines = [line for line in recording_summary.splitlines() if line.strip() not in note_lines]
         text += "\n<h3>The recording</h3>\n<pre>" + escape("\n".join(lines)) + "</pre>"
     return text

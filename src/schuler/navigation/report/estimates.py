@@ -63,7 +63,7 @@ class Parameter(NamedTuple):
 
 
 def parameter(result: NavigationResult, block: str) -> Parameter:
-    """How a block is shown; a gyro bias in deg/s if it is that large, in deg/h otherwise."""
+    """Name, unit and elements of a block; a gyro bias in deg/s if it is that large, in deg/h otherwise."""
     text, si = BLOCK_TEXT[block]
     unit, factor = _OWN_UNITS.get(block) or _UNITS[si]
     if block in ("b_g", "b_g_run") and len(result.t) and np.abs(result.parameter(block)).max() > _COARSE_GYRO:
@@ -76,13 +76,13 @@ def parameter(result: NavigationResult, block: str) -> Parameter:
 
 def groups(result: NavigationResult) -> list[tuple[str, ...]]:
     """Blocks by figure: the receiver's clocks share one."""
-    found: list[tuple[str, ...]] = []
+    figures: list[tuple[str, ...]] = []
     for block in result.layout.models:
-        if block in _CLOCKS and found and found[-1][0] in _CLOCKS:
-            found[-1] = (*found[-1], block)
+        if block in _CLOCKS and figures and figures[-1][0] in _CLOCKS:
+            figures[-1] = (*figures[-1], block)
         else:
-            found.append((block,))
-    return found
+            figures.append((block,))
+    return figures
 
 
 def parameters(subject: Subject, *blocks: str) -> Figure:
@@ -143,9 +143,9 @@ def _panels(subject: Subject, block: str) -> list[Panel]:
 
 def _elements(subject: Subject, p: Parameter) -> tuple[str, ...]:
     """Names of the elements; of the clocks between systems with the systems' letters where they are known."""
-    known = subject.ranges.groups if subject.ranges is not None else ()
-    if p.block.startswith("clock_") and p.block[6:].isdigit() and int(p.block[6:]) <= len(known):
-        return (f"{known[int(p.block[6:]) - 1]} against {known[0]}",)
+    systems = subject.ranges.groups if subject.ranges is not None else ()
+    if p.block.startswith("clock_") and p.block[6:].isdigit() and int(p.block[6:]) <= len(systems):
+        return (f"{systems[int(p.block[6:]) - 1]} against {systems[0]}",)
     return p.elements
 
 
@@ -175,7 +175,7 @@ def parameter_rows(subject: Subject) -> list[tuple[str, str, str, str]]:
 
 
 def _like(value: float, sigma: float) -> str:
-    """A number with as many digits as its uncertainty deserves: two of the sigma."""
+    """Number with the decimals of its uncertainty's two leading digits."""
     if not (np.isfinite(sigma) and sigma > 0.0):
         return f"{value:.4g}"
     places = int(np.clip(1 - np.floor(np.log10(sigma)), 0, 9))

@@ -36,7 +36,7 @@ def overview(
     smoothed : NavigationResult, optional
     reference : Trajectory, optional
     **options
-        As in :class:`~schuler.navigation.report.subject.Subject`.
+        Fields of :class:`~schuler.navigation.report.subject.Subject`.
 
     Returns
     -------

@@ -1,11 +1,11 @@
-"""Innovations: what each measurement said beyond what the filter expected, and whether their sizes are as predicted."""
+"""Innovations with their predicted sizes, by component and by satellite."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
-from schuler.filtering.kinds import Kind, shown
+from schuler.filtering.kinds import Kind, kind_display
 from schuler.filtering.measurements import (
     ACCEPTED,
     FORCED,
@@ -29,7 +29,7 @@ _SHOWN = {
     REJECTED: ("rejected", "rejected"),
 }
 _GATED_SHOWN = 400
-_FEW = 0.02  # share of rejections that says nothing against a filter
+_RARE = 0.02  # share of rejections that says nothing against a filter
 
 #: Kinds of one number a satellite, and kinds that are put into the state and not weighed.
 SATELLITE_KINDS = (KINDS[PSEUDORANGE], KINDS[RANGE_RATE])
@@ -49,27 +49,27 @@ def system_role(letter: str) -> str:
 def kinds(subject: Subject) -> list[str]:
     """Kinds of measurements of which at least one was tested, or put into the state."""
     inn = subject.result.innovations
-    known = np.isfinite(inn.nis) | np.isfinite(inn.innovation[:, 0])
-    return [name for code, name in KINDS.items() if np.any((inn.kind == code) & known)]
+    offered = np.isfinite(inn.nis) | np.isfinite(inn.innovation[:, 0])
+    return [name for code, name in KINDS.items() if np.any((inn.kind == code) & offered)]
 
 
 def by_component(subject: Subject, kind: str) -> Figure:
     """Innovations of one kind, component by component, with their predicted 3-sigma, and their normalised squares.
 
-    Of resets, the steps they made. Pseudoranges and range rates are coloured by system where the ranges are known.
+    Resets are shown as the steps they made; pseudoranges and range rates have the colours of their systems.
     """
-    every, what = subject.result.innovations.of(kind), shown(kind)
+    every, display = subject.result.innovations.of(kind), kind_display(kind)
     gated = subject.seconds(every.t[every.status == GATED])
     if kind in RESET_NAMES:
-        return _steps(subject, every, kind, what)
+        return _steps(subject, every, kind, display)
     keep = np.isfinite(every.nis)
     inn = every.where(keep)
     t = subject.seconds(inn.t)
     sat = subject.satellite_of(kind)[keep] if kind in SATELLITE_KINDS else np.zeros(len(inn), dtype=np.int64)
     panels = []
-    for i, axis in enumerate(what.axes):
-        three = 3.0 * inn.sigma[:, i] / what.factor
-        difference = inn.innovation[:, i] / what.factor
+    for i, axis in enumerate(display.axes):
+        three = 3.0 * inn.sigma[:, i] / display.factor
+        difference = inn.innovation[:, i] / display.factor
         limit, beyond = reach(difference, three)
         items: list[Item] = [*outages(subject), _predicted(t, three), level(subject.span, 0.0, "level")]
         items += _points(t, difference, inn.status, sat)
@@ -79,15 +79,15 @@ def by_component(subject: Subject, kind: str) -> Figure:
             title += f"; {beyond} beyond the axis"
         panels.append(
             Panel(
-                TIME, f"{axis} [{what.unit}]", tuple(items), title=title, x_limits=subject.span,
+                TIME, f"{axis} [{display.unit}]", tuple(items), title=title, x_limits=subject.span,
                 y_limits=(-limit, limit),
             )
         )  # fmt: skip
     panels.append(_normalised(subject, inn, t))
     caption = (
-        f"Measured minus predicted, {what.text}: scatter about zero inside the band is right, a drift or a run of one "
-        "sign means that something is not modelled; the last panel is the squared size against its prediction, about 1 "
-        "for an honest filter."
+        f"Measured minus predicted, {display.text}: scatter about zero inside the band is right, a drift or a run of "
+        "one sign means that something is not modelled; the last panel is the squared size against its prediction, "
+        "about 1 for an honest filter."
     )
     if kind in SATELLITE_KINDS:
         caption += " The band is the mean one of the satellites of each epoch; the share counts each with its own."
@@ -96,7 +96,7 @@ def by_component(subject: Subject, kind: str) -> Figure:
             f" {len(gated)} more were not used because their condition was not met (rings at the bottom): not tested, "
             "so without an innovation."
         )
-    return Figure(f"innovations_{kind}", f"Innovations: {what.text}", caption, tuple(panels))
+    return Figure(f"innovations_{kind}", f"Innovations: {display.text}", caption, tuple(panels))
 
 
 def _predicted(t: FloatArray, three: FloatArray) -> Band:
@@ -128,23 +128,23 @@ def _not_met(t: FloatArray, y: float) -> list[Item]:
     return [Markers(t[k], np.full(len(k), y), "gated", "condition not met")]
 
 
-def _steps(subject: Subject, inn: Innovations, kind: str, what: Kind) -> Figure:
+def _steps(subject: Subject, inn: Innovations, kind: str, display: Kind) -> Figure:
     inn = inn.where(np.isfinite(inn.innovation[:, 0]))
     t = subject.seconds(inn.t)
     panels = []
-    for i, axis in enumerate(what.axes):
+    for i, axis in enumerate(display.axes):
         items: tuple[Item, ...] = (
             *outages(subject),
             level(subject.span, 0.0, "level"),
             markers(t, inn.innovation[:, i], "measured", "step"),
         )
-        title = f"RMS {np.sqrt(np.mean(inn.innovation[:, i] ** 2)):.3g} {what.unit}"
-        panels.append(Panel(TIME, f"{axis} [{what.unit}]", items, title=title, x_limits=subject.span))
+        title = f"RMS {np.sqrt(np.mean(inn.innovation[:, i] ** 2)):.3g} {display.unit}"
+        panels.append(Panel(TIME, f"{axis} [{display.unit}]", items, title=title, x_limits=subject.span))
     caption = (
-        f"By how much each {what.text} moved the solution: the error the INS had gathered since the one before, and "
+        f"By how much each {display.text} moved the solution: the error the INS had gathered since the one before, and "
         "that of the fix. Nothing is weighed here, so there is no test."
     )
-    return Figure(f"innovations_{kind}", f"Steps: {what.text}", caption, tuple(panels))
+    return Figure(f"innovations_{kind}", f"Steps: {display.text}", caption, tuple(panels))
 
 
 def running_mean(values: FloatArray) -> tuple[FloatArray, int]:
@@ -192,12 +192,12 @@ def mean_nis(inn: Innovations) -> tuple[float, bool]:
 
 
 def judged(inn: Innovations) -> BoolArray:
-    """Which innovations tell of the filter: those tested, without the rejected of a kind if these are few."""
+    """Innovations that count for consistency: those tested, less rare rejections of a kind. Shape (n,)."""
     tested = np.isfinite(inn.nis)
     keep = tested.copy()
     for kind in np.unique(inn.kind[tested]):
         rejected = tested & (inn.kind == kind) & (inn.status == REJECTED)
-        if rejected.sum() <= _FEW * np.sum(tested & (inn.kind == kind)):
+        if rejected.sum() <= _RARE * np.sum(tested & (inn.kind == kind)):
             keep &= ~rejected
     return keep
 
@@ -234,7 +234,7 @@ _POINTS = 400  # kept of each satellite
 
 
 def _tested(subject: Subject, kind: str) -> tuple[Innovations, IntArray]:
-    """Innovations of a kind that were tested, and the satellite of each, 0 where it is not known."""
+    """Innovations of a kind that were tested, and the satellite of each, 0 if unknown."""
     inn = subject.result.innovations.of(kind)
     keep = np.isfinite(inn.nis)
     return inn.where(keep), subject.satellite_of(kind)[keep]
@@ -246,7 +246,7 @@ def by_satellite(subject: Subject, kind: str) -> Figure | None:
     numbers, count = np.unique(sat[sat > 0], return_counts=True)
     if not len(numbers):
         return None
-    what = shown(kind)
+    display = kind_display(kind)
     kept = np.sort(numbers[np.argsort(-count, kind="stable")[:_MOST_SATELLITES]])
     limit, _ = reach(inn.innovation[:, 0], 3.0 * inn.sigma[:, 0])
     panels = []
@@ -260,12 +260,12 @@ def by_satellite(subject: Subject, kind: str) -> Figure | None:
         ]  # fmt: skip
         panels.append(
             Panel(
-                TIME, f"{satellite_name(s)} [{what.unit}]", tuple(items), title=_title(own), x_limits=subject.span,
+                TIME, f"{satellite_name(s)} [{display.unit}]", tuple(items), title=_title(own), x_limits=subject.span,
                 y_limits=(-limit, limit),
             )
         )  # fmt: skip
     caption = (
-        f"The same innovations ({what.text}), each satellite for itself on one scale: one that stays away from zero "
+        f"The same innovations ({display.text}), each satellite for itself on one scale: one that stays away from zero "
         "while the others do not is reflected, blocked or sick; all of them together point to the clock or the motion."
     )
     left = len(numbers) - len(kept)
@@ -277,7 +277,7 @@ def by_satellite(subject: Subject, kind: str) -> Figure | None:
             f" Of {unknown} of {len(sat)} the satellite is not known: the ranges given here do not fit the run's."
         )
     return Figure(
-        f"innovations_{kind}_satellites", f"Innovations by satellite: {what.text}", caption, tuple(panels), columns=3
+        f"innovations_{kind}_satellites", f"Innovations by satellite: {display.text}", caption, tuple(panels), columns=3
     )
 
 

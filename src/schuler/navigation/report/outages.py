@@ -20,7 +20,7 @@ _FEWEST = 3  # outages that make a fan, and records in each
 def statistics(subject: Subject) -> OutageStatistics | None:
     """Errors of the first solution by the age of the outage; None without a reference or with too few outages.
 
-    Of outages of several lengths the shortest says how far it goes; shorter than half of the longest ones are left out.
+    The shortest outage limits the age; outages shorter than half of the longest are left out.
     Only the claimed variances are taken along, not their correlation.
     """
     from schuler.navigation.evaluation.outages import OutageStatistics
@@ -54,23 +54,23 @@ def statistics(subject: Subject) -> OutageStatistics | None:
 
 def outage_figure(subject: Subject) -> Figure | None:
     """Largest horizontal error by outage and drift curve; None without outages or a reference."""
-    found = {role: outage_errors(e, subject.result.outages) for role, e in subject.errors.items()}
-    if not found or not next(iter(found.values())):
+    outage_lists = {role: outage_errors(e, subject.result.outages) for role, e in subject.errors.items()}
+    if not outage_lists or not next(iter(outage_lists.values())):
         return None
     bars: list[Item] = []
     drift: list[Item] = []
-    n = len(next(iter(found.values())))
+    n = len(next(iter(outage_lists.values())))
     several = n > 1
-    for role, list_of in found.items():
+    for role, list_of in outage_lists.items():
         number = np.arange(1.0, len(list_of) + 1.0)
         bars.append(Bars(number, np.array([o.max_horizontal for o in list_of]), role, role))
         age, rms, largest = drift_curve(subject.errors[role], subject.result.outages)
         # a bin in which no reference epoch fell is bridged: the drift goes on meanwhile
-        known = np.isfinite(rms)
-        drift.append(line(age[known], rms[known], role, f"{role}, RMS of all outages" if several else role))
+        finite = np.isfinite(rms)
+        drift.append(line(age[finite], rms[finite], role, f"{role}, RMS of all outages" if several else role))
         if several:
             dashed = "largest" if role == "filtered" else "largest_smoothed"
-            drift.append(line(age[known], largest[known], dashed, f"{role}, largest"))
+            drift.append(line(age[finite], largest[finite], dashed, f"{role}, largest"))
     first = subject.result.outages[0]
     panels = (
         Panel("number of the outage [-]", "largest horizontal error [m]", tuple(bars), x_limits=(0.25, n + 0.75)),
@@ -87,8 +87,8 @@ def outage_fan(subject: Subject) -> Figure | None:
     """Fan of the errors of a run's outages; None where there are too few."""
     from schuler.navigation.evaluation.figures import fan
 
-    found = statistics(subject)
-    return None if found is None else fan(found)
+    outage_lists = statistics(subject)
+    return None if outage_lists is None else fan(outage_lists)
 
 
 def _at(t: FloatArray, nodes: FloatArray, values: FloatArray) -> FloatArray:

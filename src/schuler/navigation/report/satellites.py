@@ -1,4 +1,4 @@
-"""Satellites: where they stood, which were used and why others were not, dilution of precision, signal strength."""
+"""Satellites: sky plot, use over time with reasons, dilution of precision, signal strength."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ def satellite_figures(
     Parameters
     ----------
     ranges : Ranges
-        With the rows that are not used, and their reasons.
+        All rows, those that are not used with their reasons.
     points : PointSolution, optional
-        Of these ranges: its dilutions, and how many satellites its solutions used. Without it both are those of the
-        ranges themselves.
+        Solutions of these ranges: their dilutions, and how many satellites they used. Without them both are those of
+        the ranges themselves.
     subject : Subject, optional
         The navigation run: its time axis, its outages, and what its filter rejected.
     """
@@ -52,16 +52,16 @@ def satellite_figures(
 
 def sky(ranges: Ranges) -> Figure | None:
     """Ways of the satellites over the sky, zenith in the middle, north up; None without directions."""
-    known = np.isfinite(ranges.elevation) & np.isfinite(ranges.azimuth)
-    if not known.any():
+    finite = np.isfinite(ranges.elevation) & np.isfinite(ranges.azimuth)
+    if not finite.any():
         return None
     x, y = _on_the_disc(ranges.elevation, ranges.azimuth)
     items: list[Item] = _disc()
-    for letter in systems_of(ranges.sat[known]):
+    for letter in systems_of(ranges.sat[finite]):
         xs: list[FloatArray] = []
         ys: list[FloatArray] = []
-        for s in np.unique(ranges.sat[known & (ranges.sat // 100 == SYSTEMS.index(letter))]).tolist():
-            k = np.flatnonzero(known & (ranges.sat == s))
+        for s in np.unique(ranges.sat[finite & (ranges.sat // 100 == SYSTEMS.index(letter))]).tolist():
+            k = np.flatnonzero(finite & (ranges.sat == s))
             # where it was lost for a while the way is not drawn through
             k = k[thin([x[k], y[k]], _TRACK)]
             xs += [x[k], _GAP]
@@ -73,7 +73,7 @@ def sky(ranges: Ranges) -> Figure | None:
         items.append(Markers(x_way[last], y_way[last], system_role(letter), SYSTEM_NAMES[letter]))
     for reason in sorted(set(REASONS) - {0}):
         role = MARKS.get(reason, "unused")
-        k = np.flatnonzero(known & (ranges.reason == reason))
+        k = np.flatnonzero(finite & (ranges.reason == reason))
         if len(k):
             k = k[:: -(-len(k) // 600)]
             items.append(Markers(x[k], y[k], role, REASONS[reason]))
@@ -168,16 +168,16 @@ def geometry(ranges: Ranges, points: PointSolution | None = None, subject: Subje
 
 def strengths(ranges: Ranges, subject: Subject | None = None) -> Figure | None:
     """Signal strength over time and over elevation; None where the receiver tells none."""
-    known = np.isfinite(ranges.cn0)
-    if not known.any():
+    finite = np.isfinite(ranges.cn0)
+    if not finite.any():
         return None
     t = _seconds(ranges.t, subject)
     span = _span(t, subject)
     over_time: list[Item] = list(outages(subject)) if subject is not None else []
     over_elevation: list[Item] = []
-    for letter in systems_of(ranges.sat[known]):
+    for letter in systems_of(ranges.sat[finite]):
         role, label = system_role(letter), SYSTEM_NAMES[letter]
-        own = known & (ranges.sat // 100 == SYSTEMS.index(letter))
+        own = finite & (ranges.sat // 100 == SYSTEMS.index(letter))
         xs: list[FloatArray] = []
         ys: list[FloatArray] = []
         for s in np.unique(ranges.sat[own]).tolist():
@@ -211,15 +211,15 @@ def _dilutions(
     place = np.full(len(epochs), -1)
     place[chosen] = np.arange(len(chosen))
     k = np.flatnonzero(ranges.used & np.isfinite(ranges.elevation) & (place[index] >= 0))
-    of = place[index[k]]
-    count = np.bincount(of, minlength=len(chosen))
+    row = place[index[k]]
+    count = np.bincount(row, minlength=len(chosen))
     column = np.arange(len(k)) - np.repeat(np.cumsum(count) - count, count)
     width = max(int(count.max(initial=0)), 1)
     u, used = np.zeros((len(chosen), width, 3)), np.zeros((len(chosen), width), dtype=bool)
     group = np.zeros((len(chosen), width), dtype=np.int64)
     e, a = ranges.elevation[k], ranges.azimuth[k]
-    u[of, column] = np.column_stack((np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), -np.sin(e)))
-    used[of, column], group[of, column] = True, ranges.group[k]
+    u[row, column] = np.column_stack((np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), -np.sin(e)))
+    used[row, column], group[row, column] = True, ranges.group[k]
     return epochs[chosen], dilution(u, used, group)
 
 
@@ -234,7 +234,7 @@ def _means(t: FloatArray, values: FloatArray, span: Limits) -> tuple[FloatArray,
 
 
 def _rejected(subject: Subject | None, row: dict[int, int], span: Limits) -> list[Item]:
-    """What the filter itself rejected, of ranges and range rates."""
+    """Ranges and range rates that the filter rejected."""
     if subject is None:
         return []
     items: list[Item] = []
@@ -249,11 +249,11 @@ def _rejected(subject: Subject | None, row: dict[int, int], span: Limits) -> lis
 
 
 def _left_out(ranges: Ranges) -> str:
-    """How many ranges were left out, by reason."""
+    """Number of ranges left out, by reason."""
     counts = [(REASONS[r], int(np.sum(ranges.reason == r))) for r in REASONS if r]
-    told = [f"{n} {text}" for text, n in counts if n]
+    reasons = [f"{n} {text}" for text, n in counts if n]
     n = int(ranges.used.sum())
-    return f"Of {len(ranges)} ranges {n} are used" + (f"; left out: {', '.join(told)}." if told else ".")
+    return f"Of {len(ranges)} ranges {n} are used" + (f"; left out: {', '.join(reasons)}." if reasons else ".")
 
 
 def _disc() -> list[Item]:

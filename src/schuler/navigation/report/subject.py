@@ -1,4 +1,4 @@
-"""What a report is about: a solution with everything it is compared with, and the quantities taken from the pair."""
+"""Subject of a report: a solution, what it is compared with, and the quantities derived from both."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SHORT_STEP = 0.1  # output steps up to this let fixes be recovered from innovat
 
 @dataclass(frozen=True)
 class Subject:
-    """A solution and what it is compared with.
+    """Solution, reference and the series they are compared with.
 
     Attributes
     ----------
@@ -85,10 +85,7 @@ class Subject:
         return read_backdrop(self.background)
 
     def satellite_of(self, kind: str) -> IntArray:
-        """Satellite of each innovation of a kind (``pseudorange``, ``range_rate``), 0 where it is not known.
-
-        The filter works off the ranges of an epoch in their order, so they are told by time and place.
-        """
+        """Satellite of each innovation of a kind (``pseudorange``, ``range_rate``), 0 if unknown."""
         if kind not in self._satellites:
             t = self.result.innovations.of(kind).t
             of_rates = kind != KINDS[PSEUDORANGE]
@@ -157,22 +154,24 @@ class Subject:
         t, dx, _ = state_errors(self.result, T, self.truth_parameters)
         with np.errstate(invalid="ignore"):  # negative variances: the verdict tells of them
             values = nees(self.result, T, self.truth_parameters)
-        known = np.isfinite(values)
-        return (t[known], values[known], dx.shape[1]) if known.any() else None
+        finite = np.isfinite(values)
+        return (t[finite], values[finite], dx.shape[1]) if finite.any() else None
 
     @cached_property
     def inside_three_sigma(self) -> dict[str, FloatArray]:
         """Share of the position errors north, east, down inside three of their sigmas, by role."""
-        found = {}
+        satellite = {}
         for role, result in self.solutions:
             if role in self.errors:
                 e, sigma = self.errors[role], self.position_sigma(result)
-                found[role] = np.array([inside_share(e.t, e.position_n[:, i], result.t, sigma[:, i]) for i in range(3)])
-        return found
+                satellite[role] = np.array(
+                    [inside_share(e.t, e.position_n[:, i], result.t, sigma[:, i]) for i in range(3)]
+                )
+        return satellite
 
     @cached_property
     def reference_is_fixes(self) -> bool:
-        """Whether the reference is made of the very fixes the filter was given."""
+        """Whether the reference consists of the fixes that the filter used."""
         if self.reference is None or not self.at_antenna:
             return False
         t = self.result.innovations.of(KINDS[POSITION]).t
@@ -180,7 +179,7 @@ class Subject:
 
     @property
     def reference_name(self) -> str:
-        """How sentences call the reference."""
+        """Name of the reference in sentences."""
         if self.reference_is_fixes:
             return "the GNSS fixes"
         return "the reference at the antenna" if self.at_antenna else "the reference"
@@ -216,8 +215,8 @@ class Subject:
     @cached_property
     def _fix_sigma(self) -> FloatArray:
         inn = self.result.innovations.of(KINDS[POSITION])
-        known = inn.sigma[np.all(np.isfinite(inn.sigma), axis=1)]
-        return np.median(known, axis=0) if len(known) else np.zeros(3)
+        finite = inn.sigma[np.all(np.isfinite(inn.sigma), axis=1)]
+        return np.median(finite, axis=0) if len(finite) else np.zeros(3)
 
     @cached_property
     def fixes(self) -> tuple[FloatArray, FloatArray, IntArray] | None:
@@ -287,15 +286,15 @@ def inside_share(t: FloatArray, error: FloatArray, t_sigma: FloatArray, sigma: F
     right = np.clip(np.searchsorted(t_sigma, t[inside] - 1e-9), 0, len(t_sigma) - 1)
     left = np.clip(np.searchsorted(t_sigma, t[inside] + 1e-9, side="right") - 1, 0, len(t_sigma) - 1)
     bound = times * np.maximum(sigma[left], sigma[right])
-    known = np.isfinite(bound)
-    return float(np.mean(np.abs(error[inside])[known] <= bound[known])) if known.any() else float("nan")
+    finite = np.isfinite(bound)
+    return float(np.mean(np.abs(error[inside])[finite] <= bound[finite])) if finite.any() else float("nan")
 
 
 SAME_TIME = 1e-5  # fixes and measurements closer than this are the same [s]
 
 
 def matched_satellites(t: FloatArray, ranges: Ranges, value: FloatArray) -> IntArray:
-    """Satellite of each innovation, 0 where it is not known.
+    """Satellite of each innovation, 0 if unknown.
 
     The filter works off the ranges of an epoch in their order, so the place among the innovations of one time tells.
 
@@ -304,28 +303,28 @@ def matched_satellites(t: FloatArray, ranges: Ranges, value: FloatArray) -> IntA
     t : ndarray, shape (n,)
         Times of the innovations. [s]
     ranges : Ranges
-        Those of the run.
+        Ranges of the run.
     value : ndarray, shape (k,)
-        Its pseudoranges or range rates; those not finite were not offered.
+        Pseudoranges or range rates; those not finite were not offered.
 
     Returns
     -------
     ndarray of int, shape (n,)
         0 in epochs that have another number of ranges than of innovations: then these are other ranges.
     """
-    found = np.zeros(len(t), dtype=np.int64)
+    satellite = np.zeros(len(t), dtype=np.int64)
     rows = np.flatnonzero(ranges.used & np.isfinite(value))
     if not len(rows) or not len(t):
-        return found
+        return satellite
     epochs, first, many = np.unique(ranges.t[rows], return_index=True, return_counts=True)
     times, begin, count = np.unique(t, return_index=True, return_counts=True)
     k, distance = nearest(times, epochs)
     same = (distance < SAME_TIME) & (many[k] == count)
     place = np.arange(len(t)) - np.repeat(begin, count)
-    known = np.repeat(same, count)
-    at = (np.repeat(first[k], count) + place)[known]
-    found[known] = ranges.sat[rows[at]]
-    return found
+    finite = np.repeat(same, count)
+    at = (np.repeat(first[k], count) + place)[finite]
+    satellite[finite] = ranges.sat[rows[at]]
+    return satellite
 
 
 def nearest(t: FloatArray, among: FloatArray) -> tuple[IntArray, FloatArray]:

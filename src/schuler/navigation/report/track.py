@@ -109,9 +109,9 @@ def profile(subject: Subject) -> Figure | None:
         heights.append(R.llh[inside, 2])
         items.append(path(np.interp(R.t[inside], T.t, way), heights[-1], "reference", "reference"))
     for role, result in subject.solutions:
-        shown = _shown(subject, result.trajectory)
-        heights.append(shown.llh[:, 2])
-        items.append(path(np.interp(shown.t, T.t, way), heights[-1], role, role))
+        moved = _shown(subject, result.trajectory)
+        heights.append(moved.llh[:, 2])
+        items.append(path(np.interp(moved.t, T.t, way), heights[-1], role, role))
     panel = Panel(
         f"distance travelled [{'km' if kilo else 'm'}]", "height [m]", tuple(items), x_limits=(0.0, float(way[-1])),
         y_limits=view(heights, least=2.0),
@@ -133,10 +133,10 @@ def motion(subject: Subject) -> Figure:
     for role, result in subject.solutions:
         T = result.trajectory
         rpy = T.rpy_nb / units.DEG
-        drawn = (T.llh[:, 2], np.linalg.norm(T.v_eb_n, axis=1), rpy[:, 0], rpy[:, 1], np.mod(rpy[:, 2], 360.0))
+        quantities = (T.llh[:, 2], np.linalg.norm(T.v_eb_n, axis=1), rpy[:, 0], rpy[:, 1], np.mod(rpy[:, 2], 360.0))
         k = np.searchsorted(T.t, result.t - 1e-9).clip(0, len(T.t) - 1)
         own = "sigma" if result is subject.result else "sigma_smoothed"
-        for i, (y, three) in enumerate(zip(drawn, _three_sigma(subject, result, k), strict=True)):
+        for i, (y, three) in enumerate(zip(quantities, _three_sigma(subject, result, k), strict=True)):
             t, low, high = subject.seconds(result.t), y[k] - three, y[k] + three
             edges[i] += [low, high]
             values[i].append(y)

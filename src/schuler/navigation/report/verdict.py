@@ -1,4 +1,4 @@
-"""The run in three sentences and a table of the numbers people quote."""
+"""Sentences on a run, and the tables of its key numbers, outages and measurements."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.filtering.kinds import shown
+from schuler.filtering.kinds import kind_display
 from schuler.filtering.measurements import (
     ACCEPTED,
     FORCED,
@@ -41,7 +41,7 @@ class Row(NamedTuple):
 
 
 def verdict(subject: Subject) -> tuple[str, str, str, str]:
-    """How good, whether the filter is honest about it, what happened without GNSS, what aided: a sentence each."""
+    """Accuracy, consistency, behaviour without GNSS, and aids: a sentence each."""
     return _how_good(subject), _how_honest(subject), _without_gnss(subject), aids(subject)
 
 
@@ -60,10 +60,10 @@ def key_numbers(subject: Subject) -> tuple[tuple[str, ...], list[Row]]:
             add(name, [s.get(key) for s in statistics])
         if subject.result.outages:
             add("horizontal error with GNSS, RMS [m]", [_rms_aided(e, subject) for e in subject.errors.values()])
-            found = [outage_errors(e, subject.result.outages) for e in subject.errors.values()]
-            if found[0]:
-                worst = [np.array([o.max_horizontal for o in f]) for f in found]
-                ends = [np.array([o.end_horizontal for o in f]) for f in found]
+            outage_lists = [outage_errors(e, subject.result.outages) for e in subject.errors.values()]
+            if outage_lists[0]:
+                worst = [np.array([o.max_horizontal for o in f]) for f in outage_lists]
+                ends = [np.array([o.end_horizontal for o in f]) for f in outage_lists]
                 add("largest horizontal error in an outage, mean [m]", [float(w.mean()) for w in worst])
                 add("largest horizontal error in an outage, worst [m]", [float(w.max()) for w in worst])
                 add("horizontal error at the end of an outage, RMS [m]", [float(np.sqrt(np.mean(w**2))) for w in ends])
@@ -90,18 +90,18 @@ def key_numbers(subject: Subject) -> tuple[tuple[str, ...], list[Row]]:
         inn = subject.result.innovations.of(kind)
         mean, _ = mean_nis(inn)
         if np.isfinite(mean):
-            name = f"NIS per axis, {shown(kind).text}, mean (honest: 1) [-]"
+            name = f"NIS per axis, {kind_display(kind).text}, mean (honest: 1) [-]"
             rows.append(Row(name, (number(mean), *("-",) * (len(heads) - 1))))
     return heads, rows
 
 
 def outage_rows(subject: Subject) -> list[tuple[str, ...]]:
     """Rows of a table: number, from, to, then largest and in brackets last horizontal error of each solution."""
-    found = [outage_errors(e, subject.result.outages) for e in subject.errors.values()]
-    if not found:
+    outage_lists = [outage_errors(e, subject.result.outages) for e in subject.errors.values()]
+    if not outage_lists:
         return []
     rows = []
-    for k, same in enumerate(zip(*found, strict=True)):
+    for k, same in enumerate(zip(*outage_lists, strict=True)):
         numbers = [f"{number(o.max_horizontal)} ({number(o.end_horizontal)})" for o in same]
         rows.append(
             (str(k + 1), f"{same[0].start - subject.start:.1f}", f"{same[0].stop - subject.start:.1f}", *numbers)
@@ -139,8 +139,8 @@ _SIGMAS = (
 
 
 def _median(values: FloatArray) -> float | None:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if len(known) else None
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if len(finite) else None
 
 
 def _rms_aided(e: TrajectoryErrors, subject: Subject) -> float | None:
@@ -194,9 +194,9 @@ def _how_honest(subject: Subject) -> str:
         )
     tested = np.isfinite(inn.nis)
     # assumptions about a vehicle are given more room on purpose, so GNSS is asked where there is any
-    told = inn.where(judged(inn))
-    gnss = told.where(np.isin(told.kind, GNSS_KINDS))
-    mean, whose = (gnss.mean_nis(), "GNSS") if len(gnss) else (told.mean_nis(), "its aids")
+    used_kinds = inn.where(judged(inn))
+    gnss = used_kinds.where(np.isin(used_kinds.kind, GNSS_KINDS))
+    mean, whose = (gnss.mean_nis(), "GNSS") if len(gnss) else (used_kinds.mean_nis(), "its aids")
     if np.isfinite(mean):
         parts.append(
             (
@@ -272,16 +272,16 @@ def _without_gnss(subject: Subject) -> str:
     length = f"{min(lengths):g}" if max(lengths) - min(lengths) < 0.05 else f"{min(lengths):g} to {max(lengths):g}"
     once = "once" if len(windows) == 1 else f"{len(windows)} times"
     text = f"GNSS was withheld {once} for {length} s"
-    found = {role: outage_errors(e, windows) for role, e in subject.errors.items()}
+    outage_lists = {role: outage_errors(e, windows) for role, e in subject.errors.items()}
     parts = []
-    for role, list_of in found.items():
+    for role, list_of in outage_lists.items():
         if list_of:
             worst = np.array([o.max_horizontal for o in list_of])
             some = f"{number(float(worst.mean()), 'm')} on average and {number(float(worst.max()), 'm')} at worst"
             parts.append(f"{some if len(worst) > 1 else number(float(worst.max()), 'm')} ({role})")
     if parts:
         left, seen = _outages_left(subject)
-        band = f"; in {left} of {seen} the {next(iter(found))} error went beyond three sigma" if left else ""
+        band = f"; in {left} of {seen} the {next(iter(outage_lists))} error went beyond three sigma" if left else ""
         return f"{text}: the horizontal error grew to {' and to '.join(parts)}{band}."
     during = in_windows(subject.result.t, windows)
     if during.any():
@@ -294,7 +294,7 @@ def measurement_rows(subject: Subject) -> list[tuple[str, ...]]:
     """Rows of a table: kind, used, rejected, accepted after lock-out, condition not met, outside the run."""
     return [
         (
-            shown(kind).text,
+            kind_display(kind).text,
             str(count[STATUS[ACCEPTED]] + count[STATUS[FORCED]]),
             str(count[STATUS[REJECTED]]),
             str(count[STATUS[FORCED]]),
@@ -306,9 +306,9 @@ def measurement_rows(subject: Subject) -> list[tuple[str, ...]]:
 
 
 def aids(subject: Subject) -> str:
-    """What aided, how often, what was not used, and whose innovations have another size than predicted."""
+    """Sentence on the aids: used, rejected, and those whose innovations have another size than predicted."""
     inn = subject.result.innovations
-    told, wrong = [], []
+    used_kinds, wrong = [], []
     for kind, count in inn.counts().items():
         used = count[STATUS[ACCEPTED]] + count[STATUS[FORCED]]
         more = [
@@ -319,15 +319,17 @@ def aids(subject: Subject) -> str:
             if n
         ]  # fmt: skip
         if used or more:
-            told.append(f"{shown(kind).text} ({', '.join([f'{used} used', *more])})")
+            used_kinds.append(f"{kind_display(kind).text} ({', '.join([f'{used} used', *more])})")
             mean, right = mean_nis(inn.of(kind))
             if not right:
-                wrong.append(f"{shown(kind).text} ({'too sure' if mean > 1.0 else 'too cautious'}, {number(mean)})")
-    if not told:
+                wrong.append(
+                    f"{kind_display(kind).text} ({'too sure' if mean > 1.0 else 'too cautious'}, {number(mean)})"
+                )
+    if not used_kinds:
         return "Nothing aided the INS."
     tested = bool(np.isfinite(inn.nis).any())
     verdict_of_nis = "; NIS is " + (f"off for {_listed(wrong)}" if wrong else "right for each") if tested else ""
-    return f"Aids: {', '.join(told)}{verdict_of_nis}."
+    return f"Aids: {', '.join(used_kinds)}{verdict_of_nis}."
 
 
 def _listed(words: list[str]) -> str:

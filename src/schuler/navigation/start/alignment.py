@@ -1,4 +1,4 @@
-"""Where a run starts: attitude, velocity and position from the log itself, with their covariance."""
+"""Alignment of a run: initial attitude, velocity and position from the log, with their covariance."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def align(
     layout: StateLayout,
     windows: tuple[tuple[float, float], ...],
     notes: list[str],
-    known: CalibrationStart | None = None,
+    calibration: CalibrationStart | None = None,
 ) -> InitialState:
     """Initial state of a run from the log itself.
 
@@ -38,14 +38,14 @@ def align(
         Body axes, clock corrected.
     gnss : GnssSeries, optional
     config, spec, layout
-        Of the run.
+        Configuration, error budget and states of the run.
     windows : tuple of (start, stop)
         Outages: fixes inside are not used. [s]
     notes : list of str
         Gets a sentence on what was done.
-    known : CalibrationStart, optional
-        What the log was calibrated with: attitude is found in compensated readings, and correlated with all errors of
-        the sensors; the mean rate at rest improves the calibrated states instead of replacing them.
+    calibration : CalibrationStart, optional
+        Calibration of the log: the attitude comes from compensated readings and is correlated with all errors of the
+        sensors; the mean rate at rest improves the calibrated states instead of replacing them.
 
     Returns
     -------
@@ -67,60 +67,28 @@ def align(
         )
     gnss = gnss.where(usable)
     rates = imu.rates()
-    if known is not None:
-        rates, spec = known.compensated(imu, layout), known.left_of(spec)
-    level, gyro_bias, rest_end = _at_rest(rates, gnss, section, spec)
+    if calibration is not None:
+        rates, spec = calibration.compensated(imu, layout), calibration.remaining_budget(spec)
+    level, rest_rate, rest_end = _at_rest(rates, gnss, section, spec)
     if section.method == "given":
-        assert section.rpy_deg is not None
-        k = 0
-        alignment = Alignment(
-            float(gnss.t[0]),
-            np.array(section.rpy_deg) * units.DEG,
-            np.diag((np.array(section.sigma_deg) * units.DEG) ** 2),
-            "given attitude",
-        )
+        k, alignment = 0, _given_attitude(gnss, section)
     elif section.method == "gyrocompass":
-        if level is None or gyro_bias is None:
-            raise InputError("gyrocompassing needs a stretch at rest at the start of the log, and none was found")
-        still = rates.between(rates.t[0], min(rest_end, rates.t[0] + section.rest_s))
-        k = max(int(np.searchsorted(gnss.t, still.t[-1], side="right")) - 1, 0)
-        alignment = gyrocompass(
-            still.gyro,
-            still.accel,
-            float(gnss.llh[k, 0]),
-            t=float(gnss.t[k]),
-            sigma_gyro_bias=spec.gyro.turn_on_bias,
-            sigma_gyro_noise=spec.gyro.random_walk / float(np.sqrt(section.rest_s)),
-            sigma_accel_bias=spec.accel.turn_on_bias,
-            sigma_accel_noise=section.tilt_floor_deg * units.DEG * 9.81,
-        )
-        gyro_bias = None  # the same data cannot fix both the heading and the bias
+        k, alignment = _gyrocompassed(rates, gnss, level, rest_end, section, spec)
+        rest_rate = None  # the same data cannot fix both the heading and the bias
     else:
         k = _first_moving(gnss, section)
-        v_n, cov_v_n = gnss.need_velocity()
-        sigma_v = float(np.sqrt(max(cov_v_n[k, 0, 0], cov_v_n[k, 1, 1])))
-        heading, sigma = heading_from_course(v_n[k], sigma_v, sigma_sideslip=section.sideslip_deg * units.DEG)
+        heading, sigma, speed = _course(gnss, k, section)
         if level is not None and gnss.t[k] - rest_end < 20.0:
-            alignment = level.with_heading(
-                heading, sigma, f"heading from course at {np.linalg.norm(gnss.v_n[k]):.2f} m/s"
-            )
+            alignment = level.with_heading(heading, sigma, f"heading from course at {speed:.2f} m/s")
         else:
             alignment = _level_in_motion(rates, gnss, k, heading, sigma, section, spec)
-            gyro_bias = None
-    initial = _start_from_fix(gnss, k, alignment, rates, layout, config, known)
-    if known is not None and gyro_bias is not None and "b_g" in layout:
-        initial = _with_rest_rate(initial, layout, alignment, *gyro_bias, notes)
-        gyro_bias = None
-    estimates, P = initial.parameters.copy(), initial.P.copy()
-    if gyro_bias is not None and "b_g" in layout:
-        part = layout["b_g"]
-        estimates[part.start - 9 : part.stop - 9], sigma_b = gyro_bias
-        P[part, part] = sigma_b**2 * np.eye(3)
-        notes.append(
-            "gyro biases start from the mean at rest: "
-            + ", ".join(f"{b / units.DEG:+.3f}" for b in gyro_bias[0])
-            + f" deg/s, 1-sigma {sigma_b / units.DEG:.4f}"
-        )
+            rest_rate = None
+    initial = _start_from_fix(gnss, k, alignment, rates, layout, config, calibration)
+    if rest_rate is not None and "b_g" in layout:
+        if calibration is None:
+            initial = _with_rest_bias(initial, layout, *rest_rate, notes)
+        else:
+            initial = _updated_with_rest_rate(initial, layout, alignment, *rest_rate, notes)
     rpy = alignment.rpy_nb / units.DEG
     spread = np.sqrt(np.diag(alignment.cov_psi_n)) / units.DEG
     notes.append(
@@ -128,7 +96,43 @@ def align(
         f"roll {rpy[0]:.2f}, pitch {rpy[1]:.2f}, yaw {rpy[2]:.2f} deg; "
         f"1-sigma {spread[0]:.2f} {spread[1]:.2f} {spread[2]:.2f} deg about N, E, D"
     )
-    return InitialState(initial.nav, P, estimates)
+    return initial
+
+
+def _given_attitude(gnss: GnssSeries, section: AlignmentSection) -> Alignment:
+    assert section.rpy_deg is not None
+    covariance = np.diag((np.array(section.sigma_deg) * units.DEG) ** 2)
+    return Alignment(float(gnss.t[0]), np.array(section.rpy_deg) * units.DEG, covariance, "given attitude")
+
+
+def _gyrocompassed(
+    rates: ImuSeries, gnss: GnssSeries, level: Alignment | None, rest_end: float, section: AlignmentSection,
+    spec: ImuSpec,
+) -> tuple[int, Alignment]:  # fmt: skip
+    """Attitude from the first seconds at rest, and the last fix in them."""
+    if level is None:
+        raise InputError("gyrocompassing needs a stretch at rest at the start of the log, and none was found")
+    still = rates.between(rates.t[0], min(rest_end, rates.t[0] + section.rest_s))
+    k = max(int(np.searchsorted(gnss.t, still.t[-1], side="right")) - 1, 0)
+    return k, gyrocompass(
+        still.gyro,
+        still.accel,
+        float(gnss.llh[k, 0]),
+        t=float(gnss.t[k]),
+        sigma_gyro_bias=spec.gyro.turn_on_bias,
+        sigma_gyro_noise=spec.gyro.random_walk / float(np.sqrt(section.rest_s)),
+        sigma_accel_bias=spec.accel.turn_on_bias,
+        sigma_accel_noise=section.tilt_floor_deg * units.DEG * 9.81,
+    )
+
+
+def _course(gnss: GnssSeries, k: int, section: AlignmentSection) -> tuple[float, float, float]:
+    """Heading from the course at a fix and its 1-sigma [rad], and the speed there [m/s]."""
+    assert gnss.v_n is not None
+    assert gnss.cov_v_n is not None
+    sigma_v = float(np.sqrt(max(gnss.cov_v_n[k, 0, 0], gnss.cov_v_n[k, 1, 1])))
+    heading, sigma = heading_from_course(gnss.v_n[k], sigma_v, sigma_sideslip=section.sideslip_deg * units.DEG)
+    return heading, sigma, float(np.linalg.norm(gnss.v_n[k]))
 
 
 def _at_rest(
@@ -218,7 +222,7 @@ def _level_in_motion(
 
 def _start_from_fix(
     gnss: GnssSeries, k: int, alignment: Alignment, rates: ImuSeries, layout: StateLayout, config: NavigationConfig,
-    known: CalibrationStart | None,
+    calibration: CalibrationStart | None,
 ) -> InitialState:  # fmt: skip
     """Initial state of the IMU from a fix of the antenna and an attitude, with the correlations between them."""
     lever = np.array(config.gnss.lever_arm_m)
@@ -234,7 +238,7 @@ def _start_from_fix(
     r_e = frames.ecef_from_llh(origin) - frames.C_en(origin) @ arm_n
     nav = NavState.from_geodetic(t, frames.llh_from_ecef(r_e), v_n, alignment.rpy_nb)
     start = InitialState.from_sigmas(nav, layout, attitude=np.zeros(3), velocity=cov_v, position=gnss.cov_r_n[k])
-    start = start.aligned(alignment, layout) if known is None else known.aligned(start, alignment, layout)
+    start = start.aligned(alignment, layout) if calibration is None else calibration.aligned(start, alignment, layout)
     # the antenna is where the fix says, so dr + dpsi x (C l) is the fix's error: dr = error + [C l x] dpsi; what is
     # estimated of the fix's own faults (lever arm, slow error, time offset) is in that error, with the sign turned
     T = np.eye(layout.size)
@@ -251,12 +255,28 @@ def _start_from_fix(
     return InitialState(nav, T @ start.P @ T.T, start.parameters)
 
 
-def _with_rest_rate(
+def _with_rest_bias(
+    initial: InitialState, layout: StateLayout, bias: FloatArray, sigma: float, notes: list[str]
+) -> InitialState:
+    """Initial state with gyro biases from the mean rate at rest."""
+    estimates, P = initial.parameters.copy(), initial.P.copy()
+    part = layout["b_g"]
+    estimates[part.start - 9 : part.stop - 9] = bias
+    P[part, part] = sigma**2 * np.eye(3)
+    notes.append(
+        "gyro biases start from the mean at rest: "
+        + ", ".join(f"{b / units.DEG:+.3f}" for b in bias)
+        + f" deg/s, 1-sigma {sigma / units.DEG:.4f}"
+    )
+    return InitialState(initial.nav, P, estimates)
+
+
+def _updated_with_rest_rate(
     initial: InitialState, layout: StateLayout, alignment: Alignment, rate: FloatArray, sigma: float, notes: list[str]
 ) -> InitialState:
-    """The start with what the compensated rate at rest, which should be zero, says of its parameters.
+    """Kalman update of the initial state with the compensated rate at rest, which should be zero.
 
-    An update of everything at once: biases, g-sensitivity times gravity, and what correlates with them.
+    It acts on biases, g-sensitivity times gravity, and all that correlates with them.
     """
     H = np.hstack((np.zeros((3, 9)), rest_columns(initial, alignment.C_nb, layout)[0]))
     P, R = initial.P, sigma**2 * np.eye(3)
@@ -267,16 +287,16 @@ def _with_rest_rate(
         nav.t, nav.r_eb_e - C @ dx[6:9], nav.v_eb_e - C @ dx[3:6],
         rotation.quat_multiply(rotation.quat_from_rotvec(-C @ dx[:3]), nav.q_eb),
     )  # fmt: skip
-    found = InitialState(nav, I_KH @ P @ I_KH.T + K @ R @ K.T, initial.parameters - dx[9:])
+    updated = InitialState(nav, I_KH @ P @ I_KH.T + K @ R @ K.T, initial.parameters - dx[9:])
     part = layout["b_g"]
-    b, s = found.parameters[part.start - 9 : part.stop - 9], np.sqrt(np.diag(found.P)[part])
+    b, s = updated.parameters[part.start - 9 : part.stop - 9], np.sqrt(np.diag(updated.P)[part])
     notes.append(
         f"the mean rate at rest is {np.abs(rate).max() / units.DEG:.4f} deg/s off what was known before (1-sigma of "
         f"the mean {sigma / units.DEG:.4f}); gyro biases start from both: "
         + ", ".join(f"{x / units.DEG:+.4f}" for x in b)
         + f" deg/s, 1-sigma {s.max() / units.DEG:.4f}"
     )
-    return found
+    return updated
 
 
 def _acceleration(gnss: GnssSeries, k: int) -> FloatArray:
@@ -287,11 +307,11 @@ def _acceleration(gnss: GnssSeries, k: int) -> FloatArray:
     return np.asarray((gnss.v_n[j] - gnss.v_n[i]) / (gnss.t[j] - gnss.t[i]))
 
 
-def moved_to(initial: InitialState, increments: Increments) -> InitialState:
-    """The initial state carried to the first interval's beginning, at most one sample later."""
+def advance_to_log_start(initial: InitialState, increments: Increments) -> InitialState:
+    """Initial state propagated to the start of the first interval, at most one sample later."""
     step = increments.start - initial.nav.t
     if step > 0.5:
         raise InputError(f"the IMU log begins {step:.2f} s after the initial state; alignment and log must overlap")
     nav = initial.nav
-    moved = NavState(increments.start, nav.r_eb_e + step * nav.v_eb_e, nav.v_eb_e, nav.q_eb)
-    return InitialState(moved, initial.P, initial.parameters)
+    nav_at_start = NavState(increments.start, nav.r_eb_e + step * nav.v_eb_e, nav.v_eb_e, nav.q_eb)
+    return InitialState(nav_at_start, initial.P, initial.parameters)

@@ -1,4 +1,4 @@
-"""What a calibration and the budget of an IMU together say of its errors, in the IMU's axes and at a later time."""
+"""Errors of an IMU from its calibration and its budget, in the IMU's axes and at a later time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _WARMER = 5.0  # difference to the temperature of the calibration that is worth 
 
 @dataclass(frozen=True)
 class Age:
-    """What happened to the IMU between its calibration and a log.
+    """Changes of the IMU between its calibration and a log.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Age:
 
 
 def at_temperature(result: CalibrationResult, temperature: float | None) -> CalibrationResult:
-    """What is left of a calibration once temperature's part is taken out; itself if it is not a thermal one.
+    """Calibration without its temperature-dependent part; itself if it is not a thermal one.
 
     Raises
     ------
@@ -58,62 +58,62 @@ def at_temperature(result: CalibrationResult, temperature: float | None) -> Cali
         )
     sigma = np.array([float(thermal_value(result, name, temperature)[1]) for name in result.names])
     sigma = np.where(np.isfinite(result.sigma), sigma, np.inf)
-    known = np.where(np.isfinite(sigma), sigma, 0.0)
-    covariance = result.correlation * np.outer(known, known)
+    calibrated_errors = np.where(np.isfinite(sigma), sigma, 0.0)
+    covariance = result.correlation * np.outer(calibrated_errors, calibrated_errors)
     np.fill_diagonal(covariance, sigma**2)
     return replace(result, values=np.zeros(len(sigma)), covariance=covariance, temperature=None, history=None)
 
 
-def known(result: CalibrationResult, layout: StateLayout, spec: ImuSpec, notes: list[str]) -> SensorErrors:
-    """A calibration as all 33 errors, those it says nothing of with the spread of the IMU's kind.
+def calibrated_errors(result: CalibrationResult, layout: StateLayout, spec: ImuSpec, notes: list[str]) -> SensorErrors:
+    """All 33 errors of a calibrated IMU; those that are not calibrated have the spread of the budget.
 
     Parameters
     ----------
     result : CalibrationResult
     layout : StateLayout
-        Its models say how uncertain its states are if they are not calibrated.
+        Its models give the uncertainty of its states that are not calibrated.
     spec : ImuSpec
-        Says it of the others.
+        Gives the uncertainty of the others.
     notes : list of str
         Gets a sentence on what is not determined, held, or has no place in a filter.
     """
     values, variance = np.zeros(SIZE), _prior(layout, spec) ** 2
     covariance = np.diag(variance)
-    measured, said = np.zeros(SIZE, dtype=bool), np.zeros(SIZE, dtype=bool)
+    measured, calibrated = np.zeros(SIZE, dtype=bool), np.zeros(SIZE, dtype=bool)
     place = {name: i for i, name in enumerate(LINEAR)}
     finite = np.isfinite(result.sigma)
     use = np.array([name in place for name in result.names], dtype=bool) & finite
     at = np.array([place[name] for name, u in zip(result.names, use, strict=True) if u], dtype=np.int64)
-    values[at], measured[at], said[at] = result.values[use], True, True
+    values[at], measured[at], calibrated[at] = result.values[use], True, True
     covariance[np.ix_(at, at)] = result.covariance[np.ix_(use, use)]
     of_M_a = any(name.startswith("M_a") for name in result.names)
     for i in HELD.get(result.gauge, ()):
-        if of_M_a and not said[i]:
-            covariance[i, i], measured[i], said[i] = 0.0, True, True
-    held = {n: v for n, v in result.fixed.items() if n in place and not said[place[n]]}
+        if of_M_a and not calibrated[i]:
+            covariance[i, i], measured[i], calibrated[i] = 0.0, True, True
+    held = {n: v for n, v in result.fixed.items() if n in place and not calibrated[place[n]]}
     for name, value in held.items():
-        values[place[name]], said[place[name]] = value, True
-    if _in_own_axes(result):
-        _turn_between_triads(covariance, measured, said, spec.gyro.misalignment)
+        values[place[name]], calibrated[place[name]] = value, True
+    if _gyro_axes_own(result):
+        _turn_between_triads(covariance, measured, calibrated, spec.gyro.misalignment)
         notes.append(
             "M_g of this calibration is in the gyroscopes' own axes: the rotation between the triads is taken as "
             f"unknown, 1-sigma {1e3 * spec.gyro.misalignment:.2g} mrad about each axis (misalignment of the budget)"
         )
     lost = [n for n, f in zip(result.names, finite, strict=True) if not f and n in place]
     if lost:
-        notes.append(f"not determined by the calibration, as uncertain as without it: {_listed(lost)}")
+        notes.append(f"not determined by the calibration, as uncertain as without it: {_joined_names(lost)}")
     if held:
-        notes.append(f"held in the calibration, so as uncertain as without it: {_listed(list(held))}")
+        notes.append(f"held in the calibration, so as uncertain as without it: {_joined_names(list(held))}")
     others = [n for n in (*result.names, *result.fixed) if n not in place]
     if others:
         notes.append(f"not used, no linear error of the sensors: {', '.join(others)}")
-    return SensorErrors(values, covariance, said, measured)
+    return SensorErrors(values, covariance, calibrated, measured)
 
 
-def aged(
+def aged_errors(
     errors: SensorErrors, layout: StateLayout, spec: ImuSpec, age: Age, temperature: float | None, notes: list[str]
 ) -> SensorErrors:
-    """The same later: biases have wandered, perhaps been switched, and the IMU may be warmer.
+    """Add the growth of uncertainty since the calibration: wander, switch-on, temperature.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def aged(
     spec : ImuSpec
     age : Age
     temperature : float or None
-        Of the calibration. [degC]
+        Temperature of the calibration. [degC]
     notes : list of str
     """
     more = np.zeros(SIZE)
@@ -139,9 +139,9 @@ def aged(
         (B_G, "gyroscopes", units.DEG_PER_HR, "deg/h"), (B_A, "accelerometers", units.MG, "mg"),
     ):  # fmt: skip
         if errors.measured[part].any():
-            found, now = (np.sqrt(np.diag(C)[part].max()) / factor for C in (errors.covariance, covariance))
+            then, later = (np.sqrt(np.diag(C)[part].max()) / factor for C in (errors.covariance, covariance))
             notes.append(
-                f"biases of the {sensor}: 1-sigma {found:.3g} {unit} when calibrated, {now:.3g} {unit} at the start"
+                f"biases of the {sensor}: 1-sigma {then:.3g} {unit} when calibrated, {later:.3g} {unit} at the start"
                 + ("" if age.switched else "; the unit is said to have stayed switched on")
             )
     if abs(warmer) > _WARMER:
@@ -153,8 +153,8 @@ def aged(
     return replace(errors, covariance=covariance)
 
 
-def places(layout: StateLayout) -> tuple[IntArray, IntArray, BoolArray]:
-    """Where the states of a layout stand among the 33 errors.
+def state_places(layout: StateLayout) -> tuple[IntArray, IntArray, BoolArray]:
+    """Places of the states of a layout among the 33 errors.
 
     Returns
     -------
@@ -179,37 +179,37 @@ def places(layout: StateLayout) -> tuple[IntArray, IntArray, BoolArray]:
     return table[:, 0], table[:, 1], table[:, 2] == 1
 
 
-def at_rest(errors: SensorErrors, bias: slice, M: slice, triad: TriadSpec) -> float:
-    """1-sigma of what is left of a triad's reading at rest and level, RMS over its axes; ``M`` acts on the force."""
+def sigma_at_rest(errors: SensorErrors, bias: slice, M: slice, triad: TriadSpec) -> float:
+    """1-sigma of a triad's calibrated reading at rest and level, RMS over its axes; ``M`` acts on the force."""
     C, down = errors.covariance, np.arange(M.start + 2, M.stop, 3)
     b = np.arange(bias.start, bias.stop)
-    w = np.where(errors.said[down], -units.G0, 0.0)
-    variance = np.where(errors.said[b], C[b, b], triad.turn_on_bias**2)
-    variance = variance + w * (2.0 * np.where(errors.said[b], C[b, down], 0.0) + w * C[down, down])
+    w = np.where(errors.calibrated[down], -units.G0, 0.0)
+    variance = np.where(errors.calibrated[b], C[b, b], triad.turn_on_bias**2)
+    variance = variance + w * (2.0 * np.where(errors.calibrated[b], C[b, down], 0.0) + w * C[down, down])
     return float(np.sqrt(np.maximum(variance, 0.0).mean()))
 
 
-def carried_by_biases(errors: SensorErrors, missing: BoolArray, notes: list[str]) -> SensorErrors:
-    """The share of what is taken out and not estimated that gravity makes a bias when the body is level.
+def with_gravity_share(errors: SensorErrors, not_estimated: BoolArray, notes: list[str]) -> SensorErrors:
+    """Add to the biases what gravity makes of the errors that are taken out and not estimated, at a level attitude.
 
     Parameters
     ----------
     errors : SensorErrors
-        Of the log that the filter gets.
+        Errors of the corrected log.
     missing : ndarray of bool, shape (33,)
-        What the filter has no state for.
+        Errors without a state.
     notes : list of str
         Gets a sentence on what is taken out, and how uncertain it is.
     """
-    gone = errors.said & missing
-    if not gone.any():
+    removed = errors.calibrated & not_estimated
+    if not removed.any():
         return errors
     C = errors.covariance.copy()
-    variance = np.where(gone, np.diag(C), 0.0)
+    variance = np.where(removed, np.diag(C), 0.0)
     for bias, M in ((B_A, M_A), (B_G, G_G)):
         at = np.arange(bias.start, bias.stop)
-        C[at, at] += np.where(missing[at], 0.0, units.G0**2 * variance[M][2::3])
-    families = dict.fromkeys(sheet(LINEAR[i]).family for i in np.flatnonzero(gone))
+        C[at, at] += np.where(not_estimated[at], 0.0, units.G0**2 * variance[M][2::3])
+    families = dict.fromkeys(sheet(LINEAR[i]).family for i in np.flatnonzero(removed))
     parts = ((M_A, units.PPM, "ppm of specific force"), (M_G, units.PPM, "ppm of rate"),
              (G_G, units.DEG_PER_HR_PER_G, "deg/h/g"))  # fmt: skip
     sizes = [
@@ -222,8 +222,8 @@ def carried_by_biases(errors: SensorErrors, missing: BoolArray, notes: list[str]
     return replace(errors, covariance=C)
 
 
-def _listed(names: list[str]) -> str:
-    """Names of parameters, or if they are many what they are called together."""
+def _joined_names(names: list[str]) -> str:
+    """Names of parameters, or of their families if they are many."""
     return ", ".join(names if len(names) < 7 else dict.fromkeys(sheet(name).family for name in names))
 
 
@@ -234,7 +234,7 @@ def _prior(layout: StateLayout, spec: ImuSpec) -> FloatArray:
         sigma[b] = np.sqrt(triad.turn_on_bias**2 + 0.5 * _wander(triad, False))
         sigma[M] = np.where(np.eye(3, dtype=bool).ravel(), triad.scale_factor, triad.misalignment)
     sigma[G_G] = spec.gyro.g_sensitivity
-    state, linear, _ = places(layout)
+    state, linear, _ = state_places(layout)
     sigma[linear] = np.sqrt(layout.initial_variances()[state])
     return sigma
 
@@ -244,13 +244,13 @@ def _wander(triad: TriadSpec, separate: bool) -> float:
     return (1.0 if separate else 2.0) * triad.in_run_bias**2 + 2.0 * (_WANDER * triad.bias_instability) ** 2
 
 
-def _in_own_axes(result: CalibrationResult) -> bool:
-    """Whether M_g, off its diagonal too, is in axes of the gyroscopes: as calibrate_multiposition leaves it."""
+def _gyro_axes_own(result: CalibrationResult) -> bool:
+    """Whether M_g is in the gyroscopes' own axes, off its diagonal too, as calibrate_multiposition gives it."""
     own = result.method == "multiposition" and "gyro" in result.extra and "turn" not in result.extra
     return own and any(name.startswith("M_g") and name[-1] != name[-2] for name in result.names)
 
 
-def _turn_between_triads(covariance: FloatArray, measured: BoolArray, said: BoolArray, sigma: float) -> None:
+def _turn_between_triads(covariance: FloatArray, measured: BoolArray, calibrated: BoolArray, sigma: float) -> None:
     """A rotation of the gyroscopes' axes, 1-sigma [rad] about each: M_g is triangular in them, not in the body's."""
     for i, j in ((0, 1), (0, 2), (1, 2)):
         a, b = M_G.start + 3 * i + j, M_G.start + 3 * j + i
@@ -258,4 +258,4 @@ def _turn_between_triads(covariance: FloatArray, measured: BoolArray, said: Bool
             if not measured[k]:
                 covariance[k, k] = 0.0
         covariance[np.ix_((a, b), (a, b))] += sigma**2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
-        measured[[a, b]] = said[[a, b]] = True
+        measured[[a, b]] = calibrated[[a, b]] = True

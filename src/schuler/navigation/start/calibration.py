@@ -1,4 +1,9 @@
-"""Where the sensor states of a filter start, and what is done to a log before the filter gets it."""
+"""Start of a filter from a calibration: values and covariance of its sensor states, the remainder taken out of the log.
+
+The corrected log and the initial states together explain the readings as the calibration does: errors with a state stay
+in the log and are states with the calibration's value and uncertainty, correlations included; errors without a state
+are taken out beforehand.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +28,12 @@ from schuler.mechanization.alignment import Alignment
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.start.calibrated_errors import (
     Age,
-    aged,
-    at_rest,
+    aged_errors,
     at_temperature,
-    carried_by_biases,
-    known,
-    places,
+    calibrated_errors,
+    sigma_at_rest,
+    state_places,
+    with_gravity_share,
 )
 from schuler.navigation.start.sensor_errors import (
     B_A,
@@ -39,9 +44,9 @@ from schuler.navigation.start.sensor_errors import (
     SIZE,
     Correction,
     SensorErrors,
-    split,
-    turned,
-    upper,
+    rotated_errors,
+    split_errors,
+    upper_gauge_errors,
 )
 from schuler.navigation.states import imu_spec, sensor_layout
 from schuler.recording.series import ImuSeries
@@ -51,13 +56,13 @@ from schuler.sensors.spec import ImuSpec
 
 @dataclass(frozen=True)
 class CalibrationStart:
-    """What a filter takes from a calibration.
+    """Sensor states and correction of the log that follow from a calibration.
 
     Attributes
     ----------
     calibration : CalibrationResult
     places : ndarray of int, shape (k,)
-        Of the states that start from it, among the parameters of the layout.
+        Places of the states that start from it, among the parameters of the layout.
     values : ndarray, shape (k,)
         SI.
     covariance : ndarray, shape (k, k)
@@ -65,9 +70,9 @@ class CalibrationStart:
     errors : SensorErrors
         All 33 errors of the log that the filter gets.
     correction : Correction
-        What makes it of a log in SI and the axes of the vehicle.
+        Correction of a log in SI and the axes of the vehicle.
     sigma_gyro, sigma_accel : float
-        What is left of a rate and a specific force at rest and level, RMS over the axes, 1-sigma. [rad/s], [m/s^2]
+        1-sigma of rate and specific force at rest and level after calibration, RMS over the axes. [rad/s], [m/s^2]
     notes : tuple of str
     provenance : dict
     """
@@ -131,11 +136,11 @@ class CalibrationStart:
         return compensate_thermal(self.calibration, imu) if "thermal" in self.calibration.extra else imu
 
     def corrected(self, imu: ImuSeries) -> ImuSeries:
-        """A log in SI and the axes of the vehicle without what the filter does not estimate."""
-        if self.correction.nothing:
+        """A log in SI and the axes of the vehicle, less the errors that the filter does not estimate."""
+        if self.correction.is_identity:
             return imu
         h: FloatArray | float = imu.increments().dt[:, None] if imu.kind == "increment" else 1.0
-        gyro, accel = self.correction.of(imu.gyro, imu.accel, h)
+        gyro, accel = self.correction.apply(imu.gyro, imu.accel, h)
         return replace(imu, gyro=gyro, accel=accel)
 
     def sample(self, dtheta_ib_b: ArrayLike, dv_ib_b: ArrayLike, dt: float) -> tuple[FloatArray, FloatArray]:
@@ -160,34 +165,34 @@ class CalibrationStart:
                 "compensate_thermal before, and start from a calibration without it"
             )
         accel, gyro = self.calibration.nominal
-        return self.correction.of(as_vector3(dtheta_ib_b, "dtheta") * gyro, as_vector3(dv_ib_b, "dv") * accel, dt)
+        return self.correction.apply(as_vector3(dtheta_ib_b, "dtheta") * gyro, as_vector3(dv_ib_b, "dv") * accel, dt)
 
     def compensated(self, imu: ImuSeries, layout: StateLayout) -> ImuSeries:
-        """Rates without all calibrated errors: a corrected log with what the states start from taken out too."""
+        """Rates without any calibrated error: a corrected log less the initial values of the states."""
         rates = imu.rates()
         b_g, b_a, M_g, M_a, G_g = sensor_matrices(layout, self._parameters(layout))
         gyro, accel = ImuErrors(b_g=b_g, b_a=b_a, M_g=M_g, M_a=M_a, G_g=G_g).compensate_rates(rates.gyro, rates.accel)
         return replace(rates, gyro=gyro, accel=accel)
 
-    def left_of(self, spec: ImuSpec) -> ImuSpec:
-        """The budget with what the calibration leaves in place of the turn-on biases, for alignment."""
+    def remaining_budget(self, spec: ImuSpec) -> ImuSpec:
+        """Budget for alignment: the uncertainty that remains after calibration in place of the turn-on biases."""
         gyro = replace(spec.gyro, turn_on_bias=self.sigma_gyro)
         return replace(spec, gyro=gyro, accel=replace(spec.accel, turn_on_bias=self.sigma_accel))
 
     def aligned(self, initial: InitialState, alignment: Alignment, layout: StateLayout) -> InitialState:
-        """The start with an attitude found in the compensated log, correlated with all sensor errors that spoiled it.
+        """Initial state with an attitude from the compensated log, correlated with all sensor errors that act on it.
 
         Parameters
         ----------
         initial : InitialState
-            Of the layout, with the attitude; without anything of the calibration.
+            State of the layout with the attitude, before the calibration is put in.
         alignment : Alignment
-            Where the attitude came from; its own bias sigmas count only where the layout has no bias.
+            Source of the attitude; its own bias sigmas count only where the layout has no bias.
         layout : StateLayout
 
         Notes
         -----
-        As :meth:`InitialState.aligned`, with scale factors, cross-coupling and g-sensitivity: at rest they act as
+        Like :meth:`InitialState.aligned`, with scale factors, cross-coupling and g-sensitivity: at rest they act as
         biases do, and a calibration may know the sum much better than its parts.
         """
         start = self.put_into(initial)
@@ -212,7 +217,7 @@ class CalibrationStart:
 
 
 def rest_columns(start: InitialState, C_nb: FloatArray, layout: StateLayout) -> tuple[FloatArray, FloatArray]:
-    """How parameter errors act on compensated rate and specific force of a body that rests. Shapes (3, m), (3, m)."""
+    """Effect of parameter errors on compensated rate and specific force at rest. Shapes (3, m), (3, m)."""
     llh = start.nav.llh
     f_b, omega_b = -C_nb.T @ earth.gravity_ned(llh[0], llh[2]), C_nb.T @ earth.earth_rate_ned(llh[0])
     return parameter_columns(layout, np.eye(3), omega_b, f_b, start.parameters)
@@ -229,7 +234,7 @@ def calibration_start(
     age: Age | None = None,
     C_bs: FloatArray | None = None,
 ) -> CalibrationStart:
-    """What a filter of this layout takes from a calibration.
+    """Initial sensor states and correction of the log for a filter of this layout.
 
     Parameters
     ----------
@@ -237,7 +242,7 @@ def calibration_start(
     layout : StateLayout
         Only its sensor blocks count.
     spec : ImuSpec
-        Says how biases change, and how uncertain is what the calibration does not say.
+        Change of biases with time, and uncertainty of parameters that are not calibrated.
     age : Age, optional
         What happened to the IMU since; default: it was switched on again.
     C_bs : ndarray, shape (3, 3), optional
@@ -285,28 +290,30 @@ def calibration_start(
             f"{' '.join(result.verdicts) or 'no reason is given.'} Repeat it, or take an earlier one of this unit"
         )
     age, notes = age or Age(), list[str]()
-    left = at_temperature(result, age.temperature)
-    errors = aged(known(left, layout, spec, notes), layout, spec, age, left.temperature, notes)
+    remaining = at_temperature(result, age.temperature)
+    errors = aged_errors(
+        calibrated_errors(remaining, layout, spec, notes), layout, spec, age, remaining.temperature, notes
+    )
     if C_bs is not None and not np.array_equal(C_bs, np.eye(3)):
-        errors = turned(errors, C_bs)
-    state, linear, lasting = places(layout)
-    kept, missing = np.zeros(SIZE, dtype=bool), np.ones(SIZE, dtype=bool)
-    kept[linear[lasting]], missing[linear] = True, False
-    errors, correction = split(errors, kept)
+        errors = rotated_errors(errors, C_bs)
+    state, linear, lasting = state_places(layout)
+    estimated, not_estimated = np.zeros(SIZE, dtype=bool), np.ones(SIZE, dtype=bool)
+    estimated[linear[lasting]], not_estimated[linear] = True, False
+    errors, correction = split_errors(errors, estimated)
     lower = list(HELD["upper"])
     if "M_a" in layout:
-        missing[lower] = False
-        angle = float(np.sqrt(np.where(errors.said, np.diag(errors.covariance), 0.0)[lower].max()))
+        not_estimated[lower] = False
+        angle = float(np.sqrt(np.where(errors.calibrated, np.diag(errors.covariance), 0.0)[lower].max()))
         if angle > 0.0 or correction.T_a[2, :2].any() or correction.T_a[1, 0]:
-            errors = upper(errors)
+            errors = upper_gauge_errors(errors)
             notes.append(
                 f'body axes stay those of the calibration (gauge "{result.gauge}"): what M_a has below its diagonal '
                 f"there is taken out of the log, and its 1-sigma of {1e3 * angle:.2g} mrad is one of these axes"
             )
-    sigma_gyro, sigma_accel = at_rest(errors, B_G, G_G, spec.gyro), at_rest(errors, B_A, M_A, spec.accel)
-    errors = carried_by_biases(errors, missing, notes)
-    taken = errors.said[linear]
-    state, linear = state[taken], linear[taken]
+    sigma_gyro, sigma_accel = sigma_at_rest(errors, B_G, G_G, spec.gyro), sigma_at_rest(errors, B_A, M_A, spec.accel)
+    errors = with_gravity_share(errors, not_estimated, notes)
+    determined = errors.calibrated[linear]
+    state, linear = state[determined], linear[determined]
     blocks = [name for name in layout.models if np.isin(np.arange(layout.size)[layout[name]] - 9, state).any()]
     what = f"values and covariance of {', '.join(blocks)} at the start" if blocks else "nothing the filter estimates"
     head = f"calibration {label} ({result.method}, status {result.status}): {what}"
@@ -331,7 +338,7 @@ def configured_start(
     config : NavigationConfig
         Section ``imu``: ``calibration``, ``calibration_session``, repeatabilities and ``mount_rpy_deg``.
     imu : ImuSeries
-        As recorded.
+        Log as recorded.
     calibration : CalibrationResult or path, optional
 
     Raises
@@ -362,7 +369,7 @@ def configured_start(
 
 
 def _read(calibration: CalibrationResult | Path | str) -> tuple[CalibrationResult, str, str]:
-    """Result, what to call it, and the hash of its file; the same hash if it was not in a file."""
+    """Result, its name, and the SHA-256 of its file or of the file that would be written."""
     if isinstance(calibration, CalibrationResult):
         return calibration, "as given", hashlib.sha256(result_text(calibration).encode()).hexdigest()
     path = Path(calibration)

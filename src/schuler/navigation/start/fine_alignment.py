@@ -27,14 +27,14 @@ def fine_alignment(
     sigma_position: float = 1.0,
     update_s: float = 1.0,
 ) -> tuple[InitialState, NavigationResult]:
-    """Refine attitude and find gyro biases from a stretch at rest.
+    """Refine the attitude and estimate gyro biases from a stretch at rest.
 
     Parameters
     ----------
     increments : Increments
         A log at rest, body axes.
     llh : array_like, shape (3,)
-        Where: latitude, longitude [rad], ellipsoidal height [m].
+        Position: latitude, longitude [rad], ellipsoidal height [m].
     coarse : Alignment
         Levelled and gyrocompassed, or with a heading from elsewhere.
     spec : ImuSpec

@@ -1,4 +1,4 @@
-"""Calibrated parameters in other axes, and what is left of them in a log from which a part was taken out.
+"""Errors of an IMU in other axes, and in a log from which a part of them was taken out.
 
 All 33 linear errors of an IMU (:data:`~schuler.calibration.result.parameters.LINEAR`: b_a, M_a, b_g, M_g, G_g,
 matrices row by
@@ -27,23 +27,23 @@ _ACTS = 1e-3  # a smaller derivative does not make something known or unknown
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """What is known of the errors of an IMU.
+    """Errors of an IMU with their covariance.
 
     Attributes
     ----------
     values : ndarray, shape (33,)
         SI.
     covariance : ndarray, shape (33, 33)
-        SI; of what nobody measured that of the IMU's kind.
+        SI; of errors that were not measured that of the budget.
     said : ndarray of bool, shape (33,)
-        Whether a calibration says anything of it, be it a value without uncertainty.
+        Whether the calibration gives a value, with or without uncertainty.
     measured : ndarray of bool, shape (33,)
         Whether the uncertainty too is the calibration's.
     """
 
     values: FloatArray
     covariance: FloatArray
-    said: BoolArray
+    calibrated: BoolArray
     measured: BoolArray
 
     @property
@@ -56,8 +56,8 @@ class SensorErrors:
         """With other values, whose errors are ``J`` times the present ones."""
         C = J @ self.covariance @ J.T
         acts = np.abs(J) > _ACTS
-        said, measured = acts[:, self.said].any(axis=1), acts[:, self.measured].any(axis=1)
-        return SensorErrors(values, 0.5 * (C + C.T), np.asarray(said), np.asarray(measured))
+        calibrated, measured = acts[:, self.calibrated].any(axis=1), acts[:, self.measured].any(axis=1)
+        return SensorErrors(values, 0.5 * (C + C.T), np.asarray(calibrated), np.asarray(measured))
 
 
 @dataclass(frozen=True)
@@ -67,9 +67,9 @@ class Correction:
     Attributes
     ----------
     T_g, T_a, U : ndarray, shape (3, 3)
-        Of rates and increments alike. [-], [-], [(rad/s)/(m/s^2)]
+        Matrices, the same for rates and increments. [-], [-], [(rad/s)/(m/s^2)]
     t_g, t_a : ndarray, shape (3,)
-        Of rates; times the interval for increments. [rad/s], [m/s^2]
+        Offsets of rates; times the interval for increments. [rad/s], [m/s^2]
     """
 
     T_g: FloatArray
@@ -79,19 +79,19 @@ class Correction:
     t_a: FloatArray
 
     @property
-    def nothing(self) -> bool:
-        """Whether it leaves a log as it is, to the last bit."""
+    def is_identity(self) -> bool:
+        """Whether it leaves a log unchanged, to the last bit."""
         identity = np.eye(3)
         same = np.array_equal(self.T_g, identity) and np.array_equal(self.T_a, identity)
         return bool(same and not (self.U.any() or self.t_g.any() or self.t_a.any()))
 
-    def of(self, gyro: FloatArray, accel: FloatArray, h: FloatArray | float = 1.0) -> tuple[FloatArray, FloatArray]:
+    def apply(self, gyro: FloatArray, accel: FloatArray, h: FloatArray | float = 1.0) -> tuple[FloatArray, FloatArray]:
         """Gyro and accelerometer output after it, shape (..., 3); ``h`` is 1 for rates, else the intervals [s]."""
         return gyro @ self.T_g.T + accel @ self.U.T + h * self.t_g, accel @ self.T_a.T + h * self.t_a
 
 
-def turned(errors: SensorErrors, C_bs: FloatArray) -> SensorErrors:
-    """The same IMU in the axes of the vehicle.
+def rotated_errors(errors: SensorErrors, C_bs: FloatArray) -> SensorErrors:
+    """Errors in the axes of the vehicle.
 
     Parameters
     ----------
@@ -106,8 +106,8 @@ def turned(errors: SensorErrors, C_bs: FloatArray) -> SensorErrors:
     return errors.mapped(J @ errors.values, J)
 
 
-def upper(errors: SensorErrors) -> SensorErrors:
-    """The same IMU with M_a upper triangular: body z is the z accelerometer, body y in the plane of y and z.
+def upper_gauge_errors(errors: SensorErrors) -> SensorErrors:
+    """Errors in the gauge with M_a upper triangular: body z is the z accelerometer, body y in the plane of y and z.
 
     Raises
     ------
@@ -116,57 +116,56 @@ def upper(errors: SensorErrors) -> SensorErrors:
 
     Notes
     -----
-    As :meth:`CalibrationResult.in_gauge`, covariance by the derivative taken numerically; here with all 33 parameters,
-    those that were not measured too.
+    Like :meth:`CalibrationResult.in_gauge`, covariance by the derivative taken numerically, with all 33 parameters.
     """
 
-    def changed(values: FloatArray) -> FloatArray:
+    def in_upper_gauge(values: FloatArray) -> FloatArray:
         return vector(in_gauge(imu_errors(dict(zip(LINEAR, values, strict=True))), "upper"))
 
     J, step = np.empty((SIZE, SIZE)), 1e-6
     for i in range(SIZE):
         h = np.zeros(SIZE)
         h[i] = step
-        J[:, i] = (changed(errors.values + h) - changed(errors.values - h)) / (2.0 * step)
-    values = changed(errors.values)
+        J[:, i] = (in_upper_gauge(errors.values + h) - in_upper_gauge(errors.values - h)) / (2.0 * step)
+    values = in_upper_gauge(errors.values)
     zero = list(HELD["upper"])
     J[zero, :] = values[zero] = 0.0  # by the choice of axes
     out = errors.mapped(values, J)
-    out.said[zero] = out.measured[zero] = True
+    out.calibrated[zero] = out.measured[zero] = True
     return out
 
 
-def split(errors: SensorErrors, kept: BoolArray) -> tuple[SensorErrors, Correction]:
-    """Take a part of the errors out of a log so that the rest explains it as all of them did before.
+def split_errors(errors: SensorErrors, estimated: BoolArray) -> tuple[SensorErrors, Correction]:
+    """Take the errors that a filter does not estimate out of a log, so that the others explain it as all did before.
 
     Parameters
     ----------
     errors : SensorErrors
-    kept : ndarray of bool, shape (33,)
-        What stays in the log, for a filter to take out; G_g all or nothing.
+    estimated : ndarray of bool, shape (33,)
+        Errors that stay in the log because a filter estimates them; G_g all or none.
 
     Returns
     -------
     errors : SensorErrors
-        Those of the changed log: values as they were where kept and zero elsewhere (G_g follows T_g), and the
+        Those of the changed log: values as before where estimated and zero elsewhere (G_g follows T_g), and the
         uncertainty of all.
     correction : Correction
 
     Notes
     -----
-    With k for what is kept, ``T = (I + M_k) (I + M)^-1`` turns the response I + M into I + M_k, for both triads. If G
-    is not kept, its share ``T_g G (I + M_a)^-1 (f_meas - b_a)`` goes too. Offsets put the biases where they belong.
-    Exact, no matter how large the errors; a perfect calibration leaves a log whose only errors are the kept ones.
-    Errors of the calibration act on the changed log linearly: ``db_a' = T_a db_a``, ``dM_a' = T_a dM_a``, ``db_g' = T_g
-    db_g + U db_a``, ``dM_g' = T_g dM_g``, ``dG' = T_g dG + U dM_a``.
+    With k for the estimated errors, ``T = (I + M_k) (I + M)^-1`` turns the response I + M into I + M_k, for both
+    triads. If G is not estimated, its share ``T_g G (I + M_a)^-1 (f_meas - b_a)`` is taken out too. Offsets put the
+    biases where they belong. Exact, no matter how large the errors: after a perfect calibration the log has the
+    estimated errors only. Errors of the calibration act on the corrected log linearly: ``db_a' = T_a db_a``,
+    ``dM_a' = T_a dM_a``, ``db_g' = T_g db_g + U db_a``, ``dM_g' = T_g dM_g``, ``dG' = T_g dG + U dM_a``.
     """
     b_a, M_a, b_g, M_g, G = errors.matrices
-    k_b_a, k_M_a, k_b_g, k_M_g, _ = replace(errors, values=np.where(kept, errors.values, 0.0)).matrices
+    k_b_a, k_M_a, k_b_g, k_M_g, _ = replace(errors, values=np.where(estimated, errors.values, 0.0)).matrices
     identity = np.eye(3)
     # all kept: exactly the identity, rather than up to rounding
     T_a = identity if np.array_equal(k_M_a, M_a) else (identity + k_M_a) @ np.linalg.inv(identity + M_a)
     T_g = identity if np.array_equal(k_M_g, M_g) else (identity + k_M_g) @ np.linalg.inv(identity + M_g)
-    keeps_G = bool(kept[G_G].all())
+    keeps_G = bool(estimated[G_G].all())
     U = np.zeros((3, 3)) if keeps_G or not G.any() else -T_g @ G @ np.linalg.inv(identity + M_a)
     correction = Correction(T_g, T_a, U, k_b_g - T_g @ b_g - U @ b_a, k_b_a - T_a @ b_a)
     J = np.zeros((SIZE, SIZE))

@@ -67,8 +67,7 @@ def recording_runners(
     state comes with the covariance of its fix. Q multiplies the white noise of the IMU and of the blocks. R multiplies
     the receiver's variances and their floors. Receiver clocks and the noise of other aids keep theirs.
     """
-    if not isinstance(config, NavigationConfig):
-        config = NavigationConfig.parse(config) if isinstance(config, dict) else NavigationConfig.load(config)
+    config = NavigationConfig.checked(config)
     if not 0.0 < split < 1.0:
         raise InputError(f"split: expected a share between 0 and 1, got {split}")
     base = config.model_copy(update={"filter": config.filter.model_copy(update={"smooth": False})})

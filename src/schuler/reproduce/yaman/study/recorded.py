@@ -165,8 +165,7 @@ def recorded_modes(
     ----------
     Yaman (2017), section 6.2.2.
     """
-    if not isinstance(config, NavigationConfig):
-        config = NavigationConfig.parse(config) if isinstance(config, dict) else NavigationConfig.load(config)
+    config = NavigationConfig.checked(config)
     recording, config = _in_vehicle_axes(recording, config)
     imu, spec = recording.need_imu(), imu_spec(config)
     fit = calibrate_at_rest(recording, config)

@@ -222,6 +222,7 @@ def test_without_gaps_the_gap_rule_changes_nothing():
         assert (gappy.missing, gappy.samples) == (1, 3001)
 
 
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize("process", [White(1.0), White(1.0) + RandomWalk(0.03), GaussMarkov(1.0, 20.0)])
 @pytest.mark.parametrize("kind", ["overlapping", "non-overlapping"])
 def test_gaps_leave_the_mean_right(process, kind):

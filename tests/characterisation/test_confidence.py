@@ -172,6 +172,7 @@ def test_weighted_chi_square_quantiles():
         np.testing.assert_allclose(np.minimum(reached, 1.0 - reached), np.minimum(p, 1.0 - p), rtol=0.04)
 
 
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize("alpha", [0, -1, -2])
 @pytest.mark.parametrize("ratio", [2.1, 2.6, 4.0, 8.0, 15.0])
 def test_shape_by_simulation(alpha, ratio):
@@ -297,6 +298,7 @@ def coverage(process, n, logs, seed, **options):
     return hits / logs, naive / logs
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("name", MODELS)
 def test_coverage(name):
     """95 % intervals, 120 logs of 2048: 4 binomial standard errors at each octave, and 2 % in the mean over them."""

@@ -103,6 +103,7 @@ def test_the_person_is_told():
     assert np.isfinite(found.axes["accel_z"].fitted(axis.curve.tau)).all()
 
 
+@pytest.mark.campaign
 def test_a_sensor_that_rounds_every_sample_is_as_before(monkeypatch):
     """Coarse, but its sum wanders off any lattice: the path of counters changes nothing."""
     x = (White(1.0) + RandomWalk(0.02)).sample(60_000, 1.0 / RATE, np.random.default_rng(8)) + 0.3

@@ -79,6 +79,7 @@ def test_budget_and_provenance(clean):
     assert of_recording.provenance["robust"] is True
 
 
+@pytest.mark.campaign
 def test_the_diagonal_method_agrees():
     """White noise and random walk by both weights, within their own errors."""
     x = noise_of(2, model=White(1e-3) + RandomWalk(3e-4))
@@ -250,6 +251,7 @@ def test_next_to_nothing_is_left_or_stamps_make_no_grid(clean):
         identify_noise(imu_of(x, apart))
 
 
+@pytest.mark.campaign
 def test_an_axis_that_follows_the_temperature(clean):
     x, _ = clean
     T = 25.0 + 5.0 * np.sin(2.0 * np.pi * np.arange(N) / N * 2.0)
@@ -264,6 +266,7 @@ def test_an_axis_that_follows_the_temperature(clean):
 # ------------------------------------------------------------------------------------------- several recordings
 
 
+@pytest.mark.campaign
 def test_recordings_are_pooled():
     """Four quarters of a log: the same N as the log, and intervals of half the width of one of them."""
     x = noise_of(6, model=White(1e-3) + RandomWalk(3e-4))
@@ -279,6 +282,7 @@ def test_recordings_are_pooled():
         assert pooled.axes[axis].duration_s == pytest.approx(600.0)
 
 
+@pytest.mark.campaign
 def test_lengths_may_differ_and_rates_may_not(clean):
     x, before = clean
     stuck = x[40_000:].copy()

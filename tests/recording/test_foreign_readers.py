@@ -292,7 +292,7 @@ def test_imr_is_as_novatel_describes_it(run, tmp_path):
 
 def test_every_written_format_has_a_foreign_reader():
     """A test of this file opens each of them."""
-    from test_round_trips import FORMATS
+    from tests.recording.test_round_trips import FORMATS
 
     names = {"kf_gins": "kf_gins", "netcdf": "netcdf", "rosbag": "bags"}
     here = Path(__file__).read_text(encoding="utf-8").lower()

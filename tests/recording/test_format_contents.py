@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import test_format_euroc as euroc
-import test_format_mat as mat
-import test_format_phones as phones
+from tests.recording import test_format_euroc as euroc
+from tests.recording import test_format_mat as mat
+from tests.recording import test_format_phones as phones
 
 import schuler
 from schuler.recording.formats import registry

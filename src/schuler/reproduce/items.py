@@ -22,7 +22,7 @@ Verdict: TypeAlias = Literal["agrees", "corrected", "differs", "shown"]
 
 @dataclass(frozen=True)
 class Effort:
-    """How much work to put in; modules cache what several items need by it.
+    """Amount of work to put in; modules cache what several items need by it.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Effort:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What one item gave.
+    """Outcome of one item.
 
     Attributes
     ----------

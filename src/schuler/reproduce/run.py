@@ -28,7 +28,7 @@ THESES: MappingProxyType[str, str] = MappingProxyType(
 
 @dataclass(frozen=True, eq=False)
 class Reproduction:
-    """What came out of a thesis.
+    """Results of a thesis.
 
     Attributes
     ----------

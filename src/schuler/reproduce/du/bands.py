@@ -34,7 +34,7 @@ def few(
     name : str
     printed : float
     values : array_like, shape (n,)
-        Of our runs, in the unit.
+        Values of our runs, in the unit.
     of : int
         Runs of the thesis behind the number.
     own : sequence of float
@@ -66,7 +66,7 @@ def few_rms(
     reference: Reference = "thesis",
     source: str | None = None,
 ) -> Cell:
-    """As :func:`few` for sizes of errors, which are above zero and scatter by a factor: errors of their logarithms."""
+    """Cell as :func:`few` for RMS errors, which are positive and scatter by a factor: errors of their logarithms."""
     x = np.asarray(values, dtype=np.float64)
     factor = float(np.exp(_both(np.log(x), np.log(own) if len(own) else (), of)))
     text = f"{printed:g}" if source is None else source

@@ -77,7 +77,7 @@ def _table_4_5(effort: Effort) -> Outcome:
 
 
 def _largest_of(n: int) -> float:
-    """What the largest of n means reaches by chance as often as one of them three standard errors."""
+    """Bound that the largest of n means exceeds by chance as often as one of them three standard errors."""
     from scipy.special import ndtr, ndtri
 
     return float(ndtri(1.0 - ndtr(-ERRORS) / n))

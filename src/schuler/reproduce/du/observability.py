@@ -103,7 +103,7 @@ def _system(
 
 
 def _step(effort: Effort) -> float:
-    """Of the transitions, sixth order: 5 deg of rotation are enough for every rank. [s]"""
+    """Step of the transitions, sixth order: 5 deg of rotation are enough for every rank. [s]"""
     return 0.5 if effort.quick else 0.1
 
 

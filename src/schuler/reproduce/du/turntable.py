@@ -79,7 +79,7 @@ def _claims(
     test: str, quantity: Quantity, still: tuple[np.ndarray, ...], level: tuple[np.ndarray, ...],
     tilted: tuple[np.ndarray, ...],
 ) -> list[Cell]:  # fmt: skip
-    """What the text says of the three cases, in scatters and sizes."""
+    """Claims of the text on the three cases, in scatters and sizes."""
     a, b, c = (x[_PLACE[quantity]] for x in (still, level, tilted))
     if quantity == "accel":
         unseen = (1,) if test == "Y" else (0, 1)

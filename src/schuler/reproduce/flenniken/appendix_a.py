@@ -123,7 +123,7 @@ def slopes(effort: Effort) -> Outcome:
 
 
 def _slope(process: Process, at: float) -> float:
-    """Of the logarithm of the Allan deviation."""
+    """Slope of the logarithm of the Allan deviation."""
     t = at * np.array([1.0 - 1e-3, 1.0 + 1e-3])
     low, high = 0.5 * np.log(process.allan_variance(t))
     return float((high - low) / np.log(t[1] / t[0]))

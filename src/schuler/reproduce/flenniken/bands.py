@@ -33,7 +33,7 @@ def deviation(
         To be met, in ``unit``.
     ours : float
     runs, theirs : int
-        Of ours, and of the number's; zero if it is no estimate.
+        Number of our runs, and of those behind the printed number; zero if it is no estimate.
     unit, reference : str
     also : float
         Further relative tolerance, of discretisation or printed digits.

@@ -52,7 +52,7 @@ def _bound(grade: str, kind: str = "two") -> HeadingBound:
 
 
 def _off(b: HeadingBound, seconds: float) -> float:
-    """How far the bound is from its final value, relative."""
+    """Relative distance of the bound from its final value."""
     return float(b.aided[int(np.argmin(np.abs(b.t - seconds)))] / b.steady_posterior - 1.0)
 
 
@@ -126,7 +126,7 @@ def _consumer_log(effort: Effort) -> Recorded:
 
 
 def _kept(run: FilterRuns, start_s: float, states: slice | int = 1) -> float:
-    """What is left of a bias estimate at the end of an outage, over that at its start; of the first log."""
+    """Bias estimate at the end of an outage over that at its start, for the first log."""
     k = int(np.argmin(np.abs(run.t - start_s)))
     x = run.estimate[:, states, 0]
     return float(x[-1] / x[k])

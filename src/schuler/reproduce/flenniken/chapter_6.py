@@ -73,7 +73,7 @@ def roll_row(effort: Effort) -> Outcome:
     y = np.array([0.0, _ANGLE, 0.0])
 
     def onto_roll(*, printed: bool, misaligned: bool) -> float:
-        """Of a pitch rate of one."""
+        """Response to a pitch rate of one."""
         zero = np.zeros(3)
         triad = GyroTriad(
             printed=printed, misalignment=y if misaligned else zero, non_orthogonality=zero if misaligned else y

@@ -160,7 +160,7 @@ def _with_lower_noise() -> tuple[Cell, ...]:
 
 
 def _turn_on() -> tuple[Cell, ...]:
-    """What the biases that the thesis leaves out here would do, one axis each."""
+    """Effect of the biases that the thesis leaves out here, one axis each."""
     w = _weights("thesis")
     effects = {
         "1 deg/h of the roll gyroscope": RocketErrors.of({"gyro_bias_x": DEG_PER_HR}),

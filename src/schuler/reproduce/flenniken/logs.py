@@ -32,7 +32,7 @@ class Sensor:
     Attributes
     ----------
     entry : str
-        Of the catalogue.
+        Entry of the catalogue.
     triad : {"gyro", "accel"}
     hours : float
         Length of the log.
@@ -73,7 +73,7 @@ class Log:
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """What many logs of one sensor show, an array element each.
+    """Characteristics of many logs of one sensor, an array element each.
 
     Attributes
     ----------

@@ -20,7 +20,7 @@ _SIMILAR = float(np.sqrt(10.0))
 
 
 def _iterations(effort: Effort) -> Outcome:
-    """How many iterations it takes, Pope's term, and how large a bias may be when the start is zero."""
+    """Number of iterations, Pope's term, and the largest bias that converges from a start of zero."""
     from dataclasses import replace
 
     from schuler.calibration.bench.gauss_helmert import adjust

@@ -73,7 +73,9 @@ def _short(effort: Effort, imu: str) -> dict[tuple[int, int, float], tuple[float
 
 
 def seeds(effort: Effort, imu: str, subset: int, minutes: float) -> CalibrationSigma:
-    """What the calibrations of section 5.3 claim, as in the emulation of its tables: the median over runs."""
+    """Uncertainty claimed by the calibrations of section 5.3, as in the emulation of its tables: the median over
+    runs.
+    """
     from schuler.reproduce.hayal.study.walk import CalibrationSigma
 
     parts = []

@@ -137,7 +137,7 @@ def _runs(effort: Effort) -> tuple[SingleRun, SingleRun]:
 
 
 def _reach(own: SingleRun, names: tuple[str, ...]) -> list[Cell]:
-    """Of the package's own form: estimates reach the true values."""
+    """Convergence of the package's own form: estimates reach the true values."""
     return [
         shown("default options: known to a tenth after", own.reached(names), unit="s"),
         claimed(

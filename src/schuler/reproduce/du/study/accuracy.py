@@ -26,7 +26,7 @@ class CalibrationAccuracy:
     Attributes
     ----------
     rate : float
-        Of the rotation. [rad/s]
+        Rate of the rotation. [rad/s]
     rest_s, turning_s : float
         [s]
     bias : float
@@ -60,7 +60,7 @@ def predicted_accuracy(
     random_walk : float
         Angle random walk of the gyroscopes. [rad/sqrt(s)]
     rate : float
-        Of the rotation; the sign does not matter. [rad/s]
+        Rate of the rotation; the sign does not matter. [rad/s]
     rest_s, turning_s : float
         Times at rest and turning. [s]
 

@@ -129,7 +129,7 @@ def cycle_rate(source: Source, scheme: Scheme, errors: DuErrors, *, rate: float,
     scheme : {"conventional", "X", "Y", "Z"}
     errors : DuErrors
     rate : float
-        Of the rotation; not used by the conventional scheme. [rad/s]
+        Rate of the rotation; not used by the conventional scheme. [rad/s]
     lat : float
         [rad]
 
@@ -221,7 +221,7 @@ def secular_errors(
     start_angle: float = 0.0,
     reciprocating: bool = False,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """What a rotation leaves of biases and installation errors: the residue the thesis does not write.
+    """Secular errors that a rotation leaves of biases and installation errors; not in the thesis.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ def history_figure(
     runs : mapping of str to ErrorHistory
     title : str
     random_walk : float
-        Of the gyroscopes: what it makes of attitude and horizontal velocity is shaded. [rad/sqrt(s)]
+        Random walk of the gyroscopes: what it makes of attitude and horizontal velocity is shaded. [rad/sqrt(s)]
     """
     roles = iter(("mean", *_AXES))
     named = {_NAMES.get(name, (next(roles), name)): run for name, run in runs.items()}

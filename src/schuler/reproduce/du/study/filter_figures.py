@@ -61,7 +61,7 @@ def zupt_runs(of: ZuptEmulation, imu: str, test: str, run: int = 0) -> Figure:
 
 
 def zupt_sigmas(of: ZuptStudy, imu: str) -> Figure:
-    """What zero-velocity filters claim over time, all cases of an IMU overlaid.
+    """Standard deviations of zero-velocity filters over time, all cases of an IMU overlaid.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ class Chapter3:
     ----------
     case : str
     rate : float
-        Of the rotations. [rad/s]
+        Rate of the rotations. [rad/s]
     noise : bool
         Whether the sensors had the thesis's noise as well.
     runs : dict of str or None to ErrorHistory
@@ -53,11 +53,11 @@ class Chapter3:
 
     @property
     def random_walk(self) -> float:
-        """Of the gyroscopes with the thesis's noise. [rad/sqrt(s)]"""
+        """Angle random walk of the gyroscopes with the thesis's noise. [rad/sqrt(s)]"""
         return catalogue.spec(_ENTRY[self.case]).gyro.random_walk
 
     def values(self, axis: DuAxis | None) -> dict[str, float]:
-        """What the anchors name, at the end of the run: attitude [deg], velocity [m/s], position [m].
+        """Quantities of the anchors at the end of the run: attitude [deg], velocity [m/s], position [m].
 
         Attitude of installation errors is the largest absolute value in the run.
         """
@@ -121,7 +121,7 @@ def chapter3(
     noise : bool
         Add the thesis's noise, 0.2 deg/sqrt(h) and 0.1 m/s/sqrt(h).
     seed : int
-        Of the noise, the same for all schemes.
+        Seed of the noise, the same for all schemes.
     rate_hz : float
 
     Returns
@@ -166,7 +166,7 @@ def case_errors(case: Case, *, noise: bool = False) -> ImuErrors:
 
 
 def allowance(case: Case, name: str, printed: float) -> float:
-    """How far from an anchor a number may be: 2 %, or a unit of its last printed digit. [unit of the name]"""
+    """Tolerance of a number about its anchor: 2 %, or a unit of its last printed digit. [unit of the name]"""
     kind = "position" if name in ("horizontal_m", "up_m") else name.split("_")[0]
     digit = _DIGIT[kind] * (0.1 if (case, kind) == ("installation", "attitude") else 1.0)
     return max(_BAND * abs(printed), digit)
@@ -189,7 +189,7 @@ def anchors(case: Case, axis: DuAxis | None) -> dict[str, float]:
 
 
 def _why(name: str) -> str:
-    """What explains a difference: known of the vertical channel only."""
+    """Explanation of a difference, for the vertical channel only."""
     if name in ("up_m", "velocity_u_m_s"):
         return "gravity of the check does not fall with height, ours does: 2 g h / R"
     return "unexplained"

@@ -1,4 +1,4 @@
-"""What white noise of the gyroscopes alone makes of a free-inertial run: no rotation gets below it."""
+"""Noise floor of a free-inertial run by white noise of the gyroscopes: no rotation gets below it."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def noise_floor(random_walk: float, duration: float, *, gravity: float = G0) -> 
 
 
 def noise_growth(random_walk: float, t: ArrayLike, *, gravity: float = G0) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """What white noise of the gyroscopes makes over time, from a perfect start, flat Earth.
+    """Error growth by white noise of the gyroscopes, from a perfect start, flat Earth.
 
     Parameters
     ----------

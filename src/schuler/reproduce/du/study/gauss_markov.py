@@ -40,7 +40,7 @@ class FittedBias:
     white : float
         Root density of what is only at lag zero. [x/sqrt(Hz)]
     duration_s : float
-        Of the record.
+        Length of the record. [s]
     """
 
     sigma: float

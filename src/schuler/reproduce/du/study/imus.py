@@ -126,7 +126,7 @@ class Emulation:
         return ImuErrors(b_g=np.array(self.gyro_bias), b_a=np.array(self.accel_bias), M_g=M)
 
     def errors(self) -> ImuErrors:
-        """What the simulator adds, noise included."""
+        """Errors that the simulator adds, noise included."""
         gyro = NoiseModel((White(self.gyro_random_walk),))
         if self.gyro_instability:
             gyro = NoiseModel((White(self.gyro_random_walk), Flicker(self.gyro_instability)))
@@ -186,7 +186,7 @@ def drawn_emulation(spec: ImuSpec, *, seed: int = 0) -> Emulation:
     spec : ImuSpec
         For example ``catalogue.spec("MTi-G-710")``.
     seed : int
-        Of the unit, not of its runs.
+        Seed of the unit, not of its runs.
 
     Returns
     -------

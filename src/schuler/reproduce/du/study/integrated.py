@@ -43,7 +43,7 @@ class IntegratedDrive:
     ----------
     imu : FilterImu
     schedule : Schedule, optional
-        Of the platform; None for the conventional IMU.
+        Schedule of the platform; None for the conventional IMU.
     outages : tuple of (start, stop)
         [s]
     length_s : float
@@ -57,7 +57,7 @@ class IntegratedDrive:
     layout : StateLayout, optional
         Instead of the IMU's, e.g. of :func:`schuler.reproduce.du.study.gauss_markov.static_models`.
     motion : Motion, optional
-        Of the vehicle; default :func:`~schuler.reproduce.du.study.drives.long_drive`.
+        Motion of the vehicle; default :func:`~schuler.reproduce.du.study.drives.long_drive`.
     size : float
         Noises, biases, errors at the start and of GNSS are this many times the IMU's, and the filter is told: what is
         left of a NEES above one as this goes to zero is a defect, what vanishes with its square is of second order.
@@ -96,7 +96,7 @@ class IntegratedDrive:
 
     @property
     def states(self) -> StateLayout:
-        """What the filter estimates besides navigation, of the drive's size.
+        """Sensor states of the filter, scaled with the drive's size.
 
         Gyroscope biases start with what the mean at rest leaves and what the platform's rate adds through scale factor
         and cross-coupling, the same for the conventional IMU; without the latter where these are states.

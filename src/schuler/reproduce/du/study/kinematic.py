@@ -51,7 +51,7 @@ class KinematicTest:
 
     @property
     def imu(self) -> Emulation:
-        """What was driven."""
+        """IMU that was driven."""
         return self.rotary_trial.imu
 
     @property
@@ -60,7 +60,7 @@ class KinematicTest:
         return len(self.rotary)
 
     def improvement(self, quantity: str = "horizontal_position") -> Improvement:
-        """How many times smaller an error is than that of the conventional IMU."""
+        """Ratio of the conventional IMU's error to that of the rotating one."""
         k = index(quantity)
         return improvement(self.conventional[:, k], self.rotary[:, k], seed=self.seed)
 
@@ -169,7 +169,7 @@ def kinematic_test(
     ----------
     imu : {"NAV440", "MTi-G"} or Emulation
     rate_deg_s : float, optional
-        Of rotation about the vertical axis of the car. Default: the thesis's, 20 and 10. [deg/s]
+        Rate of rotation about the vertical axis of the car. Default: the thesis's, 20 and 10. [deg/s]
     runs, seed, workers
         See :func:`schuler.reproduce.du.study.static.static_test`.
     initial_attitude_deg : float

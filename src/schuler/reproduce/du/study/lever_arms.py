@@ -1,4 +1,4 @@
-"""What a lever arm that turns and an IMU off the axis do to a filter that knows of them, and to one that does not."""
+"""Effect of a turning lever arm and of an IMU off the axis on filters that model them and filters that do not."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class LeverCase:
 
     @property
     def schedule(self) -> Schedule:
-        """Of the platform, after 5 s at rest."""
+        """Schedule of the platform, after 5 s at rest."""
         if self.reverses:
             return reciprocating(du_axis("Z"), self.rate, acceleration=60.0 * DEG, start=5.0)
         return continuous(du_axis("Z"), self.rate, acceleration=60.0 * DEG, start=5.0)
@@ -149,7 +149,7 @@ def _filtered(
 
 @lru_cache(maxsize=4)
 def _scene(case: LeverCase) -> tuple[IntegratedDrive, IdealImu, FullTrajectory, RotatingMotion]:
-    """What all runs of a case share. Truth at every sample, for records fall between seconds."""
+    """Scene that all runs of a case share. Truth at every sample, for records fall between seconds."""
     vehicle = long_drive(case.length_s)
     motion = RotatingMotion(vehicle, case.schedule, np.array(case.offset_m))
     ideal = ideal_rotating_imu(motion, case.imu.spec.rate_hz or 100.0)

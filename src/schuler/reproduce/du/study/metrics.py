@@ -29,7 +29,7 @@ def rms_values(solved: Trajectory, true: Trajectory) -> FloatArray:
     Parameters
     ----------
     solved, true : Trajectory
-        Of the vehicle, at the same times, with velocity and attitude.
+        Trajectories of the vehicle, at the same times, with velocity and attitude.
 
     Returns
     -------
@@ -77,7 +77,7 @@ class Improvement:
     low, high : float
         Interval of the ratio.
     probability : float
-        Of the interval.
+        Probability of the interval.
     wins : float
         Share of the runs in which the second has the smaller error.
     single_low, single_high : float
@@ -129,9 +129,9 @@ def improvement(
     before, after : array_like, shape (n,)
         Errors of the same n runs (same seeds) both ways; positive.
     probability : float
-        Of the intervals.
+        Probability of the intervals.
     resamples : int
-        Of the bootstrap: runs drawn with replacement, in pairs.
+        Number of bootstrap samples: runs drawn with replacement, in pairs.
     seed : int
 
     Raises
@@ -176,7 +176,7 @@ def mean_interval(x: FloatArray, *, probability: float = 0.95) -> tuple[float, f
 
 
 def share_below(values: FloatArray, printed: float, *, resamples: int = _RESAMPLES, seed: int = 0) -> float:
-    """How usual a printed mean is: share of means of as many single runs of ours that are no larger.
+    """Percentile of a printed mean: share of means of as many single runs of ours that are no larger.
 
     Parameters
     ----------
@@ -245,7 +245,7 @@ def swing_size(t: ArrayLike, x: ArrayLike, period: float) -> float:
     Returns
     -------
     float
-        Of the sinusoid that is fitted together with a cubic, by least squares. Unit of ``x``.
+        Amplitude of the sinusoid that is fitted together with a cubic, by least squares. Unit of ``x``.
 
     Raises
     ------

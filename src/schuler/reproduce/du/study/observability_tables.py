@@ -10,12 +10,12 @@ from schuler.observability.symbolic import Symbolic, SymbolicModel, coefficients
 
 
 def table_5_1(model: SymbolicModel) -> list[Symbolic]:
-    """What velocity determines of an IMU that does not turn: nine combinations.
+    """Combinations that velocity determines if the IMU does not turn: nine.
 
     Parameters
     ----------
     model : SymbolicModel
-        Of a conventional IMU, ``axes="enu"``, biases in navigation axes.
+        Model of a conventional IMU, ``axes="enu"``, biases in navigation axes.
 
     References
     ----------
@@ -33,12 +33,12 @@ def table_5_1(model: SymbolicModel) -> list[Symbolic]:
 
 
 def table_5_2(model: SymbolicModel) -> list[Symbolic]:
-    """What velocity and its first two derivatives determine of an IMU that turns: eight combinations.
+    """Combinations that velocity and two derivatives determine if the IMU turns: eight.
 
     Parameters
     ----------
     model : SymbolicModel
-        Of a rotating IMU, ``axes="enu"``, biases in navigation axes.
+        Model of a rotating IMU, ``axes="enu"``, biases in navigation axes.
 
     Returns
     -------

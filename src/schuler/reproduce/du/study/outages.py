@@ -160,7 +160,7 @@ class RotaryComparison:
     rotary: DriveRuns
 
     def gain(self, quantity: str = "horizontal_m", *, probability: float = 0.95) -> Improvement:
-        """How many times smaller the mean RMS error of the rotating IMU is, with its interval over the runs.
+        """Ratio of mean RMS errors, conventional over rotating, with its interval over the runs.
 
         Parameters
         ----------
@@ -282,9 +282,9 @@ def smoothed_run(drive: IntegratedDrive, run: int = 0, *, seed: int = 0) -> tupl
     Returns
     -------
     result : NavigationResult
-        Of the IMU in its own axes; ``.smooth()`` is the smoothed one.
+        Result of the IMU in its own axes; ``.smooth()`` is the smoothed one.
     truth : Trajectory
-        Of the same.
+        True trajectory of the same.
     """
     scenario = drive.scenario
     data = replay(scenario, run, seed=seed)

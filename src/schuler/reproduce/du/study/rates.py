@@ -1,4 +1,4 @@
-"""Which rate of rotation to choose: the slowest beyond which there is next to nothing to gain."""
+"""Recommended rate of rotation: the slowest beyond which there is next to nothing to gain."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def recommended_rate(
     Parameters
     ----------
     test : StaticTest
-        Of several rates.
+        Test at several rates.
     tolerance : float
         How much worse than the faster ones is still as good; 10 % because a slow platform is quieter, wears less and
         asks less of the knowledge of the lever arm (its acceleration grows with the square of the rate).

@@ -36,7 +36,7 @@ class StaticTest:
     ----------
     imu : Emulation
     duration_s : float
-        Of each run. [s]
+        Length of each run. [s]
     conventional : ndarray, shape (runs, 7)
         In the order of :data:`~schuler.reproduce.du.study.metrics.QUANTITIES`, SI.
     rates : ndarray, shape (m,)
@@ -77,7 +77,7 @@ class StaticTest:
     def improvement(
         self, strategy: str = "II", rate: float | None = None, quantity: str = "horizontal_position"
     ) -> Improvement:
-        """How many times smaller an error is than that of the conventional IMU."""
+        """Ratio of the conventional IMU's error to that of the rotating one."""
         k = index(quantity)
         return improvement(self.conventional[:, k], self.case(strategy, rate)[:, k], seed=self.seed)
 
@@ -167,7 +167,7 @@ class StaticTest:
         return [("conventional", 0.0)] + [(s, float(w)) for s in self.rotary for w in self.rates]
 
     def notes(self) -> tuple[str, ...]:
-        """What to know of the emulation when reading its tables."""
+        """Notes on the emulation for its tables."""
         if self.imu.gyro_instability:
             drift = self.imu.gyro_instability / DEG_PER_HR
             return (f"with 1/f noise of the gyroscopes of {drift:.3g} deg/h",)
@@ -192,12 +192,12 @@ def static_test(
     ----------
     imu : {"NAV440", "MTi-G"} or Emulation
     rates_deg_s : sequence of float
-        Of rotation about the vertical. [deg/s]
+        Rates of rotation about the vertical. [deg/s]
     runs : int
-        Of each case. All cases share their noise, run by run.
+        Number for each case. All cases share their noise, run by run.
     seed : int
     duration_s : float
-        Of each run. [s]
+        Length of each run. [s]
     workers : int, optional
         Threads; default one a processor.
     progress : callable, optional

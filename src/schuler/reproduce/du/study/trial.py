@@ -34,13 +34,14 @@ _STEP = 0.25  # of the errors that are looked at: a sixteenth of the fastest rev
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """What is done with an IMU.
+    """Procedure of one trial with an IMU.
 
     Attributes
     ----------
     imu : Emulation
     rate : float
-        Of rotation about Du's Z (up), positive counter-clockwise seen from above; zero is the conventional IMU. [rad/s]
+        Rate of rotation about Du's Z (up), positive counter-clockwise seen from above; zero is the conventional IMU.
+        [rad/s]
     vehicle : {"static", "drive"}
     rest_s : float
         At rest, not turning: mean of the gyroscopes. [s]
@@ -49,7 +50,7 @@ class Trial:
     start_s : float
         Navigation begins, the same for every rate so that runs share their noise. [s]
     duration_s : float
-        Of navigation. [s]
+        Length of the navigation. [s]
     lat : float
         [rad]
     initial_attitude : float

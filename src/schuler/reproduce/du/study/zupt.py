@@ -65,18 +65,18 @@ class TableCase:
 
     @property
     def schedule(self) -> Schedule:
-        """Of the platform."""
+        """Schedule of the platform."""
         return fixed() if self.axis is None else continuous(du_axis(self.axis), TABLE_RATE)
 
     @property
     def motion(self) -> RotatingMotion:
-        """Of the IMU; the vehicle points north."""
+        """Motion of the IMU; the vehicle points north."""
         return RotatingMotion(
             StaticMotion(PLACE, np.array([0.0, self.tilt_deg * DEG, 0.0]), self.duration_s), self.schedule
         )
 
     def ideal(self, rate_hz: float = 100.0) -> IdealImu:
-        """What a perfect IMU reports."""
+        """Readings of a perfect IMU."""
         return ideal_rotating_imu(self.motion, rate_hz)
 
 

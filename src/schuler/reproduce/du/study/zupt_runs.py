@@ -128,7 +128,8 @@ class ZuptRun:
         return slice(int(np.searchsorted(self.t, _SETTLE_S)), None)
 
     def by_run(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Of every run over the second half: mean accelerometer biases, RMS attitude errors, mean gyroscope biases.
+        """Estimates of every run over the second half: mean accelerometer biases, RMS attitude errors, mean gyroscope
+        biases.
 
         Returns
         -------

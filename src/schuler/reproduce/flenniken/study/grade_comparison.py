@@ -25,11 +25,11 @@ class Comparison:
     at : ndarray, shape (k,)
         Averaging times, or lags. [s]
     measured, median : ndarray, shape (k,)
-        Of the log, and the median of the realisations.
+        Curve of the log, and the median of the realisations.
     low, high : ndarray, shape (k,)
         Between which a realisation lies with 95 %, point by point.
     share : float
-        Of the points at which the measured curve lies within; 0.95 is expected.
+        Share of the points at which the measured curve lies within; 0.95 is expected.
     p : float
         Share of all curves, the measured one among them, that stray from the others at least as far at their worst
         point: uniform if the model is right, small if the log is odd. Never below 1 / (runs + 1).
@@ -176,7 +176,7 @@ def _compared(at: FloatArray, curves: FloatArray, logarithmic: bool) -> Comparis
 
 
 def _strays(curves: FloatArray) -> FloatArray:
-    """How far each curve is from the mean of the others, in their standard deviations, point by point."""
+    """Distance of each curve from the mean of the others, in their standard deviations, point by point."""
     n = len(curves)
     total, square = curves.sum(axis=0), (curves**2).sum(axis=0)
     mean = (total - curves) / (n - 1)

@@ -71,7 +71,7 @@ def study_attitudes(
     directions : array_like, shape (n, 3)
         Down in body axes.
     heading : float
-        Of the box before it is turned onto each side the shortest way. [rad]
+        Heading of the box before it is turned onto each side the shortest way. [rad]
     disturbance : float
         1 sigma of each of three angles. [rad]
     rng : numpy.random.Generator, optional

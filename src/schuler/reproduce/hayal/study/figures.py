@@ -137,7 +137,7 @@ def short_outage_figure(
     original : tuple of float
         Printed and ours without calibration. [m]
     standard_error : float
-        Of one of our ratios. [-]
+        Standard error of one of our ratios. [-]
     """
     panels = []
     for order in (3, 9):

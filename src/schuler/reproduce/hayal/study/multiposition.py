@@ -33,7 +33,7 @@ TRUTH = {
 
 @dataclass(frozen=True, eq=False)
 class StudyCase:
-    """What is simulated and how it is adjusted.
+    """Case of the simulation, and the adjustment applied to it.
 
     Attributes
     ----------

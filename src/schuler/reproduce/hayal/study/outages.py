@@ -112,7 +112,7 @@ def outage_grid(
         draws the turn-on part and a flicker of the same size beside it, for which a filter has no model of finite
         order.
     sigma : mapping of str to CalibrationSigma, optional
-        Of the calibrations by IMU; left out: attitude subset 3, three minutes.
+        Uncertainty of the calibrations by IMU; left out: attitude subset 3, three minutes.
     progress : callable, optional
 
     Returns

@@ -133,7 +133,7 @@ def table_rows(runs: int, rng: np.random.Generator, tables: Sequence[str] = tupl
     Parameters
     ----------
     runs : int
-        Of each case; 100 take some 4 s in all.
+        Number for each case; 100 take some 4 s in all.
     rng : numpy.random.Generator
     tables : sequence of str
 

@@ -63,7 +63,7 @@ class CalibrationSigma:
 
     @classmethod
     def of(cls, imu: str, *, subset: int = 3, minutes: float = 3.0, runs: int = 60, seed: int = 1) -> CalibrationSigma:
-        """What Hayal's method claims for an attitude subset, from
+        """Uncertainty that Hayal's method claims for an attitude subset, from
         :mod:`schuler.reproduce.hayal.study.multiposition`.
 
         The median of its predicted sigmas over the runs that converged (few, for nine parameters of a gyroscope from

@@ -112,7 +112,7 @@ def moving_mean_removed(
 
 
 def expected_at_rest(llh: ArrayLike, C_nb: ArrayLike | None = None) -> tuple[FloatArray, FloatArray]:
-    """What perfect sensors read at rest: angular rate [rad/s], specific force [m/s^2], body axes. Shapes (3,), (3,).
+    """Readings of perfect sensors at rest: angular rate [rad/s], specific force [m/s^2], body axes. Shapes (3,), (3,).
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def corrected_log(
     llh, C_nb
         See :func:`expected_at_rest`.
     window_s : float
-        Of moving means. [s]
+        Length of the moving means. [s]
     check_rest : bool
         Refuse a stretch that is not at rest, by the detector of :mod:`schuler.standstill.stationarity`, which
         needs a log of ten seconds or more.

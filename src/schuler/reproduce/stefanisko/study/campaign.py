@@ -34,7 +34,7 @@ class FigureEightResult(TabularResult):
     variances : ndarray, shape (runs, k, 15)
         What the filter claims of them.
     nees : ndarray, shape (runs, k)
-        Of all states, per degree of freedom.
+        NEES of all states, per degree of freedom.
     nis : ndarray, shape (runs,)
         Mean per degree of freedom.
     complete : bool

@@ -88,7 +88,7 @@ def compare_scheduling(
     Returns
     -------
     coincidence, asynchronous : Comparison
-        Of one row for each set of outages.
+        Comparisons of one row for each set of outages.
     """
     gnss = coincident_fixes(recording.need_gnss(), recording.need_imu().t, tolerance_s=tolerance_s)
     name = recording.metadata.name

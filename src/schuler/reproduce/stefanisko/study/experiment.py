@@ -162,7 +162,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Draw:
-    """What a filter is given in one run, and the true biases.
+    """Data of one run of the filter, and the true biases.
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ class Draw:
     nav : NavState
         Start with its errors.
     sigma_psi : ndarray, shape (3,)
-        Of the start's attitude, north, east, down. [rad]
+        1-sigma of the initial attitude, north, east, down. [rad]
     gnss : GnssSeries
     bias : ndarray, shape (n + 1, 6)
         Accelerometers, gyroscopes, at the ends of the increments. [m/s^2], [rad/s]

@@ -34,7 +34,7 @@ def samples_figure(t: FloatArray, accel: FloatArray, gyro: FloatArray, sigma: tu
     accel, gyro : ndarray, shape (n, 3)
         [m/s^2], [rad/s]
     sigma : tuple of float
-        Of a sample. [m/s^2], [rad/s]
+        1-sigma of a sample. [m/s^2], [rad/s]
     """
     panels = []
     for x, s, words, size in ((accel, sigma[0], "[m/s^2]", 1.0), (gyro, sigma[1], "[deg/s]", DEG)):

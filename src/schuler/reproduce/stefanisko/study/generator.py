@@ -39,7 +39,7 @@ def gendata(
     angle_step : float
         [s]
     interval : float
-        Of the samples. [s]
+        Interval of the samples. [s]
     k : array_like of int, shape () or (l,)
         Numbers of the samples, from 0.
     accel_frame : {"navigation", "body"}

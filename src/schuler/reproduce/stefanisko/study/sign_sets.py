@@ -48,7 +48,7 @@ class SignSet:
     observation : float
         H is plus or minus identity; the measurement is GNSS minus INS always.
     position : float
-        Of the corrections of position and velocity.
+        Sign of the corrections of position and velocity.
     attitude : float
         ``C <- (I + attitude E) C``.
     bias : float

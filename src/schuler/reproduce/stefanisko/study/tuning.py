@@ -37,7 +37,7 @@ class Factors:
 
 @dataclass(frozen=True)
 class Score:
-    """How well a filter with some factors explains a set of measurements.
+    """Likelihood of a set of measurements under a filter with some factors.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Score:
 
     @staticmethod
     def mean(scores: Sequence[Score]) -> Score:
-        """Of independent runs: likelihoods add, the rest is averaged by degrees of freedom."""
+        """Sum over independent runs: likelihoods add, the rest is averaged by degrees of freedom."""
         if not scores:
             raise InputError("expected at least one score, got none")
         freedom = sum(s.freedom for s in scores)
@@ -141,7 +141,7 @@ class TuningStep:
 
 @dataclass(frozen=True)
 class TuningResult(TabularResult):
-    """What tuning found, and whether it holds on other data.
+    """Result of a tuning, and its score on other data.
 
     Attributes
     ----------

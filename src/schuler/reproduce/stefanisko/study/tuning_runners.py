@@ -1,4 +1,4 @@
-"""What can be tuned: simulated figure-eights, and a recording in two parts."""
+"""Runners that a tuning is judged by: simulated figure-eights, and a recording in two parts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What no estimator can beat: information of a field routine on the errors of an IMU, without any filter.
+"""Information bound of a field routine on the errors of an IMU, without any filter.
 
 A plain covariance recursion over rests and turns with thirty constants and the attitude as states, as independent of
 the filter as can be: closed forms for rests, sums over the motion for turns, no log.
@@ -46,7 +46,7 @@ def information_bound(
     place : (float, float, float)
         Latitude, longitude [rad], height [m].
     heading_sigma : float
-        Of the first attitude. [rad]
+        1-sigma of the first heading. [rad]
     held : bool
         It is known that the unit does not turn at rest: three rates are compared with the Earth's, and the attitude
         stays. False: only the rate along the vertical is, and attitude is carried through rests by the gyroscopes.

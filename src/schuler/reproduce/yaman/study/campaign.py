@@ -37,7 +37,7 @@ def field_campaign(
     Parameters
     ----------
     grade : str or ImuSpec
-        Of the catalogue (``yaman-automotive``, ``yaman-tactical``), or any specification.
+        Entry of the catalogue (``yaman-automotive``, ``yaman-tactical``), or any specification.
     runs : int
         Do not depend on each other's number: run k is child k of the seed. Campaigns with one seed share all
         normalised draws, whatever the grade (as the source's did).
@@ -45,7 +45,7 @@ def field_campaign(
     routine : Routine, optional
         :func:`~schuler.calibration.field.routine.thesis_routine` by default, 540 s.
     options : FieldOptions, optional
-        Of the calibration; ``FieldOptions.thesis()`` for the source's.
+        Options of the calibration; ``FieldOptions.thesis()`` for the source's.
     rests : {"found", "given"}
         Found in every log (as in the field; two thirds of the time), or taken from the routine.
     rate_hz : float

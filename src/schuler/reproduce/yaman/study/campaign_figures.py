@@ -41,7 +41,7 @@ def campaign_figure(
     names : sequence of str, optional
         Some of the parameters, in this order; all by default.
     bins : int, optional
-        Of a histogram; ``2 n^(1/3)`` by default (Rice's rule).
+        Number of a histogram; ``2 n^(1/3)`` by default (Rice's rule).
 
     Returns
     -------

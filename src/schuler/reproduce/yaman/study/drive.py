@@ -96,7 +96,7 @@ def first_part(recording: Recording, length_s: float) -> Recording:
 
 
 def vibration(truth: Trajectory, rng: np.random.Generator) -> FloatArray:
-    """What the road does to an IMU that moves, as rates. Shape (n - 1, 6). [rad/s], [m/s^2]
+    """Vibration of an IMU that moves, as rates. Shape (n - 1, 6). [rad/s], [m/s^2]
 
     Without it a simulated car at constant speed is as quiet as one at rest, and zero-velocity updates stop it.
     Differences of white noise: they are seen by a detector of rest and integrate to nothing.

@@ -50,7 +50,7 @@ class RecordedModes(TabularResult):
     Attributes
     ----------
     name : str
-        Of the recording.
+        Name of the recording.
     states : int or tuple of str
         ``filter.states`` of all modes.
     fit : FieldCalibration
@@ -139,7 +139,7 @@ def recorded_modes(
     recording : Recording
         That begins at rest, with GNSS that knows when it ends; errors are against its reference or its fixes.
     config : NavigationConfig, dict, or path of a TOML file
-        Of this recording, with zero velocity and the wheels' constraint as they suit it.
+        Configuration of this recording, with zero velocity and the wheels' constraint as they suit it.
     states : int, optional
         9 as in the source: no sensor states, and errors that no state takes are told as noise (``N = b sqrt(T)`` with T
         between two fixes, as in :mod:`schuler.reproduce.yaman.study.modes`), raw as the configuration says,

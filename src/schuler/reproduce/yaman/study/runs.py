@@ -40,7 +40,7 @@ _EDGE_S = 0.1
 
 @dataclass(frozen=True)
 class FieldJob:
-    """What all runs of a campaign share.
+    """Settings that all runs of a campaign share.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class FieldJob:
 
     @property
     def ideal(self) -> IdealImu:
-        """What a perfect IMU reads; computed once."""
+        """Readings of a perfect IMU; computed once."""
         return _ideal(self.routine, self.rate_hz, self.place)
 
 
@@ -91,7 +91,7 @@ class FieldRun:
     prior_sigma : ndarray, shape (p,)
     passes : int
     status : str
-        Of the calibration.
+        Status of the calibration.
     nis : dict of str to float
         Mean normalised innovation squared by kind of measurement.
     cpu_s : float
@@ -221,7 +221,7 @@ def gathered(
 
 
 def processes(workers: int | None, runs: int) -> int:
-    """How many processes: as asked for, else one a processor, fewer for few runs.
+    """Number of processes: as given, else one a processor, fewer for few runs.
 
     Raises
     ------

@@ -54,7 +54,8 @@ class StaticDrift:
     error : ndarray, shape (n, 3, k, 3)
         Position estimate minus truth by unit, variant (:data:`VARIANTS`), time; north, east, down. [m]
     covariance : ndarray, shape (n, k, 3, 3)
-        Of the fully calibrated one, predicted from the covariance of the calibration, levelling and noise. [m^2]
+        Covariance of the fully calibrated one, predicted from the covariance of the calibration, levelling and noise.
+        [m^2]
     failed : tuple of (int, str)
         Units without a calibration, and why.
     seconds : float

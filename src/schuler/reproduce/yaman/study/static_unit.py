@@ -26,7 +26,7 @@ VARIANTS = ("raw", "gyro", "full")
 
 @dataclass(frozen=True)
 class StaticJob:
-    """What all units of a static test share.
+    """Settings that all units of a static test share.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ def levelled(imu: ImuSeries, llh: FloatArray, yaw: float, level_s: float) -> Nav
 def calibrated_start(
     result: CalibrationResult, job: StaticJob, nav: NavState, compensated: ImuSeries
 ) -> tuple[InitialState, StateLayout]:
-    """What is known after calibration and levelling: parameters with covariance, and the tilt that goes with them.
+    """State after calibration and levelling: parameters with covariance, and the tilt that goes with them.
 
     Parameters
     ----------

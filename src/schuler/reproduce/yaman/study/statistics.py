@@ -60,7 +60,7 @@ class FieldCampaign:
     prior_sigma : ndarray, shape (p,)
     passes : ndarray of int, shape (n,)
     status : tuple of str
-        Of each calibration.
+        Status of each calibration.
     nis : dict of str to ndarray, shape (n,)
         Mean normalised innovation squared of each run, by kind of measurement; NaN where a run has none of the kind.
     failed : tuple of (int, str)
@@ -141,7 +141,7 @@ class FieldCampaign:
         return ratio, ratio / float(np.sqrt(high)), ratio / float(np.sqrt(low))
 
     def complaints(self, probability: float = 0.99) -> tuple[str, ...]:
-        """Where the campaign contradicts what the calibrations claim: means, scatter, NEES; failed runs.
+        """Contradictions to what the calibrations claim: means, scatter, NEES; failed runs.
 
         Parameters
         ----------

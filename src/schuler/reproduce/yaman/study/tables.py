@@ -44,7 +44,7 @@ PRINTED_MODES = {
 
 
 def mode_name(gps: Gps, calibrated: bool, aided: bool) -> str:
-    """As in the source: ``Partial, INS+CIMU+NG``."""
+    """Name of a mode as in the thesis: ``Partial, INS+CIMU+NG``."""
     return f"{gps}, INS{'+CIMU' if calibrated else ''}{'+NG' if aided else ''}"
 
 

@@ -100,7 +100,7 @@ class CalibratedUnit:
     ----------
     unit : FieldUnit
     fit : FieldCalibration
-        Of readings without the offset.
+        Calibration from readings without the offset.
     offset : ndarray, shape (3,)
         That the autopilot took off the gyroscopes when the routine began. [rad/s]
     """
@@ -111,12 +111,12 @@ class CalibratedUnit:
 
     @property
     def calibration(self) -> CalibrationResult:
-        """What is applied to the log of a drive."""
+        """Calibration that is applied to the log of a drive."""
         return self.fit.calibration
 
     @property
     def truth(self) -> ImuErrors:
-        """What the calibration would find if there were no noise."""
+        """Errors that a calibration without noise would give."""
         return replace(self.unit.field, b_g=self.unit.field.b_g - self.offset)
 
 
@@ -129,7 +129,7 @@ class DriveScene:
     number : {1, 2}
     motion : ManoeuvreMotion
     ideal : IdealImu
-        Of whole laps, longer than the drive: logs are cut to its length.
+        Perfect readings of complete laps, longer than the drive: logs are cut to its length.
     outage : (float, float)
         [s]
     """
@@ -153,7 +153,7 @@ class DriveScene:
 
 
 def stated_spec() -> ImuSpec:
-    """What is known of the unit before the routine: its sheet, gyro biases as far as the autopilot leaves any.
+    """Specification of the unit before the routine: its sheet, gyro biases as far as the autopilot leaves any.
 
     What it took off held for one pose only: g-sensitivity brings it back in the others.
     """
@@ -162,7 +162,7 @@ def stated_spec() -> ImuSpec:
 
 
 def routine_scene(routine: Routine, rate_hz: float = 100.0) -> IdealImu:
-    """What a perfect IMU reads in a routine at the place of the drives."""
+    """Readings of a perfect IMU in a routine at the place of the drives."""
     return ideal_imu(RoutineMotion(routine, ELMADAG), rate_hz)
 
 
@@ -250,7 +250,7 @@ def remaining(calibrated: CalibratedUnit, imu: ImuSeries, *, raw: bool) -> tuple
     ----------
     calibrated : CalibratedUnit
     imu : ImuSeries
-        Of the drive: how large specific forces and rates are.
+        Log of the drive, for the size of specific forces and rates.
     raw : bool
         As the sheet says, or as the covariance of the calibration says; repeatability is added to the latter after a
         new switch-on.

@@ -176,7 +176,7 @@ def field_drives(
     seed : int
         Units, their noise and the drives' GNSS are the same whatever the other arguments.
     rate_hz : float
-        Of the IMU; a scene has its own.
+        Rate of the IMU; a scene has its own.
     routine : Routine, optional
         The source's by default.
     share : float

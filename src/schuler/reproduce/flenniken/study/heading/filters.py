@@ -119,13 +119,13 @@ def position_filter(
     N : float
         Root density of the accelerometer's noise. [m/s^2/sqrt(Hz)]
     sigma, tau : float
-        Of the Gauss-Markov bias. [m/s^2], [s]
+        Sigma and time constant of the Gauss-Markov bias. [m/s^2], [s]
     heading : float
         Taken for known. [rad]
     sigma_constant, sigma_velocity, sigma_position : float
         1-sigma at the start. [m/s^2], [m/s], [m]
     walk : float
-        Of the constant bias. [m/s^2/sqrt(s)]
+        Random walk of the constant bias. [m/s^2/sqrt(s)]
     heading_sigma, acceleration : float
         1-sigma of a heading error [rad] and the size of the accelerations it turns [m/s^2]: their product is added
         across the track as white noise over one second. Zero as in the source, whose filter then believes its
@@ -185,7 +185,7 @@ def _check(tau: float) -> None:
 
 @dataclass(frozen=True)
 class BiasTruth:
-    """What is true of a sensor: white noise, a wandering bias, a constant one.
+    """True errors of a sensor: white noise, a wandering bias, a constant one.
 
     Attributes
     ----------

@@ -134,7 +134,7 @@ def heading_outages(
         Its gyroscope's noise and in-run bias.
     runs, seed : int
     rate_hz : float
-        Of the gyroscope.
+        Rate of the gyroscope.
     start_s, outage_s : float
         [s]
     constant : float
@@ -188,7 +188,7 @@ def recorded_outage(
     runs : int
         Logs; more than one to see what holds for all.
     truth : BiasTruth
-        Of the gyroscope; the filters know its noise and wandering bias, not its constant one.
+        True bias of the gyroscope; the filters know its noise and wandering bias, not its constant one.
     start_s, outage_s, rate_hz : float
 
     Returns
@@ -228,7 +228,7 @@ class PositionOutage:
     error : ndarray, shape (k, 5, runs)
         Velocity, position [m/s], [m] north and east, and the sum of the biases [m/s^2], estimate minus truth.
     start_s : float
-        Of the outage. [s]
+        Start of the outage. [s]
     """
 
     run: FilterRuns
@@ -259,7 +259,7 @@ def position_outage(
     Parameters
     ----------
     truth : BiasTruth
-        Of the accelerometer. [m/s^2]
+        True bias of the accelerometer. [m/s^2]
     heading : float
         Known to the filter. [rad]
     sigma_velocity, sigma_position : float

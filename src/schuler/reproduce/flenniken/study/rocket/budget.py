@@ -1,4 +1,4 @@
-"""Which parameter moves the impact most: one at a time, all together, and as shares of the variance."""
+"""Error budget at impact: parameters one at a time, all together, and as shares of the variance."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class ImpactBudget:
 
     @property
     def ellipse(self) -> ImpactEllipse:
-        """Of the point on the ground if all values are independent 1-sigmas."""
+        """Covariance ellipse of the point on the ground if all values are independent 1-sigmas."""
         return ImpactEllipse(np.zeros(2), self.ground @ self.P.sum(axis=0) @ self.ground.T)
 
     def table(self) -> ResultTable:
@@ -108,7 +108,7 @@ def impact_budget(weights: Influence, errors: RocketErrors) -> ImpactBudget:
     Parameters
     ----------
     weights : Influence
-        Of the flight and the way of navigating.
+        Influence in the flight by the way of navigating.
     errors : RocketErrors
         Values of the parameters.
 

@@ -66,7 +66,7 @@ class RocketErrors:
         values : dict
             Names as of :meth:`parameters`, SI.
         start : {"stationary", "zero"}
-            Of the moving biases.
+            Start of the moving biases.
         printed : bool
             Roll row of (6.7) with the signs in print, see :class:`~schuler.sensors.triads.GyroTriad`.
 

@@ -21,7 +21,7 @@ _ROLES = ("filtered", "smoothed", "case_3", "case_4")
 
 
 def trajectory_figure(trajectory: RocketTrajectory) -> Figure:
-    """What the sensors sense, attitude, velocity, and height over range (figures 7.1 and 7.2 of the source)."""
+    """Sensor readings, attitude, velocity, and height over range: Flenniken (2005), figures 7.1 and 7.2."""
     T = trajectory
     force = [
         content.line(T.middle, T.specific_force[:, 0], "filtered", "specific force, forward"),

@@ -1,4 +1,4 @@
-"""What a small error of a sensor at any time does to the computed position at impact: linear, without runs.
+"""Influence of a small sensor error at any time on the computed position at impact: linear, without runs.
 
 Two ways of navigating are known here:
 
@@ -43,7 +43,7 @@ class Influence:
     gyro, accel : ndarray, shape (k, 3, 3)
         ``dr = sum_k dt_k (gyro_k e_g,k + accel_k e_a,k)`` with errors in body axes. [m/rad], [s]
     attitude : ndarray, shape (3, 3)
-        Of roll, yaw, pitch at the start. [m/rad]
+        Influence of roll, yaw, pitch at the start. [m/rad]
     """
 
     trajectory: RocketTrajectory

@@ -24,7 +24,7 @@ class RocketMotion:
     ----------
     profile : RocketProfile
     origin_llh : ndarray, shape (3,)
-        Of the launch: latitude, longitude [rad], height [m].
+        Place of the launch: latitude, longitude [rad], height [m].
     heading : float
         From north to east. [rad]
     t : ndarray, shape (n + 1,)

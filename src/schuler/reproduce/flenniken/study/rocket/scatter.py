@@ -27,7 +27,7 @@ class ImpactScatter:
     Attributes
     ----------
     name : str
-        Of the model, for legends.
+        Name of the model, for legends.
     variant : {"strapdown", "thesis"}
     position, velocity : ndarray, shape (runs, 3)
         Errors at the true time of impact, north, up, east. [m], [m/s]
@@ -58,7 +58,7 @@ class ImpactScatter:
 
     @property
     def standard_error(self) -> FloatArray:
-        """Of the mean. [m]"""
+        """Standard error of the mean. [m]"""
         return np.asarray(self.sigma / np.sqrt(self.runs))
 
     @property
@@ -125,7 +125,7 @@ def impact_scatter(
         Draw the constant parameters too, with their values for 1-sigma. By default they are what they are in every
         run, as in the source: they move the mean and widen nothing.
     name : str
-        Of the model.
+        Name of the model.
 
     Returns
     -------

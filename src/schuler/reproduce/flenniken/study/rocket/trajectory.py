@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RocketProfile:
-    """What the rocket does; the defaults are the reconstruction T1-R.
+    """Flight profile of the rocket; the defaults are the reconstruction T1-R.
 
     Attributes
     ----------
@@ -226,7 +226,7 @@ def rocket_trajectory(profile: RocketProfile | None = None, *, rate_hz: float = 
     profile : RocketProfile, optional
         T1-R by default.
     rate_hz : float
-        Of the sensors.
+        Rate of the sensors.
 
     Returns
     -------

@@ -23,7 +23,7 @@ _QUICK, _JUMP = 0.1, 5.0  # second mean of the power [s], and by how many sigmas
 
 @dataclass(frozen=True, kw_only=True)
 class ScalarLoops:
-    """How a conventional channel tracks.
+    """Options of a conventional tracking channel.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Tracked:
     Attributes
     ----------
     range_error, rate_error : ndarray
-        Of the replicas, minus truth. [m], [m/s]
+        Errors of the replicas, estimate minus truth. [m], [m/s]
     cn0 : ndarray
         As measured, a ratio, not below half the limit of lock. [Hz]
     locked : ndarray of bool

@@ -44,7 +44,7 @@ _JUMP = 5.0  # sigmas by which the power of an update leaves the mean before it
 
 @dataclass(frozen=True, kw_only=True)
 class DeepOptions:
-    """How the vector loop runs.
+    """Options of the vector loop.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class ArchitectureRun:
     channel_t : ndarray, shape (j,)
         [s]
     range_error, rate_error : ndarray, shape (j, s)
-        Of the replicas, minus truth. [m], [m/s]
+        Errors of the replicas, estimate minus truth. [m], [m/s]
     on_signal : ndarray of bool, shape (j, s)
         Tracked: replicas within reach of the signal, and for a conventional channel its lock detector content too.
     accepted : float
@@ -149,7 +149,7 @@ def deep_run(
     cn0 : ndarray, shape (bits, s)
         Ratios, see :func:`schuler.reproduce.stefanisko.study.deep.scene.signal_strength`. [Hz]
     rng : numpy.random.Generator
-        Of the signals.
+        Generator of the signals' noise.
     options : DeepOptions, optional
     scale : float
         Factor on the correlators' noise; 0 for exact signals, their claimed variances unchanged.

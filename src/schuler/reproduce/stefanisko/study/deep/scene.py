@@ -59,7 +59,7 @@ def agile(seconds: float) -> Motion:
 
 @dataclass(frozen=True)
 class DeepScene:
-    """What all runs have in common.
+    """Scene that all runs share.
 
     Attributes
     ----------
@@ -67,9 +67,9 @@ class DeepScene:
     t : ndarray, shape (n + 1,)
         Limits of IMU intervals, which are the halves of data bits. [s]
     ideal : Increments
-        Of a perfect IMU, n intervals.
+        Increments of a perfect IMU, n intervals.
     truth : FullTrajectory
-        Of IMU and antenna, which are one point here, at ``t``.
+        True motion of IMU and antenna, which are one point here, at ``t``.
     sat : ndarray of int, shape (s,)
     r_sat_e, v_sat_e : ndarray, shape (n + 1, s, 3)
         As in :class:`schuler.gnss.ranges.Ranges`. [m], [m/s]

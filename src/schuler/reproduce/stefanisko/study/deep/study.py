@@ -67,7 +67,7 @@ class DeepStudy:
         In view, and how many of them fade.
     seconds : float
     window : (start, stop)
-        Of the fade. [s]
+        Start and end of the fade. [s]
     strong_dbhz : float
         Outside of it. [dB-Hz]
     runs : dict of (level, architecture) to tuple of ArchitectureRun

@@ -22,8 +22,8 @@ EPS = np.finfo(float).eps
 PI = np.pi
 LAW = settings(max_examples=150, deadline=None, derandomize=True, database=None)
 
-BATCHES = [(), (1,), (3, 1, 2)]
-SEEDS = [1, 2, 3]
+BATCHES = [(), (1,), (5, 1, 4)]
+SEEDS = [1]
 
 
 def directions(rng, shape):

@@ -62,6 +62,7 @@ def test_the_allan_variance_is_that_of_the_sampled_sine(frequency):
     np.testing.assert_allclose(line.allan_variance(m, 1.0 / RATE), measured, rtol=2e-3, atol=1e-9)
 
 
+@pytest.mark.campaign
 def test_a_strong_line_does_not_spoil_the_noise():
     """Ten times the white noise at the averaging times near its period."""
     n, rng = 120_000, np.random.default_rng(4)

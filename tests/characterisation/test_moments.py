@@ -20,6 +20,7 @@ def variances(process: Process, n: int, runs: int, seed: int = 1) -> np.ndarray:
     )
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize(
     "process", [White(1.0), RandomWalk(0.3), GaussMarkov(1.0, 3.0), White(1.0) + Flicker(0.5)], ids=str
 )

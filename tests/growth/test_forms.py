@@ -11,7 +11,6 @@ from schuler.growth import (
     constant,
     growth,
     horizontal,
-    integral_covariance,
     integral_variance,
     lateral,
     lateral_white,
@@ -79,10 +78,6 @@ def test_gauss_markov_agrees_with_the_covariance_recursion(order, start):
         P0[0, 0] = SIGMA**2 if start == "stationary" else 0.0
         P = covariance(chain(order, SIGMA, TAU), t, P0)
         assert_allclose(integral_variance(order, t, SIGMA, TAU, start), P[order, order], rtol=1e-6)
-        if start == "stationary" and order == 2:
-            assert_allclose(integral_covariance((0, 1), t, SIGMA, TAU), P[0, 1], rtol=1e-6)
-            assert_allclose(integral_covariance((0, 2), t, SIGMA, TAU), P[0, 2], rtol=1e-6)
-            assert_allclose(integral_covariance((1, 2), t, SIGMA, TAU), P[1, 2], rtol=1e-6)
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])

@@ -15,7 +15,6 @@ from .dead_reckoning import spatial_bounds as spatial_bounds
 from .dead_reckoning import spatial_reckoning as spatial_reckoning
 from .dead_reckoning import upright_bounds as upright_bounds
 from .dead_reckoning import upright_reckoning as upright_reckoning
-from .integrals import integral_covariance as integral_covariance
 from .integrals import integral_variance as integral_variance
 from .schuler_loop import horizontal as horizontal
 from .schuler_loop import schuler_frequency as schuler_frequency
@@ -30,7 +29,6 @@ __all__ = [
     "gauss_markov",
     "growth",
     "horizontal",
-    "integral_covariance",
     "integral_variance",
     "lateral",
     "lateral_white",

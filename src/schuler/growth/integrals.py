@@ -66,32 +66,6 @@ def integral_variance(order: int, t: ArrayLike, sigma: float, tau: float, start:
     return np.asarray(scale * value)
 
 
-def integral_covariance(orders: tuple[int, int], t: ArrayLike, sigma: float, tau: float) -> FloatArray:
-    """Covariance of two of b, I1 and I2 at the same time, stationary start.
-
-    Parameters
-    ----------
-    orders : {(0, 1), (0, 2), (1, 2)}
-    t, sigma, tau
-        See :func:`integral_variance`.
-    """
-    t = _times(t, sigma, tau)
-    z, s2 = t / tau, sigma**2
-    if orders == (0, 1):
-        return np.asarray(-s2 * tau * np.expm1(-z))
-    if orders == (0, 2):
-        return np.asarray(s2 * tau**2 * np.where(z < 1.0, _second(z), 1.0 - (1.0 + z) * np.exp(-z)))
-    if orders == (1, 2):
-        return np.asarray(0.5 * t * integral_variance(1, t, sigma, tau))
-    raise InputError(f"orders: expected (0, 1), (0, 2) or (1, 2), got {orders!r}")
-
-
-def _second(z: FloatArray) -> FloatArray:
-    """``1 - (1 + z) exp(-z)`` without cancellation: sum of (k - 1)(-z)^k / k!, k from 2."""
-    x = np.minimum(z, 1.0)
-    return np.asarray(sum((k - 1) * (-x) ** k / factorial(k) for k in range(2, _TERMS)))
-
-
 def _closed(order: int, z: FloatArray) -> FloatArray:
     e = np.exp(-z)
     if order == 1:

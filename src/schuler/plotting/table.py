@@ -74,12 +74,6 @@ class ResultTable:
             lines += ["  ".join(v.rjust(w) if n else v.ljust(w) for v, w, n in cells).rstrip()]
         return "\n".join([*lines, *(f"- {note}" for note in self.notes)])
 
-    def markdown(self, digits: int = 3) -> str:
-        """The table as Markdown."""
-        lines = ["| " + " | ".join(self.columns) + " |", "|" + "---|" * len(self.columns)]
-        lines += ["| " + " | ".join(shown(v, digits) for v in row) + " |" for row in self.rows]
-        return "\n".join(lines)
-
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON."""
         return {

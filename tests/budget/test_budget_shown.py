@@ -10,8 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from schuler.budget import budget_of, choose_imu, error_budget, linear_covariance, requirement
-from schuler.budget.document import budget_report
-from schuler.budget.figures import role_of, whose
+from schuler.budget.report import budget_report, role_of, whose
 from schuler.sensors.catalogue import spec
 
 IMU = "MTi-G-710"

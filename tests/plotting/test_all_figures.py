@@ -172,9 +172,9 @@ def test_axes_must_be_as_many_as_panels():
 
 #: Functions that draw at once, and the description that they draw: the same for the page.
 DRAWN = {
-    "budget.figures.budget_figure": "budget.figures.budget_content",
-    "budget.figures.covariance_figure": "budget.figures.covariance_content",
-    "budget.figures.choice_figure": "budget.figures.choice_content",
+    "budget.report.budget_figure": "budget.report.budget_content",
+    "budget.report.covariance_figure": "budget.report.covariance_content",
+    "budget.report.choice_figure": "budget.report.choice_content",
     "calibration.report.figures.calibration_figure": "calibration.report.figures.calibration_content",
     "reproduce.stefanisko.study.deep.figures.overview": "reproduce.stefanisko.study.deep.figures.overview_content",
     "reproduce.stefanisko.study.deep.figures.discriminators": "reproduce.stefanisko.study.deep.figures.discriminators_content",

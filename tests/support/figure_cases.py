@@ -468,8 +468,8 @@ def _deep() -> dict[str, Callable]:
 
 def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
     """All of them: by ``module.function`` what makes one figure or several."""
-    import schuler.observability.figures as observability_figures
-    from schuler.budget import figures as budget_figures
+    import schuler.observability.report as observability_figures
+    from schuler.budget import report as budget_figures
     from schuler.calibration.design.plans import attitude_plan
     from schuler.calibration.report import field_figures, field_panels, pose_figure, thermal_figure
     from schuler.calibration.report import figures as calibration_figures
@@ -479,7 +479,7 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
     from schuler.characterisation.report import panels as noise_panels
     from schuler.characterisation.report import spectra as noise_spectra
     from schuler.growth import figures as growth_figures
-    from schuler.montecarlo import figures as montecarlo_figures
+    from schuler.montecarlo import report as montecarlo_figures
     from schuler.navigation.foot import figures as foot_figures
     from schuler.reproduce.du.study import figures as du_figures
     from schuler.reproduce.du.study import filter_figures
@@ -487,7 +487,7 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
     from schuler.reproduce.flenniken.study.rocket import figures as rocket_figures
     from schuler.reproduce.yaman.study import campaign_figures, mode_figures
     from schuler.reproduce.yaman.study import figures as yaman_figures
-    from schuler.rotary.report import figures as rotary_figures
+    from schuler.rotary import report as rotary_figures
 
     b, c, fp, fo = budget_figures, calibration_panels, field_panels, foot_figures
     r, s = filter_figures, du_figures
@@ -543,9 +543,9 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         return s.history_figure({"conventional": runs[0], "II": runs[1]}, random_walk=1e-4)
 
     out = {
-        "budget.figures.budget_content": lambda: [b.budget_content(budget()), b.budget_content(budget(), single=True)],
-        "budget.figures.covariance_content": lambda: b.covariance_content(covariance(), mission()),
-        "budget.figures.choice_content": lambda: b.choice_content(choice()),
+        "budget.report.budget_content": lambda: [b.budget_content(budget()), b.budget_content(budget(), single=True)],
+        "budget.report.covariance_content": lambda: b.covariance_content(covariance(), mission()),
+        "budget.report.choice_content": lambda: b.choice_content(choice()),
         "calibration.report.figures.calibration_content": lambda: calibration_figures.calibration_content(
             calibration()
         ),
@@ -605,10 +605,10 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         ),
         "reproduce.flenniken.study.heading.figures.recorded_figure": lambda: h.recorded_figure(heading()[2], 20.0),
         "reproduce.flenniken.study.heading.figures.position_figure": lambda: h.position_figure(heading()[3]),
-        "montecarlo.figures.all_figures": lambda: m.all_figures(scattered()),
-        "montecarlo.figures.scatter_figure": lambda: m.scatter_figure(scattered()),
-        "montecarlo.figures.horizontal_figure": lambda: m.horizontal_figure(scattered()),
-        "montecarlo.figures.nees_figure": lambda: m.nees_figure(scattered()),
+        "montecarlo.report.all_figures": lambda: m.all_figures(scattered()),
+        "montecarlo.report.scatter_figure": lambda: m.scatter_figure(scattered()),
+        "montecarlo.report.horizontal_figure": lambda: m.horizontal_figure(scattered()),
+        "montecarlo.report.nees_figure": lambda: m.nees_figure(scattered()),
         "characterisation.report.figures.all_figures": lambda: noise_figures.all_figures(
             noise()[0], imu=noise()[1], spectra=noise()[2], correlations=noise()[3]
         ),
@@ -618,7 +618,7 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         "characterisation.report.spectra.spectrum": lambda: noise_of(noise_spectra.spectrum, 2),
         "characterisation.report.spectra.autocorrelation": lambda: noise_of(noise_spectra.autocorrelation, 3),
         "characterisation.report.spectra.signals": lambda: noise_of(noise_spectra.signals, 1),
-        "observability.figures.observability_figure": lambda: observability_figures.observability_figure(unknown()),
+        "observability.report.observability_figure": lambda: observability_figures.observability_figure(unknown()),
         "calibration.report.pose_figure.plan_content": lambda: pose_figure.plan_content(attitude_plan(26), 7),
         "reproduce.flenniken.study.rocket.figures.trajectory_figure": lambda: rocket_figures.trajectory_figure(
             rocket()[0]
@@ -626,11 +626,11 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         "reproduce.flenniken.study.rocket.figures.scatter_figure": lambda: rocket_figures.scatter_figure(*rocket()[1]),
         "reproduce.flenniken.study.rocket.figures.ranking_figure": lambda: rocket_figures.ranking_figure(rocket()[2]),
         "reproduce.flenniken.study.rocket.figures.error_types_figure": lambda: rocket_figures.error_types_figure(),
-        "rotary.report.figures.scheme_figure": lambda: rotary_figures.scheme_figure(rotary().rotary.schedule, 60.0),
-        "rotary.report.figures.modulation_figure": lambda: rotary_figures.modulation_figure(rotary()),
-        "rotary.report.figures.errors_figure": lambda: rotary_figures.errors_figure(rotary()),
-        "rotary.report.figures.rates_figure": lambda: rotary_figures.rates_figure(rotary()),
-        "rotary.report.figures.front_figure": lambda: rotary_figures.front_figure(searched()),
+        "rotary.report.scheme_figure": lambda: rotary_figures.scheme_figure(rotary().rotary.schedule, 60.0),
+        "rotary.report.modulation_figure": lambda: rotary_figures.modulation_figure(rotary()),
+        "rotary.report.errors_figure": lambda: rotary_figures.errors_figure(rotary()),
+        "rotary.report.rates_figure": lambda: rotary_figures.rates_figure(rotary()),
+        "rotary.report.front_figure": lambda: rotary_figures.front_figure(searched()),
         "reproduce.du.study.filter_figures.zupt_runs": lambda: r.zupt_runs(turntable()[0], "NAV440", "Z"),
         "reproduce.du.study.filter_figures.zupt_sigmas": lambda: r.zupt_sigmas(turntable()[1], "NAV440"),
         "reproduce.du.study.filter_figures.sigma_histories": lambda: r.sigma_histories(driven()),
@@ -640,7 +640,7 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         "reproduce.du.study.figures.history_figure": histories,
         "reproduce.du.study.figures.rates_figure": lambda: s.rates_figure(static()),
         "reproduce.du.study.figures.kinematic_figure": lambda: s.kinematic_figure(road()),
-        "rotary.report.figures.calibration_figure": lambda: rotary_figures.calibration_figure(turned()),
+        "rotary.report.calibration_figure": lambda: rotary_figures.calibration_figure(turned()),
         "reproduce.du.study.figures.modulated_biases": lambda: s.modulated_biases(modulated()),
         "reproduce.du.study.figures.drive_figure": lambda: s.drive_figure(driven_motion(), "t"),
         "reproduce.du.study.figures.drive_attitude": lambda: s.drive_attitude(driven()),

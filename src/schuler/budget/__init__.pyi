@@ -11,9 +11,9 @@ from .covariance import QUANTITIES as QUANTITIES
 from .covariance import LinearCovariance as LinearCovariance
 from .covariance import linear_covariance as linear_covariance
 from .covariance import true_covariance as true_covariance
-from .figures import budget_content as budget_content
-from .figures import choice_content as choice_content
-from .figures import covariance_content as covariance_content
+from .report import budget_content as budget_content
+from .report import choice_content as choice_content
+from .report import covariance_content as covariance_content
 from .requirements import Requirement as Requirement
 from .requirements import requirement as requirement
 from .scenario import BudgetMission as BudgetMission

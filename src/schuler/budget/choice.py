@@ -151,7 +151,7 @@ class ImuChoice:
 
     def plot(self) -> Figure:
         """Values of all IMUs beside the bound (matplotlib)."""
-        from schuler.budget.figures import choice_figure
+        from schuler.budget.report import choice_figure
 
         return choice_figure(self)
 

@@ -94,7 +94,7 @@ class ErrorBudget:
 
     def plot(self, *, single: bool = False) -> Figure:
         """Bars by group, or of every parameter, with the total (matplotlib)."""
-        from schuler.budget.figures import budget_figure
+        from schuler.budget.report import budget_figure
 
         return budget_figure(self, single=single)
 

@@ -105,7 +105,7 @@ def budget(
         label = _label(spec.name)
         files[f"budget_{label}"] = one.table(single=True).to_csv(folder / f"budget-{label}.csv")
         if figures:
-            from schuler.budget.figures import covariance_figure
+            from schuler.budget.report import covariance_figure
 
             files |= _saved(one.plot(), folder / f"budget-{label}")
             files |= _saved(one.plot(single=True), folder / f"parameters-{label}")
@@ -121,7 +121,7 @@ def budget(
         if figures:
             files |= _saved(choice.plot(), folder / f"requirement-{k + 1}")
     if report:
-        from schuler.budget.document import budget_report
+        from schuler.budget.report import budget_report
 
         made_from = {"scenario": loaded.model_dump(mode="json", exclude_none=True)}
         made_from |= {"imu": {spec.name: spec.to_dict() for spec in specs}} if specs else {}

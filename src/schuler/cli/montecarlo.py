@@ -90,7 +90,7 @@ def montecarlo(
     folder = Path(f"{scenario.resolve().stem}-montecarlo") if out is None else out
     files = _write(errors, folder)
     if report:
-        from schuler.montecarlo.figures import all_figures
+        from schuler.montecarlo.report import all_figures
         from schuler.plotting.drawing import save_all
 
         files["report"] = errors.report(folder / "report.html", done, job)

@@ -109,7 +109,7 @@ def _of_log(log: Path, config: Path, axes: str, fixed: tuple[str, ...], bar: Pro
 
 
 def _write(study: Observability, formulas: tuple[str, ...], folder: Path) -> dict[str, Path]:
-    from schuler.observability.figures import observability_figure, observability_report
+    from schuler.observability.report import observability_figure, observability_report
     from schuler.plotting.drawing import save_all
 
     folder.mkdir(parents=True, exist_ok=True)

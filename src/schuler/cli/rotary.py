@@ -94,7 +94,7 @@ def _written(
     files: dict[str, Path] = {}
     if out is not None:
         from schuler.plotting.drawing import save_all
-        from schuler.rotary.report.figures import (
+        from schuler.rotary.report import (
             errors_figure,
             front_figure,
             modulation_figure,
@@ -120,7 +120,7 @@ def _written(
         files |= named(save_all(figures, out, ("png", "svg")))
         report = report or out / "report.html"
     if report is not None:
-        from schuler.rotary.report.page import rotary_page
+        from schuler.rotary.report import rotary_page
 
         made_from = {"scenario": comparison.scenario.model_dump(mode="json", exclude_none=True, exclude_unset=True)}
         files["report"] = rotary_page(report, comparison, best, made_from)

@@ -135,14 +135,14 @@ class Scatter:
 
     def plot(self) -> Figure:
         """Scatter of the nine errors over time with its interval, and the filter's own sigma."""
-        from schuler.montecarlo.figures import scatter_figure
+        from schuler.montecarlo.report import scatter_figure
         from schuler.plotting.drawing import draw
 
         return draw(scatter_figure(self))
 
     def report(self, path: Path | str, campaign: Campaign, job: NavigationJob) -> Path:
         """Write everything into one HTML page."""
-        from schuler.montecarlo.document import montecarlo_report
+        from schuler.montecarlo.report import montecarlo_report
 
         return montecarlo_report(self, campaign, job, path)
 

@@ -8,7 +8,6 @@ from .degree import Degree as Degree
 from .degree import degree_of_observability as degree_of_observability
 from .dynamics import system_matrices as system_matrices
 from .dynamics import transitions as transitions
-from .figures import observability_figure as observability_figure
 from .filter_system import motion_system as motion_system
 from .filter_system import result_system as result_system
 from .local import derivatives as derivatives
@@ -20,6 +19,7 @@ from .numeric_model import model_system as model_system
 from .ranks import Spectrum as Spectrum
 from .ranks import spectra as spectra
 from .ranks import spectrum as spectrum
+from .report import observability_figure as observability_figure
 from .scenario import ObservabilityScenario as ObservabilityScenario
 from .scenario import scenario_system as scenario_system
 from .study import Observability as Observability

@@ -123,14 +123,14 @@ class Observability:
 
     def plot(self) -> Figure:
         """Heat map over time with the singular values (matplotlib)."""
-        from schuler.observability.figures import observability_figure
+        from schuler.observability.report import observability_figure
         from schuler.plotting.drawing import draw
 
         return draw(observability_figure(self))
 
     def report(self, path: Path | str) -> Path:
         """One self-contained HTML page."""
-        from schuler.observability.figures import observability_report
+        from schuler.observability.report import observability_report
 
         return observability_report(self, path)
 

@@ -25,11 +25,11 @@ from .platform_usage import PlatformLimits as PlatformLimits
 from .platform_usage import PlatformUsage as PlatformUsage
 from .platform_usage import usage as usage
 from .platform_usage import within as within
-from .report.figures import errors_figure as errors_figure
-from .report.figures import front_figure as front_figure
-from .report.figures import modulation_figure as modulation_figure
-from .report.figures import rates_figure as rates_figure
-from .report.figures import scheme_figure as scheme_figure
+from .report import errors_figure as errors_figure
+from .report import front_figure as front_figure
+from .report import modulation_figure as modulation_figure
+from .report import rates_figure as rates_figure
+from .report import scheme_figure as scheme_figure
 from .rotating_imu import RotatingMotion as RotatingMotion
 from .rotating_imu import ideal_rotating_imu as ideal_rotating_imu
 from .rotating_imu import vehicle_truth as vehicle_truth

@@ -176,6 +176,6 @@ class RotationCalibration:
     def plot(self) -> Figure:
         """Means of the stretches beside the model, an axis of the gyroscopes each (matplotlib)."""
         from schuler.plotting.drawing import draw
-        from schuler.rotary.report.figures import calibration_figure
+        from schuler.rotary.report import calibration_figure
 
         return draw(calibration_figure(self))

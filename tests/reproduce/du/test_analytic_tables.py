@@ -85,7 +85,7 @@ def test_the_printed_words_of_a_table():
 
 
 def test_the_killer():
-    """3000 ppm at 10 deg/s: 108 deg/h, 1.08 deg per revolution about the axis (digest 3.8, printed digits)."""
+    """3000 ppm at 10 deg/s: 108 deg/h, 1.08 deg per revolution about the axis (section 3.2, printed digits)."""
     e = DuErrors(K=np.diag([3e-3] * 3))
     rate = tables.cycle_rate("gyro scale factor", "Z", e, rate=W, lat=0.0)[2]
     assert rate / DEG_PER_HR == pytest.approx(108.0, abs=0.5)
@@ -100,7 +100,7 @@ def trig(angle):
 
 
 def printed_forms(scheme: str, angle: np.ndarray) -> dict[str, np.ndarray]:
-    """Closed forms of Du, chapter 3, as corrected by the digest (3.5, 3.8); rows east, north, up."""
+    """Closed forms of Du, chapter 3, corrected; rows east, north, up."""
     c, s, c2, s2 = trig(angle)
     (dx, dy, dz), K, Ka = ERRORS.d, ERRORS.K, ERRORS.Ka
     We = earth.WGS84.omega_ie
@@ -201,7 +201,7 @@ def test_without_matrix_errors_the_residue_is_exact():
         np.testing.assert_allclose(found[2], swap_vector(run.position[-1]), atol=1e-6)
 
 
-def test_the_residue_about_z_is_the_digests():
+def test_residue_about_z_in_closed_form():
     """V = g (d_h / w + K_h) e^(i start) t; 30 deg/h: 2.45 m/s of east at 300 s less, 0.1 deg: 5.13 (printed digits)."""
     g = float(earth.gravity_somigliana(0.25 * np.pi))
     d = 30.0 * DEG_PER_HR
@@ -220,7 +220,7 @@ def test_the_residue_about_z_is_the_digests():
     assert v[1] > 0.0
 
 
-def test_reciprocating_takes_off_what_the_digest_says():
+def test_reciprocating_bounds_azimuth_and_removes_secular_velocity_of_biases():
     """Acceptance 13: azimuth of Kz bounded by 2 pi Kz, d_h without secular velocity, K_h unchanged."""
     K = np.zeros((3, 3))
     K[0, 2], K[2, 2] = 1e-3, 3e-3

@@ -1,4 +1,4 @@
-"""Du's chapter 3: every anchor of the digest, and what it says in words of each rotation."""
+"""Du's chapter 3: every anchor of an independent check, and what the thesis says in words of each rotation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Free-inertial tests at rest: the emulations against the digest's, floors, laws in the rate, intervals."""
+"""Free-inertial tests at rest: the emulations against independent ones, floors, laws in the rate, intervals."""
 
 from __future__ import annotations
 
@@ -29,12 +29,14 @@ POSITION, VELOCITY, AZIMUTH = index("horizontal_position"), index("horizontal_ve
 
 @pytest.fixture(scope="module", params=thesis.IMUS)
 def reduced(request):
-    """All cases of the digest at a tenth of the sampling rate: white noise does not care."""
+    """All cases at a tenth of the sampling rate: white noise does not care."""
     return static_test(emulation(request.param, rate_hz=10.0), rates_deg_s=(10.0, 20.0, 50.0, 100.0), runs=RUNS, seed=3)
 
 
-def test_means_are_the_digests(reduced):
-    """Within 10 % of the digest's means widened by three standard errors of ours and theirs (200 runs); statistical."""
+def test_means_are_those_of_an_independent_emulation(reduced):
+    """Within 10 % of an independent emulation's means widened by three standard errors of ours and theirs (200 runs);
+    statistical.
+    """
     table = reduced.beside_the_check()
     assert len(table) == 7
     for strategy, rate, _, _, _, _, _, _, _, _ in table.rows:
@@ -48,7 +50,7 @@ def test_means_are_the_digests(reduced):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", thesis.IMUS)
-def test_full_campaign_is_inside_the_digests_band(name):
+def test_full_campaign_is_inside_the_band_of_an_independent_emulation(name):
     """600 runs: every mean within 10 %, and the recommended rates are the thesis's; statistical, fixed seed."""
     found = static_test(emulation(name, rate_hz=20.0), runs=600, seed=1)
     table = found.beside_the_check()
@@ -123,7 +125,7 @@ def test_tables_and_figure(reduced):
         reduced.case("III")
 
 
-def test_floors_of_the_digest():
+def test_noise_floors_have_printed_digits():
     """Printed digits: 1722 m and 18.2 m/s, 230 and 2.4 at 300 s; 706, 10.6, 0.51 and 94, 1.4, 0.07 at 210 s."""
     for arw, T, position, velocity in ((3.0, 300.0, 1722.0, 18.2), (0.4, 300.0, 230.0, 2.4), (3.0, 210.0, 706.0, 10.6),
                                        (0.4, 210.0, 94.0, 1.4)):  # fmt: skip

@@ -1,4 +1,6 @@
-"""Zero-velocity filters on the turntable: the digest's anchors, a twelve-state filter of our own in Du's axes, runs."""
+"""Zero-velocity filters on the turntable: an independent check's anchors, a twelve-state filter of our own in Du's
+axes, runs.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,7 @@ def test_anchors_are_all_there():
 
 
 def twelve_states(imu, case, step=0.1):
-    """Du's filter in ENU and RFU from the digest's equations, no code of the package but the Earth's radii.
+    """Du's filter in ENU and RFU from chapter 5's equations, corrected; no code of the package but the Earth's radii.
 
     States: velocity, attitude, gyroscope bias, accelerometer bias.
     """
@@ -140,7 +142,7 @@ def test_emulated_unit_is_read_from_the_tables():
     turning = swap_vector(unit.M_g @ swap_vector([0.0, 0.0, TABLE_RATE]))
     seen = swap_vector(unit.b_g) + turning
     np.testing.assert_allclose(seen / DEG_PER_HR, MEASURED["NAV440", "Z", 30.0].d_deg_hr, rtol=1e-12)
-    # the digest's reading of the same difference: 2.6e-3 and 1.0e-3
+    # an independent reading of the same difference: 2.6e-3 and 1.0e-3
     np.testing.assert_allclose(turning[:2] / TABLE_RATE, (2.65e-3, 1.01e-3), rtol=0.01)
 
 

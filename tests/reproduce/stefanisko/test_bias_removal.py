@@ -1,4 +1,6 @@
-"""Stefanisko's two ways to remove a bias at rest: closed forms, the digest's simulation, and what they must refuse."""
+"""Stefanisko's two ways to remove a bias at rest: closed forms, an independent simulation, and what they must
+refuse.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +77,7 @@ def test_the_moving_mean_destroys_motion():
     assert left[round(12.0 / h)] == pytest.approx(0.5 * w * h * v, rel=0.02)
 
 
-def test_the_simulation_of_the_digest(study):
+def test_end_errors_are_those_of_an_independent_simulation(study):
     """Its 400 runs, printed to two digits; ours with 150: 30 % is five standard errors."""
     for name in STRATEGIES:
         np.testing.assert_allclose(study.rms(name), CHECK[name], rtol=0.30)

@@ -1,6 +1,6 @@
-"""Stefanisko's experiment against the digest's numbers of it, and filters that claim too much or too little.
+"""Stefanisko's experiment against an independent program's numbers, and filters that claim too much or too little.
 
-Numbers in the digest are RMS over 40 runs of another program with one seed; their class is statistical, 30 % as it
+Reference numbers are RMS over 40 runs of another program with one seed; their class is statistical, 30 % as it
 says.
 """
 
@@ -86,7 +86,9 @@ def test_without_outage():
 
 
 def test_at_rest_the_heading_is_lost():
-    """Heading 6, 10, 14 deg at 50, 90, 120 s; position as in the digest. Ours lies 29 % above at 90 s."""
+    """Heading 6, 10, 14 deg at 50, 90, 120 s; position as an independent program has it. Ours lies 29 % above at 90
+    s.
+    """
     found = figure_eight(replace(CASE, moving=False), RUNS)
     for t, heading in ((50.0, 6.0), (90.0, 10.0), (120.0, 14.0)):
         assert found.heading(t) / DEG == pytest.approx(heading, rel=PRINTED), t
@@ -126,7 +128,7 @@ def test_coincidence_against_asynchronous():
     assert first.position(90.0) > second.position(90.0)
     assert second.ratio(90.0) == pytest.approx(1.0, rel=0.30)
     table = study.table()
-    assert table.column("digest_m") == [0.5, 4.1, 0.31, 3.6]
+    assert table.column("check_m") == [0.5, 4.1, 0.31, 3.6]
     json.dumps(study.to_dict())
 
 

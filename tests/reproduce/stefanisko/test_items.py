@@ -32,7 +32,7 @@ DIFFERS = {
     "fig-4.5",  # the end of the path does not depend on rotation
     "text-4.4",  # the mean is not the best
     "text-4.6",  # too small an R makes over-confident, not worse
-    "fig-4.12",  # the digest's bias at rest is less than its own initial sigmas leave
+    "fig-4.12",  # the check's bias at rest is less than its own initial sigmas leave
     "fig-B.1",  # three of six biases are not seen at rest
 }
 
@@ -59,12 +59,12 @@ def test_every_table_and_figure_is_an_item():
 
 
 @pytest.mark.realdata
-def test_everything_the_digest_names_is_there(shared_data):
+def test_every_table_and_figure_in_the_notes_has_an_item(shared_data):
     """Figures of its section 5 and of the first column of the table of section 6, where ranges are all of them."""
-    digest = Path(shared_data).parent / "spec" / "seed-stefanisko.md"
-    if not digest.exists():
-        pytest.skip(f"the digest is not at {digest}")
-    text = digest.read_text(encoding="utf-8")
+    notes = Path(shared_data).parent / "spec" / "seed-stefanisko.md"
+    if not notes.exists():
+        pytest.skip(f"the notes are not at {notes}")
+    text = notes.read_text(encoding="utf-8")
     five = text[text.index("## 5. Results") : text.index("## 6. Plots")]
     six = text[text.index("## 6. Plots") : text.index("## 7. Limits")]
     columns = [line.split("|")[1] for line in six.splitlines() if re.match(r"\| [\dAB]\.\d", line)]

@@ -26,7 +26,7 @@ from schuler.units import DEG, DEG_PER_HR_PER_G
 
 DIAGONAL = ("G_g_xx", "G_g_yy", "G_g_zz")
 ACCEL = ("b_a_x", "b_a_y", "b_a_z", "M_a_xx", "M_a_yy", "M_a_zz", "M_a_xy", "M_a_xz", "M_a_yz")
-#: Below what noise allows, for this routine: digest 5.4 names the first and the last two.
+#: Below what noise allows, for this routine: Table 5.4 lists the first and the last two.
 NOT_TO_BE_REACHED = {
     "yaman-automotive": {"M_a_xy", "M_a_yz"},
     "yaman-tactical": {"M_a_xy", "b_g_x", "b_g_z"},
@@ -38,7 +38,7 @@ KNOWN_ABOVE: dict[str, set[str]] = {"yaman-automotive": set(), "yaman-tactical":
 
 
 def check_beside_the_source(found: FieldCampaign) -> None:
-    """Digest 5.4, acceptance: (a) within twice the source's scatter, (c) half its improvement, with its exceptions."""
+    """Tables 5.3, 5.4: (a) within twice the source's scatter, (c) half its improvement, with its exceptions."""
     for i, name in enumerate(found.names):
         source = published(found.job.spec.name, name)
         assert source is not None

@@ -16,7 +16,7 @@ from schuler.reproduce.run import Reproduction, items_of
 from schuler.reproduce.yaman import ITEMS, NOT_RESULTS, campaigns, drives
 from schuler.sensors import catalogue
 
-#: What the digest's sections 4 to 6 list, by hand.
+#: Results of chapters 4 to 6, listed by hand.
 TABLES = {"2.1", "2.2", "5.2", "5.3", "5.4", "6.2", "6.3"}
 FIGURES = {f"5.{k}" for k in range(2, 16)} | {f"6.{k}" for k in (*range(6, 13), *range(15, 26))}
 APPENDIX_D = {f"D.{k}" for k in range(1, 48)}
@@ -97,12 +97,12 @@ def numbers(text: str) -> set[str]:
     return found
 
 
-def test_every_table_and_figure_of_digest_and_thesis_is_accounted_for(shared_data):
+def test_every_table_and_figure_of_the_thesis_is_accounted_for(shared_data):
     """Skips where the texts are not at hand."""
-    digest, thesis = shared_data.parent / "spec" / "seed-yaman.md", shared_data.parent / "seeds" / "yaman.txt"
-    if not (digest.exists() and thesis.exists()):
-        pytest.skip("texts of digest and thesis are not here")
-    text = digest.read_text(encoding="utf-8")
+    notes, thesis = shared_data.parent / "spec" / "seed-yaman.md", shared_data.parent / "seeds" / "yaman.txt"
+    if not (notes.exists() and thesis.exists()):
+        pytest.skip("texts of notes and thesis are not here")
+    text = notes.read_text(encoding="utf-8")
     listed = numbers(text)
     shown = text[text.index("## 6. Plots") : text.index("## 7. Limits")]
     for row in re.findall(r"^\| ([\dD./, -]+) \|", shown, re.MULTILINE):
@@ -111,7 +111,7 @@ def test_every_table_and_figure_of_digest_and_thesis_is_accounted_for(shared_dat
     captions = set(re.findall(r"^\W*(Figure|Table) ([2-6]\.\d+|D\.7\.\d+) ", thesis.read_text(encoding="utf-8"), re.M))
     assert len(captions) > 100
     listed |= {("table-" if kind == "Table" else "fig-") + n.replace("D.7.", "D.") for kind, n in captions}
-    # 7.2 of the digest's section 7 and "Table A.." of others do not occur
+    # 7.2 of the notes' section 7 and "Table A.." of others do not occur
     missing = listed - known() - set(NOT_RESULTS)
     assert missing == set()
 
@@ -137,7 +137,7 @@ def test_what_differs_is_known(quick):
 
 
 def test_corrected_numbers_are_met(quick):
-    """What the digest corrects agrees: only numbers as printed differ. Statistical bands: 4 standard errors."""
+    """Corrected equations agree: only numbers as printed differ. Statistical bands: 4 standard errors."""
     wrong = [
         f"{r.item.id}: {c.name}"
         for r in quick.results

@@ -49,7 +49,7 @@ def test_accelerometer_bias_and_scale_factor_below_a_tenth_within_150_s(mode, re
 
 @pytest.mark.parametrize("mode", ["ours", "printed"])
 def test_gyroscope_bias_within_150_s_and_g_sensitivity_to_the_end(mode, request):
-    """Digest 5.1: bias below 0.1 by about 150 s, G_g about 0.04 to 0.09 from 270 s to 540 s."""
+    """Section 5.1: bias below 0.1 by about 150 s, G_g about 0.04 to 0.09 from 270 s to 540 s."""
     found = request.getfixturevalue(mode)
     reached = found.reached(0.1)
     assert max(reached[name] for name in GYRO_BIAS) < 150.0

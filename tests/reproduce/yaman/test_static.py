@@ -55,7 +55,7 @@ def rest_of_a_minute(errors: ImuErrors) -> ImuSeries:
 
 
 def test_drift_of_a_single_error_in_closed_form():
-    """A vertical bias of 100 mg sinks by b t^2 / 2 = 1765 m in 60 s (digest 5.5), a tilt rate b moves by g b t^3 / 6.
+    """A vertical bias of 100 mg sinks by b t^2 / 2 = 1765 m in 60 s (closed form), a tilt rate b moves by g b t^3 / 6.
 
     Discretisation none; the vertical channel's instability adds (t / 570 s)^2 / 6 = 0.2 %, Schuler takes 5e-4.
     """

@@ -59,8 +59,8 @@ def test_units_and_signs():
         printed_unit("Q_a_x")
 
 
-def test_noise_limit_is_the_digests():
-    """Digest 5.4: 1.29 and 0.32 deg/h (0.307 with the prior), 36 and 1.45 ug in 540 s; printed digits."""
+def test_noise_limit_has_printed_digits():
+    """N / sqrt(540 s): 1.29 and 0.32 deg/h (0.307 with the prior), 36 and 1.45 ug; printed digits."""
     auto, tactical = (catalogue.spec(grade) for grade in GRADES)
     assert noise_limit(auto, "b_g_x", DURATION_S) / DEG_PER_HR == pytest.approx(1.29, abs=0.005)
     assert noise_limit(tactical, "b_g_x", DURATION_S) / DEG_PER_HR == pytest.approx(0.307, abs=0.0005)

@@ -10,7 +10,7 @@ from schuler.reproduce.yaman.study.statistics import FieldCampaign
 from schuler.reproduce.yaman.study.tables import noise_limit, published
 from schuler.units import DEG_PER_HR
 
-#: Below what noise and this routine allow; digest 5.4 names the gyroscope biases.
+#: Below what noise and this routine allow; Table 5.4 lists the gyroscope biases.
 NOT_TO_BE_REACHED = {"M_a_xy", "b_g_x", "b_g_z"}
 
 
@@ -27,7 +27,7 @@ def test_claimed_uncertainty_is_true(found):
 
 
 def test_scatter_beside_the_source(found):
-    """Digest 5.4: within twice the source's, but for biases below the noise limit: 0.23 deg/h is not tuned to."""
+    """Tables 5.3, 5.4: within twice the source's, but for biases below the noise limit: 0.23 deg/h is not tuned to."""
     for i, name in enumerate(found.names):
         source = published("yaman-tactical", name)
         assert source is not None

@@ -74,14 +74,14 @@ def test_filters_are_consistent_with_biases_of_both_signs(sign):
 
 @pytest.mark.parametrize(("rate_hz", "reading"), [(10.0, "continuous"), (10.0, "sampled"), (100.0, "sampled")])
 def test_printed_process_noise_is_inconsistent(rate_hz, reading):
-    """E8 of the digest: no reading of the printed Q gives a NEES of one; ours does. 4 and 6 standard errors."""
+    """Eq. (4.17): no reading of the printed Q gives a NEES of one; ours does. 4 and 6 standard errors."""
     error = np.sqrt(1.0 / 500)
     assert abs(heading_nees(CONSUMER, rate_hz=rate_hz, runs=500, seed=4) - 1.0) < 4.0 * error
     assert abs(heading_nees(CONSUMER, rate_hz=rate_hz, reading=reading, runs=500, seed=4) - 1.0) > 6.0 * error
 
 
 def test_steady_bounds_are_those_of_the_source():
-    """Ranges quoted in the source's text, and the digest's independent numbers to their printed digits."""
+    """Ranges quoted in the source's text, and independent numbers to their printed digits."""
     for grade, (quoted, after, before) in BOUND_DEG.items():
         gyro = spec(f"flenniken-{grade}").gyro
         model = gauss_markov_bias(gyro.random_walk, gyro.in_run_bias, gyro.in_run_time, sigma_heading=FIX_SIGMA)
@@ -94,7 +94,7 @@ def test_steady_bounds_are_those_of_the_source():
 
 
 def test_outage_table():
-    """The digest's table within its 10 %; 1500 runs scatter by 1.8 %."""
+    """An independent program's table within 10 %; 1500 runs scatter by 1.8 %."""
     found = heading_outages(spec("flenniken-consumer"), runs=1500, seed=5)
     for i, truth in enumerate(found.truths):
         for j, name in enumerate(found.filters):
@@ -130,7 +130,9 @@ def test_many_logs_of_another_gyroscope():
 
 
 def test_six_state_filter():
-    """The digest's check case; 600 runs scatter by 2.9 %, tolerance 4 standard errors and its printed digits."""
+    """Check case of an independent program; 600 runs scatter by 2.9 %, tolerance 4 standard errors and its printed
+    digits.
+    """
     found = position_outage(BiasTruth(0.003 * G0, 2.4e-3 * G0, 100.0, 0.01 * G0), runs=600, seed=6)
     last = int(np.searchsorted(found.run.t, 300.0 - 1e-6))
     assert_allclose(found.rms[last, [0, 2]], [0.029, 0.19], rtol=0.13)

@@ -1,4 +1,4 @@
-"""Sensitivities: closed forms, the digest's table, flights, brute-force covariances, the engine."""
+"""Sensitivities: closed forms, an independent simulation's table, flights, brute-force covariances, the engine."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ WEIGHTS = {v: influence(T1R, v) for v in ("thesis", "strapdown")}
 CONSTANTS = [n for n in parameter_names() if not is_random(n)]
 
 
-def test_the_digests_table():
+def test_sensitivities_are_those_of_an_independent_simulation():
     """Within 1 %, or half of the last printed digit where that is more."""
     table = sensitivity_table(T1R)
     for row in table.rows:

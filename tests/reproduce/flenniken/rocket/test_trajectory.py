@@ -1,4 +1,6 @@
-"""Trajectory I: closed form against quadrature and the digest's numbers; the same rocket on the rotating Earth."""
+"""Trajectory I: closed form against quadrature and an independent program's numbers; the same rocket on the rotating
+Earth.
+"""
 
 from __future__ import annotations
 

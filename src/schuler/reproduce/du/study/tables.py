@@ -19,7 +19,7 @@ BIAS_DEG_HR = {"MTi-G": 23.2, "NAV440": 3.1}
 
 #: Chapter 3 has figures only. Anchors of an independent check: no noise, 45 deg of latitude, 10 deg/s, 300 s. By case
 #: and axis of rotation (Du's), None for conventional: attitude error about E, N, U [deg], velocity E, N, U [m/s],
-#: horizontal and vertical position [m]; None where the check has none. Of installation, largest absolute attitude errors.
+#: horizontal and vertical position [m]; None where the check has none. Attitude of installation: largest absolute.
 CHAPTER_3: dict[tuple[str, str | None], tuple[tuple[float, ...] | None, tuple[float, ...], float, float | None]] = {
     ("bias", None): ((2.52, 2.34, 2.38), (121.8, -5.7, 60.0), 15447.0, 9022.0),
     ("bias", "X"): ((2.44, -0.13, 0.06), (55.4, -65.0, 2.9), 10855.0, 383.0),

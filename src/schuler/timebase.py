@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from schuler.arrays import FloatArray
+from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.exceptions import InputError
 
 WEEK_S = 604_800.0
@@ -29,6 +29,8 @@ LEAP_DAYS = (
 LEAP_TABLE_VALID_TO = dt.date(2027, 6, 28)
 
 Scale = Literal["gps", "utc", "local"]
+#: Stamps closer than this are one. [s]
+SAME_TIME = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,3 +142,25 @@ def gps_from_unix(unix_s: FloatArray) -> FloatArray:
             )
         leap_seconds((dt.datetime(1970, 1, 1) + dt.timedelta(seconds=float(t.max()))).date())  # within the table
     return t - UNIX_TO_GPS_S + np.searchsorted(steps, t, side="right")
+
+
+def check_times(t: ArrayLike, name: str) -> FloatArray:
+    """Strictly increasing finite times; the message names the first that is not.
+
+    Raises
+    ------
+    InputError
+        If there is no time, or one is not greater than the one before it.
+    """
+    t = as_floats(t, name, (None,))
+    if len(t) == 0:
+        raise InputError(f"{name}: expected at least one sample, got none")
+    step = np.diff(t)
+    if np.any(step <= 0.0):
+        k = int(np.flatnonzero(step <= 0.0)[0]) + 1
+        what = "repeats" if step[k - 1] == 0.0 else "goes back"
+        raise InputError(
+            f"{name}: expected increasing times, but sample {k} {what}: {t[k]:.6f} s after {t[k - 1]:.6f} s; "
+            "remove repeated samples or sort the log"
+        )
+    return t

@@ -440,7 +440,7 @@ def test_walk_against_rtk(shared_data):
 def test_car_in_town(shared_data):
     """Residuals of PSINS's log: 0.34 m in the peers' notes without atmosphere (ours there: 0.3 m, median of epochs)."""
     from schuler.gnss.preparation import prepare_ranges
-    from schuler.recording.formats.psins_ranges import read_psins_ranges
+    from schuler.recording.formats.psins import read_psins_ranges
 
     log = read_psins_ranges(shared_data / "psins_tc" / "insgpseo_tc.mat")
     points = solve_points(prepare_ranges(log.observations, log.ephemerides))

@@ -14,7 +14,7 @@ from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
 from schuler.recording import GnssSeries, ImuSeries, Metadata, OdometerSeries, Recording, Trajectory
-from schuler.recording.scalar_series import ScalarSeries
+from schuler.recording.series import ScalarSeries
 from schuler.timebase import TimeBase
 
 

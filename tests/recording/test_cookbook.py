@@ -18,7 +18,7 @@ from places import DOCS
 import schuler
 from schuler.cli import main
 from schuler.recording.formats import (
-    ardupilot_tables,
+    ardupilot,
     novatel,
     px4,
     registry,
@@ -28,8 +28,8 @@ from schuler.recording.formats import (
     sbg,
     xsens_messages,
 )
+from schuler.recording.formats.novatel_frames import IMU_TYPES
 from schuler.recording.formats.novatel_frames import LAYOUTS as NOVATEL
-from schuler.recording.formats.novatel_imus import IMU_TYPES
 
 PAGES = sorted((DOCS / "formats").glob("*.md"))
 SECTIONS = ("What is assumed", "Traps", "How to check")
@@ -65,7 +65,7 @@ def ros(folder: Path) -> None:
                 writer.write(connection, int(stamp), ros2.cdr_to_ros1(cdr, name))
 
 
-def ardupilot(folder: Path) -> None:
+def ardupilot_log(folder: Path) -> None:
     flash = made("test_ardupilot")
     body = flash.messages()
     for k in range(100):
@@ -217,7 +217,7 @@ FILES: dict[str, Callable[[Path], object]] = {
     "px4": lambda f: (f / "flight.ulg").write_bytes(
         made("test_px4").flight(imu=("sensor_combined", "sensor_gyro"))
     ),
-    "ardupilot": ardupilot, "ublox": samples.ubx, "nmea": copied(samples.nmea, "receiver.nmea"),
+    "ardupilot": ardupilot_log, "ublox": samples.ubx, "nmea": copied(samples.nmea, "receiver.nmea"),
     "novatel": novatel_logs, "septentrio": septentrio, "vectornav": vectornav, "xsens": xsens,
     "sbg": lambda f: made("test_format_sbg").log_of(drive(), f / "ellipse.bin"),
     "euroc": lambda f: made("test_format_euroc").data_set(
@@ -300,7 +300,7 @@ def test_the_tables_name_what_is_read():
         assert f"`{topic}`" in page_of("px4"), topic
     for letters in ("IMU", "ACC+GYR", "GPS", "GPA", "BARO", "POS", "ATT", "XKF1", "NKF1", "AEl", "Und"):
         assert f"`{letters}`" in page_of("ardupilot"), letters
-    assert ardupilot_tables.QUALITY.keys() == {3, 4, 5, 6}
+    assert ardupilot.QUALITY.keys() == {3, 4, 5, 6}
     for name in sbf._PARTS:
         assert name in page_of("septentrio"), name
     for name in sbg._PARTS:

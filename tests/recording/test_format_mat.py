@@ -10,8 +10,8 @@ import pytest
 from format_drives import drive, same_trajectory
 
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.formats import matlab_file
-from schuler.recording.formats.mat_peek import variables
+from schuler.recording.formats import matlab
+from schuler.recording.formats.matlab import variables
 from schuler.recording.io import read
 
 scipy_io = pytest.importorskip("scipy.io")
@@ -151,7 +151,7 @@ def test_real_files_are_equal_to_scipys(shared_data):
         head = path.read_bytes()[:128]
         if head.startswith(b"MATLAB 7.3") or b"\x00" not in head:
             continue
-        mine, theirs = matlab_file.load(path), scipy_io.loadmat(path)
+        mine, theirs = matlab.load(path), scipy_io.loadmat(path)
         for name, value in theirs.items():
             if isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
                 np.testing.assert_array_equal(mine[name], value)
@@ -171,7 +171,7 @@ def test_arrays_of_every_type_are_equal_to_scipys(tmp_path, compress):
     other = {"text": "Größe", "cells": np.array([1, "a"], dtype=object), "z": np.array([1j]), "m": np.eye(3)}
     scipy_io.savemat(tmp_path / "a.mat", {**arrays, **more, **other, "s": {"x": 1.5, "in": {"v": np.arange(3.0)}}},
                      do_compression=compress)  # fmt: skip
-    mine, theirs = matlab_file.load(tmp_path / "a.mat"), scipy_io.loadmat(tmp_path / "a.mat")
+    mine, theirs = matlab.load(tmp_path / "a.mat"), scipy_io.loadmat(tmp_path / "a.mat")
     for name in (*arrays, *more, "m"):
         np.testing.assert_array_equal(mine[name], theirs[name])
         assert mine[name].dtype == theirs[name].dtype
@@ -180,7 +180,7 @@ def test_arrays_of_every_type_are_equal_to_scipys(tmp_path, compress):
     assert "z" not in mine
     assert mine["s"]["x"].item() == 1.5
     np.testing.assert_array_equal(mine["s"]["in"]["v"], [[0.0, 1.0, 2.0]])
-    assert matlab_file.load(tmp_path / "a.mat", {"m"}).keys() == {"m"}
+    assert matlab.load(tmp_path / "a.mat", {"m"}).keys() == {"m"}
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -193,13 +193,13 @@ def test_version_4(tmp_path, order):
         data += struct.pack(f"{order}5i", mopt, *array.shape, 0, len(name)) + name
         data += array.astype(array.dtype.newbyteorder(order)).tobytes(order="F")
     (tmp_path / "a.mat").write_bytes(data)
-    made = matlab_file.load(tmp_path / "a.mat")
+    made = matlab.load(tmp_path / "a.mat")
     np.testing.assert_array_equal(made["a"], a)
     np.testing.assert_array_equal(made["bb"], b)
     np.testing.assert_array_equal(scipy_io.loadmat(tmp_path / "a.mat")["bb"], b)
     (tmp_path / "a.mat").write_bytes(data[:-2])
     with pytest.raises(FileFormatError, match=r"byte 70 .claims the shape \(1, 2\) in 2 bytes"):
-        matlab_file.load(tmp_path / "a.mat")
+        matlab.load(tmp_path / "a.mat")
 
 
 @pytest.mark.realdata

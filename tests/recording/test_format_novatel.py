@@ -10,7 +10,7 @@ from format_drives import WEEK, drive, same_trajectory
 from schuler import rotation, units
 from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.formats import registry
-from schuler.recording.formats.novatel_imus import IMU_TYPES
+from schuler.recording.formats.novatel_frames import IMU_TYPES
 from schuler.recording.io import read
 
 EG320 = IMU_TYPES[41]

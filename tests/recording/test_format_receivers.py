@@ -68,7 +68,7 @@ def test_nmea_alone_past_midnight(tmp_path):
 def test_u_blox_imu_is_named_and_not_timed(tmp_path):
     """Frames ESF-RAW beside solutions are counted in a note: their time tags have no documented unit."""
     pytest.importorskip("pyubx2")
-    from schuler.recording.formats.ubx_frames import checksum
+    from schuler.recording.formats.ubx import checksum
 
     def frame(kind, identifier, body):
         inner = bytes((kind, identifier)) + struct.pack("<H", len(body)) + body

@@ -11,7 +11,7 @@ from contextlib import suppress
 
 import encode_novatel as nov
 import encode_sbf as sbf
-import encode_sbg as sbg
+import encode_sbg
 import encode_vectornav as vn
 import encode_xsens as xs
 import pytest
@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from schuler.exceptions import SchulerError
 from schuler.recording import Recording
-from schuler.recording.formats import novatel_frames, sbf_blocks, sbg_frames, xsens_messages
+from schuler.recording.formats import novatel_frames, sbf_blocks, sbg, xsens_messages
 from schuler.recording.io import read
 
 SPECIAL = [struct.pack("<d", x) for x in (0.0, -0.0, 1.0, 48.0, -2e10, 1e300, -1e300, 1e-300)]
@@ -73,8 +73,8 @@ def xsens(draw):
 
 
 def sbg_systems(draw):
-    number = draw(st.sampled_from([n for n, _ in sbg_frames.LAYOUTS.values()]))
-    return sbg.frame(number, draw(bodies) + bytes(draw(st.integers(0, 80))))
+    number = draw(st.sampled_from([n for n, _ in sbg.LAYOUTS.values()]))
+    return encode_sbg.frame(number, draw(bodies) + bytes(draw(st.integers(0, 80))))
 
 
 @pytest.mark.parametrize(

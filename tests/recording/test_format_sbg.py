@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import datetime as dt
 
-import encode_sbg as sbg
+import encode_sbg
 import numpy as np
 import pytest
 from format_drives import WEEK, drive, same_trajectory
 
 from schuler import units
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.formats import registry, sbg_frames
+from schuler.recording.formats import registry, sbg
 from schuler.recording.io import read
 from schuler.timebase import WEEK_S, calendar
 
@@ -38,26 +38,28 @@ def log_of(run, path, *, start=7.0, utc=True, quaternions=False, drift=0.0):
     out = []
     g, r = run.gnss, run.reference
     for k, t in enumerate(run.imu.t):
-        out.append(sbg.imu_short(own(t), run.imu.accel[k], run.imu.gyro[k]))
+        out.append(encode_sbg.imu_short(own(t), run.imu.accel[k], run.imu.gyro[k]))
         if k % 5 == 0:
             llh = (*(r.llh[k, :2] / units.DEG), r.llh[k, 2] - UNDULATION)
-            out.append(sbg.ekf_nav(own(t), r.v_eb_n[k], llh, UNDULATION))
-            out.append(sbg.ekf_quat(own(t), r.q_nb[k]) if quaternions else sbg.ekf_euler(own(t), r.rpy_nb[k]))
+            out.append(encode_sbg.ekf_nav(own(t), r.v_eb_n[k], llh, UNDULATION))
+            out.append(
+                encode_sbg.ekf_quat(own(t), r.q_nb[k]) if quaternions else encode_sbg.ekf_euler(own(t), r.rpy_nb[k])
+            )
         if k % 50 == 0:
             fix, tow = k // 50, round(t * 1000)
             if utc:
-                out.append(sbg.utc(own(t), *utc_of(t), tow))
+                out.append(encode_sbg.utc(own(t), *utc_of(t), tow))
             sigma = np.sqrt(np.diag(g.cov_r_n[fix]))
             llh = (*(g.llh[fix, :2] / units.DEG), g.llh[fix, 2] - UNDULATION)
-            out.append(sbg.gps_pos(own(t) + 0.08, tow, llh, UNDULATION, sigma))
-            out.append(sbg.gps_vel(own(t) + 0.09, tow, g.v_n[fix], (0.05, 0.05, 0.05)))
+            out.append(encode_sbg.gps_pos(own(t) + 0.08, tow, llh, UNDULATION, sigma))
+            out.append(encode_sbg.gps_vel(own(t) + 0.09, tow, g.v_n[fix], (0.05, 0.05, 0.05)))
     path.write_bytes(b"".join(out))
     return path
 
 
 def test_crc_check_value():
     """The published check value of this CRC (CRC-16/KERMIT of the digits 1 to 9), of reader and encoder."""
-    assert sbg_frames.crc(b"123456789") == sbg.crc16(b"123456789") == 0x2189
+    assert sbg.crc(b"123456789") == encode_sbg.crc16(b"123456789") == 0x2189
 
 
 @pytest.mark.parametrize("quaternions", [False, True])
@@ -98,9 +100,9 @@ def test_rate_of_the_clock(tmp_path):
     out = []
     for k in range(3000):
         t = 345_600.0 + 0.1 * k
-        out.append(sbg.imu_short(5.0 + 0.1 * k * (1 + 20e-6), (0, 0, -9.81), (0, 0, 0)))
+        out.append(encode_sbg.imu_short(5.0 + 0.1 * k * (1 + 20e-6), (0, 0, -9.81), (0, 0, 0)))
         if k % 10 == 0:
-            out.append(sbg.utc(5.0 + 0.1 * k * (1 + 20e-6), *utc_of(t), round(t * 1000)))
+            out.append(encode_sbg.utc(5.0 + 0.1 * k * (1 + 20e-6), *utc_of(t), round(t * 1000)))
     (tmp_path / "log.bin").write_bytes(b"".join(out))
     back = read(tmp_path / "log.bin")
     np.testing.assert_allclose(back.imu.t, 345_600.0 + 0.1 * np.arange(3000), rtol=0.0, atol=2e-6)
@@ -111,12 +113,13 @@ def test_high_range_and_legacy_imu(tmp_path):
     """Bit 10 of the status changes what a count of the gyro is; IMU_DATA is read where IMU_SHORT is not."""
     path = tmp_path / "log.bin"
     out = [
-        sbg.imu_short(0.005 * k, (0, 0, -9.81), (0.5, 0, 40.0 if k > 250 else 1.0), high=k > 250) for k in range(300)
+        encode_sbg.imu_short(0.005 * k, (0, 0, -9.81), (0.5, 0, 40.0 if k > 250 else 1.0), high=k > 250)
+        for k in range(300)
     ]
     path.write_bytes(b"".join(out))
     imu = read(path).imu
     np.testing.assert_allclose(imu.gyro[[0, -1]], [(0.5, 0, 1.0), (0.5, 0, 40.0)], atol=1e-7)
-    path.write_bytes(b"".join(sbg.imu_data(0.005 * k, (0, 0, -9.81), (0.5, 0, 0)) for k in range(300)))
+    path.write_bytes(b"".join(encode_sbg.imu_data(0.005 * k, (0, 0, -9.81), (0.5, 0, 0)) for k in range(300)))
     back = read(path)
     np.testing.assert_allclose(back.imu.accel[0], (0, 0, -9.81), rtol=1e-7)
     assert any("IMU_DATA, filtered" in note for note in back.metadata.notes)
@@ -125,10 +128,10 @@ def test_high_range_and_legacy_imu(tmp_path):
 def test_solutions_left_out(tmp_path):
     path = tmp_path / "log.bin"
     where = (48.0, 8.0, 352.5)
-    out = [sbg.gps_pos(k, 1000 * k, where, UNDULATION, (1, 1, 2), kind=kind, status=status)
+    out = [encode_sbg.gps_pos(k, 1000 * k, where, UNDULATION, (1, 1, 2), kind=kind, status=status)
            for k, (kind, status) in enumerate(((2, 0), (0, 0), (7, 1), (6, 0), (10, 0)))]  # fmt: skip
-    out.append(sbg.gps_vel(3.0, 3000, (1, 2, 3), (0.1, 0.2, 0.3)))
-    out += [sbg.ekf_nav(k, (1, 2, 3), where, UNDULATION, mode=mode) for k, mode in enumerate((4, 2, 4))]
+    out.append(encode_sbg.gps_vel(3.0, 3000, (1, 2, 3), (0.1, 0.2, 0.3)))
+    out += [encode_sbg.ekf_nav(k, (1, 2, 3), where, UNDULATION, mode=mode) for k, mode in enumerate((4, 2, 4))]
     path.write_bytes(b"".join(out))
     back = read(path)
     assert list(back.gnss.quality) == [5, 2]
@@ -156,7 +159,7 @@ def test_hints_streams_and_damage(run, tmp_path):
     back = read(path)
     assert len(run.imu) - 2 <= len(back.imu) <= len(run.imu) - 1
     assert any("no frame with a right CRC" in note for note in back.metadata.notes)
-    path.write_bytes(sbg.frame(1, bytes(27)) * 3)
+    path.write_bytes(encode_sbg.frame(1, bytes(27)) * 3)
     with pytest.raises(FileFormatError, match="log 1 of class 0"):
         read(path)
     path.write_bytes(b"time,accel\n1,2\n")

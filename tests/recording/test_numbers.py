@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 import schuler
 from schuler import frames, rotation
 from schuler.exceptions import FileFormatError, SchulerError
-from schuler.recording.formats import local_frame
-from schuler.recording.io import _kernels, checks, gnss_table, lines, numbers
+from schuler.recording.io import _kernels, checks, gnss_table, lines, local_frame, numbers
 from schuler.recording.io.lines import TextTable
 from schuler.recording.io.raw import Raw
 from schuler.recording.recording import Metadata, Recording

@@ -11,8 +11,7 @@ import scipy.io
 from schuler import earth, rotation, units
 from schuler.exceptions import FileFormatError, InputError
 from schuler.gnss.signals import SPEED_OF_LIGHT
-from schuler.recording.formats.psins_imu import looks_like_psins_imu, read_psins_imu
-from schuler.recording.formats.psins_ranges import read_psins_ranges
+from schuler.recording.formats.psins import looks_like_psins_imu, read_psins_imu, read_psins_ranges
 from schuler.recording.io import ReadHints
 
 WEEK = 604_800.0

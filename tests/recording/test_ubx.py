@@ -15,9 +15,8 @@ from schuler.exceptions import FileFormatError, InputError
 from schuler.gnss import messages_gps
 from schuler.gnss.message_fields import pack
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS, satellite, satellite_name
-from schuler.recording.formats.ubx import looks_like_ubx, read_ubx, read_ubx_recording
-from schuler.recording.formats.ubx_frames import find_frames
-from schuler.recording.formats.ubx_signals import SIGNAL_OF_SIG_ID, satellite_of
+from schuler.recording.formats.ubx import find_frames, looks_like_ubx, read_ubx, read_ubx_recording
+from schuler.recording.formats.ubx_messages import SIGNAL_OF_SIG_ID, satellite_of
 from schuler.recording.io import ReadHints
 
 pytest.importorskip("pyubx2")

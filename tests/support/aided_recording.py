@@ -9,8 +9,7 @@ from schuler import frames, units
 from schuler.filtering import measurements as ms
 from schuler.navigation.config import NavigationConfig
 from schuler.recording.recording import Recording
-from schuler.recording.scalar_series import ScalarSeries
-from schuler.recording.series import GnssSeries, OdometerSeries
+from schuler.recording.series import GnssSeries, OdometerSeries, ScalarSeries
 
 IMU = {
     "gyro": {"arw_deg_rthr": ac.GYRO_N * 60.0 / units.DEG, "bias_deg_hr": 2e-3 * 3600.0 / units.DEG},

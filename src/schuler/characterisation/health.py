@@ -18,7 +18,7 @@ from schuler.characterisation.result import AXES
 from schuler.characterisation.steps import steps
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
-from schuler.recording.times import check_times
+from schuler.timebase import check_times
 from schuler.units import G0
 
 #: Fewer samples than this give no number at all.

@@ -10,7 +10,7 @@ from schuler.cli.convert import described
 from schuler.cli.output import Flag, print_json
 from schuler.cli.reading import LogHints, read_log
 from schuler.exceptions import InputError, SchulerError
-from schuler.recording.formats.streams import Stream, table
+from schuler.recording.io.streams import Stream, table
 
 _HINTS = LogHints()
 

@@ -13,8 +13,7 @@ from schuler.exceptions import InputError
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
-from schuler.recording.scalar_series import ScalarSeries
-from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries
+from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
 from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 

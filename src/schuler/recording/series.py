@@ -13,7 +13,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
-from schuler.recording.times import SAME_TIME, check_times
+from schuler.timebase import SAME_TIME, check_times
 from schuler.units import G0
 
 Kind = Literal["rate", "increment"]
@@ -318,3 +318,34 @@ def _covariances(value: ArrayLike, name: str, n: int) -> FloatArray:
             "accuracy needs one given (option sigma)"
         )
     return C
+
+
+@dataclass(frozen=True)
+class ScalarSeries:
+    """Measurements of one number.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        Time of validity. [s]
+    value : ndarray, shape (n,)
+        Heading: of the body's x axis, from true north over east [rad]. Height: over the ellipsoid, or of a barometer
+        over a level of its own [m].
+    sigma : ndarray, shape (n,)
+        1-sigma error, positive. [unit of the value]
+    """
+
+    t: FloatArray
+    value: FloatArray
+    sigma: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t", check_times(self.t, "ScalarSeries.t"))
+        n = len(self.t)
+        object.__setattr__(self, "value", as_floats(self.value, "ScalarSeries.value", (n,)))
+        object.__setattr__(self, "sigma", as_floats(self.sigma, "ScalarSeries.sigma", (n,)))
+        if np.any(self.sigma <= 0.0):
+            raise InputError(f"ScalarSeries.sigma: expected positive values, got {self.sigma.min()}")
+
+    def __len__(self) -> int:
+        return len(self.t)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from schuler import frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.exceptions import InputError
-from schuler.recording.times import SAME_TIME, check_times
+from schuler.timebase import SAME_TIME, check_times
 
 _MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats, readonly
 from schuler.exceptions import InputError
-from schuler.recording.times import check_times
 from schuler.rotary import gimbals
 from schuler.rotary.schedule import Schedule
+from schuler.timebase import check_times
 
 Between = Literal["linear", "cubic"]
 

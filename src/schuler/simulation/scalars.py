@@ -11,8 +11,7 @@ import numpy as np
 from schuler import frames, rotation
 from schuler.arrays import FloatArray, as_vector3
 from schuler.exceptions import InputError
-from schuler.recording.scalar_series import ScalarSeries
-from schuler.recording.series import OdometerSeries
+from schuler.recording.series import OdometerSeries, ScalarSeries
 from schuler.sensors.noise import gauss_markov
 from schuler.simulation.motion import Motion
 

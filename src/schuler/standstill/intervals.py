@@ -8,7 +8,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.recording.times import check_times
+from schuler.timebase import check_times
 
 
 def true_runs(mask: BoolArray) -> IntArray:

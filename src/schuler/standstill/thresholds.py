@@ -12,8 +12,8 @@ import numpy as np
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, as_floats
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
-from schuler.recording.times import check_times
 from schuler.standstill.detectors import KINDS, Kind, moving_moments, window_samples
+from schuler.timebase import check_times
 
 
 def threshold(kind: Kind, window: int, false_alarm: float = 1e-3) -> float:

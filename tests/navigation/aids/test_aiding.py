@@ -22,8 +22,7 @@ from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic, od
 from schuler.navigation.inputs.satellites import limited
 from schuler.navigation.sections import RestSection
 from schuler.navigation.states import aiding_models, clock_models, imu_spec, state_layout
-from schuler.recording.scalar_series import ScalarSeries
-from schuler.recording.series import OdometerSeries
+from schuler.recording.series import OdometerSeries, ScalarSeries
 
 
 @pytest.fixture(scope="module")

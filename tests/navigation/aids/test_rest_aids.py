@@ -18,8 +18,7 @@ from schuler.filtering.measurements import (
 )
 from schuler.navigation.aids.rest import rest_times, zero_rates, zero_velocities
 from schuler.navigation.aids.scalar import heading_measurements, height_measurements, known_positions
-from schuler.recording.scalar_series import ScalarSeries
-from schuler.recording.series import ImuSeries
+from schuler.recording.series import ImuSeries, ScalarSeries
 from schuler.standstill.stationarity import static_intervals
 
 SIGMA_W, SIGMA_F, BIAS = 0.002, 0.03, np.array([0.004, -0.003, 0.002])

@@ -15,13 +15,13 @@ from places import ROOT, TESTS
 
 from schuler.exceptions import FileFormatError, InputError, MissingExtraError
 from schuler.recording import ImuSeries, Recording
-from schuler.recording.formats import parts, registry
-from schuler.recording.formats.streams import Stream, choose, table
-from schuler.recording.io import read, write
+from schuler.recording.formats import registry
+from schuler.recording.io import parts, read, write
 from schuler.recording.io.dispatch import WRITERS as OWN_WRITERS
 from schuler.recording.io.dispatch import left_out
 from schuler.recording.io.hint_texts import SATELLITES, SERIES, parse_origin, parse_streams
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.streams import Stream, choose, table
 from schuler.timebase import TimeBase
 
 NAMES = [name for name, _ in registry.FORMATS]
@@ -142,7 +142,7 @@ def test_what_a_writer_leaves_out(run, tmp_path):
     # the fixture holds an IMU, GNSS, odometer and reference
     assert left_out(run, "x.mcap") == ""
     assert left_out(run, "x", "rosbag") == ""
-    from schuler.recording.scalar_series import ScalarSeries
+    from schuler.recording.series import ScalarSeries
 
     alone = Recording(heading=ScalarSeries([1.0], [0.1], [0.1]))
     assert left_out(alone, "x.mcap") == "heading"

@@ -16,8 +16,7 @@ from schuler.navigation.aids.scalar import heading_measurements, height_measurem
 from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic, odometer_measurements
 from schuler.navigation.config import GnssSection, NavigationConfig
 from schuler.navigation.sections import AidingSection, RestSection
-from schuler.recording.scalar_series import ScalarSeries
-from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries
+from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
 from schuler.sensors.spec import ImuSpec
 from schuler.standstill.stationarity import StaticIntervals, static_intervals
 

@@ -15,7 +15,7 @@ from schuler.filtering.measurements import (
     MeasurementSchedule,
     gate_threshold,
 )
-from schuler.recording.scalar_series import ScalarSeries
+from schuler.recording.series import ScalarSeries
 
 
 def heading_measurements(

@@ -15,12 +15,11 @@ import numpy as np
 from schuler import units
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
-from schuler.recording.formats import parts, triads, unix_stamps
-from schuler.recording.formats.parts import Table
-from schuler.recording.formats.streams import Stream, choose, stream_of
-from schuler.recording.io import lines
+from schuler.recording.io import clock, lines, parts
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.parts import Table
+from schuler.recording.io.streams import Stream, choose, stream_of
 from schuler.recording.recording import Recording
 from schuler.timebase import TimeBase
 
@@ -64,9 +63,7 @@ def contents(path: Path) -> list[Stream]:
         place = next((names[kind].index(n) for n in _BOOT if n in names.get(kind, [])), None)
         if place is not None:
             texts = [fields[place] if place < len(fields) else "" for fields in records]
-            t = np.array(
-                [int(text) / unix_stamps.NS if text.isascii() and text.isdigit() else np.nan for text in texts]
-            )
+            t = np.array([int(text) / clock.NS if text.isascii() and text.isdigit() else np.nan for text in texts])
         found.append(stream_of(name, kind, t, part))
     return found
 
@@ -128,7 +125,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     if imu:
         keep = [parts.later(seconds[kind], kind, path, notes) for kind in imu]
         (t_a, f), (t_g, w) = ((seconds[kind][k], values[kind][k]) for kind, k in zip(imu, keep, strict=True))
-        tables["imu"] = Table(triads.joined(t_a, f, t_g, w, path, notes), axes=_AXES)
+        tables["imu"] = Table(streams.joined(t_a, f, t_g, w, path, notes), axes=_AXES)
         if hints.axes is None:
             notes.append(
                 "The device is taken to lie on its back, its top forward (axes RFU); hint axes says otherwise."
@@ -211,18 +208,18 @@ def _times(
                 "streams='gnss=none' or 'imu=none'"
             )
         stamps["Fix"] = unix
-        return unix_stamps.from_unix(stamps, hints.time, notes, "unix")
+        return clock.from_unix(stamps, hints.time, notes, "unix")
     if unix is None or hints.time == "local":
         notes.append("Stamps are seconds since boot.")
-        return {kind: ns / unix_stamps.NS for kind, ns in stamps.items()}, TimeBase("local")
+        return {kind: ns / clock.NS for kind, ns in stamps.items()}, TimeBase("local")
     offset = unix - stamps["Fix"]
     shift = int(np.median(offset))
-    spread = float(np.abs(offset - shift).max()) / unix_stamps.NS
+    spread = float(np.abs(offset - shift).max()) / clock.NS
     notes.append(
         f"Stamps since boot were brought to Unix time by the fixes, which differ by up to {spread * 1e3:.3g} ms from "
         "one offset; the delay of a fix is part of it."
     )
-    return unix_stamps.from_unix({kind: ns + shift for kind, ns in stamps.items()}, hints.time, notes, "unix")
+    return clock.from_unix({kind: ns + shift for kind, ns in stamps.items()}, hints.time, notes, "unix")
 
 
 def _fixes(t: FloatArray, rows: FloatArray, path: Path, hints: ReadHints, notes: list[str]) -> Table:

@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.formats import local_frame, parts, plain_text, unix_stamps
-from schuler.recording.formats.parts import Table
-from schuler.recording.formats.streams import Stream, choose, stream_of
-from schuler.recording.io import lines
+from schuler.recording.io import clock, lines, local_frame, parts, plain_text
 from schuler.recording.io.hint_texts import axes_matrix, parse_origin, parse_streams
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.parts import Table
+from schuler.recording.io.streams import Stream, choose, stream_of
 from schuler.recording.recording import Recording
 
 OWN = "schuler.json"
@@ -62,7 +61,7 @@ def contents(path: Path) -> list[Stream]:
             continue
         ns, _ = _load(file, part, ReadHints(allow="truncated"), [])
         name = file.parent.name if root is not None else file.name
-        found.append(stream_of(name, "csv", ns / unix_stamps.NS, part))
+        found.append(stream_of(name, "csv", ns / clock.NS, part))
     return found
 
 
@@ -109,7 +108,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     stamps, tables = {}, {}
     for part, file in files.items():
         stamps[part], tables[part] = _load(file, part, hints, notes)
-    seconds, base = unix_stamps.from_unix(stamps, hints.time, notes)
+    seconds, base = clock.from_unix(stamps, hints.time, notes)
     made = {}
     for part, values in tables.items():
         t, values = parts.kept(parts.later(seconds[part], part, files[part], notes), seconds[part], values)
@@ -233,7 +232,7 @@ def write(recording: Recording, path: Path, origin: str | None = None) -> list[P
                 [f"w_RS_S_{a} [rad s^-1]" for a in "xyz"] + [f"a_RS_S_{a} [m s^-2]" for a in "xyz"]
             )
             rows = np.column_stack((rates.gyro @ C_bs, rates.accel @ C_bs))
-            _write_csv(root / "imu0" / "data.csv", head, unix_stamps.to_unix(rates.t, base), rows)
+            _write_csv(root / "imu0" / "data.csv", head, clock.to_unix(rates.t, base), rows)
             comment = f"# Written by schuler.\nsensor_type: imu\ncomment: {json.dumps(recording.metadata.name)}\n"
             identity = "T_BS:\n  cols: 4\n  rows: 4\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
             rate = f"rate_hz: {rates.rate_hz:.6g}\n" if len(rates) > 1 else ""
@@ -252,7 +251,7 @@ def write(recording: Recording, path: Path, origin: str | None = None) -> list[P
                     names += [f"b_w_RS_S_{a} [rad s^-1]" for a in "xyz"] + [f"b_a_RS_S_{a} [m s^-2]" for a in "xyz"]
                     columns += [v, np.zeros((len(r), 6))]
             head = "timestamp," + ",".join(f" {name}" for name in names)
-            stamps = unix_stamps.to_unix(reference.t, base)
+            stamps = clock.to_unix(reference.t, base)
             _write_csv(root / TRUTH[0] / "data.csv", head, stamps, np.column_stack(columns))
         (root / OWN).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     return sorted(p for p in Path(path).rglob("*") if p.is_file())

@@ -14,12 +14,11 @@ import numpy as np
 from schuler import units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.formats import parts, plain_text
-from schuler.recording.formats.parts import Table
-from schuler.recording.formats.streams import Stream
-from schuler.recording.io import lines
+from schuler.recording.io import lines, parts, plain_text
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.parts import Table
+from schuler.recording.io.streams import Stream
 from schuler.recording.recording import Recording
 from schuler.timebase import TimeBase
 

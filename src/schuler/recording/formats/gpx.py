@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler import files, units
 from schuler.exceptions import InputError
-from schuler.recording.formats.unix_stamps import to_unix
+from schuler.recording.io.clock import to_unix
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries
 from schuler.recording.trajectory import Trajectory

@@ -15,12 +15,11 @@ import numpy as np
 from schuler import files, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.formats import parts
-from schuler.recording.formats.parts import Table
-from schuler.recording.io import checks, lines
+from schuler.recording.io import checks, lines, parts
 from schuler.recording.io.clock import stamps
 from schuler.recording.io.hint_texts import axes_matrix, parse_time
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.parts import Table
 from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S, calendar, leap_seconds, week_tow
 

@@ -16,13 +16,13 @@ import numpy as np
 from schuler import files, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
-from schuler.recording.formats import parts, plain_text
-from schuler.recording.formats.parts import Table
-from schuler.recording.formats.streams import Stream, choose
+from schuler.recording.io import parts, plain_text
 from schuler.recording.io.clock import stamps
 from schuler.recording.io.hint_texts import parse_streams, parse_time
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import TextTable
+from schuler.recording.io.parts import Table
+from schuler.recording.io.streams import Stream, choose
 from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S, TimeBase, week_tow
 

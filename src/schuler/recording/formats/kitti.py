@@ -19,11 +19,10 @@ import numpy as np
 from schuler import rotation, units
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.formats import parts, plain_text, unix_stamps
-from schuler.recording.formats.local_frame import FLU
-from schuler.recording.formats.parts import Table
-from schuler.recording.io import lines
+from schuler.recording.io import clock, lines, parts, plain_text
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.local_frame import FLU
+from schuler.recording.io.parts import Table
 from schuler.recording.recording import Recording
 
 _COLUMNS = 30
@@ -74,7 +73,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     notes: list[str] = []
     stamps = _stamps(root / "timestamps.txt")
     names, rows, digest = _samples(root / "data", len(stamps))
-    seconds, base = unix_stamps.from_unix({"oxts": stamps[names]}, hints.time, notes)
+    seconds, base = clock.from_unix({"oxts": stamps[names]}, hints.time, notes)
     keep = parts.later(seconds["oxts"], "oxts", root / "timestamps.txt", notes)
     t, rows = seconds["oxts"][keep], rows[keep]
     position: dict[str, FloatArray] = {
@@ -214,7 +213,7 @@ def write(recording: Recording, path: Path) -> list[Path]:
             rows[:, at : at + 3] = b @ FLU
             rows[:, at + 3 : at + 6] = np.einsum("nij,nj->ni", turn, b) @ FLU
     rows[:, 23:25] = accuracy
-    ns = unix_stamps.to_unix(t, recording.metadata.time)
+    ns = clock.to_unix(t, recording.metadata.time)
     pattern = " ".join(["%.17g"] * 25 + ["%d"] * 5) + "\n"
     with plain_text.new_folder(path) as folder:
         data = folder / "oxts" / "data"

@@ -18,8 +18,8 @@ from schuler.recording.formats import ros_recording, ros_write
 from schuler.recording.formats.registry import needs
 from schuler.recording.formats.ros_messages import LAYOUTS, plain_type
 from schuler.recording.formats.ros_recording import Topic
-from schuler.recording.formats.streams import Stream
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.streams import Stream
 from schuler.recording.recording import Recording
 
 MAGIC = b"\x89MCAP0\r\n"

@@ -13,13 +13,14 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.formats import mat_tables, parts
-from schuler.recording.formats.mat_peek import variables
-from schuler.recording.formats.parts import Table
-from schuler.recording.formats.streams import Stream, choose, stream_of
+from schuler.recording.formats import matlab
+from schuler.recording.formats.matlab import variables
+from schuler.recording.io import parts
 from schuler.recording.io.clock import stamps
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.parts import Table
+from schuler.recording.io.streams import Stream, choose, stream_of
 from schuler.recording.recording import Recording
 
 _HINTS = parts.GNSS_HINTS | {"axes", "time", "streams"}
@@ -40,9 +41,9 @@ def holds(path: Path) -> tuple[str, ...]:
 def contents(path: Path) -> list[Stream]:
     """The structures of a file with their times, for ``schuler info``."""
     streams = _streams(path)
-    values = mat_tables.load(path, [stream.name for stream in streams])
+    values = matlab.load(path, [stream.name for stream in streams])
     return [
-        stream_of(s.name, s.kind, mat_tables.vector(values[s.name]["t"], f"{s.name}.t", path), s.part)
+        stream_of(s.name, s.kind, matlab.vector(values[s.name]["t"], f"{s.name}.t", path), s.part)
         for s in streams
         if isinstance(values.get(s.name), dict) and "t" in values[s.name]
     ]
@@ -65,7 +66,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     InputError
         If several structures could be meant.
     """
-    if (described := mat_tables.as_arrays(path, hints)) is not None:
+    if (described := matlab.as_arrays(path, hints)) is not None:
         return described
     parts.check_hints(path, hints, _HINTS, "a NaveGo file")
     streams = _streams(path)
@@ -79,7 +80,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
             candidates = [s for s in streams if s.name == "ref"]
         if (stream := choose(candidates, part, chosen)) is not None:
             taken[part] = stream.name
-    values = mat_tables.load(path, taken.values())
+    values = matlab.load(path, taken.values())
     notes = [f"Structures of NaveGo: {', '.join(f'{name} as {part}' for part, name in taken.items())}."]
 
     def fault(message: str, row: int | None) -> FileFormatError:
@@ -91,7 +92,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
         if not isinstance(fields, dict) or "t" not in fields:
             raise FileFormatError(f"{name}: expected one structure with a field t", path)
         said: list[str] = []
-        t, found = stamps(mat_tables.vector(fields["t"], f"{name}.t", path), hints.time, fault, said)
+        t, found = stamps(matlab.vector(fields["t"], f"{name}.t", path), hints.time, fault, said)
         base = base or found
         t = t + (found.epoch_gps_s - base.epoch_gps_s)
         notes += [note for note in said if note not in notes]
@@ -119,21 +120,21 @@ def _streams(path: Path) -> list[Stream]:
 
 
 def _imu(fields: dict[str, Any], name: str, n: int, path: Path) -> dict[str, FloatArray]:
-    f = mat_tables.matrix(fields["fb"], f"{name}.fb", path, (3,), n)
-    w = mat_tables.matrix(fields["wb"], f"{name}.wb", path, (3,), n)
+    f = matlab.matrix(fields["fb"], f"{name}.fb", path, (3,), n)
+    w = matlab.matrix(fields["wb"], f"{name}.wb", path, (3,), n)
     return dict(zip(("ax", "ay", "az", "gx", "gy", "gz"), np.column_stack((f, w)).T, strict=True))
 
 
 def _place(fields: dict[str, Any], name: str, n: int, path: Path, part: str) -> dict[str, FloatArray]:
-    values = {key: mat_tables.vector(fields[key], f"{name}.{key}", path, n) for key in ("lat", "lon", "h")}
+    values = {key: matlab.vector(fields[key], f"{name}.{key}", path, n) for key in ("lat", "lon", "h")}
     if "vel" in fields and np.size(fields["vel"]):
-        v = mat_tables.matrix(fields["vel"], f"{name}.vel", path, (3,), n)
+        v = matlab.matrix(fields["vel"], f"{name}.vel", path, (3,), n)
         values |= dict(zip(("vn", "ve", "vd"), v.T, strict=True))
     if part == "reference":
-        values |= {key: mat_tables.vector(fields[key], f"{name}.{key}", path, n) for key in _EULER}
+        values |= {key: matlab.vector(fields[key], f"{name}.{key}", path, n) for key in _EULER}
         return values
     for key, columns in (("stdm", ("sn", "se", "sd")), ("stdv", ("svn", "sve", "svd"))):
         if key in fields and (key != "stdv" or "vn" in values):
-            sigma = mat_tables.vector(fields[key], f"{name}.{key}", path, 3)
+            sigma = matlab.vector(fields[key], f"{name}.{key}", path, 3)
             values |= {column: np.full(n, value) for column, value in zip(columns, sigma, strict=True)}
     return values

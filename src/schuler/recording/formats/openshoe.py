@@ -9,7 +9,7 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError
 from schuler.files import sha256
-from schuler.recording.formats import matlab_file
+from schuler.recording.formats import matlab
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import ImuSeries
 from schuler.timebase import TimeBase
@@ -43,7 +43,7 @@ def read_openshoe_mat(path: Path | str, *, rate_hz: float, variable: str = "u") 
     path = Path(path)
     if not (np.isfinite(rate_hz) and 1.0 <= rate_hz <= 1e5):
         raise InputError(f"rate_hz: expected a sampling rate of 1 to 1e5 Hz, got {rate_hz!r}")
-    contents = matlab_file.load(path)
+    contents = matlab.load(path)
     held = ", ".join(k for k in contents if not k.startswith("__"))
     if variable not in contents:
         raise FileFormatError(f"expected a matrix {variable!r}; the file has {held}", path)

@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Any
 
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.formats import parts
-from schuler.recording.formats.clock_map import on_gps_time
-from schuler.recording.formats.parts import Table
 from schuler.recording.formats.px4_tables import Log, field_of, gnss_table, imu_table, reference_table, stamps
 from schuler.recording.formats.registry import needs
-from schuler.recording.formats.streams import Stream, choose, stream_of
+from schuler.recording.io import parts
+from schuler.recording.io.clock_map import on_gps_time
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.parts import Table
+from schuler.recording.io.streams import Stream, choose, stream_of
 from schuler.recording.recording import Recording
 from schuler.timebase import TimeBase
 
@@ -62,7 +62,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     Returns
     -------
     Recording
-        On GPS time if fixes relate the clocks, see :mod:`schuler.recording.formats.clock_map`.
+        On GPS time if fixes relate the clocks, see :mod:`schuler.recording.io.clock_map`.
 
     Raises
     ------

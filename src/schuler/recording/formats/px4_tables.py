@@ -10,9 +10,9 @@ import numpy as np
 from schuler import rotation, units
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.formats import parts
-from schuler.recording.formats.parts import Table
+from schuler.recording.io import parts
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.parts import Table
 from schuler.timebase import UNIX_TO_GPS_S, gps_from_unix
 
 #: RTKLIB's quality of fix_type: 3D, differential, float, fixed, extrapolated.

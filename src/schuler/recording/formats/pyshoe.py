@@ -12,7 +12,7 @@ from schuler import frames, units
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, as_vector3
 from schuler.exceptions import FileFormatError
 from schuler.files import sha256
-from schuler.recording.formats import matlab_file
+from schuler.recording.formats import matlab
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import ImuSeries
 from schuler.recording.trajectory import Trajectory
@@ -58,7 +58,7 @@ class PyShoeTrial:
 def is_pyshoe(path: Path | str) -> bool:
     """Whether a file looks like one of these trials, from the names in it."""
     try:
-        return {"imu", "ts", "gt", "trial_error"} <= matlab_file.load(Path(path)).keys()
+        return {"imu", "ts", "gt", "trial_error"} <= matlab.load(Path(path)).keys()
     except FileFormatError:
         return False
 
@@ -96,7 +96,7 @@ def read_pyshoe(path: Path | str, *, uniform_clock: bool = True, place_llh: Arra
     navigation, and the data set's own description.
     """
     path = Path(path)
-    contents = matlab_file.load(path)
+    contents = matlab.load(path)
     imu, t, gt = (_array(contents, name, path) for name in ("imu", "ts", "gt"))
     t = t.ravel()
     n = len(t)

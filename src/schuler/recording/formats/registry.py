@@ -8,12 +8,12 @@ foreign libraries are imported inside functions, and :func:`needs` makes the err
     Whether a file is of this format, from its first 64 KiB (all of a smaller file) and, if it must, its name. Cheap,
     certain (a table of plain numbers is nobody's: the hint ``format`` names such formats), raises nothing.
 ``read(path: Path, hints: ReadHints) -> Recording``
-    Raises errors of ours only. :func:`schuler.recording.formats.parts.assemble` makes a recording of SI columns with
-    all the checks; :func:`schuler.recording.formats.parts.check_hints` refuses hints without meaning here.
+    Raises errors of ours only. :func:`schuler.recording.io.parts.assemble` makes a recording of SI columns with
+    all the checks; :func:`schuler.recording.io.parts.check_hints` refuses hints without meaning here.
 ``sniff_folder(path: Path) -> bool``, optional
     The same for a format that is a folder; ``read`` then gets the folder.
 ``contents(path: Path) -> list[Stream]``, optional
-    Of a log with many streams what it holds (:mod:`schuler.recording.formats.streams`), for ``schuler info``.
+    Of a log with many streams what it holds (:mod:`schuler.recording.io.streams`), for ``schuler info``.
 ``holds(path: Path) -> tuple[str, ...]``, optional
     Series that a file holds by its looks, so that it is found in a folder of logs; without it such files are named.
 ``write(recording: Recording, path: Path, **options) -> list[Path]``, for :data:`WRITERS`

@@ -22,14 +22,15 @@ from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS, satellite, satellite_nam
 from schuler.recording.formats.rinex_columns import BDT_TO_GPS_S, leap_seconds_at, observed
 from schuler.recording.formats.rinex_epochs import Epochs, epochs_of
 from schuler.recording.formats.rinex_header import (
+    CODES,
     KINDS,
     RinexFile,
+    SystemTypes,
     broadcast_leap_seconds,
     header_numbers,
     read_lines,
+    types_of,
 )
-from schuler.recording.formats.rinex_types import KINDS as CODES
-from schuler.recording.formats.rinex_types import SystemTypes, types_of
 from schuler.recording.io.clock import from_gps
 from schuler.timebase import TimeBase
 
@@ -75,7 +76,7 @@ def read_rinex_observation(path: Path | str, *, glonass_channels: Mapping[int, i
 
     Notes
     -----
-    How types of version 2 become signals is in :mod:`schuler.recording.formats.rinex_types`. A file cut off within an
+    How types of version 2 become signals is in :mod:`schuler.recording.formats.rinex_header`. A file cut off within an
     epoch
     is read up to the epoch before; an epoch with fewer lines than it says, in the middle, is read as it is. Epochs out
     of order are put in order, and of a satellite named twice in an epoch the first line counts. All this is noted.

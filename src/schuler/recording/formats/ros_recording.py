@@ -16,13 +16,13 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.formats import parts
-from schuler.recording.formats.parts import Table
 from schuler.recording.formats.ros_messages import LAYOUTS, Encoding, Messages, decode
 from schuler.recording.formats.ros_tables import gnss_table, imu_table, odometer_table, reference_table
-from schuler.recording.formats.streams import Stream, choose, stream_of
+from schuler.recording.io import parts
 from schuler.recording.io.hint_texts import parse_origin, parse_streams
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.parts import Table
+from schuler.recording.io.streams import Stream, choose, stream_of
 from schuler.recording.recording import Recording
 from schuler.timebase import UNIX_TO_GPS_S, WEEK_S, TimeBase, gps_from_unix
 

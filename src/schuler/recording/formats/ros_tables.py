@@ -9,10 +9,10 @@ import numpy as np
 from schuler import frames, rotation, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.formats import parts
-from schuler.recording.formats.parts import Table
 from schuler.recording.formats.ros_messages import Messages
+from schuler.recording.io import parts
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.parts import Table
 
 #: Turns between east-north-up and north-east-down, and forward-left-up and forward-right-down: their own inverses.
 ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])

@@ -12,9 +12,12 @@ import numpy as np
 from schuler import units
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.formats import parts
-from schuler.recording.formats.parts import Table
-from schuler.recording.formats.receiver_tables import (
+from schuler.recording.formats.sbf_blocks import NOT_USED, Blocks, inertial, load, looks_like, sensor
+from schuler.recording.io import parts
+from schuler.recording.io.hint_texts import parse_streams
+from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.parts import Table
+from schuler.recording.io.receiver_tables import (
     NO_VELOCITY,
     RATE_ERROR,
     Columns,
@@ -25,10 +28,7 @@ from schuler.recording.formats.receiver_tables import (
     same_time,
     weeks_to_seconds,
 )
-from schuler.recording.formats.sbf_blocks import NOT_USED, Blocks, inertial, load, looks_like, sensor
-from schuler.recording.formats.streams import Stream, stream_of
-from schuler.recording.io.hint_texts import parse_streams
-from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.streams import Stream, stream_of
 from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S
 

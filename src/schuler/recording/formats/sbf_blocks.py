@@ -16,7 +16,7 @@ import numpy as np
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
 from schuler.recording.formats.nmea import looks_like_nmea
-from schuler.recording.formats.receiver_tables import floats
+from schuler.recording.io.receiver_tables import floats
 
 _SYNC = b"$@"
 _HEADER = 14  # sync, CRC, number, length, time of week [ms], week

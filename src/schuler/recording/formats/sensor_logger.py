@@ -15,12 +15,11 @@ import numpy as np
 from schuler import units
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.formats import parts, plain_text, triads, unix_stamps
 from schuler.recording.formats.android import CIRCLE_68
-from schuler.recording.formats.parts import Table
-from schuler.recording.io import lines
+from schuler.recording.io import clock, lines, parts, plain_text, streams
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.parts import Table
 from schuler.recording.recording import Recording
 
 _HINTS = parts.GNSS_HINTS | {"axes", "streams", "time"}
@@ -87,7 +86,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     if not stamps:
         raise FileFormatError("there is neither an IMU nor Location.csv", path)
     sources = [path / f"{name}.csv" for name in stamps]
-    seconds, base = unix_stamps.from_unix(stamps, hints.time, notes, "unix")
+    seconds, base = clock.from_unix(stamps, hints.time, notes, "unix")
     kept = {name: parts.later(seconds[name], name, path, notes) for name in stamps}
     t = {name: seconds[name][k] for name, k in kept.items()}
     v = {name: values[name][k] for name, k in kept.items()}
@@ -97,7 +96,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
         if len(accel) == 2:
             f = f + np.stack([np.interp(t[accel[0]], t[accel[1]], v[accel[1]][:, k]) for k in range(3)], axis=1)
         notes.append(f"IMU: {' plus '.join(accel)} and {gyro}.")
-        tables["imu"] = Table(triads.joined(t[accel[0]], f, t[gyro], v[gyro], path, notes), axes=_AXES)
+        tables["imu"] = Table(streams.joined(t[accel[0]], f, t[gyro], v[gyro], path, notes), axes=_AXES)
         if hints.axes is None:
             notes.append(
                 "The device is taken to lie on its back, its top forward (axes RFU); hint axes says otherwise."

@@ -11,11 +11,10 @@ import numpy as np
 from schuler import units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.formats import parts
-from schuler.recording.formats.parts import Table
-from schuler.recording.io import own
+from schuler.recording.io import own, parts
 from schuler.recording.io.clock import stamps
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.parts import Table
 from schuler.recording.recording import Recording
 from schuler.timebase import TimeBase
 

@@ -15,12 +15,11 @@ import numpy as np
 from schuler import files
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.formats import local_frame, parts, plain_text, unix_stamps
-from schuler.recording.formats.parts import Table
-from schuler.recording.io import lines
+from schuler.recording.io import clock, lines, local_frame, parts, plain_text
 from schuler.recording.io.hint_texts import axes_matrix, parse_origin
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import TextTable
+from schuler.recording.io.parts import Table
 from schuler.recording.recording import Recording
 from schuler.recording.trajectory import Trajectory
 
@@ -68,7 +67,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     axes = hints.axes or own.get("axes") or "FLU"
     table = plain_text.open_table(path, (8,), "timestamp tx ty tz qx qy qz qw")
     stamps, poses = _load(table, hints, notes)
-    seconds, base = unix_stamps.from_unix({"reference": stamps}, hints.time or own.get("time"), notes)
+    seconds, base = clock.from_unix({"reference": stamps}, hints.time or own.get("time"), notes)
     t, poses = parts.kept(parts.later(seconds["reference"], "poses", path, notes), seconds["reference"], poses)
     q = None if own.get("attitude") == "none" else poses[:, [6, 3, 4, 5]]
     notes.append("The local frame is taken as east, north, up of the origin.")
@@ -106,7 +105,7 @@ def _stamps(table: TextTable, values: np.ndarray) -> IntArray:
     ns = []
     for (number, fields), _ in zip(table.rows(), range(len(values)), strict=False):
         try:
-            ns.append(int((Decimal(fields[0]) * unix_stamps.NS).to_integral_value()))
+            ns.append(int((Decimal(fields[0]) * clock.NS).to_integral_value()))
         except InvalidOperation:
             raise FileFormatError(f"expected a number of seconds, got {fields[0]!r}", table.path, number) from None
     return np.array(ns, dtype=np.int64)
@@ -148,7 +147,7 @@ def write(recording: Recording, path: Path, origin: str | None = None, series: s
     if q is None:
         q = np.tile((1.0, 0.0, 0.0, 0.0), (len(r), 1))
     base = recording.metadata.time
-    stamps = unix_stamps.seconds_text(unix_stamps.to_unix(trajectory.t, base))
+    stamps = clock.seconds_text(clock.to_unix(trajectory.t, base))
     kind = "local" if base.scale == "local" else "unix"
     attitude = "none" if trajectory.q_eb is None else "body"
     with files.replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as stream:

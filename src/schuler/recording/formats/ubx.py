@@ -2,10 +2,14 @@
 
 Three messages matter: RXM-RAWX, RXM-SFRBX and NAV-PVT. pyubx2 decodes them at about fifty times real time for a log of
 4 Hz and 72 measurements an epoch (docs/gnss-receivers.md), which is fast enough to have no decoder of our own.
+
+pyubx2 reads frames too, but believes a length once it has seen the two bytes that start one: a single wrong byte there
+swallows up to 65 kB of good frames, and what was lost is not counted. So the frames are found here and it decodes them.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.exceptions import FileFormatError, InputError
+from schuler.exceptions import FileFormatError, InputError, MissingExtraError
 from schuler.gnss.ephemerides import Ephemerides, no_glonass, no_kepler
 from schuler.gnss.observations import Observations
-from schuler.recording.formats import ubx_frames, ubx_navigation, ubx_raw, ubx_solution
+from schuler.recording.formats import ubx_messages
 from schuler.recording.io.assemble import metadata_of
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import check_file
@@ -27,6 +31,9 @@ from schuler.timebase import WEEK_S, TimeBase
 RAWX, SFRBX, PVT = 0x0215, 0x0213, 0x0107
 _SENSORS = (0x1002, 0x1003)  # ESF-MEAS, ESF-RAW
 _USED = {"name", "series"}
+SYNC = b"\xb5\x62"
+_OVERHEAD = 8  # two bytes of start, class, identifier, two of length, two of checksum
+_NMEA = re.compile(rb"[$!][ -~]{5,250}\r\n")
 
 
 @dataclass(frozen=True)
@@ -63,7 +70,7 @@ class UbxLog:
 
 def looks_like_ubx(head: bytes) -> bool:
     """Whether the first bytes of a file hold a frame of u-blox, whatever its suffix; NMEA may come before."""
-    return bool(ubx_frames.find_frames(head).spans)
+    return bool(find_frames(head).spans)
 
 
 def read_ubx(path: Path | str) -> UbxLog:
@@ -92,8 +99,8 @@ def read_ubx(path: Path | str) -> UbxLog:
     """
     path = Path(path)
     check_file(path)
-    frames = ubx_frames.find_frames(path.read_bytes())
-    decode, notes = ubx_frames.decoder(), frames.notes()
+    frames = find_frames(path.read_bytes())
+    decode, notes = decoder(), frames.notes()
     by_kind: dict[int, list[tuple[int, dict[str, Any]]]] = {RAWX: [], SFRBX: [], PVT: []}
     unreadable = 0
     for order, (kind, first, stop) in enumerate(frames.spans):
@@ -119,9 +126,9 @@ def read_ubx(path: Path | str) -> UbxLog:
             f"and {frames.sentences} NMEA sentences: enable these messages, or read it as NMEA",
             path,
         )
-    raw = ubx_raw.raw_epochs(m for _, m in by_kind[RAWX])
+    raw = ubx_messages.raw_epochs(m for _, m in by_kind[RAWX])
     start = None if raw is None else raw.observations.epoch_gps_s
-    gnss, pvt_start, more = ubx_solution.solutions((m for _, m in by_kind[PVT]), start)
+    gnss, pvt_start, more = ubx_messages.solutions((m for _, m in by_kind[PVT]), start)
     start = pvt_start if start is None else start
     notes += list(raw.observations.notes if raw is not None else ()) + more
     ephemerides = _ephemerides(by_kind)
@@ -191,7 +198,7 @@ def _ephemerides(by_kind: dict[int, list[tuple[int, dict[str, Any]]]]) -> Epheme
     known: list[tuple[int, float]] = [
         (order, m["week"] * WEEK_S + m["rcvTow"]) for order, m in by_kind[RAWX] if m["week"] > 0
     ]
-    times = ubx_solution.solution_times([m for _, m in by_kind[PVT]]).sum(axis=1)
+    times = ubx_messages.solution_times([m for _, m in by_kind[PVT]]).sum(axis=1)
     known += [(order, t) for (order, _), t in zip(by_kind[PVT], times.tolist(), strict=True) if np.isfinite(t)]
     known.sort()
     if not known or not by_kind[SFRBX]:
@@ -200,4 +207,120 @@ def _ephemerides(by_kind: dict[int, list[tuple[int, dict[str, Any]]]]) -> Epheme
     orders = np.array([order for order, _ in known])
     places = np.searchsorted(orders, [order for order, _ in by_kind[SFRBX]]) - 1
     near = [known[max(int(k), 0)][1] for k in places]
-    return ubx_navigation.broadcast(zip((m for _, m in by_kind[SFRBX]), near, strict=True))
+    return ubx_messages.broadcast(zip((m for _, m in by_kind[SFRBX]), near, strict=True))
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Where the frames of a log are, and what else is there.
+
+    Attributes
+    ----------
+    data : bytes
+        The log.
+    spans : list of (int, int, int)
+        Class times 256 plus identifier, first byte, byte behind the last one; in order.
+    failed : int
+        Starts of frames whose checksum was wrong.
+    truncated : bool
+        The last frame was cut off by the end of the log.
+    sentences : int
+        NMEA sentences between frames.
+    strange : int
+        Bytes that belong to nothing known.
+    """
+
+    data: bytes
+    spans: list[tuple[int, int, int]]
+    failed: int
+    truncated: bool
+    sentences: int
+    strange: int
+
+    def of(self, kind: int) -> list[bytes]:
+        """Whole frames of one kind, such as ``0x0215``."""
+        return [self.data[start:stop] for k, start, stop in self.spans if k == kind]
+
+    def notes(self) -> list[str]:
+        """Sentences on what was not read."""
+        notes = []
+        if self.failed:
+            notes.append(f"{self.failed} frames with a wrong checksum were left out.")
+        if self.truncated:
+            notes.append("The last frame was cut off and left out.")
+        if self.strange:
+            notes.append(f"{self.strange} bytes between the frames belong to no frame and no NMEA sentence.")
+        return notes
+
+
+def find_frames(data: bytes) -> Frames:
+    """Find the frames of a u-blox log, of any kind.
+
+    Parameters
+    ----------
+    data : bytes
+
+    Returns
+    -------
+    Frames
+
+    Notes
+    -----
+    After a wrong checksum, or a length that reaches beyond the end, the search goes on two bytes further, so a frame
+    is lost only if it is damaged itself.
+    """
+    spans: list[tuple[int, int, int]] = []
+    between: list[bytes] = []
+    failed, cut_at, done = 0, -1, 0
+    buffer = np.frombuffer(data, dtype=np.uint8)
+    at = data.find(SYNC)
+    while at >= 0:
+        stop = at + _OVERHEAD + int.from_bytes(data[at + 4 : at + 6], "little")
+        if stop > len(data):
+            cut_at = max(cut_at, at) if cut_at < done else cut_at
+            at = data.find(SYNC, at + 2)
+            continue
+        if checksum(buffer[at + 2 : stop - 2]) != data[stop - 2 : stop]:
+            failed += 1
+            at = data.find(SYNC, at + 2)
+            continue
+        between.append(data[done:at])
+        spans.append((data[at + 2] << 8 | data[at + 3], at, stop))
+        done = stop
+        at = data.find(SYNC, stop)
+    truncated = cut_at >= done
+    between.append(data[done : cut_at if truncated else len(data)])
+    sentences = strange = 0
+    for piece in between:
+        found = _NMEA.findall(piece)
+        sentences += len(found)
+        strange += len(piece) - sum(map(len, found))
+    return Frames(data, spans, failed, truncated, sentences, strange)
+
+
+def checksum(body: Any) -> bytes:
+    """Two bytes of Fletcher's checksum of class, identifier, length and payload (UBX-22008968, 3.4)."""
+    values = np.frombuffer(body, dtype=np.uint8).astype(np.int64)
+    first = int(values.sum()) & 0xFF
+    second = int(np.dot(values, np.arange(len(values), 0, -1))) & 0xFF
+    return bytes((first, second))
+
+
+def decoder() -> Any:
+    """Function of pyubx2 that decodes one frame.
+
+    Raises
+    ------
+    MissingExtraError
+        If pyubx2 is not installed.
+    """
+    try:
+        from pyubx2 import VALNONE, UBXReader
+    except ImportError as error:
+        raise MissingExtraError("pyubx2", "gnss", "reading u-blox logs") from error
+
+    def decode(frame: bytes) -> dict[str, Any]:
+        fields: dict[str, Any] = UBXReader.parse(frame, validate=VALNONE).__dict__
+        return fields
+
+    return decode

@@ -17,7 +17,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.formats.receiver_tables import floats
+from schuler.recording.io.receiver_tables import floats
 
 _SYNC = 0xFA
 _GROUPS = 7

@@ -16,12 +16,11 @@ import numpy as np
 from schuler import units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.formats import parts
-from schuler.recording.formats.parts import Table
-from schuler.recording.io import lines
+from schuler.recording.io import lines, parts
 from schuler.recording.io.clock import stamps
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import TextTable
+from schuler.recording.io.parts import Table
 from schuler.recording.recording import Recording
 
 _HINTS = parts.GNSS_HINTS | {"time"}

@@ -18,8 +18,7 @@ from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import HUGE, Raw, check_increasing
 from schuler.recording.io.sources import hashed
 from schuler.recording.recording import Metadata, Recording
-from schuler.recording.scalar_series import ScalarSeries
-from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries
+from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
 from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 

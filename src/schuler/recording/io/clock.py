@@ -6,19 +6,33 @@ and keep a resolution of 1e-10 s.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import datetime as dt
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
-from schuler.arrays import FloatArray
+from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
+from schuler.recording.io.columns import check_known
 from schuler.recording.io.hint_texts import parse_time
-from schuler.timebase import UNIX_TO_GPS_S, WEEK_S, TimeBase, calendar, gps_from_unix, gps_seconds
+from schuler.timebase import (
+    LEAP_DAYS,
+    UNIX_TO_GPS_S,
+    WEEK_S,
+    TimeBase,
+    calendar,
+    gps_from_calendar,
+    gps_from_unix,
+    gps_seconds,
+)
 
 LATEST_S = 4.0e9  # GPS seconds of the year 2106, beyond any log [s]
 LATEST_LOCAL_S = 1e12  # 30 000 years; a counter in a wrong unit [s]
 
 Fault = Callable[[str, int | None], Exception]
+NS = 1_000_000_000
+_KINDS = ("unix", "utc-unix", "gps-unix", "local")
 
 
 def stamps(t: FloatArray, time: str | None, fault: Fault, notes: list[str]) -> tuple[FloatArray, TimeBase]:
@@ -104,3 +118,90 @@ def _from_tow(t: FloatArray, week: int, fault: Fault, notes: list[str]) -> tuple
 def _outside(t: FloatArray, low: float, high: float) -> int | None:
     rows = np.flatnonzero(~((t >= low) & (t <= high)))
     return int(rows[0]) if len(rows) else None
+
+
+def from_unix(
+    stamps_ns: Mapping[str, IntArray], stated: str | None, notes: list[str], assumed: str = "local"
+) -> tuple[dict[str, FloatArray], TimeBase]:
+    """Seconds of a time base of stamps in nanoseconds.
+
+    Parameters
+    ----------
+    stamps_ns : mapping of str to ndarray of int64, shape (n,)
+        Stamps of each series, not empty. [ns]
+    stated : str or None
+        The hint ``time``: "unix" (UTC), "gps-unix" (no leap seconds) or "local".
+    notes : list of str
+        Takes a sentence.
+    assumed : str
+        Meaning where nothing is stated.
+
+    Returns
+    -------
+    seconds : dict of str to ndarray
+        Since the start of the GPS week of the first stamp; for "local" since its whole second if it is after 1980.
+    base : TimeBase
+
+    Raises
+    ------
+    InputError
+        If the hint means something else, or stamps are no dates of GPS time.
+    """
+    kind = check_known(stated or assumed, _KINDS, "time")
+    first = min(int(values.min()) for values in stamps_ns.values())
+    last = max(int(values.max()) for values in stamps_ns.values())
+    dated = first >= int(UNIX_TO_GPS_S) * NS
+    if kind == "local":
+        zero = first // NS if dated else 0
+        if zero:
+            notes.append(
+                f"Stamps are taken as the log's own clock; {zero} s were taken off all (hint time='unix' if they are "
+                "Unix time)."
+            )
+        return {name: (values - zero * NS) / NS for name, values in stamps_ns.items()}, TimeBase("local")
+    if not dated:
+        raise InputError(f"time={kind!r}, but the first stamp, {first} ns, is before GPS time began (1980-01-06)")
+    # a leap second within the log would be a step back of Unix time, which the readers refuse as such
+    ends = np.array([first // NS, last // NS], dtype=np.float64)
+    gps = gps_from_unix(ends) if kind != "gps-unix" else ends - UNIX_TO_GPS_S
+    added = int(gps[0] - ends[0] + UNIX_TO_GPS_S)
+    if gps[1] - ends[1] != gps[0] - ends[0]:
+        raise InputError("a leap second was introduced within the log: cut it there, or say time='gps-unix'")
+    if kind == "gps-unix":
+        notes.append("Stamps count time since 1970 on the GPS scale; no leap second was added.")
+    else:
+        notes.append(f"Stamps are taken as Unix time (UTC); {added} leap seconds were added.")
+    start = int(gps[0] // WEEK_S * WEEK_S)
+    zero = start + int(UNIX_TO_GPS_S) - added
+    return {name: (values - zero * NS) / NS for name, values in stamps_ns.items()}, TimeBase("gps", float(start))
+
+
+def to_unix(t: FloatArray, base: TimeBase) -> IntArray:
+    """Unix time of times of a time base; of a local clock the time itself. Shapes (n,). [s] to [ns]
+
+    Raises
+    ------
+    InputError
+        If a stamp would be before 1970, or in more than 200 years.
+    """
+    if base.scale == "local":
+        zero = 0
+    else:
+        gps = base.epoch_gps_s + float(t[0])
+        zero = int(np.floor(base.epoch_gps_s)) + int(UNIX_TO_GPS_S) - (leaps_at(gps) if base.scale == "gps" else 0)
+    part = base.epoch_gps_s - np.floor(base.epoch_gps_s) if base.scale != "local" else 0.0
+    if zero + t.min() < 0.0 or zero + t.max() > 6.3e9:
+        raise InputError(f"stamps from {t.min():.6g} s cannot be nanoseconds since 1970: shift the recording")
+    whole = np.floor(t)
+    ns = np.round((t - whole + part) * NS).astype(np.int64)
+    return np.asarray((whole.astype(np.int64) + zero) * NS + ns)
+
+
+def leaps_at(gps_s: float) -> int:
+    """GPS time minus UTC at a GPS time. [s]"""
+    return sum(gps_s >= gps_from_calendar(dt.datetime(*day), utc=True) for day in LEAP_DAYS)
+
+
+def seconds_text(stamps_ns: IntArray) -> Any:
+    """Stamps as text of seconds with nine decimals, without loss. Shape (n,)."""
+    return np.array([f"{int(ns) // NS}.{int(ns) % NS:09d}" for ns in stamps_ns])

@@ -16,8 +16,7 @@ from schuler.recording.io import columns, own_satellites
 from schuler.recording.io.hint_texts import SERIES
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Metadata, Recording
-from schuler.recording.scalar_series import ScalarSeries
-from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries
+from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
 from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from schuler.exceptions import FileFormatError, InputError, SchulerError
-from schuler.recording.formats import instinct_csv, nmea, psins_imu, ubx, ubx_frames
+from schuler.recording.formats import instinct_csv, nmea, psins, ubx
 from schuler.recording.io.assemble import metadata_of
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
@@ -54,12 +54,12 @@ def kinds_of(path: Path, head: bytes) -> tuple[str, ...]:
     if (kind := rinex_kind(path, head)) is not None:
         return (kind,)
     if _is_ubx(path, head):
-        found = {span[0] for span in ubx_frames.find_frames(head).spans}
+        found = {span[0] for span in ubx.find_frames(head).spans}
         held = [name for name, code in (("gnss", ubx.PVT), ("observations", ubx.RAWX)) if code in found]
         return tuple(held) or ("observations",)
     if _is_nmea(path, head):
         return ("gnss",)
-    if psins_imu.looks_like_psins_imu(head):
+    if psins.looks_like_psins_imu(head):
         return ("imu",)
     if instinct_csv.looks_like_instinct_csv(head):
         return ("gnss",) if _RECEIVER in head else ("imu",)
@@ -101,14 +101,14 @@ def read_satellite_file(
         return nmea.read_nmea(path, hints)
     if hints.columns is not None:  # the tables below can also be read column by column
         return None
-    if psins_imu.looks_like_psins_imu(head):
-        return psins_imu.read_psins_imu(path, hints)
+    if psins.looks_like_psins_imu(head):
+        return psins.read_psins_imu(path, hints)
     if instinct_csv.looks_like_instinct_csv(head):
         if _RECEIVER in head:
             return instinct_csv.read_instinct_gnss(path, hints).recording
         return instinct_csv.read_instinct_imu(path, hints)
     if hints.variable is None and is_psins_ranges(path, head):
-        from schuler.recording.formats.psins_ranges import read_psins_ranges
+        from schuler.recording.formats.psins import read_psins_ranges
 
         _refuse_surplus(path, hints, "PSINS file of ranges")
         recording = read_psins_ranges(path).recording
@@ -120,9 +120,9 @@ def is_psins_ranges(path: Path, head: bytes) -> bool:
     """Whether a file is PSINS's ``.mat`` of increments, ranges and ephemerides, from the names in it."""
     if not head.startswith(b"MATLAB 5.0"):
         return False
-    from schuler.recording.formats import mat_peek
+    from schuler.recording.formats import matlab
 
-    return mat_peek.variables(path).keys() >= PSINS_ARRAYS
+    return matlab.variables(path).keys() >= PSINS_ARRAYS
 
 
 def _opening(path: Path, head: bytes) -> bytes:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
-from schuler.recording.formats import parts
-from schuler.recording.formats.streams import Stream, choose
+from schuler.recording.io import parts
+from schuler.recording.io.streams import Stream, choose
 from schuler.timebase import WEEK_S, TimeBase
 
 NO_VELOCITY = 1000.0  # 1-sigma of a velocity that is missing at single epochs [m/s]

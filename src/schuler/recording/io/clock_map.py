@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.recording.formats.parts import Table
+from schuler.recording.io.parts import Table
 from schuler.timebase import WEEK_S, TimeBase
 
 _BLOCKS = 20

@@ -37,7 +37,7 @@ def earth_fixed(
     C_bs: FloatArray,
     path: Path,
 ) -> dict[str, FloatArray]:
-    """Columns of a reference, see :class:`schuler.recording.formats.parts.Table`.
+    """Columns of a reference, see :class:`schuler.recording.io.parts.Table`.
 
     Parameters
     ----------

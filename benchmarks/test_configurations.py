@@ -22,8 +22,7 @@ from schuler.filtering.measurements import (
 )
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.gnss.constellation import nominal_orbits
-from schuler.gnss.range_errors import EXACT
-from schuler.gnss.synthetic import synthetic_ranges
+from schuler.gnss.synthetic import EXACT, synthetic_ranges
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.aids.satellite import range_measurements
 from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic

@@ -11,8 +11,7 @@ from schuler.filtering.engine import FilterOptions, InitialState, run
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.preparation import prepare_ranges
-from schuler.gnss.range_errors import RangeErrors
-from schuler.gnss.synthetic import synthetic_ranges
+from schuler.gnss.synthetic import RangeErrors, synthetic_ranges
 from schuler.navigation.aids.satellite import range_measurements
 from schuler.navigation.inputs.satellite_noise import inflate_sigmas
 from schuler.navigation.states import clock_models

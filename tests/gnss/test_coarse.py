@@ -7,9 +7,8 @@ import pytest
 from sky import HOME, ephemerides, observe
 
 from schuler.frames import C_en, ecef_from_llh, llh_from_ecef
-from schuler.gnss.clock_jumps import MILLISECOND, millisecond_steps
 from schuler.gnss.coarse import coarse_track, directions, epoch_medians, geometric_ranges
-from schuler.gnss.preparation import prepare_ranges
+from schuler.gnss.preparation import MILLISECOND, millisecond_steps, prepare_ranges
 
 
 def sats_above(n, rng):

@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 import pytest
 
-from schuler.gnss import glonass
+from schuler.gnss import orbits
 from schuler.gnss.ephemerides import GlonassRecords
-from schuler.gnss.glonass import GM, J2, OMEGA, RADIUS, glonass_states, runge_kutta
+from schuler.gnss.orbits import GM, J2, OMEGA, RADIUS, glonass_states, runge_kutta
 
 A = 25_508e3
 
@@ -134,4 +134,4 @@ def test_neighbouring_messages_agree(shared_data):
 
 
 def test_the_stated_constants():
-    assert (glonass.STEP_S, glonass.RADIUS) == (60.0, 6_378_136.0)
+    assert (orbits.STEP_S, orbits.RADIUS) == (60.0, 6_378_136.0)

@@ -23,9 +23,8 @@ from schuler.gnss.integrity import (
     thresholds,
 )
 from schuler.gnss.point import solve_points
-from schuler.gnss.range_errors import RangeErrors
 from schuler.gnss.signals import satellite_name
-from schuler.gnss.synthetic import synthetic_ranges
+from schuler.gnss.synthetic import RangeErrors, synthetic_ranges
 
 SIGMA = 3.0
 NOISY = RangeErrors(noise=SIGMA, rate_noise=0.1, multipath=0.0, atmosphere=0.0)

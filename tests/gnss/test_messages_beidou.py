@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from navigation_messages import d1_words, pack
 
 from schuler.exceptions import InputError
 from schuler.gnss import messages_beidou as d1
-from schuler.gnss.message_fields import SEMICIRCLE, pack, unpack
+from schuler.gnss.message_fields import SEMICIRCLE, unpack
 
 WEEK = 604_800.0
 NOW = 2381 * WEEK + 408_650.0
@@ -31,7 +32,7 @@ def subframe(number: int, sow: float | None = None, toe: float = 406_800.0, **ch
     values = PARTS[number] | {"toe_high": high * STEP, "toe_low": low} | changes
     body, length = pack(values, d1._SUBFRAMES[number])
     assert length == 186
-    return d1.subframe_words(head << 186 | body)
+    return d1_words(head << 186 | body)
 
 
 def decoded(words, near=NOW):

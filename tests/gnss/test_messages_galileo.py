@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from navigation_messages import pack, page_words
 
 from schuler.exceptions import InputError
 from schuler.gnss import messages_galileo as inav
-from schuler.gnss.message_fields import SEMICIRCLE, crc24q, pack, unpack
+from schuler.gnss.message_fields import SEMICIRCLE, crc24q, unpack
 
 WEEK = 604_800.0
 NOW = 2381 * WEEK + 408_640.0
@@ -29,7 +30,7 @@ WORDS = {
 def page(number: int, **changes: float) -> list[int]:
     word, length = pack(WORDS[number] | changes, inav._WORDS[number])
     assert length == 128
-    return inav.page_words(word | number << 122)
+    return page_words(word | number << 122)
 
 
 def decoded(pages, sat=226, near=NOW, signal="1B"):
@@ -55,13 +56,13 @@ def test_elements_come_back_exactly():
 def test_the_page_is_that_of_the_interface_document():
     """Even part 0, nominal 0, 112 bits, tail; odd part 1, nominal 0, 16 bits, 64 others, check, 8 bits, tail."""
     word = 0x0123456789ABCDEF0123456789ABCDEF
-    words = inav.page_words(word)
+    words = page_words(word)
     even, odd = (sum(w << 32 * (3 - i) for i, w in enumerate(half)) >> 8 for half in (words[:4], words[4:]))
     assert even >> 118 == 0b00
     assert odd >> 118 == 0b10
     assert even >> 6 & (1 << 112) - 1 == word >> 16
     assert odd >> 102 & 0xFFFF == word & 0xFFFF
-    assert inav.checked_page(inav.page_words(word)) == word
+    assert inav.checked_page(page_words(word)) == word
 
 
 def test_the_check_is_the_crc_of_qualcomm():

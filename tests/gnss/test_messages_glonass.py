@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from navigation_messages import glonass_string
 
 from schuler.exceptions import InputError
 from schuler.gnss import messages_glonass as glo
@@ -31,7 +32,7 @@ def string(number: int, frame: int = 5, **changes: int) -> list[int]:
     message = number << 80
     for name, value in (RAW[number] | changes).items():
         message |= value << (BITS[number][name][0] - 1)
-    whole = glo.string_of(message >> 8) << 43
+    whole = glonass_string(message >> 8) << 43
     return [*(whole >> 32 * k & 0xFFFFFFFF for k in (3, 2, 1)), 0x00010000 | frame]
 
 
@@ -67,7 +68,7 @@ def test_the_day_is_that_of_reception_also_around_midnight_in_moscow():
 
 
 def test_any_single_wrong_bit_is_noticed():
-    good = glo.string_of(int(np.random.default_rng(3).integers(0, 1 << 60)) << 10)
+    good = glonass_string(int(np.random.default_rng(3).integers(0, 1 << 60)) << 10)
     assert glo.checks(good)
     assert all(not glo.checks(good ^ 1 << bit) for bit in range(85))
     # two wrong bits keep the number of ones even; the other sums see them

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from navigation_messages import lnav_words, pack
 
 from schuler.exceptions import InputError
 from schuler.gnss import messages_gps as lnav
-from schuler.gnss.message_fields import SEMICIRCLE, accuracy_of_index, nearest, pack, unpack, weeks_off
+from schuler.gnss.message_fields import SEMICIRCLE, accuracy_of_index, nearest, unpack, weeks_off
 
 WEEK = 604_800.0
 NOW = 2381 * WEEK + 408_640.0
@@ -37,7 +38,7 @@ def words_of(number: int, values: dict[str, float], tow: float) -> list[int]:
     body, length = pack(values, lnav._SUBFRAMES[number])
     assert length == 192
     message = head << 192 | body
-    return lnav.subframe_words([message >> 24 * k & 0xFFFFFF for k in range(9, -1, -1)])
+    return lnav_words([message >> 24 * k & 0xFFFFFF for k in range(9, -1, -1)])
 
 
 def stream(changes: dict[int, dict[str, float]] | None = None, numbers=(1, 2, 3)) -> list[list[int]]:

@@ -13,10 +13,9 @@ from schuler.exceptions import InputError
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.integrity import Integrity
 from schuler.gnss.point import solve_points
-from schuler.gnss.range_errors import EXACT, RangeErrors
-from schuler.gnss.range_model import predicted_ranges, predicted_rates
+from schuler.gnss.ranges import predicted_ranges, predicted_rates
 from schuler.gnss.signals import SPEED_OF_LIGHT
-from schuler.gnss.synthetic import synthetic_ranges
+from schuler.gnss.synthetic import EXACT, RangeErrors, synthetic_ranges
 from schuler.recording.point_series import gnss_series
 from schuler.units import DEG
 

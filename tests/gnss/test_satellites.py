@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.gnss.delays import group_delays
 from schuler.gnss.ephemerides import Ephemerides, GlonassRecords, KeplerRecords, no_glonass, no_kepler
-from schuler.gnss.satellites import MAX_AGE_S, choose_messages, is_f_nav, satellite_states, transmission_times
+from schuler.gnss.satellites import (
+    MAX_AGE_S,
+    choose_messages,
+    group_delays,
+    is_f_nav,
+    satellite_states,
+    transmission_times,
+)
 from schuler.gnss.signals import SPEED_OF_LIGHT, satellite
 
 EPOCH = 1.3e9

@@ -12,9 +12,8 @@ from schuler.exceptions import InputError
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.point import solve_points
 from schuler.gnss.preparation import prepare_ranges
-from schuler.gnss.range_errors import EXACT, RangeErrors, Sector
 from schuler.gnss.signals import SPEED_OF_LIGHT
-from schuler.gnss.synthetic import broadcast_satellites, synthetic_ranges
+from schuler.gnss.synthetic import EXACT, RangeErrors, Sector, broadcast_satellites, synthetic_ranges
 from schuler.units import DEG
 
 HERE = frames.ecef_from_llh(np.array([0.85, 0.16, 400.0]))

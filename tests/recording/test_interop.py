@@ -21,6 +21,7 @@ from schuler.recording.tables import pandas as frames_pandas
 from schuler.recording.tables import polars as frames_polars
 from schuler.recording.tables import xarray as frames_xarray
 from schuler.recording.tables.tables import Tables, recording_of, tables_of
+from schuler.recording.trajectory import FullTrajectory
 from schuler.timebase import TimeBase
 from schuler.units import DEG, G0, parse_unit
 
@@ -261,7 +262,7 @@ def result(run, rng) -> NavigationResult:
     )  # fmt: skip
     llh = run.gnss.llh
     C_eb = rotation.dcm_from_quat(run.reference.q_eb)
-    reference = Trajectory.from_geodetic(run.gnss.t, llh, rng.standard_normal((k, 3)), C_eb)
+    reference = FullTrajectory.from_geodetic(run.gnss.t, llh, rng.standard_normal((k, 3)), C_eb)
     return NavigationResult(
         reference.at(np.linspace(reference.t[0], reference.t[-1], 25)), reference.t, reference,
         rng.standard_normal((k, n - 9)), 0.5 * (P + np.swapaxes(P, 1, 2)), innovations, layout, 400, 900,

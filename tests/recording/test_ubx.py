@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from navigation_messages import lnav_words, pack
 
 from schuler.exceptions import FileFormatError, InputError
 from schuler.gnss import messages_gps
-from schuler.gnss.message_fields import pack
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS, satellite, satellite_name
 from schuler.recording.formats.ubx import find_frames, looks_like_ubx, read_ubx, read_ubx_recording
 from schuler.recording.formats.ubx_messages import SIGNAL_OF_SIG_ID, satellite_of
@@ -231,7 +231,7 @@ def test_the_height_of_a_two_dimensional_fix_is_not_believed(log):
 # ----------------------------------------------------------------------------------- navigation messages
 
 
-def lnav_words() -> list[list[int]]:
+def subframes() -> list[list[int]]:
     tables = {
         1: {"week": 2381 % 1024, "issue": 9, "toc": 410_400.0, "af0": 2.0**-20},
         2: {"issue": 9, "toe": 410_400.0, "sqrt_a": 5153.5, "e": 0.0078125},
@@ -241,12 +241,12 @@ def lnav_words() -> list[list[int]]:
     for number, table in tables.items():
         head, _ = pack({"preamble": 0x8B, "tow": 408_630.0 + 6.0 * number, "id": number}, messages_gps._HEAD)
         message = head << 192 | pack(table, messages_gps._SUBFRAMES[number])[0]
-        words.append(messages_gps.subframe_words([message >> 24 * k & 0xFFFFFF for k in range(9, -1, -1)]))
+        words.append(lnav_words([message >> 24 * k & 0xFFFFFF for k in range(9, -1, -1)]))
     return words
 
 
 def test_subframes_take_the_week_of_the_message_before(log):
-    words = lnav_words()
+    words = subframes()
     r = read_ubx(
         log(sfrbx(0, 10, 0, words[0]), rawx(408_650.0, measurement()), *(sfrbx(0, 10, 0, w) for w in words[1:]))
     )
@@ -257,7 +257,7 @@ def test_subframes_take_the_week_of_the_message_before(log):
 
 
 def test_messages_of_other_kinds_are_counted(log):
-    words = lnav_words()[0]
+    words = subframes()[0]
     r = read_ubx(
         log(
             pvt(), sfrbx(0, 10, 4, words), sfrbx(2, 3, 3, words[:8]), sfrbx(3, 3, 1, words), sfrbx(1, 133, 0, words[:8])
@@ -270,7 +270,7 @@ def test_messages_of_other_kinds_are_counted(log):
 
 def test_subframes_without_any_time_are_refused(log):
     with pytest.raises(FileFormatError, match="no message of the log says the time"):
-        read_ubx(log(*(sfrbx(0, 10, 0, w) for w in lnav_words())))
+        read_ubx(log(*(sfrbx(0, 10, 0, w) for w in subframes())))
 
 
 # ------------------------------------------------------------------------------------------ wrong files
@@ -304,7 +304,7 @@ def test_the_log_as_a_recording(log):
     with pytest.raises(InputError, match="leave out offset"):
         read_ubx_recording(path, ReadHints(offset=0.1))
     # a recording of raw measurements alone, and with what was broadcast
-    words = [sfrbx(0, 10, 0, w) for w in lnav_words()]
+    words = [sfrbx(0, 10, 0, w) for w in subframes()]
     raw = read_ubx_recording(log(rawx(408_650.0, measurement()), *words), ReadHints())
     assert raw.gnss is None
     assert len(raw.ephemerides.kepler) == 1

@@ -11,9 +11,9 @@ from places import EXAMPLES
 from schuler.exceptions import InputError
 from schuler.gnss.point import solve_points
 from schuler.gnss.preparation import prepare_ranges
-from schuler.gnss.range_errors import EXACT, RangeErrors, Sector
-from schuler.gnss.range_model import predicted_ranges
+from schuler.gnss.ranges import predicted_ranges
 from schuler.gnss.signals import SPEED_OF_LIGHT, satellite
+from schuler.gnss.synthetic import EXACT, RangeErrors, Sector
 from schuler.recording.io import read, write
 from schuler.simulation.aid_sections import SatellitesSection
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion

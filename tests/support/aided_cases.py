@@ -14,10 +14,8 @@ from schuler.filtering.engine import FilterOptions, InitialState, run
 from schuler.filtering.measurements import EARTH_RATE_MAGNITUDE, MeasurementSchedule, gnss_measurements, merged
 from schuler.filtering.states import StateLayout
 from schuler.gnss.constellation import nominal_orbits
-from schuler.gnss.range_errors import EXACT
-from schuler.gnss.range_model import predicted_ranges, predicted_rates
-from schuler.gnss.ranges import Ranges
-from schuler.gnss.synthetic import synthetic_ranges
+from schuler.gnss.ranges import Ranges, predicted_ranges, predicted_rates
+from schuler.gnss.synthetic import EXACT, synthetic_ranges
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.aids.rest import earth_rates, gravities, zero_rates
 from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.frames import C_en, ecef_from_llh, llh_from_ecef
-from schuler.gnss.delays import group_delays
 from schuler.gnss.ephemerides import Ephemerides, GlonassRecords, KeplerRecords
 from schuler.gnss.observations import Observations
-from schuler.gnss.satellites import satellite_states
+from schuler.gnss.satellites import group_delays, satellite_states
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS, frequency_hz, satellite
 
 EPOCH = 1.3e9 + 46_800.0  # GPS time of t = 0; a reference time of all messages [s]

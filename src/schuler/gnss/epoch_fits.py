@@ -8,8 +8,7 @@ import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.gnss.dilution import design, inverse_normal
-from schuler.gnss.range_model import predicted_ranges, predicted_rates
-from schuler.gnss.ranges import Ranges
+from schuler.gnss.ranges import Ranges, predicted_ranges, predicted_rates
 
 _ITERATIONS = 25
 _CONVERGED = 1e-4  # step after which the next is below rounding: convergence is quadratic [m]

@@ -61,15 +61,6 @@ def unpack(message: int, length: int, layout: Sequence[Field], start: int = 0) -
     return values
 
 
-def pack(values: Mapping[str, float], layout: Sequence[Field]) -> tuple[int, int]:
-    """The opposite of :func:`unpack`: message and its length, absent fields zero. For simulated messages."""
-    message = length = 0
-    for name, bits, _, scale in layout:
-        number = round(values.get(name, 0.0) / scale) & ((1 << bits) - 1)
-        message, length = message << bits | number, length + bits
-    return message, length
-
-
 def crc24q(message: int, length: int) -> int:
     """24-bit cyclic redundancy check of Galileo, SBAS and RTCM (Galileo OS SIS ICD 2.1, 5.1.9.4)."""
     remainder = message << 24

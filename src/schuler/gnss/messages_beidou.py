@@ -138,16 +138,6 @@ def bch_remainder(code: int) -> int:
     return code
 
 
-def subframe_words(message: int) -> list[int]:
-    """Ten words of 30 bits with parity of 224 information bits; the opposite of :func:`checked_message`."""
-    head = message >> (_BITS - 26)
-    words = [head << 4 | bch_remainder((head & 0x7FF) << 4)]
-    for k in range(8, -1, -1):
-        info = message >> 22 * k & 0x3FFFFF
-        words.append(info << 8 | bch_remainder(info >> 11 << 4) << 4 | bch_remainder((info & 0x7FF) << 4))
-    return words
-
-
 def _row(sat: int, parts: dict[int, dict[str, float]]) -> dict[str, Any]:
     row: dict[str, Any] = {**parts[3], **parts[2], **parts[1]}
     sent = parts[1]["sent"]

@@ -150,14 +150,6 @@ def checked_page(page: list[int]) -> int | None:
     return (first & (1 << 112) - 1) << 16 | odd >> 102 & 0xFFFF
 
 
-def page_words(word: int) -> list[int]:
-    """Eight words of 32 bits that carry a word of 128 bits in a nominal page; the opposite of :func:`checked_page`."""
-    first, second = word >> 16, (0b10 << 16 | word & 0xFFFF) << 64  # reserved, search and rescue and spare are zero
-    odd = (second << 24 | crc24q(first << 82 | second, 196)) << 14
-    both = first << 14 << 128 | odd << 8
-    return [both >> 32 * k & 0xFFFFFFFF for k in range(7, -1, -1)]
-
-
 def sisa(index: float) -> float:
     """Signal-in-space accuracy, infinite where none is predicted (Galileo OS SIS ICD 2.1, table 89). [m]"""
     n = int(index)

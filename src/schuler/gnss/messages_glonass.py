@@ -113,13 +113,6 @@ def checks(message: int) -> bool:
     return _syndrome(message) == 0 and message.bit_count() % 2 == 0
 
 
-def string_of(payload: int) -> int:
-    """A string of 85 bits with check sums of its 77 first bits; the opposite of checking."""
-    message = payload << 8
-    message |= _syndrome(message)
-    return message | (message.bit_count() % 2) << 7
-
-
 def _syndrome(message: int) -> int:
     """Seven check sums as bits: exclusive or of the places of all ones."""
     syndrome = 0

@@ -5,7 +5,7 @@ IS-GPS-200N, section 20.3.3 and figures 20-1; QZSS L1 C/A has the same subframes
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -185,19 +185,3 @@ def _leap_seconds(part: dict[str, float], now: float) -> int:
     week = int(now // WEEK_S)
     week += (int(part["leap_week"]) - week + 128) % 256 - 128
     return int(part["next_leap"] if now >= (week + part["leap_day"] / 7.0) * WEEK_S else part["leap"])
-
-
-def subframe_words(data: Sequence[int]) -> list[int]:
-    """Ten words of 30 bits with parity of ten times 24 source bits; the opposite of :func:`checked_words`.
-
-    The last two source bits of words 2 and 10 are chosen so that their parity ends in zeros, as the satellites do.
-    """
-    words, before = [], 0
-    for k, source in enumerate(data):
-        source = int(source)
-        if k in (1, 9):
-            source = next(d for d in range(source & ~3, (source & ~3) + 4) if parity(d, before) & 3 == 0)
-        bits = parity(source, before)
-        words.append(source << 6 | (bits ^ 0x3F if before & 1 else bits))
-        before = bits & 3
-    return words

@@ -1,6 +1,6 @@
 """Single-point position and velocity: iterated weighted least squares on each epoch's ranges and range rates.
 
-The models are those of :mod:`schuler.gnss.range_model`.
+The models are those of :mod:`schuler.gnss.ranges`.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from schuler.gnss.dilution import Dilution, design, dilution_of, inverse_normal
 from schuler.gnss.epoch_fits import FAR, Fit, Padded, fit_ranges, fit_rates, linearised, robust_positions
 from schuler.gnss.integrity import DEFAULT_INTEGRITY, Integrity, identify, protection_levels, thresholds
 from schuler.gnss.point_result import PointSolution
-from schuler.gnss.range_model import predicted_ranges, predicted_rates
-from schuler.gnss.ranges import Ranges
+from schuler.gnss.ranges import Ranges, predicted_ranges, predicted_rates
 
 _CHUNK = 2048  # epochs at a time, for the sake of memory
 _MISSING_SIGMA = 10.0  # of a range without a standard deviation [m]

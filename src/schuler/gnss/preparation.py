@@ -1,8 +1,12 @@
-"""From a receiver's raw measurements and broadcast messages to ranges ready for positioning."""
+"""From a receiver's raw measurements and broadcast messages to ranges ready for positioning.
+
+Receiver clocks that are set by whole milliseconds are found, with where it happened and by how much.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -10,15 +14,19 @@ import numpy as np
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.frames import llh_from_ecef
-from schuler.gnss.clock_jumps import MILLISECOND, millisecond_steps
-from schuler.gnss.coarse import epoch_medians, geometric_ranges
-from schuler.gnss.delays import UNKNOWN_DELAY, group_delays
+from schuler.gnss.coarse import ReceiverPlace, epoch_medians, geometric_ranges, receiver_place
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.ionosphere import ionosphere_free, klobuchar
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
-from schuler.gnss.receiver_place import ReceiverPlace, receiver_place
-from schuler.gnss.satellites import SatelliteStates, choose_messages, states_of_messages, transmission_times
+from schuler.gnss.satellites import (
+    UNKNOWN_DELAY,
+    SatelliteStates,
+    choose_messages,
+    group_delays,
+    states_of_messages,
+    transmission_times,
+)
 from schuler.gnss.signal_choice import ChosenSignals, choose_signals
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS
 from schuler.gnss.troposphere import Mapping as TroposphereMapping
@@ -37,6 +45,10 @@ _SHORTEST, _LONGEST = 1.0e7, 1.0e8  # pseudoranges; a receiver clock may be off 
 _FLIGHT_S = 0.08  # for a choice of the message before anything is known [s]
 _IMPLAUSIBLE = 10_000.0  # from the median of its epoch; the coarse position is much better than that [m]
 _RESOLUTION_S = 1e-6  # times are corrected in steps of this, so that a disciplined receiver's stay as they are [s]
+MILLISECOND = 1e-3 * SPEED_OF_LIGHT  # [m]
+LONGEST_GAP_S = 60.0
+_FASTEST = 3e4  # [m/s]
+_CLEAR = 0.1  # a step is a whole number of milliseconds if it is as near as this to one [ms]
 
 
 def prepare_ranges(
@@ -299,3 +311,48 @@ def _clocks(sat: IntArray, asked: BoolArray) -> tuple[IntArray, tuple[str, ...]]
     owner = np.where(sat // 100 == qzss, gps, sat // 100)
     present = np.unique(owner[asked])
     return np.where(asked, np.searchsorted(present, owner), 0), tuple(SYSTEMS[i] for i in present)
+
+
+def millisecond_steps(t: FloatArray, clock: FloatArray, drift: FloatArray) -> tuple[IntArray, IntArray]:
+    """Whole milliseconds by which a receiver clock has been set since the first epoch.
+
+    Parameters
+    ----------
+    t : ndarray, shape (k,)
+        Epochs. [s]
+    clock : ndarray, shape (k,)
+        Receiver clock at each, NaN where unknown; errors of 10 km do not matter. [m]
+    drift : ndarray, shape (k,)
+        Its rate from Doppler shifts. Where it is NaN, or beyond 100 ppm (a step between two measurements), the rate of
+        the previous interval without a step is used. [m/s]
+
+    Returns
+    -------
+    steps : ndarray of int, shape (k,)
+        To be subtracted from the clock, in milliseconds, to make it continuous.
+    irregular : ndarray of int
+        Epochs at which the clock moved by more than 0.1 ms that is no whole number of milliseconds; left as it is.
+
+    Notes
+    -----
+    Nothing is looked for across gaps of more than a minute, where a drift alone can make a millisecond.
+    """
+    steps = np.zeros(len(t), dtype=np.int64)
+    irregular = []
+    known = np.flatnonzero(np.isfinite(clock))
+    usual = 0.0
+    for a, b in pairwise(known.tolist()):
+        dt, moved = t[b] - t[a], clock[b] - clock[a]
+        if not 0.0 < dt <= LONGEST_GAP_S:
+            continue
+        rates = drift[[a, b]]
+        rates = rates[np.abs(rates) < _FASTEST]
+        unexpected = (moved - (rates.mean() if len(rates) else usual) * dt) / MILLISECOND
+        whole = int(np.round(unexpected))
+        if abs(unexpected - whole) > _CLEAR:
+            irregular.append(int(b))
+        elif whole:
+            steps[b:] += whole
+        else:
+            usual = moved / dt
+    return steps, np.array(irregular, dtype=np.int64)

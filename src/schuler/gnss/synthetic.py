@@ -13,9 +13,7 @@ from schuler.exceptions import InputError
 from schuler.gnss.constellation import CircularOrbits
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.observations import Observations
-from schuler.gnss.range_errors import RangeErrors, Sector
-from schuler.gnss.range_model import predicted_ranges, predicted_rates
-from schuler.gnss.ranges import Ranges
+from schuler.gnss.ranges import Ranges, predicted_ranges, predicted_rates
 from schuler.gnss.satellites import satellite_states
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS
 from schuler.units import DEG
@@ -64,7 +62,7 @@ class SyntheticRanges:
         Observations
             Of one signal for each system (L1 C/A, E1, B1I), of satellites whose clocks and group delays are zero, as in
             :meth:`schuler.gnss.constellation.CircularOrbits.ephemerides`. No carrier phases. Range rates are as
-            measured, per second of reception (:mod:`schuler.gnss.range_model`).
+            measured, per second of reception (:mod:`schuler.gnss.ranges`).
         """
         r = self.ranges
         stamp = r.t + self.clock[:, 0][self.epoch] / SPEED_OF_LIGHT
@@ -154,7 +152,7 @@ def synthetic_ranges(
 
     Notes
     -----
-    Ranges and rates follow :mod:`schuler.gnss.range_model` exactly, travel time solved to rounding. The clock is the
+    Ranges and rates follow :mod:`schuler.gnss.ranges` exactly, travel time solved to rounding. The clock is the
     two-state model of Groves (2013), section 9.4.2, its noise drawn with the exact covariance of a step; the
     Gauss-Markov processes start in their steady state. A satellite's processes run on while it is not seen.
     """
@@ -274,3 +272,72 @@ def _clock(t: FloatArray, e: RangeErrors, groups: int, rng: np.random.Generator)
 def _cn0(elevation: FloatArray) -> FloatArray:
     """Plausible signal strengths: 50 dB-Hz at the zenith, 35 at the horizon. [dB-Hz]"""
     return 35.0 + 15.0 * np.sin(np.maximum(elevation, 0.0))
+
+
+@dataclass(frozen=True)
+class RangeErrors:
+    """Error budget of synthetic ranges; every part is 1-sigma at the zenith.
+
+    Attributes
+    ----------
+    noise, rate_noise : float
+        White, of ranges [m] and range rates [m/s]. Grows as ``sqrt((1 + 1 / sin^2 el) / 2)`` towards the horizon.
+    multipath, multipath_tau : float
+        First-order Gauss-Markov process of each satellite, growing likewise [m], and its correlation time [s].
+    atmosphere, atmosphere_tau : float
+        What correction models leave: Gauss-Markov, growing as ``1 / sin el`` with at least 5 degrees [m], [s].
+    clock, drift : float
+        Receiver clock at the start, of the first group [m], [m/s].
+    clock_psd, drift_psd : float
+        Power spectral densities of the clock's frequency noise [m^2/s] and of the random walk of its drift [m^2/s^3].
+        0.04 and 0.04 are a temperature-compensated crystal oscillator's (Groves (2013), section 9.4.2).
+    offsets : tuple of float
+        Clock of each further group less that of the first. [m]
+    """
+
+    noise: float = 0.5
+    rate_noise: float = 0.05
+    multipath: float = 0.5
+    multipath_tau: float = 30.0
+    atmosphere: float = 0.5
+    atmosphere_tau: float = 1800.0
+    clock: float = 3e4
+    drift: float = 30.0
+    clock_psd: float = 0.04
+    drift_psd: float = 0.04
+    offsets: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("noise", "rate_noise", "multipath", "atmosphere", "clock_psd", "drift_psd"):
+            if not getattr(self, name) >= 0.0:
+                raise InputError(f"{name}: expected 0 or more, got {getattr(self, name)}")
+        for name in ("multipath_tau", "atmosphere_tau"):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f"{name}: expected a positive time, got {getattr(self, name)}")
+
+
+#: Ranges without any error and a clock that stands at zero.
+EXACT = RangeErrors(0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Sector:
+    """A part of the sky that is blocked.
+
+    Attributes
+    ----------
+    azimuth_from, azimuth_to : float
+        From north over east; from 5.5 to 0.5 goes through north. [rad]
+    below : float
+        Blocked up to this elevation. [rad]
+    """
+
+    azimuth_from: float
+    azimuth_to: float
+    below: float = 0.5 * np.pi
+
+    def blocks(self, azimuth: FloatArray, elevation: FloatArray) -> BoolArray:
+        """Whether directions are within it. Shape as given."""
+        width = np.mod(self.azimuth_to - self.azimuth_from, 2.0 * np.pi)
+        inside = np.mod(azimuth - self.azimuth_from, 2.0 * np.pi) <= width
+        return np.asarray(inside & (elevation <= self.below))

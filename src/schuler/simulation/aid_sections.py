@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from schuler.gnss.range_errors import RangeErrors, Sector
+from schuler.gnss.synthetic import RangeErrors, Sector
 from schuler.simulation.aiding import GnssFault, GnssModel
 from schuler.simulation.satellites import BlockedSky, RangeFault, SatelliteModel, SkyWindow
 from schuler.simulation.scalars import HeadingModel, HeightModel

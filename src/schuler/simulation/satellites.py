@@ -12,10 +12,9 @@ from schuler.exceptions import InputError
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.observations import Observations
-from schuler.gnss.range_errors import RangeErrors, Sector
 from schuler.gnss.ranges import Ranges
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS, satellite, satellite_name
-from schuler.gnss.synthetic import SyntheticRanges, broadcast_satellites, synthetic_ranges
+from schuler.gnss.synthetic import RangeErrors, Sector, SyntheticRanges, broadcast_satellites, synthetic_ranges
 from schuler.simulation.motion import Motion
 from schuler.simulation.scalars import outside, times
 from schuler.units import DEG

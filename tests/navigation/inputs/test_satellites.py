@@ -17,9 +17,8 @@ from schuler.filtering.states import StateLayout, StateModel
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.ephemerides import Ephemerides, no_glonass
 from schuler.gnss.point import solve_points
-from schuler.gnss.range_errors import RangeErrors, Sector
 from schuler.gnss.signals import SPEED_OF_LIGHT
-from schuler.gnss.synthetic import synthetic_ranges
+from schuler.gnss.synthetic import RangeErrors, Sector, synthetic_ranges
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.aids.satellite import range_measurements
 from schuler.navigation.config import NavigationConfig

@@ -19,7 +19,7 @@ from schuler.recording.io import clock, lines, parts
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.parts import Table
-from schuler.recording.io.streams import Stream, choose, stream_of
+from schuler.recording.io.streams import Stream, choose, joined, stream_of
 from schuler.recording.recording import Recording
 from schuler.timebase import TimeBase
 
@@ -125,7 +125,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     if imu:
         keep = [parts.later(seconds[kind], kind, path, notes) for kind in imu]
         (t_a, f), (t_g, w) = ((seconds[kind][k], values[kind][k]) for kind, k in zip(imu, keep, strict=True))
-        tables["imu"] = Table(streams.joined(t_a, f, t_g, w, path, notes), axes=_AXES)
+        tables["imu"] = Table(joined(t_a, f, t_g, w, path, notes), axes=_AXES)
         if hints.axes is None:
             notes.append(
                 "The device is taken to lie on its back, its top forward (axes RFU); hint axes says otherwise."

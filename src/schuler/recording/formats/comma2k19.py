@@ -15,12 +15,12 @@ import numpy as np
 from schuler import rotation, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.io import parts, streams
+from schuler.recording.io import parts
 from schuler.recording.io.clock import from_gps
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.parts import Table
-from schuler.recording.io.streams import Stream, choose
+from schuler.recording.io.streams import Stream, choose, joined
 from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S, TimeBase
 
@@ -72,7 +72,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     t_a, f = _pair(accel, 3, notes, sources)
     t_g, w = _pair(log / "IMU" / gyro, 3, notes, sources)
     notes.append(f"Rates are {gyro}" + (", with the bias that Android estimated taken out." if gyro == "gyro" else "."))
-    tables = {"imu": Table(streams.joined(t_a, f, t_g, w, path, notes))}
+    tables = {"imu": Table(joined(t_a, f, t_g, w, path, notes))}
     fixes = _choose(log / "GNSS", _FIXES, "gnss", chosen)
     if fixes is not None and hints.sigma is None:
         notes.append(f"{fixes} has no accuracies and was left out: hint sigma, 'N,E,D' in metres.")

@@ -16,10 +16,11 @@ from schuler import units
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
 from schuler.recording.formats.android import CIRCLE_68
-from schuler.recording.io import clock, lines, parts, plain_text, streams
+from schuler.recording.io import clock, lines, parts, plain_text
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.parts import Table
+from schuler.recording.io.streams import joined
 from schuler.recording.recording import Recording
 
 _HINTS = parts.GNSS_HINTS | {"axes", "streams", "time"}
@@ -96,7 +97,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
         if len(accel) == 2:
             f = f + np.stack([np.interp(t[accel[0]], t[accel[1]], v[accel[1]][:, k]) for k in range(3)], axis=1)
         notes.append(f"IMU: {' plus '.join(accel)} and {gyro}.")
-        tables["imu"] = Table(streams.joined(t[accel[0]], f, t[gyro], v[gyro], path, notes), axes=_AXES)
+        tables["imu"] = Table(joined(t[accel[0]], f, t[gyro], v[gyro], path, notes), axes=_AXES)
         if hints.axes is None:
             notes.append(
                 "The device is taken to lie on its back, its top forward (axes RFU); hint axes says otherwise."

@@ -29,7 +29,7 @@ from schuler.filtering.measurements import (
     gate_threshold,
     merged,
 )
-from schuler.gnss.range_model import predicted_ranges, predicted_rates
+from schuler.gnss.ranges import predicted_ranges, predicted_rates
 from schuler.navigation.evaluation.consistency import attitude_difference, state_errors
 from schuler.navigation.navigator import Navigator
 from schuler.navigation.result import NavigationResult

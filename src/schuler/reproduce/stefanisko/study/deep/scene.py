@@ -18,8 +18,7 @@ from schuler.exceptions import InputError
 from schuler.filtering.engine import InitialState
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.gnss.constellation import nominal_orbits
-from schuler.gnss.range_errors import EXACT
-from schuler.gnss.synthetic import synthetic_ranges
+from schuler.gnss.synthetic import EXACT, synthetic_ranges
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import Increments
 from schuler.recording.trajectory import FullTrajectory

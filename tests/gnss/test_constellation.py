@@ -8,7 +8,7 @@ import pytest
 from schuler import frames
 from schuler.exceptions import InputError
 from schuler.gnss.constellation import nominal_orbits, walker
-from schuler.gnss.dilution import dilution
+from schuler.gnss.dop import dilution
 from schuler.gnss.orbits import CONSTANTS
 from schuler.gnss.satellites import satellite_states
 from schuler.gnss.signals import SYSTEMS, satellite_name

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.gnss.dilution import dilution
+from schuler.gnss.dop import dilution
 
 ROUNDING = 1e-12
 

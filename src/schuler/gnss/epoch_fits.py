@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
-from schuler.gnss.dilution import design, inverse_normal
+from schuler.gnss.dop import design, inverse_normal
 from schuler.gnss.ranges import Ranges, predicted_ranges, predicted_rates
 
 _ITERATIONS = 25

@@ -11,7 +11,7 @@ from schuler import frames
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
 from schuler.earth import WGS84
 from schuler.exceptions import InputError
-from schuler.gnss.dilution import Dilution, design, dilution_of, inverse_normal
+from schuler.gnss.dop import Dilution, design, dilution_of, inverse_normal
 from schuler.gnss.epoch_fits import FAR, Fit, Padded, fit_ranges, fit_rates, linearised, robust_positions
 from schuler.gnss.integrity import DEFAULT_INTEGRITY, Integrity, identify, protection_levels, thresholds
 from schuler.gnss.point_result import PointSolution

@@ -11,7 +11,7 @@ import numpy as np
 from schuler import frames
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.gnss.dilution import Dilution
+from schuler.gnss.dop import Dilution
 from schuler.gnss.ranges import Ranges
 from schuler.gnss.signals import satellite_name
 

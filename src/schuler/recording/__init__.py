@@ -1,7 +1,5 @@
-"""Recordings of sensors, and reading and writing them."""
+"""Recordings of sensors: their types, reading and writing files, and tables of other libraries."""
 
-from schuler.recording.recording import Metadata, Recording
-from schuler.recording.series import GnssSeries, ImuSeries, Increments, OdometerSeries
-from schuler.recording.trajectory import Trajectory
+import lazy_loader
 
-__all__ = ["GnssSeries", "ImuSeries", "Increments", "Metadata", "OdometerSeries", "Recording", "Trajectory"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

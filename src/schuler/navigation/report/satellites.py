@@ -7,7 +7,7 @@ import numpy as np
 from schuler import units
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.filtering.measurements import REJECTED
-from schuler.gnss.dilution import Dilution, dilution
+from schuler.gnss.dop import Dilution, dilution
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import REASONS, Ranges
 from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS, satellite_name

@@ -1,8 +1,5 @@
 """Reading and writing recordings: the only place where units, axes, heights and time scales of others are converted."""
 
-from __future__ import annotations
+import lazy_loader
 
-from schuler.recording.io.dispatch import read, write
-from schuler.recording.io.hints import ReadHints
-
-__all__ = ["ReadHints", "read", "write"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

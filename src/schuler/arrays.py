@@ -46,8 +46,8 @@ def as_floats(value: ArrayLike, name: str, shape: tuple[int | None, ...] | None 
         raise InputError(f"{name}: expected plain numbers, got a masked array; fill or cut what is masked")
     array = np.asarray(array, dtype=np.float64, order="C")
     if shape is not None and not _fits(array.shape, shape):
-        wanted = "(" + ", ".join("n" if s is None else str(s) for s in shape) + ("," if len(shape) == 1 else "") + ")"
-        raise InputError(f"{name}: expected shape {wanted}, got {array.shape}")
+        expected = "(" + ", ".join("n" if s is None else str(s) for s in shape) + ("," if len(shape) == 1 else "") + ")"
+        raise InputError(f"{name}: expected shape {expected}, got {array.shape}")
     if not np.isfinite(array).all():
         rows = np.atleast_1d(array)
         bad = int(np.flatnonzero(~np.isfinite(rows.reshape(len(rows), -1)).all(axis=1))[0])
@@ -66,8 +66,8 @@ def readonly(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return array
 
 
-def _fits(shape: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:
-    return len(shape) == len(wanted) and all(w is None or s == w for s, w in zip(shape, wanted, strict=True))
+def _fits(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
+    return len(shape) == len(expected) and all(w is None or s == w for s, w in zip(shape, expected, strict=True))
 
 
 def _describe(value: object) -> str:

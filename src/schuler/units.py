@@ -221,8 +221,10 @@ def _atom(name: str, text: str) -> tuple[float, Dimension]:
     if spelling is None and name[-1] in "23" and name[:-1].isalpha():  # m/s2, as table headers have it
         spelling = f"{name[:-1]}^{name[-1]}"
     if spelling is None:
-        known = ", ".join(sorted(_ATOMS))
-        raise UnitError(f"unknown unit {name!r} in {text!r}; known are {known} and their products, quotients and roots")
+        choices = ", ".join(sorted(_ATOMS))
+        raise UnitError(
+            f"unknown unit {name!r} in {text!r}; known are {choices} and their products, quotients and roots"
+        )
     unit = parse_unit(spelling)
     return unit.factor, unit.dimension
 

@@ -225,10 +225,10 @@ def nominal_orbits(systems: str = "GE", *, epoch_gps_s: float = 0.0, gps_expande
     the expanded slots. Galileo OS SDD; GLONASS ICD L1, L2; BeiDou OS ICD: Walker parameters. The nodes of the
     Walker patterns are placed evenly from longitude zero at the epoch, not as flown.
     """
-    found = []
+    patterns = []
     for i, system in enumerate(systems):
         if system == "G":
-            found.append(_gps(epoch_gps_s, gps_expanded))
+            patterns.append(_gps(epoch_gps_s, gps_expanded))
         elif system in _WALKER:
             a, inclination, planes, per_plane, phase = _WALKER[system]
             pattern = walker(
@@ -236,14 +236,14 @@ def nominal_orbits(systems: str = "GE", *, epoch_gps_s: float = 0.0, gps_expande
                 first=_FIRST.get(system, 1), epoch_gps_s=epoch_gps_s,
             )  # fmt: skip
             # neighbouring systems are turned against each other, so that their planes do not coincide
-            found.append(_turned(pattern, 0.35 * i))
+            patterns.append(_turned(pattern, 0.35 * i))
         else:
-            known = ", ".join(f"{s} ({SYSTEM_NAMES[s]})" for s in ("G", *_WALKER))
-            raise InputError(f"systems: expected letters among {known}, got {system!r}")
-    if not found:
+            choices = ", ".join(f"{s} ({SYSTEM_NAMES[s]})" for s in ("G", *_WALKER))
+            raise InputError(f"systems: expected letters among {choices}, got {system!r}")
+    if not patterns:
         raise InputError("systems: expected at least one letter")
     names = ("sat", "a", "inclination", "node", "latitude_argument")
-    arrays = {name: np.concatenate([getattr(f, name) for f in found]) for name in names}
+    arrays = {name: np.concatenate([getattr(f, name) for f in patterns]) for name in names}
     return CircularOrbits(**arrays, epoch_gps_s=epoch_gps_s)
 
 

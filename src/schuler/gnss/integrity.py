@@ -263,9 +263,9 @@ def protection_levels(
     larger = half + np.sqrt((0.5 * (cov_n[:, 0, 0] - cov_n[:, 1, 1])) ** 2 + cov_n[:, 0, 1] ** 2)
     k_h = float(np.sqrt(chi2.isf(integrity.missed_detection, 2)))
     k_v = float(norm.isf(0.5 * integrity.missed_detection))
-    found = np.isfinite(root)
-    root = np.where(found, root, 0.0)
-    slope_h, slope_v = (np.where(found, s, np.inf) for s in (slope_h, slope_v))
+    detectable = np.isfinite(root)
+    root = np.where(detectable, root, 0.0)
+    slope_h, slope_v = (np.where(detectable, s, np.inf) for s in (slope_h, slope_v))
     with np.errstate(invalid="ignore"):  # inf * 0 is put right in the next line
         hpl, vpl = (
             slope_h * root + k_h * np.sqrt(larger),

@@ -110,8 +110,8 @@ def _exclude_ranges(p: Padded, fit: Fit, status: IntArray, integrity: Integrity)
     sane = np.isfinite(r).all(axis=1) & (np.abs(np.where(np.isfinite(r), r, 0.0)).max(axis=1) < FAR)
     r[~sane] = fit.x[failed[~sane]]
     about = linearised(q, fit.used[failed], r, fit.converged[failed])
-    used, found, rivals = _identified(about, integrity)
-    k = np.flatnonzero(found)
+    used, identified, rivals = _identified(about, integrity)
+    k = np.flatnonzero(identified)
     if len(k):
         again = fit_ranges(q.of_epochs(k), used[k], about.x[k])
         better = _judge(again, integrity)
@@ -126,24 +126,24 @@ def _exclude_rates(p: Padded, fit: Fit, status: IntArray, r: FloatArray, integri
     failed = np.flatnonzero(status == 5)
     if len(failed) == 0:
         return
-    used, found, rivals = _identified(fit.at(failed), integrity)
-    k = failed[found]
+    used, identified, rivals = _identified(fit.at(failed), integrity)
+    k = failed[identified]
     if len(k):
-        again = fit_rates(p.of_epochs(k), used[found], r[k])
+        again = fit_rates(p.of_epochs(k), used[identified], r[k])
         fit.replace_at(k, again)
-        status[k] = np.where(rivals[found] > 0, 6, _judge(again, integrity))
+        status[k] = np.where(rivals[identified] > 0, 6, _judge(again, integrity))
 
 
 def _identified(fit: Fit, integrity: Integrity) -> tuple[BoolArray, BoolArray, IntArray]:
     """What remains in use of each epoch, whether an explanation was found, and how many others there are."""
-    used, found, rivals = fit.used.copy(), np.zeros(len(fit.x), dtype=bool), np.zeros(len(fit.x), dtype=np.int64)
+    used, identified, rivals = fit.used.copy(), np.zeros(len(fit.x), dtype=bool), np.zeros(len(fit.x), dtype=np.int64)
     for k in range(len(fit.x)):
         rows = np.flatnonzero(fit.used[k])
         answer = identify(fit.A[k, rows], fit.y[k, rows], integrity)
         if answer.rows:
             used[k, rows[list(answer.rows)]] = False
-            found[k], rivals[k] = True, answer.rivals
-    return used, found, rivals
+            identified[k], rivals[k] = True, answer.rivals
+    return used, identified, rivals
 
 
 def _solve(
@@ -166,8 +166,8 @@ def _solve(
     moving &= solved & rates.solvable & velocity
     seen = fit.seen & solved[:, None]
     sigmas = np.sqrt(np.maximum(np.einsum("kii->ki", fit.cofactor), 0.0))
-    found = _of_geometry(p, fit, r, solved, integrity)
-    found |= {
+    fields = _of_geometry(p, fit, r, solved, integrity)
+    fields |= {
         "status": status,
         "velocity_status": rate_status,
         "r_e": _nan_unless(solved, fit.x),
@@ -187,7 +187,7 @@ def _solve(
     residual, rate_residual = _residuals(p, fit, rates, solved, seen, moving)
     count = np.maximum(np.sum(fit.used, axis=1), 1)
     squares = np.sum(np.where(fit.used & solved[:, None], residual, 0.0) ** 2, axis=1)
-    found["rms"] = _nan_unless(solved, np.sqrt(squares / count))
+    fields["rms"] = _nan_unless(solved, np.sqrt(squares / count))
     at = p.row >= 0
     rows = p.row[at]
     excluded = p.usable & ~fit.used & (status <= 1)[:, None]
@@ -196,9 +196,9 @@ def _solve(
         ("excluded", excluded), ("rate_excluded", rate_excluded),
         ("residual", residual), ("rate_residual", rate_residual),
     ):  # fmt: skip
-        found[name] = np.empty(n_rows, dtype=values.dtype)
-        found[name][rows] = values[at]
-    return found
+        fields[name] = np.empty(n_rows, dtype=values.dtype)
+        fields[name][rows] = values[at]
+    return fields
 
 
 def _of_geometry(
@@ -212,13 +212,13 @@ def _of_geometry(
     H = design(-u_n, p.group, p.n_groups, fit.used)
     cofactor, solvable, seen = inverse_normal(H, fit.used, p.group, p.n_groups)
     dops = dilution_of(cofactor, solvable & solved, seen)
-    found = {name: getattr(dops, name) for name in dops.__dataclass_fields__}
+    fields = {name: getattr(dops, name) for name in dops.__dataclass_fields__}
     k = len(r)
     if integrity is None:
-        return found | {"threshold": np.full(k, np.inf), "hpl": np.full(k, np.inf), "vpl": np.full(k, np.inf)}
+        return fields | {"threshold": np.full(k, np.inf), "hpl": np.full(k, np.inf), "vpl": np.full(k, np.inf)}
     hpl, vpl = protection_levels(fit.A, fit.cofactor, C_en, fit.used, fit.redundancy, integrity)
-    found["threshold"] = thresholds(integrity.false_alarm, fit.redundancy)
-    return found | {"hpl": np.where(solved, hpl, np.inf), "vpl": np.where(solved, vpl, np.inf)}
+    fields["threshold"] = thresholds(integrity.false_alarm, fit.redundancy)
+    return fields | {"hpl": np.where(solved, hpl, np.inf), "vpl": np.where(solved, vpl, np.inf)}
 
 
 def _residuals(
@@ -234,8 +234,8 @@ def _residuals(
     return residual, rate_residual
 
 
-def _nan_unless(known: BoolArray, values: FloatArray) -> FloatArray:
-    return np.where(known.reshape((-1,) + (1,) * (values.ndim - 1)), values, np.nan)
+def _nan_unless(valid: BoolArray, values: FloatArray) -> FloatArray:
+    return np.where(valid.reshape((-1,) + (1,) * (values.ndim - 1)), values, np.nan)
 
 
 def _start(start: ArrayLike | None, n: int) -> FloatArray:

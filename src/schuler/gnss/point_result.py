@@ -126,9 +126,9 @@ class PointSolution:
     @property
     def llh(self) -> FloatArray:
         """Latitude, longitude [rad], ellipsoidal height [m]; NaN where there is no solution. Shape (k, 3)."""
-        found = np.isfinite(self.r_e).all(axis=1)
+        solved = np.isfinite(self.r_e).all(axis=1)
         llh = np.full_like(self.r_e, np.nan)
-        llh[found] = frames.llh_from_ecef(self.r_e[found])
+        llh[solved] = frames.llh_from_ecef(self.r_e[solved])
         return llh
 
     def excluded_at(self, k: int) -> tuple[str, ...]:

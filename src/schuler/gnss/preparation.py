@@ -126,10 +126,10 @@ def prepare_ranges(
     free = ionosphere == "free"
     channels = dict(zip(ephemerides.glonass.sat.tolist(), ephemerides.glonass.channel.tolist(), strict=True))
     c = choose_signals(observations, signals=signals, pairs=free, systems=letters, glonass_channels=channels)
-    asked = np.isin(c.sat // 100, [SYSTEMS.index(x) for x in letters])
-    measured = np.isfinite(c.pseudorange).any(axis=1) | np.isfinite(c.range_rate) | ~asked
+    selected = np.isin(c.sat // 100, [SYSTEMS.index(x) for x in letters])
+    measured = np.isfinite(c.pseudorange).any(axis=1) | np.isfinite(c.range_rate) | ~selected
     c = _rows(c, measured)
-    asked = asked[measured]
+    selected = selected[measured]
     notes = list(c.notes)
     epoch_gps_s, epochs = observations.epoch_gps_s, np.unique(c.t)
     epoch = np.searchsorted(epochs, c.t)
@@ -154,7 +154,7 @@ def prepare_ranges(
 
     combined, noise_factor, unknown, one_frequency = _without_delays(c, states, free=free)
     corrected = combined + SPEED_OF_LIGHT * states.clock
-    usable = asked & states.found & states.healthy & plausible
+    usable = selected & states.found & states.healthy & plausible
     place = receiver_place(
         c.t, corrected, states.r_e, usable, position_e=position_e, header_position_e=observations.position_e
     )
@@ -205,7 +205,7 @@ def prepare_ranges(
         (5, ~plausible & np.isfinite(measured_range)),
         (2, ~states.healthy),
         (1, ~states.found),
-        (7, ~asked),
+        (7, ~selected),
     ):  # the last one that holds is the one to report
         reason[when] = number
     t, time_notes = _received(epochs, clock)
@@ -295,22 +295,22 @@ def _clock_notes(epochs: FloatArray, steps: IntArray, irregular: IntArray) -> li
 
 def _received(epochs: FloatArray, clock: FloatArray) -> tuple[FloatArray, list[str]]:
     """Times of reception, corrected by the receiver clock [m]; an epoch without one takes that of the epoch before."""
-    known = np.flatnonzero(np.isfinite(clock))
-    if not len(known):
+    with_clock = np.flatnonzero(np.isfinite(clock))
+    if not len(with_clock):
         return epochs, []
-    last = known[np.maximum(np.searchsorted(known, np.arange(len(epochs)), side="right") - 1, 0)]
+    last = with_clock[np.maximum(np.searchsorted(with_clock, np.arange(len(epochs)), side="right") - 1, 0)]
     t = epochs - np.round(clock[last] / SPEED_OF_LIGHT / _RESOLUTION_S) * _RESOLUTION_S
     if np.any(np.diff(t) <= 0.0):
         return epochs, ["times corrected by the receiver clock would not increase: left as they are"]
     return t, []
 
 
-def _clocks(sat: IntArray, asked: BoolArray) -> tuple[IntArray, tuple[str, ...]]:
+def _clocks(sat: IntArray, selected: BoolArray) -> tuple[IntArray, tuple[str, ...]]:
     """Place of each satellite's clock, and the clocks' names; zero for systems not asked for."""
     gps, qzss = SYSTEMS.index("G"), SYSTEMS.index("J")
     owner = np.where(sat // 100 == qzss, gps, sat // 100)
-    present = np.unique(owner[asked])
-    return np.where(asked, np.searchsorted(present, owner), 0), tuple(SYSTEMS[i] for i in present)
+    present = np.unique(owner[selected])
+    return np.where(selected, np.searchsorted(present, owner), 0), tuple(SYSTEMS[i] for i in present)
 
 
 def millisecond_steps(t: FloatArray, clock: FloatArray, drift: FloatArray) -> tuple[IntArray, IntArray]:
@@ -339,9 +339,9 @@ def millisecond_steps(t: FloatArray, clock: FloatArray, drift: FloatArray) -> tu
     """
     steps = np.zeros(len(t), dtype=np.int64)
     irregular = []
-    known = np.flatnonzero(np.isfinite(clock))
+    with_clock = np.flatnonzero(np.isfinite(clock))
     usual = 0.0
-    for a, b in pairwise(known.tolist()):
+    for a, b in pairwise(with_clock.tolist()):
         dt, moved = t[b] - t[a], clock[b] - clock[a]
         if not 0.0 < dt <= LONGEST_GAP_S:
             continue

@@ -122,28 +122,28 @@ def choose_messages(
     if sat.ndim != 1 or t.shape != sat.shape:
         raise InputError(f"expected satellites and times of one shape (n,), got {sat.shape} and {t.shape}")
     limits = {**MAX_AGE_S, **(max_age_s or {})}
-    wanted = np.broadcast_to(np.asarray(f_nav, dtype=bool), sat.shape)
+    prefer_f_nav = np.broadcast_to(np.asarray(f_nav, dtype=bool), sat.shape)
     f_nav_record = is_f_nav(ephemerides.kepler)
     chosen = np.full(sat.shape, -1, dtype=np.int64)
     for one in np.unique(sat):
         letter = SYSTEMS[one // 100]
         records = ephemerides.glonass if letter == "R" else ephemerides.kepler
         rows = np.flatnonzero(records.sat == one)
-        asked = np.flatnonzero(sat == one)
+        at = np.flatnonzero(sat == one)
         sent = records.sent[rows]
         sent = np.where(np.isnan(sent), records.toe[rows] - _SENT_BEFORE_TOE_S.get(letter, 0.0), sent)
-        kinds = [(rows >= 0, asked)]
+        kinds = [(rows >= 0, at)]
         if letter == "E":
             f = f_nav_record[rows]
-            kinds = [(f == kind, asked[wanted[asked] == kind]) for kind in (False, True)]
-            kinds += [(f != kind, asked[wanted[asked] == kind]) for kind in (False, True)]  # the other kind, if need be
+            kinds = [(f == kind, at[prefer_f_nav[at] == kind]) for kind in (False, True)]
+            kinds += [(f != kind, at[prefer_f_nav[at] == kind]) for kind in (False, True)]  # the other kind, if need be
         for mine, places in kinds:
             places = places[chosen[places] < 0]
             if len(places) and mine.any():
-                found = _nearest(
+                nearest = _nearest(
                     records.toe[rows[mine]] - epoch_gps_s, sent[mine] - epoch_gps_s, t[places], limits[letter], causal
                 )
-                chosen[places] = np.where(found >= 0, rows[mine][found], -1)
+                chosen[places] = np.where(nearest >= 0, rows[mine][nearest], -1)
     return chosen
 
 
@@ -190,13 +190,13 @@ def states_of_messages(
 ) -> SatelliteStates:
     """The same with the message of each row given, as :func:`choose_messages` returns it."""
     n = len(sat)
-    found, glonass = record >= 0, sat // 100 == _R
+    has_message, glonass = record >= 0, sat // 100 == _R
     r_e, v_e = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
     clock, clock_rate, age, accuracy = (np.full(n, np.nan) for _ in range(4))
     group_delay = np.full((n, 2), np.nan)
     healthy, f = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
 
-    m = np.flatnonzero(found & ~glonass)
+    m = np.flatnonzero(has_message & ~glonass)
     k, row = ephemerides.kepler, record[m]
     orbit = kepler_states(k, row, t[m], epoch_gps_s=epoch_gps_s)
     r_e[m], v_e[m] = orbit.r_e, orbit.v_e
@@ -205,12 +205,12 @@ def states_of_messages(
     group_delay[m], accuracy[m], healthy[m] = k.group_delay[row], k.accuracy[row], k.health[row] == 0
     age[m], f[m] = t[m] - (k.toe[row] - epoch_gps_s), is_f_nav(k)[row]
 
-    m = np.flatnonzero(found & glonass)
+    m = np.flatnonzero(has_message & glonass)
     g, row = ephemerides.glonass, record[m]
     r_e[m], v_e[m] = glonass_states(g, row, t[m], epoch_gps_s=epoch_gps_s)
     age[m] = t[m] - (g.toe[row] - epoch_gps_s)
     clock[m], clock_rate[m], healthy[m] = g.clock[row] + g.rate[row] * age[m], g.rate[row], g.health[row] == 0
-    return SatelliteStates(r_e, v_e, clock, clock_rate, group_delay, f, accuracy, healthy, found, age, record)
+    return SatelliteStates(r_e, v_e, clock, clock_rate, group_delay, f, accuracy, healthy, has_message, age, record)
 
 
 def transmission_times(
@@ -263,17 +263,17 @@ def _kepler_clock(k: KeplerRecords, row: IntArray, t: FloatArray, epoch_gps_s: f
 
 def _nearest(toe: FloatArray, sent: FloatArray, t: FloatArray, limit: float, causal: bool) -> IntArray:
     """Place of the nearest ``toe`` within the limit, -1 if none; equal ones: the last sent."""
-    found = np.full(t.shape, -1, dtype=np.int64)
-    known = np.unique(sent) if causal else np.array([-np.inf])
-    part = np.searchsorted(known, t, side="right") - 1  # how many broadcasts there had been
+    nearest = np.full(t.shape, -1, dtype=np.int64)
+    broadcasts = np.unique(sent) if causal else np.array([-np.inf])
+    part = np.searchsorted(broadcasts, t, side="right") - 1  # how many broadcasts there had been
     for j in np.unique(part[part >= 0]):
-        usable = np.flatnonzero(sent <= known[j]) if causal else np.arange(len(toe))
+        usable = np.flatnonzero(sent <= broadcasts[j]) if causal else np.arange(len(toe))
         order = usable[np.lexsort((sent[usable], toe[usable]))]
         order = order[np.append(toe[order][1:] > toe[order][:-1], True)]
         now = np.flatnonzero(part == j)
         best = order[np.searchsorted(0.5 * (toe[order][1:] + toe[order][:-1]), t[now])]
-        found[now] = np.where(np.abs(t[now] - toe[best]) <= limit + _SLACK_S, best, -1)
-    return found
+        nearest[now] = np.where(np.abs(t[now] - toe[best]) <= limit + _SLACK_S, best, -1)
+    return nearest
 
 
 def group_delays(states: SatelliteStates, sat: IntArray, bands: IntArray) -> tuple[FloatArray, BoolArray]:
@@ -304,7 +304,7 @@ def group_delays(states: SatelliteStates, sat: IntArray, bands: IntArray) -> tup
     ----------
     IS-GPS-200, 20.3.3.3.3.2; Galileo OS SIS ICD, 5.1.5; BeiDou B1I ICD, 5.2.4.9; NavIC SIS ICD, 6.2.1.6.
     """
-    delay, known = np.zeros(len(sat)), np.zeros(len(sat), dtype=bool)
+    delay, available = np.zeros(len(sat)), np.zeros(len(sat), dtype=bool)
     system = sat // 100
     first, second = states.group_delay.T
 
@@ -312,7 +312,7 @@ def group_delays(states: SatelliteStates, sat: IntArray, bands: IntArray) -> tup
         m = (system == SYSTEMS.index(letter)) & (bands == band)
         good = m & np.isfinite(value)
         delay[good] = value[good]
-        known[good] = np.broadcast_to(broadcast, good.shape)[good]
+        available[good] = np.broadcast_to(broadcast, good.shape)[good]
 
     for letter in "GJ":
         put(letter, 1, first)
@@ -334,7 +334,7 @@ def group_delays(states: SatelliteStates, sat: IntArray, bands: IntArray) -> tup
     put("C", 1, first, broadcast=False)
     put("C", 5, np.zeros(len(sat)), broadcast=False)
     put("C", 8, np.zeros(len(sat)), broadcast=False)
-    return delay, known
+    return delay, available
 
 
 def _gamma(system: str, first: int, second: int) -> float:

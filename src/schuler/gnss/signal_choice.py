@@ -186,8 +186,8 @@ def _checked(signals: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...
         if not names or not isinstance(names, tuple | list):
             raise InputError(f'signals of {letter}: expected a list such as ("1C", "1X"), got {names!r}')
         for name in names:
-            known = (letter, name[:1]) in BANDS or (letter == "R" and name[:1] in GLONASS_BANDS)
-            if len(name) != 2 or not known:
+            exists = (letter, name[:1]) in BANDS or (letter == "R" and name[:1] in GLONASS_BANDS)
+            if len(name) != 2 or not exists:
                 raise InputError(
                     f"signals of {letter}: expected a band of {SYSTEM_NAMES[letter]} and an attribute such as 1C, "
                     f"got {name!r}"

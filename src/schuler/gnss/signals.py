@@ -90,18 +90,18 @@ def frequency_hz(sat: int, signal: str, glonass_channel: int | None = None) -> f
         zero, step = GLONASS_BANDS[band]
         return zero + step * glonass_channel
     if (system, band) not in BANDS:
-        known = sorted(b for s, b in BANDS if s == system)
-        raise InputError(f"{SYSTEM_NAMES[system]} has no band {band!r}; it has {', '.join(known)}")
+        bands = sorted(b for s, b in BANDS if s == system)
+        raise InputError(f"{SYSTEM_NAMES[system]} has no band {band!r}; it has {', '.join(bands)}")
     return BANDS[(system, band)]
 
 
 def wavelengths(sat: ArrayLike, signal: str, glonass_channels: dict[int, int] | None = None) -> FloatArray:
     """Wavelength of one signal for many satellites, NaN where the GLONASS channel is unknown. Shape (n,). [m]"""
     sat = np.asarray(sat, dtype=np.int64)
-    found = np.full(sat.shape, np.nan)
+    wavelength = np.full(sat.shape, np.nan)
     for s in np.unique(sat):
         channel = (glonass_channels or {}).get(int(s))
         if SYSTEMS[int(s) // 100] == "R" and signal[:1] in GLONASS_BANDS and channel is None:
             continue
-        found[sat == s] = SPEED_OF_LIGHT / frequency_hz(int(s), signal, channel)
-    return found
+        wavelength[sat == s] = SPEED_OF_LIGHT / frequency_hz(int(s), signal, channel)
+    return wavelength

@@ -93,13 +93,13 @@ def broadcast_satellites(ephemerides: Ephemerides, *, epoch_gps_s: float = 0.0) 
     sat = np.unique(np.concatenate((ephemerides.kepler.sat, ephemerides.glonass.sat)))
 
     def states(sent: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found = satellite_states(
+        state = satellite_states(
             ephemerides,
             np.tile(sat, len(sent)),
             np.where(np.isfinite(sent), sent, 0.0).ravel(),
             epoch_gps_s=epoch_gps_s,
         )
-        return found.r_e.reshape(*sent.shape, 3), found.v_e.reshape(*sent.shape, 3)
+        return state.r_e.reshape(*sent.shape, 3), state.v_e.reshape(*sent.shape, 3)
 
     return sat, states
 

@@ -110,10 +110,10 @@ def _deviation(values, k, begin, end):
 
 
 @kernel
-def windows(accel, gyro, size, found):
+def windows(accel, gyro, size, out):
     """Rows of ``found`` (5, m) of each window of ``size`` samples; the NumPy twin is in ``io.checks``."""
     half = size // 2
-    for k in range(found.shape[1]):
+    for k in range(out.shape[1]):
         begin, end = k * size, (k + 1) * size
         early = late = 0.0
         for i in range(begin, end):
@@ -128,9 +128,9 @@ def windows(accel, gyro, size, found):
             mean, deviation = _deviation(gyro, j, begin, end)
             noise = max(noise, deviation)
             rate += mean * mean
-        found[0, k] = (early + late) / size
-        found[1, k] = abs(early / half - late / (size - half))
-        found[2, k], found[3, k], found[4, k] = spread, noise, math.sqrt(rate)
+        out[0, k] = (early + late) / size
+        out[1, k] = abs(early / half - late / (size - half))
+        out[2, k], out[3, k], out[4, k] = spread, noise, math.sqrt(rate)
 
 
 def prepare_windows() -> None:

@@ -56,7 +56,7 @@ def contents(path: Path) -> list[Stream]:
     groups: dict[tuple[str, str], list[list[str]]] = {}
     for kind, fields in rows:
         groups.setdefault((fields[1] if kind == "Fix" and len(fields) > 1 else kind, kind), []).append(fields)
-    found = []
+    streams = []
     for (name, kind), records in sorted(groups.items()):
         part = "gnss" if kind == "Fix" else "imu" if kind in ("UncalGyro", "Gyro") else ""
         t = np.full(len(records), np.nan)
@@ -64,8 +64,8 @@ def contents(path: Path) -> list[Stream]:
         if place is not None:
             texts = [fields[place] if place < len(fields) else "" for fields in records]
             t = np.array([int(text) / clock.NS if text.isascii() and text.isdigit() else np.nan for text in texts])
-        found.append(stream_of(name, kind, t, part))
-    return found
+        streams.append(stream_of(name, kind, t, part))
+    return streams
 
 
 def read(path: Path, hints: ReadHints) -> Recording:
@@ -95,8 +95,9 @@ def read(path: Path, hints: ReadHints) -> Recording:
         streams = [Stream(k, k, 1, part="imu") for k in gyros]
         picked = choose(streams if "imu" in chosen else streams[:1], "imu", chosen)
         assert picked is not None
-        wanted = picked.name.replace("Gyro", "Accel")
-        accel = wanted if any(kind == wanted for kind, _ in rows) else ("Accel" if wanted != "Accel" else "UncalAccel")
+        accel = picked.name.replace("Gyro", "Accel")
+        if not any(kind == accel for kind, _ in rows):
+            accel = "Accel" if accel != "Accel" else "UncalAccel"
         if any(kind == accel for kind, _ in rows):
             for kind in (accel, picked.name):
                 boot[kind], values[kind] = _table(path, rows, names, kind, _FIELDS[kind])
@@ -154,18 +155,18 @@ def _rows(path: Path) -> tuple[list[tuple[str, list[str]]], dict[str, list[str]]
     return rows, names
 
 
-def _places(path: Path, names: dict[str, list[str]], kind: str, wanted: tuple[str, ...]) -> list[int | None]:
+def _places(path: Path, names: dict[str, list[str]], kind: str, required: tuple[str, ...]) -> list[int | None]:
     if kind not in names:
         raise FileFormatError(f"expected a comment at the top that names the fields of {kind}", path)
-    return [names[kind].index(name) if name in names[kind] else None for name in wanted]
+    return [names[kind].index(name) if name in names[kind] else None for name in required]
 
 
 def _table(
-    path: Path, rows: list[tuple[str, list[str]]], names: dict[str, list[str]], kind: str, wanted: tuple[str, ...]
+    path: Path, rows: list[tuple[str, list[str]]], names: dict[str, list[str]], kind: str, required: tuple[str, ...]
 ) -> tuple[IntArray, FloatArray]:
     """Times since boot [ns] and fields of the records of a kind; fields that were not written are NaN."""
     stamp = next((k for k in _places(path, names, kind, _BOOT) if k is not None), None)
-    places = _places(path, names, kind, wanted)
+    places = _places(path, names, kind, required)
     if stamp is None and kind != "Fix":
         raise FileFormatError(
             f"{kind} has no elapsedRealtimeNanos: logs of GnssLogger before version 2 are not read", path
@@ -180,15 +181,15 @@ def _table(
             raise FileFormatError(f"record {number} of {kind}: expected numbers, got {shown}", path) from None
         if abs(ns[-1]) > 4_000_000_000_000_000_000:
             raise FileFormatError(f"record {number} of {kind}: impossible time {ns[-1]} ns", path)
-    return np.array(ns, dtype=np.int64), np.array(table, dtype=np.float64).reshape(len(table), len(wanted))
+    return np.array(ns, dtype=np.int64), np.array(table, dtype=np.float64).reshape(len(table), len(required))
 
 
 def _unix(path: Path, rows: list[tuple[str, list[str]]], names: dict[str, list[str]]) -> IntArray:
-    found = [k for k in _places(path, names, "Fix", _UNIX) if k is not None]
-    if not found:
+    columns = [k for k in _places(path, names, "Fix", _UNIX) if k is not None]
+    if not columns:
         raise FileFormatError("the fixes have no UnixTimeMillis", path)
     try:
-        ms = [int(float(fields[found[0]])) for _, fields in rows]
+        ms = [int(float(fields[columns[0]])) for _, fields in rows]
     except (ValueError, IndexError, OverflowError):
         raise FileFormatError("Fix: expected whole milliseconds in UnixTimeMillis", path) from None
     if max(map(abs, ms), default=0) > 4_000_000_000_000:

@@ -101,21 +101,21 @@ def read(path: Path, hints: ReadHints) -> Recording:
 
 
 def _streams(log: DataFlash) -> list[Stream]:
-    found = []
+    streams = []
     imus = instances(log, "IMU")
     raw = sorted(set(instances(log, "ACC")) & set(instances(log, "GYR")))
-    found += [_stream(log, "IMU", k, f"IMU:{k}", "imu") for k in imus]
-    found += [_stream(log, "GYR", k, f"ACC+GYR:{k}", "imu") for k in raw]
-    found += [_stream(log, "GPS", k, f"GPS:{k}", "gnss") for k in instances(log, "GPS")]
-    found += [_stream(log, "BARO", k, f"BARO:{k}", "height") for k in instances(log, "BARO")]
+    streams += [_stream(log, "IMU", k, f"IMU:{k}", "imu") for k in imus]
+    streams += [_stream(log, "GYR", k, f"ACC+GYR:{k}", "imu") for k in raw]
+    streams += [_stream(log, "GPS", k, f"GPS:{k}", "gnss") for k in instances(log, "GPS")]
+    streams += [_stream(log, "BARO", k, f"BARO:{k}", "height") for k in instances(log, "BARO")]
     if log.fields("ATT") and log.fields("POS"):
-        found.append(_stream(log, "ATT", 0, "ATT+POS", "reference"))
+        streams.append(_stream(log, "ATT", 0, "ATT+POS", "reference"))
     for name in sorted(log.places):
         if "TimeUS" in log.fields(name):
-            found.append(stream_of(name, "message", log.columns(name, ("TimeUS",))["TimeUS"] * _US))
+            streams.append(stream_of(name, "message", log.columns(name, ("TimeUS",))["TimeUS"] * _US))
         else:
-            found.append(Stream(name, "message", log.count(name)))
-    return found
+            streams.append(Stream(name, "message", log.count(name)))
+    return streams
 
 
 def _stream(log: DataFlash, kind: str, instance: int, name: str, part: str) -> Stream:
@@ -267,8 +267,8 @@ def _separation(
     """What makes heights above sea level ellipsoidal: of the log, unless a hint gives it. Shape (n,). [m]"""
     if hints.height is not None:
         return 0.0  # the hint does it, or says that there is nothing to do
-    if "AEl" in accuracy and (known := (accuracy["AEl"] > _UNKNOWN_HEIGHT) & (accuracy["AEl"] != 0.0)).any():
-        separation = np.interp(np.arange(len(alt)), np.flatnonzero(known), (accuracy["AEl"] - alt)[known])
+    if "AEl" in accuracy and (valid := (accuracy["AEl"] > _UNKNOWN_HEIGHT) & (accuracy["AEl"] != 0.0)).any():
+        separation = np.interp(np.arange(len(alt)), np.flatnonzero(valid), (accuracy["AEl"] - alt)[valid])
         source = "AEl"
     elif "Und" in accuracy and accuracy["Und"].any():
         separation, source = -accuracy["Und"], "Und"  # of the ellipsoid above the geoid, says AP_GPS.h
@@ -361,15 +361,15 @@ def instances(log: DataFlash, kind: str) -> list[int]:
     return [k for k, name in enumerate(present) if log.fields(name)]
 
 
-def columns_of(log: DataFlash, kind: str, instance: int, wanted: tuple[str, ...] = ()) -> dict[str, FloatArray]:
+def columns_of(log: DataFlash, kind: str, instance: int, names: tuple[str, ...] = ()) -> dict[str, FloatArray]:
     """Columns of one sensor's messages, all or those wanted."""
     if "I" in log.fields(kind):
-        columns = log.columns(kind, (*wanted, "I") if wanted else ())
+        columns = log.columns(kind, (*names, "I") if names else ())
         keep = columns["I"] == instance
         columns = {name: values[keep] for name, values in columns.items()}
     else:
         name = [kind, *NUMBERED.get(kind, ())][instance]
-        columns = log.columns(name, wanted)
+        columns = log.columns(name, names)
     if "TimeUS" not in columns:
         if "TimeMS" not in columns:
             raise FileFormatError(f"messages {kind} have no TimeUS", log.path)

@@ -101,9 +101,9 @@ def read(path: Path, hints: ReadHints) -> Recording:
 
 
 def _choose(folder: Path, names: tuple[str, ...], part: str, chosen: dict[str, str | None]) -> str | None:
-    there = [Stream(name, "array", 1, part=part) for name in names if (folder / name / "value").is_file()]
-    found = choose(there if part in chosen else there[:1], part, chosen)
-    return None if found is None else found.name
+    present = [Stream(name, "array", 1, part=part) for name in names if (folder / name / "value").is_file()]
+    stream = choose(present if part in chosen else present[:1], part, chosen)
+    return None if stream is None else stream.name
 
 
 def _pair(folder: Path, columns: int, notes: list[str], sources: list[Path]) -> tuple[FloatArray, FloatArray]:

@@ -69,7 +69,7 @@ class DataFlash:
         layout = self.layouts.get(name)
         return () if layout is None or layout.dtype is None or not self.count(name) else layout.dtype.names or ()
 
-    def columns(self, name: str, wanted: tuple[str, ...] = ()) -> dict[str, FloatArray]:
+    def columns(self, name: str, labels: tuple[str, ...] = ()) -> dict[str, FloatArray]:
         """Number fields of all messages of a kind, scaled by their letters. Shape (n,) each.
 
         Raises
@@ -78,7 +78,7 @@ class DataFlash:
             If there is no such message or it lacks a wanted field.
         """
         names = self.fields(name)
-        if missing := [n for n in wanted if n not in names]:
+        if missing := [n for n in labels if n not in names]:
             raise FileFormatError(
                 f"messages {name} have no {', '.join(missing)}; they have {', '.join(names)}", self.path
             )
@@ -90,7 +90,7 @@ class DataFlash:
             windows = np.lib.stride_tricks.sliding_window_view(self.data, layout.length)
             self._rows[name] = windows[self.places[name]][:, 3:].copy().view(dtype)[:, 0]
         rows = self._rows[name]
-        picked = wanted or tuple(n for n in names if dtype[n].kind in "iuf" and not dtype[n].shape)
+        picked = labels or tuple(n for n in names if dtype[n].kind in "iuf" and not dtype[n].shape)
         with np.errstate(invalid="ignore"):  # a signalling NaN of a damaged log; it is found out later
             return {n: rows[n].astype(np.float64) * layout.factors[n] for n in picked}
 
@@ -112,7 +112,7 @@ def load(path: Path) -> DataFlash:
     lengths = [0] * 256
     lengths[_FMT] = _FMT_LENGTH
     layouts: dict[int, Layout] = {}
-    found: list[list[int]] = [[] for _ in range(256)]
+    starts: list[list[int]] = [[] for _ in range(256)]
     at, lost, cut = 0, 0, False
     while at < size:
         if raw[at : at + 2] == START and at + 2 < size and (length := lengths[raw[at + 2]]):
@@ -121,12 +121,12 @@ def load(path: Path) -> DataFlash:
                 break
             if raw[at + 2] == _FMT:
                 number, layout = _described(raw[at + 3 : at + length])
-                if number in layouts and layouts[number] != layout and found[number]:
+                if number in layouts and layouts[number] != layout and starts[number]:
                     raise FileFormatError(f"byte {at}: messages {number} are described anew, and differently", path)
                 if number != _FMT and layout.length > 3:
                     layouts[number] = layout
                     lengths[number] = layout.length
-            found[raw[at + 2]].append(at)
+            starts[raw[at + 2]].append(at)
             at += length
         else:
             following = raw.find(START, at + 1)
@@ -139,7 +139,7 @@ def load(path: Path) -> DataFlash:
         )
     named = {layout.name: layout for layout in layouts.values()}
     places = {
-        layout.name: np.array(found[number], dtype=np.int64) for number, layout in layouts.items() if found[number]
+        layout.name: np.array(starts[number], dtype=np.int64) for number, layout in layouts.items() if starts[number]
     }
     return DataFlash(path, np.frombuffer(raw, dtype=np.uint8), named, places, lost, cut)
 
@@ -151,10 +151,10 @@ def _described(body: bytes) -> tuple[int, Layout]:
         part.rstrip(b"\x00").decode("ascii", "replace") for part in (body[2:6], body[6:22], body[22:86])
     )
     names = labels.split(",")
-    known = [LETTERS.get(letter) for letter in letters]
+    types = [LETTERS.get(letter) for letter in letters]
     dtype, factors = None, dict[str, float]()
-    if len(names) == len(letters) == len(set(names)) and all(names) and None not in known:
-        forms = [(n, *form) for n, form in zip(names, known, strict=True) if form is not None]
+    if len(names) == len(letters) == len(set(names)) and all(names) and None not in types:
+        forms = [(n, *form) for n, form in zip(names, types, strict=True) if form is not None]
         made = np.dtype([(n, ("<i2", 32)) if kind == "32<i2" else (n, kind) for n, kind, _ in forms])
         if made.itemsize == length - 3:
             dtype, factors = made, {n: factor for n, _, factor in forms}

@@ -54,15 +54,15 @@ def holds(path: Path) -> tuple[str, ...]:
 def contents(path: Path) -> list[Stream]:
     """The tables of a data set with their times, for ``schuler info``."""
     root = _root(path) if path.is_dir() else None
-    found = []
+    streams = []
     for file in sorted(root.glob("*/data.csv")) if root is not None else [path]:
         part = _part(lines.check_file(file))
         if part is None:
             continue
         ns, _ = _load(file, part, ReadHints(allow="truncated"), [])
         name = file.parent.name if root is not None else file.name
-        found.append(stream_of(name, "csv", ns / clock.NS, part))
-    return found
+        streams.append(stream_of(name, "csv", ns / clock.NS, part))
+    return streams
 
 
 def read(path: Path, hints: ReadHints) -> Recording:

@@ -61,11 +61,11 @@ def read(path: Path, hints: ReadHints) -> Recording:
         raise FileFormatError("expected a folder with time.csv, accel-0.csv and gyro-0.csv", path)
     runs = _runs(path)
     notes: list[str] = []
-    wanted = parse_streams(hints.streams).get("imu", str(runs[0]))
-    if wanted is None or wanted not in [str(run) for run in runs]:
-        raise InputError(f"{path}: streams: expected imu=N with N of {', '.join(map(str, runs))}, got {wanted!r}")
-    notes.append(f"Run {wanted} of {len(runs)} ({', '.join(map(str, runs))}).")
-    sources = [path / "time.csv", path / f"accel-{wanted}.csv", path / f"gyro-{wanted}.csv"]
+    requested = parse_streams(hints.streams).get("imu", str(runs[0]))
+    if requested is None or requested not in [str(run) for run in runs]:
+        raise InputError(f"{path}: streams: expected imu=N with N of {', '.join(map(str, runs))}, got {requested!r}")
+    notes.append(f"Run {requested} of {len(runs)} ({', '.join(map(str, runs))}).")
+    sources = [path / "time.csv", path / f"accel-{requested}.csv", path / f"gyro-{requested}.csv"]
     (t,) = _columns(sources[0], ("time",), "s", hints, notes)
     n = len(t)
     f = _columns(sources[1], ("accel_x", "accel_y", "accel_z"), "m/s^2", hints, notes, n)
@@ -73,7 +73,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     tables = {"imu": Table({"t": t, **dict(zip(("ax", "ay", "az", "gx", "gy", "gz"), (*f, *w), strict=True))})}
     if (reference := _reference(path, t, hints, notes, sources)) is not None:
         tables["reference"] = reference
-    gps, gps_time = path / f"gps-{wanted}.csv", path / "gps_time.csv"
+    gps, gps_time = path / f"gps-{requested}.csv", path / "gps_time.csv"
     if gps.is_file() and gps_time.is_file():
         if hints.sigma is None:
             notes.append("The fixes have no accuracies and were left out: hint sigma, 'N,E,D,VN,VE,VD'.")
@@ -89,8 +89,8 @@ def read(path: Path, hints: ReadHints) -> Recording:
 
 
 def _runs(path: Path) -> list[int]:
-    found = (re.fullmatch(r"accel-(\d{1,6})\.csv", p.name) for p in path.glob("accel-*.csv"))
-    return sorted(int(m[1]) for m in found if m is not None and (path / f"gyro-{m[1]}.csv").is_file())
+    matches = (re.fullmatch(r"accel-(\d{1,6})\.csv", p.name) for p in path.glob("accel-*.csv"))
+    return sorted(int(m[1]) for m in matches if m is not None and (path / f"gyro-{m[1]}.csv").is_file())
 
 
 def _reference(path: Path, t: FloatArray, hints: ReadHints, notes: list[str], sources: list[Path]) -> Table | None:
@@ -136,11 +136,11 @@ def _columns(
     if n is not None and len(rows) != n:
         raise FileFormatError(f"expected {n} rows, as many as there are times, got {len(rows)}", path)
     quantity = {"s": "time", "m/s^2": "specific force", "rad/s": "angular rate", "rad": "angle", "m": "length"}
-    found = []
+    tables = []
     for name in names:
         k, stated = header[name]
         if k >= width:
             raise FileFormatError(f"the header names {name} beyond the {width} columns of the rows", path, 1)
         stated = {"sec": "s"}.get(stated or unit, stated or unit)
-        found.append(rows[:, k] * units.factor_for(stated, quantity.get(unit, "velocity")))
-    return [np.ascontiguousarray(column) for column in found]
+        tables.append(rows[:, k] * units.factor_for(stated, quantity.get(unit, "velocity")))
+    return [np.ascontiguousarray(column) for column in tables]

@@ -205,7 +205,7 @@ def _observations(path: Path, header: list[str], rows: list[list[str]], start: f
     t = (time[:, 1] * WEEK_S - start) + time[:, 0]
     check_increasing(Raw(path, {}, line_of=lambda row: row + 2), t)
     column = header.index(_RAW[2])
-    found: list[tuple[float, ...]] = []
+    measurements: list[tuple[float, ...]] = []
     names: list[str] = []
     others: Counter[str] = Counter()
     for number, (row, when) in enumerate(zip(rows, t.tolist(), strict=True), 2):
@@ -227,10 +227,10 @@ def _observations(path: Path, header: list[str], rows: list[list[str]], start: f
                 names.append(name)
             pseudorange = v[15] if v[_CODE_LOCK] else np.nan
             carrier = v[16] if v[_PHASE_LOCK] else np.nan
-            found.append(
+            measurements.append(
                 (when, 100 * SYSTEMS.index(letter) + satellite, names.index(name), pseudorange, v[17], carrier, v[5])
             )
-    table = np.array(found).reshape(-1, 7)
+    table = np.array(measurements).reshape(-1, 7)
     sat, signal = table[:, 1].astype(np.int64), table[:, 2].astype(np.int64)
     cycle = np.full(len(table), np.nan)
     for k, name in enumerate(names):

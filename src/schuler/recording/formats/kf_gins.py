@@ -85,9 +85,9 @@ def read(path: Path, hints: ReadHints) -> Recording:
         def fault(message: str, row: int | None, file: Path = file) -> FileFormatError:
             return FileFormatError(message if row is None else f"row {row + 1}: {message}", file)
 
-        said: list[str] = []
-        t, base = stamps(rows[:, column].copy(), time, fault, said)
-        notes += [note for note in said if note not in notes and time is not None]
+        time_notes: list[str] = []
+        t, base = stamps(rows[:, column].copy(), time, fault, time_notes)
+        notes += [note for note in time_notes if note not in notes and time is not None]
         made[part] = t, rows[:, column + 1 :]
     tables = {}
     for part, (t, rows) in made.items():
@@ -97,7 +97,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
 
 def _folder(path: Path, hints: ReadHints, notes: list[str]) -> dict[str, tuple[Path, FloatArray]]:
     """Files of a folder by the part they hold, those that are named or the only ones there are."""
-    found: dict[str, tuple[str, FloatArray]] = {}
+    tables: dict[str, tuple[str, FloatArray]] = {}
     others: list[tuple[str, SchulerError]] = []
     for file in sorted(p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES and p.is_file()):
         try:
@@ -107,10 +107,10 @@ def _folder(path: Path, hints: ReadHints, notes: list[str]) -> dict[str, tuple[P
             continue
         rows = _rows(table, hints, notes)  # a file that begins as one of these and goes on otherwise is damaged
         try:
-            found[file.name] = _part(file, rows, None), rows
+            tables[file.name] = _part(file, rows, None), rows
         except SchulerError as reason:
             others.append((file.name, reason))
-    streams = [Stream(name, "text", len(rows), part=part) for name, (part, rows) in found.items()]
+    streams = [Stream(name, "text", len(rows), part=part) for name, (part, rows) in tables.items()]
     chosen = parse_streams(hints.streams)
     for name, fault in others:
         if name in chosen.values():
@@ -122,7 +122,7 @@ def _folder(path: Path, hints: ReadHints, notes: list[str]) -> dict[str, tuple[P
         raise FileFormatError(f"no file of the folder has the columns of KF-GINS ({_WHAT}){what}", path)
     if others:
         notes.append(f"Not of KF-GINS and not read: {', '.join(name for name, _ in others)}.")
-    return {part: (path / name, found[name][1]) for part, name in named.items()}
+    return {part: (path / name, tables[name][1]) for part, name in named.items()}
 
 
 def _load(path: Path, hints: ReadHints, notes: list[str], series: str | None) -> tuple[str, FloatArray]:

@@ -96,7 +96,7 @@ def load(path: Path, names: Collection[str] | None = None) -> dict[str, Value]:
     if content.startswith(b"MATLAB 7.3"):
         raise FileFormatError("is a MATLAB 7.3 file (HDF5) where an older one is expected: save it with '-v7'", path)
     five = content.startswith(b"MATLAB 5.0") or content[124:128] in (b"\x00\x01IM", b"\x01\x00MI")
-    found: dict[str, Value] = {}
+    values: dict[str, Value] = {}
     at = _HEADER if five else 0
     data = memoryview(content)  # parts of it are not copied
     if five and len(data) < _HEADER:
@@ -106,13 +106,13 @@ def load(path: Path, names: Collection[str] | None = None) -> dict[str, Value]:
         while at < len(data):
             name, value, after = _next(data, at, order, names) if five else _next_4(data, at, names)
             if value is not None and (names is None or name in names):
-                found[name] = value
+                values[name] = value
             at = after
     except (struct.error, ValueError, zlib.error, MemoryError) as error:
         raise FileFormatError(
             f"cannot be read as a MATLAB file: damaged or cut off in the variable at byte {at} ({error})", path
         ) from error
-    return found
+    return values
 
 
 def _next(data: memoryview, at: int, order: str, names: Collection[str] | None) -> tuple[str, Value, int]:
@@ -245,8 +245,8 @@ def vector(value: Any, what: str, path: Path, n: int | None = None) -> FloatArra
     """Numbers of a vector, whichever way it lies. Shape (n,)."""
     array = _numbers(value, what, path)
     if array.size != max(array.shape, default=0) or (n is not None and array.size != n):
-        wanted = "a vector" if n is None else f"{n} numbers"
-        raise FileFormatError(f"{what}: expected {wanted}, got the shape {array.shape}", path)
+        expected = "a vector" if n is None else f"{n} numbers"
+        raise FileFormatError(f"{what}: expected {expected}, got the shape {array.shape}", path)
     return array.ravel()
 
 
@@ -279,7 +279,7 @@ class Variable:
 
 def variables(path: Path) -> dict[str, Variable]:
     """Variables of a file by their names; what cannot be read is left out. Raises nothing."""
-    found: dict[str, Variable] = {}
+    by_name: dict[str, Variable] = {}
     try:
         size = path.stat().st_size
         with path.open("rb") as stream:
@@ -288,7 +288,7 @@ def variables(path: Path) -> dict[str, Variable]:
                 return {}
             order = "<" if header[126:] == b"IM" else ">"
             at = _HEADER
-            while at + 8 <= size and len(found) < _MOST:
+            while at + 8 <= size and len(by_name) < _MOST:
                 stream.seek(at)
                 kind, n = struct.unpack(f"{order}II", stream.read(8))
                 data = stream.read(min(n, _PEEK))
@@ -298,11 +298,11 @@ def variables(path: Path) -> dict[str, Variable]:
                     data = data[8:]
                 if kind == _MATRIX:
                     variable = _variable(memoryview(data), order)
-                    found[variable.name] = variable
+                    by_name[variable.name] = variable
                 at += 8 + n
     except (OSError, struct.error, zlib.error, ValueError, UnicodeDecodeError):
-        return found
-    return found
+        return by_name
+    return by_name
 
 
 def _variable(data: memoryview, order: str) -> Variable:

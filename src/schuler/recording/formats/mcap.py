@@ -138,8 +138,8 @@ def _record(operation: int, content: bytes, schemas: dict[int, tuple[str, str]],
         name, at = _text(content, 4)
         encoding, _ = _text(content, at)
         kind = plain_type(schemas.get(schema, ("", ""))[0])
-        known = _ENCODINGS.get(encoding)
-        channels[number] = Topic(name, kind, known or encoding, kind in LAYOUTS and known is not None)
+        plain = _ENCODINGS.get(encoding)
+        channels[number] = Topic(name, kind, plain or encoding, kind in LAYOUTS and plain is not None)
     elif operation == _SCHEMA:
         (number,) = struct.unpack_from("<H", content)
         name, at = _text(content, 2)

@@ -91,11 +91,11 @@ def read(path: Path, hints: ReadHints) -> Recording:
         fields = values.get(name)
         if not isinstance(fields, dict) or "t" not in fields:
             raise FileFormatError(f"{name}: expected one structure with a field t", path)
-        said: list[str] = []
-        t, found = stamps(matlab.vector(fields["t"], f"{name}.t", path), hints.time, fault, said)
-        base = base or found
-        t = t + (found.epoch_gps_s - base.epoch_gps_s)
-        notes += [note for note in said if note not in notes]
+        time_notes: list[str] = []
+        t, own_base = stamps(matlab.vector(fields["t"], f"{name}.t", path), hints.time, fault, time_notes)
+        base = base or own_base
+        t = t + (own_base.epoch_gps_s - base.epoch_gps_s)
+        notes += [note for note in time_notes if note not in notes]
         keep = parts.later(t, name, path, notes)
         columns = _imu(fields, name, len(t), path) if part == "imu" else _place(fields, name, len(t), path, part)
         tables[part] = Table({"t": t[keep]} | {key: column[keep] for key, column in columns.items()})
@@ -104,7 +104,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
 
 
 def _streams(path: Path) -> list[Stream]:
-    found = []
+    streams = []
     for name, variable in variables(path).items():
         fields = set(variable.fields)
         part = ""
@@ -115,8 +115,8 @@ def _streams(path: Path) -> list[Stream]:
         elif fields >= {*_PLACE, "vel"} or fields >= {*_PLACE, "stdm"}:
             part = "gnss"
         if part:
-            found.append(Stream(name, f"struct ({', '.join(variable.fields)})", 1, part=part))
-    return found
+            streams.append(Stream(name, f"struct ({', '.join(variable.fields)})", 1, part=part))
+    return streams
 
 
 def _imu(fields: dict[str, Any], name: str, n: int, path: Path) -> dict[str, FloatArray]:

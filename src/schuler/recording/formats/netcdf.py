@@ -124,8 +124,8 @@ def _parts(h5py: Any, file: Any, document: Mapping[str, Any], path: Path) -> dic
                 continue
             if dataset.shape != (entry.get("rows"),):
                 raise FileFormatError(f"{name}/{column}: expected {entry.get('rows')} rows, got {dataset.shape}", path)
-            wanted = np.int64 if column in own.INTEGERS else np.float64
-            flat[column] = _values(dataset, path).astype(wanted, copy=False)
+            dtype = np.int64 if column in own.INTEGERS else np.float64
+            flat[column] = _values(dataset, path).astype(dtype, copy=False)
         if not flat:
             raise FileFormatError(f"the group {name} has no columns; write the file anew", path)
         if name in own_satellites.TABLES:
@@ -155,18 +155,18 @@ def _values(dataset: Any, path: Path) -> _Array:
 
 def _arrays(h5py: Any, file: Any, path: Path, *, transposed: bool) -> dict[str, _Array]:
     """Vectors and matrices by their path with dots; ``transposed`` for MATLAB, which stores columns first."""
-    found: dict[str, Any] = {}
+    items: dict[str, Any] = {}
 
     def visit(name: str, item: Any) -> bool | None:
         if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and 1 <= len(item.shape) <= 2 and item.size:
-            found[name.replace("/", ".")] = item
-        return True if len(found) >= _MOST else None
+            items[name.replace("/", ".")] = item
+        return True if len(items) >= _MOST else None
 
     file.visititems(visit)
-    total = sum(item.size * item.dtype.itemsize for item in found.values())
+    total = sum(item.size * item.dtype.itemsize for item in items.values())
     if total > max(_FEW, _PACKED * path.stat().st_size):
         raise FileFormatError(f"its arrays claim {total} bytes in a file of {path.stat().st_size}: it is damaged", path)
-    arrays = {name: _values(item, path) for name, item in found.items() if not name.startswith("#refs#")}
+    arrays = {name: _values(item, path) for name, item in items.items() if not name.startswith("#refs#")}
     return {name: array.T if transposed else array for name, array in arrays.items()}
 
 

@@ -267,11 +267,11 @@ def _velocities(kept: list[_Epoch], hints: ReadHints, notes: list[str]) -> tuple
     stated = hints.sigmas[3:] if hints.sigmas is not None and len(hints.sigmas) == 6 else None
     missing = 0
     for row, e in enumerate(kept):
-        found = _course(e.sentences)
-        if found is None:
+        over_ground = _course(e.sentences)
+        if over_ground is None:
             missing += 1
             continue
-        speed, course = found
+        speed, course = over_ground
         horizontal = RATE_ERROR * max(1.0, _dilutions(e)[0])
         sigma[row] = stated if stated is not None else (horizontal, horizontal, _NO_VERTICAL_RATE)
         if course is not None:

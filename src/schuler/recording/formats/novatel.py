@@ -148,11 +148,11 @@ def read(path: Path, hints: ReadHints) -> Recording:
 
 
 def _nothing(log: Messages) -> str:
-    there = ", ".join([*log.columns, *log.others]) or "no messages"
+    present = ", ".join([*log.columns, *log.others]) or "no messages"
     why = ""
     if any(name in log.columns for name in _CORRECTED):
         why = "; CORRIMU messages hold no gravity and no Earth rotation and cannot be navigated with: log RAWIMUSXB"
-    return f"expected {', '.join((*_RAW[:1], *POSITIONS, *_INS[:2]))} with a solution, found {there}{why}"
+    return f"expected {', '.join((*_RAW[:1], *POSITIONS, *_INS[:2]))} with a solution, found {present}{why}"
 
 
 def _usable(log: Messages, part: str, name: str, notes: list[str], *, named: bool) -> Columns:
@@ -187,10 +187,10 @@ def _usable(log: Messages, part: str, name: str, notes: list[str], *, named: boo
 
 def _imu(log: Messages, name: str, t: FloatArray, rows: Columns, hints: ReadHints, notes: list[str]) -> Table:
     kind = _imu_type(log, name, rows, hints)
-    said = parse_scale(hints.scale)
-    if isinstance(said, dict):
-        accel, gyro = said.get("accel"), said.get("gyro")
-        if accel is None or gyro is None or len(said) != 2:
+    stated = parse_scale(hints.scale)
+    if isinstance(stated, dict):
+        accel, gyro = stated.get("accel"), stated.get("gyro")
+        if accel is None or gyro is None or len(stated) != 2:
             raise InputError("scale: a NovAtel IMU needs accel=.. [m/s] and gyro=.. [rad] of a count, and no other")
         notes.append(f"{name}: a count is {accel:g} m/s and {gyro:g} rad, as stated.")
     else:
@@ -217,15 +217,15 @@ def _imu(log: Messages, name: str, t: FloatArray, rows: Columns, hints: ReadHint
 
 def _imu_type(log: Messages, name: str, rows: Columns, hints: ReadHints) -> ImuType | None:
     """Type of the IMU as stated, as the samples say, or as INSCONFIG does; ``None`` where factors are stated."""
-    said = parse_scale(hints.scale)
-    known = ", ".join(kind.name for kind in IMU_TYPES.values())
-    if isinstance(said, dict):
+    stated = parse_scale(hints.scale)
+    choices = ", ".join(kind.name for kind in IMU_TYPES.values())
+    if isinstance(stated, dict):
         return None
-    if said is not None:
-        found = by_name(said)
-        if found is None:
-            raise InputError(f"scale: {said!r} is no IMU whose counts are known; known are {known}")
-        return found
+    if stated is not None:
+        imu_type = by_name(stated)
+        if imu_type is None:
+            raise InputError(f"scale: {stated!r} is no IMU whose counts are known; known are {choices}")
+        return imu_type
     if "imu" in rows:
         numbers = np.unique(rows["imu"])
         if len(numbers) > 1:
@@ -237,17 +237,17 @@ def _imu_type(log: Messages, name: str, rows: Columns, hints: ReadHints) -> ImuT
     else:
         raise FileFormatError(
             f"{name} does not say which IMU it counts for: log RAWIMUSX or INSCONFIG, or say scale='NAME' of "
-            f"{known}, or scale='accel=..,gyro=..' [m/s and rad of a count]",
+            f"{choices}, or scale='accel=..,gyro=..' [m/s and rad of a count]",
             log.path,
         )
-    found = by_name(word)
-    if found is None:
+    imu_type = by_name(word)
+    if imu_type is None:
         raise FileFormatError(
             f"{name}: the counts of IMU type {word} are not in our table: look them up in NovAtel's manual (RAWIMUSX) "
             "and say scale='accel=..,gyro=..' [m/s and rad of a count]",
             log.path,
         )
-    return found
+    return imu_type
 
 
 def gnss_table(
@@ -293,7 +293,7 @@ def _velocity(
     rows, t_v = pick(rows, later), t_v[later]
     track = rows["track"] * units.DEG
     v = np.stack((rows["speed"] * np.cos(track), rows["speed"] * np.sin(track), -rows["up"]), axis=1)
-    found, near = velocity_at(t, t_v, v, _FARTHEST)
+    velocity, near = velocity_at(t, t_v, v, _FARTHEST)
     given = hints.sigmas[3:] if hints.sigmas is not None and len(hints.sigmas) == 6 else (RATE_ERROR,) * 3
     latency = float(np.median(rows["latency"]))
     notes.append(
@@ -307,7 +307,7 @@ def _velocity(
             f"{NO_VELOCITY:g} m/s."
         )
     sigma = np.where(near[:, None], np.array(given), NO_VELOCITY)
-    made = {label: found[:, k] for k, label in enumerate(("vn", "ve", "vd"))}
+    made = {label: velocity[:, k] for k, label in enumerate(("vn", "ve", "vd"))}
     return made | {label: sigma[:, k] for k, label in enumerate(("svn", "sve", "svd"))}
 
 

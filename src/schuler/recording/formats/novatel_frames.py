@@ -185,7 +185,7 @@ def load(path: Path) -> Messages:
     """
     data = path.read_bytes()
     notes: list[str] = []
-    found: dict[str, list[tuple[int, int, bool]]] = {}
+    spans: dict[str, list[tuple[int, int, bool]]] = {}
     others: dict[str, int] = {}
     failed = total = 0
     beyond = -1
@@ -208,18 +208,18 @@ def load(path: Path) -> Messages:
         if is_long and data[at + 6] & (_RESPONSE | _SOURCE):
             name += ", answer or other antenna"
         if name in LAYOUTS:
-            found.setdefault(name, []).append((at, stop, is_long))
+            spans.setdefault(name, []).append((at, stop, is_long))
         else:
             others[name] = others.get(name, 0) + 1
         done = stop
         at = data.find(_SYNC, stop)
-    columns = {name: _gather(data, name, places, notes) for name, places in found.items()}
+    columns = {name: _gather(data, name, places, notes) for name, places in spans.items()}
     lines, words, lines_failed = _lines(data, others, notes)
     failed += lines_failed
     for name, rows in lines.items():
         if name not in columns or len(rows["header_week"]) > len(columns[name]["header_week"]):
             columns[name] = rows
-        if name in found:
+        if name in spans:
             notes.append(f"{name} is in the log in binary and in ASCII; the one with more messages was read.")
     columns = {name: rows for name, rows in columns.items() if len(rows["header_week"])}
     total += sum(len(rows["header_week"]) for rows in lines.values())

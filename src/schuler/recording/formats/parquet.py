@@ -124,12 +124,12 @@ def _parts(path: Path, file: Any, document: Mapping[str, Any]) -> dict[str, Any]
 
 def _row_group(path: Path, file: Any, group: int, name: str) -> Columns:
     """Columns of one part; those of the other parts, which are null here, are not even read."""
-    wanted = [n for n in file.schema_arrow.names if n in own.COLUMNS[name]]
-    table = _guarded(path, lambda: file.read_row_group(group, columns=wanted))
-    found = {n: column for n, column in _to_numpy(table, path).items() if column is not None}
-    if not found:
+    names = [n for n in file.schema_arrow.names if n in own.COLUMNS[name]]
+    table = _guarded(path, lambda: file.read_row_group(group, columns=names))
+    arrays = {n: column for n, column in _to_numpy(table, path).items() if column is not None}
+    if not arrays:
         raise FileFormatError(f"the columns of {name} are missing; write the file anew", path)
-    return found
+    return arrays
 
 
 def _of_their_own(flat: Columns) -> Columns:

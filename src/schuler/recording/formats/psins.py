@@ -61,18 +61,18 @@ def sniff(head: bytes, path: Path) -> bool:
     """Whether a MATLAB file has a ``trj``, or ``imu`` and ``avp`` with 7 and 10 columns."""
     if not head.startswith(b"MATLAB 5.0"):
         return False
-    found = variables(path)
-    if "trj" in found:
-        return {"imu", "avp"} <= set(found["trj"].fields)
-    return all(name in found and found[name].shape[-1] in _WIDTHS[name] for name in ("imu", "avp"))
+    by_name = variables(path)
+    if "trj" in by_name:
+        return {"imu", "avp"} <= set(by_name["trj"].fields)
+    return all(name in by_name and by_name[name].shape[-1] in _WIDTHS[name] for name in ("imu", "avp"))
 
 
 def holds(path: Path) -> tuple[str, ...]:
     """Series of the matrices."""
-    found = variables(path)
-    if "trj" in found:
-        return tuple(_PARTS[name] for name in ("imu", "avp") if name in found["trj"].fields)
-    return tuple(part for name, part in _PARTS.items() if name in found)
+    by_name = variables(path)
+    if "trj" in by_name:
+        return tuple(_PARTS[name] for name in ("imu", "avp") if name in by_name["trj"].fields)
+    return tuple(part for name, part in _PARTS.items() if name in by_name)
 
 
 def read(path: Path, hints: ReadHints) -> Recording:
@@ -97,23 +97,23 @@ def read(path: Path, hints: ReadHints) -> Recording:
     notes: list[str] = []
     if isinstance(values.get("trj"), dict):
         values = values["trj"]
-    found = {name: matlab.matrix(values[name], name, path, w) for name, w in _WIDTHS.items() if name in values}
-    if not found:
+    matrices = {name: matlab.matrix(values[name], name, path, w) for name, w in _WIDTHS.items() if name in values}
+    if not matrices:
         raise FileFormatError("expected a structure trj, or matrices imu, avp or gps", path)
-    if "gps" in found and hints.sigma is None and len(found) > 1:
-        del found["gps"]
+    if "gps" in matrices and hints.sigma is None and len(matrices) > 1:
+        del matrices["gps"]
         notes.append("The fixes (gps) come without an accuracy and were left out: hint sigma.")
 
     def fault(message: str, row: int | None) -> FileFormatError:
         return FileFormatError(message if row is None else f"row {row + 1}: {message}", path)
 
     tables, base = {}, None
-    for name, rows in found.items():
-        said: list[str] = []
-        t, made = stamps(rows[:, -1].copy(), hints.time, fault, said)
+    for name, rows in matrices.items():
+        time_notes: list[str] = []
+        t, made = stamps(rows[:, -1].copy(), hints.time, fault, time_notes)
         base = base or made
         t = t + (made.epoch_gps_s - base.epoch_gps_s)
-        notes += [note for note in said if note not in notes]
+        notes += [note for note in time_notes if note not in notes]
         keep = parts.later(t, name, path, notes)
         tables[_PARTS[name]] = _table(name, t[keep], rows[keep])
     assert base is not None
@@ -330,10 +330,10 @@ def _ephemerides(path: Path, ephs: FloatArray) -> tuple[Ephemerides, int]:
         raise FileFormatError(f"expected ephemerides of one week, got weeks {weeks.astype(int).tolist()}", path)
     n, start = len(rows), float(weeks[0]) * WEEK_S
     accuracy = rows[:, _ACCURACY]
-    known = np.isfinite(accuracy) & (accuracy > 0.0)
+    stated = np.isfinite(accuracy) & (accuracy > 0.0)
     notes: tuple[str, ...] = (f"{len(ephs) - n} of {len(ephs)} rows of ephs are empty.",)
-    if not known.all():
-        notes += (f"{int(np.sum(~known))} ephemerides have no accuracy; it was set to {_USUAL_ACCURACY:g} m.",)
+    if not stated.all():
+        notes += (f"{int(np.sum(~stated))} ephemerides have no accuracy; it was set to {_USUAL_ACCURACY:g} m.",)
     values: dict[str, Any] = {name: rows[:, column] for name, column in _EPHEMERIS.items()}
     kepler = KeplerRecords(
         sat=rows[:, _PRN].astype(np.int64),
@@ -342,7 +342,7 @@ def _ephemerides(path: Path, ephs: FloatArray) -> tuple[Ephemerides, int]:
         sent=np.full(n, np.nan),
         group_delay=np.stack((rows[:, _TGD], np.full(n, np.nan)), axis=1),
         health=rows[:, _HEALTH].astype(np.int64),
-        accuracy=np.where(known, accuracy, _USUAL_ACCURACY),
+        accuracy=np.where(stated, accuracy, _USUAL_ACCURACY),
         source=np.zeros(n, dtype=np.int64),
         **values,
     )

@@ -77,9 +77,9 @@ def read(path: Path, hints: ReadHints) -> Recording:
     log, notes = load(path, [*TOPICS, *HELPERS])
     streams, chosen = _streams(log), parse_streams(hints.streams)
     names = {s.name for s in streams}
-    wanted = {**{part: name for part, name in _CHOSEN.items() if name in names}, **chosen}
-    taken = {part: choose(streams, part, wanted) for part in ("imu", "gnss", "reference")}
-    taken["height"] = choose(streams, "height", wanted, alone=hints.sigma_height is not None)
+    names_of = {**{part: name for part, name in _CHOSEN.items() if name in names}, **chosen}
+    taken = {part: choose(streams, part, names_of) for part in ("imu", "gnss", "reference")}
+    taken["height"] = choose(streams, "height", names_of, alone=hints.sigma_height is not None)
     if taken["height"] is None and "height" not in chosen and any(s.part == "height" for s in streams):
         notes.append("The barometer was not read: it needs sigma_height=... [m].")
     tables: dict[str, Table] = {}
@@ -123,9 +123,9 @@ def load(path: Path, topics: list[str] | None) -> tuple[Log, list[str]]:
     except ImportError as error:
         raise needs("pyulog", "px4", "reading PX4 logs") from error
     notes: list[str] = []
-    said = io.StringIO()
+    messages = io.StringIO()
     try:
-        with contextlib.redirect_stdout(said):
+        with contextlib.redirect_stdout(messages):
             with path.open("rb") as stream:  # pyulog leaves a file of its own open when it fails
                 formats = ULog(stream, parse_header_only=True).message_formats
             for name in formats:
@@ -159,19 +159,19 @@ def _size(name: str, formats: dict[str, Any], above: tuple[str, ...]) -> int:
     for kind, number, _ in formats[name].fields:
         if kind in above or kind == name:
             raise ValueError(f"the message {name} holds itself")
-        known = kind in ULog._UNPACK_TYPES
-        total += max(number, 1) * (ULog.get_field_size(kind) if known else _size(kind, formats, (*above, name)))
+        basic = kind in ULog._UNPACK_TYPES
+        total += max(number, 1) * (ULog.get_field_size(kind) if basic else _size(kind, formats, (*above, name)))
         if total > _LARGEST:
             raise ValueError(f"the message {name} is longer than messages can be")
     return total
 
 
 def _streams(log: Log) -> list[Stream]:
-    found = []
+    streams = []
     for name, data in sorted(log.items()):
         topic, _, instance = name.partition(":")
         part = TOPICS.get(topic, "")
         if topic == "sensor_gyro" and f"sensor_accel:{instance}" not in log:
             part = ""
-        found.append(stream_of(name, "topic", stamps(data), part))
-    return found
+        streams.append(stream_of(name, "topic", stamps(data), part))
+    return streams

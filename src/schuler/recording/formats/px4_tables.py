@@ -100,11 +100,8 @@ def imu_table(path: Path, log: Log, name: str, notes: list[str]) -> Table:
         t = t[inside]
         force = [field_of(path, other, axis, "sensor_accel")[keep_a] for axis in "xyz"]
         accel = np.stack([np.interp(t, t_a[keep_a], f) for f in force], axis=1)
-        if (
-            "temperature" in data
-            and np.isfinite(found := field_of(path, data, "temperature", name)[keep][inside]).all()
-        ):
-            temperature = found
+        if "temperature" in data and np.isfinite(temp := field_of(path, data, "temperature", name)[keep][inside]).all():
+            temperature = temp
         notes.append(
             f"imu: {name} with sensor_accel:{instance}, uncalibrated, interpolated to the gyro's stamps (linear)."
         )
@@ -183,13 +180,13 @@ def _gps_times(path: Path, data: dict[str, Any], name: str, t: FloatArray, keep:
     PX4 says how far off the moment is that it belongs to.
     """
     utc = field_of(path, data, "time_utc_usec", name)[keep] * _US
-    known = (utc > UNIX_TO_GPS_S) & (utc < _LATEST_UNIX)
+    valid = (utc > UNIX_TO_GPS_S) & (utc < _LATEST_UNIX)
     gps = np.full(len(keep), np.nan)
-    if not known.any():
+    if not valid.any():
         return gps
     step = float(np.median(np.diff(t[keep]))) if len(keep) > 1 else 0.0
     relative = field_of(path, data, _RELATIVE, name)[keep] * _US if _RELATIVE in data else np.zeros(len(keep))
-    gps[known] = gps_from_unix(utc[known]) - np.where(np.abs(relative) > 0.5 * step, relative, 0.0)[known]
+    gps[valid] = gps_from_unix(utc[valid]) - np.where(np.abs(relative) > 0.5 * step, relative, 0.0)[valid]
     gps[np.concatenate(([False], ~(np.diff(gps) > 0.0)))] = np.nan
     return gps
 

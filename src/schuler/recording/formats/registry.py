@@ -80,7 +80,7 @@ WRITERS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
 
 def module(name: str) -> ModuleType:
     """The module of a format; an :class:`InputError` that lists the known ones if there is none of this name."""
-    check_known(name, [known for known, _ in FORMATS], "format")
+    check_known(name, [choice for choice, _ in FORMATS], "format")
     return importlib.import_module(f"schuler.recording.formats.{name}")
 
 
@@ -104,10 +104,10 @@ def find_folder(path: Path) -> ModuleType | None:
 
 def held_by(head: bytes, path: Path) -> tuple[str, ...] | None:
     """Series that a file of one of these formats holds by its looks; ``None`` if it is of none of them."""
-    found = find(head, path)
-    if found is None:
+    reader = find(head, path)
+    if reader is None:
         return None
-    held = getattr(found, "holds", None)
+    held = getattr(reader, "holds", None)
     return () if held is None else tuple(held(path))
 
 
@@ -120,10 +120,10 @@ def find_writer(path: Path, name: str | None = None) -> tuple[ModuleType, tuple[
         If a format of this name is not known or not written.
     """
     if name is not None:
-        check_known(name, [known for known, _, _ in WRITERS], "format to write")
-    for known, suffixes, parts in WRITERS:
-        if known == name or (name is None and path.suffix.lower() in suffixes):
-            return importlib.import_module(f"schuler.recording.formats.{known}"), parts
+        check_known(name, [choice for choice, _, _ in WRITERS], "format to write")
+    for choice, suffixes, parts in WRITERS:
+        if choice == name or (name is None and path.suffix.lower() in suffixes):
+            return importlib.import_module(f"schuler.recording.formats.{choice}"), parts
     return None
 
 

@@ -152,14 +152,14 @@ def whole_seconds(date: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
     return np.where(wrong, 0, whole), np.where(wrong, 0.0, second - whole_second), wrong
 
 
-def leap_seconds_at(whole: IntArray, known: int | None) -> FloatArray:
+def leap_seconds_at(whole: IntArray, stated: int | None) -> FloatArray:
     """GPS time minus UTC at UTC seconds since 1980-01-06. Shape (n,). [s]
 
     Parameters
     ----------
     whole : ndarray of int, shape (n,)
         [s]
-    known : int, optional
+    stated : int, optional
         What the file says, used for dates beyond the table of :mod:`schuler.timebase`.
 
     Raises
@@ -171,8 +171,8 @@ def leap_seconds_at(whole: IntArray, known: int | None) -> FloatArray:
     try:
         return np.round(gps_from_unix(utc + UNIX_TO_GPS_S) - utc)
     except InputError as error:
-        if known is None:
+        if stated is None:
             raise InputError(
                 f"leap seconds are known to {LEAP_TABLE_VALID_TO} and the file has no LEAP SECONDS: update schuler"
             ) from error
-        return np.full(utc.shape, float(known))
+        return np.full(utc.shape, float(stated))

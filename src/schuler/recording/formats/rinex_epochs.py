@@ -109,24 +109,24 @@ def _by_mark(file: RinexFile) -> tuple[IntArray, IntArray]:
         at = at[:-1]
     _reject_strays(file, np.arange(file.body, at[0] if len(at) else end))
     flag, wrong_flag = numbers(file.columns(at, 31, 1))
-    said, wrong = numbers(file.columns(at, 32, 3))
+    stated, wrong = numbers(file.columns(at, 32, 3))
     flag = np.nan_to_num(flag).astype(np.int64)  # a blank is a zero
-    wrong |= wrong_flag | np.isnan(said) | (said < 0) | (flag > 6)
+    wrong |= wrong_flag | np.isnan(stated) | (stated < 0) | (flag > 6)
     file.reject(wrong, at, f"an event flag and a number of satellites in columns 32 to 35 of {_FORM_3!r}")
-    count = np.where(np.isnan(said), 0, said).astype(np.int64)
-    there = np.append(at[1:], end)[: len(at)] - at - 1
-    for k in np.flatnonzero(there > count).tolist():
-        _reject_strays(file, np.arange(at[k] + 1 + count[k], at[k] + 1 + there[k]))
-    fewer = there < count
+    count = np.where(np.isnan(stated), 0, stated).astype(np.int64)
+    present = np.append(at[1:], end)[: len(at)] - at - 1
+    for k in np.flatnonzero(present > count).tolist():
+        _reject_strays(file, np.arange(at[k] + 1 + count[k], at[k] + 1 + present[k]))
+    fewer = present < count
     if len(at) and (fewer[-1] or (at[-1] + count[-1] == end - 1 and _cut_within_a_value(file))):
         _note_cut(file, int(at[-1]))
-        at, flag, count, there, fewer = at[:-1], flag[:-1], count[:-1], there[:-1], fewer[:-1]
+        at, flag, count, present, fewer = at[:-1], flag[:-1], count[:-1], present[:-1], fewer[:-1]
     if fewer.any():
         file.notes.append(
             f"{np.sum(fewer)} epochs have fewer lines than they say, the first in line {at[np.argmax(fewer)] + 1}; the "
             "lines there are were used."
         )
-        count = np.minimum(count, there)
+        count = np.minimum(count, present)
     for k in np.flatnonzero((flag >= 2) & (flag <= 5)).tolist():
         _check_event(file, int(at[k]) + 1, int(at[k]) + 1 + int(count[k]))
     _note_events(file, {str(f): int(np.sum(flag == f)) for f in range(1, 7)})
@@ -223,6 +223,6 @@ def _note_events(file: RinexFile, events: dict[str, int]) -> None:
         "5": "external events",
         "6": "records of cycle slips",
     }
-    found = [f"{events[flag]} {name}" for flag, name in names.items() if events[flag]]
-    if found:
-        file.notes.append(f"Passed over within the file: {'; '.join(found)}.")
+    counts = [f"{events[flag]} {name}" for flag, name in names.items() if events[flag]]
+    if counts:
+        file.notes.append(f"Passed over within the file: {'; '.join(counts)}.")

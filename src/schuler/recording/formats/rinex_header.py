@@ -117,13 +117,13 @@ class RinexFile:
         begin = self.starts[at] + first
         length = self.ends[at] - begin
         # a start behind the end of a short line at the end of the file is still within the blanks
-        found: np.ndarray = np.lib.stride_tricks.sliding_window_view(self.chars, width)[begin]
+        windows: np.ndarray = np.lib.stride_tricks.sliding_window_view(self.chars, width)[begin]
         short = np.flatnonzero(length < width)
         if len(short):
-            rows = found[short]
+            rows = windows[short]
             rows[np.arange(width) >= length[short, None]] = _BLANK
-            found[short] = rows
-        return found
+            windows[short] = rows
+        return windows
 
     def first_text(self, label: str) -> str | None:
         """First 60 columns of the header's first line with a label."""
@@ -261,15 +261,15 @@ def types_of(file: RinexFile) -> dict[str, SystemTypes]:
     if file.version < 3.0:
         codes = _old_types(file)
         return {system: _in_signals(codes, [_old_signal(c, system, codes) for c in codes]) for system in SYSTEMS}
-    found = {}
+    by_system = {}
     for system, codes in _new_types(file).items():
         if system not in SYSTEMS:
             continue
         named = [_new_signal(c, system, file.version) for c in codes]
         if named != [(c[0], c[1:]) for c in codes] and system == "C":
             file.notes.append("BeiDou's B1 is called 1I in version 3.02 and was taken as 2I, as in all others.")
-        found[system] = _in_signals(codes, named)
-    return found
+        by_system[system] = _in_signals(codes, named)
+    return by_system
 
 
 def _in_signals(codes: list[str], named: list[tuple[str, str]]) -> SystemTypes:
@@ -282,26 +282,26 @@ def _in_signals(codes: list[str], named: list[tuple[str, str]]) -> SystemTypes:
 
 def _new_types(file: RinexFile) -> dict[str, list[str]]:
     label = "SYS / # / OBS TYPES"
-    found: dict[str, list[str]] = {}
+    codes_of: dict[str, list[str]] = {}
     counts: dict[str, int] = {}
     system = ""
     for text in file.header.get(label, []):
         if text[0] != " ":
             system = text[0].upper()
-            if system in found or not text[3:6].strip().isdecimal():
+            if system in codes_of or not text[3:6].strip().isdecimal():
                 raise file.fault(f"{label}: expected one list with a count for each system, got {text.strip()!r}")
-            counts[system], found[system] = int(text[3:6]), []
+            counts[system], codes_of[system] = int(text[3:6]), []
         if not system:
             raise file.fault(f"{label}: expected the letter of a system, got {text.strip()!r}")
-        found[system] += text[6:60].split()
-    for system, codes in found.items():
+        codes_of[system] += text[6:60].split()
+    for system, codes in codes_of.items():
         if len(codes) != counts[system] or any(len(c) != 3 for c in codes):
             raise file.fault(
                 f"{label}: expected {counts[system]} types such as C1C of system {system}, got {' '.join(codes)}"
             )
-    if not found:
+    if not codes_of:
         raise file.fault(f"the header has no {label!r}: is it a file of observations?")
-    return found
+    return codes_of
 
 
 def _new_signal(code: str, system: str, version: float) -> tuple[str, str]:

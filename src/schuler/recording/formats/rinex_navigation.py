@@ -91,33 +91,33 @@ def read_rinex_navigation(path: Path | str) -> Ephemerides:
 
 def _ionosphere(file: RinexFile, messages: list[tuple[str, int]]) -> dict[str, tuple[float, ...]]:
     """Coefficients by name; the first of each that are there and are not all zero."""
-    said: list[tuple[str, tuple[float, ...] | None]] = []
+    stated: list[tuple[str, tuple[float, ...] | None]] = []
     for label, name in (("ION ALPHA", "alpha"), ("ION BETA", "beta")):
-        said += [(name, numbers_in(text, 12, 4, first=2)) for text in file.header.get(label, [])]
+        stated += [(name, numbers_in(text, 12, 4, first=2)) for text in file.header.get(label, [])]
     others: list[str] = []
     for text in file.header.get("IONOSPHERIC CORR", []):
         name, count = _COEFFICIENTS.get(text[:4].strip(), ("", 0))
         if name:
-            said.append((name, numbers_in(text, 12, count, first=5)))
+            stated.append((name, numbers_in(text, 12, count, first=5)))
         else:
             others.append(text[:4].strip())
     for message, line in messages:
         if message in ("G LNAV", "E IFNV"):
-            said += _of_message(file, message, line)
+            stated += _of_message(file, message, line)
         else:
             others.append(message)
-    found: dict[str, tuple[float, ...]] = {}
+    coefficients: dict[str, tuple[float, ...]] = {}
     empty: set[str] = set()
-    for name, values in said:
+    for name, values in stated:
         if values is not None and any(values):
-            found.setdefault(name, values)
+            coefficients.setdefault(name, values)
         else:
             empty.add(name)
-    if missing := sorted(empty - set(found)):
+    if missing := sorted(empty - set(coefficients)):
         file.notes.append(f"Ionosphere coefficients that are all zero or cannot be read: {', '.join(missing)}.")
     if others:
         file.notes.append(f"Ionosphere coefficients that are not used: {', '.join(sorted(set(others)))}.")
-    return found
+    return coefficients
 
 
 def _of_message(file: RinexFile, message: str, line: int) -> list[tuple[str, tuple[float, ...] | None]]:
@@ -165,7 +165,7 @@ def kepler_records(file: RinexFile, records: Records, system: str) -> KeplerReco
     delay = values[:, _DELAY : _DELAY + 2].copy()
     if system in "GJ":
         delay[:, 1] = np.nan  # here stands the issue of the clock
-    found = KeplerRecords(
+    orbits = KeplerRecords(
         sat=records.sat,
         toe=toe + offset,
         toc=toc + offset,
@@ -178,12 +178,12 @@ def kepler_records(file: RinexFile, records: Records, system: str) -> KeplerReco
         source=np.round(source).astype(np.int64) if system == "E" else np.zeros(len(toc), dtype=np.int64),
     )
     complete = np.isfinite(np.column_stack((values[:, [*_PLACES.values(), _TOE]],))).all(axis=1)
-    complete &= (found.sqrt_a > 0.0) & (found.e >= 0.0) & (found.e < 1.0)
-    found = _complete(file, found, complete, system)
+    complete &= (orbits.sqrt_a > 0.0) & (orbits.e >= 0.0) & (orbits.e < 1.0)
+    orbits = _complete(file, orbits, complete, system)
     if (unstated := int(np.isnan(values[complete, _HEALTH]).sum())) > 0:
         file.notes.append(f"{unstated} messages of {SYSTEM_NAMES[system]} state no health and were taken as usable.")
-    key = np.column_stack((found.sat, found.toe, found.toc, found.issue, found.source, found.health))
-    return _once(file, found, key, system)
+    key = np.column_stack((orbits.sat, orbits.toe, orbits.toc, orbits.issue, orbits.source, orbits.health))
+    return _once(file, orbits, key, system)
 
 
 def glonass_records(file: RinexFile, records: Records) -> GlonassRecords:
@@ -197,7 +197,7 @@ def glonass_records(file: RinexFile, records: Records) -> GlonassRecords:
     channel = values[:, 10]
     channel = np.where(channel > 128, channel - 256, channel)  # some writers take the byte as one without a sign
     period = _DAY_S if file.version < 3.0 and not np.any(_known(values[:, 2]) >= _DAY_S) else WEEK_S
-    found = GlonassRecords(
+    orbits = GlonassRecords(
         sat=records.sat,
         toe=toe + leaps,
         sent=_near(_known(values[:, 2]), toe, period) + leaps,
@@ -210,9 +210,9 @@ def glonass_records(file: RinexFile, records: Records) -> GlonassRecords:
         health=np.nan_to_num(values[:, 6]).astype(np.int64),
     )
     complete = np.isfinite(values[:, [0, 1, 3, 4, 5, 7, 8, 9, 11, 12, 13]]).all(axis=1)
-    complete &= (found.channel >= _CHANNELS[0]) & (found.channel <= _CHANNELS[1])
-    found = _complete(file, found, complete, "R")
-    return _once(file, found, np.column_stack((found.sat, found.toe, found.health)), "R")
+    complete &= (orbits.channel >= _CHANNELS[0]) & (orbits.channel <= _CHANNELS[1])
+    orbits = _complete(file, orbits, complete, "R")
+    return _once(file, orbits, np.column_stack((orbits.sat, orbits.toe, orbits.health)), "R")
 
 
 def _known(sent: FloatArray) -> FloatArray:
@@ -226,26 +226,26 @@ def _near(of_period: FloatArray, t: FloatArray, period: float) -> FloatArray:
     return t + apart - period * np.round(apart / period)
 
 
-def _complete(file: RinexFile, found: T, complete: np.ndarray, system: str) -> T:
+def _complete(file: RinexFile, orbits: T, complete: np.ndarray, system: str) -> T:
     if not complete.all():
         file.notes.append(
             f"{np.sum(~complete)} messages of {SYSTEM_NAMES[system]} lack elements or have impossible ones and were "
             "left out."
         )
-    return _rows(found, np.flatnonzero(complete))
+    return _rows(orbits, np.flatnonzero(complete))
 
 
-def _once(file: RinexFile, found: T, key: np.ndarray, system: str) -> T:
+def _once(file: RinexFile, orbits: T, key: np.ndarray, system: str) -> T:
     """The first of messages that say the same."""
-    if not len(found):
-        return found
+    if not len(orbits):
+        return orbits
     _, first = np.unique(key, axis=0, return_index=True)
-    if (twice := len(found) - len(first)) > 0:
+    if (twice := len(orbits) - len(first)) > 0:
         file.notes.append(f"{twice} messages of {SYSTEM_NAMES[system]} are there again and were left out.")
-    return _rows(found, np.sort(first))
+    return _rows(orbits, np.sort(first))
 
 
-def _rows(found: T, k: np.ndarray) -> T:
+def _rows(orbits: T, k: np.ndarray) -> T:
     from dataclasses import fields as names
 
-    return type(found)(**{f.name: getattr(found, f.name)[k] for f in names(found)})
+    return type(orbits)(**{f.name: getattr(orbits, f.name)[k] for f in names(orbits)})

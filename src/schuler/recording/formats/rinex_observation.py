@@ -251,12 +251,12 @@ def _header_channels(file: RinexFile) -> dict[int, int]:
 
 def _wavelengths(
     file: RinexFile, sat: IntArray, signal: IntArray, signals: tuple[str, ...], channels: dict[int, int],
-    wanted: BoolArray,
+    required: BoolArray,
 ) -> FloatArray:  # fmt: skip
     """Wavelength of each row, NaN where it is not known; wanted ones that are not known are noted. Shape (n,). [m]"""
     table = np.full((100 * len(SYSTEMS), max(1, len(signals))), np.nan)
     seen = np.zeros(table.shape, dtype=np.bool_)
-    seen[sat[wanted], signal[wanted]] = True
+    seen[sat[required], signal[required]] = True
     no_channel: set[str] = set()
     no_band: set[str] = set()
     for s, k in np.argwhere(seen).tolist():

@@ -148,10 +148,10 @@ def _by_library(data: bytes, path: Path, how: str, notes: list[str]) -> bytes:
     except ImportError as error:
         raise _needs_hatanaka(path, how) from error
     try:
-        with warnings.catch_warnings(record=True) as told:
+        with warnings.catch_warnings(record=True) as issued:
             warnings.simplefilter("always")
             text = bytes(hatanaka.decompress(data))
-        notes += [f"On unpacking ({how}): {' '.join(str(w.message).split())}" for w in told]
+        notes += [f"On unpacking ({how}): {' '.join(str(w.message).split())}" for w in issued]
         return text
     except (hatanaka.HatanakaException, ValueError, OSError) as error:
         first = str(error).strip().partition("\n")[0]

@@ -158,11 +158,11 @@ def decode(
             stamps[rows] = table["sec"].astype(np.int64) * 1_000_000_000 + table["nanosec"]
         for name in dtype.names or ():
             if name.startswith("text "):
-                found = texts.setdefault(name.removeprefix("text "), [])
+                texts_of = texts.setdefault(name.removeprefix("text "), [])
                 for value in np.unique(table[name]):
                     text = bytes(value).rstrip(b"\x00").decode("utf-8", "replace")
-                    if text not in found:
-                        found.append(text)
+                    if text not in texts_of:
+                        texts_of.append(text)
     return Messages(stamps if has_header else logged, logged, columns, texts)
 
 

@@ -83,7 +83,7 @@ class Topic:
 
 def streams_of(path: Path, topics: Iterable[Topic]) -> list[Stream]:
     """Streams of topics, on the stamps of their headers where they are read, else the times of recording."""
-    found = []
+    streams = []
     for topic in topics:
         part = PARTS.get(topic.kind, "") if topic.wanted else ""
         if topic.raw and topic.kind in LAYOUTS:
@@ -92,10 +92,10 @@ def streams_of(path: Path, topics: Iterable[Topic]) -> list[Stream]:
         else:
             ns = np.asarray(topic.log_ns, dtype=np.int64)
         if len(ns):
-            found.append(stream_of(topic.name, topic.kind, ns / _NS, part))
+            streams.append(stream_of(topic.name, topic.kind, ns / _NS, part))
         else:
-            found.append(Stream(topic.name, topic.kind, topic.other, part=part))
-    return sorted(found, key=lambda s: s.name)
+            streams.append(Stream(topic.name, topic.kind, topic.other, part=part))
+    return sorted(streams, key=lambda s: s.name)
 
 
 def recording_of(
@@ -175,13 +175,13 @@ def _available(topics: list[Topic], chosen: dict[str, str | None]) -> dict[str, 
     """Candidates of each part; a twist can be the velocity of the fixes or, if named so, an odometer."""
     plain = [Stream(t.name, t.kind, len(t.raw), part=PARTS.get(t.kind, "")) for t in topics if t.wanted]
     plain += [Stream(t.name, t.kind, len(t.log_ns) or t.other) for t in topics if not t.wanted]
-    found = {part: [s for s in plain if s.part == part] for part in ("imu", "gnss", "velocity", "reference")}
-    speeds = [*found["velocity"], *(s for s in plain if s.kind == "nav_msgs/Odometry")]
-    found["odometer"] = [Stream(s.name, s.kind, s.count, part="odometer") for s in speeds]
-    for part in found:
+    by_part = {part: [s for s in plain if s.part == part] for part in ("imu", "gnss", "velocity", "reference")}
+    speeds = [*by_part["velocity"], *(s for s in plain if s.kind == "nav_msgs/Odometry")]
+    by_part["odometer"] = [Stream(s.name, s.kind, s.count, part="odometer") for s in speeds]
+    for part in by_part:
         if part in chosen:  # names the wrong topic: the message shows what it is
-            found[part] += [Stream(s.name, s.kind, s.count) for s in plain if s not in found[part]]
-    return found
+            by_part[part] += [Stream(s.name, s.kind, s.count) for s in plain if s not in by_part[part]]
+    return by_part
 
 
 def _own_document(path: Path, topics: list[Topic]) -> dict[str, Any] | None:

@@ -108,24 +108,24 @@ def _velocity(m: Messages, t: FloatArray, epochs: FloatArray, path: Path, notes:
     step = float(np.median(np.diff(epochs))) if len(epochs) > 1 else 1.0
     right = np.clip(np.searchsorted(t, epochs), 1, max(len(t) - 1, 1))
     near = right - (np.abs(epochs - t[right - 1]) <= np.abs(epochs - t[np.minimum(right, len(t) - 1)]))
-    known = np.abs(t[near] - epochs) <= 0.05 * step
-    if known.sum() < 0.5 * len(epochs):
+    matched = np.abs(t[near] - epochs) <= 0.05 * step
+    if matched.sum() < 0.5 * len(epochs):
         raise FileFormatError(
-            f"velocity: only {int(known.sum())} of {len(epochs)} fixes have a velocity of the same stamp: is it of "
+            f"velocity: only {int(matched.sum())} of {len(epochs)} fixes have a velocity of the same stamp: is it of "
             "this receiver?",
             path,
         )
-    if not known.all():
+    if not matched.all():
         notes.append(
-            f"velocity: {int((~known).sum())} fixes have none; theirs is zero with {NO_VELOCITY:g} m/s 1-sigma."
+            f"velocity: {int((~matched).sum())} fixes have none; theirs is zero with {NO_VELOCITY:g} m/s 1-sigma."
         )
     twist, pick = ("twist.twist", order[near]) if "twist.covariance.0" in m.values else ("twist", order[near])
     v_n = m.stack(f"{twist}.linear")[pick] @ ENU
     cov = np.zeros((len(epochs), 3, 3))
     if "twist.covariance.0" in m.values:
         cov = m.stack("twist.covariance", range(36))[pick].reshape(-1, 6, 6)[:, :3, :3]
-    v_n[~known] = 0.0
-    cov[~known] = NO_VELOCITY**2 * np.eye(3)
+    v_n[~matched] = 0.0
+    cov[~matched] = NO_VELOCITY**2 * np.eye(3)
     return {name: v_n[:, k] for k, name in enumerate(("vn", "ve", "vd"))} | _ned_covariance(cov, "v")
 
 

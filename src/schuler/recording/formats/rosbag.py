@@ -87,8 +87,8 @@ def scan(path: Path) -> tuple[list[Topic], list[str]]:
                 if key not in topics:
                     topics[key] = Topic(*key, "ros1" if one else "cdr", kind in LAYOUTS)
                 topics[key].other += 0 if topics[key].wanted else connection.msgcount
-            wanted = [c for c in reader.connections if topics[c.topic, plain_type(c.msgtype)].wanted]
-            for connection, log_ns, raw in reader.messages(connections=wanted) if wanted else ():
+            connections = [c for c in reader.connections if topics[c.topic, plain_type(c.msgtype)].wanted]
+            for connection, log_ns, raw in reader.messages(connections=connections) if connections else ():
                 topic = topics[connection.topic, plain_type(connection.msgtype)]
                 topic.log_ns.append(log_ns)
                 topic.raw.append(bytes(raw))

@@ -205,9 +205,9 @@ def _heights(raw: Raw, hints: ReadHints, header: PosHeader) -> ReadHints:
             "geoid_separation=... [m]"
         )
     if hints.height is not None and hints.height != header.height:
-        said = "above the ellipsoid" if header.height == "ellipsoidal" else "above mean sea level"
+        stated = "above the ellipsoid" if header.height == "ellipsoidal" else "above mean sea level"
         raise raw.fault(
-            f"the file says its heights are {said}, the hint says {hints.height}; allow='height' overrules it"
+            f"the file says its heights are {stated}, the hint says {hints.height}; allow='height' overrules it"
         )
     raw.ellipsoidal = header.height == "ellipsoidal"
     return hints

@@ -209,8 +209,8 @@ def _turned(rows: FloatArray, sign: float) -> FloatArray:
 def _accuracy_beside(path: Path) -> Path | None:
     name = path.name
     for old, new in (("sbet", "smrmsg"), ("SBET", "SMRMSG"), ("sbet", "SMRMSG")):
-        if name.startswith(old) and (found := path.with_name(new + name[len(old) :])).is_file():
-            return found
+        if name.startswith(old) and (beside := path.with_name(new + name[len(old) :])).is_file():
+            return beside
     return None
 
 

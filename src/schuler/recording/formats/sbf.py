@@ -107,10 +107,10 @@ def read(path: Path, hints: ReadHints) -> Recording:
         if table is not None:
             tables[part] = table
     if not tables:
-        there = ", ".join([*log.places, *(f"block {number}" for number in log.others)]) or "none"
+        present = ", ".join([*log.places, *(f"block {number}" for number in log.others)]) or "none"
         raise FileFormatError(
-            f"expected PVTGeodetic with a fix, ExtSensorMeas or INSNavGeod, found {there} without one: enable them, or "
-            "convert to RINEX for raw measurements",
+            f"expected PVTGeodetic with a fix, ExtSensorMeas or INSNavGeod, found {present} without one: enable them, "
+            "or convert to RINEX for raw measurements",
             path,
         )
     return parts.assemble(path, tables, hints, base_of(first), notes)
@@ -182,32 +182,32 @@ def _covariance(log: Blocks, name: str, rows: Columns) -> tuple[FloatArray, Floa
     """1-sigma north, east, down and covariances NE, ND, ED at the times of solutions, and where they are known."""
     cov = log.columns(name)
     match = same_time(_key(rows), _key(cov))
-    found = {label: values[match] for label, values in cov.items()} if len(cov["nn"]) else None
-    if found is None:
+    matched = {label: values[match] for label, values in cov.items()} if len(cov["nn"]) else None
+    if matched is None:
         n = len(rows["week"])
         return np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n, dtype=bool)
-    variance = np.stack([found[label] for label in ("nn", "ee", "uu")], axis=1)
-    cross = np.stack((found["ne"], -found["nu"], -found["eu"]), axis=1)
-    good = (match >= 0) & (found["error"] == 0) & np.all(variance > 0.0, axis=1) & np.all(cross > NOT_USED, axis=1)
+    variance = np.stack([matched[label] for label in ("nn", "ee", "uu")], axis=1)
+    cross = np.stack((matched["ne"], -matched["nu"], -matched["eu"]), axis=1)
+    good = (match >= 0) & (matched["error"] == 0) & np.all(variance > 0.0, axis=1) & np.all(cross > NOT_USED, axis=1)
     good &= np.all(cross < -NOT_USED, axis=1)
     return np.sqrt(np.where(good[:, None], variance, 1.0)), np.where(good[:, None], cross, 0.0), good
 
 
 def _gnss(log: Blocks, t: FloatArray, rows: Columns, hints: ReadHints, notes: list[str]) -> Table | None:
-    sigma, cross, known = _covariance(log, "PosCovGeodetic", rows)
-    if not known.all():
+    sigma, cross, stated_here = _covariance(log, "PosCovGeodetic", rows)
+    if not stated_here.all():
         other, stated = _accuracy(log, rows, hints)
-        fill = ~known & stated
+        fill = ~stated_here & stated
         sigma[fill] = other[fill]
         if fill.any():
             how = "the hint sigma" if hints.sigmas is not None else "HAccuracy and VAccuracy (2DRMS and 2-sigma)"
             notes.append(f"PVTGeodetic: {int(fill.sum())} epochs have no PosCovGeodetic; 1-sigma is from {how}.")
-        known = known | stated
-        if not known.all():
-            notes.append(f"PVTGeodetic: {int((~known).sum())} epochs without an accuracy were left out.")
-        if not known.any():
+        stated_here = stated_here | stated
+        if not stated_here.all():
+            notes.append(f"PVTGeodetic: {int((~stated_here).sum())} epochs without an accuracy were left out.")
+        if not stated_here.any():
             raise FileFormatError("no epoch has an accuracy: enable PosCovGeodetic, or say sigma='N,E,D' [m]", log.path)
-    sigma, cross, rows, t = sigma[known], cross[known], pick(rows, known), t[known]
+    sigma, cross, rows, t = sigma[stated_here], cross[stated_here], pick(rows, stated_here), t[stated_here]
     mode = rows["mode"].astype(np.int64)
     if (flat := (mode & _TWO_D) > 0).any():
         sigma[flat, 2] = np.maximum(sigma[flat, 2], _ASSUMED_HEIGHT)
@@ -241,24 +241,24 @@ def _accuracy(log: Blocks, rows: Columns, hints: ReadHints) -> tuple[FloatArray,
 
 
 def _velocity(log: Blocks, rows: Columns, hints: ReadHints, notes: list[str]) -> dict[str, FloatArray]:
-    there = _said(rows, ("vn", "ve", "vu"))
-    if not there.any():
+    present = _said(rows, ("vn", "ve", "vu"))
+    if not present.any():
         return {}
-    sigma, cross, known = _covariance(log, "VelCovGeodetic", rows)
-    if (guess := there & ~known).any():
+    sigma, cross, with_covariance = _covariance(log, "VelCovGeodetic", rows)
+    if (guess := present & ~with_covariance).any():
         given = hints.sigmas[3:] if hints.sigmas is not None and len(hints.sigmas) == 6 else (RATE_ERROR,) * 3
         sigma[guess] = given
         notes.append(
             f"PVTGeodetic: velocities of {int(guess.sum())} epochs have no VelCovGeodetic; 1-sigma is {given[0]:g}, "
             f"{given[1]:g}, {given[2]:g} m/s (hint sigma with six numbers replaces it)."
         )
-    if not there.all():
-        sigma[~there], cross[~there] = NO_VELOCITY, 0.0
+    if not present.all():
+        sigma[~present], cross[~present] = NO_VELOCITY, 0.0
         notes.append(
-            f"PVTGeodetic: {int((~there).sum())} epochs have no velocity; it was set to zero with a 1-sigma of "
+            f"PVTGeodetic: {int((~present).sum())} epochs have no velocity; it was set to zero with a 1-sigma of "
             f"{NO_VELOCITY:g} m/s."
         )
-    v = np.where(there[:, None], np.stack((rows["vn"], rows["ve"], -rows["vu"]), axis=1), 0.0)
+    v = np.where(present[:, None], np.stack((rows["vn"], rows["ve"], -rows["vu"]), axis=1), 0.0)
     values = {name: v[:, k] for k, name in enumerate(("vn", "ve", "vd"))}
     values |= {name: sigma[:, k] for k, name in enumerate(("svn", "sve", "svd"))}
     return values | {name: cross[:, k] for k, name in enumerate(("cvne", "cvnd", "cved"))}

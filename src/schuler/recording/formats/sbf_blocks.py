@@ -129,7 +129,7 @@ def load(path: Path) -> Blocks:
     itself.
     """
     data = path.read_bytes()
-    found: dict[str, list[tuple[int, int]]] = {}
+    block_spans: dict[str, list[tuple[int, int]]] = {}
     others: dict[int, int] = {}
     failed = total = done = 0
     beyond = -1
@@ -140,7 +140,7 @@ def load(path: Path) -> Blocks:
             number = int.from_bytes(data[at + 4 : at + 6], "little") & _NUMBER
             total += 1
             if number in _BY_NUMBER:
-                found.setdefault(_BY_NUMBER[number], []).append((at, stop))
+                block_spans.setdefault(_BY_NUMBER[number], []).append((at, stop))
             else:
                 others[number] = others.get(number, 0) + 1
             done = stop
@@ -164,7 +164,7 @@ def load(path: Path) -> Blocks:
         notes.append(f"{failed} blocks with a wrong CRC were left out.")
     if beyond >= done and beyond >= 0:
         notes.append("The last block was cut off and left out.")
-    places = {name: np.array(spans, dtype=np.int64) for name, spans in found.items()}
+    places = {name: np.array(spans, dtype=np.int64) for name, spans in block_spans.items()}
     return Blocks(path, np.frombuffer(data, dtype=np.uint8), places, others, notes)
 
 
@@ -194,13 +194,13 @@ def sensor(log: Blocks, kind: int) -> dict[str, FloatArray]:
     rows = log.columns("ExtSensorMeas")
     at, stop = rows["at"].astype(np.int64), rows["stop"].astype(np.int64)
     size, n = rows["size"].astype(np.int64), rows["n"].astype(np.int64)
-    found = []
+    pieces = []
     for k in range(int(n.max(initial=0))):
         place = at + 16 + k * size
-        there = np.flatnonzero((n > k) & (size >= _MEASUREMENT) & (place + _MEASUREMENT <= stop))
-        there = there[log.data[place[there] + 2] == kind]
-        found.append(np.stack((there, place[there]), axis=1))
-    pairs = np.concatenate(found) if found else np.empty((0, 2), dtype=np.int64)
+        present = np.flatnonzero((n > k) & (size >= _MEASUREMENT) & (place + _MEASUREMENT <= stop))
+        present = present[log.data[place[present] + 2] == kind]
+        pieces.append(np.stack((present, place[present]), axis=1))
+    pairs = np.concatenate(pieces) if pieces else np.empty((0, 2), dtype=np.int64)
     row, place = pairs[np.argsort(pairs[:, 1], kind="stable")].T
     xyz = log.vectors(place + 4, "<f8")
     made = {name: rows[name][row] for name in ("week", "ms")}

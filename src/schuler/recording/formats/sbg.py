@@ -141,8 +141,8 @@ def read(path: Path, hints: ReadHints) -> Recording:
         else:
             tables[part] = _reference(t, rows, notes)
     if not tables:
-        there = ", ".join([*log.columns, *log.others])
-        raise FileFormatError(f"expected IMU_SHORT, GPS1_POS or EKF_NAV with a solution, found {there}", path)
+        present = ", ".join([*log.columns, *log.others])
+        raise FileFormatError(f"expected IMU_SHORT, GPS1_POS or EKF_NAV with a solution, found {present}", path)
     base = TimeBase("local") if line is None else TimeBase("gps", epoch)
     return parts.assemble(path, tables, hints, base, notes)
 
@@ -231,17 +231,17 @@ def _gnss(log: Frames, name: str, t: FloatArray, rows: Columns, notes: list[str]
     good = moved["status"].astype(np.int64) & _STATUS == 0
     moved = pick(moved, good & (moved["svn"] > 0.0) & (moved["sve"] > 0.0) & (moved["svd"] > 0.0))
     match = same_time(rows["tow"].astype(np.int64), moved["tow"].astype(np.int64))
-    found = match >= 0
-    if not found.any():
+    matched = match >= 0
+    if not matched.any():
         return Table(values)
-    if not found.all():
+    if not matched.all():
         notes.append(
-            f"{name}: {int((~found).sum())} positions have no velocity of the same time of week; it was set to zero "
+            f"{name}: {int((~matched).sum())} positions have no velocity of the same time of week; it was set to zero "
             f"with a 1-sigma of {NO_VELOCITY:g} m/s."
         )
     for axis in "ned":
-        values[f"v{axis}"] = np.where(found, moved[f"v{axis}"][match], 0.0)
-        values[f"sv{axis}"] = np.where(found, moved[f"sv{axis}"][match], NO_VELOCITY)
+        values[f"v{axis}"] = np.where(matched, moved[f"v{axis}"][match], 0.0)
+        values[f"sv{axis}"] = np.where(matched, moved[f"sv{axis}"][match], NO_VELOCITY)
     return Table(values)
 
 
@@ -342,7 +342,7 @@ def load(path: Path) -> Frames:
         If there is none with a right CRC.
     """
     data = path.read_bytes()
-    found: dict[str, list[tuple[int, int]]] = {}
+    places: dict[str, list[tuple[int, int]]] = {}
     others: dict[str, int] = {}
     taken = 0
     at = data.find(_SYNC)
@@ -357,7 +357,7 @@ def load(path: Path) -> Frames:
             other = f"log {data[at + 2]} of class {data[at + 3]}"
             others[other] = others.get(other, 0) + 1
         else:
-            found.setdefault(name, []).append((at + _HEAD, stop - _TAIL))
+            places.setdefault(name, []).append((at + _HEAD, stop - _TAIL))
         at = data.find(_SYNC, stop)
     if not taken:
         raise FileFormatError(
@@ -370,7 +370,7 @@ def load(path: Path) -> Frames:
         notes.append(f"{len(data) - taken} of {len(data)} bytes belong to no frame with a right CRC.")
     buffer = np.frombuffer(data, dtype=np.uint8)
     columns: dict[str, dict[str, FloatArray]] = {}
-    for name, spans in found.items():
+    for name, spans in places.items():
         fields = [field.split() for field in LAYOUTS[name][1].split(",")]
         dtype = np.dtype([(label, f"<{kind}") for kind, label in fields])
         first, stop_at = np.array(spans, dtype=np.int64).T

@@ -121,12 +121,12 @@ def sigmas(path: Path) -> FloatArray:
     names += [f"sigma_attitude_{a}_deg" for a in _AXES]
     if missing := [name for name in (*names, "yaw_deg") if name not in columns]:
         raise FileFormatError(f"columns are missing: {', '.join(missing)}", path)
-    found = np.stack([np.asarray(columns[name], dtype=np.float64) for name in names], axis=1)
+    sigma = np.stack([np.asarray(columns[name], dtype=np.float64) for name in names], axis=1)
     yaw = np.asarray(columns["yaw_deg"], dtype=np.float64) * units.DEG
-    north, east, down = found[:, 6:].T * units.DEG
+    north, east, down = sigma[:, 6:].T * units.DEG
     c, s = np.cos(yaw), np.sin(yaw)
-    found[:, 6:] = np.stack((np.hypot(c * north, s * east), np.hypot(s * north, c * east), down), axis=1)
-    return found
+    sigma[:, 6:] = np.stack((np.hypot(c * north, s * east), np.hypot(s * north, c * east), down), axis=1)
+    return sigma
 
 
 def _base(meta: dict[str, Any], path: Path) -> TimeBase | None:

@@ -73,10 +73,10 @@ def recognised_series(path: Path) -> str | None:
                 return str(_own_document(comment, path, number).get("holds"))
         if opening.header is None:
             return None
-        names = [found[0] for found in map(columns.recognise, opening.header[1]) if found]
+        names = [series[0] for series in map(columns.recognise, opening.header[1]) if series]
     except SchulerError:
         return None
-    found = columns.series_of(names)
+    series = columns.series_of(names)
     complete = {
         "imu": {*columns.ACCEL, *columns.GYRO},
         "gnss": set(columns.GEODETIC),
@@ -86,7 +86,7 @@ def recognised_series(path: Path) -> str | None:
         "height": {"h", "sh"},
         "reference": {"x", "y", "z"},
     }
-    return found[0] if len(found) == 1 and complete[found[0]] <= set(names) else None
+    return series[0] if len(series) == 1 and complete[series[0]] <= set(names) else None
 
 
 def open_text(path: Path, hints: ReadHints) -> Opening:
@@ -198,8 +198,8 @@ def _by_header(opening: Opening, hints: ReadHints, notes: list[str]) -> dict[str
             opening.table.first,
         )
     number, fields = header
-    found = {k: name for k, name in ((k, columns.recognise(field)) for k, field in enumerate(fields)) if name}
-    names = [name for name, _ in found.values()]
+    recognised = {k: name for k, name in ((k, columns.recognise(field)) for k, field in enumerate(fields)) if name}
+    names = [name for name, _ in recognised.values()]
     series = columns.series_of(names)
     if not series or ("x" in names and series == ["reference"] and not {"y", "z"} <= set(names)):
         raise FileFormatError(
@@ -209,16 +209,16 @@ def _by_header(opening: Opening, hints: ReadHints, notes: list[str]) -> dict[str
             number,
         )
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        same = [fields[k] for k, (name, _) in found.items() if name == twice[0]]
+        same = [fields[k] for k, (name, _) in recognised.items() if name == twice[0]]
         raise FileFormatError(
             f"{twice[0]} may be any of {', '.join(same)}: say which with columns='{twice[0]}={same[-1]},...'",
             path,
             number,
         )
-    unused = [fields[k] for k in range(len(fields)) if k not in found]
+    unused = [fields[k] for k in range(len(fields)) if k not in recognised]
     if unused:
         notes.append(f"Columns not used: {', '.join(unused)}.")
-    return {name: k for k, (name, _) in found.items()}
+    return {name: k for k, (name, _) in recognised.items()}
 
 
 def _find_header(opening: Opening, source: str) -> int:
@@ -230,9 +230,9 @@ def _find_header(opening: Opening, source: str) -> int:
             path,
         )
     plain = [field.strip().strip("\"'") for field in header[1]]
-    for wanted, have in ((source, plain), (source.lower(), [p.lower() for p in plain])):
-        if wanted in have:
-            return have.index(wanted)
+    for name, have in ((source, plain), (source.lower(), [p.lower() for p in plain])):
+        if name in have:
+            return have.index(name)
     raise FileFormatError(f"there is no header {source!r}; there are: {_listed(plain)}", path, header[0])
 
 

@@ -209,8 +209,8 @@ def _track_of(recording: Recording, series: str | None) -> tuple[Trajectory | Gn
     about = {"time": recording.metadata.time, "name": recording.metadata.name}
     if series not in (None, "gnss", "reference"):
         raise InputError(f"series: expected 'gnss' or 'reference', got {series!r}")
-    for wanted, track in (("gnss", recording.gnss), ("reference", recording.reference)):
-        if track is not None and series in (None, wanted):
+    for name, track in (("gnss", recording.gnss), ("reference", recording.reference)):
+        if track is not None and series in (None, name):
             return track, about
     raise InputError(f"{recording.metadata.name} has no {series or 'GNSS series or reference'} to draw")
 
@@ -255,9 +255,9 @@ def _kinds(
     if colour == "quality":
         if not isinstance(track, GnssSeries) or track.quality is None:
             raise InputError("colour='quality' needs a GNSS series with quality")
-        known = {k: (label, _QUALITY_COLOURS[k]) for k, label in QUALITY.items()}
-        other = {int(k): (f"quality {k}", "#999999") for k in np.unique(track.quality) if int(k) not in known}
-        return track.quality, {**known, **other}
+        kinds = {k: (label, _QUALITY_COLOURS[k]) for k, label in QUALITY.items()}
+        other = {int(k): (f"quality {k}", "#999999") for k in np.unique(track.quality) if int(k) not in kinds}
+        return track.quality, {**kinds, **other}
     if colour != "sigma":
         raise InputError(f"colour: expected 'quality' or 'sigma', got {colour!r}")
     if sigma is not None:

@@ -89,13 +89,13 @@ def _own(path: Path) -> dict[str, str]:
 
 def _load(table: TextTable, hints: ReadHints, notes: list[str]) -> tuple[IntArray, FloatArray]:
     """Stamps [ns] and poses; stamps may have more digits than a floating-point number. Shapes (n,), (n, 7)."""
-    found = lines.load_stamps(table, 8, 9, rounded=True, allow_truncated=hints.allows("truncated"))
-    if found is None or not np.isfinite(found[1]).all():
+    loaded = lines.load_stamps(table, 8, 9, rounded=True, allow_truncated=hints.allows("truncated"))
+    if loaded is None or not np.isfinite(loaded[1]).all():
         rows = plain_text.load(table, 8, allow_truncated=hints.allows("truncated"), notes=notes)
         return _stamps(table, rows[:, 0]), rows[:, 1:]
-    if found[2]:
+    if loaded[2]:
         notes.append(f"{table.path.name}: the last line was cut off and left out.")
-    return found[0], found[1]
+    return loaded[0], loaded[1]
 
 
 def _stamps(table: TextTable, values: np.ndarray) -> IntArray:

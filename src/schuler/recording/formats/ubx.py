@@ -195,18 +195,18 @@ def read_ubx_recording(path: Path, hints: ReadHints) -> Recording:
 
 def _ephemerides(by_kind: dict[int, list[tuple[int, dict[str, Any]]]]) -> Ephemerides:
     """Ephemerides of the subframes, each with the time of the solution or measurement before it."""
-    known: list[tuple[int, float]] = [
+    timed: list[tuple[int, float]] = [
         (order, m["week"] * WEEK_S + m["rcvTow"]) for order, m in by_kind[RAWX] if m["week"] > 0
     ]
     times = ubx_messages.solution_times([m for _, m in by_kind[PVT]]).sum(axis=1)
-    known += [(order, t) for (order, _), t in zip(by_kind[PVT], times.tolist(), strict=True) if np.isfinite(t)]
-    known.sort()
-    if not known or not by_kind[SFRBX]:
+    timed += [(order, t) for (order, _), t in zip(by_kind[PVT], times.tolist(), strict=True) if np.isfinite(t)]
+    timed.sort()
+    if not timed or not by_kind[SFRBX]:
         note = (f"{len(by_kind[SFRBX])} navigation messages come without any time.",) if by_kind[SFRBX] else ()
         return Ephemerides(no_kepler(), no_glonass(), notes=note)
-    orders = np.array([order for order, _ in known])
+    orders = np.array([order for order, _ in timed])
     places = np.searchsorted(orders, [order for order, _ in by_kind[SFRBX]]) - 1
-    near = [known[max(int(k), 0)][1] for k in places]
+    near = [timed[max(int(k), 0)][1] for k in places]
     return ubx_messages.broadcast(zip((m for _, m in by_kind[SFRBX]), near, strict=True))
 
 
@@ -292,9 +292,9 @@ def find_frames(data: bytes) -> Frames:
     between.append(data[done : cut_at if truncated else len(data)])
     sentences = strange = 0
     for piece in between:
-        found = _NMEA.findall(piece)
-        sentences += len(found)
-        strange += len(piece) - sum(map(len, found))
+        sentences_of = _NMEA.findall(piece)
+        sentences += len(sentences_of)
+        strange += len(piece) - sum(map(len, sentences_of))
     return Frames(data, spans, failed, truncated, sentences, strange)
 
 

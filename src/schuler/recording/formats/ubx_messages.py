@@ -251,20 +251,20 @@ def solutions(
     fix = np.array([bool(m["gnssFixOk"]) and not m["invalidLlh"] and m["fixType"] in (1, 2, 3, 4) for m in rows], bool)
     accuracy = np.array([[m["hAcc"], m["vAcc"], m["sAcc"]] for m in rows], dtype=np.float64).reshape(-1, 3) * _MM
     # not known is all ones
-    known = np.all((accuracy > 0.0) & (accuracy < (2**32 - 1) * _MM), axis=1)
+    stated = np.all((accuracy > 0.0) & (accuracy < (2**32 - 1) * _MM), axis=1)
     dated = np.isfinite(times)
     # a running maximum leaves out what was repeated or went back
-    highest = np.maximum.accumulate(np.where(fix & known & dated, times, -np.inf)) if rows else times
+    highest = np.maximum.accumulate(np.where(fix & stated & dated, times, -np.inf)) if rows else times
     later = times > np.concatenate(([-np.inf], highest[:-1]))
     for wrong, text in (
         (~fix, "epochs without a fix were left out"),
         (fix & ~dated, "epochs before the receiver knew the date were left out"),
-        (fix & dated & ~known, "epochs without an accuracy were left out"),
-        (fix & dated & known & ~later, "epochs not later than the one before were left out"),
+        (fix & dated & ~stated, "epochs without an accuracy were left out"),
+        (fix & dated & stated & ~later, "epochs not later than the one before were left out"),
     ):
         if wrong.any():
             notes.append(f"NAV-PVT: {int(wrong.sum())} {text}.")
-    keep = np.flatnonzero(fix & known & dated & later)
+    keep = np.flatnonzero(fix & stated & dated & later)
     if len(keep) == 0:
         return None, float("nan") if start is None else start, notes
     start = float(times[keep[0]] // WEEK_S * WEEK_S) if start is None else start
@@ -320,7 +320,7 @@ def broadcast(messages: Iterable[tuple[dict[str, Any], float]]) -> Ephemerides:
             others[f"{system} {SIGNAL_OF_SIG_ID.get((gnss, sig), sig)}"] += 1
             continue
         groups.setdefault(kind, []).append((sat, words, time, m["freqId"]))
-    found = Ephemerides(no_kepler(), no_glonass())
+    ephemerides = Ephemerides(no_kepler(), no_glonass())
     for kind, rows in groups.items():
         sats, near = np.array([r[0] for r in rows]), np.array([r[2] for r in rows])
         table = np.array([r[1] for r in rows], dtype=np.int64)
@@ -332,12 +332,12 @@ def broadcast(messages: Iterable[tuple[dict[str, Any], float]]) -> Ephemerides:
             part = ephemerides_of_strings(sats, table, near, np.array([r[3] - 7 for r in rows]))
         else:
             part = ephemerides_of_inav(sats, table, near, kind)
-        found = found.merged_with(part)
+        ephemerides = ephemerides.merged_with(part)
     if others:
         listed = ", ".join(f"{name} ({count})" for name, count in sorted(others.items()))
         note = f"Navigation messages of kinds that are not decoded: {listed}."
-        found = found.merged_with(Ephemerides(no_kepler(), no_glonass(), notes=(note,)))
-    return found
+        ephemerides = ephemerides.merged_with(Ephemerides(no_kepler(), no_glonass(), notes=(note,)))
+    return ephemerides
 
 
 def _identifier(m: dict[str, Any], name: str, place: int) -> int:

@@ -88,26 +88,26 @@ def read(path: Path, hints: ReadHints) -> Recording:
     kind = chosen.get("imu", "")
     if kind and kind not in KINDS:
         raise InputError(f"streams: imu of a VectorNav log is one of {', '.join(KINDS)} or none, got {kind!r}")
-    found: dict[str, tuple[str, Columns]] = {}
+    parts_of: dict[str, tuple[str, Columns]] = {}
     for part in ("imu", "gnss", "reference"):
         if (part in chosen and chosen[part] is None) or hints.series not in (None, part):
             continue
         best = _best(log, part, kind or "")
         if best is not None:
-            found[part] = best
-    if kind and "imu" not in found:
+            parts_of[part] = best
+    if kind and "imu" not in parts_of:
         raise InputError(f"streams: the log has no {kind} IMU")
-    if not found:
+    if not parts_of:
         raise FileFormatError(
             f"expected IMU, GNSS or INS outputs, found packets {', '.join([*log.columns, *log.others])} without them",
             path,
         )
-    if "imu" in found and not _has_time(found["imu"][1]):
-        return _without_time(log, found, hints, notes)
+    if "imu" in parts_of and not _has_time(parts_of["imu"][1]):
+        return _without_time(log, parts_of, hints, notes)
     if "rate" in hints.given():
         raise InputError(f"{path}: the packets have times; leave out rate")
-    local = hints.time == "local" or not any(_has_gps(rows) for _, rows in found.values())
-    tables, first = _timed_tables(log, found, kind or "", hints, notes, local=local)
+    local = hints.time == "local" or not any(_has_gps(rows) for _, rows in parts_of.values())
+    tables, first = _timed_tables(log, parts_of, kind or "", hints, notes, local=local)
     if not tables:
         raise FileFormatError("no packet has a time or a solution; time='local' counts from the sensor's start", path)
     return parts.assemble(path, tables, hints, TimeBase("local") if local else base_of(first), notes)
@@ -132,9 +132,9 @@ def _best(log: Packets, part: str, kind: str) -> tuple[str, Columns] | None:
     for name, rows in log.columns.items():
         n = len(next(iter(rows.values())))
         if part == "imu":
-            there = imu_kind(rows, kind)
-            if there is not None:
-                ranked.append((_has_time(rows), -KINDS.index(there), n, name))
+            present = imu_kind(rows, kind)
+            if present is not None:
+                ranked.append((_has_time(rows), -KINDS.index(present), n, name))
         elif part in _held(rows):
             ranked.append((_has_gps(rows), 0, n, name))
     if not ranked:
@@ -184,11 +184,17 @@ def _with_clock(rows: Columns, part: str, what: str, *, local: bool, path: Path,
 
 
 def _timed_tables(
-    log: Packets, found: dict[str, tuple[str, Columns]], kind: str, hints: ReadHints, notes: list[str], *, local: bool
+    log: Packets,
+    parts_of: dict[str, tuple[str, Columns]],
+    kind: str,
+    hints: ReadHints,
+    notes: list[str],
+    *,
+    local: bool,
 ) -> tuple[dict[str, Table], float]:
     """Tables of the parts on one clock, and the first week."""
     ready: dict[str, Columns] = {}
-    for part, (name, rows) in found.items():
+    for part, (name, rows) in parts_of.items():
         good = _good(part, name, rows, notes)
         if part == "gnss":
             good &= _new_fix(rows)
@@ -236,15 +242,17 @@ def _new_fix(rows: Columns) -> BoolArray:
     return new
 
 
-def _without_time(log: Packets, found: dict[str, tuple[str, Columns]], hints: ReadHints, notes: list[str]) -> Recording:
+def _without_time(
+    log: Packets, parts_of: dict[str, tuple[str, Columns]], hints: ReadHints, notes: list[str]
+) -> Recording:
     """Lines of an IMU that say no time: counted at a stated rate, or left out beside parts that have times."""
-    name, rows = found["imu"]
-    if len(found) > 1:
+    name, rows = parts_of["imu"]
+    if len(parts_of) > 1:
         notes.append(
             f"imu: {name} has no time and cannot be related to the rest of the log; it was left out (series='imu' with "
             "rate=.. reads it alone; log binary packets with TimeGps for both)."
         )
-        rest = {part: entry for part, entry in found.items() if part != "imu"}
+        rest = {part: entry for part, entry in parts_of.items() if part != "imu"}
         tables, first = _timed_tables(log, rest, "", hints, notes, local=False)
         if not tables:
             raise FileFormatError("nothing of the log can be read but an IMU without time: say series='imu'", log.path)
@@ -258,9 +266,9 @@ def _without_time(log: Packets, found: dict[str, tuple[str, Columns]], hints: Re
     return replace(made, metadata=replace(made.metadata, options=hints.given()))
 
 
-def imu_kind(rows: Columns, wanted: str) -> str | None:
+def imu_kind(rows: Columns, requested: str) -> str | None:
     """Which IMU outputs packets hold, the wanted or the first of the order of preference; ``None`` for none."""
-    for kind in KINDS if not wanted else (wanted,):
+    for kind in KINDS if not requested else (requested,):
         prefix = TRIADS.get(kind)
         names: tuple[str, ...] = ("dt", "dthx", "dthy", "dthz", "dvx", "dvy", "dvz")
         if prefix is not None:
@@ -270,9 +278,9 @@ def imu_kind(rows: Columns, wanted: str) -> str | None:
     return None
 
 
-def imu_table(t: FloatArray, rows: Columns, wanted: str, notes: list[str]) -> Table:
+def imu_table(t: FloatArray, rows: Columns, requested: str, notes: list[str]) -> Table:
     """IMU series of the wanted outputs, or of the preferred ones that are there."""
-    kind = imu_kind(rows, wanted)
+    kind = imu_kind(rows, requested)
     values = {"t": t}
     if kind == "delta":
         values |= {f"a{axis}": rows[f"dv{axis}"] for axis in "xyz"}
@@ -312,13 +320,13 @@ def gnss_table(t: FloatArray, rows: Columns, hints: ReadHints, notes: list[str])
         values |= {name: sigma[:, k] for k, name in enumerate(("sn", "se", "sd"))}
     if "fix_vn" in rows:
         values |= {f"v{axis}": rows[f"fix_v{axis}"] for axis in "ned"}
-        known = rows.get("sv", np.zeros(len(t)))
-        if (guess := known <= 0.0).any():
+        variances = rows.get("sv", np.zeros(len(t)))
+        if (guess := variances <= 0.0).any():
             given = hints.sigmas[3:] if hints.sigmas is not None and len(hints.sigmas) == 6 else (RATE_ERROR,) * 3
             notes.append(f"gnss: velocities of {int(guess.sum())} fixes have no accuracy; 1-sigma is {given} m/s.")
-            values |= {f"sv{axis}": np.where(guess, s, known) for axis, s in zip("ned", given, strict=True)}
+            values |= {f"sv{axis}": np.where(guess, s, variances) for axis, s in zip("ned", given, strict=True)}
         else:
-            values |= {f"sv{axis}": known for axis in "ned"}
+            values |= {f"sv{axis}": variances for axis in "ned"}
     notes.append("gnss: the sensor's own receiver (antenna A); heights are ellipsoidal.")
     return Table(values)
 

@@ -30,7 +30,7 @@ _UNITS: dict[str, dict[str, float]] = {
 
 def _known() -> dict[str, tuple[str, str]]:
     """Column and kind of unit by a name without punctuation and group."""
-    known = {
+    names = {
         "timestartup": ("startup", "clock"), "startup": ("startup", "clock"), "timegps": ("gps", "clock"),
         "gpstow": ("tow", "clock"), "timegpstow": ("tow", "clock"), "tow": ("tow", "clock"),
         "gpsweek": ("week", "any"), "timegpsweek": ("week", "any"), "week": ("week", "any"),
@@ -43,14 +43,14 @@ def _known() -> dict[str, tuple[str, str]]:
     }  # fmt: skip
     for k, axis in enumerate("xyz"):
         for end in (axis, str(k)):
-            known |= {f"{name}{end}": (f"raw_a{axis}", "accel") for name in ("uncompacc", "uncompaccel")}
-            known |= {f"{name}{end}": (f"raw_g{axis}", "gyro") for name in ("uncompgyro", "uncompangularrate")}
-            known |= {f"{name}{end}": (f"comp_a{axis}", "accel") for name in ("acc", "accel")}
-            known |= {f"{name}{end}": (f"comp_g{axis}", "gyro") for name in ("gyro", "angularrate", "rate")}
-            known |= {f"deltatheta{end}": (f"dth{axis}", "degree"), f"deltavel{end}": (f"dv{axis}", "speed")}
+            names |= {f"{name}{end}": (f"raw_a{axis}", "accel") for name in ("uncompacc", "uncompaccel")}
+            names |= {f"{name}{end}": (f"raw_g{axis}", "gyro") for name in ("uncompgyro", "uncompangularrate")}
+            names |= {f"{name}{end}": (f"comp_a{axis}", "accel") for name in ("acc", "accel")}
+            names |= {f"{name}{end}": (f"comp_g{axis}", "gyro") for name in ("gyro", "angularrate", "rate")}
+            names |= {f"deltatheta{end}": (f"dth{axis}", "degree"), f"deltavel{end}": (f"dv{axis}", "speed")}
     for axis in "ned":
-        known |= {f"{name}{axis}": (f"v{axis}", "speed") for name in ("velned", "vel", "velocity")}
-    return known
+        names |= {f"{name}{axis}": (f"v{axis}", "speed") for name in ("velned", "vel", "velocity")}
+    return names
 
 
 _KNOWN = _known()

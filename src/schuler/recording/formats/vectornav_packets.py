@@ -138,13 +138,13 @@ def looks_like(head: bytes) -> bool:
 
 
 def _line_is_right(line: re.Match[bytes]) -> bool:
-    body, said = line.group()[1 : -1 - len(line.group(3))], line.group(3)
-    if len(said) == 4:
-        return binascii.crc_hqx(body, 0) == int(said, 16)
+    body, stated = line.group()[1 : -1 - len(line.group(3))], line.group(3)
+    if len(stated) == 4:
+        return binascii.crc_hqx(body, 0) == int(stated, 16)
     checksum = 0
     for byte in body:
         checksum ^= byte
-    return checksum == int(said, 16)
+    return checksum == int(stated, 16)
 
 
 def load(path: Path) -> Packets:

@@ -144,11 +144,11 @@ def _layout(path: Path, encoding: str) -> _Layout:
 
 def _stated(line: str, ends: list[int]) -> list[str]:
     """Unit of each name: in order if there are as many, else of the name that ends nearest, for some have none."""
-    found = [(match.end(), match.group().lower().strip("()")) for match in _UNIT.finditer(line)]
-    if len(found) == len(ends):
-        return [unit for _, unit in found]
+    matches = [(match.end(), match.group().lower().strip("()")) for match in _UNIT.finditer(line)]
+    if len(matches) == len(ends):
+        return [unit for _, unit in matches]
     stated = ["" for _ in ends]
-    for end, unit in found:
+    for end, unit in matches:
         stated[int(np.argmin([abs(end - place) for place in ends]))] = unit
     return stated
 
@@ -159,10 +159,10 @@ def _placed(path: Path, names: list[str], stated: list[str] | None, fields: int,
     at = 0
     for name, unit in zip(names, stated, strict=True):
         compact = re.sub(r"[^a-z0-9/^2]", "", unit).removeprefix("/")
-        known = _NAMES.get(name)
+        meaning = _NAMES.get(name)
         unit = _DMS if compact == _DMS else compact
-        if known is not None and known not in columns:
-            columns[known] = (at, unit)
+        if meaning is not None and meaning not in columns:
+            columns[meaning] = (at, unit)
         at += 3 if unit == _DMS else 1
     if at != fields:
         raise FileFormatError(

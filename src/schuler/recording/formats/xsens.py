@@ -98,28 +98,28 @@ def read(path: Path, hints: ReadHints) -> Recording:
             return read_text_export(path, hints)
     notes: list[str] = []
     packets, chosen = load(path, notes), parse_streams(hints.streams)
-    wanted = chosen.get("imu", "")
-    if wanted and wanted not in _IMUS:
-        raise InputError(f"streams: imu of an Xsens log is one of {', '.join(_IMUS)} or none, got {wanted!r}")
-    found: dict[str, dict[str, FloatArray]] = {}
+    requested = chosen.get("imu", "")
+    if requested and requested not in _IMUS:
+        raise InputError(f"streams: imu of an Xsens log is one of {', '.join(_IMUS)} or none, got {requested!r}")
+    columns_of: dict[str, dict[str, FloatArray]] = {}
     kind = ""
-    if not ("imu" in chosen and wanted is None) and hints.series in (None, "imu"):
-        for kind in (wanted,) if wanted else _IMUS:
+    if not ("imu" in chosen and requested is None) and hints.series in (None, "imu"):
+        for kind in (requested,) if requested else _IMUS:
             rows = _joined(packets, _IMUS[kind])
             if rows is not None:
-                found["imu"] = rows
+                columns_of["imu"] = rows
                 break
         else:
-            if wanted:
-                raise InputError(f"streams: the log has no IMU output {wanted!r}")
+            if requested:
+                raise InputError(f"streams: the log has no IMU output {requested!r}")
     solution = _joined(packets, _SOLUTION) if hints.series in (None, "reference") else None
     if solution is not None and not ("reference" in chosen and chosen["reference"] is None):
-        found["reference"] = solution
+        columns_of["reference"] = solution
     fixes = fixes_of(packets) if hints.series in (None, "gnss") and chosen.get("gnss", "") is not None else []
-    if not found and not fixes:
+    if not columns_of and not fixes:
         raise FileFormatError("the log holds no IMU outputs (DeltaV with DeltaQ, Acceleration with RateOfTurn)", path)
-    gnss, start, said = ubx_messages.solutions(fixes)
-    notes += [note.replace("NAV-PVT", "GnssPvtData") for note in said]
+    gnss, start, fix_notes = ubx_messages.solutions(fixes)
+    notes += [note.replace("NAV-PVT", "GnssPvtData") for note in fix_notes]
     line = None if hints.time == "local" else utc_line(packets, notes)
     tables: dict[str, Table] = {}
     if line is None:
@@ -132,7 +132,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
         base = TimeBase("gps", shift)
         if gnss is not None:
             tables["gnss"] = gnss_table(gnss, start - shift)
-    for part, rows in found.items():
+    for part, rows in columns_of.items():
         t = _times(path, rows, hints, notes)
         keep = parts.later(t, part, path, notes)
         t, rows = t[keep], {name: values[keep] for name, values in rows.items()}
@@ -197,9 +197,9 @@ def _imu(t: FloatArray, rows: dict[str, FloatArray], kind: str, notes: list[str]
     values |= {f"a{axis}": force[:, k] for k, axis in enumerate("xyz")}
     values |= {f"g{axis}": turn[:, k] for k, axis in enumerate("xyz")}
     if "temp" in rows and np.isfinite(rows["temp"]).any():
-        known = np.flatnonzero(np.isfinite(rows["temp"]))
-        values["temp"] = np.interp(np.arange(len(t)), known, rows["temp"][known])
-        if len(known) < len(t):
+        measured = np.flatnonzero(np.isfinite(rows["temp"]))
+        values["temp"] = np.interp(np.arange(len(t)), measured, rows["temp"][measured])
+        if len(measured) < len(t):
             notes.append("Temperatures, which come less often than samples, were interpolated.")
     return Table(values, axes="FLU", kind="increment" if kind == "delta" else "rate")
 
@@ -282,9 +282,9 @@ def read_text_export(path: Path, hints: ReadHints) -> Recording:
         )
     timed = "SampleTimeFine" in names and first[names.index("SampleTimeFine")].strip() != ""
     clock = "SampleTimeFine" if timed else "PacketCounter"
-    wanted = [names.index(name) for name in (clock, *_ACCEL, *_GYRO)]
+    used = [names.index(name) for name in (clock, *_ACCEL, *_GYRO)]
     table = TextTable(path, number + 1, delimiter, "//", "latin-1")
-    values, truncated = lines.load(table, len(names), wanted, allow_truncated=hints.allows("truncated"))
+    values, truncated = lines.load(table, len(names), used, allow_truncated=hints.allows("truncated"))
     notes = [f"{path.name}: the last line was cut off and left out."] if truncated else []
     if clock == "SampleTimeFine":
         ticks = unwrapped(values[:, 0], 2.0**32)

@@ -88,15 +88,15 @@ def looks_like(head: bytes) -> bool:
     seen = data2 = 0
     at = head.find(_START)
     while at >= 0:
-        found = _whole(head, at)
-        if found is None:
+        span = _whole(head, at)
+        if span is None:
             at = head.find(_START, at + 1)
             continue
         seen += 1
-        data2 += head[at + 2] == _MTDATA2 and found[1] - found[0] > 4 and bool(_items(head[found[0] : found[1] - 1]))
+        data2 += head[at + 2] == _MTDATA2 and span[1] - span[0] > 4 and bool(_items(head[span[0] : span[1] - 1]))
         if seen > 1 and data2:
             return True
-        at = head.find(_START, found[1])
+        at = head.find(_START, span[1])
     return False
 
 
@@ -129,11 +129,11 @@ def load(path: Path, notes: list[str]) -> list[Packets]:
     others = taken = 0
     at = data.find(_START)
     while at >= 0:
-        found = _whole(data, at)
-        if found is None:
+        span = _whole(data, at)
+        if span is None:
             at = data.find(_START, at + 1)
             continue
-        first, stop = found
+        first, stop = span
         if data[at + 2] == _MTDATA2:
             by_length.setdefault(stop - 1 - first, []).append(first)
         else:

@@ -113,7 +113,7 @@ def scan(text, p):
             break
         w = w * _U10 + np.uint64(d)
         p += 1
-    digits, found, point, q = p - begin, p - first, p, 0
+    digits, n_digits, point, q = p - begin, p - first, p, 0
     if text[p] == 46:
         p += 1
         fraction = p
@@ -129,9 +129,9 @@ def scan(text, p):
             w = w * _U10 + np.uint64(d)
             p += 1
         digits += p - counted
-        found += p - fraction
+        n_digits += p - fraction
         q = fraction - p
-    good = found > 0
+    good = n_digits > 0
     cut = False
     if digits > _DIGITS:  # w has overflowed: again, without the last digits
         w = _U0

@@ -94,19 +94,23 @@ def metadata_of(
 
 
 def _series(raw: Raw, hints: ReadHints) -> str:
-    found = columns.series_of(raw.values)
+    recognised = columns.series_of(raw.values)
     if hints.series is not None:
-        if hints.series == "reference" and "gnss" in found:
+        if hints.series == "reference" and "gnss" in recognised:
             return "reference"
-        if hints.series not in found and columns.NUMBER_OF.get(hints.series) not in raw.values:
+        if hints.series not in recognised and columns.NUMBER_OF.get(hints.series) not in raw.values:
             raise raw.fault(f"series={hints.series!r}, but the columns are {', '.join(raw.values)}")
         return hints.series
-    if len(found) != 1:
-        what = f"columns of {' and '.join(found)}" if found else f"no series in the columns {', '.join(raw.values)}"
+    if len(recognised) != 1:
+        what = (
+            f"columns of {' and '.join(recognised)}"
+            if recognised
+            else f"no series in the columns {', '.join(raw.values)}"
+        )
         raise raw.fault(
             f"expected one series per table, got {what}; say which with series='imu', or skip columns with -"
         )
-    return found[0]
+    return recognised[0]
 
 
 def _check_finite(raw: Raw) -> None:
@@ -135,13 +139,17 @@ def _to_si(raw: Raw, hints: ReadHints, series: str) -> None:
         if group is None:
             raw.values[name] = _times(raw.values[name], number, name in stacked)
             continue
-        unit, said = stated.get(group), raw.stated.get(name)
-        if unit is not None and said is not None and factor(unit, group, hints.kind) != factor(said, group, hints.kind):
+        unit, in_file = stated.get(group), raw.stated.get(name)
+        if (
+            unit is not None
+            and in_file is not None
+            and factor(unit, group, hints.kind) != factor(in_file, group, hints.kind)
+        ):
             raise raw.fault(
-                f"the file says {name} is in {said}, the hint units says {unit}: leave one out (skip the header with "
-                "skip=... if it is wrong)"
+                f"the file says {name} is in {in_file}, the hint units says {unit}: leave one out (skip the header "
+                "with skip=... if it is wrong)"
             )
-        unit = unit or said
+        unit = unit or in_file
         if unit is None:
             unit = _default_unit(raw, group, name)
         raw.unit[group] = raw.unit.get(group) or unit

@@ -66,8 +66,8 @@ def find_rest(t: FloatArray, accel: FloatArray, gyro: FloatArray, interval: floa
     quietest, loudest = np.quantile(noise, 0.1), np.quantile(noise, 0.9)
     quiet = (noise <= 3.0 * quietest) & ((rate <= 0.1 * largest(gyro)) | (loudest <= 3.0 * quietest))
     whole = ends[:, -1] - ends[:, 0] < 1.5 * per_window * interval  # no gap inside
-    found = np.flatnonzero(steady & quiet & whole)
-    return slice(int(found[0]) * per_window, int(found[0] + 1) * per_window) if len(found) else None
+    candidates = np.flatnonzero(steady & quiet & whole)
+    return slice(int(candidates[0]) * per_window, int(candidates[0] + 1) * per_window) if len(candidates) else None
 
 
 def _windows(accel: FloatArray, gyro: FloatArray, m: int, per_window: int) -> FloatArray:
@@ -78,9 +78,9 @@ def _windows(accel: FloatArray, gyro: FloatArray, m: int, per_window: int) -> Fl
         from schuler.recording import _kernels
 
         _kernels.prepare_windows()
-        found = np.empty((5, m))
-        _kernels.windows(np.ascontiguousarray(accel), np.ascontiguousarray(gyro), per_window, found)
-        return found
+        out = np.empty((5, m))
+        _kernels.windows(np.ascontiguousarray(accel), np.ascontiguousarray(gyro), per_window, out)
+        return out
     f = accel[: m * per_window].reshape(m, per_window, 3)
     w = gyro[: m * per_window].reshape(m, per_window, 3)
     norm = np.linalg.norm(f, axis=2)
@@ -168,16 +168,16 @@ def norm_causes(level: float, unit: str, interval: float, kind: str) -> str:
         return ""
     bare = unit.split("*")[0].strip()
     stated = {"g": units.G0, "mg": units.MG, "ug": units.UG, "m/s^2": 1.0, "ft/s^2": units.FT, "cm/s^2": 0.01}
-    found = []
+    causes = []
     if bare in stated:
         for other, value in stated.items():
             if other != bare and _is_gravity(level / stated[bare] * value):
-                found.append(f"the numbers look like {other}, not {bare}")
+                causes.append(f"the numbers look like {other}, not {bare}")
     if kind == "rate" and _is_gravity(level / interval):
-        found.append("the numbers look like increments (kind='increment', for example units='m/s,rad')")
+        causes.append("the numbers look like increments (kind='increment', for example units='m/s,rad')")
     if kind == "increment" and _is_gravity(level * interval):
-        found.append("the numbers look like rates, not increments (kind='rate')")
-    return " or ".join(found)
+        causes.append("the numbers look like rates, not increments (kind='rate')")
+    return " or ".join(causes)
 
 
 def _is_gravity(level: float) -> bool:

@@ -113,8 +113,8 @@ def unit_in(header: str) -> str | None:
     """Unit that a header field states, in brackets or as a known ending of a known name; ``None`` if there is none."""
     if len(header) > _LONGEST:
         return None
-    found = recognise(header)
-    return found[1] if found else _word_and_unit(header)[1]
+    column = recognise(header)
+    return column[1] if column else _word_and_unit(header)[1]
 
 
 def _word_and_unit(header: str) -> tuple[str, str | None]:
@@ -131,7 +131,7 @@ def _ending(word: str) -> str | None:
     return None
 
 
-def check_known(word: str, known: Iterable[str], what: str) -> str:
+def check_known(word: str, choices: Iterable[str], what: str) -> str:
     """The word itself if it is one of those known.
 
     Raises
@@ -139,12 +139,12 @@ def check_known(word: str, known: Iterable[str], what: str) -> str:
     InputError
         Otherwise; the message lists what is known and proposes the nearest.
     """
-    known = list(known)
-    if word in known:
+    choices = list(choices)
+    if word in choices:
         return word
-    near = difflib.get_close_matches(word, known, n=1)
+    near = difflib.get_close_matches(word, choices, n=1)
     suggestion = f"; did you mean {near[0]!r}?" if near else ""
-    raise InputError(f"{what}: {word!r} is not known{suggestion} Known are: {', '.join(known)}")
+    raise InputError(f"{what}: {word!r} is not known{suggestion} Known are: {', '.join(choices)}")
 
 
 #: Columns that make up each series.
@@ -169,13 +169,13 @@ def series_of(names: Iterable[str]) -> list[str]:
     positions. Alone they are a compass's and a barometer's.
     """
     present = set(names)
-    found = []
+    kinds = []
     if present & {*ACCEL, *GYRO}:
-        found.append("imu")
+        kinds.append("imu")
     if present & {"lat", "lon"}:
-        found.append("gnss")
+        kinds.append("gnss")
     if "speed" in present:
-        found.append("odometer")
+        kinds.append("odometer")
     if present & set(ECEF):
-        found.append("reference")
-    return found or [series for series, column in NUMBER_OF.items() if column in present]
+        kinds.append("reference")
+    return kinds or [series for series, column in NUMBER_OF.items() if column in present]

@@ -133,14 +133,14 @@ def write(recording: Recording, path: Path | str, *, format: str | None = None, 
     suffix = path.suffix.lower()
     if format is None and suffix in WRITERS:
         writer = _writer(WRITERS[suffix])
-    elif (found := registry.find_writer(path, format)) is not None:
-        writer = found[0].write
-        if not any(getattr(recording, name) is not None for name in found[1]):
-            raise InputError(f"{path}: this format holds {', '.join(found[1])}; the recording has none of them")
+    elif (writes := registry.find_writer(path, format)) is not None:
+        writer = writes[0].write
+        if not any(getattr(recording, name) is not None for name in writes[1]):
+            raise InputError(f"{path}: this format holds {', '.join(writes[1])}; the recording has none of them")
     else:
-        known = ", ".join((*WRITERS, *registry.suffixes()))
+        choices = ", ".join((*WRITERS, *registry.suffixes()))
         raise InputError(
-            f"{path}: cannot tell the format from {suffix or 'no suffix'!r}; write to {known}, or name it (format=...)"
+            f"{path}: cannot tell the format from {suffix or 'no suffix'!r}; write to {choices}, or name it (format=...)"
         )
     for name in options:
         columns.check_known(name, list(inspect.signature(writer).parameters)[2:], f"option of {format or suffix}")
@@ -166,8 +166,8 @@ def left_out(recording: Recording, path: Path | str, format: str | None = None) 
     if format is None and suffix in WRITERS:
         held = {"pos": {"gnss"}, "kml": {"gnss", "reference"}, "geojson": {"gnss", "reference"}}.get(WRITERS[suffix])
     else:
-        found = registry.find_writer(Path(path), format)
-        held = None if found is None else set(found[1])
+        writer = registry.find_writer(Path(path), format)
+        held = None if writer is None else set(writer[1])
     parts = [name for name in (*SERIES, *SATELLITES) if getattr(recording, name) is not None]
     return "" if held is None else ", ".join(name for name in parts if name not in held)
 

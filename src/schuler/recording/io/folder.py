@@ -111,16 +111,16 @@ def _read_part(
         given.setdefault("series", part)
     file = path / str(entry["file"])
     recording = dispatch.read_one(file, ReadHints.of(**given), glonass_channels)
-    wanted = {part, "ephemerides"} if part == "observations" and with_ephemerides else {part}
-    surplus = [n for n in (*SERIES, *SATELLITES) if n not in wanted and getattr(recording, n) is not None]
+    kept_parts = {part, "ephemerides"} if part == "observations" and with_ephemerides else {part}
+    surplus = [n for n in (*SERIES, *SATELLITES) if n not in kept_parts and getattr(recording, n) is not None]
     if part not in ("accel", "gyro") and surplus:
         recording = replace(
             recording,
             **dict.fromkeys(surplus),
             metadata=recording.metadata.noting(f"{file.name}: not used are its {', '.join(surplus)}."),
         )
-    said = recording.metadata.notes
-    notes = tuple(note if note.startswith(f"{file.name}: ") else f"{file.name}: {note}" for note in said)
+    file_notes = recording.metadata.notes
+    notes = tuple(note if note.startswith(f"{file.name}: ") else f"{file.name}: {note}" for note in file_notes)
     return replace(recording, metadata=replace(recording.metadata, notes=notes))
 
 

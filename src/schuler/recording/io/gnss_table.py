@@ -44,8 +44,8 @@ def gnss_series(raw: Raw, hints: ReadHints, t: FloatArray) -> GnssSeries:
     if any(name in raw.values for name in columns.VELOCITY):
         if not raw.has(columns.VELOCITY):
             raise raw.fault("a velocity needs vn, ve and vd (north, east, down); name all three or skip them with -")
-        known = raw.has(columns.VELOCITY_SIGMA) or len(hints.sigmas or ()) == 6
-        if known or not hints.allows("no-velocity"):
+        with_sigma = raw.has(columns.VELOCITY_SIGMA) or len(hints.sigmas or ()) == 6
+        if with_sigma or not hints.allows("no-velocity"):
             v_n = raw.stack(columns.VELOCITY)
             cov_v_n = _covariance(raw, hints, columns.VELOCITY_SIGMA, columns.VELOCITY_CROSS, 3)
         else:

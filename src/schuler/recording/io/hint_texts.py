@@ -135,8 +135,10 @@ def parse_scale(value: str | Mapping[str, float] | None) -> dict[str, float] | s
         else:
             raise InputError(f"scale: expected accel=...,gyro=..., two numbers or the name of an array, got {value!r}")
         value = dict(pairs)  # type: ignore[arg-type]
-    known = list(dict.fromkeys((*GROUP_QUANTITY, *GROUP)))
-    factors = {check_known(name, known, "scale"): finite_number(n, f"scale {name}", None) for name, n in value.items()}
+    choices = list(dict.fromkeys((*GROUP_QUANTITY, *GROUP)))
+    factors = {
+        check_known(name, choices, "scale"): finite_number(n, f"scale {name}", None) for name, n in value.items()
+    }
     for name, number in factors.items():
         if not 1e-15 <= abs(number) <= 1e15:
             raise InputError(f"scale {name}: expected a factor between 1e-15 and 1e15, got {number:g}")

@@ -184,9 +184,9 @@ def load(
         With the line of the first fault.
     """
     if is_large(table):
-        found = read_numbers(table, n_columns, used)
-        if found is not None and (whole := _all_or_cut(table, n_columns, used, found, allow_truncated)) is not None:
-            return found.values.T, whole == "cut"
+        numbers = read_numbers(table, n_columns, used)
+        if numbers is not None and (whole := _all_or_cut(table, n_columns, used, numbers, allow_truncated)) is not None:
+            return numbers.values.T, whole == "cut"
     values = _fast(table, n_columns, used, None)
     if values is not None:
         return values, False
@@ -233,11 +233,11 @@ def load_stamps(
     if not is_large(table):
         return None
     used = list(range(1, n_columns))
-    found = read_numbers(table, n_columns, used, decimals=decimals, rounded=rounded)
-    if found is None:
+    numbers = read_numbers(table, n_columns, used, decimals=decimals, rounded=rounded)
+    if numbers is None:
         return None
-    whole = _all_or_cut(table, n_columns, [0, *used], found, allow_truncated)
-    return None if whole is None else (found.stamps, found.values.T, whole == "cut")
+    whole = _all_or_cut(table, n_columns, [0, *used], numbers, allow_truncated)
+    return None if whole is None else (numbers.stamps, numbers.values.T, whole == "cut")
 
 
 def is_large(table: TextTable) -> bool:
@@ -246,7 +246,7 @@ def is_large(table: TextTable) -> bool:
 
 
 def _all_or_cut(
-    table: TextTable, n_columns: int, used: list[int], found: Numbers, allow_truncated: bool
+    table: TextTable, n_columns: int, used: list[int], numbers: Numbers, allow_truncated: bool
 ) -> Literal["all", "cut"] | None:
     """Whether numbers are all of the file, or all but a last line that was cut off; ``None`` if other code must look.
 
@@ -255,14 +255,14 @@ def _all_or_cut(
     FileFormatError
         If the first line that was not understood is at fault.
     """
-    count = found.values.shape[1]
+    count = numbers.values.shape[1]
     if count == 0:
         return None
     with table.path.open("rb") as stream:
-        if found.rest == stream.seek(0, 2):
+        if numbers.rest == stream.seek(0, 2):
             return "all"
         stream.seek(0)
-        number = 1 + sum(block.count(b"\n") for block in _blocks(stream, found.rest))
+        number = 1 + sum(block.count(b"\n") for block in _blocks(stream, numbers.rest))
         text = io.TextIOWrapper(stream, encoding=table.encoding, errors="replace", newline=None)
         line = next(text)
         fields = table.split(line)

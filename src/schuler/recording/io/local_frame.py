@@ -118,13 +118,13 @@ def origin_of(trajectory: Trajectory, stated: str | None = None) -> Origin:
     from schuler.recording.io.hint_texts import parse_origin
 
     if stated is not None:
-        found = parse_origin(stated)
-        assert found is not None
-        return found
+        origin = parse_origin(stated)
+        assert origin is not None
+        return origin
     lat, lon, h = trajectory.llh[0]
-    found = parse_origin(f"{lat / units.DEG:.9f},{lon / units.DEG:.9f},{h:.4f}")
-    assert found is not None
-    return found
+    origin = parse_origin(f"{lat / units.DEG:.9f},{lon / units.DEG:.9f},{h:.4f}")
+    assert origin is not None
+    return origin
 
 
 def origin_text(origin: Origin) -> str:

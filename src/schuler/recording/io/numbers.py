@@ -101,7 +101,7 @@ def read_numbers(
             into[0][k, row] = float(piece[begin:stop])
         return at + end, rows, end == len(piece), into
 
-    gathered = _Gathered(len(used), decimals is not None)
+    buffer = _Gathered(len(used), decimals is not None)
     threads = min(os.cpu_count() or 1, _MOST_THREADS)
     with table.path.open("rb") as stream, ThreadPoolExecutor(threads) as pool:
         size = os.fstat(stream.fileno()).st_size
@@ -109,11 +109,11 @@ def read_numbers(
             return None
         rest = start
         for rest, rows, complete, into in _in_order(pool, parse, _pieces(stream, start), threads):
-            gathered.take(into[0], into[1], rows, (size - start) / (rest - start + 1))
+            buffer.take(into[0], into[1], rows, (size - start) / (rest - start + 1))
             buffers.append(into)
             if not complete:
                 break
-    return Numbers(*gathered.all(), min(rest, size))
+    return Numbers(*buffer.all(), min(rest, size))
 
 
 def _in_order(

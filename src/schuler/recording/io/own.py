@@ -287,10 +287,10 @@ def check_format(name: object, expected: str, path: Path, package: object = None
         If it is another format, or a newer version of this one.
     """
     family, _, version = str(name).rpartition("/")
-    known_family, _, known = expected.rpartition("/")
-    if family != known_family or not (version.isascii() and version.isdigit() and len(version) < 7):
+    family_read, _, version_read = expected.rpartition("/")
+    if family != family_read or not (version.isascii() and version.isdigit() and len(version) < 7):
         raise FileFormatError(f"expected the format {expected}, got {name!r}: this file holds something else", path)
-    if int(version) > int(known):
+    if int(version) > int(version_read):
         raise FileFormatError(
             f"the file is {name}, written by {package or 'a newer schuler'}; this one reads up to {expected}: "
             "update with pip install -U schuler",

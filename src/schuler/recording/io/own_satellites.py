@@ -97,9 +97,9 @@ def flatten(recording: Recording) -> dict[str, Columns]:
 
 def constants(recording: Recording) -> dict[str, Any]:
     """What the satellite parts hold besides columns, as plain values for JSON."""
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     if (o := recording.observations) is not None:
-        found["observations"] = {
+        values["observations"] = {
             "signals": list(o.signals),
             "epoch_gps_s": o.epoch_gps_s,
             "glonass_channels": {str(sat): int(channel) for sat, channel in o.glonass_channels.items()},
@@ -107,16 +107,16 @@ def constants(recording: Recording) -> dict[str, Any]:
             "notes": list(o.notes),
         }
     if (r := recording.ranges) is not None:
-        found["ranges"] = {"groups": list(r.groups), "notes": list(r.notes)}
+        values["ranges"] = {"groups": list(r.groups), "notes": list(r.notes)}
     if (e := recording.ephemerides) is not None:
-        found["ephemerides"] = {
+        values["ephemerides"] = {
             "kepler_rows": len(e.kepler),
             "glonass_rows": len(e.glonass),
             **{name: _listed(getattr(e, name)) for name in ("klobuchar_alpha", "klobuchar_beta", "galileo_ai")},
             "leap_seconds": e.leap_seconds,
             "notes": list(e.notes),
         }
-    return found
+    return values
 
 
 def unflatten(name: str, flat: Columns, constants: Mapping[str, Any]) -> Observations | Ranges | Ephemerides:

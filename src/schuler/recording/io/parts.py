@@ -89,7 +89,7 @@ def assemble(
     if not tables:
         raise FileFormatError("the log holds none of the series that are read", path)
     made: dict[str, Any] = {}
-    said = list(notes)
+    all_notes = list(notes)
     axes = "FRD"
     with hashed((path,) if sources is None else sources, root) as hashes:
         for series, table in tables.items():
@@ -103,14 +103,14 @@ def assemble(
                 own = replace(own, axes=axes)
             part, _ = series_from(raw, own, time=time)
             made |= part
-            said += [note for note in raw.notes if note not in said]
+            all_notes += [note for note in raw.notes if note not in all_notes]
         named = hashes()
     metadata = Metadata(
         name=hints.name or path.stem,
         time=time,
         sources=named,
         axes=axes,
-        notes=tuple(said),
+        notes=tuple(all_notes),
         options=hints.given(),
     )
     return Recording(**made, metadata=metadata)

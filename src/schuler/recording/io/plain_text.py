@@ -68,11 +68,11 @@ def load(table: TextTable, n: int, *, allow_truncated: bool, notes: list[str]) -
 
 def load_ns(table: TextTable, n: int, *, allow_truncated: bool, notes: list[str]) -> tuple[IntArray, FloatArray]:
     """The first column as whole nanoseconds, without loss, and the others. Shapes (m,), (m, n - 1)."""
-    found = lines.load_stamps(table, n, 0, allow_truncated=allow_truncated)
-    if found is not None and np.isfinite(found[1]).all() and _sane(found[0]):
-        if found[2]:
+    loaded = lines.load_stamps(table, n, 0, allow_truncated=allow_truncated)
+    if loaded is not None and np.isfinite(loaded[1]).all() and _sane(loaded[0]):
+        if loaded[2]:
             notes.append(f"{table.path.name}: the last line was cut off and left out.")
-        return found[0], found[1]
+        return loaded[0], loaded[1]
     dtype = np.dtype([("ns", np.int64), ("values", np.float64, (n - 1,))])
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -66,14 +66,16 @@ def preferred(
 ) -> str | None:
     """Stream of a part: as the hint says, else the first of an order that is there, with a note on the others."""
     if part in chosen:
-        found = choose(streams, part, chosen)
-        return None if found is None else found.name
-    there = [name for name in order if any(s.name == name and s.part == part and s.count > 0 for s in streams)]
-    if not there:
+        stream = choose(streams, part, chosen)
+        return None if stream is None else stream.name
+    present = [name for name in order if any(s.name == name and s.part == part and s.count > 0 for s in streams)]
+    if not present:
         return None
-    if len(there) > 1:
-        notes.append(f"{part}: {there[0]} was read, {', '.join(there[1:])} too could be (streams='{part}={there[1]}').")
-    return there[0]
+    if len(present) > 1:
+        notes.append(
+            f"{part}: {present[0]} was read, {', '.join(present[1:])} too could be (streams='{part}={present[1]}')."
+        )
+    return present[0]
 
 
 def velocity_at(t: FloatArray, t_v: FloatArray, v: FloatArray, farthest: float) -> tuple[FloatArray, BoolArray]:
@@ -101,8 +103,8 @@ def velocity_at(t: FloatArray, t_v: FloatArray, v: FloatArray, farthest: float) 
     after = np.clip(np.searchsorted(t_v, t), 0, len(t_v) - 1)
     before = np.clip(after - 1, 0, None)
     near = np.minimum(np.abs(t_v[after] - t), np.abs(t_v[before] - t)) <= farthest
-    found = np.stack([np.interp(t, t_v, v[:, k]) for k in range(3)], axis=1)
-    return np.where(near[:, None], found, 0.0), near
+    velocity = np.stack([np.interp(t, t_v, v[:, k]) for k in range(3)], axis=1)
+    return np.where(near[:, None], velocity, 0.0), near
 
 
 @dataclass(frozen=True, slots=True)

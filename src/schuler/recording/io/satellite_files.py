@@ -54,8 +54,8 @@ def kinds_of(path: Path, head: bytes) -> tuple[str, ...]:
     if (kind := rinex_kind(path, head)) is not None:
         return (kind,)
     if _is_ubx(path, head):
-        found = {span[0] for span in ubx.find_frames(head).spans}
-        held = [name for name, code in (("gnss", ubx.PVT), ("observations", ubx.RAWX)) if code in found]
+        messages = {span[0] for span in ubx.find_frames(head).spans}
+        held = [name for name, code in (("gnss", ubx.PVT), ("observations", ubx.RAWX)) if code in messages]
         return tuple(held) or ("observations",)
     if _is_nmea(path, head):
         return ("gnss",)

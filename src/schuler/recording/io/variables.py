@@ -152,8 +152,8 @@ def _recognise(path: Path, arrays: Arrays, hints: ReadHints, values: dict[str, F
             f"{_BOTH_ORDERS}; {_listing(arrays)}",
             path,
         )
-    for triad, known in (("accel", _ACCEL_NAMES), ("gyro", _GYRO_NAMES)):
-        fitting = [n for n, a in arrays.items() if _last(n) in known and a.ndim == 2 and 3 in a.shape]
+    for triad, spellings in (("accel", _ACCEL_NAMES), ("gyro", _GYRO_NAMES)):
+        fitting = [n for n, a in arrays.items() if _last(n) in spellings and a.ndim == 2 and 3 in a.shape]
         if len(fitting) != 1:
             what = "nothing" if not fitting else f"any of {', '.join(fitting)}"
             raise FileFormatError(

@@ -105,17 +105,19 @@ def recording_of(
         no table is one of a recording.
     """
     document = _checked(tables.document)
-    known = {n: t for n, t in tables.columns.items() if n in own.TABLES}
-    if not known:
+    own_tables = {n: t for n, t in tables.columns.items() if n in own.TABLES}
+    if not own_tables:
         raise InputError(
             f"none of the tables ({', '.join(tables.columns)}) is part of a recording: {', '.join(own.TABLES)}"
         )
     if kind is None:
         kind = str(document["series"].get("imu", {}).get("kind", "rate"))
-    notes = [f"The table {n} is no part of a recording; it was left out." for n in tables.columns if n not in known]
+    notes = [
+        f"The table {n} is no part of a recording; it was left out." for n in tables.columns if n not in own_tables
+    ]
     made: dict[str, Any] = {}
     satellites: dict[str, Columns] = {}
-    for part, table in known.items():
+    for part, table in own_tables.items():
         flat = _in_si(part, table, tables.units.get(part, {}), kind, notes)
         if part in own_satellites.TABLES:
             satellites[part] = flat
@@ -186,15 +188,15 @@ def _in_si(part: str, table: Columns, units: Mapping[str, str], kind: str, notes
     for column, values in table.items():
         if column in surplus:
             continue
-        given, wanted = units.get(column) or si.get(column, "1"), si.get(column, "1")
-        if column in own.INTEGERS or given == wanted:
+        given, si_unit = units.get(column) or si.get(column, "1"), si.get(column, "1")
+        if column in own.INTEGERS or given == si_unit:
             flat[column] = numbers(values, f"{part}.{column}", column in own.INTEGERS)
             continue
-        unit, target = parse_unit(given), parse_unit(wanted)
+        unit, target = parse_unit(given), parse_unit(si_unit)
         if unit.dimension != target.dimension:
-            raise InputError(f"{part}.{column}: expected a unit such as {wanted}, got {given!r}")
+            raise InputError(f"{part}.{column}: expected a unit such as {si_unit}, got {given!r}")
         flat[column] = numbers(values, f"{part}.{column}", False) * (unit.factor / target.factor)
-        notes.append(f"The column {column} of {part} was converted from {given} to {wanted}.")
+        notes.append(f"The column {column} of {part} was converted from {given} to {si_unit}.")
     return flat
 
 

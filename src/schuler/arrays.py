@@ -21,7 +21,7 @@ def as_floats(value: ArrayLike, name: str, shape: tuple[int | None, ...] | None 
     Parameters
     ----------
     value : array_like
-        What the user passed.
+        Value the user passed.
     name : str
         Argument name for the message.
     shape : tuple of int or None, optional

@@ -36,7 +36,7 @@ class FileFormatError(InputError):
     Parameters
     ----------
     message : str
-        What was expected, what came, what to do.
+        Sentence: what was expected, what came, what to do.
     path : Path, optional
         The file.
     line : int, optional
@@ -64,7 +64,7 @@ class MissingExtraError(SchulerError, ImportError):
     extra : str
         The extra of this package that installs it.
     purpose : str
-        What it was needed for.
+        Task that needs the library.
     """
 
     def __init__(self, library: str, extra: str, purpose: str) -> None:

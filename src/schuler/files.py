@@ -51,7 +51,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
     Yields
     ------
     Path
-        Where to write. Removed again if the block raises or is interrupted.
+        Path to write to. Removed again if the block raises or is interrupted.
     """
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)

@@ -35,7 +35,7 @@ SAME_TIME = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class TimeBase:
-    """What zero seconds means.
+    """Meaning of zero seconds.
 
     Attributes
     ----------

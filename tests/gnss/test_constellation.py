@@ -111,7 +111,7 @@ def test_kepler_records_are_the_same_orbits(system):
     r, v = orbits.states(t, epoch_gps_s=EPOCH)
     for k, when in enumerate(t):
         found = satellite_states(ephemerides, orbits.sat, np.full(len(orbits), when), epoch_gps_s=EPOCH)
-        assert found.found.all()
+        assert found.has_message.all()
         assert found.healthy.all()
         assert np.abs(found.r_e - r[k]).max() < 1e-6
         assert np.abs(found.v_e - v[k]).max() < 1e-9

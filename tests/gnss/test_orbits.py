@@ -184,7 +184,7 @@ def test_broadcast_orbits_against_precise_ones(shared_data):
     gps = sat < 100
     t, sat, r_e, clock = t[gps], sat[gps], r_e[gps], clock[gps]
     s = satellite_states(ephemerides, sat, t)
-    ok = s.found & s.healthy
+    ok = s.has_message & s.healthy
     assert np.mean(ok) > 0.99
     d = (s.r_e - r_e)[ok]
     up = s.r_e[ok] / np.linalg.norm(s.r_e[ok], axis=1)[:, None]

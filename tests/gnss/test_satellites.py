@@ -96,7 +96,7 @@ def test_a_causal_choice_waits_for_the_message():
 def test_an_unhealthy_message_is_not_passed_over():
     e = kepler({"sat": "G05", "toe": 0.0}, {"sat": "G05", "toe": 7200.0, "health": 63})
     s = satellite_states(e, [5, 5, 9], [3000.0, 5000.0, 0.0], epoch_gps_s=EPOCH)
-    assert s.found.tolist() == [True, True, False]
+    assert s.has_message.tolist() == [True, True, False]
     assert s.healthy.tolist() == [True, False, False]
     assert s.record.tolist() == [0, 1, -1]
     assert np.isnan(s.r_e[2]).all()

@@ -152,17 +152,17 @@ class ReceiverPlace:
     Attributes
     ----------
     r_e : ndarray, shape (n, 3)
-        Good to about 1 km, which changes an elevation by 10 arcsec; NaN if ``known`` is false. [m]
+        Good to about 1 km, which changes an elevation by 10 arcsec; NaN if ``located`` is false. [m]
     elevation, azimuth : ndarray, shape (n,)
-        Of the satellite; NaN where its place is unknown. [rad]
-    known : bool
+        Direction of the satellite; NaN where its place is unknown. [rad]
+    located : bool
     notes : tuple of str
     """
 
     r_e: FloatArray
     elevation: FloatArray
     azimuth: FloatArray
-    known: bool
+    located: bool
     notes: tuple[str, ...] = ()
 
 
@@ -186,7 +186,7 @@ def receiver_place(
     r_sat_e : ndarray, shape (n, 3)
         [m]
     usable : ndarray of bool, shape (n,)
-        What to find a position from.
+        Rows that a position is computed from.
     position_e, header_position_e
         See :func:`schuler.gnss.preparation.prepare_ranges`.
 
@@ -216,7 +216,7 @@ def receiver_place(
                 "no epoch has four good satellites and no position is known: no atmosphere taken out, no elevation mask"
             )
             nothing = np.full(len(t), np.nan)
-            return ReceiverPlace(np.full((len(t), 3), np.nan), nothing, nothing, known=False, notes=tuple(notes))
+            return ReceiverPlace(np.full((len(t), 3), np.nan), nothing, nothing, located=False, notes=tuple(notes))
     elif isinstance(position_e, tuple) and len(position_e) == 2:
         t_fix = as_floats(position_e[0], "position_e: times", (None,))
         r_fix = as_floats(position_e[1], "position_e: positions", (len(t_fix), 3))
@@ -231,4 +231,4 @@ def receiver_place(
         )
     r_e = along_track(t, t_fix, r_fix)
     elevation, azimuth = directions(r_e, r_sat_e)
-    return ReceiverPlace(r_e, elevation, azimuth, known=True, notes=tuple(notes))
+    return ReceiverPlace(r_e, elevation, azimuth, located=True, notes=tuple(notes))

@@ -212,7 +212,7 @@ def nominal_orbits(systems: str = "GE", *, epoch_gps_s: float = 0.0, gps_expande
     Returns
     -------
     CircularOrbits
-        Of all systems.
+        Orbits of all systems.
 
     Raises
     ------

@@ -19,7 +19,7 @@ class Dilution:
     Attributes
     ----------
     gdop, pdop, hdop, vdop, tdop : ndarray, shape (k,)
-        Of everything (all clocks too), position, horizontal position, height, and of the first clock that is seen.
+        DOP of everything (all clocks too), position, horizontal position, height, and the first clock seen.
     """
 
     gdop: FloatArray
@@ -42,9 +42,9 @@ def dilution(u_n: ArrayLike, used: ArrayLike | None = None, group: ArrayLike | N
     u_n : array_like, shape (m, 3) or (k, m, 3)
         Unit vectors from the receiver to the satellites, north, east, down.
     used : array_like of bool, shape (m,) or (k, m), optional
-        Which satellites count; all by default.
+        Satellites in use; all by default.
     group : array_like of int, shape (m,) or (k, m), optional
-        Which receiver clock is in each range; one clock by default.
+        Receiver clock of each range; one clock by default.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def inverse_normal(
         Zero in the rows and columns of clocks that no satellite shows, and all zero where there is no solution.
     solvable : ndarray of bool, shape (k,)
     seen : ndarray of bool, shape (k, n_groups)
-        Which clocks occur.
+        Clocks that occur.
     """
     seen = np.any((group[..., None] == np.arange(n_groups)) & used[..., None], axis=1)
     present = np.concatenate((np.ones((len(H), 3), dtype=bool), seen), axis=1)

@@ -24,7 +24,7 @@ _MOST_SUBSETS = 20_000
 
 @dataclass(frozen=True)
 class Integrity:
-    """How faults are looked for.
+    """Settings of the search for faults.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ DEFAULT_INTEGRITY = Integrity()
 
 @dataclass(frozen=True)
 class Identification:
-    """Which rows disagree with the others.
+    """Rows that disagree with the others.
 
     Attributes
     ----------

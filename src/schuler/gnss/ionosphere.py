@@ -30,7 +30,7 @@ def klobuchar(
     llh : array_like, shape (3,) or (n, 3)
         Receiver: latitude, longitude [rad], height [m], which is ignored.
     elevation, azimuth : array_like, shape (n,)
-        Of the satellite; elevations below the horizon count as zero. [rad]
+        Elevation of the satellite; below the horizon it counts as zero. [rad]
     gps_s : array_like, shape () or (n,)
         GPS time; only the time of day matters. [s]
     frequency_hz : array_like, shape () or (n,)

@@ -37,7 +37,7 @@ def unpack(message: int, length: int, layout: Sequence[Field], start: int = 0) -
     Parameters
     ----------
     message : int
-        Of ``length`` bits.
+        Message of ``length`` bits.
     length : int
     layout : sequence of (str, int, bool, float)
         Name (empty for bits to skip), number of bits, whether two's complement, factor. Integers come back exact: every
@@ -76,7 +76,7 @@ def nearest(tow_s: float, near_s: float) -> float:
 
 
 def weeks_off(week: float, bits: int, time_s: float) -> int:
-    """How many weeks a truncated week number is away from the week of a time: 0 where they agree."""
+    """Weeks between a truncated week number and the week of a time: 0 where they agree."""
     size = 1 << bits
     half = size // 2
     return (int(week) - int(time_s // WEEK_S) + half) % size - half

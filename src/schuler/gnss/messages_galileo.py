@@ -75,7 +75,7 @@ def ephemerides_of_inav(sat: ArrayLike, pages: ArrayLike, near_gps_s: ArrayLike,
     near_gps_s : array_like, shape (n,)
         GPS time of reception to within some days: it settles the week. [s]
     signal : {"1B", "7I"}
-        What the pages were received on, E1-B or E5b-I.
+        Signal of the pages, E1-B or E5b-I.
 
     Returns
     -------

@@ -13,7 +13,7 @@ from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS
 
 @dataclass(frozen=True)
 class Observations:
-    """What a receiver measured: one row for each signal of each satellite at each epoch, in order of time.
+    """Measurements of a receiver: one row for each signal of each satellite at each epoch, in order of time.
 
     Attributes
     ----------

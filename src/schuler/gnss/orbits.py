@@ -111,7 +111,7 @@ def kepler_states(records: KeplerRecords, row: IntArray, t: ArrayLike, *, epoch_
     ----------
     records : KeplerRecords
     row : ndarray of int, shape (n,)
-        Which message to use.
+        Message to use.
     t : array_like, shape (n,)
         Times of transmission. [s]
     epoch_gps_s : float
@@ -257,7 +257,7 @@ def glonass_states(
     ----------
     records : GlonassRecords
     row : ndarray of int, shape (n,)
-        Which message to use.
+        Message to use.
     t : array_like, shape (n,)
         Times of transmission on the GPS scale. [s]
     epoch_gps_s : float

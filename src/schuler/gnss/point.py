@@ -36,9 +36,10 @@ def solve_points(
     ranges : Ranges
         Rows with reason 0 and a finite pseudorange are used.
     start : array_like, shape (3,) or (k, 3), optional
-        Where to begin, Earth-fixed; the Earth's centre by default, which serves any receiver below the satellites. [m]
+        Start of the iteration, Earth-fixed; by default the Earth's centre, which serves any receiver below the
+        satellites. [m]
     integrity : Integrity or None
-        How faults are looked for; ``None`` looks for none.
+        Settings of the search for faults; ``None`` looks for none.
     velocity : bool
         Whether range rates are solved too.
 
@@ -65,8 +66,8 @@ def solve_points(
 
     References
     ----------
-    Yaman (2017), eqs. (3-12) to (3-18), with the geometric ranges in the denominators, each satellite's own
-    (FIX 14 of the digest), weights, several clocks, the rotation of the Earth during travel and its rate
+    Yaman (2017), eqs. (3-12) to (3-18), with the geometric range of each satellite in its denominators (the text swaps
+    range and pseudorange), weights, several clocks, the rotation of the Earth during travel and its rate
     (Groves (2013), sections 8.5.3 and 9.4.1).
     """
     if len(ranges) == 0:
@@ -135,7 +136,7 @@ def _exclude_rates(p: Padded, fit: Fit, status: IntArray, r: FloatArray, integri
 
 
 def _identified(fit: Fit, integrity: Integrity) -> tuple[BoolArray, BoolArray, IntArray]:
-    """What remains in use of each epoch, whether an explanation was found, and how many others there are."""
+    """Rows in use after exclusion, whether a fault was identified, and the number of rival explanations, by epoch."""
     used, identified, rivals = fit.used.copy(), np.zeros(len(fit.x), dtype=bool), np.zeros(len(fit.x), dtype=np.int64)
     for k in range(len(fit.x)):
         rows = np.flatnonzero(fit.used[k])

@@ -69,7 +69,7 @@ class PointSolution:
     hpl, vpl : ndarray, shape (k,)
         Protection levels, infinite where a fault could not be seen. [m]
     epoch : ndarray of int, shape (n,)
-        Which epoch each row of the ranges belongs to.
+        Epoch of each row of the ranges.
     sat : ndarray of int, shape (n,)
         Satellite of each row of the ranges.
     excluded, rate_excluded : ndarray of bool, shape (n,)

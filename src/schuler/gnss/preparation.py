@@ -154,7 +154,7 @@ def prepare_ranges(
 
     combined, noise_factor, unknown, one_frequency = _without_delays(c, states, free=free)
     corrected = combined + SPEED_OF_LIGHT * states.clock
-    usable = selected & states.found & states.healthy & plausible
+    usable = selected & states.has_message & states.healthy & plausible
     place = receiver_place(
         c.t, corrected, states.r_e, usable, position_e=position_e, header_position_e=observations.position_e
     )
@@ -162,7 +162,7 @@ def prepare_ranges(
 
     steps, clock = np.zeros(len(epochs), dtype=np.int64), np.zeros(len(epochs))
     rate = c.range_rate + SPEED_OF_LIGHT * states.clock_rate
-    if place.known:
+    if place.located:
         to_sat = states.r_e - place.r_e
         to_sat /= np.linalg.norm(to_sat, axis=1)[:, None]
         toward = np.sum(to_sat * states.v_e, axis=1)
@@ -178,12 +178,12 @@ def prepare_ranges(
 
     ionosphere_m, share = np.zeros(len(c.t)), 1.0
     gps_s = epoch_gps_s + c.t
-    llh = llh_from_ecef(place.r_e) if place.known else np.zeros((len(c.t), 3))
-    if ionosphere == "klobuchar" and place.known:
+    llh = llh_from_ecef(place.r_e) if place.located else np.zeros((len(c.t), 3))
+    if ionosphere == "klobuchar" and place.located:
         ionosphere_m, more, share = _klobuchar(ephemerides, llh, place, gps_s, one_frequency)
         corrected = corrected - ionosphere_m
         notes += more
-    troposphere_used = troposphere == "saastamoinen" and place.known
+    troposphere_used = troposphere == "saastamoinen" and place.located
     if troposphere_used:
         corrected = corrected - saastamoinen(llh, place.elevation, gps_s, humidity=humidity, mapping=mapping)
 
@@ -204,7 +204,7 @@ def prepare_ranges(
         (3, place.elevation < elevation_mask),
         (5, ~plausible & np.isfinite(measured_range)),
         (2, ~states.healthy),
-        (1, ~states.found),
+        (1, ~states.has_message),
         (7, ~selected),
     ):  # the last one that holds is the one to report
         reason[when] = number
@@ -249,7 +249,7 @@ def _without_delays(
     """Pseudoranges with group delays taken out: combined, noise factor, 1-sigma of unknown delays, frequency."""
     delays, knowns = zip(*(group_delays(states, c.sat, c.bands[:, i]) for i in range(2)), strict=True)
     first = c.pseudorange[:, 0] - SPEED_OF_LIGHT * delays[0]
-    unknown_first = np.where(knowns[0] | ~states.found | (c.sat // 100 == SYSTEMS.index("R")), 0.0, UNKNOWN_DELAY)
+    unknown_first = np.where(knowns[0] | ~states.has_message | (c.sat // 100 == SYSTEMS.index("R")), 0.0, UNKNOWN_DELAY)
     if not free:
         return first, np.ones(len(c.t)), unknown_first, c.frequency_hz[:, 0]
     second = c.pseudorange[:, 1] - SPEED_OF_LIGHT * delays[1]
@@ -257,7 +257,9 @@ def _without_delays(
     combined, factor = np.full(len(c.t), np.nan), np.ones(len(c.t))
     f1, f2 = c.frequency_hz[pair].T
     combined[pair], factor[pair] = ionosphere_free(first[pair], second[pair], f1, f2)
-    unknown_second = np.where(knowns[1] | ~states.found | (c.sat // 100 == SYSTEMS.index("R")), 0.0, UNKNOWN_DELAY)
+    unknown_second = np.where(
+        knowns[1] | ~states.has_message | (c.sat // 100 == SYSTEMS.index("R")), 0.0, UNKNOWN_DELAY
+    )
     share = np.ones(len(c.t))
     share[pair] = f1**2 / (f1**2 - f2**2)
     factor = np.where(np.isfinite(factor), factor, np.sqrt(share**2 + (share - 1.0) ** 2))

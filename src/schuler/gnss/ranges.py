@@ -53,7 +53,7 @@ class Ranges:
         of the recording. [s]
     sat : ndarray of int, shape (n,)
     group : ndarray of int, shape (n,)
-        Which receiver clock the range contains: place in ``groups``.
+        Receiver clock in the range: place in ``groups``.
     groups : tuple of str
         Names of the clocks, the first one being the reference, such as ``("G", "E")``.
     r_sat_e, v_sat_e : ndarray, shape (n, 3)
@@ -107,7 +107,7 @@ class Ranges:
 
     @property
     def used(self) -> BoolArray:
-        """Which rows are to be used. Shape (n,)."""
+        """Rows to be used. Shape (n,)."""
         return np.asarray(self.reason == 0)
 
     def where(self, keep: ArrayLike) -> Ranges:

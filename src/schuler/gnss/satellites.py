@@ -1,4 +1,4 @@
-"""Where satellites are and what their clocks show: choice of the message, orbit, clock, time of transmission."""
+"""States of satellites: choice of the message, orbit, clock, time of transmission, group delays."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ class SatelliteStates:
     clock_rate : ndarray, shape (n,)
         Its derivative. [1]
     group_delay : ndarray, shape (n, 2)
-        As in the message, see :class:`schuler.gnss.ephemerides.KeplerRecords`; NaN for GLONASS. [s]
+        Group delay of the message, see :class:`schuler.gnss.ephemerides.KeplerRecords`; NaN for GLONASS. [s]
     f_nav : ndarray of bool, shape (n,)
         Galileo: the clock is that of E5a/E1 (F/NAV), else of E5b/E1 (I/NAV).
     accuracy : ndarray, shape (n,)
         As broadcast; NaN where unknown. [m]
     healthy : ndarray of bool, shape (n,)
-    found : ndarray of bool, shape (n,)
+    has_message : ndarray of bool, shape (n,)
         A message within its validity was there.
     age : ndarray, shape (n,)
         Time asked for minus the reference time of the orbit. [s]
@@ -61,7 +61,7 @@ class SatelliteStates:
     f_nav: BoolArray
     accuracy: FloatArray
     healthy: BoolArray
-    found: BoolArray
+    has_message: BoolArray
     age: FloatArray
     record: IntArray
 

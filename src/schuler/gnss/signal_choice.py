@@ -45,16 +45,17 @@ class ChosenSignals:
     Attributes
     ----------
     t : ndarray, shape (n,)
-        As in the observations. [s]
+        Times of the observations. [s]
     sat : ndarray of int, shape (n,)
     pseudorange : ndarray, shape (n, 2)
-        Of the first band and, for a combination, the second one; NaN where not measured. [m]
+        Pseudorange on the first band and, for a combination, the second one; NaN where not measured. [m]
     bands : ndarray of int, shape (n, 2)
         RINEX bands; the second is 0 where one signal is used.
     frequency_hz : ndarray, shape (n, 2)
         NaN where the band is 0; a GLONASS satellite of unknown channel counts as channel 0. [Hz]
     range_rate, cn0 : ndarray, shape (n,)
-        Of the most preferred signal that has one, of any band: Doppler shifts need no common delay. [m/s], [dB-Hz]
+        Values of the most preferred signal that has one, on any band: Doppler shifts need no common delay.
+        [m/s], [dB-Hz]
     notes : tuple of str
     """
 

@@ -55,12 +55,12 @@ class SyntheticRanges:
     epoch_gps_s: float = 0.0
 
     def observations(self) -> Observations:
-        """What the receiver would write down: the same ranges, stamped by its own clock.
+        """Observations of the receiver: the same ranges, stamped by its own clock.
 
         Returns
         -------
         Observations
-            Of one signal for each system (L1 C/A, E1, B1I), of satellites whose clocks and group delays are zero, as in
+            One signal for each system (L1 C/A, E1, B1I), of satellites whose clocks and group delays are zero, as in
             :meth:`schuler.gnss.constellation.CircularOrbits.ephemerides`. No carrier phases. Range rates are as
             measured, per second of reception (:mod:`schuler.gnss.ranges`).
         """
@@ -285,7 +285,7 @@ class RangeErrors:
     multipath, multipath_tau : float
         First-order Gauss-Markov process of each satellite, growing likewise [m], and its correlation time [s].
     atmosphere, atmosphere_tau : float
-        What correction models leave: Gauss-Markov, growing as ``1 / sin el`` with at least 5 degrees [m], [s].
+        Remainder of the correction models: Gauss-Markov, growing as ``1 / sin el`` with at least 5 degrees [m], [s].
     clock, drift : float
         Receiver clock at the start, of the first group [m], [m/s].
     clock_psd, drift_psd : float

@@ -152,7 +152,7 @@ def saastamoinen(
     llh : array_like, shape (3,) or (n, 3)
         Receiver: latitude, longitude [rad], height [m].
     elevation : array_like, shape (n,)
-        Of the satellite; below 2 deg the delay of 2 deg is returned. [rad]
+        Elevation of the satellite; below 2 deg the delay of 2 deg is returned. [rad]
     gps_s : array_like, shape () or (n,)
         GPS time, for the season in Niell's mapping. [s]
     humidity : float

@@ -1,4 +1,4 @@
-"""How uncertain a corrected range is: noise and multipath, orbits and clocks, what the atmosphere's models leave."""
+"""Variance of a corrected range: noise and multipath, orbits and clocks, remainder of the atmosphere's models."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Weighting:
     Attributes
     ----------
     scheme : {"elevation+cn0", "elevation", "cn0", "equal"}
-        What scales noise and multipath; ``equal`` leaves both out.
+        Dependence of noise and multipath; ``equal`` leaves both out.
     code : float
         Noise and multipath of a code measurement of a strong satellite overhead. [m]
     rate : float
@@ -36,7 +36,7 @@ class Weighting:
     ionosphere_share : float
         Part of Klobuchar's delay that remains, 1-sigma.
     zenith_troposphere : float
-        What remains of the zenith delay; it grows as ``1 / sin(elevation)``. [m]
+        Remainder of the zenith delay; it grows as ``1 / sin(elevation)``. [m]
     """
 
     scheme: Scheme = "elevation+cn0"
@@ -62,7 +62,7 @@ def noise_scale(elevation: ArrayLike, cn0: ArrayLike, scheme: Scheme) -> FloatAr
     elevation : array_like, shape (n,)
         Below 2 deg it counts as 2 deg. [rad]
     cn0 : array_like, shape (n,)
-        Where it is NaN, it counts as 45 dB-Hz. [dB-Hz]
+        Carrier to noise density; NaN counts as 45 dB-Hz. [dB-Hz]
     scheme : str
         See :class:`Weighting`.
 

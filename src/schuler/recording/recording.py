@@ -23,14 +23,14 @@ TIMED = ("imu", "gnss", "odometer", "heading", "height", "observations", "ranges
 
 @dataclass(frozen=True)
 class Metadata:
-    """Where a recording came from and what was done to it on the way in.
+    """Origin of a recording, its time base, and notes on every conversion.
 
     Attributes
     ----------
     name : str
         Short name for titles.
     time : TimeBase
-        What zero seconds means.
+        Meaning of zero seconds.
     sources : dict
         File name to SHA-256 of each file read.
     axes : str
@@ -63,11 +63,11 @@ class Recording:
     gnss : GnssSeries, optional
     odometer : OdometerSeries, optional
     heading, height : ScalarSeries, optional
-        Of a magnetometer or two antennas [rad]; of a barometer [m].
+        Heading of a magnetometer or two antennas [rad]; height of a barometer [m].
     observations : Observations, optional
         Raw measurements of a satellite receiver.
     ephemerides : Ephemerides, optional
-        What the satellites broadcast, for the observations.
+        Broadcast messages, for the observations.
     ranges : Ranges, optional
         Ranges ready for positioning, where they do not come from observations (simulation, other programs).
     reference : Trajectory, optional

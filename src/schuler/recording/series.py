@@ -125,7 +125,7 @@ class ImuSeries:
         Parameters
         ----------
         order : {1, 2, 3}
-            How rates are integrated: held from the sample before (1), trapezoid (2), parabola through three (3).
+            Integration of rates: held from the sample before (1), trapezoid (2), parabola through three (3).
 
         Returns
         -------

@@ -133,7 +133,7 @@ def imu_table(log: DataFlash, name: str, notes: list[str]) -> Table:
     ----------
     log : DataFlash
     name : str
-        Of the stream.
+        Name of the stream.
     notes : list of str
         Takes what was done.
 
@@ -183,7 +183,7 @@ def gnss_table(log: DataFlash, name: str, hints: ReadHints, notes: list[str]) ->
     ----------
     log : DataFlash
     name : str
-        Of the stream.
+        Name of the stream.
     hints : ReadHints
         ``height``.
     notes : list of str
@@ -264,7 +264,7 @@ def _accuracy(log: DataFlash, instance: int, time_us: FloatArray) -> dict[str, F
 def _separation(
     log: DataFlash, alt: FloatArray, accuracy: dict[str, FloatArray], hints: ReadHints, notes: list[str]
 ) -> FloatArray | float:
-    """What makes heights above sea level ellipsoidal: of the log, unless a hint gives it. Shape (n,). [m]"""
+    """Geoid separation of the log, unless a hint gives it. Shape (n,). [m]"""
     if hints.height is not None:
         return 0.0  # the hint does it, or says that there is nothing to do
     if "AEl" in accuracy and (valid := (accuracy["AEl"] > _UNKNOWN_HEIGHT) & (accuracy["AEl"] != 0.0)).any():

@@ -152,7 +152,7 @@ def _chosen(root: Path, hints: ReadHints) -> dict[str, Path]:
 
 
 def _own(path: Path) -> dict[str, Any]:
-    """What a data set written by this package says beside its tables; empty for others."""
+    """Metadata of a data set written by this package; empty for others."""
     if not path.is_file():
         return {}
     try:

@@ -135,7 +135,7 @@ def _rows(table: TextTable, hints: ReadHints, notes: list[str]) -> FloatArray:
 
 
 def _part(path: Path, rows: FloatArray, series: str | None) -> str:
-    """What the rows of a file are, by their number of columns and their size."""
+    """Kind of table, by the number of columns and their size."""
     if rows.shape[1] != 7:
         return "reference" if rows.shape[1] == 11 else "gnss"
     degrees = bool(np.all(np.abs(rows[:, 1]) <= 90.0) and np.all(np.abs(rows[:, 2]) <= 360.0))

@@ -114,7 +114,7 @@ class Messages:
     words : dict of str to str
         First word of fields that ASCII writes as words of many: ``INSCONFIG.imu``.
     others : dict of str to int
-        How many messages of other kinds there are.
+        Number of messages by other kinds.
     notes : list of str
         On what was left out.
     """

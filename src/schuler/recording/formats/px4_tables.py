@@ -36,7 +36,7 @@ def imu_table(path: Path, log: Log, name: str, notes: list[str]) -> Table:
         For messages.
     log : dict
     name : str
-        Of the stream.
+        Name of the stream.
     notes : list of str
         Takes what was done.
 
@@ -121,7 +121,7 @@ def gnss_table(path: Path, log: Log, name: str, hints: ReadHints, notes: list[st
         For messages.
     log : dict
     name : str
-        Of the stream.
+        Name of the stream.
     hints : ReadHints
         ``height``.
     notes : list of str

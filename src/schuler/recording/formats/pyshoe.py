@@ -73,7 +73,7 @@ def read_pyshoe(path: Path | str, *, uniform_clock: bool = True, place_llh: Arra
         Replace the stamps, which jitter by milliseconds with their arrival at the computer, by as many equally spaced
         ones from the first to the last: the sensor samples with its own clock.
     place_llh : array_like, shape (3,), optional
-        Where to put the motion capture: latitude, longitude [rad], height [m].
+        Place given to the motion capture: latitude, longitude [rad], height [m].
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Which formats of others there are: the one list that readers, writers and ``schuler info`` go through.
+"""Registry of other programs' formats: the one list that readers, writers and ``schuler info`` go through.
 
 To add a format, write ``formats/<name>.py`` and append one line to :data:`FORMATS` (and one to :data:`WRITERS` if it
 writes). The module is imported whenever any file is read, so it imports nothing but NumPy and this package at its top;
@@ -13,7 +13,7 @@ foreign libraries are imported inside functions, and :func:`needs` makes the err
 ``sniff_folder(path: Path) -> bool``, optional
     The same for a format that is a folder; ``read`` then gets the folder.
 ``contents(path: Path) -> list[Stream]``, optional
-    Of a log with many streams what it holds (:mod:`schuler.recording.io.streams`), for ``schuler info``.
+    Streams of a log that has many (:mod:`schuler.recording.io.streams`), for ``schuler info``.
 ``holds(path: Path) -> tuple[str, ...]``, optional
     Series that a file holds by its looks, so that it is found in a folder of logs; without it such files are named.
 ``write(recording: Recording, path: Path, **options) -> list[Path]``, for :data:`WRITERS`
@@ -142,7 +142,7 @@ def needs(library: str, name: str, purpose: str) -> MissingExtraError:
     name : str
         The format's module.
     purpose : str
-        What it was needed for, ``"reading ROS bags"``.
+        Task in words, ``"reading ROS bags"``.
     """
     extras: dict[str, Any] = dict(FORMATS)
     if extras.get(name) is None:

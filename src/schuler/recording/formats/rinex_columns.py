@@ -34,7 +34,7 @@ def numbers(chars: np.ndarray) -> tuple[FloatArray, BoolArray]:
     -------
     values : ndarray, shape (...)
     wrong : ndarray of bool, shape (...)
-        Where there is something that is no finite number; its value is NaN.
+        Rows that hold something but no finite number; their value is NaN.
     """
     shape, width = chars.shape[:-1], chars.shape[-1]
     flat = np.ascontiguousarray(chars).reshape(-1, width)
@@ -67,7 +67,7 @@ def observed(chars: np.ndarray) -> tuple[FloatArray, BoolArray]:
     values : ndarray, shape (n, m)
         NaN for blanks and zeros, which both stand for a missing observation.
     wrong : ndarray of bool, shape (n, m)
-        Where there is something but no number with its point in the eleventh column. A line shifted by a column
+        Rows that hold something but no number with its point in the eleventh column. A line shifted by a column
         would read as plausible and wrong numbers, so the form is insisted on.
 
     Notes
@@ -160,7 +160,7 @@ def leap_seconds_at(whole: IntArray, stated: int | None) -> FloatArray:
     whole : ndarray of int, shape (n,)
         [s]
     stated : int, optional
-        What the file says, used for dates beyond the table of :mod:`schuler.timebase`.
+        Leap seconds of the file, used for dates beyond the table of :mod:`schuler.timebase`.
 
     Raises
     ------

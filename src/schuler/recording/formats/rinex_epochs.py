@@ -1,4 +1,4 @@
-"""Where the epochs and the satellites' lines of a RINEX observation file are.
+"""Epochs of a RINEX observation file, and the lines of their satellites.
 
 Versions 3 and 4 mark the lines of epochs, so there is no loop over them. In version 2 each epoch says how far it is to
 the next one: that loop reads two numbers of each, and all else is done for all lines at once.

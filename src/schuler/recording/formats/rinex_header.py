@@ -76,7 +76,7 @@ class RinexFile:
     chars : ndarray of uint8
         The same with :data:`WIDEST` blanks behind it.
     starts, ends : ndarray of int, shape (n_lines,)
-        Where each line begins and ends in ``raw``.
+        First byte and end of each line in ``raw``.
     body : int
         First line after the header.
     version : float
@@ -236,7 +236,7 @@ def broadcast_leap_seconds(file: RinexFile) -> int | None:
 
 @dataclass(frozen=True, slots=True)
 class SystemTypes:
-    """What the satellites of one system are observed by.
+    """Observation types and signals of one system.
 
     Attributes
     ----------

@@ -145,7 +145,7 @@ def glonass_channels(ephemerides: Ephemerides) -> dict[int, int]:
     Returns
     -------
     dict of int to int
-        What :func:`~schuler.recording.formats.rinex_observation.read_rinex_observation` takes.
+        Argument of :func:`~schuler.recording.formats.rinex_observation.read_rinex_observation`.
     """
     records = ephemerides.glonass
     order = np.argsort(records.toe, kind="stable")

@@ -216,7 +216,7 @@ def _values(file: RinexFile, at: IntArray, codes: tuple[str, ...]) -> FloatArray
 
 
 def _scale_factors(file: RinexFile, system: str, of_type: SystemTypes) -> FloatArray:
-    """What to divide each type of a system by. Shape (len(codes),)."""
+    """Scale factors that divide each type of a system. Shape (len(codes),)."""
     factors = np.ones(len(of_type.codes))
     if file.version < 3.0:
         if "OBS SCALE FACTOR" in file.header:

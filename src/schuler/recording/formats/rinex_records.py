@@ -1,4 +1,4 @@
-"""Where the messages of a RINEX navigation file are, and the numbers in their fixed columns."""
+"""Records of a RINEX navigation file: lines of each message and the numbers in their fixed columns."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Records:
     line : ndarray of int, shape (n,)
         First line of each.
     height : ndarray of int, shape (n,)
-        How many lines it has.
+        Number of lines.
     sat : ndarray of int, shape (n,)
     ionosphere : list of tuple of str and int
         System and message, and first line, of each ionospheric message of version 4.
@@ -170,7 +170,7 @@ def _framed(file: RinexFile) -> tuple[IntArray, IntArray, np.ndarray, list[str],
 
 
 def _ends(file: RinexFile, first: IntArray, n_lines: int) -> IntArray:
-    """Where messages end: at the next one, but for blank lines before it."""
+    """Line behind each message: that of the next one, but for blank lines before it."""
     end = np.append(first[1:], n_lines)
     blank = np.array([not file.text(k - 1).strip() for k in end.tolist()], dtype=bool)
     for k in np.flatnonzero(blank).tolist() if len(first) else ():

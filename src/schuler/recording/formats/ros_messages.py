@@ -82,7 +82,7 @@ class Messages:
     Attributes
     ----------
     stamp_ns : ndarray of int64, shape (n,)
-        Of the header; the time of recording if the type has none. [ns]
+        Stamps of the header; the time of recording if the type has none. [ns]
     log_ns : ndarray of int64, shape (n,)
         When the message was recorded. [ns]
     values : dict of str to ndarray, shape (n,)

@@ -118,7 +118,7 @@ def recording_of(
         needs ``origin``. ``axes`` if the IMU's are not forward-left-up; ``time`` "local" or "gps-unix" if stamps are
         not Unix time; hints of GNSS logs.
     notes : list of str
-        Of the container.
+        Stamps of the container.
     what : str
         For messages.
     sources : iterable of Path, optional
@@ -185,7 +185,7 @@ def _available(topics: list[Topic], chosen: dict[str, str | None]) -> dict[str, 
 
 
 def _own_document(path: Path, topics: list[Topic]) -> dict[str, Any] | None:
-    """What a bag of ours says beside its messages; None of other bags."""
+    """Metadata of a bag written by this package; ``None`` for others."""
     for topic in topics:
         if topic.name == OWN_TOPIC and topic.kind == "std_msgs/String" and topic.raw:
             texts = topic.decoded(path).texts.get("data", [])

@@ -145,11 +145,11 @@ def reference_table(
     Parameters
     ----------
     m : Messages
-        Of any type of pose, see :data:`schuler.recording.formats.ros_recording.PARTS`.
+        Messages of any type of pose, see :data:`schuler.recording.formats.ros_recording.PARTS`.
     t : ndarray, shape (n,)
         Times of the messages on the recording's time base. [s]
     origin : tuple of float
-        Of the local frame, which is east, north, up there: latitude, longitude [rad], height [m].
+        Origin of the local frame, which is east, north, up there: latitude, longitude [rad], height [m].
     path : Path
         For messages.
     notes : list of str

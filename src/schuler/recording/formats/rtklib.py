@@ -34,7 +34,7 @@ _NEEDLESS = {"columns", "units", "rate", "axes", "time", "delimiter", "skip", "c
 
 @dataclass(frozen=True, slots=True)
 class PosHeader:
-    """What the comment lines of a ``.pos`` file say: layout, time scale, kind of heights, first row of numbers."""
+    """Comment lines of a ``.pos`` file: layout, time scale, kind of heights, first row of numbers."""
 
     layout: str
     scale: str

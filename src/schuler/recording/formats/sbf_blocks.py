@@ -62,7 +62,7 @@ class Blocks:
     places : dict of str to ndarray of int, shape (n, 2)
         First byte and byte behind the last of each block, by name.
     others : dict of int to int
-        How many blocks of other numbers there are.
+        Number of blocks by other block numbers.
     notes : list of str
     """
 

@@ -293,7 +293,7 @@ class Frames:
     columns : dict of str to dict
         Fields of each log as they stand, but ``t`` in seconds since the sensor started, past the ends of its counter.
     others : dict of str to int
-        How many frames of other logs there are.
+        Number of frames by other logs.
     notes : list of str
     """
 

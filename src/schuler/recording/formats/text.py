@@ -42,7 +42,7 @@ def read_text(path: Path, hints: ReadHints) -> Recording:
     ----------
     path : Path
     hints : ReadHints
-        What the file does not say itself.
+        Hints on what the file does not state.
 
     Returns
     -------

@@ -79,7 +79,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
 
 
 def _own(path: Path) -> dict[str, str]:
-    """What a trajectory written by this package says in a comment; empty for others."""
+    """Metadata in a comment of a trajectory written by this package; empty for others."""
     for line in plain_text.head_of(path, 2000).decode("latin-1").splitlines()[:10]:
         if line.startswith(_OWN):
             words = dict(word.partition("=")[::2] for word in line[len(_OWN) :].split())

@@ -38,7 +38,7 @@ _NMEA = re.compile(rb"[$!][ -~]{5,250}\r\n")
 
 @dataclass(frozen=True)
 class UbxLog:
-    """What a u-blox log holds, all on one time axis.
+    """Contents of a u-blox log on one time axis.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class UbxLog:
     ephemerides : Ephemerides
         Empty if the log has no RXM-SFRBX.
     gnss : GnssSeries, optional
-        Of NAV-PVT; ``None`` if the log has none with a fix.
+        Solutions of NAV-PVT; ``None`` if the log has none with a fix.
     time : TimeBase
         GPS time from the start of the first epoch's week.
     sigma_range, sigma_rate : ndarray, shape (n,)
@@ -212,7 +212,7 @@ def _ephemerides(by_kind: dict[int, list[tuple[int, dict[str, Any]]]]) -> Epheme
 
 @dataclass(frozen=True)
 class Frames:
-    """Where the frames of a log are, and what else is there.
+    """Frames of a log by their bytes, and counts of everything else.
 
     Attributes
     ----------

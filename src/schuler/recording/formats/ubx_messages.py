@@ -307,7 +307,7 @@ def broadcast(messages: Iterable[tuple[dict[str, Any], float]]) -> Ephemerides:
     Returns
     -------
     Ephemerides
-        Of GPS and QZSS LNAV, Galileo I/NAV, BeiDou D1 and GLONASS; messages of other kinds are counted in the notes.
+        From GPS and QZSS LNAV, Galileo I/NAV, BeiDou D1 and GLONASS; messages of other kinds are counted in the notes.
     """
     groups: dict[str, list[tuple[int, list[int], float, int]]] = {}
     others: Counter[str] = Counter()

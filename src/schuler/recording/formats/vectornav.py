@@ -267,7 +267,7 @@ def _without_time(
 
 
 def imu_kind(rows: Columns, requested: str) -> str | None:
-    """Which IMU outputs packets hold, the wanted or the first of the order of preference; ``None`` for none."""
+    """Kind of IMU output in packets: the requested one, or the first in order of preference; ``None`` for none."""
     for kind in KINDS if not requested else (requested,):
         prefix = TRIADS.get(kind)
         names: tuple[str, ...] = ("dt", "dthx", "dthy", "dthz", "dvx", "dvy", "dvz")

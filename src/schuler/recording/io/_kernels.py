@@ -178,7 +178,7 @@ _INF, _INF_CAPITAL = np.frombuffer(b"infinity", dtype=np.uint8), np.frombuffer(b
 
 @inlined
 def _not_finite(text, p):
-    """Where NaN or infinity at ``p`` ends (``p`` if there is neither), and its value."""
+    """End of NaN or infinity at ``p`` (``p`` if there is neither), and its value."""
     sign = -1.0 if text[p] == 45 else 1.0
     q = p + 1 if text[p] == 45 or text[p] == 43 else p
     if _is_word(text, q, _NAN, _NAN_CAPITAL):
@@ -215,7 +215,7 @@ def whole(w, q, rounded, powers):
 
 @inlined
 def _line_end(text, p):
-    """Where the next line begins, of a line feed or a carriage return and one at ``p``; -1 if there is neither."""
+    """Start of the line behind a line feed or a carriage return and one at ``p``; -1 if there is neither."""
     if text[p] == 10:
         return p + 1
     if text[p] == 13 and text[p + 1] == 10:

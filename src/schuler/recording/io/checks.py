@@ -71,7 +71,7 @@ def find_rest(t: FloatArray, accel: FloatArray, gyro: FloatArray, interval: floa
 
 
 def _windows(accel: FloatArray, gyro: FloatArray, m: int, per_window: int) -> FloatArray:
-    """Of each of m windows: mean norm of the force and its change from the first to the second half, the largest
+    """Statistics of m windows: mean norm of the force and its change from the first to the second half, the largest
     deviation of an axis of the force and of the rate, norm of the mean rate. Shape (5, m).
     """
     if len(accel) >= _MANY:
@@ -106,7 +106,7 @@ def gravity_fault(
     interval : float
         Sample interval. [s]
     kind : {"rate", "increment"}
-        What the log was said to hold.
+        Stated kind of samples.
     rest : float or None
         Stillness stated for the start; looked for if ``None``. [s]
 
@@ -152,7 +152,7 @@ def gravity_fault(
 
 
 def norm_causes(level: float, unit: str, interval: float, kind: str) -> str:
-    """What would turn the norm seen at rest into gravity; empty if nothing simple would.
+    """Causes that would turn the norm seen at rest into gravity; empty if nothing simple would.
 
     Parameters
     ----------

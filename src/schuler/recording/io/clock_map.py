@@ -28,7 +28,7 @@ class ClockMap:
     offset : float
         [s]
     rate : float
-        Of GPS time against the log's clock, minus one. [-]
+        Rate of GPS time against the log's clock, minus one. [-]
     jitter : float
         Median delay of the messages behind the fastest of them. [s]
     """
@@ -46,7 +46,7 @@ class ClockMap:
         return boot + ((self.offset - start) + self.rate * (boot - self.zero))
 
     def note(self) -> str:
-        """What was done, in a sentence."""
+        """Sentence on the fitted line for the notes."""
         drift = f" and its rate ({self.rate / 1e-6:+.1f} ppm)" if self.rate else ""
         return (
             f"The log's clock was related to GPS time by the times of its fixes{drift}: the fastest message counts as "

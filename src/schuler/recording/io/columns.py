@@ -1,4 +1,4 @@
-"""What a column of a table may be: its short name, the quantity it measures, and the names others give it.
+"""Columns of a table: short name, quantity, and the names others give them.
 
 The short names (``ax``, ``lat``, ``svn``, ...) are what users write in the hint ``columns`` and what our own CSV files
 carry. Columns of one quantity share a unit, which is stated once per *group* (``accel``, ``gyro``, ``t``, ...).

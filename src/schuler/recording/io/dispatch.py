@@ -1,4 +1,4 @@
-"""Which reader or writer a file calls for."""
+"""Choice of the reader or writer of a file."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def read(path: Path | str, hints: ReadHints | None = None, **more: Any) -> Recor
     path : Path or str
         A file, or a folder whose files are the series of one run.
     hints : ReadHints, optional
-        What the file does not say itself.
+        Hints on what the file does not state.
     **more
         Single hints by name (see :class:`ReadHints`), over those in ``hints``. For a folder instead the entries of
         :func:`schuler.recording.io.folder.read_folder`: ``imu={"file": "imu.csv", "units": "g,deg/s"}``.
@@ -113,7 +113,7 @@ def write(recording: Recording, path: Path | str, *, format: str | None = None, 
     format : str, optional
         Name of one of these, where the suffix does not tell (two formats share it, or it is a folder).
     **options
-        Of the writer, see ``write_csv``, ``write_parquet``, ``write_pos``, ``write_kml`` and ``write_geojson``.
+        Options of the writer, see ``write_csv``, ``write_parquet``, ``write_pos``, ``write_kml`` and ``write_geojson``.
 
     Returns
     -------
@@ -140,7 +140,8 @@ def write(recording: Recording, path: Path | str, *, format: str | None = None, 
     else:
         choices = ", ".join((*WRITERS, *registry.suffixes()))
         raise InputError(
-            f"{path}: cannot tell the format from {suffix or 'no suffix'!r}; write to {choices}, or name it (format=...)"
+            f"{path}: cannot tell the format from {suffix or 'no suffix'!r}; write to {choices}, "
+            "or name it (format=...)"
         )
     for name in options:
         columns.check_known(name, list(inspect.signature(writer).parameters)[2:], f"option of {format or suffix}")

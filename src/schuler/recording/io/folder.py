@@ -99,7 +99,7 @@ def _read_part(
     with_ephemerides: bool = False,
     glonass_channels: Mapping[int, int] | None = None,
 ) -> Recording:
-    """What an entry names, out of its file; ``with_ephemerides`` for observations that bring their own."""
+    """Part that an entry names, out of its file; ``with_ephemerides`` for observations that bring their own."""
     if not isinstance(entry, Mapping) or "file" not in entry:
         raise InputError(f"{part}: expected an entry such as {{'file': 'NAME', 'units': 'g,deg/s'}}, got {entry!r}")
     given = {name: value for name, value in entry.items() if name != "file"}

@@ -1,4 +1,4 @@
-"""How the texts of hints are read: columns, units, scales, times, streams, places, axes."""
+"""Texts of hints to values: columns, units, scales, times, streams, places, axes."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def parse_scale(value: str | Mapping[str, float] | None) -> dict[str, float] | s
 
 
 def parse_time(text: str | None) -> TimeSpec:
-    """What a ``time`` hint says of the stamps.
+    """Meaning of the stamps by a ``time`` hint.
 
     Raises
     ------

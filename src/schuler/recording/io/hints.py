@@ -1,4 +1,4 @@
-"""What a user may have to say about a log that does not say it itself.
+"""Hints of the user on what a log does not state.
 
 Everything here is pure: hints are checked when they are made, before any file is opened.
 """
@@ -31,7 +31,7 @@ from schuler.recording.io.hint_texts import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadHints:
-    """What a log does not say about itself. Every hint is optional; a reader that needs one says so.
+    """Hints on what a log does not state. Every hint is optional; a reader that needs one says so.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class ReadHints:
     sigma_height : float, optional
         1-sigma of a barometer. [m]
     series : {"imu", "gnss", "odometer", "heading", "height", "reference", "observations", "ephemerides"}, optional
-        Which one a table holds, if its columns leave that open; which one a file must hold.
+        Series that a table holds, if its columns leave that open, or that a file must hold.
     rest : float, optional
         Length of the stillness at the start used to check gravity; looked for if not given. [s]
     allow : str or set of str
@@ -86,11 +86,11 @@ class ReadHints:
     format : str, optional
         Name of a format of :data:`schuler.recording.formats.registry.FORMATS`, where a file does not show what it is.
     streams : str or mapping, optional
-        Of a log with many streams (topics, messages, instances) the one for each part,
+        Stream for each part, in a log with many (topics, messages, instances),
         ``"imu=/imu/data,gnss=/gps/fix,reference=none"``; ``none`` leaves a part out. Parts: the series, and
         ``velocity`` where that of GNSS is a stream of its own.
     origin : str or sequence of float, optional
-        Where zero of a local frame is: latitude, longitude [deg], ellipsoidal height [m], ``"48.1,11.6,560"``.
+        Origin of a local frame: latitude, longitude [deg], ellipsoidal height [m], ``"48.1,11.6,560"``.
 
     Raises
     ------

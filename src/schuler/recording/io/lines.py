@@ -34,7 +34,7 @@ MANY = 4_000_000
 
 @dataclass(frozen=True, slots=True)
 class TextTable:
-    """How the lines of a file are cut into fields.
+    """Layout of a table in a text file: first line, delimiter, comments.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class TextTable:
     delimiter : str
         One character; a blank stands for any run of white space.
     comment : str
-        What starts a comment; the rest of the line is ignored.
+        Start of a comment; the remainder of the line is ignored.
     encoding : str
         ``latin-1`` unless there is a byte-order mark: numbers are ASCII, and comments may be in any encoding.
     replaced : str

@@ -42,7 +42,7 @@ class Numbers:
     stamps : ndarray of int64, shape (n,)
         The column of whole numbers, empty if none was asked for.
     rest : int
-        Where in the file the first line begins that was not understood; its size if all were.
+        Byte at which the first line begins that was not understood; the file's size if all were.
     """
 
     values: FloatArray

@@ -176,7 +176,7 @@ def satellite_parts(
 
 
 def document(recording: Recording, flat: Mapping[str, Columns]) -> dict[str, Any]:
-    """What is not in the columns: metadata, for each table its number of rows and kind, constants of satellite parts.
+    """Document beside the columns: metadata, for each table its number of rows and kind, constants of satellite parts.
 
     Raises
     ------

@@ -96,7 +96,7 @@ def flatten(recording: Recording) -> dict[str, Columns]:
 
 
 def constants(recording: Recording) -> dict[str, Any]:
-    """What the satellite parts hold besides columns, as plain values for JSON."""
+    """Constants of the satellite parts, as plain values for JSON."""
     values: dict[str, Any] = {}
     if (o := recording.observations) is not None:
         values["observations"] = {

@@ -41,7 +41,7 @@ class Table:
     axes : str
         Axes the IMU's columns are in, unless the hint ``axes`` says otherwise.
     kind : {"rate", "increment"}
-        Of an IMU.
+        Kind of an IMU's samples.
     ellipsoidal : bool
         Whether heights are known to be above the ellipsoid; otherwise a note says that they are taken as such.
     """
@@ -75,7 +75,7 @@ def assemble(
     time : TimeBase
         Meaning of the times.
     notes : iterable of str
-        What the reader did before.
+        Notes of the reader so far.
     sources : iterable of Path, optional
         The files read, default ``path`` itself.
     root : Path, optional

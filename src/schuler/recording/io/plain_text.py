@@ -27,7 +27,7 @@ def open_table(path: Path, widths: Collection[int], what: str, delimiter: str = 
     widths : collection of int
         Numbers of columns the format may have.
     what : str
-        What a row holds, for messages.
+        Contents of a row, for messages.
     delimiter, comment : str
         See :class:`schuler.recording.io.lines.TextTable`.
 

@@ -1,4 +1,4 @@
-"""What logs of receivers and inertial units share: GPS time in weeks and seconds, and columns of a solution."""
+"""GPS time in weeks and seconds, and columns of a solution, in logs of receivers and inertial units."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class ClockLine:
     gps_at_zero, zero : float
         [s]
     rate : float
-        Of GPS time against the clock, minus one. [-]
+        Rate of GPS time against the clock, minus one. [-]
     worst : float
         Largest difference of a pair from the line. [s]
     """
@@ -131,7 +131,7 @@ class ClockLine:
         return np.asarray((self.gps_at_zero - epoch) + (t - self.zero) + self.rate * (t - self.zero))
 
     def note(self, clock: str, by: str) -> str:
-        """What was done, in a sentence."""
+        """Sentence on the fitted line for the notes."""
         drift = f" and their rate ({self.rate / 1e-6:+.1f} ppm)" if self.rate else ""
         return (
             f"Samples are timed by {clock}, which {by} relates to GPS time by its offset{drift}; single pairs differ "

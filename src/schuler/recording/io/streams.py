@@ -63,7 +63,7 @@ def choose(streams: list[Stream], part: str, chosen: dict[str, str | None], *, a
         All of the log.
     part : str
     chosen : dict
-        Of :func:`schuler.recording.io.hint_texts.parse_streams`.
+        Result of :func:`schuler.recording.io.hint_texts.parse_streams`.
     alone : bool
         Whether an only candidate is taken without being named.
 

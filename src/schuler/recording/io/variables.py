@@ -38,7 +38,7 @@ def recording_of_arrays(path: Path, arrays: Arrays, hints: ReadHints, notes: lis
         ``columns`` names the columns of one array (``variable``, or the only one that fits) in order, or maps names to
         arrays: ``"t=ts,accel=acc,gyro=gyr"``; both may be mixed.
     notes : list of str
-        What was said about the file so far.
+        Notes on the file so far.
 
     Raises
     ------

@@ -23,7 +23,7 @@ class PolarsFrames:
     frames : dict of str to polars.DataFrame
         By name of the part.
     attributes : dict of str to dict
-        Of each: ``units`` (unit of each column) and ``schuler`` (what :func:`from_polars` needs besides).
+        Entries: ``units`` (unit of each column) and ``schuler`` (what :func:`from_polars` needs besides).
     """
 
     frames: dict[str, pl.DataFrame]

@@ -36,7 +36,7 @@ class Tables:
     units : dict of str to dict of str to str
         Unit of each column, as ``m/s^2``; a column that is not named is in SI.
     document : dict
-        What is in no column, as plain values that JSON can hold; empty for tables made by others.
+        Entries that are in no column, as plain values that JSON can hold; empty for tables made by others.
     """
 
     columns: dict[str, Columns]
@@ -44,7 +44,7 @@ class Tables:
     document: dict[str, Any] = field(default_factory=dict)
 
     def attributes(self, name: str) -> dict[str, Any]:
-        """What goes with the table ``name`` where there are attributes: its name, units and the document's text."""
+        """Attributes of the table ``name``: its name, units and the document's text."""
         return {"part": name, "units": dict(self.units.get(name, {})), "schuler": own.to_json(self.document)}
 
 
@@ -89,9 +89,9 @@ def recording_of(
         Also made by others: columns by the names of docs/interop.md. Columns in other units than SI are converted,
         tables and columns of other names are left out; both are noted.
     kind : {"rate", "increment"}, optional
-        Of the IMU's samples; as in the document, else rates.
+        Kind of the IMU's samples; default that of the document, else rates.
     time : TimeBase, optional
-        As in the document, else a local clock.
+        Default that of the document, else a local clock.
     name : str, optional
 
     Returns

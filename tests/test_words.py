@@ -23,7 +23,7 @@ ENTRIES = {"observability/scenario.py": {"known"}}
 #: Parts of the package whose names and docstrings are still to be gone through.
 STILL = {
     "calibration", "characterisation", "diagnosis", "montecarlo",
-    "navigation", "rotary", "sensors", "simulation", 
+    "navigation", "rotary", "sensors", "simulation",
 }  # fmt: skip
 
 

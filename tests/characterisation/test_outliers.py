@@ -103,6 +103,7 @@ def test_more_than_one_signal_is_refused():
         without_outliers(np.zeros((10, 3)))
 
 
+@pytest.mark.campaign
 def test_identification_with_outliers_finds_the_noise_of_the_clean_log():
     """Two axes of each model, one kind of outliers each: N within 5 % of the clean fit, and far off if not robust."""
     rng = np.random.default_rng(5)

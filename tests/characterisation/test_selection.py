@@ -28,6 +28,7 @@ def measured(process: Process, n: int, rng: np.random.Generator) -> Moments:
     return Moments(m, variance, DT, np.array([n]))
 
 
+@pytest.mark.thinned(5)
 @pytest.mark.parametrize("name", list(TRUE))
 def test_the_true_model_is_kept_mostly(name):
     """Statistical: chance prefers another one in about one log of five at this price, twelve of them being tried; 5 of

@@ -35,6 +35,7 @@ def test_there_are_files(shared_data):
     assert {kind_of(name) for name in FILES} == {kind for kind, _ in RULES}
 
 
+@pytest.mark.thinned(9)
 @pytest.mark.realdata
 @pytest.mark.parametrize("name", FILES)
 def test_every_file_opens_or_is_refused_with_the_reason(shared_data, name, capsys):
@@ -65,6 +66,7 @@ HINTED = {
 }
 
 
+@pytest.mark.thinned(5)
 @pytest.mark.realdata
 @pytest.mark.parametrize(("name", "hints"), list(HINTED.items()), ids=list(HINTED))
 def test_logs_open_with_the_hints_of_their_readmes(shared_data, name, hints, capsys):

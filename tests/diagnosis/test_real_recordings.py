@@ -16,6 +16,7 @@ from schuler.recording.io import read
 pytestmark = pytest.mark.realdata
 
 
+@pytest.mark.thinned(5)
 @pytest.mark.parametrize("name", GOOD)
 def test_good_recordings_raise_no_alarm(shared_data, name):
     options, so_it_is = GOOD[name]

@@ -203,7 +203,7 @@ def test_reduced_vector_takes_the_accelerometers_for_perfect():
     np.testing.assert_array_equal(reduced[:, 3:], 0.0)
 
 
-# ------------------------------------------------------------------------------------------ as printed in the source
+# -------------------------------------------------------------------------------------------- as printed by Yaman
 # There all measurements are dz = external - indicated = H x, navigation errors indicated minus true, sensor errors
 # what is in the readings. Estimate minus truth is minus that for sensors and the same for the attitude.
 
@@ -250,7 +250,7 @@ def test_printed_gravity_magnitude(seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_printed_earth_rate_magnitude(seed):
-    """(4-57) with FIX 12: H_P2 = -(1/|w|) w' [I | 0 | G***]; the source drops S_g and M_g, kept here at Earth rate."""
+    """(4-57) with FIX 12: H_P2 = -(1/|w|) w' [I | 0 | G***]; the thesis drops S_g and M_g, kept here at Earth rate."""
     lay, _, C_nb, nav, f, earths = at_zero(seed)
     w = earths + 1e-3 * np.random.default_rng(seed).normal(size=3)
     H, y = rows(ms.EARTH_RATE_MAGNITUDE, nav, np.zeros(30), np.concatenate((f, w)), lay)
@@ -269,7 +269,7 @@ def test_printed_earth_rate_magnitude(seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_corrected_vertical_earth_rate(seed):
-    """Section 5.4 of the digest: u = f/|f| points up, z = Om sin L - u.w, H = -u' [I | G* | G** | G***]."""
+    """Yaman (2017), eqs. (4-51)-(4-57), along the vertical: u = f/|f| points up, z = Om sin L - u.w, H = -u' [I | G* | G** | G***]."""
     lay, llh, C_nb, nav, f, earths = at_zero(seed)
     w = earths + 1e-3 * np.random.default_rng(seed).normal(size=3)
     H, y = rows(ms.EARTH_RATE, nav, np.zeros(30), np.concatenate((f, w)), lay)
@@ -317,7 +317,7 @@ def test_turning_about_the_vertical_is_never_seen_by_gravity():
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("down", [-1.0, 1.0])
 def test_magnitude_cannot_tell_earth_rate_from_g_sensitivity(axis, down):
-    """The flaw of P2 (digest 5.4): with axis i vertical, G_ii wrong by 2 Om sin L / g reads the same as the right one.
+    """The flaw of P2, Yaman (4-57): with axis i vertical, G_ii wrong by 2 Om sin L / g reads the same as the right one.
 
     The projection tells them apart: it sees twice the vertical Earth rate.
     """

@@ -37,7 +37,7 @@ def cross(a):
 
 
 def printed_matrix(llh, v, C, w, f):
-    """F of section 3.7 of the digest: (2-105) to (2-110), (4-7), corrections 4 to 8 applied. Shape (39, 39)."""
+    """F of Yaman (2017), eqs. (2-105) to (2-110), (4-7), with the corrections 4 to 8 of the register. Shape (39, 39)."""
     L, _, h = llh
     s, c, t = np.sin(L), np.cos(L), np.tan(L)
     e2, Om = 0.08181919084262**2, 7.292115e-5
@@ -104,11 +104,11 @@ def gravity_columns(llh):
 
 
 def apart_from_gravity(at):
-    """Ours and the printed one without the change of gravity, for which the source has another formula."""
+    """Ours and the printed one without the change of gravity, for which the thesis has another formula."""
     F, printed = ours(*at), printed_matrix(*at)
     L, _, _ = at[0]
     with_latitude, with_height = gravity_columns(at[0])
-    F[3:6, 0] -= with_latitude  # dropped in the source
+    F[3:6, 0] -= with_latitude  # dropped in the thesis
     F[3:6, 2] -= with_height
     s2, e2 = np.sin(L) ** 2, earth.WGS84.e2
     r_S = earth.radii_of_curvature(L)[1] * np.sqrt(1 - s2 + (1 - e2) ** 2 * s2)
@@ -118,7 +118,7 @@ def apart_from_gravity(at):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_navigation_columns_are_the_printed_ones(seed):
-    """To rounding, but where the source drops the change of the radii with latitude, which is kept here."""
+    """To rounding, but where the thesis drops the change of the radii with latitude, which is kept here."""
     at = state(seed)
     llh, v = at[:2]
     F, printed = apart_from_gravity(at)
@@ -136,7 +136,7 @@ def test_navigation_columns_are_the_printed_ones(seed):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_gravity_is_more_accurate_than_in_the_source(seed):
-    """3.086e-6 1/s^2 a metre in place of 2 g0/rS = 3.078e-6; the source drops 0.051 m/s^2 a radian and 7.9e-9 1/s^2."""
+    """3.086e-6 1/s^2 a metre in place of 2 g0/rS = 3.078e-6; the thesis drops 0.051 m/s^2 a radian and 7.9e-9 1/s^2."""
     llh = state(seed)[0]
     with_latitude, with_height = gravity_columns(llh)
     assert with_height[2] == pytest.approx(-3.086e-6, abs=1.6e-8)  # less at 9 km, and with latitude

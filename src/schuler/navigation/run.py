@@ -25,10 +25,11 @@ from schuler.navigation.inputs.preparation import (
 from schuler.navigation.inputs.satellites import satellites, with_clocks
 from schuler.navigation.result import NavigationResult
 from schuler.navigation.start.alignment import advance_to_log_start, align
-from schuler.navigation.start.calibration import configured_start
+from schuler.navigation.start.calibration import CalibrationStart, configured_start
 from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.io.own import time_document
 from schuler.recording.recording import Recording
+from schuler.sensors.spec import ImuSpec
 
 
 def navigate(
@@ -71,13 +72,7 @@ def navigate(
     """
     config = NavigationConfig.checked(config)
     started = time.perf_counter()
-    simulated = recording.metadata.options.get("scenario", {}).get("motion", {})
-    rotating = simulated.get("earth_rotation", True)
-    if rotating != config.filter.earth_rotation:
-        raise ConfigError(
-            f"filter.earth_rotation is {str(config.filter.earth_rotation).lower()}, but the recording was simulated "
-            f"with {str(rotating).lower()}; set the same"
-        )
+    _check_earth_rotation(recording, config)
     notes = list(recording.metadata.notes)
     spec = imu_spec(config)
     calibrated = configured_start(config, recording.need_imu(), calibration)
@@ -108,22 +103,14 @@ def navigate(
     schedule = with_late_velocities(schedule.outside(windows), delay, initial.nav.t, notes)
     if not len(schedule):
         notes.append("no measurement is used: this is a free inertial solution")
-    options = filter_options(config, imu)
-    forward = run(
-        increments,
-        schedule,
-        initial,
-        layout,
-        np.full(3, spec.gyro.random_walk**2),
-        np.full(3, spec.accel.random_walk**2),
-        options,
-        progress,
-    )
+    psd = np.full(3, spec.gyro.random_walk**2), np.full(3, spec.accel.random_walk**2)
+    forward = run(increments, schedule, initial, layout, *psd, filter_options(config, imu), progress)
     if forward.epochs == 0 or not len(forward.rec_t):
-        raise KeyboardInterrupt  # stopped before there was anything to keep
+        raise KeyboardInterrupt  # stopped before the first record
     if not forward.complete:
         notes.append(f"interrupted at {forward.t[-1] - start:.1f} s of the recording; the solution ends there")
     notes += rejections(schedule.kind, forward.status, schedule.t, schedule.R)
+    provenance = _provenance(recording, config, spec, calibrated)
     return NavigationResult.from_run(
         forward,
         schedule.t,
@@ -131,18 +118,35 @@ def navigate(
         layout,
         outages=windows,
         lever_arm_b=np.array(config.gnss.lever_arm_m),
-        provenance={
-            "schuler": metadata.version("schuler"),
-            "config": config.model_dump(mode="json", exclude_defaults=True),
-            "sources": recording.metadata.sources,
-            "recording": recording.metadata.name,
-            "recording_options": recording.metadata.options,
-            "time": time_document(recording.metadata.time),
-            "imu": spec.name,
-            **({} if calibrated is None else {"calibration": calibrated.provenance}),
-            "elapsed_s": time.perf_counter() - started,
-        },
+        provenance={**provenance, "elapsed_s": time.perf_counter() - started},
         notes=tuple(notes),
         ranges=ranges,
         points=None if points is None else points.solution,
     )
+
+
+def _check_earth_rotation(recording: Recording, config: NavigationConfig) -> None:
+    """Raise ConfigError if the recording was simulated with another rotation of the Earth than configured."""
+    simulated = recording.metadata.options.get("scenario", {}).get("motion", {})
+    rotating = simulated.get("earth_rotation", True)
+    if rotating != config.filter.earth_rotation:
+        raise ConfigError(
+            f"filter.earth_rotation is {str(config.filter.earth_rotation).lower()}, but the recording was simulated "
+            f"with {str(rotating).lower()}; set the same"
+        )
+
+
+def _provenance(
+    recording: Recording, config: NavigationConfig, spec: ImuSpec, calibrated: CalibrationStart | None
+) -> dict[str, Any]:
+    """Versions, options and hashes of everything that a result was made from."""
+    return {
+        "schuler": metadata.version("schuler"),
+        "config": config.model_dump(mode="json", exclude_defaults=True),
+        "sources": recording.metadata.sources,
+        "recording": recording.metadata.name,
+        "recording_options": recording.metadata.options,
+        "time": time_document(recording.metadata.time),
+        "imu": spec.name,
+        **({} if calibrated is None else {"calibration": calibrated.provenance}),
+    }

@@ -173,7 +173,7 @@ def static_intervals(
 
     References
     ----------
-    Yaman (2017), section 4.8, with the mean-rate test the source lacks; Tedaldi, Pretto, Menegatti (2014) for the
+    Yaman (2017), section 4.8, with a mean-rate test in addition; Tedaldi, Pretto, Menegatti (2014) for the
     threshold in multiples of the noise at rest.
     """
     if not (np.isfinite(min_s) and min_s > 0.0):

@@ -37,7 +37,7 @@ def zero_velocities(
     intervals : StaticIntervals
         Intervals of :func:`schuler.standstill.stationarity.static_intervals`.
     sigma : float
-        1-sigma: what the vehicle may still move, vibration included. [m/s]
+        1-sigma velocity of the vehicle at rest, vibration included. [m/s]
     rate_hz : float
         How often. [Hz]
     gate : float, optional
@@ -71,7 +71,7 @@ def zero_rates(
     sigma_noise : float
         Root density N of the gyroscopes: a mean over T has ``N / sqrt(T)``. [rad/s/sqrt(Hz)]
     sigma : float
-        What the vehicle may still rotate, 1-sigma. [rad/s]
+        1-sigma rotation of the vehicle in the mean over a block. [rad/s]
     block_s : float
         Length of a block. [s]
     gate : float, optional
@@ -85,7 +85,7 @@ def zero_rates(
     Raises
     ------
     InputError
-        If nothing says how well the rate is known, or the intervals are of another log.
+        If both sigmas are zero, or the intervals are of another log.
 
     Notes
     -----
@@ -110,29 +110,19 @@ def gravities(
 
     Parameters
     ----------
-    imu : ImuSeries
-    intervals : StaticIntervals
-        Rests of this log.
+    imu, intervals, block_s, gate
+        See :func:`zero_rates`.
     sigma_noise : float
         Root density N of the accelerometers. [m/s^2/sqrt(Hz)]
     sigma : float
-        What the vehicle may still accelerate in the mean over a block, 1-sigma. [m/s^2]
+        1-sigma acceleration of the vehicle in the mean over a block. [m/s^2]
     vector : bool
         North, east and down against the attitude; False: the magnitude only, whatever the attitude.
-    block_s : float
-        Length of a block. [s]
-    gate : float, optional
-        Probability with which a correct measurement passes.
 
     Returns
     -------
     MeasurementSchedule
         Each at the end of its block. Gravity is that of the ellipsoid, which the filter navigates with.
-
-    Raises
-    ------
-    InputError
-        If nothing says how well the force is known, or the intervals are of another log.
 
     Notes
     -----
@@ -167,27 +157,13 @@ def earth_rates(
 
     Parameters
     ----------
-    imu : ImuSeries
-    intervals : StaticIntervals
-        Rests of this log.
-    sigma_noise : float
-        Root density N of the gyroscopes. [rad/s/sqrt(Hz)]
-    sigma : float
-        What the vehicle may still turn about the vertical in the mean over a block, 1-sigma. [rad/s]
-    block_s : float
-        Length of a block. [s]
-    gate : float, optional
-        Probability with which a correct measurement passes.
+    imu, intervals, sigma_noise, sigma, block_s, gate
+        See :func:`zero_rates`; ``sigma`` is the turning about the vertical.
 
     Returns
     -------
     MeasurementSchedule
         Each at the end of its block.
-
-    Raises
-    ------
-    InputError
-        If nothing says how well the rate is known, or the intervals are of another log.
 
     Notes
     -----

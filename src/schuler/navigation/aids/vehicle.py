@@ -95,7 +95,7 @@ def non_holonomic(
     References
     ----------
     Yaman (2017), section 4.6 and eqs. (4-40)-(4-43); Dissanayake et al. (2001), IEEE Trans. Robotics 17(5). Mount
-    angles and lever arm, which the source leaves out, are states.
+    angles and lever arm, which Yaman leaves out, are states.
     """
     if not (rate_hz > 0.0 and sigma_lateral > 0.0 and sigma_vertical > 0.0):
         raise InputError(

@@ -1,4 +1,4 @@
-"""Position errors of many GNSS outages: Hayal's mean and sigmas, and what the filter claims of them."""
+"""Position errors of many GNSS outages: mean, standard deviation and covariance of the filter."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class OutageStatistics(TabularResult):
         length : float
             [s]
         every_epoch : bool
-            Over all epochs of the outages instead of their last; the source does not say which it takes.
+            Over all epochs of the outages instead of their last; Hayal does not say which is taken.
         """
         value: FloatArray = self._chosen(length, every_epoch).std(axis=0)
         return value
@@ -172,7 +172,7 @@ def outage_statistics(
     initial: InitialState | None = None,
     progress: Progress | None = None,
 ) -> OutageStatistics:
-    """Lose GNSS again and again over a run, and see how far off the solution is after each length.
+    """Position errors after GNSS outages of given lengths, from many outages over one run.
 
     Parameters
     ----------
@@ -183,13 +183,13 @@ def outage_statistics(
     lengths : sequence of float
         Multiples of ``step_s``. [s]
     starts : array_like, optional
-        When GNSS is lost, from the start of the recording; moved to the record of the filter before. [s]
+        Starts of the outages, from the start of the recording; moved to the record of the filter before. [s]
     settle_s : float
         Without ``starts``: first one so long after the filter begins. [s]
     every_s : float, optional
         Without ``starts``: period of the losses; default a third of the longest outage, at least ``step_s``. [s]
     step_s : float
-        Spacing of the errors looked at. [s]
+        Spacing of the errors. [s]
     initial : InitialState, optional
         Start of the aided run, see :func:`schuler.navigation.run.navigate`.
     progress : callable, optional
@@ -205,17 +205,23 @@ def outage_statistics(
     InputError
         If lengths are no multiples of the step, or the recording is too short for one outage.
 
+    Notes
+    -----
+    In an outage the filter only predicts, and a prediction from time t does not depend on any measurement after t. The
+    run is navigated once with all measurements and continued without GNSS from its records, as exact as a run of its
+    own for every outage, with outages that may overlap. Other aids go on.
+
     References
     ----------
     Hayal (2010), section 5.4, eqs. (5.1) to (5.4).
     """
     config = NavigationConfig.checked(config)
-    ages = as_floats(list(lengths), "lengths", (None,))
-    if not len(ages) or not step_s > 0.0 or np.any(ages < step_s - 1e-9):
+    lengths_s = as_floats(list(lengths), "lengths", (None,))
+    if not len(lengths_s) or not step_s > 0.0 or np.any(lengths_s < step_s - 1e-9):
         raise InputError(f"lengths: expected one or more of at least step_s = {step_s} s, got {list(lengths)}")
-    if np.any(np.abs(ages / step_s - np.round(ages / step_s)) > 1e-6):
+    if np.any(np.abs(lengths_s / step_s - np.round(lengths_s / step_s)) > 1e-6):
         raise InputError(f"lengths: expected multiples of step_s = {step_s} s, got {list(lengths)}")
-    longest = float(ages.max())
+    longest = float(lengths_s.max())
     config = config.model_copy(
         update={
             "outages": OutageSection(),
@@ -227,25 +233,16 @@ def outage_statistics(
     if not base.complete:
         raise KeyboardInterrupt
     origin = recording.start
-    limits = (
-        float(base.t[0]) + settle_s,
-        min(float(base.trajectory.t[-1]), float(reference.t[-1])) - longest,
-    )
+    last = min(float(base.trajectory.t[-1]), float(reference.t[-1])) - longest
     if starts is None:
         period = max(longest / 3.0, step_s) if every_s is None else every_s
-        times = np.arange(limits[0], limits[1] + 1e-9, period)
+        times = np.arange(float(base.t[0]) + settle_s, last + 1e-9, period)
     else:
-        times = origin + as_floats(starts, "starts", (None,))
-        if np.any(times < base.t[0]) or np.any(times > limits[1] + 1e-9):
-            raise InputError(
-                f"starts: expected times from {base.t[0] - origin:.1f} to {limits[1] - origin:.1f} s, so that the "
-                f"filter runs before and {longest:g} s of the log are left, got {times.min() - origin:.1f} to "
-                f"{times.max() - origin:.1f} s"
-            )
+        times = _given_starts(starts, base, origin, last, longest)
     if not len(times):
         raise InputError(
-            f"the solution runs from {base.t[0] - origin:.1f} to {base.trajectory.t[-1] - origin:.1f} s: too short for "
-            f"an outage of {longest:g} s after {settle_s:g} s of settling; give shorter lengths or settle_s"
+            f"the solution runs from {base.t[0] - origin:.1f} to {base.trajectory.t[-1] - origin:.1f} s: too short "
+            f"for an outage of {longest:g} s after {settle_s:g} s of settling; give shorter lengths or settle_s"
         )
     records = np.unique(np.searchsorted(base.t, times + 1e-9, side="right") - 1)
     records = records[records >= 0]
@@ -274,9 +271,21 @@ def outage_statistics(
         raise InputError(f"no outage of {longest:g} s fits between the gaps of the log; give shorter lengths")
     n, m = len(starts_done), len(age)
     return OutageStatistics(
-        ages, np.array(starts_done), age, np.array(errors).reshape(n, m, 3), np.array(covariances).reshape(n, m, 3, 3),
-        recording.metadata.name, complete,
+        lengths_s, np.array(starts_done), age, np.array(errors).reshape(n, m, 3),
+        np.array(covariances).reshape(n, m, 3, 3), recording.metadata.name, complete,
     )  # fmt: skip
+
+
+def _given_starts(starts: ArrayLike, base: NavigationResult, origin: float, last: float, longest: float) -> FloatArray:
+    """Times of outages in the time of the log, none before the solution and none after ``last`` [s]."""
+    times = origin + as_floats(starts, "starts", (None,))
+    if np.any(times < base.t[0]) or np.any(times > last + 1e-9):
+        raise InputError(
+            f"starts: expected times from {base.t[0] - origin:.1f} to {last - origin:.1f} s, so that the "
+            f"filter runs before and {longest:g} s of the log are left, got {times.min() - origin:.1f} to "
+            f"{times.max() - origin:.1f} s"
+        )
+    return times
 
 
 class _UnaidedLog(NamedTuple):

@@ -283,7 +283,7 @@ def calibration_start(
     ----------
     Hayal (2010), section 5.4: states and P0 of an extended Kalman filter from a calibration.
     """
-    result, label, digest = _read(calibration)
+    result, label, checksum = _read(calibration)
     if result.status == "refused":
         raise InputError(
             f"calibration {label}: expected one that can be used, got a refused one: "
@@ -322,7 +322,7 @@ def calibration_start(
         result, state, errors.values[linear], errors.covariance[np.ix_(linear, linear)], errors, correction,
         sigma_gyro, sigma_accel, (head, *notes, *warnings),
         {
-            "name": label, "sha256": digest, "method": result.method, "gauge": result.gauge, "states": blocks,
+            "name": label, "sha256": checksum, "method": result.method, "gauge": result.gauge, "states": blocks,
             "switched_on_again": age.switched,
         },
     )  # fmt: skip

@@ -269,7 +269,7 @@ def test_printed_earth_rate_magnitude(seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_corrected_vertical_earth_rate(seed):
-    """Yaman (2017), eqs. (4-51)-(4-57), along the vertical: u = f/|f| points up, z = Om sin L - u.w, H = -u' [I | G* | G** | G***]."""
+    """Yaman (4-51)-(4-57) along the vertical: u = f/|f| is up, z = Om sin L - u.w, H = -u' [I | G* | G** | G***]."""
     lay, llh, C_nb, nav, f, earths = at_zero(seed)
     w = earths + 1e-3 * np.random.default_rng(seed).normal(size=3)
     H, y = rows(ms.EARTH_RATE, nav, np.zeros(30), np.concatenate((f, w)), lay)

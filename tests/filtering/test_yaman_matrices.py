@@ -37,7 +37,7 @@ def cross(a):
 
 
 def printed_matrix(llh, v, C, w, f):
-    """F of Yaman (2017), eqs. (2-105) to (2-110), (4-7), with the corrections 4 to 8 of the register. Shape (39, 39)."""
+    """F of Yaman (2017), (2-105) to (2-110), (4-7), corrections 4 to 8 of the register. Shape (39, 39)."""
     L, _, h = llh
     s, c, t = np.sin(L), np.cos(L), np.tan(L)
     e2, Om = 0.08181919084262**2, 7.292115e-5

@@ -15,14 +15,11 @@ from schuler.filtering import measurements as ms
 from schuler.filtering.states import StateModel
 from schuler.navigation.aids import aiding, satellite
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
-from schuler.navigation.aids.rest import rest_times, zero_rates, zero_velocities
 from schuler.navigation.aids.satellite import range_measurements
-from schuler.navigation.aids.scalar import heading_measurements, known_positions
-from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic, odometer_measurements, smoothed_motion
+from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic, smoothed_motion
 from schuler.navigation.inputs.satellites import limited
 from schuler.navigation.sections import RestSection
 from schuler.navigation.states import aiding_models, clock_models, imu_spec, state_layout
-from schuler.recording.series import OdometerSeries, ScalarSeries
 
 
 @pytest.fixture(scope="module")
@@ -89,11 +86,6 @@ def test_clocks_of_a_tight_configuration(recording):
     )) == ["clock", "clock_drift", "clock_2", "clock_3", "clock_4"]  # fmt: skip
 
 
-def test_correlated_errors_are_gauss_markov():
-    model = aiding_models(parse(gnss={"correlated": {"position_sigma_m": 2.0, "position_tau_s": 60.0}}), None)["b_r"]
-    assert model == StateModel.gauss_markov(2.0, 60.0)
-
-
 @pytest.mark.parametrize(
     ("sections", "message"),
     [
@@ -150,17 +142,6 @@ def test_sigmas_of_a_configuration_replace_those_of_the_series(recording):
         np.testing.assert_allclose(s.R[s.kind == kind, 0, 0], sigma**2)
 
 
-def test_declination_is_added_east(recording):
-    h = recording.heading
-    s = heading_measurements(h, declination=0.1)
-    np.testing.assert_allclose(s.z[:, 0], h.value + 0.1)
-    assert set(s.kind.tolist()) == {ms.HEADING}
-    two = heading_measurements(h, from_gnss=True)
-    assert set(two.kind.tolist()) == {ms.GNSS_HEADING}
-    assert len(two.outside([(0.0, 1e9)])) == 0
-    assert len(s.outside([(0.0, 1e9)])) == len(s)
-
-
 def test_gnss_is_thinned_to_a_least_spacing(recording):
     thin = satellite.thinned(recording.gnss, 3.0)
     assert np.diff(thin.t).min() == pytest.approx(3.0)
@@ -184,26 +165,6 @@ def test_rests_are_the_stops(recording, truth):
     assert len(aiding.rests(recording.imu, static, RestSection())) == len(alone)
 
 
-def test_zero_velocities_are_at_their_rate_within_rests(recording):
-    intervals = aiding.rests(recording.imu, None, RestSection())
-    t = rest_times(intervals, 4.0)
-    assert np.all(np.any((t[:, None] >= intervals.start - 1e-9) & (t[:, None] <= intervals.stop + 1e-9), axis=1))
-    assert len(t) == pytest.approx(4.0 * intervals.duration.sum(), abs=2 * len(intervals))
-    s = zero_velocities(intervals, sigma=0.03)
-    np.testing.assert_allclose(s.R, np.tile(0.03**2 * np.eye(3), (len(s), 1, 1)))
-
-
-def test_zero_rates_are_the_means_of_the_log(recording, truth):
-    intervals = aiding.rests(recording.imu, recording.gnss, RestSection())
-    s = zero_rates(recording.imu, intervals, sigma_noise=ac.GYRO_N, sigma=1e-4, block_s=0.5)
-    np.testing.assert_allclose(s.R[:, 0, 0], ac.GYRO_N**2 / 0.5 + 1e-8)
-    expected = truth.at("b_g", s.t)
-    assert np.all(np.abs(s.z[:, :3] - expected) < 7.3e-5 + 5.0 * ac.GYRO_N / np.sqrt(0.5))  # Earth rate, noise
-    k = int(np.searchsorted(recording.imu.t, s.t[0]))
-    block = recording.imu.rates().gyro[k - 49 : k + 1]
-    np.testing.assert_allclose(s.z[0, :3], block.mean(axis=0), rtol=1e-12)
-
-
 def test_conditions_of_non_slipping(recording, truth):
     """Sharp turns are marked for the lateral, hard braking for the vertical, and neither for the other."""
     strict = VehicleConditions(max_turn_rate=0.2, max_forward_acceleration=1.5)
@@ -221,13 +182,6 @@ def test_conditions_of_non_slipping(recording, truth):
     assert len(non_holonomic(recording.imu, start=1e6)) == 0
     with pytest.raises(InputError, match="expected positive rate_hz and sigmas"):
         non_holonomic(recording.imu, sigma_lateral=0.0)
-
-
-def test_odometers_are_thinned_out(recording):
-    t = np.arange(0.0, 10.0, 0.01)
-    fast = OdometerSeries(t, np.ones(len(t)), np.full(len(t), 0.1))
-    assert len(odometer_measurements(fast, max_rate_hz=10.0)) == 100
-    assert len(odometer_measurements(fast, max_rate_hz=None)) == 1000
 
 
 def test_ranges_that_may_not_be_used_are_left_out(recording):
@@ -255,19 +209,3 @@ def test_only_the_highest_satellites_and_no_thin_epochs(recording):
     thin = replace(r, reason=np.where(first & (np.arange(len(r)) > 1), 3, 0))
     assert not np.any(limited(thin, 3, None).t == r.t[0])
     assert np.sum(limited(thin, 2, None).t == r.t[0]) == 2
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: known_positions([1.0], [[0.8, 0.1, 0.0]] * 2, [1.0] * 3), "as many times as places, got 1 and 2"),
-        (lambda: known_positions([1.0], [[0.8, 0.1, 0.0]], [1.0, 0.0, 1.0]), "expected positive values"),
-        (lambda: zero_velocities(None, sigma=0.0), "sigma: expected a positive number"),
-        (lambda: rest_times(None, 0.0), "rate_hz: expected a positive number"),
-        (lambda: zero_rates(None, None, sigma_noise=0.0), "a positive sigma or sigma_noise"),
-        (lambda: ScalarSeries(np.arange(2.0), np.zeros(2), np.zeros(2)), "expected positive values"),
-    ],
-)
-def test_impossible_aids_are_refused(make, message):
-    with pytest.raises(InputError, match=message):
-        make()

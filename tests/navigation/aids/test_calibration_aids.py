@@ -8,18 +8,16 @@ import pytest
 from aided_recording import IMU, config, drawn, parse, recorded
 
 from schuler import earth, frames, units
-from schuler.exceptions import ConfigError, InputError
+from schuler.exceptions import ConfigError
 from schuler.filtering import measurements as ms
 from schuler.filtering.states import StateModel
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
-from schuler.navigation.aids.rest import earth_rates, gravities, zero_rates
 from schuler.navigation.evaluation.consistency import chi_square_band, state_errors
 from schuler.navigation.run import navigate
 from schuler.navigation.states import imu_spec
 from schuler.recording.recording import Recording
-from schuler.recording.series import GnssSeries, ImuSeries
+from schuler.recording.series import GnssSeries
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion
-from schuler.standstill.stationarity import static_intervals
 
 RUNS = [40, pytest.param(400, marks=pytest.mark.slow)]
 #: With the biases: the 39 states of the thesis, in the order of ``filter.states = 39``.
@@ -41,62 +39,6 @@ def drive():
 @pytest.fixture(scope="module")
 def parked():
     return ac.Drive.of(ManoeuvreMotion.of([Manoeuvre(duration=31.0)], ac.ORIGIN, heading=0.4), 30.0)
-
-
-# ------------------------------------------------------------------------------------- measurements of a log
-
-
-@pytest.fixture(scope="module")
-def stop_and_go() -> ImuSeries:
-    """At rest for 0..10 s and 20..26.5 s of 40 s, shaken between, 100 Hz."""
-    rng, t = np.random.default_rng(3), np.arange(4000) / 100.0
-    shaken = (((t >= 10.0) & (t < 20.0)) | (t >= 26.5))[:, None]
-    gyro = [0.004, -0.003, 0.002] + 0.002 * rng.standard_normal((4000, 3)) + 0.2 * shaken * np.sin(9.0 * t)[:, None]
-    accel = [0.1, 0.0, -9.81] + 0.03 * rng.standard_normal((4000, 3)) + 2.0 * shaken * np.cos(7.0 * t)[:, None]
-    return ImuSeries(t, gyro, accel)
-
-
-@pytest.fixture(scope="module")
-def rests(stop_and_go):
-    return static_intervals(stop_and_go, min_s=1.0, window_s=0.5)
-
-
-@pytest.mark.parametrize(
-    ("make", "kind", "freedom"),
-    [
-        (lambda *a, **k: gravities(*a, **k), ms.GRAVITY, 1),
-        (lambda *a, **k: gravities(*a, vector=True, **k), ms.GRAVITY_VECTOR, 3),
-        (lambda *a, **k: earth_rates(*a, **k), ms.EARTH_RATE, 1),
-        (lambda *a, **k: zero_rates(*a, **k), ms.ZERO_RATE, 3),
-    ],
-)
-def test_means_of_complete_blocks(stop_and_go, rests, make, kind, freedom):
-    s = make(stop_and_go, rests, sigma_noise=0.003, sigma=1e-3, block_s=0.5)
-    assert np.all(s.kind == kind)
-    assert np.all(s.gate == ms.gate_threshold(0.9999, freedom))
-    assert len(s) == sum((b - a) // 50 for a, b in rests.index)
-    np.testing.assert_allclose(s.R[:, 0, 0], 0.003**2 / 0.5 + 1e-6, rtol=1e-12)
-    for t, z in zip(s.t, s.z, strict=True):
-        last = round(t * 100.0)
-        block = slice(last - 49, last + 1)
-        assert rests.mask[block].all()
-        means = [x[block].mean(axis=0) for x in (stop_and_go.accel, stop_and_go.gyro)]
-        # rounding; gravity zero is the ellipsoid's, and the accelerometers are not taken for perfect
-        expected = np.concatenate((means[1], np.zeros(5)) if kind == ms.ZERO_RATE else (*means, np.zeros(2)))
-        np.testing.assert_allclose(z, expected, atol=1e-12)
-    assert len(make(stop_and_go, rests, sigma_noise=0.003, block_s=20.0)) == 0
-
-
-@pytest.mark.parametrize("make", [gravities, earth_rates])
-def test_impossible_measurements_are_refused(stop_and_go, rests, make):
-    with pytest.raises(
-        InputError, match=r"expected block_s > 0 and a positive sigma or sigma_noise, got 1.0, 0.0, 0.0"
-    ):
-        make(stop_and_go, rests, sigma_noise=0.0)
-    with pytest.raises(InputError, match=r"expected block_s > 0 .* got 0.0"):
-        make(stop_and_go, rests, sigma_noise=1.0, block_s=0.0)
-    with pytest.raises(InputError, match="expected the log of 4000 samples the intervals come from, got 3900"):
-        make(stop_and_go.between(1.0, 50.0), rests, sigma_noise=1e-4)
 
 
 # --------------------------------------------------------------------------------------------- configuration

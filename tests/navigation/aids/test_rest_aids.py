@@ -8,15 +8,18 @@ import pytest
 from schuler import frames
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import (
+    EARTH_RATE,
     FIX,
     GNSS_HEADING,
+    GRAVITY,
+    GRAVITY_VECTOR,
     HEADING,
     HEIGHT,
     ZERO_RATE,
     ZERO_VELOCITY,
     gate_threshold,
 )
-from schuler.navigation.aids.rest import rest_times, zero_rates, zero_velocities
+from schuler.navigation.aids.rest import earth_rates, gravities, rest_times, zero_rates, zero_velocities
 from schuler.navigation.aids.scalar import heading_measurements, height_measurements, known_positions
 from schuler.recording.series import ImuSeries, ScalarSeries
 from schuler.standstill.stationarity import static_intervals
@@ -62,19 +65,6 @@ def test_zero_velocities(rests):
     assert np.all(s.gate == gate_threshold(0.9999, 3))
 
 
-def test_zero_rates_are_means_of_complete_blocks(stop_and_go, rests):
-    s = zero_rates(stop_and_go, rests, sigma_noise=SIGMA_W / 10.0, sigma=1e-4, block_s=1.0)
-    assert np.all(s.kind == ZERO_RATE)
-    lengths = [(b - a) // 100 for a, b in rests.index]
-    assert len(s) == sum(lengths)
-    for t, z in zip(s.t, s.z, strict=True):
-        last = round(t * 100.0)
-        np.testing.assert_allclose(z[:3], stop_and_go.gyro[last - 99 : last + 1].mean(axis=0), atol=1e-12)  # rounding
-        assert rests.mask[last - 99 : last + 1].all()
-    # variance of a mean over a second of white noise N = sigma / sqrt(rate), and what may still turn
-    np.testing.assert_allclose(s.R[:, 0, 0], (SIGMA_W / 10.0) ** 2 + 1e-8, rtol=1e-9)
-
-
 def test_zero_rates_see_the_bias_as_well_as_they_claim(stop_and_go, rests):
     s = zero_rates(stop_and_go, rests, sigma_noise=SIGMA_W / 10.0)
     normal = (s.z[:, :3] - BIAS) / np.sqrt(s.R[:, 0, 0])[:, None]
@@ -82,23 +72,49 @@ def test_zero_rates_see_the_bias_as_well_as_they_claim(stop_and_go, rests):
     assert abs(np.mean(normal**2) - 1.0) < 4.0 * np.sqrt(2.0 / n)  # statistical, four standard errors
 
 
-def test_blocks_longer_than_a_rest_give_nothing(stop_and_go, rests):
-    s = zero_rates(stop_and_go, rests, sigma_noise=1e-4, block_s=8.0)
-    assert len(s) == 1
-    assert len(zero_rates(stop_and_go, rests, sigma_noise=1e-4, block_s=20.0)) == 0
+@pytest.mark.parametrize(
+    ("make", "kind", "freedom"),
+    [
+        (lambda *a, **k: gravities(*a, **k), GRAVITY, 1),
+        (lambda *a, **k: gravities(*a, vector=True, **k), GRAVITY_VECTOR, 3),
+        (lambda *a, **k: earth_rates(*a, **k), EARTH_RATE, 1),
+        (lambda *a, **k: zero_rates(*a, **k), ZERO_RATE, 3),
+    ],
+)
+def test_means_of_complete_blocks(stop_and_go, rests, make, kind, freedom):
+    s = make(stop_and_go, rests, sigma_noise=0.003, sigma=1e-3, block_s=0.5)
+    assert np.all(s.kind == kind)
+    assert np.all(s.gate == gate_threshold(0.9999, freedom))
+    assert len(s) == sum((b - a) // 50 for a, b in rests.index)
+    np.testing.assert_allclose(s.R[:, 0, 0], 0.003**2 / 0.5 + 1e-6, rtol=1e-12)
+    for t, z in zip(s.t, s.z, strict=True):
+        last = round(t * 100.0)
+        block = slice(last - 49, last + 1)
+        assert rests.mask[block].all()
+        means = [x[block].mean(axis=0) for x in (stop_and_go.accel, stop_and_go.gyro)]
+        # rounding; gravity zero is the ellipsoid's, and the accelerometers are not taken for perfect
+        expected = np.concatenate((means[1], np.zeros(5)) if kind == ZERO_RATE else (*means, np.zeros(2)))
+        np.testing.assert_allclose(z, expected, atol=1e-12)
+    assert len(make(stop_and_go, rests, sigma_noise=0.003, block_s=20.0)) == 0
 
 
-def test_refusals_at_rest(stop_and_go, rests):
+@pytest.mark.parametrize("make", [gravities, earth_rates, zero_rates])
+def test_impossible_measurements_are_refused(stop_and_go, rests, make):
+    with pytest.raises(
+        InputError, match=r"expected block_s > 0 and a positive sigma or sigma_noise, got 1.0, 0.0, 0.0"
+    ):
+        make(stop_and_go, rests, sigma_noise=0.0)
+    with pytest.raises(InputError, match=r"expected block_s > 0 .* got 0.0"):
+        make(stop_and_go, rests, sigma_noise=1.0, block_s=0.0)
+    with pytest.raises(InputError, match="expected the log of 4000 samples the intervals come from, got 3900"):
+        make(stop_and_go.between(1.0, 50.0), rests, sigma_noise=1e-4)
+
+
+def test_faulty_updates_at_rest_are_refused(rests):
     with pytest.raises(InputError, match="rate_hz: expected a positive number, got 0"):
         rest_times(rests, 0.0)
     with pytest.raises(InputError, match=r"sigma: expected a positive number, got -0.1"):
         zero_velocities(rests, sigma=-0.1)
-    with pytest.raises(
-        InputError, match=r"expected block_s > 0 and a positive sigma or sigma_noise, got 1.0, 0.0, 0.0"
-    ):
-        zero_rates(stop_and_go, rests, sigma_noise=0.0)
-    with pytest.raises(InputError, match="expected the log of 4000 samples the intervals come from, got 3900"):
-        zero_rates(stop_and_go.between(1.0, 50.0), rests, sigma_noise=1e-4)
 
 
 # ------------------------------------------------------------------------------------------- single numbers, places

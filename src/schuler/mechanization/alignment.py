@@ -1,7 +1,7 @@
 """Initial attitude: levelling, gyrocompassing, heading from course.
 
-Every result says how wrong it may be, and which part of that comes from the sensors' biases: a filter that starts from
-an attitude and estimates the biases that spoiled it must know that the two errors are one.
+Every result has its covariance and the part of it that the sensors' biases cause: a filter that starts from an attitude
+and estimates these biases needs the correlation of the two errors.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ def moving_moments(x: ArrayLike, window: int) -> tuple[FloatArray, FloatArray]:
         Time along axis 0.
     window : int
         Samples in a window, at least 1 and at most n. Window k covers samples ``k - (window - 1) // 2`` to
-        ``k + window // 2``; the half windows at the ends take the value of the nearest whole one.
+        ``k + window // 2``; the half windows at the ends take the value of the nearest complete one.
 
     Returns
     -------

@@ -141,7 +141,7 @@ def static_intervals(
     gyro_bias : array_like, shape (3,), optional
         [rad/s] None: the median over the quietest and slowest windows, if below :data:`LARGEST_BIAS`, else zero.
     max_rate : float
-        A larger mean rate over the window is motion, whatever the statistic says. [rad/s]
+        A larger mean rate over the window is motion, whatever the statistic. [rad/s]
     gravity : float
         Local gravity for the methods that need it. [m/s^2]
     false_alarm : float
@@ -168,8 +168,8 @@ def static_intervals(
     at gaps of the log longer than half a window. Half a window is cut from both ends of each, except at the ends of
     the log, because the beginning of a motion is weak in a window that holds little of it.
 
-    Without ``gyro_bias`` a slow uniform rotation about the vertical that lasts all the time cannot be told from a
-    bias; faster than :data:`LARGEST_BIAS` it is motion.
+    Without ``gyro_bias`` a slow uniform rotation about the vertical that lasts all the time cannot be distinguished
+    from a bias; faster than :data:`LARGEST_BIAS` it is motion.
 
     References
     ----------

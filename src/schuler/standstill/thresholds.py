@@ -91,7 +91,7 @@ def threshold_from_rest(
     Notes
     -----
     If more than ``share`` of the log rests, the median lies low: with everything at rest and ``share`` = 0.1 it is the
-    5 % quantile, and the false-alarm rate is higher than asked, by the more the shorter the window. A constant error
+    5 % quantile, and the false-alarm rate is higher than ``false_alarm``, more so for short windows. A constant error
     (bias in the magnitude tests) raises the threshold in proportion, which is on the safe side for noise.
     """
     v = np.sort(as_floats(values, "values", (None,)))
@@ -115,7 +115,7 @@ def noise_at_rest(imu: ImuSeries, window_s: float = 1.0, share: float = 0.1) -> 
     Returns
     -------
     sigma_f, sigma_w : ndarray, shape (3,)
-        Of a sample of specific force [m/s^2] and angular rate [rad/s], not below what rounding alone makes.
+        Noise of a sample of specific force [m/s^2] and angular rate [rad/s], not below that of rounding.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def noise_at_rest(imu: ImuSeries, window_s: float = 1.0, share: float = 0.1) -> 
     Notes
     -----
     The median of the lowest ``share`` of the window variances is a low quantile of the variances at rest; which one
-    depends on how much of the log rests, which is counted with the variance found, and so on until both agree.
+    depends on the share of the log at rest, which is counted with the resulting variance, until both agree.
     """
     W = window_samples(imu, window_s)
     rates = imu.rates()
@@ -208,7 +208,7 @@ def gait_threshold(
 
     Notes
     -----
-    The statistics are mean squares, so a ratio ``rho`` says that rates (or accelerations) during stance stay below
+    The statistics are mean squares, so with a ratio ``rho`` rates (or accelerations) during stance stay below
     ``sqrt(rho)`` of their root mean square over a stride: a tenth for the default. Scaling the noise that the
     statistic is relative to changes nothing but the meaning of the floor. The mean statistic grows with speed and
     stride frequency, and the threshold with it. It needs half a cycle of data to come: near real time means a delay of

@@ -115,6 +115,8 @@ def test_faulty_updates_at_rest_are_refused(rests):
         rest_times(rests, 0.0)
     with pytest.raises(InputError, match=r"sigma: expected a positive number, got -0.1"):
         zero_velocities(rests, sigma=-0.1)
+    with pytest.raises(InputError, match="expected positive values"):
+        ScalarSeries(np.arange(2.0), np.zeros(2), np.zeros(2))
 
 
 # ------------------------------------------------------------------------------------------- single numbers, places

@@ -89,8 +89,8 @@ def zero_rates(
 
     Notes
     -----
-    The noise of a block has also driven the attitude during it; that correlation, which would tell the filter that
-    heading does not change at rest, is left out: conservative for heading, right for the biases.
+    The noise of a block has also driven the attitude during it; that correlation, by which heading would not
+    change at rest, is left out: conservative for heading, right for the biases.
     """
     t, _, rate, length = _blocks(imu, intervals, block_s, sigma_noise, sigma)
     return MeasurementSchedule.of(ZERO_RATE, t, rate, sigma_noise**2 / length + sigma**2, gate=gate_threshold(gate, 3))

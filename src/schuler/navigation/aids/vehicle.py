@@ -68,7 +68,7 @@ def non_holonomic(
     Parameters
     ----------
     imu : ImuSeries
-        Vehicle axes, of the whole run; conditions are judged by its means over half a second.
+        Log of the run in vehicle axes; conditions are judged by its means over half a second.
     rate_hz : float
         How often. Slip and mount errors are not white: more often than a few times a second adds confidence, not
         information. [Hz]

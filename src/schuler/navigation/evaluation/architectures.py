@@ -160,7 +160,7 @@ def compare_architectures(
     Returns
     -------
     Comparison
-        On Ctrl-C the rows that were finished. A mode that cannot run is a row that says why.
+        On Ctrl-C the rows that were finished. A mode that cannot run is a row with the reason.
 
     Raises
     ------

@@ -154,7 +154,7 @@ class Separation:
     def normalised(self) -> FloatArray:
         """Squared position difference over its covariance, per degree of freedom; 1 for an honest filter. Shape (j,).
 
-        Only records where the smoother added something: elsewhere both solutions are one and the ratio says nothing.
+        Only records where the smoother added something: elsewhere both solutions agree and the ratio is undefined.
         """
         d, P = self.difference[:, 6:], self.covariance[:, 6:, 6:]
         low = np.linalg.eigvalsh(P)[:, 0] if len(P) else np.empty(0)

@@ -63,7 +63,7 @@ class Mode:
         Raises
         ------
         InputError
-            If an aid without defaults is asked for that the configuration does not have.
+            If the mode has an aid without defaults that the configuration does not have.
         """
         sections: dict[str, Any] = {}
         for word, (name, default) in AIDS.items():

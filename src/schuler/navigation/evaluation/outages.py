@@ -39,7 +39,7 @@ class OutageStatistics(TabularResult):
     Attributes
     ----------
     lengths : ndarray, shape (k,)
-        Lengths asked for. [s]
+        Lengths of the outages. [s]
     starts : ndarray, shape (n,)
         When GNSS was lost, from the start of the recording. [s]
     age : ndarray, shape (m,)
@@ -91,7 +91,7 @@ class OutageStatistics(TabularResult):
         length : float
             [s]
         every_epoch : bool
-            Over all epochs of the outages instead of their last; Hayal does not say which is taken.
+            Over all epochs of the outages instead of their last; Hayal leaves this open.
         """
         value: FloatArray = self._chosen(length, every_epoch).std(axis=0)
         return value

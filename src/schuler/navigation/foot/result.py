@@ -27,7 +27,7 @@ class FootResult:
     navigation : NavigationResult
         The filtered solution of the IMU; its block ``lever_v``, where it has one, is the point that rests.
     smoothed : NavigationResult, optional
-        Smoothed over the whole walk, or with a delay of a stride.
+        Smoothed over the complete walk, or with a delay of a stride.
     smoothing : str
         ``walk``, ``stride`` or ``none``.
     rests : Rests

@@ -61,7 +61,7 @@ def navigate_foot(
     Notes
     -----
     A zero velocity corrects velocity, tilt, and through the correlations that grow in a swing the displacement of that
-    swing. It says nothing of position and of heading: both are dead reckoning, and so is the gyro bias about the
+    swing. It does not correct position and heading: both are dead reckoning, and so is the gyro bias about the
     vertical except through turns of the foot about other axes.
 
     Where ``zupt.pivot`` is set, what rests is not the IMU but a fixed point of the shoe, at ``l`` from it:
@@ -239,7 +239,7 @@ def _by_stride(
 ) -> tuple[NavigationResult, NavigationResult]:
     """Filter from the middle of one rest to the middle of the next, smooth that piece, go on from the filtered state.
 
-    What comes out at any time knows all zero velocities up to the middle of the next rest and nothing later.
+    The solution at any time uses all zero velocities up to the middle of the next rest and no later ones.
     """
     cuts = _cuts(rests, increments)
     filtered: list[NavigationResult] = []

@@ -79,7 +79,7 @@ class Strides:
         w = self.walking
         if not w.any():
             return f"no stride ({len(self)} shorter motions of the foot)"
-        # who stops in between has long durations that say nothing about the gait: medians
+        # medians, because stops in between have long durations
         return (
             f"{int(w.sum())} strides ({int((~w).sum())} shorter motions), {self.distance:.2f} m in all; median length "
             f"{np.median(self.length[w]):.2f} m, duration {np.median(self.duration[w]):.2f} s, speed "

@@ -21,7 +21,7 @@ def no_overlap(imu: ImuSeries, gnss: GnssSeries) -> None:
     Raises
     ------
     InputError
-        Naming a whole number of GPS weeks if that explains it.
+        Naming the number of GPS weeks if that explains it.
     """
     if np.any((gnss.t >= imu.t[0]) & (gnss.t <= imu.t[-1])):
         return
@@ -40,7 +40,7 @@ def frozen(gnss: GnssSeries) -> BoolArray:
     """Fixes whose position equals the one before to the last digit although they claim to move. Shape (n,).
 
     A receiver that lost its satellites, or a driver that repeats the last message with new stamps. Half a metre a step
-    is asked for, more than any receiver's rounding; without velocities nothing is found.
+    is required, more than any receiver's rounding; without velocities no fix is marked.
     """
     same = np.zeros(len(gnss), dtype=bool)
     if gnss.v_n is None or len(gnss) < 2:
@@ -150,7 +150,7 @@ def _lateness(
     e = ((r_n - by_v) / dt[:, None])[unbroken, :2]
     a = (change / dt[:, None])[unbroken, :2]
     size = np.linalg.norm(e, axis=1)
-    keep = size <= 5.0 * np.median(size) + 1e-9  # jumps say nothing about clocks
+    keep = size <= 5.0 * np.median(size) + 1e-9  # without jumps, which do not depend on clocks
     e, a = e[keep], a[keep]
     power = float(np.sum(a * a))
     if len(e) < 2 * _PAIRS or power <= 0.0:

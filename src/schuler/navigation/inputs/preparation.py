@@ -23,7 +23,7 @@ from schuler.recording.series import GnssSeries, ImuSeries
 _MISSING = 1.5  # sample intervals: a longer step lacks a sample
 #: A longer step of the stamps is a pause. [sample intervals]
 PAUSE = 2.5
-_JITTER = 0.2  # of the sample interval, robust spread of the stamps that is said
+_JITTER = 0.2  # robust spread of the stamps that is noted, share of the sample interval
 
 
 def prepared_imu(
@@ -84,8 +84,8 @@ def refilled(imu: ImuSeries, notes: list[str]) -> ImuSeries:
 
     Notes
     -----
-    An increment after a missing sample either covers the whole step of its stamp (the sensor went on integrating) or
-    only its own interval (a packet was lost). Specific force tells: gravity makes it nearly constant, so the velocity
+    An increment after a missing sample either covers the complete step of its stamp (the sensor went on integrating) or
+    only its own interval (a packet was lost). Specific force decides: gravity makes it nearly constant, so the velocity
     increment is about as large as its neighbours' or larger by the number of samples in the step. Lost parts are
     filled with the mean rate of the two neighbours, as the trapezoid rule does for rates.
     """
@@ -206,8 +206,8 @@ def prepared_gnss(
     Raises
     ------
     InputError
-        If no fix is left, none lies within the IMU log, or velocities contradict the positions in a way that says
-        which column is wrong (see :func:`~schuler.navigation.inputs.gnss_faults.contradictions`).
+        If no fix is left, none lies within the IMU log, or velocities contradict the positions in a way that
+        shows which column is wrong (see :func:`~schuler.navigation.inputs.gnss_faults.contradictions`).
     ConfigError
         If ``gnss.quality`` asks for numbers that are not there.
     """

@@ -152,7 +152,7 @@ def with_sigmas(ranges: Ranges, notes: list[str]) -> Ranges:
 def without_faults(ranges: Ranges, solution: PointSolution, notes: list[str]) -> Ranges:
     """Ranges less those that snapshot fault detection found at fault.
 
-    Epochs with a fault that could not be isolated stay: the filter's prediction tells which satellite it is, where the
+    Epochs with a fault that could not be isolated stay: the filter's prediction isolates the satellite, where the
     others of the epoch cannot.
     """
     excluded = solution.excluded & ranges.used

@@ -170,7 +170,7 @@ def _percent(share: float) -> str:
     return "not known" if np.isnan(share) else f"{100.0 * share:.1f}\N{NO-BREAK SPACE}%"
 
 
-#: Records where smoothing takes away less of a variance than this tell nothing: rounding decides there.
+#: Least relative reduction of a variance by smoothing: below it rounding decides.
 LEAST_GAIN = 1e-3
 #: Name, unit and its factor, first column of a Separation.
 _SEPARATION_BLOCKS = {

@@ -80,7 +80,7 @@ def read_backdrop(path: Path | str) -> Backdrop:
     Raises
     ------
     InputError, FileFormatError
-        If the file is missing or is not one of these; the message says what was expected.
+        If the file is missing or is not one of these.
     MissingExtraError
         For a picture without Pillow (which comes with matplotlib, extra ``plot``).
 
@@ -108,7 +108,7 @@ def backdrop_items(backdrop: Backdrop, window: Window) -> list[Item]:
     Raises
     ------
     InputError
-        If nothing of it does; the message says where both are.
+        If no part of it does; the message has both places.
     """
     if backdrop.pixels is not None and backdrop.georeference is not None:
         return [_picture(backdrop.pixels, backdrop.georeference, window, backdrop.name)]

@@ -28,7 +28,7 @@ _UNITS = {
     "m/s^2": ("mg", units.MG), "rad/s": ("deg/h", units.DEG_PER_HR), "1": ("ppm", units.PPM), "rad": ("mrad", 1e-3),
     "(rad/s)/(m/s^2)": ("deg/h/g", units.DEG_PER_HR_PER_G), "m": ("m", 1.0), "m/s": ("m/s", 1.0),
 }  # fmt: skip
-#: Blocks that people read in other units than their SI one suggests.
+#: Blocks that are usually given in other units than :data:`_UNITS` has for their SI unit.
 _OWN_UNITS = {
     "mount": ("deg", units.DEG), "b_heading": ("deg", units.DEG), "odometer": ("%", 0.01), "delay": ("ms", 1e-3),
 }  # fmt: skip

@@ -75,12 +75,12 @@ def plot_motion(result: NavigationResult, **options: Any) -> Figure:
 
 def plot_horizontal_error(result: NavigationResult, *, ax: Axes | None = None, **options: Any) -> Figure:
     """Horizontal error over time; needs ``reference``."""
-    return draw(_there(accuracy.horizontal(Subject(result, **options)), "a reference"), ax)
+    return draw(_required(accuracy.horizontal(Subject(result, **options)), "a reference"), ax)
 
 
 def plot_errors(result: NavigationResult, block: str = "dr", **options: Any) -> Figure:
     """Errors north, east, down of ``dr``, ``dv`` or ``dpsi`` with the 3-sigma band; needs ``reference``."""
-    return draw(_there(accuracy.errors(Subject(result, **options), block), f"a reference that has {block}"))
+    return draw(_required(accuracy.errors(Subject(result, **options), block), f"a reference that has {block}"))
 
 
 def plot_uncertainty(result: NavigationResult, **options: Any) -> Figure:
@@ -91,12 +91,14 @@ def plot_uncertainty(result: NavigationResult, **options: Any) -> Figure:
 def plot_nees(result: NavigationResult, *, ax: Axes | None = None, **options: Any) -> Figure:
     """Normalised estimation error squared; needs a ``reference`` of the IMU with velocity and attitude."""
     figure = accuracy.normalised_errors(Subject(result, **options))
-    return draw(_there(figure, "a reference of the IMU with velocity and attitude"), ax)
+    return draw(_required(figure, "a reference of the IMU with velocity and attitude"), ax)
 
 
 def plot_outages(result: NavigationResult, **options: Any) -> Figure:
     """Largest error by outage, and drift curve; needs outages and ``reference``."""
-    return draw(_there(outages.outage_figure(Subject(result, **options)), "outages and a reference that covers them"))
+    return draw(
+        _required(outages.outage_figure(Subject(result, **options)), "outages and a reference that covers them")
+    )
 
 
 def plot_parameters(result: NavigationResult, block: str, **options: Any) -> Figure:
@@ -108,17 +110,17 @@ def plot_innovations(result: NavigationResult, kind: str = "position", **options
     """Innovations of one kind of measurement and their normalised squares."""
     subject = Subject(result, **options)
     figure = innovations.by_component(subject, kind) if kind in innovations.kinds(subject) else None
-    return draw(_there(figure, f"measurements of the kind {kind!r}"))
+    return draw(_required(figure, f"measurements of the kind {kind!r}"))
 
 
 def plot_separation(result: NavigationResult, **options: Any) -> Figure:
     """Filtered minus smoothed solution with the sigma of that difference; needs ``smoothed``."""
-    return draw(_there(accuracy.separation(Subject(result, **options)), "a filtered solution and its smoothed one"))
+    return draw(_required(accuracy.separation(Subject(result, **options)), "a filtered solution and its smoothed one"))
 
 
 def plot_profile(result: NavigationResult, *, ax: Axes | None = None, **options: Any) -> Figure:
     """Height over the distance travelled."""
-    return draw(_there(track.profile(Subject(result, **options)), "a solution that goes somewhere"), ax)
+    return draw(_required(track.profile(Subject(result, **options)), "a solution that goes somewhere"), ax)
 
 
 def plot_satellites(ranges: Ranges, points: PointSolution | None = None) -> dict[str, Figure]:
@@ -153,7 +155,7 @@ def save_figures(
     return written + save_all(build.all_figures(subject), folder, formats)
 
 
-def _there(figure: content.Figure | None, needed: str) -> content.Figure:
+def _required(figure: content.Figure | None, needed: str) -> content.Figure:
     if figure is None:
         raise InputError(f"this figure needs {needed}")
     return figure

@@ -29,7 +29,7 @@ _SHOWN = {
     REJECTED: ("rejected", "rejected"),
 }
 _GATED_SHOWN = 400
-_RARE = 0.02  # share of rejections that says nothing against a filter
+_RARE = 0.02  # share of rejections that does not count against a filter
 
 #: Kinds of one number a satellite, and kinds that are put into the state and not weighed.
 SATELLITE_KINDS = (KINDS[PSEUDORANGE], KINDS[RANGE_RATE])

@@ -47,7 +47,7 @@ class Subject:
     gnss : GnssSeries, optional
         The fixes, to show those withheld too; without it they are found from the reference or the innovations.
     ranges : Ranges, optional
-        What a tightly coupled run was given, with the ranges left out and why; tells the satellites apart.
+        Ranges of a tightly coupled run, with the reason of each that was left out; they identify the satellites.
     points : PointSolution, optional
         Single-point solutions of these ranges.
     background : Backdrop, Path or str, optional
@@ -152,7 +152,7 @@ class Subject:
         if T is None or self.at_antenna or T.q_eb is None or T.v_eb_e is None or not len(self.result.t):
             return None
         t, dx, _ = state_errors(self.result, T, self.truth_parameters)
-        with np.errstate(invalid="ignore"):  # negative variances: the verdict tells of them
+        with np.errstate(invalid="ignore"):  # negative variances are reported by the verdict
             values = nees(self.result, T, self.truth_parameters)
         finite = np.isfinite(values)
         return (t[finite], values[finite], dx.shape[1]) if finite.any() else None
@@ -187,7 +187,7 @@ class Subject:
     @staticmethod
     def sigma(result: NavigationResult, block: str) -> FloatArray:
         """1-sigma of a block at the records, NaN where its variance is negative. Shape (k, block size)."""
-        with np.errstate(invalid="ignore"):  # the verdict says so; a warning on top would only repeat it
+        with np.errstate(invalid="ignore"):  # reported by the verdict
             return result.sigma(block)
 
     def position_sigma(self, result: NavigationResult) -> FloatArray:
@@ -296,7 +296,8 @@ SAME_TIME = 1e-5  # fixes and measurements closer than this are the same [s]
 def matched_satellites(t: FloatArray, ranges: Ranges, value: FloatArray) -> IntArray:
     """Satellite of each innovation, 0 if unknown.
 
-    The filter works off the ranges of an epoch in their order, so the place among the innovations of one time tells.
+    The filter takes the ranges of an epoch in their order: the place among the innovations of one time identifies the
+    satellite.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ def outages(subject: Subject) -> list[Span]:
 
 def track(subject: Subject) -> Figure:
     """North over east in metres about the first point of the solution, over a map or a graticule."""
-    T = _shown(subject, subject.result.trajectory)
+    T = _at_reference_point(subject, subject.result.trajectory)
     origin = frames.llh_from_ecef(T.r_eb_e[0])
     ne = frames.ned_from_ecef(T.r_eb_e, origin)
     items: list[Item] = []
@@ -50,7 +50,7 @@ def track(subject: Subject) -> Figure:
         r = frames.ned_from_ecef(R.r_eb_e[inside], origin)
         items.append(path(r[:, 1], r[:, 0], "reference", "reference"))
     for role, result in subject.solutions:
-        plan = frames.ned_from_ecef(_shown(subject, result.trajectory).r_eb_e, origin)
+        plan = frames.ned_from_ecef(_at_reference_point(subject, result.trajectory).r_eb_e, origin)
         items.append(path(plan[:, 1], plan[:, 0], role, role))
     for k, role in ((0, "start"), (-1, "end")):
         items.append(Markers(ne[[k], 1], ne[[k], 0], role, role))
@@ -82,7 +82,7 @@ def track(subject: Subject) -> Figure:
 
 def profile(subject: Subject) -> Figure | None:
     """Height over the distance travelled; None for a solution that stays where it is."""
-    T = _shown(subject, subject.result.trajectory)
+    T = _at_reference_point(subject, subject.result.trajectory)
     ne = frames.ned_from_ecef(T.r_eb_e, frames.llh_from_ecef(T.r_eb_e[0]))[:, :2]
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ne, axis=0), axis=1))])
     if not way[-1] > _SHORTEST:
@@ -109,7 +109,7 @@ def profile(subject: Subject) -> Figure | None:
         heights.append(R.llh[inside, 2])
         items.append(path(np.interp(R.t[inside], T.t, way), heights[-1], "reference", "reference"))
     for role, result in subject.solutions:
-        moved = _shown(subject, result.trajectory)
+        moved = _at_reference_point(subject, result.trajectory)
         heights.append(moved.llh[:, 2])
         items.append(path(np.interp(moved.t, T.t, way), heights[-1], role, role))
     panel = Panel(
@@ -180,7 +180,7 @@ def _unwound(x: FloatArray, *columns: FloatArray) -> tuple[FloatArray, ...]:
     return (np.insert(x, jump, x[jump]), *(np.insert(y, jump, np.nan) for y in columns))
 
 
-def _shown(subject: Subject, trajectory: Trajectory) -> Trajectory:
+def _at_reference_point(subject: Subject, trajectory: Trajectory) -> Trajectory:
     return trajectory.moved_by(subject.result.lever_arm_b) if subject.at_antenna else trajectory
 
 

@@ -30,7 +30,7 @@ from schuler.plotting.parts import number
 
 # Claimed and actual sizes may differ by this factor before the words change: a fifth is what a careful tuning reaches.
 _HONEST = 1.25
-_INSIDE = 0.97  # share inside three sigma below which it is said: errors of one run hang together, so not 0.997
+_INSIDE = 0.97  # least share inside three sigma: errors of one run are correlated, so not 0.997
 
 
 class Row(NamedTuple):
@@ -193,7 +193,7 @@ def _how_honest(subject: Subject) -> str:
             )
         )
     tested = np.isfinite(inn.nis)
-    # assumptions about a vehicle are given more room on purpose, so GNSS is asked where there is any
+    # constraints on a vehicle have generous sigmas, so GNSS is judged where there is any
     used_kinds = inn.where(judged(inn))
     gnss = used_kinds.where(np.isin(used_kinds.kind, GNSS_KINDS))
     mean, whose = (gnss.mean_nis(), "GNSS") if len(gnss) else (used_kinds.mean_nis(), "its aids")

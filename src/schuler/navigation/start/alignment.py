@@ -239,7 +239,7 @@ def _start_from_fix(
     nav = NavState.from_geodetic(t, frames.llh_from_ecef(r_e), v_n, alignment.rpy_nb)
     start = InitialState.from_sigmas(nav, layout, attitude=np.zeros(3), velocity=cov_v, position=gnss.cov_r_n[k])
     start = start.aligned(alignment, layout) if calibration is None else calibration.aligned(start, alignment, layout)
-    # the antenna is where the fix says, so dr + dpsi x (C l) is the fix's error: dr = error + [C l x] dpsi; what is
+    # the antenna is at the fix, so dr + dpsi x (C l) is the fix's error: dr = error + [C l x] dpsi; what is
     # estimated of the fix's own faults (lever arm, slow error, time offset) is in that error, with the sign turned
     T = np.eye(layout.size)
     T[6:9, 0:3] = rotation.skew(arm_n)

@@ -273,7 +273,7 @@ def calibration_start(
       taken out of the log and the state starts at zero, as uncertain as it is.
     - What is taken out and not estimated keeps its uncertainty nowhere but in this: the share that gravity makes of it
       when the body is level, M_a and G_g times g, is added to the variances of the biases. At other attitudes and
-      accelerations sigmas do not cover it; the notes say how large it is.
+      accelerations sigmas do not cover it; the notes have its size.
     - Not determined (infinite variance) counts as not calibrated. Held parameters (``fixed``) are values without
       uncertainty: they take the budget's, but for the zeros of a gauge, which are exact by the choice of axes.
     - M_g of a multi-position calibration in the gyroscopes' own axes gets the rotation between the triads, one

@@ -35,7 +35,7 @@ class SensorErrors:
         SI.
     covariance : ndarray, shape (33, 33)
         SI; of errors that were not measured that of the budget.
-    said : ndarray of bool, shape (33,)
+    calibrated : ndarray of bool, shape (33,)
         Whether the calibration gives a value, with or without uncertainty.
     measured : ndarray of bool, shape (33,)
         Whether the uncertainty too is the calibration's.

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from schuler.budget.choice import ImuChoice
     from schuler.budget.contributions import ErrorBudget
     from schuler.budget.covariance import LinearCovariance
-    from schuler.budget.scenario import BudgetAccelerometer
+    from schuler.budget.scenario import BudgetAccelerometer, BudgetMission
     from schuler.sensors.spec import ImuSpec
 
 
@@ -89,9 +89,9 @@ def budget(
         loaded = loaded.model_copy(update={"states": states})
     given = {"asymmetry_ppm": asymmetry_ppm, "quadratic_ppm_g": quadratic_ppm_g}
     loaded = loaded.model_copy(update={"accelerometer": _changed(loaded.accelerometer, given)})
-    wanted = [requirement(text) for text in (require or loaded.require)]
+    bounds = [requirement(text) for text in (require or loaded.require)]
     specs = [_spec(name) for name in imu]
-    if not specs and not wanted:
+    if not specs and not bounds:
         raise InputError("--imu: expected at least one IMU, or a requirement to rank the catalogue by (--require)")
     mission = prepare_budget(loaded)
     folder = Path(f"{scenario.resolve().stem}-budget") if out is None else out
@@ -102,24 +102,17 @@ def budget(
         one = budget_of(covariance, quantity, time)
         budgets.append((covariance, one))
         texts += [covariance.summary(), one.table(single=single).summary()]
-        label = _label(spec.name)
-        files[f"budget_{label}"] = one.table(single=True).to_csv(folder / f"budget-{label}.csv")
-        if figures:
-            from schuler.budget.report import covariance_figure
-
-            files |= _saved(one.plot(), folder / f"budget-{label}")
-            files |= _saved(one.plot(single=True), folder / f"parameters-{label}")
-            files |= _saved(covariance_figure(covariance, mission), folder / f"covariance-{label}")
+        files |= _write_budget(covariance, one, mission, folder, figures=figures)
     ranked, left_out = (specs, {}) if specs else catalogue_specs()
-    for k, one_wanted in enumerate(wanted):
-        with progress(one_wanted.text) as bar:
+    for k, bound in enumerate(bounds, 1):
+        with progress(bound.text) as bar:
             explain = [s.name for s in specs]
-            choice = choose_imu(mission, one_wanted, ranked, explain=explain, left_out=left_out, progress=bar)
+            choice = choose_imu(mission, bound, ranked, explain=explain, left_out=left_out, progress=bar)
         choices.append(choice)
         texts.append(choice.summary())
-        files[f"requirement_{k + 1}"] = choice.table().to_csv(folder / f"requirement-{k + 1}.csv")
+        files[f"requirement_{k}"] = choice.table().to_csv(folder / f"requirement-{k}.csv")
         if figures:
-            files |= _saved(choice.plot(), folder / f"requirement-{k + 1}")
+            files |= _saved(choice.plot(), folder / f"requirement-{k}")
     if report:
         from schuler.budget.report import budget_report
 
@@ -142,6 +135,21 @@ def budget(
     return 0
 
 
+def _write_budget(
+    covariance: LinearCovariance, one: ErrorBudget, mission: BudgetMission, folder: Path, *, figures: bool
+) -> dict[str, Path]:
+    """Contributions of an IMU as CSV, and the figures of its budget; their paths by name."""
+    label = _label(one.imu)
+    files = {f"budget_{label}": one.table(single=True).to_csv(folder / f"budget-{label}.csv")}
+    if figures:
+        from schuler.budget.report import covariance_figure
+
+        files |= _saved(one.plot(), folder / f"budget-{label}")
+        files |= _saved(one.plot(single=True), folder / f"parameters-{label}")
+        files |= _saved(covariance_figure(covariance, mission), folder / f"covariance-{label}")
+    return files
+
+
 def _firsts(budgets: Sequence[tuple[LinearCovariance, ErrorBudget]], choices: Sequence[ImuChoice]) -> dict[str, object]:
     """Total, contributions and ranking at the top of the JSON: those of the first IMU and the first requirement."""
     data: dict[str, object] = {"total": None, "contributions": [], "ranking": []}
@@ -152,9 +160,10 @@ def _firsts(budgets: Sequence[tuple[LinearCovariance, ErrorBudget]], choices: Se
             for name, value in one.by_source().items()
         ]
     for choice in choices[:1]:
-        whole = choice.to_dict()
+        document = choice.to_dict()
+        limits, rows = document["bottlenecks"], document["ranking"]
         data["ranking"] = [
-            {**row, "bottleneck": whole["bottlenecks"].get(row["imu"], {}).get("field")} for row in whole["ranking"]
+            {**row, "bottleneck": limits.get(row["imu"], {}).get("field")} for row in document["ranking"]
         ]
     return data
 

@@ -16,6 +16,7 @@ from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import ConfigError
 from schuler.filtering.engine import InitialState, run
+from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.config import NavigationConfig
@@ -39,6 +40,7 @@ from schuler.rotary.encoder import Platform
 from schuler.rotary.filter_start import aligned_vehicle, imu_start
 from schuler.rotary.mechanization import body_increments, body_trajectory, rates_at_limits
 from schuler.rotary.platform_check import Clocked, check_platform, covered
+from schuler.sensors.spec import ImuSpec
 
 
 def navigate_rotary(
@@ -136,11 +138,8 @@ def navigate_rotary(
         initial, turning, lever, rates[0] - _bias(layout, initial.parameters), layout,
         earth_rotation=config.filter.earth_rotation,
     )  # fmt: skip
-    schedule, notes_of_aids = aiding_schedule(
-        Sources(body_log, gnss, None, None, None, recording.height), config, spec, initial.nav.t, origin, windows
-    )
-    notes += notes_of_aids
-    schedule = with_late_velocities(schedule.outside(windows), delay, initial.nav.t, notes)
+    sources = Sources(body_log, gnss, None, None, None, recording.height)
+    schedule = _measurements(sources, config, spec, initial.nav.t, origin, windows, notes)
     schedule = schedule.where(schedule.t <= increments.t[-1] + 1e-9)
     schedule = in_imu_axes(schedule, turning, lever, increments=increments)
     if not len(schedule):
@@ -165,13 +164,7 @@ def navigate_rotary(
         outages=windows,
         lever_arm_b=np.array(config.gnss.lever_arm_m),
         provenance={
-            "schuler": metadata.version("schuler"),
-            "config": config.model_dump(mode="json", exclude_defaults=True),
-            "sources": recording.metadata.sources,
-            "recording": recording.metadata.name,
-            "recording_options": recording.metadata.options,
-            "time": time_document(recording.metadata.time),
-            "imu": spec.name,
+            **_provenance(recording, config, spec),
             "platform": {
                 "from": type(platform).__name__,
                 "name": getattr(platform, "name", ""),
@@ -185,6 +178,34 @@ def navigate_rotary(
         notes=tuple(notes),
     )
     return vehicle_result(of_imu, turning, lever, increments.t, rates[1:], earth_rotation=config.filter.earth_rotation)
+
+
+def _measurements(
+    sources: Sources,
+    config: NavigationConfig,
+    spec: ImuSpec,
+    start: float,
+    origin: float,
+    windows: tuple[tuple[float, float], ...],
+    notes: list[str],
+) -> MeasurementSchedule:
+    """Measurements of the configured aids outside the outages, lever arms in vehicle axes."""
+    schedule, notes_of_aids = aiding_schedule(sources, config, spec, start, origin, windows)
+    notes += notes_of_aids
+    return with_late_velocities(schedule.outside(windows), config.gnss.velocity_delay_s, start, notes)
+
+
+def _provenance(recording: Recording, config: NavigationConfig, spec: ImuSpec) -> dict[str, Any]:
+    """Recording, configuration and IMU that a solution is made from."""
+    return {
+        "schuler": metadata.version("schuler"),
+        "config": config.model_dump(mode="json", exclude_defaults=True),
+        "sources": recording.metadata.sources,
+        "recording": recording.metadata.name,
+        "recording_options": recording.metadata.options,
+        "time": time_document(recording.metadata.time),
+        "imu": spec.name,
+    }
 
 
 def vehicle_result(

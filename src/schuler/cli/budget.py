@@ -162,9 +162,7 @@ def _firsts(budgets: Sequence[tuple[LinearCovariance, ErrorBudget]], choices: Se
     for choice in choices[:1]:
         document = choice.to_dict()
         limits, rows = document["bottlenecks"], document["ranking"]
-        data["ranking"] = [
-            {**row, "bottleneck": limits.get(row["imu"], {}).get("field")} for row in document["ranking"]
-        ]
+        data["ranking"] = [{**row, "bottleneck": limits.get(row["imu"], {}).get("field")} for row in rows]
     return data
 
 

@@ -158,12 +158,12 @@ def read_sheet(
     return values
 
 
-def check_entries(data: Mapping[str, Any], known: list[str], needed: list[str], what: str) -> None:
+def check_entries(data: Mapping[str, Any], entries: list[str], needed: list[str], what: str) -> None:
     """Refuse entries that are unknown, with the nearest known name, or missing."""
     for key in data:
-        if key not in known:
-            near = difflib.get_close_matches(str(key), known, n=3, cutoff=0.5)
-            hint = f"did you mean {' or '.join(near)}?" if near else "known are " + ", ".join(known)
+        if key not in entries:
+            near = difflib.get_close_matches(str(key), entries, n=3, cutoff=0.5)
+            hint = f"did you mean {' or '.join(near)}?" if near else "known are " + ", ".join(entries)
             raise InputError(f"{what}: unknown entry {key!r}; {hint}")
     missing = [key for key in needed if key not in data]
     if missing:

@@ -223,8 +223,8 @@ def _check_axes(axes: Mapping[str, Mapping[str, Any]]) -> None:
                     _number(number, f"[axes.{axis}] gauss_markov")
 
 
-def _check_names(data: Mapping[str, Any], known: Iterable[str], where: str) -> None:
-    names = list(known)
+def _check_names(data: Mapping[str, Any], entries: Iterable[str], where: str) -> None:
+    names = list(entries)
     for key in data:
         if key not in names:
             near = difflib.get_close_matches(str(key), names, n=1, cutoff=0.5)

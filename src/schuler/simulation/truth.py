@@ -64,15 +64,15 @@ class AidTruth:
             of its series, about where a filter's last estimate belongs (a clock goes on by its drift until there), and
             at the first one with ``_start`` behind the name.
         """
-        found: dict[str, Any] = {}
+        values_by_state: dict[str, Any] = {}
         if errors is not None:
-            found |= {name: np.asarray(getattr(errors, name)).tolist() for name in ("b_g", "b_a")}
+            values_by_state |= {name: np.asarray(getattr(errors, name)).tolist() for name in ("b_g", "b_a")}
         if self.mount_rpy.any():
-            found["mount"] = self.mount_rpy[1:].tolist()
+            values_by_state["mount"] = self.mount_rpy[1:].tolist()
         if self.gnss_delay:
-            found["delay"] = self.gnss_delay
+            values_by_state["delay"] = self.gnss_delay
         if self.odometer_scale is not None:
-            found["odometer"] = self.odometer_scale
+            values_by_state["odometer"] = self.odometer_scale
         wandering = {"b_heading": self.heading_bias, "baro": self.height_bias}
         if self.gnss_drift_position is not None and self.gnss_drift_position.any():
             wandering["b_r"] = self.gnss_drift_position
@@ -84,5 +84,5 @@ class AidTruth:
             wandering |= {f"clock_{k + 1}": clock[:, k] - clock[:, 0] for k in range(1, clock.shape[1])}
         for name, values in wandering.items():
             if values is not None and len(values):
-                found |= {name: values[-1].tolist(), f"{name}_start": values[0].tolist()}
-        return found
+                values_by_state |= {name: values[-1].tolist(), f"{name}_start": values[0].tolist()}
+        return values_by_state

@@ -208,16 +208,16 @@ class LaneErrors:
 
     def places(self, layout: StateLayout) -> list[int]:
         """First parameter of the layout each process counts to, -1 for none."""
-        found = []
+        states = []
         for p in self.processes:
             name = _BIASES[p.sensor]
             for block in (p.block,) if p.block is not None else (f"{name}_run", name):
                 if block is not None and block in layout:
-                    found.append(layout[block].start - 9)
+                    states.append(layout[block].start - 9)
                     break
             else:
-                found.append(-1)
-        return found
+                states.append(-1)
+        return states
 
     def table(self, layout: StateLayout) -> FloatArray:
         """(k, 5): sensor, e, drive, place among the parameters and whether there is a slope, as the kernel takes it."""

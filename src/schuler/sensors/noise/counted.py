@@ -107,7 +107,7 @@ class Counted(Process):
         return np.asarray(np.diff(V, axis=0) * (self.quantum / dt) - self.mean)
 
     def allan_variance(self, tau: ArrayLike) -> FloatArray:
-        """Of samples at averaging times that are any whole number of any sampling interval. [x^2]"""
+        """Allan variance of samples at averaging times that are any whole number of any sampling interval. [x^2]"""
         tau = times(tau)
         flat = [float(self._allan(np.ones(1), float(t))[0]) for t in tau.ravel()]
         return np.array(flat).reshape(tau.shape)

@@ -129,7 +129,7 @@ class ShotNoise(Process):
         return -0.5 * number * (_entire(c * np.abs(z - 1.0) ** 2) + _entire(c) - _entire(c * np.abs(z) ** 2))
 
     def allan_variance(self, tau: ArrayLike) -> FloatArray:
-        """Of the continuous signal. [x^2]"""
+        """Allan variance of the continuous signal. [x^2]"""
         return self.state_space().allan_variance(times(tau))
 
     def psd(self, f: ArrayLike) -> FloatArray:

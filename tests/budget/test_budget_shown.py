@@ -19,8 +19,8 @@ IMU = "MTi-G-710"
 @pytest.fixture(scope="module")
 def both(mission):
     """Covariance and budget of an IMU with every kind of error the catalogue has, asymmetry and nonlinearity."""
-    found = linear_covariance(replace(mission, asymmetry=1e-4, quadratic=1e-6), spec(IMU), by_axis=True)
-    return found, budget_of(found, "horizontal", 149.0)
+    result = linear_covariance(replace(mission, asymmetry=1e-4, quadratic=1e-6), spec(IMU), by_axis=True)
+    return result, budget_of(result, "horizontal", 149.0)
 
 
 def bars(figure):
@@ -82,10 +82,10 @@ def test_page(mission, both, tmp_path):
 
 def test_page_says_what_the_filter_believes(mission, tmp_path):
     """33 states know all of this IMU but g-sensitivity; 9 states nothing."""
-    for states, said in ((33, "knows it"), (9, "believes")):
-        found = linear_covariance(mission, spec("yaman-automotive"), states=states, by_axis=True)
-        path = budget_report(tmp_path / "p.html", mission, [(found, budget_of(found))])
-        assert re.search(rf"filter of {found.states} states {said}", path.read_text(encoding="utf-8"))
+    for states, stated in ((33, "knows it"), (9, "believes")):
+        result = linear_covariance(mission, spec("yaman-automotive"), states=states, by_axis=True)
+        path = budget_report(tmp_path / "p.html", mission, [(result, budget_of(result))])
+        assert re.search(rf"filter of {result.states} states {stated}", path.read_text(encoding="utf-8"))
 
 
 def test_a_budget_has_every_parameter(mission):

@@ -27,9 +27,9 @@ from schuler.units import DEG
     ],
 )
 def test_requirements_are_read(text, expected):
-    found = requirement(text)
-    assert (found.quantity, found.factor, found.when, found.seconds) == (expected[0], *expected[2:])
-    assert_allclose(found.limit, expected[1], rtol=1e-12)
+    result = requirement(text)
+    assert (result.quantity, result.factor, result.when, result.seconds) == (expected[0], *expected[2:])
+    assert_allclose(result.limit, expected[1], rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -57,56 +57,56 @@ def test_epochs_that_count(mission):
 def test_catalogue_is_ranked(mission):
     wanted = requirement("horizontal < 10 m @ 60 s outage")
     specs, left_out = catalogue_specs()
-    found = choose_imu(mission, wanted, specs, left_out=left_out)
-    values = [v.value for v in found.verdicts]
+    result = choose_imu(mission, wanted, specs, left_out=left_out)
+    values = [v.value for v in result.verdicts]
     assert values == sorted(values)
     assert len(values) == len(specs) > 15
-    by = {v.imu: v for v in found.verdicts}
+    by = {v.imu: v for v in result.verdicts}
     assert by["LN-200"].passes
     assert not by["flenniken-consumer"].passes
     again = wanted.worst(mission, linear_covariance(mission, spec("LN-200")).P)[0]
     assert_allclose(by["LN-200"].value, again, rtol=1e-8)
-    assert "KVH-5000" in found.summary()
-    assert found.table().row(imu="LN-200")["passes"] == "yes"
-    assert found.to_dict()["ranking"][0]["imu"] == found.verdicts[0].imu
-    assert found.plot() is not None
+    assert "KVH-5000" in result.summary()
+    assert result.table().row(imu="LN-200")["passes"] == "yes"
+    assert result.to_dict()["ranking"][0]["imu"] == result.verdicts[0].imu
+    assert result.plot() is not None
 
 
 def test_bottleneck_and_what_would_pass(mission):
     """The value it names is tried: it passes, and 5 % more does not."""
     wanted, imu = requirement("horizontal < 10 m @ 60 s outage"), spec("MTi-G-710")
-    found = bottleneck(mission, wanted, imu)
-    assert found.field == "gyro random_walk"
-    assert found.needed is not None
-    assert found.needed < found.present
+    result = bottleneck(mission, wanted, imu)
+    assert result.field == "gyro random_walk"
+    assert result.needed is not None
+    assert result.needed < result.present
     field = ("gyro", "random_walk")
     for factor, passes in ((1.0, True), (1.05, False)):
-        changed = scaled(imu, field, factor * found.needed / found.present)
+        changed = scaled(imu, field, factor * result.needed / result.present)
         assert (wanted.worst(mission, true_covariance(mission, changed))[0] <= wanted.limit) is passes
-    assert_allclose(max(found.sensitivity.values()), found.share)
+    assert_allclose(max(result.sensitivity.values()), result.share)
 
 
 def test_bottleneck_that_no_specification_has(mission):
     """Asymmetric accelerometers of a good IMU limit it: they are named, and half of what is said to pass passes too."""
     wanted, uneven = requirement("horizontal < 10 m @ 60 s outage"), replace(mission, asymmetry=0.2)
-    found = bottleneck(uneven, wanted, spec("LN-200"))
-    assert (found.field, found.words) == ("accel asymmetry", "accelerometer asymmetry")
-    assert found.present == 0.2
-    assert found.needed is not None
+    result = bottleneck(uneven, wanted, spec("LN-200"))
+    assert (result.field, result.words) == ("accel asymmetry", "accelerometer asymmetry")
+    assert result.present == 0.2
+    assert result.needed is not None
     for factor, passes in ((0.5, True), (1.0, True), (1.05, False)):
-        given = replace(mission, asymmetry=factor * found.needed)
+        given = replace(mission, asymmetry=factor * result.needed)
         assert (wanted.worst(given, true_covariance(given, spec("LN-200")))[0] <= wanted.limit) is passes
 
 
 def test_sensitivity_is_a_derivative(mission):
     """d ln sigma / d ln N by differences, gains following: 3 %, since this filter is nearly optimal."""
     wanted, imu = requirement("horizontal < 10 m @ 60 s outage"), spec("MTi-G-710")
-    found = bottleneck(mission, wanted, imu)
+    result = bottleneck(mission, wanted, imu)
     up, down = (
         np.log(wanted.worst(mission, true_covariance(mission, scaled(imu, ("gyro", "random_walk"), f)))[0])
         for f in (1.05, 1.0 / 1.05)
     )
-    assert_allclose((up - down) / (2.0 * np.log(1.05)), found.sensitivity["gyro random_walk"], rtol=0.03)
+    assert_allclose((up - down) / (2.0 * np.log(1.05)), result.sensitivity["gyro random_walk"], rtol=0.03)
 
 
 def test_passing_and_hopeless(mission):

@@ -86,10 +86,10 @@ def test_contributions_add_up_to_the_filters_own_covariance(mission, states):
         imu = replace(imu, accel=replace(force, scale_factor=0.0))
     if states < 15:
         imu = replace(imu, gyro=replace(imu.gyro, turn_on_bias=0.0), accel=replace(imu.accel, turn_on_bias=0.0))
-    found = linear_covariance(mission, imu, states=states)
-    squares = np.sum(np.square(found.parts), axis=0)
-    assert_allclose(squares, np.einsum("rii->ri", found.P), rtol=1e-12)
-    assert_allclose(squares, np.einsum("rii->ri", found.believed), rtol=1e-9)
+    result = linear_covariance(mission, imu, states=states)
+    squares = np.sum(np.square(result.parts), axis=0)
+    assert_allclose(squares, np.einsum("rii->ri", result.P), rtol=1e-12)
+    assert_allclose(squares, np.einsum("rii->ri", result.believed), rtol=1e-9)
 
 
 def test_all_at_once_is_source_by_source(mission):
@@ -108,8 +108,8 @@ def test_free_integration_is_the_closed_form():
     imu = ImuSpec(
         "plain", TriadSpec(random_walk=1e-4, turn_on_bias=1e-5), TriadSpec(random_walk=1e-3, turn_on_bias=5e-3)
     )
-    found = linear_covariance(still, imu, by_axis=True)
-    by = dict(zip(found.names, found.parts[:, -1], strict=True))
+    result = linear_covariance(still, imu, by_axis=True)
+    by = dict(zip(result.names, result.parts[:, -1], strict=True))
     g, t = 9.8093, 60.0
     expected = {
         "b_a_x": 5e-3 * t**2 / 2.0, "b_g_y": g * 1e-5 * t**3 / 6.0, "attitude_east": g * 2e-3 * t**2 / 2.0,
@@ -120,7 +120,7 @@ def test_free_integration_is_the_closed_form():
         assert_allclose(by[name][6], value, rtol=0.01)
     assert by["b_a_z"][6] < 1e-3 * by["b_a_x"][6]
     total = np.sqrt(sum(np.square(v) for v in by.values()))
-    assert_allclose(found.sigma[-1], total, rtol=1e-12)
+    assert_allclose(result.sigma[-1], total, rtol=1e-12)
 
 
 def simulated_errors(town, mission, imu, runs, states):
@@ -163,20 +163,20 @@ def simulated_errors(town, mission, imu, runs, states):
 
 def ratios(town, mission, imu, runs, states=15):
     times, errors = simulated_errors(town, mission, imu, runs, states)
-    found = linear_covariance(mission, imu, states=states)
-    at = np.searchsorted(found.t, times - 1e-6)
+    result = linear_covariance(mission, imu, states=states)
+    at = np.searchsorted(result.t, times - 1e-6)
     scatter = np.sqrt(np.mean(errors**2, axis=1))
     # the root of the summed variances of each vector: one number of three (attitude, velocity, position)
     return np.sqrt(
-        np.sum(scatter.reshape(10, 3, 3) ** 2, axis=2) / np.sum(found.sigma[at].reshape(10, 3, 3) ** 2, axis=2)
+        np.sum(scatter.reshape(10, 3, 3) ** 2, axis=2) / np.sum(result.sigma[at].reshape(10, 3, 3) ** 2, axis=2)
     )  # fmt: skip
 
 
 def test_monte_carlo_scatter_is_the_linear_covariance(town, mission):
     """80 runs of a 15-state filter with a scale factor it does not know: 4 standard errors of a vector's RMS."""
     imu = replace(spec("yaman-tactical"), name="tactical")
-    found = ratios(town, mission, imu, 80)
-    assert np.all(np.abs(found - 1.0) < 4.0 / np.sqrt(2.0 * 80.0))
+    result = ratios(town, mission, imu, 80)
+    assert np.all(np.abs(result - 1.0) < 4.0 / np.sqrt(2.0 * 80.0))
 
 
 AT_REST = {
@@ -197,34 +197,34 @@ def test_monte_carlo_of_a_thousand_runs(town, where):
     else:
         scenario = town if where == "drive" else AT_REST
         mission = prepare_budget(scenario)
-    found = ratios(scenario, mission, replace(spec("yaman-tactical"), name="tactical"), 1000)
-    assert np.all((found > 0.95) & (found < 1.05))
+    result = ratios(scenario, mission, replace(spec("yaman-tactical"), name="tactical"), 1000)
+    assert np.all((result > 0.95) & (result < 1.05))
 
 
 def test_truth_other_than_believed(mission):
     """A worse IMU than the filter believes: more error, the filter's own covariance unmoved."""
     good, bad = spec("flenniken-tactical"), spec("flenniken-automotive")
     fooled = linear_covariance(mission, good, truth=bad)
-    honest, known = linear_covariance(mission, good), linear_covariance(mission, bad)
+    honest, given = linear_covariance(mission, good), linear_covariance(mission, bad)
     assert_allclose(fooled.believed, honest.believed)
-    assert fooled.quantity("position").max() > known.quantity("position").max() > honest.quantity("position").max()
+    assert fooled.quantity("position").max() > given.quantity("position").max() > honest.quantity("position").max()
     assert "believes" in fooled.summary()
 
 
 def test_budget_of_a_time(mission):
-    found = linear_covariance(mission, spec(IMU))
-    budget = budget_of(found, "horizontal", 140.0)
+    result = linear_covariance(mission, spec(IMU))
+    budget = budget_of(result, "horizontal", 140.0)
     assert_allclose(np.sum(budget.share), 1.0, rtol=1e-12)
     assert_allclose(np.sqrt(sum(v**2 for v in budget.by_group().values())), budget.total, rtol=1e-12)
     table = budget.table(single=True)
     assert table.column("source")[-1] == "all"
     assert "gyroscope" in budget.summary()
     assert error_budget(mission, spec(IMU), quantity="heading").quantity == "heading"
-    assert set(budget.to_dict()["by_source"]) == set(found.names)
+    assert set(budget.to_dict()["by_source"]) == set(result.names)
     assert budget.plot() is not None
     for bad, what in (({"quantity": "speed"}, "quantity"), ({"time": 1e6}, "time")):
         with pytest.raises(InputError, match=what):
-            budget_of(found, **bad)
+            budget_of(result, **bad)
 
 
 def test_aids_help(town):

@@ -36,8 +36,8 @@ g, T = 9.8085, 60.0  # of PLACE, to its last digit
 def free(motion, imu, **options):
     """1-sigma of each source at the end of a motion without aids. Name to nine numbers."""
     mission = linearised_mission(motion, NONE, START, states=9, **options)
-    found = linear_covariance(mission, imu, by_axis=True)
-    return dict(zip(found.names, found.parts[:, -1], strict=True))
+    result = linear_covariance(mission, imu, by_axis=True)
+    return dict(zip(result.names, result.parts[:, -1], strict=True))
 
 
 def local(angles, path=None, duration=T):
@@ -214,13 +214,13 @@ def test_columns_are_derivatives_of_the_engines_error(town, mission, name):
     increments, ideal, schedule = readings_and_truth(town)
     truth, imu, size = ideal.truth, spec("yaman-tactical"), 1e-4
     given = replace(mission, **{name.removeprefix("accel_"): size})
-    found = linear_covariance(given, imu)
+    result = linear_covariance(given, imu)
     layout = filter_layout(imu, 15)
     P0 = np.diag(np.concatenate((mission.start_sigma**2, layout.initial_variances())))
     f = increments.dv_ib_b / increments.dt[:, None]
     wrong = np.abs(f) if name == "accel_asymmetry" else f**2
     start = NavState(0.0, truth.r_eb_e[0], truth.v_eb_e[0], truth.q_eb[0])
-    at = np.searchsorted(found.t, 149.0)
+    at = np.searchsorted(result.t, 149.0)
 
     def driven(error):
         moved = replace(increments, dv_ib_b=increments.dv_ib_b + error * increments.dt[:, None])
@@ -228,17 +228,17 @@ def test_columns_are_derivatives_of_the_engines_error(town, mission, name):
             moved, schedule, InitialState(start, P0, np.zeros(6)), layout, [imu.gyro.random_walk**2] * 3,
             [imu.accel.random_walk**2] * 3, FilterOptions(covariance_rate_hz=2.0, record_s=1.0, output_rate_hz=10.0),
         )  # fmt: skip
-        k = np.searchsorted(done.t, found.t[at] - 1e-6)
+        k = np.searchsorted(done.t, result.t[at] - 1e-6)
         return done.r[k], done.v[k]
 
     for i, axis in enumerate("xyz"):
         error = np.zeros_like(f)
         error[:, i] = size * wrong[:, i]
         (r1, v1), (r0, v0) = driven(error), driven(-error)
-        part = found.parts[found.names.index(f"{name}_{axis}"), at]
+        part = result.parts[result.names.index(f"{name}_{axis}"), at]
         measured = [0.5 * np.linalg.norm(r1 - r0), 0.5 * np.linalg.norm(v1 - v0)]
         linear = [np.linalg.norm(part[6:]), np.linalg.norm(part[3:6])]
-        largest = [np.max(np.linalg.norm(found.parts[-9:, at, s], axis=1)) for s in (slice(6, 9), slice(3, 6))]
+        largest = [np.max(np.linalg.norm(result.parts[-9:, at, s], axis=1)) for s in (slice(6, 9), slice(3, 6))]
         assert_allclose(measured, linear, rtol=0.01, atol=0.01 * max(largest))
 
 
@@ -250,8 +250,8 @@ def test_measured_force_sees_uneven_accelerometers():
     z[:, :3] = force
     schedule = MeasurementSchedule.of(GRAVITY_VECTOR, [2.0, 4.0, 8.0, 16.0], z, 1e-4)
     mission = linearised_mission(motion, schedule, np.full(9, 1e-3), states=9, asymmetry=1e-4, quadratic=1e-6)
-    found = linear_covariance(mission, BIASED)
-    by = dict(zip(found.names, found.parts, strict=True))
+    result = linear_covariance(mission, BIASED)
+    by = dict(zip(result.names, result.parts, strict=True))
     assert np.abs(mission.run.seen).max() > 0.0
     for i, axis in enumerate("xyz"):
         for name, size in (("asymmetry", 1e-1 * abs(force[i])), ("quadratic", 1e-3 * force[i] ** 2)):
@@ -281,11 +281,11 @@ def test_axes_sum_to_the_triad(mission, name):
 def test_angles_are_those_of_the_sensor_model(triad, block):
     """``symmetric(Delta) - [delta x]`` as ``GyroTriad`` has it, which holds in any right-handed axes; rounding."""
     imu, size = spec("yaman-automotive"), np.sqrt(0.5)
-    found = {c.name: c for c in constants(imu, START, angles="triad")}
+    result = {c.name: c for c in constants(imu, START, angles="triad")}
     for axis in range(3):
         for what in ("misalignment", "non_orthogonality"):
             M = np.zeros((3, 3))
-            for place, weight in found[f"{triad}_{what}_{'xyz'[axis]}"].terms:
+            for place, weight in result[f"{triad}_{what}_{'xyz'[axis]}"].terms:
                 _, row, regressor = BLOCKS[block][place]
                 M[row, (regressor - 1) % 3] = weight
             expected = GyroTriad(**{what: size * np.eye(3)[axis]}).matrix(small_angle=True)
@@ -351,9 +351,9 @@ def test_all_48_parameters_of_the_rocket():
     errors, weights = RocketErrors.of(values), influence(flat, "strapdown")
     motion = rocket_motion()
     mission = linearised_mission(motion, NONE, START, states=9, imu_rate_hz=100.0, asymmetry=sf, quadratic=sfn)
-    found = linear_covariance(mission, imu, by_axis=True, angles="triad")
-    by = dict(zip(found.names, found.parts, strict=True))
-    at = int(np.searchsorted(found.t, flat.t[-1]))
+    result = linear_covariance(mission, imu, by_axis=True, angles="triad")
+    by = dict(zip(result.names, result.parts, strict=True))
+    at = int(np.searchsorted(result.t, flat.t[-1]))
     names = [n for n in values if "_tau_" not in n]  # colour of sigma_b, not a contribution
     theirs = {n: np.sqrt(np.diag(weights.covariance(errors, n)))[[0, 2, 1]] for n in names}  # north, east, down
     kinds = {n: max(np.linalg.norm(theirs[m]) for m in names if m[:-1] == n[:-1]) for n in names}

@@ -35,11 +35,11 @@ def log(tmp_path_factory):
 @pytest.fixture
 def identified(monkeypatch):
     """Stands in for the fit; holds what it was called with and what it returns."""
-    state = types.SimpleNamespace(found=cases.identification(name="rest"), asked=None, options=None)
+    state = types.SimpleNamespace(noise=cases.identification(name="rest"), asked=None, options=None)
 
     def identify_noise(recording, **options):
         state.asked, state.options = recording, options
-        return state.found
+        return state.noise
 
     module = types.ModuleType("schuler.characterisation.identify")
     module.identify_noise = identify_noise
@@ -86,7 +86,7 @@ def test_findings_and_refused_axes_are_warnings_of_a_success(log, identified, tm
 
 def test_no_axis_left_is_exit_code_2_with_the_reason(log, identified, tmp_path, capsys):
     refused = dict.fromkeys(("gyro_x", "gyro_y", "accel_x"), (cases.STUCK,))
-    identified.found = replace(identified.found, axes={}, refused=refused, spec=None)
+    identified.noise = replace(identified.noise, axes={}, refused=refused, spec=None)
     code, out, err = run(capsys, "allan", log, "--out", tmp_path, "--no-report", "--json")
     assert (code, out) == (2, "")
     assert err.startswith("schuler: rest: no axis could be identified; gyro_x: gyro_z repeats")
@@ -112,7 +112,7 @@ def test_files(log, identified, tmp_path, capsys):
     }  # fmt: skip
     from schuler.sensors.spec_file import read_spec
 
-    assert read_spec(folder / "imu.toml") == identified.found.spec
+    assert read_spec(folder / "imu.toml") == identified.noise.spec
     assert "noise of 3 axes" in out
     assert "report: " in out
     assert "12000 samples" in err  # what was read
@@ -133,8 +133,8 @@ def test_inflation_is_for_exports_only(log, identified, tmp_path, capsys):
 
 
 def test_without_a_budget_an_export_fails_after_everything_else(log, identified, tmp_path, capsys):
-    gyro = {name: axis for name, axis in identified.found.axes.items() if name.startswith("gyro")}
-    identified.found = replace(identified.found, axes=gyro, spec=None, spec_sigma={})
+    gyro = {name: axis for name, axis in identified.noise.axes.items() if name.startswith("gyro")}
+    identified.noise = replace(identified.noise, axes=gyro, spec=None, spec_sigma={})
     code, out, err = run(capsys, "allan", log, "--out", tmp_path, "--no-report", "--json")
     assert code == 0
     assert "imu.toml was not written" in json.loads(out)["warnings"][-1]

@@ -49,7 +49,7 @@ def test_catalogue_against_a_requirement(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("--imu", "nothing"), "nothing"),
         (("--require", "speed < 1 m"), "requirement"),
@@ -57,8 +57,8 @@ def test_catalogue_against_a_requirement(tmp_path, capsys):
         (("--imu", "LN-200", "--asymmetry-ppm", "-1"), "--asymmetry-ppm: expected"),
     ],
 )
-def test_faults_say_what_to_do(tmp_path, capsys, arguments, said):
+def test_faults_say_what_to_do(tmp_path, capsys, arguments, message):
     code, _, err = run(capsys, "budget", EXAMPLES / "budget_town.toml", *arguments, "--out", tmp_path)
     assert code != 0
-    assert said in err
+    assert message in err
     assert not list(tmp_path.iterdir())

@@ -54,8 +54,8 @@ def faces(tmp_path_factory):
 
 
 def within(data, name, value, sigmas=4.0):
-    found = data["parameters"][name]
-    assert abs(found["value"] - value) < sigmas * found["sigma"] + 1e-12, (name, found, value)
+    result = data["parameters"][name]
+    assert abs(result["value"] - value) < sigmas * result["sigma"] + 1e-12, (name, result, value)
 
 
 def test_freepose_finds_the_errors_and_writes_its_files(hand, tmp_path, capsys):
@@ -209,9 +209,9 @@ def test_rests_as_published_of_a_recording(shared_data, tmp_path, capsys):
 
 def test_intervals_of_a_file_are_used(hand, tmp_path, capsys):
     imu = io.read(hand).need_imu()
-    found = hand_rests(imu)
+    result = hand_rests(imu)
     table = tmp_path / "rests.csv"
-    table.write_text("start,stop\n# seconds\n" + "\n".join(f"{a:.3f},{b:.3f}" for a, b in found), encoding="utf-8")
+    table.write_text("start,stop\n# seconds\n" + "\n".join(f"{a:.3f},{b:.3f}" for a, b in result), encoding="utf-8")
     code, out, err = run(
         capsys, "calibrate", "freepose", hand, "--intervals", table, "--out", tmp_path, "--no-report", "--json"
     )

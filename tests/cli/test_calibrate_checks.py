@@ -72,9 +72,9 @@ def test_unchecked_goes_on_and_the_result_says_so(imu, write, capsys):
     assert code == 0, err
     assert "error gyro_sign: " in err
     data = json.loads(out)
-    (said,) = data["provenance"]["checks"]
-    assert said.startswith("Passed over (--unchecked): gyro_sign: ")
-    assert said in CalibrationResult.from_yaml(data["files"]["calibration"]).provenance["checks"]
+    (stated,) = data["provenance"]["checks"]
+    assert stated.startswith("Passed over (--unchecked): gyro_sign: ")
+    assert stated in CalibrationResult.from_yaml(data["files"]["calibration"]).provenance["checks"]
 
 
 @pytest.mark.parametrize("method", [m for m in METHODS if m not in ("ratetable", "field")])
@@ -131,8 +131,8 @@ def test_raw_counts_turned_by_hand_raise_no_alarm(shared_data, tmp_path, capsys)
     options = ("--config", config, "--gravity", "9.81744", "--out", tmp_path, "--no-report", "--json")
     code, out, err = run(capsys, "calibrate", "freepose", log, *options)
     assert (code, err) == (0, "")
-    (said,) = json.loads(out)["provenance"]["checks"]
-    assert said.endswith("no error was found.")
+    (stated,) = json.loads(out)["provenance"]["checks"]
+    assert stated.endswith("no error was found.")
 
 
 @pytest.mark.realdata

@@ -171,8 +171,8 @@ def test_rests_of_a_file_are_used(turned, tmp_path, capsys):
         capsys, "calibrate", "field", turned[0], *AUTOMOTIVE, *NORTH, "--out", tmp_path, "--intervals", table
     )
     assert code == 0, err
-    found = np.array(json.loads(out)["field"]["rests"])
-    np.testing.assert_allclose(found, spans, atol=0.021)  # a sample
+    result = np.array(json.loads(out)["field"]["rests"])
+    np.testing.assert_allclose(result, spans, atol=0.021)  # a sample
 
 
 def test_an_earlier_calibration_as_prior(calibrated, turned, tmp_path, capsys):
@@ -220,8 +220,8 @@ def test_a_simulated_routine_knows_its_place_and_its_biases(tmp_path, capsys):
         "--no-report", "--json", "--out", tmp_path,
     )  # fmt: skip
     for i, axis in enumerate("xyz"):
-        found = data["parameters"][f"b_a_{axis}"]
-        assert abs(found["value"] - run_.errors.b_a[i]) < 4.0 * found["sigma"]
+        result = data["parameters"][f"b_a_{axis}"]
+        assert abs(result["value"] - run_.errors.b_a[i]) < 4.0 * result["sigma"]
     assert data["provenance"]["latitude"] == pytest.approx(39.92 * DEG)
     again = simulate_mission(prepare_mission(scenario)).recording
     np.testing.assert_array_equal(again.need_imu().accel, run_.recording.need_imu().accel)
@@ -332,10 +332,10 @@ def test_the_documented_program_runs(tmp_path, monkeypatch):
 def test_the_commands_documented_exist(capsys):
     """Every option the pages name for this method, and every key of its JSON."""
     main(["calibrate", "field", "--help"])
-    known = set(re.findall(r"--[a-z][a-z-]*", capsys.readouterr().out))
+    given = set(re.findall(r"--[a-z][a-z-]*", capsys.readouterr().out))
     page = PAGE.read_text(encoding="utf-8")
     others = {"--calibration", "--config"}  # of navigate
-    assert set(re.findall(r"--[a-z][a-z-]*", page)) - others <= known
+    assert set(re.findall(r"--[a-z][a-z-]*", page)) - others <= given
     commands = (PAGE.parent / "commands.md").read_text(encoding="utf-8")
     for key in ("passes", "rests", "rest_notes", "heading_deg", "nis.<kind>", "below_tenth_s.<name>"):
         assert f"`{key}`" in commands

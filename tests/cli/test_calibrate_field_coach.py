@@ -60,7 +60,7 @@ def finished(tmp_path) -> Path:
     return path
 
 
-def told(log, **options):
+def coached(log, **options):
     lines: list[str] = []
     recording = run_coach(log, SPEC, latitude=LAT, out=lines.append, **options)
     return recording, lines
@@ -71,14 +71,14 @@ def advice_in(lines) -> list[str]:
 
 
 def test_a_finished_log(finished):
-    recording, lines = told(finished)
+    recording, lines = coached(finished)
     assert len(recording.need_imu()) == len(LOG)
     assert recording.metadata.sources.keys() == {"hand.csv"}
     assert all("\n" not in line for line in lines)
-    said = advice_in(lines)
-    assert "lay it down" in said[0]
-    assert len(said) == 4
-    assert all("turn" in line for line in said[1:])
+    stated = advice_in(lines)
+    assert "lay it down" in stated[0]
+    assert len(stated) == 4
+    assert all("turn" in line for line in stated[1:])
     assert [line.split("  ")[-1] for line in lines if "ing" in line and "%" not in line] == [
         "turning", "resting: hold it", "turning", "resting: hold it"
     ]  # fmt: skip
@@ -88,7 +88,7 @@ def test_a_finished_log(finished):
 
 
 def test_the_bell_rings_with_advice_only(finished):
-    _, lines = told(finished, bell=True)
+    _, lines = coached(finished, bell=True)
     assert [line.startswith("\a") for line in lines if "turn " in line] == [True] * 3
     assert not any("\a" in line for line in lines if "turn " not in line)
 
@@ -99,7 +99,7 @@ def test_reading_options_are_those_of_other_commands(tmp_path):
     path.write_text(text_of(rows))
     os.utime(path, (0, 0))
     reading = Reading(columns="t,gx,gy,gz,ax,ay,az", units="g,deg/s,ms")
-    recording, lines = told(path, reading=reading)
+    recording, lines = coached(path, reading=reading)
     np.testing.assert_allclose(recording.need_imu().accel, LOG[:, 4:], rtol=1e-7)
     assert len(advice_in(lines)) == 4
 
@@ -119,11 +119,11 @@ def test_a_growing_log_is_followed(tmp_path, monkeypatch):
 
     writer = threading.Thread(target=write)
     writer.start()
-    recording, lines = told(path, follow=True, idle_s=1.0)
+    recording, lines = coached(path, follow=True, idle_s=1.0)
     writer.join()
     np.testing.assert_allclose(recording.need_imu().t, LOG[:, 0])
     path.with_name("finished.csv").write_text(text)
-    again, others = told(path.with_name("finished.csv"), follow=False)
+    again, others = coached(path.with_name("finished.csv"), follow=False)
     np.testing.assert_array_equal(recording.need_imu().gyro, again.need_imu().gyro)
     assert len(advice_in(lines)) == len(advice_in(others))
 
@@ -142,7 +142,7 @@ def test_it_ends_when_all_is_found(tmp_path):
     """A target that the first rests reach: the file may go on growing, the coach does not wait."""
     path = tmp_path / "hand.csv"
     path.write_text(HEADER + text_of(LOG))
-    recording, lines = told(path, follow=True, idle_s=600.0, coaching=CoachOptions(patience_s=1e-9))
+    recording, lines = coached(path, follow=True, idle_s=600.0, coaching=CoachOptions(patience_s=1e-9))
     assert any("done: stop" in line for line in lines)
     assert len(recording.need_imu()) == len(LOG)
 
@@ -158,7 +158,7 @@ def test_ctrl_c_keeps_everything(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(terminal.time, "sleep", interrupted)
-    recording, lines = told(path, follow=True)
+    recording, lines = coached(path, follow=True)
     np.testing.assert_allclose(recording.need_imu().t, LOG[:, 0])
     assert any("interrupted" in line for line in lines)
 
@@ -176,7 +176,7 @@ def test_lines_of_stdin_are_kept(tmp_path, monkeypatch):
 
         writer = threading.Thread(target=write)
         writer.start()
-        recording, lines = told(Path("-"), stdin=stdin, keep=tmp_path / "kept.txt")
+        recording, lines = coached(Path("-"), stdin=stdin, keep=tmp_path / "kept.txt")
         writer.join()
     np.testing.assert_allclose(recording.need_imu().accel, LOG[:, 4:], rtol=1e-8)
     assert (tmp_path / "kept.txt").read_text() == "something of value"
@@ -190,20 +190,20 @@ def test_someone_who_cannot_hold_it_still_is_told(tmp_path):
     turns = [(k % 3, (-1) ** k * 20.0, 0.5) for k in range(60)]
     path.write_text(HEADER + text_of(log_of(12.0, *turns)))
     os.utime(path, (0, 0))
-    _, lines = told(path)
+    _, lines = coached(path)
     assert any("no rest for 20 s: put it down" in line for line in lines)
 
 
 def test_errors(tmp_path):
     with pytest.raises(InputError, match="no such file"):
-        told(tmp_path / "none.csv")
+        coached(tmp_path / "none.csv")
     with pytest.raises(InputError, match="expected lines of a log, got none"):
-        told(tmp_path / "none.csv", follow=True, idle_s=0.1)
+        coached(tmp_path / "none.csv", follow=True, idle_s=0.1)
     path = tmp_path / "bare.csv"
     path.write_text(text_of(LOG))
     # hints are missing: that is said at once, not after waiting
     with pytest.raises(InputError, match="columns"):
-        told(path, follow=True, idle_s=600.0)
+        coached(path, follow=True, idle_s=600.0)
     path.write_text(text_of(LOG[:20]))
     with pytest.raises(InputError, match="columns"):
-        told(path, follow=True, idle_s=0.1)
+        coached(path, follow=True, idle_s=0.1)

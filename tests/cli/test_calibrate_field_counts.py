@@ -56,9 +56,9 @@ def in_counts(turned, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def known(in_counts, tmp_path_factory):
+def calibrated(in_counts, tmp_path_factory):
     """Its calibration by command: the JSON."""
-    folder = tmp_path_factory.mktemp("known")
+    folder = tmp_path_factory.mktemp("calibrated")
     with pytest.MonkeyPatch.context() as patch:
         printed = []
         patch.setattr("schuler.cli.calibrate_output.print_json", printed.append)
@@ -72,8 +72,8 @@ def in_si(turned, tmp_path_factory):
     """The log in SI, and a calibration of it."""
     folder = tmp_path_factory.mktemp("si")
     io.write(Recording(imu=turned[0], metadata=Metadata(name="turned")), folder / "turned.parquet")
-    found = calibrate_field(turned[0], SPEC, latitude=LLH[0], height=LLH[2], heading=(0.0, DEG)).calibration
-    return folder / "turned.parquet", found.to_yaml(folder / "calibration.yaml")
+    result = calibrate_field(turned[0], SPEC, latitude=LLH[0], height=LLH[2], heading=(0.0, DEG)).calibration
+    return folder / "turned.parquet", result.to_yaml(folder / "calibration.yaml")
 
 
 def true_of_counts(errors, nominal, middle):
@@ -86,13 +86,13 @@ def true_of_counts(errors, nominal, middle):
     )  # fmt: skip
 
 
-def test_raw_counts_by_command(known, in_counts):
+def test_raw_counts_by_command(calibrated, in_counts):
     """Factors and the middle of the range are found; the result compensates counts. Statistical: 30, 4 sigma."""
     log, errors = in_counts
-    assert known["status"] == "ok", known["verdicts"]
-    for found, lsb, M in zip(known["nominal"], LSB, (errors.M_a, errors.M_g), strict=True):
-        assert found == pytest.approx(lsb / np.cbrt(np.linalg.det(np.eye(3) + M)), rel=1e-3)
-    result = CalibrationResult.from_yaml(known["files"]["calibration"])
+    assert calibrated["status"] == "ok", calibrated["verdicts"]
+    for outcome, lsb, M in zip(calibrated["nominal"], LSB, (errors.M_a, errors.M_g), strict=True):
+        assert outcome == pytest.approx(lsb / np.cbrt(np.linalg.det(np.eye(3) + M)), rel=1e-3)
+    result = CalibrationResult.from_yaml(calibrated["files"]["calibration"])
     assert result.extra["middle_counts"] == [[32768.0] * 3] * 2
     off = (result.values - vector(true_of_counts(errors, result.nominal, 32768.0), result.names)) / result.sigma
     assert len(off) == 30
@@ -101,7 +101,7 @@ def test_raw_counts_by_command(known, in_counts):
     assert result.prior_sigma["M_a_xx"] == pytest.approx(np.hypot(0.01, 0.01))
     assert result.prior_sigma["b_a_x"] == pytest.approx(SPEC.accel.turn_on_bias)
     # the history ends at the result here too
-    rows = list(csv.DictReader(Path(known["files"]["history"]).read_text(encoding="utf-8").splitlines()))
+    rows = list(csv.DictReader(Path(calibrated["files"]["history"]).read_text(encoding="utf-8").splitlines()))
     assert float(rows[-1]["b_a_x [m/s^2]"]) == pytest.approx(result["b_a_x"][0], rel=1e-12)
     # gravity at the first rest: statistical, noise of four seconds and what the calibration leaves are 1 mm/s^2
     first = result.apply(io.read(log, units="counts,counts").need_imu()).between(0.5, 4.5).accel.mean(axis=0)
@@ -130,9 +130,9 @@ def test_figures_of_counts_are_of_the_log_in_si(in_counts, tmp_path, capsys):
     assert np.abs(drawn["before"].gyro - drawn["after"].gyro).max() < 3.0 * DEG
 
 
-def test_the_filter_that_navigates_takes_it(known, in_counts):
+def test_the_filter_that_navigates_takes_it(calibrated, in_counts):
     """States from the calibration and the log times the factors give what ``apply`` gives. Rounding."""
-    result = CalibrationResult.from_yaml(known["files"]["calibration"])
+    result = CalibrationResult.from_yaml(calibrated["files"]["calibration"])
     layout = layout_for(SPEC, 39)
     start = calibration_start(result, layout, SPEC)
     counts = io.read(in_counts[0], units="counts,counts").need_imu()
@@ -141,11 +141,11 @@ def test_the_filter_that_navigates_takes_it(known, in_counts):
     np.testing.assert_allclose(there.gyro, result.apply(counts).gyro, atol=1e-9)
 
 
-def test_an_earlier_calibration_brings_its_factors(known, in_counts, tmp_path, capsys):
-    first = CalibrationResult.from_yaml(known["files"]["calibration"])
+def test_an_earlier_calibration_brings_its_factors(calibrated, in_counts, tmp_path, capsys):
+    first = CalibrationResult.from_yaml(calibrated["files"]["calibration"])
     code, _, err = run(
         capsys, "calibrate", "field", in_counts[0], *COUNTED, "--out", tmp_path, "--prior",
-        known["files"]["calibration"],
+        calibrated["files"]["calibration"],
     )  # fmt: skip
     assert code == 0, err
     second = CalibrationResult.from_yaml(tmp_path / "calibration.yaml")
@@ -155,13 +155,13 @@ def test_an_earlier_calibration_brings_its_factors(known, in_counts, tmp_path, c
     assert second["b_a_x"][1] < 0.85 * first["b_a_x"][1]
 
 
-def test_what_does_not_go_together(known, in_counts, in_si, capsys):
+def test_what_does_not_go_together(calibrated, in_counts, in_si, capsys):
     counts = (in_counts[0], *COUNTED)
     si = (in_si[0], "--imu", "yaman-automotive", *PLACE)
     for arguments, message in (
         ((*counts, "--prior", in_si[1]), "--prior: expected a calibration of a log in counts"),
-        ((*si, "--prior", known["files"]["calibration"]), "expected a specific force of about 9.8"),
-        ((*si, "--prior", known["files"]["calibration"], "--coach"), "of a log in SI with --coach"),
+        ((*si, "--prior", calibrated["files"]["calibration"]), "expected a specific force of about 9.8"),
+        ((*si, "--prior", calibrated["files"]["calibration"], "--coach"), "of a log in SI with --coach"),
         ((*counts, "--coach"), "--coach: expected a log in known units, got raw counts"),
         ((*counts, "--to", "17"), "state what a count is"),
     ):

@@ -173,9 +173,9 @@ def test_help_and_documents_name_every_aid(capsys):
     text = re.sub(r"[^\w,]+", " ", capsys.readouterr().out)
     listed = re.search(r"Switch an aid on, as configured or with its defaults (.*?) may be given", text).group(1)
     assert set(re.split(r", ?| or ", listed.strip())) == switched
-    said = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
-    said = said[said.index("`--aid` switches") :].partition("on, as configured")[0]
-    assert set(re.findall(r"`(\w+)`", said)) == switched
+    stated = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    stated = stated[stated.index("`--aid` switches") :].partition("on, as configured")[0]
+    assert set(re.findall(r"`(\w+)`", stated)) == switched
     table = (ROOT / "docs" / "navigation.md").read_text(encoding="utf-8")
     assert set(re.findall(r"^\| `\[aiding\.(\w+)\]`", table, re.MULTILINE)) == switched | {"fixes"}
 

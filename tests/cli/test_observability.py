@@ -41,7 +41,7 @@ def test_report_and_our_axes(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("nothing.toml",), "no such configuration file"),
         ((LEVEL, "--known", "colour"), "no state 'colour'"),
@@ -50,10 +50,10 @@ def test_report_and_our_axes(capsys, tmp_path):
         ((LEVEL, "--log", "x.parquet"), "observability_rotary_z_level.toml"),
     ],
 )
-def test_faults_say_what_to_do(capsys, arguments, said):
+def test_faults_say_what_to_do(capsys, arguments, message):
     code, _, err = run(capsys, "observability", *arguments)
     assert code == 2
-    assert said in err
+    assert message in err
     assert err.count("\n") == 1
 
 

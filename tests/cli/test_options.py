@@ -15,10 +15,10 @@ FOLDERS_OF_METHODS = [f"calibrate {name}" for name in METHODS]
 
 def arguments(call):
     """All arguments of a command, as its help would show them."""
-    found = app
+    result = app
     for name in call:
-        found = found[name]
-    return found.assemble_argument_collection(parse_docstring=True)
+        result = result[name]
+    return result.assemble_argument_collection(parse_docstring=True)
 
 
 @pytest.mark.parametrize("call", CALLS, ids=" ".join)
@@ -45,9 +45,9 @@ def test_a_file_in_the_place_of_the_folder_is_refused_first(command, tmp_path, c
     call += ["--rates", "30"] if command.endswith("ratetable") else []
     call += ["--config", str(tmp_path / "missing.toml")] if command in ("navigate", "compare") else []
     assert main([*call, "--out", str(taken)]) == 2
-    said = capsys.readouterr().err
-    assert "for --out. Expected a folder" in said
-    assert f"{taken} is a file: give another name" in said
+    stated = capsys.readouterr().err
+    assert "for --out. Expected a folder" in stated
+    assert f"{taken} is a file: give another name" in stated
     assert taken.read_text(encoding="utf-8") == "mine"
     assert main([*call, "--out", str(taken / "in it")]) == 2
     assert f"{taken} is a file: give another name" in capsys.readouterr().err

@@ -29,15 +29,15 @@ def test_text_names_what_differs_and_a_book_is_written(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["groves"], "groves"),
         (["du", "table-99.1"], "no item 'table-99.1'; there are"),
         (["all", "table-5.3"], "items are of one thesis"),
     ],
 )
-def test_faults_say_what_to_do(capsys, arguments, said):
+def test_faults_say_what_to_do(capsys, arguments, message):
     assert main(["reproduce", *arguments]) == 2
     err = capsys.readouterr().err
-    assert said in err
+    assert message in err
     assert err.count("\n") == 1

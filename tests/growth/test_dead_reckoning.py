@@ -83,18 +83,18 @@ def test_summed_angles_are_wrong_for_large_turns():
 @pytest.mark.parametrize("start", ["zero", "stationary"])
 def test_planar_monte_carlo_meets_the_closed_forms(grade, start):
     """20,000 runs, four standard errors; samples of 10 Hz leave 3 / k = 1 % of a variance at 30 s."""
-    found = planar_bounds(spec(f"flenniken-{grade}"), 30.0, rate_hz=10.0, runs=20_000, start=start, seed=7)
-    exact = growth(spec(f"flenniken-{grade}"), found.t, gravity=0.0, start=start)
+    result = planar_bounds(spec(f"flenniken-{grade}"), 30.0, rate_hz=10.0, runs=20_000, start=start, seed=7)
+    exact = growth(spec(f"flenniken-{grade}"), result.t, gravity=0.0, start=start)
     for k in (149, 299):
         for name, quantity in (("heading", "heading"), ("velocity_north", "velocity"), ("position_north", "position")):
-            ratio = found.sigma[name][k] / exact.total(quantity)[k]
-            assert abs(ratio - 1.0) < 4.0 * found.uncertainty + 0.01
+            ratio = result.sigma[name][k] / exact.total(quantity)[k]
+            assert abs(ratio - 1.0) < 4.0 * result.uncertainty + 0.01
     if start == "stationary":
         pairs = [(s.random_walk, s.in_run_bias, s.in_run_time) for s in (spec(f"flenniken-{grade}").accel,)]
         g = spec(f"flenniken-{grade}").gyro
         v, p = np.sqrt(lateral(30.0, pairs[0], (g.random_walk, g.in_run_bias, g.in_run_time)))
-        assert abs(found.sigma["velocity_east"][-1] / v - 1.0) < 0.05
-        assert abs(found.sigma["position_east"][-1] / p - 1.0) < 0.05
+        assert abs(result.sigma["velocity_east"][-1] / v - 1.0) < 0.05
+        assert abs(result.sigma["position_east"][-1] / p - 1.0) < 0.05
 
 
 @pytest.mark.parametrize("grade", ["consumer", "tactical"])
@@ -110,10 +110,10 @@ def test_upright_monte_carlo_meets_the_closed_forms(grade):
     for q in ("velocity", "position"):
         whole, part = float(exact.total(q)[0]), float(flat.total(q)[0])
         tilt = np.sqrt(whole**2 - part**2)
-        for found, expected in (
+        for result, expected in (
             (with_g.sigma[f"{q}_north"], whole), (printed.sigma[f"{q}_up"], tilt), (without.sigma[f"{q}_north"], part),
         ):  # fmt: skip
-            assert abs(found[-1] / expected - 1.0) < 4.0 * with_g.uncertainty + 0.01
+            assert abs(result[-1] / expected - 1.0) < 4.0 * with_g.uncertainty + 0.01
     plane = planar_bounds(imu, 30.0, rate_hz=10.0, runs=4000, seed=11)
     assert_allclose(without.sigma["pitch"], plane.sigma["heading"])
     assert with_g.index(15.0) == 149

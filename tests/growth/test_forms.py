@@ -288,10 +288,10 @@ def test_source_table_and_text():
     row = table.row(grade="tactical", time_s=30.0)
     assert_allclose(row["zero_start_m"], row["source_m"], rtol=0.05)
     assert "LN-200" in table.summary()
-    found = growth(spec("flenniken-tactical"), np.linspace(0.0, 60.0, 7))
-    assert_allclose(found.share("position")[:, -1].sum(), 1.0, rtol=1e-12)
-    assert "gyro noise" in found.summary()
-    assert np.all(found.share("position")[:, 0] == 0.0)
+    result = growth(spec("flenniken-tactical"), np.linspace(0.0, 60.0, 7))
+    assert_allclose(result.share("position")[:, -1].sum(), 1.0, rtol=1e-12)
+    assert "gyro noise" in result.summary()
+    assert np.all(result.share("position")[:, 0] == 0.0)
 
 
 def test_impossible_arguments_are_refused():

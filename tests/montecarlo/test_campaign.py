@@ -75,15 +75,15 @@ def test_more_runs_go_on_with_the_same_ones(runs):
 @pytest.mark.parametrize("name", ["fails", "batched_failing"])
 def test_runs_that_cannot_be_done_are_told_and_left_out(runs, name):
     got = campaign(getattr(runs, name), {}, 70, workers=1, batch=9, keep=True)
-    told = {k for k in range(70) if k % 7 == 3}
+    expected_runs = {k for k in range(70) if k % 7 == 3}
     if name == "fails":
-        told |= {k for k in range(70) if k % 7 == 5}
+        expected_runs |= {k for k in range(70) if k % 7 == 5}
         assert got.failures[5] == "x is not finite"
-    assert set(got.failures) == told
+    assert set(got.failures) == expected_runs
     assert got.failures[3] == "InputError: run 3 cannot be done"
-    assert got["x"].n == 70 - len(told)
+    assert got["x"].n == 70 - len(expected_runs)
     assert got.done == 70
-    assert f"{len(told)} runs could not be done; run 3: InputError" in got.summary()
+    assert f"{len(expected_runs)} runs could not be done; run 3: InputError" in got.summary()
     assert np.isfinite(got.column("x")).all()
 
 

@@ -64,17 +64,17 @@ def job(write):
 
 def test_an_honest_filter_is_found_honest(job):
     """Bands hold 95 % of the times, which hang together: at least 60 % inside, the mean within 4 of its own errors."""
-    found = scatter(campaign(lane_runs, job, 200, seed=1, workers=1), job)
-    assert "as good as it says" in found.verdict
-    assert found.nees.share > 0.6
-    inside = (found.low < found.claimed) & (found.claimed < found.high)
+    result = scatter(campaign(lane_runs, job, 200, seed=1, workers=1), job)
+    assert "as good as it says" in result.verdict
+    assert result.nees.share > 0.6
+    inside = (result.low < result.claimed) & (result.claimed < result.high)
     assert inside.mean() > 0.85
     # mean errors: 4 standard errors at every time and axis
-    assert np.all(np.abs(found.mean) < 4.5 * found.sigma / np.sqrt(200))
-    assert found.t[0] == 4.0
-    assert found.outages == ((50.0, 70.0),)
+    assert np.all(np.abs(result.mean) < 4.5 * result.sigma / np.sqrt(200))
+    assert result.t[0] == 4.0
+    assert result.outages == ((50.0, 70.0),)
     # the outage shows
-    assert found.rms[found.at(68.0), 6] > 2.0 * found.rms[found.at(48.0), 6]
+    assert result.rms[result.at(68.0), 6] > 2.0 * result.rms[result.at(48.0), 6]
 
 
 def test_the_whole_chain_says_the_same_as_lanes(job):
@@ -234,16 +234,16 @@ def test_rounding_is_left_out_only_if_lanes_are_asked_for(write):
 
 def test_tables_and_figures(job, tmp_path):
     done = campaign(lane_runs, job, 16, workers=1)
-    found = scatter(done, job)
-    table = found.table()
+    result = scatter(done, job)
+    table = result.table()
     assert table.column("error") == [name for name, _, _ in COMPONENTS]
     row = table.row(error="attitude down")
-    assert row["sigma_of_runs"] == pytest.approx(found.sigma[-1, 2] / DEG)
-    assert len(found.tenths()) == 10
-    assert found.table(40.0).title.endswith("40.0 s")
-    assert len(found.plot().axes) == 9
-    assert found.to_dict()["nees"]["share_inside"] == found.nees.share
-    assert found.verdict in found.summary()
+    assert row["sigma_of_runs"] == pytest.approx(result.sigma[-1, 2] / DEG)
+    assert len(result.tenths()) == 10
+    assert result.table(40.0).title.endswith("40.0 s")
+    assert len(result.plot().axes) == 9
+    assert result.to_dict()["nees"]["share_inside"] == result.nees.share
+    assert result.verdict in result.summary()
     with pytest.raises(InputError, match="two runs"):
         scatter(campaign(lane_runs, job, 1, workers=1), job)
 
@@ -265,8 +265,8 @@ def test_a_thousand_runs_of_an_hour():
 
     job, file = read_job(ROOT / "examples" / "montecarlo_hour.toml")
     function, _ = runner(job, file.engine)
-    found = scatter(campaign(function, job, 1000, seed=1, pool="threads"), job)
-    tenths = found.tenths()
+    result = scatter(campaign(function, job, 1000, seed=1, pool="threads"), job)
+    tenths = result.tenths()
     for name in ("position_ratio", "velocity_ratio", "attitude_ratio"):
         assert np.all(np.abs(np.array(tenths.column(name)) - 1.0) < 0.05), name
 
@@ -276,6 +276,6 @@ def test_without_gnss_a_start_is_needed(write):
     with pytest.raises(InputError, match=r"without GNSS no run can align itself.*\[start\]"):
         _ = job.plan
     blind = NavigationJob(job.simulation, job.navigation, StartSection())
-    found = scatter(campaign(runner(blind)[0], blind, 32, workers=1), blind)
-    assert found.nis is None
-    assert found.rms[-1, 6:8].min() > 20.0
+    result = scatter(campaign(runner(blind)[0], blind, 32, workers=1), blind)
+    assert result.nis is None
+    assert result.rms[-1, 6:8].min() > 20.0

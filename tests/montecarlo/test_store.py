@@ -49,11 +49,11 @@ def test_in_the_end_there_is_one_table(undisturbed, runs):
 def test_other_programs_can_read_it(undisturbed):
     import pyarrow.parquet as pq
 
-    found = pq.read_table(undisturbed / "runs.parquet")
-    assert found.column_names == ["run", "x", "track", "count", "hit"]
-    assert found.schema.field("track").type.list_size == 12
-    assert found["run"].to_pylist()[:6] == [0, 1, 2, 4, 6, 7]  # 3 and 5 could not be done
-    assert json.loads(found.schema.metadata[b"schuler"])["failures"]["5"] == "x is not finite"
+    result = pq.read_table(undisturbed / "runs.parquet")
+    assert result.column_names == ["run", "x", "track", "count", "hit"]
+    assert result.schema.field("track").type.list_size == 12
+    assert result["run"].to_pylist()[:6] == [0, 1, 2, 4, 6, 7]  # 3 and 5 could not be done
+    assert json.loads(result.schema.metadata[b"schuler"])["failures"]["5"] == "x is not finite"
 
 
 @pytest.mark.parametrize("options", [{"batch": 1}, {"batch": 37}, {"workers": 3, "pool": "threads"}])

@@ -87,9 +87,9 @@ def test_exponentials_in_a_batch_are_those_one_by_one(size):
 
 def test_transitions_of_a_constant_matrix_are_exponentials():
     F = np.random.default_rng(1).standard_normal((4, 4))
-    found = transitions(lambda t: np.broadcast_to(F, (len(t), 4, 4)), [0.0, 0.3, 1.0])
-    assert found[1] == pytest.approx(expm(0.3 * F), rel=1e-12)
-    assert found[2] == pytest.approx(expm(0.7 * F), rel=1e-12)
+    result = transitions(lambda t: np.broadcast_to(F, (len(t), 4, 4)), [0.0, 0.3, 1.0])
+    assert result[1] == pytest.approx(expm(0.3 * F), rel=1e-12)
+    assert result[2] == pytest.approx(expm(0.7 * F), rel=1e-12)
 
 
 def test_transitions_are_of_sixth_order():
@@ -184,7 +184,7 @@ def test_covariance_along_a_system_is_the_engines():
     system = motion_system(
         motion, velocities(t, 0.02), layout, start_sigma=START, gyro_psd=psd[0], accel_psd=psd[1], imu_rate_hz=50.0
     )
-    found = degree_of_observability(system, [10.0, 40.0])
+    result = degree_of_observability(system, [10.0, 40.0])
     ideal = ideal_imu(motion, 50.0)
     truth = ideal.truth
     increments = ImuSeries(ideal.t[1:], ideal.gyro, ideal.accel, "increment").increments()
@@ -199,8 +199,8 @@ def test_covariance_along_a_system_is_the_engines():
     T = ecef_from_ned_states(HERE, n)
     expected = np.sqrt(np.diag(T.T @ P @ T))
     assert done.rec_t[-1] == pytest.approx(40.0)
-    assert found.sigma[-1] == pytest.approx(expected, rel=5e-3)
-    assert np.all(found.ratio[-1, 9:] < 0.5)
+    assert result.sigma[-1] == pytest.approx(expected, rel=5e-3)
+    assert np.all(result.ratio[-1, 9:] < 0.5)
 
 
 def test_without_noise_nothing_is_lost():
@@ -247,8 +247,8 @@ def test_local_observability_at_rest_and_in_a_turn():
 def test_a_motion_that_is_not_smooth_is_doubted_not_believed():
     """Way-points are joined by quintic splines: higher derivatives do not exist, and nothing counts as seen by them."""
     sigma = np.concatenate((START, np.sqrt(LAYOUT.initial_variances())))
-    found = motion_local_spectrum(drive(), LAYOUT, 20.0, sigma, width=4.0, fixed=("dr",))
-    assert found.doubt > 1e-3 * found.values[0]
+    result = motion_local_spectrum(drive(), LAYOUT, 20.0, sigma, width=4.0, fixed=("dr",))
+    assert result.doubt > 1e-3 * result.values[0]
 
 
 def test_names():

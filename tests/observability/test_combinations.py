@@ -57,12 +57,12 @@ def test_a_factor_that_is_nearly_one_is_not_taken_for_it():
 
 def test_conventional_system_in_du_names():
     """Table 5.1, in words: the ones of the issue."""
-    found = study()
-    assert {c.text for c in seen(found, CONSTANTS)} == {
+    result = study()
+    assert {c.text for c in seen(result, CONSTANTS)} == {
         "dv_E", "dv_N", "dv_U", "b_U", "b_E + g eps_N", "b_N - g eps_E", "d_N - W sin(lat) eps_E",
         "d_U + W cos(lat) eps_E", "d_E + W sin(lat) eps_N - W cos(lat) eps_U",
     }  # fmt: skip
-    assert {c.text for c in unseen(found, CONSTANTS)} == {
+    assert {c.text for c in unseen(result, CONSTANTS)} == {
         "eps_E with d_N = W sin(lat) eps_E, d_U = -W cos(lat) eps_E, b_N = g eps_E",
         "eps_N with d_E = -W sin(lat) eps_N, b_E = -g eps_N",
         "eps_U with d_E = W cos(lat) eps_U",
@@ -71,36 +71,36 @@ def test_conventional_system_in_du_names():
 
 def test_level_rotation_about_z_in_words():
     """What oscillates: a tilt that turns with the IMU hides both horizontal biases."""
-    found = study((0.0, 0.0, -1.0), earth=False)
-    assert {c.text for c in seen(found, CONSTANTS)} == {
+    result = study((0.0, 0.0, -1.0), earth=False)
+    assert {c.text for c in seen(result, CONSTANTS)} == {
         "dv_E", "dv_N", "dv_U", "b_U", "b_E + g eps_N", "b_N - g eps_E", "d_E + w eps_N", "d_N - w eps_E",
     }  # fmt: skip
-    assert {c.text for c in unseen(found, CONSTANTS)} == {
+    assert {c.text for c in unseen(result, CONSTANTS)} == {
         "eps_U", "d_U", "eps_E with d_N = w eps_E, b_N = g eps_E", "eps_N with d_E = -w eps_N, b_E = -g eps_N",
     }  # fmt: skip
 
 
 def test_our_own_names_have_the_signs_of_estimates():
-    found = study(earth=False, axes="ned")
-    texts = {c.text for c in seen(found, CONSTANTS)}
+    result = study(earth=False, axes="ned")
+    texts = {c.text for c in seen(result, CONSTANTS)}
     assert {"b_a_E - g eps_N", "b_a_N + g eps_E", "b_g_N", "b_g_E", "b_a_D"} < texts
 
 
 def test_weak_directions_can_be_left_out():
     """With Earth rate level rotation about Z is formally complete; what it is good for is gyrocompassing."""
-    found = study((0.0, 0.0, -1.0))
-    assert found.formal == 12
-    assert [c.text for c in unseen(found, CONSTANTS)] == []
-    useful = {c.text for c in seen(found, CONSTANTS, which="useful")}
+    result = study((0.0, 0.0, -1.0))
+    assert result.formal == 12
+    assert [c.text for c in unseen(result, CONSTANTS)] == []
+    useful = {c.text for c in seen(result, CONSTANTS, which="useful")}
     assert {"eps_U", "d_U", "b_E + g eps_N", "b_N - g eps_E"} < useful
-    assert len(useful) == found.useful == 10
+    assert len(useful) == result.useful == 10
 
 
 def test_bases_are_orthogonal_complements_in_si():
     """Every seen combination of every unseen error is zero; factors are those of the printed names."""
-    found = study((0.0, 1.0, 0.0), earth=False)
-    A = np.array([c.coefficients for c in seen(found, CONSTANTS)])
-    B = np.array([c.coefficients for c in unseen(found, CONSTANTS)])
+    result = study((0.0, 1.0, 0.0), earth=False)
+    A = np.array([c.coefficients for c in seen(result, CONSTANTS)])
+    B = np.array([c.coefficients for c in unseen(result, CONSTANTS)])
     assert A.shape == (10, 12)
     assert B.shape == (2, 12)
     scaled = (A * SIGMA[0]) @ (B.T / SIGMA[0])
@@ -114,9 +114,9 @@ def test_a_known_sparse_space_is_found_again():
     rows = np.array([[1.0, 0, 0, 0, 0], [0, 1.0, 0, 9.806, 0], [0, 0, 1.0, 0, -2.0]])
     sigma = np.array([0.01, 0.2, 0.002, 0.02, 0.02])
     q, _ = np.linalg.qr((rng.standard_normal((3, 3)) @ rows * sigma).T, mode="complete")
-    found = Spectrum(names, np.array([9.0, 5.0, 2.0, 0.0, 0.0]), q.T, sigma, 1e-12)
-    assert [c.text for c in seen(found, {"g": 9.806})] == ["dv_N", "b_a_N + g eps_N", "b_g_N - 2 eps_E"]
-    assert {c.text for c in unseen(found, {"g": 9.806})} == {
+    result = Spectrum(names, np.array([9.0, 5.0, 2.0, 0.0, 0.0]), q.T, sigma, 1e-12)
+    assert [c.text for c in seen(result, {"g": 9.806})] == ["dv_N", "b_a_N + g eps_N", "b_g_N - 2 eps_E"]
+    assert {c.text for c in unseen(result, {"g": 9.806})} == {
         "eps_E with b_g_N = 2 eps_E",
         "eps_N with b_a_N = -g eps_N",
     }

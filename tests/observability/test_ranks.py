@@ -58,18 +58,18 @@ def scheme(axis, roll=0, pitch=0, azimuth=0, *, earth=True, **rest):
 def test_ranks_of_twelve_states_by_scheme(axis, roll, pitch, azimuth, without, with_earth, weak):
     """300 s, 10 deg/s, 12 states. Without Earth rate all three rules agree; with it the Gramian's rank is the printed
     one, and directions it calls very weak are those the prior knows better."""
-    found = spectrum(model_system(scheme(axis, roll, pitch, azimuth, earth=False), duration=300.0, sigma=SIGMA))
-    assert found.rank == found.formal == found.useful == without
-    found = spectrum(model_system(scheme(axis, roll, pitch, azimuth), duration=300.0, sigma=SIGMA))
-    assert found.rank == with_earth
-    assert found.rank - found.useful == weak
+    result = spectrum(model_system(scheme(axis, roll, pitch, azimuth, earth=False), duration=300.0, sigma=SIGMA))
+    assert result.rank == result.formal == result.useful == without
+    result = spectrum(model_system(scheme(axis, roll, pitch, azimuth), duration=300.0, sigma=SIGMA))
+    assert result.rank == with_earth
+    assert result.rank - result.useful == weak
 
 
 def test_formal_ranks_with_earth_rate_are_the_symbolic_ones():
     """What the Gramian loses (second order in Earth rate over platform rate) the square root still has."""
     for axis, azimuth, expected in ((None, 0, 9), ("X", 0, 10), ("X", 40, 12), ("Y", 0, 12), ("Z", 0, 12)):
-        found = spectrum(model_system(scheme(axis, azimuth=azimuth), duration=300.0, sigma=SIGMA))
-        assert found.formal == expected
+        result = spectrum(model_system(scheme(axis, azimuth=azimuth), duration=300.0, sigma=SIGMA))
+        assert result.formal == expected
 
 
 @pytest.mark.parametrize("sigma_gyro", [20.0, 400.0, 3600.0])
@@ -77,8 +77,8 @@ def test_ranks_without_earth_rate_do_not_depend_on_the_prior(sigma_gyro):
     sigma = np.repeat([DEG, 0.01, 0.05, sigma_gyro * DEG_PER_HR], 3)
     for axis, pitch, expected in ((None, 0, 8), ("X", 0, 10), ("Y", 30, 11), ("Z", 0, 8), ("Z", 30, 11)):
         system = model_system(scheme(axis, pitch=pitch, earth=False), duration=120.0, rate_hz=1.0, sigma=sigma)
-        found = spectrum(system)
-        assert found.formal == found.rank == expected
+        result = spectrum(system)
+        assert result.formal == result.rank == expected
 
 
 @pytest.mark.parametrize(
@@ -93,8 +93,8 @@ def test_ranks_without_earth_rate_do_not_depend_on_the_prior(sigma_gyro):
 )
 def test_states_seen_one_by_one(axis, pitch, states):
     """Du, section 5.3, in our names: its x is our y, its y our x."""
-    found = spectrum(model_system(scheme(axis, pitch=pitch, earth=False), duration=300.0, sigma=SIGMA))
-    seen = {name for name, yes in zip(found.names, found.observable(), strict=True) if yes}
+    result = spectrum(model_system(scheme(axis, pitch=pitch, earth=False), duration=300.0, sigma=SIGMA))
+    seen = {name for name, yes in zip(result.names, result.observable(), strict=True) if yes}
     assert seen == {"dv_N", "dv_E", "dv_D"} | states
 
 
@@ -113,7 +113,7 @@ def test_local_matrix_against_formulas():
     """Numeric recursion, numeric derivatives, against SymPy's at the same numbers, in Du's axes."""
     model = scheme("Z", pitch=np.arctan(0.75) / DEG)
     jets = derivatives(model.matrices, 0.0, 5, 5.0)
-    found = local_matrix(jets, VELOCITY_ROWS, 6)
+    result = local_matrix(jets, VELOCITY_ROWS, 6)
     symbolic = sym.rotary_model("z", axes="enu", pitch=sp.atan(sp.Rational(3, 4)), order=6)
     R_N, R_E = radii_of_curvature(model.lat)
     values = {
@@ -126,7 +126,7 @@ def test_local_matrix_against_formulas():
     # states of Du from ours: velocity, attitude, gyroscope and accelerometer biases
     Q = np.zeros((12, 12))
     Q[0:3, 3:6], Q[3:6, 0:3], Q[6:9, 9:12], Q[9:12, 6:9] = swap, swap, -swap, -swap
-    turned = swap @ found @ np.linalg.inv(Q)
+    turned = swap @ result @ np.linalg.inv(Q)
     scale = np.abs(expected).max(axis=(1, 2), keepdims=True)
     assert np.abs(turned - expected).max() / scale.max() < 1e-9
     assert np.all(np.abs(turned - expected) / scale < 1e-6)  # rounding, amplified by the fifth derivative
@@ -188,8 +188,8 @@ def test_doubt_is_a_bound():
     system = model_system(scheme("Z", pitch=30), duration=30.0, sigma=SIGMA, rate_hz=1.0)
     E = 1e-6 * rng.standard_normal(system.phi.shape)
     wrong = two_phi(system, system.phi + E)
-    found, other = spectrum(two_phi(system, system.phi, doubt=np.abs(E))), spectrum(wrong)
-    assert np.max(np.abs(found.values - other.values)) < found.doubt
+    result, other = spectrum(two_phi(system, system.phi, doubt=np.abs(E))), spectrum(wrong)
+    assert np.max(np.abs(result.values - other.values)) < result.doubt
 
 
 def two_phi(system, phi, doubt=None):

@@ -55,23 +55,23 @@ def base(**changes):
 def test_examples(name):
     """The engine's own rows, the motion's own transitions: the expected ranks by all three rules."""
     rank, hidden = EXPECTED[name]
-    found = scenario_observability(example(name))
-    s = found.spectrum
+    result = scenario_observability(example(name))
+    s = result.spectrum
     assert (s.formal, s.rank, s.useful) == (rank, rank, rank)
-    assert {c.text for c in found.unseen()} == hidden
-    assert len(found.seen()) == rank
-    assert found.summary().startswith(found.system.name)
+    assert {c.text for c in result.unseen()} == hidden
+    assert len(result.seen()) == rank
+    assert result.summary().startswith(result.system.name)
 
 
 def test_driving_makes_everything_observable():
     """F28: at rest heading and the biases hidden behind tilts are unknown, after the first turns all is known."""
-    found = scenario_observability(example("manoeuvre", every_s=10.0))
+    result = scenario_observability(example("manoeuvre", every_s=10.0))
     at_rest = spectrum(scenario_system(example("manoeuvre")), until=60.0)
-    assert found.spectrum.useful == 15
+    assert result.spectrum.useful == 15
     assert at_rest.useful < 15
-    names = list(found.degree.names)
-    heading = found.degree.ratio[:, names.index("eps_D")]
-    assert heading[found.degree.t <= 60.0].min() > 0.3
+    names = list(result.degree.names)
+    heading = result.degree.ratio[:, names.index("eps_D")]
+    assert heading[result.degree.t <= 60.0].min() > 0.3
     assert heading[-1] < 0.1
 
 
@@ -109,8 +109,8 @@ def test_means_and_sigmas_of_chapter_5(imu, name):
     system = scenario_system(data)
     psd = system.psd.copy()
     psd[0:3], psd[3:6] = arw**2, vrw**2
-    found = observability(replace(system, psd=psd), axes="enu", every_s=300.0)
-    sigma = dict(zip(found.degree.names, found.degree.sigma[-1], strict=True))
+    result = observability(replace(system, psd=psd), axes="enu", every_s=300.0)
+    sigma = dict(zip(result.degree.names, result.degree.sigma[-1], strict=True))
     names = ("eps_E", "eps_N", "eps_U", "b_x", "b_y", "d_x", "d_y", "d_z")
     units = (DEG, DEG, DEG, 1.0, 1.0, DEG_PER_HR, DEG_PER_HR, DEG_PER_HR)
     for state, unit, printed in zip(names, units, ANCHORS[imu, name].split(), strict=True):
@@ -127,12 +127,12 @@ def test_states_of_a_filter_with_more_of_them():
         states=["b_a", "b_g", "S_a", "lever"], models={"lever": {"sigma": 0.5}, "S_a": {"sigma": 1e-3}},
         gnss={"lever_arm_m": [1.0, 0.0, -1.0]}, zero_velocity={}, heading={},
     )  # fmt: skip
-    found = scenario_observability(data)
-    assert found.system.names[15:18] == ("S_a_x", "S_a_y", "S_a_z")
-    assert found.system.names[18:] == ("lever_x", "lever_y", "lever_z")
-    rows = {row[0]: row[1] for row in found.table().rows}
+    result = scenario_observability(data)
+    assert result.system.names[15:18] == ("S_a_x", "S_a_y", "S_a_z")
+    assert result.system.names[18:] == ("lever_x", "lever_y", "lever_z")
+    rows = {row[0]: row[1] for row in result.table().rows}
     assert rows["b_a_z"] == "no"  # hidden behind the scale factor of the axis that feels gravity
-    texts = [c.text for c in found.unseen()]
+    texts = [c.text for c in result.unseen()]
     assert any("S_a_z" in t and "b_a" in t for t in texts)
 
 
@@ -146,11 +146,11 @@ def test_a_lever_arm_on_a_rotating_imu_turns_in_its_axes():
 
     scenario = ObservabilityScenario.parse(data)
     vehicle, imu, schedule = scenario_motion(scenario)
-    found = measurements(scenario, vehicle, imu, schedule)
-    assert np.abs(found.z[:, :3]).max() < 1e-12  # the antenna rests
-    C = schedule.C_bs(found.t)
-    assert found.lever == pytest.approx(np.einsum("nji,j->ni", C, [1.0, 0.5, 0.0]), abs=1e-12)
-    rate = np.linalg.norm(found.z[:, 3:6], axis=1)
+    result = measurements(scenario, vehicle, imu, schedule)
+    assert np.abs(result.z[:, :3]).max() < 1e-12  # the antenna rests
+    C = schedule.C_bs(result.t)
+    assert result.lever == pytest.approx(np.einsum("nji,j->ni", C, [1.0, 0.5, 0.0]), abs=1e-12)
+    rate = np.linalg.norm(result.z[:, 3:6], axis=1)
     assert rate == pytest.approx(np.hypot(1.0, 0.5) * 20.0 * DEG, rel=1e-9)
 
 
@@ -172,8 +172,8 @@ def test_a_recorded_run_is_looked_at_as_it_was():
     system = result_system(result)
     assert system.names[:9:3] == ("eps_N", "dv_N", "dr_N")
     assert system.n == 15
-    found = spectrum(system)
-    assert found.formal == 15
+    outcome = spectrum(system)
+    assert outcome.formal == 15
     spec = catalogue.spec("NAV440-emulated")
     psd = {"gyro_psd": spec.gyro.random_walk**2, "accel_psd": spec.accel.random_walk**2}
     study = observability(result_system(result, **psd), every_s=20.0)
@@ -194,14 +194,15 @@ def test_a_recorded_drive(shared_data):
     spec = imu_spec(config)
     result = navigate(read(shared_data / "rtkexp_drive", **config.recording), config)
     psd = {"gyro_psd": spec.gyro.random_walk**2, "accel_psd": spec.accel.random_walk**2}
-    found = observability(result_system(result, **psd), every_s=60.0)
-    assert found.system.n == result.layout.size == 29
-    assert found.degree.sigma[-1] == pytest.approx(np.sqrt(np.diag(result.covariance[-1])), rel=5e-3)
-    assert found.spectrum.useful == 28
-    (hidden,) = found.unseen()
+    outcome = observability(result_system(result, **psd), every_s=60.0)
+    assert outcome.system.n == result.layout.size == 29
+    assert outcome.degree.sigma[-1] == pytest.approx(np.sqrt(np.diag(result.covariance[-1])), rel=5e-3)
+    assert outcome.spectrum.useful == 28
+    (hidden,) = outcome.unseen()
     assert hidden.text.startswith("lever_z with")
     down = (
-        hidden.coefficients[found.along.names.index("dr_D")] / hidden.coefficients[found.along.names.index("lever_z")]
+        hidden.coefficients[outcome.along.names.index("dr_D")]
+        / hidden.coefficients[outcome.along.names.index("lever_z")]
     )
     assert down == pytest.approx(-1.0, abs=0.02)
 
@@ -217,7 +218,7 @@ def test_formulas_of_scenarios():
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"velocity": None}, "at least one measurement"),
         ({"states": ["b_a", "lever"]}, "models.lever"),
@@ -228,14 +229,14 @@ def test_formulas_of_scenarios():
         ({"heading": {}, "rotary": {"schedule": {"type": "continuous", "rate_deg_s": 5.0}}}, "not with a rotary IMU"),
     ],
 )
-def test_faults_say_what_to_do(changes, said):
-    with pytest.raises(InputError, match=said):
+def test_faults_say_what_to_do(changes, message):
+    with pytest.raises(InputError, match=message):
         scenario_system(base(**changes))
 
 
 def test_plain_numbers():
-    found = scenario_observability(base(known=("dr",), states=["b_a", "b_g"])).to_dict()
-    assert found["rank"] <= found["rank_formal"] <= 12
-    assert len(found["singular_values"]) == 12
-    assert set(found["sigma_of_prior"]) == set(found["states"])
-    assert all(set(c) == {"text", "factors"} for c in found["seen"])
+    result = scenario_observability(base(known=("dr",), states=["b_a", "b_g"])).to_dict()
+    assert result["rank"] <= result["rank_formal"] <= 12
+    assert len(result["singular_values"]) == 12
+    assert set(result["sigma_of_prior"]) == set(result["states"])
+    assert all(set(c) == {"text", "factors"} for c in result["seen"])

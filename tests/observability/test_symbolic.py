@@ -53,13 +53,13 @@ def test_output_injection_keeps_the_span():
 
 def test_table_5_1():
     model = sym.rotary_model(None, biases="navigation")
-    found = sym.observable_combinations(model)
-    assert len(found) == 9
-    assert sym.same_span(model, found, table_5_1(model))
+    result = sym.observable_combinations(model)
+    assert len(result) == 9
+    assert sym.same_span(model, result, table_5_1(model))
     # not by accident: one sign reversed is another space
     wrong = table_5_1(model)
     wrong[4] = wrong[4].subs(model.constants["g"], -model.constants["g"])
-    assert not sym.same_span(model, found, wrong)
+    assert not sym.same_span(model, result, wrong)
 
 
 @pytest.mark.parametrize(
@@ -68,17 +68,17 @@ def test_table_5_1():
 def test_table_5_2(axis, roll, earth):
     """Every combination of the table is determined, and with its derivatives it is all that is."""
     model = sym.rotary_model(axis, roll=roll, earth=earth, biases="navigation")
-    found = sym.observable_combinations(model)
+    result = sym.observable_combinations(model)
     table = table_5_2(model)
-    assert sym.same_span(model, found, [*found, *table])
-    assert sym.same_span(model, found, closed(model, table))
+    assert sym.same_span(model, result, [*result, *table])
+    assert sym.same_span(model, result, closed(model, table))
 
 
 def test_named_combinations_of_the_conventional_system():
     model = sym.rotary_model(None, biases="navigation")
     k, x = model.constants, dict(zip(model.names, model.states, strict=True))
-    found = sym.observable_combinations(model)
-    assert sp.expand(k["g"] * x["eps_N"] + x["b_E"]) in [sp.expand(c) for c in found]
+    result = sym.observable_combinations(model)
+    assert sp.expand(k["g"] * x["eps_N"] + x["b_E"]) in [sp.expand(c) for c in result]
     assert sym.observable_states(model) == ["dv_E", "dv_N", "dv_U", "b_U"]
 
 

@@ -53,7 +53,7 @@ def made(request):
 @cache
 def annotated(returns: str) -> set[str]:
     """Public functions of the package whose annotation of what they return says so."""
-    found = set()
+    result = set()
     for path in PACKAGE.rglob("*.py"):
         if "Figure" not in path.read_text(encoding="utf-8"):
             continue
@@ -62,11 +62,11 @@ def annotated(returns: str) -> set[str]:
         mpl = "from matplotlib.figure import Figure\n" in path.read_text(encoding="utf-8")
         for node in tree.body:
             if isinstance(node, ast.FunctionDef) and node.returns is not None and not node.name.startswith("_"):
-                said = ast.unparse(node.returns)
-                kind = "mpl" if "MplFigure" in said or (mpl and "content." not in said) else "content"
-                if FIGURE.fullmatch(said) and kind == returns:
-                    found.add(f"{name}.{node.name}")
-    return found
+                stated = ast.unparse(node.returns)
+                kind = "mpl" if "MplFigure" in stated or (mpl and "content." not in stated) else "content"
+                if FIGURE.fullmatch(stated) and kind == returns:
+                    result.add(f"{name}.{node.name}")
+    return result
 
 
 def test_no_figure_function_is_left_out():
@@ -132,10 +132,10 @@ def check_roles(panel: Panel, name: str) -> None:
 
 def check_data(figure: Figure, panel: Panel) -> None:
     """Valid JSON, without NaN, and something in it."""
-    told = panel_data(figure, panel)
-    text = json.dumps(told, allow_nan=False)
+    expected_runs = panel_data(figure, panel)
+    text = json.dumps(expected_runs, allow_nan=False)
     assert json.loads(text)["layout"]
-    assert told["data"] or panel.bare or any(isinstance(i, Span | Text) for i in panel.items)
+    assert expected_runs["data"] or panel.bare or any(isinstance(i, Span | Text) for i in panel.items)
 
 
 def check_drawn(figure: Figure) -> None:
@@ -225,8 +225,8 @@ def test_colours_stand_in_one_file():
     apart = {PACKAGE / "plotting" / "style.py", PACKAGE / "recording" / "formats" / "track.py"}
     for path in PACKAGE.rglob("*.py"):
         if path not in apart:
-            found = literal.findall(path.read_text(encoding="utf-8"))
-            assert not found, f"{path.relative_to(PACKAGE)}: {found[0]}"
+            result = literal.findall(path.read_text(encoding="utf-8"))
+            assert not result, f"{path.relative_to(PACKAGE)}: {result[0]}"
 
 
 def test_colours_are_told_apart_by_the_colour_blind():

@@ -120,8 +120,8 @@ def test_innovations_and_their_squares(full):
     for i, panel in enumerate(figure.panels[:3]):
         assert np.allclose(items(panel, Markers)[0].y, inn.innovation[:, i])
         band = items(panel, Band)[0]
-        known = np.isfinite(band.high)
-        assert np.allclose(band.high[known], 3.0 * inn.sigma[:, i])
+        given = np.isfinite(band.high)
+        assert np.allclose(band.high[given], 3.0 * inn.sigma[:, i])
         assert panel.y_label.endswith("[m/s]")
     last = figure.panels[3]
     assert last.log
@@ -145,9 +145,9 @@ def test_running_mean_is_centred():
     values = np.arange(200.0)
     mean, width = innovations.running_mean(values)
     assert width == 11
-    known = np.isfinite(mean)
-    assert known.sum() == 200 - width + 1
-    assert np.allclose(mean[known], values[known])
+    given = np.isfinite(mean)
+    assert given.sum() == 200 - width + 1
+    assert np.allclose(mean[given], values[given])
     short, width = innovations.running_mean(np.ones(5))
     assert np.isnan(short).all()
     assert width > 5

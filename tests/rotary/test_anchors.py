@@ -52,9 +52,9 @@ ANCHORS = {
 every = pytest.mark.parametrize("cell", ANCHORS, ids=" ".join)
 
 
-def compare(found, printed, digits):
+def compare(actual, printed, digits):
     """Within half a unit of the last printed digit, and a twentieth for the reference's own rounding."""
-    for f, p in zip(np.atleast_1d(found), np.atleast_1d(np.array(printed, dtype=object)), strict=True):
+    for f, p in zip(np.atleast_1d(actual), np.atleast_1d(np.array(printed, dtype=object)), strict=True):
         if p is not None:
             assert abs(f - p) < 0.55 * 10.0**-digits, (f, p)
 

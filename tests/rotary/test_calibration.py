@@ -45,12 +45,12 @@ def test_any_axis_returns_the_errors_exactly(axis, rate):
     """Without noise, biases and the column of M; tolerance: M times the Earth's rate across the axis, 0.05 deg/h."""
     schedule = schemes.continuous(axis, rate * DEG, start=60.0)
     log = recording(schedule, ImuErrors(b_g=BIAS, M_g=M_G), 60.0 + whole_turns(rate * DEG, 60.0), rpy=(0.1, -0.2, 0.7))
-    found = calibrate_rotation(log, schedule, body((0.1, -0.2, 0.7)), random_walk=1e-5)
+    result = calibrate_rotation(log, schedule, body((0.1, -0.2, 0.7)), random_walk=1e-5)
     column = "xyz".index(axis[-1])
-    assert_allclose(found.axes, np.eye(3)[[column]])
-    assert_allclose(found.bias, BIAS, atol=0.05 * DEG_PER_HR)
-    assert_allclose(found.response[0], M_G[:, column], atol=0.1 * DEG_PER_HR / (10.0 * DEG))
-    assert found.names[3:] == tuple(f"M_g_{i}{axis[-1]}" for i in "xyz")
+    assert_allclose(result.axes, np.eye(3)[[column]])
+    assert_allclose(result.bias, BIAS, atol=0.05 * DEG_PER_HR)
+    assert_allclose(result.response[0], M_G[:, column], atol=0.1 * DEG_PER_HR / (10.0 * DEG))
+    assert result.names[3:] == tuple(f"M_g_{i}{axis[-1]}" for i in "xyz")
 
 
 def test_an_oblique_axis_gives_the_response_along_it():
@@ -58,10 +58,10 @@ def test_an_oblique_axis_gives_the_response_along_it():
     u = np.array([0.0, 0.6, -0.8])
     schedule = schemes.continuous(u, 20.0 * DEG, start=60.0)
     log = recording(schedule, ImuErrors(b_g=BIAS, M_g=M_G), 60.0 + whole_turns(20.0 * DEG, 60.0))
-    found = calibrate_rotation(log, schedule, body(), random_walk=1e-5)
-    assert abs(found.axes[0] @ u) == pytest.approx(1.0)
-    assert_allclose(found.M @ u, M_G @ u, atol=0.1 * DEG_PER_HR / (10.0 * DEG))
-    assert found.names[3] == "response_1_x"
+    result = calibrate_rotation(log, schedule, body(), random_walk=1e-5)
+    assert abs(result.axes[0] @ u) == pytest.approx(1.0)
+    assert_allclose(result.M @ u, M_G @ u, atol=0.1 * DEG_PER_HR / (10.0 * DEG))
+    assert result.names[3] == "response_1_x"
     # and when the axis is named
     named = calibrate_rotation(log, schedule, body(), axes=u[None], random_walk=1e-5)
     assert_allclose(named.response[0], M_G @ u, atol=0.1 * DEG_PER_HR / (10.0 * DEG))
@@ -73,11 +73,11 @@ def test_run_up_tilt_and_mounting():
     C_mount = rotation.dcm_from_rotvec([0.3, -0.2, 0.1])
     for schedule in (plain, schemes.tilted(plain, "x", 0.5), plain.mounted(C_mount)):
         log = recording(schedule, ImuErrors(b_g=BIAS, M_g=M_G), 60.0 + 2.0 + 72.0)
-        found = calibrate_rotation(log, schedule, body(), random_walk=1e-5)
+        result = calibrate_rotation(log, schedule, body(), random_walk=1e-5)
         u = schedule.omega_bs_s([100.0])[0] / (10.0 * DEG)
-        assert_allclose(found.M @ u, M_G @ u, atol=0.1 * DEG_PER_HR / (10.0 * DEG))
-        assert_allclose(found.bias, BIAS, atol=0.1 * DEG_PER_HR)
-        turning = [s for s in found.stretches if np.any(s.platform)]
+        assert_allclose(result.M @ u, M_G @ u, atol=0.1 * DEG_PER_HR / (10.0 * DEG))
+        assert_allclose(result.bias, BIAS, atol=0.1 * DEG_PER_HR)
+        turning = [s for s in result.stretches if np.any(s.platform)]
         assert len(turning) == 2
         assert turning[0].start == pytest.approx(62.0)
 
@@ -90,12 +90,12 @@ def test_three_axes_in_turn_give_all_of_M():
         log = recording(schedule, ImuErrors(b_g=BIAS, M_g=M_G), 72.0)
         stretches += calibrate_rotation(log, schedule, body(), random_walk=1e-5).stretches
         logs.append((schedule, log))
-    found = estimate(stretches, np.full(3, 1e-5))
-    assert_allclose(found.M, M_G, atol=1e-9)  # now the Earth's rate has its columns too: rounding and ripple
-    assert_allclose(found.bias, BIAS, atol=1e-5 * DEG_PER_HR)
+    result = estimate(stretches, np.full(3, 1e-5))
+    assert_allclose(result.M, M_G, atol=1e-9)  # now the Earth's rate has its columns too: rounding and ripple
+    assert_allclose(result.bias, BIAS, atol=1e-5 * DEG_PER_HR)
     schedule, log = logs[0]
     true = recording(schedule, ImuErrors(), 72.0)
-    clean = found.compensated(log)
+    clean = result.compensated(log)
     assert_allclose(clean.dtheta_ib_b, true.dtheta_ib_b, atol=1e-10)
 
 
@@ -128,8 +128,8 @@ def test_encoder_readings_do_as_well():
     t = np.arange(0.0, 132.0 + 1e-9, 0.02)
     count = 20.0 / 3600.0 * DEG
     readings = EncoderReadings(t, np.round(schedule.angles(t) / count) * count, schedule.axes)
-    found = calibrate_rotation(log, readings, body(), spans=[(0.0, 60.0), (60.0, 132.0)], random_walk=1e-5)
-    assert_allclose(found.response[0], M_G[:, 2], atol=count / 36.0 / (10.0 * DEG) + 1e-6)
+    result = calibrate_rotation(log, readings, body(), spans=[(0.0, 60.0), (60.0, 132.0)], random_walk=1e-5)
+    assert_allclose(result.response[0], M_G[:, 2], atol=count / 36.0 / (10.0 * DEG) + 1e-6)
     with pytest.raises(InputError, match="spans"):
         calibrate_rotation(log, readings, body())
 
@@ -167,12 +167,12 @@ def test_monte_carlo_meets_the_prediction():
         for s in template.stretches:
             a, b = round(s.start * 5.0), round(s.stop * 5.0)
             stretches.append(s._replace(reading=(sums[b] - sums[a]) / s.duration))
-        found = estimate(stretches, template.random_walk)
-        d.append((found.bias - BIAS) / found.sigma_bias)
-        k.append((found.response[0] - M_G[:, 2]) / found.sigma_response[0])
-        left = found.bias + found.response[0] * rate - BIAS - M_G[:, 2] * rate
-        applied.append(left / found.sigma_at(np.array([0.0, 0.0, rate])))
-        chi.append(found.chi_square / found.degrees)
+        result = estimate(stretches, template.random_walk)
+        d.append((result.bias - BIAS) / result.sigma_bias)
+        k.append((result.response[0] - M_G[:, 2]) / result.sigma_response[0])
+        left = result.bias + result.response[0] * rate - BIAS - M_G[:, 2] * rate
+        applied.append(left / result.sigma_at(np.array([0.0, 0.0, rate])))
+        chi.append(result.chi_square / result.degrees)
     predicted = predicted_accuracy(arw, rate, turning_s=72.0)
     # the Earth's rate along the axis is a part in 1e4 of the platform's
     assert_allclose(template.sigma_bias, predicted.bias, rtol=1e-3)
@@ -190,9 +190,9 @@ def test_noise_is_found_from_the_log():
     schedule = schemes.continuous("z", 10.0 * DEG, start=60.0)
     errors = ImuErrors(b_g=BIAS, M_g=M_G, gyro_noise=NoiseModel((White(arw),)))
     log = recording(schedule, errors, 132.0, rate_hz=50.0)
-    found = calibrate_rotation(log, schedule, body())
-    assert_allclose(found.random_walk, arw, rtol=4.0 * np.sqrt(0.75 / len(log)))
-    assert found.scatter < 1.7
+    result = calibrate_rotation(log, schedule, body())
+    assert_allclose(result.random_walk, arw, rtol=4.0 * np.sqrt(0.75 / len(log)))
+    assert result.scatter < 1.7
 
 
 def test_noise_by_allan_deviation():
@@ -229,20 +229,20 @@ def test_summary_and_figure_tell_values_with_their_sigma():
     """Names, units, scatter; three panels."""
     schedule = schemes.continuous("z", 10.0 * DEG, start=60.0)
     errors = ImuErrors(b_g=BIAS, M_g=M_G, gyro_noise=NoiseModel((White(0.4 * DEG_PER_RTHR),)))
-    found = calibrate_rotation(recording(schedule, errors, 140.0), schedule, body())
-    text = found.summary()
+    result = calibrate_rotation(recording(schedule, errors, 140.0), schedule, body())
+    text = result.summary()
     for word in ("b_g_x: ", "M_g_xz: ", "ppm", "deg/h", "72 s turning at 10 deg/s", "white noise explains"):
         assert word in text
-    assert len(found.plot().axes) == 3
+    assert len(result.plot().axes) == 3
 
 
 def test_both_senses_of_rotation_need_no_rest():
     """Plus and minus the rate separate biases from responses as well as a rest does."""
     schedule = schemes.reciprocating("z", 10.0 * DEG, turn=4.0 * np.pi)
     log = recording(schedule, ImuErrors(b_g=BIAS, M_g=M_G), 144.0)
-    found = calibrate_rotation(log, schedule, body(), random_walk=1e-5)
-    assert_allclose(found.bias, BIAS, atol=0.05 * DEG_PER_HR)
-    assert_allclose(found.response[0], M_G[:, 2], atol=1e-6)
+    result = calibrate_rotation(log, schedule, body(), random_walk=1e-5)
+    assert_allclose(result.bias, BIAS, atol=0.05 * DEG_PER_HR)
+    assert_allclose(result.response[0], M_G[:, 2], atol=1e-6)
 
 
 def test_strategies():
@@ -250,15 +250,15 @@ def test_strategies():
     schedule = schemes.continuous("z", 10.0 * DEG, start=60.0)
     log = recording(schedule, ImuErrors(b_g=BIAS, M_g=M_G), 132.0)
     true = recording(schedule, ImuErrors(), 132.0)
-    found = calibrate_rotation(log, schedule, body(), random_walk=1e-5)
+    result = calibrate_rotation(log, schedule, body(), random_walk=1e-5)
 
     def left(strategy):
-        part = found.compensated(log, strategy).between(60.0, 132.0)
+        part = result.compensated(log, strategy).between(60.0, 132.0)
         return (part.dtheta_ib_b - true.between(60.0, 132.0).dtheta_ib_b).sum(axis=0) / 72.0
 
     assert_allclose(left("none"), BIAS + M_G[:, 2] * 10.0 * DEG, atol=0.2 * DEG_PER_HR)
     assert_allclose(left("I"), M_G[:, 2] * 10.0 * DEG, atol=0.2 * DEG_PER_HR)
     assert_allclose(left("II"), 0.0, atol=0.05 * DEG_PER_HR)
-    assert found.compensated(log, "none") is log
+    assert result.compensated(log, "none") is log
     with pytest.raises(InputError, match="strategy"):
-        found.compensated(log, "III")
+        result.compensated(log, "III")

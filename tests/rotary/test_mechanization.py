@@ -232,12 +232,12 @@ def test_turned_increments_of_uneven_intervals():
     x, w = np.polynomial.legendre.leggauss(12)
     at = limits[:-1, None] + 0.5 * np.diff(limits)[:, None] * (1.0 + x)
     C = schedule.C_bs(at.ravel())
-    for part, found in ((p[:3], turned.dtheta_ib_b), (p[3:], turned.dv_ib_b)):
+    for part, result in ((p[:3], turned.dtheta_ib_b), (p[3:], turned.dv_ib_b)):
         value = np.einsum("nij,nj->ni", C, np.stack([q(at.ravel()) for q in part], axis=1)).reshape(-1, 12, 3)
         exact = np.einsum("k,nki->ni", w, value) * 0.5 * np.diff(limits)[:, None]
         if part == p[:3]:
             exact -= np.diff(limits)[:, None] * 30.0 * DEG * np.array([0.0, 0.6, 0.8])
-        np.testing.assert_allclose(found, exact, atol=1e-12)
+        np.testing.assert_allclose(result, exact, atol=1e-12)
 
 
 def test_rates_at_limits_of_a_parabola():

@@ -48,10 +48,10 @@ def test_a_vehicle_that_turns_back_undoes_the_modulation(share):
     motion = RotatingMotion(vehicle, schemes.continuous(du_axis("Z"), W))
     t = np.linspace(0.0, 72.0, 145)
     np.testing.assert_allclose(effective_rate(motion, t), (1.0 - share) * W, atol=1e-15)
-    found = modulation(motion, swap_vector(BIAS), t)
+    result = modulation(motion, swap_vector(BIAS), t)
     expected = swap_vector(BIAS) if share == 1.0 else swap_vector([0.0, 0.0, 1.0])
-    np.testing.assert_allclose(found.mean_n[-1], expected, atol=1e-12)  # 72 s are whole revolutions of all of them
-    np.testing.assert_allclose(found.bias_n[0], found.mean_n[0])
+    np.testing.assert_allclose(result.mean_n[-1], expected, atol=1e-12)  # 72 s are whole revolutions of all of them
+    np.testing.assert_allclose(result.bias_n[0], result.mean_n[0])
 
 
 def test_running_mean_of_a_modulated_bias():
@@ -74,14 +74,14 @@ def test_open_loop_errors_of_a_conventional_imu_are_polynomials():
 
 def test_residue_of_a_z_rotation():
     """Over whole turns the mean keeps the axis, and twice the double mean is the tilt of the start's phase."""
-    found = residue(RotatingMotion(REST, schemes.continuous("z", W)), 72.0)
-    np.testing.assert_allclose(found.bias, np.diag([0.0, 0.0, 1.0]), atol=1e-12)
+    result = residue(RotatingMotion(REST, schemes.continuous("z", W)), 72.0)
+    np.testing.assert_allclose(result.bias, np.diag([0.0, 0.0, 1.0]), atol=1e-12)
     # integral of C is (sin, 1 - cos) / w: its mean is (0, 1 / w), times 2 / T
     tilt = 2.0 / (W * 72.0)
-    np.testing.assert_allclose(found.bias_twice, [[0, -tilt, 0], [tilt, 0, 0], [0, 0, 1]], atol=1e-12)
+    np.testing.assert_allclose(result.bias_twice, [[0, -tilt, 0], [tilt, 0, 0], [0, 0, 1]], atol=1e-12)
     K = np.zeros((3, 3))
     K[0, 2] = 1.0
-    mean = np.einsum("nij,ij->n", found.matrix, K)
+    mean = np.einsum("nij,ij->n", result.matrix, K)
     np.testing.assert_allclose(mean, 0.0, atol=2e-4 * W)  # Earth rate across the axis stays
 
 
@@ -92,11 +92,11 @@ def test_dual_axis_schemes_leave_what_they_say(n, bias, matrix):
     cycle = n * (np.pi / rate + rate / limit + 3.0)
     rest = StaticMotion(LLH, np.zeros(3), cycle + 1.0)
     schedule = schemes.dual_axis(n, dwell=3.0, rate=rate, acceleration=limit)
-    found = residue(RotatingMotion(rest, schedule), cycle)
-    assert bool(np.abs(found.bias).max() < 1e-9) is bias
-    assert bool(np.abs(found.matrix).max() < 1.1 * 7.292e-5) is matrix
+    result = residue(RotatingMotion(rest, schedule), cycle)
+    assert bool(np.abs(result.bias).max() < 1e-9) is bias
+    assert bool(np.abs(result.matrix).max() < 1.1 * 7.292e-5) is matrix
     if n == 16:  # mean tilt of installation is that of a single axis at best: K
-        assert 0.5 * np.abs(found.matrix_twice).max() * cycle == pytest.approx(1.0, abs=0.01)
+        assert 0.5 * np.abs(result.matrix_twice).max() * cycle == pytest.approx(1.0, abs=0.01)
     conventional = residue(RotatingMotion(REST, schemes.fixed()), 100.0)
     np.testing.assert_allclose(conventional.bias, np.eye(3), atol=1e-13)
     np.testing.assert_allclose(conventional.bias_twice, np.eye(3), atol=1e-12)
@@ -139,10 +139,10 @@ def test_platform_errors_are_the_derivative_of_the_body_route(schedule):
         return np.einsum("nij,njk,nk->ni", C_nb, C_bs, inside), np.einsum("nij,njk,nk->ni", C_nb, C_bs, f)
 
     h = 1e-4
-    for found, plus, minus in zip(
+    for result, plus, minus in zip(
         platform_error(schedule, t, C_nb, omega, f, d_angle, d_rate), turned(h), turned(-h), strict=True
     ):
-        np.testing.assert_allclose(found, (plus - minus) / (2.0 * h), atol=2e-6)  # h^2 |f| |d|^3 / 6 and rounding
+        np.testing.assert_allclose(result, (plus - minus) / (2.0 * h), atol=2e-6)  # h^2 |f| |d|^3 / 6 and rounding
 
 
 def test_platform_errors_about_the_vertical_are_the_corrected_ones():
@@ -189,8 +189,8 @@ def test_recommended_attitude_matrix_in_du_axes():
         [-sA * cr, -sA * sr * sp + cA * cp, sA * sr * cp + cA * sp],
         [sr, -cr * sp, cr * cp],
     ]
-    found = swap_matrix(rotation.dcm_from_rpy(rpy_from_du(A, r, p, printed=True)))
-    np.testing.assert_allclose(found, du2015, atol=1e-15)
+    result = swap_matrix(rotation.dcm_from_rpy(rpy_from_du(A, r, p, printed=True)))
+    np.testing.assert_allclose(result, du2015, atol=1e-15)
 
 
 def test_matrices_of_errors_and_attitude_errors_in_du_axes():

@@ -71,9 +71,9 @@ def test_no_closed_eight_leaves_neither_and_ours_leaves_less_than_any_other():
 
 def test_what_our_orders_leave():
     for n, bias, installation in ((4, False, False), (8, False, True), (16, True, True)):
-        found = leaves([LETTERS[m] for m in _ORDERS[n]])
-        assert (found[0] < 1e-9) is bias, n
-        assert (found[1] < 1e-9) is installation, n
+        result = leaves([LETTERS[m] for m in _ORDERS[n]])
+        assert (result[0] < 1e-9) is bias, n
+        assert (result[1] < 1e-9) is installation, n
 
 
 def test_sixteen_leave_a_mean_tilt_of_one_installation_error_and_of_four_radians_of_bias_over_the_rate():

@@ -140,11 +140,11 @@ def test_increments_across_jumps_are_the_sum_of_fine_ones(schedule, offset):
     breaks = schedule.breakpoints(0.0, 12.0)
     blow = np.cross(schedule.omega_bs_s(breaks + 1e-8) - schedule.omega_bs_s(breaks - 1e-8), offset)
     blow[np.abs(blow) < 1e-6] = 0.0
-    for found, parts, extra in ((ideal.gyro, dtheta, 0.0 * blow), (ideal.accel, dv, blow)):
-        total = np.zeros_like(found)
+    for result, parts, extra in ((ideal.gyro, dtheta, 0.0 * blow), (ideal.accel, dv, blow)):
+        total = np.zeros_like(result)
         np.add.at(total, np.searchsorted(ideal.t, fine[:-1] + 1e-7) - 1, parts)
-        np.add.at(total, np.clip(np.searchsorted(ideal.t, breaks + 1e-9, side="right") - 1, 0, len(found) - 1), extra)
-        np.testing.assert_allclose(found, total, atol=2e-9)
+        np.add.at(total, np.clip(np.searchsorted(ideal.t, breaks + 1e-9, side="right") - 1, 0, len(result) - 1), extra)
+        np.testing.assert_allclose(result, total, atol=2e-9)
 
 
 def test_smooth_schedules_give_what_ideal_imu_gives():

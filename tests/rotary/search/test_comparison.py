@@ -59,8 +59,8 @@ def normalised(way, rows, name, time):
 @pytest.mark.parametrize("which", [0, 1], ids=["conventional", "rotary"])
 @pytest.mark.parametrize(("rows", "name"), [((0, 1, 2), "attitude"), ((3, 4, 5), "velocity"), ((6, 7, 8), "position")])
 def test_free_navigation_scatters_as_predicted(which, rows, name):
-    found = alone()
-    total, n = normalised(found.ways[which], rows, name, 60.0)
+    result = alone()
+    total, n = normalised(result.ways[which], rows, name, 60.0)
     low, high = chi_square_band(3, n // 3, 0.999)
     assert low < total / n < high  # statistical
 
@@ -69,52 +69,52 @@ def test_free_navigation_scatters_as_predicted(which, rows, name):
 @pytest.mark.parametrize("which", [0, 1], ids=["conventional", "rotary"])
 def test_the_filter_scatters_as_predicted(which):
     """GNSS, lever arm, offset of the IMU, encoder and an outage together. Few runs: all three kinds of error."""
-    found = aided()
+    result = aided()
     for time in (40.0, 79.0):
         for rows, name in (((0, 1, 2), "attitude"), ((3, 4, 5), "velocity"), ((6, 7, 8), "position")):
-            total, n = normalised(found.ways[which], rows, name, time)
+            total, n = normalised(result.ways[which], rows, name, time)
             low, high = chi_square_band(3, n // 3, 0.9995)
             assert low < total / n < high, (name, time)  # statistical
 
 
 def test_only_outages_count_where_there_are_any():
-    found = aided()
-    t = found.rotary.t
-    assert set(t[found.counted(t)]) == {x for x in t if 50.0 <= x < 80.0}
+    result = aided()
+    t = result.rotary.t
+    assert set(t[result.counted(t)]) == {x for x in t if 50.0 <= x < 80.0}
     assert alone().counted(alone().rotary.t).all()
-    assert "in the outages" in found.table().title
+    assert "in the outages" in result.table().title
 
 
 def test_modulation_leaves_what_lies_along_the_axis():
-    found = alone()
-    for way, what, bias in ((found.rotary, "gyro", 50.0 * DEG_PER_HR), (found.rotary, "accel", 0.0904)):
+    result = alone()
+    for way, what, bias in ((result.rotary, "gyro", 50.0 * DEG_PER_HR), (result.rotary, "accel", 0.0904)):
         mean = getattr(way, what).mean_n[-1]
-        down = found.rotary.schedule.axes[0] @ np.ones(3) * bias
+        down = result.rotary.schedule.axes[0] @ np.ones(3) * bias
         # the vehicle is tilted: the axis leans from the vertical
         assert np.linalg.norm(mean) == pytest.approx(abs(down), rel=0.05)
-        still = getattr(found.conventional, what).bias_n
+        still = getattr(result.conventional, what).bias_n
         np.testing.assert_allclose(still, still[:1].repeat(len(still), 0), rtol=1e-9)
         assert np.linalg.norm(still[0]) == pytest.approx(bias * np.sqrt(3.0), rel=1e-9)
 
 
 def test_rates_and_tables():
-    found = alone()
-    assert len(found.rates) == 9
-    assert np.all(np.diff(found.sigma["heading"]) > 0.0)  # scale factor
-    k = int(np.flatnonzero(np.isclose(found.rates, 20.0 * DEG))[0])
+    result = alone()
+    assert len(result.rates) == 9
+    assert np.all(np.diff(result.sigma["heading"]) > 0.0)  # scale factor
+    k = int(np.flatnonzero(np.isclose(result.rates, 20.0 * DEG))[0])
     # rounding: the scenario's own rate
-    assert found.sigma["horizontal"][k] == pytest.approx(found.predicted(found.rotary, "horizontal"), rel=1e-9)
-    assert "predicted_ratio" in found.summary()
-    data = found.to_dict()
+    assert result.sigma["horizontal"][k] == pytest.approx(result.predicted(result.rotary, "horizontal"), rel=1e-9)
+    assert "predicted_ratio" in result.summary()
+    data = result.to_dict()
     assert data["runs"] == 40
     assert {row["quantity"] for row in data["rms"]} >= {"horizontal [m]", "tilt [deg]"}
 
 
 def test_a_schedule_without_a_rate_has_no_sweep():
     scheme = {"type": "rates", "axis": "z", "t_s": (0.0, 60.0), "rates_deg_s": (0.0, 20.0)}
-    found = compare_rotary({**ALONE, "rotary": {"schedule": scheme}}, runs=1)
-    assert len(found.rates) == 0
-    assert "against the rate" not in found.summary()
+    result = compare_rotary({**ALONE, "rotary": {"schedule": scheme}}, runs=1)
+    assert len(result.rates) == 0
+    assert "against the rate" not in result.summary()
 
 
 def test_interrupted_after_the_first_run_it_keeps_what_it_has():
@@ -122,10 +122,10 @@ def test_interrupted_after_the_first_run_it_keeps_what_it_has():
         if fraction > 0.3:
             raise KeyboardInterrupt
 
-    found = compare_rotary(ALONE, runs=4, progress=stop)
-    assert not found.complete
-    assert len(found.rotary.histories) == len(found.conventional.histories) == 2
-    assert "INTERRUPTED" in found.table().summary()
+    result = compare_rotary(ALONE, runs=4, progress=stop)
+    assert not result.complete
+    assert len(result.rotary.histories) == len(result.conventional.histories) == 2
+    assert "INTERRUPTED" in result.table().summary()
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def prepared(cable: bool = False):
 
 
 @cache
-def found(cable: bool = False):
+def searched(cable: bool = False):
     objective, space, scenario = prepared(cable)
     return search_schemes(objective, space, scenario.settings(evaluations=400, seed=3))
 
@@ -152,7 +152,7 @@ def test_spaces_and_families_that_make_no_sense():
 @pytest.mark.thinned(2)
 @pytest.mark.parametrize("cable", [False, True])
 def test_no_named_scheme_is_better_than_the_best(cable):
-    result, (_, space, _) = found(cable), prepared(cable)
+    result, (_, space, _) = searched(cable), prepared(cable)
     for axes in (1, 2):
         wanted = named_schemes(space, axes)
         there = {c.name: c for c in result.named()}
@@ -168,7 +168,7 @@ def test_no_named_scheme_is_better_than_the_best(cable):
 
 @pytest.mark.parametrize("cable", [False, True])
 def test_two_axes_are_better_than_one_and_one_than_none(cable):
-    result = found(cable)
+    result = searched(cable)
     assert result.best(2).axes == 2
     assert result.best(2).error < 0.7 * result.best(1).error
     assert result.gain(1) > 1.3
@@ -178,7 +178,7 @@ def test_two_axes_are_better_than_one_and_one_than_none(cable):
 
 @pytest.mark.parametrize("cable", [False, True])
 def test_everything_kept_is_within_the_limits(cable):
-    result, (_, space, _) = found(cable), prepared(cable)
+    result, (_, space, _) = searched(cable), prepared(cable)
     kept = [c for c in result.candidates if np.isfinite(c.error)]
     assert len(kept) == result.evaluations
     for c in kept[::5]:
@@ -190,7 +190,7 @@ def test_everything_kept_is_within_the_limits(cable):
 
 @pytest.mark.campaign
 def test_front_goes_from_the_best_to_no_motion():
-    result = found()
+    result = searched()
     for by in ("travel", "reversals"):
         front = result.front(by)
         assert front[0].error == result.best().error
@@ -209,7 +209,7 @@ def test_front_goes_from_the_best_to_no_motion():
 
 def test_best_scheme_evaluated_by_linearising_the_turning_imu_itself():
     """The replay that the search believes in against the engine along the motion of the IMU."""
-    result, (objective, _, scenario) = found(), prepared()
+    result, (objective, _, scenario) = searched(), prepared()
     schedule = result.best().schedule
     motion = scenario.motion.build()
     ideal = ideal_rotating_imu(RotatingMotion(motion, schedule), 100.0)
@@ -228,7 +228,7 @@ def scenario_measurements(scenario):
 
 
 def test_the_best_scheme_runs_from_its_own_lines():
-    result = found()
+    result = searched()
     objective, *_ = prepared()
     for axes in (1, 2):
         best = result.best(axes)
@@ -276,7 +276,7 @@ def test_nothing_to_turn_for_is_found_out():
 
 
 def test_texts():
-    result = found(True)
+    result = searched(True)
     text = result.summary()
     assert "best of 1 axis" in text
     assert "best of 2 axes" in text

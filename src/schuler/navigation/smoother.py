@@ -9,13 +9,15 @@ import numpy as np
 from schuler import rotation
 from schuler.arrays import FloatArray
 from schuler.filtering.engine import SmootherNodes, unpack_symmetric
-from schuler.recording.trajectory import FullTrajectory, Trajectory
+from schuler.recording.trajectory import FullTrajectory
 
 if TYPE_CHECKING:
     from schuler.navigation.result import NavigationResult
 
 
-def smooth_run(result: NavigationResult, nodes: SmootherNodes) -> tuple[Trajectory, Trajectory, FloatArray, FloatArray]:
+def smooth_run(
+    result: NavigationResult, nodes: SmootherNodes
+) -> tuple[FullTrajectory, FullTrajectory, FloatArray, FloatArray]:
     """Backward pass over the nodes of a forward run.
 
     Parameters

@@ -134,7 +134,7 @@ def test_interruption_keeps_the_outages_that_were_finished(town, config, monkeyp
         calls.append(1)
         return genuine(*args)
 
-    monkeypatch.setattr(module, "_continued", interrupted)
+    monkeypatch.setattr(module, "_fork", interrupted)
     outages = outage_statistics(town, config, lengths=(5.0,), every_s=10.0)
     assert len(outages) == 2
     assert not outages.complete

@@ -126,7 +126,7 @@ def test_impossible_outages_are_refused(town, config):
 
 
 def test_interruption_keeps_the_outages_that_were_finished(town, config, monkeypatch):
-    genuine, calls = module._continued, []
+    genuine, calls = module._fork, []
 
     def interrupted(*args):
         if len(calls) == 2:

@@ -158,7 +158,7 @@ class ImuChoice:
 
 def choose_imu(
     mission: BudgetMission,
-    wanted: Requirement,
+    requirement: Requirement,
     specs: Sequence[ImuSpec],
     *,
     explain: Sequence[str] = (),
@@ -170,7 +170,7 @@ def choose_imu(
     Parameters
     ----------
     mission : BudgetMission
-    wanted : Requirement
+    requirement : Requirement
     specs : sequence of ImuSpec
     explain : sequence of str
         Names whose bottleneck is worked out; each takes a few re-runs.
@@ -189,8 +189,8 @@ def choose_imu(
     prepare_replay()
 
     def judged(spec: ImuSpec) -> Verdict:
-        value, time = wanted.worst(mission, true_covariance(mission, spec))
-        return Verdict(spec.name, value, time, value <= wanted.limit)
+        value, time = requirement.worst(mission, true_covariance(mission, spec))
+        return Verdict(spec.name, value, time, value <= requirement.limit)
 
     verdicts = []
     with ThreadPoolExecutor(cpu_count()) as pool:
@@ -203,8 +203,8 @@ def choose_imu(
     if unknown:
         raise InputError(f"explain: expected some of {', '.join(by_name)}, got {unknown[0]!r}")
     return ImuChoice(
-        mission.name, wanted, tuple(sorted(verdicts, key=lambda v: v.value)),
-        {name: bottleneck(mission, wanted, by_name[name]) for name in explain}, left_out or {},
+        mission.name, requirement, tuple(sorted(verdicts, key=lambda v: v.value)),
+        {name: bottleneck(mission, requirement, by_name[name]) for name in explain}, left_out or {},
     )  # fmt: skip
 
 
@@ -226,7 +226,7 @@ def catalogue_specs() -> tuple[list[ImuSpec], dict[str, str]]:
     return specs, left_out
 
 
-def bottleneck(mission: BudgetMission, wanted: Requirement, spec: ImuSpec) -> Bottleneck:
+def bottleneck(mission: BudgetMission, requirement: Requirement, spec: ImuSpec) -> Bottleneck:
     """The specification that contributes most where the requirement is hardest, and what value of it would pass.
 
     Notes
@@ -236,9 +236,9 @@ def bottleneck(mission: BudgetMission, wanted: Requirement, spec: ImuSpec) -> Bo
     order for an optimal filter, whose variance does not change with its gains.
     """
     covariance = linear_covariance(mission, spec)
-    value, time = wanted.worst(mission, covariance.P)
+    value, time = requirement.worst(mission, covariance.P)
     r = int(np.argmin(np.abs(covariance.t - time)))
-    places = list(QUANTITIES[wanted.quantity][0])
+    places = list(QUANTITIES[requirement.quantity][0])
     squares = np.sum(np.square(covariance.parts[:, r, places]), axis=1)
     shares = _by_field(mission, spec, covariance, squares / squares.sum())
     if not shares:
@@ -250,13 +250,13 @@ def bottleneck(mission: BudgetMission, wanted: Requirement, spec: ImuSpec) -> Bo
     def at(factor: float) -> float:
         given: dict[str, Any] = {field[1]: factor * present} if uneven else {}
         changed = replace(mission, **given)
-        return wanted.worst(changed, true_covariance(changed, spec if uneven else scaled(spec, field, factor)))[0]
+        return requirement.worst(changed, true_covariance(changed, spec if uneven else scaled(spec, field, factor)))[0]
 
     needed, reached = None, value
-    if value > wanted.limit:
+    if value > requirement.limit:
         reached = at(1e-6)
-        if reached <= wanted.limit:
-            factor = _solve(at, wanted.limit, value, reached)
+        if reached <= requirement.limit:
+            factor = _solve(at, requirement.limit, value, reached)
             needed, reached = factor * present, at(factor)
     else:
         needed = present
@@ -302,8 +302,8 @@ def _solve(at: Callable[[float], float], limit: float, value: float, floor: floa
     return low
 
 
-def _bottleneck_sentence(b: Bottleneck, wanted: Requirement) -> str:
-    _, unit, scale = QUANTITIES[wanted.quantity]
+def _bottleneck_sentence(b: Bottleneck, requirement: Requirement) -> str:
+    _, unit, scale = QUANTITIES[requirement.quantity]
     head = f"{b.imu}: limited by {b.words} ({b.present:.3g} SI, {100.0 * b.share:.0f} % of the variance)"
     if b.needed is None:
         return f"{head}; no value of it alone is enough: without it {b.reached / scale:.3g} {unit}"

@@ -68,11 +68,11 @@ def compare(
 
     began = time.perf_counter()
     loaded = configuration(config, entries(set_), outage, outage_every)
-    wanted = None if modes is None else [text for text in modes.split(",") if text.strip()]
+    names = None if modes is None else [text for text in modes.split(",") if text.strip()]
     numbers = None if lengths is None else _lengths(lengths)
     recording = checked(read_log(log, config), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
     with progress("comparing") as bar:
-        comparison = compare_architectures(recording, loaded, modes=wanted, smooth=smooth, progress=bar)
+        comparison = compare_architectures(recording, loaded, modes=names, smooth=smooth, progress=bar)
     statistics: list[OutageStatistics] = []
     if numbers is not None and comparison.complete:
         for mode in dict.fromkeys(row.mode for row in comparison.rows if not row.failed and row.mode.coupling != "ins"):

@@ -105,8 +105,8 @@ def read_foot_log(log: Path, reading: Reading) -> tuple[Recording, dict[str, Any
     if log.suffix.lower() == ".mat" and plain:
         if is_pyshoe(log):
             trial = read_pyshoe(log)
-            whole = reading.start is None and reading.stop is None
-            return cut(trial.recording, reading.start, reading.stop), trial.labels if whole else None
+            complete = reading.start is None and reading.stop is None
+            return cut(trial.recording, reading.start, reading.stop), trial.labels if complete else None
         if reading.rate is not None:
             recording = read_openshoe_mat(log, rate_hz=reading.rate, variable=reading.variable or "u")
             return cut(recording, reading.start, reading.stop), None

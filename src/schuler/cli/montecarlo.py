@@ -73,16 +73,16 @@ def montecarlo(
         raise InputError("--resume: say which store is to be gone on with (--store)")
     job, file = read_job(scenario, config, engine)
     function, why = runner(job, file.engine)
-    wanted = file.runs if runs is None else runs
-    say(f"{job.name}: {wanted} runs; {why}")
-    with progress("running", total=wanted, unit="runs") as bar:
+    count = file.runs if runs is None else runs
+    say(f"{job.name}: {count} runs; {why}")
+    with progress("running", total=count, unit="runs") as bar:
         done = campaign(
-            function, job, wanted, seed=file.seed if seed is None else seed, store=store, resume=resume,
+            function, job, count, seed=file.seed if seed is None else seed, store=store, resume=resume,
             scheduler=scheduler, workers=workers, batch=batch, statistics=Statistics(quantiles=SHOWN), progress=bar,
         )  # fmt: skip
     if not done.complete:
         kept = f"what is done stays in {store}: add --resume to go on" if store else "give --store to keep what is done"
-        say(f"interrupted after {done.done} of {wanted} runs; {kept}")
+        say(f"interrupted after {done.done} of {count} runs; {kept}")
     if not done.statistics or done["position"].n < 2:
         say("two runs or more are needed for statistics")
         return 1

@@ -143,8 +143,8 @@ def evaluated(recording: Recording, result: NavigationResult, smooth: bool, trut
     return Outcome(result, smoothed, reference, at_antenna, numbers, truth_parameters)
 
 
-def _reference_name(recording: Recording, there: bool, at_antenna: bool) -> str:
-    if not there:
+def _reference_name(recording: Recording, present: bool, at_antenna: bool) -> str:
+    if not present:
         return "none"
     if at_antenna:
         return "GNSS fixes at the antenna"

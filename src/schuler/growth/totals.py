@@ -58,8 +58,8 @@ class Growth:
     def share(self, quantity: str) -> FloatArray:
         """Share of each cause in the variance. Shape (causes, k)."""
         squares = np.square(self._of(quantity))
-        whole = squares.sum(axis=0)
-        return np.asarray(np.divide(squares, whole, out=np.zeros_like(squares), where=whole > 0.0))
+        total = squares.sum(axis=0)
+        return np.asarray(np.divide(squares, total, out=np.zeros_like(squares), where=total > 0.0))
 
     def table(self) -> ResultTable:
         """Last epoch: contributions and their shares."""

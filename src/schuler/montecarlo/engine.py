@@ -91,7 +91,7 @@ def campaign(
     _check(runs, seed, workers, pool, batch)
     began = time.perf_counter()
     name = _name(function)
-    taken = Accumulator(statistics)
+    accumulator = Accumulator(statistics)
     kept: list[Rows] | None = [] if keep else None
     executed, complete = 0, True
 
@@ -102,11 +102,11 @@ def campaign(
             identity = identity_of(fingerprint(function, "function"), fingerprint(scenario), seed, about)
             filled = stack.enter_context(opened(store, identity, resume=resume))
             for rows in filled.rows(runs):
-                taken.add(rows)
+                accumulator.add(rows)
                 if kept is not None:
                     kept.append(rows)
         if progress is not None:
-            progress(taken.done / runs)
+            progress(accumulator.done / runs)
         spans = [Span(0, runs - 1)] if filled is None else filled.missing(runs)
         suited = "threads" if traits_of(function).threads else "processes"
         place = _Place(scheduler, pool or suited, min(workers or os.cpu_count() or 1, runs), workers)
@@ -114,23 +114,23 @@ def campaign(
             for span, rows in _finished((function, scenario, seed), spans, place, batch, stack):
                 if filled is not None:
                     filled.put(span, rows)
-                taken.add(rows)
+                accumulator.add(rows)
                 if kept is not None:
                     kept.append(rows)
                 executed += span.runs
                 if progress is not None:
-                    progress(taken.done / runs)
+                    progress(accumulator.done / runs)
         except KeyboardInterrupt:
             complete = False
-        if complete and not taken.shapes:
-            raise InputError(f"none of the {runs} runs could be done; run 0: {taken.failures.get(0)}")
+        if complete and not accumulator.shapes:
+            raise InputError(f"none of the {runs} runs could be done; run 0: {accumulator.failures.get(0)}")
         # of an interrupted campaign of more runs some later ones may be there, with gaps: those stay parts
         if complete and filled is not None and not filled.missing(filled.stored):
             filled.finish()
     return Campaign(
-        name, seed, runs, taken.done, executed, taken.statistics(), dict(sorted(taken.failures.items())), complete,
-        time.perf_counter() - began, place.text if spans else "nobody: all were stored",
-        None if store is None else Path(store), None if kept is None else tuple(kept),
+        name, seed, runs, accumulator.done, executed, accumulator.statistics(),
+        dict(sorted(accumulator.failures.items())), complete, time.perf_counter() - began,
+        place.text if spans else "nobody: all were stored", None if store is None else Path(store), None if kept is None else tuple(kept),
     )  # fmt: skip
 
 

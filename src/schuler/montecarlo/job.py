@@ -208,7 +208,7 @@ def read_job(
     elif isinstance(given, str):
         config = NavigationConfig.load(path.parent / given)
     elif given is None:
-        config = _told(simulation)
+        config = _budgeted_filter(simulation)
     else:
         config = NavigationConfig.parse(anchored(given, path), f"{path}: navigation")
     if engine is not None:
@@ -222,7 +222,7 @@ def _scenario(given: str | Mapping[str, Any], path: Path) -> Scenario:
     return Scenario.parse(anchored(dict(given), path), f"{path}: simulation")
 
 
-def _told(simulation: Scenario) -> NavigationConfig:
+def _budgeted_filter(simulation: Scenario) -> NavigationConfig:
     """A filter that knows the budget and the mounting of what is simulated, and no realisation of it."""
     imu = simulation.imu
     if imu.ideal:

@@ -62,7 +62,7 @@ def navigation_run(job: NavigationJob, seed: np.random.SeedSequence) -> dict[str
     error, P = _errors(result, at, plan)
     seen = np.isfinite(result.innovations.nis)
     return {
-        **looked_at(error, np.sqrt(np.einsum("nii->ni", P)), _nees(error, P)),
+        **error_columns(error, np.sqrt(np.einsum("nii->ni", P)), _nees(error, P)),
         **({"nis": result.innovations.mean_nis()} if seen.any() else {}),
         "rejected": sum(result.innovations.rejected().values()),
     }
@@ -102,7 +102,7 @@ def lane_runs(job: NavigationJob, seeds: Sequence[np.random.SeedSequence]) -> di
     records = run_lanes(scenario, numbers, seed=entropy, threads=1)
     at = np.searchsorted(records.t, job.plan.t - 1e-6)
     error = np.where(records.diverged[:, None, None], np.nan, records.error[:, at, :9])
-    columns = looked_at(error, records.sigma[:, at, :9], records.nees["navigation"][:, at])
+    columns = error_columns(error, records.sigma[:, at, :9], records.nees["navigation"][:, at])
     weight = np.where(np.isfinite(records.nis), records.accepted + records.rejected, 0)
     measured = weight.sum(axis=1)
     if np.all(measured > 0):
@@ -129,7 +129,7 @@ def runner(job: NavigationJob, engine: Engine = "auto") -> tuple[RunFunction, st
     return navigation_run, f"every run goes through the whole of simulation and navigation: {scenario}"
 
 
-def looked_at(error: FloatArray, sigma: FloatArray, nees: FloatArray) -> dict[str, FloatArray]:
+def error_columns(error: FloatArray, sigma: FloatArray, nees: FloatArray) -> dict[str, FloatArray]:
     """Columns of errors and claimed sigmas, of one run (k, 9) or of many (n, k, 9)."""
     horizontal = np.hypot(error[..., 6], error[..., 7])
     return {

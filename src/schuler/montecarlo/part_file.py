@@ -53,15 +53,15 @@ def writer(path: Path, like: Rows, document: Mapping[str, Any], failures: Mappin
                 if not held or held < least:
                     return
                 rows = joined(waiting)
-                whole = held if least == 1 else held - held % group
-                for a in range(0, whole, group):
-                    cut = slice(a, min(a + group, whole))
+                complete = held if least == 1 else held - held % group
+                for a in range(0, complete, group):
+                    cut = slice(a, min(a + group, complete))
                     arrays = [pa.array(rows.runs[cut])]
                     for name, (_, shape) in shapes.items():
                         flat = pa.array(rows.columns[name][cut].reshape(-1))
                         arrays.append(pa.FixedSizeListArray.from_arrays(flat, int(np.prod(shape))) if shape else flat)
                     writer.write_table(pa.Table.from_arrays(arrays, schema=schema), row_group_size=group)
-                rest = rows.where(int(rows.runs[whole]), int(rows.runs[-1])) if whole < held else None
+                rest = rows.where(int(rows.runs[complete]), int(rows.runs[-1])) if complete < held else None
                 waiting[:] = [] if rest is None else [rest]
 
             def write(rows: Rows) -> None:

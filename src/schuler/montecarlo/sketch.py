@@ -47,10 +47,10 @@ class QuantileSketch:
     def add(self, x: FloatArray) -> None:
         """Add values. Shape (n, elements), finite."""
         size = np.abs(x)
-        there = size > _TINY
+        nonzero = size > _TINY
         bucket = np.zeros(x.shape, dtype=np.int64)
-        index = np.ceil(np.log(size[there]) / math.log(self._g)).astype(np.int64) + (_HALF >> 1)
-        bucket[there] = np.where(x[there] > 0.0, index, -index)
+        index = np.ceil(np.log(size[nonzero]) / math.log(self._g)).astype(np.int64) + (_HALF >> 1)
+        bucket[nonzero] = np.where(x[nonzero] > 0.0, index, -index)
         self._new.append((bucket + _HALF + 2 * _HALF * np.arange(self.elements)).ravel())
         self._waiting += x.size
         if self._waiting > max(_WAIT, len(self._keys)):

@@ -51,10 +51,10 @@ class Store:
                 self._files[Span(int(match[1]), int(match[2]))] = path
         table = folder / TABLE
         if table.is_file():
-            whole = Span(0, document_of(table)["runs"] - 1)
-            for span in [s for s in self._files if s.last <= whole.last]:
+            stored = Span(0, document_of(table)["runs"] - 1)
+            for span in [s for s in self._files if s.last <= stored.last]:
                 self._files.pop(span).unlink()  # the table was made, but its parts not yet taken away
-            self._files[whole] = table
+            self._files[stored] = table
 
     @property
     def stored(self) -> int:
@@ -214,15 +214,15 @@ _DIFFERENT = {
 }
 
 
-def _check(manifest: Mapping[str, Any], wanted: Mapping[str, Any], folder: Path) -> None:
-    wrong = [name for name in wanted if manifest.get(name) != wanted[name]]
+def _check(manifest: Mapping[str, Any], identity: Mapping[str, Any], folder: Path) -> None:
+    wrong = [name for name in identity if manifest.get(name) != identity[name]]
     if not wrong:
         return
     name = wrong[0]
     raise InputError(
         f"{folder} is the store of a campaign {_DIFFERENT.get(name, f'with another {name}')} "
-        f"({_short(manifest.get(name))}; this one is {_short(wanted[name])}); give another folder, or run with what it "
-        "was begun with: runs of two campaigns are never mixed"
+        f"({_short(manifest.get(name))}; this one is {_short(identity[name])}); give another folder, or run with what "
+        "it was begun with: runs of two campaigns are never mixed"
     )
 
 

@@ -66,10 +66,10 @@ class Batches:
 
     def took(self, span: Span, seconds: float) -> None:
         """Say how long a batch took, so that the next ones are of good length."""
-        wished = int(span.runs * _BATCH_S / max(seconds, 1e-6))
-        whole = wished - wished % self._preferred if wished > self._preferred else max(wished, 1)
+        fitting = int(span.runs * _BATCH_S / max(seconds, 1e-6))
+        rounded = fitting - fitting % self._preferred if fitting > self._preferred else max(fitting, 1)
         # not more than four times as large: the first run of a process takes longer than those that follow
-        self._size = min(whole, 4 * max(span.runs, self._preferred), max(_LARGEST, self._preferred))
+        self._size = min(rounded, 4 * max(span.runs, self._preferred), max(_LARGEST, self._preferred))
 
 
 #: What is done, as the arguments of :func:`execute` before the numbers of the runs.
@@ -102,10 +102,10 @@ def in_this_process(work: Work, batches: Batches) -> Finished:
 def in_threads(work: Work, batches: Batches) -> Finished:
     """Batches as they finish, in threads of this process. Whoever stops listening waits for the runs under way."""
     stop = threading.Event()
-    whole = traits_of(work[0]).batched
+    batched = traits_of(work[0]).batched
 
     def do(span: Span) -> Timed:
-        if whole:
+        if batched:
             return timed(work, span)
         began = time.perf_counter()
         done = []

@@ -79,8 +79,8 @@ def _triads(system: LinearSystem, letters: str) -> list[tuple[str, list[int]]]:
     place = {name: i for i, name in enumerate(system.names)}
     triads = []
     for block in dict.fromkeys(name.rpartition("_")[0] for name in system.names):
-        wanted = [f"{block}_{letter}" for letter in letters]
+        components = [f"{block}_{letter}" for letter in letters]
         is_bias = block in _BIASES or block in _DU.values()
-        if all(w in place for w in wanted) and (is_bias if letters == "xyz" else block != ""):
-            triads.append((block, [place[w] for w in wanted]))
+        if all(w in place for w in components) and (is_bias if letters == "xyz" else block != ""):
+            triads.append((block, [place[w] for w in components]))
     return triads

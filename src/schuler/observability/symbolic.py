@@ -49,17 +49,17 @@ def _recursion(
         if injected:
             entries[:, :3] = sp.zeros(entries.rows, 3)
         F.append(entries)
-    whole = DomainMatrix.from_Matrix(sp.Matrix.vstack(model.H, *F)).to_field()
-    if whole.domain.is_EX:
+    stacked = DomainMatrix.from_Matrix(sp.Matrix.vstack(model.H, *F)).to_field()
+    if stacked.domain.is_EX:
         raise InputError(
             "roll, pitch, azimuth: expected symbols, or angles whose sine and cosine are rational, such as "
             "sympy.atan(Rational(3, 4)); roots in them keep the combinations from being exact"
         )
     n, m = model.H.cols, model.H.rows
-    H = whole.extract(range(m), range(n))
-    parts = [whole.extract(range(m + n * j, m + n * (j + 1)), range(n)) for j in range(count)]
+    H = stacked.extract(range(m), range(n))
+    parts = [stacked.extract(range(m + n * j, m + n * (j + 1)), range(n)) for j in range(count)]
     last = max((j for j, entries in enumerate(F) if not entries.is_zero_matrix), default=0)
-    field = whole.domain
+    field = stacked.domain
     D: list[Any] = [H, *[None] * (count - 1)]  # derivatives of the current block, None for zero
     stack = [H]
     for k in range(1, count):

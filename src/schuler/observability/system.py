@@ -104,10 +104,10 @@ class LinearSystem:
             Names of states, or the beginning of several: ``dr`` stands for ``dr_N``, ``dr_E``, ``dr_D``.
         """
         gone: BoolArray = np.zeros(self.n, dtype=bool)
-        for wanted in left_out:
-            hit = np.array([m == wanted or m.startswith(f"{wanted}_") for m in self.names])
+        for name in left_out:
+            hit = np.array([m == name or m.startswith(f"{name}_") for m in self.names])
             if not hit.any():
-                raise InputError(f"without: no state {wanted!r}; there are {', '.join(self.names)}")
+                raise InputError(f"without: no state {name!r}; there are {', '.join(self.names)}")
             gone |= hit
         keep = np.flatnonzero(~gone)
         cut = np.ix_(np.arange(len(self.t)), keep, keep)

@@ -186,7 +186,7 @@ def _stretches(
     platform: Platform,
     body: NavState,
     span: tuple[float, float],
-    whole: bool,
+    whole_revolutions: bool,
     earth_rotation: bool,
     notes: list[str],
 ) -> list[Stretch]:
@@ -210,12 +210,12 @@ def _stretches(
             )
         period = _TURN / rates[fastest]
         count = int(np.floor(duration / period + 1e-6))
-        if whole and count == 0:
+        if whole_revolutions and count == 0:
             raise InputError(
                 f"the span {span[0]:.3f}..{span[1]:.3f} s holds {abs(turned[fastest]) / _TURN:.2f} revolutions; give "
                 "one at least, or pass whole_revolutions=False"
             )
-        if whole:
+        if whole_revolutions:
             if duration - count * period > 0.5 * increments.dt[0]:
                 notes.append(f"the last {duration - count * period:.2f} s of a span are no whole revolution: left out")
             edges = limits[0] + period * np.arange(count + 1)

@@ -207,7 +207,7 @@ def open_loop_errors(motion: Motion, errors: ImuErrors, t: ArrayLike, *, step: f
         turned = [np.einsum("nij,nj->ni", C_ns, v) for v in (d_omega, d_f, f)]
         return turned[0], np.concatenate(turned[1:], axis=1)
 
-    limits, wanted = _steps(motion, t, step)
+    limits, kept = _steps(motion, t, step)
     inner, weights, nodes = _collocation(_NODES)
     h = np.diff(limits)
     at = (limits[:-1, None] + h[:, None] * nodes).ravel()
@@ -216,7 +216,7 @@ def open_loop_errors(motion: Motion, errors: ImuErrors, t: ArrayLike, *, step: f
     forces = forces.reshape(-1, _NODES, 6)
     v, v_nodes = _integrated(forces[..., :3] + np.cross(eps_nodes, forces[..., 3:]), h, inner, weights)
     r, _ = _integrated(v_nodes, h, inner, weights)
-    return OpenLoop(t, eps[wanted], v[wanted], r[wanted])
+    return OpenLoop(t, eps[kept], v[kept], r[kept])
 
 
 def residue(motion: Motion, duration: float, *, start: float = 0.0, step: float = 0.1) -> Residue:

@@ -142,14 +142,14 @@ def carousel(
     back = [Piece(p.duration, -p.rate, -p.acceleration) for p in pieces]
     cyclic = profile_of([*back, *pieces], angle=limit, repeat=True)
     t_first = float(first.start[-1])
-    whole = AngleProfile(
+    profile = AngleProfile(
         np.concatenate((first.start[:-1], cyclic.start + t_first)),
         np.concatenate((first.angle[:-1], cyclic.angle)),
         np.concatenate((first.rate[:-1], cyclic.rate)),
         np.concatenate((first.acceleration[:-1], cyclic.acceleration)),
         (t_first, t_first + cyclic.cycle[1]) if cyclic.cycle else None,
     )
-    return _single(axis, whole, "carousel").delayed(start)
+    return _single(axis, profile, "carousel").delayed(start)
 
 
 def dwell(

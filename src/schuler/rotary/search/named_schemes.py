@@ -74,9 +74,9 @@ def _at(space: SchemeSpace, axes: int, rate: float, suffix: str) -> list[NamedSc
         add(f"continuous {axis}", "Geller 1968, Du 2015", turning)
         opposite = axis[1:] if axis.startswith("-") else f"-{axis}"
         add(f"continuous {opposite}", "Du 2015", {**turning, "axis": opposite})
-        whole = {"type": "reciprocating", "axis": axis, "rate_deg_s": rate, "turn_deg": 360.0}
-        add(f"reciprocating 360 {axis}", "Sun 2009, Ishibashi 2006", whole)
-        add(f"reciprocating +-360 {axis}", "Sun 2009, Ishibashi 2006", {**whole, "both_sides": True})
+        stroke = {"type": "reciprocating", "axis": axis, "rate_deg_s": rate, "turn_deg": 360.0}
+        add(f"reciprocating 360 {axis}", "Sun 2009, Ishibashi 2006", stroke)
+        add(f"reciprocating +-360 {axis}", "Sun 2009, Ishibashi 2006", {**stroke, "both_sides": True})
         for positions, source in ((4, "Levinson, Giovanni"), (2, "Yuan"), (4, "Yuan, Sun 2011"), (16, "Sun 2011")):
             for back in (False, True):
                 way = "and back" if back else "onwards"

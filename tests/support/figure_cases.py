@@ -238,8 +238,8 @@ def accuracy():
 def rocket():
     from schuler.reproduce.flenniken.study.rocket import rocket_trajectory
     from schuler.reproduce.flenniken.study.rocket.budget import impact_budget
-    from schuler.reproduce.flenniken.study.rocket.influence import influence
     from schuler.reproduce.flenniken.study.rocket.scatter import impact_scatter
+    from schuler.reproduce.flenniken.study.rocket.sensitivity import influence
 
     simple = module("reproduce/flenniken/rocket/test_scatter.py").SIMPLE
     T = rocket_trajectory(rate_hz=20.0)

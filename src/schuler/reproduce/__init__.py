@@ -3,23 +3,6 @@
 One module a thesis, each a tuple ``ITEMS``; all computing is in the library below.
 """
 
-from __future__ import annotations
+import lazy_loader
 
-from schuler.reproduce.cells import Cell, against, claimed, digits, shown
-from schuler.reproduce.items import Effort, Item, Outcome, Result
-from schuler.reproduce.run import THESES, Reproduction, reproduce
-
-__all__ = [
-    "THESES",
-    "Cell",
-    "Effort",
-    "Item",
-    "Outcome",
-    "Reproduction",
-    "Result",
-    "against",
-    "claimed",
-    "digits",
-    "reproduce",
-    "shown",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -15,11 +15,11 @@ from schuler.reproduce.flenniken.study.rocket import (
     all_angles,
     impact_budget,
     impact_scatter,
-    influence,
     parameter_names,
     rocket_motion,
     rocket_trajectory,
 )
+from schuler.reproduce.flenniken.study.rocket import sensitivity as influence
 from schuler.reproduce.flenniken.study.rocket.errors import is_random
 from schuler.reproduce.flenniken.study.tables import sensitivity_table
 from schuler.sensors.catalogue import spec

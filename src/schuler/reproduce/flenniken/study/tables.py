@@ -8,13 +8,13 @@ import numpy as np
 
 from schuler.plotting.table import ResultTable
 from schuler.reproduce.flenniken.study.rocket.errors import RocketErrors, all_angles
-from schuler.reproduce.flenniken.study.rocket.influence import influence
+from schuler.reproduce.flenniken.study.rocket.sensitivity import influence
 from schuler.reproduce.flenniken.study.rocket.trajectory import RocketTrajectory, rocket_trajectory
 from schuler.units import DEG_PER_HR, G0, PPM, UG
 
 if TYPE_CHECKING:
     from schuler.growth.integrals import Start
-    from schuler.reproduce.flenniken.study.rocket.influence import Variant
+    from schuler.reproduce.flenniken.study.rocket.sensitivity import Variant
 
 
 #: 1-sigma by (grade, time, start): heading [deg], velocity [m/s], position [m], with gravity velocity and position.

@@ -12,7 +12,7 @@ from schuler.exceptions import InputError
 from schuler.plotting.table import ResultTable
 from schuler.reproduce.flenniken.study.rocket.ellipse import ImpactEllipse
 from schuler.reproduce.flenniken.study.rocket.errors import RocketErrors, is_random
-from schuler.reproduce.flenniken.study.rocket.influence import Influence
+from schuler.reproduce.flenniken.study.rocket.sensitivity import Influence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

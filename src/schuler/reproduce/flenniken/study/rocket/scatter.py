@@ -12,7 +12,7 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.reproduce.flenniken.study.rocket.ellipse import ImpactEllipse
 from schuler.reproduce.flenniken.study.rocket.errors import RocketErrors
-from schuler.reproduce.flenniken.study.rocket.influence import Variant, check_variant
+from schuler.reproduce.flenniken.study.rocket.sensitivity import Variant, check_variant
 from schuler.reproduce.flenniken.study.rocket.trajectory import RocketTrajectory
 from schuler.sensors.triads import AccelerometerTriad, GyroTriad
 
@@ -120,7 +120,7 @@ def impact_scatter(
     errors : RocketErrors
     runs, seed
     variant : {"strapdown", "thesis"}
-        See :mod:`schuler.reproduce.flenniken.study.rocket.influence`.
+        See :mod:`schuler.reproduce.flenniken.study.rocket.sensitivity`.
     drawn : bool
         Draw the constant parameters too, with their values for 1-sigma. By default they are what they are in every
         run, as in the source: they move the mean and widen nothing.

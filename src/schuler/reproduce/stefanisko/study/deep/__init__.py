@@ -1,1 +1,5 @@
 """Deep coupling of GNSS and INS, simulated, beside tight coupling over conventional loops."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

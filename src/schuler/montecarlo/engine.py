@@ -130,7 +130,8 @@ def campaign(
     return Campaign(
         name, seed, runs, accumulator.done, executed, accumulator.statistics(),
         dict(sorted(accumulator.failures.items())), complete, time.perf_counter() - began,
-        place.text if spans else "nobody: all were stored", None if store is None else Path(store), None if kept is None else tuple(kept),
+        place.text if spans else "nobody: all were stored", None if store is None else Path(store),
+        None if kept is None else tuple(kept),
     )  # fmt: skip
 
 

@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import theses
+from theses import check_ids, check_verdicts
 
 from schuler.growth import closed_forms as forms
 from schuler.reproduce import Effort, reproduce
 from schuler.reproduce.flenniken import ITEMS, NOT_RESULTS, chapter_4, chapter_7
 from schuler.reproduce.flenniken.study.heading.linear import LinearModel
 from schuler.reproduce.flenniken.study.rocket import RocketProfile, rocket_trajectory
-from schuler.reproduce.items import Result
 from schuler.sensors import catalogue, triads
 from schuler.sensors.noise import terms
 
@@ -49,24 +50,12 @@ DIFFERS = {
 }  # fmt: skip
 
 BY_ID = {item.id: item for item in ITEMS}
+verdict_of = partial(theses.verdict_of, ITEMS)
 
 
 @pytest.fixture(scope="module")
 def done():
     return reproduce("flenniken")
-
-
-def verdict_of(name, seed):
-    item = BY_ID[name]
-    return Result(item, item.run(Effort(seed=seed)), 0.0).verdict
-
-
-def test_every_table_and_figure_is_an_item():
-    named = [name for item in ITEMS for name in (item.id, *item.also)]
-    assert len(set(named)) == len(named)
-    assert set(named) == IDS
-    assert not IDS & set(NOT_RESULTS)
-    assert {item.kind for item in ITEMS} == {"exact", "statistical", "hardware"}
 
 
 @pytest.mark.realdata
@@ -85,15 +74,13 @@ def test_every_table_and_figure_in_the_notes_has_an_item(shared_data):
     assert found <= known
 
 
-def test_every_item_has_a_verdict_and_a_reason_where_it_needs_one(done):
-    assert done.complete
-    assert len(done.results) == len(ITEMS)
+def test_every_table_and_figure_is_an_item():
+    check_ids(ITEMS, IDS, NOT_RESULTS)
+
+
+def test_every_item_has_its_verdict(done):
+    check_verdicts(done, ITEMS)
     for r in done.results:
-        assert r.outcome.cells, r.item.id
-        if r.verdict in ("differs", "corrected") or r.item.kind == "hardware":
-            assert r.outcome.reason, r.item.id
-        for c in r.outcome.cells:
-            assert math.isfinite(c.ours), (r.item.id, c.name)
         assert len({c.name for c in r.outcome.cells}) == len(r.outcome.cells), r.item.id  # keys of the JSON
 
 

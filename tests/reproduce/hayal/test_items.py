@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+import theses
+from theses import check_figures, check_ids, check_seeds, check_verdicts
 
 from schuler.calibration.bench import magnitude_condition
 from schuler.calibration.design import plans
 from schuler.reproduce import Effort, reproduce
 from schuler.reproduce.hayal import ITEMS, NOT_RESULTS, printed
 from schuler.reproduce.hayal.study import multiposition as multiposition_study
-from schuler.reproduce.items import Result
 from schuler.sensors import catalogue
 
 #: Every table and figure of the thesis that is a result, and statements of its text that are numbers.
@@ -39,18 +40,12 @@ DIFFERS = {
     "table-5.5", "table-5.6", "table-5.7", "text-5.5",  # position errors beyond the data sheets
 }  # fmt: skip
 
-BY_ID = {item.id: item for item in ITEMS}
+verdict_of = partial(theses.verdict_of, ITEMS)
 
 
 @pytest.fixture(scope="module")
 def done():
     return reproduce("hayal")
-
-
-def verdict_of(name, seed):
-    """With a seed of its own: campaigns are kept by seed."""
-    item = BY_ID[name]
-    return Result(item, item.run(Effort(seed=seed)), 0.0).verdict
 
 
 def numbers_of(text, word):
@@ -67,14 +62,6 @@ def numbers_of(text, word):
                 else {f"{c}.{k}" for c, k in ends}
             )
     return found
-
-
-def test_every_table_and_figure_is_an_item():
-    named = [name for item in ITEMS for name in (item.id, *item.also)]
-    assert len(set(named)) == len(named)
-    assert set(named) == IDS
-    assert not IDS & set(NOT_RESULTS)
-    assert {item.kind for item in ITEMS} == {"exact", "statistical", "hardware"}
 
 
 @pytest.mark.realdata
@@ -114,42 +101,23 @@ def test_printed_numbers_are_those_of_the_notes(shared_data):
             assert tuple(float(v) for v in re.findall(r"[\d.]*\.\d+", cell)) == (mean, sigma)
 
 
-def test_every_item_has_a_verdict(done):
-    assert done.complete
-    assert [r.item.id for r in done.results] == [item.id for item in ITEMS]
-    for r in done.results:
-        assert r.verdict in ("agrees", "corrected", "differs")
-        assert r.outcome.cells
-        if r.verdict != "agrees":
-            assert r.outcome.reason, r.item.id
-        for cell in r.outcome.cells:
-            assert not cell.compared or math.isfinite(cell.low) or math.isfinite(cell.high)
-            assert math.isfinite(cell.ours), (r.item.id, cell.name)
+def test_every_table_and_figure_is_an_item():
+    check_ids(ITEMS, IDS, NOT_RESULTS)
 
 
-def test_what_differs_is_known(done):
+def test_every_item_has_its_verdict(done):
+    check_verdicts(done, ITEMS)
     assert {r.item.id for r in done.results if r.verdict == "differs"} == DIFFERS
 
 
 def test_figures_can_be_drawn(done):
-    from schuler.plotting.drawing import draw
-
-    for r in done.results:
-        if any(name.startswith("fig-") for name in (r.item.id, *r.item.also)):
-            assert r.outcome.figures, r.item.id
-        for figure in r.outcome.figures[:1]:
-            content = figure()
-            assert all("[" in p.x_label and "[" in p.y_label for p in content.panels), r.item.id
-            assert draw(content).axes
+    check_figures(done)
 
 
 def test_other_seeds_give_other_numbers(done):
-    for name in ("table-4.2", "fig-4.2", "table-A.1"):
-        first = next(r for r in done.results if r.item.id == name).outcome
-        other = BY_ID[name].run(Effort(seed=2))
-        pairs = [(a.ours, b.ours) for a, b in zip(first.cells, other.cells, strict=True)]
-        assert sum(a != b for a, b in pairs) > len(pairs) / 2, name
-        assert verdict_of(name, 2) == "agrees"
+    names = ("table-4.2", "fig-4.2", "table-A.1")
+    check_seeds(done, names)
+    assert {verdict_of(name, 2) for name in names} == {"agrees"}
 
 
 # ------------------------------------------ none could not fail: the library is broken on purpose
@@ -188,9 +156,10 @@ def test_a_wrong_design_shows(monkeypatch):
     def wrong(directions, parameters=9):
         return right(directions, parameters) * np.array((1.01, 1, 1, 1, 1, 1, 1, 1, 1))[:parameters]
 
-    before = len([c for c in BY_ID["fig-3.3"].run(Effort()).cells if c.agrees is False])
+    geometry = next(item for item in ITEMS if item.id == "fig-3.3")
+    before = len([c for c in geometry.run(Effort()).cells if c.agrees is False])
     monkeypatch.setattr(plans, "design_matrix", wrong)
-    after = [c for c in BY_ID["fig-3.3"].run(Effort()).cells if c.agrees is False]
+    after = [c for c in geometry.run(Effort()).cells if c.agrees is False]
     assert len(after) > before
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import math
 import re
+from functools import partial
 from pathlib import Path
 
 import pytest
+import theses
+from theses import check_figures, check_ids, check_seeds, check_verdicts
 
 from schuler import rotation
-from schuler.reproduce import Effort, reproduce
-from schuler.reproduce.items import Result
+from schuler.reproduce import reproduce
 from schuler.reproduce.stefanisko import ITEMS, NOT_RESULTS
 from schuler.reproduce.stefanisko.study import bias_removal, coincidence
 from schuler.reproduce.stefanisko.study import experiment as figure_eight
@@ -36,26 +37,12 @@ DIFFERS = {
     "fig-B.1",  # three of six biases are not seen at rest
 }
 
-BY_ID = {item.id: item for item in ITEMS}
+verdict_of = partial(theses.verdict_of, ITEMS)
 
 
 @pytest.fixture(scope="module")
 def done():
     return reproduce("stefanisko")
-
-
-def verdict_of(name, seed):
-    """With a seed of its own: campaigns are kept by seed."""
-    item = BY_ID[name]
-    return Result(item, item.run(Effort(seed=seed)), 0.0).verdict
-
-
-def test_every_table_and_figure_is_an_item():
-    named = [name for item in ITEMS for name in (item.id, *item.also)]
-    assert len(set(named)) == len(named)
-    assert set(named) == IDS
-    assert not IDS & set(NOT_RESULTS)
-    assert {item.kind for item in ITEMS} == {"exact", "statistical", "hardware"}
 
 
 @pytest.mark.realdata
@@ -80,40 +67,21 @@ def test_every_table_and_figure_in_the_notes_has_an_item(shared_data):
     assert found - IDS - set(NOT_RESULTS) == set()
 
 
-def test_every_item_has_a_verdict(done):
-    assert done.complete
-    assert [r.item.id for r in done.results] == [item.id for item in ITEMS]
-    for r in done.results:
-        assert r.verdict in ("agrees", "corrected", "differs")
-        if r.verdict != "agrees":
-            assert r.outcome.reason, r.item.id
-        for cell in r.outcome.cells:
-            assert not cell.compared or math.isfinite(cell.low) or math.isfinite(cell.high)
-            assert math.isfinite(cell.ours), (r.item.id, cell.name)
+def test_every_table_and_figure_is_an_item():
+    check_ids(ITEMS, IDS, NOT_RESULTS)
 
 
-def test_what_differs_is_known(done):
+def test_every_item_has_its_verdict(done):
+    check_verdicts(done, ITEMS)
     assert {r.item.id for r in done.results if r.verdict == "differs"} == DIFFERS
 
 
 def test_figures_can_be_drawn(done):
-    from schuler.plotting.drawing import draw
-
-    for r in done.results:
-        if any(name.startswith("fig-") for name in (r.item.id, *r.item.also)):
-            assert r.outcome.figures, r.item.id
-        for figure in r.outcome.figures:
-            content = figure()
-            assert all("[" in p.x_label and "[" in p.y_label for p in content.panels), r.item.id
-            assert draw(content).axes
+    check_figures(done, drawn=99)
 
 
 def test_other_seeds_give_other_numbers(done):
-    for name in ("fig-4.8", "fig-4.10", "fig-4.16"):
-        first = next(r for r in done.results if r.item.id == name).outcome
-        other = BY_ID[name].run(Effort(seed=2))
-        pairs = [(a.ours, b.ours) for a, b in zip(first.cells, other.cells, strict=True)]
-        assert sum(a != b for a, b in pairs) > len(pairs) / 2, name
+    check_seeds(done, ("fig-4.8", "fig-4.10", "fig-4.16"))
 
 
 # ------------------------------------------ none could not fail: the library is broken on purpose

@@ -27,10 +27,6 @@ def as_floats(value: ArrayLike, name: str, shape: tuple[int | None, ...] | None 
     shape : tuple of int or None, optional
         Expected shape; ``None`` stands for any length along that axis.
 
-    Returns
-    -------
-    ndarray of float64
-
     Raises
     ------
     InputError

@@ -121,10 +121,6 @@ def parse_unit(text: str) -> Unit:
     text : str
         The unit. Square roots are written ``sqrt(...)``, ``√(...)`` or ``√Hz``.
 
-    Returns
-    -------
-    Unit
-
     Raises
     ------
     UnitError
@@ -159,10 +155,6 @@ def factor_for(text: str, quantity: str) -> float:
         The unit, see :func:`parse_unit`.
     quantity : str
         A key of :data:`QUANTITIES`, for example ``"angular rate"``.
-
-    Returns
-    -------
-    float
 
     Raises
     ------

@@ -190,10 +190,6 @@ def receiver_place(
     position_e, header_position_e
         See :func:`schuler.gnss.preparation.prepare_ranges`.
 
-    Returns
-    -------
-    ReceiverPlace
-
     Raises
     ------
     InputError

@@ -155,10 +155,6 @@ def identify(A: ArrayLike, y: ArrayLike, integrity: Integrity) -> Identification
         Normalised differences, linearised near the truth.
     integrity : Integrity
 
-    Returns
-    -------
-    Identification
-
     Notes
     -----
     A set S lowers the statistic by ``v_S' (M_SS)^-1 v_S``, the generalised likelihood ratio of biases on just these

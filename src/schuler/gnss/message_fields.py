@@ -44,10 +44,6 @@ def unpack(message: int, length: int, layout: Sequence[Field], start: int = 0) -
         field has fewer than 53 bits.
     start : int
         Bits before the first field.
-
-    Returns
-    -------
-    dict of str to float
     """
     values: dict[str, float] = {}
     left = length - start

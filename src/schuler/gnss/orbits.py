@@ -117,10 +117,6 @@ def kepler_states(records: KeplerRecords, row: IntArray, t: ArrayLike, *, epoch_
     epoch_gps_s : float
         GPS time of ``t = 0``. With large ``t`` and no epoch, the resolution of a double costs 1 mm along the orbit. [s]
 
-    Returns
-    -------
-    OrbitStates
-
     Raises
     ------
     InputError

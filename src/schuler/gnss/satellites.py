@@ -164,10 +164,6 @@ def satellite_states(
     ephemerides, sat, t, epoch_gps_s, f_nav, causal, max_age_s
         See :func:`choose_messages`.
 
-    Returns
-    -------
-    SatelliteStates
-
     Notes
     -----
     Clock: ``af0 + af1 d + af2 d^2`` with ``d = t - toc``, plus the relativistic term of

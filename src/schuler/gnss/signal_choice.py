@@ -91,10 +91,6 @@ def choose_signals(
     glonass_channels : mapping of int to int, optional
         FDMA channels by satellite, besides those in the observations.
 
-    Returns
-    -------
-    ChosenSignals
-
     Raises
     ------
     InputError

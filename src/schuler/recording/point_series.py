@@ -16,10 +16,6 @@ _SINGLE = 5  # schuler.recording.series.QUALITY
 def gnss_series(points: PointSolution) -> GnssSeries:
     """The epochs with a usable position, and velocity if all of them have one.
 
-    Parameters
-    ----------
-    points : PointSolution
-
     Returns
     -------
     GnssSeries

@@ -98,10 +98,6 @@ class DataFlash:
 def load(path: Path) -> DataFlash:
     """Find the messages of a log.
 
-    Parameters
-    ----------
-    path : Path
-
     Raises
     ------
     FileFormatError

@@ -191,10 +191,6 @@ def write(recording: Recording, path: Path) -> list[Path]:
     path : Path
         A new folder; or, with a suffix (``.txt``, ``.nav``), one file of the only part the recording has.
 
-    Returns
-    -------
-    list of Path
-
     Raises
     ------
     InputError

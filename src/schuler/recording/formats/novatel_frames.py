@@ -169,10 +169,6 @@ def _line_is_right(line: re.Match[bytes]) -> bool:
 def load(path: Path) -> Messages:
     """Find and decode the messages of a log.
 
-    Parameters
-    ----------
-    path : Path
-
     Raises
     ------
     FileFormatError

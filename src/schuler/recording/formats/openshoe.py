@@ -31,10 +31,6 @@ def read_openshoe_mat(path: Path | str, *, rate_hz: float, variable: str = "u") 
     variable : str
         Name of the matrix.
 
-    Returns
-    -------
-    Recording
-
     Raises
     ------
     FileFormatError, InputError
@@ -64,10 +60,6 @@ def read_microstrain_text(path: Path | str, *, rate_hz: float = 250.0) -> Record
         checksum, number, three time stamps, frequency, magnetic field) that may be missing or nan.
     rate_hz : float
         Sampling rate; the stamps in the file are those of the computer and are not used. [Hz]
-
-    Returns
-    -------
-    Recording
 
     Raises
     ------

@@ -33,11 +33,6 @@ _PACKED = 200  # times its size, beyond that: a log has a time column, which pac
 def write_parquet(recording: Recording, path: Path | str) -> list[Path]:
     """Write a recording as one Parquet file, bit for bit.
 
-    Parameters
-    ----------
-    recording : Recording
-    path : Path or str
-
     Returns
     -------
     list of Path

@@ -75,10 +75,6 @@ def read_pyshoe(path: Path | str, *, uniform_clock: bool = True, place_llh: Arra
     place_llh : array_like, shape (3,), optional
         Place given to the motion capture: latitude, longitude [rad], height [m].
 
-    Returns
-    -------
-    PyShoeTrial
-
     Raises
     ------
     FileFormatError

@@ -138,10 +138,6 @@ def _of_message(file: RinexFile, message: str, line: int) -> list[tuple[str, tup
 def glonass_channels(ephemerides: Ephemerides) -> dict[int, int]:
     """FDMA channel by satellite, the last one broadcast.
 
-    Parameters
-    ----------
-    ephemerides : Ephemerides
-
     Returns
     -------
     dict of int to int

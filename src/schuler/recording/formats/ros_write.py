@@ -29,11 +29,6 @@ _Bag = list[tuple[str, str, np.ndarray[Any, np.dtype[np.int64]], list[bytes]]]
 def write_mcap(recording: Recording, path: Path) -> list[Path]:
     """Write one MCAP file of ROS 2 messages.
 
-    Parameters
-    ----------
-    recording : Recording
-    path : Path
-
     Returns
     -------
     list of Path

@@ -99,10 +99,6 @@ def read(path: Path, hints: ReadHints) -> Recording:
 def sigmas(path: Path) -> FloatArray:
     """Accuracies of a solution file at its epochs, in the order of SBET's.
 
-    Parameters
-    ----------
-    path : Path
-
     Returns
     -------
     ndarray, shape (n, 9)

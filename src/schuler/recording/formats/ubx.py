@@ -81,10 +81,6 @@ def read_ubx(path: Path | str) -> UbxLog:
     path : Path or str
         As logged: UBX frames, perhaps with NMEA sentences between them.
 
-    Returns
-    -------
-    UbxLog
-
     Raises
     ------
     FileFormatError
@@ -255,14 +251,6 @@ class Frames:
 
 def find_frames(data: bytes) -> Frames:
     """Find the frames of a u-blox log, of any kind.
-
-    Parameters
-    ----------
-    data : bytes
-
-    Returns
-    -------
-    Frames
 
     Notes
     -----

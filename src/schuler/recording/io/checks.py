@@ -109,11 +109,6 @@ def gravity_fault(
         Stated kind of samples.
     rest : float or None
         Stillness stated for the start; looked for if ``None``. [s]
-
-    Returns
-    -------
-    fault, note : str or None
-    row : int or None
     """
     if rest is not None:
         window: slice | None = slice(0, max(int(np.searchsorted(t, t[0] + rest, side="right")), 1))

@@ -16,10 +16,6 @@ if TYPE_CHECKING:
 def to_pandas(data: Recording | Tables) -> dict[str, pd.DataFrame]:
     """Data frames of a recording.
 
-    Parameters
-    ----------
-    data : Recording or Tables
-
     Returns
     -------
     dict of str to DataFrame
@@ -51,10 +47,6 @@ def from_pandas(frames: pd.DataFrame | Mapping[str, pd.DataFrame], **options: An
         column ``t``, or an index of numbers of this name. Units other than SI are in ``frame.attrs["units"]``.
     **options
         As of :func:`schuler.recording.tables.tables.recording_of`: kind, time, name.
-
-    Returns
-    -------
-    Recording
 
     Raises
     ------

@@ -36,10 +36,6 @@ class PolarsFrames:
 def to_polars(data: Recording | Tables) -> PolarsFrames:
     """Polars data frames of a recording.
 
-    Parameters
-    ----------
-    data : Recording or Tables
-
     Returns
     -------
     PolarsFrames
@@ -65,10 +61,6 @@ def from_polars(data: PolarsFrames | pl.DataFrame | Mapping[str, pl.DataFrame], 
         Frames without attributes are in SI; one alone is an IMU.
     **options
         As of :func:`schuler.recording.tables.tables.recording_of`: kind, time, name.
-
-    Returns
-    -------
-    Recording
 
     Raises
     ------

@@ -51,10 +51,6 @@ class Tables:
 def tables_of(data: Recording | Tables) -> Tables:
     """Tables of a recording; tables stay what they are.
 
-    Parameters
-    ----------
-    data : Recording or Tables
-
     Returns
     -------
     Tables
@@ -93,10 +89,6 @@ def recording_of(
     time : TimeBase, optional
         Default that of the document, else a local clock.
     name : str, optional
-
-    Returns
-    -------
-    Recording
 
     Raises
     ------

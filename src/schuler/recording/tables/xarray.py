@@ -23,10 +23,6 @@ if TYPE_CHECKING:
 def to_xarray(data: Recording | Tables) -> xr.DataTree:
     """Tree of datasets of a recording.
 
-    Parameters
-    ----------
-    data : Recording or Tables
-
     Returns
     -------
     DataTree
@@ -64,10 +60,6 @@ def from_xarray(data: xr.DataTree | xr.Dataset, **options: Any) -> Recording:
         A tree whose children are parts by name, or one dataset, which is an IMU. Units are attributes of variables.
     **options
         As of :func:`schuler.recording.tables.tables.recording_of`: kind, time, name.
-
-    Returns
-    -------
-    Recording
 
     Raises
     ------

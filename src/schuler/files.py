@@ -6,12 +6,14 @@ import hashlib
 import os
 import tempfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from schuler.exceptions import TomlError
+
+_MANY = 4_000_000  # bytes that are worth a thread
 
 
 def read_toml(path: Path | str, missing: str = "no such configuration file") -> dict[str, Any]:
@@ -87,3 +89,27 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+@contextmanager
+def hashed(paths: Iterable[Path], root: Path | None = None) -> Iterator[Callable[[], dict[str, str]]]:
+    """Yield a function that returns the SHA-256 of each file by its name; large files are read beside what follows.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+    root : Path, optional
+        Folder from which on files are named: those of a data set may all be called alike.
+    """
+    from concurrent.futures import ThreadPoolExecutor  # loaded where threads are used: it takes time
+
+    paths = list(paths)
+
+    def work() -> dict[str, str]:
+        return {path.name if root is None else path.relative_to(root).as_posix(): sha256(path) for path in paths}
+
+    if sum(path.stat().st_size for path in paths) < _MANY:
+        yield work
+        return
+    with ThreadPoolExecutor(1) as pool:
+        yield pool.submit(work).result

@@ -17,7 +17,7 @@ from schuler.gnss.point import solve_points
 from schuler.navigation.aids.satellite import range_measurements
 from schuler.navigation.evaluation.consistency import chi_square_band, nees
 from schuler.navigation.result import NavigationResult
-from schuler.recording.point_series import gnss_series
+from schuler.recording.series import gnss_series
 
 RUNS = [40, pytest.param(400, marks=pytest.mark.slow)]
 CLOCK = ("clock", "clock_drift")

@@ -37,8 +37,8 @@ from schuler.navigation.inputs.satellites import (
 )
 from schuler.navigation.run import navigate
 from schuler.navigation.sections import CorrelatedSection
-from schuler.recording.point_series import gnss_series
 from schuler.recording.recording import Metadata, Recording
+from schuler.recording.series import gnss_series
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.imu import ideal_imu, simulate_imu

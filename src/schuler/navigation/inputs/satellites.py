@@ -18,9 +18,8 @@ from schuler.gnss.ranges import Ranges
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.satellite_noise import inflate_sigmas
 from schuler.navigation.sections import CorrelatedSection
-from schuler.recording.point_series import gnss_series
 from schuler.recording.recording import Recording
-from schuler.recording.series import GnssSeries
+from schuler.recording.series import GnssSeries, gnss_series
 
 _MISSING_RANGE, _MISSING_RATE = 10.0, 1.0  # 1-sigma of measurements that come without one [m], [m/s]
 _EXCLUDED = 6  # schuler.gnss.ranges.REASONS

@@ -16,7 +16,7 @@ import numpy as np
 
 from schuler import units
 from schuler.arrays import FloatArray
-from schuler.exceptions import FileFormatError, InputError
+from schuler.exceptions import FileFormatError
 from schuler.gnss.observations import Observations
 from schuler.gnss.signals import SYSTEMS, wavelengths
 from schuler.recording.io import checks
@@ -159,8 +159,7 @@ def read_instinct_gnss(path: Path | str, hints: ReadHints | None = None) -> Rece
 
 def _checked(path: Path, hints: ReadHints | None, used: tuple[str, ...]) -> ReadHints:
     hints = hints or ReadHints()
-    if surplus := sorted(set(hints.given()) - {*used, "name", "series"}):
-        raise InputError(f"{path} is a table of INSTINCT and says this itself; leave out {', '.join(surplus)}")
+    hints.check_used(path, {*used, "name", "series"}, "a table of INSTINCT")
     return hints
 
 

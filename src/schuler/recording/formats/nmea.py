@@ -94,8 +94,7 @@ def read_nmea(path: Path | str, hints: ReadHints | None = None) -> Recording:
     horizontal: the vertical one is zero with a 1-sigma of 10 m/s.
     """
     path, hints = Path(path), hints or ReadHints()
-    if surplus := sorted(set(hints.given()) - _USED):
-        raise InputError(f"{path} is an NMEA log and says this itself; leave out {', '.join(surplus)}")
+    hints.check_used(path, _USED, "an NMEA log")
     check_file(path)
     notes: list[str] = []
     epochs = _epochs(path.read_bytes(), notes)

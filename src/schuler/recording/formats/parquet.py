@@ -16,10 +16,10 @@ import numpy as np
 
 from schuler import files
 from schuler.exceptions import FileFormatError, InputError, MissingExtraError, SchulerError
+from schuler.files import hashed
 from schuler.recording.io import columns, own, own_satellites
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.own import Columns
-from schuler.recording.io.sources import hashed
 from schuler.recording.io.variables import recording_of_arrays
 from schuler.recording.recording import Recording
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from schuler import units
 from schuler.arrays import FloatArray
-from schuler.exceptions import FileFormatError, InputError
+from schuler.exceptions import FileFormatError
 from schuler.gnss.ephemerides import Ephemerides, KeplerRecords, no_glonass
 from schuler.gnss.observations import Observations
 from schuler.gnss.signals import SPEED_OF_LIGHT, frequency_hz
@@ -161,8 +161,7 @@ def read_psins_imu(path: Path | str, hints: ReadHints | None = None) -> Recordin
         If a hint is given that the log answers itself.
     """
     path, hints = Path(path), hints or ReadHints()
-    if surplus := sorted(set(hints.given()) - _USED):
-        raise InputError(f"{path} is a PSINS log and says this itself; leave out {', '.join(surplus)}")
+    hints.check_used(path, _USED, "a PSINS log")
     encoding = encoding_of(check_file(path), path)
     with path.open(encoding=encoding, errors="replace") as stream:
         lines = [(number, line) for number, line in enumerate(stream, 1) if line.strip() and not line.startswith("%")]

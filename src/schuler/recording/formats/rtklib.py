@@ -15,6 +15,7 @@ import numpy as np
 from schuler import files, frames, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError
+from schuler.files import hashed
 from schuler.recording.io import checks, columns, lines
 from schuler.recording.io.assemble import metadata_of
 from schuler.recording.io.clock import from_gps
@@ -22,7 +23,6 @@ from schuler.recording.io.gnss_table import gnss_series
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import TextTable
 from schuler.recording.io.raw import Raw, check_increasing, reject_not_finite
-from schuler.recording.io.sources import hashed
 from schuler.recording.recording import Recording
 from schuler.timebase import GPS_EPOCH, UNIX_TO_GPS_S, WEEK_S, calendar, gps_from_unix
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.exceptions import FileFormatError, InputError, MissingExtraError
+from schuler.exceptions import FileFormatError, MissingExtraError
 from schuler.gnss.ephemerides import Ephemerides, no_glonass, no_kepler
 from schuler.gnss.observations import Observations
 from schuler.recording.formats import ubx_messages
@@ -175,8 +175,7 @@ def read_ubx_recording(path: Path, hints: ReadHints) -> Recording:
     InputError
         If hints are given that the log answers itself.
     """
-    if surplus := sorted(set(hints.given()) - _USED):
-        raise InputError(f"{path} is a u-blox log and says this itself; leave out {', '.join(surplus)}")
+    hints.check_used(path, _USED, "a u-blox log")
     log = read_ubx(path)
     if log.gnss is None and log.observations is None:
         raise FileFormatError("the log holds neither NAV-PVT with a fix nor RXM-RAWX with measurements", path)

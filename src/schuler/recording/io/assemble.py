@@ -10,13 +10,13 @@ import numpy as np
 
 from schuler import files, units
 from schuler.arrays import FloatArray
+from schuler.files import hashed
 from schuler.recording.io import checks, columns, own
 from schuler.recording.io.clock import stamps
 from schuler.recording.io.gnss_table import gnss_series, reference_path
 from schuler.recording.io.hint_texts import COUNTS, COUNTS_NOTE, axes_matrix, factor, parse_scale, parse_units
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import HUGE, Raw, check_increasing
-from schuler.recording.io.sources import hashed
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
 from schuler.recording.trajectory import Trajectory

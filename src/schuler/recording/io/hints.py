@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 from schuler.exceptions import InputError
@@ -195,6 +196,11 @@ class ReadHints:
         values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         values = {n: v for n, v in values.items() if v != self.__dataclass_fields__[n].default and v != frozenset()}
         return {n: sorted(v) if isinstance(v, frozenset) else v for n, v in values.items()}
+
+    def check_used(self, path: Path, used: Iterable[str], what: str) -> None:
+        """Refuse hints that a file answers itself: an :class:`InputError` names those that are not in ``used``."""
+        if surplus := sorted(set(self.given()) - set(used)):
+            raise InputError(f"{path} is {what} and says this itself; leave out {', '.join(surplus)}")
 
     def allows(self, check: str) -> bool:
         """Whether a check of :data:`~schuler.recording.io.hint_texts.ALLOWANCES` was lifted."""

@@ -10,12 +10,12 @@ from typing import Any, Literal
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.exceptions import FileFormatError, InputError
+from schuler.exceptions import FileFormatError
+from schuler.files import hashed
 from schuler.recording.io import columns
 from schuler.recording.io.assemble import series_from
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import Raw
-from schuler.recording.io.sources import hashed
 from schuler.recording.recording import Metadata, Recording
 from schuler.timebase import TimeBase
 
@@ -136,8 +136,7 @@ def check_hints(path: Path, hints: ReadHints, used: Iterable[str], what: str) ->
     used = COMMON | set(used)
     if unknown := used - {f.name for f in fields(ReadHints)}:
         raise KeyError(f"no hints: {unknown}")
-    if surplus := sorted(set(hints.given()) - used):
-        raise InputError(f"{path} is {what} and says this itself; leave out {', '.join(surplus)}")
+    hints.check_used(path, used, what)
 
 
 def later(t: FloatArray, what: str, path: Path, notes: list[str]) -> np.ndarray[Any, np.dtype[np.bool_]]:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from schuler.exceptions import FileFormatError, InputError, SchulerError
+from schuler.exceptions import FileFormatError, SchulerError
 from schuler.recording.formats import instinct_csv, nmea, psins, ubx
 from schuler.recording.io.assemble import metadata_of
 from schuler.recording.io.hints import ReadHints
@@ -110,7 +110,7 @@ def read_satellite_file(
     if hints.variable is None and is_psins_ranges(path, head):
         from schuler.recording.formats.psins import read_psins_ranges
 
-        _refuse_surplus(path, hints, "PSINS file of ranges")
+        hints.check_used(path, _USED, "a " + "PSINS file of ranges")
         recording = read_psins_ranges(path).recording
         return replace(recording, metadata=replace(recording.metadata, name=hints.name or path.stem))
     return None
@@ -153,7 +153,7 @@ def _is_nmea(path: Path, head: bytes) -> bool:
 def _navigation(path: Path, hints: ReadHints) -> Recording:
     from schuler.recording.formats.rinex_navigation import read_rinex_navigation
 
-    _refuse_surplus(path, hints)
+    hints.check_used(path, _USED, "a RINEX file")
     broadcast = read_rinex_navigation(path)
     times = [*broadcast.kepler.toe[:1], *broadcast.glonass.toe[:1]]
     time = TimeBase("gps", float(times[0] // WEEK_S * WEEK_S) if times else 0.0)
@@ -163,15 +163,10 @@ def _navigation(path: Path, hints: ReadHints) -> Recording:
 def _observations(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int] | None) -> Recording:
     from schuler.recording.formats.rinex_observation import read_rinex_observation
 
-    _refuse_surplus(path, hints)
+    hints.check_used(path, _USED, "a RINEX file")
     o = read_rinex_observation(path, glonass_channels=glonass_channels)
     metadata = metadata_of(path, hints, TimeBase("gps", o.epoch_gps_s), o.notes)
     return Recording(observations=o, metadata=metadata)
-
-
-def _refuse_surplus(path: Path, hints: ReadHints, what: str = "RINEX file") -> None:
-    if surplus := sorted(set(hints.given()) - _USED):
-        raise InputError(f"{path} is a {what} and says this itself; leave out {', '.join(surplus)}")
 
 
 def channels_of(recording: Recording | None) -> dict[int, int]:

@@ -110,7 +110,7 @@ def read_satellite_file(
     if hints.variable is None and is_psins_ranges(path, head):
         from schuler.recording.formats.psins import read_psins_ranges
 
-        hints.check_used(path, _USED, "a " + "PSINS file of ranges")
+        hints.check_used(path, _USED, "a PSINS file of ranges")
         recording = read_psins_ranges(path).recording
         return replace(recording, metadata=replace(recording.metadata, name=hints.name or path.stem))
     return None

@@ -10,6 +10,7 @@ import pytest
 from places import DATA
 
 SHARED_DATA = DATA
+LEFT_OUT = ("slow", "campaign", "reproduce", "fuzz")  # markers of what does not run by default
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -18,7 +19,7 @@ def pytest_collection_modifyitems(items):
     seen: Counter[str] = Counter()
     for item in items:
         thinned = item.get_closest_marker("thinned")
-        if thinned is not None:
+        if thinned is not None and not any(item.get_closest_marker(name) for name in LEFT_OUT):
             function = item.nodeid.partition("[")[0]
             if seen[function] % thinned.args[0]:
                 item.add_marker(pytest.mark.campaign)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from schuler.characterisation import allan_deviation
 from schuler.characterisation.fitting import Fit, Moments
@@ -51,6 +52,7 @@ def test_a_resonance_has_its_measured_spectrum_and_the_rest_its_terms():
     np.testing.assert_allclose(ratio(model, curve)[short], 1.0, atol=0.02)
 
 
+@pytest.mark.campaign
 def test_an_angle_that_stays_bounded_is_no_sum_of_terms():
     """Its rate has less noise at long times than any term. The measured spectrum follows within 10 % up to a tenth of
     the log and 30 % to its end (the scatter of the curve itself is larger), where the terms are off by a factor."""

@@ -22,6 +22,8 @@ from schuler.reproduce.flenniken.study.grade_comparison import Overlay, overlay
 from schuler.sensors import ImuSpec, NoiseModel, TriadSpec, White, catalogue, grade, noise_model
 from schuler.sensors.grades import SensorGrade
 
+pytestmark = pytest.mark.campaign  # three hours of simulated sensors; shorter logs are in test_identify.py
+
 HOUR = 3600.0
 QUICK, FULL = 2.0, 100.0  # Hz
 

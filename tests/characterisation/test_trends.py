@@ -111,6 +111,7 @@ COLOURS = {
 }
 
 
+@pytest.mark.campaign
 def test_noise_alone_is_seldom_called_a_trend():
     calls = sum(
         warm_up(model.sample(2400, 1.25, np.random.default_rng(seed)), 0.8).kind != "none"

@@ -66,6 +66,7 @@ def test_the_interval_covers_as_often_as_it_says(ratio):
     assert abs(np.mean(variances) - 1.0) < 3.5 * np.std(variances) / np.sqrt(1000) + (0.02 if ratio < 0.5 else 0.1)
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize(
     ("model", "largest"), [(White(1.0), 1.6), (RandomWalk(0.05), 1.3), (White(1.0) + GaussMarkov(0.3, 20.0), 3.5)]
 )

@@ -20,7 +20,7 @@ from schuler.navigation.evaluation.consistency import chi_square_band, state_err
 from schuler.navigation.navigator import Navigator
 
 ORDER = 0.02  # of a sigma: what relinearisation moves; 0.003 was seen
-RUNS = [40, pytest.param(400, marks=pytest.mark.slow)]
+RUNS = [16, pytest.param(40, marks=pytest.mark.campaign), pytest.param(400, marks=pytest.mark.slow)]
 
 #: Blocks estimated beside the biases, and what is measured.
 CONFIGURATIONS = {

@@ -24,6 +24,7 @@ def campaign(case, lay, seeds, **options):
     return np.array(nees_all), np.array(nis_all), np.array(final)
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("states", [15, 21])
 def test_nees_over_a_hundred_seeds(drive_case, states):
     """Each run draws biases, scale factors, initial errors and noise; the mean stays in its chi-square band."""

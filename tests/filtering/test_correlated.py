@@ -9,7 +9,7 @@ import pytest
 from schuler.filtering.states import StateModel
 from schuler.navigation.evaluation.consistency import chi_square_band
 
-RUNS = [40, pytest.param(400, marks=pytest.mark.slow)]
+RUNS = [16, pytest.param(40, marks=pytest.mark.campaign), pytest.param(400, marks=pytest.mark.slow)]
 
 
 @pytest.fixture(scope="module")

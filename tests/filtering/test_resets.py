@@ -21,7 +21,7 @@ from schuler.recording.series import GnssSeries
 
 # good gyros: without updates a bias of 400 deg/h turns the attitude by more than a linear filter can follow
 QUIET = {"b_a": StateModel.random_walk(0.01, 2e-5), "b_g": StateModel.random_walk(5e-5, 1e-6)}
-RUNS = [40, pytest.param(400, marks=pytest.mark.slow)]
+RUNS = [16, pytest.param(40, marks=pytest.mark.campaign), pytest.param(400, marks=pytest.mark.slow)]
 
 
 @pytest.fixture(scope="module")

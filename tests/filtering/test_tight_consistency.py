@@ -19,7 +19,7 @@ from schuler.navigation.evaluation.consistency import chi_square_band, nees
 from schuler.navigation.result import NavigationResult
 from schuler.recording.series import gnss_series
 
-RUNS = [40, pytest.param(400, marks=pytest.mark.slow)]
+RUNS = [16, pytest.param(40, marks=pytest.mark.campaign), pytest.param(400, marks=pytest.mark.slow)]
 CLOCK = ("clock", "clock_drift")
 LIMIT = 1e-4  # of a sigma
 
@@ -29,6 +29,7 @@ def drive():
     return ac.Drive.of(ac.town(2.0), 120.0)
 
 
+@pytest.mark.thinned(5)
 @pytest.mark.parametrize("runs", RUNS)
 @pytest.mark.parametrize(
     ("systems", "most", "clocks"), [("G", 8, ()), ("GE", 10, ("clock_2",)), ("GREC", 14, ac.CLOCKS_BETWEEN)]
@@ -47,6 +48,7 @@ def test_nees_with_an_unknown_lever_arm_and_aids(drive, runs):
     ac.Campaign.of(drive, lay, aids, range(runs)).check()
 
 
+@pytest.mark.thinned(5)
 @pytest.mark.parametrize("runs", RUNS)
 @pytest.mark.parametrize("most", [3, 2, 1, 0])
 def test_nees_through_a_minute_with_a_subset_of_satellites(drive, most, runs):

@@ -187,6 +187,7 @@ def criterion(recording) -> float:
     return value
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize(
     ("section", "key"),
     [

@@ -19,7 +19,7 @@ from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion
 
-RUNS = [40, pytest.param(400, marks=pytest.mark.slow)]
+RUNS = [16, pytest.param(40, marks=pytest.mark.campaign), pytest.param(400, marks=pytest.mark.slow)]
 #: With the biases: the 39 states of the thesis, in the order of ``filter.states = 39``.
 THESIS = {
     "S_a": StateModel.constant(3e-3),

@@ -73,6 +73,7 @@ def test_modes_follow_the_series_and_the_aids(town, config):
     assert not any("odometer" in name for name in without)
 
 
+@pytest.mark.campaign
 def test_a_row_is_the_run_of_its_configuration(town, config, comparison):
     """Nothing is computed in another way than ``navigate`` does it; rounding."""
     result = navigate(town, parse_mode("loose+nhc").configure(config))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
+from command import refusal
 
 from schuler.cli import main
 
@@ -37,7 +38,4 @@ def test_text_names_what_differs_and_a_book_is_written(capsys, tmp_path):
     ],
 )
 def test_faults_say_what_to_do(capsys, arguments, message):
-    assert main(["reproduce", *arguments]) == 2
-    err = capsys.readouterr().err
-    assert message in err
-    assert err.count("\n") == 1
+    assert message in refusal(capsys, "reproduce", *arguments)

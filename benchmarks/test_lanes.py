@@ -20,7 +20,7 @@ from schuler.mechanization.strapdown import NavState
 from schuler.montecarlo.lanes.aiding import true_gnss
 from schuler.montecarlo.lanes.errors import LaneErrors
 from schuler.montecarlo.lanes.run import LaneScenario, lane_statistics, replay
-from schuler.simulation.aiding import GnssModel
+from schuler.simulation.gnss import GnssModel
 from schuler.simulation.imu import IdealImu, ideal_imu
 from schuler.simulation.motion import Motion, MotionState
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion

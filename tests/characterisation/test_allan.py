@@ -11,7 +11,7 @@ from places import ROOT
 
 from schuler.characterisation.allan import allan_deviation
 from schuler.characterisation.confidence import KINDS
-from schuler.characterisation.grid import on_grid
+from schuler.characterisation.variance import on_grid
 from schuler.exceptions import InputError
 from schuler.sensors.noise import GaussMarkov, RandomWalk, White, quantise_increments
 

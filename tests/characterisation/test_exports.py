@@ -11,10 +11,9 @@ import re
 import numpy as np
 import pytest
 
-from schuler.characterisation.curve import AllanCurve
+from schuler.characterisation.allan import AllanCurve
 from schuler.characterisation.exports import EXPORTS, export, export_text
-from schuler.characterisation.findings import Finding
-from schuler.characterisation.result import AxisNoise, Estimate, NoiseIdentification
+from schuler.characterisation.result import AxisNoise, Estimate, Finding, NoiseIdentification
 from schuler.exceptions import InputError
 from schuler.sensors import GaussMarkov, ImuSpec, NoiseModel, RandomWalk, TriadSpec, White, allan_minimum
 from schuler.sensors.spec_file import read_spec_file

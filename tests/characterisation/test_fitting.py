@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.characterisation import fitting, moments, sums
-from schuler.characterisation.fitting import Moments, NoFitError, fit, parameter_names, parse_terms
+from schuler.characterisation import fitting, moments
+from schuler.characterisation.fitting import NoFitError, fit, parameter_names, parse_terms
+from schuler.characterisation.moments import Moments
+from schuler.characterisation.variance import allan_variances, integrate_signal
 from schuler.exceptions import InputError
 from schuler.sensors.noise import Flicker, GaussMarkov, Process, Quantisation, Ramp, RandomWalk, White
 
@@ -17,7 +19,7 @@ PROCESSES = {"Q": Quantisation, "N": White, "B": Flicker, "K": RandomWalk, "R": 
 def measured(process: Process, n: int, rng: np.random.Generator) -> Moments:
     """Allan variances at octaves of one realisation."""
     m = 2 ** np.arange(int(np.log2(n / 4)) + 1)
-    variance, _ = sums.variance(sums.signal(process.sample(n, DT, rng), "rate", DT), "overlapping", m)
+    variance, _ = allan_variances(integrate_signal(process.sample(n, DT, rng), "rate", DT), "overlapping", m)
     return Moments(m, variance, DT, np.array([n]))
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from schuler.characterisation.findings import FALSE_ALARM, SHOWN
 from schuler.characterisation.health import check_static_imu, check_static_log, gaps, length_needed
 from schuler.characterisation.readings import resolution
+from schuler.characterisation.result import FALSE_ALARM, MOST_PLACES
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.sensors.noise import GaussMarkov, NoiseModel, Ramp, RandomWalk, White, flicker
@@ -179,7 +179,7 @@ def test_many_gaps_are_summed_up():
     t = np.arange(2000) * 0.01
     t += 0.05 * (np.arange(2000) // 200)
     found = gaps(t)
-    assert len(found) == SHOWN + 1
+    assert len(found) == MOST_PLACES + 1
     assert "6 more gaps" in found[-1].text
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from schuler.characterisation.identify import identify_noise
+from schuler.characterisation.identification import identify_noise
 from schuler.characterisation.result import AXES
 from schuler.exceptions import InputError
 from schuler.recording.recording import Metadata, Recording

@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 
 from schuler.characterisation.allan import allan_deviation
-from schuler.characterisation.identify import identify_noise
-from schuler.characterisation.lines import Line, find_lines
+from schuler.characterisation.identification import identify_noise
+from schuler.characterisation.spectrum import Line, clean_spectrum
 from schuler.recording.series import ImuSeries
 from schuler.sensors.noise import Flicker, RandomWalk, White
 
 RATE = 100.0
+
+
+def lines_in(x, rate_hz):
+    """Lines of a log, the strongest first."""
+    spectrum = clean_spectrum(x, rate_hz)
+    return () if spectrum is None else spectrum.lines
 
 
 def sine(n, frequency, amplitude, phase=0.3):
@@ -22,7 +28,7 @@ def sine(n, frequency, amplitude, phase=0.3):
 def test_a_sine_in_white_noise_is_found(frequency):
     n, amplitude, sigma = 100_000, 2e-3, 1e-2
     noise = [np.random.default_rng(k).standard_normal(n) * sigma for k in range(8)]
-    found = [find_lines(x + sine(n, frequency, amplitude), RATE) for x in noise]
+    found = [lines_in(x + sine(n, frequency, amplitude), RATE) for x in noise]
     assert all(len(lines) == 1 for lines in found)
     resolution = RATE / 4096  # of a segment
     assert all(abs(lines[0].frequency - frequency) < 0.5 * resolution for lines in found)
@@ -36,21 +42,21 @@ def test_the_strongest_comes_first_and_missing_samples_do_not_matter():
     n = 100_000
     x = np.random.default_rng(1).standard_normal(n) * 1e-2 + sine(n, 7.0, 2e-3) + sine(n, 31.0, 5e-3)
     x[40_000:42_000] = np.nan
-    assert [round(line.frequency, 1) for line in find_lines(x, RATE)] == [31.0, 7.0]
+    assert [round(line.frequency, 1) for line in lines_in(x, RATE)] == [31.0, 7.0]
 
 
 @pytest.mark.parametrize("model", [White(1e-3), White(1e-3) + Flicker(1e-3), White(1e-3) + RandomWalk(1e-2)])
 def test_clean_noise_has_no_lines(model):
     """One log in a thousand is allowed one; statistical: two of 50 happen once in a thousand tests."""
     rng = np.random.default_rng(2)
-    assert sum(bool(find_lines(model.sample(20_000, 1.0 / RATE, rng), RATE)) for _ in range(50)) <= 1
+    assert sum(bool(lines_in(model.sample(20_000, 1.0 / RATE, rng), RATE)) for _ in range(50)) <= 1
 
 
 def test_a_log_that_is_mostly_missing_or_short_has_no_lines():
     x = np.random.default_rng(3).standard_normal(60_000)
     x[600:59_000] = np.nan
-    assert find_lines(x, RATE) == ()
-    assert find_lines(x[:500], RATE) == ()
+    assert lines_in(x, RATE) == ()
+    assert lines_in(x[:500], RATE) == ()
 
 
 @pytest.mark.parametrize("frequency", [0.77, 13.7, 49.0])

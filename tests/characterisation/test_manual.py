@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from schuler import units as u
-from schuler.characterisation.finite_record import finite_record
+from schuler.characterisation.correlation import finite_record
 from schuler.characterisation.manual import allan_valley, identify_manually
 from schuler.exceptions import InputError
 from schuler.sensors import GaussMarkov, White

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.characterisation import moments, sums
+from schuler.characterisation import moments
+from schuler.characterisation.variance import allan_variances, integrate_signal
 from schuler.sensors.noise import Flicker, GaussMarkov, Process, RandomWalk, White
 
 DT = 0.1
@@ -16,7 +17,10 @@ def variances(process: Process, n: int, runs: int, seed: int = 1) -> np.ndarray:
     """Overlapping Allan variances of ``runs`` realisations, shape (runs, len(M))."""
     rng = np.random.default_rng(seed)
     return np.array(
-        [sums.variance(sums.signal(process.sample(n, DT, rng), "rate", DT), "overlapping", M)[0] for _ in range(runs)]
+        [
+            allan_variances(integrate_signal(process.sample(n, DT, rng), "rate", DT), "overlapping", M)[0]
+            for _ in range(runs)
+        ]
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from schuler.characterisation.allan import allan_deviation
-from schuler.characterisation.identify import identify_noise
+from schuler.characterisation.identification import identify_noise
 from schuler.characterisation.outliers import without_outliers
 from schuler.characterisation.result import AXES
 from schuler.exceptions import InputError

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.characterisation import sums
-from schuler.characterisation.fitting import Moments, NoFitError, allan_variance
+from schuler.characterisation.fitting import NoFitError, allan_variance
+from schuler.characterisation.moments import Moments
 from schuler.characterisation.selection import select
+from schuler.characterisation.variance import allan_variances, integrate_signal
 from schuler.sensors.noise import Flicker, GaussMarkov, GaussMarkov2, Process, Quantisation, RandomWalk, White
 
 DT = 0.1
@@ -24,7 +25,7 @@ TRUE = {
 def measured(process: Process, n: int, rng: np.random.Generator) -> Moments:
     """Allan variances at octaves of one realisation."""
     m = 2 ** np.arange(int(np.log2(n / 4)) + 1)
-    variance, _ = sums.variance(sums.signal(process.sample(n, DT, rng), "rate", DT), "overlapping", m)
+    variance, _ = allan_variances(integrate_signal(process.sample(n, DT, rng), "rate", DT), "overlapping", m)
     return Moments(m, variance, DT, np.array([n]))
 
 

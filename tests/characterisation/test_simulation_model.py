@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from schuler.characterisation import allan_deviation
-from schuler.characterisation.fitting import Fit, Moments
-from schuler.characterisation.lines import clean_spectrum
+from schuler.characterisation.fitting import Fit
+from schuler.characterisation.moments import Moments
 from schuler.characterisation.selection import Selection, select
 from schuler.characterisation.simulation_model import simulation_model, terms_of_fit
+from schuler.characterisation.spectrum import clean_spectrum
 from schuler.sensors.noise import Coloured, GaussMarkov, GaussMarkov2, Process, RandomWalk, White
 
 RATE = 20.0

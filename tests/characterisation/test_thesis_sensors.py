@@ -15,7 +15,7 @@ import pytest
 
 from schuler import units as u
 from schuler.characterisation import AxisNoise, NoiseIdentification, allan_deviation, identify_noise
-from schuler.characterisation.finite_record import finite_record
+from schuler.characterisation.correlation import finite_record
 from schuler.characterisation.manual import ManualNoise, identify_manually
 from schuler.recording.series import ImuSeries
 from schuler.reproduce.flenniken.study.grade_comparison import Overlay, overlay

@@ -29,7 +29,7 @@ def test_covariances_have_the_allan_variance_they_are_said_to_have(kind):
     """From the factors back to the covariance: unit Allan variance at sqrt(J) blocks for one kind of noise alone."""
     J, m = 100, 10
     weights = [(1e3, 1.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1e3)][kind]
-    whiten, _, proportions = trends.whiteners(J)
+    whiten, _, proportions = trends.whitening_factors(J)
     C = np.linalg.inv(whiten[np.flatnonzero(np.all(proportions == weights, axis=1)).item()])
     C = C @ C.T
     v = np.zeros(J)

@@ -41,9 +41,9 @@ def identified(monkeypatch):
         state.asked, state.options = recording, options
         return state.noise
 
-    module = types.ModuleType("schuler.characterisation.identify")
+    module = types.ModuleType("schuler.characterisation.identification")
     module.identify_noise = identify_noise
-    monkeypatch.setitem(sys.modules, "schuler.characterisation.identify", module)
+    monkeypatch.setitem(sys.modules, "schuler.characterisation.identification", module)
     return state
 
 
@@ -209,7 +209,8 @@ def test_a_log_without_imu_is_refused(identified, tmp_path, capsys):
 
 
 needs_identify = pytest.mark.skipif(
-    importlib.util.find_spec("schuler.characterisation.identify") is None, reason="identification is not there yet"
+    importlib.util.find_spec("schuler.characterisation.identification") is None,
+    reason="identification is not there yet",
 )
 
 

@@ -18,8 +18,8 @@ from schuler.recording.formats.csv import write_csv
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.recording.trajectory import Trajectory
+from schuler.simulation.gait import walk
 from schuler.simulation.motion import ideal_rates
-from schuler.simulation.walk import walk
 
 
 @pytest.fixture(scope="module")

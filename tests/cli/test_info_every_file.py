@@ -10,7 +10,7 @@ from places import DATA
 from real_recordings import GOOD
 
 from schuler.cli import main
-from schuler.diagnosis.not_a_log import not_a_log
+from schuler.diagnosis.log import not_a_log
 
 FILES = sorted(str(p.relative_to(DATA)) for p in DATA.rglob("*") if p.is_file()) if DATA.is_dir() else []
 

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from schuler import rotation
-from schuler.diagnosis import CODES, diagnose, diagnose_log
+from schuler.diagnosis import CODES, diagnose_log
+from schuler.diagnosis.run import diagnose
 
 SINGLES, PAIRS = 0.95, 0.85
 SEED = 9

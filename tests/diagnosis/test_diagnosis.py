@@ -9,9 +9,10 @@ import diagnosis_drives as drives
 import numpy as np
 import pytest
 
-from schuler.diagnosis import CODES, diagnose
+from schuler.diagnosis import CODES
+from schuler.diagnosis.admission import checked
 from schuler.diagnosis.axes import letters, signed_permutations
-from schuler.diagnosis.first import checked
+from schuler.diagnosis.run import diagnose
 from schuler.exceptions import InputError
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import ImuSeries

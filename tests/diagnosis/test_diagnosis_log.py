@@ -176,7 +176,7 @@ def test_walks_with_a_sensor_on_the_shoe(shared_data, name):
     from schuler.recording.formats.pyshoe import read_pyshoe
 
     trial = read_pyshoe(shared_data / "pyshoe_vicon" / f"{name}.mat")
-    from schuler.diagnosis import diagnose
+    from schuler.diagnosis.run import diagnose
 
     found = diagnose(trial.recording)
     assert found.ok, found.summary()

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import schuler
-from schuler.diagnosis import diagnose
 from schuler.diagnosis.gyro_unit import by_turns, turns_between
 from schuler.diagnosis.lag import explained
 from schuler.diagnosis.motion import WindowMeans, motion_of
+from schuler.diagnosis.run import diagnose
 from schuler.diagnosis.sampling import check_temperature
 from schuler.exceptions import InputError
 from schuler.recording.recording import Metadata, Recording
@@ -89,7 +89,7 @@ def test_a_smoothed_solution_shows_in_changes_of_speed_where_turns_are_slow(flat
 
 def test_a_pause_of_the_log_is_no_smoothing(good):
     means = WindowMeans(suite.apply(good, (suite.BY_NAME["samples lost"],), np.random.default_rng(2)).imu)
-    whole = means.whole(good.gnss.t[10:-10], 0.5)
+    whole = means.without_pause(good.gnss.t[10:-10], 0.5)
     assert 0 < np.count_nonzero(~whole) < 0.2 * len(whole)
 
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from real_recordings import GOOD
 
-from schuler.diagnosis import diagnose, diagnose_log
-from schuler.diagnosis.diagnosis import SURE
+from schuler.diagnosis import diagnose_log
+from schuler.diagnosis.result import SURE
+from schuler.diagnosis.run import diagnose
 from schuler.recording.io import read
 
 pytestmark = pytest.mark.realdata

@@ -10,7 +10,7 @@ from schuler.exceptions import InputError
 from schuler.mechanization.strapdown import NavState, mechanize
 from schuler.recording.series import Increments
 from schuler.simulation.motion import StaticMotion, coning_motion, ideal_increments, ideal_rates
-from schuler.simulation.splines import SplineMotion
+from schuler.simulation.profiles import SplineMotion
 
 LLH = np.array([np.radians(48.0), np.radians(11.0), 500.0])
 FRAMES = ("ecef", "ned")

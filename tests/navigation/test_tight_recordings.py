@@ -21,7 +21,7 @@ from schuler.recording.trajectory import Trajectory
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.imu import IdealImu, ideal_imu, simulate_imu
-from schuler.simulation.splines import SplineMotion
+from schuler.simulation.profiles import SplineMotion
 from schuler.units import DEG
 
 pytestmark = pytest.mark.realdata

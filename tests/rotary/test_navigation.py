@@ -26,7 +26,7 @@ from schuler.rotary.rotating_imu import RotatingMotion, ideal_rotating_imu, vehi
 from schuler.rotary.schemes import continuous, dual_axis, fixed, reciprocating
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.noise import NoiseModel, White
-from schuler.simulation.aiding import GnssModel, simulate_gnss
+from schuler.simulation.gnss import GnssModel, simulate_gnss
 from schuler.simulation.imu import simulate_imu
 from schuler.simulation.motion import StaticMotion
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion

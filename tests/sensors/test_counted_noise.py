@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.characterisation import sums
+from schuler.characterisation.variance import allan_variances, integrate_signal
 from schuler.exceptions import InputError
 from schuler.sensors.noise import Counted, GaussMarkov, NoiseModel, Ramp, RandomWalk, ShotNoise, White
 
@@ -18,7 +18,7 @@ def simulated(process, seeds, n=100_000):
     found = []
     for seed in range(seeds):
         x = process.sample(n, DT, np.random.default_rng(seed))
-        found.append(sums.variance(sums.signal(x, "rate", DT), "overlapping", M)[0])
+        found.append(allan_variances(integrate_signal(x, "rate", DT), "overlapping", M)[0])
     return np.array(found)
 
 

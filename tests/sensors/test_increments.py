@@ -6,11 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from increments import rotation_vectors, velocity_changes
 from scipy.integrate import solve_ivp
 
 from schuler import rotation
 from schuler.exceptions import InputError
-from schuler.sensors.increments import integrate_rates, rotation_vectors, velocity_changes
+from schuler.sensors.increments import integrate_rates
 
 EPS = np.finfo(float).eps
 

@@ -17,8 +17,7 @@ from schuler.sensors import (
     SimpleTriad,
     White,
 )
-from schuler.sensors.triad_errors import imu_errors, triads_of
-from schuler.sensors.triads import C_FRD_FUR, frd_from_fur, fur_from_frd
+from schuler.sensors.triads import C_FRD_FUR, frd_from_fur, fur_from_frd, imu_errors, triads_of
 
 SIGMAS = 4.0  # statistical tolerances: standard errors, seeds fixed
 ANGLES = {"misalignment": [1e-3, -2e-3, 3e-3], "non_orthogonality": [-4e-3, 5e-3, 6e-3]}

@@ -9,11 +9,11 @@ from schuler import frames, rotation
 from schuler.exceptions import ConfigError, InputError
 from schuler.recording.io import read, write
 from schuler.recording.series import ImuSeries
-from schuler.simulation.aiding import GnssFault, GnssModel, draw_gnss, simulate_gnss
+from schuler.simulation.gnss import GnssFault, GnssModel, draw_gnss, simulate_gnss
+from schuler.simulation.imu import StreamFaults, faulty_stream
 from schuler.simulation.motion import StaticMotion
-from schuler.simulation.scalars import HeadingModel, HeightModel, simulate_heading, simulate_height
+from schuler.simulation.scalar_aids import HeadingModel, HeightModel, simulate_heading, simulate_height
 from schuler.simulation.scenario import Scenario, prepare_mission, simulate, simulate_mission
-from schuler.simulation.streams import StreamFaults, faulty_stream
 from schuler.units import DEG
 
 ORIGIN = np.array([0.82, 0.2, 450.0])

@@ -16,11 +16,12 @@ from schuler.simulation.motion import (
     StaticMotion,
     coning_motion,
     euler_attitude,
+    geodetic_state,
     ideal_increments,
     ideal_rates,
     inertial_quantities,
 )
-from schuler.simulation.splines import SplineMotion, geodetic_state
+from schuler.simulation.profiles import SplineMotion
 
 EPS = np.finfo(float).eps
 PI = np.pi

@@ -9,9 +9,10 @@ from places import EXAMPLES
 from schuler import frames, rotation
 from schuler.exceptions import ConfigError, InputError
 from schuler.mechanization.strapdown import NavState, mechanize
-from schuler.simulation.aiding import GnssModel, simulate_gnss, simulate_odometer
+from schuler.simulation.gnss import GnssModel, simulate_gnss
 from schuler.simulation.imu import ideal_imu
 from schuler.simulation.motion import StaticMotion
+from schuler.simulation.scalar_aids import simulate_odometer
 from schuler.simulation.scenario import Scenario, prepare_mission, simulate, simulate_mission
 
 STATIC = {"type": "static", "lat_deg": 47.0, "lon_deg": 8.0, "height_m": 400.0, "duration_s": 400.0}

@@ -448,8 +448,8 @@ def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
 
 
 def _diagnosed():
-    from schuler.diagnosis.diagnose import diagnose
     from schuler.diagnosis.report.figures import figures
+    from schuler.diagnosis.run import diagnose
 
     return figures(diagnose(module("diagnosis/diagnosis_drives.py").drive(duration=90.0)))
 

@@ -17,7 +17,7 @@ from schuler.montecarlo.lanes.errors import LaneErrors
 from schuler.montecarlo.lanes.run import LaneScenario, replay
 from schuler.navigation.evaluation.consistency import state_errors
 from schuler.navigation.result import NavigationResult
-from schuler.simulation.aiding import GnssModel
+from schuler.simulation.gnss import GnssModel
 from schuler.simulation.imu import ideal_imu
 from schuler.simulation.motion import Motion, MotionState
 

@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from schuler.characterisation.curve import AllanCurve
-from schuler.characterisation.findings import Finding
-from schuler.characterisation.result import AxisNoise, Candidate, Estimate, NoiseIdentification
+from schuler.characterisation.allan import AllanCurve
+from schuler.characterisation.result import AxisNoise, Candidate, Estimate, Finding, NoiseIdentification
 from schuler.recording.series import ImuSeries
 from schuler.sensors.noise import GaussMarkov, NoiseModel, Quantisation, Ramp, RandomWalk, White, flicker
 from schuler.sensors.spec import ImuSpec, TriadSpec, allan_minimum

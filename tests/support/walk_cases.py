@@ -6,8 +6,8 @@ import numpy as np
 
 from schuler.recording.series import ImuSeries
 from schuler.recording.trajectory import Trajectory
+from schuler.simulation.gait import WalkMotion, walk
 from schuler.simulation.motion import ideal_increments, ideal_rates
-from schuler.simulation.walk import WalkMotion, walk
 
 ORIGIN = np.array([np.radians(47.0), np.radians(8.0), 450.0])
 PLACE = {"lat_deg": 47.0, "lon_deg": 8.0, "height_m": 450.0}

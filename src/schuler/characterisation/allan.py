@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import isfinite
 from typing import Literal, TypeAlias
 
@@ -10,10 +11,9 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.characterisation import confidence as conf
-from schuler.characterisation import sums
-from schuler.characterisation.curve import AllanCurve
-from schuler.characterisation.noise_type import exponents, fit_mixture, lag1_exponents
-from schuler.characterisation.structure import Mixture, known
+from schuler.characterisation.confidence import exponents, fit_mixture, lag1_exponents
+from schuler.characterisation.differences import Mixture, has_covariance
+from schuler.characterisation.variance import Signal, allan_variances, integrate_signal
 from schuler.exceptions import InputError
 from schuler.sensors.noise import Process
 
@@ -99,7 +99,7 @@ def allan_deviation(
         raise InputError(f"data: expected 'rate' or 'integral', got {data!r}")
     if not 0.0 < confidence < 1.0:
         raise InputError(f"confidence: expected a probability between 0 and 1 such as 0.95, got {confidence!r}")
-    signal = sums.signal(x, data, dt)
+    signal = integrate_signal(x, data, dt)
     order, _, modified = conf.KINDS[kind]
     ms = averaging_numbers(taus, signal.n, dt, order + modified, half=kind == "total")
     if signal.missing and kind in ("modified", "time", "total"):
@@ -107,7 +107,7 @@ def allan_deviation(
             f"kind: {kind!r} needs a signal without gaps, got {signal.missing} missing samples; use 'overlapping' "
             "or 'overlapping hadamard', or cut the signal to a stretch without gaps"
         )
-    variance, count = sums.variance(signal, kind, ms, progress)
+    variance, count = allan_variances(signal, kind, ms, progress)
     if isinstance(taus, str):
         ms, variance, count = ms[count > 0], variance[count > 0], count[count > 0]
     if len(ms) == 0 or np.any(count == 0):
@@ -118,8 +118,8 @@ def allan_deviation(
     model, alpha = _noise(noise, signal, kind, ms, variance, count, dt)
     if kind == "total":
         variance = variance / [conf.total_bias(float(a), int(m), signal.n) for a, m in zip(alpha, ms, strict=True)]
-    whole = _as_without_gaps(kind, ms, count)
-    freedom, low, high = conf.bounds(kind, ms, whole, model, alpha, dt, confidence, fitted=noise is None)
+    lengths = _gapless_lengths(kind, ms, count)
+    freedom, low, high = conf.bounds(kind, ms, lengths, model, alpha, dt, confidence, fitted=noise is None)
     scale = tau / np.sqrt(3.0) if kind == "time" else 1.0
     deviation = np.sqrt(variance)
     return AllanCurve(
@@ -186,7 +186,7 @@ def averaging_numbers(taus: str | ArrayLike, n: int, dt: float, order: int, half
 
 
 def _noise(
-    noise: Noise, s: sums.Signal, kind: str, ms: IntArray, variance: FloatArray, count: IntArray, dt: float
+    noise: Noise, s: Signal, kind: str, ms: IntArray, variance: FloatArray, count: IntArray, dt: float
 ) -> tuple[Mixture | FloatArray, FloatArray]:
     """What the bounds assume, and its exponents at the averaging times."""
     tau: FloatArray = ms.astype(np.float64) * dt
@@ -196,7 +196,7 @@ def _noise(
         return mixture, exponents(mixture, tau)
     if isinstance(noise, Process):
         alpha = conf.slopes(noise, tau)
-        return (((1.0, noise),) if known(noise) else alpha), alpha
+        return (((1.0, noise),) if has_covariance(noise) else alpha), alpha
     if isinstance(noise, str):
         if noise != "lag1":
             raise InputError(f"noise: expected a process, 'lag1' or exponents, got {noise!r}")
@@ -214,20 +214,20 @@ def _noise(
 
 
 def _octaves(
-    s: sums.Signal, kind: str, ms: IntArray, variance: FloatArray, count: IntArray
+    s: Signal, kind: str, ms: IntArray, variance: FloatArray, count: IntArray
 ) -> tuple[IntArray, FloatArray, int]:
     """Overlapping Allan variance about once per octave, from the curve itself where it is there."""
-    wanted = averaging_numbers("octave", s.n, 1.0, 2)
-    if kind == "overlapping" and ms[0] == 1 and ms[-1] >= wanted[-1] and np.all(ms[1:] <= 2.2 * ms[:-1]):
-        chosen = np.unique(np.searchsorted(ms, wanted))
-        octaves, values, squares = ms[chosen], variance[chosen], count[chosen]
+    octave_numbers = averaging_numbers("octave", s.n, 1.0, 2)
+    if kind == "overlapping" and ms[0] == 1 and ms[-1] >= octave_numbers[-1] and np.all(ms[1:] <= 2.2 * ms[:-1]):
+        nearest = np.unique(np.searchsorted(ms, octave_numbers))
+        octaves, values, squares = ms[nearest], variance[nearest], count[nearest]
     else:
-        values, squares = sums.variance(s, "overlapping", wanted)
-        octaves, values, squares = wanted[squares > 0], values[squares > 0], squares[squares > 0]
+        values, squares = allan_variances(s, "overlapping", octave_numbers)
+        octaves, values, squares = octave_numbers[squares > 0], values[squares > 0], squares[squares > 0]
     return octaves, values, int(squares[-1] + 2 * octaves[-1] - 1)
 
 
-def _as_without_gaps(kind: str, ms: IntArray, count: IntArray) -> IntArray:
+def _gapless_lengths(kind: str, ms: IntArray, count: IntArray) -> IntArray:
     """Length of a record without gaps that has as many differences. [samples]"""
     order, overlapping, modified = conf.KINDS[kind]
     if kind == "total":  # its count does not depend on the averaging time
@@ -241,3 +241,65 @@ def _positive(value: float, name: str) -> float:
     if not (np.ndim(value) == 0 and isfinite(value) and value > 0.0):
         raise InputError(f"{name}: expected one positive finite number, got {value!r}")
     return float(value)
+
+
+@dataclass(frozen=True)
+class AllanCurve:
+    """Deviation of one signal over averaging times, with confidence bounds at every one of them.
+
+    Attributes
+    ----------
+    tau : ndarray, shape (k,)
+        Averaging times, increasing. [s]
+    deviation : ndarray, shape (k,)
+        Allan (or modified, Hadamard, ...) deviation. [x]
+    low, high : ndarray, shape (k,)
+        Bounds between which the true deviation lies with probability ``confidence``: chi-square with ``edf`` degrees of
+        freedom; from :func:`.allan.allan_deviation` with fewer than 20 of them the estimate's own distribution. [x]
+    edf : ndarray, shape (k,)
+        Equivalent degrees of freedom of the variance estimate.
+    count : ndarray of int, shape (k,)
+        How many squared differences it is the mean of; they overlap, so there are fewer degrees of freedom.
+    alpha : ndarray, shape (k,)
+        Exponent of the power law ``S(f) ~ f**alpha`` of the rate-like signal taken for ``edf`` around tau: 2
+        quantisation, 0 white, -1 flicker, -2 random walk, -3 and -4 steeper.
+    kind : str
+        ``overlapping``, ``non-overlapping``, ``modified``, ``hadamard``, ``overlapping hadamard``, ``total`` or
+        ``time``.
+    confidence : float
+        Of the bounds, such as 0.95.
+    rate_hz : float
+        Sampling rate. [Hz]
+    samples : int
+        Length of the signal, missing ones included.
+    missing : int
+        Missing samples (NaN or gaps).
+    """
+
+    tau: FloatArray
+    deviation: FloatArray
+    low: FloatArray
+    high: FloatArray
+    edf: FloatArray
+    count: IntArray
+    alpha: FloatArray
+    kind: str
+    confidence: float
+    rate_hz: float
+    samples: int
+    missing: int = 0
+
+    def __len__(self) -> int:
+        return len(self.tau)
+
+    @property
+    def variance(self) -> FloatArray:
+        """Square of the deviation. [x^2]"""
+        squared: FloatArray = np.square(self.deviation)
+        return squared
+
+    @property
+    def relative_sigma(self) -> FloatArray:
+        """1-sigma uncertainty of the variance relative to it, ``sqrt(2 / edf)``."""
+        relative: FloatArray = np.sqrt(2.0 / self.edf)
+        return relative

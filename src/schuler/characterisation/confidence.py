@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import floor
+from math import floor, pi
 
 import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
-from schuler.characterisation.noise_type import with_doubt
-from schuler.characterisation.structure import Differences, Mixture, autocovariance, dof, shape_quantiles
+from schuler.characterisation.differences import Differences, Mixture, autocovariance, dof, shape_quantiles
 from schuler.exceptions import InputError
-from schuler.sensors.noise import Process
+from schuler.sensors.noise import GaussMarkov, Process, RandomWalk, White
 
 #: Order of the differences of the integral, starts at every sample, integral averaged first.
 KINDS: dict[str, tuple[int, bool, bool]] = {
@@ -29,6 +28,7 @@ _TOTAL_ALPHA = np.array([-2.0, -1.0, 0.0])
 _TOTAL_BIAS = np.array([0.75, 1.0 / (3.0 * np.log(2.0)), 0.0])
 _TOTAL_B = np.array([0.927, 1.168, 1.5])
 _TOTAL_C = np.array([0.358, 0.222, 0.0])
+_LEAST_POINTS = 30  # of the lag-1 autocorrelation
 
 
 def differences(kind: str, m: int, n: int) -> Differences:
@@ -60,52 +60,13 @@ def power_law(alpha: float, d: Differences) -> Mixture:
     return tuple(parts)
 
 
-def equivalent_dof(kind: str, alpha: float, m: int, n: int) -> float:
-    """Equivalent degrees of freedom of a variance for pure power-law noise.
+def total_dof(alpha: float, m: int, n: int) -> float:
+    """Degrees of freedom of the total variance for an exponent from 0 to -2, by the tables.
 
-    Parameters
-    ----------
-    kind : str
-        As in :func:`~schuler.characterisation.allan.allan_deviation`.
-    alpha : float
-        Exponent of the spectrum of the rate-like signal: 2 quantisation, 0 white, -1 flicker, -2 random walk, down to
-        -4 for the Hadamard variances.
-    m : int
-        Averaging time in samples.
-    n : int
-        Samples.
-
-    Returns
-    -------
-    float
-        At least 1. The variance of the variance is ``2 / dof`` of its square.
-
-    Raises
-    ------
-    InputError
-        If there is not one difference, or the kind is unknown.
-
-    Notes
-    -----
-    Greenhall and Riley's algorithm, with the sum over lags carried out instead of fitted; flicker noise is summed over
-    eight averaging times where they stop at three, which takes off up to 1 %. Total variance: their tables for alpha
-    from 0 to -2; above 0, where none exist, the overlapping variance's.
-
-    References
-    ----------
-    Greenhall and Riley (2003); Greenhall, Howe and Percival, "Total variance, an estimator of long-term frequency
-    stability", IEEE Trans. UFFC 46 (1999) 1183.
+    The tables hold for averaging times of many samples; below 32 they are scaled as the overlapping variance is.
+    Greenhall, Howe and Percival, "Total variance, an estimator of long-term frequency stability", IEEE Trans. UFFC 46
+    (1999) 1183.
     """
-    d = differences(kind, m, n)
-    if d.count < 1:
-        raise InputError(f"m: expected an averaging time with at least one difference, got {m} of {n} samples")
-    if kind == "total" and alpha < 0.5:
-        return _total_dof(alpha, m, n)
-    return dof(d, power_law(alpha, d), 1.0)
-
-
-def _total_dof(alpha: float, m: int, n: int) -> float:
-    """By the tables, which hold for averaging times of many samples; for few, less, as the overlapping variance has."""
     b = float(np.interp(alpha, _TOTAL_ALPHA, _TOTAL_B))
     c = float(np.interp(alpha, _TOTAL_ALPHA, _TOTAL_C))
     share = 1.0
@@ -149,7 +110,7 @@ def bounds(
     confidence : float
         Between 0 and 1.
     fitted : bool
-        The noise was fitted to this very record, see :func:`~schuler.characterisation.noise_type.with_doubt`.
+        The noise was fitted to this very record, see :func:`~schuler.characterisation.confidence.with_doubt`.
 
     Returns
     -------
@@ -158,8 +119,8 @@ def bounds(
     Notes
     -----
     Below 20 degrees of freedom the bounds come from the true distribution of the mean square for that noise
-    (:func:`~schuler.characterisation.structure.shape_quantiles`); above from chi-square, which is then within 0.5 % of
-    probability. Lists denser than one averaging time per octave are interpolated.
+    (:func:`.differences.shape_quantiles`); above from chi-square, which is then within 0.5 % of probability. Lists
+    denser than one averaging time per octave are interpolated.
     """
     from scipy.special import chdtri
 
@@ -173,7 +134,7 @@ def bounds(
         if fitted:
             mixture = with_doubt(mixture, d, dt)
         if kind == "total" and alpha[i] < 0.5:
-            freedom, chi_square = _total_dof(float(alpha[i]), m, n), True
+            freedom, chi_square = total_dof(float(alpha[i]), m, n), True
         else:
             freedom = dof(d, mixture, dt)
             chi_square = freedom > _CHI_SQUARE_FROM
@@ -200,3 +161,155 @@ def slopes(process: Process, tau: FloatArray) -> FloatArray:
     """Local exponents of a process's spectrum at the frequencies 1 / (2 tau)."""
     f, step = 0.5 / tau, 1.1
     return np.asarray(np.log(process.psd(f * step) / process.psd(f / step)) / (2.0 * np.log(step)))
+
+
+def fit_mixture(ms: IntArray, variance: FloatArray, n: int, dt: float) -> Mixture:
+    """Non-negative mixture of noises whose Allan variance follows a measured one.
+
+    Parts: quantisation, white noise, Gauss-Markov processes with correlation times in steps of a factor of 4, random
+    walk. It is made to describe dependence between differences, not to be a sensor's model: several parts may stand for
+    one physical process.
+
+    Parameters
+    ----------
+    ms : ndarray of int, shape (k,)
+        Averaging times in samples, about one per octave.
+    variance : ndarray, shape (k,)
+        Overlapping Allan variance. [x^2]
+    n : int
+        Samples.
+    dt : float
+        Sampling interval. [s]
+
+    Returns
+    -------
+    sequence of (strength, exponent or process)
+    """
+    from scipy.optimize import nnls
+
+    tau: FloatArray = ms.astype(np.float64) * dt
+    times = 4.0 * dt * 4.0 ** np.arange(0, max(1.0, np.log(n / 8.0) / np.log(4.0)))
+    parts: list[tuple[int | Process, FloatArray]] = [
+        (2, np.asarray(6.0 / tau**2)),  # G of the power law is 2 at lag zero
+        (White(1.0), np.asarray(1.0 / tau)),
+        *((g := GaussMarkov(1.0, float(t)), g.allan_variance(tau)) for t in times),
+        (RandomWalk(1.0), np.asarray(tau / 3.0)),
+    ]
+    columns = np.stack([c for _, c in parts], axis=1)
+    scale = np.max(columns, axis=0)
+    freedom = np.array([dof(Differences(2, int(m), n), ((1.0, 0),), dt) for m in ms])
+    freedom = np.where(6 * ms > n, 1e-6, 1.0) * freedom  # the last values must not choose their own bounds
+    unit = float(np.max(variance))
+    if unit == 0.0:
+        return ((1.0, White(1.0)),)
+    variance = variance / unit
+    model = np.maximum(variance, 1e-12)
+    strength = np.zeros(len(parts))
+    for _ in range(4):  # weights from the model, not the data: few degrees of freedom would pull it down
+        w = np.sqrt(0.5 * freedom) / model
+        a = columns / scale * w[:, None]
+        strength = nnls(a, variance * w)[0] / scale
+        model = np.maximum(columns @ strength, np.maximum(1e-3 * variance, 1e-12))
+    return tuple((float(s) * unit, part) for s, (part, _) in zip(strength, parts, strict=True) if s > 0.0)
+
+
+def with_doubt(noise: Mixture, d: Differences, dt: float) -> Mixture:
+    """A fitted mixture with the random walk that a record of this length cannot exclude.
+
+    With few degrees of freedom the fit is as uncertain as the curve. If random walk takes over at a tenth of the record
+    and happens to be weak in it, bounds from the fit alone contain the truth at a quarter of the record in 90 % of
+    cases instead of 95 %. One part in ``dof`` of the variance is therefore added as random walk, at most a half; it
+    costs 5 % in the width of the bounds of white noise there, and nothing where there are many degrees of freedom.
+    """
+    if d.n > 200 * d.m:
+        return noise
+    tau = d.m * dt
+    variance = sum(
+        s * float(kind.allan_variance(tau)) if isinstance(kind, Process) else s * 6.0 / tau**2 for s, kind in noise
+    )
+    walk = RandomWalk(1.0)
+    share = min(0.5, 1.0 / dof(d, noise, dt))
+    return (*noise, (share * variance / float(walk.allan_variance(tau)), walk))
+
+
+def exponents(noise: Mixture, tau: FloatArray) -> FloatArray:
+    """Local exponents ``d ln S / d ln f`` of a mixture at the frequencies 1 / (2 tau).
+
+    Returns
+    -------
+    ndarray
+        Between 2 and -2.
+    """
+    f = 0.5 / tau
+    step = 1.1
+
+    def density(g: FloatArray) -> FloatArray:
+        total = np.zeros_like(g)
+        for strength, kind in noise:
+            if isinstance(kind, int):
+                total += strength * 2.0 * (2.0 * pi * g) ** 2 if kind == 2 else strength * g**kind
+            else:
+                total += strength * kind.psd(g)
+        return total
+
+    return np.asarray(np.log(density(f * step) / density(f / step)) / (2.0 * np.log(step)))
+
+
+def lag1_exponent(X: FloatArray, m: int) -> float | None:
+    """Exponent of the dominant power law around m samples, from the lag-1 autocorrelation of the thinned integral.
+
+    Parameters
+    ----------
+    X : ndarray, shape (n + 1,)
+        Integral of the signal.
+    m : int
+        Averaging time in samples.
+
+    Returns
+    -------
+    float or None
+        Not rounded; about 2 to -4. None with fewer than 30 values or a constant signal.
+
+    Notes
+    -----
+    The thinned integral, less its parabola (a drift is no noise), is differenced until its lag-1 autocorrelation
+    r belongs to a stationary process; ``delta = r / (1 + r)`` is then half of minus the exponent that is left.
+
+    References
+    ----------
+    Riley and Greenhall, "Power law noise identification using the lag 1 autocorrelation", EFTF 2004.
+    """
+    z = X[::m]
+    if len(z) < _LEAST_POINTS:
+        return None
+    u = np.linspace(-1.0, 1.0, len(z))
+    z = z - np.polynomial.polynomial.polyval(u, np.polynomial.polynomial.polyfit(u, z, 2))
+    for differenced in range(4):
+        z = z - np.mean(z)
+        power = float(z @ z)
+        if power <= 0.0:
+            return None
+        r = float(z[1:] @ z[:-1]) / power
+        delta = r / (1.0 + r)
+        if delta < 0.25 or differenced == 3:
+            break
+        z = np.diff(z)
+    return 2.0 - 2.0 * (delta + differenced)
+
+
+def lag1_exponents(X: FloatArray, ms: IntArray) -> FloatArray:
+    """:func:`lag1_exponent` at several averaging times, rounded; where it cannot tell, the last one before.
+
+    Returns
+    -------
+    ndarray
+        Integers as floats, 2 to -4; 0 (white) as long as none could be told.
+    """
+    out = np.zeros(len(ms))
+    last = 0.0
+    for i, m in enumerate(ms):
+        exponent = lag1_exponent(X, int(m))
+        if exponent is not None:
+            last = float(np.clip(np.round(exponent), -4.0, 2.0))
+        out[i] = last
+    return out

@@ -217,11 +217,13 @@ def choose_level(x: ArrayLike, *, wavelet: Wavelet = "daubechies4", gain: float 
     most = int(np.log2(max(len(x), 1))) - 3
     if most < 1:
         raise InputError(f"x: expected 16 samples or more, got {len(x)}")
-    rest = _mirrored(x - x.mean(), most)
-    before, level = float(rest.std()), 0
+    approximation = _mirrored(x - x.mean(), most)
+    before, level = float(approximation.std()), 0
     while level < most:
-        rest = _split(rest, h)[0]
-        after = float(rest.std()) / sqrt(2.0) ** (level + 1)  # the transform keeps energy, half the samples hold it
+        approximation = _split(approximation, h)[0]
+        after = float(approximation.std()) / sqrt(2.0) ** (
+            level + 1
+        )  # the transform keeps energy, half the samples hold it
         if after > (1.0 - gain) * before:
             break
         before, level = after, level + 1
@@ -237,17 +239,17 @@ def _filter(wavelet: str) -> FloatArray:
 def _split(x: FloatArray, h: FloatArray) -> tuple[FloatArray, FloatArray]:
     g = h[::-1] * (-1.0) ** np.arange(len(h))  # the high-pass filter that is orthogonal to h
     shifted = [np.roll(x, -k)[::2] for k in range(len(h))]
-    rest = sum((a * s for a, s in zip(h, shifted, strict=True)), np.zeros(len(x) // 2))
+    approximation = sum((a * s for a, s in zip(h, shifted, strict=True)), np.zeros(len(x) // 2))
     detail = sum((a * s for a, s in zip(g, shifted, strict=True)), np.zeros(len(x) // 2))
-    return rest, detail
+    return approximation, detail
 
 
-def _join(rest: FloatArray, detail: FloatArray, h: FloatArray) -> FloatArray:
+def _join(approximation: FloatArray, detail: FloatArray, h: FloatArray) -> FloatArray:
     g = h[::-1] * (-1.0) ** np.arange(len(h))
-    x = np.zeros(2 * len(rest))
+    x = np.zeros(2 * len(approximation))
     for k in range(len(h)):  # the transpose of the orthogonal map above
         spread = np.zeros_like(x)
-        spread[::2] = h[k] * rest + g[k] * detail
+        spread[::2] = h[k] * approximation + g[k] * detail
         x += np.roll(spread, k)
     return x
 

@@ -15,12 +15,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
 from schuler.characterisation import moments
+from schuler.characterisation.moments import Moments
 from schuler.exceptions import InputError, SchulerError
 
 Weights = Literal["full", "diagonal"]
@@ -39,32 +40,6 @@ _ROUNDS = 3  # weights are taken from the model of the round before; nothing mov
 
 class NoFitError(SchulerError):
     """A model has a term that the data do not show."""
-
-
-class Moments(NamedTuple):
-    """Overlapping Allan variances of one axis and what they are made of.
-
-    Attributes
-    ----------
-    m : ndarray of int, shape (k,)
-        Averaging times in samples.
-    variance : ndarray, shape (k,)
-        [x^2]
-    dt : float
-        Sampling interval. [s]
-    lengths : ndarray of int
-        Length of each record, in samples.
-    """
-
-    m: IntArray
-    variance: FloatArray
-    dt: float
-    lengths: IntArray
-
-    @property
-    def tau(self) -> FloatArray:
-        """Averaging times. [s]"""
-        return np.asarray(self.m * self.dt)
 
 
 @dataclass(frozen=True)
@@ -181,8 +156,8 @@ def sampled_gauss_markov(m: IntArray, step: float) -> FloatArray:
     x = m * step
     if step > 1e-3:
         e = np.exp(-step)
-        rest = m * (1.0 - e * e) - 3.0 * e + 4.0 * e * np.exp(-x) - e * np.exp(-2.0 * x)
-        return np.asarray(rest / np.square(m * (1.0 - e)))
+        numerator = m * (1.0 - e * e) - 3.0 * e + 4.0 * e * np.exp(-x) - e * np.exp(-2.0 * x)
+        return np.asarray(numerator / np.square(m * (1.0 - e)))
     small, series, factor = np.minimum(x, 0.1), np.zeros_like(x), 0.5
     for k in range(3, 13):
         factor /= k
@@ -266,14 +241,14 @@ def fit(
     rough.sort(key=lambda r: r[0])
     trials = []
     for _, near, low, high in rough[:2]:
-        found = _refined(data, names, near, (low, high), weights, model_error, duration, rounds=1)
-        if found is not None:
-            trials.append((found, low, high))
+        solution = _refined(data, names, near, (low, high), weights, model_error, duration, rounds=1)
+        if solution is not None:
+            trials.append((solution, low, high))
     if trials:
         once, low, high = min(trials, key=lambda t: t[0].misfit)
-        found = _refined(data, names, np.log(once.values), (low, high), weights, model_error, duration, _ROUNDS - 1)
-        if found is not None:
-            return _ordered(found)
+        solution = _refined(data, names, np.log(once.values), (low, high), weights, model_error, duration, _ROUNDS - 1)
+        if solution is not None:
+            return _ordered(solution)
     raise NoFitError(f"no fit of {' + '.join(terms)}: the curve does not show one of these terms")
 
 
@@ -335,10 +310,10 @@ def _solve(
             last[:] = p.copy(), white @ (np.log(v) - target), white @ (J / v[:, None])
         return last[1], last[2]
 
-    found, _, info, _, _ = leastsq(
+    solution, _, info, _, _ = leastsq(
         lambda p: both(p)[0], theta, Dfun=lambda p: both(p)[1], full_output=True, ftol=1e-7, xtol=1e-6, maxfev=60
     )
-    return np.clip(found, *bounds), 0.5 * float(np.sum(np.square(info["fvec"])))
+    return np.clip(solution, *bounds), 0.5 * float(np.sum(np.square(info["fvec"])))
 
 
 def _guesses(data: Moments, names: tuple[str, ...], start: Fit | None) -> list[FloatArray]:
@@ -349,7 +324,7 @@ def _guesses(data: Moments, names: tuple[str, ...], start: Fit | None) -> list[F
         "R": np.min(2.0 * v / tau**2),
     }  # fmt: skip
     n_gm = sum(n.startswith("sigma") for n in names)
-    known = {} if start is None else dict(zip(start.names, start.values, strict=True))
+    start_values = {} if start is None else dict(zip(start.names, start.values, strict=True))
     places = [()] if n_gm == 0 else _places(tau, n_gm)
     guesses = []
     for times in places:
@@ -363,7 +338,7 @@ def _guesses(data: Moments, names: tuple[str, ...], start: Fit | None) -> list[F
             elif name.startswith("tau"):
                 values.append(times[int(name[4:]) - 1])
             else:
-                values.append(known.get(name, float(np.sqrt(0.7 * upper[name]))))
+                values.append(start_values.get(name, float(np.sqrt(0.7 * upper[name]))))
         guesses.append(np.array(values))
     return guesses
 
@@ -379,11 +354,17 @@ def _places(tau: FloatArray, n: int) -> list[tuple[float, ...]]:
     ]
 
 
-def _ordered(found: Fit) -> Fit:
+def _ordered(solution: Fit) -> Fit:
     """The same fit with its Gauss-Markov terms by increasing correlation time."""
-    first = next((i for i, n in enumerate(found.names) if n.startswith("sigma")), None)
+    first = next((i for i, n in enumerate(solution.names) if n.startswith("sigma")), None)
     if first is None:
-        return found
-    pairs = np.arange(first, len(found.names)).reshape(-1, 2)
-    order = np.concatenate((np.arange(first), pairs[np.argsort(found.values[pairs[:, 1]])].ravel()))
-    return Fit(found.names, found.values[order], found.covariance[np.ix_(order, order)], found.misfit, found.freedom)
+        return solution
+    pairs = np.arange(first, len(solution.names)).reshape(-1, 2)
+    order = np.concatenate((np.arange(first), pairs[np.argsort(solution.values[pairs[:, 1]])].ravel()))
+    return Fit(
+        solution.names,
+        solution.values[order],
+        solution.covariance[np.ix_(order, order)],
+        solution.misfit,
+        solution.freedom,
+    )

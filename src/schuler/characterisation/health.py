@@ -11,11 +11,10 @@ from math import sqrt
 import numpy as np
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray
-from schuler.characterisation import sums
-from schuler.characterisation.findings import FALSE_ALARM, SHOWN, Finding, found_at
 from schuler.characterisation.readings import coarse, equal_runs, resolution, saturated, stuck
-from schuler.characterisation.result import AXES
-from schuler.characterisation.steps import steps
+from schuler.characterisation.result import AXES, FALSE_ALARM, MOST_PLACES, Finding, finding_at
+from schuler.characterisation.shifts import abrupt_shifts
+from schuler.characterisation.variance import allan_variances, integrate_signal
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.timebase import check_times
@@ -87,17 +86,17 @@ def check_static_log(
         if number is not None and not (np.isfinite(number) and number > 0.0):
             raise InputError(f"{name}: expected a positive number, got {number}")
     if t is None:
-        time, found = np.arange(len(values)) / rate_hz, []
+        time, findings = np.arange(len(values)) / rate_hz, []
     else:
         time = check_times(t, "t")
         if len(time) != len(values):
             raise InputError(f"t: expected {len(values)} times, one for each sample, got {len(time)}")
-        found, time = gaps(time), time - time[0]
+        findings, time = gaps(time), time - time[0]
     good = np.isfinite(values)
     if not good.all() and good.any():
         k = int(np.flatnonzero(~good)[0])
-        found.append(
-            found_at(
+        findings.append(
+            finding_at(
                 "missing",
                 f"{axis}: {np.count_nonzero(~good)} of {len(good)} samples are missing, the first at {time[k]:.2f} s; "
                 "they are left out",
@@ -109,36 +108,36 @@ def check_static_log(
     n = len(values)
     if n < FEWEST:
         text = f"{axis}: {n} samples are too few for any noise parameter; record at least {FEWEST}, better an hour"
-        return [*found, Finding("too_short", text, severity="refused")]
+        return [*findings, Finding("too_short", text, severity="refused")]
     if np.ptp(values) == 0.0:
         text = f"{axis}: every sample reads {values[0]:.6g}; the axis is not connected or not read, there is no noise"
-        return [*found, found_at("stuck", text, time[0], time[-1], "refused")]
+        return [*findings, finding_at("stuck", text, time[0], time[-1], "refused")]
     start, length = equal_runs(values)
     k = int(np.argmax(length))
     if length[k] > 0.5 * n:
         a = int(start[k])
         text = f"{axis}: from {time[a]:.2f} s on {length[k]} of {n} samples read {values[a]:.6g}; no noise to judge"
-        return [*found, found_at("stuck", text, time[a], time[a + length[k] - 1], "refused")]
+        return [*findings, finding_at("stuck", text, time[a], time[a + length[k] - 1], "refused")]
     step = resolution(values) if lsb is None else float(lsb)
     clipped = saturated(values, time, axis, full_scale, step)
-    found += clipped
+    findings += clipped
     if any(f.severity == "refused" for f in clipped):
-        return found
+        return findings
     b = min(max(32, round(_BLOCK_S * rate_hz)), n // 20)
     moved, odd, sigma = _disturbed(values, b, step)
     if step is not None and sigma < 0.5 * step:
         # readings jump between a few levels: long runs and far neighbours are what rounding makes
-        found.append(coarse(sigma, step, axis))
+        findings.append(coarse(sigma, step, axis))
         odd[:] = False
     else:
-        found += stuck(values, time, axis, step)
-    found += _motion(moved, time, b, axis)
-    found += _outliers(values, odd, time, b, sigma, axis)
+        findings += stuck(values, time, axis, step)
+    findings += _motion(moved, time, b, axis)
+    findings += _outliers(values, odd, time, b, sigma, axis)
     # a step must be seen across a disturbance, too: leave those blocks out, replace single bad samples
     clean = values[: len(moved) * b].reshape(-1, b).copy()
     np.copyto(clean, np.median(clean, axis=1, keepdims=True), where=odd)
-    found += steps(clean[~moved].ravel(), time[: clean.size].reshape(-1, b)[~moved].ravel(), axis, step)
-    return found + _allan_reach(values, rate_hz, axis)
+    findings += abrupt_shifts(clean[~moved].ravel(), time[: clean.size].reshape(-1, b)[~moved].ravel(), axis, step)
+    return findings + _allan_reach(values, rate_hz, axis)
 
 
 def check_static_imu(
@@ -165,13 +164,13 @@ def check_static_imu(
     scale = imu.interval if imu.kind == "increment" else 1.0  # the median: dividing by each would hide the resolution
     signals = np.concatenate((imu.gyro, imu.accel), axis=1).T / scale
     rate_hz = imu.rate_hz
-    found = {}
+    findings = {}
     for name, x in zip(AXES, signals, strict=True):
         limit = full_scale[0 if name.startswith("gyro") else 1]
         # gaps are told once for the recording; the stamps are there for the places of all else
-        found[name] = [f for f in check_static_log(x, rate_hz, name, imu.t, full_scale=limit) if f.code != "gap"]
-    found["recording"] = gaps(imu.t) + _attitude(signals[3:].T, imu.t - imu.t[0], gravity)
-    return found
+        findings[name] = [f for f in check_static_log(x, rate_hz, name, imu.t, full_scale=limit) if f.code != "gap"]
+    findings["recording"] = gaps(imu.t) + _attitude(signals[3:].T, imu.t - imu.t[0], gravity)
+    return findings
 
 
 def length_needed(tau_s: float, relative_sigma: float = 0.25) -> float:
@@ -205,19 +204,19 @@ def gaps(t: ArrayLike, factor: float = 1.5) -> list[Finding]:
         return []
     where = np.flatnonzero(step > factor * np.median(step))
     where = where[np.argsort(-step[where], kind="stable")]
-    found = [
-        found_at(
+    findings = [
+        finding_at(
             "gap",
             f"no samples for {step[k]:.3f} s from {time[k] - time[0]:.2f} s on; estimators treat them as missing",
             time[k] - time[0],
             time[k + 1] - time[0],
         )
-        for k in where[:SHOWN]
+        for k in where[:MOST_PLACES]
     ]
-    if len(where) > SHOWN:
-        text = f"{len(where) - SHOWN} more gaps, {step[where[SHOWN:]].sum():.3f} s in all"
-        found.append(Finding("gap", text))
-    return found
+    if len(where) > MOST_PLACES:
+        text = f"{len(where) - MOST_PLACES} more gaps, {step[where[MOST_PLACES:]].sum():.3f} s in all"
+        findings.append(Finding("gap", text))
+    return findings
 
 
 # ---------------------------------------------------------------------------------------------- each kind of finding
@@ -264,29 +263,29 @@ def _disturbed(x: FloatArray, b: int, step: float | None) -> tuple[BoolArray, Bo
         v_d = np.maximum(np.diff(d, axis=1).var(axis=1, ddof=1), 0.0 if step is None else step**2 / 6.0)
         moved &= v_d > _variance_limit(v_d, b - 1)[0]
     for j in np.flatnonzero(moved):
-        rest = d[j][~odd[j]]
-        if np.count_nonzero(odd[j]) <= max(2, 0.05 * b) and rest.var(ddof=1) <= limit:
+        others = d[j][~odd[j]]
+        if np.count_nonzero(odd[j]) <= max(2, 0.05 * b) and others.var(ddof=1) <= limit:
             moved[j] = False
     odd[moved] = False
     return moved, odd, sigma
 
 
 def _motion(moved: BoolArray, time: FloatArray, b: int, axis: str) -> list[Finding]:
-    found = []
+    findings = []
     edge = np.diff(np.concatenate(([False], moved, [False])).astype(np.int8))
     first, last = np.flatnonzero(edge == 1), np.flatnonzero(edge == -1)
     order = np.argsort(first - last, kind="stable")
-    for i in order[:SHOWN]:
+    for i in order[:MOST_PLACES]:
         a, z = time[first[i] * b], time[last[i] * b - 1]
         text = (
             f"{axis}: a disturbance from {a:.1f} s to {z:.1f} s, more noise than the rest of the log can explain; "
             "leave it out, or the short averaging times are too large"
         )
-        found.append(found_at("motion", text, a, z))
-    if len(order) > SHOWN:
-        text = f"{axis}: {len(order) - SHOWN} more disturbances, {b * np.count_nonzero(moved)} samples in all"
-        found.append(Finding("motion", text))
-    return found
+        findings.append(finding_at("motion", text, a, z))
+    if len(order) > MOST_PLACES:
+        text = f"{axis}: {len(order) - MOST_PLACES} more disturbances, {b * np.count_nonzero(moved)} samples in all"
+        findings.append(Finding("motion", text))
+    return findings
 
 
 def _outliers(x: FloatArray, odd: BoolArray, time: FloatArray, b: int, sigma: float, axis: str) -> list[Finding]:
@@ -303,7 +302,7 @@ def _outliers(x: FloatArray, odd: BoolArray, time: FloatArray, b: int, sigma: fl
         f"{size} at {time[k[worst]]:.2f} s; they add {100.0 * added:.2g} % to the variance"
         + ("; use a robust estimator or leave them out" if added > 0.01 else ", too little to matter")
     )
-    return [found_at("outliers", text, time[k[0]], time[k[-1]], "warning" if added > 0.01 else "note")]
+    return [finding_at("outliers", text, time[k[0]], time[k[-1]], "warning" if added > 0.01 else "note")]
 
 
 def _allan_reach(x: FloatArray, rate_hz: float, axis: str) -> list[Finding]:
@@ -311,7 +310,7 @@ def _allan_reach(x: FloatArray, rate_hz: float, axis: str) -> list[Finding]:
     n = len(x)
     largest = max(1, int(n * 1.0 / length_needed(1.0)))
     m = np.unique(np.geomspace(1, largest, 12).astype(np.int64))
-    avar, _ = sums.variance(sums.signal(x, "rate", 1.0 / rate_hz), "overlapping", m)
+    avar, _ = allan_variances(integrate_signal(x, "rate", 1.0 / rate_hz), "overlapping", m)
     tau, density = m / rate_hz, avar * m / rate_hz
     if density[-1] > 2.0 * density.min():
         return []
@@ -325,7 +324,7 @@ def _allan_reach(x: FloatArray, rate_hz: float, axis: str) -> list[Finding]:
 
 
 def _attitude(f: FloatArray, time: FloatArray, gravity: float) -> list[Finding]:
-    found = []
+    findings = []
     mean = f.mean(axis=0)
     size = float(np.linalg.norm(mean))
     if abs(size - gravity) > 0.03 * gravity:
@@ -333,7 +332,7 @@ def _attitude(f: FloatArray, time: FloatArray, gravity: float) -> list[Finding]:
             f"the mean specific force is {size:.3f} m/s^2, not {gravity:.3f}: not at rest, not calibrated to 3 %, or "
             "wrong units or scale"
         )
-        found.append(Finding("not_at_rest", text))
+        findings.append(Finding("not_at_rest", text))
     k = min(20, len(f) // 10)
     if k >= 3 and size > 0.0:
         parts = f[: len(f) // k * k].reshape(k, -1, 3)
@@ -348,5 +347,5 @@ def _attitude(f: FloatArray, time: FloatArray, gravity: float) -> list[Finding]:
                 f"the specific force has turned by {angle[j]:.3f} rad by {a:.0f} s: the unit was tilted or its biases "
                 "drift; level it on something solid"
             )
-            found.append(found_at("not_at_rest", text, 0.0, a))
-    return found
+            findings.append(finding_at("not_at_rest", text, 0.0, a))
+    return findings

@@ -13,10 +13,14 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.characterisation.allan import allan_deviation
-from schuler.characterisation.correlation import autocorrelation
-from schuler.characterisation.findings import Finding
-from schuler.characterisation.finite_record import FiniteRecord, finite_record, sigma_interval, tau_interval
-from schuler.characterisation.result import Estimate
+from schuler.characterisation.correlation import (
+    FiniteRecord,
+    autocorrelation,
+    finite_record,
+    sigma_interval,
+    tau_interval,
+)
+from schuler.characterisation.result import Estimate, Finding
 from schuler.exceptions import InputError
 from schuler.sensors.noise import GaussMarkov, NoiseModel, White
 
@@ -259,9 +263,9 @@ def low_passed(x: ArrayLike, rate_hz: float, cutoff_hz: float, order: int = 2, z
 def correlation_time(x: ArrayLike, rate_hz: float) -> float:
     """First lag at which the autocorrelation is down to 1/e, between samples; see :func:`autocorrelation`. [s]"""
     x = as_floats(x, "x", (None,))
-    found = autocorrelation(x, rate_hz, longest_s=(len(x) - 1) / rate_hz).crossing()
-    assert found is not None  # without their mean the lags of a record sum to minus half the variance
-    return found
+    solution = autocorrelation(x, rate_hz, longest_s=(len(x) - 1) / rate_hz).crossing()
+    assert solution is not None  # without their mean the lags of a record sum to minus half the variance
+    return solution
 
 
 def allan_valley(N: float, sigma_b: float, tau: float) -> tuple[float, float]:
@@ -287,11 +291,11 @@ def allan_valley(N: float, sigma_b: float, tau: float) -> tuple[float, float]:
 
     model = White(N) + GaussMarkov(sigma_b, tau)
     top = 1.893 * tau
-    found = minimize_scalar(
+    solution = minimize_scalar(
         lambda u: float(np.log(model.allan_variance(exp(u)))), bounds=(log(1e-9 * tau), log(top)), method="bounded",
         options={"xatol": 1e-7},
     )  # fmt: skip
-    at = exp(float(found.x))
+    at = exp(float(solution.x))
     if at > 0.999 * top:
         raise InputError(f"the white noise N = {N:g} covers the bias of {sigma_b:g} with tau = {tau:g} s: no minimum")
     return at, sqrt(float(model.allan_variance(at)))

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -140,3 +141,29 @@ def _shared(m: tuple[int, ...], dt: float, duration: float) -> tuple[FloatArray,
     # the mean of sin^8 is 35/128, not (3/8)^2: matters where the highest frequencies do, for quantisation
     fast = np.pi * dt * np.multiply.outer(numbers, f) * np.log(2.0) / _PER_OCTAVE > 1.0
     return f, h, np.where(fast, (35.0 / 18.0 - 1.0) * h**2, 0.0)
+
+
+class Moments(NamedTuple):
+    """Overlapping Allan variances of one axis and what they are made of.
+
+    Attributes
+    ----------
+    m : ndarray of int, shape (k,)
+        Averaging times in samples.
+    variance : ndarray, shape (k,)
+        [x^2]
+    dt : float
+        Sampling interval. [s]
+    lengths : ndarray of int
+        Length of each record, in samples.
+    """
+
+    m: IntArray
+    variance: FloatArray
+    dt: float
+    lengths: IntArray
+
+    @property
+    def tau(self) -> FloatArray:
+        """Averaging times. [s]"""
+        return np.asarray(self.m * self.dt)

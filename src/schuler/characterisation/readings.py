@@ -7,7 +7,7 @@ from math import log, sqrt
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, IntArray
-from schuler.characterisation.findings import FALSE_ALARM, SHOWN, Finding, Severity, found_at
+from schuler.characterisation.result import FALSE_ALARM, MOST_PLACES, Finding, Severity, finding_at
 
 
 def resolution(x: ArrayLike) -> float | None:
@@ -73,7 +73,7 @@ def saturated(
         f"{axis}: {len(k)} samples ({100.0 * share:.2g} %) are at the end of the range, {x[k[0]]:.6g}; the true signal "
         "is not known there, so its variance comes out too small; raise the range or cut that part"
     )
-    return [found_at("saturated", text, time[k[0]], time[k[-1]], "refused" if share > 0.5 else "warning")]
+    return [finding_at("saturated", text, time[k[0]], time[k[-1]], "refused" if share > 0.5 else "warning")]
 
 
 def stuck(x: FloatArray, time: FloatArray, axis: str, step: float | None) -> list[Finding]:
@@ -83,7 +83,7 @@ def stuck(x: FloatArray, time: FloatArray, axis: str, step: float | None) -> lis
     if length.max() < 5 and np.mean(length > 1) < 0.3:
         return []  # what the limits below come to at least
     d = np.diff(x)
-    found: list[Finding] = []
+    findings: list[Finding] = []
     share = np.mean(d == 0.0)
     typical = float(np.sqrt(np.median(d[d != 0.0] ** 2))) / 0.6745  # of the changes, were they normal
     expected = 0.0 if step is None else step / (sqrt(2.0 * np.pi) * typical)
@@ -95,7 +95,7 @@ def stuck(x: FloatArray, time: FloatArray, axis: str, step: float | None) -> lis
             f"is faster than the sensor (about {np.mean(length):.1f} samples each): thin it out, or white noise is "
             "misjudged"
         )
-        found.append(Finding("repeated", text))
+        findings.append(Finding("repeated", text))
     # at the worst the mean is in the middle of a step, and a reading repeats with probability p
     p = 0.5 if held else 0.0
     if step is not None:
@@ -110,18 +110,19 @@ def stuck(x: FloatArray, time: FloatArray, axis: str, step: float | None) -> lis
     where = np.flatnonzero(length > longest)
     where = np.array([k for k in where if length[k] > _longest_here(x, start, length, int(k), step)], dtype=np.int64)
     where = where[np.argsort(-length[where], kind="stable")]
-    for k in where[:SHOWN]:
+    for k in where[:MOST_PLACES]:
         a, m = int(start[k]), int(length[k])
         text = (
             f"{axis}: {m} samples in a row read {x[a]:.6g} from {time[a]:.2f} s on, where rounding explains "
             f"about {longest:.0f}; the sensor or its reading stopped: cut this part"
         )
         severity: Severity = "refused" if length[where].sum() > 0.5 * n else "warning"
-        found.append(found_at("stuck", text, time[a], time[a + m - 1], severity))
-    if len(where) > SHOWN:
-        text = f"{axis}: {len(where) - SHOWN} more runs of equal readings, {length[where[SHOWN:]].sum()} samples"
-        found.append(Finding("stuck", text))
-    return found
+        findings.append(finding_at("stuck", text, time[a], time[a + m - 1], severity))
+    if len(where) > MOST_PLACES:
+        others = where[MOST_PLACES:]
+        text = f"{axis}: {len(others)} more runs of equal readings, {length[others].sum()} samples"
+        findings.append(Finding("stuck", text))
+    return findings
 
 
 def equal_runs(x: FloatArray) -> tuple[IntArray, IntArray]:

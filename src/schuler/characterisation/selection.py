@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schuler.characterisation.fitting import Fit, Moments, NoFitError, Weights, fit, parse_terms
+from schuler.characterisation.fitting import Fit, NoFitError, Weights, fit, parse_terms
+from schuler.characterisation.moments import Moments
 from schuler.characterisation.result import Candidate
 
 #: Tried in turn, each also with the sensor's filter (F) or quantisation (Q) if the shortest averaging times ask for it.
@@ -90,16 +91,16 @@ def select(
     NoFitError
         If none of the models can be fitted.
     """
-    given = models is not None
+    listed = models is not None
     tried = tuple(models) if models is not None else default
-    part, fits, departure = _first_that_pass(data, tried if given else probes, given, weights)
-    if not given:
+    part, fits, departure = _first_that_pass(data, tried if listed else probes, listed, weights)
+    if not listed:
         extra = _best_extra(fits)
         more = _with(extra, tried) + (tried[:_SIMPLE] if extra else ())
         fits |= _fitted(part, tuple(m for m in more if m not in fits), weights, departure)
     if not fits:
         raise NoFitError(f"none of the models {', '.join(tried)} can be fitted to this curve")
-    order = sorted(fits, key=lambda name: (not _seen(fits[name]), _criterion(fits[name])))
+    order = sorted(fits, key=lambda name: (not _all_determined(fits[name]), _criterion(fits[name])))
     candidates = tuple(
         Candidate(" + ".join(parse_terms(n)), fits[n].misfit, fits[n].freedom, _criterion(fits[n])) for n in order
     )
@@ -107,7 +108,7 @@ def select(
 
 
 def _first_that_pass(
-    data: Moments, models: tuple[str, ...], given: bool, weights: Weights
+    data: Moments, models: tuple[str, ...], listed: bool, weights: Weights
 ) -> tuple[Moments, dict[str, Fit], float]:
     """Least departure, then fewest averaging times left out, with which one of the models passes."""
     fits: dict[str, Fit] = {}
@@ -115,17 +116,17 @@ def _first_that_pass(
     for departure in _DEPARTURES:
         for cut, extra in _STAGES:
             keep = data.m >= cut
-            if cut > 1 and ((given and extra) or keep.sum() < _FEWEST):
+            if cut > 1 and ((listed and extra) or keep.sum() < _FEWEST):
                 continue
             part = Moments(data.m[keep], data.variance[keep], data.dt, data.lengths)
             these = _with(extra, models)
-            if cut == 1 and not given:
+            if cut == 1 and not listed:
                 # the filter of a sensor shows at the first few samples only, rounding may hide white noise
                 these += _with("+F", models) + _with("+Q", models) + _WITHOUT_N
             fits = _fitted(part, these, weights, departure)
             # what has been doctored must agree better than a log taken as it is
             level = 0.999 if cut == 1 and departure == 0.0 else 0.99
-            if any(_passes(found, level) for found in fits.values()):
+            if any(_passes(result, level) for result in fits.values()):
                 return part, fits, departure
     return part, fits, departure
 
@@ -141,25 +142,25 @@ def _best_extra(fits: dict[str, Fit]) -> str:
 
 
 def _fitted(data: Moments, models: tuple[str, ...], weights: Weights, departure: float) -> dict[str, Fit]:
-    found = {}
+    result = {}
     for name in models:
         try:
-            found[name] = fit(data, parse_terms(name), weights, departure)
+            result[name] = fit(data, parse_terms(name), weights, departure)
         except NoFitError:
             continue
-    return found
+    return result
 
 
-def _seen(found: Fit) -> bool:
+def _all_determined(result: Fit) -> bool:
     """Whether every parameter is known to a factor of e (1 sigma)."""
-    return bool(found.sigma.max() < 1.0)
+    return bool(result.sigma.max() < 1.0)
 
 
-def _criterion(found: Fit) -> float:
-    return found.misfit + _PRICE * len(found.names)
+def _criterion(result: Fit) -> float:
+    return result.misfit + _PRICE * len(result.names)
 
 
-def _passes(found: Fit, level: float = 0.999) -> bool:
+def _passes(result: Fit, level: float = 0.999) -> bool:
     from scipy.stats import chi2
 
-    return bool(found.freedom > 0 and found.misfit < chi2.ppf(level, found.freedom))
+    return bool(result.freedom > 0 and result.misfit < chi2.ppf(level, result.freedom))

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
-from schuler.characterisation.curve import AllanCurve
+from schuler.characterisation.allan import AllanCurve
 from schuler.characterisation.fitting import Fit, filtered_sigma, spectrum
-from schuler.characterisation.lines import CleanSpectrum, Line
 from schuler.characterisation.moments import transfer
 from schuler.characterisation.selection import Selection
+from schuler.characterisation.spectrum import CleanSpectrum, Line
 from schuler.sensors.noise import (
     Coloured,
     Flicker,
@@ -33,7 +33,7 @@ _PEAK = 0.37  # the same product where the Allan variance of white noise is most
 _ROUNDS = 20
 
 
-def simulation_model(chosen: Selection, clean: CleanSpectrum | None, curve: AllanCurve, dt: float) -> NoiseModel:
+def simulation_model(selection: Selection, clean: CleanSpectrum | None, curve: AllanCurve, dt: float) -> NoiseModel:
     """Noise model of one axis, without its lines.
 
     Parameters
@@ -54,16 +54,16 @@ def simulation_model(chosen: Selection, clean: CleanSpectrum | None, curve: Alla
         averaging time fitted, the density of Q, N and F below. If there is a departure it stands for everything, and
         its density is brought to the measured Allan variances.
     """
-    if clean is None or (chosen.shortest == 1 and chosen.departure == 0.0):
-        return terms_of_fit(chosen.fit, dt)
-    if chosen.departure > 0.0:
-        return NoiseModel((_whole(chosen, clean, curve, dt),))
+    if clean is None or (selection.shortest == 1 and selection.departure == 0.0):
+        return terms_of_fit(selection.fit, dt)
+    if selection.departure > 0.0:
+        return NoiseModel((_measured_noise(selection, clean, curve, dt),))
     f = _positive(clean.f)
-    short = np.array([name in _SHORT for name in chosen.fit.names])
-    rest = _density(chosen.fit, ~short, dt, f)
-    measured = np.maximum(clean.density - rest, 0.05 * clean.density)
-    density = _blend(f, measured, _density(chosen.fit, short, dt, f), chosen.shortest * dt)
-    others = [term for name, term in _named_terms(chosen.fit, dt) if name not in _SHORT]
+    short = np.array([name in _SHORT for name in selection.fit.names])
+    remainder = _density(selection.fit, ~short, dt, f)
+    measured = np.maximum(clean.density - remainder, 0.05 * clean.density)
+    density = _blend(f, measured, _density(selection.fit, short, dt, f), selection.shortest * dt)
+    others = [term for name, term in _named_terms(selection.fit, dt) if name not in _SHORT]
     return NoiseModel((Coloured(clean.f, density, 1.0 / dt), *others))
 
 
@@ -85,9 +85,9 @@ def _named_terms(fit: Fit, dt: float) -> list[tuple[str, Process]]:
     return terms
 
 
-def _density(fit: Fit, which: np.ndarray, dt: float, f: FloatArray) -> FloatArray:
-    names = tuple(name for name, yes in zip(fit.names, which, strict=True) if yes)
-    return spectrum(names, fit.values[which], dt, f)
+def _density(fit: Fit, mask: np.ndarray, dt: float, f: FloatArray) -> FloatArray:
+    names = tuple(name for name, yes in zip(fit.names, mask, strict=True) if yes)
+    return spectrum(names, fit.values[mask], dt, f)
 
 
 def _positive(f: FloatArray) -> FloatArray:
@@ -102,15 +102,15 @@ def _blend(f: FloatArray, measured: FloatArray, terms: FloatArray, shortest: flo
     return np.asarray(share * measured + (1.0 - share) * terms)
 
 
-def _whole(chosen: Selection, clean: CleanSpectrum, curve: AllanCurve, dt: float) -> Coloured:
+def _measured_noise(selection: Selection, clean: CleanSpectrum, curve: AllanCurve, dt: float) -> Coloured:
     """The spectrum down to frequencies that the longest averaging time sees, by its Allan variances."""
     lowest = 0.1 / float(curve.tau[-1])
     below = np.geomspace(lowest, clean.f[1], 24 + int(12.0 * np.log2(max(clean.f[1] / lowest, 1.0))))
     f = np.concatenate(([0.0], below, clean.f[2:]))
     at = _positive(f)
     measured = np.interp(at, clean.f, clean.density)
-    every = np.ones(len(chosen.fit.names), dtype=bool)
-    density = _blend(at, measured, _density(chosen.fit, every, dt, at), chosen.shortest * dt)
+    every = np.ones(len(selection.fit.names), dtype=bool)
+    density = _blend(at, measured, _density(selection.fit, every, dt, at), selection.shortest * dt)
     density[0] = density[1]
     m = np.round(curve.tau / dt).astype(np.int64)
     target = np.maximum(curve.variance - _of_lines(clean.lines, m, dt), 0.05 * curve.variance)

@@ -103,11 +103,11 @@ def turn_on_bias(means: ArrayLike, sigmas: ArrayLike = 0.0, confidence: float = 
         raise InputError(f"sigmas: expected none below zero, got {s.min()}")
     r, tail = len(m), 0.5 * (1.0 - confidence)
     rows = []
-    for x, own in zip(m.T, s.T, strict=True):
-        spread = _solve(x, own, r - 1.0)
-        low = _solve(x, own, float(chi2.isf(tail, r - 1)))
-        high = _solve(x, own, float(chi2.ppf(tail, r - 1)))
-        w = _weights(spread, x, own)
+    for x, sigmas_ in zip(m.T, s.T, strict=True):
+        spread = _solve(x, sigmas_, r - 1.0)
+        low = _solve(x, sigmas_, float(chi2.isf(tail, r - 1)))
+        high = _solve(x, sigmas_, float(chi2.ppf(tail, r - 1)))
+        w = _weights(spread, x, sigmas_)
         rows.append((float(w @ x / w.sum()), 1.0 / sqrt(w.sum()), spread, low, high))
     mean, mean_sigma, spread_, low_, high_ = np.array(rows).T
     return TurnOn(mean, mean_sigma, spread_, low_, high_, r, np.sqrt(np.mean(s**2, axis=0)))
@@ -140,24 +140,24 @@ def record_means(recordings: Sequence[ImuSeries]) -> tuple[FloatArray, FloatArra
     return values[:, :, 0], values[:, :, 1]
 
 
-def _weights(spread: float, x: FloatArray, own: FloatArray) -> FloatArray:
+def _weights(spread: float, x: FloatArray, sigmas_: FloatArray) -> FloatArray:
     """One over the variance of each mean; equal ones where there is neither spread nor uncertainty."""
     nothing = max(1e-9 * float(np.ptp(x)), 1e-150)
-    return np.asarray(1.0 / np.maximum(spread**2 + own**2, nothing**2))
+    return np.asarray(1.0 / np.maximum(spread**2 + sigmas_**2, nothing**2))
 
 
-def _q(spread: float, x: FloatArray, own: FloatArray) -> float:
-    w = _weights(spread, x, own)
+def _q(spread: float, x: FloatArray, sigmas_: FloatArray) -> float:
+    w = _weights(spread, x, sigmas_)
     return float(np.sum(w * (x - w @ x / w.sum()) ** 2))
 
 
-def _solve(x: FloatArray, own: FloatArray, target: float) -> float:
+def _solve(x: FloatArray, sigmas_: FloatArray, target: float) -> float:
     """Spread at which Q is ``target``; zero if it is below that already without any."""
     from scipy.optimize import brentq
 
     scatter = float(np.ptp(x))
-    if scatter == 0.0 or _q(0.0, x, own) <= target:
+    if scatter == 0.0 or _q(0.0, x, sigmas_) <= target:
         return 0.0
     # Q is at most r ptp^2 / spread^2: above this spread it is certainly below the target
     top = 1.01 * scatter * sqrt(len(x) / target)
-    return float(brentq(lambda u: _q(u, x, own) - target, 0.0, top, xtol=1e-14 * top, rtol=1e-12))
+    return float(brentq(lambda u: _q(u, x, sigmas_) - target, 0.0, top, xtol=1e-14 * top, rtol=1e-12))

@@ -53,7 +53,7 @@ def allan(
         Print one JSON object instead of text.
     """
     from schuler.characterisation.exports import EXPORTS
-    from schuler.characterisation.identify import identify_noise
+    from schuler.characterisation.identification import identify_noise
 
     began = clock.perf_counter()
     for name in export:

@@ -39,7 +39,7 @@ def finish(
     (``before``, SI) before and after and, if simulated, the truth for its figures.
     """
     from schuler.calibration.result.result import CalibrationResult
-    from schuler.diagnosis.first import notes_of
+    from schuler.diagnosis.admission import notes_of
 
     sources = {k: v for recording in recordings for k, v in recording.metadata.sources.items()}
     options = [recording.metadata.options for recording in recordings]

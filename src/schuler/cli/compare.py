@@ -62,7 +62,7 @@ def compare(
         Print one JSON object instead of text.
     """
     from schuler.cli.reading import read_log
-    from schuler.diagnosis.first import checked
+    from schuler.diagnosis.admission import checked
     from schuler.navigation.evaluation.architectures import compare_architectures
     from schuler.navigation.evaluation.outages import OutageStatistics, outage_statistics
 

@@ -40,7 +40,7 @@ def info(log: Path | None = None, /, *, formats: Flag = False, json: Flag = Fals
         try:
             recording = read_log(log, hints.config, **hints.given)
         except SchulerError:
-            from schuler.diagnosis.not_a_log import not_a_log
+            from schuler.diagnosis.log import not_a_log
 
             if (what := not_a_log(log)) is None:
                 raise

@@ -72,7 +72,7 @@ def navigate(
         Print one JSON object instead of text.
     """
     from schuler.cli.reading import read_log
-    from schuler.diagnosis.first import checked
+    from schuler.diagnosis.admission import checked
     from schuler.navigation.run import navigate as run
 
     began = time.perf_counter()

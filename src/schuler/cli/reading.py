@@ -141,15 +141,15 @@ class Checking:
 
     def stop(self, recording: Recording) -> None:
         """Stop at what is surely wrong, without a word on the rest."""
-        from schuler.diagnosis.first import checked
+        from schuler.diagnosis.admission import checked
 
         checked(recording, unchecked=self.unchecked)
 
     def passed(self, recording: Recording) -> Recording:
         """The recording with a note on what was checked; what is no reason to stop goes to stderr in sentences."""
-        from schuler.diagnosis.first import judged
+        from schuler.diagnosis.admission import diagnosed
 
-        recording, diagnosis = judged(recording, unchecked=self.unchecked)
+        recording, diagnosis = diagnosed(recording, unchecked=self.unchecked)
         if diagnosis is not None:
             for f in (*diagnosis.errors, *diagnosis.warnings):
                 if f.code == "axes" and recording.gnss is None:

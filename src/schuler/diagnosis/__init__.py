@@ -1,9 +1,5 @@
 """Diagnosis of a log by physics: what is wrong with it, on what evidence, how sure, and which option mends it."""
 
-from schuler.diagnosis.diagnose import diagnose
-from schuler.diagnosis.diagnosis import Diagnosis
-from schuler.diagnosis.findings import CODES, Finding
-from schuler.diagnosis.first import check
-from schuler.diagnosis.log import diagnose_log
+import lazy_loader
 
-__all__ = ["CODES", "Diagnosis", "Finding", "check", "diagnose", "diagnose_log"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

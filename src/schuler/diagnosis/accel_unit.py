@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler import units
 from schuler.arrays import FloatArray
-from schuler.diagnosis.findings import Finding
+from schuler.diagnosis.result import Finding
 from schuler.standstill.unscaled import UnscaledRests
 
 UNITS = {"m/s^2": 1.0, "g": units.G0, "mg": units.MG, "ug": units.UG, "ft/s^2": units.FT, "cm/s^2": 0.01}
@@ -34,7 +34,7 @@ class Scaling:
 
     factor: float = 1.0
     kind: str = "rate"
-    known: bool = False
+    determined: bool = False
 
 
 def stated_factor(options: dict[str, Any], group: str) -> tuple[str, float]:
@@ -106,7 +106,7 @@ def accel_unit(
             "was taken out (linear acceleration of a phone or a filter), and nothing can be navigated from that"
         )
         fix = "export the raw accelerometer (a phone's 'accelerometer with g', not 'linear acceleration')"
-        return [Finding("no_gravity", "error", text, 0.95, fix, evidence)], Scaling(known=False, kind=kind)
+        return [Finding("no_gravity", "error", text, 0.95, fix, evidence)], Scaling(determined=False, kind=kind)
     need = gravity / level
     loose = 0.02 if rested else 0.05
     if abs(need - 1.0) <= 0.15 + loose:
@@ -115,10 +115,10 @@ def accel_unit(
                 f"the norm of specific force is {level:.4g} m/s^2 {where}, {100.0 * (level / gravity - 1.0):+.1f} % "
                 "off gravity: scale factors or biases need calibration"
             )
-            found = Finding("accel_scale", "warning", text, 0.9, f"scale='accel={need:.5g}'", evidence)
-            return [found], Scaling(need, kind, True)
+            finding = Finding("accel_scale", "warning", text, 0.9, f"scale='accel={need:.5g}'", evidence)
+            return [finding], Scaling(need, kind, True)
         return [], Scaling(1.0, kind, True)
-    return _explained(need, level, where, interval, kind, stated, evidence, loose)
+    return _unit_findings(need, level, where, interval, kind, stated, evidence, loose)
 
 
 def _no_gravity(accel: FloatArray, mean: FloatArray, level: float, interval: float) -> bool:
@@ -137,7 +137,7 @@ def _mean_is_noise(accel: FloatArray) -> bool:
     return bool(np.median(ratio) < 1.0)
 
 
-def _explained(
+def _unit_findings(
     need: float,
     level: float,
     where: str,

@@ -10,11 +10,11 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.diagnosis.axes_evidence import AxesEvidence
-from schuler.diagnosis.findings import Finding
+from schuler.diagnosis.result import Finding
 
 _LETTERS = {(0, 1): "F", (0, -1): "B", (1, 1): "R", (1, -1): "L", (2, 1): "D", (2, -1): "U"}
 _NAMES = ("x", "y", "z")
-SEEN = 9.0  # squared ratio of a direction to its 1-sigma, to be worth judging
+SIGNIFICANT = 9.0  # squared ratio of a direction to its 1-sigma, to be worth judging
 
 
 def signed_permutations() -> FloatArray:
@@ -71,9 +71,7 @@ def guesses() -> list[Guess]:
     return out
 
 
-def judge(
-    ev: AxesEvidence, gyro_factor: float, *, forward_known: bool, strength: float = 8.0
-) -> tuple[Guess, list[Guess]]:
+def judge(ev: AxesEvidence, gyro_factor: float, *, vehicle: bool, strength: float = 8.0) -> tuple[Guess, list[Guess]]:
     """The best explanation and its rivals within one unit of cost.
 
     Parameters
@@ -90,7 +88,7 @@ def judge(
     e = ev.e / max(float(np.linalg.norm(ev.e)), 1e-12)
     weight_e = strength * _trust(float(np.linalg.norm(ev.e)), ev.e_sigma)
     weights = [
-        strength * _trust(float(np.linalg.norm(ev.B[:, k])), ev.sigma[k]) * (forward_known or k == 2) for k in range(3)
+        strength * _trust(float(np.linalg.norm(ev.B[:, k])), ev.sigma[k]) * (vehicle or k == 2) for k in range(3)
     ]
     tilt = ev.tilt / max(gyro_factor, 1e-12)
     tilt_sigma = ev.tilt_sigma / max(gyro_factor, 1e-12)
@@ -101,7 +99,7 @@ def judge(
             misfit += weights[k] * (1.0 - float(b @ guess.A[:, k]))
         misfit += weight_e * (1.0 - float(e @ guess.G[:, 2]))
         misfit += _tilt_misfit(tilt, tilt_sigma, guess)
-        if forward_known:
+        if vehicle:
             misfit += _fit(ev.climb, ev.climb_sigma, guess.G[:, 0])
         best.append(Guess(guess.A, guess.G, guess.codes, guess.cost, misfit))
     best.sort(key=lambda g: g.total)
@@ -133,16 +131,16 @@ def _tilt_misfit(tilt: FloatArray, sigma: FloatArray, guess: Guess) -> float:
     return _fit(tilt, sigma, np.stack((-guess.G[:, 1], guess.G[:, 0]), axis=0))
 
 
-def _fit(seen: FloatArray, sigma: FloatArray, expected: FloatArray) -> float:
+def _fit(measured: FloatArray, sigma: FloatArray, expected: FloatArray) -> float:
     """Misfit of directions seen with some noise beside those expected; none for what is lost in noise."""
     if not np.all(np.isfinite(sigma) & (sigma > 0.0)):
         return 0.0
-    z = seen / sigma
+    z = measured / sigma
     zz = float(np.sum(z**2))
-    if zz < SEEN:
+    if zz < SIGNIFICANT:
         return 0.0
     cosine = float(np.sum(z * expected / sigma) / np.sqrt(zz * np.sum((expected / sigma) ** 2)))
-    return 6.0 * min(1.0, (zz - SEEN) / 60.0) * (1.0 - cosine)
+    return 6.0 * min(1.0, (zz - SIGNIFICANT) / 60.0) * (1.0 - cosine)
 
 
 def _trust(size: float, sigma: float) -> float:
@@ -171,7 +169,7 @@ def changes(P: FloatArray) -> str:
 
 
 def axes_findings(
-    best: Guess, rivals: list[Guess], ev: AxesEvidence, as_read: FloatArray, *, forward_known: bool
+    best: Guess, rivals: list[Guess], ev: AxesEvidence, as_read: FloatArray, *, vehicle: bool
 ) -> list[Finding]:
     """Sentences on the best explanation.
 
@@ -200,13 +198,13 @@ def axes_findings(
         names = dict.fromkeys(" and ".join(g.codes) or "nothing wrong" for g in rivals)
         also = f"; the evidence allows also: {', '.join(list(names)[:3])}"
         evidence["rivals"] = [list(g.codes) for g in rivals[:5]]
-    found = []
+    findings = []
     for code in best.codes:
         text, fix, severity = _sentence(code, best, as_read)
-        if code == "axes" and not forward_known:
+        if code == "axes" and not vehicle:
             also += "; which way is forward is not known, the body does not go where it points"
-        found.append(Finding(code, severity, text + also, confidence, fix, evidence))
-    return found
+        findings.append(Finding(code, severity, text + also, confidence, fix, evidence))
+    return findings
 
 
 def _sentence(code: str, best: Guess, as_read: FloatArray) -> tuple[str, str, Any]:
@@ -219,10 +217,11 @@ def _sentence(code: str, best: Guess, as_read: FloatArray) -> tuple[str, str, An
     if code == "gyro_sign":
         return "the gyroscope turns against the course of the vehicle: its sign is reversed", "scale='gyro=-1'", "error"
     if code == "axes":
-        own = letters(as_read.T @ best.G)
+        directions = letters(as_read.T @ best.G)
+        x, y, z = directions
         return (
-            f"the sensor's axes point {own[0]}, {own[1]}, {own[2]} (x, y, z), as read they were taken otherwise",
-            f"axes='{own}'",
+            f"the sensor's axes point {x}, {y}, {z} (x, y, z), as read they were taken otherwise",
+            f"axes='{directions}'",
             "warning",
         )
     if code == "handedness":
@@ -230,14 +229,14 @@ def _sentence(code: str, best: Guess, as_read: FloatArray) -> tuple[str, str, An
         return text, _mend(best.A, both=True), "error"
     if code == "accel_axes":
         text = f"the accelerometer has other axes than the gyroscope: {changes(best.A)}"
-        return text, _mend(best.A, both=False, which="a"), "error"
+        return text, _mend(best.A, both=False, sensor="a"), "error"
     text = f"the gyroscope has other axes than the accelerometer: {changes(best.G)}"
-    return text, _mend(best.G, both=False, which="g"), "error"
+    return text, _mend(best.G, both=False, sensor="g"), "error"
 
 
-def _mend(P: FloatArray, *, both: bool, which: str = "a") -> str:
+def _mend(P: FloatArray, *, both: bool, sensor: str = "a") -> str:
     """Option that undoes a signed permutation of columns."""
-    sensors = ("a", "g") if both else (which,)
+    sensors = ("a", "g") if both else (sensor,)
     flips, exchanged = [], []
     for i, row in enumerate(P):
         k = int(np.argmax(np.abs(row)))

@@ -132,14 +132,14 @@ def _tilts(
     f, inside = means.at(edges - offset, half)
     at = [np.interp(edges, motion.t, np.where(motion.moving, x, 0.0)) for x in (motion.forward, motion.right)]
     slow = np.interp(edges, motion.t, motion.moving.astype(float))
-    known = inside & ((slow > 0.999) | (np.interp(edges, motion.t, motion.speed) < 0.05))
+    usable = inside & ((slow > 0.999) | (np.interp(edges, motion.t, motion.speed) < 0.05))
     q, r = np.linalg.qr(B)
     C = q * np.sign(np.diag(r))
     level = (f[:, :3] * factor) @ C  # along forward, right, down
     g = -np.stack((level[:, 0] - at[0], level[:, 1] - at[1]), axis=1) / gravity
     rate = np.diff(g, axis=0) / lag
     w, _ = means.at(0.5 * (edges[1:] + edges[:-1]) - offset, half)
-    keep = known[1:] & known[:-1] & (np.linalg.norm(rate, axis=1) < 0.5)
+    keep = usable[1:] & usable[:-1] & (np.linalg.norm(rate, axis=1) < 0.5)
     if keep.sum() < 30:
         return none
     x, y = w[keep][:, 3:], rate[keep]

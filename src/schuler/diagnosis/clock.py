@@ -10,10 +10,10 @@ import numpy as np
 
 from schuler import timebase
 from schuler.arrays import FloatArray
-from schuler.diagnosis.findings import Finding, Severity
 from schuler.diagnosis.lag import Lag, at_ahead, find_ahead, find_lag
 from schuler.diagnosis.motion import Motion, WindowMeans, motion_of
-from schuler.diagnosis.work import VEHICLE, Work
+from schuler.diagnosis.result import Finding, Severity
+from schuler.diagnosis.state import VEHICLE, DiagnosisState
 from schuler.exceptions import SchulerError
 from schuler.recording.series import ImuSeries
 
@@ -22,25 +22,25 @@ _HAND = 0.8  # offset that a body turning against its course cannot explain [s]
 _ALONE = 0.12  # the same where only positions or only velocities tell [s]
 
 
-def _time_unit(work: Work, imu: ImuSeries, t: FloatArray) -> bool:
+def _time_unit(state: DiagnosisState, imu: ImuSeries, t: FloatArray) -> bool:
     """Whether the IMU's log lasts a power of a thousand times as long as the GNSS log; finding ``time_unit``."""
     ratio = float((imu.t[-1] - imu.t[0]) / max(t[-1] - t[0], 1e-9))
     for power in (3, 6, 9, -3, -6, -9):
         if not 0.5 < ratio / 10.0**power < 2.0:
             continue
         unit = {3: "ms", 6: "us", 9: "ns"}.get(abs(power), "")
-        said = f"the stamps are {unit}, not s" if power > 0 else f"the stamps are s, not {unit}"
+        statement = f"the stamps are {unit}, not s" if power > 0 else f"the stamps are s, not {unit}"
         text = (
             f"the IMU's log lasts {ratio:.3g} times as long as the GNSS log (an interval of {imu.interval:.3g} "
-            f"s): {said}"
+            f"s): {statement}"
         )
         fix = f"units='t={unit}'" if power > 0 else "units='t=s'"
-        work.findings.append(Finding("time_unit", "error", text, 0.95, fix, {"ratio": ratio}))
+        state.findings.append(Finding("time_unit", "error", text, 0.95, fix, {"ratio": ratio}))
         return True
     return False
 
 
-def overlaps(work: Work, imu: ImuSeries, motion: Motion) -> bool:
+def overlaps(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> bool:
     """Whether IMU and GNSS have 20 s in common; if not, findings ``time_unit`` or ``no_overlap``, and ``work.apart``.
 
     Parameters
@@ -50,12 +50,12 @@ def overlaps(work: Work, imu: ImuSeries, motion: Motion) -> bool:
     imu : ImuSeries
     motion : Motion
     """
-    if _time_unit(work, imu, motion.t):
+    if _time_unit(state, imu, motion.t):
         return False
     a, b = max(imu.t[0], motion.t[0]), min(imu.t[-1], motion.t[-1])
     if b - a > 20.0:
         return True
-    t = work.gnss.t if work.gnss is not None else motion.t
+    t = state.gnss.t if state.gnss is not None else motion.t
     evidence: dict[str, Any] = {
         "imu_s": [float(imu.t[0]), float(imu.t[-1])],
         "gnss_s": [float(t[0]), float(t[-1])],
@@ -78,17 +78,17 @@ def overlaps(work: Work, imu: ImuSeries, motion: Motion) -> bool:
     fix = "time='gps-tow:WEEK' (or unix, gps) for each file; or offset=..."
     if motion.enough and imu.t[-1] - imu.t[0] > 40.0:
         lag = find_lag(WindowMeans(imu), motion, apart)
-        if lag.found:
-            work.apart = lag
+        if lag.matched:
+            state.apart = lag
             evidence["offset_s"] = lag.offset
             evidence["sigma_s"] = lag.sigma
             text += f"; the same motion is in both, {lag.offset:+.3f} s apart (1-sigma {lag.sigma:.3f} s)"
-            fix = f"offset={work.offset + lag.offset:.3f} for the IMU, or the right meaning of its stamps (time=...)"
-    work.findings.append(Finding("no_overlap", "error", text, 0.99, fix, evidence))
+            fix = f"offset={state.offset + lag.offset:.3f} for the IMU, or the right meaning of its stamps (time=...)"
+    state.findings.append(Finding("no_overlap", "error", text, 0.99, fix, evidence))
     return False
 
 
-def find_clock(work: Work, imu: ImuSeries, motion: Motion) -> WindowMeans:
+def find_clock(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> WindowMeans:
     """Offset and drift of the IMU's clock: findings, ``work.lag``, estimates.
 
     Parameters
@@ -103,8 +103,8 @@ def find_clock(work: Work, imu: ImuSeries, motion: Motion) -> WindowMeans:
     WindowMeans
         Of the IMU with the drift of its clock taken out.
     """
-    assert work.view is not None
-    work.checked.append("IMU clock against GNSS")
+    assert state.view is not None
+    state.checked.append("IMU clock against GNSS")
     means = WindowMeans(imu)
     lag = find_lag(means, motion)
     span = float(motion.t[-1] - motion.t[0])
@@ -120,48 +120,48 @@ def find_clock(work: Work, imu: ImuSeries, motion: Motion) -> WindowMeans:
         means = WindowMeans(replace(imu, t=bent))
         lag = find_lag(means, motion)
         drift_sigma = lag.drift_sigma
-    work.curves["lag"] = lag.curve
+    state.curves["lag"] = lag.curve
     ahead = 0.0
-    if lag.found and lag.r2[1:].min() > VEHICLE:
-        far, at, gain = find_ahead(means, motion, lag.offset)
-        work.estimates["antenna_ahead_of_axle_m"] = far
-        if gain > 10.0 and abs(far) > 0.5:
-            ahead = far
+    if lag.matched and lag.r2[1:].min() > VEHICLE:
+        distance, at, gain = find_ahead(means, motion, lag.offset)
+        state.estimates["antenna_ahead_of_axle_m"] = distance
+        if gain > 10.0 and abs(distance) > 0.5:
+            ahead = distance
             lag = replace(lag, offset=at, sigma=float(np.hypot(lag.sigma, 0.02)))
-    work.lag, work.means = lag, means
+    state.lag, state.means = lag, means
     evidence = {
         "offset_s": lag.offset,
         "sigma_s": lag.sigma,
         "explained": lag.r2.tolist(),
         "lead": lag.clear,
     }
-    if not lag.found:
+    if not lag.matched:
         text = (
             "no shift of its clock makes the IMU explain the motion that GNSS tells "
             f"({100.0 * lag.r2.max():.0f} % at best): another run, one of them not moving, or clocks more than "
             f"400 s apart"
         )
-        work.findings.append(Finding("unchecked", "note", text, 0.5, "", evidence))
+        state.findings.append(Finding("unchecked", "note", text, 0.5, "", evidence))
         return means
-    offset, sigma, gap = _both(work, means, lag, ahead)
+    offset, sigma, gap = _mean_offset(state, means, lag, ahead)
     evidence |= {"offset_s": offset, "sigma_s": sigma, "position_minus_velocity_s": gap}
     if drift:
         # at the start of the log, where a counter of a wrong rate is still right
         offset += drift * (float(imu.t[0]) - middle)
         evidence["offset_s"] = offset
-    work.estimates["time_offset_s"] = offset
-    work.estimates["time_offset_sigma_s"] = sigma
-    work.estimates["explained_by_imu"] = lag.r2.tolist()
+    state.estimates["time_offset_s"] = offset
+    state.estimates["time_offset_sigma_s"] = sigma
+    state.estimates["explained_by_imu"] = lag.r2.tolist()
     if drift:
-        work.estimates["clock_drift_ppm"] = 1e6 * drift
-    _offset_finding(work, offset, sigma, gap, evidence)
+        state.estimates["clock_drift_ppm"] = 1e6 * drift
+    _offset_finding(state, offset, sigma, gap, evidence)
     if gap is not None and abs(gap) > 0.1:
         text = (
             f"velocities are {abs(gap):.3f} s {'late' if gap < 0.0 else 'early'} against positions by the "
             f"IMU's motion: they "
             "were filtered or are means over an interval"
         )
-        work.findings.append(Finding("gnss_delay", "note", text, 0.7, "", {"gap_s": gap}, "gnss"))
+        state.findings.append(Finding("gnss_delay", "note", text, 0.7, "", {"gap_s": gap}, "gnss"))
     total = abs(drift) * span
     if total > 0.25 and abs(drift) > 5.0 * drift_sigma:
         text = (
@@ -170,22 +170,28 @@ def find_clock(work: Work, imu: ImuSeries, motion: Motion) -> WindowMeans:
             "the stated rate, are not those of the samples"
         )
         fix = f"rate={imu.rate_hz / (1.0 + drift):.6g} (if the log has no stamps), or stamps of a disciplined clock"
-        work.findings.append(
+        state.findings.append(
             Finding("clock_drift", "warning", text, 0.9, fix, {"drift": drift, "sigma": drift_sigma, "total_s": total})
         )
     return means
 
 
-def _both(work: Work, means: WindowMeans, lag: Lag, ahead: float) -> tuple[float, float, float | None]:
+def _mean_offset(
+    state: DiagnosisState, means: WindowMeans, lag: Lag, ahead: float
+) -> tuple[float, float, float | None]:
     """Offset by velocities and by positions, their mean, its 1-sigma, and position minus velocity."""
-    assert work.view is not None
-    if work.view.other is None or work.view.mirrored:
+    assert state.view is not None
+    if state.view.other is None or state.view.mirrored:
         return lag.offset, lag.sigma, None
-    other = motion_of(*work.view.other, work.gravity)
+    other = motion_of(*state.view.other, state.gravity)
     if other is None or not other.enough:
         return lag.offset, lag.sigma, None
     by_position = find_lag(means, other, lag.offset, near=True)
-    if not by_position.found or abs(by_position.offset - lag.offset) > 1.0 or by_position.r2.max() < 0.7 * lag.r2.max():
+    if (
+        not by_position.matched
+        or abs(by_position.offset - lag.offset) > 1.0
+        or by_position.r2.max() < 0.7 * lag.r2.max()
+    ):
         return lag.offset, lag.sigma, None
     if ahead:
         by_position = replace(by_position, offset=at_ahead(means, other, lag.offset, ahead))
@@ -194,44 +200,54 @@ def _both(work: Work, means: WindowMeans, lag: Lag, ahead: float) -> tuple[float
     return 0.5 * (lag.offset + by_position.offset), sigma, gap
 
 
-def _offset_finding(work: Work, offset: float, sigma: float, gap: float | None, evidence: dict[str, Any]) -> None:
+def _offset_finding(
+    state: DiagnosisState, offset: float, sigma: float, gap: float | None, evidence: dict[str, Any]
+) -> None:
     # positions and velocities of one receiver differ by a tenth of a second: either alone says less
     limit = max(_ALONE if gap is None else _LEAST_OFFSET + 0.25 * abs(gap), 3.0 * sigma)
-    if "clock_drift_ppm" in work.estimates:
+    if "clock_drift_ppm" in state.estimates:
         limit = max(limit, 0.3)
-    if work.lag is not None and work.lag.r2[1:].max() < VEHICLE:
+    if state.lag is not None and state.lag.r2[1:].max() < VEHICLE:
         # a hand turns before or after the walker's course does
         limit = max(limit, _HAND)
     if abs(offset) < limit:
         return
-    whole = round(abs(offset))
-    near = abs(abs(offset) - whole) < max(0.35, 3.0 * sigma)
-    leaps = _leaps(work)
+    seconds = round(abs(offset))
+    near = abs(abs(offset) - seconds) < max(0.35, 3.0 * sigma)
+    leaps = _leaps(state)
     side = "late" if offset < 0.0 else "early"
-    said = f"the IMU's clock is {abs(offset):.3f} s {side} against GNSS (1-sigma {sigma:.3f} s)"
-    fix = f"offset={work.offset + offset:.3f} for the IMU"
-    if near and whole in leaps:
-        text = f"{said}: these are the leap seconds between UTC and GPS time, one log counts UTC and the other GPS time"
-        shift = work.offset + float(np.sign(offset)) * whole
+    statement = f"the IMU's clock is {abs(offset):.3f} s {side} against GNSS (1-sigma {sigma:.3f} s)"
+    fix = f"offset={state.offset + offset:.3f} for the IMU"
+    if near and seconds in leaps:
+        text = (
+            f"{statement}: these are the leap seconds between UTC and GPS time, one log counts UTC and the other "
+            "GPS time"
+        )
+        shift = state.offset + float(np.sign(offset)) * seconds
         fix = f"time='unix' (UTC) or 'gps-unix'/'gps' for the right file, or offset={shift:g}"
-        work.findings.append(Finding("leap_seconds", "error", text, 0.97 if whole == leaps[0] else 0.85, fix, evidence))
-        rest = offset - np.sign(offset) * whole
-        if abs(rest) > max(limit, 0.1):
-            text = f"besides the leap seconds the IMU's clock is {abs(rest):.3f} s {'late' if rest < 0 else 'early'}"
-            work.findings.append(
-                Finding("time_offset", "warning", text, 0.8, f"offset={work.offset + offset:.3f} for the IMU", evidence)
+        state.findings.append(
+            Finding("leap_seconds", "error", text, 0.97 if seconds == leaps[0] else 0.85, fix, evidence)
+        )
+        remainder = offset - np.sign(offset) * seconds
+        if abs(remainder) > max(limit, 0.1):
+            side = "late" if remainder < 0 else "early"
+            text = f"besides the leap seconds the IMU's clock is {abs(remainder):.3f} s {side}"
+            state.findings.append(
+                Finding(
+                    "time_offset", "warning", text, 0.8, f"offset={state.offset + offset:.3f} for the IMU", evidence
+                )
             )
         return
     confidence = float(np.clip(1.0 - np.exp(-0.5 * (offset / sigma) ** 2 / 4.0), 0.5, 0.99))
-    if whole >= 1 and near:
-        said += f", {whole} whole second{'s' * (whole != 1)}"
+    if seconds >= 1 and near:
+        statement += f", {seconds} whole second{'s' * (seconds != 1)}"
     severity: Severity = "error" if abs(offset) > 0.5 else "warning"
-    work.findings.append(Finding("time_offset", severity, said, confidence, fix, evidence))
+    state.findings.append(Finding("time_offset", severity, statement, confidence, fix, evidence))
 
 
-def _leaps(work: Work) -> list[int]:
+def _leaps(state: DiagnosisState) -> list[int]:
     """Leap seconds that may be meant, those of the day first."""
-    base = work.recording.metadata.time
+    base = state.recording.metadata.time
     out = []
     if base.scale == "gps":
         with contextlib.suppress(SchulerError):

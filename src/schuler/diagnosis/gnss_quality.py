@@ -1,15 +1,24 @@
-"""How good a GNSS log is beside what it says of itself: outages, jumps, noise, inertial data inside."""
+"""Quality of a GNSS log against its own claims: outages, jumps, noise, inertial data inside, smoothing."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 from schuler import frames
-from schuler.diagnosis.findings import Finding, Severity, number_of
+from schuler.arrays import BoolArray, FloatArray
+from schuler.diagnosis.lag import Lag
+from schuler.diagnosis.motion import Motion, WindowMeans
 from schuler.diagnosis.positions import GnssView
+from schuler.diagnosis.result import Finding, Severity, number_of
 from schuler.recording.series import GnssSeries
 
 _DEAD_RECKONING = 7
+_SMOOTH = 0.6  # gain of quick changes against slow ones
+_LEAST = (0.01, 0.05, 0.05)  # RMS of quick changes worth comparing: turn [rad/s], forward, right [m/s^2]
+_PATH = 0.8  # share of slow accelerations that the path explains, for quick ones to be the path's and not the body's
+_QUICK_S = 1.5
 
 
 def check_gnss(gnss: GnssSeries, view: GnssView) -> list[Finding]:
@@ -23,13 +32,13 @@ def check_gnss(gnss: GnssSeries, view: GnssView) -> list[Finding]:
     """
     if len(gnss) < 10:
         return []
-    found = _outages(gnss)
+    findings = _outages(gnss)
     held = _held(gnss)
-    found += held
-    found += _quality(gnss)
+    findings += held
+    findings += _quality(gnss)
     if not held:
-        found += _against_velocity(gnss, view)
-    return found
+        findings += _against_velocity(gnss, view)
+    return findings
 
 
 def _outages(gnss: GnssSeries) -> list[Finding]:
@@ -74,14 +83,14 @@ def _held(gnss: GnssSeries) -> list[Finding]:
 
 
 def _quality(gnss: GnssSeries) -> list[Finding]:
-    found = []
+    findings = []
     if gnss.quality is not None and np.mean(gnss.quality == _DEAD_RECKONING) > 0.02:
         share = float(np.mean(gnss.quality == _DEAD_RECKONING))
         text = (
             f"{100.0 * share:.0f} % of the epochs are marked dead reckoning: the solution is fused with inertial data "
             "already, to use it again counts them twice"
         )
-        found.append(Finding("gnss_fused", "warning", text, 0.95, "the receiver's GNSS-only solution", {}, "gnss"))
+        findings.append(Finding("gnss_fused", "warning", text, 0.95, "the receiver's GNSS-only solution", {}, "gnss"))
     else:
         rate = 1.0 / float(np.median(np.diff(gnss.t)))
         if rate > 30.0:
@@ -90,10 +99,10 @@ def _quality(gnss: GnssSeries) -> list[Finding]:
                 f"solution holds inertial data already, or was interpolated"
             )
             evidence = {"rate_hz": rate}
-            found.append(
+            findings.append(
                 Finding("gnss_fused", "warning", text, 0.8, "the receiver's GNSS-only solution", evidence, "gnss")
             )
-    return found
+    return findings
 
 
 def _against_velocity(gnss: GnssSeries, view: GnssView) -> list[Finding]:
@@ -112,9 +121,9 @@ def _against_velocity(gnss: GnssSeries, view: GnssView) -> list[Finding]:
         left = np.diff(r, 3, axis=0)
         parts = 20.0
         dt = dt[1:-1]
-    whole = dt < 1.5 * interval
-    left = left[whole]
-    at = (gnss.t[1:] if len(whole) == len(gnss) - 1 else gnss.t[2:-1])[whole]
+    complete = dt < 1.5 * interval
+    left = left[complete]
+    at = (gnss.t[1:] if len(complete) == len(gnss) - 1 else gnss.t[2:-1])[complete]
     if len(left) < 10:
         return []
     left = left - np.median(left, axis=0)
@@ -123,18 +132,18 @@ def _against_velocity(gnss: GnssSeries, view: GnssView) -> list[Finding]:
     spread = 1.4826 * np.median(np.abs(left), axis=0)
     size = np.linalg.norm(left[:, :2], axis=1)
     usual = max(float(np.quantile(size, 0.9)), float(np.hypot(spread[0], spread[1])), 1e-3)
-    found = []
+    findings = []
     limit = max(8.0 * usual, 2.0, 6.0 * float(np.hypot(stated[0], stated[1])))
-    far = size > limit
-    if far.any() and np.mean(far) < 0.05:
+    jumps = size > limit
+    if jumps.any() and np.mean(jumps) < 0.05:
         k = int(np.argmax(size))
         text = (
-            f"{int(far.sum())} steps of the position are off by more than {limit:.3g} m from what the motion "
+            f"{int(jumps.sum())} steps of the position are off by more than {limit:.3g} m from what the motion "
             f"allows, the "
             f"largest {size[k]:.4g} m at {at[k]:.2f} s: jumps (multipath, wrong fixes, joined logs)"
         )
-        evidence = {"steps": int(far.sum()), "largest_m": float(size[k]), "at_s": float(at[k]), "usual_m": usual}
-        found.append(Finding("gnss_jumps", "warning", text, 0.9, "--robust, or leave these out", evidence, "gnss"))
+        evidence = {"steps": int(jumps.sum()), "largest_m": float(size[k]), "at_s": float(at[k]), "usual_m": usual}
+        findings.append(Finding("gnss_jumps", "warning", text, 0.9, "--robust, or leave these out", evidence, "gnss"))
     noise = spread / np.sqrt(parts)
     # curvature within an interval is no noise: half a metre a second squared for a third difference and the trapezoid
     floor = 0.05 + (0.35 * interval**2 if parts < 3.0 else 0.5 * interval**3)
@@ -150,5 +159,95 @@ def _against_velocity(gnss: GnssSeries, view: GnssView) -> list[Finding]:
         )
         evidence = {"noise_m": noise.tolist(), "stated_m": stated.tolist(), "alike": alike}
         fix = "sigma='" + ",".join(f"{max(n, s):.2g}" for n, s in zip(noise, stated, strict=True)) + "'"
-        found.append(Finding("gnss_noise", "warning", text, 0.85, fix, evidence, "gnss"))
-    return found
+        findings.append(Finding("gnss_noise", "warning", text, 0.85, fix, evidence, "gnss"))
+    return findings
+
+
+def check_smoothing(means: WindowMeans, motion: Motion, lag: Lag) -> list[Finding]:
+    """Whether quick motion comes through a GNSS solution as slow motion does, compared with the IMU.
+
+    Parameters
+    ----------
+    means : WindowMeans
+    motion : Motion
+    lag : Lag
+
+    Notes
+    -----
+    Turn rate is regressed on the gyro, accelerations on the accelerometer; their gain for changes within some seconds,
+    over that for all, is 1 for a solution of single epochs and falls when positions were filtered: a mean over 4 s
+    halves it. Gains of all three are averaged with their weights.
+    """
+    gains = [g for k in range(3) if (g := quick_gain(means, motion, lag, k)) is not None]
+    if not gains:
+        return []
+    weight = np.array([g[1] ** -2 for g in gains])
+    value = float(weight @ [g[0] for g in gains] / weight.sum())
+    sigma = float(weight.sum() ** -0.5)
+    if value > _SMOOTH or value + 2.0 * sigma > 0.8:
+        return []
+    text = (
+        f"quick turns and changes of speed come through the GNSS solution at {value:.2f} of the gain of slow ones "
+        f"(1-sigma {sigma:.2f}): it was filtered or smoothed, its errors are correlated and its accuracies too good"
+    )
+    fix = "the receiver's unsmoothed solution; or larger sigma"
+    evidence: dict[str, Any] = {"gain": value, "sigma": sigma}
+    return [Finding("gnss_smoothed", "warning", text, 0.8, fix, evidence, "gnss")]
+
+
+def quick_gain(means: WindowMeans, motion: Motion, lag: Lag, quantity: int = 0) -> tuple[float, float] | None:
+    """Gain of changes within 3 s over that of all, and its 1-sigma.
+
+    Parameters
+    ----------
+    means : WindowMeans
+    motion : Motion
+    lag : Lag
+    which : {0, 1, 2}
+        Turn rate, forward or right acceleration.
+
+    Returns
+    -------
+    tuple of float, optional
+        None if there is too little quick motion, or a body whose accelerations are not those of its path.
+    """
+    if quantity and lag.r2[quantity] < _PATH:
+        return None
+    at = motion.t - lag.offset
+    w, inside = means.at(at, motion.half)
+    inside = inside & means.without_pause(at, motion.half)
+    use = motion.moving & inside
+    if use.sum() < 60:
+        return None
+    w = w[:, 3:] if quantity == 0 else w[:, :3]
+    x = (motion.turn, motion.forward, motion.right)[quantity]
+    A = np.concatenate((w[use], np.ones((int(use.sum()), 1))), axis=1)
+    c, *_ = np.linalg.lstsq(A, x[use], rcond=None)
+    fit = w @ c[:3]
+    step = float(np.median(np.diff(motion.t)))
+    n = max(round(_QUICK_S / step), 1)
+    quick_fit, quick_x, ok = _high(fit, n), _high(x, n), _eroded(use, n)
+    # stops make a course of noise: keep well clear of them
+    a, b = quick_fit[ok], quick_x[ok]
+    if len(a) < 60 or np.sqrt(np.mean(a**2)) < _LEAST[quantity]:
+        return None
+    # noise of the IMU is in both sums of squares; at rest it stands alone
+    still = _eroded(inside & (motion.speed < 0.1), n)
+    imu_noise = float(np.mean(quick_fit[still] ** 2)) if still.sum() > 20 else 0.0
+    power = float(a @ a) - imu_noise * len(a)
+    if power < 0.3 * float(a @ a):
+        return None
+    centred, path = fit[use] - fit[use].mean(), x[use] - x[use].mean()
+    slow = float(centred @ path / max(float(centred @ centred) - imu_noise * int(use.sum()), 1e-300))
+    gain = float(a @ b / power) / max(slow, 1e-9)
+    noise = np.sqrt(np.mean((b - gain * slow * a) ** 2) / power * 4.0 * motion.half / step)
+    return gain, max(float(noise / max(slow, 1e-9)), 0.01)
+
+
+def _high(x: FloatArray, n: int) -> FloatArray:
+    kernel = np.ones(2 * n + 1) / (2 * n + 1)
+    return np.asarray(x - np.convolve(x, kernel, mode="same"))
+
+
+def _eroded(use: BoolArray, n: int) -> BoolArray:
+    return np.asarray(np.convolve(use.astype(float), np.ones(2 * n + 1), mode="same") > 2 * n + 0.5)

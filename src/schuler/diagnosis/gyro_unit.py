@@ -10,7 +10,7 @@ import numpy as np
 from schuler import rotation, units
 from schuler.arrays import FloatArray
 from schuler.diagnosis.axes import changes, signed_permutations
-from schuler.diagnosis.findings import Finding
+from schuler.diagnosis.result import Finding
 from schuler.recording.series import ImuSeries
 from schuler.standstill.unscaled import UnscaledRests
 
@@ -110,8 +110,8 @@ def misfit(turns: Turns, maps: FloatArray) -> FloatArray:
         turn = np.einsum("hij,mj->hmi", maps, d)
         q = rotation.quat_multiply(q, rotation.quat_from_rotvec(turn))
     # v_after = C_ab^T v_before
-    seen = rotation.rotate(rotation.quat_conjugate(q), np.broadcast_to(turns.before, (h, m, 3)))
-    cosine = np.clip(np.sum(seen * turns.after, axis=2), -1.0, 1.0)
+    predicted = rotation.rotate(rotation.quat_conjugate(q), np.broadcast_to(turns.before, (h, m, 3)))
+    cosine = np.clip(np.sum(predicted * turns.after, axis=2), -1.0, 1.0)
     return np.asarray(np.median(np.arccos(cosine), axis=1))
 
 
@@ -155,8 +155,8 @@ def by_turns(
     }
     good = max(0.12 * typical, 4.0 * units.DEG)
     # rates so large that they turn many times fit anything by chance
-    whole = float(np.median(np.linalg.norm(turns.dtheta, axis=2).sum(axis=0)))
-    factors = [f for f in factors if f == 1.0 or 0.7 * typical < f * whole < 3.0 * typical + np.pi]
+    total_angle = float(np.median(np.linalg.norm(turns.dtheta, axis=2).sum(axis=0)))
+    factors = [f for f in factors if f == 1.0 or 0.7 * typical < f * total_angle < 3.0 * typical + np.pi]
     one = np.array([f * np.eye(3) for f in factors])
     angle = misfit(turns, one)
     best = int(np.argmin(angle))
@@ -174,7 +174,7 @@ def by_turns(
             return f, perms[k], evidence
     # a scale of its own: the angles themselves
     fine = np.geomspace(1e-6, 1e3, 181)
-    fine = fine[(fine * whole > 0.7 * typical) & (fine * whole < 3.0 * typical + np.pi)]
+    fine = fine[(fine * total_angle > 0.7 * typical) & (fine * total_angle < 3.0 * typical + np.pi)]
     if not len(fine):
         return None, np.eye(3), evidence
     wide = misfit(turns, fine[:, None, None] * np.eye(3))

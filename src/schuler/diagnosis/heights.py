@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.diagnosis.findings import Finding
+from schuler.diagnosis.result import Finding
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries
 

@@ -50,7 +50,7 @@ class Lag:
     curve: FloatArray
 
     @property
-    def found(self) -> bool:
+    def matched(self) -> bool:
         """Whether the two logs share a motion."""
         return bool(self.r2.max() > 0.35 and self.clear > 0.1)
 
@@ -113,16 +113,16 @@ def _shares(y: FloatArray, inside: BoolArray, x: FloatArray) -> FloatArray:
     sum_y, sum_x = y.sum(axis=1), w @ x
     total = w @ (x * x) - sum_x**2 / count
     out = np.zeros((len(y), 3))
-    for columns, which in ((slice(3, 6), slice(0, 1)), (slice(0, 3), slice(1, 3))):
+    for columns, target in ((slice(3, 6), slice(0, 1)), (slice(0, 3), slice(1, 3))):
         A, s = y[..., columns], sum_y[:, columns] / count
         G = A.mT @ A - count[..., None] * s[:, :, None] * s[:, None, :]
-        b = A.mT @ x[:, which] - s[:, :, None] * sum_x[:, None, which]
+        b = A.mT @ x[:, target] - s[:, :, None] * sum_x[:, None, target]
         size = np.sqrt(np.maximum(np.diagonal(G, axis1=1, axis2=2), 0.0))
         size = np.where(size > 0.0, size, 1.0)
         G = G / (size[:, :, None] * size[:, None, :]) + 1e-9 * np.eye(3)
         b = b / size[:, :, None]
         fit = np.sum(b * np.linalg.solve(G, b), axis=1)
-        out[:, which] = np.clip(fit / np.where(total[:, which] > 0.0, total[:, which], np.inf), 0.0, 1.0)
+        out[:, target] = np.clip(fit / np.where(total[:, target] > 0.0, total[:, target], np.inf), 0.0, 1.0)
     # few samples are explained by anything
     out[number < max(15.0, 0.25 * len(x))] = 0.0
     return out
@@ -169,11 +169,11 @@ def find_lag(means: WindowMeans, motion: Motion, centre: float = 0.0, *, near: b
         r2 = explained(means, motion, shifts, thin)
         scores = score(r2)
         k = int(np.argmax(scores))
-        far = np.abs(shifts - shifts[k]) > 3.0
+        distant = np.abs(shifts - shifts[k]) > 3.0
         if len(curve) and scores[k] <= curve[:, 1].max() + 0.1:
             break  # nothing better further out
         offset = float(shifts[k])
-        clear = float(scores[k] - scores[far].max()) if far.any() else 0.0
+        clear = float(scores[k] - scores[distant].max()) if distant.any() else 0.0
         curve = np.stack((shifts, scores), axis=1)
         # a shift that explains nearly all leaves no doubt; motion that repeats itself explains much at others
         if r2[k].max() > 0.85 and clear > 0.5:
@@ -209,16 +209,16 @@ def find_ahead(means: WindowMeans, motion: Motion, offset: float) -> tuple[float
         Log-likelihood ratio against no distance.
     """
     trials = np.arange(-2.0, 6.1, 1.0)
-    found = []
+    results = []
     for ahead in trials:
         at = _refined(means, motion, offset, 0.25, None, float(ahead), rounds=2)
-        found.append((float(score(explained(means, motion, np.array([at]), None, float(ahead)))[0]), at))
-    scores = np.array([f[0] for f in found])
+        results.append((float(score(explained(means, motion, np.array([at]), None, float(ahead)))[0]), at))
+    scores = np.array([f[0] for f in results])
     k = int(np.clip(np.argmax(scores), 1, len(trials) - 2))
     bend = scores[k - 1] - 2.0 * scores[k] + scores[k + 1]
     shift = float(np.clip(0.5 * (scores[k - 1] - scores[k + 1]) / bend, -1.0, 1.0)) if bend < 0.0 else 0.0
     ahead = float(trials[k] + shift)
-    at = _refined(means, motion, found[k][1], 0.1, None, ahead)
+    at = _refined(means, motion, results[k][1], 0.1, None, ahead)
     seconds = motion.moving.sum() * float(np.median(np.diff(motion.t)))
     gain = (scores.max() - scores[int(np.argmin(np.abs(trials)))]) * seconds / (2.0 * motion.half)
     return ahead, at, float(gain)
@@ -249,7 +249,7 @@ def _refined(
 def _scatter(means: WindowMeans, motion: Motion, at: float) -> tuple[float, float, float]:
     """1-sigma of the offset and its drift, from parts of the log."""
     index = np.flatnonzero(motion.moving)
-    found, when = [], []
+    results, when = [], []
     for part in np.array_split(index, _BLOCKS):
         if len(part) < 30:
             continue
@@ -260,11 +260,11 @@ def _scatter(means: WindowMeans, motion: Motion, at: float) -> tuple[float, floa
         scores = score(r2)
         if scores.max() < 0.2 and r2[len(trials) // 2].max() < 0.4:
             continue  # straight and even: this part tells nothing
-        found.append(_refined(means, motion, float(trials[int(np.argmax(scores))]), 0.2, keep))
+        results.append(_refined(means, motion, float(trials[int(np.argmax(scores))]), 0.2, keep))
         when.append(float(np.mean(motion.t[part])))
-    if len(found) < 3:
+    if len(results) < 3:
         return 0.1, 0.0, np.inf
-    x, y = np.array(when) - np.mean(when), np.array(found)
+    x, y = np.array(when) - np.mean(when), np.array(results)
     off = 1.4826 * np.median(np.abs(y - np.median(y)))
     # few parts know their own scatter badly: Student's factor at 0.998 over the normal one
     student = (3.5, 2.3, 1.8, 1.6, 1.5, 1.4)[min(len(y), _BLOCKS) - 3]

@@ -1,7 +1,8 @@
-"""Diagnosis of files: read as told, and where the reader refuses, with its checks lifted or rows repaired."""
+"""Diagnosis of files: read with the given hints, and where the reader refuses, with checks lifted or rows repaired."""
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,12 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from schuler import units
-from schuler.diagnosis.clock_question import joined, related, unrelated
-from schuler.diagnosis.diagnose import diagnose
-from schuler.diagnosis.diagnosis import Diagnosis
-from schuler.diagnosis.findings import Finding
-from schuler.diagnosis.not_a_log import not_a_log
 from schuler.diagnosis.repair import repaired
+from schuler.diagnosis.result import Diagnosis, Finding, joined
+from schuler.diagnosis.run import diagnose
+from schuler.diagnosis.unrelated_clocks import relate_clocks, unknown_clock
 from schuler.exceptions import InputError, SchulerError
 from schuler.recording.io import dispatch, folder
 from schuler.recording.io.hint_texts import SERIES
@@ -24,6 +23,17 @@ from schuler.recording.recording import Recording
 #: Refusals that are about the numbers themselves, which the diagnosis judges better than the reader can.
 LIFTED = ("norm", "magnitude", "truncated")
 _LATITUDE = re.compile(r"(latitude|longitude) ([-+.\deE]+) deg is beyond")
+_MAGIC = {
+    b"\x1f\x8b": "compressed (gzip): unpack it",
+    b"\x89PNG": "a picture",
+    b"\xff\xd8\xff": "a picture",
+    b"%PDF": "a PDF document",
+    b"TIMETAG RTKLIB": "RTKLIB's time tags of another file: give that one, its name without .tag",
+}
+_DOCUMENTS = (".md", ".rst", ".html")
+_WORD = re.compile(r"[A-Za-z]{2,}")
+_NUMBER = re.compile(r"[-+]?\d+\.?\d*(e[-+]?\d+)?$", re.IGNORECASE)
+_MOST = 65536
 
 
 def diagnose_log(path: Path | str, hints: ReadHints | None = None, *, quick: bool = False, **more: Any) -> Diagnosis:
@@ -57,12 +67,12 @@ def diagnose_log(path: Path | str, hints: ReadHints | None = None, *, quick: boo
         return Diagnosis(path.stem, tuple(findings))
     if alone is None:
         return diagnose(recording, findings=tuple(findings), quick=quick)
-    found = related(recording, alone)
-    if found is not None:
-        whole, question = found
-        return diagnose(whole, findings=(*findings, question), quick=quick)
+    problems = relate_clocks(recording, alone)
+    if problems is not None:
+        merged, question = problems
+        return diagnose(merged, findings=(*findings, question), quick=quick)
     parts = (diagnose(recording, quick=quick), diagnose(alone, quick=quick))
-    return joined(recording.metadata.name, parts, (*findings, unrelated(recording, alone)))
+    return joined(recording.metadata.name, parts, (*findings, unknown_clock(recording, alone)))
 
 
 def read_leniently(
@@ -117,22 +127,22 @@ def _folder(
         given = {name: value for name, value in entry.items() if name != "file"}
         if part in SERIES:
             given.setdefault("series", part)
-        recording, found = _file(path / str(entry["file"]), ReadHints.of(**given))
-        findings += [replace(f, part=part) for f in found]
+        recording, problems = _file(path / str(entry["file"]), ReadHints.of(**given))
+        findings += [replace(f, part=part) for f in problems]
         if recording is not None:
             read.append((part, recording))
     # those on a clock that is known first: the others may be brought to it
     read.sort(key=lambda item: item[1].metadata.time.scale == "local")
-    whole: Recording | None = None
+    merged: Recording | None = None
     alone: Recording | None = None
     for part, recording in read:
-        if whole is None:
-            whole = recording
+        if merged is None:
+            merged = recording
             continue
         try:
-            whole = whole.merged_with(recording)
+            merged = merged.merged_with(recording)
         except SchulerError as error:
-            clocks = whole.metadata.time.scale != recording.metadata.time.scale
+            clocks = merged.metadata.time.scale != recording.metadata.time.scale
             if clocks and part == "imu" and recording.imu is not None:
                 alone = recording
                 continue
@@ -140,12 +150,12 @@ def _folder(
             findings.append(Finding(code, "error", str(error), 0.9, "time=... for each file", part=part))
     options = {part: dict(entry) for part, entry in entries.items()}
 
-    def named(recording: Recording | None) -> Recording | None:
+    def labelled(recording: Recording | None) -> Recording | None:
         if recording is None:
             return None
         return replace(recording, metadata=replace(recording.metadata, name=path.resolve().name, options=options))
 
-    return named(whole), named(alone), findings
+    return labelled(merged), labelled(alone), findings
 
 
 def _file(path: Path, hints: ReadHints) -> tuple[Recording | None, list[Finding]]:
@@ -177,19 +187,21 @@ def _file(path: Path, hints: ReadHints) -> tuple[Recording | None, list[Finding]
 
 def _place(message: str) -> Finding | None:
     """What an impossible latitude tells."""
-    found = _LATITUDE.search(message)
-    if found is None:
+    problems = _LATITUDE.search(message)
+    if problems is None:
         return None
-    value = float(found.group(2))
+    value = float(problems.group(2))
     number = value * units.DEG
     evidence = {"value_deg": value}
     if abs(value) > 1e5 and abs(value * 1e-7) <= 180.0:
-        text_ = f"{found.group(1)} {value:.6g} deg: the numbers are degrees times 10^7, as u-blox receivers write them"
+        text_ = (
+            f"{problems.group(1)} {value:.6g} deg: the numbers are degrees times 10^7, as u-blox receivers write them"
+        )
         return Finding("position_unit", "error", text_, 0.95, "scale='lat=1e-7,lon=1e-7'", evidence, "gnss")
     if abs(value) > 360.0 and abs(number) <= 360.0:
-        text_ = f"{found.group(1)} {value:.6g} deg: the numbers are degrees and were read as radians"
+        text_ = f"{problems.group(1)} {value:.6g} deg: the numbers are degrees and were read as radians"
         return Finding("position_unit", "error", text_, 0.9, "units='angle=deg'", evidence, "gnss")
-    if found.group(1) == "latitude" and abs(value) <= 180.0:
+    if problems.group(1) == "latitude" and abs(value) <= 180.0:
         text_ = f"a latitude of {value:.6g} deg is none: latitude and longitude are exchanged"
         fix = "columns='...,lon,lat,...' exchanged"
         return Finding("position_order", "error", text_, 0.95, fix, evidence, "gnss")
@@ -223,3 +235,55 @@ def _short(error: SchulerError) -> str:
 
 def _clean(message: str) -> str:
     return " ".join(message.split())
+
+
+def not_a_log(path: Path) -> str | None:
+    """What a file is that is no log, in a few words; None if it may be one.
+
+    Parameters
+    ----------
+    path : Path
+        That no reader took.
+    """
+    if not path.is_file():
+        return None
+    with path.open("rb") as stream:
+        head = stream.read(_MOST)
+    if not head.strip():
+        return "empty"
+    for magic, what in _MAGIC.items():
+        if head.startswith(magic):
+            return what
+    if b"\x00" in head:
+        return None
+    if path.suffix.lower() in _DOCUMENTS or path.name.upper() in ("README", "LICENSE"):
+        return "text for people to read, not numbers"
+    text = head.decode("utf-8", errors="replace").strip()
+    if text[0] in "{[" and _is_json(text, complete=len(head) < _MOST):
+        return "a JSON file: settings, labels or results, not samples"
+    lines = [line for line in text.splitlines() if line.strip()][:60]
+    prose = sum(map(_is_prose, lines))
+    table = sum(map(_is_numbers, lines))
+    if prose > 0 and table < 3 and prose >= 0.5 * len(lines):
+        return "text for people to read, not numbers"
+    return None
+
+
+def _is_json(text: str, *, complete: bool) -> bool:
+    try:
+        json.loads(text)
+    except json.JSONDecodeError:
+        return not complete and text[:2].strip() in ("{", '{"', "[", "[{")
+    return True
+
+
+def _is_prose(line: str) -> bool:
+    """Words with blanks between them, more than anything else."""
+    parts = line.split()
+    words = sum(bool(_WORD.search(part)) for part in parts)
+    return words >= 3 and words > 0.6 * len(parts) and line.count(",") < 0.5 * len(parts)
+
+
+def _is_numbers(line: str) -> bool:
+    parts = [part for part in re.split(r"[,;\s]+", line.strip()) if part]
+    return len(parts) > 0 and all(_NUMBER.match(part) for part in parts)

@@ -94,10 +94,10 @@ def motion_of(t: FloatArray, v_n: FloatArray, gravity: float, half: float = HALF
         return None
     # no epoch within reach: an outage
     k = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
-    whole = np.ones(len(grid), dtype=bool)
+    covered = np.ones(len(grid), dtype=bool)
     for side in (-half, 0.0, half):
         k = np.clip(np.searchsorted(t, grid + side), 1, len(t) - 1)
-        whole &= t[k] - t[k - 1] < max(2.5 * interval, 1.5)
+        covered &= t[k] - t[k - 1] < max(2.5 * interval, 1.5)
 
     def at(x: FloatArray) -> FloatArray:
         return np.stack([np.interp(x, t, v_n[:, i]) for i in range(3)], axis=1)
@@ -113,7 +113,7 @@ def motion_of(t: FloatArray, v_n: FloatArray, gravity: float, half: float = HALF
     slope = -np.clip(v[:, 2] / safe, -0.3, 0.3)
     forward = (v[:, 0] * a[:, 0] + v[:, 1] * a[:, 1]) / safe + gravity * slope
     turn = right / safe
-    moving = whole & (speed > least) & (np.abs(turn) < 2.0) & (np.abs(forward) < 15.0) & (np.abs(right) < 15.0)
+    moving = covered & (speed > least) & (np.abs(turn) < 2.0) & (np.abs(forward) < 15.0) & (np.abs(right) < 15.0)
     return Motion(grid, speed, forward, right, turn, moving, slope, half)
 
 
@@ -143,7 +143,7 @@ class WindowMeans:
         y = self._integral(b) - self._integral(a)
         return self.origin + y / (2.0 * half), inside
 
-    def whole(self, t: FloatArray, half: float) -> BoolArray:
+    def without_pause(self, t: FloatArray, half: float) -> BoolArray:
         """Whether there is no pause of the log within each window. Shape (n,)."""
         lo = np.searchsorted(self.t, t - half, side="right") - 1
         hi = np.searchsorted(self.t, t + half, side="left")

@@ -13,8 +13,8 @@ import numpy as np
 
 from schuler import units
 from schuler.arrays import FloatArray
-from schuler.diagnosis.findings import Finding
 from schuler.diagnosis.motion import position_velocity
+from schuler.diagnosis.result import Finding
 from schuler.recording.series import GnssSeries
 
 _BASE_S = 4.0  # displacements are taken over so long, for the noise of positions
@@ -23,7 +23,7 @@ _SPEED_UNITS = {"km/h": units.KMH, "kn": units.KNOT, "cm/s": 0.01, "mm/s": 0.001
 
 @dataclass(frozen=True)
 class GnssView:
-    """What of a GNSS log can be trusted for motion.
+    """Velocities of a GNSS log that can be used as motion.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ def _integral(t: FloatArray, v: FloatArray, edges: FloatArray) -> FloatArray:
 
 
 def check_positions(gnss: GnssSeries) -> tuple[list[Finding], GnssView]:
-    """Findings on units, axes and signs of positions and velocities, and what of them can be used.
+    """Findings on units, axes and signs of positions and velocities, and the velocities that can be used.
 
     Parameters
     ----------
@@ -125,7 +125,6 @@ def check_positions(gnss: GnssSeries) -> tuple[list[Finding], GnssView]:
         return [], GnssView(t_r, v_r, "position")
     v = gnss.v_n
     M, r2, down, down_r, n = displacement_matrix(gnss.t, v, t_r, v_r)
-    size = float(np.sqrt(np.abs(np.linalg.det(M))))
     moved = float(np.quantile(np.hypot(v[:, 0], v[:, 1]), 0.8))
     path = float(np.quantile(np.hypot(v_r[:, 0], v_r[:, 1]), 0.8))
     evidence: dict[str, Any] = {"matrix_v_of_r": M.tolist(), "r2": r2, "pairs": n, "down_factor": down}
@@ -144,25 +143,57 @@ def check_positions(gnss: GnssSeries) -> tuple[list[Finding], GnssView]:
         return [], good
     if r2 < 0.8:
         return [], good
-    return _named(gnss, M, size, down, down_r, evidence, good)
+    return _judge_matrix(gnss, M, down, down_r, evidence, good)
 
 
-def _named(
-    gnss: GnssSeries,
-    M: FloatArray,
-    size: float,
-    down: float,
-    down_r: float,
-    evidence: dict[str, Any],
-    good: GnssView,
+def _judge_matrix(
+    gnss: GnssSeries, M: FloatArray, down: float, down_r: float, evidence: dict[str, Any], good: GnssView
 ) -> tuple[list[Finding], GnssView]:
-    assert gnss.v_n is not None
+    """Findings on the fault that a displacement matrix shows, and what of the log can be used.
+
+    Parameters
+    ----------
+    gnss : GnssSeries
+    M, down, down_r
+        From :func:`displacement_matrix`.
+    evidence : dict
+    good : GnssView
+        The view of a log without a fault.
+    """
     assert good.other is not None
-    t_r, v_r = good.other
     lat, lon = float(np.median(gnss.llh[:, 0])), float(np.median(gnss.llh[:, 1]))
-    found: list[Finding] = []
-    by_position = GnssView(t_r, v_r, "position")
-    candidates: dict[str, FloatArray] = {
+    cost, fault, unit = classify_displacement_matrix(M, lat, lon)
+    distance, exchanged = _distance_from_radians(M, lat)
+    if distance < 0.2 and distance < cost:
+        return _radians(gnss, M, exchanged, evidence, good)
+    if cost > 0.3:
+        text = (
+            f"velocities and displacements are related by the matrix {np.round(M, 2).tolist()}, where they should be "
+            "equal: their unit or axes are wrong in a way of their own"
+        )
+        finding = Finding("velocity_wrong", "error", text, 0.7, "units='velocity=...'", evidence, "gnss")
+        return [finding], GnssView(*good.other, "position")
+    findings, scale = [], 1.0
+    if unit:
+        scale = float(np.mean(np.abs(M[np.abs(_fault_matrices(lat, lon)[fault]) > 0.5])))
+        findings.append(_unit_finding(unit, scale, evidence))
+    up = down < 0.0 and abs(down_r) > 0.35
+    findings += _axes_findings(fault, M, evidence)
+    if fault == "good" and not unit and abs(down_r) > 0.7 and abs(np.log(abs(down) / units.FT)) < 0.2:
+        text = f"heights change {1.0 / abs(down):.3g} times as fast as the vertical velocity says: they are in feet"
+        findings.append(Finding("height_unit", "error", text, 0.85, "units='length=ft'", evidence, "gnss"))
+    if up and fault != "enu":
+        text = (
+            f"the vertical velocity is {down:.2f} times the change of height downwards (correlation {down_r:.2f}): it "
+            "is positive up, not down"
+        )
+        findings.append(Finding("vertical_sign", "error", text, 0.9, "scale='vd=-1'", evidence, "gnss"))
+    return findings, _corrected_view(gnss, fault, unit, scale, up, good)
+
+
+def _fault_matrices(lat: float, lon: float) -> dict[str, FloatArray]:
+    """Displacement matrix of each usual fault of axes, order and sign, at a latitude and longitude. [rad]"""
+    return {
         "good": np.eye(2),
         "enu": np.array([[0.0, 1.0], [1.0, 0.0]]),
         "order": np.array([[0.0, 1.0 / np.cos(lat)], [np.cos(lon), 0.0]]),
@@ -172,104 +203,131 @@ def _named(
         "enu_west": np.array([[0.0, 1.0], [-1.0, 0.0]]),
         "enu_south": np.array([[0.0, -1.0], [1.0, 0.0]]),
     }
-    # radians read as degrees: positions lie at the wrong latitude, where a degree of longitude is longer
-    rad_lat = lat / units.DEG
-    radians = np.diag([1.0, np.cos(rad_lat) / np.cos(lat)]) / units.DEG if abs(rad_lat) < 1.6 else None
-    # latitude and longitude are known to a fifth of the unit, speeds to some per cent of themselves
+
+
+def classify_displacement_matrix(M: FloatArray, lat: float, lon: float) -> tuple[float, str, str]:
+    """Usual fault whose displacement matrix is nearest to a measured one.
+
+    Parameters
+    ----------
+    M : ndarray, shape (2, 2)
+        From :func:`displacement_matrix`.
+    lat, lon : float
+        [rad]
+
+    Returns
+    -------
+    cost : float
+        Relative distance, plus 0.06 for a fault of axes and 0.06 for one of the unit.
+    fault : str
+        ``good``, ``enu``, ``order``, ``lon``, ``lat``, ``both``, ``enu_west`` or ``enu_south``.
+    unit : str
+        Unit of the velocities if it is not m/s, ``not`` before it if m/s were read as that unit; else empty.
+    """
+    # latitude and longitude are good to a fifth of the unit, speeds to some per cent of themselves
     scales: dict[str, float] = {"": 1.0}
     scales.update({name: 1.0 / value for name, value in _SPEED_UNITS.items()})
     scales.update({f"not {name}": value for name, value in _SPEED_UNITS.items()})
-    best, which, unit = np.inf, "", ""
-    for name, shape in candidates.items():
+    best, fault, unit = np.inf, "", ""
+    for name, shape in _fault_matrices(lat, lon).items():
         for label, k in scales.items():
             misfit = float(np.linalg.norm(M / k - shape) / np.linalg.norm(shape))
             cost = misfit + (0.0 if name == "good" else 0.06) + (0.0 if not label else 0.06)
             if cost < best:
-                best, which, unit = cost, name, label
-    far = 1.0
-    if radians is not None:
-        far = float(np.linalg.norm(M - radians) / np.linalg.norm(radians))
-        swapped = np.array([[0.0, 1.0], [1.0, 0.0]]) @ radians
-        far_swapped = float(np.linalg.norm(M - swapped) / np.linalg.norm(swapped))
-        if min(far, far_swapped) < 0.2 and min(far, far_swapped) < best:
-            text = (
-                f"displacements of the positions are {size:.3g} times too small for the velocities: latitude and "
-                "longitude are radians and were read as degrees"
-            )
-            found.append(
-                Finding("position_unit", "error", text, 0.97, "units='angle=rad'", {**evidence, "scale": size}, "gnss")
-            )
-            if far_swapped < far:
-                found.append(_enu(evidence, M))
-                v = gnss.v_n[:, [1, 0, 2]] * np.array([1.0, 1.0, -1.0])
-                return found, GnssView(gnss.t, v, "corrected velocity")
-            return found, replace(good, other=None)
-    if best > 0.3:
-        text = (
-            f"velocities and displacements are related by the matrix {np.round(M, 2).tolist()}, where they should be "
-            "equal: their unit or axes are wrong in a way of their own"
-        )
-        found.append(Finding("velocity_wrong", "error", text, 0.7, "units='velocity=...'", evidence, "gnss"))
-        return found, by_position
-    value = 1.0
-    if unit:
-        value = float(np.mean(np.abs(M[np.abs(candidates[which]) > 0.5])))
-        said = unit[4:] if unit.startswith("not ") else unit
-        what = f"in {said}, not m/s" if not unit.startswith("not ") else f"in m/s, not {said}"
-        text = f"velocities are {value:.4g} times the displacements per second: they are {what}"
-        fix = f"units='velocity={said if not unit.startswith('not ') else 'm/s'}'"
-        found.append(Finding("velocity_unit", "error", text, 0.95, fix, {**evidence, "scale": value}, "gnss"))
-    up = down < 0.0 and abs(down_r) > 0.35
-    if which == "enu":
-        found.append(_enu(evidence, M))
-    elif which in ("enu_west", "enu_south", "both"):
+                best, fault, unit = cost, name, label
+    return float(best), fault, unit
+
+
+def _distance_from_radians(M: FloatArray, lat: float) -> tuple[float, bool]:
+    """Relative distance of M from that of radians read as degrees, and whether with north and east exchanged."""
+    # the positions lie at the wrong latitude, where a degree of longitude is longer
+    true_lat = lat / units.DEG
+    if not abs(true_lat) < 1.6:
+        return float(np.inf), False
+    radians = np.diag([1.0, np.cos(true_lat) / np.cos(lat)]) / units.DEG
+    exchanged = np.array([[0.0, 1.0], [1.0, 0.0]]) @ radians
+    straight = float(np.linalg.norm(M - radians) / np.linalg.norm(radians))
+    crossed = float(np.linalg.norm(M - exchanged) / np.linalg.norm(exchanged))
+    return min(straight, crossed), crossed < straight
+
+
+def _radians(
+    gnss: GnssSeries, M: FloatArray, exchanged: bool, evidence: dict[str, Any], good: GnssView
+) -> tuple[list[Finding], GnssView]:
+    """Finding on latitude and longitude in radians, with velocities east, north, up if ``exchanged``."""
+    assert gnss.v_n is not None
+    size = float(np.sqrt(np.abs(np.linalg.det(M))))
+    text = (
+        f"displacements of the positions are {size:.3g} times too small for the velocities: latitude and "
+        "longitude are radians and were read as degrees"
+    )
+    evidence_ = {**evidence, "scale": size}
+    findings = [Finding("position_unit", "error", text, 0.97, "units='angle=rad'", evidence_, "gnss")]
+    if not exchanged:
+        return findings, replace(good, other=None)
+    v = gnss.v_n[:, [1, 0, 2]] * np.array([1.0, 1.0, -1.0])
+    return [*findings, _enu(evidence)], GnssView(gnss.t, v, "corrected velocity")
+
+
+def _unit_finding(unit: str, scale: float, evidence: dict[str, Any]) -> Finding:
+    """Finding on velocities in another unit; see :func:`classify_displacement_matrix` for ``unit``."""
+    name = unit.removeprefix("not ")
+    right, wrong = ("m/s", name) if unit.startswith("not ") else (name, "m/s")
+    text = f"velocities are {scale:.4g} times the displacements per second: they are in {right}, not {wrong}"
+    return Finding(
+        "velocity_unit", "error", text, 0.95, f"units='velocity={right}'", {**evidence, "scale": scale}, "gnss"
+    )
+
+
+def _axes_findings(fault: str, M: FloatArray, evidence: dict[str, Any]) -> list[Finding]:
+    """Findings on axes, order and sign of positions or velocities."""
+    if fault == "enu":
+        return [_enu(evidence)]
+    if fault in ("enu_west", "enu_south", "both"):
         text = (
             f"velocities and displacements are related by the matrix {np.round(M, 2).tolist()}: the velocity has other "
             "axes than north, east, down"
         )
-        found.append(Finding("velocity_axes", "error", text, 0.9, "columns='...,vn,ve,vd'", evidence, "gnss"))
-    elif which == "order":
+        return [Finding("velocity_axes", "error", text, 0.9, "columns='...,vn,ve,vd'", evidence, "gnss")]
+    if fault == "order":
         text = (
             "displacements north and east are exchanged against the velocities, stretched as at the wrong latitude: "
             "latitude and longitude are exchanged"
         )
-        found.append(
-            Finding("position_order", "error", text, 0.95, "columns='...,lon,lat,...' exchanged", evidence, "gnss")
-        )
-        good = replace(good, other=None)
-    elif which in ("lon", "lat"):
-        axis = {"lon": ("east", "longitude (counted west?)", "scale='lon=-1' or scale='ve=-1'"),
-                "lat": ("north", "latitude", "scale='lat=-1' or scale='vn=-1'")}[which]  # fmt: skip
-        code = {"lon": "longitude_sign", "lat": "latitude_sign"}[which]
+        fix = "columns='...,lon,lat,...' exchanged"
+        return [Finding("position_order", "error", text, 0.95, fix, evidence, "gnss")]
+    if fault in ("lon", "lat"):
+        code, axis, name, fix = {
+            "lon": ("longitude_sign", "east", "longitude (counted west?)", "scale='lon=-1' or scale='ve=-1'"),
+            "lat": ("latitude_sign", "north", "latitude", "scale='lat=-1' or scale='vn=-1'"),
+        }[fault]
         text = (
-            f"displacements {axis[0]} have the opposite sign of the velocities {axis[0]}: that of {axis[1]} "
+            f"displacements {axis} have the opposite sign of the velocities {axis}: that of {name} "
             f"or of the velocity is wrong"
         )
-        found.append(Finding(code, "error", text, 0.9, axis[2], evidence, "gnss"))
-    if which == "good" and not unit and abs(down_r) > 0.7 and abs(np.log(abs(down) / units.FT)) < 0.2:
-        text = f"heights change {1.0 / abs(down):.3g} times as fast as the vertical velocity says: they are in feet"
-        found.append(Finding("height_unit", "error", text, 0.85, "units='length=ft'", evidence, "gnss"))
-    if up and which != "enu":
-        text = (
-            f"the vertical velocity is {down:.2f} times the change of height downwards (correlation {down_r:.2f}): it "
-            "is positive up, not down"
-        )
-        found.append(Finding("vertical_sign", "error", text, 0.9, "scale='vd=-1'", evidence, "gnss"))
-    scale = value if unit else 1.0
+        return [Finding(code, "error", text, 0.9, fix, evidence, "gnss")]
+    return []
+
+
+def _corrected_view(gnss: GnssSeries, fault: str, unit: str, scale: float, up: bool, good: GnssView) -> GnssView:
+    """What of the log can be used, velocities corrected where their fault is plain."""
+    assert gnss.v_n is not None
+    assert good.other is not None
     v = gnss.v_n / np.array([scale, scale, -scale if up else scale])
-    if which == "good":
-        return found, GnssView(gnss.t, v, "corrected velocity" if unit or up else "velocity", (t_r, v_r))
-    if which == "enu":
+    if fault == "good":
+        return GnssView(gnss.t, v, "corrected velocity" if unit or up else "velocity", good.other)
+    if fault == "enu":
         v = gnss.v_n[:, [1, 0, 2]] * np.array([1.0, 1.0, -1.0]) / scale
-        return found, GnssView(gnss.t, v, "corrected velocity", (t_r, v_r))
-    if which == "order":
-        return found, good
-    if which in ("lon", "lat"):
-        return found, GnssView(gnss.t, v, "velocity", (t_r, v_r), mirrored=True)
-    return found, by_position
+        return GnssView(gnss.t, v, "corrected velocity", good.other)
+    if fault == "order":
+        return replace(good, other=None)
+    if fault in ("lon", "lat"):
+        return GnssView(gnss.t, v, "velocity", good.other, mirrored=True)
+    return GnssView(*good.other, "position")
 
 
-def _enu(evidence: dict[str, Any], M: FloatArray) -> Finding:
+def _enu(evidence: dict[str, Any]) -> Finding:
+    """Finding on velocities east, north, up."""
     text = (
         "displacements north belong to velocities east and the reverse: the velocity is east, north, up and "
         "was read as "
@@ -280,7 +338,7 @@ def _enu(evidence: dict[str, Any], M: FloatArray) -> Finding:
 
 
 def plausible_place(gnss: GnssSeries) -> list[Finding]:
-    """Heights no log has, and a path that fits no place. [m]"""
+    """Finding on heights that no log has."""
     h = gnss.llh[:, 2]
     typical = float(np.median(h))
     if -600.0 < typical < 60_000.0:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.diagnosis.findings import Finding
+from schuler.diagnosis.result import Finding
 from schuler.exceptions import FileFormatError
 from schuler.recording.formats import rtklib, text
 from schuler.recording.io import dispatch
@@ -113,18 +113,18 @@ def _repaired_pos(path: Path, hints: ReadHints) -> tuple[Recording, list[Finding
     if back:
         text_ = f"the epochs of the solution go back {back} times"
         findings.append(Finding("backward_times", "error", text_, 1.0, "sort the log", {"times": back}, "gnss"))
-    kept: list[int] = []
+    unique: list[int] = []
     again = 0
     for k in order:
-        if kept and keys[kept[-1]] == keys[k]:
+        if unique and keys[unique[-1]] == keys[k]:
             again += 1
         else:
-            kept.append(k)
+            unique.append(k)
     if again:
         text_ = f"{again} epochs of the solution are there twice"
         fix = "delete the repeated rows"
         findings.append(Finding("duplicates", "error", text_, 1.0, fix, {"rows": again}, "gnss"))
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / path.name
-        copy.write_text("\n".join([*head, *(rows[k] for k in kept)]) + "\n", encoding="latin-1")
+        copy.write_text("\n".join([*head, *(rows[k] for k in unique)]) + "\n", encoding="latin-1")
         return dispatch.read_one(copy, hints), findings

@@ -1,18 +1,21 @@
-"""How an IMU was recorded: gaps, jitter, interpolation, held and stuck readings, the end of the range, rounding."""
+"""Sampling and readings of an IMU: gaps, jitter, interpolation, held and stuck readings, range, rounding, noise."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from schuler import units
 from schuler.arrays import FloatArray
 from schuler.characterisation.readings import equal_runs, resolution
-from schuler.diagnosis.findings import Finding, Severity, number_of
-from schuler.diagnosis.noise_at_rest import CHANNELS, LARGE_STEP, noise_at_rest
+from schuler.diagnosis.result import Finding, Severity, number_of
 from schuler.recording.series import ImuSeries
 from schuler.standstill.unscaled import UnscaledRests
 
 _FASTEST_K_S = 1.0  # a sensor's temperature changes by some kelvins a minute
 _MOST = 400_000  # samples looked at for what shows anywhere
+CHANNELS = ("ax", "ay", "az", "gx", "gy", "gz")
+LARGE_STEP = (0.03, 0.1 * units.DEG)  # of a reading [m/s^2], [rad/s]
+_LOUD = (0.8, 0.1)  # spread beyond any IMU on anything that rests for a second [m/s^2], [rad/s]
 
 
 def check_times(t: FloatArray) -> list[Finding]:
@@ -22,7 +25,7 @@ def check_times(t: FloatArray) -> list[Finding]:
     step = np.diff(t)
     interval = float(np.median(step))
     gap = step > 1.5 * interval
-    found = []
+    findings = []
     # a clock in whole ticks makes steps of one and two ticks: no loss
     real = step > 2.5 * interval
     lost = float(np.sum(step[real] - interval))
@@ -35,7 +38,7 @@ def check_times(t: FloatArray) -> list[Finding]:
             f"lasts {step[k]:.4g} s from {t[k]:.3f} s"
         )
         evidence = {"gaps": int(real.sum()), "lost_s": lost, "longest_s": float(step[k]), "at_s": float(t[k])}
-        found.append(Finding("gaps", "warning" if bad else "note", text, 1.0, "", evidence))
+        findings.append(Finding("gaps", "warning" if bad else "note", text, 1.0, "", evidence))
     close = step[~real]
     spread = float(np.quantile(np.abs(close - interval), 0.95))
     if spread > 0.2 * interval:
@@ -48,8 +51,8 @@ def check_times(t: FloatArray) -> list[Finding]:
         evidence = {"spread_s": spread, "interval_s": interval, "mean_s": mean, "short_steps": int(gap.sum())}
         severity: Severity = "warning" if spread > 0.35 * interval else "note"
         fix = "count the stamps: leave the time column out (columns '-') and say rate=" + f"{1.0 / mean:.6g}"
-        found.append(Finding("jitter", severity, text, 0.9, fix, evidence))
-    return found
+        findings.append(Finding("jitter", severity, text, 0.9, fix, evidence))
+    return findings
 
 
 def check_temperature(imu: ImuSeries) -> list[Finding]:
@@ -86,7 +89,7 @@ def check_readings(imu: ImuSeries, rests: UnscaledRests, factors: tuple[float, f
     factors : (float, float)
         Make the accelerometer's and the gyro's numbers SI rates.
     """
-    found: list[Finding] = []
+    findings: list[Finding] = []
     y = np.concatenate((imu.accel, imu.gyro), axis=1)
     step = imu.interval if imu.kind == "increment" else 1.0
     scale = np.repeat(factors, 3) / step
@@ -101,21 +104,21 @@ def check_readings(imu: ImuSeries, rests: UnscaledRests, factors: tuple[float, f
             f"{', '.join(silent)} never change{'s' * (len(silent) == 1)}: not connected, not read, or a constant column"
         )
         fix = "columns='...' (name the right columns)"
-        found.append(Finding("dead_axis", "error", text, 1.0, fix, {"axes": silent}))
+        findings.append(Finding("dead_axis", "error", text, 1.0, fix, {"axes": silent}))
     held = _held(y, dead)
     passed_over = [*dead, *coarse, *(f.evidence["axis"] for f in clipped)]
     if held:
-        found.append(held)
+        findings.append(held)
         # one of each group of equal samples
-        kept = np.concatenate(([True], np.any(np.diff(y, axis=0) != 0.0, axis=1)))
-        found += _stuck(imu.t[kept], y[kept], grid, passed_over)
+        fresh = np.concatenate(([True], np.any(np.diff(y, axis=0) != 0.0, axis=1)))
+        findings += _stuck(imu.t[fresh], y[fresh], grid, passed_over)
     else:
-        found += _stuck(imu.t, y, grid, passed_over)
-        found += _interpolated(y, grid, dead)
-    found += clipped
-    found += _spikes(imu, y, scale, dead)
-    found += at_rest
-    return found
+        findings += _stuck(imu.t, y, grid, passed_over)
+        findings += _interpolated(y, grid, dead)
+    findings += clipped
+    findings += _spikes(imu, y, scale, dead)
+    findings += at_rest
+    return findings
 
 
 def _held(y: FloatArray, dead: list[str]) -> Finding | None:
@@ -162,7 +165,7 @@ def _one_step(c: str, y: FloatArray, grid: list[float | None], scale: FloatArray
 
 def _stuck(t: FloatArray, y: FloatArray, grid: list[float | None], passed_over: list[str]) -> list[Finding]:
     """Runs of one reading far longer than any other."""
-    found = []
+    findings = []
     for c, step, x in zip(CHANNELS, grid, y.T, strict=True):
         if c in passed_over:
             continue
@@ -190,8 +193,8 @@ def _stuck(t: FloatArray, y: FloatArray, grid: list[float | None], passed_over: 
             f"({seconds:.3g} s), where otherwise {tail:.0f} is long: the sensor or its reading stopped"
         )
         evidence = {"axis": c, "from_s": float(t[start[k]]), "samples": int(length[k]), "usual": tail}
-        found.append(Finding("stuck", "warning", text, 0.95, "cut this part out", evidence))
-    return found
+        findings.append(Finding("stuck", "warning", text, 0.95, "cut this part out", evidence))
+    return findings
 
 
 def _interpolated(y: FloatArray, grid: list[float | None], dead: list[str]) -> list[Finding]:
@@ -224,7 +227,7 @@ def _saturated(
     imu: ImuSeries, y: FloatArray, grid: list[float | None], scale: FloatArray, dead: list[str]
 ) -> list[Finding]:
     """Readings piled up at the very end of the range."""
-    found = []
+    findings = []
     for k, c in enumerate(CHANNELS):
         if c in dead:
             continue
@@ -254,9 +257,11 @@ def _saturated(
                 "sensor's range ends there and the true signal is lost"
             )
             evidence = {"axis": c, "samples": count, "limit_si": limit, "run": run, "at_s": float(imu.t[np.argmax(at)])}
-            found.append(Finding("saturated", "warning", text, 0.9, "a larger range; leave these parts out", evidence))
+            findings.append(
+                Finding("saturated", "warning", text, 0.9, "a larger range; leave these parts out", evidence)
+            )
             break
-    return found
+    return findings
 
 
 def _spikes(imu: ImuSeries, y: FloatArray, scale: FloatArray, dead: list[str]) -> list[Finding]:
@@ -293,3 +298,73 @@ def _spikes(imu: ImuSeries, y: FloatArray, scale: FloatArray, dead: list[str]) -
         f"largest usual change, the worst at {at:.3f} s: spikes of the transmission, not of motion"
     )
     return [Finding("spikes", "warning", text, 0.9, "delete these rows", {"samples": total, "axes": names, "at_s": at})]
+
+
+def _noise(imu: ImuSeries, factors: tuple[float, float]) -> list[Finding]:
+    """Scatter from sample to sample in the quietest tenth of the log, whatever moves slowly. SI rates."""
+    rates = imu.rates()
+    per = max(20, round(1.0 / imu.interval))
+    m = len(rates.t) // per
+    if m < 5:
+        return []
+    y = np.concatenate((rates.accel * factors[0], rates.gyro * factors[1]), axis=1)[: m * per].reshape(m, per, 6)
+    sd = np.sqrt(np.mean(np.diff(y, 2, axis=1) ** 2, axis=1) / 6.0)  # of white noise
+    quiet = np.quantile(sd, 0.1, axis=0)
+    f_sd, w_sd = float(quiet[:3].max()), float(quiet[3:].max())
+    if f_sd <= _LOUD[0] and w_sd <= _LOUD[1]:
+        return []
+    text = (
+        f"even in the quietest seconds a sample scatters by {f_sd:.3g} m/s^2 and {w_sd / units.DEG:.3g} deg/s: "
+        f"noise was "
+        "added, or the unit stands on something that shakes"
+    )
+    evidence = {"accel_sd_m_s2": quiet[:3].tolist(), "gyro_sd_rad_s": quiet[3:].tolist()}
+    return [Finding("imu_noise", "warning", text, 0.7, "", evidence)]
+
+
+def noise_at_rest(
+    imu: ImuSeries, rests: UnscaledRests, grid: list[float | None], factors: tuple[float, float], dead: list[str]
+) -> list[Finding]:
+    """Findings ``imu_noise`` and ``quantised``: scatter and rounding of what rests.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+    rests : UnscaledRests
+    grid : list of float, optional
+        Step of each channel's readings, None where there is none.
+    factors : (float, float)
+        Make the accelerometer's and the gyro's numbers SI rates.
+    dead : list of str
+        Channels that never change.
+    """
+    findings = _noise(imu, factors)
+    if not len(rests):
+        return findings
+    scale = np.repeat(factors, 3)
+    per_step = imu.interval if imu.kind == "increment" else 1.0
+    grid = [None if g is None else g / per_step for g in grid]
+    # the quietest rest: a running engine is no noise of the sensor
+    k = int(np.argmin(rests.gyro_sd.max(axis=1)))
+    sd = np.concatenate((rests.accel_sd[k], rests.gyro_sd[k]))
+    coarse: list[str] = []
+    steps: dict[str, float] = {}
+    for i, c in enumerate(CHANNELS):
+        step = grid[i]
+        if c in dead or step is None:
+            continue
+        if sd[i] < 0.4 * step:
+            size = step * scale[i]
+            coarse.append(c)
+            steps[c] = size
+    if coarse:
+        large = any(v > LARGE_STEP[int(name.startswith("g"))] for name, v in steps.items())
+        text = (
+            f"{', '.join(coarse)}: at rest the noise of a sample is less than half a step of the reading (largest step "
+            f"{max(steps.values()):.3g} SI): rounding hides it, noise analysis and biases are limited by it"
+        )
+        evidence = {"axes": coarse, "steps_si": steps}
+        findings.append(
+            Finding("quantised", "warning" if large else "note", text, 0.9, "more digits or bits in the log", evidence)
+        )
+    return findings

@@ -19,12 +19,12 @@ def poses(rests: UnscaledRests) -> tuple[int, int]:
     if not len(rests):
         return 0, 0
     unit = rests.accel / np.linalg.norm(rests.accel, axis=1, keepdims=True)
-    kept: list[FloatArray] = []
+    distinct: list[FloatArray] = []
     for u in unit:
-        if all(u @ k < np.cos(10.0 * units.DEG) for k in kept):
-            kept.append(u)
-    faces = int(np.count_nonzero((np.array(kept) @ _FACES.T).max(axis=0) > np.cos(15.0 * units.DEG)))
-    return len(kept), faces
+        if all(u @ k < np.cos(10.0 * units.DEG) for k in distinct):
+            distinct.append(u)
+    faces = int(np.count_nonzero((np.array(distinct) @ _FACES.T).max(axis=0) > np.cos(15.0 * units.DEG)))
+    return len(distinct), faces
 
 
 def uses(

@@ -18,8 +18,19 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats, readonly
 from schuler.exceptions import InputError
-from schuler.sensors.noise import NoiseModel, Start, noise_model, quantise, quantise_increments
-from schuler.sensors.spec import ImuSpec, TriadSpec
+from schuler.sensors.noise import NoiseModel, Start, noise_model
+from schuler.sensors.response import (
+    as_interval,
+    as_pair,
+    at_temperature,
+    biases,
+    clipped,
+    draw_M,
+    inverse_response,
+    rounded,
+    scaled,
+)
+from schuler.sensors.spec import ImuSpec
 
 Gauge: TypeAlias = Literal["full", "lower", "upper"]
 
@@ -182,11 +193,11 @@ class ImuErrors:
             raise InputError(f"gauge: expected 'full', 'lower' or 'upper', got {gauge!r}")
         z = rng.standard_normal((2, 6, 3))
         z_G = rng.standard_normal((3, 3))
-        M_a = _draw_M(spec.accel, z[1])
+        M_a = draw_M(spec.accel, z[1])
         return cls(
             b_g=spec.gyro.turn_on_bias * z[0, 0],
             b_a=spec.accel.turn_on_bias * z[1, 0],
-            M_g=_draw_M(spec.gyro, z[0]),
+            M_g=draw_M(spec.gyro, z[0]),
             M_a=M_a if gauge == "full" else np.tril(M_a) if gauge == "lower" else np.triu(M_a),
             G_g=spec.gyro.g_sensitivity * z_G,
             gyro_bias_temperature=spec.gyro.bias_temperature * z[0, 4],
@@ -244,8 +255,8 @@ class ImuErrors:
         :meth:`apply_increments`.
         """
         omega, f, report = self._corrupt(gyro, accel, 1.0, dt, rng, temperature)
-        omega = _rounded(omega, self.gyro_resolution, _times(self.gyro_quantum, 1.0 / dt))
-        f = _rounded(f, self.accel_resolution, _times(self.accel_quantum, 1.0 / dt))
+        omega = rounded(omega, self.gyro_resolution, scaled(self.gyro_quantum, 1.0 / dt))
+        f = rounded(f, self.accel_resolution, scaled(self.accel_quantum, 1.0 / dt))
         return omega, f, report
 
     def apply_increments(
@@ -285,8 +296,8 @@ class ImuErrors:
         ``resolution * dt``, carries its remainder to the next interval, so it adds no drift.
         """
         dtheta, dv, report = self._corrupt(dtheta, dv, dt, dt, rng, temperature)
-        dtheta = _rounded(dtheta, None, self.gyro_quantum or _times(self.gyro_resolution, dt))
-        dv = _rounded(dv, None, self.accel_quantum or _times(self.accel_resolution, dt))
+        dtheta = rounded(dtheta, None, self.gyro_quantum or scaled(self.gyro_resolution, dt))
+        dv = rounded(dv, None, self.accel_quantum or scaled(self.accel_resolution, dt))
         return dtheta, dv, report
 
     def compensate_rates(
@@ -342,7 +353,7 @@ class ImuErrors:
         InputError
             If shapes disagree, dt is no positive number or I + M cannot be inverted.
         """
-        return self._compensate(dtheta, dv, _interval(dt), temperature)
+        return self._compensate(dtheta, dv, as_interval(dt), temperature)
 
     def _corrupt(
         self,
@@ -354,29 +365,29 @@ class ImuErrors:
         temperature: ArrayLike | None,
     ) -> tuple[FloatArray, FloatArray, ApplyReport]:
         """The model with inputs and outputs that are ``h`` times a rate."""
-        omega, f = _pair(gyro, accel)
+        omega, f = as_pair(gyro, accel)
         warmth = self._warmth(temperature, len(omega))
-        dt = _interval(dt)
-        b_g, w_g = _biases(self.b_g, self.gyro_bias_temperature, self.gyro_noise, warmth, len(omega), dt, rng)
-        b_a, w_a = _biases(self.b_a, self.accel_bias_temperature, self.accel_noise, warmth, len(omega), dt, rng)
+        dt = as_interval(dt)
+        b_g, w_g = biases(self.b_g, self.gyro_bias_temperature, self.gyro_noise, warmth, len(omega), dt, rng)
+        b_a, w_a = biases(self.b_a, self.accel_bias_temperature, self.accel_noise, warmth, len(omega), dt, rng)
         omega_meas = omega + omega @ self.M_g.T + f @ self.G_g.T + (b_g + w_g) * h
         f_meas = f + f @ self.M_a.T + (b_a + w_a) * h
         if warmth is not None:
             omega_meas += omega * (warmth * self.gyro_scale_temperature)
             f_meas += f * (warmth * self.accel_scale_temperature)
-        omega_meas, gyro_clipped = _clipped(omega_meas, _times(self.gyro_range, h))
-        f_meas, accel_clipped = _clipped(f_meas, _times(self.accel_range, h))
+        omega_meas, gyro_clipped = clipped(omega_meas, scaled(self.gyro_range, h))
+        f_meas, accel_clipped = clipped(f_meas, scaled(self.accel_range, h))
         return omega_meas, f_meas, ApplyReport(b_g, b_a, gyro_clipped, accel_clipped)
 
     def _compensate(
         self, gyro: ArrayLike, accel: ArrayLike, h: float, temperature: ArrayLike | None
     ) -> tuple[FloatArray, FloatArray]:
-        omega, f = _pair(gyro, accel)
+        omega, f = as_pair(gyro, accel)
         warmth = self._warmth(temperature, len(omega))
-        b_g = _at(self.b_g, self.gyro_bias_temperature, warmth)
-        b_a = _at(self.b_a, self.accel_bias_temperature, warmth)
-        f = _solve(self.M_a, self.accel_scale_temperature, warmth, f - h * b_a)
-        return _solve(self.M_g, self.gyro_scale_temperature, warmth, omega - h * b_g - f @ self.G_g.T), f
+        b_g = at_temperature(self.b_g, self.gyro_bias_temperature, warmth)
+        b_a = at_temperature(self.b_a, self.accel_bias_temperature, warmth)
+        f = inverse_response(self.M_a, self.accel_scale_temperature, warmth, f - h * b_a)
+        return inverse_response(self.M_g, self.gyro_scale_temperature, warmth, omega - h * b_g - f @ self.G_g.T), f
 
     def _warmth(self, temperature: ArrayLike | None, n: int) -> FloatArray | None:
         """Temperature above the reference, shape (n, 1) or (1, 1). [K]"""
@@ -386,68 +397,3 @@ class ImuErrors:
         if t.shape not in ((), (1,), (n,)):
             raise InputError(f"temperature: expected one value or shape ({n},), got {t.shape}")
         return t.reshape(-1, 1) - self.temperature_0
-
-
-def _draw_M(triad: TriadSpec, z: FloatArray) -> FloatArray:
-    cross = z[1:4] * triad.misalignment
-    np.fill_diagonal(cross, triad.scale_factor * np.diag(z[1:4]))
-    return cross
-
-
-def _pair(gyro: ArrayLike, accel: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    omega = as_floats(gyro, "gyro", (None, 3))
-    return omega, as_floats(accel, "accel", omega.shape)
-
-
-def _interval(dt: float) -> float:
-    if np.ndim(dt) != 0:
-        raise InputError(f"dt: expected one sampling interval in seconds, got shape {np.shape(dt)}; resample the log")
-    if not (np.isfinite(dt) and dt > 0.0):
-        raise InputError(f"dt: expected a positive number of seconds, got {dt!r}")
-    return float(dt)
-
-
-def _biases(
-    b: FloatArray,
-    per_kelvin: FloatArray,
-    noise: NoiseModel,
-    warmth: FloatArray | None,
-    n: int,
-    dt: float,
-    rng: np.random.Generator,
-) -> tuple[FloatArray, FloatArray]:
-    """Bias history and white noise, both shape (n, 3), each from its own child of ``rng``."""
-    white_rng, in_run_rng = rng.spawn(2)
-    history = noise.in_run.sample((n, 3), dt, in_run_rng) + _at(b, per_kelvin, warmth)
-    return history, noise.white.sample((n, 3), dt, white_rng)
-
-
-def _at(b: FloatArray, per_kelvin: FloatArray, warmth: FloatArray | None) -> FloatArray:
-    return b if warmth is None else b + warmth * per_kelvin
-
-
-def _solve(M: FloatArray, per_kelvin: FloatArray, warmth: FloatArray | None, x: FloatArray) -> FloatArray:
-    """``(I + M)^-1 x`` for every row of ``x``."""
-    try:
-        if warmth is None or not per_kelvin.any():
-            return np.asarray(np.linalg.solve(np.eye(3) + M, x.T).T)
-        scaled = np.eye(3) + M + np.eye(3) * (warmth * per_kelvin)[:, None, :]
-        return np.asarray(np.linalg.solve(scaled, x[:, :, None])[:, :, 0])
-    except np.linalg.LinAlgError as error:
-        raise InputError(f"I + M has no inverse, so measurements cannot be compensated; M is {M.tolist()}") from error
-
-
-def _times(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor
-
-
-def _clipped(x: FloatArray, limit: float | None) -> tuple[FloatArray, IntArray]:
-    if limit is None:
-        return x, np.zeros(3, dtype=np.int64)
-    return np.clip(x, -limit, limit), np.count_nonzero(np.abs(x) > limit, axis=0).astype(np.int64)
-
-
-def _rounded(x: FloatArray, resolution: float | None, quantum: float | None) -> FloatArray:
-    if resolution is not None:
-        return quantise(x, resolution)
-    return x if quantum is None else quantise_increments(x, quantum)

@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from schuler.gnss.synthetic import RangeErrors, Sector
-from schuler.simulation.aiding import GnssFault, GnssModel
+from schuler.simulation.gnss import GnssFault, GnssModel
+from schuler.simulation.imu import StreamFaults
 from schuler.simulation.satellites import BlockedSky, RangeFault, SatelliteModel, SkyWindow
-from schuler.simulation.scalars import HeadingModel, HeightModel
-from schuler.simulation.streams import StreamFaults
+from schuler.simulation.scalar_aids import HeadingModel, HeightModel
 from schuler.units import DEG
 
 Triple = tuple[float, float, float]

@@ -282,3 +282,48 @@ def coning_motion(
         return zero, zero, zero
 
     return LocalMotion(as_vector3(llh, "llh"), path, attitude, duration)
+
+
+def geodetic_state(
+    t: FloatArray, llh: FloatArray, llh_rate: FloatArray, llh_accel: FloatArray, rpy: FloatArray, rpy_rate: FloatArray
+) -> MotionState:
+    """Motion state of geodetic coordinates and Euler angles with their derivatives.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Time. [s]
+    llh, llh_rate, llh_accel : ndarray, shape (n, 3)
+        Latitude, longitude [rad], height [m] and two time derivatives.
+    rpy, rpy_rate : ndarray, shape (n, 3)
+        Roll, pitch, yaw relative to north-east-down at the body [rad] and time derivatives [rad/s].
+
+    Returns
+    -------
+    MotionState
+        Not for the poles themselves, where latitude and longitude have no derivative.
+    """
+    E = earth.WGS84
+    lat, h = llh[:, 0], llh[:, 2]
+    s, c = np.sin(lat), np.cos(lat)
+    R_N, R_E = earth.radii_of_curvature(lat)
+    w2 = 1.0 - E.e2 * s * s
+    # derivatives of the radii with latitude
+    R_N_L, R_E_L = 3.0 * E.e2 * s * c / w2 * R_N, E.e2 * s * c / w2 * R_E
+    Ld, ld, hd = llh_rate.T
+    Ldd, ldd, hdd = llh_accel.T
+    v_n = np.stack(((R_N + h) * Ld, (R_E + h) * c * ld, -hd), axis=-1)
+    a_n = np.stack(
+        (
+            (R_N + h) * Ldd + (R_N_L * Ld + hd) * Ld,
+            (R_E + h) * c * ldd + ((R_E_L * Ld + hd) * c - (R_E + h) * s * Ld) * ld,
+            -hdd,
+        ),
+        axis=-1,
+    )
+    omega_en_n = earth.transport_rate_ned(lat, h, v_n)
+    C_en, C_nb = frames.C_en(llh), rotation.dcm_from_rpy(rpy)
+    v_e = np.einsum("nij,nj->ni", C_en, v_n)
+    a_e = np.einsum("nij,nj->ni", C_en, a_n + np.cross(omega_en_n, v_n))
+    omega_eb_b = rotation.body_rate_from_rpy(rpy, rpy_rate) + np.einsum("nji,nj->ni", C_nb, omega_en_n)
+    return MotionState(t, frames.ecef_from_llh(llh), v_e, a_e, C_en @ C_nb, omega_eb_b)

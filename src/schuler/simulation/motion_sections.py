@@ -13,10 +13,9 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import ConfigError
 from schuler.simulation.aid_sections import NonNegative, Positive, Section, Triple
 from schuler.simulation.motion import Motion, StaticMotion
-from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion, polynomial_motion
+from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion, SplineMotion, polynomial_motion
 from schuler.simulation.routine import RoutineMotion, six_face_routine, thesis_routine
-from schuler.simulation.routine_steps import Rest, Routine, Step, Turn
-from schuler.simulation.splines import SplineMotion
+from schuler.simulation.steps import Rest, Routine, Step, Turn
 from schuler.simulation.waypoints import Waypoint, WaypointMotion
 
 

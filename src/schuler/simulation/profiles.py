@@ -1,4 +1,4 @@
-"""Motions people describe in words: manoeuvre commands, polynomials through knots; way-points are in ``waypoints``.
+"""Motion profiles: manoeuvre commands, polynomials through knots, splines through nodes; way-points: ``waypoints``.
 
 All of them end in smooth closed forms, so position, velocity, attitude, specific force and angular rate belong to each
 other exactly. Speeds, turns and climbs change along ``6 x^5 - 15 x^4 + 10 x^3``, whose first two derivatives vanish at
@@ -16,8 +16,7 @@ import numpy as np
 from schuler import earth
 from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3
 from schuler.exceptions import InputError
-from schuler.simulation.motion import LocalMotion, MotionState, check_span, euler_attitude
-from schuler.simulation.splines import geodetic_state
+from schuler.simulation.motion import LocalMotion, MotionState, check_span, euler_attitude, geodetic_state
 
 #: Largest slope of the blend.
 STEEPEST = 1.875
@@ -231,7 +230,7 @@ def polynomial_motion(
     -------
     LocalMotion
         As long as the shorter of the two; many knots make the polynomials swing between them (Runge), then use
-        :class:`~schuler.simulation.splines.SplineMotion`. The source's world does not turn: pass
+        :class:`~schuler.simulation.profiles.SplineMotion`. The source's world does not turn: pass
         ``earth_rotation=False`` to the functions that take the motion.
 
     References
@@ -263,3 +262,60 @@ def polynomial_motion(
 def _polynomials(knots: FloatArray) -> list[Any]:
     x = np.arange(len(knots), dtype=np.float64)
     return [np.polynomial.Polynomial.fit(x, column, len(knots) - 1) for column in knots.T]
+
+
+@dataclass(frozen=True, slots=True)
+class SplineMotion:
+    """Motion through positions and attitudes at given times, four times continuously differentiable.
+
+    Build it with :meth:`through`.
+    """
+
+    duration: float
+    _position: Any = field(repr=False)
+    _angles: Any = field(repr=False)
+    _origin: FloatArray = field(repr=False)
+
+    @classmethod
+    def through(cls, t: ArrayLike, llh: ArrayLike, rpy_nb: ArrayLike) -> SplineMotion:
+        """Quintic splines through nodes.
+
+        Parameters
+        ----------
+        t : array_like, shape (n,)
+            Increasing times, the first is zero; at least six. [s]
+        llh : array_like, shape (n, 3)
+            Latitude, longitude [rad], ellipsoidal height [m]; not at a pole. A step of more than half a turn in
+            longitude is read as crossing the antimeridian.
+        rpy_nb : array_like, shape (n, 3)
+            Roll, pitch, yaw [rad]; yaw steps of more than half a turn are read as going the short way round.
+
+        Raises
+        ------
+        InputError
+            If times do not start at zero and increase, or there are too few nodes.
+        """
+        from scipy.interpolate import make_interp_spline
+
+        t = as_floats(t, "t", (None,))
+        llh = as_floats(llh, "llh", (len(t), 3)).copy()
+        rpy = as_floats(rpy_nb, "rpy_nb", (len(t), 3)).copy()
+        if len(t) < 6 or t[0] != 0.0 or np.any(np.diff(t) <= 0.0):
+            raise InputError("t: expected at least six increasing times that start at 0")
+        llh[:, 1] = np.unwrap(llh[:, 1])
+        rpy[:, 2] = np.unwrap(rpy[:, 2])
+        # differences from the first node keep 1e-16 of a degree, not of a turn
+        origin = llh[0].copy()
+        return cls(float(t[-1]), make_interp_spline(t, llh - origin, k=5), make_interp_spline(t, rpy, k=5), origin)
+
+    def state(self, t: FloatArray) -> MotionState:
+        """See :class:`~schuler.simulation.motion.Motion`."""
+        check_span(t, self.duration)
+        return geodetic_state(
+            t,
+            self._position(t) + self._origin,
+            self._position(t, 1),
+            self._position(t, 2),
+            self._angles(t),
+            self._angles(t, 1),
+        )

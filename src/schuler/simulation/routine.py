@@ -11,7 +11,7 @@ from schuler.arrays import FloatArray, as_vector3
 from schuler.exceptions import InputError
 from schuler.simulation.motion import MotionState, check_span
 from schuler.simulation.profiles import blend
-from schuler.simulation.routine_steps import ZERO, Rest, Routine, Step, Turn, Vector, check_duration
+from schuler.simulation.steps import ZERO, Rest, Routine, Step, Turn, Vector, check_duration
 from schuler.units import DEG
 
 # --------------------------------------------------------------------------------------------------- routines
@@ -160,16 +160,16 @@ def free_routine(
             to = rotation.dcm_from_quat(q / np.linalg.norm(q))
             turn = rotation.rotvec_from_dcm(C.T @ to)
             angle = float(np.linalg.norm(turn))
-            there = rng.standard_normal(3)
-            there *= hand_m * rng.random() ** (1.0 / 3.0) / np.linalg.norm(there)
+            next_place = rng.standard_normal(3)
+            next_place *= hand_m * rng.random() ** (1.0 / 3.0) / np.linalg.norm(next_place)
             steps.append(
                 Turn(
                     tuple((turn / angle).tolist()), angle, max(0.3, angle / rng.uniform(*rate)),
                     float(rng.uniform(0.2, 0.5)), float(rng.uniform(-uneven, uneven)),
-                    float(rng.uniform(-wobble, wobble)), tuple((there - place).tolist()),
+                    float(rng.uniform(-wobble, wobble)), tuple((next_place - place).tolist()),
                 )
             )  # fmt: skip
-            C, place = to, there
+            C, place = to, next_place
         steps.append(Rest(float(rng.uniform(*dwell_s))))
     return Routine(tuple(steps))
 

@@ -16,7 +16,7 @@ from schuler.gnss.ranges import Ranges
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS, satellite, satellite_name
 from schuler.gnss.synthetic import RangeErrors, Sector, SyntheticRanges, broadcast_satellites, synthetic_ranges
 from schuler.simulation.motion import Motion
-from schuler.simulation.scalars import outside, times
+from schuler.simulation.scalar_aids import outside, times
 from schuler.units import DEG
 
 HIGHEST = "highest"  # name of the satellite that stands highest when a fault begins
@@ -191,7 +191,7 @@ def simulate_satellites(
     made = synthetic_ranges(
         t, r_e, v_e, sky, rng, model.errors, epoch_gps_s=epoch_gps_s, elevation_mask=model.elevation_mask
     )
-    made = _some(made, keep[made.epoch] & _seen(made.ranges, made.epoch, model))
+    made = _selected(made, keep[made.epoch] & _visible(made.ranges, made.epoch, model))
     made, faulty = _with_faults(made, model.faults)
     made = _with_jumps(made, t, model.clock_jumps)
     if model.clock_shift:
@@ -199,23 +199,23 @@ def simulate_satellites(
     return SimulatedSatellites(made, faulty, t, ephemerides)
 
 
-def _seen(ranges: Ranges, epoch: IntArray, model: SatelliteModel) -> BoolArray:
+def _visible(ranges: Ranges, epoch: IntArray, model: SatelliteModel) -> BoolArray:
     """Rows left by blocked sectors and by windows with few satellites."""
-    seen = np.ones(len(ranges), dtype=bool)
+    visible = np.ones(len(ranges), dtype=bool)
     for part in model.blocked:
         inside = (ranges.t >= part.start) & (ranges.t < part.stop)
-        seen &= ~(inside & part.sector.blocks(ranges.azimuth, ranges.elevation))
+        visible &= ~(inside & part.sector.blocks(ranges.azimuth, ranges.elevation))
     for window in model.windows:
         inside = (ranges.t >= window.start) & (ranges.t < window.stop)
-        seen &= ~inside | (_rank(epoch, ranges.elevation, seen) < window.satellites)
-    if not seen.any():
+        visible &= ~inside | (_rank(epoch, ranges.elevation, visible) < window.satellites)
+    if not visible.any():
         raise InputError("blocked sky and windows leave no satellite at all")
-    return seen
+    return visible
 
 
-def _rank(epoch: IntArray, elevation: FloatArray, seen: BoolArray) -> IntArray:
+def _rank(epoch: IntArray, elevation: FloatArray, visible: BoolArray) -> IntArray:
     """Place of each row among those seen at its epoch, the highest satellite being 0."""
-    order = np.lexsort((-elevation, ~seen, epoch))
+    order = np.lexsort((-elevation, ~visible, epoch))
     first = np.concatenate(([True], np.diff(epoch[order]) > 0))
     begin = np.maximum.accumulate(np.where(first, np.arange(len(order)), 0))
     rank = np.empty(len(order), dtype=np.int64)
@@ -223,7 +223,7 @@ def _rank(epoch: IntArray, elevation: FloatArray, seen: BoolArray) -> IntArray:
     return rank
 
 
-def _some(made: SyntheticRanges, keep: BoolArray) -> SyntheticRanges:
+def _selected(made: SyntheticRanges, keep: BoolArray) -> SyntheticRanges:
     if keep.all():
         return made
     return replace(
@@ -248,10 +248,10 @@ def _with_faults(made: SyntheticRanges, faults: tuple[RangeFault, ...]) -> tuple
             sat = 0 if fault.satellite == HIGHEST else satellite(fault.satellite)
         rows = inside & (r.sat == sat)
         if not rows.any():
-            seen = ", ".join(sorted({satellite_name(int(x)) for x in r.sat[inside]})) or "none"
+            visible = ", ".join(sorted({satellite_name(int(x)) for x in r.sat[inside]})) or "none"
             raise InputError(
                 f"{fault.satellite} is not seen within {fault.start:g}..{fault.stop:g} s, when it is to be wrong; "
-                f"satellites seen then: {seen}"
+                f"satellites seen then: {visible}"
             )
         range_fault[rows] += fault.step + fault.ramp * (r.t[rows] - fault.start)
         rate_fault[rows] += fault.ramp

@@ -31,14 +31,13 @@ from schuler.simulation.aid_sections import (
     StreamSection,
     Triple,
 )
-from schuler.simulation.aiding import draw_gnss
-from schuler.simulation.imu import IdealImu, ideal_imu, mounted, simulate_imu
+from schuler.simulation.aid_truth import AidTruth
+from schuler.simulation.gnss import draw_gnss
+from schuler.simulation.imu import IdealImu, faulty_stream, ideal_imu, mounted, simulate_imu
 from schuler.simulation.motion import Motion
 from schuler.simulation.motion_sections import MotionSection
 from schuler.simulation.satellites import simulate_satellites
-from schuler.simulation.scalars import simulate_heading, simulate_height, simulate_odometer
-from schuler.simulation.streams import faulty_stream
-from schuler.simulation.truth import AidTruth
+from schuler.simulation.scalar_aids import simulate_heading, simulate_height, simulate_odometer
 from schuler.timebase import TimeBase, gps_seconds
 
 

@@ -11,9 +11,8 @@ import numpy as np
 from schuler import earth, frames
 from schuler.arrays import FloatArray, as_vector3
 from schuler.exceptions import InputError
-from schuler.simulation.motion import MotionState, check_span
+from schuler.simulation.motion import MotionState, check_span, geodetic_state
 from schuler.simulation.profiles import STEEPEST, Ramps
-from schuler.simulation.splines import geodetic_state
 
 
 @dataclass(frozen=True, kw_only=True)

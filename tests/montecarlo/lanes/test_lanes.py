@@ -27,7 +27,7 @@ from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.noise import GaussMarkov, GaussMarkov2, NoiseModel, Ramp, RandomConstant, RandomWalk, White
-from schuler.simulation.aiding import GnssFault, GnssModel
+from schuler.simulation.gnss import GnssFault, GnssModel
 from schuler.simulation.motion import LocalMotion, StaticMotion, euler_attitude
 
 SEED = 11

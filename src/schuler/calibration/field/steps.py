@@ -1,6 +1,6 @@
-"""Rests and turns; they stand in :mod:`schuler.simulation.routine_steps`, so that scenarios have them too."""
+"""Rests and turns; they stand in :mod:`schuler.simulation.steps`, so that scenarios have them too."""
 
-from schuler.simulation.routine_steps import (
+from schuler.simulation.steps import (
     ZERO,
     Axis,
     Rest,

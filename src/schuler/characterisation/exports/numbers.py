@@ -190,8 +190,8 @@ def _of_triad(triad: TriadSpec, options: Common, horizon: float) -> Sensor:
 
 
 def _of_axes(result: NoiseIdentification, sensor: str, options: Common, horizon: float) -> Sensor:
-    found = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
-    with_white = {name: axis for name, axis in found.items() if "N" in axis.terms}
+    axes = {name: axis for name, axis in result.axes.items() if name.startswith(sensor)}
+    with_white = {name: axis for name, axis in axes.items() if "N" in axis.terms}
     if not with_white:
         raise InputError(
             f"{result.name}: no axis of the {sensor} has an identified white noise ({_refusals(result, sensor)}); "
@@ -199,14 +199,14 @@ def _of_axes(result: NoiseIdentification, sensor: str, options: Common, horizon:
         )
     combine = _COMBINE[options.axes]
     N = combine([axis.terms["N"].value for axis in with_white.values()])
-    models = [_in_run(axis) for axis in found.values()]
+    models = [_in_run(axis) for axis in axes.values()]
     wander = combine([sqrt(float(m.allan_variance(horizon))) for m in models])
-    walks = [axis.terms["K"].value for axis in found.values() if "K" in axis.terms]
+    walks = [axis.terms["K"].value for axis in axes.values() if "K" in axis.terms]
     # an axis without K has a K of zero in the rms, and is not the worst one
-    K_found = combine(walks + [0.0] * (len(found) - len(walks))) if walks else 0.0
-    gms = [(s.value, t.value) for axis in found.values() for s, t in axis.gauss_markov]
-    letters = {letter for axis in found.values() for letter in axis.terms}
-    K, origin = _walk(K_found, wander, _listed("B" in letters, gms, walks, "R" in letters), options, horizon)
+    K_identified = combine(walks + [0.0] * (len(axes) - len(walks))) if walks else 0.0
+    gms = [(s.value, t.value) for axis in axes.values() for s, t in axis.gauss_markov]
+    letters = {letter for axis in axes.values() for letter in axis.terms}
+    K, origin = _walk(K_identified, wander, _listed("B" in letters, gms, walks, "R" in letters), options, horizon)
     relative = max(axis.terms["N"].sigma / axis.terms["N"].value for axis in with_white.values())
     notes = [
         f"{options.axes} of {', '.join(with_white)}; N is known to {100.0 * relative:.2g} % (1 sigma)",
@@ -245,12 +245,12 @@ def _walk(K: float, wander: float, names: str, options: Common, horizon: float) 
 def _listed(B: object, gm: object, K: object, R: object) -> str:
     """The terms that wander, in words."""
     words = {"the bias instability": B, "the Gauss-Markov bias": gm, "the random walk": K, "the ramp": R}
-    return " and ".join(word for word, there in words.items() if there)
+    return " and ".join(word for word, present in words.items() if present)
 
 
 def _refusals(result: NoiseIdentification, sensor: str) -> str:
-    said = {f.text for name, found in result.refused.items() if name.startswith(sensor) for f in found}
-    return "; ".join(sorted(said)) or "no white noise in their models"
+    texts = {f.text for name, axes in result.refused.items() if name.startswith(sensor) for f in axes}
+    return "; ".join(sorted(texts)) or "no white noise in their models"
 
 
 def comments(n: Numbers, program: str, mark: str = "#", extra: Mapping[str, str] | None = None) -> str:

@@ -215,8 +215,8 @@ def _provenance(identification: NoiseIdentification, recording_summary: str | No
     rows = parts.provenance_rows(identification.provenance)
     text = parts.table("What this result was made from", ("item", "value"), rows, numbers=False)
     if recording_summary:
-        said = {f"- {note}" for note in identification.notes}
-        lines = [line for line in recording_summary.splitlines() if line.strip() not in said]
+        stated = {f"- {note}" for note in identification.notes}
+        lines = [line for line in recording_summary.splitlines() if line.strip() not in stated]
         text += "\n<h3>The recording</h3>\n<pre>" + escape("\n".join(lines)) + "</pre>"
     return text
 

@@ -81,17 +81,17 @@ def all_figures(
     -------
     list of content.Figure
     """
-    there = identification.axes
+    present = identification.axes
     figures = []
-    if there:
+    if present:
         figures += [
             noise_panels.allan(identification, None, unit),
             noise_panels.comparison(identification, unit),
             noise_panels.ratio(identification),
         ]
-    if spectra and any(name in there for name in spectra):
+    if spectra and any(name in present for name in spectra):
         figures.append(noise_spectra.spectrum(identification, spectra, unit))
-    if correlations and any(name in there for name in correlations):
+    if correlations and any(name in present for name in correlations):
         figures.append(noise_spectra.autocorrelation(identification, correlations))
     if imu is not None:
         figures.append(noise_spectra.signals(identification, imu))

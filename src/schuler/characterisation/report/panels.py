@@ -33,14 +33,14 @@ def allan(
     InputError
         If an axis was not identified.
     """
-    wanted = beside(chosen(identification, axes if axes is None or isinstance(axes, str) else list(axes)))
+    panels_of = beside(chosen(identification, axes if axes is None or isinstance(axes, str) else list(axes)))
     return Figure(
         "allan",
         "Allan deviation",
         "Blue is measured with its 95 % band, dashed the model, grey its terms; rings are what the eye reads off: "
         "N at 1 s, the minimum, and K at 3 s if the model has one.",
-        tuple(_allan_panel(axis, unit) for axis in wanted),
-        columns=1 if len(wanted) == 1 else 2,
+        tuple(_allan_panel(axis, unit) for axis in panels_of),
+        columns=1 if len(panels_of) == 1 else 2,
     )
 
 
@@ -74,8 +74,8 @@ def comparison(identification: NoiseIdentification, unit: Unit = "datasheet") ->
 def ratio(identification: NoiseIdentification, axes: Sequence[str] | None = None) -> Figure:
     """Measured Allan deviation over that of the model, with the band: one everywhere if the model is right."""
     panels = []
-    wanted = beside(chosen(identification, None if axes is None else list(axes)))
-    for axis in wanted:
+    panels_of = beside(chosen(identification, None if axes is None else list(axes)))
+    for axis in panels_of:
         c = axis.curve
         model = axis.fitted(c.tau)
         model = np.where(model > 0.0, model, np.nan)
@@ -93,7 +93,7 @@ def ratio(identification: NoiseIdentification, axes: Sequence[str] | None = None
         "Curve over model",
         "Inside the band the model explains the curve; a long stretch outside on one side is noise the model lacks.",
         tuple(panels),
-        columns=1 if len(wanted) == 1 else 2,
+        columns=1 if len(panels_of) == 1 else 2,
     )
 
 
@@ -139,13 +139,13 @@ def _named(tau: FloatArray, model: FloatArray, parts: Mapping[str, FloatArray], 
     """The letter of each term, where its line is in view and clear of the model's."""
     words, ends = [], np.log(tau / tau[0]) / np.log(tau[-1] / tau[0])
     for label, y in parts.items():
-        seen = (y > 1.05 * shown[0]) & (y < 0.6 * shown[1]) & (ends > 0.04) & (ends < 0.96)
-        if seen.any():
+        in_view = (y > 1.05 * shown[0]) & (y < 0.6 * shown[1]) & (ends > 0.04) & (ends < 0.96)
+        if in_view.any():
             # a third of the model is far enough below it to read the letter, which stands clear of the other lines
             cost = np.abs(np.log(3.0 * y / model))
             for other in (v for name, v in parts.items() if name != label):
                 cost = cost + 3.0 * np.exp(-((np.log(1.3 * y / other) / 0.5) ** 2))
-            cost = np.where(seen, cost, np.inf)
+            cost = np.where(in_view, cost, np.inf)
             k = int(np.argmin(cost))
             words.append(Text(float(tau[k]), float(y[k]), "0.664 B" if label == "B" else label))
     return words
@@ -153,21 +153,21 @@ def _named(tau: FloatArray, model: FloatArray, parts: Mapping[str, FloatArray], 
 
 def _view(values: FloatArray, points: Sequence[float], curve: FloatArray) -> Limits:
     """Limits with all of the curve and its band, and the points read off unless they lie far below."""
-    known = values[np.isfinite(values) & (values > 0.0)]
+    positive = values[np.isfinite(values) & (values > 0.0)]
     lowest = curve[np.isfinite(curve) & (curve > 0.0)]
-    if not len(known) or not len(lowest):
+    if not len(positive) or not len(lowest):
         return 1e-3, 1.0
     near = [p for p in points if p > float(lowest.min()) / _DEEPEST]
-    low = min([max(float(known.min()), float(lowest.min()) / 3.0), *near])
-    return 0.6 * low, 1.6 * max([min(float(known.max()), 3.0 * float(lowest.max())), *near])
+    low = min([max(float(positive.min()), float(lowest.min()) / 3.0), *near])
+    return 0.6 * low, 1.6 * max([min(float(positive.max()), 3.0 * float(lowest.max())), *near])
 
 
 def decades(values: FloatArray) -> Limits | None:
     """Whole decades, so that a logarithmic axis has at least two numbers on it."""
-    known = values[np.isfinite(values) & (values > 0.0)]
-    if not len(known):
+    positive = values[np.isfinite(values) & (values > 0.0)]
+    if not len(positive):
         return None
-    low, high = np.floor(np.log10(known.min())), np.ceil(np.log10(known.max()))
+    low, high = np.floor(np.log10(positive.min())), np.ceil(np.log10(positive.max()))
     return 10.0 ** float(low), 10.0 ** float(max(high, low + 1.0))
 
 

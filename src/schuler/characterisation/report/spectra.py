@@ -8,10 +8,9 @@ from typing import TypeAlias
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.characterisation.findings import Finding
 from schuler.characterisation.report.panels import beside, decades
 from schuler.characterisation.report.terms import Unit, chosen, quantities, signal_unit
-from schuler.characterisation.result import NoiseIdentification
+from schuler.characterisation.result import Finding, NoiseIdentification
 from schuler.characterisation.spectrum import power_spectrum
 from schuler.plotting.figure import Figure, Item, Line, Panel, Span, line, thin
 from schuler.recording.series import ImuSeries
@@ -68,8 +67,8 @@ def spectrum(identification: NoiseIdentification, spectra: Mapping[str, Curve], 
     unit : {"datasheet", "si"}
     """
     panels = []
-    wanted = beside(chosen(identification, [name for name in identification.axes if name in spectra]))
-    for axis in wanted:
+    panels_of = beside(chosen(identification, [name for name in identification.axes if name in spectra]))
+    for axis in panels_of:
         f, S = (np.asarray(v, dtype=np.float64) for v in spectra[axis.axis])
         f, S = f[f > 0.0], S[f > 0.0]
         name, factor = signal_unit(axis, unit)
@@ -91,7 +90,7 @@ def spectrum(identification: NoiseIdentification, spectra: Mapping[str, Curve], 
         "Spectrum",
         "Square root of the two-sided density: white noise is a level at N; a spike is vibration or the mains.",
         tuple(panels),
-        columns=1 if len(wanted) == 1 else 2,
+        columns=1 if len(panels_of) == 1 else 2,
     )
 
 
@@ -111,8 +110,8 @@ def autocorrelation(identification: NoiseIdentification, correlations: Mapping[s
     from schuler.characterisation.correlation import expected_autocovariance
 
     panels = []
-    wanted = beside(chosen(identification, [name for name in identification.axes if name in correlations]))
-    for axis in wanted:
+    panels_of = beside(chosen(identification, [name for name in identification.axes if name in correlations]))
+    for axis in panels_of:
         lag, r = (np.asarray(v, dtype=np.float64) for v in correlations[axis.axis])
         lag, r = lag[lag > 0.0], r[lag > 0.0]
         name, factor = signal_unit(axis, "datasheet")
@@ -130,7 +129,7 @@ def autocorrelation(identification: NoiseIdentification, correlations: Mapping[s
         "Autocorrelation",
         "A Gauss-Markov term falls to 37 % within its correlation time, earlier where the log is short.",
         tuple(panels),
-        columns=1 if len(wanted) == 1 else 2,
+        columns=1 if len(panels_of) == 1 else 2,
     )
 
 
@@ -184,8 +183,8 @@ def _by_decades(f: FloatArray, S: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _about(identification: NoiseIdentification, name: str) -> list[Finding]:
     """Findings about an axis or about the whole recording."""
-    own = identification.axes[name].findings if name in identification.axes else ()
-    return [*identification.findings, *own, *identification.refused.get(name, ())]
+    axis_findings = identification.axes[name].findings if name in identification.axes else ()
+    return [*identification.findings, *axis_findings, *identification.refused.get(name, ())]
 
 
 def _shaded(findings: Sequence[Finding], end: float) -> list[Span]:

@@ -106,17 +106,17 @@ def chosen(identification: NoiseIdentification, axes: str | tuple[str, ...] | li
     InputError
         If one was not identified.
     """
-    there = [name for name in AXES if name in identification.axes]
-    there += [name for name in identification.axes if name not in there]
-    wanted = there if axes is None else [axes] if isinstance(axes, str) else list(axes)
-    for name in wanted:
+    identified = [name for name in AXES if name in identification.axes]
+    identified += [name for name in identification.axes if name not in identified]
+    names = identified if axes is None else [axes] if isinstance(axes, str) else list(axes)
+    for name in names:
         if name not in identification.axes:
             why = identification.refused.get(name)
             reason = f"; it was refused: {why[0].text}" if why else ""
-            raise InputError(f"axes: expected some of {', '.join(there) or 'none'}, got {name!r}{reason}")
-    if not wanted:
+            raise InputError(f"axes: expected some of {', '.join(identified) or 'none'}, got {name!r}{reason}")
+    if not names:
         raise InputError(f"{identification.name}: no axis was identified, so there is no curve to draw")
-    return [identification.axes[name] for name in wanted]
+    return [identification.axes[name] for name in names]
 
 
 def numbers(axis: AxisNoise) -> Iterator[tuple[str, Quantity, Estimate]]:
@@ -181,8 +181,8 @@ def shares(axis: AxisNoise, tau: float) -> dict[str, float]:
 def agreement(axis: AxisNoise) -> float:
     """Share of the averaging times at which the model lies inside the bounds of the curve; NaN without any."""
     c = axis.curve
-    known = np.isfinite(c.low) & np.isfinite(c.high)
-    if not known.any():
+    bounded = np.isfinite(c.low) & np.isfinite(c.high)
+    if not bounded.any():
         return float("nan")
-    model = axis.fitted(c.tau[known])
-    return float(np.mean((model >= c.low[known]) & (model <= c.high[known])))
+    model = axis.fitted(c.tau[bounded])
+    return float(np.mean((model >= c.low[bounded]) & (model <= c.high[bounded])))

@@ -9,7 +9,6 @@ import numpy as np
 
 from schuler import units as u
 from schuler.arrays import FloatArray
-from schuler.characterisation.findings import Finding
 from schuler.characterisation.report.terms import (
     TRIADS,
     agreement,
@@ -21,7 +20,7 @@ from schuler.characterisation.report.terms import (
     shares,
     triad_of,
 )
-from schuler.characterisation.result import AXES, AxisNoise, Estimate, NoiseIdentification
+from schuler.characterisation.result import AXES, AxisNoise, Estimate, Finding, NoiseIdentification
 from schuler.sensors.spec import allan_minimum
 
 _SURE = 8.0  # degrees of freedom: the deviation is known to a quarter
@@ -53,8 +52,8 @@ def summary(identification: NoiseIdentification) -> str:
         for label, sheet in _ordered(rows):
             cells = "".join(f"{rows[label, sheet].get(a.axis, '-'):<29}" for a in axes)
             lines.append(f"    {label + ' [' + sheet + ']':<28}{cells}".rstrip())
-    for name, found in identification.refused.items():
-        lines += [f"  refused, {located(name, f)}" for f in found]
+    for name, several in identification.refused.items():
+        lines += [f"  refused, {located(name, f)}" for f in several]
     for where, finding in findings(identification):
         if finding.severity != "refused":
             lines.append(f"  {finding.severity}, {located(where, finding)}")
@@ -82,7 +81,7 @@ def verdict(identification: NoiseIdentification) -> list[str]:
     if not axes:
         return [
             f"No axis of {identification.name} could be identified, so there are no numbers.",
-            *(located(name, found[0]) for name, found in identification.refused.items() if found),
+            *(located(name, several[0]) for name, several in identification.refused.items() if several),
         ]
     return [*_how_large(axes), _believable(identification)]
 
@@ -138,7 +137,7 @@ def read_off_rows(axis: AxisNoise) -> list[tuple[str, str, str, str]]:
     x = quantity(axis, "x")
     for letter, key, tau in (("N", "N_at_1s", 1.0), ("K", "K_at_3s", 3.0)):
         fitted = axis.terms.get(letter)
-        if not _known(read.get(key)) or (letter == "K" and fitted is None):
+        if not _finite(read.get(key)) or (letter == "K" and fitted is None):
             continue
         q = quantity(axis, letter)
         part = shares(axis, tau).get(letter, 0.0)
@@ -149,7 +148,7 @@ def read_off_rows(axis: AxisNoise) -> list[tuple[str, str, str, str]]:
             why += f", so this reading is not {letter}"
         shown = "-" if fitted is None else f"{fitted.value / q.factor:.4g}"
         rows.append((f"{letter}, read at {tau:g} s [{q.sheet}]", f"{read[key] / q.factor:.4g}", shown, why))
-    if _known(read.get("minimum")) and _known(read.get("minimum_tau_s")):
+    if _finite(read.get("minimum")) and _finite(read.get("minimum_tau_s")):
         tau, B = read["minimum_tau_s"], axis.terms.get("B")
         shown = "-" if B is None else f"{allan_minimum(B.value) / x.factor:.4g}"
         inside = f"at {span(tau)} the model's variance is {_shares_text(axis, tau)}"
@@ -165,10 +164,10 @@ def read_off_rows(axis: AxisNoise) -> list[tuple[str, str, str, str]]:
 
 def findings(identification: NoiseIdentification) -> list[tuple[str, Finding]]:
     """All findings with the place they are about, the gravest first."""
-    found = [("recording", f) for f in identification.findings]
-    found += [(name, f) for name, several in identification.refused.items() for f in several]
-    found += [(name, f) for name, axis in identification.axes.items() for f in axis.findings]
-    once = list(dict.fromkeys(found))
+    several = [("recording", f) for f in identification.findings]
+    several += [(name, f) for name, several in identification.refused.items() for f in several]
+    several += [(name, f) for name, axis in identification.axes.items() for f in axis.findings]
+    once = list(dict.fromkeys(several))
     return sorted(once, key=lambda item: _SEVERITIES.index(item[1].severity))
 
 
@@ -222,7 +221,7 @@ def _ordered(rows: dict[tuple[str, str], dict[str, str]]) -> list[tuple[str, str
     return sorted(rows, key=lambda key: ("QNBKRG".index(key[0][0]), key[0]))
 
 
-def _known(value: float | None) -> bool:
+def _finite(value: float | None) -> bool:
     return value is not None and math.isfinite(value)
 
 
@@ -258,8 +257,8 @@ def _how_large(axes: Sequence[AxisNoise]) -> list[str]:
             white += f", lowest Allan deviation {_range([v / q['x'].factor for v, _, _ in low])} {q['x'].sheet}"
             worst, tau, axis = max(low, key=lambda item: item[0])
             end = _long_enough(axis)[-1]
-            known = f"{worst / q['x'].factor:.3g} {q['x'].sheet}"
-            at = f"averaging for {span(tau)} finds the {title}'s bias to about {known} ({axis.axis}, the worst)"
+            finite = f"{worst / q['x'].factor:.3g} {q['x'].sheet}"
+            at = f"averaging for {span(tau)} finds the {title}'s bias to about {finite} ({axis.axis}, the worst)"
             later = ", and this log is too short to say whether longer would help" if tau > 0.5 * end else ""
             long.append(at + later)
         large.append(f"{title} {white}")
@@ -273,9 +272,9 @@ def _how_large(axes: Sequence[AxisNoise]) -> list[str]:
 def _long_enough(axis: AxisNoise) -> FloatArray:
     """Averaging times at which enough averages are left for a low point to be no chance; all if there are none."""
     c = axis.curve
-    known = np.isfinite(c.deviation)
-    kept = known & (c.edf >= _SURE)
-    times: FloatArray = c.tau[kept if kept.any() else known]
+    finite = np.isfinite(c.deviation)
+    kept = finite & (c.edf >= _SURE)
+    times: FloatArray = c.tau[kept if kept.any() else finite]
     return times
 
 

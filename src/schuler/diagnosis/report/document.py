@@ -11,8 +11,7 @@ from schuler.plotting import parts
 from schuler.plotting.page import Section, plotly_script, whole_page
 
 if TYPE_CHECKING:
-    from schuler.diagnosis.diagnosis import Diagnosis
-    from schuler.diagnosis.findings import Finding
+    from schuler.diagnosis.result import Diagnosis, Finding
 
 _CONVENTIONS = (
     "Conventions: times are those of the log; body axes are forward, right, down, an accelerometer at rest and "
@@ -40,13 +39,13 @@ def diagnosis_report(path: Path | str, diagnosis: Diagnosis) -> Path:
     MissingExtraError
         If there are figures to draw and plotly is not installed (extra ``report``).
     """
-    drawn = figures(diagnosis)
+    shown = figures(diagnosis)
     kinds = (("errors", "Errors"), ("warnings", "Warnings"), ("notes", "Notes"))
     sections = []
     for name, title in kinds:
         chosen = [f for f in diagnosis.findings if f"{f.severity}s" == name]
         sections.append(Section(name, title, (_findings(chosen, title),) if chosen else ()))
-    sections.append(Section("evidence", "Evidence", tuple(drawn)))
+    sections.append(Section("evidence", "Evidence", tuple(shown)))
     uses = parts.bullets(diagnosis.supports) if diagnosis.supports else ""
     sections.append(Section("uses", "What this log can carry", (uses,)))
     numbers = [
@@ -58,7 +57,7 @@ def diagnosis_report(path: Path | str, diagnosis: Diagnosis) -> Path:
     sections.append(Section("numbers", "Numbers", (checked, parts.folded("All numbers", table))))
     text = whole_page(
         diagnosis.name, "Diagnosis", "What is wrong with this log, by physics", _verdict(diagnosis), _CONVENTIONS,
-        sections, plotly_script() if drawn else "",
+        sections, plotly_script() if shown else "",
     )  # fmt: skip
     return write_text(path, text)
 

@@ -20,9 +20,9 @@ from schuler.filtering.measurements import (
     merged,
     zero_velocity,
 )
-from schuler.simulation.aiding import GnssModel
+from schuler.simulation.gnss import GnssModel
 from schuler.simulation.motion import Motion
-from schuler.simulation.scalars import times
+from schuler.simulation.scalar_aids import times
 
 KINDS = (POSITION, VELOCITY, ZERO_VELOCITY)
 
@@ -92,7 +92,7 @@ def true_gnss(
         Of the IMU.
     model : GnssModel
         Rates, errors, lever arm, outages and what it claims. Times and covariances are those of
-        :func:`schuler.simulation.aiding.draw_gnss`.
+        :func:`schuler.simulation.gnss.draw_gnss`.
     use_velocity : bool
         False takes positions only.
     gate : float, optional

@@ -83,7 +83,7 @@ def aqrs_chart(effort: Effort) -> Outcome:
 
 def aqrs_correlation(effort: Effort) -> Outcome:
     """Figures 2.5 and 2.9."""
-    from schuler.characterisation.finite_record import finite_record
+    from schuler.characterisation.correlation import finite_record
 
     c = campaign_of(AQRS, effort)
     n = len(c.tau)

@@ -12,8 +12,8 @@ from schuler.arrays import FloatArray
 from schuler.units import DEG, G0, HR
 
 if TYPE_CHECKING:
+    from schuler.characterisation.allan import AllanCurve
     from schuler.characterisation.correlation import Correlation
-    from schuler.characterisation.curve import AllanCurve
     from schuler.characterisation.manual import ManualNoise
     from schuler.reproduce.flenniken.study.grade_comparison import Overlay
     from schuler.reproduce.items import Effort

@@ -83,7 +83,7 @@ def _fixes(effort: Effort) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Ten minutes of a receiver at rest: times, positions about their mean, velocities, north-east-down."""
     from schuler.frames import ecef_from_llh, ned_from_ecef
     from schuler.reproduce.stefanisko.study.experiment import ESIEE, SIGMA_POSITION, SIGMA_VELOCITY
-    from schuler.simulation.aiding import GnssModel, simulate_gnss
+    from schuler.simulation.gnss import GnssModel, simulate_gnss
     from schuler.simulation.motion import StaticMotion
 
     model = GnssModel(rate_hz=10.0, sigma_position=SIGMA_POSITION, sigma_velocity=SIGMA_VELOCITY)

@@ -24,9 +24,9 @@ from schuler.rotary.navigation import navigate_rotary
 from schuler.rotary.rotating_imu import RotatingMotion, vehicle_truth
 from schuler.rotary.search.scenario import RotaryScenario
 from schuler.sensors.errors import ImuErrors
-from schuler.simulation.aiding import GnssModel, draw_gnss
+from schuler.simulation.gnss import GnssModel, draw_gnss
 from schuler.simulation.imu import IdealImu, simulate_imu
-from schuler.simulation.scalars import HeightModel, simulate_height
+from schuler.simulation.scalar_aids import HeightModel, simulate_height
 from schuler.units import DEG
 
 _STEP = 0.25  # of the errors that are kept [s]

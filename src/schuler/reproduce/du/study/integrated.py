@@ -22,7 +22,7 @@ from schuler.rotary.du_axes import du_axis
 from schuler.rotary.rotating_imu import RotatingMotion, ideal_rotating_imu
 from schuler.rotary.schedule import Schedule
 from schuler.rotary.schemes import continuous, fixed
-from schuler.simulation.aiding import GnssModel
+from schuler.simulation.gnss import GnssModel
 from schuler.simulation.imu import IdealImu
 from schuler.simulation.motion import Motion
 from schuler.units import DEG, DEG_PER_HR

@@ -34,7 +34,7 @@ from schuler.rotary.schedule import Schedule
 from schuler.rotary.schemes import continuous, reciprocating
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.noise import NoiseModel, White
-from schuler.simulation.aiding import GnssModel, simulate_gnss
+from schuler.simulation.gnss import GnssModel, simulate_gnss
 from schuler.simulation.imu import IdealImu, simulate_imu
 from schuler.units import DEG
 

@@ -12,8 +12,8 @@ from schuler.plotting.figure import Band, Figure, Item, Line, Panel
 
 if TYPE_CHECKING:
     from schuler.arrays import FloatArray
+    from schuler.characterisation.allan import AllanCurve
     from schuler.characterisation.correlation import Correlation
-    from schuler.characterisation.curve import AllanCurve
     from schuler.reproduce.flenniken.study.grade_comparison import Overlay
 
 _ROLES = ("case_1", "case_2", "case_3", "case_4", "case_5", "case_6", "case_7")

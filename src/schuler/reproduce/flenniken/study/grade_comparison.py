@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
-from schuler.characterisation import sums
 from schuler.characterisation.result import AxisNoise
+from schuler.characterisation.variance import allan_variances, integrate_signal
 from schuler.exceptions import InputError
 from schuler.sensors.noise import Process
 
@@ -186,7 +186,7 @@ def _strays(curves: FloatArray) -> FloatArray:
 
 def _deviations(x: FloatArray, dt: float, ms: IntArray) -> FloatArray:
     """Overlapping Allan deviations at averaging times of ms samples."""
-    variance, _ = sums.variance(sums.signal(x, "rate", dt), "overlapping", ms)
+    variance, _ = allan_variances(integrate_signal(x, "rate", dt), "overlapping", ms)
     return np.asarray(np.sqrt(variance))
 
 

@@ -17,7 +17,7 @@ from schuler.recording.recording import Metadata, Recording
 from schuler.reproduce.hayal.study.attitudes import scenario
 from schuler.reproduce.hayal.study.multiposition import NOISE, StudyCase, run_case
 from schuler.sensors.errors import ImuErrors
-from schuler.simulation.aiding import GnssModel, simulate_gnss
+from schuler.simulation.gnss import GnssModel, simulate_gnss
 from schuler.simulation.imu import IdealImu, ideal_imu, simulate_imu
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion
 from schuler.units import DEG

@@ -12,7 +12,7 @@ from schuler.recording.recording import Metadata, Recording
 from schuler.recording.trajectory import Trajectory
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.noise import NoiseModel, White
-from schuler.simulation.aiding import GnssModel, simulate_gnss
+from schuler.simulation.gnss import GnssModel, simulate_gnss
 from schuler.simulation.imu import ideal_imu, simulate_imu
 from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion
 from schuler.units import DEG, DEG_PER_HR, MG, UG

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from schuler.recording.series import ImuSeries
     from schuler.reproduce.yaman.study.static import Part, StaticDrift
-    from schuler.simulation.routine_steps import Routine
+    from schuler.simulation.steps import Routine
 
 
 _LOOK = {

@@ -27,7 +27,7 @@ from schuler.reproduce.yaman.study.drive import DRIVES, ELMADAG, GNSS_RATE_HZ, D
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.spec import ImuSpec
-from schuler.simulation.aiding import GnssModel, simulate_gnss
+from schuler.simulation.gnss import GnssModel, simulate_gnss
 from schuler.simulation.imu import IdealImu, ideal_imu, simulate_imu
 from schuler.simulation.profiles import ManoeuvreMotion
 from schuler.units import DEG, G0

@@ -13,8 +13,7 @@ from schuler.sensors.errors import ImuErrors
 from schuler.sensors.initial_errors import InitialErrors
 from schuler.sensors.noise import Start
 from schuler.sensors.spec import ImuSpec
-from schuler.sensors.triad_errors import imu_errors
-from schuler.sensors.triads import AccelerometerTriad, GyroTriad
+from schuler.sensors.triads import AccelerometerTriad, GyroTriad, imu_errors
 
 AXES = "xyz"
 #: Fields of the triads that are random in time; tau is only the colour of sigma_b.
@@ -137,7 +136,7 @@ class RocketErrors:
     def imu_errors(self, *, drop_nonlinear: bool = False) -> ImuErrors:
         """The same for the simulator, where it has a place: biases, M_g, M_a and noise, forward-right-down.
 
-        See :func:`~schuler.sensors.triad_errors.imu_errors` for what is refused.
+        See :func:`~schuler.sensors.triads.imu_errors` for what is refused.
         """
         return imu_errors(self.gyro, self.accel, drop_nonlinear=drop_nonlinear)
 

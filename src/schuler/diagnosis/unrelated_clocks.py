@@ -1,4 +1,4 @@
-"""Files whose clocks were not related: which meaning of the stamps makes the IMU move as GNSS says."""
+"""Files without a common clock: the meaning of the IMU's stamps with which it moves as GNSS does."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ import numpy as np
 
 from schuler import earth, timebase
 from schuler.diagnosis import heights, positions
-from schuler.diagnosis.diagnosis import Diagnosis
-from schuler.diagnosis.findings import SEVERITIES, Finding
 from schuler.diagnosis.lag import Lag, find_lag
 from schuler.diagnosis.motion import Motion, WindowMeans, motion_of
+from schuler.diagnosis.result import Finding
 from schuler.exceptions import SchulerError
 from schuler.recording.recording import Recording
 
@@ -28,7 +27,7 @@ class _Meaning:
     shift: float
 
 
-def related(recording: Recording, alone: Recording) -> tuple[Recording, Finding] | None:
+def relate_clocks(recording: Recording, alone: Recording) -> tuple[Recording, Finding] | None:
     """Both on one clock, if the motion in both tells it, and the finding ``clock_unknown`` with the option.
 
     Parameters
@@ -50,23 +49,23 @@ def related(recording: Recording, alone: Recording) -> tuple[Recording, Finding]
     for meaning in _meanings(recording, alone, motion):
         lag = find_lag(means, motion, meaning.shift)
         off = lag.offset - meaning.shift
-        if not lag.found or (meaning.option and abs(off) > _PLAUSIBLE_S):
+        if not lag.matched or (meaning.option and abs(off) > _PLAUSIBLE_S):
             continue
         shift = meaning.shift if meaning.option else lag.offset
         option = meaning.option or _by_offset(recording, lag.offset)
         text = (
             f"nothing says what the IMU's stamps ({alone.imu.t[0]:.1f}..{alone.imu.t[-1]:.1f} s of its own clock) "
-            f"mean beside those of GNSS; {_told(meaning, lag, off)}. It was judged on that clock"
+            f"mean beside those of GNSS; {_sentence(meaning, lag, off)}. It was judged on that clock"
         )
         evidence = {"shift_s": shift, "offset_s": lag.offset, "sigma_s": lag.sigma, "explained": lag.r2.tolist()}
-        found = Finding("clock_unknown", "error", text, 0.95, f"{option} for the IMU", evidence)
+        finding = Finding("clock_unknown", "error", text, 0.95, f"{option} for the IMU", evidence)
         imu = alone.imu.shifted(shift)
         metadata = replace(recording.metadata, notes=(*recording.metadata.notes, *alone.metadata.notes))
-        return replace(recording, imu=imu, metadata=replace(metadata, axes=alone.metadata.axes)), found
+        return replace(recording, imu=imu, metadata=replace(metadata, axes=alone.metadata.axes)), finding
     return None
 
 
-def unrelated(recording: Recording, alone: Recording) -> Finding:
+def unknown_clock(recording: Recording, alone: Recording) -> Finding:
     """The question about the clock, where motion does not answer it.
 
     Parameters
@@ -86,29 +85,6 @@ def unrelated(recording: Recording, alone: Recording) -> Finding:
     fix = f"{guesses[0].option if guesses else 'time=...'} for the IMU (gps-tow:WEEK, gps, unix, ...)"
     return Finding(
         "clock_unknown", "error", text, 0.99, fix, {"imu_s": [float(alone.imu.t[0]), float(alone.imu.t[-1])]}
-    )
-
-
-def joined(name: str, parts: tuple[Diagnosis, ...], findings: tuple[Finding, ...]) -> Diagnosis:
-    """One diagnosis of parts that were judged by themselves.
-
-    Parameters
-    ----------
-    name : str
-    parts : tuple of Diagnosis
-    findings : tuple of Finding
-        Besides theirs.
-    """
-    every = [*findings, *(f for part in parts for f in part.findings)]
-    every.sort(key=lambda f: SEVERITIES.index(f.severity))
-    return Diagnosis(
-        name,
-        tuple(every),
-        {k: v for part in parts for k, v in part.estimates.items()},
-        tuple(s for part in parts for s in part.segments),
-        tuple(dict.fromkeys(use for part in parts for use in part.supports)),
-        tuple(dict.fromkeys(what for part in parts for what in part.checked)),
-        {k: v for part in parts for k, v in part.curves.items()},
     )
 
 
@@ -140,10 +116,10 @@ def _meanings(recording: Recording, alone: Recording, motion: Motion | None) -> 
         out.append(_Meaning("Unix time", "time='unix'", leap - timebase.UNIX_TO_GPS_S - epoch))
     except (SchulerError, OverflowError):
         pass
-    kept = [m for m in out if min(t[-1] + m.shift, stop) - max(t[0] + m.shift, start) > _OVERLAP_S]
+    overlapping = [m for m in out if min(t[-1] + m.shift, stop) - max(t[0] + m.shift, start) > _OVERLAP_S]
     if motion is not None:
-        kept.append(_Meaning("seconds since the start", "", float(start - t[0])))
-    return kept
+        overlapping.append(_Meaning("seconds since the start", "", float(start - t[0])))
+    return overlapping
 
 
 def _by_offset(recording: Recording, shift: float) -> str:
@@ -153,7 +129,7 @@ def _by_offset(recording: Recording, shift: float) -> str:
     return f"time='gps-tow:{week}', offset={tow:.3f}"
 
 
-def _told(meaning: _Meaning, lag: Lag, off: float) -> str:
+def _sentence(meaning: _Meaning, lag: Lag, off: float) -> str:
     same = f"the same motion is in both (the IMU explains {100.0 * lag.r2.max():.0f} % of it)"
     if meaning.option:
         return f"as {meaning.words} {same}, {off:+.3f} s apart (1-sigma {lag.sigma:.3f} s)"

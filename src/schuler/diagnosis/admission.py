@@ -1,4 +1,4 @@
-"""What is asked before a log is used: is it garbage? For commands, and in one line of Python."""
+"""Admission of a log to use: quick checks that stop commands, and ``schuler.check``."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from schuler.diagnosis.diagnose import diagnose
-from schuler.diagnosis.diagnosis import Diagnosis
 from schuler.diagnosis.log import diagnose_log
+from schuler.diagnosis.result import Diagnosis
+from schuler.diagnosis.run import diagnose
 from schuler.recording.recording import Recording
 
 #: How the notes begin by which a result says what was checked.
@@ -70,10 +70,10 @@ def checked(recording: Recording, *, unchecked: bool = False, clock_shift_s: flo
     InputError
         If an error is found with a confidence of 0.8 or more: with the sentence and the option that mends it.
     """
-    return judged(recording, unchecked=unchecked, clock_shift_s=clock_shift_s)[0]
+    return diagnosed(recording, unchecked=unchecked, clock_shift_s=clock_shift_s)[0]
 
 
-def judged(
+def diagnosed(
     recording: Recording, *, unchecked: bool = False, clock_shift_s: float = 0.0
 ) -> tuple[Recording, Diagnosis | None]:
     """The same as :func:`checked`, and what was found; None of a recording without an IMU.
@@ -85,18 +85,18 @@ def judged(
     """
     if recording.imu is None:
         return recording, None
-    looked_at = recording
+    shifted = recording
     if clock_shift_s:
-        looked_at = replace(recording, imu=recording.imu.shifted(clock_shift_s))
-    found = diagnose(looked_at, quick=True)
+        shifted = replace(recording, imu=recording.imu.shifted(clock_shift_s))
+    diagnosis = diagnose(shifted, quick=True)
     if not unchecked:
-        found.require(advice="See schuler check; to go on nevertheless say --unchecked")
-    said = found.said_of(found.sure_errors())
-    if said:
-        note = f"{PASSED_OVER}: {said}."
+        diagnosis.require(advice="See schuler check; to go on nevertheless say --unchecked")
+    problems = diagnosis.describe(diagnosis.sure_errors())
+    if problems:
+        note = f"{PASSED_OVER}: {problems}."
     else:
-        note = f"{CHECKED}: {', '.join(found.checked) or 'nothing'}; no error was found."
-    return replace(recording, metadata=recording.metadata.noting(note)), found
+        note = f"{CHECKED}: {', '.join(diagnosis.checked) or 'nothing'}; no error was found."
+    return replace(recording, metadata=recording.metadata.noting(note)), diagnosis
 
 
 def notes_of(recording: Recording) -> tuple[str, ...]:

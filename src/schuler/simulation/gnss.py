@@ -13,9 +13,7 @@ from schuler.exceptions import InputError
 from schuler.recording.series import GnssSeries
 from schuler.sensors.noise import gauss_markov
 from schuler.simulation.motion import Motion
-from schuler.simulation.scalars import outside, simulate_odometer, times
-
-__all__ = ["GnssFault", "GnssModel", "SimulatedGnss", "draw_gnss", "simulate_gnss", "simulate_odometer"]
+from schuler.simulation.scalar_aids import outside, times
 
 
 class GnssFault(NamedTuple):

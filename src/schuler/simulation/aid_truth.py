@@ -1,4 +1,4 @@
-"""What is true of a simulated recording and a real one keeps to itself."""
+"""True errors of the aids of a simulated recording."""
 
 from __future__ import annotations
 

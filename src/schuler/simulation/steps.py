@@ -1,4 +1,4 @@
-"""Rests and turns, the routine they make, and how to say them to a person who holds the sensor."""
+"""Rests and turns, the routine they make, and its description for a person who holds the sensor."""
 
 from __future__ import annotations
 
@@ -92,11 +92,6 @@ class Turn:
         """Unit vector of the axis in body axes. Shape (3,)."""
         return np.array(_AXES[self.axis] if isinstance(self.axis, str) else self.axis)
 
-    @property
-    def peak_rate(self) -> float:
-        """Largest angular rate if there is no skew and no wobble. [rad/s]"""
-        return abs(self.angle) / (self.duration_s * (1.0 - self.ramp))
-
 
 Step: TypeAlias = Rest | Turn
 
@@ -178,12 +173,12 @@ class Routine:
         """
         lines = []
         for k, (step, start) in enumerate(zip(self.steps, self.limits[:-1], strict=True)):
-            what = (
+            words = (
                 f"rest {step.duration_s:.3g} s: {pose_in_words(self.attitudes[k, 2])}"
                 if isinstance(step, Rest)
                 else turn_in_words(step)
             )
-            lines.append(f"{k + 1:3d}. {start:6.1f} s  {what}")
+            lines.append(f"{k + 1:3d}. {start:6.1f} s  {words}")
         return "\n".join(lines)
 
 
@@ -224,12 +219,12 @@ def pose_in_words(down_b: ArrayLike) -> str:
 def turn_in_words(turn: Turn) -> str:
     """What to do with the hand, such as "turn 45 deg about x in 1.2 s, clockwise seen along x"."""
     axis = turn.axis if isinstance(turn.axis, str) else f"the axis ({', '.join(f'{c:.2f}' for c in turn.axis)})"
-    seen = axis if isinstance(turn.axis, str) else "it"
+    view_axis = axis if isinstance(turn.axis, str) else "it"
     way = "clockwise" if turn.angle > 0.0 else "anticlockwise"
-    return f"turn {abs(turn.angle) / DEG:.0f} deg about {axis} in {turn.duration_s:.3g} s, {way} seen along {seen}"
+    return f"turn {abs(turn.angle) / DEG:.0f} deg about {axis} in {turn.duration_s:.3g} s, {way} seen along {view_axis}"
 
 
-def check_duration(duration_s: float, what: str) -> None:
+def check_duration(duration_s: float, words: str) -> None:
     """Raise InputError for a time that is not positive. [s]"""
     if not (np.isfinite(duration_s) and duration_s > 0.0):
-        raise InputError(f"{what} needs a positive time, got {duration_s} s")
+        raise InputError(f"{words} needs a positive time, got {duration_s} s")

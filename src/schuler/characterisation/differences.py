@@ -97,7 +97,7 @@ def _s_w(alpha: int, t: FloatArray) -> FloatArray:
     return np.asarray(sign * t ** (3 - alpha) * np.log(np.where(t > 0.0, t, 1.0)))
 
 
-def known(process: Process) -> bool:
+def has_covariance(process: Process) -> bool:
     """Whether the generalised covariance of a process is known here; else only its local slope can be used."""
     return all(isinstance(term, White | RandomWalk | GaussMarkov | Ramp) for term in terms_of(process))
 

@@ -29,8 +29,8 @@ from schuler.navigation.report.subject import Subject, inside_share
 from schuler.plotting.parts import number
 
 # Claimed and actual sizes may differ by this factor before the words change: a fifth is what a careful tuning reaches.
-_HONEST = 1.25
-_INSIDE = 0.97  # least share inside three sigma: errors of one run are correlated, so not 0.997
+_SIZE_TOLERANCE = 1.25
+_LEAST_INSIDE = 0.97  # least share inside three sigma: errors of one run are correlated, so not 0.997
 
 
 class Row(NamedTuple):
@@ -42,7 +42,7 @@ class Row(NamedTuple):
 
 def verdict(subject: Subject) -> tuple[str, str, str, str]:
     """Accuracy, consistency, behaviour without GNSS, and aids: a sentence each."""
-    return _how_good(subject), _how_honest(subject), _without_gnss(subject), aids(subject)
+    return _accuracy_sentence(subject), _consistency_sentence(subject), _outage_sentence(subject), aids(subject)
 
 
 def key_numbers(subject: Subject) -> tuple[tuple[str, ...], list[Row]]:
@@ -59,7 +59,7 @@ def key_numbers(subject: Subject) -> tuple[tuple[str, ...], list[Row]]:
         for key, name in _STATISTICS.items():
             add(name, [s.get(key) for s in statistics])
         if subject.result.outages:
-            add("horizontal error with GNSS, RMS [m]", [_rms_aided(e, subject) for e in subject.errors.values()])
+            add("horizontal error with GNSS, RMS [m]", [_rms_with_gnss(e, subject) for e in subject.errors.values()])
             outage_lists = [outage_errors(e, subject.result.outages) for e in subject.errors.values()]
             if outage_lists[0]:
                 worst = [np.array([o.max_horizontal for o in f]) for f in outage_lists]
@@ -143,7 +143,7 @@ def _median(values: FloatArray) -> float | None:
     return float(np.median(finite)) if len(finite) else None
 
 
-def _rms_aided(e: TrajectoryErrors, subject: Subject) -> float | None:
+def _rms_with_gnss(e: TrajectoryErrors, subject: Subject) -> float | None:
     # the very end of an outage is left out too: there the first fix is just about to act
     with_gnss = np.ones(len(e.t), dtype=bool)
     for start, stop in subject.result.outages:
@@ -151,7 +151,7 @@ def _rms_aided(e: TrajectoryErrors, subject: Subject) -> float | None:
     return float(np.sqrt(np.mean(e.horizontal[with_gnss] ** 2))) if with_gnss.any() else None
 
 
-def _how_good(subject: Subject) -> str:
+def _accuracy_sentence(subject: Subject) -> str:
     role, result = subject.solutions[0]
     cut = "" if result.complete else "The run was interrupted; up to there, "
     if subject.errors:
@@ -178,63 +178,29 @@ def _how_good(subject: Subject) -> str:
     return (cut + text if cut else text[0].upper() + text[1:]) + "."
 
 
-def _how_honest(subject: Subject) -> str:
-    inn = subject.result.innovations
-    parts = []
-    if subject.nees is not None:
-        _, values, degrees = subject.nees
-        mean, (low, high) = float(np.mean(values)), chi_square_band(degrees)
-        place = "inside" if low <= mean <= high else "above" if mean > high else "below"
-        parts.append(
-            (
-                np.sqrt(mean),
-                f"its normalised error squared (NEES) averages {number(mean)}, {place} the band "
-                f"{low:.2f} to {high:.2f}",
-            )
-        )
-    tested = np.isfinite(inn.nis)
-    # constraints on a vehicle have generous sigmas, so GNSS is judged where there is any
-    used_kinds = inn.where(judged(inn))
-    gnss = used_kinds.where(np.isin(used_kinds.kind, GNSS_KINDS))
-    mean, whose = (gnss.mean_nis(), "GNSS") if len(gnss) else (used_kinds.mean_nis(), "its aids")
-    if np.isfinite(mean):
-        parts.append(
-            (
-                np.sqrt(mean),
-                f"the normalised innovation squared (NIS) of {whose} averages {number(mean)}, where 1 is right",
-            )
-        )
-    if not parts:
+def _consistency_sentence(subject: Subject) -> str:
+    sizes, words = _normalised_sizes(subject)
+    if not sizes:
         return "Nothing was measured that could tell whether the filter's uncertainty is honest."
     role = subject.solutions[0][0]
     shares = float(np.mean(subject.inside_three_sigma[role])) if role in subject.inside_three_sigma else 1.0
     # errors decide before innovations: they are what is claimed
-    factor, sized = float(parts[0][0]), "errors" if subject.nees is not None else "innovations"
-    if factor > _HONEST:
-        text = f"The filter is too sure of itself, its {sized} being {number(factor)} times what it claims on average"
-    elif shares < _INSIDE:
-        text = "The filter's uncertainty fits what it was given, but not all of its errors"
-    elif factor < 1.0 / _HONEST:
-        text = f"The filter is too cautious, its {sized} being only {number(factor)} times what it claims on average"
-    else:
-        text = "The filter's uncertainty can be believed"
-    if shares < _INSIDE:
-        parts.append(
-            (shares, f"{100.0 * shares:.0f} % of its position errors lie inside three sigma, where 99.7 % should")
-        )
+    text = _claim_against_size(sizes[0], "errors" if subject.nees is not None else "innovations", shares)
+    if shares < _LEAST_INSIDE:
+        words.append(f"{100.0 * shares:.0f} % of its position errors lie inside three sigma, where 99.7 % should")
     apart = subject.apart
-    if apart is not None:
-        share = separation_share(subject, apart, "dr")
-        if share < _INSIDE:  # more than this is no news; NaN neither
-            parts.append(
-                (share, f"smoothing moved the position by more than three sigma of the difference in "
-                 f"{100.0 * (1.0 - share):.0f} % of the records")
-            )  # fmt: skip
-    rejected = int(np.sum(inn.status == REJECTED))
-    text += ": " + "; ".join(words for _, words in parts)
-    if tested.any():
-        share = 100.0 * rejected / int(tested.sum())
-        text += f"; it rejected {rejected} of {int(tested.sum())} measurements" + (
+    share = float("nan") if apart is None else separation_share(subject, apart, "dr")
+    if share < _LEAST_INSIDE:
+        words.append(
+            f"smoothing moved the position by more than three sigma of the difference in {100.0 * (1.0 - share):.0f} % "
+            "of the records"
+        )
+    text += ": " + "; ".join(words)
+    inn = subject.result.innovations
+    tested, rejected = int(np.sum(np.isfinite(inn.nis))), int(np.sum(inn.status == REJECTED))
+    if tested:
+        share = 100.0 * rejected / tested
+        text += f"; it rejected {rejected} of {tested} measurements" + (
             f" ({share:.0f} %), look at the innovations" if share > 2.0 else ""
         )
     for role, result in subject.solutions:
@@ -242,6 +208,39 @@ def _how_honest(subject: Subject) -> str:
         if bad:
             text += f"; the {role} covariance has negative or unknown variances at {bad} of {len(result.t)} records"
     return text + "."
+
+
+def _normalised_sizes(subject: Subject) -> tuple[list[float], list[str]]:
+    """Roots of mean NEES and mean NIS, as far as they exist, with a phrase on each."""
+    sizes, words = [], []
+    if subject.nees is not None:
+        _, values, degrees = subject.nees
+        mean, (low, high) = float(np.mean(values)), chi_square_band(degrees)
+        place = "inside" if low <= mean <= high else "above" if mean > high else "below"
+        sizes.append(float(np.sqrt(mean)))
+        words.append(
+            f"its normalised error squared (NEES) averages {number(mean)}, {place} the band {low:.2f} to {high:.2f}"
+        )
+    inn = subject.result.innovations
+    counted = inn.where(judged(inn))
+    # constraints on a vehicle have generous sigmas, so GNSS is judged where there is any
+    gnss = counted.where(np.isin(counted.kind, GNSS_KINDS))
+    mean, source = (gnss.mean_nis(), "GNSS") if len(gnss) else (counted.mean_nis(), "its aids")
+    if np.isfinite(mean):
+        sizes.append(float(np.sqrt(mean)))
+        words.append(f"the normalised innovation squared (NIS) of {source} averages {number(mean)}, where 1 is right")
+    return sizes, words
+
+
+def _claim_against_size(factor: float, sized: str, shares: float) -> str:
+    """Judgement of the claimed uncertainty by the size of errors or innovations, and the share inside three sigma."""
+    if factor > _SIZE_TOLERANCE:
+        return f"The filter is too sure of itself, its {sized} being {number(factor)} times what it claims on average"
+    if shares < _LEAST_INSIDE:
+        return "The filter's uncertainty fits what it was given, but not all of its errors"
+    if factor < 1.0 / _SIZE_TOLERANCE:
+        return f"The filter is too cautious, its {sized} being only {number(factor)} times what it claims on average"
+    return "The filter's uncertainty can be believed"
 
 
 def _outages_left(subject: Subject) -> tuple[int, int]:
@@ -257,7 +256,7 @@ def _outages_left(subject: Subject) -> tuple[int, int]:
     return left, seen
 
 
-def _without_gnss(subject: Subject) -> str:
+def _outage_sentence(subject: Subject) -> str:
     windows = subject.result.outages
     offered = subject.result.innovations
     placing = offered.where(np.isin(offered.kind, (POSITION, PSEUDORANGE, RESET_POSITION)))
@@ -308,7 +307,7 @@ def measurement_rows(subject: Subject) -> list[tuple[str, ...]]:
 def aids(subject: Subject) -> str:
     """Sentence on the aids: used, rejected, and those whose innovations have another size than predicted."""
     inn = subject.result.innovations
-    used_kinds, wrong = [], []
+    used_kinds, off = [], []
     for kind, count in inn.counts().items():
         used = count[STATUS[ACCEPTED]] + count[STATUS[FORCED]]
         more = [
@@ -322,15 +321,15 @@ def aids(subject: Subject) -> str:
             used_kinds.append(f"{kind_display(kind).text} ({', '.join([f'{used} used', *more])})")
             mean, right = mean_nis(inn.of(kind))
             if not right:
-                wrong.append(
+                off.append(
                     f"{kind_display(kind).text} ({'too sure' if mean > 1.0 else 'too cautious'}, {number(mean)})"
                 )
     if not used_kinds:
         return "Nothing aided the INS."
     tested = bool(np.isfinite(inn.nis).any())
-    verdict_of_nis = "; NIS is " + (f"off for {_listed(wrong)}" if wrong else "right for each") if tested else ""
+    verdict_of_nis = "; NIS is " + (f"off for {_enumerated(off)}" if off else "right for each") if tested else ""
     return f"Aids: {', '.join(used_kinds)}{verdict_of_nis}."
 
 
-def _listed(words: list[str]) -> str:
+def _enumerated(words: list[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

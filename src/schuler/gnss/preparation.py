@@ -134,7 +134,6 @@ def prepare_ranges(
     epoch_gps_s, epochs = observations.epoch_gps_s, np.unique(c.t)
     epoch = np.searchsorted(epochs, c.t)
 
-    # satellites by the time of transmission that the first band's pseudorange gives
     record = choose_messages(
         ephemerides,
         c.sat,
@@ -144,11 +143,7 @@ def prepare_ranges(
         causal=causal,
         max_age_s=max_age_s,
     )
-    measured_range = np.where(np.isfinite(c.pseudorange[:, 0]), c.pseudorange[:, 0], c.pseudorange[:, 1])
-    plausible = (measured_range > _SHORTEST) & (measured_range < _LONGEST)
-    typical = epoch_medians(epoch, np.where(plausible, measured_range, np.nan), len(epochs))
-    typical = np.where(np.isfinite(typical), typical, _FLIGHT_S * SPEED_OF_LIGHT)
-    flight = np.where(plausible, measured_range, typical[epoch])
+    flight, measured_range, plausible = _flight_ranges(c.pseudorange, epoch, len(epochs))
     t_sent = transmission_times(ephemerides, c.sat, c.t, flight, record, epoch_gps_s=epoch_gps_s)
     states = states_of_messages(ephemerides, c.sat, t_sent, record, epoch_gps_s=epoch_gps_s)
 
@@ -163,15 +158,11 @@ def prepare_ranges(
     steps, clock = np.zeros(len(epochs), dtype=np.int64), np.zeros(len(epochs))
     rate = c.range_rate + SPEED_OF_LIGHT * states.clock_rate
     if place.located:
-        to_sat = states.r_e - place.r_e
-        to_sat /= np.linalg.norm(to_sat, axis=1)[:, None]
-        toward = np.sum(to_sat * states.v_e, axis=1)
+        toward = _radial_speed(states, place)
         rate = rate + toward * c.range_rate / SPEED_OF_LIGHT
         residual = corrected - geometric_ranges(states.r_e, place.r_e)
         clock = epoch_medians(epoch, np.where(usable, residual, np.nan), len(epochs))
-        alone = usable & np.isfinite(residual)
-        off = np.abs(residual - clock[epoch]) > _IMPLAUSIBLE
-        plausible &= ~(alone & off & (np.bincount(epoch[alone], minlength=len(epochs))[epoch] >= 4))
+        plausible &= ~_outlying(residual, clock, epoch, usable)
         drift = epoch_medians(epoch, np.where(usable, rate - toward, np.nan), len(epochs))
         steps, irregular = millisecond_steps(epochs, clock, drift)
         notes += _clock_notes(epochs, steps, irregular)
@@ -241,6 +232,32 @@ def _rows(c: ChosenSignals, keep: ArrayLike) -> ChosenSignals:
     return ChosenSignals(
         c.t[k], c.sat[k], c.pseudorange[k], c.bands[k], c.frequency_hz[k], c.range_rate[k], c.cn0[k], c.notes
     )
+
+
+def _flight_ranges(pseudorange: FloatArray, epoch: IntArray, epochs: int) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Ranges for the time of flight, the measured ones (first band, else second) and which of these are plausible.
+
+    An implausible range is replaced by the median of its epoch. Shapes (n, 2), (n,) to (n,). [m]
+    """
+    measured = np.where(np.isfinite(pseudorange[:, 0]), pseudorange[:, 0], pseudorange[:, 1])
+    plausible = (measured > _SHORTEST) & (measured < _LONGEST)
+    typical = epoch_medians(epoch, np.where(plausible, measured, np.nan), epochs)
+    typical = np.where(np.isfinite(typical), typical, _FLIGHT_S * SPEED_OF_LIGHT)
+    return np.where(plausible, measured, typical[epoch]), measured, plausible
+
+
+def _radial_speed(states: SatelliteStates, place: ReceiverPlace) -> FloatArray:
+    """Velocity of the satellites along the line of sight, away from the receiver: ``u . v_sat``. Shape (n,). [m/s]"""
+    to_sat = states.r_e - place.r_e
+    to_sat /= np.linalg.norm(to_sat, axis=1)[:, None]
+    return np.asarray(np.sum(to_sat * states.v_e, axis=1))
+
+
+def _outlying(residual: FloatArray, clock: FloatArray, epoch: IntArray, usable: BoolArray) -> BoolArray:
+    """Residuals far from the clock of their epoch, where four or more tell it. Shape (n,)."""
+    alone = usable & np.isfinite(residual)
+    off = np.abs(residual - clock[epoch]) > _IMPLAUSIBLE
+    return np.asarray(alone & off & (np.bincount(epoch[alone], minlength=len(clock))[epoch] >= 4))
 
 
 def _without_delays(

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from schuler.files import replacing, sha256, write_text
+from schuler.exceptions import ConfigError, FileFormatError
+from schuler.files import read_toml, replacing, sha256, write_text
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no permission bits or umask")
 
@@ -152,3 +153,22 @@ def test_sha256_of_more_than_one_read(tmp_path):
     assert sha256(path) != before
     path.write_bytes(block * 3)
     assert sha256(path) == before
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(None, "no such scenario file"), (b"a = [1,", "not a TOML file"), (b"a = '\xff'", "not a TOML file")],
+)
+def test_toml_errors_name_the_file_and_are_of_both_kinds(tmp_path, content, message):
+    path = tmp_path / "a.toml"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ConfigError, match=message) as caught:
+        read_toml(path, missing="no such scenario file")
+    assert str(caught.value).startswith(f"{path}: ")
+    assert isinstance(caught.value, FileFormatError)
+
+
+def test_toml_of_a_folder_is_refused_in_words(tmp_path):
+    with pytest.raises(ConfigError, match="cannot be read: "):
+        read_toml(tmp_path)

@@ -12,7 +12,7 @@ from schuler.exceptions import InputError
 from schuler.recording import trajectory as trajectory_module
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import GnssSeries, ImuSeries, Increments, OdometerSeries
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.trajectory import FullTrajectory, Trajectory
 from schuler.timebase import TimeBase
 
 EYE = np.eye(3)
@@ -153,6 +153,11 @@ def test_cuts_take_whole_samples_and_intervals():
         (lambda: OdometerSeries([0.0], [[1.0]], [1.0]), r"OdometerSeries\.speed: expected shape"),
         (lambda: Trajectory([0.0], [[6e6, 0.0, 0.0]]).v_eb_n, "has no velocity"),
         (lambda: Trajectory([0.0], [[6e6, 0.0, 0.0]]).q_nb, "has no attitude"),
+        (lambda: Trajectory([0.0], [[6e6, 0.0, 0.0]]).full(), "has no velocity"),
+        (lambda: Trajectory([0.0], [[6e6, 0.0, 0.0]], [[1.0, 0.0, 0.0]]).full(), "has no attitude"),
+        (lambda: FullTrajectory([0.0], [[6e6, 0.0, 0.0]], None, [[1.0, 0.0, 0.0, 0.0]]), "has no velocity"),
+        (lambda: gnss().need_velocity(), "has no velocity"),
+        (lambda: Recording(gnss=gnss()).need_reference(), "has no reference"),
         (lambda: Trajectory([0.0], [[6e6, 0.0, 0.0]]).moved_by([1.0, 0.0, 0.0]), "needs an attitude"),
         (lambda: Trajectory.from_geodetic([0.0], [[0.0, 0.0, 0.0]], [[1.0, 0.0]]), r"v_eb_n: expected shape \(1, 3\)"),
         (lambda: Recording(), "at least one series"),
@@ -163,6 +168,20 @@ def test_cuts_take_whole_samples_and_intervals():
 def test_what_makes_no_series_is_refused(make, message):
     with pytest.raises((InputError, TypeError), match=message):
         make()
+
+
+def test_a_full_trajectory_stays_full_where_it_is_cut_thinned_and_interpolated():
+    t = np.arange(4.0)
+    v, C = np.tile([1.0, 2.0, 0.0], (4, 1)), np.tile(EYE, (4, 1, 1))
+    partial = Trajectory.from_geodetic(t, np.column_stack((0.8 + 1e-7 * t, np.full(4, 0.2), t)), v, C)
+    full = partial.full()
+    assert type(partial) is Trajectory
+    assert full.full() is full
+    for cut in (full.at([0.5, 2.5]), full.between(1.0, 2.0), full.samples(np.array([0, 3]))):
+        assert type(cut) is FullTrajectory
+        same = partial.at(cut.t)
+        for name in ("r_eb_e", "v_eb_e", "q_eb"):
+            np.testing.assert_allclose(getattr(cut, name), getattr(same, name), rtol=1e-12, atol=1e-12)  # rounding
 
 
 def test_recordings_merge_on_one_time_axis():

@@ -16,6 +16,11 @@ from .io.dispatch import write as write
 from .io.hints import ReadHints as ReadHints
 from .recording import Metadata as Metadata
 from .recording import Recording as Recording
+from .series import GnssSeries as GnssSeries
+from .series import ImuSeries as ImuSeries
+from .series import Increments as Increments
+from .series import OdometerSeries as OdometerSeries
+from .series import ScalarSeries as ScalarSeries
 from .series import gnss_series as gnss_series
 from .tables.pandas import from_pandas as from_pandas
 from .tables.pandas import tables_from_pandas as tables_from_pandas
@@ -32,12 +37,17 @@ from .trajectory import Trajectory as Trajectory
 
 __all__ = [
     "FullTrajectory",
+    "GnssSeries",
+    "ImuSeries",
+    "Increments",
     "Metadata",
+    "OdometerSeries",
     "PolarsFrames",
     "PyShoeTrial",
     "RangeLog",
     "ReadHints",
     "Recording",
+    "ScalarSeries",
     "Trajectory",
     "UbxLog",
     "from_pandas",

@@ -19,8 +19,7 @@ from schuler.filtering.states import BLOCKS
 from schuler.growth.integrals import integral_variance
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import ImuSeries
-from schuler.reproduce.flenniken.study.rocket import RocketErrors, rocket_motion, rocket_trajectory
-from schuler.reproduce.flenniken.study.rocket import sensitivity as influence
+from schuler.reproduce.flenniken.study.rocket import RocketErrors, influence, rocket_motion, rocket_trajectory
 from schuler.sensors.catalogue import spec
 from schuler.sensors.spec import ImuSpec, TriadSpec
 from schuler.sensors.triads import GyroTriad

@@ -507,7 +507,7 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         return outputs(before, true, truth=true if truth else None)
 
     def drives():
-        return fixture("reproduce/yaman/test_unit_drives_figure.py", "found")
+        return fixture("reproduce/yaman/test_unit_drives_figure.py", "drives")
 
     def noise_of(function, *which):
         return function(noise()[0], *(noise()[k] for k in which))
@@ -580,7 +580,7 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         "calibration.report.field_panels.rests": lambda: fp.rests(field()[0]),
         "calibration.report.field_panels.innovations": lambda: fp.innovations(field()[0]),
         "reproduce.yaman.study.figures.drift": lambda: yaman_figures.drift(
-            fixture("reproduce/yaman/test_static_figures.py", "found")
+            fixture("reproduce/yaman/test_static_figures.py", "drift_test")
         ),
         "navigation.foot.figures.track": lambda: fo.track(*walked()),
         "navigation.foot.figures.heights": lambda: fo.heights(walked()[0]),

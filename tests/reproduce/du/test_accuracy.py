@@ -24,12 +24,12 @@ def test_table_4_5_is_the_printed_one():
 @pytest.mark.parametrize(("name", "rate"), [("NAV440", 20.0), ("MTi-G", -10.0)])
 def test_trials_achieve_the_prediction(name, rate):
     """sigma_d, sigma_K and the rest at the rate within 4 / sqrt(2 * 3 * 300), means within 4 of their own sigmas."""
-    found = calibration_trials(emulation(name, rate_hz=5.0), rate_deg_s=rate, runs=300, workers=1)
-    for row in found.table().rows:
+    result = calibration_trials(emulation(name, rate_hz=5.0), rate_deg_s=rate, runs=300, workers=1)
+    for row in result.table().rows:
         assert row[5] == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * 3.0 * 300.0))
         assert row[6] < 4.0
-    assert "achieved" in found.summary()
-    assert len(achieved([found, found])) == 6
+    assert "achieved" in result.summary()
+    assert len(achieved([result, result])) == 6
 
 
 def test_wrong_questions():

@@ -142,12 +142,12 @@ def test_instantaneous_errors_are_the_printed_closed_forms(scheme):
     """Rounding; installation of the gyros is printed without its Earth rate terms: |K| W = 4e-7 rad/s."""
     angle = np.linspace(0.0, 7.0, 60)
     for source, rows in printed_forms(scheme, angle).items():
-        found = tables.instantaneous_errors(scheme, ERRORS.only(source), angle, rate=W, lat=LAT)
-        found = found[0] if source.startswith("gyro") else found[1]
+        result = tables.instantaneous_errors(scheme, ERRORS.only(source), angle, rate=W, lat=LAT)
+        result = result[0] if source.startswith("gyro") else result[1]
         for k, row in enumerate(rows):
             if row is not None:
                 atol = 8e-7 if source == "gyro installation" else 1e-15
-                np.testing.assert_allclose(found[:, k], row, atol=atol, err_msg=f"{source} {k}")
+                np.testing.assert_allclose(result[:, k], row, atol=atol, err_msg=f"{source} {k}")
 
 
 @every_cell
@@ -183,10 +183,10 @@ def test_the_residue_is_the_integral_at_whole_revolutions(scheme, start, recipro
     run = open_loop_errors(
         at_rest(scheme, schedule=make(du_axis(scheme), W, angle=start)), errors.imu_errors(), np.array([0.0, t])
     )
-    found = tables.secular_errors(scheme, errors, t, rate=W, lat=LAT, start_angle=start, reciprocating=reciprocating)
+    result = tables.secular_errors(scheme, errors, t, rate=W, lat=LAT, start_angle=start, reciprocating=reciprocating)
     tilt = np.abs(errors.K).max() * earth.WGS84.omega_ie * t
     for one, two, atol in zip(
-        found, (run.attitude, run.velocity, run.position), (tilt, 9.81 * tilt * t, 9.81 * tilt * t**2), strict=True
+        result, (run.attitude, run.velocity, run.position), (tilt, 9.81 * tilt * t, 9.81 * tilt * t**2), strict=True
     ):
         np.testing.assert_allclose(one, swap_vector(two[-1]), atol=atol)
 
@@ -195,10 +195,10 @@ def test_without_matrix_errors_the_residue_is_exact():
     for scheme in ("X", "Y", "Z"):
         errors = DuErrors(ERRORS.d, ERRORS.b)
         run = open_loop_errors(at_rest(scheme), errors.imu_errors(), np.array([0.0, 360.0]))
-        found = tables.secular_errors(scheme, errors, 360.0, rate=W, lat=LAT)
-        np.testing.assert_allclose(found[0], swap_vector(run.attitude[-1]), atol=1e-13)
-        np.testing.assert_allclose(found[1], swap_vector(run.velocity[-1]), atol=1e-8)
-        np.testing.assert_allclose(found[2], swap_vector(run.position[-1]), atol=1e-6)
+        result = tables.secular_errors(scheme, errors, 360.0, rate=W, lat=LAT)
+        np.testing.assert_allclose(result[0], swap_vector(run.attitude[-1]), atol=1e-13)
+        np.testing.assert_allclose(result[1], swap_vector(run.velocity[-1]), atol=1e-8)
+        np.testing.assert_allclose(result[2], swap_vector(run.position[-1]), atol=1e-6)
 
 
 def test_residue_about_z_in_closed_form():

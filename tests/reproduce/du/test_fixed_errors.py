@@ -25,24 +25,24 @@ def test_every_anchor_is_met(case):
 
 def test_the_vertical_difference_is_gravity_falling_with_height():
     """2 g / R times the height, integrated twice over a t^2 / 2: b t^4 / 12 g / R; 10 % of it (second order)."""
-    found = chapter3("bias", axes=["Z"]).values("Z")
+    simulation = chapter3("bias", axes=["Z"]).values("Z")
     g = float(earth.gravity_ned(0.25 * np.pi)[2])
     expected = 0.2 * 300.0**4 / 12.0 * g / 6.37e6
-    assert found["up_m"] - 9013.0 == pytest.approx(expected, rel=0.10)
+    assert simulation["up_m"] - 9013.0 == pytest.approx(expected, rel=0.10)
 
 
 def test_a_constant_bias_is_modulated_across_the_axis_only():
     """Words of the thesis: about Z roll, pitch, V_E, V_N shrink, azimuth and V_U stay; about X and Y likewise."""
-    found = chapter3("bias", rate_hz=50.0)
-    conventional = np.abs([found.values(None)[f"attitude_{c}_deg"] for c in "enu"])
+    simulation = chapter3("bias", rate_hz=50.0)
+    conventional = np.abs([simulation.values(None)[f"attitude_{c}_deg"] for c in "enu"])
     for axis, kept in (("X", 0), ("Y", 1), ("Z", 2)):
-        turned = np.abs([found.values(axis)[f"attitude_{c}_deg"] for c in "enu"])
+        turned = np.abs([simulation.values(axis)[f"attitude_{c}_deg"] for c in "enu"])
         for k in range(3):
             if k == kept:
                 assert_allclose(turned[k], conventional[k], rtol=0.1)
             else:
                 assert turned[k] < 0.12 * conventional[k]
-    assert abs(found.values("Z")["velocity_u_m_s"]) > 50.0
+    assert abs(simulation.values("Z")["velocity_u_m_s"]) > 50.0
 
 
 def test_closed_forms_of_a_rotation_about_z():
@@ -61,9 +61,9 @@ def test_closed_forms_of_a_rotation_about_z():
 
 def test_a_scale_factor_ramps_about_the_axis():
     """K omega t about the axis of rotation: 9 deg in 300 s; the other angles stay below a quarter of a degree."""
-    found = chapter3("scale factor", rate_hz=50.0)
+    simulation = chapter3("scale factor", rate_hz=50.0)
     for axis, k in (("X", "e"), ("Y", "n"), ("Z", "u")):
-        values = found.values(axis)
+        values = simulation.values(axis)
         assert values[f"attitude_{k}_deg"] == pytest.approx(9.0, rel=0.03)
         assert all(abs(values[f"attitude_{o}_deg"]) < 0.25 for o in "enu" if o != k)
 
@@ -98,8 +98,8 @@ def test_agreement_can_fail():
 
 
 def test_table_and_figure():
-    found = chapter3("bias", axes=[None, "Z"], rate_hz=10.0, duration_s=300.0)
-    assert "Chapter 3, bias" in found.summary()
-    assert len(found.plot().axes) == 6
+    simulation = chapter3("bias", axes=[None, "Z"], rate_hz=10.0, duration_s=300.0)
+    assert "Chapter 3, bias" in simulation.summary()
+    assert len(simulation.plot().axes) == 6
     with pytest.raises(InputError, match="no run"):
-        found.values("X")
+        simulation.values("X")

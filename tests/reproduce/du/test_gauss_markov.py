@@ -66,13 +66,13 @@ def test_a_layout_for_the_filter():
         for t in (gyro, accel)
     ]
     imu = ImuSeries(0.02 * np.arange(n), parts[0], parts[1] + (0.0, 0.0, -9.81))
-    found = static_models(imu)
-    assert found.gyro.sigma / DEG_PER_HR == pytest.approx(10.0, rel=0.4)  # statistical, 40 correlation times
-    assert 20.0 < found.gyro.tau < 180.0
-    layout = found.layout(gyro_turn_on=100.0 * DEG_PER_HR, accel_turn_on=0.1)
-    assert layout.models["b_g"] == StateModel.gauss_markov(found.gyro.sigma, found.gyro.tau, 100.0 * DEG_PER_HR)
+    result = static_models(imu)
+    assert result.gyro.sigma / DEG_PER_HR == pytest.approx(10.0, rel=0.4)  # statistical, 40 correlation times
+    assert 20.0 < result.gyro.tau < 180.0
+    layout = result.layout(gyro_turn_on=100.0 * DEG_PER_HR, accel_turn_on=0.1)
+    assert layout.models["b_g"] == StateModel.gauss_markov(result.gyro.sigma, result.gyro.tau, 100.0 * DEG_PER_HR)
     assert IntegratedDrive(NAV440, layout=layout).states is layout
-    assert "tau_s" in found.summary()
+    assert "tau_s" in result.summary()
 
 
 def test_no_bias_is_said_to_be_none():

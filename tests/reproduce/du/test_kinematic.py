@@ -87,13 +87,13 @@ def test_claims_are_judged(tests):
 
 
 def test_verdicts():
-    def found(low, high):
+    def result(low, high):
         return Improvement(0.5 * (low + high), low, high, 0.95, 1.0, low, high, 100)
 
-    assert found(3.2, 4.0).compared((3.0, 5.0)) == "holds"
-    assert found(2.0, 2.9).compared((3.0, 5.0)) == "does not hold: less"
-    assert found(5.2, 6.0).compared((3.0, 5.0)) == "does not hold: more"
-    assert "in part" in found(2.5, 3.5).compared((3.0, 5.0))
+    assert result(3.2, 4.0).compared((3.0, 5.0)) == "holds"
+    assert result(2.0, 2.9).compared((3.0, 5.0)) == "does not hold: less"
+    assert result(5.2, 6.0).compared((3.0, 5.0)) == "does not hold: more"
+    assert "in part" in result(2.5, 3.5).compared((3.0, 5.0))
 
 
 def test_printed_means():

@@ -24,13 +24,13 @@ def study(reverses):
 
 @pytest.mark.parametrize("reverses", [False, True], ids=["continuous", "reciprocating"])
 def test_what_is_modelled_is_removed(reverses):
-    found = study(reverses)
+    result = study(reverses)
     low, high = chi_square_band(15, RUNS, 0.999)
     # statistical; biases do not wander here, so the filter is a little too careful
-    assert 0.8 * low < found.of("modelled", "nees").mean() < high
+    assert 0.8 * low < result.of("modelled", "nees").mean() < high
     fixes = 2 * 3 * 149 * RUNS
     low, high = chi_square_band(fixes, 1, 0.9999)
-    assert low < found.of("modelled", "nis").mean() < high
+    assert low < result.of("modelled", "nis").mean() < high
 
 
 def test_what_is_not_modelled_is_seen():
@@ -39,16 +39,16 @@ def test_what_is_not_modelled_is_seen():
     assert steady.of("no offset", "accel_bias_m_s2").mean() == pytest.approx((20.0 * DEG) ** 2 * 0.1, rel=0.5)
     assert np.all(rocking.of("no offset", "nis") > 1.5)
     assert np.all(rocking.of("no offset", "nees") > 20.0)
-    for found in (steady, rocking):
+    for result in (steady, rocking):
         for variant in VARIANTS[2:]:
-            assert np.all(found.of(variant, "nis") > 1.5)
-            assert np.all(found.of(variant, "horizontal_m") > 3.0 * found.of("modelled", "horizontal_m").mean())
+            assert np.all(result.of(variant, "nis") > 1.5)
+            assert np.all(result.of(variant, "horizontal_m") > 3.0 * result.of("modelled", "horizontal_m").mean())
 
 
 def test_table_and_errors():
-    found = study(False)
-    assert [row[0] for row in found.table().rows] == list(VARIANTS)
-    assert "continuous at 20 deg/s" in found.summary()
-    assert found.to_dict()["rows"][0]["nis"] == pytest.approx(found.of("modelled", "nis").mean())
+    result = study(False)
+    assert [row[0] for row in result.table().rows] == list(VARIANTS)
+    assert "continuous at 20 deg/s" in result.summary()
+    assert result.to_dict()["rows"][0]["nis"] == pytest.approx(result.of("modelled", "nis").mean())
     with pytest.raises(InputError, match="no lever rate"):
-        found.of("nothing", "nis")
+        result.of("nothing", "nis")

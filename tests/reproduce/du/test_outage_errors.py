@@ -44,14 +44,14 @@ def engine(rotary):
 @pytest.mark.parametrize("rotary", [True, False], ids=["rotary", "conventional"])
 def test_excess_goes_down_with_the_square_of_all_errors(rotary):
     """A defect would be as large at any size; a second-order term is a quarter at half the size."""
-    found = {size: float(lanes(rotary, size).nees(361.0, 659.0).mean()) for size in (1.0, 0.5, 0.25, 0.125)}
+    result = {size: float(lanes(rotary, size).nees(361.0, 659.0).mean()) for size in (1.0, 0.5, 0.25, 0.125)}
     low, high = chi_square_band(15, RUNS, 0.9999)
-    assert low < found[0.125] < high  # statistical, one independent value a run at least
-    assert low < found[0.25] < high
+    assert low < result[0.125] < high  # statistical, one independent value a run at least
+    assert low < result[0.25] < high
     # at full size far out of it: 0.30 and 1.40 above with this luck, 0.36 and 1.6 with much
-    assert found[1.0] - found[0.125] == pytest.approx(0.30 if rotary else 1.40, rel=0.15)
+    assert result[1.0] - result[0.125] == pytest.approx(0.30 if rotary else 1.40, rel=0.15)
     # the same luck at all sizes: differences of 1 and 1/2, of 1/2 and 1/4, one is four times the other
-    falls = -np.diff(list(found.values()))
+    falls = -np.diff(list(result.values()))
     assert 3.4 < falls[0] / falls[1] < 5.0  # 4 and terms of fourth order: 4.4 and 3.8 are seen
     assert 3.4 < falls[1] / falls[2] < 5.6
 
@@ -112,11 +112,11 @@ def test_extended_pose_errors_are_the_logarithm_of_the_group():
         hat[:3, :3], hat[:3, 3], hat[:3, 4] = C_hat, v + dv, r + dr
         xi = np.real(logm(np.linalg.inv(true) @ hat))
         expected = np.concatenate((C_hat @ xi[:3, 3], C_hat @ xi[:3, 4]))
-        found = extended_pose_errors(np.concatenate((psi, dv, dr, [7.0])))
-        np.testing.assert_allclose(found[3:9], expected, atol=1e-9)
-        np.testing.assert_array_equal(found[[0, 1, 2, 9]], [*psi, 7.0])
+        result = extended_pose_errors(np.concatenate((psi, dv, dr, [7.0])))
+        np.testing.assert_allclose(result[3:9], expected, atol=1e-9)
+        np.testing.assert_array_equal(result[[0, 1, 2, 9]], [*psi, 7.0])
         # equal to the states to first order
-        np.testing.assert_allclose(found[3:9], np.concatenate((dv, dr)), atol=3.0 * np.linalg.norm(psi))
+        np.testing.assert_allclose(result[3:9], np.concatenate((dv, dr)), atol=3.0 * np.linalg.norm(psi))
 
 
 def test_a_tilt_that_stays_is_first_order_in_extended_poses():

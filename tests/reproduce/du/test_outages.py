@@ -40,64 +40,64 @@ def honest(imu, rotary=True):
 
 @pytest.mark.parametrize("imu", [NAV440, MTI_G], ids=lambda i: i.name)
 def test_rotation_beats_none_in_an_outage(imu):
-    found = short(imu)
+    comparison = short(imu)
     for quantity in ("horizontal_m", "horizontal_m_s"):
-        gain = found.gain(quantity)
+        gain = comparison.gain(quantity)
         assert gain.certain, gain.summary()  # 95 %, by the runs
         assert 1.3 < gain.ratio < 4.0  # statistical; 2.5 and 2.1 in the thesis, one drive each
     # no rotation gets below the noise of the gyroscopes; statistical: a run's mean square scatters by its own size
     floor = noise_floor(imu.spec.gyro.random_walk, 300.0)
-    square = float(np.mean(found.rotary.rms()["horizontal_m"] ** 2))
+    square = float(np.mean(comparison.rotary.rms()["horizontal_m"] ** 2))
     assert square > (1.0 - 3.0 / np.sqrt(RUNS)) * floor.horizontal_position**2
     # the filter's claim is what is seen, to what scale factors and couplings add that it does not have
-    assert 0.6 < found.rotary.mean().horizontal_m / found.rotary.claimed_horizontal() < 1.5
+    assert 0.6 < comparison.rotary.mean().horizontal_m / comparison.rotary.claimed_horizontal() < 1.5
 
 
 @pytest.mark.parametrize("imu", [NAV440, MTI_G], ids=lambda i: i.name)
 def test_with_gnss_there_is_no_difference(imu):
-    found = rotary_comparison(imu, 16, drive=IntegratedDrive(imu, length_s=360.0, outages=()), seed=5)
-    assert found.gain("horizontal_m").ratio == pytest.approx(1.0, abs=0.02)
-    assert found.gain("horizontal_m_s").ratio == pytest.approx(1.0, abs=0.05)
-    assert found.rotary.mean().horizontal_m < 0.04
-    assert "GNSS all the time" in found.summary()
+    comparison = rotary_comparison(imu, 16, drive=IntegratedDrive(imu, length_s=360.0, outages=()), seed=5)
+    assert comparison.gain("horizontal_m").ratio == pytest.approx(1.0, abs=0.02)
+    assert comparison.gain("horizontal_m_s").ratio == pytest.approx(1.0, abs=0.05)
+    assert comparison.rotary.mean().horizontal_m < 0.04
+    assert "GNSS all the time" in comparison.summary()
 
 
 def test_runs_are_paired():
-    found = short(NAV440)
-    a, b = (draw_run(r.drive.scenario, 7, 5) for r in (found.conventional, found.rotary))
+    comparison = short(NAV440)
+    a, b = (draw_run(r.drive.scenario, 7, 5) for r in (comparison.conventional, comparison.rotary))
     np.testing.assert_array_equal(a.constants, b.constants)
     np.testing.assert_array_equal(a.streams, b.streams)
 
 
 def test_tables_and_curves():
-    found = short(NAV440)
-    table = found.table()
+    comparison = short(NAV440)
+    table = comparison.table()
     assert table.row(imu_is="rotary", who="Du")["horizontal_m"] == OUTAGES["NAV440", "rotary"].horizontal_m == 440.2
     gain = table.row(imu_is="gain", who="ours")["horizontal_m"]
-    assert gain == pytest.approx(found.gain().ratio)
-    age, rms = found.rotary.curve("horizontal_m")
+    assert gain == pytest.approx(comparison.gain().ratio)
+    age, rms = comparison.rotary.curve("horizontal_m")
     assert age[0] == 1.0 and age[-1] == 299.0  # noqa: PT018
     assert np.all(np.diff(rms[30:]) > 0.0)
     # noise alone: growth with t^2.5, so 300 s are more than 20 times 75 s
     assert rms[-1] > 10.0 * rms[74]
-    assert len(found.curves(60)) == 5
-    assert found.to_dict()["rows"]
-    sigma = found.rotary.sigmas("dpsi")
-    assert sigma.shape == (len(found.rotary.records.t), 3)
+    assert len(comparison.curves(60)) == 5
+    assert comparison.to_dict()["rows"]
+    sigma = comparison.rotary.sigmas("dpsi")
+    assert sigma.shape == (len(comparison.rotary.records.t), 3)
     with pytest.raises(InputError, match="quantity"):
-        found.gain("height")
+        comparison.gain("height")
     with pytest.raises(InputError, match="horizontal_m"):
-        found.rotary.curve("height")
+        comparison.rotary.curve("height")
 
 
 def test_rest_hides_horizontal_gyroscope_biases_of_a_level_rotation():
     """Standard deviations over the drive (F29): at rest the conventional filter sees d_x, d_y, the rotating one much
     less; after the first turn both do, and both azimuths fall. Seen: 155 to 7.3 deg/h at rest, and 155 to 99, then 29;
     azimuth 1.34 to 0.10 deg."""
-    found = short(NAV440)
+    comparison = short(NAV440)
     sigma = {}
     for name in ("conventional", "rotary"):
-        runs = getattr(found, name)
+        runs = getattr(comparison, name)
         at = np.searchsorted(runs.records.t, (1.0, 29.0, 120.0))
         sigma[name] = (runs.sigmas("b_g")[at, :2].max(axis=1), runs.sigmas("dpsi")[at, 2])
     still, turning = sigma["conventional"][0], sigma["rotary"][0]
@@ -179,11 +179,11 @@ def test_scale_factors_as_states_make_units_honest(rotary):
 @pytest.mark.slow
 @pytest.mark.parametrize("imu", [NAV440, MTI_G], ids=lambda i: i.name)
 def test_three_outages(imu):
-    found = rotary_comparison(imu, 200)
-    gain = found.gain()
+    comparison = rotary_comparison(imu, 200)
+    gain = comparison.gain()
     assert gain.low > 1.7
     assert gain.high < 3.2
-    assert found.gain("horizontal_m_s").low > 1.7
+    assert comparison.gain("horizontal_m_s").low > 1.7
     # what is left where the filter also knows scale factors and cross-couplings
     known = rotary_comparison(imu, 200, drive=IntegratedDrive(imu, model="augmented")).gain()
     assert known.certain

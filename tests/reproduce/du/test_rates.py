@@ -30,10 +30,10 @@ def test_the_slowest_of_equal_rates():
 
 def test_the_knee_of_a_curve():
     """25 % above at 10 deg/s, 4 % at 20: the second; with a tolerance of 1 % a later one."""
-    found = sweep([1.25, 1.04, 1.0, 1.0, 1.0])
-    assert recommended_rate(found).rate == pytest.approx(20.0 * DEG)
-    assert recommended_rate(found, tolerance=0.01).rate == pytest.approx(30.0 * DEG)
-    assert recommended_rate(found).confidence == 1.0
+    result = sweep([1.25, 1.04, 1.0, 1.0, 1.0])
+    assert recommended_rate(result).rate == pytest.approx(20.0 * DEG)
+    assert recommended_rate(result, tolerance=0.01).rate == pytest.approx(30.0 * DEG)
+    assert recommended_rate(result).confidence == 1.0
 
 
 def test_the_fastest_if_it_is_far_better():
@@ -43,22 +43,22 @@ def test_the_fastest_if_it_is_far_better():
 def test_order_and_sign_of_the_rates_do_not_matter():
     order = np.array([3, 0, 4, 1, 2])
     means = np.array([1.25, 1.04, 1.0, 1.0, 1.0])
-    found = recommended_rate(sweep(means[order], rates=-RATES[order]))
-    assert found.rate == pytest.approx(-20.0 * DEG)
-    assert [row[0] for row in found.table().rows] == [-10.0, -20.0, -30.0, -50.0, -100.0]
+    result = recommended_rate(sweep(means[order], rates=-RATES[order]))
+    assert result.rate == pytest.approx(-20.0 * DEG)
+    assert [row[0] for row in result.table().rows] == [-10.0, -20.0, -30.0, -50.0, -100.0]
 
 
 def test_doubt_is_told():
     """At the edge of the rule, with runs that scatter each by themselves, resampled campaigns disagree."""
-    found = recommended_rate(sweep([1.1, 1.0, 1.0, 1.0, 1.0], shared=False, scatter=0.5, runs=60))
-    assert 0.2 < found.confidence < 0.9
+    result = recommended_rate(sweep([1.1, 1.0, 1.0, 1.0, 1.0], shared=False, scatter=0.5, runs=60))
+    assert 0.2 < result.confidence < 0.9
 
 
 def test_wrong_questions():
-    found = sweep([1.0] * 5)
+    result = sweep([1.0] * 5)
     with pytest.raises(InputError, match="tolerance"):
-        recommended_rate(found, tolerance=-0.1)
+        recommended_rate(result, tolerance=-0.1)
     with pytest.raises(InputError, match="strategy"):
-        recommended_rate(found, strategy="conventional")
+        recommended_rate(result, strategy="conventional")
     with pytest.raises(InputError, match="quantity"):
-        recommended_rate(found, quantity="speed")
+        recommended_rate(result, quantity="speed")

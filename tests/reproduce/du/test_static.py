@@ -52,11 +52,11 @@ def test_means_are_those_of_an_independent_emulation(reduced):
 @pytest.mark.parametrize("name", thesis.IMUS)
 def test_full_campaign_is_inside_the_band_of_an_independent_emulation(name):
     """600 runs: every mean within 10 %, and the recommended rates are the thesis's; statistical, fixed seed."""
-    found = static_test(emulation(name, rate_hz=20.0), runs=600, seed=1)
-    table = found.beside_the_check()
+    result = static_test(emulation(name, rate_hz=20.0), runs=600, seed=1)
+    table = result.beside_the_check()
     for quantity in ("position", "velocity"):
         assert all(table.column(f"{quantity}_in_band")), table.summary()
-    assert found.recommended_rate().rate / DEG == pytest.approx(thesis.RECOMMENDED_DEG_S[name])
+    assert result.recommended_rate().rate / DEG == pytest.approx(thesis.RECOMMENDED_DEG_S[name])
 
 
 def test_order_of_strategies(reduced):
@@ -87,14 +87,14 @@ def test_strategy_two_is_near_the_floor_and_above_it(reduced):
 
 def test_improvement_is_certain_and_stated(reduced):
     """Rotation with strategy II helps both, with 95 %; NAV440 by more than ten, MTi-G by less than three."""
-    found = reduced.improvement("II")
-    assert found.certain
+    result = reduced.improvement("II")
+    assert result.certain
     if reduced.imu.name == "NAV440":
-        assert found.low > 10.0
+        assert result.low > 10.0
     else:
-        assert found.high < 3.0
-    assert found.single_low < found.low < found.ratio < found.high < found.single_high
-    assert "times smaller" in found.summary()
+        assert result.high < 3.0
+    assert result.single_low < result.low < result.ratio < result.high < result.single_high
+    assert "times smaller" in result.summary()
 
 
 def test_recommended_rate_is_the_thesis_s(reduced):
@@ -129,9 +129,9 @@ def test_noise_floors_have_printed_digits():
     """Printed digits: 1722 m and 18.2 m/s, 230 and 2.4 at 300 s; 706, 10.6, 0.51 and 94, 1.4, 0.07 at 210 s."""
     for arw, T, position, velocity in ((3.0, 300.0, 1722.0, 18.2), (0.4, 300.0, 230.0, 2.4), (3.0, 210.0, 706.0, 10.6),
                                        (0.4, 210.0, 94.0, 1.4)):  # fmt: skip
-        found = noise_floor(arw * DEG_PER_RTHR, T, gravity=9.81)
-        assert found.horizontal_position == pytest.approx(position, rel=0.003)
-        assert found.horizontal_velocity == pytest.approx(velocity, abs=0.051)
+        result = noise_floor(arw * DEG_PER_RTHR, T, gravity=9.81)
+        assert result.horizontal_position == pytest.approx(position, rel=0.003)
+        assert result.horizontal_velocity == pytest.approx(velocity, abs=0.051)
     assert noise_floor(3.0 * DEG_PER_RTHR, 210.0).attitude / DEG == pytest.approx(0.51, abs=0.005)
     assert noise_floor(0.4 * DEG_PER_RTHR, 210.0).attitude / DEG == pytest.approx(0.07, abs=0.005)
 
@@ -152,9 +152,9 @@ def test_calibration_takes_fixed_gyroscope_errors_out():
     silent = replace(
         emulation("MTi-G", rate_hz=20.0), gyro_random_walk=0.0, accel_random_walk=0.0, accel_bias=(0.0, 0.0, 0.0)
     )  # fmt: skip
-    found = trial_run(Trial(imu=silent, rate=10.0 * DEG), 0)
-    assert found["II"][POSITION] < 3.0  # M times the Earth's rate across the axis
-    assert found["I"][POSITION] > 500.0
+    result = trial_run(Trial(imu=silent, rate=10.0 * DEG), 0)
+    assert result["II"][POSITION] < 3.0  # M times the Earth's rate across the axis
+    assert result["I"][POSITION] > 500.0
 
 
 def test_rotation_of_the_noise_leaves_its_size():
@@ -206,11 +206,11 @@ def test_rms_of_a_known_history():
 
 def test_emulation_is_in_our_axes():
     """Du's biases (right, forward, up) and K_gxz, K_gyz, K_gz as forward, right, down."""
-    found = emulation("NAV440")
-    assert_allclose(found.accel_bias, (0.095, 0.113, -0.052))
-    assert_allclose(np.array(found.gyro_bias) / DEG_PER_HR, (285.5, -228.1, 74.0))
-    assert_allclose(found.response, (-1.77e-3, -1.77e-3, 1e-3))
-    assert found.gyro_random_walk == pytest.approx(0.4 * DEG_PER_RTHR)
+    result = emulation("NAV440")
+    assert_allclose(result.accel_bias, (0.095, 0.113, -0.052))
+    assert_allclose(np.array(result.gyro_bias) / DEG_PER_HR, (285.5, -228.1, 74.0))
+    assert_allclose(result.response, (-1.77e-3, -1.77e-3, 1e-3))
+    assert result.gyro_random_walk == pytest.approx(0.4 * DEG_PER_RTHR)
     with pytest.raises(InputError, match="imu"):
         emulation("ADIS16488")
 
@@ -219,15 +219,15 @@ def test_any_imu_of_the_catalogue():
     """A unit drawn from a sheet goes through the same tests; what the thesis does not have is left empty."""
     unit = replace(drawn_emulation(catalogue.spec("MTi-G-710"), seed=4), rate_hz=5.0)
     assert unit.gyro_instability == pytest.approx(10.0 * DEG_PER_HR)
-    found = static_test(unit, rates_deg_s=(10.0, 30.0), runs=12)
-    assert found.improvements().column("thesis") == [None] * 4
-    assert found.improvement("II").certain
-    assert "MTi-G-710" in found.summary()
+    result = static_test(unit, rates_deg_s=(10.0, 30.0), runs=12)
+    assert result.improvements().column("thesis") == [None] * 4
+    assert result.improvement("II").certain
+    assert "MTi-G-710" in result.summary()
     driven = kinematic_test(unit, rate_deg_s=10.0, runs=12)
     assert driven.table().column("thesis") == [None] * 10
     assert "claimed" not in driven.summary()
     with pytest.raises(InputError, match="imu"):
-        found.beside_the_thesis()
+        result.beside_the_thesis()
     with pytest.raises(InputError, match="pass one"):
         kinematic_test(unit)
 
@@ -235,11 +235,11 @@ def test_any_imu_of_the_catalogue():
 def test_improvement_of_known_samples():
     """A ratio of exactly two; an interval that holds the truth of normal samples; too few runs are refused."""
     x = np.linspace(1.0, 2.0, 50)
-    found = improvement(2.0 * x, x)
-    assert (found.ratio, found.low, found.high, found.wins) == pytest.approx((2.0, 2.0, 2.0, 1.0))
-    assert found.compared((1.5, 2.5)) == "holds"
-    assert found.compared((3.0, 5.0)) == "does not hold: less"
-    assert found.compared((1.0, 1.5)) == "does not hold: more"
+    result = improvement(2.0 * x, x)
+    assert (result.ratio, result.low, result.high, result.wins) == pytest.approx((2.0, 2.0, 2.0, 1.0))
+    assert result.compared((1.5, 2.5)) == "holds"
+    assert result.compared((3.0, 5.0)) == "does not hold: less"
+    assert result.compared((1.0, 1.5)) == "does not hold: more"
     rng = np.random.default_rng(4)
     inside = 0
     for k in range(100):

@@ -71,8 +71,8 @@ def test_bounds_are_shown_with_their_uncertainty():
 
 
 def test_outages_are_shown_with_their_uncertainty():
-    found = heading_outages(spec("flenniken-consumer"), runs=20, start_s=20.0, outage_s=20.0)
-    figure = outage_figure(found, ("Gauss-Markov",))
+    result = heading_outages(spec("flenniken-consumer"), runs=20, start_s=20.0, outage_s=20.0)
+    figure = outage_figure(result, ("Gauss-Markov",))
     assert len(items(figure, Band)) == 12
     assert len(items(figure, Line)) == 15
 

@@ -66,12 +66,12 @@ def test_every_table_and_figure_in_the_notes_has_an_item(shared_data):
         pytest.skip(f"the notes are not at {notes}")
     text = notes.read_text(encoding="utf-8")
     known = IDS | set(NOT_RESULTS)
-    found = set()
+    result = set()
     pattern = r"\b(Fig|Table)s?\.? ([2-7A-D])\.(\d+)(?:-(?:\2\.)?(\d+))?"
     for kind, chapter, first, last in re.findall(pattern, text):
-        found |= {f"{kind.lower()}-{chapter}.{k}" for k in range(int(first), int(last or first) + 1)}
-    assert len(found) > 50
-    assert found <= known
+        result |= {f"{kind.lower()}-{chapter}.{k}" for k in range(int(first), int(last or first) + 1)}
+    assert len(result) > 50
+    assert result <= known
 
 
 def test_every_table_and_figure_is_an_item():

@@ -51,17 +51,17 @@ def done():
 def numbers_of(text, word):
     """``Fig 4.2``, ``Figs 5.5-5.8``, ``T5.5``, ``Tables 4.2-4.5, 5.2-5.7``: ids, ranges as all of them."""
     pattern = rf"\b{word}\s?((?:\d\.\d+(?:\s?[-–/,]\s?(?:{word})?\s?(?=\d\.\d))?)+)"
-    found = set()
+    result = set()
     for run in re.findall(pattern, text):
         for part in re.split(r"[,/]\s?", run):
             ends = [tuple(map(int, n.split("."))) for n in re.findall(r"\d\.\d+", part)]
             chapter = ends[0][0]
-            found |= (
+            result |= (
                 {f"{chapter}.{k}" for k in range(ends[0][1], ends[-1][1] + 1)}
                 if ends[-1][0] == chapter
                 else {f"{c}.{k}" for c, k in ends}
             )
-    return found
+    return result
 
 
 @pytest.mark.realdata
@@ -73,12 +73,12 @@ def test_every_table_and_figure_in_the_notes_has_an_item(shared_data):
     text = notes.read_text(encoding="utf-8")
     results = text[text.index("## 5. Results") : text.index("## 7. Limits")]
     appendix = text[text.index("## Appendix") :]
-    found = {f"fig-{n}" for n in numbers_of(results, "(?:Figs?|Figures?)")}
-    found |= {f"table-{n}" for n in numbers_of(results, "(?:Tables?|T)")}
+    result = {f"fig-{n}" for n in numbers_of(results, "(?:Figs?|Figures?)")}
+    result |= {f"table-{n}" for n in numbers_of(results, "(?:Tables?|T)")}
     sources = re.findall(r"source tables ([^)]*)\)", appendix)
-    found |= {f"table-{n}" for line in sources for n in re.findall(r"[\dAB]\.\d", line)}
-    assert {"table-A.6", "table-B.3", "table-4.2", "fig-5.8", "fig-4.3", "fig-2.7"} <= found  # the search sees them
-    assert found - IDS - set(NOT_RESULTS) == set()
+    result |= {f"table-{n}" for line in sources for n in re.findall(r"[\dAB]\.\d", line)}
+    assert {"table-A.6", "table-B.3", "table-4.2", "fig-5.8", "fig-4.3", "fig-2.7"} <= result  # the search sees them
+    assert result - IDS - set(NOT_RESULTS) == set()
 
 
 @pytest.mark.realdata

@@ -100,9 +100,9 @@ def test_interruption_keeps_what_was_finished(walk):
     def stop(fraction):
         raise KeyboardInterrupt
 
-    found = outage_grid(walk, imus=("HG1700",), draws=1, outages=2, progress=stop)
-    assert list(found.statistics) == [("HG1700", "Original")]
-    assert not found.complete
+    result = outage_grid(walk, imus=("HG1700",), draws=1, outages=2, progress=stop)
+    assert list(result.statistics) == [("HG1700", "Original")]
+    assert not result.complete
 
 
 def test_what_cannot_be_done_is_said(walk):
@@ -113,8 +113,8 @@ def test_what_cannot_be_done_is_said(walk):
 @pytest.mark.slow
 def test_full_grid():
     """25 minutes, 66 outages, ten draws: prototype within 25 %, NEES within 0.7 to 1.35."""
-    found = outage_grid(imus=("HG1700", "HG1900"), seedings=("Original",), draws=10)
+    result = outage_grid(imus=("HG1700", "HG1900"), seedings=("Original",), draws=10)
     for imu in ("HG1700", "HG1900"):
         for k, length in enumerate(LENGTHS):
-            assert found.total(imu, "Original", length) == pytest.approx(PROTOTYPE[imu, "Original"][k], rel=0.25)
-            assert 0.7 < found.statistics[imu, "Original"].nees(length) < 1.35
+            assert result.total(imu, "Original", length) == pytest.approx(PROTOTYPE[imu, "Original"][k], rel=0.25)
+            assert 0.7 < result.statistics[imu, "Original"].nees(length) < 1.35

@@ -57,11 +57,11 @@ def test_the_moving_mean_by_its_definition(blocks):
     """Slow definition, sample by sample; rounding."""
     rng = np.random.default_rng(2)
     x, before, expected, w = rng.standard_normal((50, 3)), rng.standard_normal((20, 3)), np.array([1.0, 2.0, 3.0]), 7
-    found = moving_mean_removed(x, w, expected, blocks=blocks, before=before)
+    result = moving_mean_removed(x, w, expected, blocks=blocks, before=before)
     whole = np.concatenate((before[-w:], x))
     for k in range(50):
         j = (k // w) * w if blocks else k
-        np.testing.assert_allclose(found[k], x[k] - whole[j : j + w].mean(axis=0) + expected, atol=1e-12)
+        np.testing.assert_allclose(result[k], x[k] - whole[j : j + w].mean(axis=0) + expected, atol=1e-12)
 
 
 def test_the_moving_mean_destroys_motion():
@@ -135,6 +135,6 @@ def test_interruption_keeps_the_runs_that_were_finished():
         if fraction >= 0.2:
             raise KeyboardInterrupt
 
-    found = bias_study(10, length_s=2.0, progress=stop)
-    assert len(found.end_n["none"]) == 2
-    assert not found.complete
+    result = bias_study(10, length_s=2.0, progress=stop)
+    assert len(result.end_n["none"]) == 2
+    assert not result.complete

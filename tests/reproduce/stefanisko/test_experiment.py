@@ -81,19 +81,19 @@ def test_biases_are_found_with_both_signs(moving):
 
 
 def test_without_outage():
-    found = figure_eight(replace(CASE, outage_s=None, duration_s=92.0), RUNS)
-    assert found.position(90.0) == pytest.approx(0.39, rel=PRINTED)
+    result = figure_eight(replace(CASE, outage_s=None, duration_s=92.0), RUNS)
+    assert result.position(90.0) == pytest.approx(0.39, rel=PRINTED)
 
 
 def test_at_rest_the_heading_is_lost():
     """Heading 6, 10, 14 deg at 50, 90, 120 s; position as an independent program has it. Ours lies 29 % above at 90
     s.
     """
-    found = figure_eight(replace(CASE, moving=False), RUNS)
+    result = figure_eight(replace(CASE, moving=False), RUNS)
     for t, heading in ((50.0, 6.0), (90.0, 10.0), (120.0, 14.0)):
-        assert found.heading(t) / DEG == pytest.approx(heading, rel=PRINTED), t
-    assert found.position(50.0) == pytest.approx(0.50, rel=PRINTED)
-    assert found.position(90.0) == pytest.approx(4.2, rel=0.35)  # 5.4: the heading makes it not quite normal
+        assert result.heading(t) / DEG == pytest.approx(heading, rel=PRINTED), t
+    assert result.position(50.0) == pytest.approx(0.50, rel=PRINTED)
+    assert result.position(90.0) == pytest.approx(4.2, rel=0.35)  # 5.4: the heading makes it not quite normal
 
 
 @pytest.mark.parametrize(
@@ -105,17 +105,17 @@ def test_at_rest_the_heading_is_lost():
     ],
 )
 def test_wrong_process_noise_shows(change, true, claimed):
-    found = figure_eight(replace(CASE, **change, duration_s=95.0), RUNS)
-    assert found.position(90.0) == pytest.approx(true, rel=PRINTED)
+    result = figure_eight(replace(CASE, **change, duration_s=95.0), RUNS)
+    assert result.position(90.0) == pytest.approx(true, rel=PRINTED)
     if claimed is not None:
-        assert found.claimed(slice(6, 9), 90.0) == pytest.approx(claimed, rel=PRINTED)
-        assert abs(np.log(found.ratio(90.0))) > np.log(3.0)  # and the ratio of 5.4 catches it
+        assert result.claimed(slice(6, 9), 90.0) == pytest.approx(claimed, rel=PRINTED)
+        assert abs(np.log(result.ratio(90.0))) > np.log(3.0)  # and the ratio of 5.4 catches it
 
 
 def test_ins_alone():
     """About 120 m in 40 s from the same initial errors."""
-    found = figure_eight(replace(CASE, gnss=False, duration_s=42.0, outage_s=None), RUNS)
-    assert found.position(40.0) == pytest.approx(120.0, rel=PRINTED)
+    result = figure_eight(replace(CASE, gnss=False, duration_s=42.0, outage_s=None), RUNS)
+    assert result.position(40.0) == pytest.approx(120.0, rel=PRINTED)
 
 
 def test_coincidence_against_asynchronous():
@@ -143,9 +143,9 @@ def test_interruption_keeps_the_runs_that_were_finished():
         if fraction > 0.2:
             raise KeyboardInterrupt
 
-    found = figure_eight(replace(CASE, duration_s=5.0, outage_s=None), 10, progress=stop)
-    assert len(found.nis) == 3
-    assert not found.complete
+    result = figure_eight(replace(CASE, duration_s=5.0, outage_s=None), 10, progress=stop)
+    assert len(result.nis) == 3
+    assert not result.complete
 
 
 def test_what_cannot_be_done_is_said():
@@ -199,11 +199,11 @@ def test_scheduling_of_a_recording(tmp_path):
 @pytest.mark.slow
 def test_full_campaign():
     """Four hundred runs: NEES within its band to 1e-4 but in the first seconds, where heading is not small."""
-    found = figure_eight(CASE, 400, seed=7)
+    result = figure_eight(CASE, 400, seed=7)
     low, high = chi_square_band(15, 400, 0.9999)
     for t in range(10, 120, 10):
-        assert low < found.nees[:, found._index(t)].mean() < high, t
-    assert found.position(90.0) == pytest.approx(4.1, rel=PRINTED)
+        assert low < result.nees[:, result._index(t)].mean() < high, t
+    assert result.position(90.0) == pytest.approx(4.1, rel=PRINTED)
 
 
 def test_track_is_shared_by_cases():

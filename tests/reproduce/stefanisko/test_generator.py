@@ -42,9 +42,9 @@ def test_the_solution_returns_the_path(place, order):
     for h in (0.02, 0.01, 0.005):
         n = round(10.0 / h)
         samples = gendata(A, STEP, B, STEP, h, np.arange(n) + place)
-        found = flat_navigation(samples, h, A[0], np.array((5.0, 12.0, -2.0)) / STEP, np.eye(3))
-        off.append(np.linalg.norm(found.r_n[-1] - A[-1]))
-        np.testing.assert_allclose(found.C_nb[-1] @ (1.0, 0.0, 0.0), (0.0, 0.0, -1.0), atol=1e-9)
+        result = flat_navigation(samples, h, A[0], np.array((5.0, 12.0, -2.0)) / STEP, np.eye(3))
+        off.append(np.linalg.norm(result.r_n[-1] - A[-1]))
+        np.testing.assert_allclose(result.C_nb[-1] @ (1.0, 0.0, 0.0), (0.0, 0.0, -1.0), atol=1e-9)
     np.testing.assert_allclose(np.divide(off[:-1], off[1:]), 2.0**order, rtol=0.02)
 
 

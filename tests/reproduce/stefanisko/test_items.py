@@ -56,15 +56,15 @@ def test_every_table_and_figure_in_the_notes_has_an_item(shared_data):
     six = text[text.index("## 6. Plots") : text.index("## 7. Limits")]
     columns = [line.split("|")[1] for line in six.splitlines() if re.match(r"\| [\dAB]\.\d", line)]
     columns += re.findall(r"Figs? ([\dAB]\.\d+(?:[–,\s]+[\dAB]\.\d+)*)", five)
-    found = set()
+    result = set()
     for part in re.split(r",\s*", ", ".join(columns)):
         ends = re.findall(r"([\dAB])\.(\d+)", part)
         for chapter, k in [(ends[0][0], k) for k in range(int(ends[0][1]), int(ends[-1][1]) + 1)]:
-            found.add(f"fig-{chapter}.{k}")
+            result.add(f"fig-{chapter}.{k}")
     tables = re.findall(r"Tables in the source: (.*)", six)[0]
-    found |= {f"table-{n}" for n in re.findall(r"\d\.\d", tables)}
-    assert {"fig-1.5", "fig-3.6", "fig-4.19", "fig-A.2", "fig-B.1", "table-3.1"} <= found  # the search sees them
-    assert found - IDS - set(NOT_RESULTS) == set()
+    result |= {f"table-{n}" for n in re.findall(r"\d\.\d", tables)}
+    assert {"fig-1.5", "fig-3.6", "fig-4.19", "fig-A.2", "fig-B.1", "table-3.1"} <= result  # the search sees them
+    assert result - IDS - set(NOT_RESULTS) == set()
 
 
 def test_every_table_and_figure_is_an_item():

@@ -50,9 +50,9 @@ def test_the_choice_holds_out_of_sample(tuned):
 
 
 def test_an_honest_filter_is_left_alone():
-    found = tune(figure_eight_runner(FigureEight(**SHORT), 3, 5), grid=GRID, passes=1)
-    assert found.chosen == Factors()
-    assert found.holds is None
+    outcome = tune(figure_eight_runner(FigureEight(**SHORT), 3, 5), grid=GRID, passes=1)
+    assert outcome.chosen == Factors()
+    assert outcome.holds is None
 
 
 def test_one_pass_finds_the_wrong_q_where_r_is_wrong():
@@ -135,11 +135,11 @@ def test_a_recording_in_two_parts():
         EXAMPLES / "town_navigation.toml",
         [("gnss.sigma_scale", 0.33), ("gnss.gate", "off"), ("outages.every_s", 25.0), ("outages.length_s", 10.0)],
     )
-    found = tune(*recording_runners(recording, config), grid=(0.1, 10.0), order=("p0", "q", "r"), passes=1)
-    assert found.chosen.r == 10.0
-    assert found.holds
-    assert found.after.nis == pytest.approx(1.0, abs=0.25)
-    assert found.after_out.nees < found.before_out.nees
+    outcome = tune(*recording_runners(recording, config), grid=(0.1, 10.0), order=("p0", "q", "r"), passes=1)
+    assert outcome.chosen.r == 10.0
+    assert outcome.holds
+    assert outcome.after.nis == pytest.approx(1.0, abs=0.25)
+    assert outcome.after_out.nees < outcome.before_out.nees
 
 
 def test_interruption_keeps_the_steps_that_were_finished():
@@ -150,9 +150,9 @@ def test_interruption_keeps_the_steps_that_were_finished():
         if fraction > 0.4:
             raise KeyboardInterrupt
 
-    found = tune(lambda f: Score(-f.p0, 3, 1.0), grid=(0.5, 2.0), passes=1, progress=stop)
-    assert [s.parameter for s in found.steps] == ["p0"]
-    assert not found.complete
+    outcome = tune(lambda f: Score(-f.p0, 3, 1.0), grid=(0.5, 2.0), passes=1, progress=stop)
+    assert [s.parameter for s in outcome.steps] == ["p0"]
+    assert not outcome.complete
 
 
 def test_what_cannot_be_done_is_said():

@@ -37,81 +37,81 @@ NOT_TO_BE_REACHED = {
 KNOWN_ABOVE: dict[str, set[str]] = {"yaman-automotive": set(), "yaman-tactical": set()}
 
 
-def check_beside_the_source(found: FieldCampaign) -> None:
+def check_beside_the_source(result: FieldCampaign) -> None:
     """Tables 5.3, 5.4: (a) within twice the source's scatter, (c) half its improvement, with its exceptions."""
-    for i, name in enumerate(found.names):
-        source = published(found.job.spec.name, name)
+    for i, name in enumerate(result.names):
+        source = published(result.job.spec.name, name)
         assert source is not None
-        std = found.residual[:, i].std(ddof=1)
-        if name not in NOT_TO_BE_REACHED[found.job.spec.name]:
+        std = result.residual[:, i].std(ddof=1)
+        if name not in NOT_TO_BE_REACHED[result.job.spec.name]:
             assert std < 2.0 * source[3], name
-            assert found.modelled[:, i].std(ddof=1) / std > 0.5 * source[1] / source[3], name
-        limit = noise_limit(found.job.spec, name, found.job.routine.duration)
+            assert result.modelled[:, i].std(ddof=1) / std > 0.5 * source[1] / source[3], name
+        limit = noise_limit(result.job.spec, name, result.job.routine.duration)
         if limit is not None:  # 4 sampling sigmas
-            assert std > limit * (1.0 - 4.0 * np.sqrt(0.5 / len(found))), name
+            assert std > limit * (1.0 - 4.0 * np.sqrt(0.5 / len(result))), name
 
 
 @pytest.fixture(scope="module")
-def found() -> FieldCampaign:
+def result() -> FieldCampaign:
     return field_campaign("yaman-automotive", 60, seed=7, rests="given", workers=1)
 
 
-def test_claimed_uncertainty_is_true(found):
-    assert found.complaints() == ()
-    assert set(found.status) == {"ok"}
-    assert 2.0 <= found.passes.mean() < 5.0
+def test_claimed_uncertainty_is_true(result):
+    assert result.complaints() == ()
+    assert set(result.status) == {"ok"}
+    assert 2.0 <= result.passes.mean() < 5.0
 
 
-def test_what_is_wrong_is_said(found):
+def test_what_is_wrong_is_said(result):
     """Covariances a quarter too small, one mean off by a sigma, a run lost."""
-    small = replace(found, covariance=0.75 * found.covariance)
+    small = replace(result, covariance=0.75 * result.covariance)
     assert any("NEES" in said for said in small.complaints())
-    estimate = found.estimate.copy()
-    estimate[:, 3] += found.sigma[:, 3]
-    biased = replace(found, estimate=estimate)
-    assert any(said.startswith(f"{found.names[3]}: mean") for said in biased.complaints())
-    covariance = found.covariance.copy()
+    estimate = result.estimate.copy()
+    estimate[:, 3] += result.sigma[:, 3]
+    biased = replace(result, estimate=estimate)
+    assert any(said.startswith(f"{result.names[3]}: mean") for said in biased.complaints())
+    covariance = result.covariance.copy()
     covariance[:, 4, :] *= 0.5
     covariance[:, :, 4] *= 0.5
     assert any(
-        said.startswith(f"{found.names[4]}: scatter") for said in replace(found, covariance=covariance).complaints()
+        said.startswith(f"{result.names[4]}: scatter") for said in replace(result, covariance=covariance).complaints()
     )
-    assert replace(found, failed=((3, "no rest"),)).complaints()[-1] == "1 runs failed"
+    assert replace(result, failed=((3, "no rest"),)).complaints()[-1] == "1 runs failed"
 
 
-def test_nees_in_closed_form(found):
+def test_nees_in_closed_form(result):
     """Without correlations the mean of squares, and unchanged by a change of parameters. Rounding."""
-    diagonal = replace(found, covariance=np.einsum("ki,ij->kij", found.sigma**2, np.eye(len(found.names))))
-    assert diagonal.nees == pytest.approx(np.mean(found.normalised**2, axis=1), rel=1e-9)
-    A = np.random.default_rng(1).standard_normal((30, 30)) / found.prior_sigma
+    diagonal = replace(result, covariance=np.einsum("ki,ij->kij", result.sigma**2, np.eye(len(result.names))))
+    assert diagonal.nees == pytest.approx(np.mean(result.normalised**2, axis=1), rel=1e-9)
+    A = np.random.default_rng(1).standard_normal((30, 30)) / result.prior_sigma
     mixed = replace(
-        found, estimate=found.residual @ A.T, modelled=0.0 * found.modelled, covariance=A @ found.covariance @ A.T
+        result, estimate=result.residual @ A.T, modelled=0.0 * result.modelled, covariance=A @ result.covariance @ A.T
     )
-    assert mixed.nees == pytest.approx(found.nees, rel=1e-5)
-    assert found.nees_band(0.95) == pytest.approx(chi_square_band(30, 60))
+    assert mixed.nees == pytest.approx(result.nees, rel=1e-5)
+    assert result.nees_band(0.95) == pytest.approx(chi_square_band(30, 60))
 
 
-def test_means_the_source_has_biased_are_zero(found):
+def test_means_the_source_has_biased_are_zero(result):
     """Accelerometers by linearisation (up to 32 of its standard errors), G_g's diagonal by Earth rate: within three."""
     for name in (*ACCEL, *DIAGONAL):
-        mean, error = found.mean(name)
+        mean, error = result.mean(name)
         assert abs(mean) < 3.0 * error, name
 
 
-def test_scatter_beside_the_source(found):
-    check_beside_the_source(found)
+def test_scatter_beside_the_source(result):
+    check_beside_the_source(result)
     for name in ("b_a_y", "b_a_z", "M_a_xx", "M_a_yy", "M_a_zz", "b_g_x", "b_g_y", "b_g_z", "M_g_yy", *DIAGONAL):
-        assert found.reason(name) == "below the source", name
+        assert result.reason(name) == "below the source", name
     for name in NOT_TO_BE_REACHED["yaman-automotive"]:
-        assert "not to be reached" in found.reason(name)
+        assert "not to be reached" in result.reason(name)
 
 
-def test_claims_are_at_the_bound_of_an_independent_recursion(found):
+def test_claims_are_at_the_bound_of_an_independent_recursion(result):
     """To 2 % of it with rests known to 0.1 s: blocks of a second, and linearised where estimates are, not the truth."""
-    job = found.job
+    job = result.job
     bound = information_bound(job.spec, job.routine, job.place, heading_sigma=job.heading_sigma, settle_s=0.1)
-    best = found.bound()
-    for name, sigma in zip(found.names, np.median(found.sigma, axis=0), strict=True):
+    best = result.bound()
+    for name, sigma in zip(result.names, np.median(result.sigma, axis=0), strict=True):
         assert 0.98 < sigma / bound[name] < 1.02, name
         assert sigma > 0.98 * best[name], name
 
@@ -131,37 +131,37 @@ def test_the_source_s_artefacts_are_there_in_its_form():
     assert printed.nees.mean() > 3.0 * chi_square_band(30, 16)[1]
 
 
-def test_grades_share_their_draws(found):
+def test_grades_share_their_draws(result):
     other = field_campaign("yaman-tactical", 2, seed=7, rests="given", workers=1)
     for k, name in enumerate(other.names):
-        i = found.column(name)
-        ratio = found.modelled[:2, i] / other.modelled[:, k]
-        assert ratio == pytest.approx(found.prior_sigma[i] / other.prior_sigma[k], rel=1e-9)
+        i = result.column(name)
+        ratio = result.modelled[:2, i] / other.modelled[:, k]
+        assert ratio == pytest.approx(result.prior_sigma[i] / other.prior_sigma[k], rel=1e-9)
 
 
-def test_run_k_is_run_k_whatever_their_number_and_processes(found):
+def test_run_k_is_run_k_whatever_their_number_and_processes(result):
     few = field_campaign("yaman-automotive", 3, seed=7, rests="given", workers=2)
     assert few.run.tolist() == [0, 1, 2]
     # rounding: linear algebra of another number of threads may add in another order
-    assert few.estimate == pytest.approx(found.estimate[:3], rel=1e-6, abs=1e-9)
+    assert few.estimate == pytest.approx(result.estimate[:3], rel=1e-6, abs=1e-9)
     assert few.workers == 2
 
 
-def test_tables_and_files(found, tmp_path):
-    table = found.table()
-    assert table.column("parameter") == list(found.names)
+def test_tables_and_files(result, tmp_path):
+    table = result.table()
+    assert table.column("parameter") == list(result.names)
     row = table.row(parameter="b_g_x")
     assert row["unit"] == "deg/h"
     assert row["residual_std"] < row["modelled_std"] / 50.0
     assert row["low"] < row["scatter_over_claimed"] < row["high"]
-    assert "NEES" in found.summary()
-    assert "Beside Yaman (2017)" in found.summary()
-    assert found.to_dict()["thesis"]["rows"][0]["source_std"] == pytest.approx(0.092)
-    with found.to_csv(tmp_path / "runs.csv").open(encoding="utf-8", newline="") as file:
+    assert "NEES" in result.summary()
+    assert "Beside Yaman (2017)" in result.summary()
+    assert result.to_dict()["thesis"]["rows"][0]["source_std"] == pytest.approx(0.092)
+    with result.to_csv(tmp_path / "runs.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 60
-    assert float(rows[5]["residual_M_g_xy"]) == pytest.approx(found.residual[5, found.column("M_g_xy")])
-    histogram = found.histogram("M_a_xx", bins=10)
+    assert float(rows[5]["residual_M_g_xy"]) == pytest.approx(result.residual[5, result.column("M_g_xy")])
+    histogram = result.histogram("M_a_xx", bins=10)
     assert histogram.unit == "ppm"
     assert histogram.modelled_count.sum() == histogram.residual_count.sum() == 60
     assert histogram.residual_edges[-1] < 0.1 * histogram.modelled_edges[-1]

@@ -37,7 +37,7 @@ def campaign(grade: str = "yaman-automotive", names=NAMES, claim: float = 1.0) -
 
 
 @pytest.fixture(scope="module")
-def found():
+def result():
     return campaign()
 
 
@@ -47,39 +47,39 @@ def only(panel, kind, label=None):
 
 
 @pytest.mark.parametrize("which", ["residual", "modelled", "normalised"])
-def test_every_run_is_in_a_column(found, which):
+def test_every_run_is_in_a_column(result, which):
     """The area of the columns is that of all runs; rounding."""
-    for name, panel in zip(NAMES, figures.histograms(found, which, NAMES, 12).panels, strict=True):
+    for name, panel in zip(NAMES, figures.histograms(result, which, NAMES, 12).panels, strict=True):
         columns = only(panel, Band)
         assert np.trapezoid(columns.high, columns.x) == pytest.approx(RUNS * (columns.x[-1] - columns.x[0]) / 12.0)
-        values = {"residual": found.residual, "modelled": found.modelled, "normalised": found.normalised}[which]
+        values = {"residual": result.residual, "modelled": result.modelled, "normalised": result.normalised}[which]
         factor = 1.0 if which == "normalised" else printed_unit(name)[1]
-        x = values[:, found.column(name)] / factor
+        x = values[:, result.column(name)] / factor
         assert (columns.x[0], columns.x[-1]) == pytest.approx((x.min(), x.max()))
         outline = only(panel, Line, "runs")
         np.testing.assert_array_equal(outline.y, columns.high)
         assert panel.title.startswith(f"{name}: ")
 
 
-def test_columns_stand_where_the_histogram_has_them(found):
-    (panel,) = figures.histograms(found, "residual", ["b_a_x"], 10).panels
-    h = found.histogram("b_a_x", 10)
+def test_columns_stand_where_the_histogram_has_them(result):
+    (panel,) = figures.histograms(result, "residual", ["b_a_x"], 10).panels
+    h = result.histogram("b_a_x", 10)
     columns = only(panel, Band)
     np.testing.assert_array_equal(columns.high[1:-1:2], h.residual_count)
     np.testing.assert_array_equal(columns.x[::2], h.residual_edges)
     assert panel.x_label == "[mg]"
-    mean, sigma = found.residual[:, 0].mean() / MG, found.residual[:, 0].std(ddof=1) / MG
+    mean, sigma = result.residual[:, 0].mean() / MG, result.residual[:, 0].std(ddof=1) / MG
     said = panel.title.removeprefix("b_a_x: ").removesuffix(" mg").split(" ± ")
     # printed digits: three
     assert [float(v) for v in said] == pytest.approx([mean, sigma], rel=0.01, abs=5e-4)
 
 
 @pytest.mark.parametrize(("which", "label"), [("residual", "as claimed"), ("modelled", "as specified")])
-def test_the_curve_is_what_is_claimed(found, which, label):
+def test_the_curve_is_what_is_claimed(result, which, label):
     """In closed form at the middle: the mean of 1 / (sqrt(2 pi) sigma) over the runs, times runs and bin width."""
-    (panel,) = figures.histograms(found, which, ["M_a_xx"], 20).panels
+    (panel,) = figures.histograms(result, which, ["M_a_xx"], 20).panels
     curve = only(panel, Line, label)
-    sigma = found.sigma[:, 1] if which == "residual" else found.prior_sigma[1:2]
+    sigma = result.sigma[:, 1] if which == "residual" else result.prior_sigma[1:2]
     columns = only(panel, Band)
     width = (columns.x[-1] - columns.x[0]) / 20.0
     middle = len(curve.y) // 2
@@ -90,7 +90,7 @@ def test_the_curve_is_what_is_claimed(found, which, label):
     assert np.trapezoid(curve.y, curve.x) == pytest.approx(RUNS * width, rel=0.02)
 
 
-def test_a_true_claim_fits_and_a_false_one_does_not(found):
+def test_a_true_claim_fits_and_a_false_one_does_not(result):
     """Statistical: chi-square of the columns about the curve, 20 bins, 5 standard deviations."""
 
     def misfit(one: FieldCampaign) -> float:
@@ -101,18 +101,18 @@ def test_a_true_claim_fits_and_a_false_one_does_not(found):
         counted = columns.high[1:-1:2]
         return float(np.sum((counted - expected) ** 2 / np.maximum(expected, 1.0)))
 
-    assert misfit(found) < 20.0 + 5.0 * np.sqrt(40.0)
+    assert misfit(result) < 20.0 + 5.0 * np.sqrt(40.0)
     assert misfit(campaign(claim=0.5)) > 20.0 + 5.0 * np.sqrt(40.0)
 
 
-def test_what_is_left_beside_the_claim_and_the_source(found):
-    (panel,) = figures.left(found, NAMES).panels
+def test_what_is_left_beside_the_claim_and_the_source(result):
+    (panel,) = figures.left(result, NAMES).panels
     rows = {name: y for y, name in panel.y_ticks}
     assert list(rows) == list(NAMES[::-1])  # the first name is on top
     assert rows["b_a_x"] == 3.0
     for label, expected in (
-        ("400 runs", lambda i, _: found.residual[:, i].std(ddof=1) / found.modelled[:, i].std(ddof=1)),
-        ("claimed", lambda i, _: np.median(found.sigma[:, i]) / found.prior_sigma[i]),
+        ("400 runs", lambda i, _: result.residual[:, i].std(ddof=1) / result.modelled[:, i].std(ddof=1)),
+        ("claimed", lambda i, _: np.median(result.sigma[:, i]) / result.prior_sigma[i]),
         ("Yaman (2017)", lambda _, n: published("yaman-automotive", n)[3] / published("yaman-automotive", n)[1]),
     ):
         marks = only(panel, Markers, label)
@@ -122,19 +122,19 @@ def test_what_is_left_beside_the_claim_and_the_source(found):
     assert panel.log_x
 
 
-def test_a_unit_the_source_does_not_have(found):
+def test_a_unit_the_source_does_not_have(result):
     (panel,) = figures.left(campaign("MPU-6000"), NAMES).panels
     assert {i.label for i in panel.items} == {"claimed", "400 runs"}
 
 
-def test_figures_by_name(found):
-    drawn = found.plot()
+def test_figures_by_name(result):
+    drawn = result.plot()
     assert isinstance(drawn, MplFigure)
     assert len([ax for ax in drawn.axes if ax.get_visible()]) == 4
-    some = found.plot("modelled", names=["M_a_xx", "b_a_x"], bins=7)
+    some = result.plot("modelled", names=["M_a_xx", "b_a_x"], bins=7)
     assert [ax.get_title("left").partition(":")[0] for ax in some.axes] == ["M_a_xx", "b_a_x"]
-    found.plot("left").draw_without_rendering()
-    found.plot("normalised").draw_without_rendering()
+    result.plot("left").draw_without_rendering()
+    result.plot("normalised").draw_without_rendering()
 
 
 @pytest.mark.parametrize(
@@ -146,6 +146,6 @@ def test_figures_by_name(found):
         ({"bins": 0}, "bins: expected a positive number, got 0"),
     ],
 )
-def test_what_cannot_be_drawn(found, options, message):
+def test_what_cannot_be_drawn(result, options, message):
     with pytest.raises(InputError, match=message):
-        found.plot(**options)
+        result.plot(**options)

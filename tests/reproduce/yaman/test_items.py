@@ -64,8 +64,8 @@ def few(monkeypatch):
 
 
 def item(name: str) -> Item:
-    (found,) = [i for i in ITEMS if i.id == name]
-    return found
+    (result,) = [i for i in ITEMS if i.id == name]
+    return result
 
 
 # ------------------------------------------------------------------------------------------- completeness
@@ -85,15 +85,15 @@ def test_ids_are_unique_and_complete():
 
 def numbers(text: str) -> set[str]:
     """Ids of tables and figures that a text names: lists and spans too."""
-    found = set()
+    result = set()
     pattern = r"\b(Table|Tables|Fig|Figs|Figure|Figures|figure|figures)\.? ?((?:[2-6D]\.\d+(?:, | and |/|-| to )?)+)"
     for word, listed in re.findall(pattern, text):
         kind = "table" if word.startswith("Tab") else "fig"
         for first, last in re.findall(r"([2-6D]\.\d+)(?:(?:-| to )([2-6D]\.\d+))?", listed):
             chapter, a = first.split(".")
             b = last.split(".")[1] if last else a
-            found |= {f"{kind}-{chapter}.{k}" for k in range(int(a), int(b) + 1)}
-    return found
+            result |= {f"{kind}-{chapter}.{k}" for k in range(int(a), int(b) + 1)}
+    return result
 
 
 def test_every_table_and_figure_of_the_thesis_is_accounted_for(shared_data):

@@ -104,13 +104,13 @@ def test_a_routine_shows_gravity_in_each_axis():
 def test_a_family_has_estimates_beside_what_is_left():
     job = FieldJob(catalogue.spec("yaman-automotive"), routine=thesis_routine(repeats=1), rests="given", rate_hz=50.0)
     (imu, _), truth, heading = simulated_unit(job, np.random.SeedSequence(1))
-    found = calibrated(job, imu, heading)
-    figure = family_figure(found, ("M_g_xy", "M_g_zy"), truth, "two rows")
+    result = calibrated(job, imu, heading)
+    figure = family_figure(result, ("M_g_xy", "M_g_zy"), truth, "two rows")
     assert [p.title for p in figure.panels] == ["M_g_xy, M_g_xz"] * 2 + ["M_g_zx, M_g_zy"] * 2
     assert figure.columns == 2
     left = figure.panels[1]
-    k = found.history.names.index("M_g_xy")
-    np.testing.assert_allclose(lines(left, "first")[0].y, found.history.normalised[:, k])
+    k = result.history.names.index("M_g_xy")
+    np.testing.assert_allclose(lines(left, "first")[0].y, result.history.normalised[:, k])
     draw(figure).draw_without_rendering()
     with pytest.raises(InputError, match="names: expected some of"):
-        family_figure(found, ("b_x",))
+        family_figure(result, ("b_x",))

@@ -27,7 +27,7 @@ def drive():
 
 
 @pytest.fixture(scope="module")
-def found(drive):
+def result(drive):
     return drive_modes(drive)
 
 
@@ -70,40 +70,42 @@ def test_levelling_with_the_sources_formula(drive):
     assert rpy[1] == pytest.approx(RAW["b_a"][0] / g, rel=0.03)
 
 
-def test_every_order_on_which_both_tables_agree_is_ours(found):
+def test_every_order_on_which_both_tables_agree_is_ours(result):
     for column, k in ((H, "position_horizontal_m"), (V, "position_vertical_m")):
         pairs = agreed_order(k)
         assert len(pairs) >= 29
         wrong = [
             f"{mode_name(*MODES[a])} < {mode_name(*MODES[b])}"
             for a, b in pairs
-            if found.rms[a, column] > found.rms[b, column]
+            if result.rms[a, column] > result.rms[b, column]
         ]
         assert len(wrong) <= 1, wrong
 
 
-def test_what_follows_from_the_inputs(found):
+def test_what_follows_from_the_inputs(result):
     """Vertical, uncalibrated: the recovered constant error in, the source's table out; 15 %, printed inputs."""
     for mode in ("Partial, INS", "None, INS"):
-        assert found.rms[ROW[mode], V] == pytest.approx(PRINTED_MODES[2][ROW[mode]][V], rel=0.15)
+        assert result.rms[ROW[mode], V] == pytest.approx(PRINTED_MODES[2][ROW[mode]][V], rel=0.15)
     # closed form: half a t^2, RMS over the outage of 101 s
-    assert found.rms[ROW["Partial, INS"], V] == pytest.approx(RAW["b_a"][2] * 101.0**2 / (2.0 * np.sqrt(5.0)), rel=0.05)
+    assert result.rms[ROW["Partial, INS"], V] == pytest.approx(
+        RAW["b_a"][2] * 101.0**2 / (2.0 * np.sqrt(5.0)), rel=0.05
+    )
 
 
-def test_aids_hold_what_gps_does_not(found):
+def test_aids_hold_what_gps_does_not(result):
     """A law of the source's conclusions: NG far better than pure inertial, with and without calibration."""
     for calibrated in ("INS+CIMU", "INS"):
         for gps in ("None", "Partial"):
-            assert found.rms[ROW[f"{gps}, {calibrated}+NG"], H] < 0.2 * found.rms[ROW[f"{gps}, {calibrated}"], H]
-    assert found.rms[ROW["Full, INS"], H] < 3.0
+            assert result.rms[ROW[f"{gps}, {calibrated}+NG"], H] < 0.2 * result.rms[ROW[f"{gps}, {calibrated}"], H]
+    assert result.rms[ROW["Full, INS"], H] < 3.0
 
 
-def test_the_table_has_both(found, tmp_path):
-    table = found.table()
+def test_the_table_has_both(result, tmp_path):
+    table = result.table()
     assert table.column("mode")[0] == "None, INS+CIMU"
     assert table.column("source_position_horizontal_m")[4] == 1.609
-    assert found.to_csv(tmp_path / "m.csv").read_text().count("\n") == 10
-    json.dumps(found.to_dict())
+    assert result.to_csv(tmp_path / "m.csv").read_text().count("\n") == 10
+    json.dumps(result.to_dict())
 
 
 def test_errors_over_a_window(drive):
@@ -119,10 +121,10 @@ def test_interruption_keeps_the_modes_that_were_finished(drive):
     def stop(fraction):
         raise KeyboardInterrupt
 
-    found = drive_modes(drive, against="truth", progress=stop)
-    assert np.isfinite(found.rms[:, 0]).tolist() == [True] + [False] * 8
-    assert not found.complete
-    assert len(found.table()) == 1
+    result = drive_modes(drive, against="truth", progress=stop)
+    assert np.isfinite(result.rms[:, 0]).tolist() == [True] + [False] * 8
+    assert not result.complete
+    assert len(result.table()) == 1
 
 
 def test_what_cannot_be_done_is_said(drive):

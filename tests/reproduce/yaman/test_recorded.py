@@ -37,7 +37,7 @@ def recording(shared_data):
 
 
 @pytest.fixture(scope="module")
-def found(recording, config):
+def result(recording, config):
     """As the source has it, nine states; outages of docs/driving.md."""
     return recorded_modes(recording, config)
 
@@ -54,15 +54,15 @@ def estimated(recording, config):
     return recorded_modes(recording, config, states=None)
 
 
-def test_the_rest_tells_gyro_biases_and_the_reading_along_gravity(found, recording, config):
+def test_the_rest_tells_gyro_biases_and_the_reading_along_gravity(result, recording, config):
     """One pose: the combination that gravity fixes is known to a thousandth, everything else as before."""
-    c = found.fit.calibration
+    c = result.fit.calibration
     assert c.status == "refused"  # not a calibration to keep; good for this drive
     share = c.observability
     assert all(share[f"b_g_{i}"] < 0.12 for i in "xyz")
     assert all(share[name] > 0.85 for name in ("b_a_x", "b_a_y", "M_a_xx", "M_a_yy", "M_g_xx", "M_g_yy", "M_g_zz"))
     imu = recording.imu
-    end = float(found.fit.rests.stop[0])
+    end = float(result.fit.rests.stop[0])
     assert 30.0 < end - imu.t[0] < 34.0  # the car creeps from 33.8 s on
     still = imu.between(float(imu.t[0]), end).rates()
     C = rotation.dcm_from_rpy(np.array(config.imu.mount_rpy_deg) * units.DEG)
@@ -78,9 +78,9 @@ def test_the_rest_tells_gyro_biases_and_the_reading_along_gravity(found, recordi
     assert np.linalg.norm(gyro) < 0.02 * units.DEG < 0.18 * units.DEG < np.linalg.norm(w)
 
 
-def test_filter_is_told_what_the_calibration_is_uncertain_by(found):
+def test_filter_is_told_what_the_calibration_is_uncertain_by(result):
     """Less than before; not much less, since one pose leaves tilt and scale factors unknown."""
-    raw, calibrated = found.stated_errors
+    raw, calibrated = result.stated_errors
     assert np.all(calibrated < raw)
     assert 15.0 * units.MG < calibrated[0] < raw[0] < 25.0 * units.MG
     assert raw[1] == pytest.approx(0.11 * units.DEG, rel=0.1)
@@ -88,14 +88,14 @@ def test_filter_is_told_what_the_calibration_is_uncertain_by(found):
 
 @pytest.mark.parametrize("gps", ["None", "Partial"])
 @pytest.mark.parametrize("aided", ["", "+NG"])
-def test_calibration_helps_where_nothing_is_estimated(found, long, gps, aided):
+def test_calibration_helps_where_nothing_is_estimated(result, long, gps, aided):
     """Nine states, horizontal and vertical, outages of 15 and of 63 s. Seen: 1.6 to 8 and 1.05 to 20 times."""
-    for modes in (found, long):
+    for modes in (result, long):
         for column in COLUMNS[:2]:
             assert modes.value(f"{gps}, INS+CIMU{aided}", column) < modes.value(f"{gps}, INS{aided}", column)
 
 
-@pytest.mark.parametrize("which", ["found", "long", "estimated"])
+@pytest.mark.parametrize("which", ["result", "long", "estimated"])
 @pytest.mark.parametrize("calibrated", ["", "+CIMU"])
 def test_wheels_and_stops_hold_what_gps_does_not(which, calibrated, request):
     """The source's conclusion: NG far better than pure inertial, with and without calibration."""
@@ -115,41 +115,41 @@ def test_every_order_of_the_source_with_outages_of_its_length(long):
     assert set(wrong) <= {("None, INS+CIMU", "Partial, INS")}
 
 
-def test_with_short_outages_only_pairs_of_different_lengths_differ(found):
+def test_with_short_outages_only_pairs_of_different_lengths_differ(result):
     """Nine minutes with wheels are worse than 15 s without; the source's outages last 63 and 101 s."""
     for column in COLUMNS[:2]:
-        for better, worse, ratio in found.order(column).rows:
+        for better, worse, ratio in result.order(column).rows:
             assert ratio > 1.0 or (better.startswith("None") and worse.startswith("Partial"))
 
 
-def test_a_filter_with_sensor_states_needs_no_calibration_in_outages(estimated, found):
+def test_a_filter_with_sensor_states_needs_no_calibration_in_outages(estimated, result):
     """It finds biases while there is GPS: raw and calibrated agree to 5 % (10 % vertically, with wheels)."""
     for aided in ("", "+NG"):
         raw, calibrated = (estimated.value(f"Partial, INS{x}{aided}") for x in ("", "+CIMU"))
         assert calibrated == pytest.approx(raw, rel=0.05)
     assert estimated.value("Partial, INS+NG", COLUMNS[2]) == pytest.approx(1.9, abs=0.3)  # that of docs/driving.md
-    assert estimated.value("Partial, INS") < 0.5 * found.value("Partial, INS")
+    assert estimated.value("Partial, INS") < 0.5 * result.value("Partial, INS")
     # without any GPS it has nothing to find them with
     assert estimated.value("None, INS+CIMU+NG") < estimated.value("None, INS+NG")
 
 
-def test_with_gps_the_solution_is_where_the_fixes_are(found, estimated):
-    assert found.value("Full, INS") < 0.03
+def test_with_gps_the_solution_is_where_the_fixes_are(result, estimated):
+    assert result.value("Full, INS") < 0.03
     assert estimated.value("Full, INS") < 0.03
 
 
-def test_the_table(found, tmp_path):
-    table = found.table()
-    assert len(found.windows) == 11  # those of docs/driving.md
-    assert "11 outages, 165 s" in found.summary()
+def test_the_table(result, tmp_path):
+    table = result.table()
+    assert len(result.windows) == 11  # those of docs/driving.md
+    assert "11 outages, 165 s" in result.summary()
     assert len(table) == 9
     assert table.row(mode="Partial, INS+NG")["source_2_horizontal_m"] == 30.05
     assert table.row(mode="None, INS")["mean_outage_max_horizontal_m"] is None
-    assert found.to_csv(tmp_path / "m.csv").read_text().count("\n") == 10
-    json.dumps(found.to_dict())
-    assert "hold" in found.order().notes[0]
+    assert result.to_csv(tmp_path / "m.csv").read_text().count("\n") == 10
+    json.dumps(result.to_dict())
+    assert "hold" in result.order().notes[0]
     with pytest.raises(InputError, match="expected a mode"):
-        found.value("Full, INS+NG")
+        result.value("Full, INS+NG")
 
 
 def test_interruption_keeps_the_modes_that_were_finished(recording, config):

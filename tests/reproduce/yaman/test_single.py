@@ -38,11 +38,11 @@ def printed():
 
 @pytest.mark.parametrize("mode", ["ours", "printed"])
 def test_accelerometer_bias_and_scale_factor_below_a_tenth_within_150_s(mode, request):
-    found = request.getfixturevalue(mode)
-    reached = found.reached(0.1)
+    result = request.getfixturevalue(mode)
+    reached = result.reached(0.1)
     for name in BIAS_AND_SCALE:
         assert reached[name] < 150.0, name
-        assert share(found, name, 150.0) < 0.10, name
+        assert share(result, name, 150.0) < 0.10, name
     # not earlier than the second axis allows: x has to point up and down
     assert reached["M_a_xx"] > 90.0
 
@@ -50,12 +50,12 @@ def test_accelerometer_bias_and_scale_factor_below_a_tenth_within_150_s(mode, re
 @pytest.mark.parametrize("mode", ["ours", "printed"])
 def test_gyroscope_bias_within_150_s_and_g_sensitivity_to_the_end(mode, request):
     """Section 5.1: bias below 0.1 by about 150 s, G_g about 0.04 to 0.09 from 270 s to 540 s."""
-    found = request.getfixturevalue(mode)
-    reached = found.reached(0.1)
+    result = request.getfixturevalue(mode)
+    reached = result.reached(0.1)
     assert max(reached[name] for name in GYRO_BIAS) < 150.0
-    for name in (n for n in found.names if n.startswith("G_g")):
-        assert share(found, name, 270.0) < 0.1, name
-        assert 0.02 < share(found, name, 535.0) < 0.06, name
+    for name in (n for n in result.names if n.startswith("G_g")):
+        assert share(result, name, 270.0) < 0.1, name
+        assert 0.02 < share(result, name, 535.0) < 0.06, name
 
 
 def test_misalignment_of_accelerometers_needs_each_axis_up_and_down(printed):

@@ -100,8 +100,8 @@ def test_predicted_sigma_of_a_single_error_in_closed_form(name, sigma, axis, exp
     imu = rest_of_a_minute(ImuErrors.none())
     t, P = predicted(*calibrated_start(result, job, levelled(imu, LLH, 0.0, 10.0), imu), imu, job)
     assert t[-1] - t[0] >= 58.9
-    found = np.sqrt(P[-1, axis, axis]) * (60.0 / (t[-1] - 24.0)) ** (3 if "g" in name else 2)
-    assert found == pytest.approx(expected, rel=3e-3, abs=0.01)
+    test = np.sqrt(P[-1, axis, axis]) * (60.0 / (t[-1] - 24.0)) ** (3 if "g" in name else 2)
+    assert test == pytest.approx(expected, rel=3e-3, abs=0.01)
 
 
 def test_predicted_sigma_of_noise_in_closed_form():
@@ -140,11 +140,11 @@ def test_drift_is_within_its_prediction(mpu):
 @pytest.mark.parametrize("imu", ["VN-200", "MTi-G-710"])
 def test_units_of_the_source_improve_tenfold_too(imu):
     """A horizontal gyroscope decides. Predictions hold to a factor of two: a flicker has no model of few states."""
-    found = static_drift(imu, 4, seed=5, rests="given", workers=1)
-    assert np.median(found.improvement()) > 10.0
-    raw, gyro = (np.median(found.drift(v, "horizontal")[:, -1]) for v in ("raw", "gyro"))
+    test = static_drift(imu, 4, seed=5, rests="given", workers=1)
+    assert np.median(test.improvement()) > 10.0
+    raw, gyro = (np.median(test.drift(v, "horizontal")[:, -1]) for v in ("raw", "gyro"))
     assert gyro < 0.1 * raw
-    assert found.within(8.0).all()
+    assert test.within(8.0).all()
 
 
 def test_the_filter_without_measurements_goes_where_compensated_data_go():
@@ -153,19 +153,19 @@ def test_the_filter_without_measurements_goes_where_compensated_data_go():
     job = StaticJob(FieldJob(spec, rests="given"), seconds=20.0)
     (imu, _), _, heading = simulated_unit(job.whole, np.random.SeedSequence(2))
     end = job.field.routine.duration
-    found = calibrated(job.field, imu.between(0.0, end), heading).calibration
+    test = calibrated(job.field, imu.between(0.0, end), heading).calibration
     rest = imu.between(end + 0.005, np.inf)
-    log = found.apply(rest)
+    log = test.apply(rest)
     nav = levelled(log, LLH, heading, job.level_s)
     track = mechanize(log.increments().between(nav.t, np.inf), nav)
-    initial, layout = calibrated_start(found, job, nav, log)
+    initial, layout = calibrated_start(test, job, nav, log)
     psd = (np.full(3, spec.gyro.random_walk**2), np.full(3, spec.accel.random_walk**2))
     forward = run(
         rest.increments().between(nav.t, np.inf), MeasurementSchedule.empty(), initial, layout, *psd, FilterOptions()
     )
     assert forward.r[-1] == pytest.approx(track.r_eb_e[-1], abs=2e-3)
-    half = gyro_calibrated(found, rest)
-    e, h = found.errors, rest.interval
+    half = gyro_calibrated(test, rest)
+    e, h = test.errors, rest.interval
     assert np.array_equal(half.accel, rest.accel)
     back = half.gyro @ (np.eye(3) + e.M_g).T + rest.accel @ e.G_g.T + e.b_g * h
     assert back == pytest.approx(rest.gyro, abs=1e-12)

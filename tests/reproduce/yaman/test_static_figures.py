@@ -19,7 +19,7 @@ T = np.arange(0.0, 61.0)
 
 
 @pytest.fixture(scope="module")
-def found() -> StaticDrift:
+def drift_test() -> StaticDrift:
     """Made up: units drift as t squared, each variant a hundredth of the one before; numbers 0, 2 and 5 of five."""
     size = np.array([1.0, 2.0, 4.0])[:, None] * np.array([1.0, 1e-2, 1e-4])
     way = np.array([3.0, 4.0, 12.0])
@@ -34,10 +34,10 @@ def only(panel, kind, label):
     return item
 
 
-def test_medians_and_quartiles_are_those_of_the_table(found):
-    figure = drift(found)
+def test_medians_and_quartiles_are_those_of_the_table(drift_test):
+    figure = drift(drift_test)
     for panel, part in zip(figure.panels, ("horizontal", "vertical"), strict=True):
-        table = found.curves(part)
+        table = drift_test.curves(part)
         columns = {name: np.array([row[i] for row in table.rows])[1:] for i, name in enumerate(table.columns)}
         bands = [i for i in panel.items if isinstance(i, Band)]
         for variant, band in zip(VARIANTS, bands, strict=True):
@@ -51,9 +51,9 @@ def test_medians_and_quartiles_are_those_of_the_table(found):
         assert panel.log
 
 
-def test_closed_form_at_the_end(found):
+def test_closed_form_at_the_end(drift_test):
     """sqrt(3^2 + 4^2) t^2 and 12 t^2, of the unit in the middle; predictions 3e-4 and 4e-4, 12e-4 times t^2."""
-    horizontal, vertical = drift(found).panels
+    horizontal, vertical = drift(drift_test).panels
     assert only(horizontal, Line, "raw").y[-1] == pytest.approx(2.0 * 5.0 * 3600.0)
     assert only(vertical, Line, "calibrated").y[-1] == pytest.approx(2.0 * 12.0 * 0.36)
     assert only(horizontal, Line, "predicted for calibrated, RMS").y[-1] == pytest.approx(5e-4 * 3600.0)
@@ -61,18 +61,18 @@ def test_closed_form_at_the_end(found):
     assert horizontal.title == "horizontal: 36000 / 360 / 3.60 m after 60 s"
 
 
-def test_one_unit_by_itself(found):
-    figure = drift(found, 5)
+def test_one_unit_by_itself(drift_test):
+    figure = drift(drift_test, 5)
     assert "unit 5" in figure.title
     for panel, factor in zip(figure.panels, (5.0, 12.0), strict=True):
         assert not [i for i in panel.items if isinstance(i, Band)]
         assert only(panel, Line, "raw").y[-1] == pytest.approx(4.0 * factor * 3600.0)
     with pytest.raises(InputError, match=r"unit: expected one of 0, 2, 5, got 1"):
-        found.plot(unit=1)
+        drift_test.plot(unit=1)
 
 
-def test_it_is_drawn(found):
-    drawn = found.plot()
+def test_it_is_drawn(drift_test):
+    drawn = drift_test.plot()
     assert isinstance(drawn, MplFigure)
     assert [ax.get_yscale() for ax in drawn.axes] == ["log", "log"]
     drawn.draw_without_rendering()

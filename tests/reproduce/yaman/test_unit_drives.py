@@ -55,18 +55,18 @@ def turned():
 @pytest.fixture(scope="module")
 def calibrated(turned):
     """Ten units with their calibration, by what happens before the drive."""
-    found = {"repeatability": [], "none": []}
+    drives = {"repeatability": [], "none": []}
     for child in np.random.SeedSequence(5).spawn(10):
         of_unit, of_routine = child.spawn(2)
-        unit, same = (FieldUnit.draw(np.random.default_rng(of_unit), turn_on) for turn_on in found)
+        unit, same = (FieldUnit.draw(np.random.default_rng(of_unit), turn_on) for turn_on in drives)
         one = calibrate_unit(unit, turned, np.random.default_rng(of_routine))
-        found["repeatability"].append(one)
-        found["none"].append(replace(one, unit=same))  # the same routine
-    return found
+        drives["repeatability"].append(one)
+        drives["none"].append(replace(one, unit=same))  # the same routine
+    return drives
 
 
 @pytest.fixture(scope="module")
-def found(scene):
+def drives(scene):
     return field_drives(scene, 3)
 
 
@@ -178,47 +178,47 @@ def test_errors_without_states_are_told_as_noise():
 
 
 @pytest.mark.parametrize("column", ["position_horizontal_m", "position_vertical_m"])
-def test_every_order_on_which_both_tables_agree_is_ours(found, column):
+def test_every_order_on_which_both_tables_agree_is_ours(drives, column):
     """Medians of three units; one pair may differ, as in drive_modes."""
-    pairs = found.order(column)
+    pairs = drives.order(column)
     assert len(pairs) >= 29
     assert sum(ratio <= 1.0 for ratio in pairs.column("ratio_of_medians")) <= 1
 
 
-def test_raw_vertical_errors_follow_from_the_unit(found):
+def test_raw_vertical_errors_follow_from_the_unit(drives):
     """Half a t^2 of the z accelerometer's error, RMS over the outage of 101 s: 10 % and 5 m for what else there is."""
     for k, child in enumerate(np.random.SeedSequence(1).spawn(3)):
         unit = FieldUnit.draw(np.random.default_rng(child.spawn(1)[0]))
         a = abs(unit.drive.b_a[2] - G * unit.drive.M_a[2, 2])
-        rms = found.rms[k, ROW["Partial, INS"], V]
+        rms = drives.rms[k, ROW["Partial, INS"], V]
         assert rms == pytest.approx(a * 101.0**2 / (2.0 * np.sqrt(5.0)), rel=0.1, abs=5.0)
 
 
-def test_calibration_brings_an_order_of_magnitude_vertically_in_every_unit(found):
+def test_calibration_brings_an_order_of_magnitude_vertically_in_every_unit(drives):
     """80 mg and 3 % before, 3 mg of repeatability after; the source has 54 and 77 in outages."""
     for gps in ("None", "Partial"):
-        ratio = found.rms[:, ROW[f"{gps}, INS"], V] / found.rms[:, ROW[f"{gps}, INS+CIMU"], V]
+        ratio = drives.rms[:, ROW[f"{gps}, INS"], V] / drives.rms[:, ROW[f"{gps}, INS+CIMU"], V]
         assert np.all(ratio > 5.0)
         assert np.median(ratio) > 10.0
 
 
-def test_aids_hold_what_gps_does_not(found):
+def test_aids_hold_what_gps_does_not(drives):
     """The source's conclusion, in every unit: NG far better than pure inertial, calibrated or not."""
     for mode in ("None, INS+CIMU", "None, INS", "Partial, INS+CIMU", "Partial, INS"):
-        assert np.all(found.rms[:, ROW[f"{mode}+NG"], H] < 0.35 * found.rms[:, ROW[mode], H])
-    assert np.all(found.rms[:, ROW["Full, INS"], H] < 3.0)
+        assert np.all(drives.rms[:, ROW[f"{mode}+NG"], H] < 0.35 * drives.rms[:, ROW[mode], H])
+    assert np.all(drives.rms[:, ROW["Full, INS"], H] < 3.0)
 
 
-def test_the_table_has_both(found, tmp_path):
-    table = found.table()
+def test_the_table_has_both(drives, tmp_path):
+    table = drives.table()
     assert table.column("mode")[0] == "None, INS+CIMU"
     assert table.column("source_position_horizontal_m")[4] == 1.609
     low, median, high = (np.array(table.column(f"{x}position_vertical_m")) for x in ("low_", "", "high_"))
     assert np.all((low <= median) & (median <= high))
-    assert "3 units" in found.summary()
-    assert found.to_csv(tmp_path / "m.csv").read_text().count("\n") == 10
-    json.dumps(found.to_dict())
-    assert "hold for the medians" in found.order().notes[0]
+    assert "3 units" in drives.summary()
+    assert drives.to_csv(tmp_path / "m.csv").read_text().count("\n") == 10
+    json.dumps(drives.to_dict())
+    assert "hold for the medians" in drives.order().notes[0]
 
 
 def test_interruption_keeps_the_units_that_were_finished(monkeypatch, scene):

@@ -14,7 +14,7 @@ from schuler.reproduce.yaman.study.unit_drives import FieldDrives
 
 
 @pytest.fixture(scope="module")
-def found() -> FieldDrives:
+def drives() -> FieldDrives:
     rms = np.random.default_rng(3).lognormal(2.0, 1.0, (21, len(MODES), len(QUANTITIES)))
     return FieldDrives(2, "repeatability", "full", rms, np.ones((21, 2, 2)))
 
@@ -24,10 +24,10 @@ def only(panel, label):
     return item
 
 
-def test_rows_are_those_of_the_table(found):
-    figure = modes(found, ["position_vertical_m", "yaw_deg"])
+def test_rows_are_those_of_the_table(drives):
+    figure = modes(drives, ["position_vertical_m", "yaw_deg"])
     assert [p.x_label for p in figure.panels] == ["position vertical [m]", "yaw [deg]"]
-    table = found.table()
+    table = drives.table()
     for panel, name in zip(figure.panels, ("position_vertical_m", "yaw_deg"), strict=True):
         at = {word: y for y, word in panel.y_ticks}
         assert at[mode_name(*MODES[0])] == 8.0  # on top, as in the table
@@ -44,12 +44,12 @@ def test_rows_are_those_of_the_table(found):
         assert panel.log_x
 
 
-def test_it_is_drawn(found):
-    drawn = found.plot()
+def test_it_is_drawn(drives):
+    drawn = drives.plot()
     assert isinstance(drawn, MplFigure)
     assert len(drawn.axes) == 2
     drawn.draw_without_rendering()
-    found.plot(quantities=QUANTITIES).draw_without_rendering()
+    drives.plot(quantities=QUANTITIES).draw_without_rendering()
     for wrong in (["height_m"], []):
         with pytest.raises(InputError, match="quantities: expected some of position_horizontal_m"):
-            found.plot(quantities=wrong)
+            drives.plot(quantities=wrong)

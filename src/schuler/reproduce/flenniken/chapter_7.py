@@ -17,9 +17,9 @@ from schuler.reproduce.flenniken.study.rocket import (
     all_angles,
     impact_budget,
     impact_scatter,
+    influence,
     rocket_trajectory,
 )
-from schuler.reproduce.flenniken.study.rocket import sensitivity as influence
 from schuler.reproduce.flenniken.study.tables import sensitivity_table, with_angles
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.sensors.catalogue import spec

@@ -95,35 +95,35 @@ def test_steady_bounds_are_those_of_the_source():
 
 def test_outage_table():
     """An independent program's table within 10 %; 1500 runs scatter by 1.8 %."""
-    found = heading_outages(spec("flenniken-consumer"), runs=1500, seed=5)
-    for i, truth in enumerate(found.truths):
-        for j, name in enumerate(found.filters):
-            ours = [found.at(seconds)[i, j] / DEG for seconds in AFTER_S]
+    result = heading_outages(spec("flenniken-consumer"), runs=1500, seed=5)
+    for i, truth in enumerate(result.truths):
+        for j, name in enumerate(result.filters):
+            ours = [result.at(seconds)[i, j] / DEG for seconds in AFTER_S]
             assert_allclose(ours, OUTAGE_DEG[truth, name], rtol=0.1)
-    assert "walking bias" in found.summary()
-    end = found.rms[:, :, -1]
+    assert "walking bias" in result.summary()
+    end = result.rms[:, :, -1]
     wandering, constant = end[0], end[1]
-    names = list(found.filters)
+    names = list(result.filters)
     assert wandering[names.index("Gauss-Markov")] == wandering.min()
     assert constant[names.index("Gauss-Markov")] == constant.max()
     # the filter that fell asleep believes a degree where it errs by eighteen
-    assert found.sigma[names.index("constant, asleep"), -1] < 0.1 * wandering[names.index("constant, asleep")]
+    assert result.sigma[names.index("constant, asleep"), -1] < 0.1 * wandering[names.index("constant, asleep")]
 
 
 def test_one_log_of_a_gyroscope_like_the_sources():
     """The filter with both biases holds the constant part; the Gauss-Markov one lets it decay and drifts most."""
-    found = recorded_outage(seed=2)
-    end = {name: abs(error[-1]) for name, (error, _) in found.items()}
+    result = recorded_outage(seed=2)
+    end = {name: abs(error[-1]) for name, (error, _) in result.items()}
     assert end["Gauss-Markov"] == max(end.values())
     assert end["both"] < 0.5 * end["Gauss-Markov"]
 
 
 def test_many_logs_of_another_gyroscope():
     """Without a constant bias the Gauss-Markov filter is right: RMS over runs is its sigma, 4 standard errors."""
-    found = recorded_outage(
+    result = recorded_outage(
         seed=3, runs=300, truth=BiasTruth(N, SIGMA, TAU), start_s=120.0, outage_s=120.0, rate_hz=2.0
     )
-    error, run = found["Gauss-Markov"]
+    error, run = result["Gauss-Markov"]
     assert error.shape == (480,)
     rms = np.sqrt(np.mean(run.estimate[-1, 0] ** 2))
     assert abs(rms / run.sigma[-1, 0] - 1.0) < 4.0 / np.sqrt(2.0 * 300)
@@ -133,9 +133,9 @@ def test_six_state_filter():
     """Check case of an independent program; 600 runs scatter by 2.9 %, tolerance 4 standard errors and its printed
     digits.
     """
-    found = position_outage(BiasTruth(0.003 * G0, 2.4e-3 * G0, 100.0, 0.01 * G0), runs=600, seed=6)
-    last = int(np.searchsorted(found.run.t, 300.0 - 1e-6))
-    assert_allclose(found.rms[last, [0, 2]], [0.029, 0.19], rtol=0.13)
-    assert_allclose(found.rms[last, 4] / G0, 1.02e-3, rtol=0.13)
-    assert_allclose(found.rms[-1, [0, 2]], [0.78, 21.3], rtol=0.13)
-    assert_allclose(found.rms[-1, :4], found.run.sigma[-1, :4], rtol=0.12)
+    result = position_outage(BiasTruth(0.003 * G0, 2.4e-3 * G0, 100.0, 0.01 * G0), runs=600, seed=6)
+    last = int(np.searchsorted(result.run.t, 300.0 - 1e-6))
+    assert_allclose(result.rms[last, [0, 2]], [0.029, 0.19], rtol=0.13)
+    assert_allclose(result.rms[last, 4] / G0, 1.02e-3, rtol=0.13)
+    assert_allclose(result.rms[-1, [0, 2]], [0.78, 21.3], rtol=0.13)
+    assert_allclose(result.rms[-1, :4], result.run.sigma[-1, :4], rtol=0.12)

@@ -77,8 +77,8 @@ def test_simple_model_of_a_grade():
 
 
 def test_twelve_angles():
-    found = {k for k, v in all_angles(1e-4).parameters().items() if v == 1e-4}
-    assert len(found) == 12
+    result = {k for k, v in all_angles(1e-4).parameters().items() if v == 1e-4}
+    assert len(result) == 12
     assert all_angles(1e-4, printed=True).gyro.printed
 
 

@@ -15,11 +15,11 @@ from schuler.reproduce.flenniken.study.rocket import (
     all_angles,
     impact_budget,
     impact_scatter,
+    influence,
     parameter_names,
     rocket_motion,
     rocket_trajectory,
 )
-from schuler.reproduce.flenniken.study.rocket import sensitivity as influence
 from schuler.reproduce.flenniken.study.rocket.errors import is_random
 from schuler.reproduce.flenniken.study.tables import sensitivity_table
 from schuler.sensors.catalogue import spec
@@ -155,16 +155,16 @@ def test_the_engine_agrees_on_the_rotating_earth():
         rocket_motion(), MeasurementSchedule.empty(), [1e-3] * 3 + [1e-9] * 6, states=9, every_s=20.0
     )
     engine = linear_covariance(mission, spec("flenniken-tactical"))
-    found = dict(zip(engine.names, engine.parts[:, -1, 6:9], strict=True))
+    result = dict(zip(engine.names, engine.parts[:, -1, 6:9], strict=True))
     w, e = WEIGHTS["strapdown"], RocketErrors.simple(spec("flenniken-tactical"))
     for part, of in (("noise", "N"), ("in_run_bias", "sigma_b")):
         for triad in ("gyro", "accel"):
             P = sum(w.covariance(e, f"{triad}_{of}_{axis}") for axis in "xyz")
             north, up, east = np.sqrt(np.diag(P))
-            assert_allclose(found[f"{triad}_{part}"], [north, east, up], rtol=0.04)
+            assert_allclose(result[f"{triad}_{part}"], [north, east, up], rtol=0.04)
     yaw, pitch = (w.effect(RocketErrors.of({n: 1e-3})) for n in ("start_yaw", "start_pitch"))
-    assert_allclose(found["attitude_down"][1], abs(yaw[2]), rtol=0.02)
-    assert_allclose(found["attitude_east"][[0, 2]], np.abs(pitch[:2]), rtol=0.02)
+    assert_allclose(result["attitude_down"][1], abs(yaw[2]), rtol=0.02)
+    assert_allclose(result["attitude_east"][[0, 2]], np.abs(pitch[:2]), rtol=0.02)
 
 
 def test_refusals():

@@ -14,10 +14,10 @@ from schuler.reproduce.flenniken.study.rocket import (
     circular_error_probable,
     impact_budget,
     impact_scatter,
+    influence,
     rocket_trajectory,
 )
 from schuler.reproduce.flenniken.study.rocket import figures as rocket_figures
-from schuler.reproduce.flenniken.study.rocket import sensitivity as influence
 from schuler.reproduce.flenniken.study.tables import with_angles
 from schuler.sensors.catalogue import spec
 

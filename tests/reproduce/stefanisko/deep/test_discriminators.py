@@ -81,9 +81,9 @@ def test_code_curves_are_those_of_the_taps(kind, spacing):
     """Whatever phase, data bit and power; odd; the slope is the derivative; zero beyond the outermost tap."""
     x = np.linspace(-1.8, 1.8, 73)
     taps = co.expected_taps(Correlator(spacing=spacing), 500.0, x * SIGNAL.chip, tau=BIT, phase=1.1, data=-1.0)
-    found = ts.early_late_power(taps) if kind == "power" else ts.dot_product(taps)
+    result = ts.early_late_power(taps) if kind == "power" else ts.dot_product(taps)
     curve = ts.code_curve(kind, x, spacing)
-    np.testing.assert_allclose(found, 2.0 * 500.0 * BIT * curve, atol=1e-11)
+    np.testing.assert_allclose(result, 2.0 * 500.0 * BIT * curve, atol=1e-11)
     np.testing.assert_allclose(curve, -curve[::-1], atol=ROUNDING)
     h = 1e-6
     slope = (ts.code_curve(kind, h, spacing) - ts.code_curve(kind, -h, spacing)) / (2.0 * h)

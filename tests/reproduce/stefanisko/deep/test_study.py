@@ -143,8 +143,8 @@ def test_nees_of_the_vector_loop_is_in_its_band(motion, runs, request):
         assert one.on_signal.all()
     at = np.searchsorted(one.t, [0.5, 2.0, 3.5, 4.5, 6.5, 8.5, 9.5, 12.5])
     low, high = chi_square_band(scene.layout.size, runs, 0.9999)
-    found = np.array(values)[:, at].mean(axis=0)
-    assert np.all((found > low) & (found < high)), (low, found, high)
+    outcome = np.array(values)[:, at].mean(axis=0)
+    assert np.all((outcome > low) & (outcome < high)), (low, outcome, high)
     assert np.mean(accepted) > 0.999  # of 99.99 percent gates
 
 
@@ -158,8 +158,8 @@ def test_tight_coupling_it_is_held_against_is_honest_too(straight, runs):
         for seed in range(runs)
     ]
     low, high = chi_square_band(straight.layout.size, runs, 0.9999)
-    found = np.array(values)[:, ::15].mean(axis=0)
-    assert np.all((found > low) & (found < high)), (low, found, high)
+    outcome = np.array(values)[:, ::15].mean(axis=0)
+    assert np.all((outcome > low) & (outcome < high)), (low, outcome, high)
 
 
 # --------------------------------------------------------------------------------------------------- fades
@@ -227,8 +227,8 @@ def test_both_code_discriminators_are_honest(short, kind):
         for seed in range(12)
     ]  # fmt: skip
     low, high = chi_square_band(short.layout.size, len(runs), 0.9999)
-    found = np.mean([one.nees[::10] for one in runs], axis=0)
-    assert np.all((found > low) & (found < high)), (low, found, high)
+    outcome = np.mean([one.nees[::10] for one in runs], axis=0)
+    assert np.all((outcome > low) & (outcome < high)), (low, outcome, high)
     assert all(one.on_signal.all() for one in runs)
 
 
@@ -253,9 +253,9 @@ def test_running_power_begins_anew_after_a_jump():
     power = deep_runs._Power(5, 10)
     for _ in range(5):
         power.mean_with(np.array([100.0, 100.0]))
-    found = power.mean_with(np.array([6.0, 103.0]))
-    assert found[0] == pytest.approx(6.0)
-    assert found[1] == pytest.approx((4 * 100.0 + 103.0) / 5)
+    outcome = power.mean_with(np.array([6.0, 103.0]))
+    assert outcome[0] == pytest.approx(6.0)
+    assert outcome[1] == pytest.approx((4 * 100.0 + 103.0) / 5)
 
 
 def test_summary_and_marks(fades):

@@ -98,10 +98,11 @@ def test_the_clean_simulated_drive_raises_no_alarm(simulated, tmp_path):
 KINDS = [("single", SINGLES), ("pair", PAIRS)]
 
 
+@pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.campaign)])
 @pytest.mark.parametrize(("kind", "target"), KINDS)
-def test_faults_of_the_simulated_drive_are_named(simulated, tmp_path, kind, target):
+def test_faults_of_the_simulated_drive_are_named(simulated, tmp_path, kind, target, every):
     """Measured when written: 66 of 66, 40 of 40."""
-    enough(simulated, CASES[kind], target, tmp_path)
+    enough(simulated, CASES[kind][::every], target, tmp_path)
 
 
 @pytest.mark.slow
@@ -118,10 +119,11 @@ def test_the_clean_real_drive_raises_no_alarm(real, tmp_path):
 
 
 @pytest.mark.realdata
+@pytest.mark.parametrize("every", [8, pytest.param(1, marks=pytest.mark.campaign)])
 @pytest.mark.parametrize(("kind", "target"), KINDS)
-def test_faults_of_the_real_drive_are_named(real, tmp_path, kind, target):
+def test_faults_of_the_real_drive_are_named(real, tmp_path, kind, target, every):
     """Measured when written: 66 of 66, 40 of 40."""
-    enough(real, CASES[kind], target, tmp_path)
+    enough(real, CASES[kind][::every], target, tmp_path)
 
 
 @pytest.mark.realdata

@@ -79,6 +79,7 @@ def test_summed_angles_are_wrong_for_large_turns():
     assert turned > 0.5
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("grade", ["consumer", "tactical"])
 @pytest.mark.parametrize("start", ["zero", "stationary"])
 def test_planar_monte_carlo_meets_the_closed_forms(grade, start):

@@ -62,6 +62,7 @@ def test_table_5_1():
     assert not sym.same_span(model, result, wrong)
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize(
     ("axis", "roll", "earth"), [("x", 0, True), ("y", 0, True), ("z", 0, True), ("z", TILT, False)]
 )

@@ -29,6 +29,7 @@ def drawn():
     return figures
 
 
+@pytest.mark.campaign
 def test_every_program_draws(drawn):
     """As many as pictures, and one for axes of one's own; all can be rendered."""
     assert len(drawn) == len(PROGRAMS)
@@ -38,6 +39,7 @@ def test_every_program_draws(drawn):
         assert any(ax.lines or ax.collections or ax.images for ax in figure.axes), name
 
 
+@pytest.mark.campaign
 def test_pictures_are_those_of_the_programs(drawn):
     """Shapes as the figures have them now: a picture of an older figure is seen by its size."""
     for name, figure in drawn.items():

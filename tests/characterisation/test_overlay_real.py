@@ -12,7 +12,7 @@ from schuler.reproduce.flenniken.study.grade_comparison import overlay
 from schuler.sensors.noise import Counted
 from schuler.units import ARCSEC, DEG, G0, UG
 
-pytestmark = pytest.mark.realdata
+pytestmark = [pytest.mark.realdata, pytest.mark.campaign]  # hours of two IMUs; test_health.py reads them, too
 
 
 def adis(folder, number: int) -> ImuSeries:

@@ -61,7 +61,9 @@ def test_nees_at_full_covariance_rate(drive_case):
     assert low < values[:, -1].mean() < high
 
 
-@pytest.mark.parametrize("runs", [12, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "runs", [4, pytest.param(12, marks=pytest.mark.campaign), pytest.param(60, marks=pytest.mark.slow)]
+)
 def test_nees_over_an_hour(runs):
     """Truth from the filter's own model for an hour: a defect too small for two minutes has time to show."""
     case = cases.Case.of(cases.drive(60.0), 3600.0, rate_hz=50.0)

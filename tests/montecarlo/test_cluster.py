@@ -79,6 +79,7 @@ def same(a, b):
     np.testing.assert_array_equal(a["track"].covariance, b["track"].covariance)
 
 
+@pytest.mark.campaign
 def test_kill_9_of_one_of_two_workers(cluster, runs, tmp_path, executions):
     """The other one does what was left; nothing that was stored is done again; the table is the same to the byte."""
     path, count = executions
@@ -111,6 +112,7 @@ def test_kill_9_of_one_of_two_workers(cluster, runs, tmp_path, executions):
     assert (folder / "runs.parquet").read_bytes() == (tmp_path / "undisturbed" / "runs.parquet").read_bytes()
 
 
+@pytest.mark.campaign
 def test_workers_may_come_later_and_functions_may_fail(cluster, runs):
     cluster.add()
 

@@ -12,7 +12,6 @@ import pytest
 from command import answer, refusal, run
 from places import ROOT
 
-from schuler.calibration.field.routine import RoutineMotion, thesis_routine
 from schuler.calibration.result.parameters import vector
 from schuler.calibration.result.result import CalibrationResult
 from schuler.cli import main
@@ -22,6 +21,7 @@ from schuler.recording.recording import Metadata, Recording
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.imu import ideal_imu, simulate_imu
+from schuler.simulation.routine import RoutineMotion, thesis_routine
 from schuler.simulation.scenario import Scenario, prepare_mission, simulate_mission
 from schuler.units import DEG
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from schuler import earth, rotation
-from schuler.calibration.field.advice import CoachOptions
+from schuler.calibration.field.options import CoachOptions
 from schuler.cli import calibrate_field_coach as terminal
 from schuler.cli.calibrate_field_coach import run_coach
 from schuler.cli.reading import Reading

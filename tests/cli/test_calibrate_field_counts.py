@@ -11,7 +11,6 @@ from command import run
 
 from schuler import earth
 from schuler.calibration.field.calibration import calibrate_field
-from schuler.calibration.field.routine import RoutineMotion, thesis_routine
 from schuler.calibration.result.comparison import with_nominal
 from schuler.calibration.result.parameters import vector
 from schuler.calibration.result.result import CalibrationResult
@@ -25,6 +24,7 @@ from schuler.sensors.errors import ImuErrors
 from schuler.sensors.spec import ImuSpec, TriadSpec
 from schuler.sensors.spec_file import write_spec
 from schuler.simulation.imu import ideal_imu, simulate_imu
+from schuler.simulation.routine import RoutineMotion, thesis_routine
 from schuler.units import DEG, G0
 
 LLH = np.array([39.92 * DEG, 33.2 * DEG, 1000.0])

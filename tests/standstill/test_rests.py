@@ -8,14 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from schuler.calibration.field.routine import RoutineMotion, free_routine, thesis_routine
-from schuler.calibration.field.steps import Rest, Routine, Turn
 from schuler.calibration.freepose.calibrate import calibrate_freepose
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.imu import ideal_imu, simulate_imu
+from schuler.simulation.routine import RoutineMotion, free_routine, thesis_routine
+from schuler.simulation.routine_steps import Rest, Routine, Turn
 from schuler.standstill.rests import field_rests, given_rests, printed_rests
 from schuler.units import DEG
 

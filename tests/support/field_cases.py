@@ -10,7 +10,6 @@ from scipy.stats import chi2
 
 from schuler.calibration.field.calibration import FieldCalibration, calibrate_field, field_layout, parameter_names
 from schuler.calibration.field.options import FieldOptions
-from schuler.calibration.field.routine import Routine, RoutineMotion, six_face_routine, thesis_routine
 from schuler.calibration.result.parameters import vector
 from schuler.filtering.states import StateLayout
 from schuler.recording.series import ImuSeries
@@ -20,6 +19,8 @@ from schuler.sensors.noise import NoiseModel
 from schuler.sensors.spec import ImuSpec
 from schuler.simulation.imu import ideal_imu, simulate_imu
 from schuler.simulation.motion import Motion
+from schuler.simulation.routine import RoutineMotion, six_face_routine, thesis_routine
+from schuler.simulation.routine_steps import Routine
 from schuler.standstill.rests import given_rests
 from schuler.standstill.stationarity import StaticIntervals
 from schuler.units import DEG

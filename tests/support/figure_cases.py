@@ -513,16 +513,16 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         return function(noise()[0], *(noise()[k] for k in which))
 
     def perfect():
-        from schuler.calibration.field.routine import RoutineMotion, thesis_routine
         from schuler.simulation.imu import ideal_imu
+        from schuler.simulation.routine import RoutineMotion, thesis_routine
 
         routine = thesis_routine(dwell_s=2.0, repeats=1)
         return routine, ideal_imu(RoutineMotion(routine, np.array([0.7, 0.0, 0.0])), 10.0)
 
     def readings():
-        from schuler.calibration.field.routine import RoutineMotion
         from schuler.recording.series import ImuSeries
         from schuler.simulation.motion import ideal_rates
+        from schuler.simulation.routine import RoutineMotion
 
         t = np.arange(0.0, 60.0, 0.1)
         gyro, accel = ideal_rates(RoutineMotion(perfect()[0], np.array([0.7, 0.0, 0.0])), t)

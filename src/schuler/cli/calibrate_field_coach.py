@@ -20,7 +20,7 @@ from schuler.exceptions import InputError, SchulerError
 from schuler.recording.recording import Recording
 
 if TYPE_CHECKING:
-    from schuler.calibration.field.coach import Coach
+    from schuler.calibration.field.coaching import Coach
     from schuler.sensors.spec import ImuSpec
 
 _COLUMNS, _UNITS = "t,gx,gy,gz,ax,ay,az", "m/s^2,rad/s"  # of lines on stdin that nothing is said about
@@ -61,7 +61,7 @@ def run_coach(
         A finished file or folder, a text file that grows, or ``-`` for lines on stdin: time, angular rate, specific
         force (``t gx gy gz ax ay az`` in SI, forward-right-down), or as ``reading`` says.
     spec, latitude, height, gravity, heading
-        As of :class:`schuler.calibration.field.coach.Coach`. SI, radians.
+        As of :class:`schuler.calibration.field.coaching.Coach`. SI, radians.
     reading : Reading, optional
         How the log is read.
     follow : bool, optional
@@ -80,7 +80,7 @@ def run_coach(
     inspect : callable, optional
         Looks at the log once, all of a finished one or the first 20 s of one that grows, and raises if it is garbage.
     **more
-        Of :class:`schuler.calibration.field.coach.Coach`: options, coaching, prior.
+        Of :class:`schuler.calibration.field.coaching.Coach`: options, coaching, prior.
 
     Returns
     -------
@@ -92,7 +92,7 @@ def run_coach(
     InputError
         If there was nothing to read before the coaching ended.
     """
-    from schuler.calibration.field.coach import Coach
+    from schuler.calibration.field.coaching import Coach
 
     piped = str(log) == "-"
     reading = reading or Reading()

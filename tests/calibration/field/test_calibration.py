@@ -29,7 +29,6 @@ from scipy.stats import chi2
 
 from schuler.calibration.field.calibration import calibrate_field
 from schuler.calibration.field.options import BLOCKS, FieldOptions
-from schuler.calibration.field.routine import Rest, Routine, Turn, thesis_routine
 from schuler.calibration.result.parameters import vector
 from schuler.exceptions import InputError
 from schuler.filtering.states import StateModel
@@ -40,6 +39,8 @@ from schuler.reproduce.yaman.study.runs import calibrated as calibrated_job
 from schuler.reproduce.yaman.study.tables import static_spec
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
+from schuler.simulation.routine import thesis_routine
+from schuler.simulation.routine_steps import Rest, Routine, Turn
 from schuler.units import DEG
 
 EXACT = FieldOptions(rescale=False, settled=1e-3, passes=12)

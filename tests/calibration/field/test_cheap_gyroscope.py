@@ -10,12 +10,12 @@ from scipy.stats import chi2
 
 from schuler.calibration.field.calibration import calibrate_field
 from schuler.calibration.field.options import FieldOptions
-from schuler.calibration.field.routine import RoutineMotion, thesis_routine
 from schuler.calibration.result.parameters import vector
 from schuler.exceptions import InputError
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.imu import ideal_imu, simulate_imu
+from schuler.simulation.routine import RoutineMotion, thesis_routine
 from schuler.units import DEG
 
 LLH = np.array([39.92 * DEG, 33.2 * DEG, 1000.0])

@@ -11,14 +11,14 @@ from field_cases import AUTOMOTIVE, LLH, Scene, calibrated, faces, field_layout,
 
 from schuler.calibration.field import filter_pass as module
 from schuler.calibration.field.blocks import rest_blocks
-from schuler.calibration.field.filter_pass import filter_pass, wandering, with_prior
+from schuler.calibration.field.filter_pass import filter_pass, replace_start_by_prior
+from schuler.calibration.field.noise_inflation import LARGEST_ERROR, LARGEST_ERROR_HELD, inflate_noise, noise_inflation
 from schuler.calibration.field.options import FieldOptions
-from schuler.calibration.field.routine import Rest, Routine, Turn
-from schuler.calibration.field.setup import problem_of
-from schuler.calibration.field.softening import BEARABLE, BEARABLE_HELD, softened, softness
+from schuler.calibration.field.problem import field_problem, wandering_parameters
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import FIX, GRAVITY_VECTOR, ZERO_RATE, MeasurementSchedule, merged
 from schuler.filtering.states import StateLayout, StateModel
+from schuler.simulation.routine_steps import Rest, Routine, Turn
 from schuler.units import DEG, G0
 
 
@@ -46,7 +46,7 @@ def test_the_prior_counts_once_in_a_linear_problem(rows, width):
         N = np.diag(1.0 / variance) + H.T @ H / 0.01
         return mean + np.linalg.solve(N, H.T @ (z - H @ mean) / 0.01), np.linalg.inv(N)
 
-    values, P = with_prior(problem_with(prior, P0), start, V, *posterior(start, V))
+    values, P = replace_start_by_prior(problem_with(prior, P0), start, V, *posterior(start, V))
     expected, C = posterior(prior, P0)
     np.testing.assert_allclose((values - expected) / unit, 0.0, atol=1e-7 if width == 0.01 else 1e-9)
     np.testing.assert_allclose((P - C) / np.outer(unit, unit), 0.0, atol=1e-7 if width == 0.01 else 1e-9)
@@ -55,7 +55,7 @@ def test_the_prior_counts_once_in_a_linear_problem(rows, width):
 def test_what_is_known_exactly_stays():
     P0 = np.array([1.0, 0.0, 4.0])
     P = np.array([[0.5, 0.0, 0.1], [0.0, 0.0, 0.0], [0.1, 0.0, 1.0]])
-    values, C = with_prior(
+    values, C = replace_start_by_prior(
         problem_with(np.array([0.0, 2.0, 0.0]), P0), np.array([0.3, 2.0, 0.1]), 2.0 * P0, np.array([0.2, 2.0, 0.4]), P
     )
     assert values[1] == 2.0
@@ -74,7 +74,7 @@ def problem_for(scene, imu, spec, options=None, heading=(0.0, DEG)):
     rests = scene.rests(imu)
     blocks = rest_blocks(imu, rests, options.block_s)
     layout = field_layout(spec, options)
-    return problem_of(imu, spec, blocks, rests, layout, options, LLH[0], LLH[2], None, heading, None)
+    return field_problem(imu, spec, blocks, rests, layout, options, LLH[0], LLH[2], None, heading, None)
 
 
 RPY = np.array([0.0, 0.0, 0.0])
@@ -157,7 +157,7 @@ def test_walks_are_told_from_constants():
         }
     )
     increments = SimpleNamespace(start=0.0, t=np.array([100.0]), dt=np.array([100.0]))
-    mask = wandering(SimpleNamespace(layout=layout, increments=increments))
+    mask = wandering_parameters(SimpleNamespace(layout=layout, increments=increments))
     # 1e-5 beside 0.1; 1e-3 beside 1e-3; any decay
     np.testing.assert_array_equal(mask, np.repeat([False, True, True, False], 3))
 
@@ -173,30 +173,30 @@ def test_noise_is_enlarged_only_as_long_as_errors_of_second_order_are_large():
         s = MeasurementSchedule.of(GRAVITY_VECTOR, [1.0, 2.0], np.zeros((2, 8)), noise**2)
         problem = SimpleNamespace(layout=layout, schedule=s)
         eta = AUTOMOTIVE.accel.turn_on_bias / G0 + 4 * 0.01  # scale factors and misalignments of both triads
-        expected = max(1.0, G0 * eta**2 / (BEARABLE * noise))
-        assert softness(problem, np.sqrt(layout.initial_variances())) == pytest.approx(expected, rel=1e-12)
-        assert softness(problem, 1e-4 * np.sqrt(layout.initial_variances())) == 1.0
+        expected = max(1.0, G0 * eta**2 / (LARGEST_ERROR * noise))
+        assert noise_inflation(problem, np.sqrt(layout.initial_variances())) == pytest.approx(expected, rel=1e-12)
+        assert noise_inflation(problem, 1e-4 * np.sqrt(layout.initial_variances())) == 1.0
     assert expected > 100.0
     held = merged(s, MeasurementSchedule.of(ZERO_RATE, [1.0, 2.0], np.zeros((2, 3)), 1e-8))
-    soft = softness(SimpleNamespace(layout=layout, schedule=held), np.sqrt(layout.initial_variances()))
-    assert soft == pytest.approx(expected * BEARABLE / BEARABLE_HELD, rel=1e-12)
+    soft = noise_inflation(SimpleNamespace(layout=layout, schedule=held), np.sqrt(layout.initial_variances()))
+    assert soft == pytest.approx(expected * LARGEST_ERROR / LARGEST_ERROR_HELD, rel=1e-12)
 
 
 def test_what_holds_the_place_is_not_enlarged(log):
     scene, imu = log
     problem = problem_for(scene, imu, AUTOMOTIVE)
-    soft = softened(problem, 5.0)
+    soft = inflate_noise(problem, 5.0)
     fix = problem.schedule.kind == FIX
     np.testing.assert_array_equal(soft.schedule.R[fix], problem.schedule.R[fix])
     vector = problem.schedule.kind == GRAVITY_VECTOR
     np.testing.assert_allclose(soft.schedule.R[vector], 25.0 * problem.schedule.R[vector], rtol=1e-15)
     np.testing.assert_allclose(soft.gyro_psd, 25.0 * problem.gyro_psd, rtol=1e-15)
-    assert softened(problem, 1.0) is problem
+    assert inflate_noise(problem, 1.0) is problem
 
 
 def test_a_filter_that_diverges_says_so(log, monkeypatch):
     scene, imu = log
     problem = problem_for(scene, imu, AUTOMOTIVE)
-    monkeypatch.setattr(module, "with_prior", lambda *a: (np.full(30, np.nan), np.eye(30)))
+    monkeypatch.setattr(module, "replace_start_by_prior", lambda *a: (np.full(30, np.nan), np.eye(30)))
     with pytest.raises(InputError, match="the filter diverged: the log does not fit the specification of the IMU"):
         filter_pass(problem, RPY, problem.prior)

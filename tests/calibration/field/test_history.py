@@ -7,8 +7,7 @@ import csv
 import numpy as np
 import pytest
 
-from schuler.calibration.field.history import FieldHistory
-from schuler.calibration.field.history_file import FORMAT, write_history
+from schuler.calibration.field.history import FORMAT, FieldHistory, write_history
 from schuler.exceptions import InputError
 from schuler.recording.formats.parquet import read_table
 

@@ -22,7 +22,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from schuler.calibration.field.options import FieldOptions
-from schuler.calibration.field.setup import field_layout
+from schuler.calibration.field.problem import field_layout
 from schuler.calibration.result.parameters import vector
 from schuler.filtering.states import StateModel
 from schuler.recording.series import ImuSeries

@@ -12,7 +12,7 @@ from schuler.calibration.freepose.accel import ellipsoid_start, magnitude_residu
 from schuler.calibration.freepose.calibrate import calibrate_freepose
 from schuler.calibration.freepose.gyro import fit_gyroscopes
 from schuler.calibration.freepose.simulation import hand_log, spread_turns
-from schuler.calibration.freepose.turns import Turns, predicted
+from schuler.calibration.freepose.turns import Turns, vertical_residuals
 from schuler.calibration.result.parameters import in_gauge, vector
 from schuler.recording.series import ImuSeries
 from schuler.sensors.errors import ImuErrors
@@ -183,7 +183,7 @@ def test_derivatives_of_turns(before, speed):
     x = 0.05 * rng.standard_normal(21)
 
     def residual(x):
-        return predicted(turns, 1.02, x[:9].reshape(3, 3), x[9:12], x[12:].reshape(3, 3))
+        return vertical_residuals(turns, 1.02, x[:9].reshape(3, 3), x[9:12], x[12:].reshape(3, 3))
 
     _, J, C, seconds = residual(x)
     assert J.shape == (2, 3, 21)
@@ -192,8 +192,8 @@ def test_derivatives_of_turns(before, speed):
     h = 1e-6
     twin = np.stack([(residual(x + h * e)[0] - residual(x - h * e)[0]) / (2 * h) for e in np.eye(21)], axis=2)
     np.testing.assert_allclose(J, twin, rtol=1e-6, atol=2e-7)  # rounding of the difference: 1e-16/1e-6 times its size
-    without = predicted(turns, 1.02, x[:9].reshape(3, 3), x[9:12], None)
-    with_zero = predicted(turns, 1.02, x[:9].reshape(3, 3), x[9:12], np.zeros((3, 3)))
+    without = vertical_residuals(turns, 1.02, x[:9].reshape(3, 3), x[9:12], None)
+    with_zero = vertical_residuals(turns, 1.02, x[:9].reshape(3, 3), x[9:12], np.zeros((3, 3)))
     np.testing.assert_allclose(without[0], with_zero[0], atol=1e-14)
     np.testing.assert_allclose(without[1], with_zero[1][:, :, :12], atol=1e-12)
 
@@ -208,7 +208,7 @@ def test_rotation_is_the_exponential():
     up = np.array([[0.0, 0.0, 1.0], dcm_from_rotvec(omega).T @ [0.0, 0.0, 1.0]])
     turns = Turns(t, gyro, gyro, 0.5, np.array([[0, 100]]), np.array([[0, 1]]), up, up, np.eye(3), np.zeros(3))
     for stride in (1, 7):
-        r, _, C, _ = predicted(turns, 1.0, np.zeros((3, 3)), np.zeros(3), None, stride)
+        r, _, C, _ = vertical_residuals(turns, 1.0, np.zeros((3, 3)), np.zeros(3), None, stride)
         np.testing.assert_allclose(C[0], dcm_from_rotvec(omega), atol=1e-14)
         np.testing.assert_allclose(r, 0.0, atol=1e-14)
 

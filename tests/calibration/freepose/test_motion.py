@@ -12,7 +12,7 @@ from schuler.calibration.freepose.calibrate import calibrate_freepose
 from schuler.calibration.freepose.gyro import GyroFit
 from schuler.calibration.freepose.motion import HELD, PLACES, gained_velocity
 from schuler.calibration.freepose.simulation import hand_log, spread_turns
-from schuler.calibration.freepose.turns import Turns, predicted
+from schuler.calibration.freepose.turns import Turns, vertical_residuals
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.noise import NoiseModel, White
 from schuler.units import G0
@@ -112,7 +112,7 @@ def test_derivatives_by_places(before):
         np.eye(3) + 0.01 * rng.standard_normal((3, 3)), 0.1 * rng.standard_normal(3),
     )  # fmt: skip
     M, b = 0.01 * rng.standard_normal((3, 3)), 0.01 * rng.standard_normal(3)
-    C = predicted(turns, 1.1, M, b, None)[2]
+    C = vertical_residuals(turns, 1.1, M, b, None)[2]
     up = [np.array([0.6, 0.0, 0.8])]
     for k in range(2):
         up.append(C[k].T @ up[-1])

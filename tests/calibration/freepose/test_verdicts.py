@@ -10,7 +10,7 @@ import pytest
 from schuler.calibration.freepose.calibrate import calibrate_freepose
 from schuler.calibration.freepose.simulation import hand_log, spread_turns
 from schuler.calibration.freepose.verdicts import listed, missing_directions
-from schuler.calibration.freepose.weights import chance, downweighted, freed, median, spread_beyond
+from schuler.calibration.freepose.weights import largest_reduced_chi2, excess_spread, median, outlier_weights, residual_factor
 from schuler.calibration.result.parameters import vector
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
@@ -261,11 +261,11 @@ def test_words():
 
 
 def test_weights():
-    np.testing.assert_allclose(downweighted(np.array([0.0, 3.0, 6.0]), 1), [1.0, 1.0, 0.25])
-    np.testing.assert_allclose(freed(np.array([0.0, 0.75, 1.0])), [1.0, 0.5, 0.2])
+    np.testing.assert_allclose(outlier_weights(np.array([0.0, 3.0, 6.0]), 1), [1.0, 1.0, 0.25])
+    np.testing.assert_allclose(residual_factor(np.array([0.0, 0.75, 1.0])), [1.0, 0.5, 0.2])
     assert median(np.array([[3.0], [1.0], [2.0], [9.0]]))[0] == 2.5
     # chi-square with 10 degrees of freedom: 29.59 once in a thousand; the approximation is good to 1 %
-    assert chance(10) == pytest.approx(2.959, rel=0.01)
+    assert largest_reduced_chi2(10) == pytest.approx(2.959, rel=0.01)
 
 
 @pytest.mark.parametrize("components", [1, 2, 3])
@@ -275,9 +275,9 @@ def test_spread_beyond_noise(components, robust):
     rng = np.random.default_rng(9)
     sigma = rng.uniform(0.5, 1.5, 4000)
     e = rng.standard_normal((4000, components)) * np.sqrt(sigma**2 + 4.0)[:, None]
-    assert spread_beyond(np.linalg.norm(e, axis=1), sigma, components, robust) == pytest.approx(2.0, rel=0.07)
+    assert excess_spread(np.linalg.norm(e, axis=1), sigma, components, robust) == pytest.approx(2.0, rel=0.07)
     e = rng.standard_normal((4000, components)) * sigma[:, None]
-    assert spread_beyond(np.linalg.norm(e, axis=1), sigma, components, robust) == 0.0
+    assert excess_spread(np.linalg.norm(e, axis=1), sigma, components, robust) == 0.0
 
 
 def test_many_outliers_are_none():

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure as MplFigure
 
 from schuler.calibration.field.calibration import calibrate_field
 from schuler.calibration.field.options import FieldOptions
-from schuler.calibration.field.routine import RoutineMotion, thesis_routine
 from schuler.calibration.report import document as calibration_document
 from schuler.calibration.report import field_panels
 from schuler.calibration.report.field_figures import field_figure, save_field_figures
@@ -25,6 +24,7 @@ from schuler.plotting.figure import Band, Line, Markers, Span
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.imu import ideal_imu, simulate_imu
+from schuler.simulation.routine import RoutineMotion, thesis_routine
 from schuler.units import DEG, DEG_PER_HR, MG
 
 LLH = np.array([39.92 * DEG, 33.2 * DEG, 1000.0])

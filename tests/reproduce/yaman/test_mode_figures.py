@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.calibration.field import thesis_routine
 from schuler.exceptions import InputError
 from schuler.navigation.evaluation.errors import trajectory_errors
 from schuler.plotting.drawing import draw
@@ -23,6 +22,7 @@ from schuler.reproduce.yaman.study.mode_figures import (
 from schuler.reproduce.yaman.study.modes import mode_solution
 from schuler.reproduce.yaman.study.runs import FieldJob, calibrated, simulated_unit
 from schuler.sensors import catalogue
+from schuler.simulation.routine import thesis_routine
 
 
 @pytest.fixture(scope="module")

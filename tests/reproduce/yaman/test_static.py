@@ -11,9 +11,8 @@ import pytest
 from places import ROOT
 
 from schuler import earth
-from schuler.calibration.field import Rest, Routine, Turn
 from schuler.calibration.field.options import FieldOptions
-from schuler.calibration.field.setup import field_layout, parameter_names
+from schuler.calibration.field.problem import field_layout, parameter_names
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, run
@@ -35,6 +34,7 @@ from schuler.reproduce.yaman.study.tables import static_spec
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.imu import simulate_imu
+from schuler.simulation.routine_steps import Rest, Routine, Turn
 from schuler.units import DEG, MG
 
 LLH = np.array(PLACE)

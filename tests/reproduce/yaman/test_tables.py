@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.calibration.field import Rest, Routine, Turn, thesis_routine
 from schuler.calibration.field.options import FieldOptions
-from schuler.calibration.field.setup import field_layout, parameter_names
+from schuler.calibration.field.problem import field_layout, parameter_names
 from schuler.calibration.result.parameters import imu_errors
 from schuler.exceptions import InputError
 from schuler.reproduce.yaman.study.bound import NAMES, accel_columns, gyro_columns, information_bound
@@ -22,6 +21,8 @@ from schuler.reproduce.yaman.study.tables import (
     static_spec,
 )
 from schuler.sensors import catalogue
+from schuler.simulation.routine import thesis_routine
+from schuler.simulation.routine_steps import Rest, Routine, Turn
 from schuler.units import DEG, DEG_PER_HR, MG, PPM
 
 

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from places import ROOT
 
-from schuler.calibration.field.routine import thesis_routine
 from schuler.calibration.result.parameters import vector
 from schuler.exceptions import InputError
 from schuler.navigation.states import imu_spec
@@ -35,6 +34,7 @@ from schuler.reproduce.yaman.study.unit import (
 )
 from schuler.reproduce.yaman.study.unit_drives import FieldDrives, config_with_errors_as_noise, field_drives
 from schuler.sensors.noise import NoiseModel
+from schuler.simulation.routine import thesis_routine
 from schuler.units import DEG, MG
 
 H, V = QUANTITIES.index("position_horizontal_m"), QUANTITIES.index("position_vertical_m")

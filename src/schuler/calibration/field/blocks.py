@@ -1,4 +1,4 @@
-"""Means of raw readings over short blocks: what gravity and Earth rate are compared with."""
+"""Means of raw readings over short blocks, to be compared with gravity and Earth rate."""
 
 from __future__ import annotations
 
@@ -57,21 +57,21 @@ class Blocks:
 
 
 def rest_blocks(imu: ImuSeries, rests: StaticIntervals, block_s: float) -> Blocks:
-    """Blocks of equal length that fill the rests; what is left over at the end of a rest goes into its blocks.
+    """Blocks of equal length that fill the rests.
 
     Parameters
     ----------
     imu : ImuSeries
         Raw readings, SI.
     rests : StaticIntervals
-        Of this log.
+        Rests of this log.
     block_s : float
-        Wanted length; a rest shorter than that is one block. [s]
+        Length, to which a rest is divided evenly; a shorter rest is one block. [s]
 
     Raises
     ------
     InputError
-        If the rests are those of another log.
+        If the rests belong to another log.
     """
     if len(imu) != len(rests.mask):
         raise InputError(f"rests: expected those of this log of {len(imu)} samples, got {len(rests.mask)} samples")
@@ -109,8 +109,8 @@ def turning_blocks(
     gravity : float
         [m/s^2]
     tolerance : float
-        Largest difference of the raw specific force's magnitude from gravity: uncalibrated errors and what the hand may
-        accelerate. [m/s^2]
+        Largest difference of the raw specific force's magnitude from gravity: uncalibrated errors and accelerations by
+        the hand. [m/s^2]
 
     Notes
     -----

@@ -11,15 +11,14 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.calibration.field.blocks import Blocks, rest_blocks
-from schuler.calibration.field.excess import enlarged, excess
-from schuler.calibration.field.filter_pass import Pass, Problem, filter_pass
-from schuler.calibration.field.heading import TOLD, first_pass, level, next_pass, search_heading, smoothed_heading
-from schuler.calibration.field.history import FieldHistory, history_of
-from schuler.calibration.field.innovations import Innovations, innovations_of
+from schuler.calibration.field.filter_pass import Pass, filter_pass
+from schuler.calibration.field.heading import first_pass, level_attitude, next_pass, search_heading, smoothed_heading
+from schuler.calibration.field.held_rests import resolve_earth_rate
+from schuler.calibration.field.history import FieldHistory, Innovations, innovations_by_kind, parameter_history
+from schuler.calibration.field.noise_inflation import scale_variances, variance_factors
 from schuler.calibration.field.options import FieldOptions
-from schuler.calibration.field.setup import field_layout, parameter_names, problem_of
-from schuler.calibration.field.swaying import settled_form
-from schuler.calibration.field.verdicts import residuals_of, verdicts_of
+from schuler.calibration.field.problem import GIVEN_HEADING, Problem, field_layout, field_problem, parameter_names
+from schuler.calibration.field.verdicts import field_verdicts, rest_residuals
 from schuler.calibration.result.parameters import LINEAR
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.exceptions import InputError
@@ -34,17 +33,17 @@ if TYPE_CHECKING:
 
 Progress = Callable[[float], None]
 
-_NEARLY = 0.5  # a pass that moves no parameter by more of its sigma tells how large the noise is
+_NEARLY = 0.5  # largest change over sigma in a pass whose residuals are tested for their noise
 
 
 @dataclass(frozen=True)
 class FieldCalibration:
-    """What a field calibration found, and how it came about.
+    """Result of a field calibration, with the rests, passes and innovations behind it.
 
     Attributes
     ----------
     calibration : CalibrationResult
-        Parameters with covariance, as of every other method.
+        Parameters with covariance, as in every other method.
     history : FieldHistory
         Estimates and uncertainties over the log.
     passes : ndarray, shape (n, p)
@@ -55,7 +54,7 @@ class FieldCalibration:
     heading : (float, float) or None
         Heading at the start and its 1-sigma, where it was estimated. [rad]
     innovations : dict of str to Innovations
-        Of the last pass over time, by kind of measurement.
+        Innovations of the last pass over time, by kind of measurement.
     """
 
     calibration: CalibrationResult
@@ -103,8 +102,8 @@ class FieldCalibration:
         return calibration_report(self.calibration, path, field=self, **options)
 
     def to_file(self, path: Path | str) -> Path:
-        """Write the history as CSV or Parquet, see :mod:`schuler.calibration.field.history_file`."""
-        from schuler.calibration.field.history_file import write_history
+        """Write the history as CSV or Parquet, see :mod:`schuler.calibration.field.history`."""
+        from schuler.calibration.field.history import write_history
 
         return write_history(self.history, path)
 
@@ -129,42 +128,41 @@ def calibrate_field(
     imu : ImuSeries
         Raw readings, SI.
     spec : ImuSpec
-        What is known of the IMU before: 1-sigma of its errors, noise.
+        1-sigma of the errors of the IMU before the log, and its noise.
     latitude, height : float
-        Of the place. [rad], [m]
+        Place of the calibration. [rad], [m]
     gravity : float, optional
-        Local gravity, if it is known better than that of the ellipsoid (1e-4 of it in mountains). [m/s^2]
+        Local gravity where that of the ellipsoid is not good enough (off by 1e-4 in mountains). [m/s^2]
     heading : (float, float), optional
-        Of the first rest, from north over east, and its 1-sigma [rad]. Where it is not given, or to more than half a
-        radian, it is estimated: the Earth's horizontal rate depends on it.
+        Heading of the first rest, from north over east, and its 1-sigma [rad]. Where it is not given, or to more than
+        half a radian, it is estimated: the Earth's horizontal rate depends on it.
     options : FieldOptions, optional
     prior : CalibrationResult, optional
-        What an earlier calibration says; its values and variances replace zero and the specification.
+        An earlier calibration, whose values and variances replace zero and the specification.
     rests : StaticIntervals, optional
-        Where the unit rests; found by :func:`schuler.standstill.rests.field_rests` by default.
+        Rests of the unit; detected by :func:`schuler.standstill.rests.field_rests` by default.
     progress : callable, optional
         Called with the fraction done.
 
     Returns
     -------
     FieldCalibration
-        Refused, with what to collect, where there is nothing to be calibrated.
+        Refused, with advice on what to collect, where the log does not suffice.
 
     Raises
     ------
     InputError
-        If the log, the place or the rests cannot be what they are said to be.
+        If the log does not fit the place, the rests or the specification.
 
     Notes
     -----
     At rest the mean specific force is compared with gravity in the axes of the attitude that the gyroscopes carried
-    there, all columns kept (secondary), and the mean rate with the Earth's, all three axes: the unit does not turn
-    (primary; see :mod:`schuler.calibration.field.standstill`), unless the log says that it sways
-    (:mod:`schuler.calibration.field.swaying`). Velocity is held and tells nothing, so no reading is used twice.
-    Passes are repeated, each linearised at the result of the one before, until the parameters settle; the prior counts
-    once (see :mod:`schuler.calibration.field.filter_pass`).
+    there, all columns kept (secondary), and the mean rate with the Earth's, all three axes, unless the log shows that
+    the unit sways (primary; see :mod:`schuler.calibration.field.held_rests`). Velocity is held with large noise, so no
+    reading is used twice. Passes are repeated, each linearised at the result of the one before, until the parameters
+    settle; the prior counts once (see :mod:`schuler.calibration.field.filter_pass`).
 
-    Axes: upper gauge, body z is the z accelerometer (FIX 9 of the digest).
+    Axes: upper gauge, body z is the z accelerometer.
 
     References
     ----------
@@ -179,44 +177,46 @@ def calibrate_field(
         )
     layout = field_layout(spec, options)
     blocks = rest_blocks(imu, rests, options.block_s)
-    asked, options = options, settled_form(options, spec, blocks, rests)
-    swaying = options.earth_rate != asked.earth_rate and options.earth_rate == "vertical"
-    problem = problem_of(imu, spec, blocks, rests, layout, options, latitude, height, gravity, heading, prior)
-    rpy = level(blocks, problem, problem.prior)
+    chosen, options = options.earth_rate, resolve_earth_rate(options, spec, blocks, rests)
+    swaying = options.earth_rate != chosen and options.earth_rate == "vertical"
+    problem = field_problem(imu, spec, blocks, rests, layout, options, latitude, height, gravity, heading, prior)
+    rpy = level_attitude(blocks, problem, problem.prior)
     if heading is not None:
         rpy[2] = heading[0]
-    depends = options.secondary != "off" or options.earth_rate != "off"
-    known = not depends or (heading is not None and heading[1] <= TOLD)
-    if not known:
+    observable = options.secondary != "off" or options.earth_rate != "off"
+    heading_given = not observable or (heading is not None and heading[1] <= GIVEN_HEADING)
+    if not heading_given:
         best = search_heading(problem, blocks, rpy, np.inf if heading is None else heading[1])
-    else:  # a single pass is the source's, from the prior itself
+    else:  # a single pass is that of the thesis, from the prior itself
         best = first_pass(problem, blocks, rpy) if options.passes > 1 else filter_pass(problem, rpy)
     passes, names = [best.values], parameter_names(layout)
     scales: dict[str, float] = {}
-    judged = False
+    tested = False
     while len(passes) < options.passes:
-        best = next_pass(problem, blocks, best, known)
-        moved = np.max(np.abs(best.values - passes[-1]) / np.sqrt(np.diag(best.covariance)))
+        best = next_pass(problem, blocks, best, heading_given)
+        change = np.max(np.abs(best.values - passes[-1]) / np.sqrt(np.diag(best.covariance)))
         passes.append(best.values)
         if progress is not None:
             progress(min(0.95, len(passes) / 4.0))
-        if best.softness > 1.0:
+        if best.noise_inflation > 1.0:
             continue
-        if options.rescale and not judged and moved < _NEARLY:
-            judged = True
-            residuals = residuals_of(blocks, rests, dict(zip(names, best.values, strict=True)), problem)
-            scales = excess(best, problem, residuals, names, 0.5 * (rests.start + rests.stop))
+        if options.rescale and not tested and change < _NEARLY:
+            tested = True
+            residuals = rest_residuals(blocks, rests, dict(zip(names, best.values, strict=True)), problem)
+            scales = variance_factors(best, problem, residuals, names, 0.5 * (rests.start + rests.stop))
             if scales:
-                problem = replace(problem, schedule=enlarged(problem.schedule, scales))
+                problem = replace(problem, schedule=scale_variances(problem.schedule, scales))
                 continue
-        if moved < options.settled:
+        if change < options.settled:
             break
     if progress is not None:
         progress(1.0)
-    return _finished(imu, spec, problem, best, np.array(passes), blocks, rests, scales, options, known, swaying)
+    return _field_result(
+        imu, spec, problem, best, np.array(passes), blocks, rests, scales, options, heading_given, swaying
+    )
 
 
-def _finished(
+def _field_result(
     imu: ImuSeries,
     spec: ImuSpec,
     problem: Problem,
@@ -226,9 +226,10 @@ def _finished(
     rests: StaticIntervals,
     scales: dict[str, float],
     options: FieldOptions,
-    known: bool,
+    heading_given: bool,
     swaying: bool,
 ) -> FieldCalibration:
+    """Result, verdicts and history of the last pass."""
     names = parameter_names(problem.layout)
     sigma = np.sqrt(np.maximum(np.diag(last.covariance), 0.0))
     if not (np.isfinite(last.covariance).all() and np.isfinite(last.values).all() and (sigma > 0.0).all()):
@@ -236,7 +237,7 @@ def _finished(
             f"the filter diverged: the log does not fit the specification {spec.name}. Check units and axes of the "
             "log, and that the uncertainties of the specification allow for the errors of the IMU"
         )
-    history = history_of(problem, last, names)
+    history = parameter_history(problem, last, names)
     prior_sigma = dict(zip(names, np.sqrt(problem.layout.initial_variances()).tolist(), strict=True))
     weights = 1.0 / np.sqrt(np.diag(last.covariance))
     normal = np.linalg.inv(last.covariance * np.outer(weights, weights))
@@ -244,32 +245,31 @@ def _finished(
     condition = float(np.linalg.cond(normal / np.outer(d, d)))
     families = {name[:3] for name in names}
     fixed = {n: 0.0 for n in LINEAR if n not in names and (n[:3] in families or n[:3] in ("M_a", "M_g"))}
-    found = None
-    if not known:
-        found = smoothed_heading(problem, last)
+    heading = None if heading_given else smoothed_heading(problem, last)
     moved = np.abs(passes[-1] - passes[-2]) / sigma if len(passes) > 1 else None
     left_out = tuple(name for name in options.blocks if name not in problem.layout)
-    said = verdicts_of(
-        names, last.covariance, prior_sigma, rests, blocks, scales, found, off=last.values - problem.prior, moved=moved,
-        settled=options.settled, left_out=left_out, swaying=swaying,
+    verdict = field_verdicts(
+        names, last.covariance, prior_sigma, rests, blocks, scales, heading, off=last.values - problem.prior,
+        moved=moved, settled=options.settled, left_out=left_out, swaying=swaying,
     )  # fmt: skip
     dof = sum(count for _, count in last.nis.values())
-    residuals: dict[str, Residuals] = residuals_of(blocks, rests, dict(zip(names, last.values, strict=True)), problem)
+    residuals: dict[str, Residuals] = rest_residuals(blocks, rests, dict(zip(names, last.values, strict=True)), problem)
     result = CalibrationResult(
         "field", names, last.values, last.covariance, "upper",
-        fixed=fixed, status=said.status, verdicts=said.sentences, condition=condition,
+        fixed=fixed, status=verdict.status, verdicts=verdict.sentences, condition=condition,
         prior_sigma=prior_sigma, variance_of_unit_weight=last.cost / dof if dof else float("nan"), freedom=dof,
-        residuals=residuals, next_pose=said.advice,
+        residuals=residuals, next_pose=verdict.advice,
         temperature=None if imu.temperature is None else float(np.mean(imu.temperature)), history=passes,
-        extra={"noise_enlarged": scales} | ({"heading": list(found)} if found else {}),
-        provenance={"spec": spec.name, "options": _plain(options), "latitude": float(problem.llh[0])},
+        extra={"noise_enlarged": scales} | ({"heading": list(heading)} if heading else {}),
+        provenance={"spec": spec.name, "options": _options_as_dict(options), "latitude": float(problem.llh[0])},
     )  # fmt: skip
     nis = {kind: (total / count if count else float("nan"), count) for kind, (total, count) in last.nis.items()}
-    innovations = innovations_of(problem.schedule, last.run)
-    return FieldCalibration(result, history, passes, rests, nis, found, innovations)
+    innovations = innovations_by_kind(problem.schedule, last.run)
+    return FieldCalibration(result, history, passes, rests, nis, heading, innovations)
 
 
-def _plain(options: FieldOptions) -> dict[str, Any]:
+def _options_as_dict(options: FieldOptions) -> dict[str, Any]:
+    """Options in the form of the provenance."""
     plain = {name: getattr(options, name) for name in options.__slots__ if name != "models"}
     plain["blocks"] = list(options.blocks)
     return plain | {"models": {k: v.describe() for k, v in options.models.items()}}

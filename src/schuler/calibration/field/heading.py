@@ -1,4 +1,4 @@
-"""Passes one after the other, and the heading that none of the sensors is told: the Earth's rate points somewhere."""
+"""Passes one after the other, and the search for an unknown heading by the Earth's horizontal rate."""
 
 from __future__ import annotations
 
@@ -9,23 +9,19 @@ import numpy as np
 from schuler import frames
 from schuler.arrays import FloatArray
 from schuler.calibration.field.blocks import Blocks
-from schuler.calibration.field.filter_pass import NEAR, Pass, Problem, filter_pass
-from schuler.calibration.field.softening import believable_sigma, softened, softness
+from schuler.calibration.field.filter_pass import NEAR, Pass, filter_pass
+from schuler.calibration.field.noise_inflation import inflate_noise, inflated_sigma, noise_inflation
+from schuler.calibration.field.problem import Problem
 from schuler.filtering.engine import unpack_symmetric
 from schuler.filtering.error_model import sensor_matrices
 from schuler.frames import wrap_angle
 
-#: 1-sigma of a heading that is not known, once the best of the starts is found. [rad]
-FREE = 1.0
-#: A heading told to this or better is believed. A worse one is looked for near and far, see :func:`search_heading`:
-#: linearised where it was told, horizontal Earth rate would be wrong by an eighth and more. [rad]
-TOLD = 0.5
-# starts tried, and how near to them headings are held meanwhile [rad]
-_STARTS, _NEAR = 8, 0.3
-_MOST = 6  # passes before
+_STARTS = 8  # headings tried
+_NEAR = 0.3  # 1-sigma of the heading about each of them [rad]
+_PASSES = 6  # at most, before the search
 
 
-def level(blocks: Blocks, problem: Problem, parameters: FloatArray) -> FloatArray:
+def level_attitude(blocks: Blocks, problem: Problem, parameters: FloatArray) -> FloatArray:
     """Roll and pitch of the first rest from its mean specific force, compensated; heading zero."""
     f = blocks.f[blocks.rest == 0].mean(axis=0)
     _, b_a, _, M_a, _ = sensor_matrices(problem.layout, parameters)
@@ -33,35 +29,37 @@ def level(blocks: Blocks, problem: Problem, parameters: FloatArray) -> FloatArra
     return np.array([np.arctan2(-f[1], -f[2]), np.arctan2(f[0], np.hypot(f[1], f[2])), 0.0])
 
 
-def next_pass(problem: Problem, blocks: Blocks, before: Pass, known: bool) -> Pass:
-    """A pass linearised at the result of the one before, its heading too where that is estimated."""
-    rpy = level(blocks, problem, before.values)
-    rpy[2] = before.rpy[2] if known else smoothed_heading(problem, before)[0]
+def next_pass(problem: Problem, blocks: Blocks, before: Pass, heading_given: bool) -> Pass:
+    """Run a pass linearised at the result of the one before, at its smoothed heading unless one is given."""
+    rpy = level_attitude(blocks, problem, before.values)
+    rpy[2] = before.rpy[2] if heading_given else smoothed_heading(problem, before)[0]
     tilt = _tilt_sigma(problem, blocks, before)
-    sigma = believable_sigma(problem, before)
-    factor = softness(problem, np.minimum(NEAR * sigma, np.sqrt(problem.layout.initial_variances())))
-    soft = replace(softened(problem, factor), tilt_sigma=tilt)
-    return replace(filter_pass(soft, rpy, before.values, sigma, smoothable=not known), softness=factor)
+    sigma = inflated_sigma(problem, before)
+    factor = noise_inflation(problem, np.minimum(NEAR * sigma, np.sqrt(problem.layout.initial_variances())))
+    inflated = replace(inflate_noise(problem, factor), tilt_sigma=tilt)
+    return replace(
+        filter_pass(inflated, rpy, before.values, sigma, smoothable=not heading_given), noise_inflation=factor
+    )
 
 
 def first_pass(problem: Problem, blocks: Blocks, rpy: FloatArray) -> Pass:
-    """A pass linearised at the prior, gyroscope biases at the mean rates of the rests.
+    """Run a pass linearised at the prior, gyroscope biases at the mean rates of the rests.
 
-    From a bias that is off by degrees per second the attitude would be lost before the first correction.
+    With a bias that is off by degrees per second the attitude would be lost before the first correction.
     """
     start = problem.prior.copy()
     if "b_g" in problem.layout:
         at = problem.layout["b_g"]
         start[at.start - 9 : at.stop - 9] = np.median(blocks.omega[blocks.rest >= 0], axis=0)
-    factor = softness(problem, np.sqrt(problem.layout.initial_variances()))
-    return replace(filter_pass(softened(problem, factor), rpy, start), softness=factor)
+    factor = noise_inflation(problem, np.sqrt(problem.layout.initial_variances()))
+    return replace(filter_pass(inflate_noise(problem, factor), rpy, start), noise_inflation=factor)
 
 
 def _tilt_sigma(problem: Problem, blocks: Blocks, before: Pass) -> float:
-    """Ten times what levelling with the parameters of a pass is uncertain by. [rad]
+    """Ten times the 1-sigma of levelling with the parameters of a pass. [rad]
 
-    Its readings count in the filter too, so it must not say much itself; wider, and tilts that wander while little is
-    known would bend the scale factors (by 100 ppm at automotive grade).
+    The filter uses the same readings, so the start must carry little information; a wider one lets tilts wander at
+    first and biases the scale factors (by 100 ppm at automotive grade).
     """
     first = blocks.rest == 0
     f = blocks.f[first].mean(axis=0)
@@ -73,23 +71,23 @@ def _tilt_sigma(problem: Problem, blocks: Blocks, before: Pass) -> float:
     return float(min(problem.tilt_sigma, 10.0 * np.sqrt(variance.max()) / np.linalg.norm(f)))
 
 
-def search_heading(problem: Problem, blocks: Blocks, rpy: FloatArray, told: float = np.inf) -> Pass:
-    """A pass at the heading that explains the log best: the Earth's horizontal rate points somewhere.
+def search_heading(problem: Problem, blocks: Blocks, rpy: FloatArray, sigma: float = np.inf) -> Pass:
+    """Run passes from eight headings and continue with the one of least cost.
 
-    A heading that was told, that of ``rpy`` with the 1-sigma ``told`` [rad], says which of several that do is meant.
-    Tried only when the sensors are known so well that linearisation errors do not hide it; headings are held near
-    their start, since a filter that turns by radians in the middle of a log is not linear any more.
+    A roughly given heading, that of ``rpy`` with 1-sigma ``sigma`` [rad], decides between several that fit. The
+    search comes after the sensors are calibrated so well that linearisation errors do not hide the heading; headings
+    are held near their start, since a filter that turns by radians in the middle of a log is not linear any more.
     """
     near = replace(problem, heading_sigma=_NEAR)
     best = first_pass(near, blocks, rpy)
-    for k in range(_MOST):
+    for k in range(_PASSES):
         best = next_pass(near, blocks, best, True)
-        if k > 0 and best.softness == 1.0:
+        if k > 0 and best.noise_inflation == 1.0:
             break
     angles = rpy[2] + 2.0 * np.pi * np.arange(_STARTS) / _STARTS
-    tried = [next_pass(near, blocks, replace(best, rpy=np.array([*rpy[:2], angle])), True) for angle in angles]
-    off = wrap_angle(angles - rpy[2]) / told
-    best = tried[int(np.argmin([p.cost for p in tried] + off**2))]
+    passes = [next_pass(near, blocks, replace(best, rpy=np.array([*rpy[:2], angle])), True) for angle in angles]
+    off = wrap_angle(angles - rpy[2]) / sigma
+    best = passes[int(np.argmin([p.cost for p in passes] + off**2))]
     assert best.variance is not None
     best = filter_pass(near, best.rpy, best.start, np.sqrt(best.variance) / NEAR, smoothable=True)
     for _ in range(2):
@@ -98,7 +96,7 @@ def search_heading(problem: Problem, blocks: Blocks, rpy: FloatArray, told: floa
 
 
 def smoothed_heading(problem: Problem, last: Pass) -> tuple[float, float]:
-    """Heading at the start as the whole log sees it, and its 1-sigma. [rad]"""
+    """Heading at the start, smoothed over the complete log, and its 1-sigma. [rad]"""
     from schuler.filtering.kernels import smoother as k
 
     nodes = last.run.nodes

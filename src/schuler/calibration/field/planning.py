@@ -1,4 +1,4 @@
-"""Which move of a person takes off most uncertainty for its time: covariance of the calibration filter, run ahead."""
+"""Choice of the next move: the one that reduces most uncertainty for its time, by predicted covariance."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ import numpy as np
 
 from schuler import rotation
 from schuler.arrays import BoolArray, FloatArray
-from schuler.calibration.field.advice import Advice, CoachOptions, words_of_move, words_of_waiting
-from schuler.calibration.field.foresight import Ahead, Standing, foresee
-from schuler.calibration.field.steps import Axis, Rest, Routine, Step, Turn, Vector
+from schuler.calibration.field.advice import Advice, move_sentence, waiting_sentence
+from schuler.calibration.field.covariance_prediction import CovarianceState, PredictedCovariance, predict_covariance
+from schuler.calibration.field.options import CoachOptions
+from schuler.simulation.routine_steps import Axis, Rest, Routine, Step, Turn, Vector
 from schuler.units import DEG
 
-#: Share of the target at which a parameter counts as found: the calibration's own sigma may be 5 % larger.
-SURE = 0.95
+#: Share of the target at which a parameter counts as calibrated: the calibration's own sigma may be 5 % larger.
+TARGET_MARGIN = 0.95
 _AXES: tuple[Axis, ...] = ("x", "y", "z")
-_SMALL = 100.0 * DEG  # turns by less are tried several times in a row
-_FACTOR = 1.01  # a move that is not better than a simpler one by this is not advised in its place
-_PROGRAMME_S = 10.0  # spacing at which the long programme is looked at
-_HELPED = 0.8  # a parameter gains by a move that leaves less than this of its uncertainty
+_SMALL = 100.0 * DEG  # turns by less are compared several times in a row
+_FACTOR = 1.01  # factor by which a move must be better than a simpler one
+_PROGRAMME_S = 10.0  # spacing at which the long programme is evaluated
+_HELPED = 0.8  # share of its uncertainty below which a parameter gains by a move
 
 
 def advise(
-    now: Standing,
+    state: CovarianceState,
     names: Sequence[str],
     coaching: CoachOptions,
     *,
@@ -34,19 +35,20 @@ def advise(
     rests: int = 1,
     moving: bool = False,
 ) -> Advice:
-    """The next move from where the log stands.
+    """The next move after a log.
 
     Parameters
     ----------
-    now : Standing
+    state : CovarianceState
+        Attitude and covariance after the log.
     names : sequence of str
-        Of the parameters.
+        Names of the parameters.
     coaching : CoachOptions
     t, elapsed : float
         Time of the log and since its beginning, for the advice. [s]
     rests : int
     moving : bool
-        The sensor does not stand as it stood in the last rest: it is told to rest.
+        The sensor has left the pose of the last rest: the advice is to rest.
 
     Returns
     -------
@@ -54,104 +56,103 @@ def advise(
 
     Notes
     -----
-    Moves are compared by the sum over the parameters of ``ln(share / target)``, those at the target left out, that they
-    take off in a second; share is 1-sigma over that before the log. It counts how many parameters are missing and how
-    far off they are. Turns of up to 90 deg are looked at several times in a row, since one turn of an axis that has to
-    become horizontal first tells nothing. A parameter is out of reach, and not counted, if the future that serves it
-    best would need more than ``coaching.patience_s`` to the target; information (1 / share^2) grows in proportion to
-    work.
+    Moves are compared by the reduction per second of the sum of ``ln(share / target)`` over the parameters above the
+    target; share is 1-sigma over that before the log. Turns of up to 90 deg are compared several times in a row, since
+    one turn of an axis that has to become horizontal first gives no information. A parameter is out of reach, and not
+    counted, if the prediction that serves it best would need more than ``coaching.patience_s`` to the target;
+    information (1 / share^2) grows in proportion to time.
     """
-    share, target = now.share, SURE * coaching.target
+    share, target = state.share, TARGET_MARGIN * coaching.target
     above = share >= target
-    plans = _plans(coaching) if above.any() else []
-    futures = [foresee(now, steps, _period(steps)) for steps in plans]
+    plans = _candidates(coaching) if above.any() else []
+    predictions = [predict_covariance(state, steps, _period(steps)) for steps in plans]
     far = above.copy()
     if plans:
-        programme = foresee(now, _programme(now.C_nb, coaching), _PROGRAMME_S)
-        far &= _time_needed(share, (*futures, programme), target) > coaching.patience_s
-    left = above & ~far
+        programme = predict_covariance(state, _programme(state.C_nb, coaching), _PROGRAMME_S)
+        far &= _time_needed(share, (*predictions, programme), target) > coaching.patience_s
+    remaining = above & ~far
     progress = _progress(share[~far], target)
     advice = Advice(
         t=t, elapsed=elapsed, share=dict(zip(names, share.tolist(), strict=True)),
-        remaining={n: float(s) for n, s, k in zip(names, share, left, strict=True) if k},
+        remaining={n: float(s) for n, s, k in zip(names, share, remaining, strict=True) if k},
         out_of_reach={n: float(s) for n, s, k in zip(names, share, far, strict=True) if k},
-        progress=progress, turn=None, rest_s=0.0, next=words_of_waiting("done", coaching), gain=0.0,
-        done=not left.any(), rests=rests, moving=moving,
+        progress=progress, turn=None, rest_s=0.0, next=waiting_sentence("done", coaching), gain=0.0,
+        done=not remaining.any(), rests=rests, moving=moving,
     )  # fmt: skip
     if advice.done:
         return advice
     if moving:
-        return replace(advice, rest_s=coaching.rest_s, next=words_of_waiting("moving", coaching))
-    best = _best(share, futures, left, target)
-    first, after = plans[best][0], futures[best].share[0]
+        return replace(advice, rest_s=coaching.rest_s, next=waiting_sentence("moving", coaching))
+    best = _best(share, predictions, remaining, target)
+    first, after = plans[best][0], predictions[best].share[0]
     turn = first if isinstance(first, Turn) else None
     rest_s = coaching.rest_s if turn is not None else first.duration_s
-    helped = [n for n, a, b, k in zip(names, share, after, left, strict=True) if k and b < _HELPED * a]
-    words = words_of_move(turn, rest_s, now.C_nb, helped)
+    helped = [n for n, a, b, k in zip(names, share, after, remaining, strict=True) if k and b < _HELPED * a]
+    words = move_sentence(turn, rest_s, state.C_nb, helped)
     return replace(advice, turn=turn, rest_s=rest_s, next=words, gain=_progress(after[~far], target) - progress)
 
 
 def planned_routine(
-    before: Standing, names: Sequence[str], coaching: CoachOptions | None = None, *, limit_s: float = 900.0
+    before: CovarianceState, names: Sequence[str], coaching: CoachOptions | None = None, *, limit_s: float = 900.0
 ) -> Routine:
-    """The routine that a coach would lead to, made in advance: for whoever cannot be coached live.
+    """Routine of the advice of a coach, computed in advance.
 
     Parameters
     ----------
-    before : Standing
-        Of :func:`schuler.calibration.field.foresight.standing_before`.
+    before : CovarianceState
+        From :func:`schuler.calibration.field.covariance_prediction.initial_covariance`.
     names : sequence of str
-        Of the parameters, see :func:`schuler.calibration.field.setup.parameter_names`.
+        Names of the parameters, see :func:`schuler.calibration.field.problem.parameter_names`.
     coaching : CoachOptions, optional
     limit_s : float
-        It ends here at the latest. [s]
+        Largest duration. [s]
 
     Returns
     -------
     Routine
-        Rests as long as asked for plus the time of reaction.
+        Rests of the advised length plus the time of reaction.
     """
     coaching = coaching or CoachOptions()
     steps: list[Step] = [Rest(coaching.first_rest_s)]
-    now, t = foresee(before, steps).standing, coaching.first_rest_s
+    state, t = predict_covariance(before, steps).state, coaching.first_rest_s
     while t < limit_s:
-        advice = advise(now, names, coaching)
+        advice = advise(state, names, coaching)
         if advice.done:
             break
         rest = Rest(advice.rest_s + (coaching.reaction_s if advice.turn is not None else 0.0))
-        more: list[Step] = [rest] if advice.turn is None else [advice.turn, rest]
-        now, t = foresee(now, more).standing, t + sum(step.duration_s for step in more)
-        steps += more
+        move: list[Step] = [rest] if advice.turn is None else [advice.turn, rest]
+        state, t = predict_covariance(state, move).state, t + sum(step.duration_s for step in move)
+        steps += move
     return Routine(tuple(steps), tuple(rotation.rpy_from_dcm(before.C_nb).tolist()))
 
 
-def _time_needed(share: FloatArray, futures: Sequence[Ahead], target: float) -> FloatArray:
-    """Time that each parameter would take to the target if all work were for it, shape (p,). [s]
+def _time_needed(share: FloatArray, predictions: Sequence[PredictedCovariance], target: float) -> FloatArray:
+    """Time to the target of each parameter at the best rate of the predictions, shape (p,). [s]
 
-    Information, 1 / share^2, grows in proportion to the work, at the rate of the future that serves it best.
+    Information, 1 / share^2, grows in proportion to time.
     """
-    rate, known = np.full(len(share), 1e-300), _information(share)
-    for ahead in futures:
-        rate = np.maximum(rate, np.max((_information(ahead.share) - known) / ahead.t[:, None], axis=0))
-    return np.asarray(np.maximum(1.0 / target**2 - known, 0.0) / rate)
+    rate, information = np.full(len(share), 1e-300), _information(share)
+    for prediction in predictions:
+        rate = np.maximum(rate, np.max((_information(prediction.share) - information) / prediction.t[:, None], axis=0))
+    return np.asarray(np.maximum(1.0 / target**2 - information, 0.0) / rate)
 
 
 def _information(share: FloatArray) -> FloatArray:
     return np.asarray(1.0 / np.maximum(share, 1e-12) ** 2)
 
 
-def _best(share: FloatArray, futures: Sequence[Ahead], left: BoolArray, target: float) -> int:
-    """Number of the future that takes off most for its time, at the best of its rests; of equals the first."""
-    before = missing(share[left], target)
+def _best(share: FloatArray, predictions: Sequence[PredictedCovariance], remaining: BoolArray, target: float) -> int:
+    """Index of the prediction of the largest reduction per second, at the best of its rests; of equals the first."""
+    before = log_excess(share[remaining], target)
     best, highest = 0, -np.inf
-    for k, ahead in enumerate(futures):
-        rate = float(np.max((before - missing(ahead.share[:, left], target)) / ahead.t))
+    for k, prediction in enumerate(predictions):
+        rate = float(np.max((before - log_excess(prediction.share[:, remaining], target)) / prediction.t))
         if rate > _FACTOR * max(highest, 0.0):
             best, highest = k, rate
     return best
 
 
-def _plans(coaching: CoachOptions) -> list[tuple[Step, ...]]:
+def _candidates(coaching: CoachOptions) -> list[tuple[Step, ...]]:
     """Sequences of equal moves to choose from, the simplest first."""
     rest = Rest(coaching.rest_s + coaching.reaction_s)
     plans: list[tuple[Step, ...]] = [(Rest(coaching.first_rest_s),)]
@@ -167,7 +168,7 @@ def _period(steps: tuple[Step, ...]) -> float:
 
 
 def _programme(C_nb: FloatArray, coaching: CoachOptions) -> tuple[Step, ...]:
-    """Every axis turned while it is horizontal, from any attitude: 8 rests 45 deg apart, and a full turn."""
+    """Turns about every axis while it is horizontal, from any attitude: 8 rests 45 deg apart, and a full turn."""
     rest = Rest(coaching.rest_s + coaching.reaction_s)
 
     def turn(axis: Axis | Vector, angle: float) -> tuple[Step, ...]:
@@ -176,7 +177,7 @@ def _programme(C_nb: FloatArray, coaching: CoachOptions) -> tuple[Step, ...]:
     down = C_nb[2]
     angle = float(np.arccos(np.clip(down[2], -1.0, 1.0)))
     steps: tuple[Step, ...] = ()
-    if angle > 0.1:  # to level: turn z to where down is
+    if angle > 0.1:  # level: turn z down
         x, y = -down[1], down[0]
         steps = turn((float(x), float(y), 0.0) if np.hypot(x, y) > 1e-6 else "x", angle)
     x_circle, y_circle, z_circle = (turn(axis, 45.0 * DEG) * 8 + turn(axis, 360.0 * DEG) for axis in _AXES)
@@ -184,11 +185,11 @@ def _programme(C_nb: FloatArray, coaching: CoachOptions) -> tuple[Step, ...]:
 
 
 def _progress(share: FloatArray, target: float) -> float:
-    """Mean share of the way to the target that is gone, 0 to 1, in the logarithm."""
-    gone = np.log(np.clip(share, target, 1.0)) / np.log(target)
-    return float(gone.mean()) if len(share) else 1.0
+    """Mean share of the way to the target, 0 to 1, in the logarithm."""
+    done = np.log(np.clip(share, target, 1.0)) / np.log(target)
+    return float(done.mean()) if len(share) else 1.0
 
 
-def missing(share: FloatArray, target: float) -> FloatArray:
-    """Sum of ln(share / target) over what is above the target, the last axis."""
+def log_excess(share: FloatArray, target: float) -> FloatArray:
+    """Sum of ln(share / target) over the parameters above the target, the last axis."""
     return np.asarray(np.sum(np.log(np.maximum(share / target, 1.0)), axis=-1))

@@ -1,4 +1,4 @@
-"""From blocks of readings to measurements of the filter: primary and secondary field calibration."""
+"""Measurements of the filter from blocks of readings: primary and secondary field calibration."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from schuler.filtering.measurements import (
 EarthRate: TypeAlias = Literal["vector", "vertical", "magnitude", "off"]
 Secondary: TypeAlias = Literal["full", "reduced", "off"]
 
-#: 1-sigma with which the place is held; velocity is held too and tells nothing, see :data:`FREE_ACCEL`. [m], [m/s]
+#: 1-sigma with which position and velocity are held; see :data:`FREE_ACCEL`. [m], [m/s]
 PLACE_SIGMA, VELOCITY_SIGMA = 1.0, 0.1
-#: Noise of the accelerometers in the filter's velocity, so large that velocities carry no news of the sensors: gravity
-#: measurements bring the same readings in with their own noise, and nothing is used twice. [m/s^2/sqrt(Hz)]
+#: Noise of the accelerometers in the filter's velocity, so large that velocities carry no information on the sensors:
+#: gravity measurements use the same readings with their own noise, and nothing is used twice. [m/s^2/sqrt(Hz)]
 FREE_ACCEL = 100.0
 
 
@@ -58,9 +58,9 @@ def rest_schedule(
     ----------
     blocks : Blocks
     noise : BlockNoise
-        Of a mean over one second.
+        Noise of a mean over one second.
     llh : ndarray, shape (3,)
-        Where the calibration takes place. [rad, rad, m]
+        Place of the calibration. [rad, rad, m]
     gravity : float
         0 takes that of the ellipsoid. [m/s^2]
     primary : bool
@@ -68,18 +68,18 @@ def rest_schedule(
         the magnitude in it, and used twice it would make the filter over-confident.
     earth_rate : {"vector", "vertical", "magnitude", "off"}
         The unit does not turn at rest: all three rates are the Earth's, for a log whose rests are cut out (see
-        :mod:`schuler.calibration.field.standstill`). Earth rate along the measured vertical only, the attitude carried
-        on by the gyroscopes: where a hand sways. Its magnitude as printed (P2), which takes Earth rate and noise for
+        :mod:`schuler.calibration.field.held_rests`). Earth rate along the measured vertical only, the attitude carried
+        on by the gyroscopes: where a hand sways. Its magnitude as printed (P2), whose Earth rate and noise bias the
         g-sensitivity. Or none.
     secondary : {"full", "reduced", "off"}
-        Gravity vector against the attitude the gyroscopes have carried on; reduced (the source's choice after the
-        primary calibration) takes the accelerometers for perfect.
+        Gravity vector against the attitude the gyroscopes have carried on; reduced (Yaman's choice after the primary
+        calibration) takes the accelerometers for perfect.
     secondary_from : float
-        Time from which it is used. [s]
+        Time from which the secondary measurement is used. [s]
 
     References
     ----------
-    Yaman (2017), eqs. (4-44) to (4-64), corrected as in the digest's section 5.4.
+    Yaman (2017), eqs. (4-44) to (4-64), corrected: see docs/field-calibration.md.
     """
     n = len(blocks)
     f, omega = blocks.f, blocks.omega
@@ -94,28 +94,31 @@ def rest_schedule(
     if secondary != "off" and late.any():
         vector = z.copy()
         vector[:, 7] = 1.0 if secondary == "reduced" else 0.0
-        # noise is given in body axes and the attitude is not known yet: the mean over the axes
+        # noise is given in body axes and the attitude is not estimated yet: the mean over the axes
         R = np.mean(noise.f**2) / blocks.length
-        parts.append(_of(GRAVITY_VECTOR, blocks, vector, R, late))
+        parts.append(_measurements(GRAVITY_VECTOR, blocks, vector, R, late))
     if primary:
         alone = at_rest & ~(late & (secondary == "full"))
-        parts.append(_of(GRAVITY, blocks, z, var_f, alone))
+        parts.append(_measurements(GRAVITY, blocks, z, var_f, alone))
     if earth_rate == "vector":
         R = np.zeros((n, 3, 3))
         R[:, range(3), range(3)] = noise.omega**2 / blocks.length[:, None]
         parts.append(MeasurementSchedule.of(ZERO_RATE, blocks.t[at_rest], omega[at_rest], R[at_rest]))
     elif earth_rate == "vertical":
-        parts.append(_of(EARTH_RATE, blocks, z, var_w, at_rest))
+        parts.append(_measurements(EARTH_RATE, blocks, z, var_w, at_rest))
     elif earth_rate == "magnitude":
-        parts.append(_of(EARTH_RATE_MAGNITUDE, blocks, z, np.mean(noise.omega**2) / blocks.length, at_rest))
+        parts.append(_measurements(EARTH_RATE_MAGNITUDE, blocks, z, np.mean(noise.omega**2) / blocks.length, at_rest))
     elif earth_rate != "off":
         raise InputError(f"earth_rate: expected 'vector', 'vertical', 'magnitude' or 'off', got {earth_rate!r}")
     here = np.tile(frames.ecef_from_llh(llh), (n, 1))
-    held = MeasurementSchedule.of
-    parts.append(held(FIX, blocks.t[at_rest], here[at_rest], PLACE_SIGMA**2))
-    parts.append(held(ZERO_VELOCITY, blocks.t[at_rest], np.zeros((int(at_rest.sum()), 3)), VELOCITY_SIGMA**2))
+    parts.append(MeasurementSchedule.of(FIX, blocks.t[at_rest], here[at_rest], PLACE_SIGMA**2))
+    parts.append(
+        MeasurementSchedule.of(ZERO_VELOCITY, blocks.t[at_rest], np.zeros((int(at_rest.sum()), 3)), VELOCITY_SIGMA**2)
+    )
     return merged(*parts)
 
 
-def _of(kind: int, blocks: Blocks, z: FloatArray, variance: FloatArray, keep: np.ndarray) -> MeasurementSchedule:
+def _measurements(
+    kind: int, blocks: Blocks, z: FloatArray, variance: FloatArray, keep: np.ndarray
+) -> MeasurementSchedule:
     return MeasurementSchedule.of(kind, blocks.t[keep], z[keep], np.broadcast_to(variance, len(blocks))[keep])

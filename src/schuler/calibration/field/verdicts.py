@@ -1,4 +1,4 @@
-"""What a field calibration could not find out, in words, and what to do next."""
+"""Verdicts of a field calibration: undetermined and contradictory parameters in words, and advice."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from schuler.standstill.stationarity import StaticIntervals
 from schuler.units import DEG
 
 if TYPE_CHECKING:
-    from schuler.calibration.field.filter_pass import Problem
+    from schuler.calibration.field.problem import Problem
 
-#: Share of what was known before, above which a parameter counts as not found out; and as found out half-way.
-UNKNOWN, POOR = 0.7, 0.1
-#: Beyond so many of its 1-sigma a value contradicts what was known before.
+#: Share of its 1-sigma before the log above which a parameter counts as undetermined, and as poorly determined.
+UNDETERMINED, POOR = 0.7, 0.1
+#: Deviation from the prior over its 1-sigma beyond which a value contradicts it.
 CONTRADICTS = 5.0
-#: A parameter that still moves by more of its sigma in the last pass has not been found.
-LOST = 1.0
+#: Change in the last pass over the sigma beyond which the passes diverge.
+DIVERGES = 1.0
 
 
 class Verdict(NamedTuple):
-    """Status, sentences, and what to do next."""
+    """Status, sentences, and advice on further turns and rests."""
 
     status: Status
     sentences: tuple[str, ...]
     advice: str
 
 
-def verdicts_of(
+def field_verdicts(
     names: tuple[str, ...],
     covariance: FloatArray,
     prior_sigma: dict[str, float],
@@ -48,36 +48,36 @@ def verdicts_of(
     left_out: tuple[str, ...] = (),
     swaying: bool = False,
 ) -> Verdict:
-    """Judge what came out beside what was known before.
+    """Judge parameters against those before the log.
 
     Parameters
     ----------
     names, covariance, prior_sigma
-        Parameters, their covariance, 1-sigma before.
+        Parameters, their covariance, 1-sigma before the log.
     rests, blocks
-        Of the log.
+        Rests of the log and means over their blocks.
     scales : dict of str to float
         Factors by which variances were enlarged, by kind of measurement.
     heading : (float, float), optional
-        If it was estimated. [rad]
+        Estimated heading and its 1-sigma. [rad]
     off : ndarray, shape (p,), optional
-        Values less what was believed before. SI.
+        Values less the prior. SI.
     moved : ndarray, shape (p,), optional
         Change in the last pass over the sigma.
     settled : float
-        Changes up to this are none.
+        Largest change of a converged parameter.
     left_out : tuple of str
-        Blocks of parameters that were asked for and that nothing was known of before.
+        Blocks of the options without uncertainty in the specification.
     swaying : bool
-        Rests were found to sway.
+        The rests sway.
     """
     share = {n: s / prior_sigma[n] for n, s in zip(names, np.sqrt(np.diag(covariance)), strict=True)}
-    unknown = [n for n in names if share[n] > UNKNOWN]
-    poor = [n for n in names if POOR < share[n] <= UNKNOWN]
-    few = len(rests) < 4
+    undetermined = [n for n in names if share[n] > UNDETERMINED]
+    poor = [n for n in names if POOR < share[n] <= UNDETERMINED]
+    too_few = len(rests) < 4
     largest = 0.0 if moved is None else float(np.max(moved))
     sentences = []
-    if few:
+    if too_few:
         sentences.append(
             f"only {len(rests)} rests were found, at least four in different attitudes are needed: rest ten seconds, "
             "turn by 45 deg or more, rest again, about all three axes"
@@ -89,7 +89,7 @@ def verdicts_of(
             + (
                 "The log does not fit what is estimated: look at the IMU's uncertainties, units and axes of the log, "
                 "and whether something is left out that is not small"
-                if largest > LOST
+                if largest > DIVERGES
                 else "More rests in other attitudes, or more passes, help"
             )
         )
@@ -99,8 +99,8 @@ def verdicts_of(
             f"not what was known before: {far}; the result leans towards what was known, so state more generous "
             "uncertainties of the IMU, or another IMU"
         )
-    if unknown:
-        sentences.append(f"not determined (hardly better than the data sheet): {', '.join(unknown)}")
+    if undetermined:
+        sentences.append(f"not determined (hardly better than the data sheet): {', '.join(undetermined)}")
     if poor:
         sentences.append(f"not below a tenth of what was known before: {', '.join(poor)}")
     if left_out:
@@ -121,15 +121,15 @@ def verdicts_of(
         angle, sigma = (v / DEG for v in heading)
         sentences.append(f"heading of the first rest {angle:.0f} deg, 1-sigma {sigma:.0f} deg")
     status: Status = "ok"
-    if few or largest > LOST:
+    if too_few or largest > DIVERGES:
         status = "refused"
-    elif unknown or far or largest > settled:
+    elif undetermined or far or largest > settled:
         status = "warning"
-    return Verdict(status, tuple(sentences), _advice(unknown + poor, rests, blocks))
+    return Verdict(status, tuple(sentences), _advice(undetermined + poor, rests, blocks))
 
 
 def _contradictions(names: tuple[str, ...], off: FloatArray | None, prior_sigma: dict[str, float]) -> str:
-    """The worst of those that are far from what was known before, in words."""
+    """The values farthest from the prior, as text."""
     if off is None:
         return ""
     ratio = sorted(((abs(d) / prior_sigma[n], n) for n, d in zip(names, off, strict=True)), reverse=True)
@@ -138,7 +138,7 @@ def _contradictions(names: tuple[str, ...], off: FloatArray | None, prior_sigma:
 
 
 def _advice(missing: list[str], rests: StaticIntervals, blocks: Blocks) -> str:
-    """One sentence on what helps most."""
+    """One sentence on the most useful turns and rests."""
     if not missing:
         return ""
     accel = [n for n in missing if n[:3] in ("b_a", "M_a")]
@@ -153,14 +153,15 @@ def _advice(missing: list[str], rests: StaticIntervals, blocks: Blocks) -> str:
     return f"rest longer, with each axis up and down, for {', '.join(missing)}"
 
 
-def residuals_of(
+def rest_residuals(
     blocks: Blocks, rests: StaticIntervals, parameters: dict[str, float], problem: Problem
 ) -> dict[str, Residuals]:
-    """Per rest: magnitude of specific force less gravity, and rate along the vertical less the Earth's."""
+    """Residuals per rest: magnitude of specific force less gravity, and rate along the vertical less the Earth's."""
     errors = imu_errors(parameters)
     latitude, height = float(problem.llh[0]), float(problem.llh[2])
-    used = problem.schedule.z[:, 6]
-    g = float(used[used > 0.0][0]) if (used > 0.0).any() else float(np.linalg.norm(earth.gravity_ned(latitude, height)))
+    stated = problem.schedule.z[:, 6]
+    stated = stated[stated > 0.0]
+    g = float(stated[0]) if len(stated) else float(np.linalg.norm(earth.gravity_ned(latitude, height)))
     ks = np.unique(blocks.rest)
     raw_f = np.array([blocks.f[blocks.rest == k].mean(axis=0) for k in ks])
     raw_w = np.array([blocks.omega[blocks.rest == k].mean(axis=0) for k in ks])

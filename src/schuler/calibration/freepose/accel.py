@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray
-from schuler.calibration.freepose.weights import downweighted, freed, spread_beyond, too_many
+from schuler.calibration.freepose.weights import excess_spread, outlier_weights, residual_factor, too_many_outliers
 
 #: Estimated elements of M_a, upper triangular: body z is the z accelerometer.
 UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
@@ -24,13 +24,13 @@ class AccelFit:
     p : ndarray, shape (9,)
         In the order of :data:`NAMES`.
     residual, sigma : ndarray, shape (n,)
-        Calibrated magnitude less gravity, and its 1 sigma by noise alone. [m/s^2]
+        Calibrated magnitude less gravity, and its 1-sigma by noise alone. [m/s^2]
     J : ndarray, shape (n, 9)
         Derivatives of the residuals.
     weight : ndarray, shape (n,)
         1 or less for outliers.
     spread : float
-        What poses scatter beyond noise, 1 sigma. [m/s^2]
+        Scatter of the poses beyond noise, 1-sigma. [m/s^2]
     history : ndarray, shape (k, 9)
     converged : bool
     """
@@ -83,9 +83,9 @@ def magnitude_residuals(p: FloatArray, y: FloatArray, gravity: float) -> tuple[F
     r : ndarray, shape (n,)
         [m/s^2]
     J : ndarray, shape (n, 9)
-        By the parameters: with ``f = R^-1 (y - b)``, ``u = f/|f|``, ``w = R^-T u`` they are ``-w`` and ``-w_i f_j``.
+        Derivatives by the parameters, ``-w`` and ``-w_i f_j`` with ``f = R^-1 (y - b)``, ``w = R^-T f/|f|``.
     w : ndarray, shape (n, 3)
-        By the measured means.
+        Derivatives by the measured means.
     """
     B = np.linalg.inv(response(p))
     f = (y - p[:3]) @ B.T
@@ -104,7 +104,7 @@ def ellipsoid_start(y: FloatArray, gravity: float) -> FloatArray | None:
 
     References
     ----------
-    The linear fit to an ellipsoid is common; its weights are wrong (large for large radii), hence only a start.
+    The common linear fit to an ellipsoid; it weights large radii too much and only serves as a start.
     """
     centre = 0.5 * (y.max(axis=0) + y.min(axis=0))
     scale = max(float(np.abs(y - centre).max()), 1e-300)
@@ -129,7 +129,7 @@ def ellipsoid_start(y: FloatArray, gravity: float) -> FloatArray | None:
 
 
 def sphere_start(y: FloatArray, gravity: float) -> FloatArray:
-    """Bias and one common scale by linear least squares, for few or badly spread poses."""
+    """Bias and one common scale by linear least squares, for a small or badly spread set of poses."""
     centre = y.mean(axis=0)
     x = y - centre
     D = np.column_stack((2.0 * x, np.ones(len(x))))
@@ -141,8 +141,8 @@ def sphere_start(y: FloatArray, gravity: float) -> FloatArray:
     return p
 
 
-def start_of(y: FloatArray, gravity: float, factor: float | None) -> tuple[float, FloatArray | None]:
-    """Factor of the accelerometers, found unless stated, and nine parameters to start from; None without any."""
+def accel_start(y: FloatArray, gravity: float, factor: float | None) -> tuple[float, FloatArray | None]:
+    """Factor of the accelerometers, estimated unless stated, and nine parameters to start from, or None."""
     if factor is not None:
         p = ellipsoid_start(factor * y, gravity)
         return factor, sphere_start(factor * y, gravity) if p is None else p
@@ -153,7 +153,7 @@ def start_of(y: FloatArray, gravity: float, factor: float | None) -> tuple[float
     if not det > 0.0:
         return 1.0, None
     gain = float(np.cbrt(det))
-    # a log in m/s^2 is left alone; counts, or g, get the factor that was found
+    # a log in m/s^2 keeps the factor 1; counts, or g, get the estimated one
     factor = 1.0 if 0.8 < gain < 1.25 else float(f"{1.0 / gain:.4g}")
     p = p.copy()
     p[3:] = (factor * response(p) - np.eye(3))[np.triu_indices(3)]
@@ -171,7 +171,7 @@ def fit_accelerometers(
     near: bool = False,
     iterations: int = 40,
 ) -> AccelFit:
-    """Gauss-Newton on the magnitude, weighted with the noise of the means, less so for disturbed poses.
+    """Fit nine parameters by Gauss-Newton on the magnitude, weighted with the noise of the means.
 
     Parameters
     ----------
@@ -206,12 +206,12 @@ def fit_accelerometers(
     total = np.ones(len(y))
     for step in range(iterations):
         if near or step >= 2:
-            # poses count alike until the parameters are good enough to tell noise from more than noise
-            e = r / freed(leverage(J, weight / total))
-            spread = spread_beyond(e, noise, 1, robust)
+            # equal weights until the parameters are good enough to separate noise from other scatter
+            e = r / residual_factor(leverage(J, weight / total))
+            spread = excess_spread(e, noise, 1, robust)
             total = noise**2 + spread**2
             if robust:
-                weight = downweighted(np.abs(e) / np.sqrt(total), 1)
+                weight = outlier_weights(np.abs(e) / np.sqrt(total), 1)
         rows = np.sqrt(weight / total)
         dp = _solve(J * rows[:, None], -r * rows)
         if not np.isfinite(p + dp).all() or abs(np.linalg.det(response(p + dp))) < 1e-9:
@@ -223,13 +223,13 @@ def fit_accelerometers(
         if step >= (1 if near else 3) and float(np.abs(dp).max()) < 1e-9:
             converged = True
             break
-    if too_many(weight):
+    if too_many_outliers(weight):
         return fit_accelerometers(y, sigma, gravity, robust=False, start=start, iterations=iterations)
     return AccelFit(p, r, noise, J, weight, spread, np.array(history), converged)
 
 
 def leverage(J: FloatArray, weight: FloatArray) -> FloatArray:
-    """How much of its own error each residual swallows, 0 to 1. Shape (n,)."""
+    """Leverage of each residual: share of its own error that the fit takes up, 0 to 1. Shape (n,)."""
     scale = np.sqrt((J * J * weight[:, None]).sum(axis=0))
     scale[scale == 0.0] = 1.0
     A = J * np.sqrt(weight)[:, None] / scale
@@ -239,7 +239,7 @@ def leverage(J: FloatArray, weight: FloatArray) -> FloatArray:
 
 
 def _solve(A: FloatArray, b: FloatArray) -> FloatArray:
-    """Least squares with columns scaled alike; directions that the data do not see are left alone."""
+    """Least squares with columns scaled alike; zero in directions without information."""
     scale = np.sqrt((A * A).sum(axis=0))
     scale[scale == 0.0] = 1.0
     return np.asarray(np.linalg.lstsq(A / scale, b, rcond=1e-9)[0] / scale)

@@ -13,9 +13,9 @@ from schuler.calibration.freepose import accel as freepose_accel
 from schuler.calibration.freepose.accel import AccelFit, fit_accelerometers
 from schuler.calibration.freepose.gyro import GyroFit, fit_gyroscopes, rescaled
 from schuler.calibration.freepose.motion import PLACES, MotionFit, fit_motion
-from schuler.calibration.freepose.rests import MARGINS, Rests, rests_of, tedaldi_rests
-from schuler.calibration.freepose.result import assemble, refused, undetermined
-from schuler.calibration.freepose.turns import Turns, first_scale
+from schuler.calibration.freepose.rests import MARGINS, Rests, pose_means, tedaldi_rests
+from schuler.calibration.freepose.result import freepose_result, refused_result, undetermined
+from schuler.calibration.freepose.turns import Turns, nominal_scale
 from schuler.calibration.result.parameters import BIAS_G, MATRIX_G, SENSITIVITY
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
@@ -26,13 +26,13 @@ from schuler.units import G0
 Bias: TypeAlias = Literal["rest", "estimate"]
 Search: TypeAlias = Literal["auto", "tedaldi"]
 
-#: Fewer poses than parameters of the accelerometers cannot be solved.
+#: Fewest poses: the parameters of the accelerometers.
 FEWEST = 9
-#: A first pose of this length is taken for the initial rest that gives the gyro bias. [s]
+#: Shortest first pose that is used as the initial rest for the gyro bias. [s]
 INITIAL = 10.0
-#: With more of the nine accelerometer parameters undetermined the others are not to be believed either.
-MOST_LOST = 3
-#: The same if any is undetermined and there are fewer poses than this beyond nine.
+#: Largest number of undetermined accelerometer parameters of a result that is not refused.
+MOST_UNDETERMINED = 3
+#: Fewest poses beyond nine of a result with an undetermined parameter that is not refused.
 REDUNDANCY = 3
 
 
@@ -58,7 +58,7 @@ def calibrate_freepose(
     Parameters
     ----------
     imu : ImuSeries
-        Any units, raw counts too: a factor is found for both triads. Rates or increments.
+        Any units, raw counts too: factors of both triads are estimated. Rates or increments.
     gravity : float
         Local gravity. [m/s^2]
     noise : (array_like, array_like), optional
@@ -78,13 +78,13 @@ def calibrate_freepose(
         Less weight for disturbed poses and turns.
     nominal : (float, float), optional
         Factors of accelerometers [m/s^2 per unit of the log] and gyroscopes [rad/s per unit]. None: 1 if the log is in
-        SI by the size of gravity and of the turns, else the mean factor that was found, to four digits.
+        SI by the size of gravity and of the turns, else the estimated mean factor, to four digits.
     intervals : sequence of (start, stop), optional
-        The rests. None: found, see Notes. [s]
+        The rests. None: detected, see Notes. [s]
     rests : {"auto", "tedaldi"}
-        How they are found: our way, or as the source does, see
-        :func:`~schuler.calibration.freepose.rests.tedaldi_rests`. The latter needs ``initial_rest_s``, looks at
-        accelerometers alone, and uses ``min_s`` seconds of each rest.
+        Detection of rests: see Notes, or that of the paper,
+        :func:`~schuler.calibration.freepose.rests.tedaldi_rests`, which needs ``initial_rest_s``, uses accelerometers
+        alone, and ``min_s`` seconds of each rest.
     window_s, min_s : float
         Window of the detector and shortest rest. [s]
 
@@ -101,12 +101,12 @@ def calibrate_freepose(
     Raises
     ------
     InputError
-        If an argument makes no sense or the log is shorter than ten windows.
+        If an argument is out of range or the log is shorter than ten windows.
 
     Notes
     -----
     Rests: variance of both triads over a moving window, relative to that at rest, below a multiple. The multiples of
-    the source, 2 to 10, are tried and the one kept whose poses determine the accelerometers best (smallest determinant
+    the paper, 2 to 10, are tried and the one kept whose poses determine the accelerometers best (smallest determinant
     of the covariance, scatter included). Accelerometers come first, gyroscopes in their axes second; the covariance of
     the second step carries the first.
 
@@ -138,48 +138,47 @@ def calibrate_freepose(
 
     kernels.prepare_freepose()
     rates, interval = imu.rates(), imu.interval
-    names = _names(g_sensitivity, size_effect, delay)
-    start: dict[str, Any] = {"names": names, "options": options}
+    names = _parameter_names(g_sensitivity, size_effect, delay)
 
-    # 1. Where it rests, and the accelerometers.
+    # 1. Rests, and the accelerometers from them.
     if rests == "tedaldi" and initial_rest_s is not None:
         factor_a = None if factors is None else factors[0]
         candidates = [
             tedaldi_rests(rates, interval, gravity, initial_rest_s, factor=factor_a, window_s=window_s, min_s=min_s)
         ]
     else:
-        candidates = _candidates(rates, interval, intervals, initial_rest_s, window_s, min_s)
+        candidates = _candidate_rests(rates, interval, intervals, initial_rest_s, window_s, min_s)
     best: tuple[float, Rests, AccelFit, float] | None = None
-    most: Rests | None = None
+    largest: Rests | None = None
     last: tuple[AccelFit, float] | None = None
     p0: FloatArray | None
-    for found in candidates:
-        if most is None or len(found) > len(most):
-            most = found
-        if len(found) < FEWEST:
+    for poses in candidates:
+        if largest is None or len(poses) > len(largest):
+            largest = poses
+        if len(poses) < FEWEST:
             continue
         near = last is not None and last[0].converged and last[0].spread == 0.0
-        if near and last is not None:  # hardly other poses than before
+        if near and last is not None:  # nearly the same poses as before
             p0, factor = last[0].p, last[1]
         else:
-            factor, p0 = freepose_accel.start_of(found.accel, gravity, None if factors is None else factors[0])
+            factor, p0 = freepose_accel.accel_start(poses.accel, gravity, None if factors is None else factors[0])
         if p0 is None:
             continue
-        sigma = _sigma_f(found, noise, factor)
-        fit = fit_accelerometers(factor * found.accel, sigma, gravity, robust=robust, start=p0, near=near)
+        sigma = _sigma_f(poses, noise, factor)
+        fit = fit_accelerometers(factor * poses.accel, sigma, gravity, robust=robust, start=p0, near=near)
         last = (fit, factor)
-        score = _score(fit)
+        score = _log_determinant(fit)
         if np.isfinite(score) and (best is None or score < best[0]):
-            best = (score, found, fit, factor)
+            best = (score, poses, fit, factor)
     if best is None:
-        return refused(most, None, factors, gravity, rates, names, options)
-    _, found, accel, factor_a = best
-    lost = undetermined(accel)
-    if len(lost) > MOST_LOST or (lost and len(found) < FEWEST + REDUNDANCY):
-        return refused(found, accel, factors or (factor_a, 1.0), gravity, rates, names, options)
+        return refused_result(largest, None, factors, gravity, rates, names, options)
+    _, poses, accel, factor_a = best
+    weak = undetermined(accel)
+    if len(weak) > MOST_UNDETERMINED or (weak and len(poses) < FEWEST + REDUNDANCY):
+        return refused_result(poses, accel, factors or (factor_a, 1.0), gravity, rates, names, options)
 
     # 2. Turns between them.
-    return _with_gyroscopes(imu, rates, found, accel, factor_a, factors, gravity, noise, start)
+    return _with_gyroscopes(imu, rates, poses, accel, factor_a, factors, gravity, noise, names, options)
 
 
 def _with_gyroscopes(
@@ -191,18 +190,18 @@ def _with_gyroscopes(
     factors: tuple[float, float] | None,
     gravity: float,
     noise: tuple[ArrayLike, ArrayLike] | None,
-    start: dict[str, Any],
+    names: tuple[str, ...],
+    options: dict[str, Any],
 ) -> CalibrationResult:
     """Second step: gyroscopes in the axes of the calibrated accelerometers, and the result."""
-    options = start["options"]
-    # a pose that counts for little is as if it were noisier
+    # a small weight is a larger noise
     sigma_f = np.sqrt((_sigma_f(rests, noise, factor_a) ** 2 + accel.spread**2) / accel.weight[:, None])
     turns = _turns(imu.kind, rates, rests, accel, factor_a)
     raw_bias, rest_s = _bias_at_rest(rates, rests, options["initial_rest_s"])
     gyro: GyroFit | None = None
     factor_g = 1.0 if factors is None else factors[1]
     if 2 * len(turns.spans) >= _gyro_count(options):
-        scale = first_scale(turns, raw_bias)
+        scale = nominal_scale(turns, raw_bias)
         factor_g = scale if factors is None else factors[1]
         if noise is not None:
             rests = replace(rests, density_g=np.broadcast_to(np.asarray(noise[0], dtype=float), (3,)) / factor_g)
@@ -222,7 +221,7 @@ def _with_gyroscopes(
             turns, factor_g, gyro, gravity, (_rms(factor_g * rests.density_g), _rms(N_a)), _rms(sigma_f) / gravity,
             size_effect=options["size_effect"], delay=options["delay"], robust=options["robust"],
         )  # fmt: skip
-    return assemble(
+    return freepose_result(
         imu,
         rests,
         accel,
@@ -234,7 +233,7 @@ def _with_gyroscopes(
         sigma_f,
         raw_bias,
         rest_s,
-        start["names"],
+        names,
         options,
     )
 
@@ -244,7 +243,7 @@ def _rms(x: FloatArray) -> float:
 
 
 def _gyro_count(options: dict[str, Any]) -> int:
-    """Parameters that turns must determine."""
+    """Number of parameters that turns must determine."""
     return 9 + 3 * int(options["gyro_bias"] == "estimate")
 
 
@@ -260,7 +259,7 @@ def check_options(
     window_s: float = 1.0,
     **_: Any,
 ) -> None:
-    """Raise InputError for options of :func:`calibrate_freepose` that no log could make sense of."""
+    """Raise InputError for options of :func:`calibrate_freepose` that are out of range for any log."""
     if not (np.isfinite(gravity) and gravity > 0.0):
         raise InputError(f"gravity: expected a positive number of m/s^2, got {gravity}")
     if gyro_bias not in ("rest", "estimate"):
@@ -283,7 +282,7 @@ def check_options(
             raise InputError(f"{name}: expected a positive time, got {value} s")
 
 
-def _candidates(
+def _candidate_rests(
     rates: ImuSeries,
     interval: float,
     intervals: Sequence[tuple[float, float]] | None,
@@ -291,7 +290,7 @@ def _candidates(
     window_s: float,
     min_s: float,
 ) -> list[Rests]:
-    """Sets of rests to choose from; sets that are alike once."""
+    """Different sets of rests, one for each threshold."""
     if intervals is not None:
         spans = as_floats(intervals, "intervals", (None, 2))
         index = np.stack(
@@ -299,14 +298,14 @@ def _candidates(
         ).astype(np.int64)
         if (np.diff(index, axis=1) < 20).any() or (index[1:, 0] < index[:-1, 1]).any():
             raise InputError("intervals: expected rests one after another with 20 samples or more in each")
-        return [rests_of(rates, interval, np.ascontiguousarray(index), float("nan"))]
+        return [pose_means(rates, interval, np.ascontiguousarray(index), float("nan"))]
     statistic = variance_ratio(rates, interval, window_s, initial_rest_s)
     gaps = log_gaps(rates.t, interval)
     out: list[Rests] = []
     for margin in MARGINS:
         index = intervals_below(rates.t, interval, gaps, statistic, margin, min_s)
         if not out or not np.array_equal(index, out[-1].index):
-            out.append(rests_of(rates, interval, index, margin))
+            out.append(pose_means(rates, interval, index, margin))
     return out
 
 
@@ -316,7 +315,7 @@ def _sigma_f(rests: Rests, noise: tuple[ArrayLike, ArrayLike] | None, factor: fl
     return np.asarray(N / np.sqrt(rests.duration)[:, None])
 
 
-def _score(fit: AccelFit) -> float:
+def _log_determinant(fit: AccelFit) -> float:
     """Logarithm of the determinant of the covariance; infinite if it is singular."""
     d = np.sqrt(np.diag(fit.normal))
     if not (np.isfinite(d).all() and (d > 0.0).all()):
@@ -330,14 +329,14 @@ def _turns(kind: str, rates: ImuSeries, rests: Rests, accel: AccelFit, factor: f
     B = np.linalg.inv(accel.R)
     f = (factor * rests.accel - accel.p[:3]) @ B.T
     spans = np.stack((rests.index[:-1, 1] - 1, rests.index[1:, 0]), axis=1)
-    whole = np.ones(len(spans), dtype=bool)
+    complete = np.ones(len(spans), dtype=bool)
     for gap in log_gaps(rates.t, rates.interval):
-        whole &= ~((spans[:, 0] <= gap) & (gap < spans[:, 1]))
+        complete &= ~((spans[:, 0] <= gap) & (gap < spans[:, 1]))
     pair = np.stack((np.arange(len(spans)), np.arange(1, len(spans) + 1)), axis=1)
     up = np.asarray(f / np.linalg.norm(f, axis=1, keepdims=True), dtype=np.float64)
     return Turns(
-        rates.t, rates.gyro, rates.accel, 0.5 if kind == "rate" else 0.0, np.ascontiguousarray(spans[whole]),
-        pair[whole], up, f, np.asarray(factor * B, dtype=np.float64), accel.p[:3] / factor,
+        rates.t, rates.gyro, rates.accel, 0.5 if kind == "rate" else 0.0, np.ascontiguousarray(spans[complete]),
+        pair[complete], up, f, np.asarray(factor * B, dtype=np.float64), accel.p[:3] / factor,
     )  # fmt: skip
 
 
@@ -353,6 +352,7 @@ def _bias_at_rest(rates: ImuSeries, rests: Rests, initial_rest_s: float | None) 
     return np.asarray(weight @ rests.gyro), float(rests.duration.sum())
 
 
-def _names(g_sensitivity: bool, size_effect: bool, delay: bool) -> tuple[str, ...]:
+def _parameter_names(g_sensitivity: bool, size_effect: bool, delay: bool) -> tuple[str, ...]:
     optional = ((g_sensitivity, SENSITIVITY), (size_effect, PLACES), (delay, ("delay",)))
-    return (*freepose_accel.NAMES, *BIAS_G, *MATRIX_G, *(n for wanted, names in optional if wanted for n in names))
+    chosen = tuple(name for estimated, family in optional if estimated for name in family)
+    return (*freepose_accel.NAMES, *BIAS_G, *MATRIX_G, *chosen)

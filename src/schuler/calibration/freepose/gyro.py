@@ -1,16 +1,23 @@
-"""Gyroscope parameters from the turns between poses: integrated, they must carry one measured vertical to the next."""
+"""Gyroscope parameters from the turns between poses: integrated rates carry one measured vertical to the next."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from schuler.arrays import FloatArray
+from schuler.arrays import FloatArray, IntArray
 from schuler.calibration.freepose.accel import UPPER_COLUMN, UPPER_ROW, AccelFit
 from schuler.calibration.freepose.rests import Rests
-from schuler.calibration.freepose.turns import COARSE, Turns, predicted, tangents
-from schuler.calibration.freepose.weights import downweighted, freed, pseudo_inverse, spread_beyond, too_many
+from schuler.calibration.freepose.turns import COARSE, Turns, tangents, vertical_residuals
+from schuler.calibration.freepose.weights import (
+    excess_spread,
+    outlier_weights,
+    pseudo_inverse,
+    residual_factor,
+    too_many_outliers,
+)
 from schuler.exceptions import InputError
 
 
@@ -21,28 +28,28 @@ class GyroFit:
     Attributes
     ----------
     M, b, G : ndarray, shape (3, 3), (3,), (3, 3)
-        Of the input times nominal. [-], [rad/s], [(rad/s)/(m/s^2)]
+        Errors of the input times nominal. [-], [rad/s], [(rad/s)/(m/s^2)]
     columns : slice tuple
-        Where M, b and G are among the estimated parameters; b and G may be empty.
+        Places of M, b and G among the estimated parameters; b and G may be empty.
     residual : ndarray, shape (n, 3)
         Predicted less measured vertical of each turn. [rad]
     sigma : ndarray, shape (n,)
-        Its 1 sigma per component by noise alone. [rad]
+        1-sigma of a component of it by noise alone. [rad]
     spread : float
-        What turns scatter beyond noise, 1 sigma per component. [rad]
+        Scatter of the turns beyond noise, 1-sigma per component. [rad]
     rest_spread : float
-        The same of the rates at rest, if they were used. [rad/s]
+        Scatter of the rates at rest beyond noise, if they were used. [rad/s]
     weight : ndarray, shape (n,)
         1 or less for outliers.
     chi2, freedom : float, int
-        By noise alone.
+        By noise alone; degrees of freedom.
     normal : ndarray, shape (p, p)
         J^T W J.
     covariance, cross : ndarray, shape (p, p), (p, 9)
-        Of the estimated parameters, and with those of the accelerometers.
+        Covariance of the estimated parameters, and with those of the accelerometers.
     bias_covariance : ndarray, shape (3, 3)
     bias_cross : ndarray, shape (p, 3)
-        Of the estimated parameters with a bias that was measured at rest.
+        Covariance of the estimated parameters with a bias that was measured at rest.
     history : ndarray, shape (k, p)
     """
 
@@ -85,7 +92,7 @@ def fit_gyroscopes(
     ----------
     turns : Turns
     rests : Rests
-        For the rates at rest, used with ``g_sensitivity``.
+        Poses; their rates are used with ``g_sensitivity``.
     accel : AccelFit
     sigma_f : ndarray, shape (K, 3)
         1-sigma of the pose means, spread included. [m/s^2]
@@ -95,152 +102,238 @@ def fit_gyroscopes(
         Measured at rest. [rad/s]
     estimate_bias, g_sensitivity, robust : bool
     M : ndarray, shape (3, 3)
-        Start.
+        Start of the response.
 
     Returns
     -------
     GyroFit
         Weights are the inverse of the covariance of the residuals: noise of both poses (a pose is the end of one turn
-        and the start of the next), the accelerometer parameters found from the same means, gyroscope noise
-        ``N^2 T``, the bias measured at rest, and what is beyond noise, see
-        :func:`~schuler.calibration.freepose.weights.spread_beyond`.
+        and the start of the next), the accelerometer parameters from the same means, gyroscope noise ``N^2 T``, the
+        bias measured at rest, and the scatter beyond noise, see
+        :func:`~schuler.calibration.freepose.weights.excess_spread`.
 
     References
     ----------
     Tedaldi, Pretto, Menegatti (2014), eq. (13); Fong, Ong, Nee (2008). Departures: exact steps instead of
     Runge-Kutta, analytic derivatives, weights and covariance. White noise N is taken alike on the three axes (their
-    root mean square), and the Earth's rotation is part of what is not explained.
+    root mean square), and the Earth's rotation is part of the scatter beyond noise.
     """
-    G: FloatArray = np.zeros((3, 3))
-    b: FloatArray = bias.copy()
-    free_bias = estimate_bias or g_sensitivity
-    slices = (slice(0, 9), slice(9, 12 if free_bias else 9), slice(12, 21 if g_sensitivity else 12))
-    used = np.r_[0:9, 9 : (12 if free_bias else 9), 12 : (21 if g_sensitivity else 12)]
-    count, n = len(used), len(turns.spans)
-    omega_rest = nominal * rests.gyro
-    rest_noise = (nominal * rests.density_g) / np.sqrt(rests.duration)[:, None]
+    start = _GyroParameters(np.array(M), bias.copy(), np.zeros((3, 3)), estimate_bias or g_sensitivity, g_sensitivity)
     if g_sensitivity:
         rows = np.column_stack((np.ones(len(turns.f)), turns.f))
-        x = np.linalg.lstsq(rows, omega_rest, rcond=None)[0]
-        b, G = np.array(x[0], dtype=np.float64), np.array(x[1:].T, dtype=np.float64)
-    M = np.array(M)
-
-    def step(dx: FloatArray) -> None:
-        nonlocal M, b, G
-        M = M + dx[:9].reshape(3, 3)
-        if free_bias:
-            b = b + dx[9:12]
-        if g_sensitivity:
-            G = G + dx[12:].reshape(3, 3)
-
-    def evaluate(stride: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        return predicted(turns, nominal, M, b, G if g_sensitivity else None, stride)
-
-    # 1. From afar: turns alike, damped, in coarse steps, matrix only.
-    damping = 1e-3
-    r, J, _, _ = evaluate(COARSE)
-    cost = float((r * r).sum())
-    history = [np.concatenate((M.ravel(), b, G.ravel()))[used]]
-    for _ in range(30):
-        A = J[:, :, :9].reshape(-1, 9)
-        N = A.T @ A
-        dx = np.zeros(count)
-        dx[:9] = np.linalg.solve(N + damping * np.diag(np.diag(N) + 1e-9), -A.T @ r.ravel())
-        kept = M
-        M = M + dx[:9].reshape(3, 3)
-        if np.linalg.det(np.eye(3) + M) > 1e-3:
-            r_new, J_new, _, _ = evaluate(COARSE)
-            cost_new = float((r_new * r_new).sum())
-        else:
-            cost_new = np.inf
-        if cost_new < cost:
-            done = cost_new > cost * (1.0 - 1e-3)
-            r, J, cost, damping = r_new, J_new, cost_new, 0.1 * damping
-            history.append(np.concatenate((M.ravel(), b, G.ravel()))[used])
-            if done:
-                break
-        else:
-            M, damping = kept, 10.0 * damping
-            if damping > 1e6:
-                break
-
-    # 2. Sample by sample, with the covariance of the residuals.
-    weight, spread, rest_spread = np.ones(n), 0.0, 0.0
-    swallowed = np.zeros(n)
+        x = np.linalg.lstsq(rows, nominal * rests.gyro, rcond=None)[0]
+        start = replace(start, b=np.array(x[0], dtype=np.float64), G=np.array(x[1:].T, dtype=np.float64))
+    parameters, history = _coarse_fit(turns, nominal, start)
+    estimated, n = start.estimated, len(turns.spans)
+    tangent = tangents(turns.up[turns.pair[:, 1]])
     up_noise, to_accel = direction_noise(turns, accel, sigma_f)
+    held_bias_sigma = None if start.estimates_bias else bias_sigma
+    weight, spread, hat = np.ones(n), 0.0, np.zeros(n)
     for k in range(15):
-        r, J, C, seconds = evaluate(1)
-        E = tangents(turns.up[turns.pair[:, 1]])
-        r2 = np.einsum("kia,ki->ka", E, r).ravel()
-        J2 = np.einsum("kia,kip->kap", E, J).reshape(2 * n, -1)[:, : 21 if g_sensitivity else 12]
+        residual, J, C, seconds = parameters.residuals(turns, nominal, 1)
+        r = np.einsum("kia,ki->ka", tangent, residual).ravel()
+        J_t = np.einsum("kia,kip->kap", tangent, J).reshape(2 * n, -1)[:, : 21 if g_sensitivity else 12]
         if k < 3 or k == 14:
-            S = _residual_map(turns, E, C, up_noise)
-            V_a = _spread_of(S, sigma_f.ravel() ** 2)
-            if not free_bias:  # its error is that of all turns
-                V_a = V_a + (J2[:, 9:12] * bias_sigma**2) @ J2[:, 9:12].T
-            # noise is that of what is read; the calibrated rate has it divided by the response
-            Q = np.linalg.inv(np.eye(3) + M)
-            gyro_var = float(np.mean(Q**2 @ (nominal * rests.density_g) ** 2)) * seconds
-            own = np.repeat(gyro_var, 2)
-            sigma = np.sqrt(0.5 * np.diag(V_a).reshape(n, 2).sum(axis=1) + gyro_var)
-        size = np.linalg.norm(r2.reshape(n, 2), axis=1)
+            to_residual = _residual_map(turns, tangent, C, up_noise)
+            noise = _turn_noise(
+                to_residual, sigma_f, J_t[:, 9:12], held_bias_sigma, parameters.M, nominal * rests.density_g, seconds
+            )
+        own = np.repeat(noise.gyro, 2)
         if k > 0:
-            size = size / freed(swallowed)
-            spread = spread_beyond(size, sigma, 2, robust)
+            size = np.linalg.norm(r.reshape(n, 2), axis=1) / residual_factor(hat)
+            spread = excess_spread(size, noise.sigma, 2, robust)
             if robust:
-                weight = downweighted(size / np.sqrt(sigma**2 + spread**2), 2)
-            own = np.repeat((gyro_var + spread**2) / weight + (1.0 / weight - 1.0) * (sigma**2 - gyro_var), 2)
-        A = J2[:, used]
-        WA = _weighted(V_a, own, np.column_stack((A, r2)))
+                weight = outlier_weights(size / np.sqrt(noise.sigma**2 + spread**2), 2)
+            own = np.repeat((noise.gyro + spread**2) / weight + (1.0 / weight - 1.0) * (noise.sigma**2 - noise.gyro), 2)
+        A = J_t[:, estimated]
+        WA = _weighted(noise.common, own, np.column_stack((A, r)))
         N, g = A.T @ WA[:, :-1], A.T @ WA[:, -1]
+        rates = None
         if g_sensitivity:
-            q = omega_rest - b - turns.f @ G.T
-            e = q.ravel() / np.sqrt(1.0 - 12.0 / q.size)
-            rest_spread = spread_beyond(e, rest_noise.ravel(), 1, robust)
-            rest_var = rest_noise**2 + rest_spread**2
-            rest_weight = downweighted(np.abs(q) / np.sqrt(rest_var), 1) if robust else np.ones_like(q)
-            D = _rest_rows(turns.f, count)
-            wq = (rest_weight / rest_var).ravel()
-            N, g = N + D.T @ (wq[:, None] * D), g + D.T @ (wq * q.ravel())
+            rates = _rest_rates(parameters, turns.f, rests, nominal, robust)
+            N, g = N + rates.D.T @ (rates.w[:, None] * rates.D), g + rates.D.T @ (rates.w * rates.residual.ravel())
         inverse = pseudo_inverse(N)
-        swallowed = 0.5 * ((A @ inverse) * WA[:, :-1]).sum(axis=1).reshape(n, 2).sum(axis=1)
+        hat = 0.5 * ((A @ inverse) * WA[:, :-1]).sum(axis=1).reshape(n, 2).sum(axis=1)
         dx = -inverse @ g
-        step(dx)
-        history.append(np.concatenate((M.ravel(), b, G.ravel()))[used])
-        if not np.isfinite(dx).all() or np.linalg.det(np.eye(3) + M) < 1e-3:
-            M = history[-2][:9].reshape(3, 3)
+        parameters = parameters.moved(dx)
+        history.append(parameters.vector)
+        if not np.isfinite(dx).all() or np.linalg.det(np.eye(3) + parameters.M) < 1e-3:
+            parameters = replace(parameters, M=history[-2][:9].reshape(3, 3))
             break
         if k >= 3 and float(np.abs(dx[:9]).max()) < 1e-9:
             break
-    if too_many(weight):
+    if too_many_outliers(weight):
         return fit_gyroscopes(
             turns, rests, accel, sigma_f, nominal, bias, bias_sigma, estimate_bias=estimate_bias,
-            g_sensitivity=g_sensitivity, robust=False, M=M,
+            g_sensitivity=g_sensitivity, robust=False, M=parameters.M,
         )  # fmt: skip
-    r, J, C, seconds = evaluate(1)
-    r2 = np.einsum("kia,ki->ka", E, r).ravel()
-    K = -inverse @ WA[:, :-1].T
-    chi2 = float(r2 @ _weighted(V_a, np.repeat(gyro_var, 2), r2[:, None])[:, 0])
-    freedom = 2 * n - count
-    from_poses = K @ S
-    var = sigma_f.ravel() ** 2
-    covariance = (from_poses * var) @ from_poses.T + (K * own) @ K.T
-    cross = (from_poses * var) @ to_accel.T
-    bias_covariance, bias_cross = np.diag(bias_sigma**2), np.zeros((count, 3))
-    if not free_bias:
-        KJ = K @ J2[:, 9:12]
-        covariance += (KJ * bias_sigma**2) @ KJ.T
-        bias_cross = KJ * bias_sigma**2
-    if g_sensitivity:
-        L = inverse @ (D.T * wq)
-        covariance += (L * rest_var.ravel()) @ L.T
-        q = omega_rest - b - turns.f @ G.T
-        chi2 += float((q**2 / rest_noise**2).sum())
-        freedom += q.size
+    residual, _, _, _ = parameters.residuals(turns, nominal, 1)
+    r = np.einsum("kia,ki->ka", tangent, residual).ravel()
+    gain = -inverse @ WA[:, :-1].T
+    covariance, cross, bias_cross = _gyro_covariance(
+        gain, to_residual, sigma_f.ravel() ** 2, own, to_accel, J_t[:, 9:12], held_bias_sigma
+    )
+    chi2 = float(r @ _weighted(noise.common, np.repeat(noise.gyro, 2), r[:, None])[:, 0])
+    freedom, rest_spread = 2 * n - len(estimated), 0.0
+    if rates is not None:
+        L = inverse @ (rates.D.T * rates.w)
+        covariance += (L * rates.variance.ravel()) @ L.T
+        q, sigma = parameters.rest_residual(turns.f, nominal * rests.gyro), _rest_sigma(rests, nominal)
+        chi2, freedom, rest_spread = chi2 + float((q**2 / sigma**2).sum()), freedom + q.size, rates.spread
     return GyroFit(
-        M, b, G, slices, r, sigma, spread, rest_spread, weight, chi2, freedom, N, 0.5 * (covariance + covariance.T),
-        cross, bias_covariance, bias_cross, np.array(history),
+        parameters.M, parameters.b, parameters.G, parameters.columns, residual, noise.sigma, spread, rest_spread,
+        weight, chi2, freedom, N, 0.5 * (covariance + covariance.T), cross, np.diag(bias_sigma**2), bias_cross,
+        np.array(history),
     )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _GyroParameters:
+    """M, b and G of ``omega = (I + M)^-1 (nominal y - b - G f)``, and which of them are estimated."""
+
+    M: FloatArray
+    b: FloatArray
+    G: FloatArray
+    estimates_bias: bool
+    g_sensitivity: bool
+
+    @property
+    def columns(self) -> tuple[slice, slice, slice]:
+        """Places of M, b and G among the estimated parameters."""
+        return slice(0, 9), slice(9, 12 if self.estimates_bias else 9), slice(12, 21 if self.g_sensitivity else 12)
+
+    @property
+    def estimated(self) -> IntArray:
+        """Places of the estimated parameters among all 21."""
+        return np.r_[0:9, 9 : (12 if self.estimates_bias else 9), 12 : (21 if self.g_sensitivity else 12)]
+
+    @property
+    def vector(self) -> FloatArray:
+        """Estimated parameters."""
+        return np.asarray(np.concatenate((self.M.ravel(), self.b, self.G.ravel()))[self.estimated])
+
+    def moved(self, dx: FloatArray) -> _GyroParameters:
+        """Parameters changed by a step of the estimated ones."""
+        return replace(
+            self,
+            M=self.M + dx[:9].reshape(3, 3),
+            b=self.b + dx[9:12] if self.estimates_bias else self.b,
+            G=self.G + dx[12:].reshape(3, 3) if self.g_sensitivity else self.G,
+        )
+
+    def residuals(
+        self, turns: Turns, nominal: float, stride: int
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Residuals of the predicted verticals, see :func:`schuler.calibration.freepose.turns.vertical_residuals`."""
+        return vertical_residuals(turns, nominal, self.M, self.b, self.G if self.g_sensitivity else None, stride)
+
+    def rest_residual(self, f: FloatArray, omega: FloatArray) -> FloatArray:
+        """Rates at rest less ``b + G f``. Shape (K, 3). [rad/s]"""
+        return np.asarray(omega - self.b - f @ self.G.T)
+
+
+def _coarse_fit(turns: Turns, nominal: float, start: _GyroParameters) -> tuple[_GyroParameters, list[FloatArray]]:
+    """Response matrix by damped least squares (Levenberg, Marquardt), turns weighted alike, in coarse steps."""
+    parameters, damping = start, 1e-3
+    r, J, _, _ = parameters.residuals(turns, nominal, COARSE)
+    cost = float((r * r).sum())
+    history = [parameters.vector]
+    for _ in range(30):
+        A = J[:, :, :9].reshape(-1, 9)
+        N = A.T @ A
+        dM = np.linalg.solve(N + damping * np.diag(np.diag(N) + 1e-9), -A.T @ r.ravel())
+        trial, cost_new = replace(parameters, M=parameters.M + dM.reshape(3, 3)), np.inf
+        if np.linalg.det(np.eye(3) + trial.M) > 1e-3:
+            r_new, J_new, _, _ = trial.residuals(turns, nominal, COARSE)
+            cost_new = float((r_new * r_new).sum())
+        if cost_new < cost:
+            converged = cost_new > cost * (1.0 - 1e-3)
+            parameters, r, J, cost, damping = trial, r_new, J_new, cost_new, 0.1 * damping
+            history.append(parameters.vector)
+            if converged:
+                break
+        else:
+            damping = 10.0 * damping
+            if damping > 1e6:
+                break
+    return parameters, history
+
+
+class _TurnNoise(NamedTuple):
+    """Noise of the tangential residuals of n turns.
+
+    ``common`` (2 n, 2 n): covariance by pose means and held bias; ``gyro`` (n,): variance of a component by the noise
+    of the gyroscopes in the turn; ``sigma`` (n,): 1-sigma of a component by both. [rad]
+    """
+
+    common: FloatArray
+    gyro: FloatArray
+    sigma: FloatArray
+
+
+def _turn_noise(
+    to_residual: FloatArray,
+    sigma_f: FloatArray,
+    by_bias: FloatArray,
+    bias_sigma: FloatArray | None,
+    M: FloatArray,
+    density: FloatArray,
+    seconds: FloatArray,
+) -> _TurnNoise:
+    """Noise of the residuals from that of the pose means, of a bias measured at rest, and ``N^2 T`` of each turn."""
+    common = _propagated(to_residual, sigma_f.ravel() ** 2)
+    if bias_sigma is not None:  # its error is common to all turns
+        common = common + (by_bias * bias_sigma**2) @ by_bias.T
+    # the density is that of the readings; calibrated rates have it divided by the response
+    Q = np.linalg.inv(np.eye(3) + M)
+    gyro = float(np.mean(Q**2 @ density**2)) * seconds
+    return _TurnNoise(common, gyro, np.sqrt(0.5 * np.diag(common).reshape(-1, 2).sum(axis=1) + gyro))
+
+
+class _RestRates(NamedTuple):
+    """Rates at rest as observations of b and G: residual and variance (K, 3), design D (3 K, p), weights w (3 K,)."""
+
+    residual: FloatArray
+    D: FloatArray
+    w: FloatArray
+    variance: FloatArray
+    spread: float
+
+
+def _rest_rates(parameters: _GyroParameters, f: FloatArray, rests: Rests, nominal: float, robust: bool) -> _RestRates:
+    """Observations ``rate at rest = b + G f`` with noise, spread beyond it and weights of outliers."""
+    sigma = _rest_sigma(rests, nominal)
+    q = parameters.rest_residual(f, nominal * rests.gyro)
+    spread = excess_spread(q.ravel() / np.sqrt(1.0 - 12.0 / q.size), sigma.ravel(), 1, robust)
+    variance = sigma**2 + spread**2
+    weight = outlier_weights(np.abs(q) / np.sqrt(variance), 1) if robust else np.ones_like(q)
+    return _RestRates(q, _rest_rows(f, len(parameters.estimated)), (weight / variance).ravel(), variance, spread)
+
+
+def _rest_sigma(rests: Rests, nominal: float) -> FloatArray:
+    """1-sigma noise of the mean rates at rest. Shape (K, 3). [rad/s]"""
+    return np.asarray((nominal * rests.density_g) / np.sqrt(rests.duration)[:, None])
+
+
+def _gyro_covariance(
+    gain: FloatArray,
+    to_residual: FloatArray,
+    variance: FloatArray,
+    own: FloatArray,
+    to_accel: FloatArray,
+    by_bias: FloatArray,
+    bias_sigma: FloatArray | None,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Covariance of the estimated parameters, cross-covariance with accelerometers (p, 9) and held bias (p, 3)."""
+    from_poses = gain @ to_residual
+    covariance = (from_poses * variance) @ from_poses.T + (gain * own) @ gain.T
+    cross = (from_poses * variance) @ to_accel.T
+    bias_cross = np.zeros((len(gain), 3))
+    if bias_sigma is not None:
+        by_held = gain @ by_bias
+        covariance += (by_held * bias_sigma**2) @ by_held.T
+        bias_cross = by_held * bias_sigma**2
+    return covariance, cross, bias_cross
 
 
 def rescaled(fit: GyroFit, ratio: float) -> GyroFit:
@@ -255,12 +348,12 @@ def rescaled(fit: GyroFit, ratio: float) -> GyroFit:
 
 
 def direction_noise(turns: Turns, accel: AccelFit, sigma_f: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """How the noise of all pose means moves the vertical of each pose, and the accelerometer parameters.
+    """Derivatives of the vertical of each pose and of the accelerometer parameters by all pose means.
 
     Returns
     -------
     ndarray, shape (K, 3, 3 K)
-        d up_k / d mean_j; through the pose itself and through the parameters.
+        d up_k / d mean_j, through the pose itself and through the parameters.
     ndarray, shape (9, 3 K)
         d p / d mean_j.
     """
@@ -282,7 +375,7 @@ def direction_noise(turns: Turns, accel: AccelFit, sigma_f: FloatArray) -> tuple
 
 
 def _residual_map(turns: Turns, E: FloatArray, C: FloatArray, up_noise: FloatArray) -> FloatArray:
-    """How the noise of all pose means moves the tangent residuals ``E^T (C^T up_start - up_end)``. Shape (2 n, 3 K)."""
+    """Derivatives of the tangential residuals ``E^T (C^T up_start - up_end)`` by all pose means. Shape (2 n, 3 K)."""
     i, j = turns.pair.T
     moved = np.einsum("kba,kbm->kam", C, up_noise[i]) - up_noise[j]
     return np.asarray(np.einsum("kia,kim->kam", E, moved).reshape(2 * len(E), -1))
@@ -298,7 +391,7 @@ def _rest_rows(f: FloatArray, count: int) -> FloatArray:
     return D.reshape(3 * n, count)
 
 
-def _spread_of(S: FloatArray, variance: FloatArray) -> FloatArray:
+def _propagated(S: FloatArray, variance: FloatArray) -> FloatArray:
     """Covariance ``S diag(variance) S^T``."""
     from schuler.calibration.freepose import _kernels as kernels
 

@@ -1,4 +1,4 @@
-"""Size effect and delay from the turns of a calibrated log: between two rests the velocity gained is zero."""
+"""Size effect and delay from the turns of a calibrated log: the velocity gained between two rests is zero."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.calibration.freepose.gyro import GyroFit
 from schuler.calibration.freepose.turns import Turns, rotations
-from schuler.calibration.freepose.weights import downweighted, pseudo_inverse, spread_beyond
+from schuler.calibration.freepose.weights import excess_spread, outlier_weights, pseudo_inverse
 
-#: Places of the accelerometers relative to that of the x accelerometer, as found from the size effect. [m]
+#: Places of the accelerometers relative to that of the x accelerometer, estimated from the size effect. [m]
 PLACES = ("r_a_yx", "r_a_yy", "r_a_yz", "r_a_zx", "r_a_zy", "r_a_zz")
 #: Elements that the choice of the reference point holds.
 HELD = {"r_a_xx": 0.0, "r_a_xy": 0.0, "r_a_xz": 0.0}
@@ -30,9 +30,9 @@ class MotionFit:
     residual : ndarray, shape (n, 3)
         Velocity gained in each turn, axes of its start. [m/s]
     sigma : ndarray, shape (n,)
-        1 sigma of a component by noise. [m/s]
+        1-sigma of a component by noise. [m/s]
     spread : float
-        What is beyond noise. [m/s]
+        Scatter beyond noise. [m/s]
     before : ndarray, shape (n,)
         Velocity gained without these parameters. [m/s]
     chi2 : float
@@ -53,7 +53,7 @@ class MotionFit:
 def gained_velocity(
     turns: Turns, nominal: float, gyro: GyroFit, gravity: float, places: FloatArray, delay: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Velocity that each turn seems to gain, with derivatives by places and delay.
+    """Velocity gained in each turn, with derivatives by places and delay.
 
     Parameters
     ----------
@@ -64,9 +64,9 @@ def gained_velocity(
     gravity : float
         [m/s^2]
     places : ndarray, shape (3, 3)
-        Row i: where the accelerometer of axis i sits. [m]
+        Row i: place of the accelerometer of axis i. [m]
     delay : float
-        Of the gyroscopes behind the accelerometers. [s]
+        Delay of the gyroscopes behind the accelerometers. [s]
 
     Returns
     -------
@@ -119,8 +119,8 @@ def fit_motion(
     -------
     MotionFit
         The sum of equal lever arms cannot be seen (moving the reference point gains no velocity between rests): the x
-        accelerometer is the reference. Covariance is by noise and by what residuals show beyond it; the parameters of
-        the first two steps are taken as known.
+        accelerometer is the reference. Covariance is by noise and by the scatter beyond it; the parameters of the
+        first two steps are held.
 
     References
     ----------
@@ -147,9 +147,9 @@ def fit_motion(
         J = np.concatenate(columns + ([by_delay[:, :, None]] if delay else []), axis=2)
         size = np.linalg.norm(v, axis=1)
         size = size / np.sqrt(max(freedom, 1) / v.size)
-        spread = spread_beyond(size, sigma, 3, robust)
+        spread = excess_spread(size, sigma, 3, robust)
         total = variance + spread**2
-        weight = (downweighted(size / np.sqrt(total), 3) if robust else np.ones(len(v))) / total
+        weight = (outlier_weights(size / np.sqrt(total), 3) if robust else np.ones(len(v))) / total
         normal = np.einsum("kip,k,kiq->pq", J, weight, J)
         dx = -pseudo_inverse(normal) @ np.einsum("kip,k,ki->p", J, weight, v)
         x = x + dx

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
-from schuler.calibration.freepose.accel import magnitude_residuals, response, start_of
+from schuler.calibration.freepose.accel import accel_start, magnitude_residuals, response
 from schuler.calibration.freepose.weights import median, pseudo_inverse
 from schuler.recording.series import ImuSeries
 from schuler.standstill.variance_ratio import accel_variance_ratio, intervals_below, log_gaps
@@ -16,10 +16,10 @@ from schuler.standstill.variance_ratio import accel_variance_ratio, intervals_be
 #: the accelerometers best.
 MARGINS = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
 #: Multiples k of the variance magnitude at rest that are tried, those of imu_tk. The paper begins at 1, which half the
-#: windows at rest exceed: rests fall apart or get lost, and the few that are left cost less. With 1 among them, it won
+#: windows at rest exceed: rests fall apart or get lost, and the remaining ones cost less. With 1 among them, it won
 #: a quarter of 400 simulated logs, mostly with 12 to 19 of their 20 poses, once with too few to be solved.
 MULTIPLES = tuple(float(k) for k in range(2, 11))
-#: With fewer rests nine parameters fit them too well for a cost to tell anything.
+#: Fewest rests for a cost: nine parameters fit a smaller number too well.
 ENOUGH = 12
 # The median of a chi-square with 9 degrees of freedom over its mean: part means of one pose are ten.
 _MEDIAN_9 = 0.927
@@ -42,7 +42,7 @@ class Rests:
     margin : float
         Threshold as a multiple of the variance at rest; NaN if intervals were given.
     tried : tuple of (float, int, float)
-        What the published search tried: multiple, rests, cost of their accelerometers [m^2/s^4]; see
+        Trials of the published search: multiple, rests, cost of their accelerometers [m^2/s^4]; see
         :func:`schuler.calibration.freepose.rests.tedaldi_rests`. Empty for the others.
     """
 
@@ -58,19 +58,19 @@ class Rests:
     def __len__(self) -> int:
         return len(self.index)
 
-    def of(self, keep: BoolArray) -> Rests:
-        """Some of them, noise unchanged."""
+    def select(self, keep: BoolArray) -> Rests:
+        """A subset of the poses, noise unchanged."""
         return Rests(
             self.index[keep], self.accel[keep], self.gyro[keep], self.duration[keep], self.density_a,
             self.density_g, self.margin, self.tried,
         )  # fmt: skip
 
 
-def rests_of(rates: ImuSeries, interval: float, index: IntArray, margin: float) -> Rests:
+def pose_means(rates: ImuSeries, interval: float, index: IntArray, margin: float) -> Rests:
     """Means over intervals, and noise pooled over them.
 
     Noise is the sensor's and not the pose's, so it is one number an axis for all poses: the median over poses of the
-    scatter of ten part means or of the samples, whichever is larger; a pose that was disturbed does not count for much.
+    scatter of ten part means or of the samples, whichever is larger, so that a disturbed pose has little influence.
     """
     from schuler.calibration.freepose import _kernels as kernels
 
@@ -106,23 +106,23 @@ def tedaldi_rests(
     rates : ImuSeries
         Rates in any unit.
     interval : float
-        Of the samples. [s]
+        Sampling interval. [s]
     gravity : float
         Local gravity. [m/s^2]
     initial_rest_s : float
         The log begins with so many seconds at rest. [s]
     factor : float, optional
-        Of the accelerometers [m/s^2 per unit of the log]. None: found.
+        Factor of the accelerometers [m/s^2 per unit of the log]. None: estimated.
     window_s : float
         Of :func:`accel_variance_ratio`. [s]
     min_s : float
-        Shortest rest, and what is used of each: so many seconds from its start. [s]
+        Shortest rest; only this time from its start is used. [s]
 
     Returns
     -------
     Rests
-        ``index`` is whole rests, where turns begin and end; means, durations and noise are those of the samples used.
-        ``margin`` is k, ``tried`` all that were tried; an infinite cost where nothing could be fitted.
+        ``index``: complete rests, where turns begin and end; means, durations and noise are those of the samples used.
+        ``margin``: k; ``tried``: all trials, with infinite cost where nothing could be fitted.
 
     Raises
     ------
@@ -133,11 +133,11 @@ def tedaldi_rests(
     -----
     A sample is at rest if its variance magnitude is below k times that of the initial rest, k = 2 ... 10. For each k
     nine parameters are fitted to all used samples alike, and the cost is half the sum of squares of what their
-    calibrated magnitudes miss gravity by. The cost grows with the number of rests and says nothing with nine. So only
-    k with twelve rests or more compete, and if there is none, k = 10 is taken, where rests do not fall apart; the
-    source does not say so. Rests end at gaps of the log.
+    calibrated magnitudes miss gravity by. The cost grows with the number of rests and is zero with nine. So only k
+    with twelve rests or more compete, and if there is none, k = 10 is taken, where rests do not fall apart (our
+    choice). Rests end at gaps of the log.
 
-    Gyroscopes are not looked at: slow turns about the vertical pass for rests.
+    Gyroscopes are not used: slow turns about the vertical count as rests.
 
     References
     ----------
@@ -157,16 +157,16 @@ def tedaldi_rests(
     enough = [i for i, (_, n, cost) in enumerate(tried) if n >= ENOUGH and np.isfinite(cost)]
     best = min(enough, key=lambda i: tried[i][2]) if enough else len(tried) - 1
     used = np.stack((spans[best][:, 0], spans[best][:, 0] + count), axis=1)
-    rests = rests_of(rates, interval, np.ascontiguousarray(used), MULTIPLES[best])
+    rests = pose_means(rates, interval, np.ascontiguousarray(used), MULTIPLES[best])
     return replace(rests, index=spans[best], tried=tuple(tried))
 
 
 def _cost(accel: FloatArray, index: IntArray, count: int, gravity: float, factor: float | None) -> float:
-    """Half the sum of squares that the first ``count`` samples of each rest leave; infinite if nothing fits."""
+    """Half the sum of squared residuals of the first ``count`` samples of each rest; infinite if nothing fits."""
     if len(index) < 9:
         return float("inf")
     y = np.stack([accel[a : a + count] for a in index[:, 0]])
-    scale, p = start_of(y.mean(axis=1), gravity, factor)
+    scale, p = accel_start(y.mean(axis=1), gravity, factor)
     if p is None:
         return float("inf")
     y = scale * y.reshape(-1, 3)

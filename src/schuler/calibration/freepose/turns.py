@@ -1,4 +1,4 @@
-"""Turns between the poses of a hand-rotated log: what the gyroscopes make of one vertical until the next."""
+"""Turns between the poses of a hand-rotated log: the vertical carried from one pose to the next by the gyroscopes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from schuler.arrays import FloatArray, IntArray
 from schuler.rotation import skew
 
-#: Samples integrated together while looking for the first solution.
+#: Samples integrated together for the first solution.
 COARSE = 8
 
 
@@ -66,7 +66,7 @@ def rotations(
     C : ndarray, shape (n, 3, 3)
         From the axes of the end to those of the start.
     H : ndarray, shape (n, 3, 3, 4 or 7)
-        What derivatives are contractions of; seven columns with G.
+        Derivatives are contractions of it; seven columns with G.
     seconds : ndarray, shape (n,)
     """
     from schuler.calibration.freepose import _kernels as kernels
@@ -81,10 +81,10 @@ def rotations(
     return C, H, seconds
 
 
-def predicted(
+def vertical_residuals(
     turns: Turns, nominal: float, M: FloatArray, b: FloatArray, G: FloatArray | None, stride: int = 1
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Verticals that the gyroscopes predict at the end of each turn, less the measured ones, with derivatives.
+    """Predicted less measured vertical at the end of each turn, with derivatives.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def predicted(
     r : ndarray, shape (n, 3)
         ``C^T up_start - up_end``. [rad]
     J : ndarray, shape (n, 3, 12 or 21)
-        By M (row by row), b, and G if given. A turn by delta of the axes changes ``C^T up`` by ``C^T (up x delta)``.
+        Derivatives by M (row by row), b, and G if given. A turn by delta changes ``C^T up`` by ``C^T (up x delta)``.
     C : ndarray, shape (n, 3, 3)
         Rotation of each turn, end to start.
     seconds : ndarray, shape (n,)
@@ -121,27 +121,27 @@ def predicted(
     return r, np.concatenate(parts, axis=2), C, seconds
 
 
-def first_scale(turns: Turns, bias: FloatArray) -> float:
+def nominal_scale(turns: Turns, bias: FloatArray) -> float:
     """Factor of the gyroscopes [rad/s per unit of the log] whose turns fit the poses best, to 5 %.
 
-    Tried on a grid that covers typical turns between 0.1 and 9 rad; one that fits a log in rad/s is taken at once.
+    A search on a grid that covers typical turns between 0.1 and 9 rad; 1 is taken if it fits.
     """
-    few = turns.spans[np.linspace(0, len(turns.spans) - 1, min(len(turns.spans), 16)).astype(int)]
+    spans = turns.spans[np.linspace(0, len(turns.spans) - 1, min(len(turns.spans), 16)).astype(int)]
     pair = turns.pair[np.linspace(0, len(turns.spans) - 1, min(len(turns.spans), 16)).astype(int)]
-    few = np.ascontiguousarray(few)
+    spans = np.ascontiguousarray(spans)
 
     def cost(factor: float) -> float:
-        C, _, _ = rotations(turns, few, factor * np.eye(3), bias, None, COARSE)
+        C, _, _ = rotations(turns, spans, factor * np.eye(3), bias, None, COARSE)
         r = np.einsum("kji,kj->ki", C, turns.up[pair[:, 0]]) - turns.up[pair[:, 1]]
         return float(np.minimum((r * r).sum(axis=1), 1.0).mean())
 
     if cost(1.0) < 0.03:
         return 1.0
-    typical = []
-    for a, b in few:
+    angles = []
+    for a, b in spans:
         step = turns.before * turns.gyro[a:b] + (1.0 - turns.before) * turns.gyro[a + 1 : b + 1] - bias
-        typical.append(float(np.linalg.norm((step * np.diff(turns.t[a : b + 1])[:, None]).sum(axis=0))))
-    size = max(float(np.median(typical)), 1e-300)
+        angles.append(float(np.linalg.norm((step * np.diff(turns.t[a : b + 1])[:, None]).sum(axis=0))))
+    size = max(float(np.median(angles)), 1e-300)
     grid = np.geomspace(0.1, 9.0, 60) / size
     return float(grid[int(np.argmin([cost(float(s)) for s in grid]))])
 

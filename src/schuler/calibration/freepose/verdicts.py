@@ -1,4 +1,4 @@
-"""What a free-pose calibration could not find out, in words, and which pose or turn would help."""
+"""Verdicts of a free-pose calibration: undetermined and weak parameters, and the pose or turn that helps most."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from schuler.arrays import BoolArray, FloatArray
 from schuler.calibration.design.plans import ATTITUDES, words_of
 from schuler.calibration.freepose.accel import AccelFit, magnitude_residuals, response
 
-#: 1 sigma beyond which a value says less than a data sheet: elements of M [-], b_a [m/s^2], b_g [rad/s], G_g.
+#: 1-sigma beyond which a data sheet is better: elements of M [-], b_a [m/s^2], b_g [rad/s], G_g.
 USELESS = {"M_a": 0.01, "M_g": 0.02, "b_a": 0.1, "b_g": 0.01, "G_g": 1e-3}
-#: 1 sigma over that of as many poses spread evenly, beyond which geometry is to blame.
+#: 1-sigma over that of as many poses spread evenly, beyond which the poses are badly distributed.
 DILUTION = 8.0
-# eigenvalue of the normal matrix with unit diagonal, relative to the largest, that counts as none
+# largest eigenvalue of the normal matrix with unit diagonal, relative to the largest, that counts as zero
 _NOTHING = 1e-11
 
 
-def lost(normal: FloatArray) -> tuple[BoolArray, list[FloatArray], float]:
+def undetermined_parameters(normal: FloatArray) -> tuple[BoolArray, list[FloatArray], float]:
     """Parameters that a normal matrix does not determine.
 
     Returns
     -------
     ndarray of bool, shape (p,)
     list of ndarray, shape (p,)
-        Combinations without information, unit vectors of scaled parameters.
+        Undetermined combinations, unit vectors of scaled parameters.
     float
         Condition number with unit diagonal.
     """
@@ -37,8 +37,8 @@ def lost(normal: FloatArray) -> tuple[BoolArray, list[FloatArray], float]:
     return mask, [Q[:, k] for k in np.flatnonzero(none)], condition
 
 
-def even_sigma(fit: AccelFit, gravity: float) -> FloatArray:
-    """1 sigma of the nine accelerometer parameters if as many poses had been spread evenly. Shape (9,)."""
+def sigma_of_even_poses(fit: AccelFit, gravity: float) -> FloatArray:
+    """1-sigma of the nine accelerometer parameters with as many poses spread evenly. Shape (9,)."""
     y = fit.p[:3] + gravity * ATTITUDES @ response(fit.p).T
     _, J, _ = magnitude_residuals(fit.p, y, gravity)
     weight = float((fit.weight / (fit.sigma**2 + fit.spread**2)).sum()) / len(J)
@@ -46,9 +46,9 @@ def even_sigma(fit: AccelFit, gravity: float) -> FloatArray:
 
 
 def next_pose(fit: AccelFit, covariance: FloatArray, gravity: float) -> tuple[FloatArray, float]:
-    """Direction to put up that tells most about the accelerometers, and by how much it is uncertain now [m/s^2].
+    """Direction to put up that is most informative on the accelerometers, and the 1-sigma of its residual [m/s^2].
 
-    The residual of a new pose has variance ``J P J^T`` by the present parameters; where that is largest, most is learnt
+    The residual of a new pose has variance ``J P J^T`` by the present parameters; the largest is the most informative
     (D-optimality, one pose at a time).
     """
     y = fit.p[:3] + gravity * ATTITUDES @ response(fit.p).T
@@ -60,32 +60,32 @@ def next_pose(fit: AccelFit, covariance: FloatArray, gravity: float) -> tuple[Fl
     return np.asarray(ATTITUDES[k]), float(np.sqrt(variance[k]))
 
 
-def missing_directions(up: FloatArray | None, wanted: int) -> str:
-    """Which faces and edges have not been up yet, at most ``wanted`` of them, in words."""
-    todo = np.ones(18, dtype=bool)
+def missing_directions(up: FloatArray | None, count: int) -> str:
+    """Faces and edges that have not been up yet, at most ``count`` of them, in words."""
+    missing = np.ones(18, dtype=bool)
     if up is not None and len(up):
-        todo = (up @ ATTITUDES[:18].T).max(axis=0) < np.cos(0.4)
-    chosen = [words_of(d) for d in ATTITUDES[:18][todo][:wanted]]
+        missing = (up @ ATTITUDES[:18].T).max(axis=0) < np.cos(0.4)
+    chosen = [words_of(d) for d in ATTITUDES[:18][missing][:count]]
     return "; ".join(chosen)
 
 
 def weak_accelerometers(
     names: tuple[str, ...], sigma: FloatArray, fit: AccelFit, gravity: float
 ) -> tuple[list[str], list[str]]:
-    """Accelerometer parameters that say nothing, and those that other poses would determine much better."""
-    even = even_sigma(fit, gravity)
-    useless = [n for n, s in zip(names, sigma, strict=True) if not s < USELESS[n[:3]]]
-    diluted = [n for n, s, e in zip(names, sigma, even, strict=True) if n not in useless and s > DILUTION * e]
-    return useless, diluted
+    """Undetermined accelerometer parameters, and those that other poses would determine much better."""
+    even = sigma_of_even_poses(fit, gravity)
+    undetermined = [n for n, s in zip(names, sigma, strict=True) if not s < USELESS[n[:3]]]
+    diluted = [n for n, s, e in zip(names, sigma, even, strict=True) if n not in undetermined and s > DILUTION * e]
+    return undetermined, diluted
 
 
 def weak_gyroscopes(names: tuple[str, ...], sigma: FloatArray, even: float) -> tuple[list[str], list[str]]:
-    """The same of gyroscope parameters; ``even`` is 1 sigma of an element of M_g after as many good turns."""
-    useless = [n for n, s in zip(names, sigma, strict=True) if not s < USELESS[n[:3]]]
+    """Undetermined and weak gyroscope parameters; ``even`` is 1-sigma of M_g after as many good turns."""
+    undetermined = [n for n, s in zip(names, sigma, strict=True) if not s < USELESS[n[:3]]]
     diluted = [
-        n for n, s in zip(names, sigma, strict=True) if n[:3] == "M_g" and n not in useless and s > DILUTION * even
+        n for n, s in zip(names, sigma, strict=True) if n[:3] == "M_g" and n not in undetermined and s > DILUTION * even
     ]
-    return useless, diluted
+    return undetermined, diluted
 
 
 def turn_advice(names: list[str]) -> str:

@@ -6,10 +6,10 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 
-#: Normalised size beyond which a residual counts less. Three sigma of one component: full weight to nearly all good
+#: Normalised size beyond which a residual has less weight. Three sigma of one component: full weight to nearly all good
 #: poses (0.3 % loss of efficiency), bounded influence of a bad one.
 TURNING = 3.0
-#: With a larger share of outliers than this there are none: the majority may be chance, or the model is wrong.
+#: Largest share of outliers that are given less weight; with more the model may be wrong.
 MOST_OUTLIERS = 0.2
 # median of chi-square over its mean, by number of components
 _MEDIAN = {1: 0.4549, 2: 0.6931, 3: 0.7887}
@@ -22,7 +22,7 @@ def median(x: FloatArray) -> FloatArray:
     return np.asarray(0.5 * (y[(n - 1) // 2] + y[n // 2]))
 
 
-def downweighted(z: FloatArray, components: int) -> FloatArray:
+def outlier_weights(z: FloatArray, components: int) -> FloatArray:
     """Weights of normalised residuals of ``components`` components: 1 up to the turning point, then falling as 1/z^2.
 
     The influence of an outlier falls as it grows. Huber's weights, falling as 1/z, keep it constant, and were seen to
@@ -37,29 +37,29 @@ def downweighted(z: FloatArray, components: int) -> FloatArray:
     return np.asarray(np.minimum(1.0, limit / np.maximum(z, 1e-300)) ** 2)
 
 
-def too_many(weight: FloatArray) -> bool:
-    """Whether so many count for less than half that weights cannot be believed."""
+def too_many_outliers(weight: FloatArray) -> bool:
+    """Whether more than :data:`MOST_OUTLIERS` have less than half weight."""
     return bool((weight < 0.5).mean() > MOST_OUTLIERS)
 
 
-def freed(leverage: FloatArray) -> FloatArray:
+def residual_factor(leverage: FloatArray) -> FloatArray:
     """Standard deviation of a residual over that of its error, by leverage: ``sqrt(1 - h)``, at least a fifth."""
     return np.asarray(np.sqrt(np.maximum(1.0 - leverage, 0.04)))
 
 
-def chance(freedom: float) -> float:
+def largest_reduced_chi2(freedom: float) -> float:
     """Chi-square over degrees of freedom that is exceeded once in a thousand (Wilson and Hilferty)."""
     q = 2.0 / (9.0 * freedom)
     return float((1.0 - q + 3.09 * np.sqrt(q)) ** 3)
 
 
-def spread_beyond(e: FloatArray, sigma: FloatArray, components: int, robust: bool) -> float:
-    """Common 1-sigma that has to be added to noise so that residuals are as large as expected; 0 if they are.
+def excess_spread(e: FloatArray, sigma: FloatArray, components: int, robust: bool) -> float:
+    """Common 1-sigma beside the noise that explains the size of the residuals; 0 where noise does.
 
     Parameters
     ----------
     e : ndarray, shape (n,)
-        Residuals over :func:`freed`, so that they are as large as errors; lengths of ``components`` components. [unit]
+        Residuals over :func:`residual_factor`; lengths of ``components`` components. [unit]
     sigma : ndarray, shape (n,)
         1 sigma of a component by noise. [unit]
     components : int
@@ -76,12 +76,12 @@ def spread_beyond(e: FloatArray, sigma: FloatArray, components: int, robust: boo
     square, noise, freedom = e * e / components, sigma * sigma, components * len(e)
     if robust:
         typical = _MEDIAN[components]
-        # a median knows as much as 0.37 times as many squares
-        if float(median(square / noise)) <= typical * chance(max(1.0, 0.37 * freedom)):
+        # the variance of a median is that of 0.37 times as many squares
+        if float(median(square / noise)) <= typical * largest_reduced_chi2(max(1.0, 0.37 * freedom)):
             return 0.0
         # half of the ratios square/(noise + extra) lie below their median where half of these lie below extra
         return float(np.sqrt(max(0.0, float(median(square / typical - noise)))))
-    if float((square / noise).mean()) <= chance(freedom):
+    if float((square / noise).mean()) <= largest_reduced_chi2(freedom):
         return 0.0
     extra = 0.0
     for _ in range(60):  # Newton, from below: mean of square/(noise + extra) is convex and falls

@@ -79,10 +79,10 @@ def _table_5_2(effort: Effort) -> Outcome:
 
 def _fig_5_2(effort: Effort) -> Outcome:
     from schuler import earth
-    from schuler.calibration.field import thesis_routine
     from schuler.recording.series import ImuSeries
     from schuler.reproduce.yaman.study.runs import PLACE, FieldJob
     from schuler.sensors import catalogue
+    from schuler.simulation.routine import thesis_routine
     from schuler.units import DEG
 
     job = FieldJob(catalogue.spec(AUTOMOTIVE), rate_hz=50.0)

@@ -10,8 +10,9 @@ import numpy as np
 
 from schuler import earth, frames, rotation
 from schuler.arrays import FloatArray
-from schuler.calibration.field import Rest, Routine, RoutineMotion
 from schuler.sensors.spec import ImuSpec
+from schuler.simulation.routine import RoutineMotion
+from schuler.simulation.routine_steps import Rest, Routine
 
 AXES = "xyz"
 #: Of the upper gauge, in the order of the bound.

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from schuler.calibration.field import Routine
 from schuler.calibration.field.options import FieldOptions
 from schuler.exceptions import InputError
 from schuler.reproduce.yaman.study.runs import FieldJob, FieldRun, RestSource, field_run, gathered, processes
 from schuler.reproduce.yaman.study.statistics import FieldCampaign
 from schuler.sensors import catalogue
 from schuler.sensors.spec import ImuSpec
+from schuler.simulation.routine_steps import Routine
 
 Progress = Callable[[float], None]
 
@@ -43,7 +43,7 @@ def field_campaign(
         normalised draws, whatever the grade (as the source's did).
     seed : int
     routine : Routine, optional
-        :func:`~schuler.calibration.field.routine.thesis_routine` by default, 540 s.
+        :func:`~schuler.simulation.routine.thesis_routine` by default, 540 s.
     options : FieldOptions, optional
         Options of the calibration; ``FieldOptions.thesis()`` for the source's.
     rests : {"found", "given"}

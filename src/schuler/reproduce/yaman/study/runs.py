@@ -13,7 +13,6 @@ from typing import Literal, TypeAlias, TypeVar
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.calibration.field import Routine, RoutineMotion, thesis_routine
 from schuler.calibration.field.calibration import FieldCalibration, calibrate_field
 from schuler.calibration.field.options import FieldOptions
 from schuler.calibration.result.parameters import vector
@@ -22,6 +21,8 @@ from schuler.recording.series import ImuSeries
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.spec import ImuSpec
 from schuler.simulation.imu import IdealImu, SimulatedImu, ideal_imu, simulate_imu
+from schuler.simulation.routine import RoutineMotion, thesis_routine
+from schuler.simulation.routine_steps import Routine
 from schuler.standstill.rests import given_rests
 from schuler.units import DEG
 

@@ -17,7 +17,6 @@ import numpy as np
 
 from schuler import frames
 from schuler.arrays import BoolArray, FloatArray, IntArray
-from schuler.calibration.field import Rest, Routine, RoutineMotion
 from schuler.calibration.field.options import FieldOptions
 from schuler.exceptions import InputError
 from schuler.mechanization.strapdown import mechanize
@@ -29,6 +28,8 @@ from schuler.reproduce.yaman.study.tables import static_spec
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.spec import ImuSpec
 from schuler.simulation.imu import ideal_imu, simulate_imu
+from schuler.simulation.routine import RoutineMotion
+from schuler.simulation.routine_steps import Rest, Routine
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

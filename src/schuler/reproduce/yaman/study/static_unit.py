@@ -9,8 +9,7 @@ import numpy as np
 
 from schuler import earth, frames, rotation
 from schuler.arrays import FloatArray
-from schuler.calibration.field import Rest
-from schuler.calibration.field.setup import field_layout, parameter_names
+from schuler.calibration.field.problem import field_layout, parameter_names
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, InitialState, run, unpack_symmetric
@@ -19,6 +18,7 @@ from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState, mechanize
 from schuler.recording.series import ImuSeries
 from schuler.reproduce.yaman.study.runs import FieldJob, calibrated, simulated_unit
+from schuler.simulation.routine_steps import Rest
 
 #: What is navigated with: raw data, gyroscopes calibrated, everything calibrated.
 VARIANTS = ("raw", "gyro", "full")

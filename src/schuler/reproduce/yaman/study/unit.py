@@ -17,8 +17,6 @@ from schuler import earth
 from schuler.arrays import FloatArray
 from schuler.calibration.field.calibration import FieldCalibration, calibrate_field
 from schuler.calibration.field.options import FieldOptions
-from schuler.calibration.field.routine import RoutineMotion
-from schuler.calibration.field.steps import Routine
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
 from schuler.recording.recording import Metadata, Recording
@@ -30,6 +28,8 @@ from schuler.sensors.spec import ImuSpec
 from schuler.simulation.gnss import GnssModel, simulate_gnss
 from schuler.simulation.imu import IdealImu, ideal_imu, simulate_imu
 from schuler.simulation.profiles import ManoeuvreMotion
+from schuler.simulation.routine import RoutineMotion
+from schuler.simulation.routine_steps import Routine
 from schuler.units import DEG, G0
 
 TurnOn: TypeAlias = Literal["repeatability", "none"]

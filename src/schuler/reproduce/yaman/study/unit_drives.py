@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.calibration.field.routine import thesis_routine
-from schuler.calibration.field.steps import Routine
 from schuler.exceptions import InputError
 from schuler.filtering.engine import InitialState
 from schuler.filtering.states import StateLayout
@@ -37,6 +35,8 @@ from schuler.reproduce.yaman.study.unit import (
     remaining,
     routine_scene,
 )
+from schuler.simulation.routine import thesis_routine
+from schuler.simulation.routine_steps import Routine
 from schuler.units import DEG, MG, UG
 
 if TYPE_CHECKING:

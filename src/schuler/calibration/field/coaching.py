@@ -1,7 +1,7 @@
-"""A coach for a person who calibrates by hand: what to do next, what is still uncertain, when to stop.
+"""A coach for a person who calibrates by hand: the next move, what is still uncertain, when to stop.
 
-Decided by covariance: that of the calibration filter after the turns and rests of the log so far is carried on over
-what could be done next, and the move that takes off most uncertainty for its time is advised.
+The covariance of the calibration filter after the log so far is predicted over possible moves; the one that reduces
+most uncertainty for its time is advised.
 """
 
 from __future__ import annotations
@@ -13,16 +13,20 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from schuler.arrays import ArrayLike
-from schuler.calibration.field.advice import Advice, CoachOptions, words_of_waiting
+from schuler.calibration.field.advice import Advice, waiting_sentence
 from schuler.calibration.field.blocks import rest_blocks
 from schuler.calibration.field.calibration import FieldCalibration, calibrate_field
-from schuler.calibration.field.foresight import Standing, standing_before
-from schuler.calibration.field.heading import FREE
-from schuler.calibration.field.options import FieldOptions
-from schuler.calibration.field.planning import SURE, advise, missing
-from schuler.calibration.field.retrace import standing_after
-from schuler.calibration.field.setup import block_noise, field_layout, informed, parameter_names
-from schuler.calibration.field.swaying import settled_form
+from schuler.calibration.field.covariance_prediction import CovarianceState, covariance_after_log, initial_covariance
+from schuler.calibration.field.held_rests import resolve_earth_rate
+from schuler.calibration.field.options import CoachOptions, FieldOptions
+from schuler.calibration.field.planning import TARGET_MARGIN, advise, log_excess
+from schuler.calibration.field.problem import (
+    FREE_HEADING,
+    block_noise,
+    field_layout,
+    parameter_names,
+    prior_from_calibration,
+)
 from schuler.recording.series import ImuSeries, Kind
 from schuler.standstill.live import LiveRests
 from schuler.standstill.rests import field_rests
@@ -32,13 +36,11 @@ if TYPE_CHECKING:
     from schuler.calibration.result.result import CalibrationResult
     from schuler.sensors.spec import ImuSpec
 
-_EDGE_S = 1.0  # a log whose last rest ends within this of its end, ends at rest
+_EDGE_S = 1.0  # largest time from the end of the last rest to that of a log that ends at rest
 
 
 class Site(NamedTuple):
-    """Place, heading of the first rest and its 1-sigma, as of
-    :func:`schuler.calibration.field.calibration.calibrate_field`.
-    """
+    """Place, heading and prior, see :func:`schuler.calibration.field.calibration.calibrate_field`."""
 
     latitude: float
     height: float = 0.0
@@ -60,15 +62,15 @@ def coach(
     prior: CalibrationResult | None = None,
     rests: StaticIntervals | None = None,
 ) -> Advice:
-    """What to do next, given the log so far.
+    """Advise the next move, given the log so far.
 
     Parameters
     ----------
     imu : ImuSeries
         Raw readings so far, SI.
     spec, latitude, height, gravity, heading, options, prior, rests
-        As of :func:`schuler.calibration.field.calibration.calibrate_field`. A heading that is not given is left open
-        here, it is not searched for: what is uncertain hardly depends on it.
+        As in :func:`schuler.calibration.field.calibration.calibrate_field`. A heading that is not given is left open
+        here, it is not searched for: uncertainties hardly depend on it.
     coaching : CoachOptions, optional
 
     Returns
@@ -78,11 +80,12 @@ def coach(
     Raises
     ------
     InputError
-        As :func:`schuler.calibration.field.calibration.calibrate_field`, but a log without rests is told to rest.
+        As in :func:`schuler.calibration.field.calibration.calibrate_field`, but for a log without rests the advice is
+        to rest.
 
     Notes
     -----
-    See :func:`schuler.calibration.field.planning.advise` for how it decides.
+    See :func:`schuler.calibration.field.planning.advise` for the choice of the move.
     """
     options, coaching = options or FieldOptions(), coaching or CoachOptions()
     names = parameter_names(field_layout(spec, options))
@@ -100,14 +103,14 @@ class Coach:
     Parameters
     ----------
     spec, latitude, height, gravity, heading, options, coaching, prior
-        As of :func:`coach`.
+        As in :func:`coach`.
     kind : {"rate", "increment"}
-        Of the samples.
+        Kind of the samples.
 
     Attributes
     ----------
     advice : Advice
-        The latest.
+        The latest advice.
 
     Raises
     ------
@@ -116,8 +119,8 @@ class Coach:
 
     Notes
     -----
-    A rest is told by windows of half a second. When it has lasted long enough, the covariance is run over all turns and
-    rests so far and over some forty that could follow: 0.1 to 0.2 s for a log of ten minutes at 100 Hz.
+    A rest is detected in windows of half a second. When it has lasted long enough, the covariance is run over all turns
+    and rests so far and over some forty possible moves: 0.1 to 0.2 s for a log of ten minutes at 100 Hz.
     """
 
     def __init__(
@@ -137,17 +140,17 @@ class Coach:
         self.site = Site(latitude, height, gravity, heading, prior)
         self._names = parameter_names(field_layout(spec, self.options))
         self._log = LiveRests(kind)
-        self._wanted_s, self._asked = self.coaching.first_rest_s, -np.inf
+        self._advise_after_s, self._tested_t = self.coaching.first_rest_s, -np.inf
         self.advice = _waiting(self._names, 0.0, 0.0, 0, self.coaching, moving=False)
 
     @property
     def moving(self) -> bool:
-        """Whether the sensor is being turned just now, as far as that can be told yet."""
+        """Whether the sensor is being turned, after the first rest."""
         return bool(len(self._log)) and self._log.first_rest() and self._log.still_s() == 0.0
 
     @property
     def still_s(self) -> float:
-        """How long it has been resting. [s]"""
+        """Time for which it has been resting. [s]"""
         return self._log.still_s()
 
     def imu(self, t: ArrayLike, gyro: ArrayLike, accel: ArrayLike) -> Advice | None:
@@ -163,19 +166,20 @@ class Coach:
         Returns
         -------
         Advice or None
-            New advice if it is time for it. Give blocks of half a second or less; after a long one call :meth:`update`.
+            New advice when a rest is long enough. Give blocks of half a second or less; after a long one call
+            :meth:`update`.
         """
         self._log.add(t, gyro, accel)
-        if self._log.time - self._asked < 0.5 or not self._log.first_rest():
+        if self._log.time - self._tested_t < 0.5 or not self._log.first_rest():
             return None
-        self._asked = self._log.time
-        if self._log.still_s() < self._wanted_s:
+        self._tested_t = self._log.time
+        if self._log.still_s() < self._advise_after_s:
             if self._log.still_s() == 0.0:
-                self._wanted_s = self.coaching.rest_s
+                self._advise_after_s = self.coaching.rest_s
             return None
         advice = self.update()
-        # who stays is asked again after the time a rest takes
-        self._wanted_s = self._log.still_s() + max(advice.rest_s, self.coaching.rest_s)
+        # without a turn the next advice comes after the time of a rest
+        self._advise_after_s = self._log.still_s() + max(advice.rest_s, self.coaching.rest_s)
         return advice
 
     def update(self) -> Advice:
@@ -193,7 +197,7 @@ class Coach:
         return self._log.series()
 
     def calibration(self) -> FieldCalibration:
-        """Calibration of the log so far, its rests found anew."""
+        """Calibration of the log so far, its rests detected again."""
         site = self.site
         return calibrate_field(
             self.series(), self.spec, latitude=site.latitude, height=site.height, gravity=site.gravity,
@@ -213,11 +217,11 @@ def _advice(
     layout = field_layout(spec, options)
     values = np.zeros(layout.size - 9)
     if site.prior is not None:
-        layout, values = informed(layout, site.prior)
-    heading, sigma = (0.0, FREE) if site.heading is None else site.heading
+        layout, values = prior_from_calibration(layout, site.prior)
+    heading, sigma = (0.0, FREE_HEADING) if site.heading is None else site.heading
     blocks = rest_blocks(imu, rests, options.block_s)
-    options = settled_form(options, spec, blocks, rests)
-    before = standing_before(
+    options = resolve_earth_rate(options, spec, blocks, rests)
+    before = initial_covariance(
         spec, latitude=site.latitude, height=site.height, gravity=site.gravity, heading_sigma=sigma, options=options,
         layout=layout,
     )  # fmt: skip
@@ -226,17 +230,17 @@ def _advice(
 
     t, moving = float(imu.t[-1]), bool(imu.t[-1] - rests.stop[-1] > _EDGE_S)
 
-    def said(now: Standing) -> Advice:
-        return advise(now, names, coaching, t=t, elapsed=t - float(imu.t[0]), rests=len(rests), moving=moving)
+    def advice_at(state: CovarianceState) -> Advice:
+        return advise(state, names, coaching, t=t, elapsed=t - float(imu.t[0]), rests=len(rests), moving=moving)
 
-    advice = said(standing_after(before, imu, rests, blocks, values, heading))
+    advice = advice_at(covariance_after_log(before, imu, rests, blocks, values, heading))
     if not advice.done or site.heading is not None:
         return advice
-    # where the Earth's horizontal rate points is not known: finished is what is so for every quarter
-    within = np.array([name not in advice.out_of_reach for name in names])
-    quarters = [standing_after(before, imu, rests, blocks, values, 0.5 * np.pi * k) for k in (1, 2, 3)]
-    lacking = [float(missing(now.share[within], SURE * coaching.target)) for now in quarters]
-    return said(quarters[int(np.argmax(lacking))]) if max(lacking) > 0.0 else advice
+    # the heading is open: the log suffices only if it does so for each of four headings
+    within_reach = np.array([name not in advice.out_of_reach for name in names])
+    quarters = [covariance_after_log(before, imu, rests, blocks, values, 0.5 * np.pi * k) for k in (1, 2, 3)]
+    lacking = [float(log_excess(state.share[within_reach], TARGET_MARGIN * coaching.target)) for state in quarters]
+    return advice_at(quarters[int(np.argmax(lacking))]) if max(lacking) > 0.0 else advice
 
 
 def _waiting(
@@ -247,5 +251,5 @@ def _waiting(
     return Advice(
         t=t, elapsed=elapsed, rests=rests, moving=moving, progress=0.0, share=share, remaining=dict(share),
         out_of_reach={}, turn=None, rest_s=coaching.first_rest_s, gain=0.0, done=False,
-        next=words_of_waiting("first", coaching),
+        next=waiting_sentence("first", coaching),
     )  # fmt: skip

@@ -14,21 +14,25 @@ from places import ROOT
 from scipy.stats import chi2
 
 from schuler import earth, rotation
-from schuler.calibration.field.advice import Advice, CoachOptions, words_of_move
+from schuler.calibration.field.advice import Advice, move_sentence
 from schuler.calibration.field.blocks import rest_blocks
 from schuler.calibration.field.calibration import calibrate_field
-from schuler.calibration.field.coach import Coach, coach
-from schuler.calibration.field.foresight import LOST_S, foresee, standing_before
-from schuler.calibration.field.options import FieldOptions
+from schuler.calibration.field.coaching import Coach, coach
+from schuler.calibration.field.covariance_prediction import (
+    UNUSED_REST_S,
+    covariance_after_log,
+    initial_covariance,
+    predict_covariance,
+)
+from schuler.calibration.field.options import CoachOptions, FieldOptions
 from schuler.calibration.field.planning import advise, planned_routine
-from schuler.calibration.field.retrace import standing_after
-from schuler.calibration.field.setup import field_layout, informed, parameter_names
-from schuler.calibration.field.steps import Rest, Turn
+from schuler.calibration.field.problem import field_layout, parameter_names, prior_from_calibration
 from schuler.calibration.result.parameters import vector
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
+from schuler.simulation.routine_steps import Rest, Turn
 from schuler.standstill.live import LiveRests
 from schuler.standstill.rests import field_rests
 from schuler.units import DEG
@@ -123,10 +127,10 @@ def test_a_bias_on_the_vertical_is_averaged_as_the_closed_form_says():
     Rounding; horizontally the velocity held to 0.1 m/s tells 1e-4 of it.
     """
     options = FieldOptions(blocks=("b_g",), secondary="off", primary=False, earth_rate="vertical")
-    before = standing_before(AUTOMOTIVE, latitude=LAT, options=options)
-    ahead = foresee(before, [Rest(10.0), Rest(30.0)], 10.0)
+    before = initial_covariance(AUTOMOTIVE, latitude=LAT, options=options)
+    ahead = predict_covariance(before, [Rest(10.0), Rest(30.0)], 10.0)
     N, sigma = AUTOMOTIVE.gyro.random_walk, AUTOMOTIVE.gyro.turn_on_bias
-    T = np.array([10.0, 40.0]) - LOST_S * np.array([1.0, 2.0])
+    T = np.array([10.0, 40.0]) - UNUSED_REST_S * np.array([1.0, 2.0])
     np.testing.assert_allclose(ahead.t, [10.0, 20.0, 30.0, 40.0])
     np.testing.assert_allclose(ahead.share[[0, 3], 2], 1.0 / np.sqrt(1.0 + T * sigma**2 / N**2), rtol=1e-6)
     np.testing.assert_allclose(ahead.share[:, :2], 1.0, atol=3e-4)
@@ -138,13 +142,13 @@ def test_a_bias_at_rest_is_averaged_on_all_axes_as_the_closed_form_says():
     ``z = b + (C' Omega) x psi + noise``, psi the same in all rests. Rounding, and 1e-4 of the velocity held.
     """
     options = FieldOptions(blocks=("b_g",), secondary="off", primary=False)
-    before = standing_before(TACTICAL, latitude=LAT, options=options)
-    ahead = foresee(before, [Rest(10.0), Rest(30.0)], 10.0)
+    before = initial_covariance(TACTICAL, latitude=LAT, options=options)
+    ahead = predict_covariance(before, [Rest(10.0), Rest(30.0)], 10.0)
     N, sigma = TACTICAL.gyro.random_walk, TACTICAL.gyro.turn_on_bias
     np.testing.assert_allclose(ahead.t, [10.0, 20.0, 30.0, 40.0])
     A = np.hstack((np.eye(3), rotation.skew(earth.earth_rate_ned(LAT))))
     prior = np.diag([sigma, sigma, sigma, 0.1, 0.1, 1.0]) ** 2
-    for k, T in ((0, 10.0 - LOST_S), (3, 40.0 - 2.0 * LOST_S)):
+    for k, T in ((0, 10.0 - UNUSED_REST_S), (3, 40.0 - 2.0 * UNUSED_REST_S)):
         S = A @ prior @ A.T + N**2 / T * np.eye(3)
         P = prior - prior @ A.T @ np.linalg.solve(S, A @ prior)
         np.testing.assert_allclose(ahead.share[k], np.sqrt(np.diag(P)[:3]) / sigma, rtol=3e-4)
@@ -155,23 +159,23 @@ def test_a_bias_at_rest_is_averaged_on_all_axes_as_the_closed_form_says():
 def test_a_turn_brings_another_axis_to_the_vertical():
     """Accelerometer biases from gravity's magnitude: each is seen only while its axis is up or down; rounding."""
     options = FieldOptions(blocks=("b_a",), secondary="off", earth_rate="off")
-    before = standing_before(TACTICAL, latitude=LAT, options=options)
+    before = initial_covariance(TACTICAL, latitude=LAT, options=options)
     turns = Turn("y", 90.0 * DEG, 2.5), Turn("z", -90.0 * DEG, 2.5)
-    ahead = foresee(before, [Rest(10.0), turns[0], Rest(10.0), turns[1], Rest(10.0)], 2.5)
+    ahead = predict_covariance(before, [Rest(10.0), turns[0], Rest(10.0), turns[1], Rest(10.0)], 2.5)
     N, sigma = TACTICAL.accel.random_walk, TACTICAL.accel.turn_on_bias
-    T = 10.0 - LOST_S
+    T = 10.0 - UNUSED_REST_S
     seen = np.array([[0.0, 0.0, T], [T, 0.0, T], [T, T, T]])
     expected = 1.0 / np.sqrt(1.0 + seen * sigma**2 / N**2)
     np.testing.assert_allclose(ahead.share[np.searchsorted(ahead.t, [10.0, 22.5, 35.0])], expected, rtol=1e-5)
     # nose up, then a quarter turn anticlockwise seen along z: y is up
-    np.testing.assert_allclose(-ahead.standing.C_nb[2], [0.0, 1.0, 0.0], atol=1e-5)
+    np.testing.assert_allclose(-ahead.state.C_nb[2], [0.0, 1.0, 0.0], atol=1e-5)
 
 
 def test_a_level_rest_does_not_tell_a_bias_from_a_tilt():
     """One reading of g tilt + b + g M_xz: the shares that their variances leave."""
-    before = standing_before(AUTOMOTIVE, latitude=LAT, height=HEIGHT)
+    before = initial_covariance(AUTOMOTIVE, latitude=LAT, height=HEIGHT)
     names = parameter_names(before.layout)
-    share = dict(zip(names, foresee(before, [Rest(10.0)]).share[-1], strict=True))
+    share = dict(zip(names, predict_covariance(before, [Rest(10.0)]).share[-1], strict=True))
     g = float(np.linalg.norm(earth.gravity_ned(LAT, HEIGHT)))
     b, M = AUTOMOTIVE.accel.turn_on_bias**2, (AUTOMOTIVE.accel.misalignment * g) ** 2
     whole = (0.1 * g) ** 2 + b + M
@@ -182,11 +186,11 @@ def test_a_level_rest_does_not_tell_a_bias_from_a_tilt():
 
 def test_steps_one_by_one_are_the_same_as_together():
     """Linear throughout: to 1e-4, what the polynomials of the mechanization make of the first step of a run."""
-    before = standing_before(TACTICAL, latitude=LAT, height=HEIGHT, heading_sigma=0.3)
+    before = initial_covariance(TACTICAL, latitude=LAT, height=HEIGHT, heading_sigma=0.3)
     steps = [Rest(8.0), Turn("x", 45.0 * DEG, 1.25), Rest(6.0), Turn((1.0, 1.0, 0.0), -2.0, 3.0), Rest(6.0)]
-    together, now = foresee(before, steps).standing, before
+    together, now = predict_covariance(before, steps).state, before
     for k in range(0, 5, 2):
-        now = foresee(now, steps[max(k - 1, 0) : k + 1]).standing
+        now = predict_covariance(now, steps[max(k - 1, 0) : k + 1]).state
     np.testing.assert_allclose(now.share, together.share, rtol=1e-4)
     np.testing.assert_allclose(now.C_nb, together.C_nb, atol=1e-5)
 
@@ -207,9 +211,9 @@ def test_a_log_is_retraced():
     imu = series(*reads)
     rests = field_rests(imu)
     assert len(rests) == 3
-    before = standing_before(AUTOMOTIVE, latitude=LAT, height=HEIGHT)
-    found = standing_after(before, imu, rests, rest_blocks(imu, rests, 1.0), np.zeros(before.layout.size - 9))
-    known = foresee(before, steps).standing
+    before = initial_covariance(AUTOMOTIVE, latitude=LAT, height=HEIGHT)
+    found = covariance_after_log(before, imu, rests, rest_blocks(imu, rests, 1.0), np.zeros(before.layout.size - 9))
+    known = predict_covariance(before, steps).state
     # what is known of the parameters to a few per cent: the ends of the rests found are others
     np.testing.assert_allclose(found.share, known.share, rtol=0.06)
     # to the noise of inclinations and turns
@@ -227,8 +231,8 @@ def test_inclinations_are_those_of_the_accelerometers():
     imu = series(*reads)
     rests = field_rests(imu)
     assert len(rests) == 11
-    before = standing_before(TACTICAL, latitude=LAT, height=HEIGHT)
-    found = standing_after(before, imu, rests, rest_blocks(imu, rests, 1.0), np.zeros(before.layout.size - 9))
+    before = initial_covariance(TACTICAL, latitude=LAT, height=HEIGHT)
+    found = covariance_after_log(before, imu, rests, rest_blocks(imu, rests, 1.0), np.zeros(before.layout.size - 9))
     np.testing.assert_allclose(found.C_nb[2], hand.C[2], atol=3e-3)
 
 
@@ -339,8 +343,8 @@ def test_it_does_not_stop_for_one_who_does_nothing():
 
 def test_patience_and_target_decide():
     """The same standing, judged by others: nothing is within reach of no patience."""
-    before = standing_before(TACTICAL, latitude=LAT, height=HEIGHT)
-    now = foresee(before, [Rest(10.0)]).standing
+    before = initial_covariance(TACTICAL, latitude=LAT, height=HEIGHT)
+    now = predict_covariance(before, [Rest(10.0)]).state
     names = parameter_names(now.layout)
     hasty = advise(now, names, CoachOptions(patience_s=1e-6))
     assert hasty.done
@@ -354,8 +358,8 @@ def test_patience_and_target_decide():
 
 def bias_out_of_reach(options, heading_sigma, factor):
     """Names of the tactical gyroscope biases that are out of reach of ``factor`` times the time of averaging."""
-    before = standing_before(TACTICAL, latitude=LAT, options=options, heading_sigma=heading_sigma)
-    now = foresee(before, [Rest(10.0)]).standing
+    before = initial_covariance(TACTICAL, latitude=LAT, options=options, heading_sigma=heading_sigma)
+    now = predict_covariance(before, [Rest(10.0)]).state
     needed = 99.0 * (TACTICAL.gyro.random_walk / TACTICAL.gyro.turn_on_bias) ** 2
     assert needed > 3600.0
     advice = advise(now, parameter_names(now.layout), CoachOptions(patience_s=factor * needed))
@@ -378,12 +382,12 @@ def test_time_to_a_bias_by_the_vertical_is_that_of_averaging_and_turning():
 
 
 def test_a_routine_made_in_advance_serves_everything():
-    before = standing_before(AUTOMOTIVE, latitude=LAT, height=HEIGHT, heading_sigma=1.0 * DEG)
+    before = initial_covariance(AUTOMOTIVE, latitude=LAT, height=HEIGHT, heading_sigma=1.0 * DEG)
     routine = planned_routine(before, parameter_names(before.layout))
     assert routine.duration < 200.0
     # rests of a routine that follow each other are one, and lose their ends once
-    assert foresee(before, routine.steps).share[-1].max() < 0.102
-    np.testing.assert_allclose(foresee(before, routine.steps).standing.C_nb, routine.attitudes[-1], atol=1e-5)
+    assert predict_covariance(before, routine.steps).share[-1].max() < 0.102
+    np.testing.assert_allclose(predict_covariance(before, routine.steps).state.C_nb, routine.attitudes[-1], atol=1e-5)
 
 
 # ---------------------------------------------------------------------------------------- logs in the middle of things
@@ -502,15 +506,15 @@ def test_slow_uniform_turning_is_no_rest():
 
 def test_words():
     level, up = np.eye(3), rotation.dcm_from_rpy((0.0, 90.0 * DEG, 0.0))
-    words = words_of_move(Turn("x", 45.0 * DEG, 1.25), 5.0, level, ["b_a_y"])
+    words = move_sentence(Turn("x", 45.0 * DEG, 1.25), 5.0, level, ["b_a_y"])
     assert words == (
         "turn 45 deg clockwise about x (seen along x, which is horizontal now), to halfway between right side down (y "
         "down) and level (z down); rest 5 s (for b_a_y)"
     )
-    assert "x, which points up now" in words_of_move(Turn("x", -90.0 * DEG, 2.5), 5.0, up, [])
-    assert "anticlockwise" in words_of_move(Turn("x", -90.0 * DEG, 2.5), 5.0, up, [])
+    assert "x, which points up now" in move_sentence(Turn("x", -90.0 * DEG, 2.5), 5.0, up, [])
+    assert "anticlockwise" in move_sentence(Turn("x", -90.0 * DEG, 2.5), 5.0, up, [])
     many = [f"M_g_{i}{j}" for i in "xyz" for j in "xyz"]
-    assert words_of_move(None, 10.0, level, many).endswith("rest 10 s more (for M_g_xx, M_g_xy, M_g_xz, M_g_yx, "
+    assert move_sentence(None, 10.0, level, many).endswith("rest 10 s more (for M_g_xx, M_g_xy, M_g_xz, M_g_yx, "
                                                            "M_g_yy, M_g_yz and 3 more)")  # fmt: skip
     last = led_automotive()[2][-1]
     assert isinstance(last, Advice)
@@ -553,7 +557,7 @@ def test_options_and_an_earlier_calibration_are_taken_over():
     fresh = coach(imu, AUTOMOTIVE, latitude=LAT, height=HEIGHT)
     assert thesis.progress < fresh.progress
     earlier = calibrated_automotive().calibration
-    layout, _ = informed(field_layout(AUTOMOTIVE, FieldOptions()), earlier)
+    layout, _ = prior_from_calibration(field_layout(AUTOMOTIVE, FieldOptions()), earlier)
     known = dict(zip(parameter_names(layout), np.sqrt(layout.initial_variances()), strict=True))
     again = coach(imu, AUTOMOTIVE, latitude=LAT, height=HEIGHT, prior=earlier)
     # what was known better before comes down less, and is better known after

@@ -9,9 +9,8 @@ import pytest
 from field_cases import AUTOMOTIVE, LLH, TACTICAL, band, calibrated, campaign, drawn, log_of, nees_of, thesis
 
 from schuler.calibration.field.blocks import Blocks, rest_blocks
+from schuler.calibration.field.held_rests import MOMENT_S, hold_rests, scale_wander, sway_variance
 from schuler.calibration.field.options import FieldOptions
-from schuler.calibration.field.standstill import MOMENT_S, as_much_wander, at_standstill
-from schuler.calibration.field.swaying import sway
 from schuler.calibration.result.parameters import vector
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.recording.series import ImuSeries, Increments
@@ -36,7 +35,7 @@ def blocks_of(middle, length) -> Blocks:
 def test_of_a_rest_the_last_interval_of_each_block_stays():
     """Samples 20 to 59 are a rest of two blocks: 39 and 59 stay, a moment long, with the means of the blocks; exact."""
     whole, blocks = ramp(), blocks_of([0.3, 0.5], 0.2)
-    kept, moved = at_standstill(whole, blocks, np.array([[0.2, 0.6]]))
+    kept, moved = hold_rests(whole, blocks, np.array([[0.2, 0.6]]))
     stay = np.r_[0:20, 39, 59, 60:100]
     np.testing.assert_array_equal(kept.t, whole.t[stay])
     np.testing.assert_array_equal(moved.t, whole.t[[39, 59]])
@@ -50,7 +49,7 @@ def test_of_a_rest_the_last_interval_of_each_block_stays():
 
 
 def test_time_begins_where_it_did():
-    kept, _ = at_standstill(ramp(), blocks_of([0.1], 0.2), np.array([[0.0, 0.2]]))
+    kept, _ = hold_rests(ramp(), blocks_of([0.1], 0.2), np.array([[0.0, 0.2]]))
     assert kept.t[0] == 0.01
     assert kept.start == pytest.approx(0.0, abs=1e-15)
     np.testing.assert_array_equal(kept.t[1:3], [0.2, 0.21])
@@ -68,7 +67,7 @@ def test_every_interval_of_a_turn_stays_whatever_the_kind(kind):
     blocks = rest_blocks(imu, rests, 1.0)
     early = h if kind == "increment" else 0.0
     increments = imu.increments().between(float(rests.start[0]), float(rests.stop[-1]))
-    kept, moved = at_standstill(increments, blocks, np.stack((rests.start - early, rests.stop), axis=1))
+    kept, moved = hold_rests(increments, blocks, np.stack((rests.start - early, rests.stop), axis=1))
     turning = kept.dt > 0.5 * h
     turning[0] = False
     # samples 1001 to 1199 of increments; of rates the intervals that end at 1001 to 1200
@@ -84,12 +83,12 @@ def test_every_interval_of_a_turn_stays_whatever_the_kind(kind):
 def test_what_walks_and_decays_does_so_by_real_time():
     """The same variance and the same decay over all intervals that stay as over the whole log. Rounding."""
     whole = ramp()
-    kept, _ = at_standstill(whole, blocks_of([0.3, 0.5], 0.2), np.array([[0.2, 0.6]]))
+    kept, _ = hold_rests(whole, blocks_of([0.3, 0.5], 0.2), np.array([[0.2, 0.6]]))
     T, less = float(whole.dt.sum()), float(kept.dt.sum())
     layout = StateLayout(
         {"b_a": StateModel.random_walk(1.0, 0.3), "b_g": StateModel.gauss_markov(2.0, 5.0), "S_g": StateModel(0.1)}
     )
-    after = as_much_wander(layout, kept, whole)
+    after = scale_wander(layout, kept, whole)
     assert after.models["S_g"] == layout.models["S_g"]
     assert after.models["b_a"].noise ** 2 * less == pytest.approx(0.3**2 * T, rel=1e-12)
     tau = after.models["b_g"].tau
@@ -157,17 +156,17 @@ def test_variance_of_swaying_in_closed_form():
     omega = rate + 1e-3 * rng.standard_normal(rate.shape) + (0.1, -0.2, 0.3)
     number = np.repeat(np.arange(rests), n)
     blocks = Blocks(np.arange(1.0 * len(number)), np.ones(len(number)), f.reshape(-1, 3), omega.reshape(-1, 3), number)
-    variance, error = sway(blocks)
+    variance, error = sway_variance(blocks)
     assert 0.0 < error < 0.1 * expected
     assert abs(variance - expected) < 4.0 * error
     still = g * up + 5e-3 * rng.standard_normal(f.shape)
-    variance, error = sway(replace(blocks, f=still.reshape(-1, 3)))
+    variance, error = sway_variance(replace(blocks, f=still.reshape(-1, 3)))
     assert abs(variance) < 4.0 * error
 
 
 def test_of_few_rests_nothing_is_said():
     blocks = blocks_of([0.5, 1.5], 1.0)
-    assert sway(blocks) == (0.0, np.inf)
+    assert sway_variance(blocks) == (0.0, np.inf)
 
 
 def test_what_is_held_is_better_known():

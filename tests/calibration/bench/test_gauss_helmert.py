@@ -7,8 +7,7 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from schuler.calibration.bench.gauss_helmert import adjust
-from schuler.calibration.bench.magnitude_condition import condition
-from schuler.calibration.bench.magnitude_start import ellipsoid_start, sphere_start
+from schuler.calibration.bench.magnitude import condition, ellipsoid_start, sphere_start
 from schuler.calibration.bench.sensor_geometry import PARAMETERS, triad_reading
 from schuler.calibration.design.plans import ATTITUDES
 from schuler.exceptions import InputError

@@ -12,11 +12,11 @@ from schuler.calibration.bench.model_order import order_tests, recommended
 from schuler.calibration.bench.multiposition import OWN_AXES, calibrate_multiposition
 from schuler.calibration.bench.poses import Poses, poses_of
 from schuler.calibration.bench.sensor_geometry import triad_derivative, triad_matrix
+from schuler.calibration.bench.triad import to_model, triad_names
+from schuler.calibration.bench.triad_pair import pair_conditions
 from schuler.calibration.design.plans import ATTITUDES
 from schuler.calibration.design.pose_advice import next_directions, reasons
 from schuler.calibration.result.parameters import MATRIX_G, imu_errors
-from schuler.calibration.result.triad_calibration import to_model, triad_names
-from schuler.calibration.result.two_triads import pair_conditions
 from schuler.earth import earth_rate_ned
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries

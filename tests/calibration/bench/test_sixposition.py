@@ -7,8 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from schuler.calibration.bench.face_fit import face_variance
-from schuler.calibration.bench.faces import FACES, earth_rate_on_faces, faces_of
+from schuler.calibration.bench.faces import FACES, earth_rate_on_faces, face_variance, faces_of
 from schuler.calibration.bench.poses import Poses, poses_of
 from schuler.calibration.bench.sixposition import calibrate_sixposition
 from schuler.calibration.result.parameters import LINEAR, imu_errors, vector

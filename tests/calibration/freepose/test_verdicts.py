@@ -10,7 +10,13 @@ import pytest
 from schuler.calibration.freepose.calibrate import calibrate_freepose
 from schuler.calibration.freepose.simulation import hand_log, spread_turns
 from schuler.calibration.freepose.verdicts import listed, missing_directions
-from schuler.calibration.freepose.weights import largest_reduced_chi2, excess_spread, median, outlier_weights, residual_factor
+from schuler.calibration.freepose.weights import (
+    excess_spread,
+    largest_reduced_chi2,
+    median,
+    outlier_weights,
+    residual_factor,
+)
 from schuler.calibration.result.parameters import vector
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries

@@ -12,7 +12,7 @@ import pytest
 import theses
 from theses import check_figures, check_ids, check_seeds, check_verdicts
 
-from schuler.calibration.bench import magnitude_condition
+from schuler.calibration.bench import magnitude as magnitude_condition
 from schuler.calibration.design import plans
 from schuler.reproduce import Effort, reproduce
 from schuler.reproduce.hayal import ITEMS, NOT_RESULTS, printed

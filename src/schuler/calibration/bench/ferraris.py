@@ -9,8 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
-from schuler.calibration.bench.face_fit import Bias
-from schuler.calibration.bench.faces import Faces
+from schuler.calibration.bench.faces import Bias, Faces
 from schuler.calibration.bench.gyro_readings import GyroReadings, gyro_design
 from schuler.calibration.bench.linear_fit import LinearFit, from_gain
 from schuler.calibration.bench.poses import Poses, poses_of

@@ -15,8 +15,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, as_floats
 from schuler.calibration.bench.adjustment import Adjustment
-from schuler.calibration.bench.magnitude_condition import condition_of, possible
-from schuler.calibration.bench.magnitude_start import ellipsoid_start, sphere_start
+from schuler.calibration.bench.magnitude import condition_of, ellipsoid_start, possible, sphere_start
 from schuler.calibration.bench.sensor_geometry import PARAMETERS
 from schuler.exceptions import InputError
 

@@ -17,9 +17,9 @@ from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.calibration.bench.gauss_helmert import Start
 from schuler.calibration.bench.poses import Poses
 from schuler.calibration.bench.sensor_geometry import ANGLES, PARAMETERS, triad_parameters
-from schuler.calibration.result.pair_calibration import with_turn
+from schuler.calibration.bench.triad import TriadCalibration, calibrate_triad, to_model, triad_names
+from schuler.calibration.bench.triad_pair import with_turn
 from schuler.calibration.result.result import CalibrationResult, Residuals
-from schuler.calibration.result.triad_calibration import TriadCalibration, calibrate_triad, to_model, triad_names
 from schuler.earth import WGS84
 from schuler.exceptions import InputError
 from schuler.sensors.spec import ImuSpec

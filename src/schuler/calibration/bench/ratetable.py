@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.arrays import ArrayLike
-from schuler.calibration.bench.face_fit import Bias
+from schuler.calibration.bench.faces import Bias
 from schuler.calibration.bench.poses import Poses
 from schuler.calibration.bench.turn_solution import solve_turns
 from schuler.calibration.bench.turns import Turns

@@ -8,10 +8,18 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
-from schuler.calibration.bench.bench import axis_residuals, bench_result, earth_rate_said, level_said
-from schuler.calibration.bench.face_fit import Bias, face_variance, fit_faces, tilted
-from schuler.calibration.bench.faces import Faces, checked_latitude, faces_of, pose_labels
+from schuler.calibration.bench.faces import (
+    Bias,
+    Faces,
+    checked_latitude,
+    face_variance,
+    faces_of,
+    fit_faces,
+    pose_labels,
+    tilted,
+)
 from schuler.calibration.bench.gyro_readings import GyroReadings, gyro_fit, readings_at_rest
+from schuler.calibration.bench.joint_result import axis_residuals, bench_result, earth_rate_said, level_said
 from schuler.calibration.bench.linear_fit import LinearFit
 from schuler.calibration.bench.poses import Poses
 from schuler.calibration.bench.turns import Turns, readings_of_turns

@@ -8,17 +8,25 @@ from typing import NamedTuple
 import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
-from schuler.calibration.freepose.accel import UPPER_COLUMN, UPPER_ROW, AccelFit
+from schuler.calibration.freepose.accel import AccelFit
 from schuler.calibration.freepose.rests import Rests
-from schuler.calibration.freepose.turns import COARSE, Turns, tangents, vertical_residuals
+from schuler.calibration.freepose.turns import (
+    COARSE,
+    Turns,
+    direction_noise,
+    residual_map,
+    tangents,
+    vertical_residuals,
+)
 from schuler.calibration.freepose.weights import (
     excess_spread,
     outlier_weights,
+    propagated,
     pseudo_inverse,
     residual_factor,
+    solve_weighted,
     too_many_outliers,
 )
-from schuler.exceptions import InputError
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +142,7 @@ def fit_gyroscopes(
         r = np.einsum("kia,ki->ka", tangent, residual).ravel()
         J_t = np.einsum("kia,kip->kap", tangent, J).reshape(2 * n, -1)[:, : 21 if g_sensitivity else 12]
         if k < 3 or k == 14:
-            to_residual = _residual_map(turns, tangent, C, up_noise)
+            to_residual = residual_map(turns, tangent, C, up_noise)
             noise = _turn_noise(
                 to_residual, sigma_f, J_t[:, 9:12], held_bias_sigma, parameters.M, nominal * rests.density_g, seconds
             )
@@ -146,7 +154,7 @@ def fit_gyroscopes(
                 weight = outlier_weights(size / np.sqrt(noise.sigma**2 + spread**2), 2)
             own = np.repeat((noise.gyro + spread**2) / weight + (1.0 / weight - 1.0) * (noise.sigma**2 - noise.gyro), 2)
         A = J_t[:, estimated]
-        WA = _weighted(noise.common, own, np.column_stack((A, r)))
+        WA = solve_weighted(noise.common, own, np.column_stack((A, r)))
         N, g = A.T @ WA[:, :-1], A.T @ WA[:, -1]
         rates = None
         if g_sensitivity:
@@ -173,7 +181,7 @@ def fit_gyroscopes(
     covariance, cross, bias_cross = _gyro_covariance(
         gain, to_residual, sigma_f.ravel() ** 2, own, to_accel, J_t[:, 9:12], held_bias_sigma
     )
-    chi2 = float(r @ _weighted(noise.common, np.repeat(noise.gyro, 2), r[:, None])[:, 0])
+    chi2 = float(r @ solve_weighted(noise.common, np.repeat(noise.gyro, 2), r[:, None])[:, 0])
     freedom, rest_spread = 2 * n - len(estimated), 0.0
     if rates is not None:
         L = inverse @ (rates.D.T * rates.w)
@@ -281,7 +289,7 @@ def _turn_noise(
     seconds: FloatArray,
 ) -> _TurnNoise:
     """Noise of the residuals from that of the pose means, of a bias measured at rest, and ``N^2 T`` of each turn."""
-    common = _propagated(to_residual, sigma_f.ravel() ** 2)
+    common = propagated(to_residual, sigma_f.ravel() ** 2)
     if bias_sigma is not None:  # its error is common to all turns
         common = common + (by_bias * bias_sigma**2) @ by_bias.T
     # the density is that of the readings; calibrated rates have it divided by the response
@@ -347,40 +355,6 @@ def rescaled(fit: GyroFit, ratio: float) -> GyroFit:
     )  # fmt: skip
 
 
-def direction_noise(turns: Turns, accel: AccelFit, sigma_f: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of the vertical of each pose and of the accelerometer parameters by all pose means.
-
-    Returns
-    -------
-    ndarray, shape (K, 3, 3 K)
-        d up_k / d mean_j, through the pose itself and through the parameters.
-    ndarray, shape (9, 3 K)
-        d p / d mean_j.
-    """
-    n = len(turns.up)
-    B = np.linalg.inv(accel.R)
-    size = np.linalg.norm(turns.f, axis=1)
-    w = turns.up @ B
-    to_p = np.zeros((9, n, 3))
-    L = -pseudo_inverse(accel.normal) @ accel.inverse_weighted
-    to_p[:] = L[:, :, None] * w[None, :, :]
-    across = (np.eye(3) - turns.up[:, :, None] * turns.up[:, None, :]) @ B / size[:, None, None]
-    by_p = np.empty((n, 3, 9))
-    by_p[:, :, :3] = -across
-    by_p[:, :, 3:] = -across[:, :, UPPER_ROW] * turns.f[:, None, UPPER_COLUMN]
-    out = by_p @ to_p.reshape(9, 3 * n)
-    k = np.arange(n)
-    out.reshape(n, 3, n, 3)[k, :, k, :] += across
-    return out, to_p.reshape(9, 3 * n)
-
-
-def _residual_map(turns: Turns, E: FloatArray, C: FloatArray, up_noise: FloatArray) -> FloatArray:
-    """Derivatives of the tangential residuals ``E^T (C^T up_start - up_end)`` by all pose means. Shape (2 n, 3 K)."""
-    i, j = turns.pair.T
-    moved = np.einsum("kba,kbm->kam", C, up_noise[i]) - up_noise[j]
-    return np.asarray(np.einsum("kia,kim->kam", E, moved).reshape(2 * len(E), -1))
-
-
 def _rest_rows(f: FloatArray, count: int) -> FloatArray:
     """Derivatives of ``rate at rest - b - G f`` by (M, b, G). Shape (3 K, count)."""
     n = len(f)
@@ -389,25 +363,3 @@ def _rest_rows(f: FloatArray, count: int) -> FloatArray:
         D[:, i, 9 + i] = -1.0
         D[:, i, 12 + 3 * i : 15 + 3 * i] = -f
     return D.reshape(3 * n, count)
-
-
-def _propagated(S: FloatArray, variance: FloatArray) -> FloatArray:
-    """Covariance ``S diag(variance) S^T``."""
-    from schuler.calibration.freepose import _kernels as kernels
-
-    V = np.empty((len(S), len(S)))
-    kernels.weighted_square(np.ascontiguousarray(S), variance, V)
-    return V
-
-
-def _weighted(V: FloatArray, own: FloatArray, X: FloatArray) -> FloatArray:
-    """``(V + diag(own))^-1 X``."""
-    from schuler.calibration.freepose import _kernels as kernels
-
-    X = np.array(X, order="C")
-    total = V + np.diag(own)
-    if not kernels.solve_positive(total, X):
-        raise InputError(
-            "imu: the covariance of the turns is singular; the log has no noise at all in some pose, give noise="
-        )
-    return X

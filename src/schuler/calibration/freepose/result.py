@@ -12,10 +12,10 @@ from schuler.calibration.design.plans import words_of
 from schuler.calibration.freepose import motion as freepose_motion
 from schuler.calibration.freepose import verdicts
 from schuler.calibration.freepose.accel import NAMES, AccelFit, distinct, sphere_start
-from schuler.calibration.freepose.gyro import GyroFit, direction_noise
+from schuler.calibration.freepose.gyro import GyroFit
 from schuler.calibration.freepose.motion import MotionFit
 from schuler.calibration.freepose.rests import Rests
-from schuler.calibration.freepose.turns import Turns, vertical_residuals
+from schuler.calibration.freepose.turns import Turns, direction_noise, vertical_residuals
 from schuler.calibration.freepose.weights import largest_reduced_chi2, pseudo_inverse
 from schuler.calibration.result.parameters import LINEAR
 from schuler.calibration.result.result import CalibrationResult, Residuals, Status

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
+from schuler.calibration.freepose.accel import UPPER_COLUMN, UPPER_ROW, AccelFit
+from schuler.calibration.freepose.weights import pseudo_inverse
 from schuler.rotation import skew
 
 #: Samples integrated together for the first solution.
@@ -152,3 +154,37 @@ def tangents(u: FloatArray) -> FloatArray:
     a = np.cross(u, helper)
     a /= np.linalg.norm(a, axis=1, keepdims=True)
     return np.stack((a, np.cross(u, a)), axis=2)
+
+
+def direction_noise(turns: Turns, accel: AccelFit, sigma_f: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of the vertical of each pose and of the accelerometer parameters by all pose means.
+
+    Returns
+    -------
+    ndarray, shape (K, 3, 3 K)
+        d up_k / d mean_j, through the pose itself and through the parameters.
+    ndarray, shape (9, 3 K)
+        d p / d mean_j.
+    """
+    n = len(turns.up)
+    B = np.linalg.inv(accel.R)
+    size = np.linalg.norm(turns.f, axis=1)
+    w = turns.up @ B
+    to_p = np.zeros((9, n, 3))
+    L = -pseudo_inverse(accel.normal) @ accel.inverse_weighted
+    to_p[:] = L[:, :, None] * w[None, :, :]
+    across = (np.eye(3) - turns.up[:, :, None] * turns.up[:, None, :]) @ B / size[:, None, None]
+    by_p = np.empty((n, 3, 9))
+    by_p[:, :, :3] = -across
+    by_p[:, :, 3:] = -across[:, :, UPPER_ROW] * turns.f[:, None, UPPER_COLUMN]
+    out = by_p @ to_p.reshape(9, 3 * n)
+    k = np.arange(n)
+    out.reshape(n, 3, n, 3)[k, :, k, :] += across
+    return out, to_p.reshape(9, 3 * n)
+
+
+def residual_map(turns: Turns, E: FloatArray, C: FloatArray, up_noise: FloatArray) -> FloatArray:
+    """Derivatives of the tangential residuals ``E^T (C^T up_start - up_end)`` by all pose means. Shape (2 n, 3 K)."""
+    i, j = turns.pair.T
+    moved = np.einsum("kba,kbm->kam", C, up_noise[i]) - up_noise[j]
+    return np.asarray(np.einsum("kia,kim->kam", E, moved).reshape(2 * len(E), -1))

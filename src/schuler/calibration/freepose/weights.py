@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.arrays import FloatArray
+from schuler.exceptions import InputError
 
 #: Normalised size beyond which a residual has less weight. Three sigma of one component: full weight to nearly all good
 #: poses (0.3 % loss of efficiency), bounded influence of a bad one.
@@ -101,3 +102,25 @@ def pseudo_inverse(N: FloatArray) -> FloatArray:
     good = values > 1e-12 * values.max()
     inverse = (Q[:, good] / values[good]) @ Q[:, good].T
     return np.asarray(inverse / np.outer(d, d))
+
+
+def propagated(S: FloatArray, variance: FloatArray) -> FloatArray:
+    """Covariance ``S diag(variance) S^T``."""
+    from schuler.calibration.freepose import _kernels as kernels
+
+    V = np.empty((len(S), len(S)))
+    kernels.weighted_square(np.ascontiguousarray(S), variance, V)
+    return V
+
+
+def solve_weighted(V: FloatArray, own: FloatArray, X: FloatArray) -> FloatArray:
+    """``(V + diag(own))^-1 X``."""
+    from schuler.calibration.freepose import _kernels as kernels
+
+    X = np.array(X, order="C")
+    total = V + np.diag(own)
+    if not kernels.solve_positive(total, X):
+        raise InputError(
+            "imu: the covariance of the turns is singular; the log has no noise at all in some pose, give noise="
+        )
+    return X

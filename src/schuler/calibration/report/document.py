@@ -12,15 +12,17 @@ from schuler.calibration.report.panels import all_figures
 from schuler.calibration.report.thermal_figure import thermal_content
 from schuler.calibration.result.parameters import GAUGES
 from schuler.calibration.result.result import CalibrationResult, Residuals
-from schuler.calibration.result.sheet import sheet
+from schuler.calibration.result.sheet import rounded, sheet
 from schuler.calibration.result.summary import correlations, facts, headline, rows, verdicts
 from schuler.files import write_text
 from schuler.plotting import parts
 from schuler.plotting.page import Block, Section, plotly_script, whole_page
+from schuler.units import DEG
 
 if TYPE_CHECKING:
     from schuler.calibration.field.calibration import FieldCalibration
     from schuler.calibration.report.field_panels import Truth
+
 
 _CONVENTIONS = (
     "Conventions: axes are forward, right, down, g is 9.80665 m/s², uncertainties are 1 sigma. Errors are added to the "
@@ -84,9 +86,9 @@ def calibration_report(
         Section("extra", "Further results", (_extra(result),)),
         Section("provenance", "Provenance", (_provenance(result, recording_summary),)),
     ]
-    said = verdicts(result) or ["Nothing speaks against this calibration."]
+    sentences = verdicts(result) or ["Nothing speaks against this calibration."]
     text = whole_page(
-        title or f"{result.method} calibration", "calibration report", _sentence(headline(result)), said,
+        title or f"{result.method} calibration", "calibration report", _sentence(headline(result)), sentences,
         _CONVENTIONS, sections, script,
     )  # fmt: skip
     return write_text(path, text)
@@ -94,7 +96,6 @@ def calibration_report(
 
 def _history(field: FieldCalibration, truth: Truth | None) -> tuple[Block, ...]:
     from schuler.calibration.report.field_panels import field_panels
-    from schuler.calibration.report.field_text import history_text
 
     return (*history_text(field), *field_panels(field, truth))
 
@@ -105,18 +106,26 @@ def _gauge(result: CalibrationResult) -> str:
 
 def _parameters(result: CalibrationResult) -> str:
     table = []
-    known = bool(result.observability)
+    with_prior = bool(result.observability)
     for name, value, spread, unit, si, si_sigma, left in rows(result):
         s = sheet(name)
-        lost = spread == "not determined"
+        undetermined = spread == "not determined"
         in_sheet = (
-            spread if lost else f"{value} {unit}\n{spread}" if spread == "held" else f"{value} {unit}\n± {spread}"
+            spread
+            if undetermined
+            else f"{value} {unit}\n{spread}"
+            if spread == "held"
+            else f"{value} {unit}\n± {spread}"
         )
-        in_si = "" if lost else f"{si} {s.si}".removesuffix(" -") + ("" if si_sigma == "held" else f"\n± {si_sigma}")
-        table.append((f"{name}: {s.meaning}", in_sheet, in_si, *([left] if known else [])))
+        in_si = (
+            ""
+            if undetermined
+            else f"{si} {s.si}".removesuffix(" -") + ("" if si_sigma == "held" else f"\n± {si_sigma}")
+        )
+        table.append((f"{name}: {s.meaning}", in_sheet, in_si, *([left] if with_prior else [])))
     if not table:
         return ""
-    heads = ("parameter", "data sheet, 1 sigma", "SI, 1 sigma", *(["left of what was known"] if known else []))
+    heads = ("parameter", "data sheet, 1 sigma", "SI, 1 sigma", *(["left of what was known"] if with_prior else []))
     return parts.table("Estimated parameters, then those that were held", heads, table)
 
 
@@ -180,3 +189,44 @@ def _provenance(result: CalibrationResult, recording_summary: str | None) -> str
 
 def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}."
+
+
+def history_text(calibration: FieldCalibration) -> tuple[str, ...]:
+    """Sentences on the passes, notes on the rests, and the time from which each parameter is calibrated, as HTML."""
+    sentences = [calibration.rests.summary().splitlines()[0], passes_sentence(calibration)]
+    if calibration.heading is not None:
+        angle, sigma = (v / DEG for v in calibration.heading)
+        sentences.append(f"heading of the first rest, found from the Earth's rate: {angle:.0f} ± {sigma:.0f} deg")
+    text = "".join(f"<p>{escape(s[:1].upper() + s[1:])}.</p>" for s in sentences)
+    notes = parts.bullets(calibration.rests.notes) if calibration.rests.notes else ""
+    return text, notes, _convergence_table(calibration)
+
+
+def passes_sentence(calibration: FieldCalibration) -> str:
+    """Number of passes, and the largest change in the last one."""
+    if len(calibration.passes) < 2:
+        return "one pass, linearised at the estimates of its time: errors that are large leave a trace in others"
+    change = f"the last moved no parameter by more than {calibration.last_move:.2g} sigma"
+    return f"{len(calibration.passes)} passes over the log, {change}"
+
+
+def _convergence_table(calibration: FieldCalibration) -> str:
+    history = calibration.history
+    reached = history.reached()
+    first = float(calibration.rests.start[0])
+    rows = []
+    for i, name in enumerate(history.names):
+        s = sheet(name)
+        sigma = history.sigma[-1, i]
+        after = reached[name] - first
+        rows.append(
+            (
+                f"{name}: {s.meaning}",
+                f"{history.prior_sigma[i] / s.factor:.3g} {s.unit}",
+                f"{rounded(history.values[-1, i] / s.factor, sigma / s.factor)[1]} {s.unit}",
+                f"{100.0 * sigma / history.prior_sigma[i]:.2g} %",
+                f"{after:.0f} s" if np.isfinite(after) else "-",
+            )
+        )
+    heads = ("parameter", "1 sigma before", "1 sigma after", "left", "below a tenth from")
+    return parts.folded(f"when {len(rows)} parameters were found", parts.table("Uncertainty over the log", heads, rows))

@@ -13,7 +13,7 @@ from schuler.calibration.thermal import log as thermal_log
 from schuler.calibration.thermal import ramp as thermal_ramp
 from schuler.calibration.thermal import table as thermal_table
 from schuler.calibration.thermal.ramp import Curve
-from schuler.calibration.thermal.range import NARROW_SPAN, SMALLEST_SPAN, reference_of, refused
+from schuler.calibration.thermal.table import NARROW_SPAN, SMALLEST_SPAN, reference_of, refused
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 

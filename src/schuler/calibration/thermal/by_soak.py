@@ -12,7 +12,7 @@ from schuler.calibration.result.parameters import BIAS_A, BIAS_G, unit
 from schuler.calibration.result.result import CalibrationResult, Residuals, Status
 from schuler.calibration.thermal import soak as thermal_soak
 from schuler.calibration.thermal.ramp import powers
-from schuler.calibration.thermal.range import NARROW_SPAN, SMALLEST_SPAN, reference_of, refused
+from schuler.calibration.thermal.table import NARROW_SPAN, SMALLEST_SPAN, reference_of, refused
 
 _WAYS = {1: "heating", -1: "cooling", 0: "first"}
 _EARTH_RATE = 7.292115e-5  # [rad/s]

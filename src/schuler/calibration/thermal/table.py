@@ -1,4 +1,4 @@
-"""Tables of a sensor against temperature: values at knots between which one interpolates, heating and cooling apart."""
+"""Tables of a sensor against temperature: range, knots, values to interpolate between, heating and cooling apart."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray
+from schuler.calibration.result.result import CalibrationResult
 from schuler.calibration.thermal import noise as thermal_noise
 from schuler.calibration.thermal.noise import Noise
+from schuler.exceptions import InputError
 
 
 def knots(low: float, high: float, step: float | None) -> FloatArray:
@@ -110,3 +112,26 @@ def interpolated(temperature: FloatArray, at: list[float], values: list[float | 
     """Linear interpolation in a table; knots without a value are skipped."""
     known = [(t, v) for t, v in zip(at, values, strict=True) if v is not None]
     return np.interp(temperature, [t for t, _ in known], [v for _, v in known])
+
+
+#: Below this span of temperatures nothing is fitted; below the second the result carries a warning. [K]
+SMALLEST_SPAN, NARROW_SPAN = 5.0, 20.0
+
+
+def reference_of(wanted: float | None, low: float, high: float) -> float:
+    """Reference temperature: as wanted, or 25 degC, or the middle of the range if that is outside. [degC]"""
+    if wanted is None:
+        return 25.0 if low <= 25.0 <= high else float(round(0.5 * (low + high)))
+    if not low <= wanted <= high:
+        raise InputError(
+            f"reference_temperature: expected a temperature of the data, {low:.1f} to {high:.1f} degC, got {wanted}"
+        )
+    return float(wanted)
+
+
+def refused(names: tuple[str, ...], verdicts: list[str]) -> CalibrationResult:
+    """A result without values, that says why."""
+    p = len(names)
+    return CalibrationResult(
+        "thermal", names, np.zeros(p), np.diag(np.full(p, np.inf)), "full", status="refused", verdicts=tuple(verdicts),
+    )  # fmt: skip

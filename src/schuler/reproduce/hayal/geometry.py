@@ -69,7 +69,7 @@ def _geometry(effort: Effort) -> Outcome:
 
 
 def _jacobians(effort: Effort) -> Outcome:
-    from schuler.calibration.bench.magnitude_condition import condition
+    from schuler.calibration.bench.magnitude import condition
 
     rng = np.random.default_rng(effort.seed)
     worst = np.zeros(2)

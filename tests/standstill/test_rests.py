@@ -15,7 +15,7 @@ from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.imu import ideal_imu, simulate_imu
 from schuler.simulation.routine import RoutineMotion, free_routine, thesis_routine
-from schuler.simulation.routine_steps import Rest, Routine, Turn
+from schuler.simulation.steps import Rest, Routine, Turn
 from schuler.standstill.rests import field_rests, given_rests, printed_rests
 from schuler.units import DEG
 

@@ -20,7 +20,7 @@ from schuler.sensors.spec import ImuSpec
 from schuler.simulation.imu import ideal_imu, simulate_imu
 from schuler.simulation.motion import Motion
 from schuler.simulation.routine import RoutineMotion, six_face_routine, thesis_routine
-from schuler.simulation.routine_steps import Routine
+from schuler.simulation.steps import Routine
 from schuler.standstill.rests import given_rests
 from schuler.standstill.stationarity import StaticIntervals
 from schuler.units import DEG

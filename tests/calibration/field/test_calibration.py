@@ -40,7 +40,7 @@ from schuler.reproduce.yaman.study.tables import static_spec
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.routine import thesis_routine
-from schuler.simulation.routine_steps import Rest, Routine, Turn
+from schuler.simulation.steps import Rest, Routine, Turn
 from schuler.units import DEG
 
 EXACT = FieldOptions(rescale=False, settled=1e-3, passes=12)

@@ -32,7 +32,7 @@ from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
-from schuler.simulation.routine_steps import Rest, Turn
+from schuler.simulation.steps import Rest, Turn
 from schuler.standstill.live import LiveRests
 from schuler.standstill.rests import field_rests
 from schuler.units import DEG

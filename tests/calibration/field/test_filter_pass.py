@@ -18,7 +18,7 @@ from schuler.calibration.field.problem import field_problem, wandering_parameter
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import FIX, GRAVITY_VECTOR, ZERO_RATE, MeasurementSchedule, merged
 from schuler.filtering.states import StateLayout, StateModel
-from schuler.simulation.routine_steps import Rest, Routine, Turn
+from schuler.simulation.steps import Rest, Routine, Turn
 from schuler.units import DEG, G0
 
 

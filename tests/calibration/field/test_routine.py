@@ -15,7 +15,7 @@ from schuler.recording.series import ImuSeries
 from schuler.simulation.imu import ideal_imu
 from schuler.simulation.motion import ideal_rates
 from schuler.simulation.routine import RoutineMotion, free_routine, six_face_routine, thesis_routine
-from schuler.simulation.routine_steps import Rest, Routine, Turn, pose_in_words, turn_in_words
+from schuler.simulation.steps import Rest, Routine, Turn, pose_in_words, turn_in_words
 from schuler.units import DEG
 
 LLH = np.array([39.92 * DEG, 33.2 * DEG, 900.0])

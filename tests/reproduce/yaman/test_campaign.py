@@ -21,7 +21,7 @@ from schuler.reproduce.yaman.study.runs import FieldJob
 from schuler.reproduce.yaman.study.statistics import FieldCampaign
 from schuler.reproduce.yaman.study.tables import GRADES, noise_limit, published
 from schuler.sensors import catalogue
-from schuler.simulation.routine_steps import Rest, Routine, Turn
+from schuler.simulation.steps import Rest, Routine, Turn
 from schuler.units import DEG, DEG_PER_HR_PER_G
 
 DIAGONAL = ("G_g_xx", "G_g_yy", "G_g_zz")

@@ -34,7 +34,7 @@ from schuler.reproduce.yaman.study.tables import static_spec
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.imu import simulate_imu
-from schuler.simulation.routine_steps import Rest, Routine, Turn
+from schuler.simulation.steps import Rest, Routine, Turn
 from schuler.units import DEG, MG
 
 LLH = np.array(PLACE)

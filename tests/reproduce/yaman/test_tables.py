@@ -22,7 +22,7 @@ from schuler.reproduce.yaman.study.tables import (
 )
 from schuler.sensors import catalogue
 from schuler.simulation.routine import thesis_routine
-from schuler.simulation.routine_steps import Rest, Routine, Turn
+from schuler.simulation.steps import Rest, Routine, Turn
 from schuler.units import DEG, DEG_PER_HR, MG, PPM
 
 

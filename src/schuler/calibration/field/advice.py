@@ -11,7 +11,7 @@ import numpy as np
 from schuler import rotation
 from schuler.arrays import FloatArray
 from schuler.calibration.field.options import CoachOptions
-from schuler.simulation.routine_steps import Turn, pose_in_words
+from schuler.simulation.steps import Turn, pose_in_words
 from schuler.units import DEG
 
 _HORIZONTAL = np.sin(20.0 * DEG)  # largest slope of an axis that is called horizontal

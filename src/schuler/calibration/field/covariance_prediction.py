@@ -21,7 +21,7 @@ from schuler.filtering.error_model import ecef_from_ned_states, sensor_matrices
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState, mechanize
 from schuler.recording.series import ImuSeries, Increments
-from schuler.simulation.routine_steps import Rest, Step, Turn
+from schuler.simulation.steps import Rest, Step, Turn
 from schuler.standstill.stationarity import StaticIntervals
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from schuler.arrays import BoolArray, FloatArray
 from schuler.calibration.field.advice import Advice, move_sentence, waiting_sentence
 from schuler.calibration.field.covariance_prediction import CovarianceState, PredictedCovariance, predict_covariance
 from schuler.calibration.field.options import CoachOptions
-from schuler.simulation.routine_steps import Axis, Rest, Routine, Step, Turn, Vector
+from schuler.simulation.steps import Axis, Rest, Routine, Step, Turn, Vector
 from schuler.units import DEG
 
 #: Share of the target at which a parameter counts as calibrated: the calibration's own sigma may be 5 % larger.

@@ -22,7 +22,7 @@ _SECONDS = 60.0
 
 def _fig_6_6(effort: Effort) -> Outcome:
     from schuler.simulation.routine import thesis_routine
-    from schuler.simulation.routine_steps import Turn
+    from schuler.simulation.steps import Turn
     from schuler.units import DEG
 
     routine = thesis_routine()

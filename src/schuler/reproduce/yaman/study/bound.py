@@ -12,7 +12,7 @@ from schuler import earth, frames, rotation
 from schuler.arrays import FloatArray
 from schuler.sensors.spec import ImuSpec
 from schuler.simulation.routine import RoutineMotion
-from schuler.simulation.routine_steps import Rest, Routine
+from schuler.simulation.steps import Rest, Routine
 
 AXES = "xyz"
 #: Of the upper gauge, in the order of the bound.

@@ -15,7 +15,7 @@ from schuler.reproduce.yaman.study.runs import FieldJob, FieldRun, RestSource, f
 from schuler.reproduce.yaman.study.statistics import FieldCampaign
 from schuler.sensors import catalogue
 from schuler.sensors.spec import ImuSpec
-from schuler.simulation.routine_steps import Routine
+from schuler.simulation.steps import Routine
 
 Progress = Callable[[float], None]
 

@@ -22,7 +22,7 @@ from schuler.sensors.errors import ImuErrors
 from schuler.sensors.spec import ImuSpec
 from schuler.simulation.imu import IdealImu, SimulatedImu, ideal_imu, simulate_imu
 from schuler.simulation.routine import RoutineMotion, thesis_routine
-from schuler.simulation.routine_steps import Routine
+from schuler.simulation.steps import Routine
 from schuler.standstill.rests import given_rests
 from schuler.units import DEG
 

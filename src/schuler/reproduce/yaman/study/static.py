@@ -29,7 +29,7 @@ from schuler.sensors.errors import ImuErrors
 from schuler.sensors.spec import ImuSpec
 from schuler.simulation.imu import ideal_imu, simulate_imu
 from schuler.simulation.routine import RoutineMotion
-from schuler.simulation.routine_steps import Rest, Routine
+from schuler.simulation.steps import Rest, Routine
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

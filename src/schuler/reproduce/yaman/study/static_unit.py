@@ -18,7 +18,7 @@ from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState, mechanize
 from schuler.recording.series import ImuSeries
 from schuler.reproduce.yaman.study.runs import FieldJob, calibrated, simulated_unit
-from schuler.simulation.routine_steps import Rest
+from schuler.simulation.steps import Rest
 
 #: What is navigated with: raw data, gyroscopes calibrated, everything calibrated.
 VARIANTS = ("raw", "gyro", "full")

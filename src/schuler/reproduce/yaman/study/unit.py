@@ -29,7 +29,7 @@ from schuler.simulation.gnss import GnssModel, simulate_gnss
 from schuler.simulation.imu import IdealImu, ideal_imu, simulate_imu
 from schuler.simulation.profiles import ManoeuvreMotion
 from schuler.simulation.routine import RoutineMotion
-from schuler.simulation.routine_steps import Routine
+from schuler.simulation.steps import Routine
 from schuler.units import DEG, G0
 
 TurnOn: TypeAlias = Literal["repeatability", "none"]

@@ -36,7 +36,7 @@ from schuler.reproduce.yaman.study.unit import (
     routine_scene,
 )
 from schuler.simulation.routine import thesis_routine
-from schuler.simulation.routine_steps import Routine
+from schuler.simulation.steps import Routine
 from schuler.units import DEG, MG, UG
 
 if TYPE_CHECKING:

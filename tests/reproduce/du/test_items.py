@@ -221,13 +221,13 @@ def test_an_interruption_is_not_a_result(monkeypatch):
 def test_bands_of_few_runs():
     """By hand: three standard errors of both sides; of sizes, of their logarithms; the thesis's own scatter."""
     values = [1.0, 3.0]  # mean 2, standard deviation sqrt(2)
-    c = bands.few("x", 2.0, values)
+    c = bands.against_runs("x", 2.0, values)
     assert (c.low, c.high) == pytest.approx((2.0 - 3.0 * math.sqrt(3.0), 2.0 + 3.0 * math.sqrt(3.0)))
-    c = bands.few("x", 2.0, values, of=2, digit=0.2)
+    c = bands.against_runs("x", 2.0, values, of=2, digit=0.2)
     assert c.high == pytest.approx(2.0 + 3.0 * math.sqrt(2.0) + 0.1)
-    c = bands.few("x", 2.0, values, own=[5.0, 9.0])
+    c = bands.against_runs("x", 2.0, values, own=[5.0, 9.0])
     assert c.high == pytest.approx(2.0 + 3.0 * math.sqrt(8.0 / 2.0 + 2.0 / 2.0))
-    c = bands.few_rms("x", 2.0, [1.0, math.e])
+    c = bands.against_rms("x", 2.0, [1.0, math.e])
     factor = math.exp(3.0 * math.sqrt(0.5 * 1.5))
     assert (c.low, c.high) == pytest.approx((2.0 / factor, 2.0 * factor))
     assert not bands.below("x", "smaller", 1.1).agrees

@@ -151,7 +151,7 @@ def test_the_filter_without_measurements_goes_where_compensated_data_go():
     """Two ways of the same: rounding and the order of steps, millimetres of a metre."""
     spec = static_spec("MPU-6000")
     job = StaticJob(FieldJob(spec, rests="given"), seconds=20.0)
-    (imu, _), _, heading = simulated_unit(job.whole, np.random.SeedSequence(2))
+    (imu, _), _, heading = simulated_unit(job.with_rest, np.random.SeedSequence(2))
     end = job.field.routine.duration
     test = calibrated(job.field, imu.between(0.0, end), heading).calibration
     rest = imu.between(end + 0.005, np.inf)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from schuler.reproduce.cells import Cell, against, claimed, shown
-from schuler.reproduce.du.bands import ERRORS, below, emulated, few_rms, interruptible, period
+from schuler.reproduce.du.bands import ERRORS, against_rms, below, emulated, interruptible, period
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG
 
@@ -64,14 +64,14 @@ def _conventional(imu: str, effort: Effort) -> Outcome:
     for k, printed in enumerate(STATIC_CONVENTIONAL[imu]):
         source = f"{printed:g} of {_COMPONENTS[imu][k]}" if k < 2 else None
         cells.append(
-            few_rms(_LABELS[k], printed, _of(test, test.conventional, k), unit=_UNITS[k][0], digit=_DIGITS[k],
+            against_rms(_LABELS[k], printed, _of(test, test.conventional, k), unit=_UNITS[k][0], digit=_DIGITS[k],
                 source=source)
         )  # fmt: skip
     # one run is a weak witness of an angle, but of three together
     angles = np.sqrt(np.mean((test.conventional[:, 4:] / DEG) ** 2, axis=1))
     together = float(np.sqrt(np.mean(np.square(STATIC_CONVENTIONAL[imu][4:]))))
     cells.append(
-        few_rms("roll, pitch and azimuth together, RMS", together, angles, unit="deg", digit=0.01,
+        against_rms("roll, pitch and azimuth together, RMS", together, angles, unit="deg", digit=0.01,
                 source=f"{together:.2f} of three")
     )  # fmt: skip
     for k, ends in enumerate(EMULATED[imu, "conventional", 0.0]):

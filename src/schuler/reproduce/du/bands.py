@@ -15,7 +15,7 @@ from schuler.reproduce.cells import Cell, Reference, against, claimed
 ERRORS = 3.0
 
 
-def few(
+def against_runs(
     name: str,
     printed: float,
     values: ArrayLike,
@@ -47,14 +47,14 @@ def few(
 
     Notes
     -----
-    For biases, of either sign. Of RMS values see :func:`few_rms`.
+    For biases, of either sign. Of RMS values see :func:`against_rms`.
     """
     x = np.asarray(values, dtype=np.float64)
     half = _both(x, own, of) + 0.5 * digit
     return against(name, printed, float(np.mean(x)), absolute=half, unit=unit, reference=reference, source=source)
 
 
-def few_rms(
+def against_rms(
     name: str,
     printed: float,
     values: ArrayLike,
@@ -66,7 +66,7 @@ def few_rms(
     reference: Reference = "thesis",
     source: str | None = None,
 ) -> Cell:
-    """Cell as :func:`few` for RMS errors, which are positive and scatter by a factor: errors of their logarithms."""
+    """Cell as :func:`against_runs` for RMS errors, which scatter by a factor: errors of their logarithms."""
     x = np.asarray(values, dtype=np.float64)
     factor = float(np.exp(_both(np.log(x), np.log(own) if len(own) else (), of)))
     text = f"{printed:g}" if source is None else source

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from schuler.reproduce.cells import Cell, against, claimed, digits, shown
-from schuler.reproduce.du.bands import ERRORS, few_rms, interruptible, period
+from schuler.reproduce.du.bands import ERRORS, against_rms, interruptible, period
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG
 
@@ -57,8 +57,8 @@ def _table(imu: str, effort: Effort) -> Outcome:
         printed = f"{mean:.4g} ({min(own):g} to {max(own):g})"
         wrong = (imu, name) == ("MTi-G", "azimuth")
         cells += [
-            few_rms(f"conventional: {name}", first[k], _values(test, "conventional", k), unit=unit, digit=digit),
-            few_rms(f"rotating, mean: {name}", mean, _values(test, "rotary", k), own=own, unit=unit, digit=digit,
+            against_rms(f"conventional: {name}", first[k], _values(test, "conventional", k), unit=unit, digit=digit),
+            against_rms(f"rotating, mean: {name}", mean, _values(test, "rotary", k), own=own, unit=unit, digit=digit,
                 source=f"2.94; its six runs give {printed}" if wrong else printed,
                 reference="corrected" if wrong else "thesis"),
         ]  # fmt: skip
@@ -148,9 +148,9 @@ def _one_drive(effort: Effort) -> Outcome:
             )
         )
     cells += [
-        few_rms("conventional: horizontal velocity error after 200 s", 10.0, late, unit="m/s",
+        against_rms("conventional: horizontal velocity error after 200 s", 10.0, late, unit="m/s",
                 source="over 10 m (meant are m/s)"),
-        few_rms("conventional: largest roll or pitch error", 1.0, largest, unit="deg", digit=0.1,
+        against_rms("conventional: largest roll or pitch error", 1.0, largest, unit="deg", digit=0.1,
             source="almost reaches 1 deg"),
         claimed("position error at the end, rotating over conventional, median", "keeps the shape of the track",
              float(np.median(ratio)), high=0.5),

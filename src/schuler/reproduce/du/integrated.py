@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from schuler.reproduce.cells import Cell, against, claimed, digits, shown
-from schuler.reproduce.du.bands import ERRORS, few_rms, period
+from schuler.reproduce.du.bands import ERRORS, against_rms, period
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, DEG_PER_HR, MIN
 
@@ -154,7 +154,7 @@ def _attitude(imu: str, effort: Effort) -> Outcome:
         rms = getattr(comparison, way).rms()
         for k, name in enumerate(("roll", "pitch", "azimuth")):
             cells.append(
-                few_rms(f"{way}: {name}", CONTINUOUS[imu, way].attitude_deg[k], rms[f"{name}_deg"], unit="deg",
+                against_rms(f"{way}: {name}", CONTINUOUS[imu, way].attitude_deg[k], rms[f"{name}_deg"], unit="deg",
                         digit=0.01)
             )  # fmt: skip
     for name in ("roll", "pitch", "azimuth"):
@@ -213,14 +213,14 @@ def _outages(imu: str, effort: Effort) -> Outcome:
         row, rms = OUTAGES[imu, way], getattr(comparison, way).rms()
         printed = (row.horizontal_m, row.horizontal_m_s, *row.attitude_deg)
         for (name, key, unit, digit), value in zip(columns, printed, strict=True):
-            cells.append(few_rms(f"{way}: {name}", value, rms[key], unit=unit, digit=digit))
+            cells.append(against_rms(f"{way}: {name}", value, rms[key], unit=unit, digit=digit))
     first, second = (OUTAGES[imu, way] for way in _SIDES)
     for name, key, theirs in (
         ("horizontal position", "horizontal_m", first.horizontal_m / second.horizontal_m),
         ("horizontal velocity", "horizontal_m_s", first.horizontal_m_s / second.horizontal_m_s),
     ):
         ratio = comparison.conventional.rms()[key] / comparison.rotary.rms()[key]
-        cells.append(few_rms(f"gain of a single pair of drives, {name}", theirs, ratio))
+        cells.append(against_rms(f"gain of a single pair of drives, {name}", theirs, ratio))
         g = comparison.gain(key)
         cells.append(
             claimed(f"gain of the means, {name}", "about 2 times and more, independent check", g.ratio,
@@ -269,9 +269,15 @@ def _one_drive(effort: Effort) -> Outcome:
             printed, words = (0.4, "drift to about 0.4 deg") if way == "conventional" else (0.2, "less than 0.2 deg")
             if number == 1:
                 cells.append(
-                    few_rms(f"outage 1, {way}: roll or pitch, {'last two turns' if way == _SIDES[0] else 'largest'}",
-                            printed, last if way == _SIDES[0] else error, unit="deg", digit=0.1, source=words)
-                )  # fmt: skip
+                    against_rms(
+                        f"outage 1, {way}: roll or pitch, {'last two turns' if way == _SIDES[0] else 'largest'}",
+                        printed,
+                        last if way == _SIDES[0] else error,
+                        unit="deg",
+                        digit=0.1,
+                        source=words,
+                    )
+                )
         ratio = largest["rotary"] / largest["conventional"]
         cells.append(
             claimed(f"outage {number}: largest roll or pitch, rotary over conventional, median", "reduced",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from schuler.reproduce.cells import Cell, against, claimed, shown
-from schuler.reproduce.du.bands import few, few_rms
+from schuler.reproduce.du.bands import against_rms, against_runs
 from schuler.reproduce.items import Effort, Item, Outcome
 
 if TYPE_CHECKING:
@@ -67,9 +67,9 @@ def _table(imu: str, test: Literal["Y", "Z"], quantity: Quantity, effort: Effort
             if k in given or (quantity, test, tilt, k) == ("gyro", "Y", 0.0, 2):
                 cells.append(shown(title, float(x.mean()), unit=unit, printed=f"{printed:g}"))
             elif quantity == "attitude":
-                cells.append(few_rms(title, printed, x, unit=unit, digit=digit))
+                cells.append(against_rms(title, printed, x, unit=unit, digit=digit))
             else:
-                cells.append(few(title, printed, x, unit=unit, digit=digit))
+                cells.append(against_runs(title, printed, x, unit=unit, digit=digit))
     still, level, tilted = (run.by_run() for run in emulation.runs)
     cells += _claims(test, quantity, still, level, tilted)
     return Outcome(tuple(cells), _EMULATED + _why(imu, test, quantity), (lambda: _figure(imu, test, effort),))

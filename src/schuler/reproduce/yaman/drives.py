@@ -189,7 +189,7 @@ def _trajectories(effort: Effort) -> Outcome:
     )
 
 
-def _whole(number: int) -> Callable[[Effort], Outcome]:
+def _complete_drive(number: int) -> Callable[[Effort], Outcome]:
     def run(effort: Effort) -> Outcome:
         from schuler.reproduce.yaman.study.tables import MODES, PRINTED_MODES, QUANTITIES, mode_name
 
@@ -238,7 +238,7 @@ def _whole(number: int) -> Callable[[Effort], Outcome]:
     return run
 
 
-def _lost(number: int) -> Callable[[Effort], Outcome]:
+def _outage(number: int) -> Callable[[Effort], Outcome]:
     def run(effort: Effort) -> Outcome:
         from schuler.reproduce.yaman.study.tables import MODES, PRINTED_MODES, mode_name
 
@@ -283,13 +283,13 @@ def _lost(number: int) -> Callable[[Effort], Outcome]:
 
 ITEMS = (
     Item("fig-6.15", "Where the drives go", "hardware", _trajectories),
-    Item("fig-6.16", "Drive 1, whole run: position, velocity, attitude", "hardware", _whole(1),
+    Item("fig-6.16", "Drive 1, whole run: position, velocity, attitude", "hardware", _complete_drive(1),
          also=("fig-6.17", "fig-6.18")),
     Item("table-6.2", "Drive 1, errors of nine modes", "hardware", _table(1)),
-    Item("fig-6.19", "Drive 1, intentional outage", "hardware", _lost(1), also=("fig-6.20",)),
-    Item("fig-6.21", "Drive 2, whole run: position, velocity, attitude", "hardware", _whole(2),
+    Item("fig-6.19", "Drive 1, intentional outage", "hardware", _outage(1), also=("fig-6.20",)),
+    Item("fig-6.21", "Drive 2, whole run: position, velocity, attitude", "hardware", _complete_drive(2),
          also=("fig-6.22", "fig-6.23")),
     Item("table-6.3", "Drive 2, errors of nine modes", "hardware", _table(2)),
-    Item("fig-6.24", "Drive 2, intentional outage", "hardware", _lost(2), also=("fig-6.25",)),
+    Item("fig-6.24", "Drive 2, intentional outage", "hardware", _outage(2), also=("fig-6.25",)),
     Item("text-6.2.2", "What the drives show, as the text has it", "hardware", _conclusions),
 )  # fmt: skip

@@ -214,11 +214,11 @@ def _limits(effort: Effort) -> Outcome:
     (imu, _), _, heading = simulated_unit(job, np.random.SeedSequence(effort.seed))
     c = calibrated(job, imu, heading).calibration
     diagonal = [c[f"G_g_{a}{a}"][1] / DEG_PER_HR_PER_G for a in "xyz"]
-    few = 2.0 / np.sqrt(2.0 * 60.0)  # two standard errors of a scatter of 60
+    margin = 2.0 / np.sqrt(2.0 * 60.0)  # two standard errors of a scatter of 60
     cells += [
         claimed(
             f"G_g_{a}{a} without P2, 1 sigma", "52 to 56, scatter of 60 runs of another filter", sigma,
-            low=52.0 * (1.0 - few), high=56.0 * (1.0 + few), unit="deg/h/g", tolerance="statistical",
+            low=52.0 * (1.0 - margin), high=56.0 * (1.0 + margin), unit="deg/h/g", tolerance="statistical",
             reference="corrected",
         )
         for a, sigma in zip("xyz", diagonal, strict=True)

@@ -48,7 +48,7 @@ def _own(effort: Effort, triad: str) -> list[Cell]:
         result = campaign(effort, grade, "ours")
         n, bound = len(result), result.bound()
         both = STANDARD_ERRORS * np.sqrt(0.5 / n + 0.5 / RUNS)
-        few = STANDARD_ERRORS * np.sqrt(0.5 / n)
+        margin = STANDARD_ERRORS * np.sqrt(0.5 / n)
         for name in names_of(grade, triad):
             i, (unit, factor) = result.column(name), printed_unit(name)
             mean, std, _, left = (v / factor for v in published(grade, name) or ())
@@ -68,8 +68,8 @@ def _own(effort: Effort, triad: str) -> list[Cell]:
                     tolerance="statistical",
                 ),
                 claimed(
-                    f"{label}: left, std, at the bound", f"{limit:.3g}", scatter, low=limit * (1.0 - few),
-                    high=limit * (1.0 + _EDGES) * (1.0 + few), unit=unit, tolerance="statistical",
+                    f"{label}: left, std, at the bound", f"{limit:.3g}", scatter, low=limit * (1.0 - margin),
+                    high=limit * (1.0 + _EDGES) * (1.0 + margin), unit=unit, tolerance="statistical",
                     reference="corrected",
                 ),
                 against(
@@ -88,7 +88,7 @@ def _form(effort: Effort, triad: str) -> list[Cell]:
     for grade in GRADES:
         result = campaign(effort, grade, "thesis")
         n = len(result)
-        few = STANDARD_ERRORS * np.sqrt(0.5 / n)
+        margin = STANDARD_ERRORS * np.sqrt(0.5 / n)
         for name in names_of(grade, triad):
             i, (unit, factor) = result.column(name), printed_unit(name)
             _, _, mean, left = (v / factor for v in published(grade, name) or ())
@@ -97,8 +97,8 @@ def _form(effort: Effort, triad: str) -> list[Cell]:
             label = f"{grade.removeprefix('yaman-')} {name}"
             cells += [
                 claimed(
-                    f"{label}: left, std", f"{left:g}", scatter, low=left / _TWICE * (1.0 - few),
-                    high=left * _TWICE * (1.0 + few), unit=unit,
+                    f"{label}: left, std", f"{left:g}", scatter, low=left / _TWICE * (1.0 - margin),
+                    high=left * _TWICE * (1.0 + margin), unit=unit,
                 ),
                 against(
                     f"{label}: left, mean", mean, float(e.mean()), unit=unit,
@@ -189,17 +189,24 @@ def _text(effort: Effort) -> Outcome:
         label = f"{group}, {grade.removeprefix('yaman-')}"
         cells += [
             claimed(
-                f"{label}: gain, geometric mean", f"{claim}; its tables {_mean(theirs):.3g}", _mean(ours),
-                low=10.0 ** (low - 0.5), high=10.0 ** (high + 0.5), unit="-",
+                f"{label}: gain, geometric mean",
+                f"{claim}; its tables {_mean(theirs):.3g}",
+                _mean(ours),
+                low=10.0 ** (low - 0.5),
+                high=10.0 ** (high + 0.5),
+                unit="-",
             ),
             claimed(
-                f"{label}: smallest gain over that of the tables", "at least half", low=0.5 * (1.0 - _few(result)),
-                ours=min(ours[n] / theirs[n] for n in names if n not in _LIMITED[grade]), unit="-",
+                f"{label}: smallest gain over that of the tables",
+                "at least half",
+                low=0.5 * (1.0 - _ratio_band(result)),
+                ours=min(ours[n] / theirs[n] for n in names if n not in _LIMITED[grade]),
+                unit="-",
                 reference="corrected",
             ),
-        ]  # fmt: skip
+        ]
     tactical = gains(campaign(effort, TACTICAL, "ours"), ("b_g_x", "b_g_y", "b_g_z"))
-    spread = _few(campaign(effort, TACTICAL, "ours")) / np.sqrt(3.0)
+    spread = _ratio_band(campaign(effort, TACTICAL, "ours")) / np.sqrt(3.0)
     cells.append(
         claimed(
             "gyroscope bias, tactical: gain, geometric mean", "several times", _mean(tactical),
@@ -218,7 +225,7 @@ def _mean(ratios: dict[str, float]) -> float:
     return float(np.exp(np.mean(np.log(list(ratios.values())))))
 
 
-def _few(result: FieldCampaign) -> float:
+def _ratio_band(result: FieldCampaign) -> float:
     """Four standard errors of a ratio of two deviations."""
     return float(STANDARD_ERRORS * np.sqrt(1.0 / len(result)))
 

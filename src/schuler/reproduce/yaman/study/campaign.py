@@ -11,7 +11,7 @@ import numpy as np
 
 from schuler.calibration.field.options import FieldOptions
 from schuler.exceptions import InputError
-from schuler.reproduce.yaman.study.runs import FieldJob, FieldRun, RestSource, field_run, gathered, processes
+from schuler.reproduce.yaman.study.runs import FieldJob, FieldRun, RestSource, field_run, processes, run_all
 from schuler.reproduce.yaman.study.statistics import FieldCampaign
 from schuler.sensors import catalogue
 from schuler.sensors.spec import ImuSpec
@@ -80,7 +80,7 @@ def field_campaign(
     job = FieldJob(spec, options=options or FieldOptions(), rate_hz=rate_hz, rests=rests, **given)
     n = processes(workers, runs)
     begin = perf_counter()
-    done, failed, complete = gathered(partial(field_run, job), seed, runs, n, 2, progress)
+    done, failed, complete = run_all(partial(field_run, job), seed, runs, n, 2, progress)
     if len(done) < 2:
         reason = f"; run {failed[0][0]}: {failed[0][1]}" if failed else ""
         raise InputError(f"{spec.name}: {len(done)} of {runs} runs could be calibrated, which is no campaign{reason}")

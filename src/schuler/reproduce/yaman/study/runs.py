@@ -188,7 +188,7 @@ def in_parallel(
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def gathered(
+def run_all(
     work: Callable[[np.random.SeedSequence], T | str],
     seed: int,
     runs: int,

@@ -22,7 +22,7 @@ from schuler.exceptions import InputError
 from schuler.mechanization.strapdown import mechanize
 from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.plotting.table import ResultTable
-from schuler.reproduce.yaman.study.runs import PLACE, FieldJob, RestSource, gathered, processes
+from schuler.reproduce.yaman.study.runs import PLACE, FieldJob, RestSource, processes, run_all
 from schuler.reproduce.yaman.study.static_unit import VARIANTS, StaticJob, levelled, static_unit
 from schuler.reproduce.yaman.study.tables import static_spec
 from schuler.sensors.errors import ImuErrors
@@ -247,7 +247,7 @@ def static_drift(
     field = FieldJob(spec, options=options or FieldOptions(), rests=rests, rate_hz=rate_hz, **given)
     job = StaticJob(field, level_s, seconds)
     begin = perf_counter()
-    done, failed, complete = gathered(partial(static_unit, job), seed, units, processes(workers, units), 1, progress)
+    done, failed, complete = run_all(partial(static_unit, job), seed, units, processes(workers, units), 1, progress)
     if not done:
         raise InputError(f"{spec.name}: no unit could be calibrated; unit {failed[0][0]}: {failed[0][1]}")
     order = sorted(done)

@@ -43,7 +43,7 @@ class StaticJob:
     seconds: float = 60.0
 
     @property
-    def whole(self) -> FieldJob:
+    def with_rest(self) -> FieldJob:
         """The job with the rest behind the routine."""
         routine = self.field.routine
         rest = Rest(self.level_s + self.seconds)
@@ -60,8 +60,8 @@ class StaticUnit(NamedTuple):
 
 def static_unit(job: StaticJob, child: np.random.SeedSequence) -> StaticUnit | str:
     """Calibrate one unit and let it drift three times; the reason where the calibration could not be done."""
-    whole = job.whole
-    (imu, _), _, heading = simulated_unit(whole, child)
+    complete = job.with_rest
+    (imu, _), _, heading = simulated_unit(complete, child)
     end = job.field.routine.duration
     try:
         calibration = calibrated(job.field, imu.between(imu.t[0], end), heading).calibration
@@ -72,7 +72,7 @@ def static_unit(job: StaticJob, child: np.random.SeedSequence) -> StaticUnit | s
     wrong = heading - float(job.field.routine.rpy_nb[2])
     yaw = float(rotation.rpy_from_dcm(C_nb)[2]) + wrong
     llh = np.array(job.field.place)
-    rest = imu.between(end + 0.5 / whole.rate_hz, np.inf)
+    rest = imu.between(end + 0.5 / complete.rate_hz, np.inf)
     errors = []
     for log in (rest, gyro_calibrated(calibration, rest), calibration.apply(rest)):
         nav = levelled(log, llh, yaw, job.level_s)

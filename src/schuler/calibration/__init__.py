@@ -1,5 +1,5 @@
-"""Calibration of IMUs on a bench: static poses, turntables, temperature; results with covariance and advice.
+"""Calibration of IMUs: bench, free poses, by hand in the field, temperature; results with covariance, and plans."""
 
-Import from the modules, one for each method: ``schuler.calibration.freepose.calibrate.calibrate_freepose`` and so on;
-the methods are also names of :mod:`schuler` itself.
-"""
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -183,11 +183,11 @@ def test_another_noise_is_seen(monkeypatch):
 
 
 def test_another_routine_is_seen(monkeypatch):
-    from schuler.calibration import field as fieldcal
+    import schuler.simulation.routine as routines
 
     assert verdict_of("fig-6.6", 101) == "agrees"
-    other = fieldcal.six_face_routine()
-    monkeypatch.setattr(fieldcal, "thesis_routine", lambda **options: other)
+    other = routines.six_face_routine()
+    monkeypatch.setattr(routines, "thesis_routine", lambda **options: other)
     assert verdict_of("fig-5.2", 101) == "differs"
     assert verdict_of("fig-6.6", 101) == "differs"
 

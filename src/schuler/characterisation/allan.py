@@ -152,7 +152,7 @@ def averaging_numbers(taus: str | ArrayLike, n: int, dt: float, order: int, half
     order : int
         Clusters of one difference: 2 for Allan, 3 for modified and Hadamard.
     half : bool
-        Of the total variance, which is defined up to the whole record; the lists go to half of it.
+        Lists go to half of the record: for the total variance, which is defined up to all of it.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def averaging_numbers(taus: str | ArrayLike, n: int, dt: float, order: int, half
 def _noise(
     noise: Noise, s: Signal, kind: str, ms: IntArray, variance: FloatArray, count: IntArray, dt: float
 ) -> tuple[Mixture | FloatArray, FloatArray]:
-    """What the bounds assume, and its exponents at the averaging times."""
+    """Noise that the bounds assume, and its exponents at the averaging times."""
     tau: FloatArray = ms.astype(np.float64) * dt
     if noise is None:
         octaves, values, n = _octaves(s, kind, ms, variance, count)
@@ -267,7 +267,7 @@ class AllanCurve:
         ``overlapping``, ``non-overlapping``, ``modified``, ``hadamard``, ``overlapping hadamard``, ``total`` or
         ``time``.
     confidence : float
-        Of the bounds, such as 0.95.
+        Probability of the bounds, such as 0.95.
     rate_hz : float
         Sampling rate. [Hz]
     samples : int

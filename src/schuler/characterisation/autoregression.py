@@ -22,7 +22,7 @@ class Autoregression:
     coefficients : ndarray, shape (p,)
         a_1 ... a_p.
     variance : float
-        Of e. [x^2]
+        Variance of e. [x^2]
     aic, bic : float
         Akaike's and Schwarz's criterion, per model of the same data; smaller is better.
     """
@@ -34,7 +34,7 @@ class Autoregression:
 
     @property
     def order(self) -> int:
-        """How many values it looks back, p."""
+        """Number of past values, p."""
         return len(self.coefficients)
 
     def predict(self, x: ArrayLike, steps: int = 1) -> FloatArray:
@@ -177,11 +177,11 @@ def compare_predictions(
     rate_hz : float
         [Hz]
     cutoff_hz : float
-        Of the causal second-order Butterworth filter that makes the bias visible. [Hz]
+        Cut-off of the causal second-order Butterworth filter that makes the bias visible. [Hz]
     oversampling : float
         Rate of the filtered series that is modelled, over ``2 cutoff_hz``.
     max_order : int
-        Of the AR model, chosen by BIC.
+        Largest order of the AR model, which BIC chooses.
     horizons_s : tuple of float, optional
         How far ahead; default one step, 1/cutoff and ten times that. [s]
 

@@ -1,4 +1,4 @@
-"""How well an Allan variance is known: equivalent degrees of freedom and confidence bounds for every averaging time."""
+"""Confidence of Allan variances: noise around an averaging time, equivalent degrees of freedom, bounds."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class Correlation:
     sigma : ndarray, shape (k,)
         1-sigma uncertainty (Bartlett), without the bias of a finite record. [x^2]
     duration_s : float
-        Of the record. [s]
+        Length of the record. [s]
     """
 
     lag: FloatArray
@@ -176,7 +176,7 @@ def mean_sigma(process: GaussMarkov, duration_s: float) -> float:
 
 
 def expected_autocovariance(process: GaussMarkov, lag: ArrayLike, duration_s: float) -> FloatArray:
-    """What :func:`autocorrelation` gives in the mean for a Gauss-Markov process in a finite record. [x^2]
+    """Expectation of :func:`autocorrelation` for a Gauss-Markov process in a finite record. [x^2]
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def expected_autocovariance(process: GaussMarkov, lag: ArrayLike, duration_s: fl
 
 @dataclass(frozen=True, slots=True)
 class FiniteRecord:
-    """What a record of finite length makes of a Gauss-Markov bias, relative to the truth.
+    """Statistics of a Gauss-Markov bias in a record of finite length, relative to the truth.
 
     Attributes
     ----------

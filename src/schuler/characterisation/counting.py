@@ -163,7 +163,7 @@ def counted(axis: str, lattice: Lattice, rate_hz: float, unit: str) -> Finding:
 
 @dataclass(frozen=True)
 class _Setting:
-    """What a trial is compared with. Times in readings, integrals in pulses."""
+    """Measured curve that trials are compared with. Times in readings, integrals in pulses."""
 
     lattice: Lattice
     mean: float
@@ -180,14 +180,14 @@ def counted_model(curve: AllanCurve, lattice: Lattice, mean: float, dt: float, s
     Parameters
     ----------
     curve : AllanCurve
-        Of the log.
+        Curve of the log.
     lattice : Lattice
     mean : float
-        Of the log. [x]
+        Mean of the log. [x]
     dt : float
         Sampling interval. [s]
     samples : int
-        Of the log.
+        Number of samples of the log.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""How much the overlapping differences of an Allan variance depend on each other, for a given noise.
+"""Dependence of the overlapping differences of an Allan variance on each other, for a given noise.
 
 The differences are stationary and normal, and their autocovariance decides how many independent ones they are worth. It
 is a combination of values of the *generalised covariance* G(t) of the integrated signal, which every noise has even
@@ -57,7 +57,7 @@ class Differences:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of differences."""
         length = (self.order + self.modified) * self.m - self.modified
         return max(0, (self.n - length) // self.stride + 1)
 
@@ -199,7 +199,7 @@ def autocovariance(d: Differences, noise: Mixture, dt: float, k: FloatArray) -> 
     Returns
     -------
     ndarray
-        Of the differences of the integral. [x^2 s^2]
+        Autocovariance of the differences of the integral. [x^2 s^2]
     """
     far = float(np.max(k)) + d.order * d.m > _FAR
     j = np.arange(-d.order, d.order + 1)

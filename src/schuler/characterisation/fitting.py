@@ -53,7 +53,7 @@ class Fit:
     values : ndarray, shape (p,)
         SI.
     covariance : ndarray, shape (p, p)
-        Of the logarithms of the values.
+        Covariance of the logarithms of the values.
     misfit : float
         Weighted sum of squares.
     freedom : int

@@ -1,4 +1,4 @@
-"""What is wrong with a log at rest, before any noise parameter is made of it.
+"""Health of a log at rest, checked before any noise parameter is estimated.
 
 Every statistical test here is for Gaussian noise of any colour that has stationary increments (white, flicker, random
 walk, Gauss-Markov, ramp): such a log draws a finding of one kind with probability :data:`.FALSE_ALARM` at most.
@@ -153,7 +153,7 @@ def check_static_imu(
     gravity : float
         Local gravity. [m/s^2]
     full_scale : (float or None, float or None)
-        Of gyroscopes [rad/s] and accelerometers [m/s^2].
+        Largest readings of gyroscopes [rad/s] and accelerometers [m/s^2].
 
     Returns
     -------
@@ -231,7 +231,7 @@ def _less_drift(x: FloatArray, b: int) -> FloatArray:
 
 
 def _variance_limit(v: FloatArray, b: int) -> tuple[float, float]:
-    """What the largest of the block variances v may be, and the degrees of freedom their scatter shows."""
+    """Limit of the block variances v, and the degrees of freedom that their scatter shows."""
     from scipy.stats import chi2
 
     z = np.log(np.maximum(v, 1e-300))

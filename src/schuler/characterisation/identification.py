@@ -51,7 +51,7 @@ _FIELDS = {
     "Q": "quantisation", "N": "random_walk", "B": "bias_instability", "K": "rate_random_walk", "R": "rate_ramp",
     "sigma_1": "in_run_bias", "tau_1": "in_run_time",
 }  # fmt: skip
-#: What a TriadSpec can hold: at most one Gauss-Markov process.
+#: Models that a TriadSpec can hold: at most one Gauss-Markov process.
 _BUDGET_MODELS = ("N", "N+B", "N+K", "N+GM", "N+B+K", "N+K+GM", "N+B+GM")
 
 

@@ -124,17 +124,17 @@ def identify_manually(
     rate_hz : float
         Sampling rate. [Hz]
     cutoff_hz : float
-        Of the Butterworth low-pass filter. It shall be far above 1/(2 pi tau), to leave the bias alone, and so low that
-        little white noise passes: the result says how much did. [Hz]
+        Cut-off of the Butterworth low-pass filter: far above 1/(2 pi tau), to leave the bias alone, and so low that
+        little white noise passes; the result holds how much did. [Hz]
     order : int
-        Of the filter.
+        Order of the filter.
     zero_phase : bool
         Filter forwards and backwards: no delay, the response is squared. False: once, causally, as a navigation
         computer would.
     warmup_s : float
         Left out at the start. [s]
     unit : str
-        Of ``x``, for the sentences.
+        Unit of ``x``, for the sentences.
 
     Returns
     -------

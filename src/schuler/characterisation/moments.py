@@ -1,4 +1,4 @@
-"""How well a record of finite length fixes its Allan variances: degrees of freedom and correlation between them.
+"""Allan variances of a record and their uncertainty: degrees of freedom and correlation between them.
 
 The overlapping Allan variance is a mean of squares of a Gaussian signal d, the difference of adjacent cluster means.
 Its variance and its correlation with the variance at another averaging time follow from the spectrum of the noise::

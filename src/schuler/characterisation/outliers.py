@@ -22,7 +22,7 @@ def without_outliers(x: ArrayLike, seed: int = 0) -> tuple[FloatArray, BoolArray
     x : array_like, shape (n,)
         Missing samples (NaN) stay missing.
     seed : int
-        Of the noise put in.
+        Seed of the noise put in.
 
     Returns
     -------

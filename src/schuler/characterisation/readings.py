@@ -1,4 +1,4 @@
-"""What the readings themselves tell: their resolution, the end of the range, values that repeat."""
+"""Readings of a sensor: their resolution, the end of the range, values that repeat."""
 
 from __future__ import annotations
 

@@ -160,7 +160,7 @@ def with_bounds(curve: AllanCurve, data: Moments, model: NoiseModel) -> AllanCur
 
 
 def read_off(curve: AllanCurve) -> dict[str, float]:
-    """What the eye reads, where the curve reaches reached."""
+    """Values read off the curve by eye, as far as it reaches: N at 1 s, the minimum, K at 3 s."""
     log_tau, log_dev = np.log(curve.tau), np.log(curve.deviation)
     lowest = int(np.argmin(curve.deviation))
     read = {"minimum": float(curve.deviation[lowest]), "minimum_tau_s": float(curve.tau[lowest])}

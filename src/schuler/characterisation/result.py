@@ -1,4 +1,4 @@
-"""What identification finds out: noise terms of every axis with their uncertainty, and the budget made of them."""
+"""Results of identification: findings, noise terms of every axis with their uncertainty, and the budget."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from schuler.sensors.spec import ImuSpec
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: What each term is called; the unit of x is rad/s or m/s^2.
+#: Names of the terms; the unit of x is rad/s or m/s^2.
 TERMS = {
     "Q": "quantisation",
     "N": "white noise (angle or velocity random walk)",

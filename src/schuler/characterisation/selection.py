@@ -136,7 +136,7 @@ def _with(extra: str, models: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _best_extra(fits: dict[str, Fit]) -> str:
-    """What the best of the models has for the shortest averaging times: ``+F``, ``+Q`` or nothing."""
+    """Term of the best model for the shortest averaging times: ``+F``, ``+Q`` or nothing."""
     best = min(fits, key=lambda name: _criterion(fits[name]), default="")
     return best[-2:] if best[-2:] in ("+F", "+Q") else ""
 

@@ -94,7 +94,7 @@ def _likeliest(y: FloatArray) -> tuple[int, float, float]:
 
 @lru_cache(maxsize=4)
 def _information(J: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Of shifts before each of J blocks with a constant (p, J), their own beyond it (p, J), the constant's (p,)."""
+    """Information on shifts before each of J blocks: with a constant (p, J), beyond it (p, J); on the constant (p,)."""
     whiten = whitening_factors(J)[0]
     P = whiten.transpose(0, 2, 1) @ whiten
     total = P.sum(axis=(1, 2))

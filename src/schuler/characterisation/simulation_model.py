@@ -42,7 +42,7 @@ def simulation_model(selection: Selection, clean: CleanSpectrum | None, curve: A
     clean : CleanSpectrum or None
         None for a log too short for a spectrum: terms only.
     curve : AllanCurve
-        Of the log, at averaging times from one sample on.
+        Curve of the log, at averaging times from one sample on.
     dt : float
         Sampling interval. [s]
 

@@ -34,7 +34,7 @@ class Spectrum:
     segments : int
         How many periodograms were averaged.
     confidence : float
-        Of the bounds.
+        Probability of the bounds.
     """
 
     f: FloatArray
@@ -126,7 +126,7 @@ class Line:
     frequency : float
         [Hz]
     amplitude : float
-        Of a sine of the same power. [x]
+        Amplitude of a sine of the same power. [x]
     """
 
     frequency: float

@@ -35,7 +35,7 @@ class Trend:
         there is no trend. Time t counts from the first sample.
     sigma : float
         1-sigma uncertainty of it under the noise found, not white noise; for an exponential with ``tau_s`` as found.
-        Of the shape tested first (ramp) where the kind is none.
+        That of the shape tested first (ramp) where the kind is none.
     tau_s : float or None
         Settling time of an exponential. [s]
     p_value : float
@@ -92,7 +92,7 @@ def warm_up(x: ArrayLike, rate_hz: float, *, axis: str = "signal", false_alarm: 
     Returns
     -------
     Trend
-        Of the more likely of ``b0 + b1 t`` and ``b0 + b1 exp(-t / tau)``, or of kind ``none``.
+        The more likely of ``b0 + b1 t`` and ``b0 + b1 exp(-t / tau)``, or of kind ``none``.
 
     Raises
     ------
@@ -195,7 +195,7 @@ def settled_from(trend: Trend, tolerance: float | None = None) -> float:
     Parameters
     ----------
     trend : Trend
-        Of :func:`warm_up`.
+        From :func:`warm_up`.
     tolerance : float, optional
         What may be left of the exponential. None: the Allan deviation of the noise at the settling time (but at most
         a quarter of the log), so that the rest is below what the sensor does anyway. [x]

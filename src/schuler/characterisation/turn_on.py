@@ -64,7 +64,7 @@ def turn_on_bias(means: ArrayLike, sigmas: ArrayLike = 0.0, confidence: float = 
     sigmas : array_like, broadcast to the shape of ``means``
         1-sigma uncertainty of each mean, with the drift within a record; see :func:`record_means`. [x]
     confidence : float
-        Of the interval.
+        Probability of the interval.
 
     Returns
     -------

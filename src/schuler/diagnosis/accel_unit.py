@@ -20,7 +20,7 @@ _OFF = 0.04  # relative error at rest that is worth a word
 
 @dataclass(frozen=True)
 class Scaling:
-    """What makes the numbers of a sensor SI rates.
+    """Factor and kind with which the numbers of a sensor become SI rates.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ def accel_unit(
     accel : ndarray, shape (n, 3)
         Mean specific force over the samples as read.
     rests : UnscaledRests
-        Of the same numbers.
+        Rests of the same log.
     interval : float
         [s]
     kind : {"rate", "increment"}

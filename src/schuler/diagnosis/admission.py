@@ -25,7 +25,7 @@ def check(log: Recording | Path | str, *, quick: bool = False, **more: Any) -> D
     quick : bool
         Only what can make results garbage, as :func:`schuler.diagnosis.diagnose` says.
     **more
-        Of a file or folder: how it is read, as of :func:`schuler.read`.
+        Hints for a file or folder, see :func:`schuler.read`.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def diagnosed(
     Parameters
     ----------
     recording, unchecked, clock_shift_s
-        As of :func:`checked`.
+        See :func:`checked`.
     """
     if recording.imu is None:
         return recording, None
@@ -100,7 +100,7 @@ def diagnosed(
 
 
 def notes_of(recording: Recording) -> tuple[str, ...]:
-    """What the notes of a recording say of checks before its use.
+    """Notes of a recording on checks before its use.
 
     Parameters
     ----------

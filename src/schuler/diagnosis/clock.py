@@ -101,7 +101,7 @@ def find_clock(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> WindowM
     Returns
     -------
     WindowMeans
-        Of the IMU with the drift of its clock taken out.
+        Means of the IMU with the drift of its clock taken out.
     """
     assert state.view is not None
     state.checked.append("IMU clock against GNSS")

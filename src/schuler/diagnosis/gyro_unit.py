@@ -52,7 +52,7 @@ class Turns:
 
     @property
     def angle(self) -> FloatArray:
-        """How far gravity turned. [rad]"""
+        """Angle by which gravity turned. [rad]"""
         return np.asarray(np.arccos(np.clip(np.sum(self.before * self.after, axis=1), -1.0, 1.0)))
 
 

@@ -79,7 +79,7 @@ def explained(
     Returns
     -------
     ndarray, shape (k, 3)
-        Of turn rate, forward and right acceleration; zeros where the two have too little in common.
+        Shares of turn rate, forward and right acceleration; zeros where the two have too little in common.
     """
     shifts = np.atleast_1d(np.asarray(shifts, dtype=np.float64))
     use = motion.moving if keep is None else motion.moving & keep
@@ -148,7 +148,7 @@ def find_lag(means: WindowMeans, motion: Motion, centre: float = 0.0, *, near: b
     Parameters
     ----------
     means : WindowMeans
-        Of the IMU as read.
+        Means of the IMU as read.
     motion : Motion
     centre : float
         Where to look first. [s]
@@ -190,7 +190,7 @@ def at_ahead(means: WindowMeans, motion: Motion, offset: float, ahead: float) ->
 
 
 def find_ahead(means: WindowMeans, motion: Motion, offset: float) -> tuple[float, float, float]:
-    """How far the antenna is ahead of the axle, the clock offset with that, and by how much it explains better.
+    """Distance of the antenna ahead of the axle, the clock offset with it, and the gain in likelihood.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ def diagnose_log(path: Path | str, hints: ReadHints | None = None, *, quick: boo
     quick : bool
         See :func:`schuler.diagnosis.diagnose`.
     **more
-        As of :func:`schuler.read`.
+        Hints, see :func:`schuler.read`.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def read_leniently(
     path : Path
     hints : ReadHints, optional
     **more
-        As of :func:`schuler.read`.
+        Hints, see :func:`schuler.read`.
 
     Returns
     -------
@@ -186,7 +186,7 @@ def _file(path: Path, hints: ReadHints) -> tuple[Recording | None, list[Finding]
 
 
 def _place(message: str) -> Finding | None:
-    """What an impossible latitude tells."""
+    """Finding on an impossible latitude or longitude in a reader's message."""
     problems = _LATITUDE.search(message)
     if problems is None:
         return None
@@ -238,7 +238,7 @@ def _clean(message: str) -> str:
 
 
 def not_a_log(path: Path) -> str | None:
-    """What a file is that is no log, in a few words; None if it may be one.
+    """Kind of a file that is no log, in words; None if it may be one.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ _PAUSE = 5.0  # intervals between samples that are a pause
 
 @dataclass(frozen=True)
 class Motion:
-    """What GNSS says about turns and accelerations.
+    """Turns and accelerations by GNSS.
 
     Attributes
     ----------

@@ -310,7 +310,7 @@ def _axes_findings(fault: str, M: FloatArray, evidence: dict[str, Any]) -> list[
 
 
 def _corrected_view(gnss: GnssSeries, fault: str, unit: str, scale: float, up: bool, good: GnssView) -> GnssView:
-    """What of the log can be used, velocities corrected where their fault is plain."""
+    """Velocities that can be used, corrected where their fault is plain."""
     assert gnss.v_n is not None
     assert good.other is not None
     v = gnss.v_n / np.array([scale, scale, -scale if up else scale])

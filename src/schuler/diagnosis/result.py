@@ -133,12 +133,12 @@ class Finding:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What was found about a log.
+    """Findings about a log, with estimates, segments and uses.
 
     Attributes
     ----------
     name : str
-        Of the recording.
+        Name of the recording.
     findings : tuple of Finding
         Errors first.
     estimates : dict

@@ -220,7 +220,7 @@ def _reliable_view(state: DiagnosisState) -> positions.GnssView:
 
 
 def _list_unchecked(state: DiagnosisState) -> None:
-    """What this log could not tell."""
+    """Note on what this log cannot tell."""
     open_questions = list(state.undetermined)
     if state.imu is not None and not any(c.startswith("unit of angular rate") for c in state.checked):
         open_questions.append("the unit of angular rate (no turns of gravity between rests, no course)")

@@ -47,7 +47,7 @@ class DiagnosisState:
     lag : Lag or None
         Between ``means`` and ``motion``.
     means : WindowMeans or None
-        Of the IMU, the drift of its clock taken out.
+        Means of the IMU, the drift of its clock taken out.
     apart : Lag or None
         Between logs whose times do not overlap, by the motion in both.
     """

@@ -1,4 +1,4 @@
-"""What calibrations and analyses a log can carry."""
+"""Calibrations and analyses that a log supports."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ _PLAUSIBLE_S = 60.0  # a clock whose meaning is right is not off by more
 
 @dataclass(frozen=True)
 class _Meaning:
-    """What the stamps of the IMU may mean: in words, as an option, and what brings them to the other clock. [s]"""
+    """Possible meaning of the IMU's stamps: in words, as an option, and the shift to the other clock. [s]"""
 
     words: str
     option: str
@@ -71,7 +71,7 @@ def unknown_clock(recording: Recording, alone: Recording) -> Finding:
     Parameters
     ----------
     recording, alone : Recording
-        As of :func:`related`.
+        See :func:`relate_clocks`.
     """
     assert alone.imu is not None
     motion = _motion(recording)

@@ -51,7 +51,7 @@ def _zeros33() -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ApplyReport:
-    """What :meth:`ImuErrors.apply_rates` and :meth:`ImuErrors.apply_increments` did that cannot be undone.
+    """True biases and clipping of :meth:`ImuErrors.apply_rates` and :meth:`ImuErrors.apply_increments`.
 
     Attributes
     ----------
@@ -174,7 +174,7 @@ class ImuErrors:
             Which elements of M_a exist: all, or those on and below (above) the diagonal because the accelerometers
             define the body axes. M_g is always full.
         start : {"stationary", "zero"}
-            Of the in-run Gauss-Markov biases.
+            Start of the in-run Gauss-Markov biases.
         temperature_0 : float
             [degC]
 

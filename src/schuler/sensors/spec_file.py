@@ -75,7 +75,7 @@ def write_spec(
     Returns
     -------
     Path
-        Of the file.
+        The file.
 
     Raises
     ------
@@ -151,7 +151,7 @@ def anchored(data: dict[str, Any], path: Path | str) -> dict[str, Any]:
     Parameters
     ----------
     data : dict
-        Of a scenario or a navigation configuration; not changed.
+        A scenario or a navigation configuration; not changed.
     path : Path or str
         The TOML file ``data`` was read from.
     """

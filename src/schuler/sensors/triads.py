@@ -53,7 +53,7 @@ class SimpleTriad:
     sigma_b, tau : ndarray, shape (3,)
         Standard deviation [x] and correlation time [s] of b, a first-order Gauss-Markov process.
     start : {"stationary", "zero"}
-        Of b. The source does not say; its chapter 3 fits zero, its chapter 7 stationary.
+        Start of b. The thesis does not state it; its chapter 3 fits zero, its chapter 7 stationary.
 
     Raises
     ------
@@ -99,11 +99,11 @@ class SimpleTriad:
         return NoiseModel((White(float(self.N[axis])), moving))
 
     def respond(self, u: ArrayLike) -> FloatArray:
-        """What the triad would read without bias and noise. Shapes (n, 3). [x]"""
+        """Readings without bias and noise. Shapes (n, 3). [x]"""
         return as_floats(u, "u", (None, 3)).copy()
 
     def apply(self, u: ArrayLike, dt: float, rng: np.random.Generator) -> FloatArray:
-        """What the triad reads.
+        """Readings of the triad.
 
         Parameters
         ----------

@@ -27,7 +27,7 @@ class Section(BaseModel):
 
 
 class StreamSection(Section):
-    """What goes wrong with the IMU's stream."""
+    """Faults of the IMU's stream."""
 
     gaps_s: tuple[Window, ...] = Field((), description="windows whose samples are lost")
     repeats: Share = Field(0.0, description="share of samples that hold the values of the one before")

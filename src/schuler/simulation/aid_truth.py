@@ -29,9 +29,9 @@ class AidTruth:
     odometer_scale : float, optional
         Relative error of the odometer. [-]
     heading_bias : ndarray, shape (h,), optional
-        Of each heading. [rad]
+        Error of each heading. [rad]
     height_bias : ndarray, shape (b,), optional
-        Of each barometric height. [m]
+        Error of each barometric height. [m]
     satellites : SimulatedSatellites, optional
         Clock by epoch, errors by range, which rows are faulty.
     gnss_delay : float
@@ -55,7 +55,7 @@ class AidTruth:
         Parameters
         ----------
         errors : ImuErrors, optional
-            Of the IMU: ``b_g``, ``b_a``, the parts drawn once.
+            Errors of the IMU: ``b_g``, ``b_a``, the parts drawn once.
 
         Returns
         -------

@@ -37,7 +37,7 @@ class WalkMotion:
     foothold_n : ndarray, shape (k + 1, 3)
         Where the resting point of the shoe stands, north, east, down of the origin. [m]
     heading : ndarray, shape (k + 1,)
-        Of the foot at each foothold. [rad]
+        Heading of the foot at each foothold. [rad]
     clearance : float
         Height of a swing. [m]
     tip : float
@@ -136,7 +136,7 @@ def walk(
         Latitude, longitude [rad], height [m].
     strides : int
     length : float
-        Of a stride. [m]
+        Length of a stride. [m]
     swing, rest : float
         Time in the air and on the ground of each stride. [s]
     turn : float or array_like, shape (strides,)

@@ -35,7 +35,7 @@ class GnssFault(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class GnssModel:
-    """What a receiver delivers and how wrong it is.
+    """Solutions of a receiver and their errors.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ def draw_gnss(motion: Motion, model: GnssModel, rng: np.random.Generator) -> Sim
     Parameters
     ----------
     motion : Motion
-        Of the IMU.
+        Motion of the IMU.
     model : GnssModel
     rng : numpy.random.Generator
 

@@ -17,7 +17,7 @@ from schuler.simulation.motion import Motion, ideal_increments, ideal_rates
 
 
 class IdealImu(NamedTuple):
-    """What a perfect IMU would report along a motion, and where the body was.
+    """Output of a perfect IMU along a motion, and the true trajectory.
 
     Attributes
     ----------

@@ -25,7 +25,7 @@ from schuler.exceptions import InputError
 
 @dataclass(frozen=True, slots=True)
 class MotionState:
-    """What is true of the body at n times.
+    """True state of the body at n times.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ def ideal_rates(motion: Motion, t: ArrayLike, *, earth_rotation: bool = True) ->
 def ideal_increments(
     motion: Motion, t: ArrayLike, *, earth_rotation: bool = True, nodes: int = 4
 ) -> tuple[FloatArray, FloatArray]:
-    """What an ideal integrating IMU reports: the integrals of angular rate and specific force in body axes.
+    """Output of an ideal integrating IMU: the integrals of angular rate and specific force in body axes.
 
     Parameters
     ----------

@@ -74,7 +74,7 @@ class StepSection(Section):
 
 
 class MotionSection(Section):
-    """How the body moves."""
+    """Motion of the body."""
 
     type: Literal["static", "waypoints", "manoeuvres", "spline", "polynomial", "routine"]
     lat_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = Field(description="origin")

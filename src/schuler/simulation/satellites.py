@@ -147,7 +147,7 @@ class SimulatedSatellites(NamedTuple):
         return self.made.ranges
 
     def observations(self) -> Observations:
-        """What the receiver would write down, see :meth:`SyntheticRanges.observations`."""
+        """Observations as the receiver logs them, see :meth:`SyntheticRanges.observations`."""
         return self.made.observations()
 
 
@@ -159,7 +159,7 @@ def simulate_satellites(
     Parameters
     ----------
     motion : Motion
-        Of the IMU.
+        Motion of the IMU.
     model : SatelliteModel
     rng : numpy.random.Generator
     epoch_gps_s : float

@@ -299,7 +299,7 @@ def simulate(scenario: Scenario | dict[str, Any] | Path | str, rng: np.random.Ge
 
 
 def _seed(rng: np.random.Generator) -> Any:
-    """What a generator was seeded with, to be written down: a number, or one with the path of spawned children."""
+    """Seed of a generator for the metadata: a number, or one with the path of spawned children."""
     sequence = rng.bit_generator.seed_seq
     entropy, path = getattr(sequence, "entropy", None), getattr(sequence, "spawn_key", ())
     return {"entropy": entropy, "spawn_key": list(path)} if path else entropy

@@ -217,7 +217,7 @@ def pose_in_words(down_b: ArrayLike) -> str:
 
 
 def turn_in_words(turn: Turn) -> str:
-    """What to do with the hand, such as "turn 45 deg about x in 1.2 s, clockwise seen along x"."""
+    """Instruction for the hand, such as "turn 45 deg about x in 1.2 s, clockwise seen along x"."""
     axis = turn.axis if isinstance(turn.axis, str) else f"the axis ({', '.join(f'{c:.2f}' for c in turn.axis)})"
     view_axis = axis if isinstance(turn.axis, str) else "it"
     way = "clockwise" if turn.angle > 0.0 else "anticlockwise"

@@ -1,4 +1,4 @@
-"""What other programs ask of a noise model: one white density and one bias random walk for each triad."""
+"""Noise models as other programs take them: one white density and one bias random walk for each triad."""
 
 from __future__ import annotations
 

@@ -126,7 +126,7 @@ def export(result: NoiseIdentification | ImuSpec, name: str, path: Path | str, *
     Returns
     -------
     Path
-        Of the file.
+        The file.
     """
     return write_text(path, export_text(result, name, **options))
 

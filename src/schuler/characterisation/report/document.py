@@ -62,7 +62,7 @@ def noise_report(
     recording_summary : str, optional
         What was in the log, see :meth:`~schuler.recording.recording.Recording.summary`.
     unit : {"datasheet", "si"}
-        Of the figures; tables have both.
+        Units of the figures; tables have both.
 
     Returns
     -------

@@ -16,7 +16,7 @@ from schuler.plotting.figure import Figure, Item, Line, Panel, Span, line, thin
 from schuler.recording.series import ImuSeries
 from schuler.sensors.noise import GaussMarkov
 
-#: What one axis' spectrum or autocorrelation is: abscissa and values.
+#: Spectrum or autocorrelation of one axis: abscissa and values.
 Curve: TypeAlias = tuple[FloatArray, FloatArray]
 
 _SEGMENTS = 8  # of half overlapping pieces, at the lowest frequencies

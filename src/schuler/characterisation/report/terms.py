@@ -17,7 +17,7 @@ from schuler.exceptions import InputError
 from schuler.sensors.noise import GaussMarkov
 from schuler.sensors.spec import allan_minimum
 
-#: What people call a triad.
+#: Title of each triad.
 TRIADS = {"gyro": "gyroscope", "accel": "accelerometer"}
 
 Unit: TypeAlias = Literal["datasheet", "si"]

@@ -87,7 +87,7 @@ def verdict(identification: NoiseIdentification) -> list[str]:
 
 
 def meaning(axis: AxisNoise, label: str) -> str:
-    """What a number of this axis is and what follows from it, in one sentence.
+    """Meaning of a number of this axis and its consequence, in one sentence.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def meaning(axis: AxisNoise, label: str) -> str:
 
 
 def read_off_rows(axis: AxisNoise) -> list[tuple[str, str, str, str]]:
-    """What the eye reads from the curve beside what was fitted: quantity, read off, fitted, and why they differ."""
+    """Values read off the curve beside those fitted: quantity, read off, fitted, and why they differ."""
     read, rows = axis.read_off, []
     x = quantity(axis, "x")
     for letter, key, tau in (("N", "N_at_1s", 1.0), ("K", "K_at_3s", 3.0)):

@@ -1,4 +1,4 @@
-"""What every noise process knows, and sums of processes."""
+"""Interface of noise processes, and sums of processes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Process(ABC):
-    """What a noise term knows: how to be drawn, its spectrum, its Allan variance, its states. Terms add with ``+``."""
+    """A noise term: samples, spectrum, Allan variance, states. Terms add with ``+``."""
 
     __slots__ = ()
 

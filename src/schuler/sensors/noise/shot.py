@@ -26,7 +26,7 @@ class ShotNoise(Process):
     sigma : float
         Standard deviation, over all time. [x]
     frequency : float
-        Of the oscillation; zero for a plain decay. [Hz]
+        Frequency of the oscillation; zero for a plain decay. [Hz]
     decay : float
         Time to 1/e. [s]
     shots_hz : float
@@ -76,7 +76,7 @@ class ShotNoise(Process):
         return out.reshape(shape)
 
     def _drive(self, n: int, dt: float, rng: np.random.Generator) -> np.ndarray:
-        """What the shots since the sample before have become at each sample; at the first one, all shots before."""
+        """Contribution of the shots since the last sample to each sample; to the first one, of all shots before."""
         if self.shots_hz == inf:
             normal = rng.standard_normal((n, 2)) @ np.array([1.0, 1.0j])
             normal[1:] *= sqrt(-np.expm1(-2.0 * dt / self.decay))
@@ -112,7 +112,7 @@ class ShotNoise(Process):
         Returns
         -------
         ndarray
-            Of the common shape of both, never positive.
+            Never positive; the common shape of both.
 
         Notes
         -----

@@ -78,7 +78,7 @@ class Quantisation(Process):
     Attributes
     ----------
     Q : float
-        Of the increments; pulses of size q give ``Q = q / sqrt(12)``. [x*s]
+        Standard deviation of the remainders; pulses of size q give ``Q = q / sqrt(12)``. [x*s]
 
     Notes
     -----
@@ -353,7 +353,7 @@ def noise_model(triad: TriadSpec, start: Start = "stationary") -> NoiseModel:
     ----------
     triad : TriadSpec
     start : {"stationary", "zero"}
-        Of the in-run Gauss-Markov bias.
+        Start of the in-run Gauss-Markov bias.
 
     Returns
     -------

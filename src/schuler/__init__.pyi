@@ -2,18 +2,18 @@ from .budget import choose_imu as choose_imu
 from .budget import error_budget as error_budget
 from .budget import linear_covariance as linear_covariance
 from .budget import prepare_budget as prepare_budget
-from .calibration.bench.ferraris import calibrate_ferraris as calibrate_ferraris
-from .calibration.bench.multiposition import calibrate_multiposition as calibrate_multiposition
-from .calibration.bench.poses import Poses as Poses
-from .calibration.bench.poses import poses_of as poses_of
-from .calibration.bench.ratetable import calibrate_angle_rate as calibrate_angle_rate
-from .calibration.bench.ratetable import calibrate_ratetable as calibrate_ratetable
-from .calibration.bench.sixposition import calibrate_sixposition as calibrate_sixposition
-from .calibration.field.calibration import calibrate_field as calibrate_field
-from .calibration.freepose.calibrate import calibrate_freepose as calibrate_freepose
-from .calibration.freepose.fleet import calibrate_fleet as calibrate_fleet
-from .calibration.result.result import CalibrationResult as CalibrationResult
-from .calibration.thermal.calibrate import calibrate_thermal as calibrate_thermal
+from .calibration import CalibrationResult as CalibrationResult
+from .calibration import Poses as Poses
+from .calibration import calibrate_angle_rate as calibrate_angle_rate
+from .calibration import calibrate_ferraris as calibrate_ferraris
+from .calibration import calibrate_field as calibrate_field
+from .calibration import calibrate_fleet as calibrate_fleet
+from .calibration import calibrate_freepose as calibrate_freepose
+from .calibration import calibrate_multiposition as calibrate_multiposition
+from .calibration import calibrate_ratetable as calibrate_ratetable
+from .calibration import calibrate_sixposition as calibrate_sixposition
+from .calibration import calibrate_thermal as calibrate_thermal
+from .calibration import poses_of as poses_of
 from .characterisation import NoiseIdentification as NoiseIdentification
 from .characterisation import allan_deviation as allan_deviation
 from .characterisation import identify_noise as identify_noise
@@ -51,8 +51,8 @@ from .rotary import search_schemes as search_schemes
 from .sensors import ImuErrors as ImuErrors
 from .sensors import ImuSpec as ImuSpec
 from .sensors import TriadSpec as TriadSpec
-from .simulation.scenario import Scenario as Scenario
-from .simulation.scenario import simulate as simulate
+from .simulation import Scenario as Scenario
+from .simulation import simulate as simulate
 
 __version__: str
 

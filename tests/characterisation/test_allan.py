@@ -372,6 +372,7 @@ STABLE32_DATA = {
 }
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.realdata
 @pytest.mark.parametrize("folder", STABLE32_DATA)
 def test_stable32(folder, shared_data):

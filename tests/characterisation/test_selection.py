@@ -57,6 +57,7 @@ def test_a_resonance_at_short_times_is_left_out_and_said():
     assert abs(np.log(chosen.fit.values[k] / 0.02)) < 3.0 * chosen.fit.sigma[k]
 
 
+@pytest.mark.campaign
 def test_what_no_model_explains_has_a_departure_in_its_uncertainty():
     """Every averaging time 15 % off at random: no selection of them fits, and N is not known to 0.1 %."""
     rng = np.random.default_rng(6)

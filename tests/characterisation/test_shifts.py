@@ -21,6 +21,7 @@ COLOURS = [
 ]
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("model", COLOURS[:5])
 def test_the_likelihood_is_that_of_the_general_fit(model, rng):
     x = model.sample(2400, 0.5, rng)

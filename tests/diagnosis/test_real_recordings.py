@@ -32,6 +32,7 @@ def test_every_recording_of_the_readme_is_among_them(shared_data):
     assert {name.split("/")[0] for name in GOOD} == folders
 
 
+@pytest.mark.campaign
 def test_nothing_stops_the_use_of_a_good_recording(shared_data):
     """What ``navigate`` and ``calibrate`` ask first; raw counts and turns by hand included."""
     for name, (options, _) in GOOD.items():

@@ -168,6 +168,7 @@ def test_compiled_reading_of_damaged_text_is_the_plain_reading(name, cases, tmp_
                 np.testing.assert_array_equal(values, compiled[part][column], err_msg=f"{seed} {part}.{column}")
 
 
+@pytest.mark.thinned(4)
 @pytest.mark.parametrize("name", samples.ALL)
 def test_a_refused_log_leaves_no_output(name, tmp_path, monkeypatch, capsys):
     """``schuler convert`` of a damaged log ends with code 2, a sentence, and no file or part of one."""

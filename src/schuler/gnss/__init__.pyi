@@ -38,6 +38,7 @@ from .troposphere import zenith_delays as zenith_delays
 from .weighting import Weighting as Weighting
 
 __all__ = [
+    "SPEED_OF_LIGHT",
     "CircularOrbits",
     "Dilution",
     "Ephemerides",
@@ -49,7 +50,6 @@ __all__ = [
     "PointSolution",
     "RangeErrors",
     "Ranges",
-    "SPEED_OF_LIGHT",
     "SatelliteStates",
     "Sector",
     "SyntheticRanges",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.calibration.bench.linear_fit import from_gain, linear_fit, response_design, said
+from schuler.calibration.bench.linear_fit import describe_confounded, from_gain, linear_fit, response_design
 from schuler.exceptions import InputError
 
 
@@ -52,7 +52,7 @@ def test_what_is_left_open(rng, m):
     np.testing.assert_allclose(fit.values, [0.0, 0.0, -3.0, 0.0], atol=1e-12)  # rounding
     assert np.isinf(np.diag(fit.covariance)).tolist() == [True, True, False, True]
     assert np.isinf(fit.condition)
-    assert said(fit.confounded) == [
+    assert describe_confounded(fit.confounded) == [
         "b and s are not determined one by one, only a combination is",
         "u is not determined: nothing in the data changes with it",
     ]
@@ -60,7 +60,7 @@ def test_what_is_left_open(rng, m):
 
 
 def test_nuisances_are_not_spoken_of():
-    assert said([("_a", "_b"), ("_a", "b", "s", "t")]) == [
+    assert describe_confounded([("_a", "_b"), ("_a", "b", "s", "t")]) == [
         "b, s and t are not determined one by one, only a combination is"
     ]
 

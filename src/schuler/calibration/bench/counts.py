@@ -87,10 +87,10 @@ class CountFactors:
         A sheet's scale-factor error is relative to the sheet's factor, which nobody stated; the one that was found is
         rounded and takes no account of Earth rate and g-sensitivity.
         """
-        found = [s != 1.0 for s in self.nominal]
+        freepose_fit = [s != 1.0 for s in self.nominal]
         accel, gyro = (
             replace(triad, scale_factor=float(np.hypot(triad.scale_factor, SCALE_SIGMA))) if there else triad
-            for triad, there in zip((spec.accel, spec.gyro), found, strict=True)
+            for triad, there in zip((spec.accel, spec.gyro), freepose_fit, strict=True)
         )
         return replace(spec, accel=accel, gyro=gyro)
 
@@ -131,13 +131,13 @@ def count_factors(
     they are near to. Were it none, biases would start nearer to where they are than from zero, and no more.
     """
     small = _smaller(imu.gyro) if "gyro" in triads else 1.0
-    found = calibrate_freepose(replace(imu, gyro=small * imu.gyro), gravity=gravity, intervals=intervals)
-    sigma = dict(zip(found.names, found.sigma.tolist(), strict=True))
+    freepose_fit = calibrate_freepose(replace(imu, gyro=small * imu.gyro), gravity=gravity, intervals=intervals)
+    sigma = dict(zip(freepose_fit.names, freepose_fit.sigma.tolist(), strict=True))
     lost = [n for n in ("M_a_xx", "M_g_xx", "M_g_yy", "M_g_zz") if not np.isfinite(sigma.get(n, np.inf))]
-    if found.status == "refused" or lost:
-        why = " ".join(found.verdicts) or f"{', '.join(lost)} cannot be told"
+    if freepose_fit.status == "refused" or lost:
+        why = " ".join(freepose_fit.verdicts) or f"{', '.join(lost)} cannot be told"
         raise InputError(f"the factors of the counts cannot be found in this log, so state what a count is: {why}")
-    for name, factor in zip(("accel", "gyro"), found.nominal, strict=True):
+    for name, factor in zip(("accel", "gyro"), freepose_fit.nominal, strict=True):
         if name not in triads and factor != 1.0:
             raise InputError(
                 f"{name}: expected SI, but gravity and the turns fit with a factor of {factor:.4g}; say that it is in "
@@ -145,12 +145,12 @@ def count_factors(
             )
     factors, middle = [1.0, 1.0], np.zeros((2, 3))
     for i, (name, y, bias, by) in enumerate(
-        (("accel", imu.accel, found.errors.b_a, 1.0), ("gyro", imu.gyro, found.errors.b_g, small))
+        (("accel", imu.accel, freepose_fit.errors.b_a, 1.0), ("gyro", imu.gyro, freepose_fit.errors.b_g, small))
     ):
         if name in triads:
-            factors[i] = float(f"{by * found.nominal[i]:.4g}")
+            factors[i] = float(f"{by * freepose_fit.nominal[i]:.4g}")
             if imu.kind == "rate":
-                middle[i] = _middle(bias / (by * found.nominal[i]), y)
+                middle[i] = _middle(bias / (by * freepose_fit.nominal[i]), y)
     return CountFactors((factors[0], factors[1]), middle)
 
 

@@ -123,7 +123,15 @@ def adjust(
         raise InputError(f"fixed: expected some of the {order} parameters to be left to estimate, got {fixed}")
     x = np.array([fixed.get(name, 0.0) for name in PARAMETERS]) / unit
     problem = _Problem(
-        Y / L, variance / L**2, rho / L, _known(prior, unit), max_iterations, tolerance, step_limit, largest_sigma, pope
+        Y / L,
+        variance / L**2,
+        rho / L,
+        _scaled_priors(prior, unit),
+        max_iterations,
+        tolerance,
+        step_limit,
+        largest_sigma,
+        pope,
     )
     stages = [free]
     if isinstance(start, str):
@@ -154,7 +162,7 @@ class _Problem:
     Y: FloatArray
     variance: FloatArray
     rho: FloatArray
-    known: tuple[FloatArray, FloatArray]
+    priors: tuple[FloatArray, FloatArray]
     max_iterations: int
     tolerance: float
     step_limit: float | None
@@ -191,9 +199,9 @@ def _linearise(p: _Problem, x: FloatArray, e: FloatArray, free: BoolArray) -> _L
     f, A, B = condition_of(at, p.rho, x)
     C = _weights(B, p.variance)
     w = f - np.sum(B * e, axis=1) if p.pope else f
-    known = np.flatnonzero(free & np.isfinite(p.known[1]))
-    rows = np.zeros((len(known), 9))
-    rows[np.arange(len(known)), known] = 1.0 / p.known[1][known]
+    priors = np.flatnonzero(free & np.isfinite(p.priors[1]))
+    rows = np.zeros((len(priors), 9))
+    rows[np.arange(len(priors)), priors] = 1.0 / p.priors[1][priors]
     data = A[:, free] / np.sqrt(C)[:, None]
     design = np.vstack((data, rows[:, free]))
     D = np.linalg.norm(design, axis=0)
@@ -203,13 +211,13 @@ def _linearise(p: _Problem, x: FloatArray, e: FloatArray, free: BoolArray) -> _L
         uncertain = np.linalg.norm(Vt[: len(S)] / D, axis=1) / S
     # singular values fall, so the uncertain directions are the last ones but for scaling
     limit = p.largest_sigma
-    if not len(known) and np.isfinite(limit):
+    if not len(priors) and np.isfinite(limit):
         limit = min(limit, WEAKEST * float(uncertain.min()))
     keep = (S[0] * RANK_TOLERANCE < S) & (uncertain <= limit)
     place = np.concatenate((np.flatnonzero(keep), np.flatnonzero(~keep), np.arange(len(S), len(Vt))))
     Vt, rank = Vt[place], int(keep.sum())
     U, S = np.hstack((U[:, place[: len(S)]], U[:, len(S) :])), S[place[: len(S)]]
-    misfit = np.concatenate((w / np.sqrt(C), (x[known] - p.known[0][known]) / p.known[1][known]))
+    misfit = np.concatenate((w / np.sqrt(C), (x[priors] - p.priors[0][priors]) / p.priors[1][priors]))
     return _Linear(design, misfit, B, C, D, U, S, Vt, rank)
 
 
@@ -302,7 +310,7 @@ def _check_names(fixed: Mapping[str, float], prior: Mapping[str, tuple[float, fl
             raise InputError(f"prior: expected a number and a positive sigma for {name}, got {value!r}, {sigma!r}")
 
 
-def _known(prior: Mapping[str, tuple[float, float]], unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _scaled_priors(prior: Mapping[str, tuple[float, float]], unit: FloatArray) -> tuple[FloatArray, FloatArray]:
     values = np.array([prior[name][0] if name in prior else 0.0 for name in PARAMETERS])
     sigma = np.array([prior[name][1] if name in prior else np.inf for name in PARAMETERS])
     return values / unit, sigma / unit

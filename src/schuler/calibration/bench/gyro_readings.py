@@ -52,7 +52,7 @@ class GyroReadings:
         return np.asarray(np.hypot(self.noise, self.doubt))
 
     def covariance(self, M: FloatArray) -> FloatArray:
-        """Of ``measured.ravel()`` for gyroscopes of response I + M. Shape (3 n, 3 n). [(rad/s)^2]"""
+        """Covariance of ``measured.ravel()`` for gyroscopes of response I + M. Shape (3 n, 3 n). [(rad/s)^2]"""
         n, R = len(self), np.eye(3) + M
         c = (self.common @ R.T).reshape(len(self.common), 3 * n)
         S = c.T @ c + np.diag(np.square(self.noise).ravel())

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
-from schuler.calibration.bench.linear_fit import LinearFit, said
+from schuler.calibration.bench.linear_fit import LinearFit, describe_confounded
 from schuler.calibration.result.parameters import LINEAR
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.earth import WGS84
@@ -63,7 +63,7 @@ def bench_result(
         here = [i for i, n in enumerate(estimated) if place[n][0] == kind]
         there = [place[estimated[i]][1] for i in here]
         C[np.ix_(here, here)] = fit.covariance[np.ix_(there, there)]
-    open_ends = [sentence for fit in fits.values() for sentence in said(fit.confounded)]
+    open_ends = [sentence for fit in fits.values() for sentence in describe_confounded(fit.confounded)]
     lost = [n for n in estimated if not np.isfinite(C[estimated.index(n), estimated.index(n)])]
     how = list(dict.fromkeys(advice[n[:3]] for n in lost if n[:3] in advice))
     suspicious = [s for kind, fit in fits.items() for s in _too_large(kind, fit)]
@@ -125,7 +125,7 @@ def axis_residuals(
     )
 
 
-def level_said(level: float) -> list[str]:
+def describe_level(level: float) -> list[str]:
     """A sentence on the fixture if its faces disagree."""
     if level <= 0.0:
         return []
@@ -135,8 +135,8 @@ def level_said(level: float) -> list[str]:
     ]
 
 
-def earth_rate_said(g_sensitivity: bool) -> str:
-    """A sentence on Earth rate where nobody said the latitude."""
+def describe_earth_rate(g_sensitivity: bool) -> str:
+    """A sentence on Earth rate where nobody describe_confounded the latitude."""
     return (
         f"Earth rate ({WGS84.omega_ie / DEG_PER_HR:.0f} deg/h) is not accounted for and stands in the uncertainty of "
         f"the gyro {'bias and g-sensitivity' if g_sensitivity else 'bias'}; give latitude"

@@ -1,4 +1,4 @@
-"""Weighted linear least squares of a sensor's response, with what the data leave open said in words.
+"""Weighted linear least squares of a sensor's response, with what the data leave open describe_confounded in words.
 
 All bench methods end here: a reading of axis i is ``b_i + (I + M)_i . reference + ...`` and so linear in the
 parameters once the reference is known.
@@ -187,7 +187,7 @@ def response_design(reference: FloatArray) -> FloatArray:
     return A.reshape(3 * n, 3 * q)
 
 
-def said(confounded: Sequence[tuple[str, ...]]) -> list[str]:
+def describe_confounded(confounded: Sequence[tuple[str, ...]]) -> list[str]:
     """Sentences on parameters of which only a combination is seen."""
     out = []
     for group in confounded:

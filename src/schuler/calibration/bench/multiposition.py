@@ -178,13 +178,13 @@ def _held(fixed: CalibrationResult | Mapping[str, float] | None) -> dict[str, di
     if fixed is None:
         return held
     if isinstance(fixed, CalibrationResult):
-        known = fixed if fixed.gauge == "lower" else fixed.in_gauge("lower")
-        for which, M in (("a", known.errors.M_a), ("g", known.errors.M_g)):
-            own = [name for name in known.names if name.startswith(f"M_{which}")]
+        calibrated = fixed if fixed.gauge == "lower" else fixed.in_gauge("lower")
+        for which, M in (("a", calibrated.errors.M_a), ("g", calibrated.errors.M_g)):
+            own = [name for name in calibrated.names if name.startswith(f"M_{which}")]
             # only what it estimated; not M_g of methods that relate the gyroscopes to the accelerometers
             if not any(name[-1] != name[-2] for name in own) or np.triu(M, 1).any():
                 continue
-            if not np.isfinite([known[name][1] for name in own]).all():
+            if not np.isfinite([calibrated[name][1] for name in own]).all():
                 raise InputError("fixed: expected a calibration with all of M determined, got infinite variances")
             theta = triad_parameters(np.eye(3) + M)[1]
             held[which] = {f"theta_{a}": float(t) for a, t in zip(ANGLES, theta, strict=True)}

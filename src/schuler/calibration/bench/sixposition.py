@@ -19,7 +19,7 @@ from schuler.calibration.bench.faces import (
     tilted,
 )
 from schuler.calibration.bench.gyro_readings import gyro_fit, readings_at_rest
-from schuler.calibration.bench.joint_result import axis_residuals, bench_result, earth_rate_said, level_said
+from schuler.calibration.bench.joint_result import axis_residuals, bench_result, describe_earth_rate, describe_level
 from schuler.calibration.bench.linear_fit import LinearFit
 from schuler.calibration.bench.poses import Poses
 from schuler.calibration.result.parameters import AXES, BIAS_A, BIAS_G, MATRIX_A, MATRIX_G, SENSITIVITY
@@ -124,15 +124,15 @@ def calibrate_sixposition(
         "heading_sigma": heading_sigma, "gyro": mode, "instability": list(instability),
         "headings": None if headings is None else headings.tolist(),
     }  # fmt: skip
-    found = faces_of(poses, faces)
-    warnings = tilted(poses, found)
-    k = np.flatnonzero(found.usable)
-    used = Faces(found.axis[k], found.sign[k], found.tilt[k], found.usable[k])
+    all_faces = faces_of(poses, faces)
+    warnings = tilted(poses, all_faces)
+    k = np.flatnonzero(all_faces.usable)
+    used = Faces(all_faces.axis[k], all_faces.sign[k], all_faces.tilt[k], all_faces.usable[k])
     rest = poses.of(k)
     fit, rows, level = fit_faces(
         rest, used, gravity, improved=improved, bias=bias, level_sigma=level_sigma, instability=instability[1]
     )
-    notes += level_said(level) if level_sigma is None else []
+    notes += describe_level(level) if level_sigma is None else []
     missing = used.missing
     if missing:
         warnings.append(f"only {6 - len(missing)} of the six faces: {', '.join(missing)} missing")
@@ -158,7 +158,7 @@ def calibrate_sixposition(
             labels, fits["gyro"], rows_g, at_rest.measured - at_rest.reference, at_rest.sigma, "rad/s", up
         )
         if latitude is None:
-            notes.append(earth_rate_said(mode == "g-sensitivity"))
+            notes.append(describe_earth_rate(mode == "g-sensitivity"))
         warnings += _too_weak(fits["gyro"])
         if mode == "bias" and fits["gyro"].chi2 > fits["gyro"].limit():
             notes.append("gyro='g-sensitivity' would explain gyroscopes that read differently from face to face")
@@ -211,17 +211,17 @@ def _cosine(poses: Poses, faces: Faces, gravity: float, standard: LinearFit) -> 
         return []
     at = dict(zip(full.names, full.values, strict=True))
     sigma = dict(zip(standard.names, np.sqrt(np.diag(standard.covariance)), strict=True))
-    said = []
+    sentences = []
     for a in AXES:
         cross = [at[f"M_a_{a}{b}"] for b in AXES if b != a]
         angle = float(np.arctan2(np.hypot(*cross), 1.0 + at[f"M_a_{a}{a}"]))
         loss = float(np.cos(angle)) - 1.0
         if abs(loss) > max(sigma[f"M_a_{a}{a}"], PPM):
-            said.append(
+            sentences.append(
                 f"the {a} accelerometer is {angle / DEG:.2g} deg off the fixture's axis, so its scale factor comes out "
                 f"{loss / PPM:.0f} ppm (cos - 1) off; the improved test accounts for it"
             )
-    return said
+    return sentences
 
 
 def _too_weak(fit: LinearFit) -> list[str]:

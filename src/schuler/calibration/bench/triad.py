@@ -128,7 +128,7 @@ def calibrate_triad(
         See :func:`schuler.calibration.bench.gauss_helmert.adjust`.
     """
     who, fixed, sheet = _WHO[which], dict(fixed or {}), prior_of(spec)
-    said: list[str] = []
+    remark: list[str] = []
     serious: list[str] = []
     noise = float(np.median(sigma / rho[:, None]))
     if noise > LARGEST_NOISE:
@@ -143,16 +143,16 @@ def calibrate_triad(
         if "s_x" in sheet:
             chosen = 9 if "theta_yz" in sheet or chosen == 9 else 6
         elif tests and chosen < 9:
-            said.append(why_not_more(who, tests, chosen))
+            remark.append(why_not_more(who, tests, chosen))
     else:
         chosen = order
     fit = adjust(Y, sigma, rho, chosen, prior=prior, fixed=fixed, start=start)
     if which == "g" and chosen > 3 and not use_prior:
         useless = _useless(fit, sheet)
         if useless:
-            said.append(refusal(who, fit, useless, sheet))
+            remark.append(refusal(who, fit, useless, sheet))
             lost = [name for name in useless if fit.undetermined[PARAMETERS.index(name)]]
-            said.extend(f"{who}: {reason}" for reason in reasons(lost, _directions(Y, fit)))
+            remark.extend(f"{who}: {reason}" for reason in reasons(lost, _directions(Y, fit)))
             prior = {name: (0.0, sheet[name]) for name in useless}
             fit = adjust(Y, sigma, rho, chosen, prior=prior, fixed=fixed, start=start)
     undetermined = fit.undetermined
@@ -174,8 +174,8 @@ def calibrate_triad(
     if fit.freedom > 0 and global_p < REJECT:
         inflation = fit.variance_of_unit_weight
     values, J = to_model(fit.values)
-    known = np.where(undetermined, 0.0, 1.0)
-    covariance = (J * known) @ np.where(np.isfinite(fit.cofactor), fit.cofactor, 0.0) @ (J * known).T * inflation
+    stated = np.where(undetermined, 0.0, 1.0)
+    covariance = (J * stated) @ np.where(np.isfinite(fit.cofactor), fit.cofactor, 0.0) @ (J * stated).T * inflation
     lost_rows = (np.abs(J[:, undetermined]) > 1e-3).any(axis=1)
     covariance[lost_rows, :] = covariance[:, lost_rows] = 0.0
     covariance[lost_rows, lost_rows] = np.inf
@@ -191,7 +191,7 @@ def calibrate_triad(
             advice += f"; then {len(wanted) - ADVISED} more"
     return TriadCalibration(
         triad_names(which), values, covariance, held_rows, _prior_sigma(which, sheet), prior, fit,
-        "refused" if serious else "warning" if suspicious else "ok", (*serious, *suspicious, *said),
+        "refused" if serious else "warning" if suspicious else "ok", (*serious, *suspicious, *remark),
         _residuals(fit, Y, rho, labels, unit, u), advice, _extra(fit, chosen, inflation, tests),
     )  # fmt: skip
 
@@ -223,13 +223,13 @@ def _buried(
     values[:3] = mean
     covariance[:3, :3] = np.diag(1.0 / P.sum(axis=0) + spread**2)
     held = np.arange(9) > 2
-    said = (
+    remark = (
         f"{_WHO[which]}: the means are uncertain by {noise:.2g} of the reference ({rho.mean():.3g} {unit}), which "
         "buries it: scale factors and angles stay nominal and the bias is the mean over the poses, uncertain by the "
         "reference itself; use a rate table, stay longer, or calibrate by turns by hand between static poses"
     )
     return TriadCalibration(
-        triad_names(which), values, covariance, held, _prior_sigma(which, sheet), {}, None, "warning", (said,), None,
+        triad_names(which), values, covariance, held, _prior_sigma(which, sheet), {}, None, "warning", (remark,), None,
         "", {"b": mean.tolist(), "noise_over_reference": noise},
     )  # fmt: skip
 

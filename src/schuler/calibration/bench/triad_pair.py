@@ -167,10 +167,10 @@ def adjust_pair(
     every = np.concatenate((free, np.ones(3, dtype=bool)))
     x, C, e = np.concatenate((accel, gyro)), np.eye(3), np.zeros_like(Y)
     variance = sigma**2
-    known = np.array([k for k in prior if free[k]], dtype=np.int64)
-    value, spread = (np.array([prior[int(k)][i] for k in known]) for i in (0, 1))
-    rows = np.zeros((len(known), 21))
-    rows[np.arange(len(known)), known] = 1.0 / spread
+    priors = np.array([k for k in prior if free[k]], dtype=np.int64)
+    value, spread = (np.array([prior[int(k)][i] for k in priors]) for i in (0, 1))
+    rows = np.zeros((len(priors), 21))
+    rows[np.arange(len(priors)), priors] = 1.0 / spread
     converged = False
     for _ in range(max_iterations):
         h, A, B = pair_conditions(Y + e, x, C, squares)
@@ -180,7 +180,7 @@ def adjust_pair(
         K[:, [0, 1, 2], [0, 1, 2]] += np.where(used, 0.0, 1.0)  # a condition that does not exist is 0 = 0
         R = np.linalg.inv(np.linalg.cholesky(K))
         design = np.vstack(((R @ A).reshape(-1, 21), rows))[:, every]
-        misfit = np.concatenate(((R @ w[:, :, None]).ravel(), (x[known] - value) / spread))
+        misfit = np.concatenate(((R @ w[:, :, None]).ravel(), (x[priors] - value) / spread))
         D = np.linalg.norm(design, axis=0)
         D[D == 0.0] = 1.0
         step = np.zeros(21)
@@ -199,8 +199,8 @@ def adjust_pair(
     Q = np.zeros((21, 21))
     scaled = design / D
     Q[np.ix_(every, every)] = np.linalg.pinv(scaled.T @ scaled, hermitian=True) / np.outer(D, D)
-    freedom = int(used.sum()) + len(known) - int(every.sum())
-    total = float(np.sum(e * e / variance) + np.sum(((x[known] - value) / spread) ** 2))
+    freedom = int(used.sum()) + len(priors) - int(every.sum())
+    total = float(np.sum(e * e / variance) + np.sum(((x[priors] - value) / spread) ** 2))
     return TriadPair(x[:9], x[9:], C, Q, total / freedom if freedom > 0 else float("nan"), freedom, converged)
 
 
@@ -243,8 +243,8 @@ def with_turn(
     """
     a, g = accel.adjustment, gyro.adjustment
     if a is None or g is None or "refused" in (accel.status, gyro.status) or not at_rest.any():
-        said = "rotation between the triads not determined: it needs both triads determined, and poses at rest"
-        return replace(result, status="refused", verdicts=(*result.verdicts, said))
+        sentence = "rotation between the triads not determined: it needs both triads determined, and poses at rest"
+        return replace(result, status="refused", verdicts=(*result.verdicts, sentence))
     n = len(poses)
     Y, sigma = np.hstack((poses.f, poses.omega)), np.hstack((poses.sigma_f, poses.sigma_omega))
     squares = np.column_stack((np.full(n, gravity**2), rho**2, np.full(n, gravity * rate_up)))
@@ -253,11 +253,11 @@ def with_turn(
     pair = adjust_pair(Y, sigma, squares, used, a.values, g.values, np.concatenate((a.free, g.free)), prior)
     turn_sigma = np.sqrt(np.diag(pair.cofactor)[18:])
     if not pair.converged or not (turn_sigma < LARGEST_SIGMA).all() or not turn_sigma.all():
-        said = (
+        sentence = (
             "rotation between the triads not determined: Earth rate is too weak for these gyroscopes, or its direction "
             "in the body is too much the same in all poses; stay longer, vary headings"
         )
-        return replace(result, status="refused", verdicts=(*result.verdicts, said))
+        return replace(result, status="refused", verdicts=(*result.verdicts, sentence))
     return _joined(result, accel, gyro, pair, Y, squares, sigma, at_rest, gravity)
 
 
@@ -297,13 +297,13 @@ def _joined(
         "rad/s",
     )
     turn, turn_sigma = pair.turn, np.sqrt(inflation * np.diag(pair.cofactor)[18:])
-    said = "gyroscopes: turned against the accelerometers by " + ", ".join(
+    sentence = "gyroscopes: turned against the accelerometers by " + ", ".join(
         f"{t:.3g} ({s:.1g})" for t, s in zip(turn, turn_sigma, strict=True)
     )
     sheet = gyro.prior_sigma.get("M_g_yx")
     prior_sigma = result.prior_sigma | (dict.fromkeys(("M_g_xy", "M_g_xz", "M_g_yz"), sheet) if sheet else {})
     if sheet and turn_sigma.max() > sheet:
-        said += "; the data sheet's misalignment is smaller than this uncertainty"
+        sentence += "; the data sheet's misalignment is smaller than this uncertainty"
     return replace(
         result,
         names=names,
@@ -311,7 +311,7 @@ def _joined(
         covariance=inflation * J @ pair.cofactor @ J.T,
         fixed={n: v for n, v in result.fixed.items() if n not in names},
         status="warning" if suspicious and result.status == "ok" else result.status,
-        verdicts=(*result.verdicts, *suspicious, said + " rad about body x, y, z"),
+        verdicts=(*result.verdicts, *suspicious, sentence + " rad about body x, y, z"),
         prior_sigma=prior_sigma,
         variance_of_unit_weight=pair.variance_of_unit_weight,
         freedom=pair.freedom,

@@ -62,10 +62,10 @@ def suspicions(
     """
     from scipy.stats import chi2, norm
 
-    found: list[str] = []
+    sentences: list[str] = []
     if fit.freedom < ENOUGH_FREEDOM and not undetermined.any():
         more = ENOUGH_FREEDOM - fit.freedom
-        found.append(
+        sentences.append(
             f"{who}: redundancy {fit.freedom}, so the residuals hardly test anything; collect {more} more "
             f"pose{'s' if more > 1 else ''}"
         )
@@ -76,19 +76,19 @@ def suspicions(
     if fit.freedom > 1:  # against the scatter of the others, where that is larger than stated
         w /= np.sqrt(np.maximum((fit.chi_square - w * w) / (fit.freedom - 1), 1.0))
     if fit.freedom > 0 and (p := p_of(fit)) < REJECT:
-        found.append(
+        sentences.append(
             f"{who}: residuals are {np.sqrt(fit.variance_of_unit_weight):.2g} times as large as the noise explains "
             f"(probability {p:.1g}); movement, drift, temperature, a wrong reference or too few parameters; "
             "uncertainties are enlarged accordingly"
         )
     elif fit.freedom > 0 and float(chi2.cdf(fit.chi_square, fit.freedom)) < 0.1 * REJECT:
-        found.append(
+        sentences.append(
             f"{who}: residuals are {np.sqrt(fit.variance_of_unit_weight):.2g} times what the stated noise explains; it "
             "is less than stated, and so are the uncertainties"
         )
     if w.max(initial=0.0) > limit:
         k = int(np.argmax(w))
-        found.append(
+        sentences.append(
             f"{who}: {labels[k]} is off by {w[k]:.1f} sigma ({fit.misclosure[k]:.3g} {unit}); repeat it or leave it out"
         )
     for block in (slice(3, 6), slice(6, 9)):
@@ -100,7 +100,7 @@ def suspicions(
         for name, size in zip(names, sigma, strict=True):
             if size > WEAK * best:
                 reason = reasons([name], u)[0].partition(": ")[2]
-                found.append(
+                sentences.append(
                     f"{who}: {name} is weak, 1 sigma {size:.2g} against {best:.2g} for the best of its kind: {reason}"
                 )
-    return found
+    return sentences

@@ -19,7 +19,7 @@ from schuler.calibration.bench.faces import (
     tilted,
 )
 from schuler.calibration.bench.gyro_readings import GyroReadings, gyro_fit, readings_at_rest
-from schuler.calibration.bench.joint_result import axis_residuals, bench_result, earth_rate_said, level_said
+from schuler.calibration.bench.joint_result import axis_residuals, bench_result, describe_earth_rate, describe_level
 from schuler.calibration.bench.linear_fit import LinearFit
 from schuler.calibration.bench.poses import Poses
 from schuler.calibration.bench.turns import Turns, readings_of_turns
@@ -74,7 +74,7 @@ def solve_turns(
     fit : callable, optional
         Another linear estimator of the gyroscopes.
     notes : tuple of str
-        Further sentences.
+        Further remarks.
     extra : mapping, optional
         For the result; ``level_sigma`` is added.
     rest
@@ -108,7 +108,7 @@ def solve_turns(
     }  # fmt: skip
     fits: dict[str, LinearFit] = {}
     residuals: dict[str, Residuals] = {}
-    said, warnings, parts = list(notes), [], []
+    remarks, warnings, parts = list(notes), [], []
     used, faces = None, None
     also = dict(extra or {})
     if poses is not None and len(poses):
@@ -129,12 +129,12 @@ def solve_turns(
             sigma = np.sqrt(face_variance(used, faces, gravity, level, instability[1]))
             labels = pose_labels(used, faces)
             residuals["accel"] = axis_residuals(labels, a, rows, used.f - gravity * faces.up, sigma, "m/s^2", faces.up)
-            said += level_said(level) if level_sigma is None else []
+            remarks += describe_level(level) if level_sigma is None else []
             also["level_sigma"] = level
             if faces.missing:
                 warnings.append(f"only {6 - len(faces.missing)} of the six faces: {', '.join(faces.missing)} missing")
         elif accel is None:
-            said.append("the accelerometers are not calibrated: not at rest on " + ", ".join(faces.missing))
+            remarks.append("the accelerometers are not calibrated: not at rest on " + ", ".join(faces.missing))
     turning, doubts = readings_of_turns(
         turns, force_in_turns(turns, fits.get("accel"), accel), gravity=gravity, latitude=latitude, axis_n=axis_n,
         instability=instability[0], **sigmas,
@@ -148,14 +148,14 @@ def solve_turns(
             readings, response=True, g_sensitivity=g_sensitivity, own_axis_only=own_axis_only
         )
     if latitude is None:
-        said.append(earth_rate_said(g_sensitivity))
+        remarks.append(describe_earth_rate(g_sensitivity))
     length = np.maximum(np.linalg.norm(readings.reference, axis=1, keepdims=True), 1e-30)
     residuals["gyro"] = axis_residuals(
         readings.label, fits["gyro"], rows_g, readings.measured - readings.reference, readings.sigma, "rad/s",
         readings.reference / length,
     )  # fmt: skip
     return bench_result(
-        method, fits, advice=ADVICE, warnings=[*warnings, *doubts], notes=said, residuals=residuals, options=options,
+        method, fits, advice=ADVICE, warnings=[*warnings, *doubts], notes=remarks, residuals=residuals, options=options,
         names=LINEAR if "accel" in fits else BIAS_G + MATRIX_G + SENSITIVITY,
         temperature=None if used is None or used.temperature is None else float(used.temperature.mean()),
         extra=also, **rest,

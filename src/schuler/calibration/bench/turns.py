@@ -160,11 +160,11 @@ def turns_of(
     if angle is not None and noise is None:
         raise InputError("noise: expected N of the gyroscopes, because a turn by hand shows scatter of its own")
     given = [(name, value) for name, value in (("rate", rate), ("angle", angle)) if value is not None]
-    known = as_floats(given[0][1], given[0][0], (len(spans), 3))
+    stated = as_floats(given[0][1], given[0][0], (len(spans), 3))
     rates = imu.rates()
     dt = imu.interval
     omega, f, sigma, duration, left = [], [], [], [], []
-    for (start, stop), row in zip(spans, known, strict=True):
+    for (start, stop), row in zip(spans, stated, strict=True):
         a = int(np.searchsorted(rates.t, start - 1e-9))
         b = int(np.searchsorted(rates.t, stop + 1e-9, side="right"))
         if b - a < 20:
@@ -183,7 +183,7 @@ def turns_of(
     T = np.array(duration)
     starts = np.array([s for s, _ in spans], dtype=np.float64)
     return Turns(
-        known if angle is None else known / T[:, None],
+        stated if angle is None else stated / T[:, None],
         np.array(omega).reshape(-1, 3),
         np.array(sigma).reshape(-1, 3),
         np.array(f).reshape(-1, 3),
@@ -252,18 +252,18 @@ def readings_of_turns(
             which = "the turns" if len(lost) == n else ", ".join(turns.labels[k] for k in lost)
             warnings.append(f"{which} {why}, so Earth rate along their axes stands in the uncertainty; give axis_n")
     across = 1.0 - u**2
-    known = np.abs(a_n).sum(axis=1) > 0.0
+    stated = np.abs(a_n).sum(axis=1) > 0.0
     common = []
     if latitude is None:
         along, vertical, horizontal = np.zeros(n), WGS84.omega_ie / np.sqrt(3.0), WGS84.omega_ie / np.sqrt(3.0)
         common.append(-a_n[:, 2:] * u * vertical)
-        unknown = np.where(known, np.hypot(a_n[:, 0], a_n[:, 1]) * horizontal, vertical)
+        unknown = np.where(stated, np.hypot(a_n[:, 0], a_n[:, 1]) * horizontal, vertical)
         beside = np.full(n, WGS84.omega_ie * np.sqrt(2.0 / 3.0))
     else:
         omega_n = earth_rate_ned(latitude)
         along = a_n @ omega_n
         common.append(np.zeros((n, 3)))
-        unknown = np.where(known, 0.0, WGS84.omega_ie / np.sqrt(3.0))
+        unknown = np.where(stated, 0.0, WGS84.omega_ie / np.sqrt(3.0))
         beside = np.sqrt(np.maximum(WGS84.omega_ie**2 - along**2, 0.0))
     own = (angle_sigma / turns.duration) ** 2 + (rate_sigma * turns.speed) ** 2 + unknown**2
     doubt = np.sqrt(u**2 * own[:, None] + across * ((turns.left * beside) ** 2 / 2.0)[:, None])

@@ -159,7 +159,7 @@ def rate_plateaus(
         quiet, steady = 0.0, close
     step = 5.0 * quiet / np.sqrt(W) + 1e-3 * rates[nearest]
     spans: list[tuple[float, float]] = []
-    known: list[FloatArray] = []
+    given: list[FloatArray] = []
     k = 0
     while k < n:
         last = k
@@ -176,12 +176,12 @@ def rate_plateaus(
                 stop = start + period * np.floor((stop - start) / period) - imu.interval
             if stop - start >= min_s:
                 spans.append((start, stop))
-                known.append(np.eye(3)[j[k]] * rate)
+                given.append(np.eye(3)[j[k]] * rate)
         k = last + 1
     if not spans:
         listed = ", ".join(f"{r / DEG:.3g}" for r in rates)
         raise InputError(f"imu: found no plateau of {min_s:g} s or longer at {listed} deg/s; check rates and units")
-    return turns_of(imu, spans, rate=np.array(known))
+    return turns_of(imu, spans, rate=np.array(given))
 
 
 def sections_by_label(labels: Sequence[str], t: ArrayLike) -> dict[str, tuple[float, float]]:

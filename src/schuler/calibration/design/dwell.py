@@ -85,23 +85,23 @@ def dwell_time(
     ends = k == len(T) - 1 and dev[k] < 0.999 * dev[k - 40]  # still falling at the longest time
     best = float("inf") if k == len(T) - 1 else float(T[k])
     enough = float("inf") if ends else float(T[int(np.argmax(dev <= _ENOUGH * dev[k]))])
-    said = (
+    stated = (
         "white noise only: the longer the better"
         if ends
         else f"longer than {enough:.0f} s hardly pays: bias instability limits a mean to {dev[k]:.2g}"
     )
     if target is None:
-        return Dwell(enough, best, enough, float(dev[k] if ends else sigma_of_mean(triad, enough)), 1, said)
+        return Dwell(enough, best, enough, float(dev[k] if ends else sigma_of_mean(triad, enough)), 1, stated)
     wanted, which = _wanted(target, directions, parameters, sensor, reference)
     good = np.flatnonzero(dev <= wanted)
     if len(good):
         j = int(good[0])
         t = float(T[0]) if j == 0 else _crossing(triad, wanted, float(T[j - 1]), float(T[j]))
-        text = f"{t:.0f} s in each pose give {which}; {said}"
+        text = f"{t:.0f} s in each pose give {which}; {stated}"
         return Dwell(t, best, enough, float(sigma_of_mean(triad, t)), 1, text)
     stay = float(T[k]) if not isfinite(enough) else enough
     repeats = ceil((float(sigma_of_mean(triad, stay)) / wanted) ** 2)
-    text = f"no dwell gives {which}: {said}; make the whole plan {repeats} times, staying {stay:.0f} s"
+    text = f"no dwell gives {which}: {stated}; make the whole plan {repeats} times, staying {stay:.0f} s"
     return Dwell(float("inf"), best, enough, float(dev[k]), repeats, text)
 
 
@@ -117,7 +117,7 @@ def _wanted(
         raise InputError("directions: expected the poses, since the target is of parameters; see attitude_plan")
     unit_noise = TriadSpec(random_walk=1.0)
     per_unit = predicted_sigma(directions, unit_noise, 1.0, parameters, sensor=sensor, reference=reference)
-    found: list[tuple[float, str]] = []
+    identified: list[tuple[float, str]] = []
     for name, value in target.items():
         if name not in per_unit:
             raise InputError(f"target: expected some of {', '.join(per_unit)}, got {name!r}")
@@ -125,11 +125,11 @@ def _wanted(
             raise InputError(f"target: expected a positive uncertainty of {name}, got {value}")
         if not isfinite(per_unit[name]):
             raise InputError(f"target: these poses do not determine {name}, however long; add poses")
-        found.append((value / per_unit[name], f"{name} to {value:.3g}"))
-    if not found:
+        identified.append((value / per_unit[name], f"{name} to {value:.3g}"))
+    if not identified:
         raise InputError("target: expected at least one parameter, got none")
-    wanted, hardest = min(found)
-    return wanted, hardest + (" and the others better than asked" if len(found) > 1 else "")
+    wanted, hardest = min(identified)
+    return wanted, hardest + (" and the others better than asked" if len(identified) > 1 else "")
 
 
 def _crossing(triad: TriadSpec, wanted: float, low: float, high: float) -> float:

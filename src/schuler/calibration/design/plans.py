@@ -130,11 +130,11 @@ def words_of(direction: ArrayLike) -> str:
     k = int(np.argmax(ATTITUDES @ u))
     if ATTITUDES[k] @ u < 1.0 - 1e-6:  # more than 0.08 deg away
         angle = np.round(np.arcsin(np.clip(u, -1.0, 1.0)) / DEG).astype(int)
-        said = [
+        text_parts = [
             f"{a} {abs(t)} deg {'above' if t > 0 else 'below'} level" for a, t in zip(AXES, angle, strict=True) if t
         ]
-        said += [f"{a} level" for a, t in zip(AXES, angle, strict=True) if not t]
-        return ", ".join(said)
+        text_parts += [f"{a} level" for a, t in zip(AXES, angle, strict=True) if not t]
+        return ", ".join(text_parts)
     used = [(a, "up" if s > 0 else "down", "+" if s > 0 else "-") for a, s in zip(AXES, u, strict=True) if abs(s) > 0.1]
     if len(used) == 1:
         return f"{used[0][0]} {used[0][1]}"

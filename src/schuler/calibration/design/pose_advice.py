@@ -55,7 +55,7 @@ def reasons(undetermined: Sequence[str], directions: ArrayLike) -> list[str]:
         Of the reference in body axes.
     """
     u = as_floats(directions, "directions", (None, 3))
-    found: list[str] = []
+    sentences: list[str] = []
     mixed: list[str] = []
     for name in undetermined:
         if name in _PAIRS:
@@ -71,11 +71,11 @@ def reasons(undetermined: Sequence[str], directions: ArrayLike) -> list[str]:
                 both = (u[:, i] > 0.3).any() and (u[:, i] < -0.3).any()
                 why = "" if both else f"no poses with {way} and against it"
         if why:
-            found.append(f"{name} not determined: {why}")
+            sentences.append(f"{name} not determined: {why}")
         else:
             mixed.append(name)
     if mixed:
-        found.append(
+        sentences.append(
             f"{', '.join(mixed)} not determined: these poses do not tell {'it' if len(mixed) == 1 else 'them'} apart"
         )
-    return found
+    return sentences

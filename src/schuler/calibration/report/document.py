@@ -151,12 +151,12 @@ def _pose_table(name: str, r: Residuals) -> str:
 
 
 def _correlations(result: CalibrationResult) -> str:
-    found = correlations(result, 10, above=0.5)
-    if not found:
+    blocks = correlations(result, 10, above=0.5)
+    if not blocks:
         return ""
     return (
         "<p>Pairs that the data tell apart badly: where one is wrong, the other is too. Further poses that differ in "
-        "both help.</p>\n" + parts.bullets(found)
+        "both help.</p>\n" + parts.bullets(blocks)
     )
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _PREFIX = "field_"
 
 
-def field_figure(found: FieldCalibration, which: str = "convergence", *, truth: Truth | None = None) -> Figure:
+def field_figure(result: FieldCalibration, which: str = "convergence", *, truth: Truth | None = None) -> Figure:
     """One figure of a field calibration.
 
     Parameters
@@ -45,19 +45,21 @@ def field_figure(found: FieldCalibration, which: str = "convergence", *, truth: 
     ----------
     Yaman (2017), Figs. 5.3 to 5.10.
     """
-    return draw(field_content(found, which, truth=truth))
+    return draw(field_content(result, which, truth=truth))
 
 
-def field_content(found: FieldCalibration, which: str = "convergence", *, truth: Truth | None = None) -> content.Figure:
+def field_content(
+    result: FieldCalibration, which: str = "convergence", *, truth: Truth | None = None
+) -> content.Figure:
     """Description of :func:`field_figure`."""
-    figures = {f.name.removeprefix(_PREFIX): f for f in field_panels(found, truth)}
+    figures = {f.name.removeprefix(_PREFIX): f for f in field_panels(result, truth)}
     if which not in figures:
         raise InputError(f"which: expected one of what there is ({', '.join(figures) or 'nothing'}), got {which!r}")
     return figures[which]
 
 
 def save_field_figures(
-    found: FieldCalibration,
+    result: FieldCalibration,
     folder: Path | str,
     formats: Sequence[str] = ("png", "svg"),
     *,
@@ -87,4 +89,4 @@ def save_field_figures(
     MissingExtraError
         If matplotlib is not installed (extra ``plot``).
     """
-    return save_all(field_panels(found, truth), folder, formats)
+    return save_all(field_panels(result, truth), folder, formats)

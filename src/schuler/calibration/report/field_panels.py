@@ -29,7 +29,7 @@ _SIZES = {"accel": "specific force less gravity", "gyro": "rate about the vertic
 _ORDER = ("b_a", "S_a", "M_a", "b_g", "S_g", "M_g", "G_g")
 
 
-def field_panels(found: FieldCalibration, truth: Truth | None = None) -> list[Figure]:
+def field_panels(result: FieldCalibration, truth: Truth | None = None) -> list[Figure]:
     """Every figure of a field calibration.
 
     Parameters
@@ -39,13 +39,18 @@ def field_panels(found: FieldCalibration, truth: Truth | None = None) -> list[Fi
         True errors; an :class:`~schuler.sensors.errors.ImuErrors` is brought into the axes of the calibration, a
         mapping has to be in them. SI.
     """
-    figures = (convergence(found), estimates(found, truth), rests(found), innovations(found))
+    figures = (
+        convergence(result),
+        estimates(result, truth),
+        rests(result),
+        innovations(result),
+    )
     return [f for f in figures if f is not None]
 
 
-def convergence(found: FieldCalibration) -> Figure | None:
+def convergence(result: FieldCalibration) -> Figure | None:
     """Square root of the variance over that before the log, a panel for each group of parameters."""
-    history = found.history
+    history = result.history
     if not len(history.t):
         return None
     left = np.maximum(history.normalised, 1e-9)
@@ -76,9 +81,9 @@ def convergence(found: FieldCalibration) -> Figure | None:
     )
 
 
-def estimates(found: FieldCalibration, truth: Truth | None = None) -> Figure | None:
+def estimates(result: FieldCalibration, truth: Truth | None = None) -> Figure | None:
     """Estimates with three standard deviations in data-sheet units, and the true values if they are known."""
-    history = found.history
+    history = result.history
     if not len(history.t):
         return None
     true = _true(truth, history.names)
@@ -110,32 +115,33 @@ def estimates(found: FieldCalibration, truth: Truth | None = None) -> Figure | N
                 y_limits=view(values, edges),
             )
         )
-    said = " and should hold the true value" if true else ""
+    caption = " and should hold the true value" if true else ""
     return Figure(
         "field_estimates",
         "Estimates over the log",
         "What would have been found from the log up to each time, with three standard deviations: the band narrows "
-        f"where the log shows a parameter{said}.",
+        f"where the log shows a parameter{caption}.",
         tuple(panels),
         columns=3,
     )
 
 
-def rests(found: FieldCalibration) -> Figure | None:
+def rests(result: FieldCalibration) -> Figure | None:
     """The log's rests: which way was up, and what the sensors read too much there, uncalibrated and calibrated."""
-    middle = 0.5 * (found.rests.start + found.rests.stop)
+    middle = 0.5 * (result.rests.start + result.rests.stop)
     shade = [
         Span(float(a), float(b), "expected", "" if k else "at rest")
-        for k, (a, b) in enumerate(zip(found.rests.start, found.rests.stop, strict=True))
+        for k, (a, b) in enumerate(zip(result.rests.start, result.rests.stop, strict=True))
     ]
-    residuals = {n: r for n, r in found.calibration.residuals.items() if n in _UNITS and len(r.value) == len(middle)}
+    residuals = {n: r for n, r in result.calibration.residuals.items() if n in _UNITS and len(r.value) == len(middle)}
     if not residuals:
         return None
     panels = []
     up = next((r.direction for r in residuals.values() if r.direction is not None), None)
     if up is not None:
         items = [
-            Line(*_steps(found.rests.start, found.rests.stop, up[:, i]), role, AXES[i]) for i, role in enumerate(_ROLES)
+            Line(*_steps(result.rests.start, result.rests.stop, up[:, i]), role, AXES[i])
+            for i, role in enumerate(_ROLES)
         ]
         panels.append(Panel(TIME, "up in body axes [-]", (*shade, *items), y_limits=(-1.08, 1.08)))
     for name, r in residuals.items():
@@ -158,10 +164,10 @@ def rests(found: FieldCalibration) -> Figure | None:
     )
 
 
-def innovations(found: FieldCalibration) -> Figure | None:
+def innovations(result: FieldCalibration) -> Figure | None:
     """Innovations over their own sigma, by kind of measurement."""
     panels = []
-    for kind, v in found.innovations.items():
+    for kind, v in result.innovations.items():
         if not len(v.t):
             continue
         limits = float(v.t[0]), float(v.t[-1])
@@ -187,13 +193,13 @@ def innovations(found: FieldCalibration) -> Figure | None:
 
 def groups(names: tuple[str, ...]) -> list[tuple[str, ...]]:
     """Parameters that share a panel, at most three: a triad's biases, its scale factors, a row of a matrix."""
-    found: dict[tuple[int, str], list[str]] = {}
+    result: dict[tuple[int, str], list[str]] = {}
     for name in names:
         diagonal = name[0] == "M" and name[4] == name[5]
         family = f"S{name[1:3]}" if diagonal else name[:3]
         row = name[4] if family in ("M_g", "G_g") else ""
-        found.setdefault((_ORDER.index(family), row), []).append(name)
-    return [tuple(found[key]) for key in sorted(found)]
+        result.setdefault((_ORDER.index(family), row), []).append(name)
+    return [tuple(result[key]) for key in sorted(result)]
 
 
 def _true(truth: Truth | None, names: tuple[str, ...]) -> dict[str, float]:

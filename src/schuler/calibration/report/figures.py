@@ -122,5 +122,5 @@ def save_calibration_figures(
 def next_direction(result: CalibrationResult) -> FloatArray | None:
     """Up in body axes in the pose that ``next_pose`` advises, shape (3,); None without such advice."""
     # "z up" is also the end of "+x and -z up alike"
-    said = [d for d in ATTITUDES if words_of(d) in result.next_pose]
-    return np.asarray(max(said, key=lambda d: len(words_of(d))), dtype=np.float64) if said else None
+    text = [d for d in ATTITUDES if words_of(d) in result.next_pose]
+    return np.asarray(max(text, key=lambda d: len(words_of(d))), dtype=np.float64) if text else None

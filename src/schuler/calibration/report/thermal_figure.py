@@ -74,9 +74,9 @@ def _panel(result: CalibrationResult, name: str, table: dict[str, Any]) -> Panel
         for way in _WAYS:
             rows = zip(entries["value"], ways, strict=True)
             values = entries.get(way) or [v if w == way else None for v, w in rows]
-            known = [(t, v, s) for t, v, s in zip(at, values, entries["sigma"], strict=True) if v is not None]
-            if known:
-                x, y, s = np.array(known, dtype=np.float64).T
+            available = [(t, v, s) for t, v, s in zip(at, values, entries["sigma"], strict=True) if v is not None]
+            if available:
+                x, y, s = np.array(available, dtype=np.float64).T
                 gap = np.full_like(x, np.nan)
                 bars = np.stack([y - 3.0 * s, y + 3.0 * s, gap], axis=1).ravel()
                 items += [Line(np.repeat(x, 3), bars, way), Markers(x, y, way, way)]

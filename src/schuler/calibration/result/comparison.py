@@ -160,8 +160,8 @@ def compare(a: CalibrationResult, b: CalibrationResult, *, beyond: float = 3.0) 
     gauge: Gauge = b.gauge if a.gauge == "full" else a.gauge
     first = a.in_gauge(gauge)
     second = with_nominal(b, a.nominal).in_gauge(gauge)
-    known = [dict.fromkeys((*r.names, *r.fixed)) for r in (first, second)]
-    names = tuple(n for n in known[0] if n in known[1] and not (n in first.fixed and n in second.fixed))
+    determined = [dict.fromkeys((*r.names, *r.fixed)) for r in (first, second)]
+    names = tuple(n for n in determined[0] if n in determined[1] and not (n in first.fixed and n in second.fixed))
     held = tuple(n for n in first.fixed if n in second.fixed and abs(first.fixed[n] - second.fixed[n]) > _ROUNDING)
     names += held
     if not names:
@@ -175,7 +175,8 @@ def compare(a: CalibrationResult, b: CalibrationResult, *, beyond: float = 3.0) 
     change = None if a.temperature is None or b.temperature is None else b.temperature - a.temperature
     return Difference(
         names, difference, C, gauge, beyond, chi2, freedom, p,
-        tuple(n for n in first.names if n not in known[1]), tuple(n for n in second.names if n not in known[0]), change,
+        tuple(n for n in first.names if n not in determined[1]),
+        tuple(n for n in second.names if n not in determined[0]), change,
     )  # fmt: skip
 
 

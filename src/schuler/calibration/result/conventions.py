@@ -73,16 +73,16 @@ def to_imu_tk(result: CalibrationResult) -> dict[str, Any]:
     Tedaldi, Pretto, Menegatti (ICRA 2014), whose bias has the other sign; imu_tk, calibration.h, class CalibratedTriad.
     """
     errors = in_gauge(determined_errors(result), "upper")
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for triad, R, b, s in (
         ("a", np.eye(3) + errors.M_a, errors.b_a, result.nominal[0]),
         ("g", np.eye(3) + errors.M_g, errors.b_g, result.nominal[1]),
     ):
         TK = s * np.linalg.inv(R)
         K = np.diag(TK).copy()
-        found |= {f"T_{triad}": TK / K, f"K_{triad}": np.diag(K), f"B_{triad}": b / s}
-    found["T_a"] = np.triu(found["T_a"])  # rounding below the diagonal
-    return found | {"left_out": left_out(result, "imu_tk", ("G_g", "Q_a", "r_a", "delay"))}
+        values |= {f"T_{triad}": TK / K, f"K_{triad}": np.diag(K), f"B_{triad}": b / s}
+    values["T_a"] = np.triu(values["T_a"])  # rounding below the diagonal
+    return values | {"left_out": left_out(result, "imu_tk", ("G_g", "Q_a", "r_a", "delay"))}
 
 
 def from_imu_tk(

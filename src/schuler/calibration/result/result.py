@@ -144,8 +144,8 @@ class CalibrationResult:
         covariance = np.asarray(self.covariance, dtype=np.float64)
         if covariance.shape != (p, p) or np.isnan(covariance).any() or (np.diag(covariance) < 0.0).any():
             raise InputError(f"covariance: expected shape ({p}, {p}) without NaN or negative variances")
-        known = np.isfinite(np.diag(covariance))
-        part, spread = covariance[np.ix_(known, known)], np.sqrt(np.diag(covariance)[known])
+        determined = np.isfinite(np.diag(covariance))
+        part, spread = covariance[np.ix_(determined, determined)], np.sqrt(np.diag(covariance)[determined])
         if (np.abs(part - part.T) > 1e-6 * np.outer(spread, spread)).any():
             raise InputError("covariance: expected a symmetric matrix")
         object.__setattr__(self, "covariance", readonly(0.5 * (covariance + covariance.T)))
@@ -272,9 +272,9 @@ class CalibrationResult:
             h = np.zeros(len(self.names))
             h[i] = 1e-6
             J[:, i] = (changed(self.values + h) - changed(self.values - h)) / 2e-6
-        known = np.isfinite(self.sigma)
-        covariance = J[:, known] @ self.covariance[np.ix_(known, known)] @ J[:, known].T
-        lost = (np.abs(J[:, ~known]) > 1e-3).any(axis=1)
+        determined = np.isfinite(self.sigma)
+        covariance = J[:, determined] @ self.covariance[np.ix_(determined, determined)] @ J[:, determined].T
+        lost = (np.abs(J[:, ~determined]) > 1e-3).any(axis=1)
         covariance[lost, lost] = np.inf
         values = changed(self.values)
         # by the gauge itself or because nothing they depend on is uncertain; not by size, which noise of J could pass

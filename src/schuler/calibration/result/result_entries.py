@@ -92,13 +92,13 @@ def _covariance(rows: Any, names: list[str]) -> FloatArray:
     for i, row in enumerate(rows):
         numbers = [_number_of(v, f"covariance, row of {names[i]}", finite=False) for v in row]
         C[i, : i + 1] = C[: i + 1, i] = numbers
-    known = np.isfinite(np.diag(C))
+    allowed = np.isfinite(np.diag(C))
     if np.isnan(C).any() or (np.diag(C) < 0.0).any():
         i = int(np.argmax((np.diag(C) < 0.0) | np.isnan(C).any(axis=1)))
         raise InputError(
             f"covariance: expected numbers and no negative variance, got {C[i, : i + 1].tolist()} for {names[i]}"
         )
-    part = C[np.ix_(known, known)]
+    part = C[np.ix_(allowed, allowed)]
     s = np.sqrt(np.where(np.diag(part) > 0.0, np.diag(part), 1.0))
     if len(part) and np.linalg.eigvalsh(part / np.outer(s, s)).min() < -1e-6:
         raise InputError("covariance: expected a covariance, got correlations beyond 1; a number was changed by hand")
@@ -135,8 +135,8 @@ def _array(value: Any, where: str, shape: tuple[int | None, ...]) -> FloatArray:
     return array
 
 
-def _check_names(data: Mapping[Any, Any], known: Iterable[str], where: str) -> None:
-    names = list(known)
+def _check_names(data: Mapping[Any, Any], allowed: Iterable[str], where: str) -> None:
+    names = list(allowed)
     for key in data:
         if key not in names:
             near = difflib.get_close_matches(str(key), names, n=1, cutoff=0.5)
@@ -170,9 +170,9 @@ def _number_of(value: Any, where: str, *, finite: bool = True) -> float:
     return number
 
 
-def _one_of(value: Any, known: Iterable[str], where: str) -> Any:
-    if value not in list(known):
-        raise InputError(f"{where}: expected one of {', '.join(known)}, got {value!r}")
+def _one_of(value: Any, allowed: Iterable[str], where: str) -> Any:
+    if value not in list(allowed):
+        raise InputError(f"{where}: expected one of {', '.join(allowed)}, got {value!r}")
     return value
 
 

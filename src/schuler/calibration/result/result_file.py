@@ -81,10 +81,10 @@ def result_text(result: CalibrationResult) -> str:
     if result.next_pose:
         lines += _block("next_pose", result.next_pose)
     if result.prior_sigma:
-        known = [
+        determined = [
             (n, s, f"[{unit(n)}] = {s / sheet(n).factor:.4g} {sheet(n).unit}") for n, s in result.prior_sigma.items()
         ]
-        lines += ["# 1 sigma before the calibration", *_table("prior_sigma", known)]
+        lines += ["# 1 sigma before the calibration", *_table("prior_sigma", determined)]
     if result.residuals:
         lines += ["# what is left per pose or turn, 1 sigma that was expected, the same before the calibration"]
         lines += _block("residuals", {name: _residuals(r) for name, r in result.residuals.items()})

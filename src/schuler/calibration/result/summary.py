@@ -59,12 +59,12 @@ def verdicts(result: CalibrationResult) -> list[str]:
         poses came along its axis; one on the variance of unit weight if it is improbable; advice.
     """
     sentences = [_sentence(v) for v in result.verdicts]
-    said = " ".join(result.verdicts)
+    stated = " ".join(result.verdicts)
     lost = [n for n, s in zip(result.names, result.sigma, strict=True) if not np.isfinite(s)]
     sentences += [
         f"{name}, {sheet(name).meaning}, not determined{_reach(result, name)}."
         for name in lost
-        if name not in said and sheet(name).meaning not in said
+        if name not in stated and sheet(name).meaning not in stated
     ]
     p = unit_weight_probability(result)
     if p is not None and min(p, 1.0 - p) < _IMPROBABLE:
@@ -72,7 +72,7 @@ def verdicts(result: CalibrationResult) -> list[str]:
         # whether the method has enlarged its uncertainties for it is for the method to say
         why = "it is larger, the unit moved, or the model lacks something" if v > 1.0 else "it is smaller than stated"
         sentences.append(f"Residuals are {np.sqrt(v):.2g} times what the stated noise makes them: {why}.")
-    if result.next_pose and result.next_pose not in said:
+    if result.next_pose and result.next_pose not in stated:
         sentences.append(f"Next: {_sentence(result.next_pose)}")
     return sentences
 
@@ -106,21 +106,21 @@ def rows(result: CalibrationResult) -> list[tuple[str, str, str, str, str, str, 
 
 def facts(result: CalibrationResult) -> list[tuple[str, str]]:
     """Condition, unit weight, residuals, temperature, nominal factors: name and text each."""
-    found = []
+    entries = []
     if np.isfinite(result.condition):
-        found.append(("condition number", f"{result.condition:.3g}"))
+        entries.append(("condition number", f"{result.condition:.3g}"))
     p = unit_weight_probability(result)
     if p is not None:
         text = f"{result.variance_of_unit_weight:.3g} with {result.freedom} degrees of freedom, {probability(p)}"
-        found.append(("variance of unit weight", text))
-    found += [(f"residuals {name}", residual_words(r)) for name, r in result.residuals.items() if len(r.value)]
-    found += [("strongest correlation", text) for text in correlations(result, 1)]
+        entries.append(("variance of unit weight", text))
+    entries += [(f"residuals {name}", residual_words(r)) for name, r in result.residuals.items() if len(r.value)]
+    entries += [("strongest correlation", text) for text in correlations(result, 1)]
     if result.temperature is not None:
-        found.append(("temperature", f"{result.temperature:.1f} degC"))
+        entries.append(("temperature", f"{result.temperature:.1f} degC"))
     if result.nominal != (1.0, 1.0):
         accel, gyro = result.nominal
-        found.append(("nominal factors", f"{accel:.8g} m/s^2 and {gyro:.8g} rad/s per unit of the log"))
-    return found
+        entries.append(("nominal factors", f"{accel:.8g} m/s^2 and {gyro:.8g} rad/s per unit of the log"))
+    return entries
 
 
 def residual_words(r: Residuals) -> str:

@@ -45,10 +45,10 @@ def calibrate_ramp(
     names = (*BIAS_G, *BIAS_A)
     span = float(np.ptp(T)) if len(T) else 0.0
     if len(T) < _FEWEST or span < max(SMALLEST_SPAN, 3.0 * sensor.step):
-        said = f"the temperature changes by {span:.2g} K only; expected {SMALLEST_SPAN:g} K or more"
+        sentences = f"the temperature changes by {span:.2g} K only; expected {SMALLEST_SPAN:g} K or more"
         if span == 0.0:
-            said = "the temperature never changes: a stuck sensor, or no ramp"
-        return refused(names, [*verdicts, f"{said}; heat and cool the unit over the range it will be used in"])
+            sentences = "the temperature never changes: a stuck sensor, or no ramp"
+        return refused(names, [*verdicts, f"{sentences}; heat and cool the unit over the range it will be used in"])
     T0 = reference_of(reference, float(T.min()), float(T.max()))
     ways = thermal_log.branches(T, max(1.0, 0.05 * span))
     edges = thermal_log.blocks(len(T))
@@ -62,22 +62,22 @@ def calibrate_ramp(
         if not (np.isfinite(N).all() and (N > 0.0).all()):
             raise InputError(f"noise: expected positive densities of gyroscopes and accelerometers, got {noise!r}")
         sigma = N * np.sqrt(rates.rate_hz)
-    found = thermal_ramp.curves(Y, T, ways, edges, T0, degree, at, relative, sigma)
-    verdicts += _ramp_verdicts(dict(zip(names, found, strict=True)), ways, span, force is None)
-    values = np.array([0.0 if free else c.x[0] for c, free in zip(found, relative, strict=True)])
-    variances = np.array([np.inf if free else c.covariance[0, 0] for c, free in zip(found, relative, strict=True)])
+    fit = thermal_ramp.curves(Y, T, ways, edges, T0, degree, at, relative, sigma)
+    verdicts += _ramp_verdicts(dict(zip(names, fit, strict=True)), ways, span, force is None)
+    values = np.array([0.0 if free else c.x[0] for c, free in zip(fit, relative, strict=True)])
+    variances = np.array([np.inf if free else c.covariance[0, 0] for c, free in zip(fit, relative, strict=True)])
     y, blocks_T = thermal_log.means(Y, edges), thermal_log.means(T, edges)
     thermal = {
         "kind": "ramp",
         "reference_temperature": T0,
         "range": [float(T.min()), float(T.max())],
-        "degree": {n: c.degree for n, c in zip(names, found, strict=True)},
-        "criterion": {n: c.criterion for n, c in zip(names, found, strict=True)},
-        "coefficients": {n: _coefficients(c, free) for n, c, free in zip(names, found, relative, strict=True)},
-        "covariance": {n: _covariance(c, free) for n, c, free in zip(names, found, relative, strict=True)},
-        "table": {"temperature": at.tolist()} | {n: c.table for n, c in zip(names, found, strict=True)},
-        "hysteresis": {n: c.hysteresis for n, c in zip(names, found, strict=True)},
-        "noise": {n: _noise(c) for n, c in zip(names, found, strict=True)},
+        "degree": {n: c.degree for n, c in zip(names, fit, strict=True)},
+        "criterion": {n: c.criterion for n, c in zip(names, fit, strict=True)},
+        "coefficients": {n: _coefficients(c, free) for n, c, free in zip(names, fit, relative, strict=True)},
+        "covariance": {n: _covariance(c, free) for n, c, free in zip(names, fit, relative, strict=True)},
+        "table": {"temperature": at.tolist()} | {n: c.table for n, c in zip(names, fit, strict=True)},
+        "hysteresis": {n: c.hysteresis for n, c in zip(names, fit, strict=True)},
+        "noise": {n: _noise(c) for n, c in zip(names, fit, strict=True)},
         "branches": [
             {"direction": "heating" if w.direction > 0 else "cooling", "from": w.start, "to": w.stop,
              "samples": int(w.last - w.first)} for w in ways
@@ -87,10 +87,10 @@ def calibrate_ramp(
     limited = force is None or bool(verdicts)
     return CalibrationResult(
         "thermal", names, values, np.diag(variances), "full", status="warning" if limited else "ok",
-        verdicts=tuple(verdicts), condition=float("nan"), freedom=min(c.freedom for c in found),
+        verdicts=tuple(verdicts), condition=float("nan"), freedom=min(c.freedom for c in fit),
         residuals={
-            "gyro": thermal_ramp.residuals(found[:3], y[:, :3], blocks_T, ways, edges, at, "rad/s"),
-            "accel": thermal_ramp.residuals(found[3:], y[:, 3:], blocks_T, ways, edges, at, "m/s^2"),
+            "gyro": thermal_ramp.residuals(fit[:3], y[:, :3], blocks_T, ways, edges, at, "rad/s"),
+            "accel": thermal_ramp.residuals(fit[3:], y[:, 3:], blocks_T, ways, edges, at, "m/s^2"),
         },
         next_pose="soak at several temperatures in six or more poses, to tell scale factor from bias",
         temperature=T0, extra={"thermal": thermal},
@@ -129,17 +129,17 @@ def _sensor_verdicts(imu: ImuSeries, sensor: thermal_log.Repaired, spikes: int) 
     return out
 
 
-def _ramp_verdicts(found: dict[str, Curve], ways: list[thermal_log.Branch], span: float, relative: bool) -> list[str]:
+def _ramp_verdicts(fit: dict[str, Curve], ways: list[thermal_log.Branch], span: float, relative: bool) -> list[str]:
     out = []
     if span < NARROW_SPAN:
         out.append(f"the ramp spans {span:.1f} K only; do not use the result beyond it, and make a wider one")
-    checked = [n for n, c in found.items() if c.hysteresis["checked"]]
+    checked = [n for n, c in fit.items() if c.hysteresis["checked"]]
     if not checked:
         out.append(
             f"hysteresis cannot be checked: the temperature only {'rises' if ways[0].direction > 0 else 'falls'}; "
             "go back to where the ramp began"
         )
-    for name, curve in found.items():
+    for name, curve in fit.items():
         h = curve.hysteresis
         if h["found"]:
             out.append(

@@ -28,10 +28,10 @@ def calibrate_soak(
     names = (*BIAS_G, *BIAS_A)
     low, high = float(soak.T.min()), float(soak.T.max())
     if high - low < SMALLEST_SPAN or len(soak.level) < 2:
-        said = (
+        sentences = (
             f"the temperatures span {high - low:.2g} K only; expected {SMALLEST_SPAN:g} K or more in two or more soaks"
         )
-        return refused(names, [said + "; a calibration at one temperature needs no soak"])
+        return refused(names, [sentences + "; a calibration at one temperature needs no soak"])
     T0, span = reference_of(reference, low, high), high - low
     verdicts: list[str] = []
     m = thermal_soak.distinct(soak.level)

@@ -69,8 +69,8 @@ def thermal_value(
             raise InputError(f"name: there is no table of {name}; use the polynomial")
         order = np.argsort(thermal["table"]["temperature"], kind="stable")
         at = [thermal["table"]["temperature"][k] for k in order]
-        found = (thermal_table.interpolated(T, at, [table[what][k] for k in order]) for what in ("value", "sigma"))
-        return next(found), next(found)
+        columns = (thermal_table.interpolated(T, at, [table[what][k] for k in order]) for what in ("value", "sigma"))
+        return next(columns), next(columns)
     c = np.array(thermal["coefficients"][name])
     P = powers(T, thermal["reference_temperature"], len(c))
     C = np.array(thermal["covariance"][name])

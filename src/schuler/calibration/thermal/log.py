@@ -170,17 +170,17 @@ def branches(T: FloatArray, smallest: float) -> list[Branch]:
     if way == 0:
         return []
     places = [0, *(int(edges[k]) + width // 2 for k in dict.fromkeys(turns)), len(T)]
-    found = []
+    candidates = []
     for a, b in pairwise(places):
         start, stop = float(T[a]), float(T[b - 1])
-        found.append(Branch(a, b, 1 if stop > start else -1, start, stop))
-    return found
+        candidates.append(Branch(a, b, 1 if stop > start else -1, start, stop))
+    return candidates
 
 
-def directions(n: int, found: list[Branch]) -> FloatArray:
+def directions(n: int, candidates: list[Branch]) -> FloatArray:
     """+1 heating, -1 cooling, for each of n samples."""
     s = np.zeros(n)
-    for branch in found:
+    for branch in candidates:
         s[branch.first : branch.last] = branch.direction
     return s
 

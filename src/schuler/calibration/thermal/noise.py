@@ -122,7 +122,7 @@ def noise_of(Y: FloatArray, X: FloatArray) -> list[Noise]:
     value[0] += np.log(_WHITE)
     weights = np.exp(value - value.max(axis=0))
     weights /= weights.sum(axis=0)
-    found = []
+    estimate = []
     for i in range(Y.shape[1]):
         V = np.zeros((J, J))
         for weight, square, one in zip(weights[:, i], squares[:, i], tried, strict=True):
@@ -132,8 +132,8 @@ def noise_of(Y: FloatArray, X: FloatArray) -> list[Noise]:
         L = np.linalg.cholesky(V / sigma**2)
         tau = float(np.sum(weights[:, i] * [t[0] for t in tried]))
         share = float(np.sum(weights[:, i] * [t[1] for t in tried]))
-        found.append(Noise(np.asarray(np.linalg.inv(L)), np.asarray(L), sigma, tau, share, float(floor[i])))
-    return found
+        estimate.append(Noise(np.asarray(np.linalg.inv(L)), np.asarray(L), sigma, tau, share, float(floor[i])))
+    return estimate
 
 
 def white(Y: FloatArray, sigma: FloatArray) -> list[Noise]:
@@ -174,12 +174,12 @@ def fit(y: FloatArray, X: FloatArray, noise: Noise) -> LinearFit:
     return LinearFit(x, B @ B.T, max(float(left @ left), noise.floor), y - X @ x)
 
 
-def bic(found: LinearFit, noise: Noise, columns: int) -> float:
+def bic(estimate: LinearFit, noise: Noise, columns: int) -> float:
     """Bayesian information criterion with the noise held: ``squares / sigma^2 + columns ln J``, smaller is better.
 
     The whitened residuals are independent, so J, the number of blocks, is an honest number of observations.
     """
-    return float(found.squares / noise.sigma**2 + columns * np.log(len(noise.W)))
+    return float(estimate.squares / noise.sigma**2 + columns * np.log(len(noise.W)))
 
 
 def better(smaller: LinearFit, larger: LinearFit, noise: Noise, added: int) -> float:

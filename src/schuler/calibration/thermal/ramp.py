@@ -192,7 +192,7 @@ def _repeatability(
     left: FloatArray, T: FloatArray, ways: list[Branch], edges: IntArray, noise: Noise
 ) -> dict[str, Any] | None:
     """Largest mean difference between two branches of one direction at the temperatures that both pass."""
-    found = []
+    solution = []
     rough = float(np.std(np.diff(left))) / np.sqrt(2.0)
     for i, a in enumerate(ways):
         for b in ways[i + 1 :]:
@@ -207,10 +207,10 @@ def _repeatability(
             value = float(weights @ left)
             clear = bool(abs(value) > 5.0 * rough * np.linalg.norm(weights))
             sigma = float(noise.sigma * np.linalg.norm(weights @ noise.L))
-            found.append((value, sigma, a.direction, clear))
-    if not found:
+            solution.append((value, sigma, a.direction, clear))
+    if not solution:
         return None
-    value, sigma, way, clear = max(found, key=lambda v: abs(v[0]))
+    value, sigma, way, clear = max(solution, key=lambda v: abs(v[0]))
     direction = "heating" if way > 0 else "cooling"
     return {"difference": value, "sigma": sigma, "direction": direction, "beyond_white_noise": clear}
 
@@ -236,7 +236,7 @@ def strongly_better(curve: Curve) -> int | None:
 
 
 def residuals(
-    found: list[Curve], y: FloatArray, T: FloatArray, ways: list[Branch], edges: IntArray, at: FloatArray, unit: str
+    solution: list[Curve], y: FloatArray, T: FloatArray, ways: list[Branch], edges: IntArray, at: FloatArray, unit: str
 ) -> Residuals:
     """What a correction with the polynomials leaves, by axis, branch and piece of the table.
 
@@ -253,7 +253,7 @@ def residuals(
     unit : str
     """
     label, value, sigma, before = [], [], [], []
-    for i, (axis, curve) in enumerate(zip("xyz", found, strict=True)):
+    for i, (axis, curve) in enumerate(zip("xyz", solution, strict=True)):
         level = float(np.mean(y[:, i]))
         for way in ways:
             for low, high in pairwise(at):

@@ -68,19 +68,19 @@ def table(y: FloatArray, up: FloatArray, down: FloatArray, noise: Noise, relativ
     X = np.concatenate((up, down), axis=1)
     # a knot that is only touched from the side cannot be estimated: half a block's worth is the least
     seen: BoolArray = np.asarray(X.sum(axis=0) > 0.5)
-    found = thermal_noise.fit(y, X[:, seen], noise)
+    solution = thermal_noise.fit(y, X[:, seen], noise)
     x, C = np.full(2 * k, np.nan), np.zeros((2 * k, 2 * k))
-    x[seen] = found.x
-    C[np.ix_(seen, seen)] = found.covariance
+    x[seen] = solution.x
+    C[np.ix_(seen, seen)] = solution.covariance
     # mean of both directions where there are both
     L = np.zeros((k, 2 * k))
     for i in range(k):
         there = [j for j in (i, i + k) if seen[j]]
         L[i, there] = 1.0 / max(len(there), 1)
-    known: BoolArray = np.asarray(L.any(axis=1))
+    available: BoolArray = np.asarray(L.any(axis=1))
     x0 = np.where(seen, x, 0.0)
     if relative_to.any():
-        weights = np.where(known, relative_to, 0.0)
+        weights = np.where(available, relative_to, 0.0)
         zero = (weights / max(weights.sum(), 1e-300)) @ L
         x0 = x0 - float(zero @ x0) * seen
         C = _shifted(C, zero, seen)
@@ -89,8 +89,8 @@ def table(y: FloatArray, up: FloatArray, down: FloatArray, noise: Noise, relativ
     D = np.concatenate((np.eye(k), -np.eye(k)), axis=1)
     gap, gap_sigma = D @ x0, np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", D, C, D), 0.0))
     return {
-        "value": _listed(value, known),
-        "sigma": _listed(sigma, known),
+        "value": _listed(value, available),
+        "sigma": _listed(sigma, available),
         "heating": _listed(x0[:k], seen[:k]),
         "cooling": _listed(x0[k:], seen[k:]),
         "gap": _listed(gap, both),
@@ -104,14 +104,14 @@ def _shifted(C: FloatArray, zero: FloatArray, seen: BoolArray) -> FloatArray:
     return np.asarray(T @ C @ T.T)
 
 
-def _listed(x: FloatArray, known: BoolArray) -> list[float | None]:
-    return [float(v) if ok else None for v, ok in zip(x, known, strict=True)]
+def _listed(x: FloatArray, available: BoolArray) -> list[float | None]:
+    return [float(v) if ok else None for v, ok in zip(x, available, strict=True)]
 
 
 def interpolated(temperature: FloatArray, at: list[float], values: list[float | None]) -> FloatArray:
     """Linear interpolation in a table; knots without a value are skipped."""
-    known = [(t, v) for t, v in zip(at, values, strict=True) if v is not None]
-    return np.interp(temperature, [t for t, _ in known], [v for _, v in known])
+    available = [(t, v) for t, v in zip(at, values, strict=True) if v is not None]
+    return np.interp(temperature, [t for t, _ in available], [v for _, v in available])
 
 
 #: Below this span of temperatures nothing is fitted; below the second the result carries a warning. [K]

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from schuler.earth import WGS84
 from schuler.filtering.kernels.covariance import PAD, dcm, padded
 from schuler.filtering.kernels.range import pseudorange, range_rate
 from schuler.filtering.kernels.rest import earth_rate, gravity_magnitude, gravity_vector
 from schuler.filtering.kernels.vehicle import heading, height, rate_columns, vehicle_velocity, zero_rate
-from schuler.jit import inlined, kernel
+from schuler.jit import borrowing, inlined
 from schuler.mechanization.kernels import gravity_e, half_angle
 
 _A = WGS84.a
@@ -70,7 +68,7 @@ def ned_axes(r, U):
     U[2, 0], U[2, 1], U[2, 2] = -cL * cl, -cL * sl, -sL
 
 
-@kernel
+@borrowing
 def measurement_rows(kind, z, lever, nav, est, reg, sens, ptab, n_sensor, at, omega, H, y, U):
     """Rows ``H`` (3, n) and difference ``y`` = predicted minus measured; returns how many.
 
@@ -208,7 +206,7 @@ def measurement_rows(kind, z, lever, nav, est, reg, sens, ptab, n_sensor, at, om
     return 3
 
 
-@kernel
+@borrowing
 def reset(kind, R, P, nav, y, U):
     """Put position or velocity where the measurement says, with its covariance and no memory: no filter update.
 
@@ -230,8 +228,8 @@ def reset(kind, R, P, nav, y, U):
             P[first + i, first + j] = v
 
 
-@kernel
-def innovate(P, H, y, R, d, W, G, e, S):
+@borrowing
+def innovate(P, H, y, R, d, W, G, e, S, L):
     """Whitened innovation of a measurement of ``d`` <= 3 components; nothing is changed yet.
 
     ``S = H P H' + R = L L'``; ``W = L^-1 H P``, ``G = L^-1 H``, ``e = L^-1 y``. The update is then ``dx = W' e``,
@@ -262,7 +260,6 @@ def innovate(P, H, y, R, d, W, G, e, S):
             S[a, b] = v
             S[b, a] = v
     nis = 0.0
-    L = np.zeros((3, 3))
     for a in range(d):
         for b in range(a + 1):
             v = S[a, b]
@@ -295,7 +292,7 @@ def innovate(P, H, y, R, d, W, G, e, S):
     return nis
 
 
-@kernel
+@borrowing
 def correct(P, nav, est, W, e, d, dx):
     """Apply the update: ``P -= W' W`` (symmetric to the last bit) and closed-loop feedback of ``dx = W' e``."""
     n = P.shape[0]

@@ -133,11 +133,3 @@ def draw_run(scenario: LaneScenario, run: int, seed: int) -> Draws:
         drawn.slopes,
         streams,
     )
-
-
-def aligned(*shape: int) -> FloatArray:
-    """Zeros that begin on a cache line, as vectors like it."""
-    size = int(np.prod(shape))
-    block = np.zeros(size + 8)
-    first = (-block.ctypes.data // 8) % 8
-    return block[first : first + size].reshape(shape)

@@ -125,11 +125,11 @@ class Workspace(NamedTuple):
         """Workspace for n states, of which n_sensor are errors of the IMU."""
         A = np.zeros((9, 9))
         A[2, 2] = 1.0
-        wide = [aligned(3, MAX_STATES) for _ in range(3)]
+        H, W, G = (aligned(3, MAX_STATES) for _ in range(3))
         return cls(
             np.zeros((3, 18)), np.zeros((3, 6)), np.zeros(7), np.zeros(6), np.zeros((n_sensor, 9)), A,
             aligned(9, MAX_STATES), aligned(9, MAX_STATES), np.ones(n - 9), np.ones(n - 9),
-            np.zeros((4, 7, 9)), np.zeros(9), np.zeros((2, 3, 3)), *wide, np.zeros(3), np.zeros(3),
+            np.zeros((4, 7, 9)), np.zeros(9), np.zeros((2, 3, 3)), H, W, G, np.zeros(3), np.zeros(3),
             np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(n),
         )  # fmt: skip
 

@@ -96,6 +96,16 @@ def turned_by(c, x, y, z):
 
 
 @inlined
+def turned_back(c, u, v, w):
+    """A vector of Earth-fixed axes in body axes."""
+    return (
+        u * c[0] + v * c[3] + w * c[6],
+        u * c[1] + v * c[4] + w * c[7],
+        u * c[2] + v * c[5] + w * c[8],
+    )
+
+
+@inlined
 def mean_rate(reg):
     """Mean angular rate of the present interval, body axes, and one over its length."""
     k = 1.0 / reg[0] if reg[0] > 0.0 else 0.0
@@ -138,8 +148,8 @@ def position_rows(z, lever, nav, est, i_lever, i_error, i_delay, H, y, U):
 def velocity_rows(z, lever, nav, est, reg, sens, ptab, n_sensor, i_lever, i_error, i_delay, omega, H, y, U):
     """Velocity of an antenna, north, east, down: ``v + C (omega_ib x l) - omega_ie x (C l) + delay a``.
 
-    Of a zero-velocity update it is that of the point that rests: axle, sole of a shoe. ``z[3:6]`` is the rate of a lever
-    arm that turns in the IMU's axes.
+    Of a zero-velocity update it is that of the point that rests: axle, sole of a shoe. ``z[3:6]`` is the rate of a
+    lever arm that turns in the IMU's axes.
     """
     l0, l1, l2 = estimated_lever(lever, est, i_lever)
     c = dcm(nav)

@@ -95,6 +95,7 @@ def test_live_step_without_python(benchmark, filter_job):
     import numba
 
     from schuler.filtering.engine import FilterState
+    from schuler.filtering.filter_arrays import ImuStream
     from schuler.filtering.kernels import run as k
 
     inc, _, initial, lay, gyro, accel = filter_job(15)
@@ -103,12 +104,14 @@ def test_live_step_without_python(benchmark, filter_job):
     none, out = navigator._no_measurement, navigator._out
 
     @numba.njit(nogil=True)
-    def loop(dtheta, dv, dt, t, none, arrays, out):
+    def loop(dtheta, dv, dt, t, none, arrays, model, settings, work, out):
         for i in range(len(t)):
             part = slice(i, i + 1)
-            k.run_filter(dtheta[part], dv[part], dt[part], t[part], *none, *arrays, *out)
+            stream = ImuStream(dtheta[part], dv[part], dt[part], t[part], False)
+            k.run_filter(stream, none, arrays, model, settings, work, out[0], out[1], out[2])
 
-    args = (inc.dtheta_ib_b[:20_000], inc.dv_ib_b[:20_000], inc.dt[:20_000], inc.t[:20_000], none, state.arrays, out)
+    log = (inc.dtheta_ib_b[:20_000], inc.dv_ib_b[:20_000], inc.dt[:20_000], inc.t[:20_000])
+    args = (*log, none, state.arrays, state.model, state.settings, state.work, out)
     loop(*args)
     benchmark.extra_info["epochs"] = 20_000
     benchmark.pedantic(loop, args=args, rounds=5)

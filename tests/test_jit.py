@@ -65,17 +65,16 @@ transition.compile((m, v, v, nb.float64))
 """
 LANES = """
 import numba as nb
-from schuler.montecarlo.lanes._covariance_kernels import flush
-from schuler.montecarlo.lanes._vector_kernels import lane
+from schuler.filtering.kernels.vector import lane
+from schuler.montecarlo.lanes._shared_kernels import transition
 x, y = (nb.types.Array(lane, d, "C", aligned=False) for d in (1, 2))
-v = nb.float64[::1]
-flush.compile((y, x, x, y, y, y, v, v, nb.int64[::1], nb.boolean, nb.float64))
+transition.compile((y, x, x, nb.float64))
 """
 CALLER = """
 import numba as nb
-from schuler.budget._replay_kernels import replay_columns
-v, m, c, i, s = nb.float64[::1], nb.float64[:, ::1], nb.float64[:, :, ::1], nb.int64[::1], nb.int64
-replay_columns.compile((m, m, c, i, c, i, i, m, c, c, v, s, s, nb.float64, c, i, c))
+from schuler.budget import _replay_kernels as k
+k.prepare = lambda kernels: [kernel.compile(types) for kernel, types in kernels if kernel is k.replay_columns]
+k.prepare_replay()
 """
 
 

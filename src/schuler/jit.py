@@ -13,13 +13,11 @@ import hashlib
 import sys
 import threading
 import types
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, cast
 
 import numba
-from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import is_jitted
 
 _NOTICE_AFTER_S = 1.5
@@ -27,7 +25,7 @@ _NOTICE_AFTER_S = 1.5
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 # Besides the kernel files: what they take constants from (tests/test_project.py holds them to it).
-SOURCES = ("jit.py", "earth.py", "filtering/limits.py")
+SOURCES = ("jit.py", "earth.py", "filtering/limits.py", "filtering/filter_arrays.py")
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -38,9 +36,18 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     return _kept(function, {})
 
 
+def borrowing(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Like :func:`kernel` for functions that work on their caller's arrays alone: no reference is counted.
+
+    Counting costs an atomic operation whenever an array or a row of one gets a name, a quarter of the filter's time.
+    Such a function must neither make an array (that does not compile) nor return one.
+    """
+    return _kept(function, {"_nrt": False})
+
+
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Like :func:`kernel` for small helpers called inside hot loops: asks LLVM to inline them."""
-    return _kept(function, {"forceinline": True})
+    """Like :func:`borrowing` for small helpers called inside hot loops: asks LLVM to inline them."""
+    return _kept(function, {"_nrt": False, "forceinline": True})
 
 
 def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Callable[..., Any]:
@@ -86,15 +93,8 @@ def lane_version(function: Callable[..., Any], **helpers: Callable[..., Any]) ->
     second = types.FunctionType(text.__code__, names, text.__name__, text.__defaults__)
     second.__qualname__ = f"{text.__qualname__}_in_lanes"  # numba names the index on disk by it
     second.__doc__ = text.__doc__
-    inline = original.targetoptions.get("forceinline", False)
-    return _kept(second, {"forceinline": True} if inline else {})
-
-
-@contextmanager
-def between_compilations() -> Iterator[None]:
-    """Hold off compilations of other threads, while modules are imported that register types and operators."""
-    with global_compiler_lock:
-        yield
+    same = ("forceinline", "_nrt")
+    return _kept(second, {name: original.targetoptions[name] for name in same if name in original.targetoptions})
 
 
 @functools.cache

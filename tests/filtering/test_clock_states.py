@@ -9,6 +9,7 @@ import pytest
 from schuler import earth, frames, rotation
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, InitialState, run, unpack_symmetric
+from schuler.filtering.filter_arrays import aligned
 from schuler.filtering.limits import MAX_STATES
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel
@@ -57,15 +58,17 @@ def test_flush_is_the_matrix_exponential(seconds):
     F[range(9, n), range(9, n)] = -lay.dynamics()[:, 0]
     F[c, c + 1] = 1.0
     P0 = a_covariance(rng, n)
-    P = np.zeros((n, MAX_STATES))
+    P = aligned(n, MAX_STATES)
     P[:, :n] = P0
     nav = np.concatenate(([1.0, 0, 0, 0], np.zeros(3), frames.ecef_from_llh(ac.ORIGIN)))
-    acc, B, A = np.zeros(8), np.zeros((9, 1)), np.zeros((9, 9))
+    acc, B, A = np.zeros(8), np.zeros((0, 9)), np.zeros((9, 9))
     acc[0], acc[2:8] = seconds, rng.normal(size=6) * 10.0
     A[2, 2] = 1.0
-    work, D = np.zeros((18 + n, MAX_STATES)), np.zeros(n - 9)
-    omega = earth.WGS84.omega_ie
-    k.flush(P, nav, acc, B, A, work, D, lay.dynamics(), 0, c, omega)
+    rows, turned, D, mean = aligned(9, MAX_STATES), aligned(9, MAX_STATES), np.zeros(n - 9), np.zeros(n - 9)
+    decays = k.decay(lay.dynamics(), seconds, D, mean)
+    no_sensors = np.zeros(0, dtype=np.int64)
+    k.flush(P, nav, acc, A, B, rows, turned, D, mean, no_sensors, 0, decays, earth.WGS84.omega_ie)
+    k.add_clock_drift(P, c, seconds)
     Phi = expm(F * seconds)
     Phi[:9, :9] = A  # the navigation part has tests of its own
     expected = Phi @ P0 @ Phi.T

@@ -142,20 +142,26 @@ def test_state_rotation_is_orthogonal():
 
 def compiled_transition(poly_of, h, steps, nav, lay, estimates):
     """Transition accumulated by the kernels over some samples of given interval polynomials."""
+    from schuler.filtering.kernels import accumulation as acc_k
     from schuler.filtering.kernels import covariance as k
+    from schuler.filtering.kernels import sensor_errors as sens_k
     from schuler.mechanization import kernels as mech
 
     m = lay.size - 9
-    sens, acc, B, A = np.zeros(33), np.zeros(8), np.zeros((9, m)), np.zeros((9, 9))
+    sens, acc, B, A = np.zeros(33), np.zeros(8), np.zeros((m, 9)), np.zeros((9, 9))
+    past, moment = np.zeros((steps, acc_k.N_PAST)), np.zeros(3)
     A[2, 2] = 1.0
-    k.spread_estimates(estimates, lay.table(), lay.n_sensor, sens)
+    sens_k.spread_estimates(estimates, lay.table(), lay.n_sensor, np.zeros((2, 3, 3)), sens)
     for i in range(steps):
         raw, poly = poly_of(i * h), np.zeros(18)
-        k.compensate(poly, raw, sens, h, True)
+        sens_k.compensate(poly, raw, sens, h, True)
         force = mech.advance_ecef(nav, poly, h, earth.WGS84.omega_ie)
-        k.accumulate(acc, B, nav, *force, poly, h, sens, lay.table(), lay.n_sensor, True, np.zeros(7), np.zeros(27))
+        acc_k.store_interval(past, i, acc, moment, nav, *force, poly, h, np.zeros(7))
+    acc_k.parameter_columns(
+        past, steps, acc, moment, sens, lay.table(), m, True, "G_g" in lay, np.zeros(9), np.zeros((4, 7, 9)), B
+    )
     k.transition(A, acc, nav, earth.WGS84.omega_ie)
-    return np.hstack((A, B))
+    return np.hstack((A, B.T))
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -21,11 +21,11 @@ M = LAYOUT.size - 9
 
 def rows(kind, nav, est, raw_rate, raw_force, lever, z, layout=LAYOUT):
     """H and y of the kernel, with the rate that the given parameter estimates make of the raw samples."""
-    from schuler.filtering.kernels import covariance as cov
     from schuler.filtering.kernels import update as upd
+    from schuler.filtering.kernels.sensor_errors import spread_estimates
 
     sens = np.zeros(33)
-    cov.spread_estimates(est, layout.table(), layout.n_sensor, sens)
+    spread_estimates(est, layout.table(), layout.n_sensor, np.zeros((2, 3, 3)), sens)
     h = 0.01
     f = sens[15:24].reshape(3, 3) @ (raw_force - sens[3:6])
     w = sens[6:15].reshape(3, 3) @ (raw_rate - sens[0:3] - sens[24:33].reshape(3, 3) @ f)

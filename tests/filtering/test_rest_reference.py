@@ -35,11 +35,11 @@ def layout(name: str) -> StateLayout:
 
 def rows(kind, nav, est, z, lay):
     """H and y of the kernel."""
-    from schuler.filtering.kernels import covariance as cov
     from schuler.filtering.kernels import update as upd
+    from schuler.filtering.kernels.sensor_errors import spread_estimates
 
     sens, reg = np.zeros(33), np.full(7, np.nan)  # regressors of the interval play no part
-    cov.spread_estimates(est, lay.table(), lay.n_sensor, sens)
+    spread_estimates(est, lay.table(), lay.n_sensor, np.zeros((2, 3, 3)), sens)
     H, y, U, values = np.zeros((3, 64)), np.zeros(3), np.zeros((3, 3)), np.zeros(N_VALUES)
     values[: len(z)] = z
     at = np.array([lay[name].start if name in lay else -1 for name in PLACES])

@@ -3,10 +3,12 @@
 A run is linearised once (``record.py``): transitions between nodes and rows of H. Every IMU, filter and error source
 is then a replay through the same nodes with other noise, in the arithmetic of the engine (``_covariance_kernels``).
 
+Nodes are tuples of arrays (``nodes.Nodes``):
+
 ``acc[k, 8]``, ``place[k, 3]``, ``B[k, 9, s]``   transition into node k, sensor columns of the system replayed
 ``upd[k]``                                     updates up to and at node k
 ``H[u, 3, n]``, ``R[u, 9]``, ``dim[u]``           rows, covariance and number of components of every update
-``rec[k]``                                     row of the output for node k, or -1
+``nodes.rec[k]``                                     row of the output for node k, or -1
 ``Q[k, 2, 9]``                                 noise of one axis before and after the transition into node k, or empty
 ``U[k, 9, e]``, ``V[u, 3, e]``                   what the last e constants add in a transition, and to an update
 """
@@ -17,28 +19,38 @@ import math
 
 import numpy as np
 
-from schuler.filtering.kernels.covariance import PAD, add_half_noise, flush, padded, transition
+from schuler.budget.nodes import Nodes
+from schuler.filtering.filter_arrays import Model, Workspace
+from schuler.filtering.kernels.covariance import add_clock_drift, add_half_noise, decay, flush, padded, transition
+from schuler.filtering.kernels.update import AT_CLOCK
 from schuler.jit import inlined, kernel, prepare
 
 
 @inlined
-def step(P, nav, acc, place, B, Bk, A, work, D, pmod, n_sensor, i_clock, omega, q_imu):
+def propagate(P, nav, acc, place, B, model, work):
     """Carry a covariance into a node, noise by the trapezoid rule as the engine does."""
-    m = P.shape[0] - 9
+    T, Bk, n_sensor = acc[0], work.B, model.n_sensor
     for i in range(3):
         nav[7 + i] = place[i]
-    for i in range(9):
-        for j in range(n_sensor):
-            Bk[i, j] = B[i, j]
-    add_half_noise(P, nav, acc[0], q_imu, pmod, m)
-    flush(P, nav, acc, Bk, A, work, D, pmod, n_sensor, i_clock, omega)
-    add_half_noise(P, nav, acc[0], q_imu, pmod, m)
+    for k in range(n_sensor):
+        for i in range(9):
+            Bk[k, i] = B[i, k]
+    decays = decay(model.dynamics, T, work.left, work.mean)
+    add_half_noise(P, nav, T, model.psd, model.dynamics)
+    flush(
+        P, nav, acc, work.A, Bk, work.rows, work.turned, work.left, work.mean, model.on_attitude, n_sensor, decays,
+        model.omega,
+    )  # fmt: skip
+    add_clock_drift(P, model.places[AT_CLOCK], T)
+    add_half_noise(P, nav, T, model.psd, model.dynamics)
 
 
 @inlined
-def invert(S, d, V):
-    """Inverse of the first d <= 3 rows and columns of a symmetric positive matrix by its Cholesky factor."""
-    L = np.zeros((3, 3))
+def invert(S, d, L, V):
+    """Inverse ``V`` of the first d <= 3 rows and columns of a symmetric positive matrix by its Cholesky factor.
+
+    ``L`` is workspace, and holds the inverse of the factor in the end.
+    """
     for a in range(d):
         for b in range(a + 1):
             v = S[a, b]
@@ -48,18 +60,18 @@ def invert(S, d, V):
                 L[a, a] = math.sqrt(v)
             else:
                 L[a, b] = v / L[b, b]
-    W = np.zeros((3, 3))
-    for j in range(d):
-        for a in range(j, d):
-            v = 1.0 if a == j else 0.0
+    for j in range(d):  # column by column: what is right of it is still the factor
+        L[j, j] = 1.0 / L[j, j]
+        for a in range(j + 1, d):
+            v = 0.0
             for k in range(j, a):
-                v -= L[a, k] * W[k, j]
-            W[a, j] = v / L[a, a]
+                v -= L[a, k] * L[k, j]
+            L[a, j] = v / L[a, a]
     for a in range(d):
         for b in range(d):
             v = 0.0
-            for k in range(d):
-                v += W[k, a] * W[k, b]
+            for k in range(max(a, b), d):
+                v += L[k, a] * L[k, b]
             V[a, b] = v
 
 
@@ -85,26 +97,21 @@ def innovation(P, H, R, d, n, wide, W, S):
 
 
 @kernel
-def replay_filter(
-    acc, place, B, upd, H, R, dim, rec, P, pmod, n_sensor, i_clock, omega, q_imu, K, out_P
-):  # fmt: skip
+def replay_filter(nodes, P, model, work, K, out_P):
     """Covariance of a filter through all nodes; gains ``K[u, n, 3]`` and records ``out_P[r, n, n]`` are written."""
     n = P.shape[0]
     wide = padded(n)
     nav = np.zeros(10)
     nav[0] = 1.0
-    A, work, D = np.zeros((9, 9)), np.zeros((18 + n, PAD)), np.zeros(max(n - 9, 1))
-    A[2, 2] = 1.0
-    Bk = np.zeros((9, max(n_sensor, 1)))
-    W, S, V = np.zeros((3, PAD)), np.zeros((3, 3)), np.zeros((3, 3))
+    W, S, V = work.W, work.S, work.U
     u = 0
-    for k in range(acc.shape[0]):
-        if acc[k, 0] > 0.0:
-            step(P, nav, acc[k], place[k], B[k], Bk, A, work, D, pmod, n_sensor, i_clock, omega, q_imu)
-        while u < upd[k]:
-            d = dim[u]
-            innovation(P, H[u], R[u], d, n, wide, W, S)
-            invert(S, d, V)
+    for k in range(nodes.acc.shape[0]):
+        if nodes.acc[k, 0] > 0.0:
+            propagate(P, nav, nodes.acc[k], nodes.place[k], nodes.B[k], model, work)
+        while u < nodes.upd[k]:
+            d = nodes.dim[u]
+            innovation(P, nodes.H[u], nodes.R[u], d, n, wide, W, S)
+            invert(S, d, work.L, V)
             for i in range(n):
                 for a in range(d):
                     v = 0.0
@@ -124,8 +131,8 @@ def replay_filter(
                     P[i, j] = v
                     P[j, i] = v
             u += 1
-        if rec[k] >= 0:
-            o = out_P[rec[k]]
+        if nodes.rec[k] >= 0:
+            o = out_P[nodes.rec[k]]
             for i in range(n):
                 for j in range(n):
                     o[i, j] = P[i, j]
@@ -140,9 +147,7 @@ def add_axis_noise(C, Q, i_axis):
 
 
 @kernel
-def replay_covariance(
-    acc, place, B, upd, H, R, dim, rec, C, pmod, n_sensor, i_clock, omega, q_imu, Q, i_axis, K, rows, out
-):  # fmt: skip
+def replay_covariance(nodes, C, model, work, Q, i_axis, K, rows, out):
     """Covariance of the true error from one kind of noise, with given gains.
 
     ``rows`` are the replayed system's places of the filter's states, the rest are not corrected; ``R`` is the noise of
@@ -152,22 +157,19 @@ def replay_covariance(
     n, n_f = C.shape[0], K.shape[1]
     nav = np.zeros(10)
     nav[0] = 1.0
-    A, work, D = np.zeros((9, 9)), np.zeros((18 + n, PAD)), np.zeros(max(n - 9, 1))
-    A[2, 2] = 1.0
-    Bk = np.zeros((9, max(n_sensor, 1)))
     wide = padded(n)
-    W, S, G = np.zeros((3, PAD)), np.zeros((3, 3)), np.zeros((3, PAD))
+    W, S, G = work.W, work.S, work.G
     u = 0
-    for k in range(acc.shape[0]):
-        if acc[k, 0] > 0.0:
+    for k in range(nodes.acc.shape[0]):
+        if nodes.acc[k, 0] > 0.0:
             if one_axis:
                 add_axis_noise(C, Q[k, 0], i_axis)
-            step(C, nav, acc[k], place[k], B[k], Bk, A, work, D, pmod, n_sensor, i_clock, omega, q_imu)
+            propagate(C, nav, nodes.acc[k], nodes.place[k], nodes.B[k], model, work)
             if one_axis:
                 add_axis_noise(C, Q[k, 1], i_axis)
-        while u < upd[k]:
-            d = dim[u]
-            innovation(C, H[u], R[u], d, n, wide, W, S)
+        while u < nodes.upd[k]:
+            d = nodes.dim[u]
+            innovation(C, nodes.H[u], nodes.R[u], d, n, wide, W, S)
             for a in range(d):
                 for i in range(n_f):
                     G[a, rows[i]] = K[u, i, a]
@@ -185,33 +187,32 @@ def replay_covariance(
                     for j in range(wide):
                         c[j] -= x * w[j] + y * g[j]
             u += 1
-        if rec[k] >= 0:
-            o = out[rec[k]]
+        if nodes.rec[k] >= 0:
+            o = out[nodes.rec[k]]
             for i in range(9):
                 for j in range(9):
                     o[i, j] = C[i, j]
 
 
 @kernel
-def replay_columns(acc, place, B, upd, H, dim, rec, X, U, V, decay, n_sensor, i_clock, omega, K, rows, out):
+def replay_columns(nodes, X, U, V, model, work, K, rows, out):
     """Sensitivities of the true error to constants: columns of ``X[n, c]``, with given gains.
 
-    ``decay`` is the inverse correlation time of each parameter. The last columns belong to constants that are no states
+    The last columns belong to constants that are no states
     and act by ``U`` and ``V``. ``out[r, 9, c]`` receives the navigation part.
     """
     n, c, n_f, e_u = X.shape[0], X.shape[1], K.shape[1], U.shape[2]
     first = c - e_u
+    n_sensor, i_clock, rates, A = model.n_sensor, model.places[AT_CLOCK], model.dynamics, work.A
     nav = np.zeros(10)
-    A = np.zeros((9, 9))
-    A[2, 2] = 1.0
     N, E = np.zeros((9, c)), np.zeros((3, c))
     u = 0
-    for k in range(acc.shape[0]):
-        T = acc[k, 0]
+    for k in range(nodes.acc.shape[0]):
+        T = nodes.acc[k, 0]
         if T > 0.0:
             for i in range(3):
-                nav[7 + i] = place[k, i]
-            transition(A, acc[k], nav, omega)
+                nav[7 + i] = nodes.place[k, i]
+            transition(A, nodes.acc[k], nav, model.omega)
             for i in range(9):
                 row = N[i]
                 for j in range(c):
@@ -222,9 +223,9 @@ def replay_columns(acc, place, B, upd, H, dim, rec, X, U, V, decay, n_sensor, i_
                         for j in range(c):
                             row[j] += v * x[j]
                 for b in range(n_sensor):
-                    v, x = B[k, i, b], X[9 + b]
-                    if decay[b] > 0.0:
-                        z = decay[b] * T
+                    v, x = nodes.B[k, i, b], X[9 + b]
+                    if rates[b, 0] > 0.0:
+                        z = rates[b, 0] * T
                         v *= -math.expm1(-z) / z
                     if v != 0.0:
                         for j in range(c):
@@ -235,21 +236,21 @@ def replay_columns(acc, place, B, upd, H, dim, rec, X, U, V, decay, n_sensor, i_
                 for j in range(c):
                     X[i, j] = N[i, j]
             for b in range(n - 9):
-                if decay[b] > 0.0:
-                    v, x = math.exp(-decay[b] * T), X[9 + b]
+                if rates[b, 0] > 0.0:
+                    v, x = math.exp(-rates[b, 0] * T), X[9 + b]
                     for j in range(c):
                         x[j] *= v
             if i_clock >= 0:
                 for j in range(c):
                     X[i_clock, j] += T * X[i_clock + 1, j]
-        while u < upd[k]:
-            d = dim[u]
+        while u < nodes.upd[k]:
+            d = nodes.dim[u]
             for a in range(d):
                 e = E[a]
                 for j in range(c):
                     e[j] = 0.0 if j < first else V[u, a, j - first]
                 for i in range(n):
-                    v, x = H[u, a, i], X[i]
+                    v, x = nodes.H[u, a, i], X[i]
                     if v != 0.0:
                         for j in range(c):
                             e[j] += v * x[j]
@@ -260,8 +261,8 @@ def replay_columns(acc, place, B, upd, H, dim, rec, X, U, V, decay, n_sensor, i_
                     for j in range(c):
                         x[j] -= v * e[j]
             u += 1
-        if rec[k] >= 0:
-            o = out[rec[k]]
+        if nodes.rec[k] >= 0:
+            o = out[nodes.rec[k]]
             for i in range(9):
                 for j in range(c):
                     o[i, j] = X[i, j]
@@ -271,13 +272,19 @@ def prepare_replay() -> None:
     """Compile or load the replays before they are timed or run."""
     import numba as nb
 
-    f, m, c = nb.float64[::1], nb.float64[:, ::1], nb.float64[:, :, ::1]
-    i, s, x = nb.int64[::1], nb.int64, nb.float64
-    nodes = (m, m, c, i, c, m, i, i)
+    x, i = nb.float64, nb.int64
+    f, m, c, k, km = x[::1], x[:, ::1], x[:, :, ::1], i[::1], i[:, ::1]
+
+    def of(cls, *types):
+        return nb.types.NamedTuple(types, cls)
+
+    nodes = of(Nodes, m, m, c, k, c, m, k, k)
+    model = of(Model, km, m, k, k, f, i, nb.boolean, nb.boolean, x)
+    work = of(Workspace, m, m, f, f, m, m, m, m, f, f, c, f, c, m, m, m, f, f, m, m, m, f)
     prepare(
         [
-            (replay_filter, (*nodes, m, m, s, s, x, f, c, c)),
-            (replay_covariance, (*nodes, m, m, s, s, x, f, c, s, c, i, c)),
-            (replay_columns, (m, m, c, i, c, i, i, m, c, c, f, s, s, x, c, i, c)),
+            (replay_filter, (nodes, m, model, work, c, c)),
+            (replay_covariance, (nodes, m, model, work, c, i, c, k, c)),
+            (replay_columns, (nodes, m, c, c, model, work, c, k, c)),
         ]
     )

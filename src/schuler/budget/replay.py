@@ -9,8 +9,11 @@ import numpy as np
 from schuler import frames
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.budget.linearisation import Linearised
+from schuler.budget.nodes import Nodes
 from schuler.exceptions import InputError
+from schuler.filtering.engine import filter_model
 from schuler.filtering.error_model import ecef_from_ned_states
+from schuler.filtering.filter_arrays import Model, Workspace, aligned
 from schuler.filtering.limits import MAX_STATES
 from schuler.filtering.states import StateLayout
 
@@ -91,18 +94,15 @@ def replay_filter(
 
     k.prepare_replay()
     n = layout.size
-    B, H = _of(run, layout)
-    P = np.zeros((n, MAX_STATES))
+    P = aligned(n, MAX_STATES)
     T = ecef_from_ned_states(frames.llh_from_ecef(run.place[0]), n)
     P[:, :n] = T @ P0 @ T.T
     K = np.zeros((len(run.H), n, 3))
     count = int(node.max()) + 1
     out = np.empty((count, n, n))
-    noise = np.ascontiguousarray((run.R if R is None else R).reshape(-1, 9))
-    k.replay_filter(
-        run.acc, run.place, B, run.upd, H, noise, run.dim, node, P, _dynamics(layout), layout.n_sensor, _clock(layout),
-        run.omega, _q(gyro_psd, accel_psd), K, out,
-    )  # fmt: skip
+    nodes = _nodes(run, layout, run.R if R is None else R, node)
+    model = _model(run, layout, gyro_psd, accel_psd)
+    k.replay_filter(nodes, P, model, Workspace.of_size(n, layout.n_sensor), K, out)
     at = node >= 0
     turn = ecef_from_ned_states(frames.llh_from_ecef(run.place[at]), n)
     return FilterReplay(run.t[at], np.swapaxes(turn, 1, 2) @ out @ turn, K, node)
@@ -146,26 +146,28 @@ def replay_noise(
 
     layout = system.layout
     n = layout.size
-    B, H = _of(run, layout)
-    C = np.zeros((n, MAX_STATES))
+    C = aligned(n, MAX_STATES)
     if C0 is not None:
         T = ecef_from_ned_states(frames.llh_from_ecef(run.place[0]), n)
         C[:, :n] = T @ C0 @ T.T
-    noise = np.zeros((len(run.H), 9))
+    noise = np.zeros((len(run.H), 3, 3))
     if measured is not None:
         true = run.R if R is None else R
-        noise[measured] = true.reshape(-1, 9)[measured]
+        noise[measured] = true[measured]
     if axis is not None and gyro_psd > 0.0 and accel_psd > 0.0:
         raise InputError("axis: expected white noise of one triad, got that of both; replay them one after the other")
-    dynamics = _dynamics(layout)
+    model = _model(run, layout, gyro_psd, accel_psd)
     if driven is not None:
-        dynamics[np.arange(len(dynamics)) != driven - 9, 1] = 0.0
-    Q = np.zeros((0, 2, 9)) if axis is None else (gyro_psd + accel_psd) * run.spread[axis]
-    q = _q(gyro_psd, accel_psd) if axis is None else np.zeros(6)
+        model.dynamics[np.arange(n - 9) != driven - 9, 1] = 0.0
+    Q = np.zeros((0, 2, 9))
+    if axis is not None:
+        Q = (gyro_psd + accel_psd) * run.spread[axis]
+        model.psd[:] = 0.0
+    nodes = _nodes(run, layout, noise, filtered.node)
     out = np.empty((int(filtered.node.max()) + 1, 9, 9))
     k.replay_covariance(
-        run.acc, run.place, B, run.upd, H, noise, run.dim, filtered.node, C, dynamics, layout.n_sensor, _clock(layout),
-        run.omega, q, Q, 0 if gyro_psd > 0.0 else 3, filtered.K, system.rows, out,
+        nodes, C, model, Workspace.of_size(n, layout.n_sensor), Q, 0 if gyro_psd > 0.0 else 3, filtered.K, system.rows,
+        out,
     )  # fmt: skip
     turn = _turn(run, filtered.node)
     return np.asarray(np.swapaxes(turn, 1, 2) @ out @ turn)
@@ -186,40 +188,29 @@ def replay_constants(
     from schuler.budget import _replay_kernels as k
 
     layout = system.layout
-    B, H = _of(run, layout)
     T = ecef_from_ned_states(frames.llh_from_ecef(run.place[0]), layout.size)
     X = np.ascontiguousarray(T @ X0)
     out = np.empty((int(filtered.node.max()) + 1, 9, X.shape[1]))
     sizes = np.zeros((6, 0)) if uneven is None else uneven
     U, V = np.ascontiguousarray(run.uneven @ sizes), np.ascontiguousarray(run.seen @ sizes)
-    k.replay_columns(
-        run.acc, run.place, B, run.upd, H, run.dim, filtered.node, X, U, V,
-        np.ascontiguousarray(_dynamics(layout)[:, 0]), layout.n_sensor, _clock(layout), run.omega, filtered.K,
-        system.rows, out,
-    )  # fmt: skip
+    nodes = _nodes(run, layout, run.R, filtered.node)
+    work = Workspace.of_size(layout.size, layout.n_sensor)
+    k.replay_columns(nodes, X, U, V, _model(run, layout), work, filtered.K, system.rows, out)
     return np.asarray(np.swapaxes(_turn(run, filtered.node), 1, 2) @ out)
 
 
-def _of(run: Linearised, layout: StateLayout) -> tuple[FloatArray, FloatArray]:
-    """Sensor columns and measurement rows of a layout's own states."""
+def _nodes(run: Linearised, layout: StateLayout, R: FloatArray, node: IntArray) -> Nodes:
+    """Transitions and updates for a layout's own states, with covariances R of the updates."""
     columns = run.columns(layout)
     B = np.ascontiguousarray(run.B[:, :, columns[: layout.n_sensor]])
-    if not layout.n_sensor:
-        B = np.zeros((len(run.t), 9, 1))
     states = np.concatenate((np.arange(9), 9 + columns)).astype(np.int64)
-    return B, np.ascontiguousarray(run.H[:, :, states])
+    H = np.ascontiguousarray(run.H[:, :, states])
+    return Nodes(run.acc, run.place, B, run.upd, H, np.ascontiguousarray(R.reshape(-1, 9)), run.dim, node)
 
 
-def _dynamics(layout: StateLayout) -> FloatArray:
-    return layout.dynamics() if layout.size > 9 else np.zeros((1, 2))
-
-
-def _clock(layout: StateLayout) -> int:
-    return layout["clock"].start if "clock" in layout else -1
-
-
-def _q(gyro_psd: float, accel_psd: float) -> FloatArray:
-    return np.array([gyro_psd] * 3 + [accel_psd] * 3)
+def _model(run: Linearised, layout: StateLayout, gyro_psd: float = 0.0, accel_psd: float = 0.0) -> Model:
+    """What a replay believes: dynamics of the layout, equal white noise of all axes."""
+    return filter_model(layout, [gyro_psd] * 3, [accel_psd] * 3)._replace(omega=run.omega)
 
 
 def _turn(run: Linearised, node: IntArray) -> FloatArray:

@@ -17,6 +17,18 @@ from schuler import earth
 from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3
 from schuler.exceptions import InputError
 from schuler.filtering.error_model import ecef_from_ned_states
+from schuler.filtering.filter_arrays import (
+    Aiding,
+    FilterArrays,
+    ImuStream,
+    Model,
+    NodeArrays,
+    RecordArrays,
+    Settings,
+    TrajectoryArrays,
+    Workspace,
+    aligned,
+)
 from schuler.filtering.limits import MAX_STATES, PLACES
 from schuler.filtering.measurements import KINDS, RESET_KINDS, MeasurementSchedule
 from schuler.filtering.states import StateLayout
@@ -189,79 +201,103 @@ class FilterState:
         options: FilterOptions,
         interval: float,
     ) -> None:
-        from schuler.filtering.kernels import covariance as cov
-        from schuler.filtering.kernels import run as run_k
+        from schuler.filtering.kernels import run as k
+        from schuler.filtering.kernels.accumulation import N_PAST
+        from schuler.filtering.kernels.sensor_errors import spread_estimates
 
         n = layout.size
         if len(initial.P) != n:
             raise InputError(
                 f"the initial covariance has {len(initial.P)} states, the layout {n}: make both of one layout"
             )
-        m = n - 9
-        T = ecef_from_ned_states(initial.nav.llh, n)
         self.layout, self.options = layout, options
-        self.nav = np.concatenate((initial.nav.q_eb, initial.nav.v_eb_e, initial.nav.r_eb_e))
-        self.est = initial.parameters.copy()
-        self.P = np.zeros((n, MAX_STATES))
-        self.P[:, :n] = T @ initial.P @ T.T
-        self.P[:, :n] = 0.5 * (self.P[:, :n] + self.P[:, :n].T)
-        self.sens = np.zeros(33)
-        self.acc, self.B = np.zeros(8), np.zeros((9, max(layout.n_sensor, 1)))
-        self.hist = np.zeros(14)
-        self.ptab, self.pmod = layout.table(), layout.dynamics()
-        if m == 0:
-            self.ptab, self.pmod = np.zeros((1, 3), np.int64), np.zeros((1, 2))
-        self.q_imu = np.concatenate((as_vector3(gyro_psd, "gyro_psd"), as_vector3(accel_psd, "accel_psd")))
-        if np.any(self.q_imu < 0.0):
-            raise InputError("noise densities: expected non-negative values of N**2")
-        every = (
-            1 if options.covariance_rate_hz is None else max(1, round(1.0 / (options.covariance_rate_hz * interval)))
+        self.model = filter_model(layout, gyro_psd, accel_psd, options.earth_rotation)
+        self.settings = Settings(
+            every=_samples(options.covariance_rate_hz, interval),
+            flush_angle=float(options.flush_angle),
+            record_s=float(options.record_s),
+            output_every=_samples(options.output_rate_hz, interval),
+            lockout=int(options.lockout),
+            gap_s=np.inf if options.gap_s is None else float(options.gap_s),
+            gap_gyro=float(options.gap_gyro),
+            gap_accel=float(options.gap_accel),
         )
-        out_every = 1 if options.output_rate_hz is None else max(1, round(1.0 / (options.output_rate_hz * interval)))
-        sources = {name for name in layout.models if name[0] in "SMG"}
-        self.cfg = np.zeros(run_k.N_CFG)
-        self.cfg[run_k.CFG_OMEGA] = earth.WGS84.omega_ie if options.earth_rotation else 0.0
-        self.cfg[run_k.CFG_ANGLE] = options.flush_angle
-        self.cfg[run_k.CFG_RECORD] = options.record_s
-        self.cfg[run_k.CFG_NEXT_RECORD] = initial.nav.t + options.record_s
-        self.cfg[run_k.CFG_TIME] = initial.nav.t
-        self.cfg[run_k.CFG_GAP] = np.inf if options.gap_s is None else options.gap_s
-        self.cfg[run_k.CFG_GAP_GYRO] = options.gap_gyro
-        self.cfg[run_k.CFG_GAP_ACCEL] = options.gap_accel
-        self.icfg = np.zeros(run_k.N_ICFG, dtype=np.int64)
-        self.icfg[run_k.ICFG_EVERY] = every
-        self.icfg[run_k.ICFG_MATRIX] = int(bool(sources))
-        self.icfg[run_k.ICFG_SENSORS] = layout.n_sensor
-        self.icfg[run_k.ICFG_AT :] = [layout[name].start if name in layout else -1 for name in PLACES]
-        self.icfg[run_k.ICFG_LOCKOUT] = options.lockout
-        self.icfg[run_k.ICFG_OUT_EVERY] = out_every
-        self.cnt = np.zeros(run_k.N_CNT, dtype=np.int64)
-        self.locks = np.zeros(max(KINDS) + 1, dtype=np.int64)
-        run_k.prepare_filter()
-        cov.spread_estimates(self.est, self.ptab, layout.n_sensor, self.sens)
+        nav, T = initial.nav, ecef_from_ned_states(initial.nav.llh, n)
+        P, P_e = aligned(n, MAX_STATES), T @ initial.P @ T.T
+        P[:, :n] = 0.5 * (P_e + P_e.T)
+        self._arrays = FilterArrays(
+            nav=np.concatenate((nav.q_eb, nav.v_eb_e, nav.r_eb_e)),
+            est=np.array(initial.parameters, dtype=np.float64),
+            P=P,
+            sens=np.zeros(33),
+            acc=np.zeros(8),
+            moment=np.zeros(3),
+            past=np.zeros((self.settings.every + 2, N_PAST)),
+            history=np.zeros(14),
+            times=np.array([nav.t, nav.t + options.record_s]),
+            counts=np.zeros(k.N_CNT, dtype=np.int64),
+            locks=np.zeros(max(KINDS) + 1, dtype=np.int64),
+        )
+        self.work = Workspace.of_size(n, layout.n_sensor)
+        k.prepare_filter()
+        spread_estimates(self._arrays.est, self.model.table, layout.n_sensor, self.work.M, self._arrays.sens)
 
     @property
-    def arrays(self) -> tuple[Any, ...]:
-        """State, model and settings in the order the kernel takes them."""
-        return (
-            self.nav, self.est, self.P, self.sens, self.acc, self.B, self.hist, self.ptab, self.pmod, self.q_imu,
-            self.cfg, self.icfg, self.cnt, self.locks,
-        )  # fmt: skip
+    def arrays(self) -> FilterArrays:
+        """State as the kernel takes it, and leaves it."""
+        return self._arrays
 
     @property
     def navigation(self) -> NavState:
         """Current navigation state."""
-        from schuler.filtering.kernels import run as run_k
-
-        return NavState(
-            float(self.cfg[run_k.CFG_TIME]), self.nav[7:10].copy(), self.nav[4:7].copy(), self.nav[0:4].copy()
-        )
+        nav = self._arrays.nav
+        return NavState(float(self._arrays.times[0]), nav[7:10].copy(), nav[4:7].copy(), nav[0:4].copy())
 
     @property
     def covariance_e(self) -> FloatArray:
         """Covariance in Earth-fixed axes at its last propagation. Shape (n, n)."""
         n = self.layout.size
-        return self.P[:, :n].copy()
+        return self._arrays.P[:, :n].copy()
+
+
+def filter_model(layout: StateLayout, gyro_psd: ArrayLike, accel_psd: ArrayLike, earth_rotation: bool = True) -> Model:
+    """What a filter with these states and noise believes, as its kernels take it. Internal.
+
+    Parameters
+    ----------
+    layout : StateLayout
+    gyro_psd, accel_psd : array_like, shape (3,)
+        ``N**2`` by axis. [rad^2/s], [m^2/s^3]
+    earth_rotation : bool
+        False for an Earth that stands still.
+
+    Raises
+    ------
+    InputError
+        If a density is negative.
+    """
+    psd = np.concatenate((as_vector3(gyro_psd, "gyro_psd"), as_vector3(accel_psd, "accel_psd")))
+    if np.any(psd < 0.0):
+        raise InputError("noise densities: expected non-negative values of N**2")
+    m, cross = layout.size - 9, "G_g" in layout
+    table = np.ascontiguousarray(layout.table().reshape(m, 3), dtype=np.int64)
+    sensors = table[: layout.n_sensor]
+    return Model(
+        table=table,
+        dynamics=np.ascontiguousarray(layout.dynamics().reshape(m, 2)),
+        on_attitude=np.flatnonzero((sensors[:, 0] == 0) | cross),
+        places=np.array([layout[name].start if name in layout else -1 for name in PLACES]),
+        psd=psd,
+        n_sensor=layout.n_sensor,
+        response=any(name[0] in "SMG" for name in layout.models),
+        cross=cross,
+        omega=earth.WGS84.omega_ie if earth_rotation else 0.0,
+    )
+
+
+def _samples(rate_hz: float | None, interval: float) -> int:
+    """Samples between two events of a rate; every sample for None."""
+    return 1 if rate_hz is None else max(1, round(1.0 / (rate_hz * interval)))
 
 
 @dataclass(frozen=True)
@@ -361,52 +397,36 @@ def run(
             f"the initial state is at {initial.nav.t:.4f} s but the first interval begins at {increments.start:.4f} s: "
             "cut the log there (between), or start at its time"
         )
-    n, m, N = layout.size, layout.size - 9, len(increments)
+    n, N = layout.size, len(increments)
     state = FilterState(initial, layout, gyro_psd, accel_psd, options, float(np.median(increments.dt)))
     in_span = (schedule.t >= increments.start - 1e-9) & (schedule.t <= increments.t[-1] + 1e-9)
     used = schedule.where(in_span)
     M = len(used)
     if options.smoother and np.isin(used.kind, RESET_KINDS).any():
         raise InputError("a run with resets has no memory to smooth over: smoother=False (filter.smooth = false)")
-    out_every = int(state.icfg[k.ICFG_OUT_EVERY])
-    n_out = (N + out_every - 1) // out_every
+    every = state.settings.output_every
     n_rec = int((increments.t[-1] - increments.start) / options.record_s) + 2
-    triangle = n * (n + 1) // 2
-    n_node = 0
-    if options.smoother:
-        turned = float(np.linalg.norm(increments.dtheta_ib_b, axis=1).sum())
-        n_node = N // int(state.icfg[k.ICFG_EVERY]) + M + n_rec + int(2.0 * turned / options.flush_angle) + 4
-        n_node = min(n_node, N + M + 2)
-        if options.gap_s is not None:
-            n_node += 2 * int(np.sum(increments.dt > options.gap_s))
-    n_upd = M if options.smoother else 0
-    status = np.zeros(M, dtype=np.int64)
-    nis, innovation, variance = np.full(M, np.nan), np.full((M, 3), np.nan), np.full((M, 3), np.nan)
-    out = (np.empty(n_out), np.empty((n_out, 4)), np.empty((n_out, 3)), np.empty((n_out, 3)))
-    rec = (np.empty(n_rec), np.empty((n_rec, 10)), np.empty((n_rec, m)), np.empty((n_rec, triangle)))
-    node = (
-        np.empty(n_node), np.empty((n_node, triangle)), np.empty((n_node, 11)),
-        np.empty((n_node, 9, max(layout.n_sensor, 1))), np.zeros(n_node, dtype=np.int64),
-        np.empty((n_upd, 3, n)), np.empty((n_upd, 3, n)), np.empty((n_upd, 3)),
-    )  # fmt: skip
-    R = np.ascontiguousarray(used.R.reshape(M, 9))
+    aiding = Aiding.of(used)
+    out = TrajectoryArrays.of_size((N + every - 1) // every)
+    rec = RecordArrays.of_size(n_rec, n)
+    keeps = _most_nodes(increments, state, M, n_rec), M
+    node = NodeArrays.of_size(*(keeps if options.smoother else (0, 0)), n, layout.n_sensor)
+    dtheta, dv, dt, t = (
+        np.ascontiguousarray(x) for x in (increments.dtheta_ib_b, increments.dv_ib_b, increments.dt, increments.t)
+    )
     complete = True
     try:
         for first in range(0, N, _CHUNK):
             part = slice(first, min(first + _CHUNK, N))
-            state.icfg[k.ICFG_LAST] = int(part.stop == N)
-            k.run_filter(
-                increments.dtheta_ib_b[part], increments.dv_ib_b[part], increments.dt[part], increments.t[part],
-                used.t, used.kind, used.z, R, used.lever, used.gate, status, nis, innovation, variance,
-                *state.arrays, *out, *rec, *node,
-            )  # fmt: skip
+            stream = ImuStream(dtheta[part], dv[part], dt[part], t[part], part.stop == N)
+            k.run_filter(stream, aiding, state.arrays, state.model, state.settings, state.work, out, rec, node)
             if progress is not None:
                 progress(part.stop / N)
     except KeyboardInterrupt:
         complete = False
-    cnt = state.cnt
+    cnt = state.arrays.counts
     everywhere = np.zeros(len(schedule), dtype=np.int64)
-    everywhere[in_span] = status
+    everywhere[in_span] = aiding.status
     nodes = None
     if options.smoother and complete:
         a, u = int(cnt[k.CNT_NODE]), int(cnt[k.CNT_UPD])
@@ -416,19 +436,30 @@ def run(
                 "axes of the log, and that the specification of the IMU allows for its errors"
             )
         nodes = SmootherNodes(
-            t=node[0][:a], P=node[1][:a], phi=node[2][:a], B=node[3][:a], upd=node[4][:a],
-            W=node[5][:u], G=node[6][:u], e=node[7][:u],
-            pmod=state.pmod, n_sensor=layout.n_sensor,
-            i_clock=layout["clock"].start if "clock" in layout else -1, omega=float(state.cfg[k.CFG_OMEGA]),
+            t=node.t[:a], P=node.P[:a], phi=node.phi[:a], B=node.B[:a], upd=node.upd[:a],
+            W=node.W[:u], G=node.G[:u], e=node.e[:u],
+            pmod=state.model.dynamics, n_sensor=layout.n_sensor,
+            i_clock=layout["clock"].start if "clock" in layout else -1, omega=state.model.omega,
         )  # fmt: skip
     o, c = int(cnt[k.CNT_OUT]), int(cnt[k.CNT_REC])
     return ForwardRun(
-        t=out[0][:o], q=out[1][:o], v=out[2][:o], r=out[3][:o],
-        rec_t=rec[0][:c], rec_nav=rec[1][:c], rec_est=rec[2][:c], rec_P=rec[3][:c],
-        status=everywhere, nis=_spread(nis, in_span), innovation=_spread(innovation, in_span),
-        variance=_spread(variance, in_span),
+        t=out.t[:o], q=out.q[:o], v=out.v[:o], r=out.r[:o],
+        rec_t=rec.t[:c], rec_nav=rec.nav[:c], rec_est=rec.est[:c], rec_P=rec.P[:c],
+        status=everywhere, nis=_spread(aiding.nis, in_span), innovation=_spread(aiding.innovation, in_span),
+        variance=_spread(aiding.variance, in_span),
         epochs=int(cnt[k.CNT_EPOCH]), propagations=int(cnt[k.CNT_FLUSH]), complete=complete, nodes=nodes,
     )  # fmt: skip
+
+
+def _most_nodes(increments: Increments, state: FilterState, updates: int, records: int) -> int:
+    """Propagations that a run can need at most, unless its estimates go wild."""
+    options, N = state.options, len(increments)
+    turned = float(np.linalg.norm(increments.dtheta_ib_b, axis=1).sum())
+    count = N // state.settings.every + updates + records + int(2.0 * turned / options.flush_angle) + 4
+    count = min(count, N + updates + 2)
+    if options.gap_s is not None:
+        count += 2 * int(np.sum(increments.dt > options.gap_s))
+    return count
 
 
 def _spread(values: FloatArray, where: Any) -> FloatArray:

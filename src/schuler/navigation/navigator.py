@@ -11,6 +11,7 @@ from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, FilterState, InitialState
 from schuler.filtering.error_model import ecef_from_ned_states
+from schuler.filtering.filter_arrays import Aiding, ImuStream, NodeArrays, RecordArrays, TrajectoryArrays
 from schuler.filtering.measurements import KINDS, STATUS, MeasurementSchedule, merged
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
@@ -79,14 +80,10 @@ class Navigator:
         self._outcomes: list[Outcome] = []
         n = layout.size
         # one-sample inputs, and outputs of no length: records and smoother nodes are for batch runs
-        self._in = (np.empty((1, 3)), np.empty((1, 3)), np.empty(1), np.empty(1))
-        self._no_measurement = _kernel_measurements(MeasurementSchedule.empty())
-        m, triangle = n - 9, n * (n + 1) // 2
+        self._in = ImuStream(np.empty((1, 3)), np.empty((1, 3)), np.empty(1), np.empty(1), ends=False)
+        self._no_measurement = Aiding.of(MeasurementSchedule.empty())
         self._out = (
-            np.empty(0), np.empty((0, 4)), np.empty((0, 3)), np.empty((0, 3)),
-            np.empty(0), np.empty((0, 10)), np.empty((0, m)), np.empty((0, triangle)),
-            np.empty(0), np.empty((0, triangle)), np.empty((0, 11)), np.empty((0, 9, max(layout.n_sensor, 1))),
-            np.empty(0, dtype=np.int64), np.empty((0, 3, n)), np.empty((0, 3, n)), np.empty((0, 3)),
+            TrajectoryArrays.of_size(0), RecordArrays.of_size(0, n), NodeArrays.of_size(0, 0, n, layout.n_sensor),
         )  # fmt: skip
 
     def imu(self, t: float, dtheta_ib_b: ArrayLike, dv_ib_b: ArrayLike) -> None:
@@ -168,7 +165,7 @@ class Navigator:
     @property
     def parameters(self) -> FloatArray:
         """Parameter estimates, order of the layout. Shape (m,)."""
-        return self._filter.est.copy()
+        return self._filter.arrays.est.copy()
 
     @property
     def covariance(self) -> FloatArray:
@@ -183,32 +180,25 @@ class Navigator:
         return list(self._outcomes)
 
     def _compensation(self) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
-        s = self._filter.sens
+        s = self._filter.arrays.sens
         return s[0:3], s[3:6], (s[6:15].reshape(3, 3), s[15:24].reshape(3, 3), s[24:33].reshape(3, 3))
 
     def _step(self, t: float, dt: float, dtheta: FloatArray, dv: FloatArray) -> None:
-        self._in[0][0], self._in[1][0], self._in[2][0], self._in[3][0] = dtheta, dv, dt, t
+        stream, f = self._in, self._filter
+        stream.dtheta[0], stream.dv[0], stream.dt[0], stream.t[0] = dtheta, dv, dt, t
         if len(self._pending) and self._pending.t[0] <= t + 1e-9:
             due = self._pending.t <= t + 1e-9
             taken, self._pending = self._pending.where(due), self._pending.where(~due)
-            arrays = _kernel_measurements(taken)
+            aiding = Aiding.of(taken)
         else:
-            taken, arrays = None, self._no_measurement
-        self._filter.cnt[self._k.CNT_MEAS] = 0
-        self._k.run_filter(*self._in, *arrays, *self._filter.arrays, *self._out)
+            taken, aiding = None, self._no_measurement
+        f.arrays.counts[self._k.CNT_MEAS] = 0
+        self._k.run_filter(stream, aiding, f.arrays, f.model, f.settings, f.work, *self._out)
         if taken is not None:
-            status, nis, innovation = arrays[6], arrays[7], arrays[8]
             self._outcomes += [
                 Outcome(
-                    float(taken.t[i]), KINDS[int(taken.kind[i])], STATUS[int(status[i])], float(nis[i]), innovation[i]
+                    float(taken.t[i]), KINDS[int(taken.kind[i])], STATUS[int(aiding.status[i])], float(aiding.nis[i]),
+                    aiding.innovation[i],
                 )
                 for i in range(len(taken))
-            ]
-
-
-def _kernel_measurements(s: MeasurementSchedule) -> tuple[np.ndarray, ...]:
-    m = len(s)
-    return (
-        s.t, s.kind, s.z, np.ascontiguousarray(s.R.reshape(m, 9)), s.lever, s.gate,
-        np.zeros(m, dtype=np.int64), np.full(m, np.nan), np.full((m, 3), np.nan), np.full((m, 3), np.nan),
-    )  # fmt: skip
+            ]  # fmt: skip

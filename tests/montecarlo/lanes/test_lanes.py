@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import pytest
 
 from schuler import frames
 from schuler.exceptions import InputError
+from schuler.filtering.filter_arrays import aligned
 from schuler.filtering.measurements import ACCEPTED, FORCED, POSITION, REJECTED, VELOCITY, MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel, layout_for
 from schuler.montecarlo.lanes.aiding import LaneAiding, together, true_gnss, true_rests
@@ -22,7 +24,7 @@ from schuler.montecarlo.lanes.errors import LaneErrors, true_parameters
 from schuler.montecarlo.lanes.records import LaneRecords
 from schuler.montecarlo.lanes.replay import normals_of
 from schuler.montecarlo.lanes.run import lane_statistics, replay, run_lanes
-from schuler.montecarlo.lanes.scenario import aligned, draw_run
+from schuler.montecarlo.lanes.scenario import draw_run
 from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
@@ -606,7 +608,7 @@ def test_lanes_cannot_be_compared_with_numbers(name, right):
 
     import numba
 
-    from schuler.montecarlo.lanes._vector_kernels import as_lanes
+    from schuler.filtering.kernels.vector import as_lanes
 
     compare = getattr(operator, name)
     with pytest.raises(numba.TypingError):
@@ -615,13 +617,24 @@ def test_lanes_cannot_be_compared_with_numbers(name, right):
         numba.njit(lambda x: 1 if as_lanes(x)[0] else 2)(np.zeros((1, 8)))
 
 
-def test_kernels_for_numbers_are_never_compiled_for_lanes():
-    """One dispatcher for both would mix their machine code on disk (tests/test_jit.py says what came of it)."""
-    from numba.extending import is_jitted
+LANES_ALONE = """
+import sys
+import lane_cases
+from numba.extending import is_jitted
+from schuler.montecarlo.lanes.run import run_lanes
+run_lanes(lane_cases.scenario(15, 2.0), 8)
+modules = [m for name, m in sys.modules.items() if "kernels" in name and ".lanes." not in name]
+kernels = {v for m in modules for v in vars(m).values() if is_jitted(v)}
+print(len(kernels), *{k.py_func.__name__ for k in kernels if any("lane" in str(t) for s in k.signatures for t in s)})
+"""
 
-    run_lanes(lane_cases.scenario(15, 2.0), 8)
-    modules = [m for name, m in sys.modules.items() if "kernels" in name and ".lanes." not in name]
-    assert len(modules) > 5
-    kernels = [value for module in modules for value in vars(module).values() if is_jitted(value)]
-    mixed = {k.py_func.__name__ for k in kernels if any("lane" in str(t) for s in k.signatures for t in s)}
-    assert not mixed
+
+def test_runs_in_lanes_use_no_kernel_of_the_engine():
+    """One dispatcher for both would mix their machine code on disk (tests/test_jit.py says what came of it)."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, "-c", LANES_ALONE], capture_output=True, text=True, env=environment, check=True
+    )
+    count, *mixed = done.stdout.split()
+    assert int(count) > 50
+    assert set(mixed) <= {"draw"}

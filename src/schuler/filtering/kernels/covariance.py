@@ -1,23 +1,27 @@
-"""Compiled covariance propagation: the transition of the error state, accumulated and applied.
+"""Compiled covariance propagation: the transition of the error state and ``P <- Phi P Phi' + Q``.
 
-Transition over one flush interval T, columns dpsi, dv, dr, parameters::
+Transition over one propagation interval T, columns dpsi, dv, dr, parameters::
 
     dpsi:  R_e        0            0           B_psi
     dv:    -[a x]     I - 2 W T    G T         B_v       a = sum of dv_e,  W = [omega_ie x],
     dr:    -[s x]     I T - W T^2  I + G T^2/2 B_r       s = double sum,   G = gravity gradient
     p:     0          0            0           S D       (Coriolis also acts on a and s to first order)
 
-``a``, ``s`` and ``B`` are accumulated at every IMU sample by the mid-point rule, so the transition is right whatever
-the body does between flushes; only terms of order (omega_ie T)^2 and G T^3 are left out. D is the decay of
-Gauss-Markov states; S adds T times a receiver clock's drift to its offset, the only parameters that act on each other.
+``a``, ``s`` and ``B`` come from the IMU samples by the mid-point rule (``accumulation``), so the transition is right
+whatever the body does between propagations; only terms of order (omega_ie T)^2 and G T^3 are left out. D is the decay
+of Gauss-Markov states; S adds T times a receiver clock's drift to its offset, the only parameters that act on each
+other.
+
+The text is compiled for numbers (the filter, replays of budgets) and for lanes (Monte Carlo runs,
+``montecarlo.lanes``). In the filter eight columns of the covariance are one lane vector: the function that takes one
+column of eight runs takes eight columns of one run.
 
 Arrays (C-contiguous float64 and int64, owned by the caller), with m parameters and n = 9 + m states:
 
 ``P[n, PAD]``    covariance of the errors (estimate minus truth): dpsi_e, dv_e, dr_e, parameters; columns from n on are
                  zero and are computed along, since whole vectors cost less than remainders
-``acc[8]``       since the last flush: elapsed time, turned angle, a 3, s 3;  ``B[9, m]`` its parameter columns
-``sens[33]``     estimated sensor errors: b_g 3, b_a 3, inverse of I + M_g 9, of I + M_a 9, G_g 9
-``ptab[m, 3]``   sensor (0 gyro, 1 accelerometer, -1 none), axis, regressor (0 time, 1-3 force, 4-6 rate)
+``acc[8]``       since the last propagation: elapsed time, turned angle, a 3, s 3
+``B[m, 9]``      parameter columns of the transition, one parameter a row
 ``pmod[m, 2]``   1 / correlation time (0: none) and power spectral density of the driving noise
 ``q_imu[6]``     white-noise power spectral densities, gyro 3 and accelerometer 3
 """
@@ -26,18 +30,16 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from schuler.earth import WGS84
+from schuler.filtering.kernels.vector import LANES, as_lanes
 from schuler.filtering.limits import MAX_STATES
-from schuler.jit import inlined, kernel
+from schuler.jit import borrowing, inlined
 
 _GM = WGS84.GM
 _OMEGA_2 = WGS84.omega_ie**2
 
 PAD = MAX_STATES  # row length of covariance arrays
-_S = np.uint64(PAD)
-_U = np.uint64  # unsigned indices spare the test for negative ones, which would keep loops from being vectorised
+BLOCKS = PAD // LANES
 
 
 @inlined
@@ -49,148 +51,6 @@ def dcm(q):
         2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x),
         2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z,
     )  # fmt: skip
-
-
-@kernel
-def spread_estimates(est, ptab, n_sensor, sens):
-    """Write the sensor parameters of ``est`` into ``sens``; matrices are inverted here, once per correction."""
-    Mg, Ma = np.zeros((3, 3)), np.zeros((3, 3))
-    for i in range(6):
-        sens[i] = 0.0
-    for i in range(9):
-        sens[24 + i] = 0.0
-    for i in range(3):
-        Mg[i, i] = Ma[i, i] = 1.0
-    for k in range(n_sensor):
-        gyro, i, source = ptab[k, 0] == 0, ptab[k, 1], ptab[k, 2]
-        if source == 0:
-            sens[i if gyro else 3 + i] += est[k]
-        elif gyro and source >= 4:
-            Mg[i, source - 4] += est[k]
-        elif gyro:
-            sens[24 + 3 * i + source - 1] += est[k]
-        else:
-            Ma[i, source - 1] += est[k]
-    invert3(Mg, sens, 6)
-    invert3(Ma, sens, 15)
-
-
-@inlined
-def invert3(M, out, o):
-    """Inverse of a 3 x 3 matrix by cofactors, written row by row to ``out[o : o + 9]``."""
-    c00 = M[1, 1] * M[2, 2] - M[1, 2] * M[2, 1]
-    c01 = M[1, 2] * M[2, 0] - M[1, 0] * M[2, 2]
-    c02 = M[1, 0] * M[2, 1] - M[1, 1] * M[2, 0]
-    d = 1.0 / (M[0, 0] * c00 + M[0, 1] * c01 + M[0, 2] * c02)
-    out[o], out[o + 3], out[o + 6] = d * c00, d * c01, d * c02
-    out[o + 1] = d * (M[0, 2] * M[2, 1] - M[0, 1] * M[2, 2])
-    out[o + 4] = d * (M[0, 0] * M[2, 2] - M[0, 2] * M[2, 0])
-    out[o + 7] = d * (M[0, 1] * M[2, 0] - M[0, 0] * M[2, 1])
-    out[o + 2] = d * (M[0, 1] * M[1, 2] - M[0, 2] * M[1, 1])
-    out[o + 5] = d * (M[0, 2] * M[1, 0] - M[0, 0] * M[1, 2])
-    out[o + 8] = d * (M[0, 0] * M[1, 1] - M[0, 1] * M[1, 0])
-
-
-@inlined
-def compensate(poly, raw, sens, h, matrix):
-    """Interval polynomial with the estimated sensor errors taken out: the exact inverse of the sensor model."""
-    for i in range(18):
-        poly[i] = raw[i]
-    for i in range(3):
-        poly[i] -= sens[i] * h
-        poly[9 + i] -= sens[3 + i] * h
-    if matrix:
-        for o in range(3):
-            x, y, z = poly[9 + 3 * o], poly[10 + 3 * o], poly[11 + 3 * o]
-            x, y, z = (
-                sens[15] * x + sens[16] * y + sens[17] * z,
-                sens[18] * x + sens[19] * y + sens[20] * z,
-                sens[21] * x + sens[22] * y + sens[23] * z,
-            )
-            poly[9 + 3 * o], poly[10 + 3 * o], poly[11 + 3 * o] = x, y, z
-            p = poly[3 * o] - (sens[24] * x + sens[25] * y + sens[26] * z)
-            q = poly[3 * o + 1] - (sens[27] * x + sens[28] * y + sens[29] * z)
-            r = poly[3 * o + 2] - (sens[30] * x + sens[31] * y + sens[32] * z)
-            poly[3 * o] = sens[6] * p + sens[7] * q + sens[8] * r
-            poly[3 * o + 1] = sens[9] * p + sens[10] * q + sens[11] * r
-            poly[3 * o + 2] = sens[12] * p + sens[13] * q + sens[14] * r
-
-
-@inlined
-def accumulate(acc, B, nav, dx, dy, dz, poly, h, sens, ptab, n_sensor, matrix, reg, cols):
-    """Extend the transition by one interval; call it after ``nav`` is advanced.
-
-    ``dx, dy, dz`` is the interval's specific force integral in Earth-fixed axes. ``reg`` (7) receives the integrals of
-    the regressors (time, force, rate), ``cols`` (27) the columns that carry a unit of gyro, accelerometer and, through
-    G_g, cross error into Earth-fixed axes.
-    """
-    c = dcm(nav)
-    reg[0] = h
-    for i in range(3):
-        reg[1 + i] = poly[9 + i] + 0.5 * poly[12 + i] + poly[15 + i] / 6.0
-        reg[4 + i] = poly[i] + 0.5 * poly[3 + i] + poly[6 + i] / 6.0
-    # C at mid interval: turned back by half the increment, to first order
-    hx, hy, hz = -0.5 * reg[4], -0.5 * reg[5], -0.5 * reg[6]
-    m00, m01, m02 = c[0] + c[1] * hz - c[2] * hy, c[1] + c[2] * hx - c[0] * hz, c[2] + c[0] * hy - c[1] * hx
-    m10, m11, m12 = c[3] + c[4] * hz - c[5] * hy, c[4] + c[5] * hx - c[3] * hz, c[5] + c[3] * hy - c[4] * hx
-    m20, m21, m22 = c[6] + c[7] * hz - c[8] * hy, c[7] + c[8] * hx - c[6] * hz, c[8] + c[6] * hy - c[7] * hx
-    if matrix:
-        for i in range(3):
-            for o in range(2):
-                s = 6 + 9 * o + i
-                cols[9 * o + i] = m00 * sens[s] + m01 * sens[s + 3] + m02 * sens[s + 6]
-                cols[9 * o + 3 + i] = m10 * sens[s] + m11 * sens[s + 3] + m12 * sens[s + 6]
-                cols[9 * o + 6 + i] = m20 * sens[s] + m21 * sens[s + 3] + m22 * sens[s + 6]
-        # accelerometer error -> gyro through G_g: -C (I + M_g)^-1 G_g (I + M_a)^-1
-        for i in range(3):
-            g0 = sens[24] * sens[15 + i] + sens[25] * sens[18 + i] + sens[26] * sens[21 + i]
-            g1 = sens[27] * sens[15 + i] + sens[28] * sens[18 + i] + sens[29] * sens[21 + i]
-            g2 = sens[30] * sens[15 + i] + sens[31] * sens[18 + i] + sens[32] * sens[21 + i]
-            for r in range(3):
-                cols[18 + 3 * r + i] = -(cols[3 * r] * g0 + cols[3 * r + 1] * g1 + cols[3 * r + 2] * g2)
-    else:
-        cols[0], cols[1], cols[2], cols[3], cols[4], cols[5], cols[6], cols[7], cols[8] = (
-            m00, m01, m02, m10, m11, m12, m20, m21, m22
-        )  # fmt: skip
-        for i in range(9):
-            cols[9 + i] = cols[i]
-    hh = 0.5 * h
-    P0, P1, P2 = B[0], B[1], B[2]
-    V0, V1, V2 = B[3], B[4], B[5]
-    R0, R1, R2 = B[6], B[7], B[8]
-    for k in range(n_sensor):
-        i = ptab[k, 1]
-        d = -reg[ptab[k, 2]]
-        if ptab[k, 0] == 0:
-            e0, e1, e2 = d * cols[i], d * cols[3 + i], d * cols[6 + i]
-            w0 = w1 = w2 = 0.0
-        else:
-            w0, w1, w2 = d * cols[9 + i], d * cols[12 + i], d * cols[15 + i]
-            e0 = e1 = e2 = 0.0
-            if matrix:
-                e0, e1, e2 = d * cols[18 + i], d * cols[21 + i], d * cols[24 + i]
-        p0, p1, p2 = P0[k] + 0.5 * e0, P1[k] + 0.5 * e1, P2[k] + 0.5 * e2
-        P0[k] += e0
-        P1[k] += e1
-        P2[k] += e2
-        # dv = psi x dv_e + accelerometer error
-        w0 += p1 * dz - p2 * dy
-        w1 += p2 * dx - p0 * dz
-        w2 += p0 * dy - p1 * dx
-        R0[k] += h * V0[k] + hh * w0
-        R1[k] += h * V1[k] + hh * w1
-        R2[k] += h * V2[k] + hh * w2
-        V0[k] += w0
-        V1[k] += w1
-        V2[k] += w2
-    acc[5] += h * acc[2] + hh * dx
-    acc[6] += h * acc[3] + hh * dy
-    acc[7] += h * acc[4] + hh * dz
-    acc[2] += dx
-    acc[3] += dy
-    acc[4] += dz
-    acc[0] += h
-    acc[1] += math.sqrt(reg[4] * reg[4] + reg[5] * reg[5] + reg[6] * reg[6])
 
 
 @inlined
@@ -239,57 +99,114 @@ def transition(A, acc, nav, omega):
 
 
 @inlined
-def phi_rows(A, B, x, o, w, n_sensor):
-    """First nine rows of the transition times the rows of ``x``, written to ``o`` (both flat, rows PAD long)."""
-    a, b, c, d = A[0, 0], A[0, 1], A[1, 0], A[1, 1]
-    for j in range(w):
-        p, q = x[j], x[_S + j]
-        o[j] = a * p + b * q
-        o[_S + j] = c * p + d * q
-        o[_U(2) * _S + j] = x[_U(2) * _S + j]
-    for block in range(2):
-        i = 3 + 3 * block
-        t = _U(i) * _S
-        a00, a01, a02 = A[i, 0], A[i, 1], A[i, 2]
-        a10, a11, a12 = A[i + 1, 0], A[i + 1, 1], A[i + 1, 2]
-        a20, a21, a22 = A[i + 2, 0], A[i + 2, 1], A[i + 2, 2]
-        b00, b01, b10, b11, b22 = A[i, 3], A[i, 4], A[i + 1, 3], A[i + 1, 4], A[i + 2, 5]
-        c00, c01, c02 = A[i, 6], A[i, 7], A[i, 8]
-        c10, c11, c12 = A[i + 1, 6], A[i + 1, 7], A[i + 1, 8]
-        c20, c21, c22 = A[i + 2, 6], A[i + 2, 7], A[i + 2, 8]
-        for j in range(w):
-            p, q, r = x[j], x[_S + j], x[_U(2) * _S + j]
-            e, f, g = x[_U(3) * _S + j], x[_U(4) * _S + j], x[_U(5) * _S + j]
-            u, v, z = x[_U(6) * _S + j], x[_U(7) * _S + j], x[_U(8) * _S + j]
-            o[t + j] = a00 * p + a01 * q + a02 * r + b00 * e + b01 * f + c00 * u + c01 * v + c02 * z
-            o[t + _S + j] = a10 * p + a11 * q + a12 * r + b10 * e + b11 * f + c10 * u + c11 * v + c12 * z
-            o[t + _U(2) * _S + j] = a20 * p + a21 * q + a22 * r + b22 * g + c20 * u + c21 * v + c22 * z
-    for k in range(0, n_sensor, 3):
-        y = _U(9 + k) * _S
-        b00, b01, b02 = B[0, k], B[0, k + 1], B[0, k + 2]
-        b10, b11, b12 = B[1, k], B[1, k + 1], B[1, k + 2]
-        b20, b21, b22 = B[2, k], B[2, k + 1], B[2, k + 2]
-        b30, b31, b32 = B[3, k], B[3, k + 1], B[3, k + 2]
-        b40, b41, b42 = B[4, k], B[4, k + 1], B[4, k + 2]
-        b50, b51, b52 = B[5, k], B[5, k + 1], B[5, k + 2]
-        b60, b61, b62 = B[6, k], B[6, k + 1], B[6, k + 2]
-        b70, b71, b72 = B[7, k], B[7, k + 1], B[7, k + 2]
-        b80, b81, b82 = B[8, k], B[8, k + 1], B[8, k + 2]
-        for j in range(w):
-            p, q, r = x[y + j], x[y + _S + j], x[y + _U(2) * _S + j]
-            o[j] += b00 * p + b01 * q + b02 * r
-            o[_S + j] += b10 * p + b11 * q + b12 * r
-            o[_U(2) * _S + j] += b20 * p + b21 * q + b22 * r
-            o[_U(3) * _S + j] += b30 * p + b31 * q + b32 * r
-            o[_U(4) * _S + j] += b40 * p + b41 * q + b42 * r
-            o[_U(5) * _S + j] += b50 * p + b51 * q + b52 * r
-            o[_U(6) * _S + j] += b60 * p + b61 * q + b62 * r
-            o[_U(7) * _S + j] += b70 * p + b71 * q + b72 * r
-            o[_U(8) * _S + j] += b80 * p + b81 * q + b82 * r
+def apply_navigation(A, p, q, r, e, f, g, u, v, z):
+    """The navigation block of the transition times nine numbers; zeros are left out as in ``transition``."""
+    return (
+        A[0, 0] * p + A[0, 1] * q,
+        A[1, 0] * p + A[1, 1] * q,
+        r,
+        A[3, 0] * p + A[3, 1] * q + A[3, 2] * r + A[3, 3] * e + A[3, 4] * f + A[3, 6] * u + A[3, 7] * v + A[3, 8] * z,
+        A[4, 0] * p + A[4, 1] * q + A[4, 2] * r + A[4, 3] * e + A[4, 4] * f + A[4, 6] * u + A[4, 7] * v + A[4, 8] * z,
+        A[5, 0] * p + A[5, 1] * q + A[5, 5] * g + A[5, 6] * u + A[5, 7] * v + A[5, 8] * z,
+        A[6, 1] * q + A[6, 2] * r + A[6, 3] * e + A[6, 4] * f + A[6, 6] * u + A[6, 7] * v + A[6, 8] * z,
+        A[7, 0] * p + A[7, 2] * r + A[7, 3] * e + A[7, 4] * f + A[7, 6] * u + A[7, 7] * v + A[7, 8] * z,
+        A[8, 0] * p + A[8, 1] * q + A[8, 5] * g + A[8, 6] * u + A[8, 7] * v + A[8, 8] * z,
+    )
 
 
 @inlined
-def add_half_noise(P, nav, T, q_imu, pmod, m):
+def gram(X, i, Y, j, rows):
+    """``X[:, i:i + 3]' Y[:, j:j + 3]`` over some rows, itself row by row."""
+    s00 = s01 = s02 = s10 = s11 = s12 = s20 = s21 = s22 = 0.0
+    for t in rows:
+        x0, x1, x2 = X[t, i], X[t, i + 1], X[t, i + 2]
+        y0, y1, y2 = Y[t, j], Y[t, j + 1], Y[t, j + 2]
+        s00 += x0 * y0
+        s01 += x0 * y1
+        s02 += x0 * y2
+        s10 += x1 * y0
+        s11 += x1 * y1
+        s12 += x1 * y2
+        s20 += x2 * y0
+        s21 += x2 * y1
+        s22 += x2 * y2
+    return s00, s01, s02, s10, s11, s12, s20, s21, s22
+
+
+@inlined
+def gram_two(X, i, Y, j, rows):
+    """``X[:, i:i + 3]' Y[:, j:j + 2]`` over some rows, itself row by row."""
+    s00 = s01 = s10 = s11 = s20 = s21 = 0.0
+    for t in rows:
+        x0, x1, x2 = X[t, i], X[t, i + 1], X[t, i + 2]
+        y0, y1 = Y[t, j], Y[t, j + 1]
+        s00 += x0 * y0
+        s01 += x0 * y1
+        s10 += x1 * y0
+        s11 += x1 * y1
+        s20 += x2 * y0
+        s21 += x2 * y1
+    return s00, s01, s10, s11, s20, s21
+
+
+@inlined
+def gram_one(X, i, Y, j, rows):
+    """``X[:, i:i + 3]' Y[:, j]`` over some rows."""
+    s0 = s1 = s2 = 0.0
+    for t in rows:
+        y = Y[t, j]
+        s0 += X[t, i] * y
+        s1 += X[t, i + 1] * y
+        s2 += X[t, i + 2] * y
+    return s0, s1, s2
+
+
+@inlined
+def add_parameters(rows, width, i, first, B, y, sources):
+    """Add ``B' y`` of some parameters to three rows from ``i`` on, columns from ``first`` to before ``width``."""
+    c = first
+    while c + 3 <= width:
+        s = gram(B, i, y, c, sources)
+        for a in range(3):
+            row = rows[i + a]
+            row[c] += s[3 * a]
+            row[c + 1] += s[3 * a + 1]
+            row[c + 2] += s[3 * a + 2]
+        c += 3
+    if c + 2 == width:
+        z = gram_two(B, i, y, c, sources)
+        for a in range(3):
+            row = rows[i + a]
+            row[c] += z[2 * a]
+            row[c + 1] += z[2 * a + 1]
+    elif c + 1 == width:
+        u = gram_one(B, i, y, c, sources)
+        for a in range(3):
+            rows[i + a, c] += u[a]
+
+
+@borrowing
+def navigation_rows(A, B, x, y, rows, width, on_psi, n_sensor, lower):
+    """Navigation rows of the transition times some columns: ``rows[i, c] = A[i] x[:, c] + B[:, i] y[:, c]``.
+
+    ``x[9, c]`` are navigation states, ``y[m, c]`` parameters. Elements are numbers or lanes: columns of eight runs, or
+    eight columns of one run. ``on_psi`` lists the parameters that act on the attitude. With ``lower`` the result is
+    symmetric, and parameters are added where c is not left of the three rows' block.
+    """
+    for c in range(width):
+        (
+            rows[0, c], rows[1, c], rows[2, c], rows[3, c], rows[4, c], rows[5, c], rows[6, c], rows[7, c], rows[8, c],
+        ) = apply_navigation(
+            A, x[0, c], x[1, c], x[2, c], x[3, c], x[4, c], x[5, c], x[6, c], x[7, c], x[8, c]
+        )  # fmt: skip
+    if n_sensor > 0:
+        add_parameters(rows, width, 0, 0, B, y, on_psi)
+        for i in range(3, 9, 3):
+            add_parameters(rows, width, i, i if lower else 0, B, y, range(n_sensor))
+
+
+@inlined
+def add_half_noise(P, nav, T, q_imu, pmod):
     """Half the process noise of an interval: added before and after the transition it is the trapezoid rule."""
     h = 0.5 * T
     if q_imu[0] == q_imu[1] == q_imu[2] and q_imu[3] == q_imu[4] == q_imu[5]:
@@ -298,66 +215,52 @@ def add_half_noise(P, nav, T, q_imu, pmod, m):
             P[3 + i, 3 + i] += h * q_imu[3]
     else:
         c = dcm(nav)
-        for i in range(3):
-            for j in range(3):
-                g, f = 0.0, 0.0
-                for a in range(3):
-                    g += c[3 * i + a] * q_imu[a] * c[3 * j + a]
-                    f += c[3 * i + a] * q_imu[3 + a] * c[3 * j + a]
-                P[i, j] += h * g
-                P[3 + i, 3 + j] += h * f
-    for k in range(m):
-        P[9 + k, 9 + k] += h * pmod[k, 1]
+        for o in (0, 3):
+            for i in range(3):
+                for j in range(3):
+                    g = c[3 * i] * c[3 * j] * q_imu[o]
+                    g += c[3 * i + 1] * c[3 * j + 1] * q_imu[o + 1]
+                    g += c[3 * i + 2] * c[3 * j + 2] * q_imu[o + 2]
+                    P[o + i, o + j] += h * g
+    for k in range(P.shape[0] - 9):
+        if pmod[k, 1] > 0.0:
+            P[9 + k, 9 + k] += h * pmod[k, 1]
 
 
-@kernel
-def flush(P, nav, acc, B, A, work, D, pmod, n_sensor, i_clock, omega):
-    """Carry the covariance over the accumulated transition: ``P <- Phi P Phi'``. Noise is added by the caller.
-
-    ``i_clock`` is the state of the clock offset, -1 for none. ``work`` is (18 + n, PAD) and zero beyond column n; only
-    navigation rows are ever multiplied.
-    """
-    n = P.shape[0]
-    m = n - 9
-    T = acc[0]
+@inlined
+def decay(pmod, T, D, mean):
+    """Over ``T`` seconds what is left of each Gauss-Markov state, and its mean meanwhile; returns if any decays."""
     decays = False
-    for k in range(m):
-        D[k] = 1.0
+    for k in range(pmod.shape[0]):
+        D[k], mean[k] = 1.0, 1.0
         if pmod[k, 0] > 0.0:
             x = pmod[k, 0] * T
-            if x < 0.01:  # (1 - exp(-x)) / x: the mean of the decaying error over the interval
-                mean = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0)))
+            if x < 0.01:
+                mean[k] = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0)))
             else:
-                mean = -math.expm1(-x) / x
-            D[k] = 1.0 - x * mean
+                mean[k] = -math.expm1(-x) / x
+            D[k] = 1.0 - x * mean[k]
             decays = True
-            if k < n_sensor:
-                for i in range(9):
-                    B[i, k] *= mean
-    transition(A, acc, nav, omega)
-    flat = work.reshape(work.size)
-    T1, O9, Z = flat[: 9 * PAD], flat[9 * PAD : 18 * PAD], flat[18 * PAD :]
-    phi_rows(A, B, P.reshape(P.size), T1, _U(padded(n)), n_sensor)
-    for j in range(n):
-        z = work[18 + j]
-        for i in range(9):
-            z[i] = work[i, j]
-    phi_rows(A, B, Z, O9, _U(24), n_sensor)
-    for i in range(9):
-        p, o = P[i], work[9 + i]
-        for j in range(9):
-            p[j] = 0.5 * (o[j] + work[9 + j, i])
-        t = work[i]
-        for k in range(m):
-            v = t[9 + k] * D[k]
-            p[9 + k] = v
-            P[9 + k, i] = v
-    if decays:
-        for k in range(m):
-            p, d = P[9 + k], D[k]
-            for j in range(m):
-                p[9 + j] *= d * D[j]
-    if i_clock >= 0:  # the clock's offset grows by its drift
+    return decays
+
+
+@inlined
+def scale_parameters(P, D):
+    """Parameter block of the covariance times what is left of each parameter: ``P_pp <- D P_pp D``."""
+    m = P.shape[0] - 9
+    for i in range(m):
+        p = P[9 + i]
+        for j in range(m):
+            d = D[i] * D[j]
+            if d != 1.0:
+                p[9 + j] *= d
+
+
+@inlined
+def add_clock_drift(P, i_clock, T):
+    """Covariance of a receiver clock's offset that has grown by its drift; ``i_clock`` -1 is no clock."""
+    if i_clock >= 0:
+        n = P.shape[0]
         a, b = P[i_clock], P[i_clock + 1]
         for j in range(n):
             a[j] += T * b[j]
@@ -365,11 +268,49 @@ def flush(P, nav, acc, B, A, work, D, pmod, n_sensor, i_clock, omega):
             P[j, i_clock] += T * P[j, i_clock + 1]
 
 
-@inlined
-def clear(acc, B):
-    """Start a new transition."""
-    for i in range(8):
-        acc[i] = 0.0
+@borrowing
+def flush(P, nav, acc, A, B, rows, turned, D, mean, on_psi, n_sensor, decays, omega):
+    """Carry the covariance over the accumulated transition: ``P <- Phi P Phi'``. Noise is added by the caller.
+
+    ``rows[9, PAD]`` and ``turned[9, PAD]`` are workspace; ``D, mean, decays`` as :func:`decay` leaves them. Parameter
+    columns are multiplied by ``mean``.
+    """
+    n = P.shape[0]
+    m = n - 9
+    if decays:
+        for k in range(n_sensor):
+            if mean[k] != 1.0:
+                for i in range(9):
+                    B[k, i] *= mean[k]
+    transition(A, acc, nav, omega)
+    blocks = (n + LANES - 1) // LANES
+    columns = as_lanes(P.reshape((n, BLOCKS, LANES)))
+    parameters = columns[9:]
+    navigation_rows(
+        A, B, columns, parameters, as_lanes(rows.reshape((9, BLOCKS, LANES))), blocks, on_psi, n_sensor, False
+    )  # Phi P
+    for k in range(m):  # its parameter columns are by symmetry the parameter rows of P Phi'
+        p = P[9 + k]
+        for i in range(9):
+            p[i] = rows[i, 9 + k]
     for i in range(9):
-        for k in range(B.shape[1]):
-            B[i, k] = 0.0
+        for j in range(9):
+            turned[j, i] = rows[i, j]
+    navigation_rows(
+        A, B, as_lanes(turned.reshape((9, BLOCKS, LANES))), parameters, columns, 2, on_psi, n_sensor, False
+    )  # Phi P Phi'
+    for i in range(9):
+        p, r = P[i], rows[i]
+        for j in range(i):
+            p[j] = P[j, i]
+        for j in range(9, n):
+            p[j] = r[j]
+    if decays:
+        for k in range(m):
+            d = D[k]
+            if d != 1.0:
+                p = P[9 + k]
+                for i in range(9):
+                    p[i] *= d
+                    P[i, 9 + k] *= d
+        scale_parameters(P, D)

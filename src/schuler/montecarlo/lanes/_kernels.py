@@ -1,8 +1,8 @@
 """Compiled Monte Carlo runs in lock-step: sensor errors, noise, strapdown and filter of :data:`LANES` runs at once.
 
-The engine's own mechanization and interval arithmetic run on lanes (``_vector_kernels``); covariance and updates
-have twins (``_covariance_kernels``, ``_update_kernels``). Times, true motion, schedule and filter model are
-shared by all runs and are plain numbers. No run depends on its neighbours: there is no branch on the value of a lane.
+The engine's own mechanization, transition and propagation run on lanes (``_shared_kernels``); updates have a twin
+(``_update_kernels``). Times, true motion, schedule and filter model are shared by all runs and are plain numbers. No
+run depends on its neighbours: there is no branch on the value of a lane.
 
 Flat interface (float64 unless said; a last axis LANES is one run each):
 
@@ -21,21 +21,26 @@ from __future__ import annotations
 
 import numpy as np
 
+from schuler.filtering.kernels.accumulation import N_PAST
+from schuler.filtering.kernels.covariance import decay
 from schuler.filtering.kernels.update import POSITION
+from schuler.filtering.kernels.vector import as_lanes, cut, where_at_most
 from schuler.jit import inlined, kernel, prepare
-from schuler.montecarlo.lanes._covariance_kernels import (
-    N_PAST,
-    add_half_noise,
-    decay,
-    flush,
-    parameter_columns,
-    remember,
-)
+from schuler.montecarlo.lanes._covariance_kernels import flush
 from schuler.montecarlo.lanes._random_kernels import normals
 from schuler.montecarlo.lanes._record_kernels import note
-from schuler.montecarlo.lanes._shared_kernels import advance_ecef, compensate, cut_interval, fit_interval
-from schuler.montecarlo.lanes._update_kernels import spread_estimates, take
-from schuler.montecarlo.lanes._vector_kernels import as_lanes, cut, where_at_most
+from schuler.montecarlo.lanes._shared_kernels import (
+    add_half_noise,
+    advance_ecef,
+    compensate,
+    cut_interval,
+    fit_interval,
+    parameter_columns,
+    regressor_integrals,
+    spread_estimates,
+    store_interval,
+)
+from schuler.montecarlo.lanes._update_kernels import take
 
 RECORD = 2
 
@@ -135,7 +140,7 @@ def run_lanes(
     D, mean = np.ones(m), np.ones(m)
     on_psi = np.array([k for k in range(m) if ptab[k, 0] == 0 or cross])
     white, wandering, fixes = streams[0:4], streams[4:8], streams[8:12]
-    spread_estimates(est, ptab, M, sens)
+    spread_estimates(est, ptab, m, M, sens)
     A[2, 2] = 1.0
     h1 = h2 = 0.0
     T = h_reg = 0.0  # time since the last propagation; length of the interval that `reg` is of
@@ -162,7 +167,7 @@ def run_lanes(
             if s1 > s0:
                 cut_interval(part, poly, s0, s1)
                 fx, fy, fz = advance_ecef(nav, part, (s1 - s0) * h, omega)
-                remember(past, kept, acc, b, nav, fx, fy, fz, part, (s1 - s0) * h, reg)
+                store_interval(past, kept, acc, b, nav, fx, fy, fz, part, (s1 - s0) * h, reg)
                 h_reg = (s1 - s0) * h
                 T += h_reg
                 kept += 1
@@ -190,20 +195,18 @@ def run_lanes(
                 compensate(poly, raw, sens, h, matrix)
                 if s0 > sa:  # the next measurement of this time sees the corrected rate, not the one before
                     cut_interval(part, poly, sa, s0)
-                    for i in range(3):
-                        reg[1 + i] = part[9 + i] + 0.5 * part[12 + i] + part[15 + i] / 6.0
-                        reg[4 + i] = part[i] + 0.5 * part[3 + i] + part[6 + i] / 6.0
+                    regressor_integrals(part, reg)
             j += 1
         if s0 == 0.0:
             fx, fy, fz = advance_ecef(nav, poly, h, omega)
-            remember(past, kept, acc, b, nav, fx, fy, fz, poly, h, reg)
+            store_interval(past, kept, acc, b, nav, fx, fy, fz, poly, h, reg)
             h_reg = h
             T += h
             kept += 1
         elif s0 < 1.0:
             cut_interval(part, poly, s0, 1.0)
             fx, fy, fz = advance_ecef(nav, part, (1.0 - s0) * h, omega)
-            remember(past, kept, acc, b, nav, fx, fy, fz, part, (1.0 - s0) * h, reg)
+            store_interval(past, kept, acc, b, nav, fx, fy, fz, part, (1.0 - s0) * h, reg)
             h_reg = (1.0 - s0) * h
             T += h_reg
             kept += 1
@@ -246,7 +249,7 @@ def propagate(
         for k in range(m):
             if D[k] != 1.0:
                 est[k] *= D[k]
-        spread_estimates(est, ptab, M, sens)
+        spread_estimates(est, ptab, m, M, sens)
     for i in range(8):
         acc[i] = 0.0
     for i in range(3):

@@ -20,8 +20,7 @@ from __future__ import annotations
 
 import math
 
-from schuler.jit import inlined, kernel
-from schuler.montecarlo.lanes._vector_kernels import (
+from schuler.filtering.kernels.vector import (
     add_bits,
     as_lanes,
     load_bits,
@@ -34,6 +33,7 @@ from schuler.montecarlo.lanes._vector_kernels import (
     swap_by_bit,
     xor_bits,
 )
+from schuler.jit import inlined, kernel
 
 _LN2 = math.log(2.0)
 

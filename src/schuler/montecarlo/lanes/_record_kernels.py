@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import math
 
+from schuler.filtering.kernels.vector import LANES
 from schuler.jit import kernel
-from schuler.montecarlo.lanes._vector_kernels import LANES
 
 
 @kernel

@@ -8,13 +8,12 @@ replaced by what all lanes do: the series for small rotations, and positions off
 
 from __future__ import annotations
 
+import schuler.filtering.kernels.accumulation as accumulation
 import schuler.filtering.kernels.covariance as covariance
+import schuler.filtering.kernels.sensor_errors as sensor_errors
 import schuler.filtering.kernels.update as update
 import schuler.mechanization.kernels as mechanization
-import schuler.montecarlo.lanes._vector_kernels as vector
 from schuler.jit import inlined, lane_version
-
-LANES = vector.LANES  # importing it has made the lanes' types known before anything here can be compiled
 
 
 @inlined
@@ -41,7 +40,30 @@ advance_ecef = lane_version(
     half_earth_turn=lane_version(mechanization.half_earth_turn),
 )
 
+invert3 = lane_version(sensor_errors.invert3)
+spread_estimates = lane_version(sensor_errors.spread_estimates, invert3=invert3)
+compensate = lane_version(sensor_errors.compensate)
+
 dcm = lane_version(covariance.dcm)
-invert3 = lane_version(covariance.invert3)
-compensate = lane_version(covariance.compensate)
+gram = lane_version(covariance.gram)
 transition = lane_version(covariance.transition)
+add_half_noise = lane_version(covariance.add_half_noise, dcm=dcm)
+scale_parameters = lane_version(covariance.scale_parameters)
+navigation_rows = lane_version(
+    covariance.navigation_rows,
+    apply_navigation=lane_version(covariance.apply_navigation),
+    add_parameters=lane_version(
+        covariance.add_parameters,
+        gram=gram,
+        gram_two=lane_version(covariance.gram_two),
+        gram_one=lane_version(covariance.gram_one),
+    ),
+)
+
+regressor_integrals = lane_version(accumulation.regressor_integrals)
+store_interval = lane_version(accumulation.store_interval, dcm=dcm, regressor_integrals=regressor_integrals)
+parameter_columns = lane_version(
+    accumulation.parameter_columns,
+    sum_source=lane_version(accumulation.sum_source, gram=gram),
+    column=lane_version(accumulation.column),
+)

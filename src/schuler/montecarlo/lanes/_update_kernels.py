@@ -12,37 +12,11 @@ from __future__ import annotations
 import math
 
 from schuler.filtering.kernels.update import POSITION
+from schuler.filtering.kernels.vector import where_at_most
 from schuler.jit import inlined, kernel
-from schuler.montecarlo.lanes._covariance_kernels import add_gram, gram
-from schuler.montecarlo.lanes._shared_kernels import dcm, invert3, ned_axes
-from schuler.montecarlo.lanes._vector_kernels import where_at_most
+from schuler.montecarlo.lanes._shared_kernels import dcm, gram, ned_axes, spread_estimates
 
 BIG = 1e300
-
-
-@kernel
-def spread_estimates(est, ptab, M, sens):
-    """Sensor parameters of ``est`` to ``sens``, matrices inverted, as the engine does. ``M[2, 3, 3]`` is workspace."""
-    for i in range(6):
-        sens[i] = 0.0
-    for i in range(9):
-        sens[24 + i] = 0.0
-    for a in range(2):
-        for i in range(3):
-            for j in range(3):
-                M[a, i, j] = 1.0 if i == j else 0.0
-    for k in range(est.shape[0]):
-        gyro, i, source = ptab[k, 0] == 0, ptab[k, 1], ptab[k, 2]
-        if source == 0:
-            sens[i if gyro else 3 + i] += est[k]
-        elif gyro and source >= 4:
-            M[0, i, source - 4] += est[k]
-        elif gyro:
-            sens[24 + 3 * i + source - 1] += est[k]
-        else:
-            M[1, i, source - 1] += est[k]
-    invert3(M[0], sens, 6)
-    invert3(M[1], sens, 15)
 
 
 @inlined
@@ -148,6 +122,15 @@ def innovate(P, H, first, Hp, on_psi, lever, y, R, W, e):
 
 
 @inlined
+def add_gram(X, i, j, s):
+    """``X[i:i + 3, j:j + 3]`` plus the transpose of a Gram matrix."""
+    for a in range(3):
+        x = X[i + a]
+        for b in range(3):
+            x[j + b] += s[3 * b + a]
+
+
+@inlined
 def row_times(h, x, z, a):
     """A row of H times column ``a`` of the six rows it acts on."""
     return h[0] * x[0, a] + h[1] * x[1, a] + h[2] * x[2, a] + h[3] * z[0, a] + h[4] * z[1, a] + h[5] * z[2, a]
@@ -217,4 +200,4 @@ def take(
     counts[3 * i] += where_at_most(nis, BIG, nis, 0.0)
     counts[3 * i + 1] += used
     counts[3 * i + 2] += 1.0 - used
-    spread_estimates(est, ptab, M, sens)
+    spread_estimates(est, ptab, est.shape[0], M, sens)

@@ -9,8 +9,9 @@ import numpy.typing as npt
 
 from schuler.arrays import FloatArray
 from schuler.filtering.engine import InitialState
+from schuler.filtering.filter_arrays import aligned
 from schuler.filtering.measurements import MeasurementSchedule
-from schuler.montecarlo.lanes.scenario import LaneScenario, aligned, draw_run
+from schuler.montecarlo.lanes.scenario import LaneScenario, draw_run
 from schuler.recording.series import Increments
 
 
@@ -75,11 +76,8 @@ def replay(scenario: LaneScenario, run: int, *, seed: int = 0) -> Replay:
 
 def normals_of(stream: npt.NDArray[np.uint64], count: int) -> FloatArray:
     """The first standard normals of a random stream (four 64-bit words), as the kernel draws them. Shape (count,)."""
-    from schuler.jit import between_compilations
-
-    with between_compilations():  # they register types and operators
-        from schuler.montecarlo.lanes._random_kernels import draw
-        from schuler.montecarlo.lanes._vector_kernels import LANES
+    from schuler.filtering.kernels.vector import LANES
+    from schuler.montecarlo.lanes._random_kernels import draw
 
     state = np.ones((4, LANES), dtype=np.uint64)
     state[:, 0] = stream

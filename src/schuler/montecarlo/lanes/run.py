@@ -20,10 +20,11 @@ from schuler import earth, frames
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.filtering.error_model import ecef_from_ned_states
+from schuler.filtering.filter_arrays import aligned
 from schuler.montecarlo.lanes.aiding import LaneAiding
 from schuler.montecarlo.lanes.records import LaneRecords, LaneStatistics
 from schuler.montecarlo.lanes.replay import Replay, replay
-from schuler.montecarlo.lanes.scenario import LARGEST_TURN, LaneScenario, aligned, draw_run
+from schuler.montecarlo.lanes.scenario import LARGEST_TURN, LaneScenario, draw_run
 
 __all__ = ["LaneScenario", "Replay", "lane_statistics", "replay", "run_lanes"]
 
@@ -89,10 +90,7 @@ def _batches(
     scenario: LaneScenario, runs: int | Sequence[int], seed: int, threads: int | None, progress: Progress | None
 ) -> Iterator[LaneRecords]:
     """Records of eight runs at a time, in order, computed ahead by a few threads."""
-    from schuler.jit import between_compilations
-
-    with between_compilations():  # it registers types and operators
-        from schuler.montecarlo.lanes._vector_kernels import LANES
+    from schuler.filtering.kernels.vector import LANES
 
     numbers = np.arange(runs) if isinstance(runs, int | np.integer) else np.asarray(runs, dtype=np.int64)
     if numbers.ndim != 1 or len(numbers) == 0 or numbers.min() < 0:
@@ -164,8 +162,8 @@ class _Prepared:
 
     def run(self, numbers: IntArray, seed: int) -> LaneRecords:
         """One batch: as many runs as there are lanes, or fewer, the rest filled up with copies of the last."""
+        from schuler.filtering.kernels.vector import LANES
         from schuler.montecarlo.lanes import _kernels as k
-        from schuler.montecarlo.lanes._vector_kernels import LANES
 
         scenario = self.scenario
         n = scenario.layout.size

@@ -129,11 +129,3 @@ def draw_run(scenario: LaneScenario, run: int, seed: int) -> Draws:
         InitialState(start, P, scenario.initial.parameters), drawn.constants,
         true_parameters(scenario.layout, drawn.constants), drawn.starts, drawn.slopes, streams,
     )  # fmt: skip
-
-
-def aligned(*shape: int) -> FloatArray:
-    """Zeros that begin on a cache line, as vectors like it."""
-    size = int(np.prod(shape))
-    block = np.zeros(size + 8)
-    first = (-block.ctypes.data // 8) % 8
-    return block[first : first + size].reshape(shape)

@@ -19,6 +19,7 @@ import operator
 
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba.core import cgutils, types
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.imputils import lower_cast
 from numba.core.typeconv.castgraph import Conversion
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
@@ -105,7 +106,8 @@ def _declare(function, signatures):
         key = function
         cases = signatures
 
-    infer_global(function)(Template)
+    with global_compiler_lock:  # never in the middle of another thread's compilation, which may use the operator
+        infer_global(function)(Template)
 
 
 def _define(op, emit):

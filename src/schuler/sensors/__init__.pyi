@@ -1,5 +1,3 @@
-from . import catalogue as catalogue
-from . import noise as noise
 from .errors import ApplyReport as ApplyReport
 from .errors import ImuErrors as ImuErrors
 from .grades import GradeVerdict as GradeVerdict
@@ -75,7 +73,6 @@ __all__ = [
     "TriadSpec",
     "White",
     "allan_minimum",
-    "catalogue",
     "flicker",
     "frd_from_fur",
     "fur_from_frd",
@@ -83,7 +80,6 @@ __all__ = [
     "grade",
     "imu_errors",
     "integrate_rates",
-    "noise",
     "noise_model",
     "quantise",
     "quantise_increments",

@@ -126,8 +126,8 @@ def test_campaign(benchmark, scene, states, threads):
 
 def test_normals(benchmark):
     """Epochs are single normals."""
+    from schuler.filtering.filter_arrays import aligned
     from schuler.montecarlo.lanes._random_kernels import draw
-    from schuler.montecarlo.lanes.scenario import aligned
 
     benchmark.group = "normal random numbers"
     state = np.ascontiguousarray(np.random.default_rng(0).integers(1, 2**63, (4, 8), dtype=np.uint64))

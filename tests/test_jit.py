@@ -117,3 +117,14 @@ def test_a_lane_version_names_the_lane_version_of_everything_it_calls():
 
     with pytest.raises(TypeError, match="expected a lane version of half_angle_coefficients"):
         jit.lane_version(k.half_angle)
+
+
+def test_an_index_of_types_that_are_gone_is_compiled_anew(tmp_path):
+    """An earlier version of the package may have left it; reading it would end in ModuleNotFoundError."""
+    in_a_process(["-c", LANES], tmp_path, 300.0)
+    (index,) = (tmp_path / "cache").rglob("*transition_in_lanes*.nbi")
+    name = b"schuler.filtering.kernels.vector"
+    content = index.read_bytes()
+    assert name in content
+    index.write_bytes(content.replace(name, name[:-6] + b"sector"))
+    in_a_process(["-c", LANES], tmp_path, 300.0)

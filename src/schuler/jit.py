@@ -60,6 +60,7 @@ def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Callable[...
     try:
         file = compiled._cache._cache_file
         file._source_stamp = (file._source_stamp, sources_digest())
+        file._load_index = functools.partial(_readable_index, file._load_index)
     except AttributeError:  # a numba that keeps it elsewhere: better to compile at every start than to run old code
         compiled = numba.njit(**options, **_OPTIONS)(function)
     return cast(Callable[..., Any], compiled)
@@ -95,6 +96,14 @@ def lane_version(function: Callable[..., Any], **helpers: Callable[..., Any]) ->
     second.__doc__ = text.__doc__
     same = ("forceinline", "_nrt")
     return _kept(second, {name: original.targetoptions[name] for name in same if name in original.targetoptions})
+
+
+def _readable_index(load: Callable[[], Any]) -> Any:
+    """What is on disk of a function; nothing if an earlier version of the package wrote it with types now elsewhere."""
+    try:
+        return load()
+    except (ImportError, AttributeError):
+        return {}
 
 
 @functools.cache

@@ -25,7 +25,7 @@ _NOTICE_AFTER_S = 1.5
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 # Besides the kernel files: what they take constants from (tests/test_project.py holds them to it).
-SOURCES = ("jit.py", "earth.py", "filtering/limits.py", "filtering/filter_arrays.py")
+SOURCES = ("jit.py", "earth.py", "filtering/limits.py", "filtering/filter_arrays.py", "budget/nodes.py")
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:

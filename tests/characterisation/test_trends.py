@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from schuler.characterisation import trends
+from schuler.characterisation import likelihood, trends
 from schuler.characterisation.trends import settled_from, temperature_trend, warm_up
 from schuler.exceptions import InputError
 from schuler.sensors.noise import GaussMarkov, RandomWalk, White, flicker
@@ -29,7 +29,7 @@ def test_covariances_have_the_allan_variance_they_are_said_to_have(kind):
     """From the factors back to the covariance: unit Allan variance at sqrt(J) blocks for one kind of noise alone."""
     J, m = 100, 10
     weights = [(1e3, 1.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1e3)][kind]
-    whiten, _, proportions = trends.whitening_factors(J)
+    whiten, _, proportions = likelihood.whitening_factors(J)
     C = np.linalg.inv(whiten[np.flatnonzero(np.all(proportions == weights, axis=1)).item()])
     C = C @ C.T
     v = np.zeros(J)

@@ -16,13 +16,18 @@ FILES = sorted(str(p.relative_to(DATA)) for p in DATA.rglob("*") if p.is_file())
 
 #: What a file is by its name: the first rule that fits.
 RULES = (
-    ("no log", r"(^|/)(README|LICENSE)[^/]*$|\.(md|json|tag|gz)$"),
+    ("no log", r"(^|/)(README|LICENSE)[^/]*$|\.(md|json|tag|gz|yaml)$"),
     ("orbits", r"\.SP3$"),
     # formats that say all of themselves
-    ("log", r"\.(obs|rnx|nav|pos|ubx|imu|\d\d[nNoOlL])$|/(imu_gpst|vn310-\w+(-after)?)\.csv$|/static_z[^/]*\.csv$"),
+    (
+        "log",
+        r"\.(obs|rnx|nav|pos|ubx|imu|\d\d[nNoOlLbB])$|/imu0/data\.csv$|/(imu_gpst|vn310-\w+(-after)?)\.csv$|/static_z[^/]*\.csv$",
+    ),
     ("log", r"/(insgpseo_tc\.mat|android_pixel6\.txt)$"),
+    # truth of a log in another file; text with lines before its header
+    ("refused", r"/state_groundtruth_estimate0/data\.csv$|oan_phone_drive/.*\.csv$"),
     # tables and arrays of which only their owner knows what they are
-    ("hints", r"\.(csv|txt|dat|mat|npz)$"),
+    ("hints", r"\.(csv|txt|dat|mat|npz|npy|log)$"),
 )
 
 
@@ -54,6 +59,8 @@ def test_every_file_opens_or_is_refused_with_the_reason(shared_data, name, capsy
         assert "this is no log but " in err
     elif kind == "orbits":
         assert "orbits in SP3 are not read" in err
+    elif kind == "refused":
+        assert re.search(r":\d+: .*(expected|names \d+ columns)", err), err
     else:
         assert re.search(r"\b(columns|units|variable)='", err), err
 

@@ -429,7 +429,7 @@ def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
         "navigation.report.accuracy.errors": lambda: [a.errors(full(), block) for block in ("dr", "dv", "dpsi")],
         "navigation.report.accuracy.sigmas": lambda: a.sigmas(full()),
         "navigation.report.accuracy.normalised_errors": lambda: a.normalised_errors(full()),
-        "navigation.report.outages.outage_figure": lambda: a.outage_figure(full()),
+        "navigation.report.outages.outage_figure": lambda: outages.outage_figure(full()),
         "navigation.report.innovations.by_satellite": of_satellites,
         "navigation.report.estimates.parameters": lambda: blocks("full") + blocks("everything"),
         "navigation.report.figures.overview_content": lambda: [figures.overview_content(s) for s in (full(), full(reference=None))],
@@ -451,7 +451,7 @@ def _diagnosed():
     from schuler.diagnosis.report.figures import figures
     from schuler.diagnosis.run import diagnose
 
-    return figures(diagnose(module("diagnosis/diagnosis_drives.py").drive(duration=90.0)))
+    return figures(diagnose(module("support/diagnosis_drives.py").drive(duration=90.0)))
 
 
 def _deep() -> dict[str, Callable]:

@@ -218,7 +218,7 @@ def _sentence(code: str, best: Guess, as_read: FloatArray) -> tuple[str, str, An
         return "the gyroscope turns against the course of the vehicle: its sign is reversed", "scale='gyro=-1'", "error"
     if code == "axes":
         directions = letters(as_read.T @ best.G)
-        x, y, z = directions
+        x, y, z = tuple(directions)
         return (
             f"the sensor's axes point {x}, {y}, {z} (x, y, z), as read they were taken otherwise",
             f"axes='{directions}'",

@@ -63,14 +63,14 @@ def diagnose(recording: Recording, *, findings: tuple[Finding, ...] = (), quick:
         state.findings += heights.check_heights(recording)
     _list_unchecked(state)
     order = list(CODES)
-    findings = sorted(state.findings, key=lambda f: (SEVERITIES.index(f.severity), order.index(f.code)))
+    ordered = sorted(state.findings, key=lambda f: (SEVERITIES.index(f.severity), order.index(f.code)))
     rates = None if state.imu is None else state.imu.rates()
     if rates is not None and state.motion is not None and state.lag is not None and state.lag.matched:
         # constant velocity looks like rest to an IMU
         state.rests = unscaled_rests(rates, (state.motion.t - state.lag.offset, state.motion.speed))
     return Diagnosis(
         recording.metadata.name,
-        tuple(_surest(findings)),
+        tuple(_surest(ordered)),
         state.estimates,
         () if state.imu is None or state.rests is None else support.segments(state.imu, state.rests),
         () if quick else support.uses(recording, rates, state.rests, state.motion),

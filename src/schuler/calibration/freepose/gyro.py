@@ -213,7 +213,8 @@ class _GyroParameters:
     @property
     def estimated(self) -> IntArray:
         """Places of the estimated parameters among all 21."""
-        return np.r_[0:9, 9 : (12 if self.estimates_bias else 9), 12 : (21 if self.g_sensitivity else 12)]
+        places: IntArray = np.r_[0:9, 9 : (12 if self.estimates_bias else 9), 12 : (21 if self.g_sensitivity else 12)]
+        return places
 
     @property
     def vector(self) -> FloatArray:

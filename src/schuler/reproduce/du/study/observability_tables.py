@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from schuler.exceptions import InputError
-from schuler.observability.symbolic import Symbolic, SymbolicModel, coefficients, observability_matrix
+from schuler.observability.symbolic import coefficients, observability_matrix
+from schuler.observability.symbolic_model import Symbolic, SymbolicModel
 
 
 def table_5_1(model: SymbolicModel) -> list[Symbolic]:

@@ -140,7 +140,7 @@ def solutions(trial: Trial, seed: Any) -> dict[str, Trajectory]:
     k = slice(shared.first, None)
     measured = Increments(log.t[k], log.dt[k], dtheta[k], dv[k])
     start = _turned(shared.start, wrong)
-    by_strategy = {}
+    by_strategy: dict[str, Trajectory] = {}
     for name in trial.strategies:
         if isinstance(calibration, RotationCalibration):
             clean = calibration.compensated(measured, "I" if name == "I" else "II")

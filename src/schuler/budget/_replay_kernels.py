@@ -1,7 +1,7 @@
 """Compiled replays of a linearised run: the filter's covariance, error sensitivities, covariances of noise by source.
 
 A run is linearised once (``record.py``): transitions between nodes and rows of H. Every IMU, filter and error source
-is then a replay through the same nodes with other noise, in the arithmetic of the engine (``_covariance_kernels``).
+is then a replay through the same nodes with other noise, in the arithmetic of the engine (``filtering.kernels``).
 
 Nodes are tuples of arrays (``nodes.Nodes``):
 

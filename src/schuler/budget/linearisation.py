@@ -59,7 +59,7 @@ def truth_integrals(increments: Increments, truth: FullTrajectory, t: FloatArray
     -----
     The weights keep the integral and its first moment in time, so a body that turns between two nodes spreads its noise
     as it turns; over the three axes they sum to half the interval each, the trapezoid rule of the engine. Columns
-    follow the mid-point rule of ``filtering._covariance_kernels.accumulate`` and carry its minus sign.
+    follow the mid-point rule of ``filtering.kernels.accumulation`` and carry its minus sign.
     """
     # cut at every sample and every node: the motion is that of one sample, the integral that of one node
     edges = np.concatenate(([increments.start], increments.t))
@@ -113,7 +113,7 @@ class Linearised:
     t : ndarray, shape (k,)
         Nodes: every propagation; the first is the start. [s]
     acc : ndarray, shape (k, 8)
-        Accumulated transition into each node, see ``filtering._covariance_kernels``.
+        Accumulated transition into each node, see ``filtering.kernels.covariance``.
     place : ndarray, shape (k, 3)
         True position. [m]
     B : ndarray, shape (k, 9, s)

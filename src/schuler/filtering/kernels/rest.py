@@ -1,4 +1,4 @@
-"""Compiled rows of H for what gravity and Earth rate say of an IMU at rest. Arrays as in ``_covariance_kernels``.
+"""Compiled rows of H for what gravity and Earth rate say of an IMU at rest. Arrays as in ``covariance``.
 
 ``z`` holds means of raw readings over a stretch in which the IMU does not turn: specific force, then (Earth rate) the
 angular rate behind it. They are compensated with the present estimates, so that errors of specific force act on the

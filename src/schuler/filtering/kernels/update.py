@@ -1,4 +1,4 @@
-"""Compiled measurement updates: rows of H, innovation, correction, feedback. Arrays as in ``_covariance_kernels``."""
+"""Compiled measurement updates: rows of H, innovation, correction, feedback. Arrays as in ``covariance``."""
 
 from __future__ import annotations
 

@@ -118,7 +118,7 @@ def turning_mission(
 
 
 def _columns(turning: TurningMission, schedule: Schedule, table: IntArray) -> FloatArray:
-    """Sensor columns of the transition into each node, by the rule of ``filtering._covariance_kernels.accumulate``."""
+    """Sensor columns of the transition into each node, by the rule of ``filtering.kernels.accumulation``."""
     run = turning.fixed.run
     edges = _edges(run, schedule, turning.piece)
     h = np.diff(edges)

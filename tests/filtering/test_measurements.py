@@ -88,6 +88,21 @@ def test_measurement_rows_are_the_jacobian_of_the_prediction(kind, seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
+def test_a_delayed_velocity_depends_on_velocity_through_coriolis(seed):
+    """The prediction is linear in velocity, so its columns are exact differences: rounding alone is allowed."""
+    rng = np.random.default_rng(seed)
+    nav, est = somewhere(rng), np.zeros(M)
+    est[LAYOUT["delay"].start - 9] = 10.0  # 2 omega_ie times this is 1.5e-3, well above rounding
+    omega, f, lever = rng.normal(size=3), rng.normal(size=3) * 10, rng.normal(size=3)
+    H, _, _ = rows(ms.VELOCITY, nav, est, omega, f, lever, np.zeros(3))
+    for k in range(3, 6):
+        dx = np.zeros(LAYOUT.size)
+        dx[k] = 1.0
+        ahead, behind = (rows(ms.VELOCITY, moved(nav, s * dx), est, omega, f, lever, np.zeros(3))[1] for s in (1, -1))
+        np.testing.assert_allclose(H[:, k], 0.5 * (ahead - behind), rtol=0.0, atol=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(
     "kind",
     [

@@ -26,7 +26,6 @@ from schuler.filtering.kernels.covariance import decay
 from schuler.filtering.kernels.update import POSITION
 from schuler.filtering.kernels.vector import as_lanes, cut, where_at_most
 from schuler.jit import inlined, kernel, prepare
-from schuler.montecarlo.lanes._covariance_kernels import flush
 from schuler.montecarlo.lanes._random_kernels import normals
 from schuler.montecarlo.lanes._record_kernels import note
 from schuler.montecarlo.lanes._shared_kernels import (
@@ -35,10 +34,13 @@ from schuler.montecarlo.lanes._shared_kernels import (
     compensate,
     cut_interval,
     fit_interval,
+    navigation_rows,
     parameter_columns,
     regressor_integrals,
+    scale_parameters,
     spread_estimates,
     store_interval,
+    transition,
 )
 from schuler.montecarlo.lanes._update_kernels import take
 
@@ -50,6 +52,37 @@ ICFG_EVERY, ICFG_MATRIX, ICFG_CROSS, ICFG_LOCKOUT, ICFG_RESPONSE, N_ICFG = 0, 1,
 
 N_COUNTS = 7
 _FIXED_ROWS = 533  # of workspace, whatever the states
+
+
+@kernel
+def flush(P, nav, acc, A, B, T, D, mean, on_psi, decays, omega):
+    """Carry the covariance over the accumulated transition, as ``filtering.kernels.covariance.flush`` does.
+
+    ``P[n, n]`` is an array of lanes, of which the columns of the parameters in the rows of the navigation states are
+    not
+    used: by symmetry row c holds what column c would. The m = n - 9 parameters are all sensor parameters, in threes.
+
+    ``T[n, 9]`` is workspace: the navigation rows of the transition times column c of P, as row c.
+    """
+    n = P.shape[0]
+    m = n - 9
+    if decays:
+        for k in range(m):
+            if mean[k] != 1.0:
+                for i in range(9):
+                    B[k, i] *= mean[k]
+    transition(A, acc, nav, omega)
+    navigation_rows(A, B, P.T, P[9:], T.T, n, on_psi, m, False)  # Phi P
+    navigation_rows(A, B, T, T[9:], P.T, 9, on_psi, m, True)  # Phi P Phi'
+    for a in range(9):
+        for b in range(a):
+            P[b, a] = P[a, b]
+    for c in range(m):
+        p, t = P[9 + c], T[9 + c]
+        for i in range(9):
+            p[i] = t[i] * D[c]
+    if decays:
+        scale_parameters(P, D)
 
 
 @inlined

@@ -1,8 +1,8 @@
 """Measurement updates of several runs in lock-step: rows of H, innovation, correction, feedback, in lanes.
 
-The twin of ``_update_kernels`` for positions and velocities of an antenna. Where a measurement fails its gate in some
-lanes, its gains become zero there; there is no branch on the value of a lane. Arrays as in
-``_covariance_kernels``.
+The twin of ``filtering.kernels.update`` for positions and velocities of an antenna. Where a measurement fails its gate
+in some lanes, its gains become zero there; there is no branch on the value of a lane. Arrays as in
+``filtering.kernels.covariance``.
 """
 # mypy: disallow-untyped-defs=False, disallow-incomplete-defs=False
 # mypy: disallow-untyped-calls=False, check-untyped-defs=False

@@ -11,7 +11,7 @@ import numpy as np
 
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import ConfigError
-from schuler.filtering.engine import InitialState, Progress, run
+from schuler.filtering.engine import InitialState, Progress
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.gnss_faults import rejections
@@ -23,6 +23,7 @@ from schuler.navigation.inputs.preparation import (
     with_late_velocities,
 )
 from schuler.navigation.inputs.satellites import satellites, with_clocks
+from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.result import NavigationResult
 from schuler.navigation.start.alignment import advance_to_log_start, align
 from schuler.navigation.start.calibration import CalibrationStart, configured_start
@@ -72,6 +73,38 @@ def navigate(
     """
     config = NavigationConfig.checked(config)
     started = time.perf_counter()
+    prepared = prepared_run(recording, config, initial=initial, calibration=calibration)
+    forward = prepared.run(progress=progress)
+    if forward.epochs == 0 or not len(forward.rec_t):
+        raise KeyboardInterrupt  # stopped before the first record
+    notes, schedule = list(prepared.notes), prepared.schedule
+    if not forward.complete:
+        ended = forward.t[-1] - recording.start
+        notes.append(f"interrupted at {ended:.1f} s of the recording; the solution ends there")
+    notes += rejections(schedule.kind, forward.status, schedule.t, schedule.R)
+    provenance = _provenance(recording, config, prepared.spec, prepared.calibrated)
+    return NavigationResult.from_run(
+        forward,
+        schedule.t,
+        schedule.kind,
+        prepared.layout,
+        outages=prepared.windows,
+        lever_arm_b=np.array(config.gnss.lever_arm_m),
+        provenance={**provenance, "elapsed_s": time.perf_counter() - started},
+        notes=tuple(notes),
+        ranges=prepared.ranges,
+        points=None if prepared.points is None else prepared.points.solution,
+    )
+
+
+def prepared_run(
+    recording: Recording,
+    config: NavigationConfig,
+    *,
+    initial: InitialState | None = None,
+    calibration: CalibrationResult | Path | str | None = None,
+) -> PreparedRun:
+    """Everything a run of the filter needs: series made ready, aligned start, schedule; see :func:`navigate`."""
     _check_earth_rotation(recording, config)
     notes = list(recording.metadata.notes)
     spec = imu_spec(config)
@@ -103,26 +136,10 @@ def navigate(
     schedule = with_late_velocities(schedule.outside(windows), delay, initial.nav.t, notes)
     if not len(schedule):
         notes.append("no measurement is used: this is a free inertial solution")
-    psd = np.full(3, spec.gyro.random_walk**2), np.full(3, spec.accel.random_walk**2)
-    forward = run(increments, schedule, initial, layout, *psd, filter_options(config, imu), progress)
-    if forward.epochs == 0 or not len(forward.rec_t):
-        raise KeyboardInterrupt  # stopped before the first record
-    if not forward.complete:
-        notes.append(f"interrupted at {forward.t[-1] - start:.1f} s of the recording; the solution ends there")
-    notes += rejections(schedule.kind, forward.status, schedule.t, schedule.R)
-    provenance = _provenance(recording, config, spec, calibrated)
-    return NavigationResult.from_run(
-        forward,
-        schedule.t,
-        schedule.kind,
-        layout,
-        outages=windows,
-        lever_arm_b=np.array(config.gnss.lever_arm_m),
-        provenance={**provenance, "elapsed_s": time.perf_counter() - started},
-        notes=tuple(notes),
-        ranges=ranges,
-        points=None if points is None else points.solution,
-    )
+    return PreparedRun(
+        imu, increments, schedule, initial, layout, spec, filter_options(config, imu), windows, tuple(notes),
+        calibrated, ranges, points,
+    )  # fmt: skip
 
 
 def _check_earth_rotation(recording: Recording, config: NavigationConfig) -> None:

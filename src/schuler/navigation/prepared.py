@@ -1,0 +1,60 @@
+"""A run of the filter made ready: series, schedule, start and states, so that it can be run again with other noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from schuler.filtering.engine import FilterOptions, ForwardRun, InitialState, Progress, run
+from schuler.filtering.measurements import MeasurementSchedule
+from schuler.filtering.states import StateLayout
+from schuler.gnss.ranges import Ranges
+from schuler.navigation.inputs.satellites import Points
+from schuler.navigation.start.calibration import CalibrationStart
+from schuler.recording.series import ImuSeries, Increments
+from schuler.sensors.spec import ImuSpec
+
+
+@dataclass(frozen=True)
+class PreparedRun:
+    """What the engine is given, and what was learned on the way to it.
+
+    Attributes
+    ----------
+    imu : ImuSeries
+        Vehicle axes, GNSS clock.
+    increments : Increments
+        From the start of the run.
+    schedule : MeasurementSchedule
+        Outages taken out.
+    initial : InitialState
+    layout : StateLayout
+    spec : ImuSpec
+        Error budget; its white noise drives the filter.
+    options : FilterOptions
+    windows : tuple of (start, stop)
+        Outages. [s]
+    notes : tuple of str
+    calibrated : CalibrationStart, optional
+    ranges, points : Ranges, Points, optional
+        Of a tightly coupled run.
+    """
+
+    imu: ImuSeries
+    increments: Increments
+    schedule: MeasurementSchedule
+    initial: InitialState
+    layout: StateLayout
+    spec: ImuSpec
+    options: FilterOptions
+    windows: tuple[tuple[float, float], ...] = ()
+    notes: tuple[str, ...] = ()
+    calibrated: CalibrationStart | None = field(default=None, repr=False)
+    ranges: Ranges | None = field(default=None, repr=False)
+    points: Points | None = field(default=None, repr=False)
+
+    def run(self, progress: Progress | None = None) -> ForwardRun:
+        """Run the filter forward; see :func:`schuler.filtering.engine.run`."""
+        psd = np.full(3, self.spec.gyro.random_walk**2), np.full(3, self.spec.accel.random_walk**2)
+        return run(self.increments, self.schedule, self.initial, self.layout, *psd, self.options, progress)

@@ -330,6 +330,16 @@ def test_a_receiver_whose_every_range_claims_1_cm_does_not_survive():
     assert np.all(points.screened(s.ranges).reason == 6)
 
 
+def test_scattering_ranges_without_rates_are_refused_like_those_with():
+    s, _ = campaign(50, 19, systems="GE", most=None, errors=replace(NOISY, noise=10.0))
+    without = replace(s.ranges, range_rate=np.full(len(s.ranges), np.nan))
+    claimed = replace(without, sigma_range=np.full(len(s.ranges), 0.01))
+    points = solve_points(claimed)
+    assert set(points.status) == {5}
+    assert not points.velocity_ok.any()
+    assert np.array_equal(points.r_e, solve_points(replace(s.ranges, sigma_range=claimed.sigma_range)).r_e)
+
+
 def test_five_satellites_detect_and_do_not_exclude():
     s, _ = campaign(100, 20, most=5)
     rows = pick(s, np.random.default_rng(7))[:, 0]

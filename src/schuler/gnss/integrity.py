@@ -137,9 +137,9 @@ class Identification:
 
 
 def residual_projector(A: FloatArray) -> FloatArray:
-    """``I - A (A'A)^+ A'`` of normalised rows. Shape (m, n) to (m, m)."""
+    """``I - A (A'A)^+ A'`` of normalised rows, none included. Shape (m, n) to (m, m)."""
     left, singular, _ = np.linalg.svd(A, full_matrices=False)
-    basis = left[:, singular > 1e-13 * max(singular[0], np.finfo(float).tiny)]
+    basis = left[:, singular > 1e-13 * max(singular.max(initial=0.0), np.finfo(float).tiny)]  # no rows: no basis
     projector: FloatArray = np.eye(len(A)) - basis @ basis.T
     return projector
 

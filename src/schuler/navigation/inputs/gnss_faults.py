@@ -51,6 +51,48 @@ def frozen(gnss: GnssSeries) -> BoolArray:
     return same
 
 
+def held(gnss: GnssSeries) -> tuple[BoolArray, float]:
+    """Rows that repeat a fix which a driver holds at a higher rate, and how often each fix is given.
+
+    Parameters
+    ----------
+    gnss : GnssSeries
+
+    Returns
+    -------
+    repeated : ndarray of bool, shape (n,)
+        Rows that say nothing new. Where the receiver stands and its fixes do not change for longer, one row in as many
+        as a fix is held in motion is left.
+    times : float
+        Rows a fix, 1 where nothing is held.
+
+    Notes
+    -----
+    A row is the same if position and velocity are, to the last digit. A fix is held if, where the position changes,
+    hardly any row stands alone; a receiver that writes few digits has such runs at rest, but not in motion.
+    """
+    same = np.all(gnss.llh[1:] == gnss.llh[:-1], axis=1)
+    if gnss.v_n is not None:
+        same &= np.all((gnss.v_n[1:] == gnss.v_n[:-1]) | np.isnan(gnss.v_n[1:]), axis=1)
+    first = np.flatnonzero(np.concatenate(([True], ~same)))
+    none = np.zeros(len(gnss), dtype=bool), 1.0
+    if len(first) < _PAIRS or len(first) > 0.75 * len(gnss):
+        return none
+    r = frames.ned_from_ecef(frames.ecef_from_llh(gnss.llh[first]), gnss.llh[0])[:, :2]
+    sigma = np.sqrt(np.einsum("nii->n", gnss.cov_r_n[first][:, :2, :2]))
+    moved = np.linalg.norm(np.diff(r, axis=0), axis=1)
+    length = np.diff(first)
+    moving = moved > np.maximum(0.1 * float(np.quantile(moved, 0.9)), 1e-3)
+    if moving.sum() < _PAIRS or np.ptp(r, axis=0).max() < 10.0 * float(np.median(sigma)):
+        return none
+    times = float(np.median(length[moving]))
+    if times < 2.0 or np.mean(length[moving] == 1) > 0.1:
+        return none
+    row = np.arange(len(gnss))
+    since = row - first[np.searchsorted(first, row, side="right") - 1]
+    return since % max(round(times), 2) != 0, times
+
+
 def contradictions(gnss: GnssSeries, *, delay: float = 0.0, used: bool = True) -> list[str]:
     """Sentences on velocities that do not fit the positions.
 

@@ -16,7 +16,7 @@ from schuler.exceptions import ConfigError, InputError
 from schuler.filtering.engine import FilterOptions
 from schuler.filtering.measurements import RESET_VELOCITY, VELOCITY, MeasurementSchedule
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.inputs.gnss_faults import contradictions, frozen, no_overlap
+from schuler.navigation.inputs.gnss_faults import contradictions, frozen, held, no_overlap
 from schuler.navigation.start.calibration import CalibrationStart, configured_start
 from schuler.recording.series import GnssSeries, ImuSeries
 
@@ -148,8 +148,9 @@ def bridging_noise(imu: ImuSeries, length: float, most: int = 2000) -> tuple[flo
     first = np.flatnonzero(unbroken)
     if not len(first):
         raise InputError(
-            f"the IMU log has no stretch of {length:.3f} s without a pause, so nothing tells how bad a bridge of that "
-            "length is; lower imu.max_gap_s"
+            f"the IMU log pauses for {length:.3f} s and has no stretch as long without a pause, so nothing tells how "
+            "bad a bridge of that length is: the stamps are hardly those of the samples. Look at them (check), or "
+            "leave the time column out (column '-') and give the rate"
         )
     first = first[np.linspace(0, len(first) - 1, min(most, len(first))).astype(np.int64)]
     errors = []
@@ -223,6 +224,13 @@ def prepared_gnss(
         gnss = gnss.where(keep)
     if imu is not None:
         no_overlap(imu, gnss)
+    repeated, times = held(gnss)
+    if repeated.any():
+        notes.append(
+            f"GNSS rows give each fix about {times:g} times (held at a higher rate): every fix is used once, "
+            f"{int(np.sum(~repeated))} of {len(gnss)} rows"
+        )
+        gnss = gnss.where(~repeated)
     stopped = frozen(gnss)
     if stopped.any():
         k = int(np.argmax(stopped))

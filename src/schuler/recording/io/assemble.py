@@ -12,6 +12,7 @@ from schuler import files, units
 from schuler.arrays import FloatArray
 from schuler.files import hashed
 from schuler.recording.io import checks, columns, own
+from schuler.recording.io.bursts import spread_bursts
 from schuler.recording.io.clock import stamps
 from schuler.recording.io.gnss_table import gnss_series, reference_path
 from schuler.recording.io.hint_texts import COUNTS, COUNTS_NOTE, axes_matrix, factor, parse_scale, parse_units
@@ -199,6 +200,9 @@ def _time(raw: Raw, hints: ReadHints, base: TimeBase | None) -> tuple[FloatArray
     elif hints.rate is not None:
         raise raw.fault("there is a time column and rate is given: leave rate out, or skip the column with -")
     t, base = (raw.values["t"], base) if base is not None else stamps(raw.values["t"], hints.time, raw.fault, raw.notes)
+    if "ax" in raw.values and (evenly := spread_bursts(t)) is not None:
+        t, sentence = evenly
+        raw.notes.append(sentence)
     check_increasing(raw, t)
     step = np.diff(t)
     raw.interval = float(np.median(step)) if len(t) > 1 else 1.0 / (hints.rate or np.nan)

@@ -12,6 +12,7 @@ import io
 import re
 import zipfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import mutations
@@ -74,6 +75,14 @@ def address_space() -> float:
         return 0.0
 
 
+def listed(data: bytes, path: Path) -> None:
+    """What ``schuler info`` lists of it."""
+    reader = registry.find(data[: 1 << 16], path)
+    if hasattr(reader, "contents"):
+        with suppress(SchulerError):
+            reader.contents(path)
+
+
 def test_the_page_states_the_cases():
     """docs/formats.md has a row for every sample with its number of cases."""
     page = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
@@ -110,6 +119,7 @@ def test_damaged_logs_raise_only_errors_of_ours(name, share, tmp_path):
         try:
             if data:
                 registry.held_by(data[: 1 << 16], path)  # whose it is by its looks: raises nothing
+                listed(data, path)
             assert isinstance(read(sample.path, **sample.hints), Recording)
         except SchulerError:
             refused += 1

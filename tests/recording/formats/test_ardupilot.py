@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import sys
-import tempfile
-from contextlib import suppress
 from pathlib import Path
 
 import dataflash_encoder as encoder
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
-from schuler.exceptions import FileFormatError, InputError, SchulerError
-from schuler.recording import Recording
+from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.formats import ardupilot, dataflash
 from schuler.recording.io import read
 from schuler.timebase import TimeBase
@@ -226,27 +221,3 @@ def test_pymavlink_reads_the_same(tmp_path):
             np.testing.assert_allclose(values, [getattr(m, field) for m in rows[name]], rtol=1e-12, err_msg=field)
     reader.close()
     sys.stderr.flush()
-
-
-CASES = 400
-SAMPLE = encoder.log(messages(seconds=1.0), NAMES)
-
-
-@pytest.mark.fuzz  # some run in test_fuzz.py always
-@settings(max_examples=CASES, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
-@given(data=st.data())
-def test_damaged_logs_raise_only_errors_of_ours(data):
-    content = bytearray(SAMPLE)
-    for _ in range(data.draw(st.integers(0, 5))):
-        k = data.draw(st.integers(0, 89 * 9) | st.integers(0, len(content) - 1))
-        content[k] = data.draw(st.sampled_from((0, 1, 0x7F, 0xA3, 0xFF)) | st.integers(0, 255))
-    if data.draw(st.integers(0, 3)) == 0:
-        content = content[: data.draw(st.integers(0, len(content)))]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "x.bin"
-        path.write_bytes(bytes(content))
-        hints = {"allow": "norm,magnitude", "format": "ardupilot", "sigma_height": 1.0}
-        with suppress(SchulerError):
-            assert isinstance(read(path, **hints), Recording)
-        with suppress(SchulerError):
-            ardupilot.contents(path)

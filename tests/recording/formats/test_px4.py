@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import struct
-import tempfile
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 import ulog_encoder as encoder
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from schuler import rotation
-from schuler.exceptions import FileFormatError, InputError, SchulerError
-from schuler.recording import Recording
+from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.formats import px4
 from schuler.recording.io import read
 from schuler.timebase import TimeBase
@@ -256,27 +251,3 @@ def test_formats_that_cannot_be_are_refused_before_anything_is_made_of_them(tmp_
         read(path)
     assert tracemalloc.get_traced_memory()[1] < 2e7
     tracemalloc.stop()
-
-
-CASES = 300
-SAMPLE = flight(seconds=0.6, imu=("sensor_combined", "vehicle_imu"))
-
-
-@pytest.mark.fuzz  # some run in test_fuzz.py always
-@settings(max_examples=CASES, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
-@given(data=st.data())
-def test_damaged_logs_raise_only_errors_of_ours(data):
-    content = bytearray(SAMPLE)
-    for _ in range(data.draw(st.integers(0, 5))):
-        k = data.draw(st.integers(7, 2600) | st.integers(0, len(content) - 1))
-        content[k] = data.draw(st.sampled_from((0, 1, 0x7F, 0xFF)) | st.integers(0, 255))
-    if data.draw(st.integers(0, 3)) == 0:
-        content = content[: data.draw(st.integers(0, len(content)))]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "x.ulg"
-        path.write_bytes(bytes(content))
-        hints = {"allow": "norm,magnitude", "format": "px4", "sigma_height": 1.0}
-        with suppress(SchulerError):
-            assert isinstance(read(path, **hints), Recording)
-        with suppress(SchulerError):
-            px4.contents(path)

@@ -5,18 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 import struct
-import tempfile
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from schuler import frames, rotation
-from schuler.exceptions import FileFormatError, InputError, SchulerError
+from schuler.exceptions import FileFormatError, InputError
 from schuler.recording import GnssSeries, ImuSeries, Metadata, OdometerSeries, Recording, Trajectory
 from schuler.recording.formats import mcap, ros_messages, rosbag
 from schuler.recording.io import read, write
@@ -519,48 +515,3 @@ def test_a_message_that_is_not_what_its_type_says(tmp_path):
     for bad in (raw[:-60], raw + bytes(60), b"\x00\x00" + raw[2:], raw[:12] + b"\xff\xff\xff\x7f" + raw[16:], b""):
         with pytest.raises(FileFormatError, match=r"/t: message 1 of \d+ bytes is no sensor_msgs/Imu"):
             ros_messages.decode("sensor_msgs/Imu", [bad], [0], "cdr", "/t", Path("x"))
-
-
-@pytest.fixture(scope="module")
-def samples(drive) -> dict[str, bytes]:
-    """Small files of each container."""
-    from rosbags.rosbag1 import Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    few = replace(drive, imu=drive.imu.between(259_200.0, 259_200.3), odometer=None)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        write(few, folder / "a.mcap")
-        write(few, folder / "b.rosbag2")
-        json_mcap(folder / "j.mcap", n=12, compression="zstd")
-        store = get_typestore(Stores.ROS1_NOETIC)
-        with Writer(folder / "o.bag") as writer:
-            connection = writer.add_connection("/imu", "sensor_msgs/msg/Imu", typestore=store)
-            for k in range(12):
-                t = 1_700_000_000.0 + 0.01 * k
-                raw = store.serialize_ros1(imu_fields(t, store, "ros1"), "sensor_msgs/msg/Imu")
-                writer.write(connection, round(t * 1e9), raw)
-        found = {p.name: p.read_bytes() for p in (folder / "a.mcap", folder / "j.mcap", folder / "o.bag")}
-        found["s.db3"] = next((folder / "b.rosbag2").glob("*.db3")).read_bytes()
-    return found
-
-
-CASES = 300
-
-
-@pytest.mark.fuzz  # some run in test_fuzz.py always
-@settings(max_examples=CASES, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
-@given(data=st.data())
-def test_damaged_containers_raise_only_errors_of_ours(samples, data):
-    name = data.draw(st.sampled_from(sorted(samples)))
-    content = bytearray(samples[name])
-    for _ in range(data.draw(st.integers(0, 4))):
-        k = data.draw(st.integers(0, min(len(content), 6000) - 1) | st.integers(0, len(content) - 1))
-        content[k] = data.draw(st.sampled_from((0, 1, 0x7F, 0xFF)) | st.integers(0, 255))
-    if data.draw(st.integers(0, 3)) == 0:
-        content = content[: data.draw(st.integers(0, len(content)))]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / name
-        path.write_bytes(bytes(content))
-        with suppress(SchulerError):
-            assert isinstance(read(path, allow="norm,magnitude"), Recording)

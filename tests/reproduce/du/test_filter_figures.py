@@ -6,10 +6,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure as MplFigure
 
 from schuler.exceptions import InputError
-from schuler.plotting.drawing import draw
 from schuler.reproduce.du.study import filter_figures as figures
 from schuler.reproduce.du.study.imus import NAV440
 from schuler.reproduce.du.study.integrated import IntegratedDrive
@@ -73,17 +71,3 @@ def test_zupt_figures():
     assert sigmas.panels[0].log
     with pytest.raises(InputError, match="imu"):
         figures.zupt_sigmas(study(), "MTi-G")
-
-
-@pytest.mark.parametrize(
-    "figure",
-    [
-        lambda: figures.growth(comparison()),
-        lambda: figures.sigma_histories(comparison()),
-        lambda: figures.outage_errors(comparison()),
-        lambda: figures.zupt_runs(emulation(), "NAV440", "Z"),
-        lambda: figures.zupt_sigmas(study(), "NAV440"),
-    ],
-)
-def test_matplotlib_draws_every_figure(figure):
-    assert isinstance(draw(figure()), MplFigure)

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from functools import partial
 
 import pytest
-from places import ROOT
-from theses import check_ids, check_verdicts
+from theses import check_figures, check_ids, check_verdicts
 
 from schuler.reproduce import Effort, Item, Reproduction, Result, reproduce
 from schuler.reproduce.du import ITEMS, NOT_RESULTS, bands, calibration, integrated, observability, simulations
-
-SPEC = ROOT.parent / "shared"
 
 #: Results of chapters 3 to 6, listed by hand.
 TABLES = ["table-4.3", "table-4.4", "table-4.5", "table-4.7", "table-4.8", "table-5.1", "table-5.2",
@@ -57,60 +53,8 @@ def test_every_item_has_its_verdict(quick):
     assert {name for name, v in verdicts.items() if v == "corrected"} == CORRECTED
 
 
-@pytest.mark.realdata
-def test_every_table_and_figure_in_the_notes_has_an_item():
-    """Tables and figures named in its sections of results and plots."""
-    path = SPEC / "spec" / "seed-du.md"
-    if not path.exists():
-        pytest.skip(f"the notes are not at {path}")
-    text = path.read_text(encoding="utf-8")
-    part = text[text.index("## 5. Result tables") : text.index("## 7. Conclusions")]
-    known = {name for item in ITEMS for name in (item.id, *item.also)} | set(NOT_RESULTS)
-    named = {("table" if kind.startswith("Tab") else "fig") + f"-{number}"
-             for kind, number in re.findall(r"\b(Tables?|Tabs?|Figs?)\.? (\d\.\d+)", part)}  # fmt: skip
-    # lists such as (4.4-4.5, 4.8-4.9) in the section of plots are figures
-    plots = text[text.index("## 6. Plots") : text.index("## 7. Conclusions")]
-    named |= {f"fig-{n}" for line in plots.splitlines() for n in re.findall(r"\b([3-6]\.\d{1,2})\b", line)
-              if "§" not in line}  # fmt: skip
-    assert len(named) > 30
-    assert named <= known
-
-
-@pytest.mark.realdata
-def test_nothing_the_thesis_numbers_is_left_out():
-    """Its lists of tables and figures."""
-    path = SPEC / "seeds" / "du.txt"
-    if not path.exists():
-        pytest.skip(f"the text of the thesis is not at {path}")
-    text = path.read_text(encoding="utf-8")
-    captions = re.findall(r"(Table|Figure) (\d\.\d+) [^\n]*\.\.\.", text)
-    named = {("table" if kind == "Table" else "fig") + f"-{number}" for kind, number in captions}
-    assert len(named) > 100
-    assert named == {n for i in ITEMS for n in (i.id, *i.also) if not n.startswith("text")} | set(NOT_RESULTS)
-
-
-def test_every_band_can_be_missed(quick):
-    """One end finite; of sizes, which are not below zero, the upper one, or a lower one above zero."""
-    for r in quick.results:
-        compared = [c for c in r.outcome.cells if c.compared]
-        assert compared, r.item.id
-        for c in compared:
-            assert math.isfinite(c.ours), (r.item.id, c.name)
-            assert math.isfinite(c.high) or c.low > 0.0, (r.item.id, c.name)
-
-
-def test_figures_of_the_thesis_can_be_drawn(quick):
-    """Items that stand for a figure have one; the drawing itself is the report's."""
-    for r in quick.results:
-        if any(name.startswith("fig-") for name in (r.item.id, *r.item.also)):
-            assert r.outcome.figures, r.item.id
-    by_id = {r.item.id: r for r in quick.results}
-    for name in ("text-2.3", "table-4.5", "fig-4.6", "fig-4.12", "fig-4.27", "table-5.1", "table-6.1", "fig-6.9"):
-        figure = by_id[name].outcome.figures[0]()
-        assert figure.panels
-        assert figure.caption
-        for panel in figure.panels:
-            assert "[" in panel.y_label, (name, panel.y_label)
+def test_figures_can_be_drawn(quick):
+    check_figures(quick)
 
 
 @pytest.mark.parametrize("name", ["text-3.4.2", "table-4.8", "table-5.6"])

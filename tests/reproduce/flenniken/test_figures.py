@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from schuler.characterisation import allan_deviation, autocorrelation
 from schuler.growth import growth, planar_bounds
 from schuler.growth.figures import beside_figure, difference_figure
-from schuler.plotting.drawing import draw
 from schuler.plotting.figure import Band, Figure, Line
 from schuler.reproduce.flenniken.study import figures as charts
 from schuler.reproduce.flenniken.study.grade_comparison import overlay
@@ -75,11 +73,3 @@ def test_outages_are_shown_with_their_uncertainty():
     figure = outage_figure(result, ("Gauss-Markov",))
     assert len(items(figure, Band)) == 12
     assert len(items(figure, Line)) == 15
-
-
-@pytest.mark.parametrize("figure", [
-    charts.log_figure(np.arange(2000) / 2.0, X, X, "deg/s"),
-    charts.series_figure(np.arange(2000) / 2.0, {"a": X, "b": -X}, "time [s]", "rate [deg/s]", "two"),
-])  # fmt: skip
-def test_they_are_drawn(figure):
-    assert len(draw(figure).axes) == len(figure.panels)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 import theses
-from theses import check_ids, check_verdicts
+from theses import check_figures, check_ids, check_verdicts
 
 from schuler.growth import closed_forms as forms
 from schuler.reproduce import Effort, reproduce
@@ -58,22 +56,6 @@ def done():
     return reproduce("flenniken")
 
 
-@pytest.mark.realdata
-def test_every_table_and_figure_in_the_notes_has_an_item(shared_data):
-    """Ranges such as ``Fig 3.1-3.6`` are all of them."""
-    notes = Path(shared_data).parent / "spec" / "seed-flenniken.md"
-    if not notes.exists():
-        pytest.skip(f"the notes are not at {notes}")
-    text = notes.read_text(encoding="utf-8")
-    known = IDS | set(NOT_RESULTS)
-    result = set()
-    pattern = r"\b(Fig|Table)s?\.? ([2-7A-D])\.(\d+)(?:-(?:\2\.)?(\d+))?"
-    for kind, chapter, first, last in re.findall(pattern, text):
-        result |= {f"{kind.lower()}-{chapter}.{k}" for k in range(int(first), int(last or first) + 1)}
-    assert len(result) > 50
-    assert result <= known
-
-
 def test_every_table_and_figure_is_an_item():
     check_ids(ITEMS, IDS, NOT_RESULTS)
 
@@ -106,27 +88,8 @@ def test_random_numbers_come_of_the_seed(done):
     assert [c.ours for c in r.item.run(Effort()).cells] == [c.ours for c in r.outcome.cells]
 
 
-@pytest.mark.parametrize("name", [
-    "fig-2.1", "fig-2.5", "fig-2.6", "fig-3.1", "fig-3.12", "fig-4.3", "fig-4.5", "fig-4.7", "fig-5.4", "fig-6.1",
-    "fig-7.2", "fig-7.3", "fig-7.4", "fig-A.2", "fig-B.3", "fig-D.3", "text-4.6",
-])  # fmt: skip
-def test_figures_are_drawn(done, name):
-    """Units on every axis, something in every panel; the whole page is drawn in the test of the book."""
-    r = next(r for r in done.results if r.item.id == name)
-    assert r.outcome.figures
-    for make in r.outcome.figures:
-        figure = make()
-        for panel in figure.panels:
-            assert panel.items
-            if not panel.bare and name not in ("fig-6.1", "fig-7.4"):
-                assert "[" in panel.x_label
-                assert "[" in panel.y_label
-
-
-def test_items_that_are_figures_have_one(done):
-    for r in done.results:
-        if r.item.id.startswith("fig"):
-            assert r.outcome.figures, r.item.id
+def test_figures_can_be_drawn(done):
+    check_figures(done)
 
 
 # ------------------------------------------------------------------------------- none passes by construction

@@ -48,39 +48,6 @@ def done():
     return reproduce("hayal")
 
 
-def numbers_of(text, word):
-    """``Fig 4.2``, ``Figs 5.5-5.8``, ``T5.5``, ``Tables 4.2-4.5, 5.2-5.7``: ids, ranges as all of them."""
-    pattern = rf"\b{word}\s?((?:\d\.\d+(?:\s?[-–/,]\s?(?:{word})?\s?(?=\d\.\d))?)+)"
-    result = set()
-    for run in re.findall(pattern, text):
-        for part in re.split(r"[,/]\s?", run):
-            ends = [tuple(map(int, n.split("."))) for n in re.findall(r"\d\.\d+", part)]
-            chapter = ends[0][0]
-            result |= (
-                {f"{chapter}.{k}" for k in range(ends[0][1], ends[-1][1] + 1)}
-                if ends[-1][0] == chapter
-                else {f"{c}.{k}" for c, k in ends}
-            )
-    return result
-
-
-@pytest.mark.realdata
-def test_every_table_and_figure_in_the_notes_has_an_item(shared_data):
-    """Tables and figures of its sections 5 and 6, and the tables its appendix is taken from."""
-    notes = Path(shared_data).parent / "spec" / "seed-hayal.md"
-    if not notes.exists():
-        pytest.skip(f"the notes are not at {notes}")
-    text = notes.read_text(encoding="utf-8")
-    results = text[text.index("## 5. Results") : text.index("## 7. Limits")]
-    appendix = text[text.index("## Appendix") :]
-    result = {f"fig-{n}" for n in numbers_of(results, "(?:Figs?|Figures?)")}
-    result |= {f"table-{n}" for n in numbers_of(results, "(?:Tables?|T)")}
-    sources = re.findall(r"source tables ([^)]*)\)", appendix)
-    result |= {f"table-{n}" for line in sources for n in re.findall(r"[\dAB]\.\d", line)}
-    assert {"table-A.6", "table-B.3", "table-4.2", "fig-5.8", "fig-4.3", "fig-2.7"} <= result  # the search sees them
-    assert result - IDS - set(NOT_RESULTS) == set()
-
-
 @pytest.mark.realdata
 def test_printed_numbers_are_those_of_the_notes(shared_data):
     """Every estimate and sigma of the field tables, and every row of the outage tables."""

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from functools import partial
-from pathlib import Path
 
 import pytest
 import theses
@@ -43,28 +41,6 @@ verdict_of = partial(theses.verdict_of, ITEMS)
 @pytest.fixture(scope="module")
 def done():
     return reproduce("stefanisko")
-
-
-@pytest.mark.realdata
-def test_every_table_and_figure_in_the_notes_has_an_item(shared_data):
-    """Figures of its section 5 and of the first column of the table of section 6, where ranges are all of them."""
-    notes = Path(shared_data).parent / "spec" / "seed-stefanisko.md"
-    if not notes.exists():
-        pytest.skip(f"the notes are not at {notes}")
-    text = notes.read_text(encoding="utf-8")
-    five = text[text.index("## 5. Results") : text.index("## 6. Plots")]
-    six = text[text.index("## 6. Plots") : text.index("## 7. Limits")]
-    columns = [line.split("|")[1] for line in six.splitlines() if re.match(r"\| [\dAB]\.\d", line)]
-    columns += re.findall(r"Figs? ([\dAB]\.\d+(?:[–,\s]+[\dAB]\.\d+)*)", five)
-    result = set()
-    for part in re.split(r",\s*", ", ".join(columns)):
-        ends = re.findall(r"([\dAB])\.(\d+)", part)
-        for chapter, k in [(ends[0][0], k) for k in range(int(ends[0][1]), int(ends[-1][1]) + 1)]:
-            result.add(f"fig-{chapter}.{k}")
-    tables = re.findall(r"Tables in the source: (.*)", six)[0]
-    result |= {f"table-{n}" for n in re.findall(r"\d\.\d", tables)}
-    assert {"fig-1.5", "fig-3.6", "fig-4.19", "fig-A.2", "fig-B.1", "table-3.1"} <= result  # the search sees them
-    assert result - IDS - set(NOT_RESULTS) == set()
 
 
 def test_every_table_and_figure_is_an_item():

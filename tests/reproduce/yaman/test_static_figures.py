@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure as MplFigure
 
 from schuler.exceptions import InputError
 from schuler.plotting.figure import Band, Line
@@ -69,10 +68,3 @@ def test_one_unit_by_itself(drift_test):
         assert only(panel, Line, "raw").y[-1] == pytest.approx(4.0 * factor * 3600.0)
     with pytest.raises(InputError, match=r"unit: expected one of 0, 2, 5, got 1"):
         drift_test.plot(unit=1)
-
-
-def test_it_is_drawn(drift_test):
-    drawn = drift_test.plot()
-    assert isinstance(drawn, MplFigure)
-    assert [ax.get_yscale() for ax in drawn.axes] == ["log", "log"]
-    drawn.draw_without_rendering()

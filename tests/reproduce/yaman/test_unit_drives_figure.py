@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure as MplFigure
 
-from schuler.exceptions import InputError
 from schuler.plotting.figure import Line, Markers
 from schuler.reproduce.yaman.study.mode_figures import modes
 from schuler.reproduce.yaman.study.tables import MODES, PRINTED_MODES, QUANTITIES, mode_name
@@ -42,14 +40,3 @@ def test_rows_are_those_of_the_table(drives):
             assert (spread[i].y == ours.y[i]).all()
         np.testing.assert_allclose(theirs.x, np.array(PRINTED_MODES[2])[:, QUANTITIES.index(name)])
         assert panel.log_x
-
-
-def test_it_is_drawn(drives):
-    drawn = drives.plot()
-    assert isinstance(drawn, MplFigure)
-    assert len(drawn.axes) == 2
-    drawn.draw_without_rendering()
-    drives.plot(quantities=QUANTITIES).draw_without_rendering()
-    for wrong in (["height_m"], []):
-        with pytest.raises(InputError, match="quantities: expected some of position_horizontal_m"):
-            drives.plot(quantities=wrong)

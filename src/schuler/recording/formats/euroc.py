@@ -122,9 +122,9 @@ def _part(head: bytes) -> str | None:
     line = head[:400].lstrip(b"\xef\xbb\xbf").split(b"\n")[0].strip()
     if not line.startswith(b"#") or b"timestamp" not in line.lower():
         return None
-    if b"w_RS_S_x" in line and b"a_RS_S_x" in line:
-        return "imu"
-    return "reference" if b"p_RS_R_x" in line else None
+    if b"p_RS_R_x" in line:  # asked first: the biases of ground truth are called b_w_RS_S_x and b_a_RS_S_x
+        return "reference"
+    return "imu" if b"w_RS_S_x" in line and b"a_RS_S_x" in line else None
 
 
 def _root(path: Path) -> Path | None:

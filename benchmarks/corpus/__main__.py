@@ -1,0 +1,80 @@
+"""Command line of the corpus: ``python -m benchmarks.corpus``."""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")  # one process a core
+
+import argparse
+import fnmatch
+import json
+import multiprocessing
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+from .case import ROOT, Case, row_of
+from .cases import CASES
+from .page import page_of, table_of
+
+PAGE = ROOT / "docs" / "corpus.md"
+
+
+def chosen(pattern: str | None, cases: list[Case] = CASES) -> list[Case]:
+    """Cases whose name has the pattern in it, or fits it (``*``)."""
+    if pattern is None:
+        return cases
+    return [c for c in cases if pattern in c.name or pattern == c.kind or fnmatch.fnmatch(c.name, pattern)]
+
+
+def run_all(cases: list[Case], jobs: int = 2, say: Any = None) -> list[dict[str, Any]]:
+    """Rows of the cases by name, run in processes of their own."""
+    rows: list[dict[str, Any]] = []
+    if jobs == 1:
+        for case in cases:
+            rows.append(row_of(case))
+            if say is not None:
+                say(rows[-1])
+        return sorted(rows, key=lambda row: row["name"])
+    context = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
+        for done in as_completed([pool.submit(row_of, case) for case in cases]):
+            rows.append(done.result())
+            if say is not None:
+                say(rows[-1])
+    return sorted(rows, key=lambda row: row["name"])
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run, print, write; 0 unless nothing was asked for."""
+    parser = argparse.ArgumentParser("python -m benchmarks.corpus", description=__doc__)
+    parser.add_argument("--only", help="part of a name, a kind, or a pattern with *")
+    parser.add_argument("--json", action="store_true", help="print rows as JSON instead of the table")
+    parser.add_argument("--before", type=Path, help="JSON of an earlier run, printed beside this one")
+    parser.add_argument("--out", type=Path, help="also write the JSON here")
+    parser.add_argument("--jobs", type=int, default=2, help="processes (default 2)")
+    options = parser.parse_args(argv)
+    cases = chosen(options.only)
+    if not cases:
+        print(f"no case is called {options.only!r}; there are " + ", ".join(c.name for c in CASES), file=sys.stderr)
+        return 2
+    before = None if options.before is None else json.loads(options.before.read_text(encoding="utf-8"))["rows"]
+    began = time.perf_counter()
+    rows = run_all(cases, options.jobs, lambda row: print(".", end="", flush=True, file=sys.stderr))
+    elapsed = time.perf_counter() - began
+    print(f" {elapsed:.0f} s", file=sys.stderr)
+    text = json.dumps({"elapsed_s": elapsed, "rows": rows}, indent=1)
+    if options.out is not None:
+        options.out.write_text(text + "\n", encoding="utf-8")
+    print(text if options.json else table_of(rows, before))
+    if options.only is None and len({row["name"] for row in rows if "skipped" not in row}) > 0:
+        page_of(PAGE, rows, before, elapsed)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,69 @@
+"""One case of the corpus, and the row that its run becomes."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = Path(os.environ.get("SCHULER_DATA", ROOT.parent / "shared" / "data"))
+
+#: Columns of a row; what a case does not have is None.
+COLUMNS = (
+    "error", "smoothed", "outage", "outage_smoothed", "aided", "claimed", "nees", "nees_band", "nis", "inside", "rejected",
+    "warnings", "verdict", "exit", "peer", "peer_error", "ratio",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Case:
+    """A recording and what is asked of it.
+
+    Attributes
+    ----------
+    name : str
+        ``recording/question``; sorted names alternate between the choosing and the reporting half.
+    kind : str
+        "navigation", "foot", "calibration", "noise" or "points".
+    needs : tuple of str
+        Files or folders below the recordings that it is made of.
+    unit : str
+        Of its errors.
+    run : callable
+        Takes the folder of the recordings, gives numbers by column.
+    """
+
+    name: str
+    kind: str
+    needs: tuple[str, ...]
+    unit: str
+    run: Callable[[Path], dict[str, Any]]
+
+
+class Skipped(Exception):
+    """A case that cannot be run here; the message is the reason."""
+
+
+def row_of(case: Case, data: Path = DATA) -> dict[str, Any]:
+    """Run a case. Whatever it raises is its row."""
+    row: dict[str, Any] = {"name": case.name, "kind": case.kind, "unit": case.unit, **dict.fromkeys(COLUMNS)}
+    absent = [name for name in case.needs if not (data / name).exists()]
+    if absent:
+        return row | {"skipped": f"{data / absent[0]} is absent"}
+    began = time.perf_counter()
+    try:
+        row |= {"exit": 0, **case.run(data)}
+    except Skipped as reason:
+        row |= {"skipped": str(reason)}
+    except Exception as error:
+        row |= {"exit": 1, "sentence": f"{type(error).__name__}: {error}"}
+    return row | {"elapsed_s": time.perf_counter() - began}
+
+
+def halves(names: list[str]) -> dict[str, str]:
+    """Half of each case by name: "choosing" for the 1st, 3rd, ... of the sorted names, "reporting" for the others."""
+    return {name: ("choosing", "reporting")[k % 2] for k, name in enumerate(sorted(set(names)))}

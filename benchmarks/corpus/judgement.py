@@ -1,0 +1,137 @@
+"""Errors beside claims: how far off, how far off it says it is, and what can be said of both from one run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from schuler import frames
+from schuler.arrays import BoolArray, FloatArray
+from schuler.navigation.evaluation.consistency import chi_square_band
+from schuler.navigation.result import NavigationResult
+from schuler.recording.series import GnssSeries
+from schuler.recording.trajectory import Trajectory
+
+Windows = Sequence[tuple[float, float]]
+
+
+class Judge(NamedTuple):
+    """What a solution is compared with.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+        [s]
+    llh : ndarray, shape (n, 3)
+        [rad], [m]
+    cov_n : ndarray, shape (n, 3, 3)
+        Its own covariance, which is added to what the solution claims; zero of a truth. [m^2]
+    at_antenna : bool
+    offset_n : ndarray, shape (3,)
+        Mean of solution minus judge that is the judge's fault (a base station off its place). [m]
+    """
+
+    t: FloatArray
+    llh: FloatArray
+    cov_n: FloatArray
+    at_antenna: bool
+    offset_n: FloatArray
+
+    @classmethod
+    def of_fixes(cls, gnss: GnssSeries) -> Judge:
+        """Fixes that the run did not see."""
+        return cls(gnss.t, gnss.llh, gnss.cov_r_n, True, np.zeros(3))
+
+    @classmethod
+    def of_truth(cls, truth: Trajectory, rate_hz: float = 5.0) -> Judge:
+        """A true trajectory of the IMU, thinned."""
+        step = max(1, round(1.0 / (rate_hz * float(np.median(np.diff(truth.t))))))
+        t, llh = truth.t[::step], truth.llh[::step]
+        return cls(t, llh, np.zeros((len(t), 3, 3)), False, np.zeros(3))
+
+
+class Errors(NamedTuple):
+    """Horizontal errors and what is claimed for them: (n,), (n, 2) [m], (n, 2, 2) [m^2], (n, 2, 2) [m^2]."""
+
+    t: FloatArray
+    error: FloatArray
+    claim: FloatArray
+    total: FloatArray  # with the judge's own
+
+    def where(self, keep: BoolArray) -> Errors:
+        return Errors(self.t[keep], self.error[keep], self.claim[keep], self.total[keep])
+
+
+def horizontal_errors(result: NavigationResult, judge: Judge) -> Errors:
+    """North and east errors at the times of the judge that the solution covers."""
+    path = result.antenna() if judge.at_antenna else result.trajectory
+    inside = (judge.t >= max(path.t[0], result.t[0])) & (judge.t <= path.t[-1])
+    t, llh = judge.t[inside], judge.llh[inside]
+    at = path.at(t)
+    e = np.einsum("nji,nj->ni", frames.C_en(llh), at.r_eb_e - frames.ecef_from_llh(llh)) - judge.offset_n
+    P = result.covariance[:, 6:8, 6:8]
+    claim = np.stack([np.interp(t, result.t, P[:, i, j]) for i in (0, 1) for j in (0, 1)], axis=-1).reshape(-1, 2, 2)
+    return Errors(t, e[:, :2], claim, claim + judge.cov_n[inside][:, :2, :2])
+
+
+def within(t: FloatArray, windows: Windows, lead_s: float = 0.0) -> BoolArray:
+    """Which times lie in one of the windows, ``lead_s`` after its start or later. [s]"""
+    inside = np.zeros(len(t), dtype=bool)
+    for start, stop in windows:
+        inside |= (t > start + lead_s) & (t < stop)
+    return inside
+
+
+def nees(errors: Errors) -> FloatArray:
+    """Normalised horizontal error squared per degree of freedom. Shape (n,)."""
+    z = np.linalg.solve(errors.total, errors.error[:, :, None])[:, :, 0]
+    return np.asarray(np.einsum("ni,ni->n", errors.error, z) / 2.0)
+
+
+def independent(x: FloatArray) -> float:
+    """Number of independent values in a series of errors, from its autocorrelation up to the first zero."""
+    n = len(x)
+    if n < 4 or not np.isfinite(x).all() or not x.any():
+        return float(max(n, 1))
+    size = 1 << (2 * n - 1).bit_length()
+    power = np.abs(np.fft.rfft(x, size)) ** 2
+    r = np.fft.irfft(power, size)[:n] / float(x @ x)
+    below = np.flatnonzero(r <= 0.0)
+    lag = int(below[0]) if len(below) else n
+    return float(np.clip(n / (1.0 + 2.0 * r[1:lag].sum()), 1.0, n))
+
+
+def consistency(errors: Errors, groups: int | None = None) -> dict[str, Any]:
+    """Claim, NEES with its 95 % band, and shares of components inside 1, 2 and 3 sigma.
+
+    Parameters
+    ----------
+    errors : Errors
+    groups : int, optional
+        Number of independent stretches (outages); default from the autocorrelation of the errors.
+    """
+    squared = nees(errors)
+    z = errors.error / np.sqrt(np.einsum("nii->ni", errors.total))
+    n = groups if groups is not None else round(np.mean([independent(z[:, k]) for k in (0, 1)]))
+    band = chi_square_band(2, max(int(n), 1))
+    return {
+        "claimed": float(np.sqrt(np.mean(np.einsum("nii->n", errors.claim)))),
+        "nees": float(squared.mean()),
+        "nees_band": list(band),
+        "inside": [float(np.mean(np.abs(z) < k)) for k in (1.0, 2.0, 3.0)],
+        "median_sigmas": float(np.median(np.sqrt(2.0 * squared))),
+    }
+
+
+def rms(errors: Errors) -> float:
+    """Root mean square of the horizontal error. [m]"""
+    return float(np.sqrt(np.mean(np.sum(errors.error**2, axis=1))))
+
+
+def largest(errors: Errors, windows: Windows) -> list[float]:
+    """Largest horizontal error in each window that has any. [m]"""
+    size = np.hypot(*errors.error.T)
+    inside = [(errors.t > a) & (errors.t < b) for a, b in windows]
+    return [float(size[k].max()) for k in inside if k.any()]

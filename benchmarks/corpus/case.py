@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,8 +25,8 @@ class Case:
 
     Attributes
     ----------
-    name : str
-        ``recording/question``; sorted names alternate between the choosing and the reporting half.
+    recording : str
+        Sorted names of a kind alternate between the half that defaults are chosen on and the one they are reported on.
     kind : str
         "navigation", "foot", "calibration", "noise" or "points".
     needs : tuple of str
@@ -35,13 +35,21 @@ class Case:
         Of its errors.
     run : callable
         Takes the folder of the recordings, gives numbers by column.
+    question : str
+        What is asked of the recording, where there are several questions.
     """
 
-    name: str
+    recording: str
     kind: str
     needs: tuple[str, ...]
     unit: str
     run: Callable[[Path], dict[str, Any]]
+    question: str = ""
+
+    @property
+    def name(self) -> str:
+        """``recording/question``."""
+        return f"{self.recording}/{self.question}" if self.question else self.recording
 
 
 class Skipped(Exception):
@@ -64,6 +72,15 @@ def row_of(case: Case, data: Path = DATA) -> dict[str, Any]:
     return row | {"elapsed_s": time.perf_counter() - began}
 
 
-def halves(names: list[str]) -> dict[str, str]:
-    """Half of each case by name: "choosing" for the 1st, 3rd, ... of the sorted names, "reporting" for the others."""
-    return {name: ("choosing", "reporting")[k % 2] for k, name in enumerate(sorted(set(names)))}
+def halves(cases: Sequence[Case]) -> dict[str, str]:
+    """Half of each case by name: "choosing" for the 1st, 3rd, ... recording of a kind by name, "reporting" for the others.
+
+    All questions to a recording are in one half: its noise is the same in all of them.
+    """
+    half = {}
+    for kind in {case.kind for case in cases}:
+        recordings = sorted({case.recording for case in cases if case.kind == kind})
+        for case in cases:
+            if case.kind == kind:
+                half[case.name] = ("choosing", "reporting")[recordings.index(case.recording) % 2]
+    return half

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from . import foot, navigation
-from .case import Case
+from .case import Case, halves
 
 CASES: list[Case] = sorted([*navigation.CASES, *foot.CASES], key=lambda case: case.name)
+
+#: "choosing" or "reporting" by the name of a case.
+HALVES = halves(CASES)

@@ -27,7 +27,11 @@ PLACE = dict(zip(("lat_deg", "lon_deg", "height_m"), PLACE_DEG, strict=True))
 def _row(result: FootResult) -> dict[str, Any]:
     verdict = getattr(result, "verdict", None)
     level = getattr(verdict, "level", getattr(verdict, "status", verdict))
-    return {"verdict": None if verdict is None else str(level), "exit": int(level == "failed"), "notes": len(result.notes)}
+    return {
+        "verdict": None if verdict is None else str(level),
+        "exit": int(level == "failed"),
+        "notes": len(result.notes),
+    }
 
 
 def pyshoe(data: Path, file: str) -> dict[str, Any]:
@@ -38,7 +42,8 @@ def pyshoe(data: Path, file: str) -> dict[str, Any]:
     smoothed = walk_errors(result, reference, fit="all")
     filtered = walk_errors(result, reference, fit="all", smoothed=False)
     z = smoothed.position_n[smoothed.at_rest, :2] / np.sqrt(np.einsum("kii->ki", smoothed.covariance_n)[:, :2])
-    own = walk_errors(result, reference).author_error
+    extent = float(np.hypot(*result.position_n()[:, :2].T).max())
+    own = walk_errors(result, reference, fit_distance_m=min(0.8, 0.5 * extent)).author_error
     return {
         **_row(result), "error": filtered.rms_horizontal, "smoothed": smoothed.rms_horizontal, **_claims(
             z, smoothed.nees()[0], float(np.sqrt(np.mean(np.einsum("kii->k", smoothed.covariance_n[:, :2, :2]))))
@@ -102,9 +107,7 @@ def llio(data: Path, file: str) -> dict[str, Any]:
 
 def openshoe(data: Path) -> dict[str, Any]:
     """A square that ends where it began: the error is the distance from start to end."""
-    recording = read_openshoe_mat(data / "openshoe" / "square2.mat")
-    recording = getattr(recording, "recording", recording)
-    result = navigate_foot(recording)
+    result = navigate_foot(read_openshoe_mat(data / "openshoe" / "square2.mat", rate_hz=250.0))
     end = result.position_n()[-1]
     before = result.position_n(smoothed=False)[-1]
     P = result.best.covariance[-1][6:8, 6:8] + 0.05**2 * np.eye(2)  # put back by eye

@@ -217,37 +217,37 @@ def _cases() -> list[Case]:
     parked = {"windows_s": [[1759.5, 1769.5], [1779.5, 1789.5]]}  # the IMU's 95th to 105th and 115th to 125th second
     lever = {**WHEELS, "non_holonomic": {"lever_m": [0.0, 0.0, 0.65]}}
     asked: list[tuple[str, str, Any, Asked | None, Asked]] = [
-        ("rtkexp_drive/fixes", "rtkexp_drive", rtkexp_drive, None, {}),
-        ("rtkexp_drive/outages", "rtkexp_drive", rtkexp_drive, cars, {}),
-        ("rtkexp_drive/wheels", "rtkexp_drive", rtkexp_drive, cars, lever),
-        ("rtkexp_walk/fixes", "rtkexp_walk", rtkexp_walk, None, {}),
-        ("rtkexp_walk/outages", "rtkexp_walk", rtkexp_walk, walks, {}),
-        ("rtkexp_walk/tight", "rtkexp_walk", rtkexp_walk_tight, None, {}),
-        ("rtkexp_walk/tight-outages", "rtkexp_walk", rtkexp_walk_tight, walks, {}),
-        ("psins_tc/tight", "psins_tc", psins_tc, None, {}),
-        ("psins_tc/tight-outages", "psins_tc", psins_tc, parked, {}),
-        ("oan_phone_drive/fixes", "oan_phone_drive", oan_phone_drive, None, {}),
-        ("oan_phone_drive/outages", "oan_phone_drive", oan_phone_drive, {**cars, "first_s": 250.0}, {}),
-        ("oan_phone_drive/wheels", "oan_phone_drive", oan_phone_drive, {**cars, "first_s": 250.0}, WHEELS),
+        ("rtkexp_drive", "fixes", rtkexp_drive, None, {}),
+        ("rtkexp_drive", "outages", rtkexp_drive, cars, {}),
+        ("rtkexp_drive", "wheels", rtkexp_drive, cars, lever),
+        ("rtkexp_walk", "fixes", rtkexp_walk, None, {}),
+        ("rtkexp_walk", "outages", rtkexp_walk, walks, {}),
+        ("rtkexp_walk", "tight", rtkexp_walk_tight, None, {}),
+        ("rtkexp_walk", "tight-outages", rtkexp_walk_tight, walks, {}),
+        ("psins_tc", "tight", psins_tc, None, {}),
+        ("psins_tc", "tight-outages", psins_tc, parked, {}),
+        ("oan_phone_drive", "fixes", oan_phone_drive, None, {}),
+        ("oan_phone_drive", "outages", oan_phone_drive, {**cars, "first_s": 250.0}, {}),
+        ("oan_phone_drive", "wheels", oan_phone_drive, {**cars, "first_s": 250.0}, WHEELS),
     ]
     for k in range(1, 6):
-        reader = partial(morpinet_car, number=k)
+        name, reader = f"morpinet_car/IMU_{k}", partial(morpinet_car, number=k)
         asked += [
-            (f"morpinet_car/IMU_{k}-fixes", "morpinet_car", reader, None, {}),
-            (f"morpinet_car/IMU_{k}-outages", "morpinet_car", reader, cars, {}),
-            (f"morpinet_car/IMU_{k}-wheels", "morpinet_car", reader, cars, WHEELS),
-        ]
-    for name in ("MH_04_difficult", "V1_02_medium", "V2_01_easy"):
-        given = partial(euroc_imu, name=name, given=True)
+            (name, "fixes", reader, None, {}), (name, "outages", reader, cars, {}), (name, "wheels", reader, cars, WHEELS),
+        ]  # fmt: skip
+    for sequence in ("MH_04_difficult", "V1_02_medium", "V2_01_easy"):
+        name, given = f"euroc_imu/{sequence}", partial(euroc_imu, name=sequence, given=True)
         asked += [
-            (f"euroc_imu/{name}", f"euroc_imu/{name}", partial(euroc_imu, name=name), None, {}),
-            (f"euroc_imu/{name}-given", f"euroc_imu/{name}", given, None, {}),
-            (f"euroc_imu/{name}-outages", f"euroc_imu/{name}", given, flights, {}),
-        ]
+            (name, "fixes", partial(euroc_imu, name=sequence), None, {}), (name, "given", given, None, {}),
+            (name, "outages", given, flights, {}),
+        ]  # fmt: skip
     return [
-        Case(name, "navigation", (needs,), "m", partial(run, reader=reader, outages=outages, aiding=aiding))
-        for name, needs, reader, outages, aiding in asked
-    ]
+        Case(
+            recording, "navigation", (recording.partition("/IMU")[0],), "m",
+            partial(run, reader=reader, outages=outages, aiding=aiding), question,
+        )
+        for recording, question, reader, outages, aiding in asked
+    ]  # fmt: skip
 
 
 CASES = _cases()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from .case import halves
+from .cases import HALVES
 
 Rows = list[dict[str, Any]]
 _HEAD = (
@@ -48,13 +48,13 @@ def cells_of(row: dict[str, Any], half: str) -> list[str]:
 
 def table_of(rows: Rows, before: Rows | None = None) -> str:
     """The table as text; with an earlier run, its line above each one that differs."""
-    half = halves([row["name"] for row in rows])
+    half = HALVES
     earlier = {} if before is None else {row["name"]: row for row in before}
     lines = []
     for row in rows:
-        after = cells_of(row, half[row["name"]][0])
+        after = cells_of(row, half.get(row["name"], "?")[0])
         if row["name"] in earlier:
-            old = cells_of(earlier[row["name"]], half[row["name"]][0])
+            old = cells_of(earlier[row["name"]], half.get(row["name"], "?")[0])
             if old != after:
                 lines.append([old[0], "was", *old[2:]])
         lines.append(after)
@@ -67,10 +67,10 @@ def table_of(rows: Rows, before: Rows | None = None) -> str:
 
 def summary(rows: Rows) -> list[str]:
     """What the rows of navigation say together, by half."""
-    half = halves([row["name"] for row in rows])
+    half = HALVES
     lines = []
     for which in ("choosing", "reporting"):
-        some = [r for r in rows if r["kind"] == "navigation" and "skipped" not in r and half[r["name"]] == which]
+        some = [r for r in rows if r["kind"] == "navigation" and "skipped" not in r and half.get(r["name"]) == which]
         ran = [r for r in some if r.get("nees") is not None]
         if not some:
             continue

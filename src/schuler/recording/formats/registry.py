@@ -60,6 +60,7 @@ FORMATS: tuple[tuple[str, str | None], ...] = (
     ("waypoint", None),
     ("android", None),
     ("sensor_logger", None),
+    ("oan", None),
 )
 
 #: Module, suffixes that name the format of a file to be written (none: only ``format=`` does), parts of a recording it

@@ -52,9 +52,9 @@ def width(table: TextTable) -> int:
     return len(next(table.rows())[1])
 
 
-def load(table: TextTable, n: int, *, allow_truncated: bool, notes: list[str]) -> FloatArray:
-    """All numbers of a table of ``n`` columns; errors name the line. Shape (m, n)."""
-    values, truncated = lines.load(table, n, list(range(n)), allow_truncated=allow_truncated)
+def load(table: TextTable, n: int, *, allow_truncated: bool, notes: list[str], fields: int | None = None) -> FloatArray:
+    """All numbers of a table of ``n`` columns, or the first ``n`` of ``fields``; errors name the line. Shape (m, n)."""
+    values, truncated = lines.load(table, fields or n, list(range(n)), allow_truncated=allow_truncated)
     if truncated:
         notes.append(f"{table.path.name}: the last line was cut off and left out.")
     if not np.isfinite(values).all():

@@ -17,8 +17,10 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-from .case import ROOT, Case, row_of
+from . import peers
+from .case import DATA, ROOT, Case, row_of
 from .cases import CASES
+from .navigation import prepared
 from .page import page_of, table_of
 
 PAGE = ROOT / "docs" / "corpus.md"
@@ -49,6 +51,27 @@ def run_all(cases: list[Case], jobs: int = 2, say: Any = None) -> list[dict[str,
     return sorted(rows, key=lambda row: row["name"])
 
 
+def run_peers(cases: list[Case]) -> int:
+    """Run the peer on all cases that it can do, and keep what comes out; 1 if it is not installed."""
+    name = peers.version()
+    if name is None:
+        print(f"{peers.PYTHON} has no python-ins: pip install python-ins, or name a Python that has it in "
+              "SCHULER_PEER_PYTHON", file=sys.stderr)  # fmt: skip
+        return 1
+    results = peers.kept()
+    for case in cases:
+        if case.kind != "navigation" or "tight" in case.question or case.question == "wheels":
+            continue
+        try:
+            asked = {k: v for k, v in case.run.keywords.items()}  # type: ignore[attr-defined]
+            results[case.name] = {"peer": f"python-ins {name}", **peers.run(*prepared(DATA, **asked))}
+        except Exception as error:  # the reason is kept beside the others' errors
+            results[case.name] = {"failed": f"{type(error).__name__}: {error}"}
+        print(case.name, results[case.name], flush=True)
+    peers.KEPT.write_text(json.dumps(dict(sorted(results.items())), indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run, print, write; 0 unless nothing was asked for."""
     parser = argparse.ArgumentParser("python -m benchmarks.corpus", description=__doc__)
@@ -56,15 +79,19 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--json", action="store_true", help="print rows as JSON instead of the table")
     parser.add_argument("--before", type=Path, help="JSON of an earlier run, printed beside this one")
     parser.add_argument("--out", type=Path, help="also write the JSON here")
+    parser.add_argument("--peers", action="store_true", help="run python-ins on the cases instead, and keep its errors")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default 2)")
     options = parser.parse_args(argv)
     cases = chosen(options.only)
     if not cases:
         print(f"no case is called {options.only!r}; there are " + ", ".join(c.name for c in CASES), file=sys.stderr)
         return 2
+    if options.peers:
+        return run_peers(cases)
     before = None if options.before is None else json.loads(options.before.read_text(encoding="utf-8"))["rows"]
     began = time.perf_counter()
     rows = run_all(cases, options.jobs, lambda row: print(".", end="", flush=True, file=sys.stderr))
+    rows = [peers.beside(row) if row["kind"] == "navigation" else row for row in rows]
     elapsed = time.perf_counter() - began
     print(f" {elapsed:.0f} s", file=sys.stderr)
     text = json.dumps({"elapsed_s": elapsed, "rows": rows}, indent=1)

@@ -57,7 +57,10 @@ def freepose(data: Path, reader: Callable[[Path], ImuSeries], gravity: float | N
     imu = reader(data)
     options: dict[str, Any] = {} if gravity is None else {"gravity": gravity}
     complete = calibrate_freepose(imu, **options)
-    row: dict[str, Any] = {"verdict": complete.status, "warnings": [f"of {status}"] if complete.status != status else []}
+    row: dict[str, Any] = {
+        "verdict": complete.status,
+        "warnings": [f"of {status}"] if complete.status != status else [],
+    }
     row["exit"] = int(complete.status == "refused")
     if complete.status == "refused":
         return row
@@ -126,7 +129,10 @@ def ratetable(data: Path, unit: str) -> dict[str, Any]:
 def _cases() -> list[Case]:
     logs: list[tuple[str, str, Any, float | None, str]] = [
         ("imu_tk_xsens", "imu_tk_xsens", xsens, 9.81744, "ok"),
-        *((f"mikoff_mpu9150/imu{k}", f"mikoff_mpu9150/imu{k}.log", partial(mikoff, number=k), None, "ok") for k in (0, 1)),
+        *(
+            (f"mikoff_mpu9150/imu{k}", f"mikoff_mpu9150/imu{k}.log", partial(mikoff, number=k), None, "ok")
+            for k in (0, 1)
+        ),
         *(
             (f"snu_staticposes/good{k}", f"snu_staticposes/imu_good{k}.txt", partial(snu, number=k), 9.79871, status)
             for k, status in ((1, "refused"), (2, "warning"), (3, "ok"))

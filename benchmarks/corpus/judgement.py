@@ -65,15 +65,22 @@ class Errors(NamedTuple):
 
 
 def horizontal_errors(result: NavigationResult, judge: Judge) -> Errors:
-    """North and east errors at the times of the judge that the solution covers."""
+    """North and east errors at the times of the judge that the solution covers, with its claims."""
     path = result.antenna() if judge.at_antenna else result.trajectory
-    inside = (judge.t >= max(path.t[0], result.t[0])) & (judge.t <= path.t[-1])
-    t, llh = judge.t[inside], judge.llh[inside]
-    at = path.at(t)
-    e = np.einsum("nji,nj->ni", frames.C_en(llh), at.r_eb_e - frames.ecef_from_llh(llh)) - judge.offset_n
+    errors = horizontal_errors_of(path, judge, start=float(result.t[0]))
     P = result.covariance[:, 6:8, 6:8]
-    claim = np.stack([np.interp(t, result.t, P[:, i, j]) for i in (0, 1) for j in (0, 1)], axis=-1).reshape(-1, 2, 2)
-    return Errors(t, e[:, :2], claim, claim + judge.cov_n[inside][:, :2, :2])
+    claim = [np.interp(errors.t, result.t, P[:, i, j]) for i in (0, 1) for j in (0, 1)]
+    claimed = np.stack(claim, axis=-1).reshape(-1, 2, 2)
+    return errors._replace(claim=claimed, total=claimed + errors.total)
+
+
+def horizontal_errors_of(path: Trajectory, judge: Judge, start: float = -np.inf) -> Errors:
+    """The same of a path without a claim, from a time on. [s]"""
+    inside = (judge.t >= max(path.t[0], start)) & (judge.t <= path.t[-1])
+    t, llh = judge.t[inside], judge.llh[inside]
+    e = np.einsum("nji,nj->ni", frames.C_en(llh), path.at(t).r_eb_e - frames.ecef_from_llh(llh)) - judge.offset_n
+    own = judge.cov_n[inside][:, :2, :2]
+    return Errors(t, e[:, :2], np.zeros_like(own), own)
 
 
 def within(t: FloatArray, windows: Windows, lead_s: float = 0.0) -> BoolArray:

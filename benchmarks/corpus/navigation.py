@@ -140,6 +140,19 @@ def _ranges(recording: Recording) -> Any:
     return prepare_ranges(recording.observations, recording.ephemerides, systems="GEC")
 
 
+def prepared(
+    data: Path, reader: Callable[[Path], tuple[Recording, Asked, Judge | None]], outages: Asked | None, aiding: Asked
+) -> tuple[Recording, Asked, Judge]:
+    """Recording without what is held back, configuration, and judge; see :func:`run`."""
+    recording, stated, judge = reader(data)
+    tight = stated.get("gnss", {}).get("coupling") == "tight"
+    if outages is None:
+        recording, judge = held_back(recording, judge, tight)
+    elif judge is None:
+        judge = Judge.of_fixes(gnss_series(solve_points(_ranges(recording))) if tight else recording.need_gnss())
+    return recording, {**stated, "filter": {"record_s": 0.2}, "aiding": aiding, "outages": outages or {}}, judge
+
+
 def run(
     data: Path, reader: Callable[[Path], tuple[Recording, Asked, Judge | None]], outages: Asked | None, aiding: Asked
 ) -> dict[str, Any]:
@@ -155,13 +168,7 @@ def run(
     aiding : dict
         Section of that name.
     """
-    recording, stated, judge = reader(data)
-    tight = stated.get("gnss", {}).get("coupling") == "tight"
-    if outages is None:
-        recording, judge = held_back(recording, judge, tight)
-    elif judge is None:
-        judge = Judge.of_fixes(gnss_series(solve_points(_ranges(recording))) if tight else recording.need_gnss())
-    asked = {**stated, "filter": {"record_s": 0.2}, "aiding": aiding, "outages": outages or {}}
+    recording, asked, judge = prepared(data, reader, outages, aiding)
     row: dict[str, Any] = {"warnings": doubts(recording)}
     result = navigate(recording, asked)
     smoothed = result.smooth() if result.can_smooth else None

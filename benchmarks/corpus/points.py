@@ -46,7 +46,9 @@ def _judged(
 def urbannav(data: Path) -> dict[str, Any]:
     folder = data / "urbannav_tst"
     observations = read_rinex_observation(folder / "COM3_190428_124409.obs")
-    messages = read_rinex_navigation(folder / "hksc1180.19n").merged_with(read_rinex_navigation(folder / "hksc1180.19b"))
+    messages = read_rinex_navigation(folder / "hksc1180.19n").merged_with(
+        read_rinex_navigation(folder / "hksc1180.19b")
+    )
     truth = np.genfromtxt(folder / "groundTruth_TST.csv", delimiter=",")
     llh = truth[:, 2:5] * np.array([DEG, DEG, 1.0])
     return _judged(observations, messages, truth[:, 0] * WEEK_S + truth[:, 1], frames.ecef_from_llh(llh))

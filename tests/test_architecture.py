@@ -1,7 +1,5 @@
 """The page on the house names files and definitions that exist; its picture shows the layers that are enforced."""
 
-from __future__ import annotations
-
 import ast
 import re
 

@@ -1,7 +1,5 @@
 """Shape and value checks: what is accepted, and what the messages say about what is not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

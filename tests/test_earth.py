@@ -4,8 +4,6 @@ Authorities: boule (normal gravity), pymap3d (radii), pyproj (arc lengths), and 
 Yaman (2017), Stefanisko (2015), Hayal, Moritz (GRS 80) and NIMA TR 8350.2 (WGS 84).
 """
 
-from __future__ import annotations
-
 import boule
 import numpy as np
 import pymap3d.rcurve as rcurve

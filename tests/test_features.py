@@ -4,8 +4,6 @@ Every row of the five digests names what does it and the tests that prove it; ev
 asked for, every test is looked for. The numbers of rows are the digests'.
 """
 
-from __future__ import annotations
-
 import ast
 import importlib
 import tomllib

@@ -1,7 +1,5 @@
 """Files are replaced whole or not at all, and hashes name what a result was made from."""
 
-from __future__ import annotations
-
 import os
 import stat
 import sys

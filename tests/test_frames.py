@@ -1,7 +1,5 @@
 """Positions and axes: exact cases, round trips from underground to orbit; PROJ, pymap3d and SOFA as authorities."""
 
-from __future__ import annotations
-
 import erfa
 import numpy as np
 import pymap3d

@@ -1,7 +1,5 @@
 """The gallery: its programs run as they stand, every picture is there, is small, and is what its program draws."""
 
-from __future__ import annotations
-
 import re
 
 import make

@@ -6,8 +6,6 @@ what it prints. There a line ``...`` stands for any lines, and a number may diff
 round differently).
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re

@@ -4,8 +4,6 @@ Every law runs over stacks of several shapes and over samples that are uniform o
 space, near the identity, and at and near half a turn, where formulas through the trace or through ``arccos`` fail.
 """
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Time scales against SOFA (pyerfa) and calendars worked out by hand."""
 
-from __future__ import annotations
-
 import datetime as dt
 import re
 

@@ -1,7 +1,5 @@
 """Units: factors of data sheets, the reader of unit texts, and its refusals."""
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 

@@ -1,7 +1,5 @@
 """The words of docs/project/words.md: no retired name in the code, and docstrings that begin with what the thing is."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A short drive with an outage, linearised once."""
 
-from __future__ import annotations
-
 import tomllib
 
 import pytest

@@ -1,7 +1,5 @@
 """Figures and the page of a budget: everything is there, nothing is lost, nothing is fetched."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

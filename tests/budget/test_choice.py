@@ -1,7 +1,5 @@
 """Requirements read as written, the catalogue ranked, what limits an IMU and what would pass."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

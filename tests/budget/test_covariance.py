@@ -1,7 +1,5 @@
 """Linear covariance against the engine, against itself, against Monte Carlo; budgets add up."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Noise of single axes, uneven accelerometers, angles of a triad: closed forms, engine, the rocket's 48."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

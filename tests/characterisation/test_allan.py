@@ -1,7 +1,5 @@
 """Allan deviations: closed forms, other programs' numbers, gaps, real recordings."""
 
-from __future__ import annotations
-
 import gzip
 import re
 

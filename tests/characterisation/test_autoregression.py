@@ -1,7 +1,5 @@
 """Burg's method recovers what was simulated; the claim that AR models predict biases better is measured."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Degrees of freedom and bounds: exact moments, the published algorithm, the true coverage."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz

@@ -1,7 +1,5 @@
 """Autocorrelation: the definition, the bias of a finite record, Bartlett's scatter."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import dblquad

@@ -1,7 +1,5 @@
 """Counted pulses: their lattice, the noise behind them, and sensors that do not count."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Wavelet transform by its laws; de-noising helps samples and not bias estimates, by how much is measured."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -3,8 +3,6 @@
 The propagation formulas of the programs are written down here again, from their sources, as the independent twin.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 

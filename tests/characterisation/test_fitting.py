@@ -1,7 +1,5 @@
 """Fits of noise terms to Allan variances: closed forms, derivatives, coverage of the intervals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Faults put into clean logs are found where they are; clean logs of every colour are left alone; real logs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import binom

@@ -1,7 +1,5 @@
 """Noise put in is found again; a bad log is named with its place, on its axis alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sines are found with their frequency and amplitude, noise of any colour has none, and their variance is exact."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The manual route on synthetic logs of the thesis's sensors, and what the length of a record does to its numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

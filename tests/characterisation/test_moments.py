@@ -1,7 +1,5 @@
 """Degrees of freedom and correlation of Allan variances that follow from a spectrum."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

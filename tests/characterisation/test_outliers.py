@@ -1,7 +1,5 @@
 """Outliers are replaced, so that the noise found is that of the log without them; clean logs are left alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The model identified in a real log, simulated, against that log."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

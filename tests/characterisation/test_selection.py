@@ -1,7 +1,5 @@
 """Which model is kept: the true one mostly, and honest words where none is true."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

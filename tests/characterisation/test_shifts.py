@@ -1,7 +1,5 @@
 """Small shifts of level: the same likelihood as the general fit, found where they are, none in clean logs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import binom

@@ -1,7 +1,5 @@
 """What stands for a log in simulation where no sum of terms does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Error budgets as files: they come back unchanged, mistakes are named, simulator and navigation use them."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 

@@ -1,7 +1,5 @@
 """Power spectrum: conventions by closed forms, bounds by coverage."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

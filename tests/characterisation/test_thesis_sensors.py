@@ -5,8 +5,6 @@ the AQRS. No sampling rate is stated: 2 Hz in the quick tests, since nothing of 
 his appendices in the slow ones. Every recording has three logs of each sensor, one an axis.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache
 

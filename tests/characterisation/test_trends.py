@@ -1,7 +1,5 @@
 """Warm-up and temperature trends: found where they are, not where noise of any colour only looks like one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import binom

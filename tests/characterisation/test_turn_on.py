@@ -1,7 +1,5 @@
 """Spread of the bias over switch-ons: closed forms, coverage of the interval, records with drift of their own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import chi2

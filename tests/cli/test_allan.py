@@ -4,8 +4,6 @@ What is identified comes from a stand-in here, so that a wrong fit does not look
 runs the real thing.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import math

@@ -1,7 +1,5 @@
 """``schuler budget``: text, JSON, files, errors."""
 
-from __future__ import annotations
-
 import pytest
 from command import answer, refusal, run
 from places import EXAMPLES

@@ -1,7 +1,5 @@
 """``schuler calibrate`` as scripts use it: keys of the JSON, files, exit codes, one-line errors."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What ``schuler calibrate`` asks before it begins: the checks of ``schuler check``, and ``--unchecked``."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """``schuler calibrate field`` as scripts use it: keys of the JSON, files, options, exit codes, one-line errors."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

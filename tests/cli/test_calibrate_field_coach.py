@@ -1,7 +1,5 @@
 """The coach in a terminal: a finished log, one that grows, lines on stdin; Ctrl-C and half a line lose nothing."""
 
-from __future__ import annotations
-
 import os
 import re
 import threading

@@ -1,7 +1,5 @@
 """``schuler calibrate field`` of raw counts: factors and middle found, results in terms of counts, what is refused."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The commands as scripts use them: JSON on stdout, prose on stderr, exit codes, files, one-line errors."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """``schuler compare``: the table, the files, and what it refuses."""
 
-from __future__ import annotations
-
 import csv
 import json
 

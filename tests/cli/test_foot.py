@@ -1,7 +1,5 @@
 """``schuler foot``: files, JSON, options, messages; on a simulated walk."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

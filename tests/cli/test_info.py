@@ -1,7 +1,5 @@
 """``schuler info`` of logs with many streams, and ``schuler convert`` between formats of the registry."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

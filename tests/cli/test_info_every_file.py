@@ -1,7 +1,5 @@
 """Every file of the real recordings: ``schuler info`` opens it, or says in one line why not and what would help."""
 
-from __future__ import annotations
-
 import json
 import re
 

@@ -1,7 +1,5 @@
 """Keys of JSON output that scripts rely on: never renamed. Allan, calibrate, check, montecarlo: in their own files."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

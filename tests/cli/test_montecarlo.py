@@ -1,7 +1,5 @@
 """``schuler montecarlo``: what it writes and says, going on with a store, and what it refuses."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """``schuler observability``: text, JSON, files, formulas, logs, faults."""
 
-from __future__ import annotations
-
 import pytest
 from command import answer, refusal, run
 from places import EXAMPLES

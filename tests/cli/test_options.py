@@ -1,7 +1,5 @@
 """Options of all commands: each is explained, and a place that cannot be written to is refused before any work."""
 
-from __future__ import annotations
-
 import pytest
 
 from schuler.cli import main

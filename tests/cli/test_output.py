@@ -1,7 +1,5 @@
 """What commands share: times of outages, JSON without NaN, progress on terminals only."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """``schuler reproduce``: what it prints and writes. The items themselves are tested in tests/reproduce."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """``schuler rotary``: text, JSON, files, page, interruption, errors."""
 
-from __future__ import annotations
-
 import _thread
 import re
 import tomllib

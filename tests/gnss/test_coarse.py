@@ -1,7 +1,5 @@
 """Rough positions, directions, medians, and the clock's milliseconds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from sky import HOME, ephemerides, observe

@@ -1,7 +1,5 @@
 """Nominal constellations: circular motion, coverage, the same orbits as broadcast messages."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

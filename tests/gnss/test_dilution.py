@@ -1,7 +1,5 @@
 """Dilution of precision: closed forms of regular geometries, laws, epochs without a solution."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """GLONASS states: closed forms, order of the rule, reversibility, conserved quantities, neighbouring messages."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fault detection and exclusion: the test's level and power, identification, protection, liars."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """Klobuchar's model: known values, symmetries, limits; the combination of two frequencies."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """BeiDou D1: parity, places of the bits, putting subframes together, time scale."""
 
-from __future__ import annotations
-
 import pytest
 from navigation_messages import d1_words, pack
 

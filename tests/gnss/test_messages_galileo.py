@@ -1,7 +1,5 @@
 """Galileo I/NAV: pages and their check, places of the bits, putting words together, health and accuracy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from navigation_messages import pack, page_words

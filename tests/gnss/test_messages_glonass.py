@@ -1,7 +1,5 @@
 """GLONASS strings: check sums, places of the bits, sign and magnitude, days and leap seconds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from navigation_messages import glonass_string

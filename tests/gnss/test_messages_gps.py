@@ -1,7 +1,5 @@
 """GPS LNAV: parity, places of the bits, putting subframes together, weeks and leap seconds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from navigation_messages import lnav_words, pack

@@ -1,7 +1,5 @@
 """Keplerian orbits: closed forms, laws of the two-body problem, derivatives, and precise orbits of the same day."""
 
-from __future__ import annotations
-
 import datetime as dt
 import itertools
 

@@ -1,7 +1,5 @@
 """Single-point solutions: exact ranges return the truth, models against their derivatives, honest covariances."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

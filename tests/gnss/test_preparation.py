@@ -1,7 +1,5 @@
 """From observations to ranges: a forward model of its own is undone to rounding; reasons, clocks, jumps, atmosphere."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

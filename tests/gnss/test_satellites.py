@@ -1,7 +1,5 @@
 """Which message, which clock, when the signal left; group delays by signal."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -4,8 +4,6 @@ The simulator (Spirent SimGEN) makes pseudoranges to 1 mm and Doppler shifts to 
 the receiver's exact path, with a perfect receiver clock: what differs is the model.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Synthetic ranges: consistent with their own motion, statistics as asked, masks and limits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Standard atmosphere, zenith delays, mapping: known values, limits, another program's numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The range budget: limits, monotony, parts that add in squares."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Dead reckoning in the plane and in space: true readings return the truth, Monte Carlo meets the closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

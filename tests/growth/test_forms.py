@@ -1,7 +1,5 @@
 """Closed forms of error growth against quadrature, Monte Carlo, exact covariance recursions, and each other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

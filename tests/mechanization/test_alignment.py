@@ -1,7 +1,5 @@
 """Levelling, gyrocompassing, course heading: exact cases, statistics, real rest data."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Strapdown mechanization against closed forms, its own equations, and simulated truth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Runs that other processes can import too, and count."""
 
-from __future__ import annotations
-
 import sys
 from collections import Counter
 

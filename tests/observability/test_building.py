@@ -1,7 +1,5 @@
 """System matrices and transitions along motions, against the engine and its error model."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import expm

@@ -1,7 +1,5 @@
 """Combinations in words: factors recognised, sparse bases found, nothing invented."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

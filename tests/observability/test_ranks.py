@@ -1,7 +1,5 @@
 """Ranks in numbers: a table by scheme, three rules, the local matrix, and the engine's own transitions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import sympy as sp

@@ -1,7 +1,5 @@
 """Scenarios and runs: the examples, the results of chapter 5, real filters of any kind."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

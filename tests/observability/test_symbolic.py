@@ -1,7 +1,5 @@
 """Formulas: ranks by scheme exactly, Tables 5.1 and 5.2 by span, the same system in two ways."""
 
-from __future__ import annotations
-
 import sys
 
 import pytest

@@ -5,8 +5,6 @@ What each figure shows is tested beside it; here all of them are held to one sty
 
 # ruff: noqa: E501 (a table of dotted names)
 
-from __future__ import annotations
-
 import ast
 import json
 import re

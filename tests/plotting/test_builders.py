@@ -1,7 +1,5 @@
 """The descriptions of the figures hold the right numbers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every kind of report in Chromium, wide and narrow: all figures are drawn, and answer to mouse, legend and window."""
 
-from __future__ import annotations
-
 import chromium
 import figure_cases as cases
 import noise_cases

@@ -1,7 +1,5 @@
 """Thinning keeps what the eye would see, gaps stay gaps."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables of campaigns: what is shown, what is written, what is refused."""
 
-from __future__ import annotations
-
 import csv
 import json
 

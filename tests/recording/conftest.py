@@ -1,7 +1,5 @@
 """Recordings made for the tests, and writers of the formats under test that share no code with the readers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """MATLAB and NumPy files: which array is which, on its side or not, and what is refused as ambiguous."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.io

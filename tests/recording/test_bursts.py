@@ -1,7 +1,5 @@
 """Samples that come in bursts under one stamp: spread evenly, said, and never where the stamps are their own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

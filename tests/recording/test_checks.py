@@ -1,7 +1,5 @@
 """Gravity at rest gives away wrong units; what looks like rest and what does not."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

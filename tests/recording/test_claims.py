@@ -1,7 +1,5 @@
 """A header that claims 2 GB does not allocate 2 GB: every binary format, in a process of its own (``claims.py``)."""
 
-from __future__ import annotations
-
 import functools
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """Every page of docs/formats runs: its commands through the command line, then its Python, on small logs made here."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Receivers' files among other logs: told apart by what is in them, read by one call, put together in folders."""
 
-from __future__ import annotations
-
 import bz2
 import gzip
 import zipfile

@@ -1,7 +1,5 @@
 """The page on reading data names every hint, column, format and allowance there is, and no other hint."""
 
-from __future__ import annotations
-
 import ast
 import re
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """Folders: entries per series, halves of an IMU, and what is found without entries."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 Tolerances are those of ``test_round_trips.py``. Programs that are not installed are skipped, with their name.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import struct

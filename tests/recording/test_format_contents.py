@@ -1,7 +1,5 @@
 """What logs of data sets hold by their looks, and a real drive through the formats that are written."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """EuRoC data sets: a writer of the test's own, round trips, what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from format_drives import drive

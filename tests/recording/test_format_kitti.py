@@ -1,7 +1,5 @@
 """KITTI drives: numbers placed by hand, round trips, what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """MATLAB files of NaveGo and PSINS, written by SciPy; the names in them seen without loading."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 

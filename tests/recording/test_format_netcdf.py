@@ -1,7 +1,5 @@
 """NetCDF and HDF5: round trips to the bit, other libraries read what we write, claimed sizes, damaged files."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

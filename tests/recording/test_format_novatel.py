@@ -1,7 +1,5 @@
 """NovAtel logs: an encoder of the test's own, NovAtel's decoder, lines printed in its manual, what is refused."""
 
-from __future__ import annotations
-
 import encode_novatel as nov
 import numpy as np
 import pytest

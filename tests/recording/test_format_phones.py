@@ -1,7 +1,5 @@
 """Logs of phones: GnssLogger and Sensor Logger."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from format_drives import drive

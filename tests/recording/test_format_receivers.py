@@ -1,7 +1,5 @@
 """Logs of receivers and units side by side: told apart, NMEA alone, the IMU of a u-blox."""
 
-from __future__ import annotations
-
 import struct
 
 import encode_novatel

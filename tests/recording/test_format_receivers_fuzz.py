@@ -4,8 +4,6 @@ Damage of bytes is caught by the checksums; what is behind them is only reached 
 drawn from those that break readers: not-a-number, infinities, zeros, the largest and the smallest of each kind.
 """
 
-from __future__ import annotations
-
 import struct
 from contextlib import suppress
 

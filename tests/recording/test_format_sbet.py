@@ -1,7 +1,5 @@
 """SBET files: records by hand, wander angles and axes of other programs, round trips, what is refused."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import replace
 

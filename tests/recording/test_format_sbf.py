@@ -1,7 +1,5 @@
 """Septentrio logs: an encoder of the test's own, pysbf2, what is refused."""
 
-from __future__ import annotations
-
 import encode_sbf as sbf
 import numpy as np
 import pytest

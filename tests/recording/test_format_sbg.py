@@ -1,7 +1,5 @@
 """SBG logs: an encoder of the test's own, a published check value of the CRC, what is refused."""
 
-from __future__ import annotations
-
 import datetime as dt
 
 import encode_sbg

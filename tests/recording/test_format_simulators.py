@@ -1,7 +1,5 @@
 """Folders of gnss-ins-sim and segments of comma2k19."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from format_drives import WEEK, drive, same_trajectory

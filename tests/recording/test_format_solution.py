@@ -1,7 +1,5 @@
 """Navigation results read as references and converted to other formats."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from format_drives import WEEK, drive, same_trajectory

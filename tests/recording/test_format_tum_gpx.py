@@ -1,7 +1,5 @@
 """TUM trajectories and GPX tracks."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """VectorNav logs: an encoder of the test's own, real lines of a VN-200, what is refused."""
 
-from __future__ import annotations
-
 import encode_vectornav as vn
 import numpy as np
 import pytest

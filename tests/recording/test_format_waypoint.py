@@ -1,7 +1,5 @@
 """Waypoint's raw IMU files and text exports."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Xsens logs: an encoder of the test's own, a packet that MT Manager decoded, what is refused."""
 
-from __future__ import annotations
-
 import datetime as dt
 
 import encode_xsens as xs

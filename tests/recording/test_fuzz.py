@@ -5,8 +5,6 @@ contents), text by ``test_malformed.py``. All of it is drawn from fixed seeds; a
 with ``-m fuzz``, about a minute on one core.
 """
 
-from __future__ import annotations
-
 import gzip
 import io
 import re

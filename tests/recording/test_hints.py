@@ -1,7 +1,5 @@
 """What users say about a log: every textual form, and the answer to every mistake in one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Tables of VectorNav units as INSTINCT writes them: samples, fixes, raw measurements in brackets."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

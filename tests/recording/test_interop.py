@@ -1,7 +1,5 @@
 """Recordings and results to and from pandas, polars and xarray: bit for bit, with units, and frames made by others."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import fields, is_dataclass, replace
 

@@ -1,7 +1,5 @@
 """Whatever a file holds, readers raise errors of ours and never warn (pytest turns every warning into a failure)."""
 
-from __future__ import annotations
-
 import tempfile
 from contextlib import suppress
 from pathlib import Path

@@ -1,7 +1,5 @@
 """NMEA logs: heights, accuracies, dates and midnight, checksums, velocities; and the sentences of a real log."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

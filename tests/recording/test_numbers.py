@@ -1,7 +1,5 @@
 """Compiled reading of tables: numbers are those of Python's ``float``, files are read as the slower code reads them."""
 
-from __future__ import annotations
-
 import math
 import random
 import struct

@@ -1,7 +1,5 @@
 """Our own CSV and Parquet files: nothing is lost, and damaged, newer and foreign files are explained."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

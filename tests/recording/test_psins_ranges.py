@@ -1,7 +1,5 @@
 """PSINS data: text logs of counts, and increments with ranges and ephemerides in MATLAB files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

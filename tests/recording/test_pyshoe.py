@@ -1,7 +1,5 @@
 """Readers of foot-mounted logs: PyShoe's trials, OpenShoe's matrices and text files; and what they refuse."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.io import savemat

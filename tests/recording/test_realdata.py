@@ -3,8 +3,6 @@
 Expected numbers come from the README files beside the recordings or from reading a few lines by eye.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.io

@@ -1,7 +1,5 @@
 """Numbers and dates in fixed columns, against Python's own conversion of each text."""
 
-from __future__ import annotations
-
 import datetime as dt
 
 import numpy as np

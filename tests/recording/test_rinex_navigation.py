@@ -1,7 +1,5 @@
 """RINEX navigation messages: small files of every version written by hand, units and times, faults, real files."""
 
-from __future__ import annotations
-
 import datetime as dt
 import gzip
 import re

@@ -1,7 +1,5 @@
 """RINEX observations: small files of every version by hand, a writer that shares nothing with the reader, faults."""
 
-from __future__ import annotations
-
 import bz2
 import datetime as dt
 import gzip

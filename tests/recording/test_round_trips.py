@@ -5,8 +5,6 @@ float64 on the way through degrees or Earth-fixed axes (rounding), or zero where
 formats look closer; this one holds that no format is left out.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

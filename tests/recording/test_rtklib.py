@@ -1,7 +1,5 @@
 """RTKLIB solutions: layouts, time forms, signs of the covariances, heights; and writing them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Logs of a compass and a barometer: units, accuracies, and what is said when they are missing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Series and recordings: what they derive, how they are cut and merged, and what they refuse."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

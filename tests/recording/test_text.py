@@ -1,7 +1,5 @@
 """Plain text logs: what is read, what is noted, and what is refused with file and line."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """KML and GeoJSON: valid files, longitudes, the antimeridian, outages, time stamps."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from dataclasses import replace

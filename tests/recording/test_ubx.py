@@ -3,8 +3,6 @@
 Frames are packed here with struct from the tables of the interface description, not by the library that decodes them.
 """
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

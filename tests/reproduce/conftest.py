@@ -1,7 +1,5 @@
 """Studies of the theses are marked ``reproduce``; what always runs is listed here."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

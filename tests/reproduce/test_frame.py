@@ -1,7 +1,5 @@
 """The frame of the reproductions: bands, verdicts, choice of items, interruption, the page."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Items of every thesis that take milliseconds, with their verdicts; all items run with ``pytest -m reproduce``."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -5,8 +5,6 @@ position error is the integral of its velocities. A second mechanization of that
 them; the engine, whose gravity falls with height, all but the vertical channel, where it grows by the known factor.
 """
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

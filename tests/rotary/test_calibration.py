@@ -1,7 +1,5 @@
 """Calibration by rotation: exact recovery, Du's Table 4.5, Monte Carlo against the predicted accuracy."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

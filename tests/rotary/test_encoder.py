@@ -1,7 +1,5 @@
 """Encoder: what its readings and the angles between them are worth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Mechanization of a rotating IMU: both routes against the truth and each other, encoder errors, offsets."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Modulation of biases, counter-rotation of the vehicle, residues; errors of platforms; axes of Du."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

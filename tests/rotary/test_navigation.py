@@ -1,7 +1,5 @@
 """A rotating IMU through the filter: as good as its covariance says, and what levers, offsets and encoders do."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Orders of half turns about two axes: what all of them leave, by blocks of one half turn and one dwell each."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motion of a rotating IMU: derivatives belong to each other, centripetal terms by hand, exact increments at jumps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

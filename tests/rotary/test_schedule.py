@@ -1,7 +1,5 @@
 """Schedules: rates are the derivatives of angles, limits are kept, cycles close, biases and scale factors cancel."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

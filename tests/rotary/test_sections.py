@@ -1,7 +1,5 @@
 """Sections of a scenario's file: what they build, and what they say of mistakes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

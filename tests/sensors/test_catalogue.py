@@ -1,7 +1,5 @@
 """The catalogue: every entry loads; the numbers are those of the sources, in SI by hand."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import fields
 

@@ -1,7 +1,5 @@
 """Noise of a tabulated density."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Counting of pulses, and shot noise: closed forms against simulation and against what is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

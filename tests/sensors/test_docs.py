@@ -1,7 +1,5 @@
 """The page on sensors: its examples run, its numbers are those of the code."""
 
-from __future__ import annotations
-
 import re
 
 from places import ROOT

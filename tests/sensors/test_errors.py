@@ -1,7 +1,5 @@
 """One realisation of IMU errors: the model, its inverse, its statistics, clipping and rounding."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Grades: every grade of the tables is its own, and a sensor is as good as its worst attribute."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import log10, sqrt
 

@@ -1,7 +1,5 @@
 """Rates to increments, and increments to rotation and velocity change: exact cases, orders, and the compiled twin."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Errors of the first position and attitude: sign, axes, and the way from the thesis."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Noise processes against their closed forms: exact covariances first, then samples."""
 
-from __future__ import annotations
-
 from decimal import Decimal, getcontext
 
 import numpy as np

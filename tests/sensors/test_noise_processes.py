@@ -1,7 +1,5 @@
 """Every noise process against its closed forms: states and spectra exactly, samples in standard errors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import quad

@@ -1,7 +1,5 @@
 """What a noise process does must not depend on the rate at which it is drawn, nor on how extreme its numbers are."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from math import exp, log, pi, sqrt
 

@@ -1,7 +1,5 @@
 """Error budgets: conversions from data sheets against hand-computed numbers, refusals, round trips."""
 
-from __future__ import annotations
-
 import doctest
 import math
 

@@ -1,7 +1,5 @@
 """Flenniken's triads: their matrices, the printed slip, their inverses, and the way to ImuErrors and back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

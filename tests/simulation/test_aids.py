@@ -1,7 +1,5 @@
 """Simulated heading, height, odometer, GNSS faults and stream faults: what was asked for is in them, and is told."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

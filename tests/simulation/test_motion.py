@@ -1,7 +1,5 @@
 """Motion and what an ideal IMU senses of it: closed forms, consistent derivatives, exact integrals."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Way-points, manoeuvres and polynomials: consistent motions that do what was asked."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Routines of rests and turns in scenarios."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from places import ROOT

@@ -1,7 +1,5 @@
 """Simulated satellites of a moving receiver: ranges obey the model, windows and faults are where they were put."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenarios: what is simulated is what was described, reproducibly; the round trip through the strapdown closes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from places import EXAMPLES

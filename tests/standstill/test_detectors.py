@@ -1,7 +1,5 @@
 """Test statistics of standing still: closed forms, their distribution at rest, what each sees and does not see."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.io

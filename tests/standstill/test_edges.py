@@ -1,7 +1,5 @@
 """Edges of rests: as far out as the motion allows, not further, whatever the noise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

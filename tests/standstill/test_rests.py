@@ -1,7 +1,5 @@
 """Rests of hand-turned logs: every rest and nothing else, slow uniform rotation refused, noise that is not white."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 

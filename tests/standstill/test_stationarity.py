@@ -1,7 +1,5 @@
 """Intervals at rest: simulated poses, uniform rotation, bad samples, gaps; real logs of hand calibrations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy.io

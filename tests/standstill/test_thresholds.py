@@ -1,7 +1,5 @@
 """Adaptive thresholds and intervals at rest."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A recording with every series there is, and configurations for it."""
 
-from __future__ import annotations
-
 import aided_cases as ac
 import numpy as np
 

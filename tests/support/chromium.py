@@ -5,8 +5,6 @@ It is driven by its own protocol over two pipes, so nothing but the browser is n
 there is no Chromium; ``SCHULER_CHROMIUM`` names another one.
 """
 
-from __future__ import annotations
-
 import atexit
 import base64
 import contextlib

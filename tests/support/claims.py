@@ -4,8 +4,6 @@ Run by ``test_claims.py``. What counts is the address space (``VmPeak``), so an 
 touched counts, too; the limit only keeps a reader that believes a claim from taking the machine with it.
 """
 
-from __future__ import annotations
-
 import bz2
 import gzip
 import io

@@ -1,7 +1,5 @@
 """Commands as scripts run them: exit code, stdout and stderr; and the one line of a refusal."""
 
-from __future__ import annotations
-
 import json
 
 from schuler.cli import main

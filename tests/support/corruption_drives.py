@@ -1,7 +1,5 @@
 """The two good drives that are spoilt: one real, one simulated."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

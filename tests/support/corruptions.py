@@ -5,8 +5,6 @@ right, and it says so here. Sizes are drawn by the generator: a fault of another
 only if both of its faults are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Writer of DataFlash logs for the tests; shares no code with the reader."""
 
-from __future__ import annotations
-
 import struct
 
 LETTERS = {"Q": "Q", "B": "B", "b": "b", "H": "H", "h": "h", "I": "I", "i": "i", "f": "f", "d": "d", "c": "h", "C": "H",

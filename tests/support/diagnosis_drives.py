@@ -1,7 +1,5 @@
 """A drive in closed form, and ways to spoil it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Encoder of NovAtel messages for the tests, apart from the reader: CRC bit by bit, struct instead of NumPy."""
 
-from __future__ import annotations
-
 import struct
 
 

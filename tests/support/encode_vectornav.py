@@ -1,7 +1,5 @@
 """Encoder of VectorNav packets for the tests, apart from the reader: fields by name, checksums bit by bit."""
 
-from __future__ import annotations
-
 import struct
 
 

@@ -1,7 +1,5 @@
 """Encoder of Xsens messages for the tests, apart from the reader."""
 
-from __future__ import annotations
-
 import struct
 
 CODES = {"single": 0, "12.20": 1, "16.32": 2, "double": 3}

@@ -5,8 +5,6 @@ was known before; the first heading; from block to block the rotation of the com
 the gyroscopes over that time; gravity in the axes of each attitude; Earth rate along the measured vertical.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

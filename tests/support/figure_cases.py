@@ -6,8 +6,6 @@ where numbers do not matter, and computed on the smallest case otherwise. ``run(
 
 # ruff: noqa: E501 (a table of dotted names)
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace

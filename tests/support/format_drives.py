@@ -1,7 +1,5 @@
 """A short drive with all that exchange formats hold: motion, attitude, IMU and fixes that agree with each other."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from schuler import frames, rotation

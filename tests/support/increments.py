@@ -1,7 +1,5 @@
 """NumPy twins of the compiled coning and sculling corrections."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_floats

@@ -1,7 +1,5 @@
 """Campaigns in lanes for the tests: the drive of `cases` with errors that the filter expects."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import filter_cases as cases

@@ -1,7 +1,5 @@
 """Damage to files, drawn from a seed: the same numbers give the same damage on every machine."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 

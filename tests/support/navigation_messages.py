@@ -1,7 +1,5 @@
 """Navigation messages made of their fields: the opposites of what ``schuler.gnss`` decodes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from schuler.gnss import messages_beidou as beidou

@@ -1,7 +1,5 @@
 """Identifications made by hand: no fit is needed to see whether a report says what is in one."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

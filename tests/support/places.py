@@ -1,7 +1,5 @@
 """Folders of the checkout that tests read, and test modules whose results other tests look at."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import sys

@@ -1,7 +1,5 @@
 """Every recording of ../shared/data that is a good one, with the hints that its README gives."""
 
-from __future__ import annotations
-
 _SHOE = {"columns": "ax,ay,az,gx,gy,gz", "variable": "imu", "units": "m/s^2,rad/s", "rate": 200.0}
 _SNU = {"columns": "t,ax,ay,az,gx,gy,gz,*", "units": "m/s^2,rad/s", "time": "unix"}
 _VN = {"units": "m/s^2,rad/s", "rate": 50.0, "axes": "FRD"}

@@ -1,7 +1,5 @@
 """Calibrations for the tests of results, files, comparison and reports: made up, with full covariance."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from schuler.calibration.result.parameters import LINEAR

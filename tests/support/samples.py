@@ -3,8 +3,6 @@
 Binary logs of receivers and autopilots come from the encoders of the tests, which share no code with the readers.
 """
 
-from __future__ import annotations
-
 import functools
 import gzip
 import importlib

@@ -1,7 +1,5 @@
 """A small sky of four systems, and observations of it made by a forward model of its own."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from schuler.frames import C_en, ecef_from_llh, llh_from_ecef

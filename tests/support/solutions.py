@@ -1,7 +1,5 @@
 """Solutions to report on: the filter tests' simulated drive, with and without what a report can be given."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 from unittest import mock

@@ -1,7 +1,5 @@
 """Laws that hold for every thesis: complete, reasoned, bands that can be missed, figures with units."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """Writer of ULog files for the tests; shares no code with the reader or with pyulog."""
 
-from __future__ import annotations
-
 import struct
 
 CODES = {"uint64_t": "Q", "uint32_t": "I", "uint16_t": "H", "uint8_t": "B", "int32_t": "i", "float": "f", "double": "d",

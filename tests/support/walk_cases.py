@@ -1,7 +1,5 @@
 """Simulated walks shared by the foot tests."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from schuler.recording.series import ImuSeries

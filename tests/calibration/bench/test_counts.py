@@ -1,7 +1,5 @@
 """Logs in counts: factors and middle found, results that compensate counts as they compensate SI."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ferraris calibration: perfect sessions, Monte Carlo, sessions without labels, real recordings."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """Adjustment of a triad from magnitudes: derivatives, exactness, statistics, what is not determined, convergence."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import chi2, kstest

@@ -1,7 +1,5 @@
 """Weighted linear least squares with words for what is not determined."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Both triads from many poses: exactness, covariance in the gauge of the result, orders, verdicts."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rate table: closed forms, perfect data, Monte Carlo, plateaus in a log, real recordings."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

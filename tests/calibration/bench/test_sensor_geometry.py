@@ -1,7 +1,5 @@
 """Scale factors and angles of a triad as a lower triangular matrix, and back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Six-position test: closed forms, perfect data, Monte Carlo, missing and tilted faces, a real recording."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plans of static poses: directions, words, what each set determines."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

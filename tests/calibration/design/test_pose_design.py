@@ -1,7 +1,5 @@
 """Predicted uncertainty against Monte Carlo, the next pose, how long to dwell, the picture."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """calibrate_field: what was put in comes out, as sure as it says, and what cannot be is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 

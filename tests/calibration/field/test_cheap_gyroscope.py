@@ -1,7 +1,5 @@
 """Biases of tens of degrees per second: linearisation, and what is said where the specification does not allow them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

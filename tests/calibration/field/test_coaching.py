@@ -1,7 +1,5 @@
 """The coach: what it predicts is what comes, who follows it gets there sooner, and it stops."""
 
-from __future__ import annotations
-
 import re
 from copy import deepcopy
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """One pass of the calibration filter: the prior counts once, whatever a pass started from."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

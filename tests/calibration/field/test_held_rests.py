@@ -1,7 +1,5 @@
 """Rests cut out of the time line: what stays, walks that see real time, and sigmas at the bound of the routine."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """History of a calibration: as a file, and the times from which parameters are calibrated."""
 
-from __future__ import annotations
-
 import csv
 
 import numpy as np

@@ -1,7 +1,5 @@
 """As sure as it says: noise that is not as stated, walks, earlier calibrations, the source's form, and the hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from field_cases import (

@@ -1,7 +1,5 @@
 """Rotation routines: times and poses of the thesis, and a motion whose derivatives are exact."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

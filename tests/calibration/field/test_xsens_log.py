@@ -4,8 +4,6 @@ Xsens MTi, raw counts, 38 poses in 512 s (``imu_tk_xsens``). Its gyroscopes feel
 estimated by both; without it the turns miss the next vertical by 7.5 mrad and the field filter refuses.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Free-pose calibration of simulated logs: perfect data, covariance, derivatives, any units, what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Calibration of many units in one call: the table, any number of workers, units that fail."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

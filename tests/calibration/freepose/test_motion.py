@@ -1,7 +1,5 @@
 """Size effect and delay from turns: discretisation order, derivatives, covariance, laws."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Free-pose calibration of real hand-rotated logs against other programs' numbers."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

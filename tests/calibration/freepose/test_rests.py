@@ -1,7 +1,5 @@
 """The published search for rests: thresholds in closed form, simulated logs with known rests, what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

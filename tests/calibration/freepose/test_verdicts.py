@@ -1,7 +1,5 @@
 """What a free-pose calibration refuses, warns of and puts up with."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

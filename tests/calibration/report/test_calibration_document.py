@@ -1,7 +1,5 @@
 """Page and figures on a calibration: complete, self-contained, the same bytes, and the numbers are the result's."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace

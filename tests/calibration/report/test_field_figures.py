@@ -1,7 +1,5 @@
 """Figures and page of a field calibration: numbers are the calibration's, the page is complete, bytes repeat."""
 
-from __future__ import annotations
-
 import json
 import re
 import xml.etree.ElementTree as ET

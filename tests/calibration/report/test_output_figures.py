@@ -1,7 +1,5 @@
 """Figure of sensor output before and after: means are means, errors are against truth, what is taken out adds up."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

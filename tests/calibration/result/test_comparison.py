@@ -1,7 +1,5 @@
 """Two calibrations of one unit: closed forms, gauges brought together, calibrated chi-square."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Parameters of other programs: the worked examples of the documentation, their formulas on raw samples, and back."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

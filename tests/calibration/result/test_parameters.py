@@ -1,7 +1,5 @@
 """Names and gauges of calibration parameters."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """CalibrationResult: access by name, correlation, apply and inverse, change of gauge with its covariance, text."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Calibration files: exact round trip, text a person can read, refusals that say what to do."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import fields, replace
 

@@ -1,7 +1,5 @@
 """Thermal ramps and soaks: exact on perfect data, coverage, hysteresis found and not invented, bad sensors."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

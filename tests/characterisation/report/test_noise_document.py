@@ -1,7 +1,5 @@
 """Page and figures on a noise model: complete, self-contained, the same bytes, right on logarithmic axes."""
 
-from __future__ import annotations
-
 import math
 import re
 import xml.etree.ElementTree as ET

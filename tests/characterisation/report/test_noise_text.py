@@ -1,7 +1,5 @@
 """Numbers and sentences on a noise model: units by hand, laws between the numbers, digits that mean something."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Runs in lanes are the engine's runs, depend on nothing but their number, and err as much as the filter says."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import subprocess

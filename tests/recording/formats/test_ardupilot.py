@@ -1,7 +1,5 @@
 """DataFlash logs of ArduPilot made by an encoder of the tests: values, clocks, heights, choices, damage."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """PX4 logs made by an encoder of the tests: values, clocks, old and new fields, choices, damage."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What every format of the registry keeps to, and how files reach it."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import subprocess

@@ -1,7 +1,5 @@
 """ROS bags and MCAP: written, read by rosbags and mcap; written by them, read; chosen, refused, fuzzed."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import struct

@@ -1,7 +1,5 @@
 """Table 4.5 digit by digit, and trials that achieve what is predicted."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Analytic tables: every cell against quadrature and against full mechanization, the residue, printed closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Figures of rotating filters: curves are the numbers of their results, and all of them can be drawn."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

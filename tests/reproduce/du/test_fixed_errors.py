@@ -1,7 +1,5 @@
 """Du's chapter 3: every anchor of an independent check, and what the thesis says in words of each rotation."""
 
-from __future__ import annotations
-
 from typing import get_args
 
 import numpy as np

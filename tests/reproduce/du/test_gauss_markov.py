@@ -1,7 +1,5 @@
 """Gauss-Markov biases from the autocorrelation of a log at rest."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

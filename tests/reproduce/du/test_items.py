@@ -1,7 +1,5 @@
 """Du (2015) reproduced: every item has its verdict and its reason, none passes whatever comes out."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 

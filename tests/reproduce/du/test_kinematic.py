@@ -1,7 +1,5 @@
 """Free-inertial drives: the drive itself, floors, improvement by rotation and the thesis's claims."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

@@ -1,7 +1,5 @@
 """Lever arms that turn, and an IMU off the axis: nothing is left of them if they are modelled."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

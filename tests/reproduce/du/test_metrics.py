@@ -1,7 +1,5 @@
 """Swings in errors that drift: closed forms, noise, faults."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Why the NEES of an MTi-G leaves its band in an outage: second order of tilt in the vertical, and nothing else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

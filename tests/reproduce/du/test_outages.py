@@ -1,7 +1,5 @@
 """GNSS with a rotating IMU: as good as a conventional one while there is GNSS, better in outages, honest in both."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

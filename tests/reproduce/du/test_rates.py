@@ -1,7 +1,5 @@
 """The rule that recommends a rate, on sweeps whose answer is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

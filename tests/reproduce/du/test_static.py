@@ -1,7 +1,5 @@
 """Free-inertial tests at rest: the emulations against independent ones, floors, laws in the rate, intervals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -2,8 +2,6 @@
 axes, runs.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

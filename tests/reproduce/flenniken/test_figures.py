@@ -1,7 +1,5 @@
 """Charts of single logs, and Monte Carlo bounds beside closed forms: what is in them, and that they can be drawn."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from schuler.characterisation import allan_deviation, autocorrelation

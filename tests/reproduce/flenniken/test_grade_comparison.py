@@ -1,7 +1,5 @@
 """A log laid over its noise model: right models pass at the stated rate, wrong ones are found where they are wrong."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

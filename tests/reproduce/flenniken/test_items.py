@@ -1,7 +1,5 @@
 """Flenniken's tables and figures: complete, each with a verdict, none that could not fail."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Hayal's tables and figures: complete, each with a verdict, none that could not fail."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Hayal's simulation study: attitudes, Tables 4.2 to 4.5, sweeps, scenarios, and the plain iteration's failures."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

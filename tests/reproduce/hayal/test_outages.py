@@ -1,7 +1,5 @@
 """Hayal's outage study, emulated: honest, and as large as an independent prototype; the source's are out of reach."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

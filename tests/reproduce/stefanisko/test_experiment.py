@@ -4,8 +4,6 @@ Reference numbers are RMS over 40 runs of another program with one seed; their c
 says.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

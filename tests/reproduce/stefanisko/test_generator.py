@@ -1,7 +1,5 @@
 """Stefanisko's generator and his navigation equations against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Štefanisko's tables and figures: complete, each with a verdict, none that could not fail."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import pytest

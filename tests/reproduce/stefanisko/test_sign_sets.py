@@ -1,7 +1,5 @@
 """Stefanisko's filter written out: three sets of signs are one filter, the engine's; the printed one diverges."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

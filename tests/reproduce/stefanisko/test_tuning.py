@@ -1,7 +1,5 @@
 """The tuning guide: does it find factors that were put in, is an honest filter left alone, does it hold elsewhere?"""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

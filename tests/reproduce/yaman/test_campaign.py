@@ -4,8 +4,6 @@ A campaign of 60 runs here, of 1000 where marked slow; numbers of the full one a
 Statistical tolerances: with so many parameters looked at, 4 standard errors for each, 3 where the issue asks for them.
 """
 
-from __future__ import annotations
-
 import csv
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Figures of a field campaign: columns are the runs, curves what is claimed, marks what is left."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure as MplFigure

@@ -1,7 +1,5 @@
 """Items of Yaman (2017): all there, none passed by construction, and which differ, with the reason."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Figures of modes on a drive, of a routine, and of one group of parameters: what is drawn is what was computed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 The numbers of the modes are not the source's and are not meant to be: route, noise and settings are not known.
 """
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

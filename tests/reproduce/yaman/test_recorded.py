@@ -4,8 +4,6 @@ Numbers are those of one log of one car (docs/field-drives.md); bounds are order
 seen.
 """
 
-from __future__ import annotations
-
 import json
 import tomllib
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """One automotive-grade unit through the routine: when each parameter is known, as the source's figures 5.3 to 5.9."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Static test: free navigation at rest for a minute, raw and calibrated."""
 
-from __future__ import annotations
-
 import csv
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Figure of the static test: curves are those of the table, a unit can be shown by itself."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The source's tables as printed, and the bounds that tell which of their numbers noise allows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Monte Carlo of the field calibration, tactical grade; and rests that are found in the log, as in the field."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

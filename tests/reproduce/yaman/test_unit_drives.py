@@ -3,8 +3,6 @@
 Reduced: three units at 50 Hz. docs/field-drives.md has twenty at 100 Hz.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

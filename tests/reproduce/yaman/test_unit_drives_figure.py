@@ -1,7 +1,5 @@
 """Figure of the nine modes: rows are those of the table, with their spread and the source's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

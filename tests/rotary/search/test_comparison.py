@@ -1,7 +1,5 @@
 """A scenario simulated and navigated with its IMU turning and not: as uncertain as linear covariance says."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Search for schemes: never worse than the literature, within limits, the same for the same seed, and interruptible."""
 
-from __future__ import annotations
-
 import _thread
 import itertools
 import tomllib

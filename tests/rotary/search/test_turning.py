@@ -1,7 +1,5 @@
 """Replays of one linearised vehicle with any schedule: as if the turning IMU itself had been linearised."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Discretisation, observability and steady state of the small models."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

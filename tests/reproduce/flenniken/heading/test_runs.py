@@ -1,7 +1,5 @@
 """Readings and filters over many runs: consistent, and as the source's figures say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

@@ -1,7 +1,5 @@
 """Names of all errors, their way to the simulator, and what stays of them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

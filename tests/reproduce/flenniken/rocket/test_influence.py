@@ -1,7 +1,5 @@
 """Sensitivities: closed forms, an independent simulation's table, flights, brute-force covariances, the engine."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

@@ -1,7 +1,5 @@
 """Monte Carlo of the impact against the linear covariance and the source; ellipse and CEP; figures."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

@@ -1,7 +1,5 @@
 """Correlators and discriminators of the tracking study: closed forms, then Monte Carlo in standard errors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Conventional loops of the tracking study: noise, lag, loss of lock and search against what theory says."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

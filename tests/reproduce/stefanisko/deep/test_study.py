@@ -1,7 +1,5 @@
 """Deep coupling in simulation: exact signals, honesty, fades and what survives them."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

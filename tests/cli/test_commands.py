@@ -141,7 +141,7 @@ def test_navigate_with_outages_on_the_command_line(town, tmp_path, capsys):
 def test_aids_and_entries_are_changed_on_the_command_line(town, tmp_path, capsys):
     common = ("navigate", town, "--config", CONFIG, "--out", tmp_path / "out", "--json", "--no-report", "--no-smooth")
     numbers = answer(
-        capsys, *common, "--aid", "zero_velocity", "--aid", "non_holonomic", "--set", "filter.states=9",
+        capsys, *common, "--accept", "--aid", "zero_velocity", "--aid", "non_holonomic", "--set", "filter.states=9",
         "--set", "aiding.non_holonomic.max_turn_rate_deg_s=1",
     )  # fmt: skip
     assert numbers["states"] == 11  # and two mount angles
@@ -179,6 +179,23 @@ def test_help_and_documents_name_every_aid(capsys):
 
 
 @pytest.mark.campaign
+def test_a_wreck_has_exit_code_one_unless_it_is_accepted(town, tmp_path, capsys):
+    wreck = (
+        "navigate", town, "--config", CONFIG, "--out", tmp_path, "--no-report", "--no-smooth",
+        "--set", "gnss.sigma_scale=0.01",
+    )  # fmt: skip
+    code, out, err = run(capsys, *wreck)
+    assert code == 1, err
+    assert out.startswith("verdict: FAILED")
+    assert "times too good: gnss.sigma_scale" in out
+    assert run(capsys, *wreck, "--accept")[0] == 0
+    code, out, _ = run(capsys, *wreck, "--json")
+    verdict = json.loads(out)["verdict"]
+    assert (code, verdict["status"]) == (1, "failed")
+    assert verdict["reasons"]
+    assert verdict["causes"]
+
+
 def test_navigate_writes_a_report_and_prose(town, tmp_path, capsys):
     code, out, err = run(capsys, "navigate", town, "--config", CONFIG, "--out", tmp_path, "--outage-every", "50:10:60")
     assert code == 0

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from schuler.cli.configuration import period, window
-from schuler.cli.output import print_json, progress
+from schuler.cli.output import print_json, print_verdict, progress
 from schuler.exceptions import InputError
+from schuler.navigation.evaluation.verdict import Verdict
 
 
 @pytest.mark.parametrize(("text", "expected"), [("50:90", (50.0, 90.0)), ("0:1.5", (0.0, 1.5))])
@@ -43,6 +44,20 @@ def test_faulty_periods_are_refused(text):
 def test_json_holds_numbers_or_null(capsys):
     print_json({"a": np.float64(1.5), "b": np.nan, "c": np.array([1.0, np.inf]), "d": np.int64(3), "e": np.bool_(True)})
     assert json.loads(capsys.readouterr().out) == {"a": 1.5, "b": None, "c": [1.0, None], "d": 3, "e": True}
+
+
+@pytest.mark.parametrize(
+    ("terminal", "environment", "coloured"),
+    [(True, {}, True), (False, {}, False), (True, {"NO_COLOR": "1"}, False), (True, {"TERM": "dumb"}, False)],
+)
+def test_verdicts_have_colours_on_terminals_that_want_them(capsys, monkeypatch, terminal, environment, coloured):
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr("sys.stdout.isatty", lambda: terminal)
+    print_verdict(Verdict("failed", ("reason",), ("cause",)))
+    assert ("\x1b[1;31mverdict: FAILED\x1b[0m" in capsys.readouterr().out) is coloured
 
 
 def test_no_progress_where_nobody_looks(capsys):

@@ -10,7 +10,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.cli.navigate import Outcome, evaluated, sentences, write_outputs
-from schuler.cli.output import Flag, Folder, print_json, progress, say
+from schuler.cli.output import Flag, Folder, print_json, print_verdict, progress, say
 from schuler.files import read_toml
 
 _OUTAGE_S = (300.0, 340.0)
@@ -45,6 +45,7 @@ def demo(*, out: Folder = None, seed: int | None = None, report: bool = True, js
     if json:
         print_json({"command": "demo", **numbers, "files": written})
         return
+    print_verdict(outcome.result.verdict)
     print(outcome.result.summary())
     print(sentences(numbers) + f", mean of {_RUNS} drives with other errors")
     print("\n".join(f"{name}: {path}" for name, path in written.items() if not name.startswith("figure")))

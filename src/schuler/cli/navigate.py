@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from schuler.cli.configuration import configuration, entries
-from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress, say
+from schuler.cli.output import Flag, Folder, Texts, named, print_json, print_verdict, progress, say
 from schuler.navigation.result import NavigationResult
 from schuler.recording.recording import Recording
 from schuler.recording.trajectory import Trajectory
@@ -30,10 +30,13 @@ def navigate(
     background: Path | None = None,
     set: Texts = (),
     unchecked: Flag = False,
+    accept: Flag = False,
     report: bool = True,
     json: Flag = False,
 ) -> int:
     """Navigate a log and write solution, smoothed solution, report and track.
+
+    The verdict on the run stands first: ok, doubtful, or failed, for which the exit code is 1.
 
     Parameters
     ----------
@@ -66,6 +69,8 @@ def navigate(
         several times.
     unchecked
         Go on where the checks of units, axes, signs and clocks (schuler check) find an error; the result notes it.
+    accept
+        Exit code 0 also where the verdict is failed.
     report
         Write report.html and figures.
     json
@@ -101,10 +106,11 @@ def navigate(
         print_json({"command": "navigate", **outcome.numbers, "files": files})
     else:
         say(recording.summary())
+        print_verdict(result.verdict)
         print(result.summary())
         print(sentences(outcome.numbers))
         print("\n".join(f"{name}: {path}" for name, path in files.items() if not name.startswith("figure")))
-    return 0 if result.complete else 1
+    return 0 if result.complete and (accept or result.verdict.status != "failed") else 1
 
 
 @dataclass
@@ -130,6 +136,7 @@ def evaluated(recording: Recording, result: NavigationResult, smooth: bool, trut
     smoothed = result.smooth() if smooth and result.can_smooth else None
     origin = recording.start
     numbers: dict[str, Any] = {
+        "verdict": result.verdict.to_dict(),
         "epochs": result.epochs, "elapsed_s": None, "states": result.layout.size,
         "start_s": float(result.trajectory.t[0]) - recording.start,
         "stop_s": float(result.trajectory.t[-1]) - recording.start,

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from schuler.navigation.evaluation.verdict import Verdict
 
 Flag = Annotated[bool, Parameter(negative=())]
 #: Text that may begin with a hyphen, as a list of columns does of which the first is passed over.
@@ -42,6 +46,17 @@ File = Annotated[Path | None, Parameter(validator=_file)]
 def say(text: str) -> None:
     """Prose, to stderr."""
     print(text, file=sys.stderr)
+
+
+_COLOURS = {"ok": "32", "doubtful": "33", "failed": "1;31"}
+
+
+def print_verdict(verdict: Verdict) -> None:
+    """A verdict on stdout, its first line in green, yellow or red on a terminal that wants colours (NO_COLOR)."""
+    first, *rest = verdict.summary().splitlines()
+    if sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb":
+        first = f"\x1b[{_COLOURS[verdict.status]}m{first}\x1b[0m"
+    print("\n".join([first, *rest]))
 
 
 def print_json(data: dict[str, Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from schuler.gnss.point_result import PointSolution
     from schuler.gnss.ranges import Ranges
     from schuler.navigation.evaluation.errors import TrajectoryErrors
+    from schuler.navigation.evaluation.verdict import Verdict
 
 
 @dataclass(frozen=True)
@@ -272,6 +274,13 @@ class NavigationResult:
         from schuler.navigation.evaluation.consistency import nees
 
         return nees(self, reference, parameters)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether the run can be believed, see :func:`schuler.navigation.evaluation.verdict.verdict`."""
+        from schuler.navigation.evaluation.verdict import verdict
+
+        return verdict(self)
 
     def plot(self, **options: Any) -> Figure:
         """Overview figure (matplotlib), see :func:`schuler.navigation.report.figures.overview`."""

@@ -15,6 +15,7 @@ from schuler.filtering.engine import InitialState, Progress
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.gnss_faults import rejections
+from schuler.navigation.inputs.imu_noise import noise_against_budget
 from schuler.navigation.inputs.preparation import (
     current_velocities,
     filter_options,
@@ -118,6 +119,7 @@ def prepared_run(
     layout = state_layout(config, spec, ranges)
     start, delay = recording.start, config.gnss.velocity_delay_s
     windows = config.outages.resolve(start, recording.stop if gnss is None else float(gnss.t[-1]))
+    notes += noise_against_budget(imu, spec)
     increments = imu.increments(order=config.imu.rate_order)
     if initial is None:
         fixes = None if gnss is None else current_velocities(gnss, delay)

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib import metadata, resources
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 from schuler.exceptions import MissingExtraError
 from schuler.plotting.figure import Figure
@@ -68,6 +68,7 @@ def whole_page(
     sections: Sequence[Section],
     script: str,
     contents: frozenset[str] | None = None,
+    tone: Literal["", "doubtful", "failed"] = "",
 ) -> str:
     """A complete page.
 
@@ -86,6 +87,8 @@ def whole_page(
         The drawing library, see :func:`plotly_script`.
     contents : frozenset of str, optional
         Names of the sections that are linked at the top; all by default.
+    tone : str, optional
+        The box of the verdict is amber (doubtful) or red (failed) instead of blue.
 
     Returns
     -------
@@ -125,7 +128,7 @@ def whole_page(
 <p class="sub">{escape(subtitle)}</p>
 </header>
 <main>
-<section id="verdict" class="verdict" aria-label="Verdict">
+<section id="verdict" class="{f"verdict {tone}".strip()}" aria-label="Verdict">
 {"".join(f"<p>{escape(s)}</p>" for s in sentences)}
 </section>
 <noscript><p>The figures of this page are drawn by JavaScript, which is switched off here; the tables are

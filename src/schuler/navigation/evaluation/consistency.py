@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from schuler import frames, rotation
-from schuler.arrays import ArrayLike, FloatArray, as_floats
+from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
+from schuler.filtering.measurements import REJECTED
 from schuler.recording.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from schuler.navigation.result import NavigationResult
+    from schuler.gnss.ranges import Ranges
+    from schuler.navigation.result import Innovations, NavigationResult
 
 
 def attitude_difference(q_hat_eb: FloatArray, q_eb: FloatArray) -> FloatArray:
@@ -122,6 +124,82 @@ def chi_square_band(degrees: int, runs: int = 1, probability: float = 0.95) -> t
     k = degrees * runs
     tail = 0.5 * (1.0 - probability)
     return float(2.0 * gammaincinv(0.5 * k, tail) / k), float(2.0 * gammaincinv(0.5 * k, 1.0 - tail) / k)
+
+
+#: Fixes and measurements closer than this are the same. [s]
+SAME_TIME = 1e-5
+#: Share of rejections that does not count against a filter.
+_RARE = 0.02
+
+
+def mean_nis(inn: Innovations) -> tuple[float, bool]:
+    """Mean normalised square per component, and whether it is as predicted.
+
+    Predicted means between 0.64 and 1.56 (sizes wrong by a quarter), or inside the 99.9 % band of so many values. The
+    rejected are left out as long as they are few (2 %): single faults are for the gate. If they are many, it is the
+    filter that is wrong.
+    """
+    inn = inn.where(judged(inn))
+    if not len(inn):
+        return float("nan"), True
+    mean = inn.mean_nis()
+    low, high = chi_square_band(1, int(inn.freedom.sum()), 0.999)
+    return mean, bool(min(low, 0.64) <= mean <= max(high, 1.5625))
+
+
+def judged(inn: Innovations) -> BoolArray:
+    """Innovations that count for consistency: those tested, less rare rejections of a kind. Shape (n,)."""
+    tested = np.isfinite(inn.nis)
+    keep = tested.copy()
+    for kind in np.unique(inn.kind[tested]):
+        rejected = tested & (inn.kind == kind) & (inn.status == REJECTED)
+        if rejected.sum() <= _RARE * np.sum(tested & (inn.kind == kind)):
+            keep &= ~rejected
+    return keep
+
+
+def matched_satellites(t: FloatArray, ranges: Ranges, value: FloatArray) -> IntArray:
+    """Satellite of each innovation, 0 if unknown.
+
+    The filter takes the ranges of an epoch in their order: the place among the innovations of one time identifies the
+    satellite.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Times of the innovations. [s]
+    ranges : Ranges
+        Ranges of the run.
+    value : ndarray, shape (k,)
+        Pseudoranges or range rates; those not finite were not offered.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        0 in epochs that have another number of ranges than of innovations: then these are other ranges.
+    """
+    satellite = np.zeros(len(t), dtype=np.int64)
+    rows = np.flatnonzero(ranges.used & np.isfinite(value))
+    if not len(rows) or not len(t):
+        return satellite
+    epochs, first, many = np.unique(ranges.t[rows], return_index=True, return_counts=True)
+    times, begin, count = np.unique(t, return_index=True, return_counts=True)
+    k, distance = nearest(times, epochs)
+    same = (distance < SAME_TIME) & (many[k] == count)
+    place = np.arange(len(t)) - np.repeat(begin, count)
+    finite = np.repeat(same, count)
+    at = (np.repeat(first[k], count) + place)[finite]
+    satellite[finite] = ranges.sat[rows[at]]
+    return satellite
+
+
+def nearest(t: FloatArray, among: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Index of the nearest of increasing times, and how far it is. Shapes (n,), (n,). [s]"""
+    k = np.clip(np.searchsorted(among, t), 1, max(len(among) - 1, 1))
+    left = np.clip(k - 1, 0, len(among) - 1)
+    right = np.clip(k, 0, len(among) - 1)
+    k = np.where(np.abs(among[left] - t) <= np.abs(among[right] - t), left, right)
+    return k.astype(np.int64), np.abs(among[k] - t)
 
 
 @dataclass(frozen=True)

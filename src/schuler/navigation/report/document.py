@@ -105,9 +105,15 @@ def _page(subject: Subject, script: str, title: str, recording_summary: str | No
         Section("provenance", "Provenance", (_provenance(subject, recording_summary),)),
     ]
     return whole_page(
-        title, "navigation report", _subtitle(subject), verdict.verdict(subject), _conventions(subject), sections,
+        title,
+        "navigation report",
+        _subtitle(subject),
+        (verdict.judgement(subject), *verdict.verdict(subject)),
+        _conventions(subject),
+        sections,
         script,
-    )  # fmt: skip
+        tone="" if (status := subject.result.verdict.status) == "ok" else status,
+    )
 
 
 def _subtitle(subject: Subject) -> str:

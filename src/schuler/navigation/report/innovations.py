@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from schuler.arrays import BoolArray, FloatArray, IntArray
+from schuler.arrays import FloatArray, IntArray
 from schuler.filtering.kinds import Kind, kind_display
 from schuler.filtering.measurements import (
     ACCEPTED,
@@ -17,7 +17,7 @@ from schuler.filtering.measurements import (
     RESET_KINDS,
 )
 from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS, satellite_name
-from schuler.navigation.evaluation.consistency import chi_square_band
+from schuler.navigation.evaluation.consistency import chi_square_band, judged, mean_nis
 from schuler.navigation.report.subject import Subject
 from schuler.navigation.report.track import outages
 from schuler.navigation.result import Innovations
@@ -29,7 +29,6 @@ _SHOWN = {
     REJECTED: ("rejected", "rejected"),
 }
 _GATED_SHOWN = 400
-_RARE = 0.02  # share of rejections that does not count against a filter
 
 #: Kinds of one number a satellite, and kinds that are put into the state and not weighed.
 SATELLITE_KINDS = (KINDS[PSEUDORANGE], KINDS[RANGE_RATE])
@@ -174,32 +173,6 @@ def reach(innovation: FloatArray, three: FloatArray) -> tuple[float, int]:
     limit = 1.3 * max(float(np.quantile(size, 0.95)), float(np.nanquantile(three, 0.9)))
     limit = min(limit, 1.1 * max(float(size.max()), float(np.nanmax(three))))
     return limit, int(np.sum(size > limit))
-
-
-def mean_nis(inn: Innovations) -> tuple[float, bool]:
-    """Mean normalised square per component, and whether it is as predicted.
-
-    Predicted means between 0.64 and 1.56 (sizes wrong by a quarter), or inside the 99.9 % band of so many values. The
-    rejected are left out as long as they are few (2 %): single faults are for the gate. If they are many, it is the
-    filter that is wrong.
-    """
-    inn = inn.where(judged(inn))
-    if not len(inn):
-        return float("nan"), True
-    mean = inn.mean_nis()
-    low, high = chi_square_band(1, int(inn.freedom.sum()), 0.999)
-    return mean, bool(min(low, 0.64) <= mean <= max(high, 1.5625))
-
-
-def judged(inn: Innovations) -> BoolArray:
-    """Innovations that count for consistency: those tested, less rare rejections of a kind. Shape (n,)."""
-    tested = np.isfinite(inn.nis)
-    keep = tested.copy()
-    for kind in np.unique(inn.kind[tested]):
-        rejected = tested & (inn.kind == kind) & (inn.status == REJECTED)
-        if rejected.sum() <= _RARE * np.sum(tested & (inn.kind == kind)):
-            keep &= ~rejected
-    return keep
 
 
 def _normalised(subject: Subject, inn: Innovations, t: FloatArray) -> Panel:

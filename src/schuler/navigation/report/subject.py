@@ -14,7 +14,15 @@ from schuler.exceptions import InputError
 from schuler.filtering.measurements import KINDS, POSITION, PSEUDORANGE, UNUSED, in_windows
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import Ranges
-from schuler.navigation.evaluation.consistency import Separation, nees, separation, state_errors
+from schuler.navigation.evaluation.consistency import (
+    SAME_TIME,
+    Separation,
+    matched_satellites,
+    nearest,
+    nees,
+    separation,
+    state_errors,
+)
 from schuler.navigation.evaluation.errors import TrajectoryErrors
 from schuler.navigation.report.backdrop import Backdrop, read_backdrop
 from schuler.navigation.result import NavigationResult
@@ -288,50 +296,3 @@ def inside_share(t: FloatArray, error: FloatArray, t_sigma: FloatArray, sigma: F
     bound = times * np.maximum(sigma[left], sigma[right])
     finite = np.isfinite(bound)
     return float(np.mean(np.abs(error[inside])[finite] <= bound[finite])) if finite.any() else float("nan")
-
-
-SAME_TIME = 1e-5  # fixes and measurements closer than this are the same [s]
-
-
-def matched_satellites(t: FloatArray, ranges: Ranges, value: FloatArray) -> IntArray:
-    """Satellite of each innovation, 0 if unknown.
-
-    The filter takes the ranges of an epoch in their order: the place among the innovations of one time identifies the
-    satellite.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        Times of the innovations. [s]
-    ranges : Ranges
-        Ranges of the run.
-    value : ndarray, shape (k,)
-        Pseudoranges or range rates; those not finite were not offered.
-
-    Returns
-    -------
-    ndarray of int, shape (n,)
-        0 in epochs that have another number of ranges than of innovations: then these are other ranges.
-    """
-    satellite = np.zeros(len(t), dtype=np.int64)
-    rows = np.flatnonzero(ranges.used & np.isfinite(value))
-    if not len(rows) or not len(t):
-        return satellite
-    epochs, first, many = np.unique(ranges.t[rows], return_index=True, return_counts=True)
-    times, begin, count = np.unique(t, return_index=True, return_counts=True)
-    k, distance = nearest(times, epochs)
-    same = (distance < SAME_TIME) & (many[k] == count)
-    place = np.arange(len(t)) - np.repeat(begin, count)
-    finite = np.repeat(same, count)
-    at = (np.repeat(first[k], count) + place)[finite]
-    satellite[finite] = ranges.sat[rows[at]]
-    return satellite
-
-
-def nearest(t: FloatArray, among: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Index of the nearest of increasing times, and how far it is. Shapes (n,), (n,). [s]"""
-    k = np.clip(np.searchsorted(among, t), 1, max(len(among) - 1, 1))
-    left = np.clip(k - 1, 0, len(among) - 1)
-    right = np.clip(k, 0, len(among) - 1)
-    k = np.where(np.abs(among[left] - t) <= np.abs(among[right] - t), left, right)
-    return k.astype(np.int64), np.abs(among[k] - t)

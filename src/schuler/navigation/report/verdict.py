@@ -21,10 +21,9 @@ from schuler.filtering.measurements import (
     UNUSED,
     in_windows,
 )
-from schuler.navigation.evaluation.consistency import chi_square_band
+from schuler.navigation.evaluation.consistency import chi_square_band, judged, mean_nis
 from schuler.navigation.evaluation.errors import TrajectoryErrors, outage_errors
 from schuler.navigation.report.accuracy import separation_share
-from schuler.navigation.report.innovations import judged, mean_nis
 from schuler.navigation.report.subject import Subject, inside_share
 from schuler.plotting.parts import number
 
@@ -38,6 +37,17 @@ class Row(NamedTuple):
 
     name: str
     values: tuple[str, ...]
+
+
+def judgement(subject: Subject) -> str:
+    """Verdict on the run alone in one paragraph: status, reasons, the likeliest cause, remarks."""
+    v = subject.result.verdict
+    if v.status == "ok":
+        text = "OK: nothing in the run contradicts what the filter claims."
+    else:
+        text = f"{v.status.upper()}: {'; '.join(v.reasons)}."
+        text += "".join(f" {lead} {c}." for lead, c in zip(("Likely:", "Or:", "Or:"), v.causes, strict=False))
+    return text + "".join(f" Remark: {remark}." for remark in v.remarks)
 
 
 def verdict(subject: Subject) -> tuple[str, str, str, str]:

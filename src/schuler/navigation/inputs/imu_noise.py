@@ -1,0 +1,56 @@
+"""Noise of an IMU log against the budget it is navigated with."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.recording.series import ImuSeries
+from schuler.sensors.spec import ImuSpec
+
+#: Opening of the note, by which the verdict on a run knows it.
+NOISIER = "the IMU log is far noisier than its budget even where it is quietest"
+_FACTOR = 20.0  # an idling engine makes ten times a good IMU's noise
+_MEANS_S = (0.0, 0.1, 0.5)  # single samples, and means, in which quantisation and vibration are small
+_WINDOW = 8  # second differences in a window
+_SHARE = 0.1  # of the windows, the quietest, that are looked at
+
+
+def noise_against_budget(imu: ImuSeries, spec: ImuSpec) -> list[str]:
+    """A sentence if the noise of a log exceeds its budget twentyfold where the log is quietest, in means of any length.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+    spec : ImuSpec
+        A mean over T has ``N / sqrt(T)``, and a twelfth of the squared resolution as variance.
+
+    Notes
+    -----
+    Noise is judged by second differences, which smooth motion does not reach: ``x[k-1] - 2 x[k] + x[k+1]`` of white
+    noise has six times its variance. A sensor's own low-pass filter makes it smaller; only more noise is noted.
+    """
+    rates = imu.rates()
+    over = []
+    for name, x, triad in (("specific force", rates.accel, spec.accel), ("angular rate", rates.gyro, spec.gyro)):
+        ratios = []
+        for mean_s in _MEANS_S:
+            W = max(1, round(mean_s * rates.rate_hz))
+            seen = _white_noise(x[: len(x) // W * W].reshape(-1, W, 3).mean(axis=1))
+            allowed = np.hypot(
+                triad.random_walk * np.sqrt(rates.rate_hz / W), (triad.resolution or 0.0) / np.sqrt(12.0)
+            )
+            ratios.append(seen / max(float(allowed), 1e-300))
+        if min(ratios) > _FACTOR:
+            over.append(f"{name} {min(ratios):.0f} times")
+    return [f"{NOISIER}: {', '.join(over)}"] if over else []
+
+
+def _white_noise(x: FloatArray) -> float:
+    """Standard deviation by second differences in the quietest windows, worst axis; zero if there are few."""
+    d = np.diff(x, n=2, axis=0) ** 2 / 6.0
+    n = len(d) // _WINDOW * _WINDOW
+    if n < 10 * _WINDOW:
+        return 0.0
+    variances = d[:n].reshape(-1, _WINDOW, 3).mean(axis=1)
+    return float(np.sqrt(np.quantile(variances, _SHARE, axis=0).max()))

@@ -1,0 +1,161 @@
+"""Verdicts on runs: right models are believed, planted wrecks are not, and no reference is asked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from schuler.filtering.measurements import ACCEPTED, POSITION
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.evaluation.verdict import Verdict, slow_nis
+from schuler.navigation.inputs.imu_noise import NOISIER, noise_against_budget
+from schuler.navigation.result import Innovations
+from schuler.navigation.run import navigate
+from schuler.navigation.states import imu_spec
+from schuler.simulation.scenario import prepare_mission, simulate_mission
+
+IMU = {
+    "gyro": {"arw_deg_rthr": 0.2, "bias_deg_hr": 100.0, "in_run_deg_hr": 5.0, "in_run_time_s": 600.0},
+    "accel": {"vrw_m_s_rthr": 0.05, "bias_mg": 3.0, "in_run_mg": 0.05, "in_run_time_s": 600.0},
+}
+LEVER = [0.7, 0.1, -1.0]
+POINTS = [
+    {"north_m": 0.0, "east_m": 0.0, "speed_m_s": 10.0, "stop_s": 25.0},
+    {"north_m": 200.0, "east_m": -30.0, "speed_m_s": 12.0},
+    {"north_m": 330.0, "east_m": 120.0, "speed_m_s": 9.0, "stop_s": 10.0},
+    {"north_m": 200.0, "east_m": 330.0, "speed_m_s": 13.0},
+    {"north_m": -60.0, "east_m": 300.0, "speed_m_s": 10.0},
+    {"north_m": -150.0, "east_m": 50.0, "speed_m_s": 12.0},
+]
+
+
+def drive(seed=1, **gnss):
+    mission = {
+        "seed": seed,
+        "motion": {"type": "waypoints", "lat_deg": 47.0, "lon_deg": 8.0, "height_m": 400.0, "waypoints": POINTS},
+        "imu": {"rate_hz": 50.0, "kind": "rate", **IMU},
+        "gnss": {"rate_hz": 1.0, "first_s": 0.37, "lever_arm_m": LEVER, **gnss},
+    }
+    return simulate_mission(prepare_mission(mission)).recording
+
+
+def config(**sections):
+    data = {"imu": dict(IMU), "gnss": {"lever_arm_m": LEVER}, "filter": {"smooth": False}}
+    for name, section in sections.items():
+        data[name] = {**data.get(name, {}), **section}
+    return data
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return drive()
+
+
+def with_imu(recording, gyro, accel):
+    imu = recording.imu
+    return replace(recording, imu=replace(imu, gyro=imu.gyro * gyro, accel=imu.accel * accel))
+
+
+def with_gnss(recording, **series):
+    return replace(recording, gnss=replace(recording.gnss, **series))
+
+
+def displaced(recording, north):
+    llh = recording.gnss.llh.copy()
+    llh[:, 0] += north / 6.37e6
+    return with_gnss(recording, llh=llh)
+
+
+SMALL = {"gyro": {"arw_deg_rthr": 0.002, "bias_deg_hr": 1.0}, "accel": {"vrw_m_s_rthr": 0.0005, "bias_mg": 0.03}}
+GIVEN = {"method": "given", "rpy_deg": [0.0, 0.0, 171.5]}  # the drive leaves towards -8.5 deg
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(
+    "sections",
+    [{}, {"outages": {"every_s": 60.0, "length_s": 20.0}}, {"aiding": {"non_holonomic": {}, "zero_velocity": {}}}],
+    ids=["plain", "outages", "wheels"],
+)
+def test_a_run_with_right_models_is_ok(seed, sections):
+    # statistical: of 480 such runs none was doubtful
+    assert navigate(drive(seed), config(**sections)).verdict.status == "ok"
+
+
+WRECKS = {
+    "turned by 180 deg": (lambda r: with_imu(r, [-1, -1, 1], [-1, -1, 1]), {}, "failed", "axes or mounting"),
+    "gyro sign": (lambda r: with_imu(r, [1, 1, -1], 1.0), {}, "failed", "axes or mounting"),
+    "upside down": (lambda r: with_imu(r, [1, -1, -1], [1, -1, -1]), {}, "doubtful", "axes or mounting"),
+    "clock 1 s late": (lambda r: with_gnss(r, t=r.gnss.t + 1.0), {}, None, "clocks that differ"),
+    "clock 1 s early": (lambda r: with_gnss(r, t=r.gnss.t - 1.0), {}, None, "clocks that differ"),
+    "imu 100 times too good": (lambda r: r, {"imu": SMALL}, "failed", "budget of the IMU"),
+    "gnss 100 times too good": (lambda r: r, {"gnss": {"sigma_scale": 0.01}}, "failed", "times too good"),
+    "gnss 3 times too good": (lambda r: r, {"gnss": {"sigma_scale": 0.33}}, None, "times too good"),
+    "start 180 deg wrong": (lambda r: r, {"alignment": GIVEN}, "failed", "heading at the start"),
+    "gnss lies for a minute": (
+        lambda r: displaced(r, 20.0 * (np.abs(r.gnss.t - r.gnss.t[0] - 120.0) < 30.0)), {}, None, "GNSS positions jump",
+    ),
+    "slow gnss errors": (
+        lambda r: drive(drift_position_m=[3.0, 3.0, 5.0], drift_time_s=60.0), {}, "doubtful", "slow errors",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRECKS)
+def test_a_planted_wreck_is_not_ok_and_its_cause_is_listed(recording, name):
+    change, sections, status, cause = WRECKS[name]
+    verdict = navigate(change(recording), config(**sections)).verdict
+    assert verdict.status == status if status else verdict.status != "ok"
+    assert any(cause in c for c in verdict.causes), verdict.summary()
+    assert verdict.reasons
+
+
+def test_no_reference_is_asked(recording):
+    alone = replace(recording, reference=None)
+    change = {"gnss": {"sigma_scale": 0.01}}
+    assert navigate(alone, config(**change)).verdict == navigate(recording, config(**change)).verdict
+
+
+def test_a_verdict_has_text_and_a_dictionary():
+    verdict = Verdict("failed", ("reason",), ("cause", "other"), ("remark",))
+    assert verdict.summary().splitlines()[0] == "verdict: FAILED"
+    assert "likely: cause" in verdict.summary()
+    assert verdict.to_dict()["causes"] == ["cause", "other"]
+    assert Verdict("ok").summary() == "verdict: OK, nothing contradicts the claims"
+
+
+def innovations(values, sigma=1.0):
+    n = len(values)
+    return Innovations(
+        np.arange(n, dtype=float), np.full(n, POSITION), np.full(n, ACCEPTED), (values**2).sum(axis=1) / sigma**2,
+        values, np.full((n, 3), sigma),
+    )  # fmt: skip
+
+
+def test_means_of_innovations_are_one_if_white_and_grow_with_what_stays():
+    z = np.random.default_rng(1).standard_normal((3000, 3))
+    size, limit = slow_nis([innovations(z)], 10)
+    assert abs(size - 1.0) < 4.0 * np.sqrt(2.0 / 900)  # statistical: four standard errors of 900 degrees of freedom
+    # a constant of half a sigma adds a quarter of the length to the mean square
+    grown, _ = slow_nis([innovations(z + 0.5)], 10)
+    assert abs(grown - size - 2.5) < 0.3
+    assert grown > limit
+    assert slow_nis([innovations(z[:25])], 10) == (0.0, np.inf)
+
+
+def test_an_aid_that_never_acted_is_a_remark(recording):
+    imu = recording.imu
+    rng = np.random.default_rng(3)
+    shaken = replace(recording, imu=replace(imu, gyro=imu.gyro + 0.02 * rng.standard_normal(imu.gyro.shape)))
+    moving = replace(shaken, gnss=shaken.gnss.where(shaken.gnss.t > 30.0))
+    result = navigate(
+        moving, config(aiding={"barometer": None} | {"fixes": {"t_s": [1.0], "llh_deg": [[47.0, 8.0, 400.0]]}})
+    )
+    assert any("aiding.fixes never acted" in remark for remark in result.verdict.remarks)
+
+
+def test_noise_far_beyond_the_budget_is_noted_and_none_at_its_level(recording):
+    assert noise_against_budget(recording.imu, imu_spec(NavigationConfig.checked(config()))) == []
+    (note,) = noise_against_budget(recording.imu, imu_spec(NavigationConfig.checked(config(imu=SMALL))))
+    assert note.startswith(NOISIER)

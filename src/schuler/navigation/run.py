@@ -79,6 +79,7 @@ def navigate(
     if forward.epochs == 0 or not len(forward.rec_t):
         raise KeyboardInterrupt  # stopped before the first record
     notes, schedule = list(prepared.notes), prepared.schedule
+    notes += noise_against_budget(prepared.imu, prepared.spec)
     if not forward.complete:
         ended = forward.t[-1] - recording.start
         notes.append(f"interrupted at {ended:.1f} s of the recording; the solution ends there")
@@ -119,7 +120,6 @@ def prepared_run(
     layout = state_layout(config, spec, ranges)
     start, delay = recording.start, config.gnss.velocity_delay_s
     windows = config.outages.resolve(start, recording.stop if gnss is None else float(gnss.t[-1]))
-    notes += noise_against_budget(imu, spec)
     increments = imu.increments(order=config.imu.rate_order)
     if initial is None:
         fixes = None if gnss is None else current_velocities(gnss, delay)

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+import re
+
 import numpy as np
 import pytest
 from format_drives import drive
@@ -44,10 +46,10 @@ def test_a_configuration_beside_shows_the_format(folder):
 def test_velocities_of_fixes(folder):
     """In 13 columns velocities stand before the 1-sigmas."""
     (folder / "gnss.txt").write_text(
-        "100 30 114 20 1 2 3 0.1 0.2 0.3 0.4 0.5 0.6\n101 30 114 20 1 2 3 .1 .2 .3 .4 .5 .6\n"
+        "100 30 114 20 1 2 -3 0.1 0.2 0.3 0.4 0.5 0.6\n101 30 114 20 1 2 -3 .1 .2 .3 .4 .5 .6\n"
     )
     run = read(folder / "gnss.txt", format="kf_gins", time="gps-tow:2300")
-    np.testing.assert_allclose(run.gnss.v_n[0], (1, 2, 3))
+    np.testing.assert_allclose(run.gnss.v_n[0], (1, 2, -3))
     np.testing.assert_allclose(np.sqrt(np.diag(run.gnss.cov_v_n[0])), (0.4, 0.5, 0.6))
 
 
@@ -111,3 +113,39 @@ def test_a_damaged_file_of_a_folder_is_no_other_kind_of_file(folder):
     with pytest.raises(FileFormatError, match="truncated"):
         read(folder, format="kf_gins")
     assert len(read(folder, format="kf_gins", allow="truncated").imu) == 299
+
+
+def thirteen(v, sigma, order, dt=1.0):
+    """Fixes of a steady flight with velocities ``v`` and 1-sigmas, in one of the two orders."""
+    n = 20
+    t = 1000.0 + dt * np.arange(n)
+    move = (t - t[0])[:, None] * v
+    lat, lon = 30.0 + np.rad2deg(move[:, 0] / 6.35e6), 114.0 + np.rad2deg(move[:, 1] / 6.38e6 / np.cos(np.deg2rad(30)))
+    place = np.column_stack((t, lat, lon, 20.0 - move[:, 2]))
+    s_r, s_v = np.tile(sigma, (n, 1)), np.full((n, 3), 0.05)
+    v = np.tile(v, (n, 1))
+    return np.hstack((place, v, s_r, s_v) if order == "first" else (place, s_r, v, s_v))
+
+
+@pytest.mark.parametrize("v", [(12.0, -3.0, 0.2), (-12.0, 3.0, 0.2), (12.0, 3.0, 0.2)])
+@pytest.mark.parametrize("order", ["first", "after"])
+def test_velocities_before_or_after_the_sigmas_of_position(tmp_path, v, order):
+    """KF-GINS and OB-GINS put them before, KF-GINS-Matlab after; also where all are positive: a law, exact."""
+    rows = thirteen(np.array(v), (0.02, 0.03, 0.05), order)
+    np.savetxt(tmp_path / "gnss.txt", rows, "%.10f")
+    r = read(tmp_path / "gnss.txt", format="kf_gins")
+    np.testing.assert_allclose(r.gnss.v_n, np.tile(v, (20, 1)), atol=1e-9)  # printed digits
+    np.testing.assert_allclose(np.sqrt(r.gnss.cov_r_n[:, [0, 1, 2], [0, 1, 2]]), [[0.02, 0.03, 0.05]] * 20, atol=1e-9)
+    assert any("KF-GINS-Matlab" in note for note in r.metadata.notes) == (order == "after")
+
+
+def test_thirteen_columns_that_could_be_either(tmp_path):
+    """At rest with positive numbers of one size: refused, with both ways to say it; one of them is then read."""
+    rows = thirteen(np.array([0.02, 0.03, 0.02]), (0.03, 0.02, 0.02), "first")
+    rows[:, 1:4] = rows[0, 1:4]
+    np.savetxt(tmp_path / "gnss.txt", rows, "%.10f")
+    with pytest.raises(FileFormatError, match="do not tell which") as caught:
+        read(tmp_path / "gnss.txt", format="kf_gins")
+    columns = re.search(r"columns='(t,lat,lon,h,sn[^']*)'", str(caught.value)).group(1)
+    r = read(tmp_path / "gnss.txt", columns=columns, units="angle=deg")
+    np.testing.assert_allclose(r.gnss.v_n[0], [0.03, 0.02, 0.02])

@@ -39,6 +39,7 @@ def check(
         Print one JSON object instead of text.
     """
     from schuler.diagnosis import diagnose_log
+    from schuler.recording.formats import registry
 
     given, parts = hints.given, recording_section(hints.config)
     if not log.exists():
@@ -50,7 +51,7 @@ def check(
                 parts["imu"] = {"file": imu, **given}
             if gnss is not None:
                 parts["gnss"] = {"file": gnss, **of_gnss}
-        elif given and "format" not in given:
+        elif given and "format" not in given and registry.find_folder(log) is None:
             raise InputError(
                 f"{log} is a folder: say --imu FILE and --gnss FILE, or how its files are read in the [recording] "
                 "section of a --config"

@@ -81,7 +81,7 @@ def foot(
     if json:
         print_json({"command": "foot", **numbers, "files": files})
     else:
-        say(recording.summary())
+        say(recording.summary(notes=False))  # the result has them
         print(result.summary())
         if errors is not None:
             print(

@@ -105,7 +105,7 @@ def navigate(
     if json:
         print_json({"command": "navigate", **outcome.numbers, "files": files})
     else:
-        say(recording.summary())
+        say(recording.summary(notes=False))  # the result has them
         print_verdict(result.verdict)
         print(result.summary())
         print(sentences(outcome.numbers))

@@ -152,7 +152,7 @@ class Recording:
         metadata = replace(
             self.metadata,
             sources={**self.metadata.sources, **other.metadata.sources},
-            notes=self.metadata.notes + other.metadata.notes + notes,
+            notes=tuple(dict.fromkeys(self.metadata.notes + other.metadata.notes + notes)),  # one file, two series
             options={**self.metadata.options, **other.metadata.options},
         )
         series = {n: getattr(other if getattr(self, n) is None else self, n) for n in TIMED}
@@ -191,8 +191,8 @@ class Recording:
         """The recording with its IMU in other axes (see :meth:`ImuSeries.rotated`), and a note that says so."""
         return replace(self, imu=self.need_imu().rotated(C_bs), metadata=self.metadata.noting(note))
 
-    def summary(self) -> str:
-        """Contents of the recording in a few lines of text."""
+    def summary(self, *, notes: bool = True) -> str:
+        """Contents of the recording in a few lines of text; without its notes where a result prints them."""
         span = f"{self.stop - self.start:.1f} s" if self._series() else "broadcast messages only"
         lines = [f"{self.metadata.name}: {span}, {self.metadata.time.describe()}"]
         if self.imu is not None:
@@ -234,5 +234,5 @@ class Recording:
             lines.append(f"  ranges     {len(self.ranges)} of {len(np.unique(self.ranges.sat))} satellites")
         if self.reference is not None:
             lines.append(f"  reference  {len(self.reference)} samples")
-        lines += [f"  - {note}" for note in self.metadata.notes]
+        lines += [f"  - {note}" for note in self.metadata.notes if notes]
         return "\n".join(lines)

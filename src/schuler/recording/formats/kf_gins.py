@@ -1,8 +1,8 @@
 """Text files of KF-GINS and OB-GINS: IMU increments, fixes, and navigation results or truth, without headers.
 
 Columns, between blanks. IMU: second of week [s], increments of angle [rad] and velocity [m/s], forward-right-down.
-Fixes: second of week, latitude, longitude [deg], height [m], (with 13 columns velocity [m/s],) 1-sigma north, east,
-down [m] (and of velocity). Results: week (0 if not known), second of week, latitude, longitude [deg], height [m],
+Fixes: second of week, latitude, longitude [deg], height [m], 1-sigma north, east, down [m]; with 13 columns velocity
+[m/s] before it and 1-sigma of velocity after it, or, of KF-GINS-Matlab, velocity and its 1-sigma behind. Results: week (0 if not known), second of week, latitude, longitude [deg], height [m],
 velocity north, east, down [m/s], roll, pitch, yaw [deg]. By the loaders of KF-GINS (i2Nav, Wuhan University).
 """
 
@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler import files, units
+from schuler import earth, files, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.recording.io import parts, plain_text
@@ -91,7 +91,10 @@ def read(path: Path, hints: ReadHints) -> Recording:
         made[part] = t, rows[:, column + 1 :]
     tables = {}
     for part, (t, rows) in made.items():
-        tables[part] = _table(part, *parts.kept(parts.later(t, part, loaded[part][0], notes), t, rows))
+        t, rows = parts.kept(parts.later(t, part, loaded[part][0], notes), t, rows)
+        if part == "gnss" and rows.shape[1] == 12:
+            rows = _velocity_first(t, rows, loaded[part][0], notes)
+        tables[part] = _table(part, t, rows)
     return parts.assemble(path, tables, hints, base, notes, [file for file, _ in loaded.values()])
 
 
@@ -156,6 +159,46 @@ def _part(path: Path, rows: FloatArray, series: str | None) -> str:
             path,
         )
     return can_be[0]
+
+
+def _velocity_first(t: FloatArray, rows: FloatArray, path: Path, notes: list[str]) -> FloatArray:
+    """Columns of fixes as position, velocity, 1-sigma of both; also where they stand as KF-GINS-Matlab writes them.
+
+    A 1-sigma is positive, and a velocity agrees with the displacements.
+    """
+    triples = rows[:, 3:6], rows[:, 6:9]
+    negative = [bool(np.any(x <= 0.0)) for x in triples]
+    off = [_off_displacements(t, rows[:, :3], x) for x in triples]
+    if negative[0] != negative[1]:
+        swapped = negative[1]
+    elif max(off) > 3.0 * min(off):
+        swapped = off[1] < off[0]
+    else:
+        raise FileFormatError(
+            "13 columns are position, velocity, 1-sigma of position and of velocity (KF-GINS, OB-GINS), or position, its "
+            "1-sigma, velocity, its 1-sigma (KF-GINS-Matlab); these numbers do not tell which: neither or both have "
+            "values below zero, and both are as far from the displacements. Say columns='t,lat,lon,h,vn,ve,vd,sn,se,sd,"
+            "svn,sve,svd' or columns='t,lat,lon,h,sn,se,sd,vn,ve,vd,svn,sve,svd', with units='angle=deg'",
+            path,
+        )
+    if not swapped:
+        return rows
+    notes.append(
+        "Fixes are position, its 1-sigma, velocity, its 1-sigma, the order of KF-GINS-Matlab: columns 5 to 7 are positive"
+        f" and columns 8 to 10 are within {off[1]:.2g} m/s of the displacements (median)."
+    )
+    return np.concatenate((rows[:, :3], rows[:, 6:9], rows[:, 3:6], rows[:, 9:]), axis=1)
+
+
+def _off_displacements(t: FloatArray, place: FloatArray, v: FloatArray) -> float:
+    """Median difference of what may be velocities to what positions say; infinite of one fix. [m/s]"""
+    if len(t) < 2:
+        return float("inf")
+    lat, lon = place[:, 0] * units.DEG, place[:, 1] * units.DEG
+    meridian, normal = earth.radii_of_curvature(lat[:-1])
+    steps = (meridian * np.diff(lat), normal * np.cos(lat[:-1]) * np.diff(np.unwrap(lon)), -np.diff(place[:, 2]))
+    between = np.stack(steps, axis=1) / np.diff(t)[:, None]
+    return float(np.median(np.linalg.norm(between - 0.5 * (v[1:] + v[:-1]), axis=1)))
 
 
 def _week(loaded: dict[str, tuple[Path, FloatArray]]) -> int | None:

@@ -5,3 +5,8 @@
 runs all of them, prints one table and writes ``docs/corpus.md``; see there for what the columns mean, and CONTRIBUTING
 for what the table decides.
 """
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")  # one process a core, said before numpy is imported

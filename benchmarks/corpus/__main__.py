@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")  # one process a core
-
 import argparse
 import fnmatch
 import json
@@ -63,7 +58,7 @@ def run_peers(cases: list[Case]) -> int:
         if case.kind != "navigation" or "tight" in case.question or case.question == "wheels":
             continue
         try:
-            asked = {k: v for k, v in case.run.keywords.items()}  # type: ignore[attr-defined]
+            asked = case.run.keywords  # type: ignore[attr-defined]
             results[case.name] = {"peer": f"python-ins {name}", **peers.run(*prepared(DATA, **asked))}
         except Exception as error:  # the reason is kept beside the others' errors
             results[case.name] = {"failed": f"{type(error).__name__}: {error}"}

@@ -1,4 +1,4 @@
-"""Calibrations of halves of a log against each other, beside what both claim; published results where halves are too small."""
+"""Calibrations of halves of a log against each other, beside what both claim; or against published results."""
 
 from __future__ import annotations
 

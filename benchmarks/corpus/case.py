@@ -14,8 +14,8 @@ DATA = Path(os.environ.get("SCHULER_DATA", ROOT.parent / "shared" / "data"))
 
 #: Columns of a row; what a case does not have is None.
 COLUMNS = (
-    "error", "smoothed", "outage", "outage_smoothed", "aided", "claimed", "nees", "nees_band", "nis", "inside", "rejected",
-    "warnings", "verdict", "exit", "peer", "peer_error", "ratio",
+    "error", "smoothed", "outage", "outage_smoothed", "aided", "claimed", "nees", "nees_band", "nis", "inside",
+    "rejected", "warnings", "verdict", "exit", "peer", "peer_error", "ratio",
 )  # fmt: skip
 
 
@@ -73,7 +73,7 @@ def row_of(case: Case, data: Path = DATA) -> dict[str, Any]:
 
 
 def halves(cases: Sequence[Case]) -> dict[str, str]:
-    """Half of each case by name: "choosing" for the 1st, 3rd, ... recording of a kind by name, "reporting" for the others.
+    """Half of each case by name: "choosing" for the 1st, 3rd, ... recording of a kind, "reporting" for the others.
 
     All questions to a recording are in one half: its noise is the same in all of them.
     """

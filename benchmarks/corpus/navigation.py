@@ -1,4 +1,4 @@
-"""Recordings with fixes or ranges, navigated with defaults: an IMU by name or class, mount and lever as their README says."""
+"""Recordings with fixes or ranges, navigated with defaults: an IMU by name, mount and lever as their README says."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Asked = dict[str, Any]
 WHEELS: Asked = {"non_holonomic": {}, "zero_velocity": {}, "zero_rate": {}}
 
 
-# --- how each is read: recording, configuration that its README states, truth if there is one --------------------------
+# --- how each is read: recording, configuration that its README states, truth if there is one ----------------------
 
 
 def rtkexp_drive(data: Path) -> tuple[Recording, Asked, Judge | None]:
@@ -113,7 +113,7 @@ def euroc_imu(data: Path, name: str, given: bool = False) -> tuple[Recording, As
     return recording, config, Judge.of_truth(truth)
 
 
-# --- what is asked -------------------------------------------------------------------------------------------------------
+# --- what is asked ----------------------------------------------------------------------------------------------------
 
 
 def held_back(recording: Recording, judge: Judge | None, tight: bool) -> tuple[Recording, Judge]:
@@ -179,7 +179,7 @@ def run(
 
 
 def doubts(recording: Recording) -> list[str]:
-    """Codes of what ``schuler check`` finds wrong before a log is navigated; errors, which would stop it, in capitals."""
+    """Codes of what ``schuler check`` finds before a log is navigated; errors, which would stop it, in capitals."""
     diagnosis = schuler.check(recording, quick=True)
     return [f.code.upper() if f.severity == "error" else f.code for f in diagnosis.findings if f.severity != "info"]
 
@@ -240,7 +240,8 @@ def _cases() -> list[Case]:
     for k in range(1, 6):
         name, reader = f"morpinet_car/IMU_{k}", partial(morpinet_car, number=k)
         asked += [
-            (name, "fixes", reader, None, {}), (name, "outages", reader, cars, {}), (name, "wheels", reader, cars, WHEELS),
+            (name, "fixes", reader, None, {}), (name, "outages", reader, cars, {}),
+            (name, "wheels", reader, cars, WHEELS),
         ]  # fmt: skip
     for sequence in ("MH_04_difficult", "V1_02_medium", "V2_01_easy"):
         name, given = f"euroc_imu/{sequence}", partial(euroc_imu, name=sequence, given=True)

@@ -1,4 +1,4 @@
-"""Allan deviations of the first half of a rest against those of the second, beside their bounds; allantools as the peer."""
+"""Allan deviations of the first half of a rest against those of the second, beside their bounds; and the peer."""
 
 from __future__ import annotations
 

@@ -38,7 +38,8 @@ def _judged(
     errors = Errors(t[ok], e, P, P)
     size = np.hypot(*e.T)
     return {
-        "error": rms(errors), "outage": float(np.percentile(size, 95)), "rejected": 1.0 - float(ok.sum() / covered.sum()),
+        "error": rms(errors), "outage": float(np.percentile(size, 95)),
+        "rejected": 1.0 - float(ok.sum() / covered.sum()),
         **consistency(errors), "p50": float(np.median(size)),
     }  # fmt: skip
 

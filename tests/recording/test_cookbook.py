@@ -228,6 +228,7 @@ FILES: dict[str, Callable[[Path], object]] = {
     "gnss-ins-sim": lambda f: made("test_format_simulators").gnss_ins_sim(sub(f, "results")),
     "android": lambda f: made("test_format_phones").gnss_logger(f / "gnss_log.txt"),
     "sensor-logger": lambda f: made("test_format_phones").sensor_logger(sub(f, "phone")),
+    "oan": lambda f: made("test_format_phones").oan(sub(f, "phone")),
     "sbet": sbet, "imr": imr, "waypoint": waypoint, "rtklib": rtklib, "rinex": rinex, "csv": text,
     "parquet": parquet, "netcdf": drive_parquet, "hdf5": hdf5, "matlab": matlab, "numpy": numpy_files,
     "tracks": drive_parquet,

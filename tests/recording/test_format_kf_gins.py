@@ -1,8 +1,8 @@
 """Text files of KF-GINS: columns by hand, round trips, what is refused."""
 
-from dataclasses import replace
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest

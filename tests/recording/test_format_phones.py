@@ -125,6 +125,97 @@ def sensor_logger(folder, total=True):
     return run
 
 
+def oan(folder, n=400, accuracies=None, hz=50, move=1.0):
+    """A phone on its back as open-aided-navigation logs it: gyro 5 ms behind the accelerometer, a fix a second."""
+    run = drive()
+    boot = np.int64(BOOT) + np.int64(1e9 / hz) * np.arange(n)
+
+    def save(name, ns, rows, units):
+        head = f"Sensor: S\nVendor: V\nTimestamp{name} [ns]; {name}X [{units}]; {name}Y [{units}]; {name}Z [{units}]\n"
+        lines = [f"{t};{';'.join(repr(float(x)) for x in row)};" for t, row in zip(ns, rows, strict=True)]
+        (folder / f"20240207_{name}.csv").write_text(head + "\n".join(lines) + "\n")
+
+    phone = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])  # x right, y forward, z up by forward, right, down
+    save("Acc", boot, run.imu.accel[:n] @ phone.T, "m/s^2")
+    save("Gyro", boot + 5_000_000, run.imu.gyro[:n] @ phone.T, "rad/s")
+    k = np.arange(0, n, hz)
+    v = run.reference.v_eb_n[k] if accuracies is None else accuracies[0][: len(k)]
+    llh = run.reference.llh[k] * (1 / units.DEG, 1 / units.DEG, 1.0)
+    rest = np.tile((100.0, 20.0, 10.0), (len(k), 1)) if accuracies is None else accuracies[1][: len(k)]
+    course = np.rad2deg(np.arctan2(v[:, 1], v[:, 0])) % 360.0
+    radius = 3.0 + 0.5 * (np.arange(len(k)) % 2)
+    rows = np.column_stack((llh, np.hypot(v[:, 0], v[:, 1]), course, radius, rest))
+    late = 30_000_000 + 1_000_000 * (np.arange(len(k)) % 3)  # a message takes 30 to 32 ms
+    lines = [
+        f"{boot[i] + d};{UNIX + 1000 * j};{';'.join(repr(float(x)) for x in row)};"
+        for j, (i, d, row) in enumerate(zip(k, late, rows, strict=True))
+    ]
+    head = (
+        "TimestampGNSS [ns]; UTC time [ms]; Lat [deg]; Lon [deg]; Height [m]; Speed [m/s]; Heading [deg]; Hor Acc [m];"
+    )
+    (folder / "20240207_GNSS.csv").write_text(head + "\n" + "\n".join(lines) + "\n")
+    return run
+
+
+def test_oan(tmp_path):
+    """Rates as they are, specific forces at their times; the IMU's clock is brought to that of the fixes."""
+    run = oan(tmp_path, n=800)
+    back = read(tmp_path)
+    np.testing.assert_allclose(back.imu.gyro, run.imu.gyro[: len(back.imu)], atol=1e-14)
+    between = 0.75 * run.imu.accel[:799] + 0.25 * run.imu.accel[1:800]  # 5 of 20 ms
+    np.testing.assert_allclose(back.imu.accel, between[: len(back.imu)], atol=1e-9)
+    assert any("interpolated to the gyro's" in note for note in back.metadata.notes)
+    gps = back.metadata.time.epoch_gps_s + back.gnss.t
+    np.testing.assert_allclose(gps, UNIX / 1000 + np.arange(16) - 315_964_800 + 18, atol=1e-6)
+    assert back.imu.t[0] - back.gnss.t[0] == pytest.approx(0.005 - 0.030, abs=1e-6)  # the fastest took 30 ms
+    np.testing.assert_allclose(back.gnss.llh, run.reference.llh[:800:50], rtol=1e-12)
+    np.testing.assert_allclose(np.sqrt(back.gnss.cov_r_n[0, 0, 0]), 3.0 / 1.5096, rtol=1e-4)
+
+
+def test_oan_accuracies_that_never_change_are_no_accuracies(tmp_path):
+    """100 m, 20 m/s and 10 deg in every row: vertical twice horizontal, velocity by its scatter against positions."""
+    oan(tmp_path, n=800)
+    back = read(tmp_path)
+    np.testing.assert_allclose(np.sqrt(back.gnss.cov_r_n[:2, 2, 2]), (6.0, 7.0))
+    sigma = np.sqrt(np.einsum("nii->ni", back.gnss.cov_v_n))
+    assert np.all(sigma[:, :2] < 1.0)
+    np.testing.assert_allclose(sigma[:, 2], 10.0)  # there is no vertical velocity
+    assert sum("was not measured" in note for note in back.metadata.notes) == 2
+
+
+def test_oan_accuracies_that_change_are_used(tmp_path):
+    """Speed to 0.5 m/s along the course, the course's accuracy across it: to the north, east sigma is v times it."""
+    v = np.tile((20.0, 0.0), (16, 1))
+    accuracy = np.column_stack((4.0 + np.arange(16) % 2, 0.5 + 0.1 * (np.arange(16) % 2), 3.0 + np.arange(16) % 2))
+    oan(tmp_path, n=800, accuracies=(v, accuracy))
+    back = read(tmp_path)
+    np.testing.assert_allclose(back.gnss.v_n, np.column_stack((v, np.zeros(16))), atol=1e-12)
+    sigma = np.sqrt(np.einsum("nii->ni", back.gnss.cov_v_n))
+    np.testing.assert_allclose(sigma[0], (0.5, 20.0 * np.radians(3.0), 10.0), rtol=1e-9)
+    np.testing.assert_allclose(np.sqrt(back.gnss.cov_r_n[0, 2, 2]), 4.0)
+
+
+def test_oan_parts(tmp_path):
+    """A folder without one sensor has fixes only; a sensor alone is refused; fixes alone are read."""
+    oan(tmp_path)
+    assert read(tmp_path, streams="imu=none").imu is None
+    assert read(tmp_path, streams="gnss=none").gnss is None
+    assert read(tmp_path / "20240207_GNSS.csv").imu is None
+    with pytest.raises(FileFormatError, match="a sensor is read with its folder"):
+        read(tmp_path / "20240207_Acc.csv")
+    (tmp_path / "20240207_Acc.csv").unlink()
+    assert read(tmp_path).imu is None
+
+
+@pytest.mark.realdata
+def test_a_real_drive_of_oan(shared_data):
+    """Three files as they are: 49 913 samples, 998 fixes a second apart; the phone stands upright (axes by check)."""
+    back = read(shared_data / "oan_phone_drive", axes="RUB")
+    assert (len(back.imu), len(back.gnss)) == (49_913, 998)
+    assert np.median(np.diff(back.gnss.t)) == pytest.approx(1.0, abs=1e-9)
+    assert back.imu.accel[:, 2].mean() == pytest.approx(-9.8, abs=0.1)
+
+
 @pytest.mark.parametrize("total", [True, False])
 def test_sensor_logger(tmp_path, total):
     """Columns by their names, gravity put back where it was taken out."""

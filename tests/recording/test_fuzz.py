@@ -36,8 +36,9 @@ CASES = {
     "mcap": 400, "rosbag": 400, "px4": 300, "ardupilot": 400, "novatel": 150, "sbf": 150, "vectornav": 150,
     "xsens": 150, "sbg": 150, "euroc": 300, "kitti": 300, "kf_gins": 300, "sbet": 300, "netcdf": 200, "tum": 400,
     "solution": 200, "navego": 300, "psins": 300, "gnss_ins_sim": 200, "comma2k19": 200, "imr": 300, "waypoint": 400,
-    "android": 200, "sensor_logger": 200, "text": 400, "csv": 300, "parquet": 200, "matlab4": 400, "matlab5": 400,
-    "npy": 400, "npz": 400, "pos": 400, "ubx": 400, "nmea": 200, "rinex_observations": 400, "rinex_navigation": 400,
+    "android": 200, "sensor_logger": 200, "oan": 200, "text": 400, "csv": 300, "parquet": 200, "matlab4": 400,
+    "matlab5": 400, "npy": 400, "npz": 400, "pos": 400, "ubx": 400, "nmea": 200, "rinex_observations": 400,
+    "rinex_navigation": 400,
     "rinex_gzip": 300, "hatanaka": 200, "psins_imu": 400, "psins_ranges": 300, "instinct_csv": 400, "folder": 200,
     "mcap_ros2": 100, "rosbag_lz4": 200, "rosbag_bz2": 200, "rosbag_ros2": 60, "vectornav_lines": 300,
     "netcdf_packed": 60, "hdf5": 150, "matlab73": 300, "parquet_foreign": 200, "vectornav_csv": 200, "xsens_text": 200,
@@ -141,7 +142,7 @@ def test_superscripts_are_no_digits(tmp_path):
 
 TEXTS = (
     "text", "csv", "pos", "euroc", "tum", "kf_gins", "waypoint", "gnss_ins_sim", "sensor_logger", "xsens_text",
-    "vectornav_csv",
+    "vectornav_csv", "oan",
 )  # fmt: skip
 
 

@@ -292,6 +292,13 @@ def sensor_logger(folder: Path) -> Sample:
     return Sample(folder, {"allow": "norm"}, tuple(folder / name for name in names))
 
 
+def oan(folder: Path) -> Sample:
+    module("test_format_phones").oan(folder)
+    for path in folder.iterdir():
+        first_lines(path, 40)
+    return Sample(folder, {"allow": "norm"}, tuple(sorted(folder.iterdir())))
+
+
 def imu_rows() -> np.ndarray:
     imu = run().imu
     assert imu is not None
@@ -431,8 +438,8 @@ NORM = {"allow": "norm"}
 MAKERS: dict[str, Callable[[Path], Sample]] = {
     f.__name__: f for f in (
         mcap, rosbag, px4, ardupilot, novatel, sbf, vectornav, xsens, sbg, euroc, kitti, kf_gins, sbet, netcdf, tum,
-        solution, navego, psins, gnss_ins_sim, comma2k19, imr, waypoint, android, sensor_logger, text, csv, parquet,
-        matlab4, matlab5, npy, npz, pos, ubx, nmea, rinex_observations, rinex_navigation, rinex_gzip, hatanaka,
+        solution, navego, psins, gnss_ins_sim, comma2k19, imr, waypoint, android, sensor_logger, oan, text, csv,
+        parquet, matlab4, matlab5, npy, npz, pos, ubx, nmea, rinex_observations, rinex_navigation, rinex_gzip, hatanaka,
         psins_imu, psins_ranges, instinct_csv,
     )
 } | {"folder": folder_of_logs}  # fmt: skip

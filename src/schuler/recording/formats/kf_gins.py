@@ -2,8 +2,9 @@
 
 Columns, between blanks. IMU: second of week [s], increments of angle [rad] and velocity [m/s], forward-right-down.
 Fixes: second of week, latitude, longitude [deg], height [m], 1-sigma north, east, down [m]; with 13 columns velocity
-[m/s] before it and 1-sigma of velocity after it, or, of KF-GINS-Matlab, velocity and its 1-sigma behind. Results: week (0 if not known), second of week, latitude, longitude [deg], height [m],
-velocity north, east, down [m/s], roll, pitch, yaw [deg]. By the loaders of KF-GINS (i2Nav, Wuhan University).
+[m/s] before it and 1-sigma of velocity after it, or, of KF-GINS-Matlab, velocity and its 1-sigma behind. Results:
+week (0 if not known), second of week, latitude, longitude [deg], height [m], velocity north, east, down [m/s], roll,
+pitch, yaw [deg]. By the loaders of KF-GINS (i2Nav, Wuhan University).
 """
 
 from __future__ import annotations
@@ -175,17 +176,18 @@ def _velocity_first(t: FloatArray, rows: FloatArray, path: Path, notes: list[str
         swapped = off[1] < off[0]
     else:
         raise FileFormatError(
-            "13 columns are position, velocity, 1-sigma of position and of velocity (KF-GINS, OB-GINS), or position, its "
-            "1-sigma, velocity, its 1-sigma (KF-GINS-Matlab); these numbers do not tell which: neither or both have "
-            "values below zero, and both are as far from the displacements. Say columns='t,lat,lon,h,vn,ve,vd,sn,se,sd,"
+            "13 columns are position, velocity, 1-sigma of position and of velocity (KF-GINS, OB-GINS), or position, "
+            "its 1-sigma, velocity, its 1-sigma (KF-GINS-Matlab); these numbers do not tell which: neither or both have "
+            "values below zero, and both are as far from the displacements. Say "
+            "columns='t,lat,lon,h,vn,ve,vd,sn,se,sd,"
             "svn,sve,svd' or columns='t,lat,lon,h,sn,se,sd,vn,ve,vd,svn,sve,svd', with units='angle=deg'",
             path,
         )
     if not swapped:
         return rows
     notes.append(
-        "Fixes are position, its 1-sigma, velocity, its 1-sigma, the order of KF-GINS-Matlab: columns 5 to 7 are positive"
-        f" and columns 8 to 10 are within {off[1]:.2g} m/s of the displacements (median)."
+        "Fixes are position, its 1-sigma, velocity, its 1-sigma, the order of KF-GINS-Matlab: columns 5 to 7 are "
+        f"positive and columns 8 to 10 are within {off[1]:.2g} m/s of the displacements (median)."
     )
     return np.concatenate((rows[:, :3], rows[:, 6:9], rows[:, 3:6], rows[:, 9:]), axis=1)
 

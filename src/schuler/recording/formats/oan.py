@@ -1,9 +1,9 @@
 """Folders of an Android phone as open-aided-navigation has them: ``*_Acc.csv``, ``*_Gyro.csv`` and ``*_GNSS.csv``.
 
-Tables with semicolons: three header lines and ``t [ns since boot];x;y;z;`` of the sensors [m/s^2], [rad/s]; one header line
-and boot time [ns], UTC [ms], latitude, longitude [deg], height [m], speed [m/s], course [deg] and their accuracies
-(horizontal, vertical [m], speed [m/s], course [deg]) of the fixes. Axes are the phone's, x right, y to its top, z out of
-its screen. Accelerometer and gyroscope are not sampled together. (github fedorbaklanov/open-aided-navigation, data.)
+Tables with semicolons: three header lines and ``t [ns since boot];x;y;z;`` of the sensors [m/s^2], [rad/s]; one header
+line and boot time [ns], UTC [ms], latitude, longitude [deg], height [m], speed [m/s], course [deg] and their accuracies
+(horizontal, vertical [m], speed [m/s], course [deg]) of the fixes. Axes are the phone's, x right, y to its top, z out
+of its screen. Accelerometer and gyroscope are not sampled together. (github fedorbaklanov/open-aided-navigation, data.)
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     path : Path
     hints : ReadHints
         ``axes`` of the phone in the vehicle, if it does not lie on its back with its top forward; ``height``;
-        ``streams="imu=none"``; ``time="local"`` keeps the time since boot; ``sigma`` is used where there is no accuracy.
+        ``streams="imu=none"``; ``time="local"`` keeps the time since boot; ``sigma`` where there is no accuracy.
 
     Raises
     ------
@@ -148,8 +148,8 @@ def _fixes(boot: FloatArray, rows: FloatArray, hints: ReadHints, notes: list[str
     if np.all(radius > 0.0):
         if not _measured(vertical, radius):
             notes.append(
-                f"The vertical accuracy is {vertical[0]:g} m in every fix and was not measured: twice the horizontal one "
-                "is taken."
+                f"The vertical accuracy is {vertical[0]:g} m in every fix and was not measured: twice the "
+                "horizontal one is taken."
             )
             vertical = 2.0 * radius
         values |= {"sn": radius / CIRCLE_68, "se": radius / CIRCLE_68, "sd": vertical}

@@ -1,6 +1,5 @@
 """Text files of KF-GINS: columns by hand, round trips, what is refused."""
 
-
 import re
 from dataclasses import replace
 

@@ -177,10 +177,10 @@ def _velocity_first(t: FloatArray, rows: FloatArray, path: Path, notes: list[str
     else:
         raise FileFormatError(
             "13 columns are position, velocity, 1-sigma of position and of velocity (KF-GINS, OB-GINS), or position, "
-            "its 1-sigma, velocity, its 1-sigma (KF-GINS-Matlab); these numbers do not tell which: neither or both have "
-            "values below zero, and both are as far from the displacements. Say "
-            "columns='t,lat,lon,h,vn,ve,vd,sn,se,sd,"
-            "svn,sve,svd' or columns='t,lat,lon,h,sn,se,sd,vn,ve,vd,svn,sve,svd', with units='angle=deg'",
+            "its 1-sigma, velocity, its 1-sigma (KF-GINS-Matlab); these numbers do not tell which: neither or both "
+            "have values below zero, and both are as far from the displacements. Say "
+            "columns='t,lat,lon,h,vn,ve,vd,sn,se,sd,svn,sve,svd' or "
+            "columns='t,lat,lon,h,sn,se,sd,vn,ve,vd,svn,sve,svd', with units='angle=deg'",
             path,
         )
     if not swapped:

@@ -41,8 +41,8 @@ def sniff(head: bytes, path: Path) -> bool:
 
 def sniff_folder(path: Path) -> bool:
     """Whether a folder has fixes, or both sensors."""
-    found = _files(path)
-    return "GNSS" in found or {"Acc", "Gyro"} <= found.keys()
+    files = _files(path)
+    return "GNSS" in files or {"Acc", "Gyro"} <= files.keys()
 
 
 def contents(path: Path) -> list[Stream]:
@@ -70,20 +70,20 @@ def read(path: Path, hints: ReadHints) -> Recording:
         With file and line, for what is missing or malformed.
     """
     parts.check_hints(path, hints, _HINTS, "a phone's folder of open-aided-navigation")
-    found = _files(path) if path.is_dir() else _of_file(path)
+    files = _files(path) if path.is_dir() else _of_file(path)
     chosen = parse_streams(hints.streams)
-    if chosen.get("imu", "") is None or not {"Acc", "Gyro"} <= found.keys():
-        found = {name: file for name, file in found.items() if name == "GNSS"}
+    if chosen.get("imu", "") is None or not {"Acc", "Gyro"} <= files.keys():
+        files = {name: file for name, file in files.items() if name == "GNSS"}
     if chosen.get("gnss", "") is None:
-        found.pop("GNSS", None)
-    if not found:
+        files.pop("GNSS", None)
+    if not files:
         raise FileFormatError(
             "expected *_Acc.csv with *_Gyro.csv, or *_GNSS.csv: a sensor is read with its folder", path
         )
     notes: list[str] = []
     tables: dict[str, Table] = {}
     rows: dict[str, tuple[FloatArray, FloatArray]] = {}
-    for name, file in found.items():
+    for name, file in files.items():
         table = _load(file, name, hints, notes)
         t, values = table[:, 0] / clock.NS, table[:, 1:]
         rows[name] = t, values
@@ -107,20 +107,20 @@ def read(path: Path, hints: ReadHints) -> Recording:
         keep = parts.later(gnss["t"], "fixes", path, notes)
         tables["gnss"] = replace(tables["gnss"], values={name: column[keep] for name, column in gnss.items()})
     name = hints.name or path.stem
-    return parts.assemble(path, tables, replace(hints, time=None, name=name), base, notes, found.values())
+    return parts.assemble(path, tables, replace(hints, time=None, name=name), base, notes, files.values())
 
 
 def _files(folder: Path) -> dict[str, Path]:
     """The tables of a folder by kind; none of a kind of which there are several."""
-    found: dict[str, Path] = {}
+    files: dict[str, Path] = {}
     try:
         for name, (mark, _) in _TABLES.items():
-            files = [f for f in sorted(folder.glob(f"*{name}.csv")) if mark in plain_text.head_of(f, 1000)]
-            if len(files) == 1:
-                found[name] = files[0]
+            fitting = [f for f in sorted(folder.glob(f"*{name}.csv")) if mark in plain_text.head_of(f, 1000)]
+            if len(fitting) == 1:
+                files[name] = fitting[0]
     except OSError:
         return {}
-    return found
+    return files
 
 
 def _of_file(path: Path) -> dict[str, Path]:

@@ -171,8 +171,8 @@ def _fixes(boot: FloatArray, rows: FloatArray, hints: ReadHints, notes: list[str
             )
         )
     if np.all(np.isfinite(sigma_speed)):
-        known = _measured(of_course, radius)
-        values |= velocity_columns(speed, course, sigma_speed, of_course * units.DEG if known else None)
+        by_course = _measured(of_course, radius)
+        values |= velocity_columns(speed, course, sigma_speed, of_course * units.DEG if by_course else None)
     return Table(values, ellipsoidal=False)
 
 

@@ -23,8 +23,8 @@ BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
-#: Pages that take more than three seconds.
-LONG = ("filter-noise-from-allan", "rotary-ins")
+#: Pages that take more than three seconds; what the tutorial does is tested command by command in tests/cli, too.
+LONG = ("tutorial", "filter-noise-from-allan", "rotary-ins")
 
 
 @pytest.mark.parametrize(

@@ -315,6 +315,7 @@ def test_two_real_logs_are_pooled(tmp_path, capsys):
             assert N["sigma"] / N["value"] < 0.9 * N_1["sigma"] / N_1["value"]
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_adis16405_through_the_command(shared_data, tmp_path, capsys):
     """N of the gyroscopes against the curve that R's package avar publishes of this recording, at 1 s."""

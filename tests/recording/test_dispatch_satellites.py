@@ -229,6 +229,7 @@ def test_real_files_are_told_apart(shared_data, name, held):
     assert kinds_of(path, check_file(path)) == held
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_an_entry_takes_what_it_names_out_of_a_log_of_everything(shared_data):
     pytest.importorskip("pyubx2")

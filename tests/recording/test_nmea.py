@@ -179,6 +179,7 @@ def test_needless_hints_and_wrong_files(log):
     assert not looks_like_nmea(b"t,ax,ay\n")
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_sentences_agree_with_the_binary_solution_of_the_same_log(shared_data):
     from schuler.frames import ecef_from_llh, ned_from_ecef

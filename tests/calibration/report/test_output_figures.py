@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure as MplFigure
 
 from schuler.calibration.report.output_figures import output_figure, outputs
 from schuler.exceptions import InputError
@@ -75,14 +74,6 @@ def test_noise_is_averaged():
     figure = outputs(before, noisy, truth=truth, mean_s=1.0)
     after = np.concatenate([only(panel, "after").y for panel in figure.panels[1::2]]) * MG
     assert np.sqrt(np.mean(after**2)) == pytest.approx(0.1 / np.sqrt(50.0), rel=5.0 * np.sqrt(0.5 / 60.0))
-
-
-def test_it_is_drawn():
-    before, truth = logs()
-    drawn = output_figure(before, truth, truth=truth)
-    assert isinstance(drawn, MplFigure)
-    assert len(drawn.axes) == 6
-    drawn.draw_without_rendering()
 
 
 def test_logs_that_do_not_belong_together():

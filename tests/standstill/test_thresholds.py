@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError
+from schuler.standstill.gait import gait_threshold
 from schuler.standstill.intervals import rests_from_mask, true_runs
-from schuler.standstill.thresholds import elapsed_time_threshold, gait_threshold
+from schuler.standstill.thresholds import elapsed_time_threshold
 
 T = np.arange(400) / 100.0
 

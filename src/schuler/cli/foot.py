@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -73,7 +73,7 @@ def foot(
     rest = None if labels is None or stored is None else stored[labels]
     with progress("walking") as bar:
         result = navigate_foot(recording, config, rest=rest, progress=bar)
-    errors = _errors(recording, result)
+    result, errors = _compared(recording, result)
     numbers = walk_numbers(result, errors)
     numbers["elapsed_s"] = time.perf_counter() - began
     folder = Path(f"{log.resolve().stem}-walk") if out is None else out
@@ -184,9 +184,13 @@ def _number(text: str) -> float:
         raise InputError(f"--threshold: expected motion, time, noise or a number, got {text!r}") from None
 
 
-def _errors(recording: Recording, result: FootResult) -> WalkErrors | None:
+def _compared(recording: Recording, result: FootResult) -> tuple[FootResult, WalkErrors | None]:
+    """Errors against the reference of a recording; where the two cannot be compared, a note on why."""
     from schuler.navigation.foot.errors import walk_errors
 
     if recording.reference is None:
-        return None
-    return walk_errors(result, recording.reference)
+        return result, None
+    try:
+        return result, walk_errors(result, recording.reference)
+    except InputError as error:
+        return replace(result, notes=(*result.notes, f"not compared with the reference: {error}")), None

@@ -1,9 +1,4 @@
-"""Thresholds for the test statistics of standing still: from noise, from the log itself, and from the motion around.
-
-A foot on the ground is never quite at rest: the sole gives and rolls, the more the faster the walk. A threshold that
-finds every stance of a run takes slow swings for rest, one made for a slow walk finds no stance of a run. The adaptive
-thresholds follow the motion and work on any statistic of :mod:`schuler.standstill.detectors`.
-"""
+"""Thresholds for the test statistics of standing still: from noise, from the log itself, and from the time since."""
 
 from __future__ import annotations
 
@@ -12,7 +7,7 @@ import numpy as np
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, as_floats
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
-from schuler.standstill.detectors import KINDS, Kind, moving_moments, window_samples
+from schuler.standstill.detectors import KINDS, Kind, window_samples
 from schuler.timebase import check_times
 
 
@@ -172,66 +167,6 @@ def _freedom(kind: str, W: int) -> int:
     return freedom[kind]
 
 
-def gait_threshold(
-    t: ArrayLike,
-    statistic: ArrayLike,
-    *,
-    ratio: float = 0.01,
-    cycle_s: float = 1.5,
-    floor: float = 0.0,
-    ceiling: float = np.inf,
-) -> FloatArray:
-    """Threshold as a share of the mean statistic over about one gait cycle around each sample.
-
-    Parameters
-    ----------
-    t : array_like, shape (n,)
-        [s]
-    statistic : array_like, shape (n,)
-        Dimensionless.
-    ratio : float
-        Share of the mean that a resting foot stays below.
-    cycle_s : float
-        Length of the centred window of the mean; one stride or a little more. [s]
-    floor, ceiling : float
-        Limits of the threshold. Without a floor a person who stands still for a cycle is never at rest: the
-        statistic would be compared with itself.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
-    Raises
-    ------
-    InputError
-        If a setting is out of range.
-
-    Notes
-    -----
-    The statistics are mean squares, so with a ratio ``rho`` rates (or accelerations) during stance stay below
-    ``sqrt(rho)`` of their root mean square over a stride: a tenth for the default. Scaling the noise that the
-    statistic is relative to changes nothing but the meaning of the floor. The mean statistic grows with speed and
-    stride frequency, and the threshold with it. It needs half a cycle of data to come: near real time means a delay of
-    that.
-
-    References
-    ----------
-    Own formula; the dependence of the best threshold on gait speed is reviewed by Wahlstrom and Skog (2020), Fifteen
-    years of progress at zero velocity, and is linear in the energy of the signals on the walks of docs/foot-mounted.md.
-    """
-    t, value = _checked(t, statistic)
-    for name, number in (("ratio", ratio), ("cycle_s", cycle_s)):
-        if not (np.isfinite(number) and number > 0.0):
-            raise InputError(f"{name}: expected a positive number, got {number}")
-    if not ratio < 1.0:
-        raise InputError(f"ratio: expected a share below 1, got {ratio}; above it everything is rest")
-    if not 0.0 <= floor <= ceiling:
-        raise InputError(f"expected 0 <= floor <= ceiling, got {floor} and {ceiling}")
-    step = float(np.median(np.diff(t))) if len(t) > 1 else cycle_s
-    window = int(np.clip(round(cycle_s / step), 1, len(t)))
-    return np.clip(ratio * moving_moments(value, window)[0], floor, ceiling)
-
-
 def elapsed_time_threshold(
     t: ArrayLike, statistic: ArrayLike, *, growth: float, delay_s: float = 0.0, floor: float = 0.0
 ) -> tuple[FloatArray, BoolArray]:
@@ -275,7 +210,8 @@ def elapsed_time_threshold(
     thresholding: exponential cost of a missed detection. Departure: no prior from the velocity of the filter, so that
     detection does not depend on navigation.
     """
-    t, value = _checked(t, statistic)
+    t = check_times(t, "t")
+    value = as_floats(statistic, "statistic", (len(t),))
     if not (np.isfinite(growth) and growth > 0.0):
         raise InputError(f"growth: expected a positive rise per second, got {growth}")
     if not (delay_s >= 0.0 and floor >= 0.0):
@@ -304,8 +240,3 @@ def _probability(value: float, name: str) -> float:
     if not 0.0 < value < 1.0:
         raise InputError(f"{name}: expected a number between 0 and 1, got {value}")
     return float(value)
-
-
-def _checked(t: ArrayLike, statistic: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    t = check_times(t, "t")
-    return t, as_floats(statistic, "statistic", (len(t),))

@@ -20,10 +20,16 @@ class PlaceSection(Section):
 class SensorSection(Section):
     """Errors of the sensors as the filter sees them on a shoe, far larger than on a bench; see docs/foot-mounted.md."""
 
-    accel_noise_m_s2_rthz: Positive = Field(0.035, description="white noise of specific force")
-    gyro_noise_deg_s_rthz: Positive = Field(0.035, description="white noise of angular rate")
+    accel_noise_m_s2_rthz: Positive | None = Field(
+        None, description="white noise of specific force; left out: from the motion of the log"
+    )
+    gyro_noise_deg_s_rthz: Positive | None = Field(
+        None, description="white noise of angular rate; left out: from the motion of the log"
+    )
     accel_bias_m_s2: Positive = Field(0.03, description="1-sigma bias, states 15 and 21")
-    gyro_bias_deg_s: Positive = Field(0.1, description="1-sigma bias, states 15 and 21")
+    gyro_bias_deg_s: Positive = Field(
+        0.1, description="1-sigma bias, states 15 and 21, before the mean rate of the first rest"
+    )
     accel_scale: Positive = Field(3e-3, description="1-sigma scale factor, states 21")
     gyro_scale: Positive = Field(3e-3, description="1-sigma scale factor, states 21")
     rate_order: Literal[1, 2, 3] = Field(2, description="rule that integrates rates: held, trapezoid, parabola")
@@ -46,7 +52,13 @@ class DetectorSection(Section):
         description="a number; or a share of the mean over a stride; rising since the last rest; from noise at rest",
     )
     ratio: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(0.01, description="motion: share of the mean")
-    cycle_s: Positive = Field(1.5, description="motion: about one stride")
+    stillest: NonNegative = Field(
+        3.0, description="motion: a stance is also below this multiple of the least value of a stride; 0 leaves it out"
+    )
+    cycle_s: Positive | None = Field(
+        None,
+        description="motion: a stride; left out: as the log repeats itself; 1.5 where it does not",
+    )
     growth_per_s: Positive = Field(5e4, description="time: rise of the threshold in a second")
     delay_s: NonNegative = Field(0.0, description="time: pause after a rest before it rises")
     floor: NonNegative = Field(2500.0, description="motion, time: smallest threshold, that of a foot of one who stands")
@@ -71,7 +83,7 @@ class DetectorSection(Section):
 class ZuptSection(Section):
     """Zero velocities of a resting foot."""
 
-    sigma_m_s: Positive = Field(0.02, description="1-sigma velocity of a resting foot, every sample")
+    sigma_m_s: Positive = Field(0.03, description="1-sigma velocity of a resting foot, every sample")
     roll_m: NonNegative = Field(0.06, description="adds this times the angular rate: the foot rolls over the ground")
     gate: Annotated[float, Field(gt=0.0, lt=1.0)] | Literal["off"] = Field(
         "off", description="probability with which a good zero velocity passes"

@@ -145,7 +145,7 @@ def walk_errors(
     if fit == "start":
         away = np.flatnonzero(np.hypot(estimate[:, 0], estimate[:, 1]) >= fit_distance_m)
         if not len(away):
-            raise InputError(f"the walk never gets {fit_distance_m} m away from its start; lower fit_distance_m")
+            raise InputError(f"the walk never gets {fit_distance_m} m away from its start, so it shows no heading")
         k = np.array([max(away[0] - 1, 0)])  # the author takes the sample before
     elif fit == "all":
         k = middle

@@ -13,8 +13,11 @@ from schuler.filtering.measurements import MeasurementSchedule, zero_velocity
 from schuler.navigation.foot.config import DetectorSection, FootConfig
 from schuler.recording.series import ImuSeries
 from schuler.standstill.detectors import Kind, statistic, window_samples
+from schuler.standstill.gait import gait_threshold, stride_period
 from schuler.standstill.intervals import Rests, rests_from_mask
-from schuler.standstill.thresholds import below_with_hysteresis, elapsed_time_threshold, gait_threshold, threshold
+from schuler.standstill.thresholds import below_with_hysteresis, elapsed_time_threshold, threshold
+
+_NO_GAIT_S = 1.5  # mean of the statistic where the log shows no stride
 
 #: Names used for foot-mounted detectors, and those of :mod:`schuler.standstill.detectors`.
 DETECTORS: dict[str, Kind] = {
@@ -66,9 +69,18 @@ def detect_rests(imu: ImuSeries, section: DetectorSection, *, gravity: float, re
     at_rest: BoolArray | None = None
     shortest = section.min_rest_s
     if section.threshold == "motion":
-        cycle = min(section.cycle_s, imu.t[-1] - imu.t[0])
-        limit = gait_threshold(imu.t, value, ratio=section.ratio, cycle_s=cycle, floor=section.floor)
-        method = f"{section.ratio:g} of the mean over {section.cycle_s:g} s"
+        stride = section.cycle_s or stride_period(imu)
+        cycle, stillest = (_NO_GAIT_S, 0.0) if stride is None else (stride, section.stillest)
+        if section.kind == "magnitude":  # passes through zero in every swing, and lower than in a stance
+            stillest = 0.0
+        limit = gait_threshold(
+            imu.t, value, ratio=section.ratio, cycle_s=min(cycle, imu.t[-1] - imu.t[0]), floor=section.floor,
+            stillest=stillest,
+        )  # fmt: skip
+        method = f"{section.ratio:g} of the mean over {cycle:.2f} s" + (
+            ", nothing repeats like a gait" if stride is None
+            else f" or {stillest:g} times the least" if stillest > 0.0 else ""
+        )  # fmt: skip
     elif section.threshold == "time":
         limit, at_rest = elapsed_time_threshold(
             imu.t, value, growth=section.growth_per_s, delay_s=section.delay_s, floor=section.floor

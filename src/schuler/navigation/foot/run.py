@@ -15,9 +15,9 @@ from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, InitialState, Progress, run
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel
-from schuler.mechanization.alignment import levelling
-from schuler.mechanization.strapdown import NavState
+from schuler.navigation.foot.alignment import align_foot
 from schuler.navigation.foot.config import FootConfig
+from schuler.navigation.foot.motion import in_motion, noise_in_motion
 from schuler.navigation.foot.rests import detect_rests, zero_velocities
 from schuler.navigation.foot.result import FootResult
 from schuler.navigation.foot.strides import segment
@@ -25,6 +25,7 @@ from schuler.navigation.result import NavigationResult
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries, Increments
 from schuler.recording.trajectory import FullTrajectory
+from schuler.standstill.gait import stride_period
 from schuler.standstill.intervals import Rests, rests_from_mask
 
 
@@ -80,8 +81,8 @@ def navigate_foot(
     imu = recording.need_imu()
     _check_gaps(imu, config, notes)
     llh = np.array([config.place.lat_deg * units.DEG, config.place.lon_deg * units.DEG, config.place.height_m])
+    gravity = float(np.linalg.norm(earth.gravity_ned(llh[0], llh[2])))
     if rest is None:
-        gravity = float(np.linalg.norm(earth.gravity_ned(llh[0], llh[2])))
         rests = detect_rests(imu, config.detector, gravity=gravity, rest_s=config.alignment.rest_s)
     else:
         rests = rests_from_mask(imu.t, rest)
@@ -93,8 +94,9 @@ def navigate_foot(
     navigated = imu.t >= begin - 1e-9
     rests = _from(rests, navigated, begin, imu.t)
     schedule = zero_velocities(imu, rests, config)
-    psd = (np.full(3, (config.sensor.gyro_noise_deg_s_rthz * units.DEG) ** 2),
-           np.full(3, config.sensor.accel_noise_m_s2_rthz**2))  # fmt: skip
+    gyro_psd, accel_psd, note = noise_in_motion(imu, config.sensor, gravity)
+    notes += [note] if note else []
+    psd = gyro_psd, accel_psd
     options = FilterOptions(
         covariance_rate_hz=config.filter.covariance_rate_hz, record_s=config.filter.record_s,
         smoother=config.filter.smooth != "none",
@@ -120,6 +122,9 @@ def navigate_foot(
         min_length_m=config.stride.min_length_m,
     )  # fmt: skip
     smoothing = "none" if smoothed is None else config.filter.smooth
+    stride = stride_period(imu)
+    expected = None if stride is None else float(in_motion(imu).sum()) * imu.interval / stride
+    notes = strides.doubts(expected) + notes
     return FootResult(filtered, smoothed, smoothing, rests, strides, llh, tuple(notes))
 
 
@@ -134,58 +139,6 @@ def foot_layout(config: FootConfig) -> StateLayout:
     if config.zupt.pivot:
         models["lever_v"] = StateModel.constant(config.zupt.pivot_sigma_m)
     return StateLayout(models)
-
-
-def align_foot(
-    imu: ImuSeries,
-    rests: Rests,
-    begin: float,
-    llh: FloatArray,
-    layout: StateLayout,
-    config: FootConfig,
-    notes: list[str],
-) -> InitialState:
-    """Initial state: levelled over the first rest, heading as given, at rest in the origin.
-
-    Parameters
-    ----------
-    imu : ImuSeries
-    rests : Rests
-        The first one begins at ``begin`` or before.
-    begin : float
-        Where navigation starts. [s]
-    llh : ndarray, shape (3,)
-        Place of the start. [rad], [m]
-    layout, config
-        Layout and configuration of the run.
-    notes : list of str
-        Gets a sentence on what was done.
-
-    Returns
-    -------
-    InitialState
-        Tilt and accelerometer biases correlated as levelling makes them.
-    """
-    section = config.alignment
-    first = int(np.flatnonzero(rests.stop > begin)[0])
-    end = min(float(rests.stop[first]), begin + section.rest_s)
-    still = imu.rates().between(begin, end)
-    level = levelling(
-        still.accel, t=begin, sigma_bias=config.sensor.accel_bias_m_s2,
-        sigma_noise=section.tilt_sigma_deg * units.DEG * float(np.linalg.norm(still.accel.mean(axis=0))),
-    ).with_heading(section.heading_deg * units.DEG, section.heading_sigma_deg * units.DEG, "heading given")  # fmt: skip
-    if config.filter.states == 9:  # no bias in the filter: its tilt is part of the noise of levelling
-        level = replace(level, sigma_b_a=0.0)
-    nav = NavState.from_geodetic(begin, llh, np.zeros(3), level.rpy_nb)
-    notes.append(
-        f"levelled over {end - begin:.2f} s at rest: roll {level.rpy_nb[0] / units.DEG:.2f}, "
-        f"pitch {level.rpy_nb[1] / units.DEG:.2f} deg; heading {section.heading_deg:g} deg as given"
-    )
-    # the IMU of a foot that stands may move as fast as the filter believes of any rest
-    return InitialState.from_sigmas(
-        nav, layout, attitude=np.zeros(3), velocity=np.full(3, config.zupt.sigma_m_s),
-        position=np.full(3, config.filter.position_sigma_m),
-    ).aligned(level, layout)  # fmt: skip
 
 
 def _check_gaps(imu: ImuSeries, config: FootConfig, notes: list[str]) -> None:

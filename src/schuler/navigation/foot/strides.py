@@ -10,6 +10,10 @@ from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
 from schuler.standstill.intervals import Rests, rests_from_mask
 
+_FEW = 6.0  # strides; fewer prove nothing
+_LEAST_SHARE = 0.6  # of the repetitions of the motion: 0.63 or more on all walks that came out well, 0.47 where not
+_LONGEST_M, _HIGHEST_M = 3.0, 0.6  # a sprinter's stride; a knee
+
 
 @dataclass(frozen=True)
 class Strides:
@@ -73,6 +77,33 @@ class Strides:
     def distance(self) -> float:
         """Sum of the lengths. [m]"""
         return float(self.length.sum())
+
+    def doubts(self, expected: float | None) -> list[str]:
+        """Sentences on strides that no gait has, the likeliest cause first; empty where there is nothing to doubt.
+
+        Parameters
+        ----------
+        expected : float, optional
+            Strides that the repetitions of the motion count, however many stances were found.
+        """
+        w = self.walking
+        sentences = []
+        if expected is not None and expected >= _FEW and w.sum() < _LEAST_SHARE * expected:
+            sentences.append(
+                f"{int(w.sum())} strides were found where the motion repeats about {expected:.0f} times: stances are "
+                "missed, and the errors are larger than claimed; try another detector.kind, a larger detector.ratio or "
+                "detector.stillest"
+            )
+        for name, values, limit, unit in (
+            ("length", self.length, _LONGEST_M, "m"),
+            ("clearance", self.clearance, _HIGHEST_M, "m"),
+        ):
+            if w.any() and float(np.median(values[w])) > limit:
+                sentences.append(
+                    f"the strides have a median {name} of {np.median(values[w]):.2f} {unit}, more than a foot's "
+                    f"{limit:g} {unit}: stances are missed, or units or axes are wrong"
+                )
+        return sentences
 
     def summary(self) -> str:
         """The strides in one line."""

@@ -1,0 +1,94 @@
+"""Alignment of a foot: levelled over its first rest, gyro biases from its mean rate, heading as given."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from schuler import units
+from schuler.arrays import FloatArray
+from schuler.filtering.engine import InitialState
+from schuler.filtering.states import StateLayout
+from schuler.mechanization.alignment import levelling
+from schuler.mechanization.strapdown import NavState
+from schuler.navigation.foot.config import FootConfig
+from schuler.recording.series import ImuSeries
+from schuler.standstill.intervals import Rests
+
+_SWAY_S = 0.1  # a foot that stands sways for about as long in one direction
+_LEAST_BLOCKS = 4  # of that length, for a scatter
+
+
+def align_foot(
+    imu: ImuSeries,
+    rests: Rests,
+    begin: float,
+    llh: FloatArray,
+    layout: StateLayout,
+    config: FootConfig,
+    notes: list[str],
+) -> InitialState:
+    """Initial state: levelled over the first rest, heading as given, at rest in the origin.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+    rests : Rests
+        The first one begins at ``begin`` or before.
+    begin : float
+        Where navigation starts. [s]
+    llh : ndarray, shape (3,)
+        Place of the start. [rad], [m]
+    layout, config
+        Layout and configuration of the run.
+    notes : list of str
+        Gets a sentence on what was done.
+
+    Returns
+    -------
+    InitialState
+        Tilt and accelerometer biases correlated as levelling makes them; gyro biases, where they are states, from what
+        the configuration allows and the mean rate of the rest, whose sway is in its sigma.
+    """
+    section = config.alignment
+    first = int(np.flatnonzero(rests.stop > begin)[0])
+    end = min(float(rests.stop[first]), begin + section.rest_s)
+    still = imu.rates().between(begin, end)
+    level = levelling(
+        still.accel, t=begin, sigma_bias=config.sensor.accel_bias_m_s2,
+        sigma_noise=section.tilt_sigma_deg * units.DEG * float(np.linalg.norm(still.accel.mean(axis=0))),
+    ).with_heading(section.heading_deg * units.DEG, section.heading_sigma_deg * units.DEG, "heading given")  # fmt: skip
+    if config.filter.states == 9:  # no bias in the filter: its tilt is part of the noise of levelling
+        level = replace(level, sigma_b_a=0.0)
+    nav = NavState.from_geodetic(begin, llh, np.zeros(3), level.rpy_nb)
+    notes.append(
+        f"levelled over {end - begin:.2f} s at rest: roll {level.rpy_nb[0] / units.DEG:.2f}, "
+        f"pitch {level.rpy_nb[1] / units.DEG:.2f} deg; heading {section.heading_deg:g} deg as given"
+    )
+    # the IMU of a foot that stands may move as fast as the filter believes of any rest
+    initial = InitialState.from_sigmas(
+        nav, layout, attitude=np.zeros(3), velocity=np.full(3, config.zupt.sigma_m_s),
+        position=np.full(3, config.filter.position_sigma_m),
+    ).aligned(level, layout)  # fmt: skip
+    return _with_rest_rate(initial, still, layout) if "b_g" in layout else initial
+
+
+def _with_rest_rate(initial: InitialState, still: ImuSeries, layout: StateLayout) -> InitialState:
+    """Initial state after a measurement of the gyro biases: the mean rate at rest, which is the bias but for sway.
+
+    Each axis on its own; Earth rate is a tenth of the sway of the stillest foot.
+    """
+    block = max(round(_SWAY_S / still.interval), 1)
+    count = len(still) // block
+    if count < _LEAST_BLOCKS:
+        return initial
+    means = still.gyro[: count * block].reshape(count, block, 3).mean(axis=1)
+    noise = float(means.var(axis=0, ddof=1).mean()) / count
+    part = layout["b_g"]
+    prior = initial.P[part, part]
+    gain = prior @ np.linalg.inv(prior + noise * np.eye(3))
+    P, parameters = initial.P.copy(), initial.parameters.copy()
+    P[part, part] = prior - gain @ prior
+    parameters[part.start - 9 : part.stop - 9] = gain @ means.mean(axis=0)
+    return InitialState(initial.nav, P, parameters)

@@ -1,0 +1,85 @@
+"""What a foot's log says itself: noise in proportion to the motion, gyro biases at the first rest, missed stances."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import walk_cases as wc
+
+from schuler import units
+from schuler.navigation.foot.config import SensorSection
+from schuler.navigation.foot.motion import motion_level, noise_in_motion
+from schuler.navigation.foot.run import navigate_foot
+from schuler.recording.series import ImuSeries
+
+G = 9.807
+
+
+@pytest.fixture(scope="module")
+def square():
+    motion = wc.square()
+    return motion, wc.rates_log(motion)
+
+
+def test_noise_grows_with_the_motion(square):
+    """Twice the specific force beyond gravity and twice the rate: twice the noise."""
+    t = np.arange(4000) / 200.0
+    beat = np.sin(2.0 * np.pi * t)
+    down = np.array([0.0, 0.0, -1.0])
+
+    def log(times):
+        return ImuSeries(t, np.outer(times * 3.0 * beat, [0.0, 1.0, 0.0]), (G + times * 4.0 * beat)[:, None] * down)
+
+    (force, rate), (force_2, rate_2) = motion_level(log(1.0), G), motion_level(log(2.0), G)
+    assert (force, rate) == pytest.approx((4.0 / np.sqrt(2.0), 3.0 / np.sqrt(2.0)), rel=1e-3)  # discretisation
+    assert (force_2, rate_2) == pytest.approx((2.0 * force, 2.0 * rate), rel=1e-9)
+    gyro, accel, note = noise_in_motion(log(1.0), SensorSection(), G)
+    gyro_2, accel_2, _ = noise_in_motion(log(2.0), SensorSection(), G)
+    assert np.allclose([gyro_2 / gyro, accel_2 / accel], 4.0, rtol=1e-9)
+    assert "noise from the motion" in note
+    stated = SensorSection(accel_noise_m_s2_rthz=0.02, gyro_noise_deg_s_rthz=0.03)
+    gyro, accel, note = noise_in_motion(log(1.0), stated, G)
+    assert (gyro[0], accel[0], note) == ((0.03 * units.DEG) ** 2, 0.02**2, "")
+
+
+def test_standing_has_the_noise_of_a_shuffle():
+    t = np.arange(1000) / 200.0
+    still = ImuSeries(t, np.zeros((1000, 3)), np.tile([0.0, 0.0, -G], (1000, 1)))
+    gyro, accel, _ = noise_in_motion(still, SensorSection(), G)
+    assert np.all(gyro > 0.0)
+    assert np.all(accel > 0.0)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_gyro_biases_start_from_the_first_rest(square, sign):
+    """A bias three times the configured sigma, of either sign, is known to the sway of the first rest."""
+    motion, imu = square
+    bias = sign * np.array([0.3, -0.25, 0.35]) * units.DEG
+    noisy = wc.noisy(imu, np.random.default_rng(6), gyro_n=2e-4, accel_n=5e-3, b_g=bias)
+    result = navigate_foot(noisy, {"place": wc.PLACE}, rest=motion.resting(noisy.t))
+    first, sigma = result.navigation.parameter("b_g")[0], result.navigation.sigma("b_g")[0]
+    assert np.all(sigma < 0.05 * units.DEG)
+    assert np.all(np.abs(first - bias) < 4.0 * sigma)  # statistical
+    # the prior of 0.1 deg/s draws it towards zero by less than what it claims
+    assert np.all(np.abs(first) > 0.8 * np.abs(bias))
+
+
+def test_missed_stances_are_said_first(square):
+    motion, imu = square
+    rest = motion.resting(imu.t)
+    assert not any("stances are missed" in note for note in navigate_foot(imu, {"place": wc.PLACE}, rest=rest).notes)
+    change = np.flatnonzero(np.diff(rest.astype(int)))
+    some = rest.copy()
+    some[change[3] : change[-3]] = False  # nothing between the second and the last rest but one
+    notes = navigate_foot(imu, {"place": wc.PLACE}, rest=some).notes
+    assert "strides were found where the motion repeats about" in notes[0]
+
+
+def test_a_stride_of_metres_is_doubted(square):
+    motion, imu = square
+    strides = navigate_foot(imu, {"place": wc.PLACE}, rest=motion.resting(imu.t)).strides
+    assert strides.doubts(None) == []
+    assert "length of 5.2" in replace(strides, length=4.0 * strides.length).doubts(None)[0]
+    assert "clearance" in replace(strides, clearance=10.0 * strides.clearance + 0.3).doubts(None)[0]

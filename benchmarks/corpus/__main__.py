@@ -21,7 +21,7 @@ from .page import page_of, table_of
 PAGE = ROOT / "docs" / "corpus.md"
 
 
-def chosen(pattern: str | None, cases: list[Case] = CASES) -> list[Case]:
+def chosen(pattern: str | None, cases: list[Case]) -> list[Case]:
     """Cases whose name has the pattern in it, or fits it (``*``)."""
     if pattern is None:
         return cases
@@ -77,7 +77,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--peers", action="store_true", help="run python-ins on the cases instead, and keep its errors")
     parser.add_argument("--jobs", type=int, default=2, help="processes (default 2)")
     options = parser.parse_args(argv)
-    cases = chosen(options.only)
+    cases = chosen(options.only, CASES)
     if not cases:
         print(f"no case is called {options.only!r}; there are " + ", ".join(c.name for c in CASES), file=sys.stderr)
         return 2
@@ -93,8 +93,8 @@ def main(argv: list[str] | None = None) -> int:
     if options.out is not None:
         options.out.write_text(text + "\n", encoding="utf-8")
     print(text if options.json else table_of(rows, before))
-    if options.only is None and len({row["name"] for row in rows if "skipped" not in row}) > 0:
-        page_of(PAGE, rows, before, elapsed)
+    if options.only is None and any("skipped" not in row for row in rows):
+        page_of(PAGE, rows, elapsed)
     return 0
 
 

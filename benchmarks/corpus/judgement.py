@@ -31,6 +31,8 @@ class Judge(NamedTuple):
     at_antenna : bool
     offset_n : ndarray, shape (3,)
         Mean of solution minus judge that is the judge's fault (a base station off its place). [m]
+    apart : bool
+        Whether its errors are others than the solution's; claims cannot be judged by one that shares them.
     """
 
     t: FloatArray
@@ -38,6 +40,7 @@ class Judge(NamedTuple):
     cov_n: FloatArray
     at_antenna: bool
     offset_n: FloatArray
+    apart: bool = True
 
     @classmethod
     def of_fixes(cls, gnss: GnssSeries) -> Judge:

@@ -122,7 +122,8 @@ def held_back(recording: Recording, judge: Judge | None, tight: bool) -> tuple[R
         ranges = _ranges(recording)
         epochs = np.unique(ranges.t)
         if judge is None:
-            judge = Judge.of_fixes(gnss_series(solve_points(ranges.where(np.isin(ranges.t, epochs[1::2])))))
+            points = solve_points(ranges.where(np.isin(ranges.t, epochs[1::2])))
+            judge = Judge.of_fixes(gnss_series(points))._replace(apart=False)  # orbits, clocks, atmosphere are shared
             recording = replace(recording, ranges=ranges.where(np.isin(ranges.t, epochs[::2])), observations=None)
         return recording, judge
     gnss = recording.need_gnss()
@@ -150,6 +151,7 @@ def prepared(
         recording, judge = held_back(recording, judge, tight)
     elif judge is None:
         judge = Judge.of_fixes(gnss_series(solve_points(_ranges(recording))) if tight else recording.need_gnss())
+        judge = judge._replace(apart=not tight)
     return recording, {**stated, "filter": {"record_s": 0.2}, "aiding": aiding, "outages": outages or {}}, judge
 
 
@@ -173,6 +175,8 @@ def run(
     result = navigate(recording, asked)
     smoothed = result.smooth() if result.can_smooth else None
     row |= judged(result, smoothed, judge)
+    if not judge.apart:
+        row |= dict.fromkeys(("nees", "nees_band", "inside"))
     verdict = getattr(result, "verdict", None)
     level = getattr(verdict, "level", getattr(verdict, "status", verdict))
     return row | {"verdict": None if verdict is None else str(level), "exit": int(level == "failed")}

@@ -81,7 +81,7 @@ def test_table_json_before_and_page(tmp_path, monkeypatch, capsys):
     assert command.main(["--before", str(earlier), "--jobs", "1"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[1:3] for line in lines if line.startswith("a/fixes")] == [["was", "7"], ["c", "2"]]
-    assert "choosing half of navigation: 1 of 1 ran, NEES 0.3 to 3 in 0" in "\n".join(lines)
+    assert "choosing half of navigation: 1 of 1 ran, NEES 0.3 to 3 in 0 of 1" in "\n".join(lines)
     text = (tmp_path / "corpus.md").read_text()
     assert "| a/fixes | c | 2 |" in text
     assert "- `b/fixes`: ValueError: this recording is no good" in text

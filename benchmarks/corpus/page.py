@@ -70,14 +70,19 @@ def summary(rows: Rows) -> list[str]:
     lines = []
     for which in ("choosing", "reporting"):
         some = [r for r in rows if r["kind"] == "navigation" and "skipped" not in r and half.get(r["name"]) == which]
-        ran = [r for r in some if r.get("nees") is not None]
+        ran = [r for r in some if r.get("error") is not None]
+        told = [r["nees"] for r in ran if r.get("nees") is not None]
         if not some:
             continue
-        good = sum(0.3 <= r["nees"] <= 3.0 for r in ran)
-        wild = [r["name"] for r in ran if r["nees"] > 10.0 and r["verdict"] not in ("doubtful", "failed")]
+        good = sum(0.3 <= value <= 3.0 for value in told)
+        wild = [r["name"] for r in ran if (r.get("nees") or 0.0) > 10.0 and r["verdict"] not in ("doubtful", "failed")]
+        harsh = [r["name"] for r in ran if r["verdict"] == "failed" and consistent(r) == "in"]
+        ratios = sorted(r["ratio"] for r in ran if r.get("ratio") is not None)
         lines.append(
-            f"{which} half of navigation: {len(ran)} of {len(some)} ran, NEES 0.3 to 3 in {good}; above 10 and not "
-            f"called doubtful or failed: {', '.join(wild) or 'none'}"
+            f"{which} half of navigation: {len(ran)} of {len(some)} ran, NEES 0.3 to 3 in {good} of {len(told)}; "
+            f"above 10 and not called doubtful or failed: {', '.join(wild) or 'none'}; called failed inside the band: "
+            f"{', '.join(harsh) or 'none'}"
+            + (f"; ratio to python-ins {ratios[len(ratios) // 2]:.2f} (median of {len(ratios)})" if ratios else "")
         )
     return lines
 
@@ -121,16 +126,18 @@ def markdown(rows: Rows) -> list[str]:
     unit = rows[0]["unit"]
     head = [f"case [{unit}]", "", *(_COLUMNS[c] for c in used)]
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    refused = []
+    refused: dict[str, list[str]] = {}
     for row in shown:
         cells = [row["name"], HALVES.get(row["name"], "?")[0]]
         if "skipped" in row or "sentence" in row:
-            refused.append(f"- `{row['name']}`: " + row.get("sentence", "skipped: " + row.get("skipped", "")))
+            reason = row.get("sentence", "skipped: " + row.get("skipped", ""))
+            refused.setdefault(reason, []).append(f"`{row['name']}`")
             cells += ["refused" if "sentence" in row else "skipped", *[""] * (len(used) - 1)]
         else:
             cells += [_cell(c, row.get(c)) for c in used]
         lines.append("| " + " | ".join(cells) + " |")
-    return [*lines, "", *refused] if refused else lines
+    reasons = [f"- {', '.join(names)}: {reason}" for reason, names in refused.items()]
+    return [*lines, "", *reasons] if reasons else lines
 
 
 def _cell(column: str, value: Any) -> str:

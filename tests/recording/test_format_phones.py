@@ -46,7 +46,9 @@ def gnss_logger(path, offset_ns=0, n=400):
             lat, lon, h = run.reference.llh[k]
             provider = "NLP" if k % 150 == 100 else "GPS"
             place = f"{lat / units.DEG:.10f},{lon / units.DEG:.10f},{h:.4f}"
-            rows.append(f"Fix,{provider},{place},0.0,3.0,,{UNIX + 20 * k},0.2,,{ns},5.0")
+            v = run.reference.v_eb_n[k]
+            speed, bearing = np.hypot(v[0], v[1]), np.rad2deg(np.arctan2(v[1], v[0])) % 360.0
+            rows.append(f"Fix,{provider},{place},{speed:.9f},3.0,{bearing:.9f},{UNIX + 20 * k},0.2,2.0,{ns},5.0")
     rows.append("Raw,1,2,18")
     path.write_text(HEAD + "\n".join(rows) + "\n")
     return run
@@ -63,6 +65,12 @@ def test_gnss_logger(tmp_path):
     assert len(back.gnss) == 6
     np.testing.assert_allclose(np.sqrt(np.diag(back.gnss.cov_r_n[0])), (3 / 1.5096, 3 / 1.5096, 5.0), rtol=1e-4)
     np.testing.assert_allclose(back.gnss.llh[0], run.reference.llh[0], atol=1e-4)
+    k = [0, 50, 150, 200, 300, 350]
+    np.testing.assert_allclose(back.gnss.v_n[:, :2], run.reference.v_eb_n[k, :2], atol=1e-7)
+    sigma = np.sqrt(np.einsum("nii->ni", back.gnss.cov_v_n))
+    speed = np.hypot(*run.reference.v_eb_n[k, :2].T)  # 0.2 m/s along, 2 deg across, no vertical velocity
+    np.testing.assert_allclose(np.sum(sigma[:, :2] ** 2, axis=1), 0.04 + np.maximum(0.2, speed * np.radians(2)) ** 2)
+    np.testing.assert_allclose(sigma[:, 2], 10.0)
     assert any("Raw" in note for note in back.metadata.notes)
     assert len(read(tmp_path / "log.txt", streams="gnss=NLP,imu=none").gnss) == 2
     assert read(tmp_path / "log.txt", time="local").metadata.time.scale == "local"
@@ -86,7 +94,7 @@ def test_gnss_logger_refused(tmp_path):
     file.write_text(HEAD + "Raw,1,2,18\n")
     with pytest.raises(FileFormatError, match="neither"):
         read(file)
-    file.write_text(good.replace(",3.0,,", ",,,"))
+    file.write_text(good.replace(",3.0,", ",,"))
     with pytest.raises(InputError, match="sigma"):
         read(file)
 
@@ -180,7 +188,8 @@ def test_oan_accuracies_that_never_change_are_no_accuracies(tmp_path):
     sigma = np.sqrt(np.einsum("nii->ni", back.gnss.cov_v_n))
     assert np.all(sigma[:, :2] < 1.0)
     np.testing.assert_allclose(sigma[:, 2], 10.0)  # there is no vertical velocity
-    assert sum("was not measured" in note for note in back.metadata.notes) == 2
+    assert any("100 m in every fix" in note for note in back.metadata.notes)
+    assert any("No accuracy of speed was measured" in note for note in back.metadata.notes)
 
 
 def test_oan_accuracies_that_change_are_used(tmp_path):

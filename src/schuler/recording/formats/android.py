@@ -18,6 +18,7 @@ from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.recording.io import clock, lines, parts
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.over_ground import velocities
 from schuler.recording.io.parts import Table
 from schuler.recording.io.streams import Stream, choose, joined, stream_of
 from schuler.recording.recording import Recording
@@ -32,8 +33,11 @@ _FIELDS = {
     "Accel": ("AccelXMps2", "AccelYMps2", "AccelZMps2"),
     "UncalGyro": ("UncalGyroXRadPerSec", "UncalGyroYRadPerSec", "UncalGyroZRadPerSec"),
     "Gyro": ("GyroXRadPerSec", "GyroYRadPerSec", "GyroZRadPerSec"),
-    "Fix": ("LatitudeDegrees", "LongitudeDegrees", "AltitudeMeters", "AccuracyMeters", "VerticalAccuracyMeters"),
-}
+    "Fix": (
+        "LatitudeDegrees", "LongitudeDegrees", "AltitudeMeters", "AccuracyMeters", "VerticalAccuracyMeters", "SpeedMps",
+        "BearingDegrees", "SpeedAccuracyMps", "BearingAccuracyDegrees",
+    ),
+}  # fmt: skip
 _BOOT, _UNIX = ("elapsedRealtimeNanos", "ElapsedRealtimeNanos"), ("UnixTimeMillis", "(UTC)TimeInMs")
 
 
@@ -241,5 +245,6 @@ def _fixes(t: FloatArray, rows: FloatArray, path: Path, hints: ReadHints, notes:
         sigma = radius / CIRCLE_68
         values |= {"sn": sigma, "se": sigma, "sd": vertical}
         notes.append("Accuracies are radii of 68 %; 1-sigma of north and east is the radius by 1.51.")
-    notes.append("Speed and bearing were not used, since the vertical velocity is not known.")
+    speed, course, of_speed, of_course = rows[:, 5], rows[:, 6] * units.DEG, rows[:, 7], rows[:, 8] * units.DEG
+    values |= velocities(t, (values["lat"], values["lon"]), speed, course, (of_speed, of_course), notes)
     return Table(values)

@@ -19,6 +19,7 @@ from schuler.recording.io import parts
 from schuler.recording.io.clock import from_gps
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.over_ground import velocities
 from schuler.recording.io.parts import Table
 from schuler.recording.io.streams import Stream, choose, joined
 from schuler.recording.recording import Recording
@@ -79,8 +80,10 @@ def read(path: Path, hints: ReadHints) -> Recording:
     elif fixes is not None:
         t, rows = _pair(log / "GNSS" / fixes, 6, notes, sources)
         place = {"lat": rows[:, 0] * units.DEG, "lon": rows[:, 1] * units.DEG, "h": rows[:, 4]}
+        notes.append(f"Fixes are {fixes}.")
+        course = rows[:, 5] * units.DEG
+        place |= velocities(t, (place["lat"], place["lon"]), rows[:, 2], course, (None, None), notes)
         tables["gnss"] = Table({"t": t, **place}, ellipsoidal=False)
-        notes.append(f"Fixes are {fixes}; speed and bearing were not used, since the vertical velocity is not known.")
     speed = log / "CAN" / "speed"
     if (speed / "value").is_file() and chosen.get("odometer", "") is not None:
         if hints.sigma_speed is None:

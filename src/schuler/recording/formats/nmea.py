@@ -24,6 +24,7 @@ from schuler.recording.io.assemble import metadata_of
 from schuler.recording.io.clock import from_gps
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import check_file
+from schuler.recording.io.over_ground import NO_VELOCITY, NO_VERTICAL_RATE
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries
 from schuler.timebase import UNIX_TO_GPS_S, gps_from_calendar, gps_from_unix
@@ -33,8 +34,6 @@ from schuler.timebase import UNIX_TO_GPS_S, gps_from_calendar, gps_from_unix
 RANGE_ERROR = MappingProxyType({1: 5.0, 2: 2.0, 3: 3.0, 4: 0.02, 5: 0.4, 6: 20.0})
 #: 1-sigma of a range rate, which HDOP (at least 1) multiplies. [m/s]
 RATE_ERROR = 0.1
-_NO_VERTICAL_RATE = 10.0  # 1-sigma of the vertical velocity, which NMEA does not have [m/s]
-_NO_VELOCITY = 1000.0  # 1-sigma of a velocity that is missing at single epochs [m/s]
 _VERTICAL = 1.5  # VDOP over HDOP where there is no GSA; typical of an open sky
 _QUALITY = {1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 7}  # to RTKLIB's numbers; 7 (typed in) and 8 (simulator) are no fixes
 
@@ -262,7 +261,7 @@ def _dilutions(e: _Epoch) -> tuple[float, float]:
 
 
 def _velocities(kept: list[_Epoch], hints: ReadHints, notes: list[str]) -> tuple[FloatArray | None, FloatArray | None]:
-    v_n, sigma = np.zeros((len(kept), 3)), np.full((len(kept), 3), _NO_VELOCITY)
+    v_n, sigma = np.zeros((len(kept), 3)), np.full((len(kept), 3), NO_VELOCITY)
     stated = hints.sigmas[3:] if hints.sigmas is not None and len(hints.sigmas) == 6 else None
     missing = 0
     for row, e in enumerate(kept):
@@ -272,7 +271,7 @@ def _velocities(kept: list[_Epoch], hints: ReadHints, notes: list[str]) -> tuple
             continue
         speed, course = over_ground
         horizontal = RATE_ERROR * max(1.0, _dilutions(e)[0])
-        sigma[row] = stated if stated is not None else (horizontal, horizontal, _NO_VERTICAL_RATE)
+        sigma[row] = stated if stated is not None else (horizontal, horizontal, NO_VERTICAL_RATE)
         if course is not None:
             v_n[row, :2] = speed * np.cos(course), speed * np.sin(course)
         else:  # too slow for a course: the speed may be in any direction
@@ -287,7 +286,7 @@ def _velocities(kept: list[_Epoch], hints: ReadHints, notes: list[str]) -> tuple
     else:
         notes.append(f"Velocities got the stated 1-sigma {stated} m/s; their vertical component is zero.")
     if missing:
-        notes.append(f"{missing} epochs have no velocity; it was set to zero with a 1-sigma of {_NO_VELOCITY:g} m/s.")
+        notes.append(f"{missing} epochs have no velocity; it was set to zero with a 1-sigma of {NO_VELOCITY:g} m/s.")
     cov = np.zeros((len(kept), 3, 3))
     cov[:, [0, 1, 2], [0, 1, 2]] = sigma**2
     return v_n, cov

@@ -20,7 +20,7 @@ from schuler.recording.formats.android import CIRCLE_68
 from schuler.recording.io import clock, clock_map, parts, plain_text
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
-from schuler.recording.io.over_ground import velocity_columns, velocity_scatter
+from schuler.recording.io.over_ground import measured, velocities
 from schuler.recording.io.parts import Table
 from schuler.recording.io.streams import Stream, joined, stream_of
 from schuler.recording.recording import Recording
@@ -31,7 +31,6 @@ _AXES = "RFU"
 #: Suffix of a file's name: what its header begins its columns with, numbers in a row (a last one is empty).
 _TABLES = {"Acc": (b"TimestampAcc [ns]", 4), "Gyro": (b"TimestampGyro [ns]", 4), "GNSS": (b"TimestampGNSS [ns]", 11)}
 _PARTS = {"Gyro": "imu", "GNSS": "gnss"}
-_FEW = 10  # fixes; an accuracy that never changes in more is no measurement
 
 
 def sniff(head: bytes, path: Path) -> bool:
@@ -146,7 +145,7 @@ def _fixes(boot: FloatArray, rows: FloatArray, hints: ReadHints, notes: list[str
     gps = gps + clock.leaps_at(float(gps[0]))
     values = {"t": boot, "gps": gps, "lat": lat, "lon": lon, "h": height}
     if np.all(radius > 0.0):
-        if not _measured(vertical, radius):
+        if not measured(vertical, radius):
             notes.append(
                 f"The vertical accuracy is {vertical[0]:g} m in every fix and was not measured: twice the "
                 "horizontal one is taken."
@@ -154,30 +153,9 @@ def _fixes(boot: FloatArray, rows: FloatArray, hints: ReadHints, notes: list[str
             vertical = 2.0 * radius
         values |= {"sn": radius / CIRCLE_68, "se": radius / CIRCLE_68, "sd": vertical}
         notes.append("Accuracies are radii of 68 %; 1-sigma of north and east is the radius by 1.51.")
-    if _measured(of_speed, radius):
-        sigma_speed: FloatArray | float = of_speed
-        notes.append(
-            "Velocities are speed and course with their accuracies; there is no vertical one (1-sigma 10 m/s)."
-        )
-    else:
-        sigma_speed = velocity_scatter(gps, lat, lon, speed, course)
-        notes.append(
-            f"Velocities are speed and course, without a vertical one (1-sigma 10 m/s). The accuracy of speed is "
-            f"{of_speed[0]:g} m/s in every fix and was not measured: "
-            + (
-                f"1-sigma is {sigma_speed:.2g} m/s, from their differences to the positions."
-                if np.isfinite(sigma_speed)
-                else "there are too few fixes to estimate one, so velocities were left out."
-            )
-        )
-    if np.all(np.isfinite(sigma_speed)):
-        by_course = _measured(of_course, radius)
-        values |= velocity_columns(speed, course, sigma_speed, of_course * units.DEG if by_course else None)
+    sigma = (
+        of_speed if measured(of_speed, radius) else None,
+        of_course * units.DEG if measured(of_course, radius) else None,
+    )
+    values |= velocities(gps, (lat, lon), speed, course, sigma, notes)
     return Table(values, ellipsoidal=False)
-
-
-def _measured(accuracy: FloatArray, radius: FloatArray) -> bool:
-    """Whether accuracies are positive and change, as the horizontal ones do."""
-    if not np.all(accuracy > 0.0):
-        return False
-    return len(accuracy) <= _FEW or bool(np.ptp(accuracy) > 0.0 or np.ptp(radius) == 0.0)

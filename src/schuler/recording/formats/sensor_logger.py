@@ -19,12 +19,15 @@ from schuler.recording.formats.android import CIRCLE_68
 from schuler.recording.io import clock, lines, parts, plain_text
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.over_ground import velocities
 from schuler.recording.io.parts import Table
 from schuler.recording.io.streams import joined
 from schuler.recording.recording import Recording
 
 _HINTS = parts.GNSS_HINTS | {"axes", "streams", "time"}
 _AXES = "RFU"
+_LOCATION = ("latitude", "longitude", "altitude", "horizontalAccuracy", "verticalAccuracy")
+_VELOCITY = ("speed", "bearing", "speedAccuracy", "bearingAccuracy")  # where there are these columns
 _GYROS = ("Gyroscope", "GyroscopeUncalibrated")
 
 
@@ -83,7 +86,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
         for name in accel:
             load(name, ("x", "y", "z"))
     if chosen.get("gnss", "") is not None:
-        load("Location", ("latitude", "longitude", "altitude", "horizontalAccuracy", "verticalAccuracy"))
+        load("Location", (*_LOCATION, *_VELOCITY) if _has(path / "Location.csv", _VELOCITY) else _LOCATION)
     if not stamps:
         raise FileFormatError("there is neither an IMU nor Location.csv", path)
     sources = [path / f"{name}.csv" for name in stamps]
@@ -105,12 +108,24 @@ def read(path: Path, hints: ReadHints) -> Recording:
     if "Location" in v:
         rows = v["Location"]
         place = {"lat": rows[:, 0] * units.DEG, "lon": rows[:, 1] * units.DEG, "h": rows[:, 2]}
-        if np.all(rows[:, 3:] > 0.0):
+        if np.all(rows[:, 3:5] > 0.0):
             sigma = rows[:, 3] / CIRCLE_68
             place |= {"sn": sigma, "se": sigma, "sd": rows[:, 4]}
             notes.append("Accuracies are radii of 68 %; 1-sigma of north and east is the radius by 1.51.")
+        if rows.shape[1] > len(_LOCATION):
+            # the app writes -1 where a phone has none
+            speed, course, *sigma = np.where(rows[:, 5:] >= 0.0, rows[:, 5:], np.nan).T
+            course, of_course = course * units.DEG, sigma[1] * units.DEG
+            where = place["lat"], place["lon"]
+            place |= velocities(t["Location"], where, speed, course, (sigma[0], of_course), notes)
         tables["gnss"] = Table({"t": t["Location"], **place}, ellipsoidal=False)
     return parts.assemble(path, tables, replace(hints, time=None), base, notes, sources)
+
+
+def _has(path: Path, columns: tuple[str, ...]) -> bool:
+    """Whether the header of a table has all of the columns."""
+    head = plain_text.head_of(path, 4000).split(b"\n")[0].decode("latin-1")
+    return set(columns) <= {name.strip().strip('"') for name in head.split(",")}
 
 
 def _table(path: Path, columns: tuple[str, ...], hints: ReadHints, notes: list[str]) -> tuple[IntArray, FloatArray]:

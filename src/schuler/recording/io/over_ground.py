@@ -5,39 +5,82 @@ from __future__ import annotations
 import numpy as np
 
 from schuler import earth
-from schuler.arrays import ArrayLike, FloatArray
+from schuler.arrays import FloatArray
 
 #: 1-sigma of the vertical velocity of a vehicle or a walker whose log has none. [m/s]
 NO_VERTICAL_RATE = 10.0
+#: 1-sigma of a velocity that is missing at single fixes. [m/s]
+NO_VELOCITY = 1000.0
 _ENOUGH = 10  # pairs of fixes that a scatter is taken from
 _LONGEST = 3.0  # between the two fixes of a pair [s]
 _TO_SIGMA = 1.4826  # of a median of absolute values
 _LEAST = 0.05  # 1-sigma speed of the best receiver [m/s]
 
 
-def velocity_columns(
-    speed: FloatArray, course: FloatArray, sigma_speed: ArrayLike, sigma_course: ArrayLike | None = None
+def velocities(
+    t: FloatArray,
+    place: tuple[FloatArray, FloatArray],
+    speed: FloatArray,
+    course: FloatArray,
+    sigma: tuple[FloatArray | None, FloatArray | None],
+    notes: list[str],
 ) -> dict[str, FloatArray]:
-    """Columns of a GNSS table, with a vertical velocity of zero and the 1-sigma :data:`NO_VERTICAL_RATE`.
+    """Columns of a GNSS table that speed and course make, with a note; none if nothing tells how accurate they are.
 
     Parameters
     ----------
+    t : ndarray, shape (n,)
+        Times of the fixes. [s]
+    place : (ndarray, ndarray), shapes (n,)
+        Latitude and longitude. [rad]
     speed, course : ndarray, shape (n,)
-        [m/s]; from true north over east [rad].
-    sigma_speed : array_like, shape (n,) or ()
-        1-sigma of the speed. [m/s]
-    sigma_course : array_like, shape (n,) or (), optional
-        1-sigma of the course; across the course no less than ``sigma_speed`` is believed. Default: as along. [rad]
+        NaN where a fix has none: too slow for a course, the velocity may point anywhere. [m/s], [rad]
+    sigma : (ndarray, ndarray) or None for either, shapes (n,)
+        1-sigma of speed and course, where they were measured; across the course no less than that of the speed is
+        believed. [m/s], [rad]
+    notes : list of str
+        Takes a sentence.
     """
-    along = np.broadcast_to(np.asarray(sigma_speed, dtype=float), speed.shape)
-    across = along if sigma_course is None else np.maximum(along, speed * np.asarray(sigma_course))
-    c, s = np.cos(course), np.sin(course)
+    moving = np.isfinite(speed)
+    if not moving.any():
+        return {}
+    of_speed, of_course = sigma
+    none = "no vertical one (it is zero with a 1-sigma of 10 m/s)"
+    if of_speed is not None and np.all(of_speed[moving] > 0.0):
+        along = np.where(moving, of_speed, NO_VELOCITY)
+        notes.append(f"Velocities are speed and course, with their accuracies; there is {none}.")
+    else:
+        both = moving & np.isfinite(course)
+        scatter = velocity_scatter(t[both], place[0][both], place[1][both], speed[both], course[both])
+        if not np.isfinite(scatter):
+            notes.append("Speed and course were not used: no accuracy was measured, and the fixes are too few for one.")
+            return {}
+        along = np.where(moving, scatter, NO_VELOCITY)
+        notes.append(
+            f"Velocities are speed and course; there is {none}. No accuracy of speed was measured: 1-sigma is "
+            f"{scatter:.2g} m/s, by their differences to the displacements."
+        )
+    v, angle = np.where(moving, speed, 0.0), np.where(np.isfinite(course), course, 0.0)
+    anywhere = moving & ~np.isfinite(course)
+    along = np.where(anywhere, np.hypot(along, v), along)
+    v = np.where(anywhere, 0.0, v)
+    across = along
+    if of_course is not None:
+        across = np.maximum(along, v * np.where(np.isfinite(of_course), of_course, 0.0))
+    c, s = np.cos(angle), np.sin(angle)
     return {
-        "vn": speed * c, "ve": speed * s, "vd": np.zeros_like(speed),
+        "vn": v * c, "ve": v * s, "vd": np.zeros_like(v),
         "svn": np.hypot(along * c, across * s), "sve": np.hypot(along * s, across * c),
-        "svd": np.full_like(speed, NO_VERTICAL_RATE),
-        "cvne": (along**2 - across**2) * c * s, "cvnd": np.zeros_like(speed), "cved": np.zeros_like(speed),
+        "svd": np.full_like(v, NO_VERTICAL_RATE),
+        "cvne": (along**2 - across**2) * c * s, "cvnd": np.zeros_like(v), "cved": np.zeros_like(v),
     }  # fmt: skip
+
+
+def measured(accuracy: FloatArray, other: FloatArray) -> bool:
+    """Whether accuracies are positive, and change as those of another quantity do: what never changes is a constant."""
+    if not np.all(accuracy > 0.0):
+        return False
+    return len(accuracy) <= _ENOUGH or bool(np.ptp(accuracy) > 0.0 or np.ptp(other) == 0.0)
 
 
 def velocity_scatter(t: FloatArray, lat: FloatArray, lon: FloatArray, speed: FloatArray, course: FloatArray) -> float:

@@ -121,7 +121,7 @@ def test_corrected_numbers_are_met(quick):
 
 
 def test_figures_can_be_drawn(quick):
-    check_figures(quick)
+    check_figures(quick, other=("text-E",))
 
 
 # ------------------------------------------------------------------------------------------- none by construction

@@ -133,9 +133,6 @@ def test_readonly_is_the_same_array_with_writing_off():
         frozen[0] = 1.0
 
 
-# -------------------------------------------------------------------------------------------- exceptions
-
-
 @pytest.mark.parametrize(
     ("path", "line", "said"),
     [

@@ -30,9 +30,6 @@ def site() -> Path:
     return Path(os.environ["SCHULER_SITE"]).resolve()
 
 
-# ------------------------------------------------------------------------------------------------ pages
-
-
 def test_every_page_is_built(site):
     sources = {p.relative_to(ROOT / "docs").with_suffix(".html") for p in (ROOT / "docs").rglob("*.md")}
     missing = [str(p) for p in sources if "_build" not in p.parts and not (site / p).exists()]
@@ -108,9 +105,6 @@ def test_links_to_code_lead_into_the_reference(site):
     """
     assert any("api/schuler.reproduce.yaman.study.html#module-schuler.reproduce.yaman.study.modes" in link
                for link in links_of(site / "field-drives.html").links)  # fmt: skip
-
-
-# -------------------------------------------------------------------------------------------- reference
 
 
 def inventory(site: Path) -> set[str]:
@@ -194,9 +188,6 @@ def test_names_on_pages_exist(page):
     assert [n for n in DOTTED.findall(page.read_text(encoding="utf-8")) if not exists(n)] == []
 
 
-# ------------------------------------------------------------------------------------------- equations
-
-
 @pytest.fixture(scope="module")
 def mathml():
     pytest.importorskip("sphinx", reason="Sphinx is not installed: pip install 'schuler[docs]'")
@@ -216,8 +207,6 @@ def test_equations_become_mathml(mathml):
 def test_latex_that_is_not_understood_is_seen(mathml, latex):
     assert mathml.LEFT_OVER.search(mathml.mathml(latex, "inline"))
 
-
-# --------------------------------------------------------------------------------------------- Chromium
 
 PAGES = ("index.html", "conventions.html", "commands.html", "calibration-conventions.html", "navigation-entries.html",
          "decisions/README.html", "project/changelog.html", "api/index.html", "api/schuler.html",
@@ -273,9 +262,6 @@ def test_the_menu_opens_on_a_phone(site):
         chromium.click(page, "label.nav-overlay-icon")
         chromium.wait_for(page, f"{left} >= 0")
         assert chromium.errors(page) == ()
-
-
-# ------------------------------------------------------------------------------------ the helper can fail
 
 
 @chromium.needed

@@ -22,9 +22,6 @@ def unix(moment: dt.datetime) -> float:
     return (moment - dt.datetime(1970, 1, 1)).total_seconds()
 
 
-# ----------------------------------------------------------------------------------------- leap seconds
-
-
 def test_leap_seconds_of_every_day_agree_with_sofa():
     """``iauDat`` gives TAI - UTC; GPS time is 19 s behind TAI."""
     days = [FIRST_DAY + dt.timedelta(days=k) for k in range((SOFA_DAY - FIRST_DAY).days + 1)]
@@ -54,9 +51,6 @@ def test_days_outside_the_table_are_refused():
         timebase.leap_seconds(valid_to + dt.timedelta(days=1))
     with pytest.raises(InputError, match="GPS time starts on 1980-01-06, got 1980-01-05"):
         timebase.leap_seconds(dt.date(1980, 1, 5))
-
-
-# -------------------------------------------------------------------------------------- calendars, weeks
 
 
 def test_week_and_time_of_week_of_a_known_moment():
@@ -124,9 +118,6 @@ def test_calendars_survive_the_round_trip(moment):
     assert abs(timebase.calendar(timebase.gps_from_calendar(moment)) - moment) <= dt.timedelta(microseconds=1)
 
 
-# ---------------------------------------------------------------------------------------------- Unix time
-
-
 def test_unix_time_of_known_moments():
     assert unix(dt.datetime(1980, 1, 6)) == timebase.UNIX_TO_GPS_S
     for moment in (dt.datetime(1980, 1, 6), dt.datetime(1999, 12, 31, 23), dt.datetime(2025, 7, 8, 19, 34, 18)):
@@ -175,9 +166,6 @@ def test_unix_times_without_a_gps_time_are_refused(stamps):
     """Whatever stands in a log, the answer is an :class:`InputError`, and it does not depend on the other stamps."""
     with pytest.raises(InputError):
         timebase.gps_from_unix(np.array(stamps))
-
-
-# ----------------------------------------------------------------------------------------------- TimeBase
 
 
 def test_the_clock_of_a_log_is_described_as_such():

@@ -25,9 +25,6 @@ ARW = dim(time=Fraction(-1, 2), angle=1)  # rad/sqrt(s), the same as (rad/s)/sqr
 VRW = dim(length=1, time=Fraction(-3, 2))  # (m/s)/sqrt(s)
 
 
-# --------------------------------------------------------------------------------------- known numbers
-
-
 @pytest.mark.parametrize(
     ("text", "printed", "dimension"),
     [
@@ -137,9 +134,6 @@ def test_the_g_of_data_sheets_is_the_standard_one():
     assert units.G0 == 9.80665
 
 
-# ----------------------------------------------------------------------------------------- ambiguities
-
-
 def test_random_walk_is_not_a_rate():
     """deg/√h and deg/h differ in dimension, so one can never be read as the other."""
     walk, rate = parse_unit("deg/√h"), parse_unit("deg/h")
@@ -187,9 +181,6 @@ def test_mu_in_both_code_points():
         assert parse_unit("\u00b5" + tail).factor == parse_unit("\u03bc" + tail).factor == parse_unit("u" + tail).factor
 
 
-# --------------------------------------------------------------------------------------- factor_for
-
-
 @pytest.mark.parametrize(
     ("quantity", "text", "factor"),
     [
@@ -214,9 +205,6 @@ def test_a_unit_of_another_quantity_is_refused_with_the_expected_one(quantity):
     si = units.QUANTITIES[quantity][1].replace("^", r"\^")
     with pytest.raises(UnitError, match=rf"'{wrong}' is no unit of {quantity}; expected one such as {si}"):
         factor_for(wrong, quantity)
-
-
-# ------------------------------------------------------------------------------------------- refusals
 
 
 @pytest.mark.parametrize(

@@ -170,9 +170,6 @@ def test_dof_between_exponents_and_at_the_end():
         equivalent_dof("allan", 0.0, 5, 1000)
 
 
-# ------------------------------------------------------------------------------------- the distribution
-
-
 def test_weighted_chi_square_quantiles():
     """Equal weights are chi-square; saddlepoint error of the probability below 3 % of it."""
     p = np.array([0.005, 0.025, 0.16, 0.84, 0.975, 0.995])
@@ -207,9 +204,6 @@ def test_chi_square_is_too_low_at_few_degrees_of_freedom():
     x = White(1.0).sample(1000, 1.0, np.random.default_rng(5))
     curve = allan_deviation(x, 1.0, taus=[250.0], noise=White(1.0))
     assert curve.high[0] == pytest.approx(curve.deviation[0] / np.sqrt(true), rel=1e-6)
-
-
-# ------------------------------------------------------------------------------------------ which noise
 
 
 @pytest.mark.parametrize(
@@ -289,9 +283,6 @@ def test_power_law_shares():
     assert [a for _, a in parts] == [-1, 0]
     shares = [s * autocovariance(d, ((1.0, a),), 1.0, np.zeros(1))[0] for s, a in parts]
     np.testing.assert_allclose(shares, [0.25, 0.75])
-
-
-# --------------------------------------------------------------------------------------------- coverage
 
 
 def coverage(process, n, logs, seed, **options):

@@ -60,9 +60,6 @@ def values(text):
     return found
 
 
-# ----------------------------------------------------- what the programs would propagate, from their own sources
-
-
 def per_second_vins(v, dt):
     """integration_base.h: two samples a step, weight dt/2 each, independent; bias noise times dt."""
     return [2 * (dt / 2) ** 2 * v[k] ** 2 / dt for k in ("gyr_n", "acc_n")] + [
@@ -244,9 +241,6 @@ def test_a_rate_is_asked_for_where_it_is_needed():
 def test_something_else_is_refused():
     with pytest.raises(InputError, match="expected a NoiseIdentification or an ImuSpec, got dict"):
         export_text({}, "kalibr")
-
-
-# ------------------------------------------------------------------------------------------------- files
 
 
 @pytest.mark.parametrize("name", list(EXPORTS))

@@ -29,9 +29,6 @@ def model_of(names: tuple[str, ...], values: np.ndarray) -> Process:
     return sum(terms[1:], terms[0])
 
 
-# ------------------------------------------------------------------------------------------------- the model
-
-
 @pytest.mark.parametrize("text", ["Q+N+B+K+R", "N+GM", "N+K+2GM", "N+B+GM"])
 def test_the_model_is_that_of_the_processes(text):
     """Allan variance and spectrum here and in sensors.noise are written twice; Gauss-Markov as point samples, the
@@ -111,8 +108,6 @@ def test_a_curve_of_expected_logarithms_is_fitted_exactly():
     np.testing.assert_allclose(found.values, values, rtol=1e-4)
     assert found.misfit < 1e-4
 
-
-# ------------------------------------------------------------------------------------------------- statistics
 
 CASES = {
     "N+K": (White(1.0) + RandomWalk(0.02), {"N": 1.0, "K": 0.02}),
@@ -194,9 +189,6 @@ def test_two_gauss_markov_terms_come_in_order_of_their_times():
     assert found.names == ("N", "sigma_1", "tau_1", "sigma_2", "tau_2")
     assert found.values[2] < found.values[4]
     np.testing.assert_array_less(np.abs(np.log(found.values / [0.3, 0.3, 3.0, 0.3, 300.0])), 3.5 * found.sigma)
-
-
-# ------------------------------------------------------------------------------------------------- refusals
 
 
 def test_terms_that_are_not_there_are_no_fit_or_not_seen():

@@ -38,9 +38,6 @@ def clean():
     return x, identify_noise(imu_of(x), models=MODELS)
 
 
-# ------------------------------------------------------------------------------------------------- result
-
-
 def test_a_clean_log(clean):
     _, found = clean
     assert set(found.axes) == set(AXES)
@@ -100,9 +97,6 @@ def test_options_are_checked(clean):
         identify_noise(imu, models=("N+Z",))
     with pytest.raises(InputError, match="recordings: expected at least one"):
         identify_noise([])
-
-
-# ------------------------------------------------------------------------------------------------- bad logs
 
 
 def test_one_fault_an_axis_is_named_with_its_place_and_leaves_the_others_alone(clean):
@@ -259,9 +253,6 @@ def test_an_axis_that_follows_the_temperature(clean):
     (told,) = [f for f in found.axes["gyro_y"].findings if f.code == "temperature"]
     assert told.severity == "warning"
     assert not [f for f in found.axes["gyro_x"].findings if f.code == "temperature"]
-
-
-# ------------------------------------------------------------------------------------------- several recordings
 
 
 @pytest.mark.campaign

@@ -13,9 +13,6 @@ AQRS = (0.0237 * u.DEG, 0.054 * u.DEG, 1171.0)  # N, sigma_b, tau
 RECORD = 3 * 3600.0
 
 
-# --------------------------------------------------------------------------------------- Allan minima
-
-
 @pytest.mark.parametrize(
     ("N", "sigma_b", "tau", "at", "digits"),
     [
@@ -40,9 +37,6 @@ def test_the_depth_of_the_minima():
 def test_a_curve_without_a_minimum():
     with pytest.raises(InputError, match=r"covers the bias of 1 with tau = 1 s: no minimum"):
         allan_valley(100.0, 1.0, 1.0)
-
-
-# ------------------------------------------------------------------------------------- finite records
 
 
 def test_the_formulas_of_the_digest():
@@ -89,9 +83,6 @@ def test_percentiles_hold_for_simulated_records(z, runs):
         for share, point in zip((0.05, 0.5, 0.95), points, strict=True):
             se = np.sqrt(share * (1 - share) * (1 / runs + 1 / 6000))
             assert np.mean(found < point) == pytest.approx(share, abs=3.5 * se + 0.01), (share, point)
-
-
-# --------------------------------------------------------------------------------- the route as a whole
 
 
 @pytest.fixture(scope="module")

@@ -19,9 +19,6 @@ def noise(seed, model=NOISE, n=N):
     return model.sample(n, 1.0 / RATE, np.random.default_rng(seed))
 
 
-# --------------------------------------------------------------------------------- covariance of block means
-
-
 @pytest.mark.parametrize("kind", [0, 1, 2])
 def test_covariances_have_the_allan_variance_they_are_said_to_have(kind):
     """From the factors back to the covariance: unit Allan variance at sqrt(J) blocks for one kind of noise alone."""
@@ -43,9 +40,6 @@ def test_the_noise_found_is_the_noise_put_in():
         for tau in (60.0, 600.0):
             ratio = np.median([f.allan_variance(tau) for f in found]) / model.allan_variance(tau)
             assert 0.5 < ratio < 2.0  # statistical, and a grid of half decades
-
-
-# --------------------------------------------------------------------------------------------- found trends
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -96,9 +90,6 @@ def test_a_step_response_of_a_random_walk_is_left_alone():
     assert warm_up(noise(1, White(1.0) + RandomWalk(0.02)), RATE).kind == "none"
 
 
-# --------------------------------------------------------------------------------------------- false alarms
-
-
 COLOURS = {
     "white": White(1.0),
     "flicker": White(1.0) + flicker(0.5),
@@ -125,9 +116,6 @@ def test_noise_alone_is_seldom_called_a_trend():
 def test_noise_alone_is_seldom_called_a_trend_at_full_size(name):
     calls = sum(warm_up(noise(seed, COLOURS[name]), RATE).kind != "none" for seed in range(400))
     assert calls <= binom.isf(1e-3, 400, trends.FALSE_ALARM)  # statistical
-
-
-# --------------------------------------------------------------------------------------------- temperature
 
 
 def day(seed):
@@ -192,9 +180,6 @@ def test_units_scale():
 def test_wrong_arguments_are_named(call, match):
     with pytest.raises(InputError, match=match):
         call()
-
-
-# ------------------------------------------------------------------------------------------ real recordings
 
 
 @pytest.mark.realdata

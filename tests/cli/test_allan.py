@@ -227,9 +227,6 @@ def test_white_noise_is_found_again(tmp_path, capsys):
     assert (tmp_path / "o" / "imu.toml").exists()
 
 
-# ------------------------------------------------------------------------------------------------ the real thing
-
-
 def real_log(path, seconds=900.0, seed=1, spoil=None):
     """Gyroscopes with white noise and flicker, accelerometers with white noise and random walk, at 50 Hz."""
     from schuler.sensors.noise import Flicker, RandomWalk, White

@@ -232,9 +232,6 @@ def test_the_coach_ends_with_a_calibration(turned, tmp_path, capsys):
     assert json.loads(out)["method"] == "field"
 
 
-# ------------------------------------------------------------------------------------------------------- refusals
-
-
 def test_too_few_rests_are_refused_with_what_to_do(turned, tmp_path, capsys):
     code, out, err = run(
         capsys, "calibrate", "field", turned[0], *AUTOMOTIVE, *NORTH, "--out", tmp_path / "o", "--to", "17"
@@ -313,8 +310,6 @@ def test_a_log_that_never_rests(turned, tmp_path, capsys):
     assert code == 2
     assert "no rest" in err
 
-
-# ------------------------------------------------------------------------------------------------------------ the page
 
 PAGE = ROOT / "docs" / "field-calibration.md"
 

@@ -32,9 +32,6 @@ def town(tmp_path_factory):
 CONFIG = EXAMPLES / "town_navigation.toml"
 
 
-# --------------------------------------------------------------------------------------------------- demo
-
-
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
     """One full demo in a process of its own, as a stranger runs it."""
@@ -74,9 +71,6 @@ def test_demo_with_another_seed_is_another_drive(demo, tmp_path, capsys):
     assert numbers["seed"] == 5
     assert numbers["rms_horizontal_m"] != demo[0]["rms_horizontal_m"]
     assert not (tmp_path / "report.html").exists()
-
-
-# ------------------------------------------------------------------------------- simulate, info, convert
 
 
 def test_simulate_repeats_with_its_seed(town, tmp_path, capsys):
@@ -121,9 +115,6 @@ def test_a_plain_log_is_converted_with_hints(tmp_path, capsys):
     np.testing.assert_allclose(imu.t[1] - imu.t[0], 0.01)
     np.testing.assert_allclose(imu.accel[0], np.array([0.01, 0.02, -1.0]) * 9.80665)  # left and up are -right, -down
     np.testing.assert_allclose(imu.gyro[0], np.radians([0.5, 0.25, -0.125]))
-
-
-# ----------------------------------------------------------------------------------------------- navigate
 
 
 def test_navigate_with_outages_on_the_command_line(town, tmp_path, capsys):
@@ -255,9 +246,6 @@ def test_an_interrupted_run_keeps_what_was_done(town, tmp_path, capsys, monkeypa
     assert len(read_solution(tmp_path / "solution.parquet")[0]) == 6000
 
 
-# ------------------------------------------------------------------------------------------------- errors
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -293,9 +281,6 @@ def test_a_broken_configuration_is_shown_with_its_place(town, tmp_path, capsys):
     code, _, err = run(capsys, "navigate", town, "--config", config)
     assert code == 2
     assert "gnss.leverarm_m: unknown entry; did you mean lever_arm_m?" in err
-
-
-# ----------------------------------------------------------------------------------------- help and documents
 
 
 def test_help_lists_every_command(capsys):

@@ -19,11 +19,10 @@ RULES = (
     # formats that say all of themselves
     (
         "log",
-        r"\.(obs|rnx|nav|pos|ubx|imu|\d\d[nNoOlLbB])$|/imu0/data\.csv$|/(imu_gpst|vn310-\w+(-after)?)\.csv$|/static_z[^/]*\.csv$",
+        r"\.(obs|rnx|nav|pos|ubx|imu|\d\d[nNoOlLbB])$|/(imu0|state_groundtruth_estimate0)/data\.csv$|/(imu_gpst|vn310-\w+(-after)?)\.csv$|/static_z[^/]*\.csv$",
     ),
     ("log", r"/(insgpseo_tc\.mat|android_pixel6\.txt)$"),
-    # truth of a log in another file; text with lines before its header
-    ("refused", r"/state_groundtruth_estimate0/data\.csv$|oan_phone_drive/.*\.csv$"),
+    ("refused", r"oan_phone_drive/.*\.csv$"),  # text with lines before its header
     # tables and arrays of which only their owner knows what they are
     ("hints", r"\.(csv|txt|dat|mat|npz|npy|log)$"),
 )

@@ -81,9 +81,6 @@ def test_medians_of_epochs(rng):
         assert (np.isnan(found[i]) and not len(v)) or found[i] == np.median(v)
 
 
-# ------------------------------------------------------------------------------------- milliseconds
-
-
 def steps_of(t, clock_ms, drift=None):
     t = np.asarray(t, dtype=float)
     rates = np.full(len(t), np.nan) if drift is None else np.broadcast_to(drift, t.shape)

@@ -161,9 +161,6 @@ def test_wrong_shapes_are_refused():
         choose_messages(kepler({"sat": "G05"}), [5, 5], [0.0])
 
 
-# ------------------------------------------------------------------------------------------ group delays
-
-
 def delays(message, *bands):
     e = kepler({"sat": "G05", "toe": 0.0} | message)
     n = len(bands)

@@ -202,9 +202,6 @@ def test_lateral_with_biases_monte_carlo():
         assert abs(np.var(x) / variance - 1.0) < 4.0 * np.sqrt((kurtosis - 1.0) / runs)
 
 
-# ------------------------------------------------------------------------------------------------ bounded by gravity
-
-
 def loop(Q_v=0.0, Q_phi=0.0):
     """Velocity, position, tilt, accelerometer bias, gyroscope bias."""
     A = np.zeros((5, 5))
@@ -266,9 +263,6 @@ def test_vertical_channel():
         assert_allclose(vertical("accel noise", t, 1e-3), np.sqrt([P[0, 0], P[1, 1]]), rtol=1e-6)
     growth_rate = np.log(vertical("accel bias", 6000.0, 1.0)[1] / vertical("accel bias", 5430.0, 1.0)[1])
     assert abs(float(growth_rate) - 1.0) < 0.01
-
-
-# ---------------------------------------------------------------------------------------------------- whole budgets
 
 
 def test_exact_table():

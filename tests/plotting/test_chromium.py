@@ -11,9 +11,6 @@ from places import EXAMPLES
 pytestmark = chromium.needed
 
 
-# --------------------------------------------------------------------------------------- a report of each kind
-
-
 def navigation(folder, request):
     run = request.getfixturevalue("full")
     return run.result.report(folder / "r.html", smoothed=run.smoothed, reference=run.truth, gnss=run.gnss)
@@ -98,8 +95,6 @@ def report(request, tmp_path_factory):
     """Kind and path of a report of each kind."""
     return request.param, KINDS[request.param](tmp_path_factory.mktemp(request.param), request)
 
-
-# ------------------------------------------------------------------------------------------------------- tests
 
 UNDRAWN = """Array.from(document.querySelectorAll('.plot')).filter(p => {
   const svg = p.querySelector('svg.main-svg'), drawn = svg && svg.getBoundingClientRect().width > 50;

@@ -111,9 +111,6 @@ def test_frames_are_copies(run):
     np.testing.assert_array_equal(run.imu.accel, before)
 
 
-# ---------------------------------------------------------------------------------------- frames made by others
-
-
 def frame_columns(n=50):
     t = np.arange(n) / 100.0
     one = np.ones(n)
@@ -227,9 +224,6 @@ def test_a_missing_library_names_the_extra(run, monkeypatch):
                 call()
 
 
-# ---------------------------------------------------------------------------------------------- with our NetCDF
-
-
 def test_a_tree_is_laid_out_as_our_netcdf_files(aided, tmp_path):
     xr = pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf")
@@ -240,9 +234,6 @@ def test_a_tree_is_laid_out_as_our_netcdf_files(aided, tmp_path):
     schuler.write(aided, tmp_path / "ours.nc")
     with xr.open_datatree(tmp_path / "ours.nc", engine="h5netcdf") as opened:
         assert_same(frames_xarray.from_xarray(opened), aided)
-
-
-# ------------------------------------------------------------------------------------------- navigation results
 
 
 @pytest.fixture
@@ -293,9 +284,6 @@ def test_tables_of_a_result_that_are_not_whole_are_refused(result):
             result_tables.result_of(replace(tables, columns={**tables.columns, **change}))
     with pytest.raises(SchulerError):
         result_tables.result_of(replace(tables, document={**tables.document, "states": {"nonsense": {"sigma": 1.0}}}))
-
-
-# --------------------------------------------------------------------------------------------------- the page
 
 
 def test_examples_of_the_page_run(tmp_path, monkeypatch, run):

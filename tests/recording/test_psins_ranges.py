@@ -72,9 +72,6 @@ def test_recognition():
     assert not looks_like_psins_imu(b"% something else\n")
 
 
-# ---------------------------------------------------------------------------------------------- ranges
-
-
 def arrays() -> dict[str, np.ndarray]:
     imu = np.zeros((5, 7))
     imu[:, :6] = (1e-4, 2e-4, 3e-4, 0.01, 0.02, 0.049)
@@ -137,9 +134,6 @@ def test_a_damaged_file(tmp_path):
     path.write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
     with pytest.raises(FileFormatError, match="cannot be read as a MATLAB file"):
         read_psins_ranges(path)
-
-
-# ------------------------------------------------------------------------------------------ real data
 
 
 @pytest.mark.realdata

@@ -108,9 +108,6 @@ def test_wrong_times_are_refused():
         residue(motion, 0.0)
 
 
-# ------------------------------------------------------------------------------------------------ platform
-
-
 PLATFORMS = {
     "one": schemes.continuous("-z", W),
     "two": stacked(schemes.continuous("x", 7.0 * DEG), schemes.continuous("z", 11.0 * DEG)),
@@ -154,9 +151,6 @@ def test_platform_errors_about_the_vertical_are_the_corrected_ones():
     np.testing.assert_allclose(swap_vector(d_f), 0.0, atol=1e-8)  # level: no error of velocity
     north = 7.292115e-5 * np.cos(LLH[0])
     np.testing.assert_allclose(swap_vector(d_omega), np.tile([-1e-3 * north, 0.0, -1e-5], (3, 1)), atol=1e-12)
-
-
-# ---------------------------------------------------------------------------------------------- Du's axes
 
 
 def test_the_swap_is_a_rotation_and_its_own_inverse():

@@ -23,9 +23,6 @@ def slope(steps, errors):
     return np.polyfit(np.log(steps), np.log(errors), 1)[0]
 
 
-# ------------------------------------------------------------------------------------ rates to increments
-
-
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("even", [True, False])
 def test_constant_rates_are_integrated_exactly_by_every_order(order, even, rng):
@@ -112,9 +109,6 @@ def test_two_samples_are_enough_for_every_order():
 def test_rates_that_cannot_be_integrated(t, rate, order, said):
     with pytest.raises(InputError, match=said):
         integrate_rates(t, rate, order)
-
-
-# ------------------------------------------------------------------- increments to rotation and velocity
 
 
 def rates(t):
@@ -296,9 +290,6 @@ def test_increments_that_cannot_be_used():
         rotation_vectors(np.zeros((4, 3)), np.ones(3))
     with pytest.raises(InputError, match="expected finite numbers"):
         rotation_vectors(np.full((4, 3), np.nan))
-
-
-# ------------------------------------------------------------------------------------- the compiled twin
 
 
 @pytest.fixture(scope="module")

@@ -114,9 +114,6 @@ def test_drift_of_samples_after_an_hour(process, expected):
     check_drifts(process, expected(HOUR), HOUR, {10.0: 1000, 200.0: 150})
 
 
-# ---------------------------------------------------------------------------------------------------------- flicker
-
-
 @pytest.mark.parametrize("T", [60.0, 600.0, HOUR, 14 * HOUR])
 @pytest.mark.parametrize("rate", [1.0, 10.0, 50.0, 125.0, 200.0, 1000.0])
 def test_mean_of_a_flicker_record_has_the_deviation_B(T, rate):
@@ -161,8 +158,6 @@ def test_flicker_of_a_given_band():
     (only,) = Flicker(1.0, shortest=100.0).approximation(50, 0.1).terms  # longer than five records
     assert (only.tau, only.sigma) == pytest.approx((100.0, sqrt(log(sqrt(10.0)) / pi)))
 
-
-# ----------------------------------------------------------------------------------------------------- extreme numbers
 
 NOTHING = [
     White(0.0),
@@ -228,8 +223,6 @@ def test_second_order_and_extreme_times(tau):
     # white samples, or a smooth curve: K'' (m dt)^2 / 2 of size (dt / tau)^2
     np.testing.assert_allclose(process.discrete_allan_variance([1, 100], 0.01), expected, rtol=1e-9, atol=1e-15)
 
-
-# ---------------------------------------------------------------------------------------------------- sums, small laws
 
 ALL = (
     White(0.3)

@@ -22,9 +22,6 @@ def evaluate(imu, kind, window_s=0.25, **options):
     return detectors.statistic(imu, kind, window_s, sigma_f=SIGMA_F, sigma_w=SIGMA_W, gravity=G, **options)
 
 
-# ------------------------------------------------------------------------------------------- moving moments
-
-
 @pytest.mark.parametrize("window", [1, 2, 5, 8, 199, 200])
 def test_moments_are_those_of_each_window(rng, window):
     x = rng.standard_normal((200, 2)) * (1.0, 1e-3) + (0.0, 50.0)
@@ -49,9 +46,6 @@ def test_moments_lose_no_digits_in_a_long_log_that_turns_over(rng):
 def test_a_window_must_fit():
     with pytest.raises(InputError, match="expected 1 to 10 samples, the length of the log, got 11"):
         detectors.moving_moments(np.zeros(10), 11)
-
-
-# --------------------------------------------------------------------------------------------- closed forms
 
 
 def direct(imu, kind, window):
@@ -97,9 +91,6 @@ def test_increments_give_the_same_as_rates(rng):
     imu = at_rest(500, rng)
     increments = ImuSeries(imu.t, imu.gyro * 0.01, imu.accel * 0.01, kind="increment")
     np.testing.assert_allclose(evaluate(increments, "glrt"), evaluate(imu, "glrt"), rtol=1e-6)  # rounding of times
-
-
-# ------------------------------------------------------------------------------------------ false alarms
 
 
 @pytest.mark.parametrize("kind", [k for k in detectors.KINDS if k != "printed"])
@@ -153,9 +144,6 @@ def test_a_threshold_from_the_log_survives_an_uncalibrated_accelerometer(rng):
     assert own < 200.0
 
 
-# ------------------------------------------------------------------------- what is seen and what is not
-
-
 def turning(axis, rate, rng, seconds=10.0):
     """Uniform rotation about a horizontal or the vertical axis."""
     imu = at_rest(int(100 * seconds), rng)
@@ -205,9 +193,6 @@ def test_detection_rate_of_a_weak_shake_follows_the_noncentral_distribution():
     assert abs(seen - p * windows) < 3.5 * np.sqrt(windows * p * (1.0 - p))  # statistical
 
 
-# ------------------------------------------------------------------------------------------------ errors
-
-
 @pytest.mark.parametrize(
     ("change", "match"),
     [
@@ -230,9 +215,6 @@ def test_a_dead_axis_has_no_noise(rng):
     dead = ImuSeries(imu.t, imu.gyro * (1.0, 0.0, 1.0), imu.accel)
     with pytest.raises(InputError, match="gyro_y: expected noise, but the axis always reads 0"):
         thresholds.noise_at_rest(dead, 1.0)
-
-
-# ------------------------------------------------------------------------------------------ real recordings
 
 
 @pytest.mark.realdata

@@ -189,9 +189,6 @@ def test_wrong_arguments_are_named(options, match, rng):
         static_intervals(imu, **options)
 
 
-# ------------------------------------------------------------------------------------------ real recordings
-
-
 def xsens(shared_data):
     folder = shared_data / "imu_tk_xsens"
     accel, gyro = np.loadtxt(folder / "xsens_acc.mat"), np.loadtxt(folder / "xsens_gyro.mat")

@@ -11,9 +11,6 @@ from schuler.standstill.thresholds import elapsed_time_threshold
 T = np.arange(400) / 100.0
 
 
-# --------------------------------------------------------------------------------------------- thresholds
-
-
 def test_the_threshold_gait_threshold_is_a_share_of_the_mean():
     constant = np.full(400, 7.0)
     np.testing.assert_allclose(gait_threshold(T, constant, ratio=0.1, cycle_s=1.0), 0.7, rtol=1e-12)  # rounding
@@ -59,9 +56,6 @@ def test_impossible_settings_of_the_threshold(options, message):
         gait_threshold(T, np.ones(400), **options)
     with pytest.raises(InputError, match="growth"):
         elapsed_time_threshold(T, np.ones(400), growth=0.0)
-
-
-# ------------------------------------------------------------------------------------ intervals, hysteresis
 
 
 def test_short_breaks_are_closed_and_short_rests_left_out():

@@ -36,7 +36,7 @@ def check_verdicts(done: Reproduction, items: Sequence[Item]) -> None:
 def check_figures(done: Reproduction, drawn: int = 1, other: Collection[str] = ()) -> None:
     """Items that stand for a figure have one; axes have units; the first of each item are drawn.
 
-    ``other`` are items that are tables where the thesis has a figure, or whose axes are words.
+    ``other`` items are tables where the thesis has a figure, or have words on their axes.
     """
     for r in done.results:
         if any(name.startswith("fig-") for name in (r.item.id, *r.item.also)) and r.item.id not in other:

@@ -66,9 +66,6 @@ def as_log(errors, omega, f, rng=None, noise=NOISE):
     return ImuSeries(np.arange(len(om)) / HZ, om, fm)
 
 
-# ------------------------------------------------------------------------------------------------- perfect data
-
-
 @pytest.mark.parametrize("bias", ["all faces", "own axis"])
 @pytest.mark.parametrize("angle", [2.0 * np.pi, -2.0 * np.pi, 0.5 * np.pi])
 def test_perfect_data_come_back(bias, angle):
@@ -118,9 +115,6 @@ def test_increments_are_taken():
     dv = ImuSeries(imu.t, imu.gyro / HZ, imu.accel / HZ, kind="increment")
     result = calibrate_ferraris(dv, sections, gravity=G, latitude=POLE, noise=NOISE)
     np.testing.assert_allclose(result.values, vector(errors), atol=1e-11)
-
-
-# ---------------------------------------------------------------------------------------------------- Monte Carlo
 
 
 @pytest.mark.thinned(4)
@@ -178,9 +172,6 @@ def test_noise_is_taken_from_the_log(rng):
     found = calibrate_ferraris(imu, sections, gravity=G, latitude=POLE)
     assert np.median(found.sigma / stated.sigma) == pytest.approx(1.1, abs=0.15)  # the larger of two estimates
     np.testing.assert_allclose(found.sigma, stated.sigma, rtol=0.8)
-
-
-# --------------------------------------------------------------------------------------------- without labels
 
 
 def unlabelled(errors, rng, faces=6, turns=3):
@@ -261,9 +252,6 @@ def test_what_makes_no_sense(rng):
         ferraris_sections(shaking, gravity=G)
     with pytest.raises(InputError, match="comes twice"):
         sections_by_label(["x_p", "x_p", "x_a", "x_p"], np.arange(4.0))
-
-
-# ------------------------------------------------------------------------------------------------- real recordings
 
 
 def example(shared_data):

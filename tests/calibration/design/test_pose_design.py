@@ -105,9 +105,6 @@ def test_mean_with_bias_instability_is_its_allan_deviation():
     assert predicted_sigma(ATTITUDES, triad, 1e5)["b_a_x"] > 0.33 * 0.66e-4
 
 
-# ------------------------------------------------------------------------------------------------ next pose
-
-
 def brute_force(directions, sigma, prior):
     out = []
     for v in ATTITUDES:
@@ -156,9 +153,6 @@ def test_relative_uncertainty_without_poses_is_one():
     assert len(relative_uncertainty(ATTITUDES, np.full(26, 1e-3), six)) == 6
 
 
-# ---------------------------------------------------------------------------------------------- dwell time
-
-
 def test_dwell_for_white_noise_is_closed_form():
     """N/sqrt(T) = target: T = (N/target)^2; bisection to 1e-9."""
     found = dwell_time(TriadSpec(random_walk=1e-3), 1e-4)
@@ -190,9 +184,6 @@ def test_catalogue_imu_has_advice():
     assert dwell_time(spec).seconds > 0.0
 
 
-# ------------------------------------------------------------------------------------------------- picture
-
-
 def test_picture_has_every_pose(tmp_path):
     from schuler.calibration.report.pose_figure import plan_figure
 
@@ -206,9 +197,6 @@ def test_picture_has_every_pose(tmp_path):
     assert plan_figure(plan.directions, done=[0, 3]).axes
     with pytest.raises(InputError, match="done"):
         plan_figure(plan, done=[30])
-
-
-# -------------------------------------------------------------------------------------------------- errors
 
 
 def test_what_cannot_be():

@@ -142,9 +142,6 @@ def test_the_first_attitude_hardly_counts(log):
     np.testing.assert_allclose(np.sqrt(np.diag(wide.covariance) / np.diag(wider.covariance)), 1.0, atol=5e-3)
 
 
-# ------------------------------------------------------------------------------------------- walks, wide priors
-
-
 def test_walks_are_told_from_constants():
     layout = StateLayout(
         {

@@ -26,8 +26,6 @@ from schuler.filtering.states import StateModel
 from schuler.recording.series import ImuSeries
 from schuler.units import DEG, DEG_PER_HR_PER_G, G0
 
-# ------------------------------------------------------------------------------------------------- honest sigmas
-
 
 def white(imu, scene, rng):
     """Ten times the stated noise of the accelerometers."""
@@ -87,9 +85,6 @@ def test_noise_is_not_enlarged_if_not_wanted():
     assert off.variance_of_unit_weight > 1.05
 
 
-# --------------------------------------------------------------------------------------------------- models
-
-
 @pytest.mark.parametrize("runs", [6, pytest.param(40, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "models",
@@ -114,9 +109,6 @@ def test_walks_and_decays_are_what_they_are(models, runs):
     low, high = band(runs, 30)
     # noise from the log has some of a walk in it, and is then conservative
     assert 0.85 * low < np.mean(nees) < high
-
-
-# ------------------------------------------------------------------------------------------- an earlier calibration
 
 
 @pytest.mark.parametrize("runs", [8, pytest.param(60, marks=pytest.mark.slow)])
@@ -153,9 +145,6 @@ def test_a_prior_in_another_gauge_is_the_same():
     # back and forth through derivatives: 1e-3 of a sigma
     np.testing.assert_allclose((upper.values - lower.values) / upper.sigma, 0.0, atol=5e-3)
     np.testing.assert_allclose(upper.sigma / lower.sigma, 1.0, atol=5e-3)
-
-
-# -------------------------------------------------------------------------------------------------- as printed
 
 
 @pytest.mark.campaign
@@ -200,9 +189,6 @@ def test_options_of_the_source():
     for name in ("M_g_xx", "M_g_yy", "M_g_zz"):
         assert h.normalised[before, h.names.index(name)] > 0.9
         assert h.normalised[-1, h.names.index(name)] < 0.1
-
-
-# ---------------------------------------------------------------------------------------------------- the hand
 
 
 @pytest.mark.parametrize("lever", [(0.05, -0.03, 0.02), (0.2, 0.1, 0.0)])

@@ -24,9 +24,6 @@ def one_turn(**options) -> Routine:
     return Routine((Rest(1.0), Turn(**{"axis": "x", "angle": 1.0, "duration_s": 2.0} | options), Rest(1.0)))
 
 
-# ------------------------------------------------------------------------------------------------- the thesis's
-
-
 def test_times_of_the_thesis_routine():
     """Yaman: 90 s an axis, 270 s a set, 540 s; 36 deg/s in the mean of a turn. Rounding of sums."""
     routine = thesis_routine()
@@ -101,9 +98,6 @@ def test_rests_in_a_row_are_one():
     np.testing.assert_allclose(routine.turns, [(3.0, 4.0), (4.0, 5.0)])
     assert routine.poses.shape == (2, 3, 3)
     assert Routine((Turn("x", 1.0, 1.0),)).rests.shape == (0, 2)
-
-
-# ------------------------------------------------------------------------------------------------------ motion
 
 
 MOTIONS = {
@@ -228,9 +222,6 @@ def test_free_routines():
     np.testing.assert_allclose(still.v_eb_e, 0.0, atol=1e-15)
     turns = [step for step in free_routine(np.random.default_rng(3)).steps if isinstance(step, Turn)]
     assert not any(np.any(turn.shift_m) for turn in turns)
-
-
-# ------------------------------------------------------------------------------------------------------ errors
 
 
 @pytest.mark.parametrize(

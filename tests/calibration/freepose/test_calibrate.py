@@ -46,9 +46,6 @@ def perfect():
     return errors, log_of(errors)
 
 
-# ------------------------------------------------------------------------------------------ perfect data
-
-
 def difference(result, errors):
     return result.values - vector(errors, result.names)
 
@@ -143,9 +140,6 @@ def test_apply_removes_the_errors(perfect):
     np.testing.assert_allclose(np.linalg.norm(rest, axis=1), G0, atol=1e-9)  # rounding
 
 
-# ------------------------------------------------------------------------------------------ derivatives
-
-
 def test_derivatives_of_the_magnitude():
     """Against central differences: their error is h^2, 1e-9."""
     rng = np.random.default_rng(3)
@@ -222,9 +216,6 @@ def test_ellipsoid_start_is_exact_without_noise():
     p[3:] = [0.1, 0.0, 0.0, 0.1, 0.0, 0.1]
     y = p[:3] + G0 * (u / np.linalg.norm(u, axis=1, keepdims=True)) @ response(p).T
     np.testing.assert_allclose(sphere_start(y, G0), p, atol=1e-11)  # rounding
-
-
-# ------------------------------------------------------------------------------------------ statistics
 
 
 # the bias of two seconds is as uncertain as the turns are: its share of the covariance is seen

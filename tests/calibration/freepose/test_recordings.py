@@ -56,9 +56,6 @@ def rests_like_theirs(imu, initial_s, multiple, window=101, shortest=100):
     return np.stack((first[keep], last[keep]), axis=1)
 
 
-# ------------------------------------------------------------------------------------------ Xsens MTi, counts
-
-
 def test_xsens_accelerometers(xsens):
     """Within 3 sigma of imu_tk's, whose sigma is that of its 3800 samples; ours has poses' scatter in it."""
     imu, expected = xsens
@@ -154,9 +151,6 @@ def test_xsens_with_the_published_search(xsens):
     np.testing.assert_allclose(T, expected["gyro"]["T"], atol=1.5e-4)
     np.testing.assert_allclose(K, expected["gyro"]["K"], rtol=1.5e-4)
     np.testing.assert_allclose(B, expected["gyro"]["B"], atol=0.02)
-
-
-# ------------------------------------------------------------------------------------------ three logs of one unit
 
 
 def test_good3_is_solved(shared_data):

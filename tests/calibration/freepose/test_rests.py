@@ -62,9 +62,6 @@ def log_of(errors, n=24, seed=1, **options) -> ImuSeries:
     return hand_log(errors, rng, rotvecs=spread_turns(n, rng), **options)
 
 
-# ------------------------------------------------------------------------------------------ thresholds
-
-
 def test_magnitude_of_variances_in_closed_form():
     """Length of the vector of variances, not of deviations, over count - 1. Rounding of sums over a window."""
     imu = pulses([((0, 0, 1), 1.0, 1000), ((0, 0, 1), 9.0, 500)])
@@ -153,9 +150,6 @@ def test_gaps_end_rests():
     assert [1200, 1350] in rests.index.tolist()
 
 
-# ------------------------------------------------------------------------------------------ simulated logs
-
-
 def test_known_rests_of_a_simulated_log_are_found():
     """24 poses, to the half window that a rest loses at either end, or less where the turn begins too slowly."""
     imu = log_of(some_errors())
@@ -205,9 +199,6 @@ def test_counts_give_the_same_rests():
     for (_, n, cost), (_, m, other) in zip(one.tried, two.tried, strict=True):
         assert n == m
         assert cost == pytest.approx(other, rel=1e-3)  # the factor has four digits
-
-
-# ------------------------------------------------------------------------------------------ what is refused
 
 
 def slowly_turning(rate):

@@ -37,9 +37,6 @@ def log_of(n=20, seed=1, errors=ERRORS, **options):
     return hand_log(errors, rng, rotvecs=options.pop("rotvecs", spread_turns(n, rng)), **options)
 
 
-# ------------------------------------------------------------------------------------------ refused
-
-
 @pytest.mark.parametrize("poses", [2, 5, 8])
 def test_too_few_poses_are_refused_with_what_to_collect(poses):
     result = calibrate_freepose(log_of(poses))
@@ -84,9 +81,6 @@ def test_many_poses_of_six_kinds_are_refused():
 def test_refused_says_which_faces_are_missing():
     text = missing_directions(np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]), 3)
     assert text == "x down; y down; z down"
-
-
-# ------------------------------------------------------------------------------------------ warned
 
 
 def test_turns_about_one_axis_leave_gyroscopes_undetermined():
@@ -173,9 +167,6 @@ def test_one_disturbed_turn_counts_for_little():
     assert moved_plain.max() > 3.0 * moved.max()
 
 
-# ------------------------------------------------------------------------------------------ intervals, input
-
-
 def test_given_intervals_are_used():
     imu = log_of()
     found = calibrate_freepose(imu)
@@ -254,9 +245,6 @@ def test_a_short_log():
     imu = ImuSeries(0.01 * np.arange(50), np.zeros((50, 3)), np.ones((50, 3)))
     with pytest.raises(InputError, match="ten windows"):
         calibrate_freepose(imu)
-
-
-# ------------------------------------------------------------------------------------------ words and weights
 
 
 def test_words():

@@ -53,9 +53,6 @@ def page(source):
     return Page(source)
 
 
-# ------------------------------------------------------------------------------------------------------- the page
-
-
 def test_the_page_is_well_formed_and_complete_and_loads_nothing(page):
     sections = [
         "Parameters", "Residuals", "Directions covered", "Before and after", "Change since the previous calibration",
@@ -140,9 +137,6 @@ def test_refused_calibrations_have_a_page(tmp_path):
     assert "Freepose calibration: refused, cannot be used." in page.text["p"]
     assert page.text["p"].count("b_a_x, M_a_zz not determined.") == 1
     assert not any("scale factor of the z" in p for p in page.text["p"])  # said by the method already
-
-
-# ---------------------------------------------------------------------------------------------------- the figures
 
 
 def items(panel, kind, label=None):

@@ -61,9 +61,6 @@ def panel_of(figure, title):
     return next(p for p in figure.panels if p.title == title)
 
 
-# ------------------------------------------------------------------------------------------------------ the numbers
-
-
 def test_every_parameter_is_in_one_panel(found):
     """Three at most in each: biases, scale factors, cross-coupling; matrices of the gyroscopes row by row."""
     groups = field_panels.groups(found.history.names)
@@ -172,9 +169,6 @@ def test_scalar_innovations_squared_are_the_filters_own(imu):
     assert len(z) == count
 
 
-# ------------------------------------------------------------------------------------------------------- the figures
-
-
 def test_one_figure_by_name(found, errors):
     drawn = found.plot()
     assert isinstance(drawn, MplFigure)
@@ -205,9 +199,6 @@ def test_they_are_saved_with_those_of_every_calibration(found, tmp_path):
     stems = [p.stem for p in save_calibration_figures(found.calibration, tmp_path, ("svg",), field=found)]
     assert stems[:4] == ["residuals", "coverage", "before_after", "parameters"]
     assert stems[-4:] == ["field_convergence", "field_estimates", "field_rests", "field_innovations"]
-
-
-# ---------------------------------------------------------------------------------------------------------- the page
 
 
 def test_the_page_has_a_section_on_how_it_came_about(found, errors, tmp_path):

@@ -132,9 +132,6 @@ def test_a_real_change_is_found():
     assert d.p_value < 1e-3
 
 
-# ----------------------------------------------------------------------------------------------- nominal factors
-
-
 def test_other_nominal_factors_are_the_same_calibration():
     """Applied to one log of counts both give the same: rounding."""
     a = replace(cases.calibration(), nominal=(1.0 / 400.0, 1.0 / 4800.0))

@@ -50,9 +50,6 @@ def same_up_to_a_rotation(f, omega, f_other, omega_other):
     np.testing.assert_allclose(other @ other.T, both @ both.T, atol=1e-10)
 
 
-# --------------------------------------------------------------------------------- examples of the documentation
-
-
 def blocks():
     text = PAGE.read_text(encoding="utf-8")
     sections = re.split(r"^## ", text, flags=re.MULTILINE)[1:]
@@ -88,9 +85,6 @@ def test_documented_examples_run(program):
     there = [n for n in LINEAR if families is None or n[:3] in families]
     expected = vector(in_gauge(result.errors, "lower"), there)
     np.testing.assert_allclose(vector(in_gauge(again.errors, "lower"), there), expected, atol=1e-12)
-
-
-# ----------------------------------------------------------------------------- their formulas, written once more
 
 
 @pytest.mark.parametrize("gauge", ["full", "lower", "symmetric"])
@@ -235,9 +229,6 @@ def test_psins_defaults_are_a_perfect_sensor():
     assert not any(n.startswith("G_g") for n in result.fixed)
 
 
-# --------------------------------------------------------------------------------------- refusals and comparison
-
-
 def test_held_values_can_be_compared_with_a_calibration():
     """Is what the other program found within our uncertainty?"""
     ours = cases.calibration(sigma=0.01)
@@ -290,9 +281,6 @@ def test_what_cannot_be_converted(call, message):
         call()
 
 
-# --------------------------------------------------------------------------------------------------- their files
-
-
 def test_a_matlab_file_for_psins(tmp_path):
     """Written and read as the documentation says: to the bit."""
     from scipy.io import loadmat, savemat
@@ -316,9 +304,6 @@ def test_a_text_file_of_imu_tk(tmp_path):
     back = from_imu_tk(numbers[:9].reshape(3, 3), numbers[9:18].reshape(3, 3), numbers[18:])
     expected = from_imu_tk(tk["T_a"], tk["K_a"], tk["B_a"])
     np.testing.assert_allclose(vector(back.errors), vector(expected.errors), atol=1e-5)
-
-
-# ------------------------------------------------------------------------------------------------ a real IMU
 
 
 @pytest.mark.realdata

@@ -70,9 +70,6 @@ def test_apply_is_the_model_written_out():
     np.testing.assert_allclose(out.gyro[0], omega, atol=1e-15)
 
 
-# ------------------------------------------------------------------------------------------------- change of gauge
-
-
 @pytest.mark.parametrize("gauge", ["lower", "upper", "symmetric"])
 def test_gauge_keeps_what_the_sensor_reads(gauge):
     result = cases.calibration()
@@ -162,9 +159,6 @@ def test_only_accelerometers():
     assert not any(n[2] == "g" for n in (*result.names, *result.fixed))
 
 
-# ----------------------------------------------------------------------------------------------------- refusals
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -200,9 +194,6 @@ def test_results_are_frozen():
 def test_residuals_know_their_rms():
     assert Residuals(("a", "b"), np.array([3.0, -4.0]), np.ones(2), "m").rms == pytest.approx(np.sqrt(12.5))
     assert np.isnan(Residuals((), np.empty(0), np.empty(0), "m").rms)
-
-
-# --------------------------------------------------------------------------------------------------------- text
 
 
 def test_summary_has_everything_a_reader_needs():

@@ -89,8 +89,6 @@ def test_what_yaml_cannot_hold_is_refused_and_no_file_is_left(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-# -------------------------------------------------------------------------------------------- edited by hand
-
 TEXT = result_text(result_from("m", {"b_a_x": (0.1, 0.01), "b_a_y": (0.2, 0.01)}, "full", temperature=20.0,
                                residuals={"accel": cases.residuals(2)}))  # fmt: skip
 

@@ -71,9 +71,6 @@ def items(panel, kind, label=None):
     return [i for i in panel.items if isinstance(i, kind) and (label is None or i.label == label)]
 
 
-# ------------------------------------------------------------------------------------------------- the page
-
-
 def test_the_page_is_well_formed_and_complete_and_loads_nothing(page):
     sections = [
         "Findings", "Numbers", "Allan curves", "Spectrum and log", "Read off and fitted", "Models tried", "Budget",
@@ -142,9 +139,6 @@ def test_little_to_show(found, tmp_path):
 def test_the_result_writes_its_own_report_and_figure(found, tmp_path):
     assert found.report(tmp_path / "own.html").exists()
     assert len(found.plot().axes) == 3
-
-
-# -------------------------------------------------------------------------------------------------- figures
 
 
 def test_the_allan_figure_shows_curve_band_model_terms_and_readings(found):
@@ -285,9 +279,6 @@ def test_own_axes_for_one_axis(found):
         noise_figures.allan_figure(found, ax=MplFigure().subplots())
 
 
-# --------------------------------------------------------------------------------------- logarithmic x axes
-
-
 @pytest.fixture(scope="module")
 def logarithmic():
     x = np.array([0.01, 1.0, 100.0])
@@ -326,9 +317,6 @@ def test_linear_panels_are_as_they_were():
     layout = panel_data(Figure("f", "F", "", (panel,)), panel)["layout"]
     assert "type" not in layout["xaxis"]
     assert (layout["annotations"][0]["x"], layout["annotations"][0]["y"]) == (10.0, 100.0)
-
-
-# --------------------------------------------------------------------------------------------- parts of pages
 
 
 def test_tables_explain_rows_and_escape_cells():

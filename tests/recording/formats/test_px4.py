@@ -212,9 +212,6 @@ def test_contents_and_hints(tmp_path):
         read(path, units="g,deg/s")
 
 
-# --------------------------------------------------------------------------------------- damaged
-
-
 def test_a_cut_log_is_read_up_to_the_cut(tmp_path):
     """A ULog has no end to miss: PX4 leaves such logs whenever power is cut."""
     path = written(tmp_path, seconds=4.0)

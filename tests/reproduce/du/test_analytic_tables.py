@@ -90,9 +90,6 @@ def test_the_killer():
     assert rate * 36.0 / DEG == pytest.approx(1.08, abs=5e-3)
 
 
-# ------------------------------------------------------------------------ instantaneous errors as printed
-
-
 def trig(angle):
     return np.cos(angle), np.sin(angle), np.cos(2 * angle), np.sin(2 * angle)
 
@@ -158,9 +155,6 @@ def test_cells_are_the_means_of_the_instantaneous_errors(source, scheme):
     cell = tables.cycle_rate(source, scheme, ERRORS, rate=W, lat=LAT)
     mean = (d_omega if source.startswith("gyro") else d_f).mean(axis=0)
     np.testing.assert_allclose(mean, cell, atol=1e-16 if source.startswith("gyro") else 1e-15)
-
-
-# ------------------------------------------------------------------------------------------------ residue
 
 
 def along_only(scheme: str) -> DuErrors:

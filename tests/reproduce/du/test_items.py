@@ -65,9 +65,6 @@ def test_another_seed_gives_other_numbers(quick, name):
     assert all(a != b for a, b in pairs)
 
 
-# ------------------------------------------------------------------------------------- broken on purpose
-
-
 def _item(name: str) -> Item:
     return next(i for i in ITEMS if name in (i.id, *i.also))
 

@@ -36,9 +36,6 @@ def engine(rotary):
     return OutageErrors.of(drive(rotary), FEW, seed=9, every_s=10.0)
 
 
-# --------------------------------------------------------------------------------------------------- by size
-
-
 @pytest.mark.parametrize("rotary", [True, False], ids=["rotary", "conventional"])
 def test_excess_goes_down_with_the_square_of_all_errors(rotary):
     """A defect would be as large at any size; a second-order term is a quarter at half the size."""
@@ -70,9 +67,6 @@ def test_the_car_sinks_by_the_square_of_the_tilt(rotary):
         assert expected == pytest.approx(0.5 * G0 * MTI_G.spec.gyro.random_walk**2 * 300.0**2, rel=0.15)
 
 
-# --------------------------------------------------------------------------------------------- by definition
-
-
 @pytest.mark.parametrize("rotary", [True, False], ids=["rotary", "conventional"])
 def test_excess_is_in_the_vertical_and_is_the_tilt(rotary):
     e = engine(rotary)
@@ -92,9 +86,6 @@ def test_it_is_the_run_of_the_lanes():
     at = np.searchsorted(runs.records.t, e.t - 1e-6)
     np.testing.assert_allclose(e.nees(), runs.records.nees["all"][:, at], rtol=2e-3)  # sums in another order
     np.testing.assert_allclose(e.error[..., 5], runs.records.error[:, at, 5], atol=1e-5)
-
-
-# ------------------------------------------------------------------------------------------ extended poses
 
 
 def test_extended_pose_errors_are_the_logarithm_of_the_group():
@@ -129,9 +120,6 @@ def test_a_tilt_that_stays_is_first_order_in_extended_poses():
     # the states themselves are off by g tilt^2 / 2, to terms of fourth order
     tilt = psi[0] ** 2 + psi[1] ** 2
     assert dv[2] - (np.cross(psi, f_hat) * T)[2] == pytest.approx(-0.5 * G0 * tilt * T, rel=0.1)
-
-
-# --------------------------------------------------------------------------------------------------- rest
 
 
 def test_size_scales_everything_the_filter_is_told():

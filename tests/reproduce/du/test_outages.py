@@ -33,9 +33,6 @@ def honest(imu, rotary=True):
     return DriveRuns.of(drive, 32, seed=9)
 
 
-# ------------------------------------------------------------------------------------------------ the outage
-
-
 @pytest.mark.parametrize("imu", [NAV440, MTI_G], ids=lambda i: i.name)
 def test_rotation_beats_none_in_an_outage(imu):
     comparison = short(imu)
@@ -122,9 +119,6 @@ def test_smoothing_over_an_outage():
     assert smoothed < 0.2 * filtered  # 250 m and 12 m are seen
 
 
-# --------------------------------------------------------------------------------------------- consistency
-
-
 @pytest.mark.parametrize("imu", [NAV440, MTI_G], ids=lambda i: i.name)
 @pytest.mark.parametrize("rotary", [True, False], ids=["rotary", "conventional"])
 def test_nees_and_nis_are_in_band(imu, rotary):
@@ -169,9 +163,6 @@ def test_scale_factors_as_states_make_units_honest(rotary):
     plain = short(NAV440)
     side = plain.rotary if rotary else plain.conventional
     assert side.nees(200.0, 355.0).mean() > 3.0
-
-
-# ------------------------------------------------------------------------------------------------- whole
 
 
 @pytest.mark.slow

@@ -24,9 +24,6 @@ def study():
     return zupt_study()
 
 
-# ------------------------------------------------------------------------------------------------- anchors
-
-
 @pytest.mark.parametrize("row", [pytest.param(r, id=f"{r[0]}-{r[1]}-{r[2]}") for r in study().comparison().rows])
 def test_every_anchor_is_met(row):
     """Printed digits, and the 20 % the issue allows; 2.5 % is seen wherever two digits are printed."""
@@ -115,9 +112,6 @@ def test_what_the_thesis_concludes():
         assert y_level.tilt[-1, 0] > 5.0 * y_level.tilt[-1, 1]
 
 
-# ---------------------------------------------------------------------------------------------------- runs
-
-
 @pytest.mark.parametrize(("axis", "tilt"), [("Y", 0.0), ("Y", 30.0), ("Z", 30.0)])
 def test_nees_is_in_band_in_the_rotating_frame(axis, tilt):
     """Biases of both signs, drawn; NAV440, whose angles stay small (of level Z the heading does not)."""
@@ -180,9 +174,6 @@ def test_all_rows_of_the_tables():
     for run in done.runs:
         if run.case.tilt_deg == 30.0:
             np.testing.assert_allclose(run.emulated().b_m_s2, run.measured.b_m_s2, atol=1.5e-3)
-
-
-# -------------------------------------------------------------------------------------------------- errors
 
 
 def test_names_that_are_none():

@@ -87,10 +87,7 @@ def test_random_numbers_come_of_the_seed(done):
 
 
 def test_figures_can_be_drawn(done):
-    check_figures(done, other=("table-6.2", "fig-6.1", "fig-7.4"))
-
-
-# ------------------------------------------------------------------------------- none passes by construction
+    check_figures(done, other=("table-6.2",))
 
 
 def test_wrong_integrals_are_seen(monkeypatch):

@@ -85,9 +85,6 @@ def test_other_seeds_give_other_numbers(done):
     assert {verdict_of(name, 2) for name in names} == {"agrees"}
 
 
-# ------------------------------------------ none could not fail: the library is broken on purpose
-
-
 def test_another_noise_shows(monkeypatch):
     """A hundredth more noise in the sheet, twice the noise in the study."""
     sheet = catalogue.spec

@@ -35,9 +35,6 @@ from schuler.units import DEG
 W = WGS84.omega_ie
 
 
-# ----------------------------------------------------------------------------------------- simulated attitudes
-
-
 def test_rotation_is_the_product_of_the_source():
     def r(i, t):
         c, s = np.cos(t), np.sin(t)
@@ -93,9 +90,6 @@ def test_scenarios_of_ten_attitudes_have_rank_eight():
     np.testing.assert_array_equal(np.unique(ordered_attitudes(), axis=0), np.unique(ATTITUDES, axis=0))
     with pytest.raises(InputError, match="scenario"):
         scenario(5)
-
-
-# ------------------------------------------------------------------------------------------- tables side by side
 
 
 @pytest.fixture(scope="module")
@@ -162,9 +156,6 @@ def test_models_that_lack_parameters_show_in_the_unit_weight(rng):
         assert weight == pytest.approx(expected, rel=0.2)  # statistical, and two printed digits
 
 
-# ------------------------------------------------------------------------------------------------------- sweeps
-
-
 def test_sweep_of_the_reference_rate(rng):
     """Fig. 4.2: biases stay, scale factors and angles improve in proportion; computed 2.1e4 ppm and 3.9e4 urad over
     k.
@@ -188,9 +179,6 @@ def test_sweep_of_noise(rng):
     assert ten.success < 0.3
     with pytest.raises(InputError, match="noise_factor"):
         sweep(StudyCase(), "order", (1,), 1, rng)
-
-
-# ------------------------------------------------------------------------------------------------- convergence
 
 
 @pytest.mark.parametrize("size", [0.5, 1.0, 1.13, 3.0])
@@ -230,9 +218,6 @@ def test_known_angles_and_six_attitudes(rng):
     assert b == pytest.approx(1.9e-4, rel=0.2)
     assert s == pytest.approx(20e-6, rel=0.2)
     assert theta == 0.0
-
-
-# --------------------------------------------------------------------------------------------------- scenarios
 
 
 def test_scenario_grid(rng):

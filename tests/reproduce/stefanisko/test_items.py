@@ -58,9 +58,6 @@ def test_other_seeds_give_other_numbers(done):
     check_seeds(done, ("fig-4.8", "fig-4.10", "fig-4.16"))
 
 
-# ------------------------------------------ none could not fail: the library is broken on purpose
-
-
 def test_a_transposed_rotation_shows(monkeypatch):
     right = rotation.dcm_from_quat
     monkeypatch.setattr(rotation, "dcm_from_quat", lambda q: right(rotation.quat_conjugate(q)))

@@ -66,9 +66,6 @@ def item(name: str) -> Item:
     return result
 
 
-# ------------------------------------------------------------------------------------------- completeness
-
-
 def known() -> set[str]:
     return {name for i in ITEMS for name in (i.id, *i.also)}
 
@@ -92,9 +89,6 @@ def numbers(text: str) -> set[str]:
             b = last.split(".")[1] if last else a
             result |= {f"{kind}-{chapter}.{k}" for k in range(int(a), int(b) + 1)}
     return result
-
-
-# ------------------------------------------------------------------------------------------- verdicts
 
 
 def test_every_item_has_its_verdict(quick):
@@ -122,9 +116,6 @@ def test_corrected_numbers_are_met(quick):
 
 def test_figures_can_be_drawn(quick):
     check_figures(quick, other=("text-E",))
-
-
-# ------------------------------------------------------------------------------------------- none by construction
 
 
 def noisier(monkeypatch, factor: float) -> None:

@@ -68,9 +68,6 @@ def drives(scene):
     return field_drives(scene, 3)
 
 
-# -------------------------------------------------------------------------------------------- the unit
-
-
 def test_the_unit_is_that_of_the_sheet_and_moves_by_the_repeatability():
     """Standard deviations of 400 draws to four standard errors: 50, 50, 80 mg; 0.03 m/s^2 and 0.2 deg/s in between."""
     units = [FieldUnit.draw(np.random.default_rng(k)) for k in range(400)]
@@ -170,9 +167,6 @@ def test_errors_without_states_are_told_as_noise():
     assert spec.accel.random_walk == pytest.approx(np.hypot(0.4 * MG, 3.0 * MG * np.sqrt(0.2)))
     assert spec.gyro.random_walk == pytest.approx(np.hypot(0.005 * DEG, 0.002 * DEG * np.sqrt(0.2)))
     assert stated_spec().gyro.turn_on_bias == pytest.approx(0.1 * DEG)
-
-
-# -------------------------------------------------------------------------------------------- the modes
 
 
 @pytest.mark.parametrize("column", ["position_horizontal_m", "position_vertical_m"])

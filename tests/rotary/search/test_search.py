@@ -49,9 +49,6 @@ def searched(cable: bool = False):
     return search_schemes(objective, space, scenario.settings(evaluations=400, seed=3))
 
 
-# ------------------------------------------------------------------------------------------------------ fronts
-
-
 @pytest.mark.parametrize("columns", [1, 2, 3])
 def test_front_against_all_pairs(columns):
     costs = np.random.default_rng(columns).integers(0, 12, (300, columns)).astype(float)
@@ -67,9 +64,6 @@ def test_front_against_all_pairs(columns):
 def test_front_of_no_table():
     with pytest.raises(InputError, match="one row"):
         pareto_front([1.0, 2.0])
-
-
-# ---------------------------------------------------------------------------------------------------- families
 
 
 def random_place(family, rng):
@@ -142,9 +136,6 @@ def test_spaces_and_families_that_make_no_sense():
         families(space, 1, ("spiral",))
     with pytest.raises(InputError, match="50 evaluations"):
         SearchSettings(evaluations=10)
-
-
-# ------------------------------------------------------------------------------------------------------ search
 
 
 @pytest.mark.thinned(2)

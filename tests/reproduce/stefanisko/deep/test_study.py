@@ -50,9 +50,6 @@ def steady(scene, dbhz=45.0):
     return signal_strength(scene, dbhz, (0.0, 1e9))
 
 
-# ------------------------------------------------------------------------------------------- exact signals
-
-
 @pytest.mark.parametrize("update", [0.02, 0.2])
 def test_a_perfect_world_is_left_alone(short, update):
     """Exact start, sensors, clock and signals: neither oscillators nor averaging pull the solution away."""
@@ -124,9 +121,6 @@ def test_the_difference_falls_with_the_update_interval(short):
     assert d[1][0] < 0.03
 
 
-# ------------------------------------------------------------------------------------------------- honesty
-
-
 @pytest.mark.parametrize("runs", RUNS)
 @pytest.mark.parametrize("motion", ["straight", "turning"])
 def test_nees_of_the_vector_loop_is_in_its_band(motion, runs, request):
@@ -158,9 +152,6 @@ def test_tight_coupling_it_is_held_against_is_honest_too(straight, runs):
     low, high = chi_square_band(straight.layout.size, runs, 0.9999)
     outcome = np.array(values)[:, ::15].mean(axis=0)
     assert np.all((outcome > low) & (outcome < high)), (low, outcome, high)
-
-
-# --------------------------------------------------------------------------------------------------- fades
 
 
 def test_fades_end_conventional_tracking_and_not_the_vector_loop(fades):
@@ -228,9 +219,6 @@ def test_both_code_discriminators_are_honest(short, kind):
     outcome = np.mean([one.nees[::10] for one in runs], axis=0)
     assert np.all((outcome > low) & (outcome < high)), (low, outcome, high)
     assert all(one.on_signal.all() for one in runs)
-
-
-# ------------------------------------------------------------------------------------- scene, result, words
 
 
 def test_strength_and_scene(straight):

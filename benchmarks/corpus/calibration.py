@@ -12,10 +12,14 @@ from typing import Any
 import numpy as np
 
 from schuler.calibration.bench.ferraris import calibrate_ferraris
+from schuler.calibration.bench.poses import Poses
 from schuler.calibration.bench.ratetable import calibrate_ratetable
+from schuler.calibration.bench.sixposition import calibrate_sixposition
 from schuler.calibration.bench.turns import Turns
 from schuler.calibration.freepose.calibrate import calibrate_freepose
 from schuler.calibration.result.result import CalibrationResult
+from schuler.calibration.thermal.calibrate import calibrate_thermal
+from schuler.calibration.thermal.correction import compensate_thermal
 from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.recording.formats import matlab
 from schuler.recording.series import ImuSeries
@@ -126,6 +130,43 @@ def ratetable(data: Path, unit: str) -> dict[str, Any]:
     return {"verdict": first.status, "exit": int(first.status == "refused"), **agreement(first, second)}
 
 
+def sixposition(data: Path, folder: str, both: bool) -> dict[str, Any]:
+    """The first and the second half of each of six poses; one file a pose, or one a sensor."""
+    place = data / "vn200_ratetable" / folder
+
+    def samples(face: str) -> tuple[np.ndarray, np.ndarray]:
+        files = [place / (f"{face}.mat" if both else f"{face}_{name}.mat") for name in ("accel", "gyro")]
+        accel, gyro = (np.asarray(matlab.load(f)[n], float) for f, n in zip(files, ("accel", "gyro"), strict=True))
+        return (accel, gyro) if accel.shape[1] == 3 else (accel.T, gyro.T)
+
+    parts = [samples(face) for face in FACES]
+    t = 1000.0 * np.arange(6.0)
+
+    def half(which: int) -> CalibrationResult:
+        some = [[x[len(x) // 2 * which : len(x) // 2 * (which + 1)] for x in pair] for pair in parts]
+        means = [np.array([pair[k].mean(axis=0) for pair in some]) for k in (0, 1)]
+        sigma = [np.array([pair[k].std(axis=0) / np.sqrt(len(pair[k])) for pair in some]) for k in (0, 1)]
+        return calibrate_sixposition(Poses(*means, *sigma, t, t + 5.0), gravity=9.79)
+
+    first, second = half(0), half(1)
+    return {"verdict": first.status, "exit": int(first.status == "refused"), **agreement(first, second)}
+
+
+def thermal(data: Path) -> dict[str, Any]:
+    """Fitted to every other hundred samples, judged by the others: what is left of the gyroscopes."""
+    d = np.genfromtxt(data / "imu_thermal" / "imu_raw_data.csv", delimiter="\t", skip_header=1)
+    t = 0.1 * np.arange(len(d))  # its stamps are not credible
+    odd = (np.arange(len(d)) // 100) % 2 == 1
+
+    def log(k: np.ndarray) -> ImuSeries:
+        return ImuSeries(t[k], d[k, 1:4], d[k, 4:7], temperature=d[k, 8])
+
+    result = calibrate_thermal(log(~odd))
+    left, before = compensate_thermal(result, log(odd), extrapolate=True).gyro, log(odd).gyro
+    rms, raw = (float(np.sqrt(np.mean((x - x.mean(axis=0)) ** 2))) for x in (left, before))
+    return {"verdict": result.status, "error": 1e6 * rms, "ratio": rms / raw, "peer": "no calibration"}
+
+
 def _cases() -> list[Case]:
     logs: list[tuple[str, str, Any, float | None, str]] = [
         ("imu_tk_xsens", "imu_tk_xsens", xsens, 9.81744, "ok"),
@@ -146,6 +187,11 @@ def _cases() -> list[Case]:
     for unit in ("IMU0", "IMU1"):
         needs = (f"vn200_ratetable/{unit}",)
         cases.append(Case(f"vn200_ratetable/{unit}", "calibration", needs, "ppm", partial(ratetable, unit=unit)))
+    for folder, both in (("unit3_sixpos_50hz", False), ("transfer_align", True)):
+        needs = (f"vn200_ratetable/{folder}",)
+        run = partial(sixposition, folder=folder, both=both)
+        cases.append(Case(f"vn200_ratetable/{folder}", "calibration", needs, "ppm", run))
+    cases.append(Case("imu_thermal", "calibration", ("imu_thermal",), "urad/s", thermal))
     return cases
 
 

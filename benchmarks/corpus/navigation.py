@@ -221,6 +221,16 @@ def judged(result: NavigationResult, smoothed: NavigationResult | None, judge: J
     return row
 
 
+def vn310_roof(data: Path) -> tuple[Recording, Asked, Judge | None]:
+    """Parked on a roof for half a minute: there is no course."""
+    recording = read(data / "instinct_tckf", imu={"file": "vn310-imu.csv"}, gnss={"file": "vn310-gnss.csv"})
+    return recording, {"imu": {"catalogue": "VN-200"}}, None
+
+
+#: Folders of recordings that are not called like them.
+_FOLDERS = {"vn310_roof": "instinct_tckf"}
+
+
 def _cases() -> list[Case]:
     cars = {"every_s": 45.0, "length_s": 15.0, "first_s": 40.0}
     flights = {"every_s": 20.0, "length_s": 5.0, "first_s": 30.0}
@@ -235,6 +245,7 @@ def _cases() -> list[Case]:
         ("rtkexp_walk", "outages", rtkexp_walk, walks, {}),
         ("rtkexp_walk", "tight", rtkexp_walk_tight, None, {}),
         ("rtkexp_walk", "tight-outages", rtkexp_walk_tight, walks, {}),
+        ("vn310_roof", "fixes", vn310_roof, None, {}),
         ("psins_tc", "tight", psins_tc, None, {}),
         ("psins_tc", "tight-outages", psins_tc, parked, {}),
         ("oan_phone_drive", "fixes", oan_phone_drive, None, {}),
@@ -255,7 +266,7 @@ def _cases() -> list[Case]:
         ]  # fmt: skip
     return [
         Case(
-            recording, "navigation", (recording.partition("/IMU")[0],), "m",
+            recording, "navigation", (_FOLDERS.get(recording, recording.partition("/IMU")[0]),), "m",
             partial(run, reader=reader, outages=outages, aiding=aiding), question,
         )
         for recording, question, reader, outages, aiding in asked

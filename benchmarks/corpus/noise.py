@@ -76,6 +76,23 @@ def instinct(data: Path) -> Signals:
     return np.concatenate((imu.gyro, imu.accel), axis=1), imu.rate_hz
 
 
+def clock(data: Path, file: str, interval_s: float, phase: bool) -> Signals:
+    """Frequency of a clock; its rate like that of any sensor."""
+    x = np.loadtxt(data / "allantools_refs" / file, comments="#")
+    x = np.diff(x) / interval_s if phase else x - x.mean()
+    return x[:, None], 1.0 / interval_s
+
+
+#: Clocks by folder: file, interval [s], and whether it holds phases.
+_CLOCKS = {
+    "ocxo": ("ocxo_frequency.txt", 1.0, False),
+    "gps": ("gps_1pps_phase_data.txt.gz", 1.0, True),
+    "Cs5071A": ("5071A_phase.txt.gz", 1.0, True),
+    "pink_frequency": ("pink_frequency.txt", 42.0, False),
+    "Keysight53230A_ti_noise_floor": ("tic_phase.txt", 1.0, True),
+    "phasedat": ("PHASE.DAT", 1.0, True),
+}
+
 CASES = [
     Case(recording, "noise", (needs,), "%", partial(halves, reader=reader), "rest")
     for recording, needs, reader in (
@@ -84,5 +101,13 @@ CASES = [
         ("imu_tk_xsens", "imu_tk_xsens", xsens),
         ("instinct_tckf", "instinct_tckf", instinct),
         ("psins_lasergyro", "psins_lasergyro", lasergyro),
+        *(
+            (
+                f"allantools_refs/{folder}",
+                f"allantools_refs/{folder}/{file}",
+                partial(clock, file=f"{folder}/{file}", interval_s=interval, phase=phase),
+            )
+            for folder, (file, interval, phase) in _CLOCKS.items()
+        ),
     )
 ]

@@ -28,6 +28,7 @@ from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.result import NavigationResult
 from schuler.navigation.start.alignment import advance_to_log_start, align
 from schuler.navigation.start.calibration import CalibrationStart, configured_start
+from schuler.navigation.start.mount_heading import with_mount_in_heading
 from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.io.own import time_document
 from schuler.recording.recording import Recording
@@ -124,6 +125,8 @@ def prepared_run(
     if initial is None:
         fixes = None if gnss is None else current_velocities(gnss, delay)
         initial = align(imu, fixes, config, spec, layout, windows, notes, calibrated)
+        if config.alignment.method in ("auto", "course"):
+            initial = with_mount_in_heading(initial, layout, np.array(config.gnss.lever_arm_m))
         if points is not None:
             initial = with_clocks(initial, points, layout)
     elif calibrated is not None:

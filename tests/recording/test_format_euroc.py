@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from format_drives import drive
 
+from schuler.cli import main
 from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.io import read, write
 
@@ -113,3 +114,24 @@ def test_a_clock_that_was_set(tmp_path):
     file.write_text("\n".join([rows[0], *rows[200:], *rows[1:200]]) + "\n")
     with pytest.raises(FileFormatError, match="go back"):
         read(tmp_path, axes="URF")
+
+
+def test_ground_truth_with_velocity_and_biases(tmp_path, capsys):
+    """17 columns as the original has: the names of its biases hold those of the IMU. Opened by every command."""
+    folder = data_set(tmp_path / "V1_02_medium", "comment: VI-Sensor IMU (ADIS16448)\n")
+    more = [f" v_RS_R_{a} [m s^-1]" for a in "xyz"]
+    more += [f" b_w_RS_S_{a} [rad s^-1]" for a in "xyz"] + [f" b_a_RS_S_{a} [m s^-2]" for a in "xyz"]
+    file = folder / "mav0" / "state_groundtruth_estimate0" / "data.csv"
+    rows = file.read_text().splitlines()[1:]
+    file.write_text("\n".join([TRUTH_HEAD + "," + ",".join(more), *(f"{r},20,0,0,1,2,3,4,5,6" for r in rows)]) + "\n")
+    run = read(folder, origin="47,8,400")
+    np.testing.assert_allclose(run.reference.v_eb_n[0], (0.0, 20.0, 0.0), atol=1e-9)
+    assert len(run.imu) == 400
+    for command in ("info", "check"):
+        assert main([command, str(folder), "--origin", "47,8,400"]) in (0, 2)
+        said = capsys.readouterr()
+        assert "expected 7 columns" not in said.out + said.err
+        assert "is a folder: say" not in said.err
+    assert main(["info", str(folder), "--origin", "47,8,400"]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  - ")]
+    assert len(lines) == len(set(lines))

@@ -191,6 +191,8 @@ def test_recordings_merge_on_one_time_axis():
     assert both.start == 0.0
     assert both.stop == 104.0
     assert both.metadata.sources == {"a.txt": "1", "b.pos": "2"}
+    noted = [replace(r, metadata=r.metadata.noting("x.txt: said of the file")) for r in (a, b)]
+    assert noted[0].merged_with(noted[1]).metadata.notes == ("x.txt: said of the file",)  # one file with two series
     with pytest.raises(InputError, match="both have: imu"):
         a.merged_with(a)
     local = replace(b, metadata=Metadata("c"))

@@ -170,11 +170,13 @@ def check_ros(run, messages) -> None:
     np.testing.assert_array_equal(force * FLU, run.imu.accel)
     stamps = np.array([m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in imu])
     same(stamps * 1e-9 - UNIX - EPOCH, run.imu.t, 3e-7)
+    assert {m.orientation_covariance[0] for m in imu} == {-1.0}  # no orientation in it
     fixes = [m for topic, m in messages if topic == "/gnss/fix"]
     same([(m.latitude * units.DEG, m.longitude * units.DEG) for m in fixes], run.gnss.llh[:, :2], 3e-16)
     cov = np.array([m.position_covariance for m in fixes]).reshape(-1, 3, 3)
     turn = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     same(turn @ cov @ turn.T, run.gnss.cov_r_n, 1e-16)
+    assert {m.child_frame_id for topic, m in messages if topic == "/reference/odometry"} == {"imu_link"}
     poses = [m.pose.pose for topic, m in messages if topic == "/reference/odometry"]
     place = np.array([(p.position.x, p.position.y, p.position.z) for p in poses])
     same(np.linalg.norm(np.diff(place, axis=0), axis=1).sum(),

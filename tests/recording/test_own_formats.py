@@ -66,22 +66,6 @@ def assert_same(back: Recording, run: Recording, rtol: float = 0.0) -> None:
     assert n.sources.items() <= m.sources.items()
 
 
-def test_parquet_keeps_every_bit(run, tmp_path):
-    [path] = write(run, tmp_path / "run.parquet")
-    assert_same(read(path), run)
-
-
-def test_csv_keeps_every_digit_and_needs_no_hint(run, tmp_path):
-    paths = write(run, tmp_path / "run.csv")
-    assert [p.name for p in paths] == ["run.csv", "run_gnss.csv", "run_odometer.csv", "run_reference.csv"]
-    # rounding: degrees and roots are converted back, everything else is exact
-    assert_same(read(paths[0]), run, rtol=4e-16)
-    np.testing.assert_array_equal(read(paths[0]).imu.accel, run.imu.accel)
-    assert paths[0].read_text().splitlines()[1] == (
-        "t [s],ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s],temp [degC]"
-    )
-
-
 def test_parquet_keeps_every_bit_of_all_aids(aided, tmp_path):
     [path] = write(aided, tmp_path / "run.parquet")
     assert_same(read(path), aided)

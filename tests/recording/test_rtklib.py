@@ -233,20 +233,6 @@ def test_a_cut_off_last_line(pos):
     assert len(read(path, allow="truncated").gnss) == 1
 
 
-def test_what_is_written_is_read_back(run, tmp_path):
-    [path] = write(run, tmp_path / "run.pos")
-    back = read(path)
-    assert back.metadata.time == run.metadata.time
-    np.testing.assert_allclose(back.gnss.t, run.gnss.t, rtol=0, atol=1e-9)  # printed digits, here and below
-    np.testing.assert_allclose(back.gnss.llh[:, :2], run.gnss.llh[:, :2], rtol=0, atol=1e-13)
-    np.testing.assert_allclose(back.gnss.llh[:, 2], run.gnss.llh[:, 2], rtol=0, atol=1e-6)
-    np.testing.assert_allclose(back.gnss.cov_r_n, run.gnss.cov_r_n, rtol=0, atol=2e-6)
-    np.testing.assert_allclose(back.gnss.v_n, run.gnss.v_n, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(back.gnss.cov_v_n, run.gnss.cov_v_n, rtol=0, atol=2e-6)
-    np.testing.assert_array_equal(back.gnss.quality, run.gnss.quality)
-    np.testing.assert_array_equal(back.gnss.n_satellites, run.gnss.n_satellites)
-
-
 def test_stamps_just_below_a_minute_are_not_printed_as_sixty_seconds(run, tmp_path):
     t = 259_200.0 + np.array([59.999, 59.9996, 59.9999999, 60.0])
     gnss = GnssSeries(t, run.gnss.llh[:4], np.tile(np.eye(3) * 1.7e-14, (4, 1, 1)))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from schuler import units
-from schuler.cli.output import Flag, Folder, named, print_json, progress, say
+from schuler.cli.output import Flag, Folder, named, print_json, print_verdict, progress, say
 from schuler.cli.reading import Reading
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
@@ -126,7 +126,7 @@ def walk_numbers(result: FootResult, errors: WalkErrors | None) -> dict[str, Any
 
     frequency = median(s.frequency)
     return {
-        "epochs": best.epochs, "states": best.layout.size, "smoothing": result.smoothing,
+        "verdict": result.verdict.to_dict(), "epochs": best.epochs, "states": best.layout.size, "smoothing": result.smoothing,
         "start_s": float(result.t[0]), "stop_s": float(result.t[-1]), "rests": len(result.rests),
         "resting_share": float(result.rests.mask.mean()), "zero_velocities": result.zero_velocities,
         "strides": int(w.sum()), "distance_m": result.distance, "median_length_m": median(s.length),

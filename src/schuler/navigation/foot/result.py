@@ -17,6 +17,8 @@ from schuler.standstill.intervals import Rests
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from schuler.navigation.evaluation.verdict import Verdict
+
 
 @dataclass(frozen=True)
 class FootResult:
@@ -38,6 +40,8 @@ class FootResult:
         Start: latitude, longitude [rad], height [m]; assumed, as foot logs do not know where they are.
     notes : tuple of str
         What was assumed, found and left out.
+    doubts : tuple of str
+        What no gait would give, see :meth:`~schuler.navigation.foot.strides.Strides.doubts`.
     """
 
     navigation: NavigationResult
@@ -47,6 +51,14 @@ class FootResult:
     strides: Strides
     origin_llh: FloatArray
     notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the strides are those of a gait: ok or doubtful, from the walk alone."""
+        from schuler.navigation.evaluation.verdict import Verdict
+
+        return Verdict("doubtful", self.doubts) if self.doubts else Verdict("ok")
 
     @property
     def best(self) -> NavigationResult:

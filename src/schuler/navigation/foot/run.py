@@ -124,8 +124,8 @@ def navigate_foot(
     smoothing = "none" if smoothed is None else config.filter.smooth
     stride = stride_period(imu)
     expected = None if stride is None else float(in_motion(imu).sum()) * imu.interval / stride
-    notes = strides.doubts(expected) + notes
-    return FootResult(filtered, smoothed, smoothing, rests, strides, llh, tuple(notes))
+    doubts = tuple(strides.doubts(expected))
+    return FootResult(filtered, smoothed, smoothing, rests, strides, llh, tuple(notes), doubts)
 
 
 def foot_layout(config: FootConfig) -> StateLayout:

@@ -185,6 +185,11 @@ def test_errors_are_of_the_antenna(drive):
     antenna = truth.moved_by(tn.LEVER)
     exact = Judge(antenna.t, antenna.llh, np.zeros((len(antenna.t), 3, 3)), True, np.zeros(3))
     a, b = horizontal_errors(result, exact), horizontal_errors(result, Judge.of_truth(truth))
+    np.testing.assert_array_equal(a.total, a.claim)  # nothing of an exact judge
+    fuzzy = horizontal_errors(result, exact._replace(cov_n=exact.cov_n + np.eye(3)))
+    np.testing.assert_allclose(fuzzy.total, a.claim + np.eye(2))
+    at = int(np.argmin(np.abs(a.t - result.t[-1])))
+    np.testing.assert_allclose(np.sqrt(np.diag(a.claim[at])), result.sigma("dr")[-1, :2], rtol=0.05)
     k = np.isin(a.t, b.t)
     assert np.abs(a.error[k] - b.error[np.isin(b.t, a.t)]).max() < 0.06  # attitude errors at a lever of 1.2 m
 

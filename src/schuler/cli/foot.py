@@ -82,6 +82,7 @@ def foot(
         print_json({"command": "foot", **numbers, "files": files})
     else:
         say(recording.summary(notes=False))  # the result has them
+        print_verdict(result.verdict)
         print(result.summary())
         if errors is not None:
             print(
@@ -126,7 +127,8 @@ def walk_numbers(result: FootResult, errors: WalkErrors | None) -> dict[str, Any
 
     frequency = median(s.frequency)
     return {
-        "verdict": result.verdict.to_dict(), "epochs": best.epochs, "states": best.layout.size, "smoothing": result.smoothing,
+        "verdict": result.verdict.to_dict(), "epochs": best.epochs, "states": best.layout.size,
+        "smoothing": result.smoothing,
         "start_s": float(result.t[0]), "stop_s": float(result.t[-1]), "rests": len(result.rests),
         "resting_share": float(result.rests.mask.mean()), "zero_velocities": result.zero_velocities,
         "strides": int(w.sum()), "distance_m": result.distance, "median_length_m": median(s.length),

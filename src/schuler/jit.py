@@ -56,14 +56,29 @@ def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Callable[...
     numba itself asks only whether the function's own file is newer, and would go on running code into which the old
     version of a helper from another file has been inlined.
     """
-    compiled: Any = numba.njit(cache=True, **options, **_OPTIONS)(function)
+    compiled: Any = _one_version(numba.njit(cache=True, **options, **_OPTIONS)(function))
     try:
         file = compiled._cache._cache_file
         file._source_stamp = (file._source_stamp, sources_digest())
         file._load_index = functools.partial(_readable_index, file._load_index)
     except AttributeError:  # a numba that keeps it elsewhere: better to compile at every start than to run old code
-        compiled = numba.njit(**options, **_OPTIONS)(function)
+        compiled = _one_version(numba.njit(**options, **_OPTIONS)(function))
     return cast(Callable[..., Any], compiled)
+
+
+def _one_version(compiled: Any) -> Any:
+    """The same dispatcher, which compiles one version for a constant argument and a variable one of the same type.
+
+    numba would compile a helper anew for every constant that a compiled function passes to it.
+    """
+    template = compiled.get_call_template
+
+    def get_call_template(args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
+        plain = {name: numba.types.unliteral(value) for name, value in kws.items()}
+        return template(tuple(numba.types.unliteral(value) for value in args), plain)
+
+    compiled.get_call_template = get_call_template
+    return compiled
 
 
 def lane_version(function: Callable[..., Any], **helpers: Callable[..., Any]) -> Callable[..., Any]:

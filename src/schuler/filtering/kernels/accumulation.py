@@ -112,7 +112,7 @@ def column(X, source, i, sens, o, matrix):
     return X[source, i], X[source, 3 + i], X[source, 6 + i]
 
 
-@borrowing
+@inlined
 def parameter_columns(past, count, acc, moment, sens, ptab, m, matrix, cross, N, sums, B):
     """Parameter columns ``B[m, 9]`` of the transition, from what was kept of ``count`` intervals.
 

@@ -268,7 +268,7 @@ def add_clock_drift(P, i_clock, T):
             P[j, i_clock] += T * P[j, i_clock + 1]
 
 
-@borrowing
+@inlined
 def flush(P, nav, acc, A, B, rows, turned, D, mean, on_psi, n_sensor, decays, omega):
     """Carry the covariance over the accumulated transition: ``P <- Phi P Phi'``. Noise is added by the caller.
 

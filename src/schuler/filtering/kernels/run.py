@@ -224,27 +224,26 @@ def run_filter(stream, aiding, state, model, settings, work, trajectory, records
             for a in range(9):
                 work.B[i, a] = 0.0
         keep_node(state.P, nav, acc, work.B, stream.t[0] - stream.dt[0], cnt, nodes)
-    noise = model.psd
     for k in range(stream.dt.shape[0]):
         h, t = stream.dt[k], stream.t[k]
         gap = h > settings.gap_s
-        if gap:
-            if acc[0] > 0.0:
-                propagate(state, model, work, noise, t - h, nodes)
-            widen_noise(model.psd, settings, h, work.noise)
-            noise = work.noise
         for i in range(3):
             now[i] = stream.dtheta[k, i]
             now[3 + i] = stream.dv[k, i]
         fit_interval(raw, now, before, earlier, h, h1, h2)
         compensate(poly, raw, sens, h, response)
+        due = records.t.shape[0] > 0 and (t >= state.times[1] - 1e-9 or k == last)
+        noise = model.psd
         s0, sa = 0.0, 0.0  # where in the interval the state is, and where its last piece began
         j = cnt[CNT_MEAS]
-        while True:
-            measured = j < n_meas and aiding.t[j] <= t + 1e-9
-            s1 = 1.0
+        pausing = gap  # first, what was before a pause is propagated with the noise it had
+        while True:  # one pass, one call of `propagate`: inlined in three places it takes three times as long to compile
+            measured = not pausing and j < n_meas and aiding.t[j] <= t + 1e-9
+            to = t - h if pausing else t
+            s1 = 0.0 if pausing else 1.0
             if measured:
-                s1 = 1.0 - (t - aiding.t[j]) / h
+                to = aiding.t[j]
+                s1 = 1.0 - (t - to) / h
                 if s1 > 1.0 - 1e-6:
                     s1 = 1.0
             if s1 > s0:
@@ -258,10 +257,20 @@ def run_filter(stream, aiding, state, model, settings, work, trajectory, records
                 acc[1] += math.sqrt(reg[4] * reg[4] + reg[5] * reg[5] + reg[6] * reg[6])
                 cnt[CNT_PAST] += 1
                 sa, s0 = s0, s1
+            wanted = pausing or measured
+            if not wanted:
+                if acc[0] > 0.0:
+                    cnt[CNT_SINCE] += 1
+                wanted = cnt[CNT_SINCE] >= settings.every or acc[1] > settings.flush_angle or due or gap or k == last
+            if wanted and acc[0] > 0.0:
+                propagate(state, model, work, noise, to, nodes)
+            if pausing:
+                compensate(poly, raw, sens, h, response)  # estimates decay
+                widen_noise(model.psd, settings, h, work.noise)
+                noise, pausing = work.noise, False
+                continue
             if not measured:
                 break
-            if acc[0] > 0.0:
-                propagate(state, model, work, noise, aiding.t[j], nodes)
             status = update(j, aiding, state, model, settings, work, nodes)
             if status in (ACCEPTED, FORCED):
                 compensate(poly, raw, sens, h, response)
@@ -270,15 +279,7 @@ def run_filter(stream, aiding, state, model, settings, work, trajectory, records
                     regressor_integrals(part, reg)
             aiding.status[j] = status
             j += 1
-        cnt[CNT_MEAS] = j
-        if acc[0] > 0.0:
-            cnt[CNT_SINCE] += 1
-        due = records.t.shape[0] > 0 and (t >= state.times[1] - 1e-9 or k == last)
-        if acc[0] > 0.0 and (
-            cnt[CNT_SINCE] >= settings.every or acc[1] > settings.flush_angle or due or gap or k == last
-        ):
-            propagate(state, model, work, noise, t, nodes)
-        noise = model.psd
+            cnt[CNT_MEAS] = j
         if due:
             record_state(state, t, settings, records)
         if trajectory.t.shape[0] > 0 and cnt[CNT_EPOCH] % settings.output_every == 0:

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from schuler import frames
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import gnss_measurements
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState

@@ -11,7 +11,8 @@ from schuler.budget import BudgetScenario, catalogue_specs, choose_imu, linear_c
 from schuler.budget import requirements as requirement
 from schuler.budget.scenario import true_schedule
 from schuler.budget.sources import filter_layout
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.initial_state import InitialState
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import ImuSeries
 from schuler.sensors.catalogue import spec

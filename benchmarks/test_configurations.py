@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from schuler import frames
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import (
     HEADING,
     HEIGHT,

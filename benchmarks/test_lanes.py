@@ -14,7 +14,8 @@ import time
 import numpy as np
 import pytest
 
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
 from schuler.montecarlo.lanes.aiding import true_gnss

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.preparation import prepare_ranges

@@ -21,8 +21,9 @@ from schuler.budget.replay import records_at, replay_filter
 from schuler.budget.scenario import BudgetScenario, rotation_of_start, true_schedule
 from schuler.budget.sources import filter_layout
 from schuler.exceptions import ConfigError, InputError
-from schuler.filtering.engine import FilterOptions, InitialState, run, unpack_symmetric
+from schuler.filtering.engine import FilterOptions, run, unpack_symmetric
 from schuler.filtering.error_model import ecef_from_ned_states
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import RESET_POSITION, MeasurementSchedule
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import ImuSeries

@@ -11,7 +11,8 @@ from schuler.budget.linearisation import linearise
 from schuler.budget.replay import System, records_at, replay_filter, replay_noise
 from schuler.budget.sources import constants, filter_layout, noises
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import GRAVITY_VECTOR, MeasurementSchedule
 from schuler.filtering.states import BLOCKS
 from schuler.growth.integrals import integral_variance

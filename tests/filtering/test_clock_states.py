@@ -8,8 +8,9 @@ import pytest
 
 from schuler import earth, frames, rotation
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState, run, unpack_symmetric
+from schuler.filtering.engine import FilterOptions, run, unpack_symmetric
 from schuler.filtering.filter_arrays import aligned
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.limits import MAX_STATES
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel

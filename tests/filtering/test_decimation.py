@@ -6,7 +6,8 @@ import filter_cases as cases
 import numpy as np
 import pytest
 
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.result import NavigationResult

@@ -8,7 +8,8 @@ import pytest
 
 from schuler.exceptions import InputError
 from schuler.filtering import engine
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import ACCEPTED, FORCED, REJECTED, UNUSED, MeasurementSchedule, gnss_measurements
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import mechanize

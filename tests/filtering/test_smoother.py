@@ -11,7 +11,8 @@ from places import ROOT
 
 from schuler import frames, rotation
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState, run, unpack_symmetric
+from schuler.filtering.engine import FilterOptions, run, unpack_symmetric
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.evaluation.consistency import chi_square_band, nees

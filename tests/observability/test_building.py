@@ -5,8 +5,9 @@ import pytest
 from scipy.linalg import expm
 
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
 from schuler.filtering.error_model import ecef_from_ned_states, system_matrix_ecef
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import POSITION, VELOCITY, ZERO_RATE, MeasurementSchedule, merged
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.frames import ecef_from_llh, llh_from_ecef

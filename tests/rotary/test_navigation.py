@@ -10,7 +10,7 @@ from places import ROOT
 
 from schuler import frames, rotation
 from schuler.exceptions import ConfigError, InputError
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState

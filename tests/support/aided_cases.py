@@ -10,7 +10,8 @@ from aided_truth import CLOCKS_BETWEEN, LEVER_V, MODELS, Drive, Truth, layout, t
 from filter_cases import ACCEL_N, GYRO_N, LEVER, ORIGIN, SIGMA_R, SIGMA_V, START_R, START_V
 
 from schuler import frames, rotation
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import EARTH_RATE_MAGNITUDE, MeasurementSchedule, gnss_measurements, merged
 from schuler.filtering.states import StateLayout
 from schuler.gnss.constellation import nominal_orbits

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from schuler import frames, rotation
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import gnss_measurements
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState

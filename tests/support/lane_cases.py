@@ -6,8 +6,9 @@ import filter_cases as cases
 import numpy as np
 
 from schuler import frames
-from schuler.filtering.engine import FilterOptions, ForwardRun, InitialState, run
+from schuler.filtering.engine import FilterOptions, ForwardRun, run
 from schuler.filtering.error_model import ecef_from_ned_states
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.montecarlo.lanes.aiding import LaneAiding, true_gnss

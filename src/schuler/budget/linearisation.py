@@ -11,7 +11,9 @@ import numpy as np
 from schuler import earth, rotation
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState, SmootherNodes, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.filter_arrays import SmootherNodes
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import DIMENSIONS, RESET_KINDS, MeasurementSchedule
 from schuler.filtering.states import BLOCKS, StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState

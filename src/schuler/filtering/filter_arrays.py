@@ -183,6 +183,23 @@ class NodeArrays(NamedTuple):
         )  # fmt: skip
 
 
+class SmootherNodes(NamedTuple):
+    """Nodes of a forward run and what else its backward pass needs."""
+
+    t: FloatArray  # (k,), this and the next seven as in :class:`NodeArrays`, cut to what was written
+    P: FloatArray
+    phi: FloatArray
+    B: FloatArray
+    upd: IntArray
+    W: FloatArray
+    G: FloatArray
+    e: FloatArray
+    pmod: FloatArray  # (m, 2) dynamics of the parameters, see :class:`Model`
+    n_sensor: int
+    i_clock: int  # first state of a receiver clock, or -1
+    omega: float
+
+
 def aligned(*shape: int) -> FloatArray:
     """Zeros that begin on a cache line, as vectors of eight numbers like it."""
     size = int(np.prod(shape))

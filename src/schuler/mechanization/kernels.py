@@ -185,6 +185,18 @@ def half_angle(px, py, pz):
 
 
 @inlined
+def rotate_by(nav, x, y, z):
+    """Attitude turned by a rotation vector in Earth-fixed axes: ``q <- exp(x, y, z) q``."""
+    c, s = half_angle(x, y, z)
+    x, y, z = s * x, s * y, s * z
+    q0, q1, q2, q3 = nav[0], nav[1], nav[2], nav[3]
+    nav[0] = c * q0 - x * q1 - y * q2 - z * q3
+    nav[1] = c * q1 + x * q0 + y * q3 - z * q2
+    nav[2] = c * q2 - x * q3 + y * q0 + z * q1
+    nav[3] = c * q3 + x * q2 - y * q1 + z * q0
+
+
+@inlined
 def advance_ecef(nav, poly, h, omega_ie):
     """Carry ``nav`` over an interval of ``h`` seconds in Earth-fixed axes; returns the velocity increment there."""
     px, py, pz, ux, uy, uz, jx, jy, jz = body_integrals(poly)

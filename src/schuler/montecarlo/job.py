@@ -14,7 +14,7 @@ from pydantic import Field
 from schuler.arrays import FloatArray
 from schuler.exceptions import ConfigError, InputError
 from schuler.files import read_toml, sha256
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import NavigationConfig

@@ -10,7 +10,7 @@ import numpy as np
 from schuler import frames, rotation
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.mechanization.strapdown import NavState
 from schuler.montecarlo.functions import RunFunction, traits
 from schuler.montecarlo.job import Engine, NavigationJob, Plan

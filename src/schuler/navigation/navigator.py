@@ -9,9 +9,10 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, FilterState, InitialState
+from schuler.filtering.engine import FilterOptions, FilterState
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.filter_arrays import Aiding, ImuStream, NodeArrays, RecordArrays, TrajectoryArrays
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import KINDS, STATUS, MeasurementSchedule, merged
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from schuler.filtering.engine import FilterOptions, ForwardRun, InitialState, Progress, run
+from schuler.filtering.engine import FilterOptions, ForwardRun, Progress, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout
 from schuler.gnss.ranges import Ranges

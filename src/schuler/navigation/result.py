@@ -12,8 +12,10 @@ import numpy as np
 from schuler import frames, units
 from schuler.arrays import ArrayLike, FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.filtering.engine import ForwardRun, InitialState, SmootherNodes, unpack_symmetric
+from schuler.filtering.engine import ForwardRun, unpack_symmetric
 from schuler.filtering.error_model import ecef_from_ned_states
+from schuler.filtering.filter_arrays import SmootherNodes
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import ACCEPTED, DIMENSIONS, FORCED, GATED, KINDS, REJECTED, STATUS, UNUSED
 from schuler.filtering.states import BLOCK_TEXT, StateLayout
 from schuler.mechanization.strapdown import NavState

@@ -11,7 +11,8 @@ import numpy as np
 
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import ConfigError
-from schuler.filtering.engine import InitialState, Progress
+from schuler.filtering.engine import Progress
+from schuler.filtering.initial_state import InitialState
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.gnss_faults import rejections

@@ -8,7 +8,8 @@ import numpy as np
 
 from schuler import rotation
 from schuler.arrays import FloatArray
-from schuler.filtering.engine import SmootherNodes, unpack_symmetric
+from schuler.filtering.engine import unpack_symmetric
+from schuler.filtering.filter_arrays import SmootherNodes
 from schuler.recording.trajectory import FullTrajectory
 
 if TYPE_CHECKING:
@@ -50,11 +51,7 @@ def smooth_run(
     record[at] = np.arange(len(at))
     minus, plus = np.empty((n_nodes, n)), np.empty((n_nodes, n))
     packed = np.empty((len(result.t), n * (n + 1) // 2))
-    k.smooth(
-        nodes.P, nodes.phi, nodes.B, nodes.upd, nodes.W, nodes.G, nodes.e, nodes.pmod, nodes.n_sensor, nodes.i_clock,
-        nodes.omega,
-        record, minus, plus, packed,
-    )  # fmt: skip
+    k.smooth(nodes, record, minus, plus, packed)
     trajectory, states = result.trajectory, result.states
     q, v, r = trajectory.q_eb.copy(), trajectory.v_eb_e.copy(), trajectory.r_eb_e.copy()
     k.apply_corrections(trajectory.t, q, v, r, nodes.t, minus, plus)

@@ -10,8 +10,10 @@ import numpy as np
 from schuler import frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState, SmootherNodes, run, unpack_symmetric
+from schuler.filtering.engine import FilterOptions, run, unpack_symmetric
 from schuler.filtering.error_model import ecef_from_ned_states
+from schuler.filtering.filter_arrays import SmootherNodes
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import RESET_KINDS, MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState

@@ -7,7 +7,7 @@ import numpy as np
 from schuler import earth, frames, rotation, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import ConfigError
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.start.alignment import align

@@ -15,7 +15,8 @@ from schuler import rotation
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import ConfigError
-from schuler.filtering.engine import InitialState, run
+from schuler.filtering.engine import run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout
 from schuler.navigation.aids.aiding import Sources, aiding_schedule

@@ -8,7 +8,8 @@ from filter_cases import Case, drive
 
 from schuler import frames, rotation
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import GATED, LATERAL, SPEED, VERTICAL, MeasurementSchedule, gate_threshold, merged
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState

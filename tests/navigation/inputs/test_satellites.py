@@ -12,7 +12,7 @@ import pytest
 
 from schuler import frames
 from schuler.exceptions import InputError
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.ephemerides import Ephemerides, no_glonass

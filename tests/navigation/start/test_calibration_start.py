@@ -13,8 +13,9 @@ from schuler.calibration.bench.counts import CountFactors
 from schuler.calibration.result.parameters import LINEAR, imu_errors, vector
 from schuler.calibration.result.result import CalibrationResult, result_from
 from schuler.exceptions import ConfigError, FileFormatError, InputError
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
 from schuler.filtering.error_model import parameter_columns
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel, layout_for
 from schuler.mechanization.alignment import levelling

@@ -16,8 +16,9 @@ from schuler.calibration.field.options import FieldOptions
 from schuler.calibration.field.problem import FREE_HEADING, TILT_SIGMA, field_layout
 from schuler.calibration.field.schedule import FREE_ACCEL, BlockNoise, rest_schedule
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState, run, unpack_symmetric
+from schuler.filtering.engine import FilterOptions, run, unpack_symmetric
 from schuler.filtering.error_model import ecef_from_ned_states, sensor_matrices
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState, mechanize
 from schuler.recording.series import ImuSeries, Increments

@@ -16,7 +16,8 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.calibration.field.problem import Problem, wandering_parameters
 from schuler.exceptions import InputError
-from schuler.filtering.engine import ForwardRun, InitialState, run, unpack_symmetric
+from schuler.filtering.engine import ForwardRun, run, unpack_symmetric
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import DIMENSIONS, KINDS, MeasurementSchedule
 from schuler.mechanization.strapdown import NavState
 

@@ -107,10 +107,7 @@ def smoothed_heading(problem: Problem, last: Pass) -> tuple[float, float]:
     record[0] = 0
     minus, plus = np.empty((len(nodes.t), n)), np.empty((len(nodes.t), n))
     packed = np.empty((1, n * (n + 1) // 2))
-    k.smooth(
-        nodes.P, nodes.phi, nodes.B, nodes.upd, nodes.W, nodes.G, nodes.e, nodes.pmod, nodes.n_sensor, nodes.i_clock,
-        nodes.omega, record, minus, plus, packed,
-    )  # fmt: skip
+    k.smooth(nodes, record, minus, plus, packed)
     down = frames.C_en(problem.llh)[:, 2]
     turn = float(down @ plus[0, :3])
     P = unpack_symmetric(packed, n)[0, :3, :3]

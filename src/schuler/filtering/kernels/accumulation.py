@@ -18,7 +18,7 @@ below; ``acc[8]`` as in ``covariance``, ``moment[3]`` the sum b of velocity incr
 from __future__ import annotations
 
 from schuler.filtering.kernels.covariance import dcm, gram
-from schuler.jit import borrowing, inlined
+from schuler.jit import inlined
 
 # Columns of `past`: integrals of the regressors (time, force, rate), time and force once more times mid time, attitude
 # at mid interval row by row, its columns x a_mid, and x b_mid.

@@ -237,7 +237,9 @@ def run_filter(stream, aiding, state, model, settings, work, trajectory, records
         s0, sa = 0.0, 0.0  # where in the interval the state is, and where its last piece began
         j = cnt[CNT_MEAS]
         pausing = gap  # first, what was before a pause is propagated with the noise it had
-        while True:  # one pass, one call of `propagate`: inlined in three places it takes three times as long to compile
+        while (
+            True
+        ):  # one pass, one call of `propagate`: inlined in three places it takes three times as long to compile
             measured = not pausing and j < n_meas and aiding.t[j] <= t + 1e-9
             to = t - h if pausing else t
             s1 = 0.0 if pausing else 1.0

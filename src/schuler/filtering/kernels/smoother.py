@@ -25,6 +25,7 @@ import math
 
 import numpy as np
 
+from schuler.filtering.filter_arrays import SmootherNodes
 from schuler.filtering.kernels.covariance import PAD, padded, transition
 from schuler.jit import inlined, kernel, prepare
 from schuler.mechanization.kernels import half_angle
@@ -137,17 +138,13 @@ def root_transition(Y, Phi, D, n, wide, decays, i_clock, T):
 
 
 @kernel
-def smooth(
-    node_P, node_phi, node_B, node_upd, upd_W, upd_G, upd_e, pmod, n_sensor, i_clock, omega, record, minus, plus, rec_P
-):
+def smooth(nodes, record, minus, plus, rec_P):
     """Run backwards over all nodes.
 
     Parameters
     ----------
-    node_P : float64[k, n (n + 1) / 2]
-        Predicted covariances, lower triangles.
-    node_phi, node_B, node_upd, upd_W, upd_G, upd_e
-        As kept by the filter; updates of node i are ``node_upd[i - 1] .. node_upd[i]``.
+    nodes : SmootherNodes
+        As kept by the filter; updates of node i are ``upd[i - 1] .. upd[i]``.
     record : int64[k]
         Row of ``rec_P`` for a node's smoothed covariance, or -1.
     minus, plus : float64[k, n]
@@ -156,7 +153,7 @@ def smooth(
     rec_P : float64[r, n (n + 1) / 2]
         Output: smoothed covariances.
     """
-    n_nodes = node_P.shape[0]
+    n_nodes, n_sensor, i_clock, pmod = nodes.t.shape[0], nodes.n_sensor, nodes.i_clock, nodes.pmod
     n = minus.shape[1]
     m = n - 9
     wide = padded(n)
@@ -168,11 +165,11 @@ def smooth(
     P, X = np.zeros((n, PAD)), np.zeros((n, PAD))
     A[2, 2] = 1.0
     for node in range(n_nodes - 1, -1, -1):
-        first = node_upd[node - 1] if node > 0 else 0
+        first = nodes.upd[node - 1] if node > 0 else 0
         for i in range(n):
             inj[i] = 0.0
-        for u in range(node_upd[node] - 1, first - 1, -1):
-            W, G, e = upd_W[u], upd_G[u], upd_e[u]
+        for u in range(nodes.upd[node] - 1, first - 1, -1):
+            W, G, e = nodes.W[u], nodes.G[u], nodes.e[u]
             for a in range(3):
                 s = e[a]
                 for i in range(n):
@@ -183,7 +180,7 @@ def smooth(
                     lam[i] -= G[a, i] * c[a]
                     inj[i] += W[a, i] * e[a]
             root_update(Y, Z, W, G, E, R, v, t, n, wide)
-        packed = node_P[node]
+        packed = nodes.P[node]
         symv(packed, lam, c, n)
         for i in range(n):
             minus[node, i] = c[i]
@@ -211,18 +208,18 @@ def smooth(
                     o += 1
         if node == 0:
             break
-        T = node_phi[node, 0]
+        T = nodes.phi[node, 0]
         for i in range(8):
-            acc[i] = node_phi[node, i]
+            acc[i] = nodes.phi[node, i]
         for i in range(3):
-            nav[7 + i] = node_phi[node, 8 + i]
-        transition(A, acc, nav, omega)
+            nav[7 + i] = nodes.phi[node, 8 + i]
+        transition(A, acc, nav, nodes.omega)
         for i in range(9):
             p = Phi[i]
             for j in range(9):
                 p[j] = A[i, j]
             for k in range(n_sensor):
-                p[9 + k] = node_B[node, i, k]
+                p[9 + k] = nodes.B[node, i, k]
         decays = False
         for k in range(m):
             if pmod[k, 0] > 0.0:
@@ -299,9 +296,10 @@ def prepare_smoother() -> None:
     import numba as nb
 
     f, m, c, i = nb.float64[::1], nb.float64[:, ::1], nb.float64[:, :, ::1], nb.int64[::1]
+    nodes = nb.types.NamedTuple((f, m, m, c, i, c, c, m, m, nb.int64, nb.int64, nb.float64), SmootherNodes)
     prepare(
         [
-            (smooth, (m, m, c, i, c, c, m, m, nb.int64, nb.int64, nb.float64, i, m, m, m)),
+            (smooth, (nodes, i, m, m, m)),
             (apply_corrections, (f, m, m, m, f, m, m)),
         ]
     )

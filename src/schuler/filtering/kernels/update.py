@@ -10,7 +10,7 @@ from schuler.filtering.kernels.range import pseudorange, range_rate
 from schuler.filtering.kernels.rest import earth_rate, gravity_magnitude, gravity_vector
 from schuler.filtering.kernels.vehicle import heading, height, rate_columns, vehicle_velocity, zero_rate
 from schuler.jit import borrowing, inlined
-from schuler.mechanization.kernels import gravity_e, half_angle
+from schuler.mechanization.kernels import gravity_e, rotate_by
 
 _A = WGS84.a
 _B = WGS84.b
@@ -92,16 +92,6 @@ def turned_by(c, x, y, z):
         c[0] * x + c[1] * y + c[2] * z,
         c[3] * x + c[4] * y + c[5] * z,
         c[6] * x + c[7] * y + c[8] * z,
-    )
-
-
-@inlined
-def turned_back(c, u, v, w):
-    """A vector of Earth-fixed axes in body axes."""
-    return (
-        u * c[0] + v * c[3] + w * c[6],
-        u * c[1] + v * c[4] + w * c[7],
-        u * c[2] + v * c[5] + w * c[8],
     )
 
 
@@ -398,15 +388,3 @@ def correct(P, nav, est, W, e, d, dx):
         nav[7 + i] -= dx[6 + i]
     for k in range(n - 9):
         est[k] -= dx[9 + k]
-
-
-@inlined
-def rotate_by(nav, x, y, z):
-    """Attitude turned by a rotation vector in Earth-fixed axes: ``q <- exp(x, y, z) q``."""
-    c, s = half_angle(x, y, z)
-    x, y, z = s * x, s * y, s * z
-    q0, q1, q2, q3 = nav[0], nav[1], nav[2], nav[3]
-    nav[0] = c * q0 - x * q1 - y * q2 - z * q3
-    nav[1] = c * q1 + x * q0 + y * q3 - z * q2
-    nav[2] = c * q2 - x * q3 + y * q0 + z * q1
-    nav[3] = c * q3 + x * q2 - y * q1 + z * q0

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from schuler.arrays import FloatArray
-from schuler.filtering.engine import InitialState
 from schuler.filtering.filter_arrays import aligned
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.montecarlo.lanes.scenario import LaneScenario, draw_run
 from schuler.recording.series import Increments

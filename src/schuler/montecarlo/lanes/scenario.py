@@ -11,7 +11,8 @@ import numpy.typing as npt
 from schuler import frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState
+from schuler.filtering.engine import FilterOptions
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.montecarlo.lanes.aiding import LaneAiding

@@ -12,7 +12,8 @@ import numpy as np
 from schuler import frames
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import GNSS_KINDS, MeasurementSchedule
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.config import NavigationConfig, OutageSection

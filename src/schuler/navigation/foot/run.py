@@ -12,7 +12,8 @@ import numpy as np
 from schuler import earth, frames, units
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState, Progress, run
+from schuler.filtering.engine import FilterOptions, Progress, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.navigation.foot.alignment import align_foot

@@ -9,7 +9,7 @@ import numpy as np
 from schuler import units
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import in_windows
 from schuler.filtering.states import StateLayout
 from schuler.gnss.point import solve_points

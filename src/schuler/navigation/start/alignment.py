@@ -7,7 +7,7 @@ import numpy as np
 from schuler import earth, frames, rotation, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import in_windows
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.alignment import Alignment, gyrocompass, heading_from_course, levelling

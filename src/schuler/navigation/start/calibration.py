@@ -21,8 +21,8 @@ from schuler.calibration.result.result_file import read_result, result_text
 from schuler.calibration.thermal.correction import compensate_thermal
 from schuler.exceptions import ConfigError, FileFormatError, InputError
 from schuler.files import sha256
-from schuler.filtering.engine import InitialState
 from schuler.filtering.error_model import parameter_columns, sensor_matrices
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.alignment import Alignment
 from schuler.navigation.config import NavigationConfig

@@ -6,7 +6,8 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, as_vector3
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import zero_velocity
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.alignment import Alignment

@@ -11,7 +11,7 @@ from schuler import frames, rotation
 from schuler.arrays import FloatArray
 from schuler.budget.scenario import rotation_of_start
 from schuler.budget.sources import filter_layout
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries

@@ -10,7 +10,8 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState
+from schuler.filtering.engine import FilterOptions
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
 from schuler.montecarlo.lanes.aiding import true_gnss

@@ -12,7 +12,8 @@ import numpy as np
 from schuler import frames, rotation
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements
 from schuler.mechanization.strapdown import NavState
 from schuler.montecarlo import traits

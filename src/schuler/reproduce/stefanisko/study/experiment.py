@@ -14,7 +14,8 @@ import numpy as np
 from schuler import frames, rotation
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState, run
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import gnss_measurements
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState

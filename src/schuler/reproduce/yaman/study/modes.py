@@ -21,7 +21,7 @@ import numpy as np
 from schuler import frames
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import NavigationConfig

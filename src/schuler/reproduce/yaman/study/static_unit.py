@@ -12,7 +12,8 @@ from schuler.arrays import FloatArray
 from schuler.calibration.field.problem import field_layout, parameter_names
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
-from schuler.filtering.engine import FilterOptions, InitialState, run, unpack_symmetric
+from schuler.filtering.engine import FilterOptions, run, unpack_symmetric
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState, mechanize

@@ -16,7 +16,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.result import NavigationResult

@@ -15,7 +15,7 @@ import numpy as np
 from schuler import frames, rotation
 from schuler.arrays import FloatArray, as_floats
 from schuler.exceptions import InputError
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.synthetic import EXACT, synthetic_ranges

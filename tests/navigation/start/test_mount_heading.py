@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from schuler import rotation
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.run import navigate

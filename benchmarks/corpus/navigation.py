@@ -25,8 +25,10 @@ from schuler.recording.series import GnssSeries, gnss_series
 from .case import ROOT, Case
 from .judgement import Judge, Windows, consistency, horizontal_errors, largest, rms, within
 
-MEMS = {"catalogue": "MPU-6000"}  # any cheap one
+MEMS = {"catalogue": "MPU-6000"}  # the only cheap one of the catalogue with a data sheet
+GRADE = {"catalogue": "consumer"}  # what one says who does not know the part
 Asked = dict[str, Any]
+Reader = Callable[[Path], tuple[Recording, Asked, Judge | None]]
 
 WHEELS: Asked = {"non_holonomic": {}, "zero_velocity": {}, "zero_rate": {}}
 
@@ -113,6 +115,13 @@ def euroc_imu(data: Path, name: str, given: bool = False) -> tuple[Recording, As
     return recording, config, Judge.of_truth(truth)
 
 
+def of_grade(data: Path, reader: Reader) -> tuple[Recording, Asked, Judge | None]:
+    """The same, with the IMU's grade instead of a part's name."""
+    recording, stated, judge = reader(data)
+    kept = {name: value for name, value in stated["imu"].items() if name != "catalogue"}
+    return recording, {**stated, "imu": {**kept, **GRADE}}, judge
+
+
 # --- what is asked ----------------------------------------------------------------------------------------------------
 
 
@@ -141,9 +150,7 @@ def _ranges(recording: Recording) -> Any:
     return prepare_ranges(recording.observations, recording.ephemerides, systems="GEC")
 
 
-def prepared(
-    data: Path, reader: Callable[[Path], tuple[Recording, Asked, Judge | None]], outages: Asked | None, aiding: Asked
-) -> tuple[Recording, Asked, Judge]:
+def prepared(data: Path, reader: Reader, outages: Asked | None, aiding: Asked) -> tuple[Recording, Asked, Judge]:
     """Recording without what is held back, configuration, and judge; see :func:`run`."""
     recording, stated, judge = reader(data)
     tight = stated.get("gnss", {}).get("coupling") == "tight"
@@ -155,9 +162,7 @@ def prepared(
     return recording, {**stated, "filter": {"record_s": 0.2}, "aiding": aiding, "outages": outages or {}}, judge
 
 
-def run(
-    data: Path, reader: Callable[[Path], tuple[Recording, Asked, Judge | None]], outages: Asked | None, aiding: Asked
-) -> dict[str, Any]:
+def run(data: Path, reader: Reader, outages: Asked | None, aiding: Asked) -> dict[str, Any]:
     """Navigate a recording and judge it.
 
     Parameters
@@ -251,6 +256,14 @@ def _cases() -> list[Case]:
         ("oan_phone_drive", "fixes", oan_phone_drive, None, {}),
         ("oan_phone_drive", "outages", oan_phone_drive, {**cars, "first_s": 250.0}, {}),
         ("oan_phone_drive", "wheels", oan_phone_drive, {**cars, "first_s": 250.0}, WHEELS),
+    ]
+    drive, phone = partial(of_grade, reader=rtkexp_drive), partial(of_grade, reader=oan_phone_drive)
+    asked += [
+        ("rtkexp_drive", "grade-fixes", drive, None, {}),
+        ("rtkexp_drive", "grade-outages", drive, cars, {}),
+        ("rtkexp_drive", "grade-wheels", drive, cars, lever),
+        ("oan_phone_drive", "grade-fixes", phone, None, {}),
+        ("oan_phone_drive", "grade-outages", phone, {**cars, "first_s": 250.0}, {}),
     ]
     for k in range(1, 6):
         name, reader = f"morpinet_car/IMU_{k}", partial(morpinet_car, number=k)

@@ -157,7 +157,9 @@ def test_the_car_rests_at_traffic_stops(outcomes):
     counts = outcomes[40.0].result.innovations.counts()
     assert counts["zero_velocity"]["rejected"] == 0
     assert counts["zero_velocity"]["accepted"] > 40
-    assert any("at rest: 6 intervals" in note for note in outcomes[40.0].result.notes)
+    notes = outcomes[40.0].result.notes
+    assert any("at rest: 9 intervals" in note for note in notes)  # five with the engine off
+    assert any(note.startswith("stops that shake") for note in notes)
 
 
 def predicted_over(recording: Recording, every_s: float, data: dict) -> tuple[float, float]:

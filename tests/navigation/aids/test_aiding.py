@@ -161,8 +161,8 @@ def test_rests_are_the_stops(recording, truth):
     quiet = alone.start[~np.isin(alone.start, intervals.start)][0] - 1.0
     blind = aiding.rests(recording.imu, recording.gnss, RestSection(), windows=((quiet, 1e9),))
     assert len(blind) == len(alone)
-    static = replace(recording.gnss, v_n=None, cov_v_n=None)
-    assert len(aiding.rests(recording.imu, static, RestSection())) == len(alone)
+    by_positions = aiding.rests(recording.imu, replace(recording.gnss, v_n=None, cov_v_n=None), RestSection())
+    assert not np.any(by_positions.mask & (speed > 4.0))  # positions of metres see a slow ride late
 
 
 def test_conditions_of_non_slipping(recording, truth):

@@ -8,17 +8,17 @@ import numpy as np
 
 from schuler import units
 from schuler.exceptions import InputError
-from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements, in_windows, merged
+from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements, merged
 from schuler.gnss.ranges import Ranges
-from schuler.navigation.aids.rest import earth_rates, gravities, zero_rates, zero_velocities
+from schuler.navigation.aids.rest import SHAKEN, earth_rates, gravities, rests, zero_rates, zero_velocities
 from schuler.navigation.aids.satellite import range_measurements, resets, thinned
 from schuler.navigation.aids.scalar import heading_measurements, height_measurements, known_positions
 from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic, odometer_measurements
 from schuler.navigation.config import GnssSection, NavigationConfig
-from schuler.navigation.sections import AidingSection, RestSection
+from schuler.navigation.sections import AidingSection
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
 from schuler.sensors.spec import ImuSpec
-from schuler.standstill.stationarity import StaticIntervals, static_intervals
+from schuler.standstill.stationarity import StaticIntervals
 
 
 @dataclass(frozen=True)
@@ -103,38 +103,10 @@ def aiding_schedule(
             f"at rest: {len(intervals)} intervals, {intervals.duration.sum():.1f} s in all"
             + (" (what is measured at rest has nothing to work with)" if not len(intervals) else "")
         )
+        notes += [note for note in intervals.notes if note.startswith(SHAKEN)]
         parts += _rest_parts(sources.imu, intervals, aiding, spec)
     schedule = merged(*parts)
     return schedule.where(schedule.t > start + 1e-6), notes
-
-
-def rests(
-    imu: ImuSeries, gnss: GnssSeries | None, section: RestSection, windows: tuple[tuple[float, float], ...] = ()
-) -> StaticIntervals:
-    """Stretches at rest by the IMU, less those during which GNSS sees motion.
-
-    Parameters
-    ----------
-    imu : ImuSeries
-    gnss : GnssSeries, optional
-        Rests during which it moves are dropped: a smooth ride is as quiet as rest.
-    section : RestSection
-    windows : tuple of (start, stop)
-        Outages, whose fixes are not used. [s]
-    """
-    intervals = static_intervals(imu, min_s=section.min_s, window_s=section.window_s, margin=section.margin)
-    if gnss is None or gnss.v_n is None or gnss.cov_v_n is None or not len(intervals):
-        return intervals
-    sigma = np.sqrt(np.einsum("nii->n", gnss.cov_v_n) / 3.0)
-    moving = (np.linalg.norm(gnss.v_n, axis=1) > section.max_speed_m_s + 3.0 * sigma) & ~in_windows(gnss.t, windows)
-    times = gnss.t[moving]
-    keep = np.searchsorted(times, intervals.start) == np.searchsorted(times, intervals.stop, side="right")
-    mask = intervals.mask.copy()
-    for a, b in intervals.index[~keep]:
-        mask[a:b] = False
-    return replace(
-        intervals, start=intervals.start[keep], stop=intervals.stop[keep], index=intervals.index[keep], mask=mask
-    )
 
 
 def _rest_parts(
@@ -144,7 +116,7 @@ def _rest_parts(
     parts = []
     if aiding.zero_velocity is not None:
         z = aiding.zero_velocity
-        parts.append(zero_velocities(intervals, sigma=z.sigma_m_s, rate_hz=z.rate_hz, gate=_gate(z.gate)))
+        parts.append(zero_velocities(intervals, sigma=z.sigma_m_s, rate_hz=z.rate_hz, gate=_gate(z.gate), imu=imu))
     gyro_noise, accel_noise = spec.gyro.random_walk, spec.accel.random_walk
     for section, function in ((aiding.zero_rate, zero_rates), (aiding.earth_rate, earth_rates)):
         if section is not None:

@@ -130,6 +130,9 @@ def verdict(result: NavigationResult) -> Verdict:
     findings = [*_numbers(result), *_rejections(result), *_sizes(result), *_pauses(result), *_budgets(result)]
     findings += [*_halves(result), *_attitude(result)]
     findings += [Finding(0, note, "noise") for note in result.notes if note.startswith(NOISIER)]
+    # sensor errors that change are the filter's failure only where measurements are rejected too
+    if not any(f.key.startswith("rejected") for f in findings):
+        findings = [f._replace(grave=min(f.grave, 0)) if f.key.startswith("halves") else f for f in findings]
     findings.sort(key=lambda f: -f.grave)
     remarks = tuple(_remarks(result))
     if not findings or findings[0].grave < 0:

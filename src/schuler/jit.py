@@ -71,11 +71,11 @@ def _one_version(compiled: Any) -> Any:
 
     numba would compile a helper anew for every constant that a compiled function passes to it.
     """
-    template = compiled.get_call_template
+    template, unliteral = compiled.get_call_template, cast(Any, numba.types.unliteral)
 
     def get_call_template(args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
-        plain = {name: numba.types.unliteral(value) for name, value in kws.items()}
-        return template(tuple(numba.types.unliteral(value) for value in args), plain)
+        plain = {name: unliteral(value) for name, value in kws.items()}
+        return template(tuple(unliteral(value) for value in args), plain)
 
     compiled.get_call_template = get_call_template
     return compiled

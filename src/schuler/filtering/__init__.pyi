@@ -1,11 +1,11 @@
 from .engine import FilterOptions as FilterOptions
 from .engine import ForwardRun as ForwardRun
-from .engine import InitialState as InitialState
 from .engine import run as run
 from .error_model import noise_density as noise_density
 from .error_model import parameter_columns as parameter_columns
 from .error_model import system_matrix_ecef as system_matrix_ecef
 from .error_model import system_matrix_ned as system_matrix_ned
+from .initial_state import InitialState as InitialState
 from .measurements import KINDS as KINDS
 from .measurements import STATUS as STATUS
 from .measurements import MeasurementSchedule as MeasurementSchedule

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
+from schuler import units
 from schuler.arrays import FloatArray
 from schuler.filtering.kinds import kind_display
 from schuler.filtering.measurements import (
@@ -326,7 +327,7 @@ def _attitude(result: NavigationResult) -> Iterator[Finding]:
     """Attitudes that were never determined, and a body on its back."""
     if len(result.t) < 2:
         return
-    sigma = np.degrees(result.sigma("dpsi").max(axis=1))
+    sigma = result.sigma("dpsi").max(axis=1) / units.DEG
     late = sigma[len(sigma) // 2 :]
     if np.median(late) > _HEADING_DEG:
         text = f"attitude is uncertain by {np.median(late):.0f} deg (1 sigma): errors are no small angles there"

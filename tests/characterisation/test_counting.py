@@ -17,6 +17,7 @@ def log_of(process: Counted, n: int, seed: int) -> np.ndarray:
     return process.sample(n, 1.0 / RATE, np.random.default_rng(seed)) + process.mean
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(
     ("quantum", "mean", "read_rate_hz"),
     [(5e-3, 9.823, 125.0), (1e-5, 2.3e-4, 150.0), (2e-3, 0.051, 50.0), (0.7, -11.0, 100.0), (3e-4, 0.013, 80.0)],
@@ -47,6 +48,7 @@ def test_noise_shows_no_lattice_beyond_its_resolution():
     assert (found.quantum, found.read_rate_hz) == pytest.approx((0.5 / RATE, RATE))
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize(
     ("quantum", "mean", "read_rate_hz", "N", "jitter"),
     [(5e-3, 9.823, 125.0, 1.5e-4, 0.08), (2e-5, 3.1e-4, 100.0, 1.2e-6, 0.1), (1e-3, 0.012, 150.0, 3e-5, 0.06)],

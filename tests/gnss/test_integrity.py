@@ -155,6 +155,7 @@ def test_false_alarms_are_as_many_as_asked(false_alarm):
         assert abs(rate - false_alarm) < 4.0 * binomial_se(false_alarm, len(status))
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("bias", [8.0, 15.0, 25.0])
 def test_the_power_is_that_of_the_noncentral_chi_square(bias):
     """Each epoch has its own geometry, so the detections are a sum of unequal Bernoulli draws."""

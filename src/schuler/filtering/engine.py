@@ -59,8 +59,14 @@ class FilterOptions:
     output_rate_hz : float, optional
         Rate of the output trajectory; None for every IMU sample.
     lockout : int
-        Rejections of a kind, less acceptances, after which the next one is accepted all the same (and marked), so that
-        an over-confident filter finds back, also one that a few of many satellites suit; 0 never does.
+        Rejections of a kind of single numbers (ranges, wheels), less acceptances, after which the next one is accepted
+        all the same (and marked), so that an over-confident filter finds back, also one that a few of many satellites
+        suit. Positions and velocities are judged by what rejected ones say among themselves
+        (``filtering/kernels/gate.py``). 0: nothing beyond the gate is ever used, and noise does not adapt.
+    hold_s : float
+        Longest time for which positions or velocities that jump and stay are held off. [s]
+    adaptive : bool
+        The noise of the IMU, and of fixes that scatter, grows where innovations are far larger than they should be.
     smoother : bool
         Keep what the smoother needs: about 1.5 kB (15 states) or 2.9 kB (21) for each propagation.
     earth_rotation : bool
@@ -76,6 +82,8 @@ class FilterOptions:
     record_s: float = 1.0
     output_rate_hz: float | None = None
     lockout: int = 10
+    hold_s: float = 100.0
+    adaptive: bool = True
     smoother: bool = False
     earth_rotation: bool = True
     gap_s: float | None = None
@@ -83,7 +91,7 @@ class FilterOptions:
     gap_accel: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("covariance_rate_hz", "flush_angle", "record_s", "output_rate_hz", "gap_s"):
+        for name in ("covariance_rate_hz", "flush_angle", "record_s", "output_rate_hz", "hold_s", "gap_s"):
             value = getattr(self, name)
             if value is not None and not value > 0.0:
                 raise InputError(f"{name}: expected a positive number, got {value!r}")
@@ -116,6 +124,7 @@ class FilterState:
     ) -> None:
         from schuler.filtering.kernels import run as k
         from schuler.filtering.kernels.accumulation import N_PAST
+        from schuler.filtering.kernels.gate import N_GATE, start_gates
         from schuler.filtering.kernels.sensor_errors import spread_estimates
 
         n = layout.size
@@ -131,6 +140,8 @@ class FilterState:
             record_s=float(options.record_s),
             output_every=_samples(options.output_rate_hz, interval),
             lockout=int(options.lockout),
+            hold_s=float(options.hold_s),
+            adaptive=bool(options.adaptive),
             gap_s=np.inf if options.gap_s is None else float(options.gap_s),
             gap_gyro=float(options.gap_gyro),
             gap_accel=float(options.gap_accel),
@@ -149,10 +160,13 @@ class FilterState:
             history=np.zeros(14),
             times=np.array([nav.t, nav.t + options.record_s]),
             counts=np.zeros(k.N_CNT, dtype=np.int64),
-            locks=np.zeros(max(KINDS) + 1, dtype=np.int64),
+            gates=np.zeros((max(KINDS) + 1, N_GATE)),
+            psd=self.model.psd.copy(),
+            dynamics=self.model.dynamics.copy(),
         )
         self.work = Workspace.of_size(n, layout.n_sensor)
         k.prepare_filter()
+        start_gates(self._arrays.gates, nav.t)
         spread_estimates(self._arrays.est, self.model.table, layout.n_sensor, self.work.M, self._arrays.sens)
 
     @property
@@ -347,11 +361,11 @@ def run(
 
 
 def _most_nodes(increments: Increments, state: FilterState, updates: int, records: int) -> int:
-    """Propagations that a run can need at most, unless its estimates go wild."""
+    """Propagations and enlarged covariances that a run can need at most, unless its estimates go wild."""
     options, N = state.options, len(increments)
     turned = float(np.linalg.norm(increments.dtheta_ib_b, axis=1).sum())
-    count = N // state.settings.every + updates + records + int(2.0 * turned / options.flush_angle) + 4
-    count = min(count, N + updates + 2)
+    count = N // state.settings.every + 2 * updates + records + int(2.0 * turned / options.flush_angle) + 4
+    count = min(count, N + 2 * updates + 2)
     if options.gap_s is not None:
         count += 2 * int(np.sum(increments.dt > options.gap_s))
     return count

@@ -73,6 +73,8 @@ class Settings(NamedTuple):
     record_s: float
     output_every: int
     lockout: int
+    hold_s: float
+    adaptive: bool
     gap_s: float
     gap_gyro: float
     gap_accel: float
@@ -91,7 +93,9 @@ class FilterArrays(NamedTuple):
     history: FloatArray  # (14,) two previous increments and their durations
     times: FloatArray  # (2,) of the state, of the next record [s]
     counts: IntArray  # running counts by the indices in kernels.run
-    locks: IntArray  # rejections of each kind, less acceptances
+    gates: FloatArray  # (kinds, N_GATE) memory of the innovation test, see kernels.gate
+    psd: FloatArray  # (6,) the model's, times what innovations showed
+    dynamics: FloatArray  # (m, 2) likewise
 
 
 class Workspace(NamedTuple):
@@ -119,6 +123,7 @@ class Workspace(NamedTuple):
     L: FloatArray  # (3, 3)
     U: FloatArray  # (3, 3)
     dx: FloatArray  # (n,)
+    R: FloatArray  # (9,) covariance of the measurement as the filter takes it
 
     @classmethod
     def of_size(cls, n: int, n_sensor: int) -> Workspace:
@@ -130,7 +135,7 @@ class Workspace(NamedTuple):
             np.zeros((3, 18)), np.zeros((3, 6)), np.zeros(7), np.zeros(6), np.zeros((n_sensor, 9)), A,
             aligned(9, MAX_STATES), aligned(9, MAX_STATES), np.ones(n - 9), np.ones(n - 9),
             np.zeros((4, 7, 9)), np.zeros(9), np.zeros((2, 3, 3)), H, W, G, np.zeros(3), np.zeros(3),
-            np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(n),
+            np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(n), np.zeros(9),
         )  # fmt: skip
 
 

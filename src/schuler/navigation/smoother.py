@@ -46,7 +46,7 @@ def smooth_run(
 
     k.prepare_smoother()
     n, n_nodes = result.layout.size, len(nodes.t)
-    at = np.searchsorted(nodes.t, result.t - 1e-9)
+    at = np.searchsorted(nodes.t, result.t + 1e-9) - 1  # the last of a time: a covariance enlarged there has two
     record = np.full(n_nodes, -1, dtype=np.int64)
     record[at] = np.arange(len(at))
     minus, plus = np.empty((n_nodes, n)), np.empty((n_nodes, n))

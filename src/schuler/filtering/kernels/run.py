@@ -21,6 +21,7 @@ from schuler.filtering.filter_arrays import (
 )
 from schuler.filtering.kernels.accumulation import parameter_columns, regressor_integrals, store_interval
 from schuler.filtering.kernels.covariance import add_clock_drift, add_half_noise, decay, flush
+from schuler.filtering.kernels.gate import ACCEPTED, FORCED, GATED, R_SCALE, REJECTED, judge
 from schuler.filtering.kernels.sensor_errors import compensate, spread_estimates
 from schuler.filtering.kernels.update import (
     AT_CLOCK,
@@ -35,13 +36,6 @@ from schuler.filtering.kernels.update import (
 )
 from schuler.jit import borrowing, inlined, prepare
 from schuler.mechanization.kernels import advance_ecef, cut_interval, fit_interval
-
-# What became of a measurement.
-UNUSED = 0
-ACCEPTED = 1
-REJECTED = 2
-FORCED = 3
-GATED = 4  # a condition of the measurement was not met
 
 # Running counts: intervals and samples since the last propagation, measurements, records, nodes, updates, outputs,
 # epochs, propagations.
@@ -105,8 +99,8 @@ def propagate(state, model, work, noise, t, nodes):
             state.past, cnt[CNT_PAST], acc, state.moment, state.sens, model.table, n_sensor, model.response,
             model.cross, work.N, work.sums, work.B,
         )  # fmt: skip
-    decays = decay(model.dynamics, T, D, work.mean)
-    add_half_noise(P, nav, T, noise, model.dynamics)
+    decays = decay(state.dynamics, T, D, work.mean)
+    add_half_noise(P, nav, T, noise, state.dynamics)
     flush(
         P, nav, acc, work.A, work.B, work.rows, work.turned, D, work.mean, model.on_attitude, n_sensor, decays,
         model.omega,
@@ -120,7 +114,7 @@ def propagate(state, model, work, noise, t, nodes):
     if i_clock >= 0:
         state.est[i_clock - 9] += T * state.est[i_clock - 8]
     add_clock_drift(P, i_clock, T)
-    add_half_noise(P, nav, T, noise, model.dynamics)
+    add_half_noise(P, nav, T, noise, state.dynamics)
     if nodes.t.shape[0] > 0:
         keep_node(P, nav, acc, work.B, t, cnt, nodes)
     for i in range(8):
@@ -140,26 +134,23 @@ def widen_noise(psd, settings, h, noise):
 
 
 @inlined
-def judge(nis, kind, gate, lockout, locks, d):
-    """What becomes of a measurement by its normalised innovation, with the count of rejections of its kind."""
-    status = ACCEPTED
-    if nis < 0.0 or not math.isfinite(nis):
-        return REJECTED
-    if nis > gate:
-        locks[kind] += 1
-        if lockout == 0 or locks[kind] <= lockout:
-            return REJECTED
-        status = FORCED
-    # one good satellite does not make up for several that are rejected; a fix forced in has to be borne out
-    locks[kind] = 0 if status == FORCED and d == 3 else max(locks[kind] - 1, 0)
-    return status
+def keep_enlarged(P, nav, acc, B, t, cnt, nodes):
+    """Store a covariance that was enlarged at a propagation: a node of its own, no time later and without a transition.
+
+    To the smoother it is process noise.
+    """
+    for k in range(B.shape[0]):
+        for a in range(9):
+            B[k, a] = 0.0
+    keep_node(P, nav, acc, B, t, cnt, nodes)
+    cnt[CNT_FLUSH] += 1
 
 
 @inlined
 def update(j, aiding, state, model, settings, work, nodes):
     """Correct the state by measurement ``j``; returns what became of it."""
     nav, est, P, sens, cnt = state.nav, state.est, state.P, state.sens, state.counts
-    kind, z, R = aiding.kind[j], aiding.z[j], aiding.R[j]
+    kind, z, R = aiding.kind[j], aiding.z[j], work.R
     slow = nav[4] * nav[4] + nav[5] * nav[5] + nav[6] * nav[6] < z[7] * z[7]
     if aiding.gate[j] < 0.0 or (slow and LATERAL <= kind <= SPEED):
         return GATED
@@ -171,13 +162,17 @@ def update(j, aiding, state, model, settings, work, nodes):
     for i in range(d):
         aiding.innovation[j, i] = -y[i]
     if kind in (RESET_POSITION, RESET_VELOCITY):
-        reset(kind, R, P, nav, y, U)
+        reset(kind, aiding.R[j], P, nav, y, U)
         return ACCEPTED
+    for i in range(9):
+        R[i] = state.gates[kind, R_SCALE] * aiding.R[j, i]
     nis = innovate(P, H, y, R, d, W, G, e, S, work.L)
     aiding.nis[j] = nis
     for i in range(d):
         aiding.variance[j, i] = S[i, i]
-    status = judge(nis, kind, aiding.gate[j], settings.lockout, state.locks, d)
+    status = judge(kind, aiding.t[j], nis, d, aiding.gate[j], R, settings, state, model, work)
+    if status == FORCED and nodes.t.shape[0] > 0:
+        keep_enlarged(P, nav, state.acc, work.B, aiding.t[j], cnt, nodes)
     if status != REJECTED:
         correct(P, nav, est, W, e, d, work.dx)
         spread_estimates(est, model.table, model.n_sensor, work.M, sens)
@@ -233,7 +228,7 @@ def run_filter(stream, aiding, state, model, settings, work, trajectory, records
         fit_interval(raw, now, before, earlier, h, h1, h2)
         compensate(poly, raw, sens, h, response)
         due = records.t.shape[0] > 0 and (t >= state.times[1] - 1e-9 or k == last)
-        noise = model.psd
+        noise = state.psd
         s0, sa = 0.0, 0.0  # where in the interval the state is, and where its last piece began
         j = cnt[CNT_MEAS]
         pausing = gap  # first, what was before a pause is propagated with the noise it had
@@ -268,7 +263,7 @@ def run_filter(stream, aiding, state, model, settings, work, trajectory, records
                 propagate(state, model, work, noise, to, nodes)
             if pausing:
                 compensate(poly, raw, sens, h, response)  # estimates decay
-                widen_noise(model.psd, settings, h, work.noise)
+                widen_noise(state.psd, settings, h, work.noise)
                 noise, pausing = work.noise, False
                 continue
             if not measured:
@@ -321,10 +316,10 @@ def prepare_filter() -> None:
                 (
                     of(ImuStream, m, m, f, f, yes),
                     of(Aiding, f, k, m, m, m, f, k, f, m, m),
-                    of(FilterArrays, f, f, m, f, f, f, m, f, f, k, k),
+                    of(FilterArrays, f, f, m, f, f, f, m, f, f, k, m, f, m),
                     of(Model, km, m, k, k, f, i, yes, yes, x),
-                    of(Settings, i, x, x, i, i, x, x, x),
-                    of(Workspace, m, m, f, f, m, m, m, m, f, f, c, f, c, m, m, m, f, f, m, m, m, f),
+                    of(Settings, i, x, x, i, i, x, yes, x, x, x),
+                    of(Workspace, m, m, f, f, m, m, m, m, f, f, c, f, c, m, m, m, f, f, m, m, m, f, f),
                     of(TrajectoryArrays, f, m, m, m),
                     of(RecordArrays, f, m, m, m),
                     of(NodeArrays, f, m, m, c, k, c, c, m),

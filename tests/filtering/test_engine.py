@@ -150,16 +150,17 @@ def test_gate_rejects_blunders_and_counts_them(drive_case):
 
 
 def test_lock_out_ends(drive_case):
-    """All fixes move by 30 m: after the given number of rejections one is taken, marked, and the filter follows."""
+    """All fixes move by 30 m: after the given time one is taken, marked, and the filter follows."""
     log, schedule, initial, lay = setup(drive_case, gate=0.999)
     z = schedule.z.copy()
     late = (schedule.t > 60.0) & (schedule.kind == 1)
     z[late] += 30.0
     moved = MeasurementSchedule(schedule.t, schedule.kind, z, schedule.R, schedule.lever, schedule.gate)
-    forward = run(log, moved, initial, lay, *NOISE, FilterOptions(lockout=5))
+    forward = run(log, moved, initial, lay, *NOISE, FilterOptions(hold_s=4.5))
     status = forward.status[late]
     assert status[:5].tolist() == [REJECTED] * 5
     assert status[5] == FORCED
+    assert np.all(status[6:] == ACCEPTED)
     never = run(log, moved, initial, lay, *NOISE, FilterOptions(lockout=0))
     assert np.all(never.status[late] == REJECTED)
 
@@ -275,6 +276,7 @@ def test_zero_velocity_holds_a_static_imu():
         ({"covariance_rate_hz": -1.0}, "covariance_rate_hz: expected a positive number"),
         ({"record_s": 0.0}, "record_s: expected a positive number"),
         ({"lockout": -1}, "lockout: expected a count"),
+        ({"hold_s": 0.0}, "hold_s: expected a positive number"),
     ],
 )
 def test_impossible_options_are_refused(options, message):

@@ -32,7 +32,7 @@ from schuler.filtering.filter_arrays import (
 )
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.limits import MAX_STATES, PLACES
-from schuler.filtering.measurements import KINDS, RESET_KINDS, MeasurementSchedule
+from schuler.filtering.measurements import KINDS, POSITION, RESET_KINDS, VELOCITY, MeasurementSchedule
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.recording.series import Increments
@@ -175,6 +175,14 @@ class FilterState:
         return self._arrays
 
     @property
+    def noise_factors(self) -> tuple[float, float, float]:
+        """Largest factors so far on the variances of the IMU's noise, of positions and of velocities."""
+        from schuler.filtering.kernels import gate
+
+        own, r, v = (self._arrays.gates[i] for i in (0, POSITION, VELOCITY))
+        return float(own[gate.LARGEST]), float(r[gate.R_LARGEST]), float(v[gate.R_LARGEST])
+
+    @property
     def navigation(self) -> NavState:
         """Current navigation state."""
         nav = self._arrays.nav
@@ -241,6 +249,8 @@ class ForwardRun:
         By measurement.
     complete : bool
         False if the run was interrupted; everything up to then is there.
+    noise_factors : tuple of float
+        Largest factors by which the variances of the IMU's noise, of positions and of velocities were enlarged.
     """
 
     t: FloatArray
@@ -259,6 +269,7 @@ class ForwardRun:
     propagations: int
     complete: bool
     nodes: SmootherNodes | None = field(default=None, repr=False)
+    noise_factors: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
 def run(
@@ -357,6 +368,7 @@ def run(
         status=everywhere, nis=_spread(aiding.nis, in_span), innovation=_spread(aiding.innovation, in_span),
         variance=_spread(aiding.variance, in_span),
         epochs=int(cnt[k.CNT_EPOCH]), propagations=int(cnt[k.CNT_FLUSH]), complete=complete, nodes=nodes,
+        noise_factors=state.noise_factors,
     )  # fmt: skip
 
 

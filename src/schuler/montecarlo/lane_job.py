@@ -61,7 +61,7 @@ def lane_scenario(job: NavigationJob) -> LaneScenario | str:
             np.full(3, plan.spec.accel.random_walk**2),
             FilterOptions(
                 covariance_rate_hz=None if f.full_rate else f.covariance_rate_hz, record_s=f.record_s,
-                lockout=f.lockout, earth_rotation=f.earth_rotation,
+                lockout=f.lockout, hold_s=f.hold_s, adaptive=f.adaptive, earth_rotation=f.earth_rotation,
             ),
             nees=("navigation",),
         )  # fmt: skip

@@ -134,8 +134,10 @@ class FilterSection(Section):
     record_s: Positive = Field(1.0, description="spacing of covariance records")
     output_rate_hz: Positive | None = Field(None, description="rate of the output; every sample if left out")
     lockout: Annotated[int, Field(ge=0)] = Field(
-        10, description="rejections, less acceptances, after which one is accepted"
+        10, description="rejections of ranges, less acceptances, after which one is accepted; 0: nothing is, ever"
     )
+    hold_s: Positive = Field(100.0, description="longest time for which fixes that jump and stay are held off")
+    adaptive: bool = Field(True, description="noise grows where innovations show that it is larger than stated")
     smooth: bool = Field(True, description="also compute the smoothed solution")
     earth_rotation: bool = Field(True, description="false for a log simulated on an Earth that stands still")
 

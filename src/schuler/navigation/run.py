@@ -85,7 +85,7 @@ def navigate(
     if not forward.complete:
         ended = forward.t[-1] - recording.start
         notes.append(f"interrupted at {ended:.1f} s of the recording; the solution ends there")
-    notes += rejections(schedule.kind, forward.status, schedule.t, schedule.R)
+    notes += rejections(schedule.kind, forward.status, schedule.t, schedule.R, forward.noise_factors)
     provenance = _provenance(recording, config, prepared.spec, prepared.calibrated)
     return NavigationResult.from_run(
         forward,

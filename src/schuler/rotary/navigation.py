@@ -152,7 +152,7 @@ def navigate_rotary(
         raise KeyboardInterrupt  # stopped before there was anything to keep
     if not forward.complete:
         notes.append(f"interrupted at {forward.t[-1] - origin:.1f} s of the recording; the solution ends there")
-    notes += rejections(schedule.kind, forward.status, schedule.t, schedule.R)
+    notes += rejections(schedule.kind, forward.status, schedule.t, schedule.R, forward.noise_factors)
     notes.append(
         "attitude is that of the vehicle, sensor parameters are in the axes of the turning IMU"
         + (f"; IMU {np.linalg.norm(lever):.3f} m off the axis" if lever.any() else "")

@@ -2,16 +2,16 @@
 
 A fix beyond the gate is rejected. What the rejected fixes of a kind say among themselves tells who is wrong:
 
-- after a pause of all fixes, innovations that an inertial drift could have made (``DRIFT`` times the variance the filter
-  claims) and that agree with each other: the filter. The second one is taken.
+- after a pause of all fixes, innovations that an inertial drift could have made (``DRIFT`` times the variance that is
+  claimed) and that agree with each other: the filter. The second one is taken.
 - innovations that grow, or that are hardly beyond the gate, while no velocity contradicts their drift: the filter.
 - innovations that jump and stay: the receiver, held off until the filter's own covariance lets them in, or for as long
   as the filter has been right before (twice that, at most ``hold_s``).
 - innovations that scatter against each other: the covariance that the receiver states.
 
 Before a fix is taken against the gate the covariance grows to what the innovation shows: of navigation states and IMU
-errors in proportion (a drift), or of position or velocity alone (a jump), so that no error is attributed to attitude and
-biases that they cannot have made. Noise follows the innovations: where their mean normalised square, exponentially
+errors in proportion (a drift), or of position or velocity alone (a jump), so that no error is attributed to attitude
+and biases that they cannot have made. Noise follows the innovations: where their mean normalised square, exponentially
 forgotten, exceeds ``TOO_LARGE``, variances of the IMU's noise grow, or the fixes' where innovations alternate in sign
 (Mehra 1970: a gain too high leaves negatively correlated innovations, one too low positively). Well-modelled runs
 (chi-square innovations, single outliers) never reach any of this.
@@ -32,7 +32,7 @@ REJECTED = 2
 FORCED = 3  # beyond the gate, taken with a covariance enlarged for it
 GATED = 4  # a condition of the measurement was not met
 
-# The filter's own memory: factor on the variance of the IMU's noise and its largest so far, time of the last readmission.
+# The filter's own memory: factor on the variance of the IMU's noise, its largest so far, time of the last readmission.
 SCALE, LARGEST, SINCE = range(3)
 # Memory of a kind: rejections in a row (kinds other than fixes: less acceptances), times of the last used, first
 # rejected and last rejected, whether the innovations may be the drift of an outage, first normalised innovation;
@@ -40,8 +40,8 @@ SCALE, LARGEST, SINCE = range(3)
 # forgotten means of the normalised innovation squared and of the product with the one before, whether that was used;
 # factor on the fixes' variance and its largest so far, 1-sigma of the last fix.
 (
-    COUNT, USED_AT, FIRST_AT, LAST_AT, DRIFTED, FIRST_NIS, STEPS, STEP_NIS, STEP_PRODUCT, MEAN_NIS, LAGGED, AFTER_UPDATE,
-    R_SCALE, R_LARGEST, SIGMA,
+    COUNT, USED_AT, FIRST_AT, LAST_AT, DRIFTED, FIRST_NIS, STEPS, STEP_NIS, STEP_PRODUCT, MEAN_NIS, LAGGED,
+    AFTER_UPDATE, R_SCALE, R_LARGEST, SIGMA,
 ) = range(15)  # fmt: skip
 # Vectors: first and last rejected innovation, their last difference, last whitened innovation.
 FIRST, LAST, STEP, WHITE, N_GATE = 15, 18, 21, 24, 27
@@ -158,7 +158,7 @@ def taken(t, row, e):
         row[WHITE + i] = e[i]
 
 
-@inlined
+@borrowing
 def repeated(state, work, R, d):
     """Innovation against the covariance as it is now."""
     return innovate(state.P, work.H, work.y, R, d, work.W, work.G, work.e, work.S, work.L)

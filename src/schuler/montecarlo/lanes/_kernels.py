@@ -50,7 +50,7 @@ E_BG, E_BA, E_MG, E_MA, E_GG, N_ERRORS = 0, 3, 6, 15, 24, 33
 
 ICFG_EVERY, ICFG_MATRIX, ICFG_CROSS, ICFG_LOCKOUT, ICFG_RESPONSE, N_ICFG = 0, 1, 2, 3, 4, 5
 
-N_COUNTS = 7
+N_COUNTS = 10
 _FIXED_ROWS = 533  # of workspace, whatever the states
 
 
@@ -132,8 +132,9 @@ def run_lanes(
 
     ``nav_f[10]``, ``est_f[m]`` and ``P_f[n, n]`` are the start and become the end. ``true_f[m]`` are the true values of
     the parameters without in-run processes, ``truth[r, 10]`` and ``C_en[r, 9]`` the motion at the records.
-    ``counts_f[7]``: sum of normalised innovations, accepted and rejected, of positions, then of velocities; largest
-    squared rotation of an interval.
+    ``counts_f[10]``: sum of normalised innovations, accepted and rejected, of positions, then of velocities; largest
+    squared rotation of an interval; 1 if the engine would have readmitted fixes or adapted its noise (two rejections in
+    a row, or innovations that stay too large); forgotten mean of the normalised innovations of both kinds, less 1.
     """
     errors, wander, true = as_lanes(errors_f), as_lanes(wander_f), as_lanes(true_f)
     nav, est, P = as_lanes(nav_f), as_lanes(est_f), as_lanes(P_f)

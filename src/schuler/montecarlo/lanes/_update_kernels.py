@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 
+from schuler.filtering.kernels.gate import FORGET, TOO_LARGE
 from schuler.filtering.kernels.update import POSITION
 from schuler.filtering.kernels.vector import where_at_most
 from schuler.jit import inlined, kernel
@@ -184,17 +185,18 @@ def take(
     kind, lever, R, gate, lockout, omega, zm, nav, est, P, reg, h, sens, ptab, on_psi, cross, U, H, Hp, W, y, e, dx, M,
     locks, counts, i,
 ):  # fmt: skip
-    """One measurement update; ``counts[3 i:3 i + 3]`` are the sum of normalised innovations, accepted and rejected."""
+    """One measurement update; ``counts`` as :func:`~._kernels.run_lanes` describes them."""
     ned_axes(nav, U)
     antenna_rows(kind, zm, lever, nav, reg, h, sens, ptab, cross, omega, U, H, Hp, y)
     with_lever = kind != POSITION and (lever[0] != 0.0 or lever[1] != 0.0 or lever[2] != 0.0)
     nis = innovate(P, H, 6 if kind == POSITION else 3, Hp, on_psi, with_lever, y, R, W, e)
     passes = min(gate, BIG)
     limit = nis * 0.0 + passes
-    if lockout > 0 and passes < BIG:
-        limit = where_at_most(locks[i] + 1.0, lockout, limit, BIG)
-        fewer = where_at_most(locks[i], 0.0, 0.0, locks[i] - 1.0)
-        locks[i] = where_at_most(nis, passes, fewer, where_at_most(nis, limit, 0.0, locks[i] + 1.0))
+    if lockout > 0 and passes < BIG:  # where the engine would do more than reject, the run is one for the engine
+        locks[i] = where_at_most(nis, passes, 0.0, locks[i] + 1.0)
+        counts[8 + i] += FORGET * (where_at_most(nis, passes, nis, passes) / 3.0 - 1.0 - counts[8 + i])
+        counts[7] = where_at_most(locks[i], 1.0, counts[7], 1.0)
+        counts[7] = where_at_most(counts[8 + i], TOO_LARGE - 1.0, counts[7], 1.0)
     correct(P, nav, est, W, e, dx, nis, limit)
     used = where_at_most(nis, limit, 1.0, 0.0)
     counts[3 * i] += where_at_most(nis, BIG, nis, 0.0)

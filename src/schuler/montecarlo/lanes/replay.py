@@ -7,11 +7,16 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from schuler import frames
 from schuler.arrays import FloatArray
+from schuler.filtering.engine import run
+from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.filter_arrays import aligned
 from schuler.filtering.initial_state import InitialState
-from schuler.filtering.measurements import MeasurementSchedule
+from schuler.filtering.measurements import ACCEPTED, FORCED, POSITION, REJECTED, MeasurementSchedule
 from schuler.montecarlo.lanes.scenario import LaneScenario, draw_run
+from schuler.navigation.evaluation.consistency import state_errors
+from schuler.navigation.result import NavigationResult
 from schuler.recording.series import Increments
 
 
@@ -33,14 +38,14 @@ class Replay(NamedTuple):
     parameters: FloatArray
 
 
-def replay(scenario: LaneScenario, run: int, *, seed: int = 0) -> Replay:
-    """The data that run ``run`` was made of, to rounding: for a closer look at one run with the engine or the smoother.
+def replay(scenario: LaneScenario, number: int, *, seed: int = 0) -> Replay:
+    """The data that run ``number`` was made of, to rounding: for a closer look with the engine or the smoother.
 
     ``engine.run(*replay[:3], scenario.layout, scenario.gyro_psd, scenario.accel_psd, scenario.options)`` repeats it.
     """
     ideal, errors, layout = scenario.ideal, scenario.errors, scenario.layout
     n, h = len(ideal.gyro), 1.0 / ideal.rate_hz
-    drawn = draw_run(scenario, run, seed)
+    drawn = draw_run(scenario, number, seed)
     white, wandering, fixes = drawn.streams.reshape(3, 4)
     table = errors.table(layout)
     driven = int(np.sum(table[:, 2] > 0.0))
@@ -72,6 +77,52 @@ def replay(scenario: LaneScenario, run: int, *, seed: int = 0) -> Replay:
     values[noisy, :3] += np.einsum("nij,nj->ni", aiding.axes()[noisy], noise)
     schedule = MeasurementSchedule(s.t, s.kind, values, s.R, s.lever, s.gate)
     return Replay(Increments(ideal.t[1:], np.diff(ideal.t), dtheta, dv), schedule, drawn.initial, parameters)
+
+
+def through_engine(
+    scenario: LaneScenario,
+    number: int,
+    seed: int,
+    error: FloatArray,
+    sigma: FloatArray,
+    nees: FloatArray,
+    counts: FloatArray,
+    lane: int,
+) -> None:
+    """Put what the engine makes of a run in place of what its lane made.
+
+    Parameters
+    ----------
+    scenario : LaneScenario
+    number, seed : int
+        Of the run.
+    error, sigma : ndarray, shape (r, n, lanes)
+    nees : ndarray, shape (r, names, lanes)
+        Not yet per degree of freedom.
+    counts : ndarray, shape (N_COUNTS, lanes)
+        See ``_kernels.run_lanes``.
+    lane : int
+    """
+    data, layout = replay(scenario, number, seed=seed), scenario.layout
+    forward = run(*data[:3], layout, scenario.gyro_psd, scenario.accel_psd, scenario.options)
+    result = NavigationResult.from_run(forward, data.schedule.t, data.schedule.kind, layout)
+    at = np.searchsorted(data.increments.t, result.t - 1e-6)
+    truth = scenario.ideal.truth
+    _, dx, P = state_errors(result, truth, data.parameters[at])
+    T = ecef_from_ned_states(frames.llh_from_ecef(truth.r_eb_e[at + 1]), layout.size)
+    error[:, :, lane] = np.einsum("kji,kj->ki", T, dx)
+    sigma[:, :, lane] = np.sqrt(np.einsum("kji,kjl,kli->ki", T, P, T))
+    for i, name in enumerate(scenario.nees):
+        block = slice(*scenario.states(name))
+        nees[:, i, lane] = np.einsum(
+            "ki,ki->k", dx[:, block], np.linalg.solve(P[:, block, block], dx[:, block, None])[..., 0]
+        )
+    for i, mine in enumerate((data.schedule.kind == POSITION, data.schedule.kind != POSITION)):
+        used = np.isin(forward.status[mine], (ACCEPTED, FORCED))
+        rejected = forward.status[mine] == REJECTED
+        nis = forward.nis[mine]
+        counts[3 * i : 3 * i + 3, lane] = nis[np.isfinite(nis)].sum(), used.sum(), rejected.sum()
+    counts[6, lane] = 0.0  # the lane's own turns say nothing of the engine's
 
 
 def normals_of(stream: npt.NDArray[np.uint64], count: int) -> FloatArray:

@@ -2,8 +2,9 @@
 
 Each run has an IMU, an initial error and GNSS noise of its own, and goes through the error-state filter of
 :mod:`schuler.filtering.engine`: the same mechanization, transition, process noise and updates. Eight runs share the
-instructions (``_kernels``), and noise is made where it is used. Run k depends on the seed and on k alone, to the
-last bit: not on the batch, the place in it, the thread, or the other runs.
+instructions (``_kernels``), and noise is made where it is used. A run in which the filter readmits fixes or adapts its
+noise (:mod:`schuler.filtering.kernels.gate`) is done again by the engine, from the same numbers. Run k depends on the
+seed and on k alone, to the last bit: not on the batch, the place in it, the thread, or the other runs.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.filter_arrays import aligned
 from schuler.montecarlo.lanes.aiding import LaneAiding
 from schuler.montecarlo.lanes.records import LaneRecords, LaneStatistics
-from schuler.montecarlo.lanes.replay import Replay, replay
+from schuler.montecarlo.lanes.replay import Replay, replay, through_engine
 from schuler.montecarlo.lanes.scenario import LARGEST_TURN, LaneScenario, draw_run
 
 __all__ = ["LaneScenario", "Replay", "lane_statistics", "replay", "run_lanes"]
@@ -189,6 +190,8 @@ class _Prepared:
         )  # fmt: skip
         assert wanted == 0, f"{self.rows} rows of workspace, {wanted} wanted"
         kept = len(numbers)
+        for lane in np.flatnonzero(counts[7, :kept] > 0.0):
+            through_engine(scenario, int(numbers[lane]), seed, error, sigma, nees, counts, int(lane))
         error, sigma, nees = (np.ascontiguousarray(np.moveaxis(x, 2, 0)[:kept]) for x in (error, sigma, nees))
         sums = counts[:6].reshape(2, 3, LANES)[:, :, :kept]
         taken = sums[:, 1] + sums[:, 2]

@@ -314,6 +314,8 @@ def _unaided_log(recording: Recording, config: NavigationConfig, base: Navigatio
         record_s=step,
         output_rate_hz=1.0 / step,
         lockout=config.filter.lockout,
+        hold_s=config.filter.hold_s,
+        adaptive=config.filter.adaptive,
         earth_rotation=config.filter.earth_rotation,
     )
     return _UnaidedLog(

@@ -207,8 +207,14 @@ def _lateness(
     ]
 
 
-def rejections(kind: IntArray, status: IntArray, t: FloatArray, R: FloatArray) -> list[str]:
-    """Sentences on fixes that were turned away or let in against the gate, after a run.
+def rejections(
+    kind: IntArray,
+    status: IntArray,
+    t: FloatArray,
+    R: FloatArray,
+    noise_factors: tuple[float, float, float] = (1.0, 1.0, 1.0),
+) -> list[str]:
+    """Sentences on fixes that were turned away or let in against the gate, and on noise that grew, after a run.
 
     Parameters
     ----------
@@ -216,8 +222,18 @@ def rejections(kind: IntArray, status: IntArray, t: FloatArray, R: FloatArray) -
     t : ndarray, shape (m,)
         [s]
     R : ndarray, shape (m, 3, 3)
+    noise_factors : tuple of float
+        Of :class:`~schuler.filtering.engine.ForwardRun`.
     """
     sentences = []
+    names = ("noise of the IMU is", "1-sigma of GNSS positions is", "1-sigma of GNSS velocities is")
+    entries = ("[imu]", "gnss.sigma_scale, floors", "gnss.sigma_scale, floors")
+    for name, factor, entry in zip(names, noise_factors, entries, strict=True):
+        if factor > 1.0:
+            sentences.append(
+                f"innovations show that the {name} larger than stated: it was taken up to {factor**0.5:.2g} times as "
+                f"large ({entry}; filter.adaptive)"
+            )
     for code in (POSITION, VELOCITY):
         mine = kind == code
         out, forced = mine & (status == REJECTED), mine & (status == FORCED)
@@ -228,7 +244,11 @@ def rejections(kind: IntArray, status: IntArray, t: FloatArray, R: FloatArray) -
         unit = "m" if code == POSITION else "m/s"
         sentences.append(
             f"{int(out.sum())} of {int(mine.sum())} GNSS {KINDS[code]} fixes were rejected, the first at {first:.3f} s"
-            + (f", and {int(forced.sum())} taken after lock-out (filter.lockout)" if forced.any() else "")
+            + (
+                f", and {int(forced.sum())} readmitted with an enlarged covariance (filter.hold_s)"
+                if forced.any()
+                else ""
+            )
             + f"; they claim {sigma:.3g} {unit}: they are wrong, or that is too good (gnss.sigma_scale, floors), or "
             "the IMU is worse than configured, or the clocks differ (gnss.delay_sigma_s)"
         )

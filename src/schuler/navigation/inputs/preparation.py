@@ -314,6 +314,8 @@ def filter_options(config: NavigationConfig, imu: ImuSeries) -> FilterOptions:
         record_s=config.filter.record_s,
         output_rate_hz=config.filter.output_rate_hz,
         lockout=config.filter.lockout,
+        hold_s=config.filter.hold_s,
+        adaptive=config.filter.adaptive,
         smoother=config.filter.smooth and config.gnss.coupling != "reset",
         earth_rotation=config.filter.earth_rotation,
         gap_s=PAUSE * imu.interval if pause else None,

@@ -77,7 +77,7 @@ def test_chi_square_innovations_leave_everything_as_it_was(drive_case):
 
 @pytest.mark.parametrize("velocity", [True, False])
 def test_drift_of_an_outage_is_readmitted_with_the_second_fix(drive_case, velocity):
-    """A specific force of 0.15 m/s^2 that nobody stated: the drift of 25 s is many sigmas, and honest fixes are taken."""
+    """A specific force of 0.15 m/s^2 that nobody stated drifts by many sigmas in 25 s, and honest fixes are taken."""
     log, schedule, initial, _ = setup(drive_case, velocity=velocity, bump=0.15)
     schedule = schedule.outside(OUTAGE)
     forward = run(log, schedule, initial, LAYOUT, *NOISE)

@@ -60,7 +60,11 @@ def beside(row: dict[str, Any]) -> dict[str, Any]:
 def run(recording: Any, asked: dict[str, Any], judge: Any, lead_s: float = _LEAD_S) -> dict[str, Any]:
     """Error of the peer: mean of the largest in outages, RMS where there are none. [m]"""
     config = NavigationConfig.checked({**asked, "gnss": {**asked.get("gnss", {}), "gate": "off"}, "aiding": {}})
-    ours = navigate(recording, config).smooth()
+    no_rest = config.model_copy(update={"alignment": config.alignment.model_copy(update={"rest_s": 0.01})})
+    runs = [navigate(recording, config)]
+    if config.alignment.method != "given":  # a start that takes a turn for a rest would be no help
+        runs.append(navigate(recording, no_rest))
+    ours = min(runs, key=lambda result: result.innovations.mean_nis()).smooth()
     windows = [w for w in ours.outages if w[0] > ours.trajectory.t[0]]
     imu = prepared_imu(recording.need_imu(), config, []).rates()
     begin = max(float(ours.t[0]), windows[0][0] - lead_s) if windows else float(ours.t[0])

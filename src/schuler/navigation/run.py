@@ -111,7 +111,7 @@ def prepared_run(
     """Everything a run of the filter needs: series made ready, aligned start, schedule; see :func:`navigate`."""
     _check_earth_rotation(recording, config)
     notes = list(recording.metadata.notes)
-    spec = imu_spec(config)
+    spec = imu_spec(config, notes)
     calibrated = configured_start(config, recording.need_imu(), calibration)
     imu = prepared_imu(recording.need_imu(), config, notes, calibrated)
     ranges, points = None, None

@@ -10,13 +10,22 @@ from schuler.navigation.config import NavigationConfig
 from schuler.sensors import catalogue
 from schuler.sensors.spec import ImuSpec, TriadSpec
 from schuler.sensors.spec_file import configured_spec
+from schuler.sensors.typical import with_typical_biases
 
 
-def imu_spec(config: NavigationConfig) -> ImuSpec:
-    """Error budget of the IMU a configuration names or describes."""
+def imu_spec(config: NavigationConfig, notes: list[str] | None = None) -> ImuSpec:
+    """Error budget of the IMU a configuration names or describes; ``notes`` gets what was taken for unstated values.
+
+    A turn-on bias that the source of a catalogue entry leaves out is not zero: what is typical of the class is taken.
+    """
     section = config.imu
     if section.catalogue is not None:
-        return catalogue.spec(section.catalogue)
+        spec, sentences = with_typical_biases(
+            catalogue.spec(section.catalogue), catalogue.entry(section.catalogue).unstated
+        )
+        if notes is not None:
+            notes += sentences
+        return spec
     if section.spec is not None:
         return configured_spec(section.spec)
     try:

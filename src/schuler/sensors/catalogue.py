@@ -39,6 +39,8 @@ class Entry:
         Keywords of :meth:`TriadSpec.gyro` and :meth:`TriadSpec.accelerometer`; empty where the source has none.
     printed : mapping
         What the source states besides; each key names its unit.
+    unstated : tuple of str
+        Fields of the budget, such as ``gyro.turn_on_bias``, that the source leaves out although every unit has them.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Entry:
     gyro: Mapping[str, Any] = field(default_factory=dict)
     accel: Mapping[str, Any] = field(default_factory=dict)
     printed: Mapping[str, Any] = field(default_factory=dict)
+    unstated: tuple[str, ...] = ()
 
 
 def names(kind: Kind | None = None) -> list[str]:
@@ -173,7 +176,8 @@ def _entries() -> dict[str, Entry]:
     entries = {}
     for name, data in read_toml(Path(__file__).with_name("catalogue.toml")).items():
         data["notes"] = " ".join(data.get("notes", "").split())
-        data["aliases"] = tuple(data.get("aliases", ()))
+        for key in ("aliases", "unstated"):
+            data[key] = tuple(data.get(key, ()))
         for key in ("gyro", "accel", "printed"):
             data[key] = MappingProxyType(data.get(key, {}))  # read-only: every caller gets the same cached object
         entries[name] = Entry(name=name, **data)

@@ -44,7 +44,7 @@ def test_navigation_takes_what_is_typical_and_says_so(name, gyro_deg_hr, accel_m
     assert spec.gyro.turn_on_bias / units.DEG_PER_HR == pytest.approx(gyro_deg_hr)
     assert spec.accel.turn_on_bias / units.MG == pytest.approx(accel_mg)
     assert len(notes) == 2
-    assert all(name in note and "states no turn-on bias" in note for note in notes)
+    assert all(name in note and "no turn-on bias" in note for note in notes)
     # the budget of the literature stays what its source prints
     assert catalogue.spec(name).gyro.turn_on_bias == 0.0
     layout = state_layout(NavigationConfig.checked({"imu": {"catalogue": name}}), spec)
@@ -56,6 +56,19 @@ def test_stated_biases_stay_zero_ones_too():
     assert imu_spec(NavigationConfig.checked({"imu": {"catalogue": "MTi-G-710"}}), notes) == catalogue.spec("MTi-G-710")
     grade = imu_spec(NavigationConfig.checked({"imu": {"catalogue": "flenniken-tactical"}}), notes)
     assert grade == catalogue.spec("flenniken-tactical")
+    assert notes == []
+
+
+def test_a_sheet_in_the_configuration_that_leaves_a_bias_out_is_completed_and_a_zero_stays():
+    sheet = {"gyro": {"arw_deg_rthr": 0.2}, "accel": {"vrw_m_s_rthr": 0.05}}
+    notes = []
+    spec = imu_spec(NavigationConfig.checked({"imu": sheet}), notes)
+    assert spec.gyro.turn_on_bias == pytest.approx(0.2 * units.DEG)
+    assert len(notes) == 2
+    notes.clear()
+    zero = {"gyro": {"arw_deg_rthr": 0.2, "bias_deg_s": 0.0}, "accel": {"vrw_m_s_rthr": 0.05, "bias_mg": 0.0}}
+    spec = imu_spec(NavigationConfig.checked({"imu": zero}), notes)
+    assert spec.gyro.turn_on_bias == spec.accel.turn_on_bias == 0.0
     assert notes == []
 
 

@@ -8,6 +8,7 @@ from schuler.filtering.states import BLOCKS, StateLayout, StateModel, layout_for
 from schuler.gnss.ranges import Ranges
 from schuler.navigation.config import NavigationConfig
 from schuler.sensors import catalogue
+from schuler.sensors.sheets import AccelerometerSheet, GyroSheet, sheet_keys
 from schuler.sensors.spec import ImuSpec, TriadSpec
 from schuler.sensors.spec_file import configured_spec
 from schuler.sensors.typical import with_typical_biases
@@ -16,23 +17,32 @@ from schuler.sensors.typical import with_typical_biases
 def imu_spec(config: NavigationConfig, notes: list[str] | None = None) -> ImuSpec:
     """Error budget of the IMU a configuration names or describes; ``notes`` gets what was taken for unstated values.
 
-    A turn-on bias that the source of a catalogue entry leaves out is not zero: what is typical of the class is taken.
+    A turn-on bias that a data sheet leaves out, here or in the catalogue, is not zero: what is typical of the class is
+    taken. One that is stated stays, zero too, and so does the budget of a file.
     """
     section = config.imu
-    if section.catalogue is not None:
-        spec, sentences = with_typical_biases(
-            catalogue.spec(section.catalogue), catalogue.entry(section.catalogue).unstated
-        )
-        if notes is not None:
-            notes += sentences
-        return spec
     if section.spec is not None:
         return configured_spec(section.spec)
-    try:
-        gyro, accel = TriadSpec.gyro(**section.gyro), TriadSpec.accelerometer(**section.accel)  # type: ignore[arg-type]
-    except TypeError as error:
-        raise ConfigError(f"imu: {error}; see docs/sensors.md for the data-sheet values that can be given") from None
-    return ImuSpec(name="as configured", gyro=gyro, accel=accel)
+    if section.catalogue is not None:
+        spec, unstated = catalogue.spec(section.catalogue), catalogue.entry(section.catalogue).unstated
+    else:
+        try:
+            gyro, accel = TriadSpec.gyro(**section.gyro), TriadSpec.accelerometer(**section.accel)  # type: ignore[arg-type]
+        except TypeError as error:
+            raise ConfigError(
+                f"imu: {error}; see docs/sensors.md for the data-sheet values that can be given"
+            ) from None
+        spec = ImuSpec(name="as configured", gyro=gyro, accel=accel)
+        sheets = (("gyro", section.gyro, GyroSheet), ("accel", section.accel, AccelerometerSheet))
+        unstated = tuple(
+            f"{which}.turn_on_bias"
+            for which, given, sheet in sheets
+            if not any(sheet_keys(sheet)[key][0] == "turn_on_bias" for key in given if key != "density")
+        )
+    spec, sentences = with_typical_biases(spec, unstated)
+    if notes is not None:
+        notes += sentences
+    return spec
 
 
 def state_layout(config: NavigationConfig, spec: ImuSpec, ranges: Ranges | None = None) -> StateLayout:

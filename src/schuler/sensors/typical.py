@@ -69,7 +69,7 @@ def with_typical_biases(spec: ImuSpec, unstated: Sequence[str]) -> tuple[ImuSpec
         _, _, unit, factor = (GYRO_UNITS if which == "gyro" else ACCEL_UNITS)["turn_on_bias"]
         sensors = "gyroscopes" if which == "gyro" else "accelerometers"
         sentences.append(
-            f"{spec.name}: its source states no turn-on bias of the {sensors}; {bias / factor:.3g} {unit} is taken, "
-            f"typical of {name} grade. Give imu.gyro and imu.accel to say better"
+            f"IMU {spec.name}: no turn-on bias of the {sensors} is stated; {bias / factor:.3g} {unit} is taken, "
+            f"typical of {name} grade: give bias_... in imu.{which} to say better, 0 if it is calibrated out"
         )
     return spec, sentences

@@ -77,12 +77,11 @@ class Alignment:
         noise = turn @ self.cov_noise_n @ turn.T
         noise[2, :] = noise[:, 2] = 0.0
         noise[2, 2] = sigma**2
-        accel = turn @ self.psi_accel
-        accel[2] = 0.0
+        accel, gyro = turn @ self.psi_accel, turn @ self.psi_gyro
+        accel[2] = gyro[2] = 0.0
         rpy = np.array([self.rpy_nb[0], self.rpy_nb[1], float(frames.wrap_angle(heading))])
         return replace(
-            self, rpy_nb=rpy, cov_noise_n=noise, method=f"{self.method}, {method}", psi_accel=accel,
-            psi_gyro=np.zeros((3, 3)), sigma_b_g=0.0,
+            self, rpy_nb=rpy, cov_noise_n=noise, method=f"{self.method}, {method}", psi_accel=accel, psi_gyro=gyro,
         )  # fmt: skip
 
 

@@ -104,8 +104,14 @@ class AlignmentSection(Section):
     )
     rpy_deg: Triple | None = Field(None, description="roll, pitch, yaw for method given")
     sigma_deg: Triple = Field((1.0, 1.0, 3.0), description="1-sigma about N, E, D for method given")
-    rest_s: Positive = Field(10.0, description="longest stretch at rest used for levelling and gyro biases")
-    min_speed_m_s: Positive = Field(1.0, description="speed from which the course is taken as heading")
+    rest_s: NonNegative = Field(
+        300.0, description="longest time at rest, the latest, used for levelling and gyro biases; 0 uses none"
+    )
+    min_speed_m_s: Positive | None = Field(
+        None,
+        description="speed from which the course is taken as heading; if left out, 1 m/s, and less where that comes "
+        "more than 20 s after the first motion",
+    )
     sideslip_deg: NonNegative = Field(1.0, description="1-sigma angle between course and heading")
     tilt_floor_deg: NonNegative = Field(0.2, description="smallest 1-sigma tilt, for vibration and bumps")
 

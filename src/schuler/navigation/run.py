@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -27,8 +28,9 @@ from schuler.navigation.inputs.preparation import (
 from schuler.navigation.inputs.satellites import satellites, with_clocks
 from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.result import NavigationResult
-from schuler.navigation.start.alignment import advance_to_log_start, align
+from schuler.navigation.start.alignment import advance_to_log_start, align, aligned_sentence
 from schuler.navigation.start.calibration import CalibrationStart, configured_start
+from schuler.navigation.start.heading import judged_start
 from schuler.navigation.start.mount_heading import with_mount_in_heading
 from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.io.own import time_document
@@ -123,13 +125,14 @@ def prepared_run(
     start, delay = recording.start, config.gnss.velocity_delay_s
     windows = config.outages.resolve(start, recording.stop if gnss is None else float(gnss.t[-1]))
     increments = imu.increments(order=config.imu.rate_order)
+    aligned = None
     if initial is None:
         fixes = None if gnss is None else current_velocities(gnss, delay)
-        initial = align(imu, fixes, config, spec, layout, windows, notes, calibrated)
-        if config.alignment.method in ("auto", "course"):
-            initial = with_mount_in_heading(initial, layout, np.array(config.gnss.lever_arm_m))
-        if points is not None:
-            initial = with_clocks(initial, points, layout)
+        aligned = align(imu, fixes, config, spec, layout, windows, notes, calibrated)
+        if aligned.source == "course":
+            lever = np.array(config.gnss.lever_arm_m)
+            aligned = replace(aligned, initial=with_mount_in_heading(aligned.initial, layout, lever))
+        initial = aligned.initial
     elif calibrated is not None:
         initial = calibrated.put_into(initial)
     increments = increments.between(initial.nav.t - 1e-9, increments.t[-1])
@@ -142,10 +145,20 @@ def prepared_run(
     schedule = with_late_velocities(schedule.outside(windows), delay, initial.nav.t, notes)
     if not len(schedule):
         notes.append("no measurement is used: this is a free inertial solution")
-    return PreparedRun(
-        imu, increments, schedule, initial, layout, spec, filter_options(config, imu), windows, tuple(notes),
-        calibrated, ranges, points,
+    prepared = PreparedRun(
+        imu, increments, schedule, initial, layout, spec, filter_options(config, imu), windows, (), calibrated, ranges,
+        points,
     )  # fmt: skip
+    if aligned is not None:
+
+        def finish(state: InitialState) -> InitialState:
+            state = state if points is None else with_clocks(state, points, layout)
+            return advance_to_log_start(state, increments)
+
+        judged, method, sentences = judged_start(aligned, prepared, finish)
+        notes += [*sentences, aligned_sentence(judged, method, float(imu.t[0]))]
+        prepared = replace(prepared, initial=finish(judged))
+    return replace(prepared, notes=tuple(notes))
 
 
 def _check_earth_rotation(recording: Recording, config: NavigationConfig) -> None:

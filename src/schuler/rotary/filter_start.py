@@ -6,11 +6,12 @@ import numpy as np
 
 from schuler import earth, frames, rotation, units
 from schuler.arrays import FloatArray
-from schuler.exceptions import ConfigError
+from schuler.exceptions import ConfigError, InputError
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.start.alignment import align
+from schuler.navigation.start.alignment import align, aligned_sentence
+from schuler.navigation.start.heading import no_heading
 from schuler.recording.series import GnssSeries, ImuSeries, Increments
 from schuler.rotary import gimbals
 from schuler.rotary.encoder import Platform
@@ -18,6 +19,7 @@ from schuler.rotary.mechanization import sensor_start
 from schuler.sensors.spec import ImuSpec
 
 _STILL = 0.01  # a platform that turns by less while the IMU is aligned stands still [rad]
+_LONGEST_REST = 10.0  # as much rest is used [s]
 _AFTER_REST = 20.0  # the alignment at rest serves for a start so much later [s]
 
 
@@ -55,6 +57,9 @@ def aligned_vehicle(
     the mean tilt error of the accelerometer biases over the alignment is smaller than is claimed, and their correlation
     is given up; gyroscope biases are the mean at rest less the platform's rate and Earth rate.
     """
+    # the platform must stand still meanwhile: a short rest is enough
+    section = config.alignment.model_copy(update={"rest_s": min(config.alignment.rest_s, _LONGEST_REST)})
+    config = config.model_copy(update={"alignment": section})
     if config.alignment.method == "gyrocompass":
         first = float(increments.start)
         if _turns(platform, first, min(first + config.alignment.rest_s, float(increments.t[-1]))):
@@ -62,7 +67,11 @@ def aligned_vehicle(
                 'alignment.method: "gyrocompass" needs a platform that stands still at first; wait with the rotation, '
                 "or give an initial state"
             )
-    initial = align(body_log, gnss, config, spec, layout, windows, notes)
+    start = align(body_log, gnss, config, spec, layout, windows, notes)
+    if start.obstacle:
+        raise InputError(no_heading(start.obstacle))
+    initial = start.initial
+    notes.append(aligned_sentence(initial, start.method, float(body_log.t[0])))
     t = initial.nav.t
     if not _turns(platform, max(float(increments.start), t - config.alignment.rest_s - _AFTER_REST), t):
         T = np.eye(layout.size)

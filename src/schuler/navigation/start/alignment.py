@@ -2,22 +2,65 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 
-from schuler import earth, frames, rotation, units
+from schuler import frames, rotation, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import in_windows
 from schuler.filtering.states import StateLayout
-from schuler.mechanization.alignment import Alignment, gyrocompass, heading_from_course, levelling
+from schuler.mechanization.alignment import Alignment, gyrocompass, heading_from_course
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import AlignmentSection, NavigationConfig
-from schuler.navigation.start.calibration import CalibrationStart, rest_columns
+from schuler.navigation.start.calibration import CalibrationStart
+from schuler.navigation.start.levelling import level_at_rest, level_in_motion, tilt
+from schuler.navigation.start.rest_bias import (
+    rest_rate,
+    rest_sentences,
+    unmodelled_rate,
+    updated_with_rest_rate,
+    weighted_bias,
+    with_bias,
+)
+from schuler.navigation.start.rests import rests_before
+from schuler.navigation.start.velocity_fit import with_velocities
 from schuler.recording.series import GnssSeries, ImuSeries, Increments
 from schuler.sensors.spec import ImuSpec
 
-_REST_SPEED = 0.3  # GNSS speed below which a vehicle may be at rest, before its uncertainty is added [m/s]
+_MIN_SPEED, _SLOW = 1.0, 0.3  # speed whose course is taken, and the one that will do rather than wait [m/s] ...
+_PATIENCE_S = 20.0  # ... longer than this [s]
+
+
+@dataclass(frozen=True)
+class Start:
+    """Start of a run as aligned, and the same with other headings.
+
+    Attributes
+    ----------
+    initial : InitialState
+    source : str
+        Source of the heading: ``course``, ``given``, ``gyrocompass``, or ``none``: there is none yet.
+    heading, sigma : float
+        Heading of the body's x axis and its 1-sigma. [rad]
+    at_heading : callable
+        Initial state of another heading and 1-sigma [rad], its attitude levelled accordingly.
+    method : str
+        How attitude and heading were found, a phrase.
+    obstacle : str
+        Why there is no heading, a sentence; empty where there is one.
+    """
+
+    initial: InitialState
+    source: str
+    heading: float
+    sigma: float
+    at_heading: Callable[[float, float], InitialState]
+    method: str
+    obstacle: str = ""
 
 
 def align(
@@ -29,7 +72,7 @@ def align(
     windows: tuple[tuple[float, float], ...],
     notes: list[str],
     calibration: CalibrationStart | None = None,
-) -> InitialState:
+) -> Start:
     """Initial state of a run from the log itself.
 
     Parameters
@@ -37,6 +80,7 @@ def align(
     imu : ImuSeries
         Body axes, clock corrected.
     gnss : GnssSeries, optional
+        Positions; velocities that it lacks come from them.
     config, spec, layout
         Configuration, error budget and states of the run.
     windows : tuple of (start, stop)
@@ -49,13 +93,13 @@ def align(
 
     Returns
     -------
-    InitialState
+    Start
         At the epoch of a GNSS fix, of the IMU's position.
 
     Raises
     ------
     InputError
-        If there is no GNSS, or nothing fixes the heading.
+        If there is no GNSS, or nothing fixes the attitude.
     """
     section = config.alignment
     if gnss is None:
@@ -65,62 +109,98 @@ def align(
         raise InputError(
             "no GNSS fix lies within the IMU log (outside outages): nothing to start from; check the clocks"
         )
-    gnss = gnss.where(usable)
+    gnss = with_velocities(gnss.where(usable))
     rates = imu.rates()
     if calibration is not None:
         rates, spec = calibration.compensated(imu, layout), calibration.remaining_budget(spec)
-    level, rest_rate, rest_end = _at_rest(rates, gnss, section, spec)
+    obstacle = ""
+    if section.method == "gyrocompass":
+        k, compass = _gyrocompassed(rates, gnss, section, spec)
+        initial = _start_from_fix(gnss, k, compass, rates, layout, config, calibration, None)
+        heading, sigma = float(compass.rpy_nb[2]), float(np.sqrt(compass.cov_psi_n[2, 2]))
+        return Start(initial, "gyrocompass", heading, sigma, lambda *_: initial, compass.method)
     if section.method == "given":
-        k, alignment = 0, _given_attitude(gnss, section)
-    elif section.method == "gyrocompass":
-        k, alignment = _gyrocompassed(rates, gnss, level, rest_end, section, spec)
-        rest_rate = None  # the same data cannot fix both the heading and the bias
+        assert section.rpy_deg is not None
+        k, source, phrase = 0, "given", ""
+        heading, sigma = section.rpy_deg[2] * units.DEG, section.sigma_deg[2] * units.DEG
     else:
-        k = _first_moving(gnss, section)
-        heading, sigma, speed = _course(gnss, k, section)
-        if level is not None and gnss.t[k] - rest_end < 20.0:
-            alignment = level.with_heading(heading, sigma, f"heading from course at {speed:.2f} m/s")
+        k, obstacle = _first_moving(gnss, section)
+        if obstacle:
+            source, heading, sigma, phrase = "none", 0.0, np.pi, ""
         else:
-            alignment = _level_in_motion(rates, gnss, k, heading, sigma, section, spec)
-            rest_rate = None
-    initial = _start_from_fix(gnss, k, alignment, rates, layout, config, calibration)
-    if rest_rate is not None and "b_g" in layout:
-        if calibration is None:
-            initial = _with_rest_bias(initial, layout, *rest_rate, notes)
-        else:
-            initial = _updated_with_rest_rate(initial, layout, alignment, *rest_rate, notes)
-    rpy = alignment.rpy_nb / units.DEG
-    spread = np.sqrt(np.diag(alignment.cov_psi_n)) / units.DEG
-    notes.append(
-        f"aligned {initial.nav.t - imu.t[0]:.2f} s into the IMU log ({alignment.method}): "
+            source = "course"
+            heading, sigma, speed = _course(gnss, k, section)
+            phrase = f", heading from course at {speed:.2f} m/s"
+    t, llh = float(gnss.t[k]), gnss.llh[k]
+    rests = rests_before(rates, gnss, t, spec, section.rest_s)
+    rest, level = rest_rate(rests, float(llh[0]), spec), None
+    if rest is not None:
+        # a calibrated log is levelled and carried as it is; what the rest says of its biases comes after
+        bias = (np.zeros(3), spec.gyro.turn_on_bias)
+        if calibration is None and "b_g" in layout:
+            sigma_b = float(np.hypot(rest[1], unmodelled_rate(rates, rest[0], spec, layout)))
+            rest = bias = weighted_bias(rest[0], sigma_b, layout.models["b_g"].sigma)
+        level = level_at_rest(rates, rests, bias, t, llh, section, spec)
+
+    def attitude(heading: float, sigma: float) -> Alignment:
+        if section.method == "given":
+            return _given_attitude(t, section, heading, sigma)
+        if level is None:
+            return level_in_motion(rates, gnss, k, heading, sigma, section, spec)
+        at_rest = level.with_heading(heading, sigma, "")
+        if t - float(rests.stop[-1]) < 2.0 and rests.confirmed[-1]:
+            return at_rest
+        try:
+            moving = level_in_motion(rates, gnss, k, heading, sigma, section, spec)
+        except InputError:
+            return at_rest
+        return moving if tilt(moving) < tilt(at_rest) else at_rest
+
+    def at_heading(heading: float, sigma: float) -> InitialState:
+        return _start_from_fix(gnss, k, attitude(heading, sigma), rates, layout, config, calibration, rest)
+
+    first = attitude(heading, sigma)
+    initial = at_heading(heading, sigma)
+    if rest is not None and "b_g" in layout:
+        notes += rest_sentences(initial, layout, rests, *rest, calibration is not None)
+    method = first.method.removesuffix(", ") + phrase
+    return Start(initial, source, heading, sigma, at_heading, method, obstacle)
+
+
+def aligned_sentence(initial: InitialState, method: str, origin: float) -> str:
+    """Sentence on the attitude of a start; ``origin`` is the start of the IMU log [s]."""
+    rpy, spread = initial.nav.rpy_nb / units.DEG, np.sqrt(np.diag(initial.P)[:3]) / units.DEG
+    return (
+        f"aligned {initial.nav.t - origin:.2f} s into the IMU log ({method}): "
         f"roll {rpy[0]:.2f}, pitch {rpy[1]:.2f}, yaw {rpy[2]:.2f} deg; "
         f"1-sigma {spread[0]:.2f} {spread[1]:.2f} {spread[2]:.2f} deg about N, E, D"
     )
-    return initial
 
 
-def _given_attitude(gnss: GnssSeries, section: AlignmentSection) -> Alignment:
+def _given_attitude(t: float, section: AlignmentSection, heading: float, sigma: float) -> Alignment:
     assert section.rpy_deg is not None
-    covariance = np.diag((np.array(section.sigma_deg) * units.DEG) ** 2)
-    return Alignment(float(gnss.t[0]), np.array(section.rpy_deg) * units.DEG, covariance, "given attitude")
+    rpy = np.array([*np.array(section.rpy_deg[:2]) * units.DEG, heading])
+    sigmas = np.array([*np.array(section.sigma_deg[:2]) * units.DEG, sigma])
+    return Alignment(t, rpy, np.diag(sigmas**2), "given attitude")
 
 
 def _gyrocompassed(
-    rates: ImuSeries, gnss: GnssSeries, level: Alignment | None, rest_end: float, section: AlignmentSection,
-    spec: ImuSpec,
-) -> tuple[int, Alignment]:  # fmt: skip
-    """Attitude from the first seconds at rest, and the last fix in them."""
-    if level is None:
+    rates: ImuSeries, gnss: GnssSeries, section: AlignmentSection, spec: ImuSpec
+) -> tuple[int, Alignment]:
+    """Attitude from the first rest of the log, and the last fix in it."""
+    rests = rests_before(rates, gnss, float(rates.t[-1]), spec, np.inf)
+    if not len(rests) or section.rest_s == 0.0:
         raise InputError("gyrocompassing needs a stretch at rest at the start of the log, and none was found")
-    still = rates.between(rates.t[0], min(rest_end, rates.t[0] + section.rest_s))
+    still = rates.between(float(rests.start[0]), min(float(rests.stop[0]), float(rests.start[0]) + section.rest_s))
     k = max(int(np.searchsorted(gnss.t, still.t[-1], side="right")) - 1, 0)
+    length = float(still.t[-1] - still.t[0])
     return k, gyrocompass(
         still.gyro,
         still.accel,
         float(gnss.llh[k, 0]),
         t=float(gnss.t[k]),
         sigma_gyro_bias=spec.gyro.turn_on_bias,
-        sigma_gyro_noise=spec.gyro.random_walk / float(np.sqrt(section.rest_s)),
+        sigma_gyro_noise=spec.gyro.random_walk / float(np.sqrt(length)),
         sigma_accel_bias=spec.accel.turn_on_bias,
         sigma_accel_noise=section.tilt_floor_deg * units.DEG * 9.81,
     )
@@ -128,117 +208,55 @@ def _gyrocompassed(
 
 def _course(gnss: GnssSeries, k: int, section: AlignmentSection) -> tuple[float, float, float]:
     """Heading from the course at a fix and its 1-sigma [rad], and the speed there [m/s]."""
-    assert gnss.v_n is not None
-    assert gnss.cov_v_n is not None
-    sigma_v = float(np.sqrt(max(gnss.cov_v_n[k, 0, 0], gnss.cov_v_n[k, 1, 1])))
-    heading, sigma = heading_from_course(gnss.v_n[k], sigma_v, sigma_sideslip=section.sideslip_deg * units.DEG)
-    return heading, sigma, float(np.linalg.norm(gnss.v_n[k]))
-
-
-def _at_rest(
-    rates: ImuSeries, gnss: GnssSeries, section: AlignmentSection, spec: ImuSpec
-) -> tuple[Alignment | None, tuple[FloatArray, float] | None, float]:
-    """Levelling and gyro bias from the rest before the first motion, if there is any; and when it ends."""
-    end = _rest_end(gnss)
-    start = max(rates.t[0], end - section.rest_s)
-    if end - start < 1.0:
-        return None, None, end
-    still = rates.between(start, end)
-    length = end - start
-    noise = float(np.hypot(spec.accel.random_walk / np.sqrt(length), section.tilt_floor_deg * units.DEG * 9.81))
-    level = levelling(still.accel, t=end, sigma_bias=spec.accel.turn_on_bias, sigma_noise=noise)
-    # Earth rate is taken off as far as it is known without a heading: its vertical part; the rest goes into sigma
-    omega_ie_n = earth.earth_rate_ned(float(gnss.llh[0, 0]))
-    vertical = level.C_nb.T @ np.array([0.0, 0.0, omega_ie_n[2]])
-    mean = still.gyro.mean(axis=0) - vertical
-    wander = spec.gyro.in_run_bias if spec.gyro.in_run_time else 0.0
-    sigma = float(np.sqrt(spec.gyro.random_walk**2 / length + omega_ie_n[0] ** 2 + wander**2))
-    spread = float(still.gyro.std(axis=0).max()) / np.sqrt(
-        max(length, 1.0) * 5.0
-    )  # vibration, a fifth of a second apart
-    return level, (mean, max(sigma, spread)), end
-
-
-def _rest_end(gnss: GnssSeries) -> float:
-    """Time until which GNSS says the vehicle did not move; the first epoch's time if it moves at once."""
-    if gnss.v_n is None or gnss.cov_v_n is None:
-        offset = np.linalg.norm(frames.ecef_from_llh(gnss.llh) - frames.ecef_from_llh(gnss.llh[0]), axis=1)
-        sigma = np.sqrt(np.einsum("nii->n", gnss.cov_r_n))
-        moving = offset > 0.3 + 4.0 * sigma
-    else:
-        speed = np.linalg.norm(gnss.v_n, axis=1)
-        moving = speed > _REST_SPEED + 2.0 * np.sqrt(np.einsum("nii->n", gnss.cov_v_n) / 3.0)
-    if not moving.any():
-        return float(gnss.t[-1])
-    first = int(np.argmax(moving))
-    return float(gnss.t[max(first - 2, 0)])  # two epochs earlier it had not begun to move
-
-
-def _first_moving(gnss: GnssSeries, section: AlignmentSection) -> int:
-    if gnss.v_n is None or gnss.cov_v_n is None:
-        raise InputError(
-            "the heading is to come from the course, but the GNSS series has no velocity; give alignment.method = "
-            '"given" with rpy_deg, or "gyrocompass"'
-        )
-    speed = np.hypot(gnss.v_n[:, 0], gnss.v_n[:, 1])
-    enough = speed > np.maximum(section.min_speed_m_s, 4.0 * np.sqrt(gnss.cov_v_n[:, 0, 0]))
-    if not enough.any():
-        raise InputError(
-            f"the vehicle never moves faster than {section.min_speed_m_s} m/s "
-            f"(largest GNSS speed {speed.max():.2f} m/s), "
-            "so its course gives no heading; lower alignment.min_speed_m_s, give the attitude, or gyrocompass"
-        )
-    return int(np.argmax(enough))
-
-
-def _level_in_motion(
-    rates: ImuSeries, gnss: GnssSeries, k: int, heading: float, sigma: float, section: AlignmentSection, spec: ImuSpec
-) -> Alignment:
-    """Roll and pitch while moving: the specific force less the acceleration GNSS sees along the course."""
     v_n, cov_v_n = gnss.need_velocity()
-    j = min(k + 1, len(gnss) - 1)
-    i = max(j - 1, 0)
-    span = float(gnss.t[j] - gnss.t[i])
-    if not 0.0 < span <= 2.0:
-        raise InputError("levelling in motion needs two GNSS velocities at most 2 s apart where the course is taken")
-    a_n = (v_n[j] - v_n[i]) / span
-    f_n = a_n - earth.gravity_ned(float(gnss.llh[k, 0]), float(gnss.llh[k, 2]))
-    f_b = rates.between(float(gnss.t[i]), float(gnss.t[j])).accel.mean(axis=0)
-    s = rotation.dcm_from_rpy(np.array([0.0, 0.0, heading])).T @ f_n  # axes turned to the heading, still level
-    # f_b = R_x(roll)' R_y(pitch)' s: pitch from the forward, roll from the cross components
-    pitch = np.arctan2(s[0], s[2]) - np.arctan2(f_b[0], -np.sqrt(max(s[0] ** 2 + s[2] ** 2 - f_b[0] ** 2, 0.0)))
-    pitch = float(frames.wrap_angle(pitch))
-    down = np.sin(pitch) * s[0] + np.cos(pitch) * s[2]
-    roll = float(frames.wrap_angle(np.arctan2(f_b[1], f_b[2]) - np.arctan2(s[1], down)))
-    noise = np.sqrt(2.0 * cov_v_n[k, 0, 0]) / span
-    tilt = float(max(np.hypot(noise, spec.accel.turn_on_bias) / 9.81, 2.0 * section.tilt_floor_deg * units.DEG))
-    return Alignment(
-        float(gnss.t[k]),
-        np.array([roll, pitch, heading]),
-        np.diag([tilt**2, tilt**2, sigma**2]),
-        "levelled in motion, heading from course",
+    sigma_v = float(np.sqrt(max(cov_v_n[k, 0, 0], cov_v_n[k, 1, 1])))
+    heading, sigma = heading_from_course(v_n[k], sigma_v, sigma_sideslip=section.sideslip_deg * units.DEG)
+    return heading, sigma, float(np.linalg.norm(v_n[k]))
+
+
+def _first_moving(gnss: GnssSeries, section: AlignmentSection) -> tuple[int, str]:
+    """First fix fast enough for its course to be the heading, or one to start at, and the sentence on why not."""
+    v_n, cov_v_n = gnss.need_velocity()
+    speed = np.hypot(v_n[:, 0], v_n[:, 1])
+    sigma = np.sqrt(np.maximum(cov_v_n[:, 0, 0], cov_v_n[:, 1, 1]))
+    least = _MIN_SPEED if section.min_speed_m_s is None else section.min_speed_m_s
+    enough = speed > np.maximum(least, 4.0 * sigma)
+    k = int(np.argmax(enough)) if enough.any() else len(gnss)
+    if section.min_speed_m_s is None:
+        slow = speed > np.maximum(_SLOW, 6.0 * sigma)
+        first = int(np.argmax(slow)) if slow.any() else k
+        if first < k and (k == len(gnss) or gnss.t[k] - gnss.t[first] > _PATIENCE_S):
+            k = first
+    if k < len(gnss):
+        return k, ""
+    return int(np.argmax(speed > 3.0 * sigma)), (
+        f"the vehicle never moves faster than {least} m/s and four times its uncertainty "
+        f"(largest GNSS speed {speed.max():.2f} m/s, 1-sigma {np.median(sigma):.2f}), so its course gives no heading"
     )
 
 
 def _start_from_fix(
     gnss: GnssSeries, k: int, alignment: Alignment, rates: ImuSeries, layout: StateLayout, config: NavigationConfig,
-    calibration: CalibrationStart | None,
+    calibration: CalibrationStart | None, rest: tuple[FloatArray, float] | None,
 ) -> InitialState:  # fmt: skip
     """Initial state of the IMU from a fix of the antenna and an attitude, with the correlations between them."""
     lever = np.array(config.gnss.lever_arm_m)
     t = float(gnss.t[k])
     C_nb = alignment.C_nb
     arm_n = C_nb @ lever
-    v_n, cov_v = np.zeros(3), 4.0 * np.eye(3)
-    if gnss.v_n is not None and gnss.cov_v_n is not None:
-        i = int(np.clip(np.searchsorted(rates.t, t), 0, len(rates.t) - 1))
-        v_n = gnss.v_n[k] - C_nb @ np.cross(rates.gyro[i], lever)
-        cov_v = gnss.cov_v_n[k]
+    v_n, cov_v_n = gnss.need_velocity()
+    i = int(np.clip(np.searchsorted(rates.t, t), 0, len(rates.t) - 1))
+    v = v_n[k] - C_nb @ np.cross(rates.gyro[i], lever)
     origin = gnss.llh[k]
     r_e = frames.ecef_from_llh(origin) - frames.C_en(origin) @ arm_n
-    nav = NavState.from_geodetic(t, frames.llh_from_ecef(r_e), v_n, alignment.rpy_nb)
-    start = InitialState.from_sigmas(nav, layout, attitude=np.zeros(3), velocity=cov_v, position=gnss.cov_r_n[k])
-    start = start.aligned(alignment, layout) if calibration is None else calibration.aligned(start, alignment, layout)
+    nav = NavState.from_geodetic(t, frames.llh_from_ecef(r_e), v, alignment.rpy_nb)
+    start = InitialState.from_sigmas(nav, layout, attitude=np.zeros(3), velocity=cov_v_n[k], position=gnss.cov_r_n[k])
+    if calibration is not None:
+        start = calibration.aligned(start, alignment, layout)
+    else:
+        if rest is not None and "b_g" in layout:
+            start = with_bias(start, layout, *rest)
+        start = start.aligned(alignment, layout)
     # the antenna is at the fix, so dr + dpsi x (C l) is the fix's error: dr = error + [C l x] dpsi; what is
     # estimated of the fix's own faults (lever arm, slow error, time offset) is in that error, with the sign turned
     T = np.eye(layout.size)
@@ -247,56 +265,15 @@ def _start_from_fix(
         (slice(6, 9), "lever", -C_nb),
         (slice(6, 9), "b_r", -np.eye(3)),
         (slice(3, 6), "b_v", -np.eye(3)),
-        (slice(6, 9), "delay", -v_n[:, None]),
+        (slice(6, 9), "delay", -v[:, None]),
         (slice(3, 6), "delay", -_acceleration(gnss, k)[:, None]),
     ):
         if name in layout:
             T[rows, layout[name]] = column
-    return InitialState(nav, T @ start.P @ T.T, start.parameters)
-
-
-def _with_rest_bias(
-    initial: InitialState, layout: StateLayout, bias: FloatArray, sigma: float, notes: list[str]
-) -> InitialState:
-    """Initial state with gyro biases from the mean rate at rest."""
-    estimates, P = initial.parameters.copy(), initial.P.copy()
-    part = layout["b_g"]
-    estimates[part.start - 9 : part.stop - 9] = bias
-    P[part, part] = sigma**2 * np.eye(3)
-    notes.append(
-        "gyro biases start from the mean at rest: "
-        + ", ".join(f"{b / units.DEG:+.3f}" for b in bias)
-        + f" deg/s, 1-sigma {sigma / units.DEG:.4f}"
-    )
-    return InitialState(initial.nav, P, estimates)
-
-
-def _updated_with_rest_rate(
-    initial: InitialState, layout: StateLayout, alignment: Alignment, rate: FloatArray, sigma: float, notes: list[str]
-) -> InitialState:
-    """Kalman update of the initial state with the compensated rate at rest, which should be zero.
-
-    It acts on biases, g-sensitivity times gravity, and all that correlates with them.
-    """
-    H = np.hstack((np.zeros((3, 9)), rest_columns(initial, alignment.C_nb, layout)[0]))
-    P, R = initial.P, sigma**2 * np.eye(3)
-    K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
-    dx, I_KH = K @ rate, np.eye(len(P)) - K @ H
-    nav, C = initial.nav, frames.C_en(initial.nav.llh)
-    nav = NavState(
-        nav.t, nav.r_eb_e - C @ dx[6:9], nav.v_eb_e - C @ dx[3:6],
-        rotation.quat_multiply(rotation.quat_from_rotvec(-C @ dx[:3]), nav.q_eb),
-    )  # fmt: skip
-    updated = InitialState(nav, I_KH @ P @ I_KH.T + K @ R @ K.T, initial.parameters - dx[9:])
-    part = layout["b_g"]
-    b, s = updated.parameters[part.start - 9 : part.stop - 9], np.sqrt(np.diag(updated.P)[part])
-    notes.append(
-        f"the mean rate at rest is {np.abs(rate).max() / units.DEG:.4f} deg/s off what was known before (1-sigma of "
-        f"the mean {sigma / units.DEG:.4f}); gyro biases start from both: "
-        + ", ".join(f"{x / units.DEG:+.4f}" for x in b)
-        + f" deg/s, 1-sigma {s.max() / units.DEG:.4f}"
-    )
-    return updated
+    start = InitialState(nav, T @ start.P @ T.T, start.parameters)
+    if rest is None or calibration is None or "b_g" not in layout:
+        return start
+    return updated_with_rest_rate(start, layout, alignment.C_nb, *rest)
 
 
 def _acceleration(gnss: GnssSeries, k: int) -> FloatArray:

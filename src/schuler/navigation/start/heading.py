@@ -1,0 +1,191 @@
+"""Heading of a start judged by what follows: several headings are tried, and the likelihood of the fixes decides."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from schuler import frames, units
+from schuler.arrays import FloatArray
+from schuler.exceptions import InputError
+from schuler.filtering.engine import InitialState
+from schuler.filtering.measurements import (
+    DIMENSIONS,
+    POSITION,
+    PSEUDORANGE,
+    RANGE_RATE,
+    VELOCITY,
+)
+from schuler.navigation.prepared import PreparedRun
+from schuler.navigation.start.alignment import Start
+
+_JUDGED = (POSITION, VELOCITY, PSEUDORANGE, RANGE_RATE)
+_SPANS_S = (60.0, 120.0, 240.0)  # as much of the log is tried at first, and more while nothing is decided [s]
+_CIRCLE = 24  # headings of a full circle
+_WIDTH = np.pi / _CIRCLE  # 1-sigma of each [rad]
+_UNSURE = 30.0 * units.DEG  # a given heading less sure than this is one of a circle
+_LOOSE = 45.0 * units.DEG  # 1-sigma with which a doubtful course counts among the headings of a circle [rad]
+_DECIDED = 20.0 * units.DEG  # spread of the headings that remain likely
+_CONVICTS = 10.0  # difference of log-likelihoods that overrules a course: chi-square of 20, one degree of freedom
+_ELSEWHERE = 45.0 * units.DEG  # a course this far off is looked for
+
+
+def log_likelihood(prepared: PreparedRun, initial: InitialState, span_s: float) -> tuple[float, float]:
+    """Log-likelihood of GNSS innovations after a start, and their mean square, normalised.
+
+    Parameters
+    ----------
+    prepared : PreparedRun
+        Of its measurements those of GNSS count: what a vehicle can and cannot do presupposes a heading. No gates.
+    initial : InitialState
+    span_s : float
+        Length of the run. [s]
+
+    Returns
+    -------
+    log_likelihood, mean_nis : float
+        -inf and inf for a start so wrong that its run breaks down.
+    """
+    t, schedule = initial.nav.t, prepared.schedule
+    schedule = schedule.where(np.isin(schedule.kind, _JUDGED) & (schedule.t <= t + span_s))
+    forward = replace(
+        prepared,
+        initial=initial,
+        increments=prepared.increments.between(t - 1e-9, t + span_s),
+        schedule=replace(schedule, gate=np.where(schedule.gate < 0.0, schedule.gate, np.inf)),
+        options=replace(prepared.options, smoother=False, record_s=span_s, output_rate_hz=1.0),
+    ).run()
+    size = np.array([DIMENSIONS[int(k)] for k in schedule.kind])
+    used = np.isfinite(forward.nis) & (forward.variance[:, 0] > 0.0)
+    if not used.any():
+        return -np.inf, np.inf
+    own = np.arange(3) < size[used][:, None]
+    squares = float(forward.nis[used].sum())
+    likelihood = -0.5 * (squares + float(np.log(np.where(own, forward.variance[used], 1.0)).sum()))
+    return (likelihood if np.isfinite(likelihood) else -np.inf), squares / float(size[used].sum())
+
+
+def judged_start(
+    start: Start, prepared: PreparedRun, finish: Callable[[InitialState], InitialState]
+) -> tuple[InitialState, str, list[str]]:
+    """Initial state with the heading that the first minutes support.
+
+    Parameters
+    ----------
+    start : Start
+    prepared : PreparedRun
+        Of this start.
+    finish : callable
+        What is still to be done to an initial state before a run.
+
+    Returns
+    -------
+    initial : InitialState
+    method : str
+        How it was found, a phrase.
+    notes : list of str
+        A sentence on a heading that was judged, or that could not be.
+
+    Raises
+    ------
+    InputError
+        If there is no other source of the heading, and the log does not show it within four minutes either.
+
+    Notes
+    -----
+    A heading from the course is tried against others: a vehicle that started backwards, sideways, or an IMU mounted
+    across is found by its accelerations, which fixes show in north and east. Log-likelihoods are divided by the mean
+    normalised innovation squared of the best run where that is above one, so that noise stated too small does not
+    convict. Where nothing is known, headings of a full circle are tried over one, two and four minutes; those that
+    remain likely make the heading and its uncertainty, as a Gaussian sum would.
+    """
+    method = start.method
+    tried = partial(_relative, start, lambda state, span: log_likelihood(prepared, finish(state), span))
+    if start.source == "gyrocompass" or not np.isin(prepared.schedule.kind, _JUDGED).any():
+        return _as_it_is(start), method, []
+    if start.source == "course" and start.sigma < _WIDTH:
+        apart = np.arange(0.0, 2.0 * np.pi - 1e-9, _ELSEWHERE)
+        relative = tried(apart, [start.sigma, *[_WIDTH * 2.0] * (len(apart) - 1)], _SPANS_S[0])
+        if relative[0] > relative.max() - _CONVICTS:
+            return start.initial, method, []
+    elif start.source == "given" and start.sigma < _UNSURE:
+        return start.initial, method, []
+    apart = np.arange(_CIRCLE) * 2.0 * np.pi / _CIRCLE
+    prior = np.zeros(_CIRCLE)
+    if start.source != "none":
+        prior = -0.5 * (np.asarray(frames.wrap_angle(apart)) / max(start.sigma, _LOOSE)) ** 2
+    for span in _SPANS_S:
+        relative = prior + tried(apart, [_WIDTH] * _CIRCLE, span)
+        weight = np.exp(relative - relative.max())
+        weight /= weight.sum()
+        mean = float(np.angle(weight @ np.exp(1j * apart)))
+        spread = float(np.sqrt(weight @ np.asarray(frames.wrap_angle(apart - mean)) ** 2))
+        if spread < _DECIDED or prepared.increments.t[-1] - start.initial.nav.t < span:
+            break
+    if spread >= _DECIDED:
+        return _undecided(start, span)
+    heading, sigma = start.heading + mean, float(np.hypot(spread, _WIDTH))
+    off = abs(float(frames.wrap_angle(mean))) / units.DEG
+    if start.source == "course" and off * units.DEG < 2.0 * start.sigma and sigma > 0.8 * start.sigma:
+        return start.initial, method, []
+    sentence = (
+        f"heading {frames.wrap_angle(heading) / units.DEG:.0f} +- {sigma / units.DEG:.0f} deg at the start is what the "
+        f"accelerations of the first {span:.0f} s support among {_CIRCLE} headings tried"
+    )
+    if start.source == "course" and off * units.DEG > 3.0 * start.sigma:
+        sentence += f"; the course is {off:.0f} deg off it: the vehicle moved backwards or sideways, or check the mount"
+    elif start.source != "none":
+        sentence += f"; the {'course' if start.source == 'course' else 'one given'} is {off:.0f} deg off it"
+    return start.at_heading(heading, sigma), f"{method.split(', heading')[0]}, heading from accelerations", [sentence]
+
+
+def no_heading(obstacle: str) -> str:
+    """Sentence of the error that a start without a heading is."""
+    return f"{obstacle}; lower alignment.min_speed_m_s, give the attitude, or gyrocompass"
+
+
+def _as_it_is(start: Start) -> InitialState:
+    if start.obstacle:
+        raise InputError(no_heading(start.obstacle))
+    return start.initial
+
+
+def _undecided(start: Start, span: float) -> tuple[InitialState, str, list[str]]:
+    if start.obstacle:
+        raise InputError(no_heading(f"{start.obstacle}, nor do its accelerations within {span:.0f} s"))
+    if start.source == "course":
+        return start.initial, start.method, []
+    sentence = (
+        f"the heading at the start is in doubt: accelerations of the first {span:.0f} s do not tell headings of a full "
+        "circle apart; the one given was taken"
+    )
+    return start.initial, start.method, [sentence]
+
+
+def _relative(
+    start: Start,
+    trial: Callable[[InitialState, float], tuple[float, float]],
+    apart: FloatArray,
+    sigmas: list[float],
+    span: float,
+) -> FloatArray:
+    """Log-likelihoods of headings so far from the start's, less the largest, where noise is as large as it shows."""
+    results = []
+    for angle, sigma in zip(apart, sigmas, strict=True):
+        try:
+            initial = (
+                start.initial
+                if angle == 0.0 and sigma == start.sigma
+                else start.at_heading(start.heading + float(angle), sigma)
+            )
+            results.append(trial(initial, span))
+        except InputError:
+            results.append((-np.inf, np.inf))
+    likelihood = np.array([r[0] for r in results])
+    if not np.isfinite(likelihood).any():
+        return np.zeros(len(apart))
+    best = int(np.argmax(likelihood))
+    return (likelihood - likelihood[best]) / max(results[best][1], 1.0)

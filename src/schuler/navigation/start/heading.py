@@ -30,6 +30,7 @@ _UNSURE = 30.0 * units.DEG  # a given heading less sure than this is one of a ci
 _LOOSE = 45.0 * units.DEG  # 1-sigma with which a doubtful course counts among the headings of a circle [rad]
 _DECIDED = 20.0 * units.DEG  # spread of the headings that remain likely
 _CONVICTS = 10.0  # difference of log-likelihoods that overrules a course: chi-square of 20, one degree of freedom
+_CLEARLY = 0.4  # and its mean squares are so much smaller: errors of scale no state has turn headings by less
 _ELSEWHERE = 45.0 * units.DEG  # a course this far off is looked for
 
 
@@ -108,8 +109,9 @@ def judged_start(
         return _as_it_is(start), method, []
     if start.source == "course" and start.sigma < _WIDTH:
         apart = np.arange(0.0, 2.0 * np.pi - 1e-9, _ELSEWHERE)
-        relative = tried(apart, [start.sigma, *[_WIDTH * 2.0] * (len(apart) - 1)], _SPANS_S[0])
-        if relative[0] > relative.max() - _CONVICTS:
+        relative, squares = tried(apart, [start.sigma, *[_WIDTH * 2.0] * (len(apart) - 1)], _SPANS_S[0])
+        best = int(np.argmax(relative))
+        if relative[0] > relative[best] - _CONVICTS or squares[best] > _CLEARLY * squares[0]:
             return start.initial, method, []
     elif start.source == "given" and start.sigma < _UNSURE:
         return start.initial, method, []
@@ -118,7 +120,7 @@ def judged_start(
     if start.source != "none":
         prior = -0.5 * (np.asarray(frames.wrap_angle(apart)) / max(start.sigma, _LOOSE)) ** 2
     for span in _SPANS_S:
-        relative = prior + tried(apart, [_WIDTH] * _CIRCLE, span)
+        relative = prior + tried(apart, [_WIDTH] * _CIRCLE, span)[0]
         weight = np.exp(relative - relative.max())
         weight /= weight.sum()
         mean = float(np.angle(weight @ np.exp(1j * apart)))
@@ -171,8 +173,11 @@ def _relative(
     apart: FloatArray,
     sigmas: list[float],
     span: float,
-) -> FloatArray:
-    """Log-likelihoods of headings so far from the start's, less the largest, where noise is as large as it shows."""
+) -> tuple[FloatArray, FloatArray]:
+    """Log-likelihoods of headings so far from the start's, less the largest, where noise is as large as it shows.
+
+    And the mean squares of their innovations. Shapes (n,).
+    """
     results = []
     for angle, sigma in zip(apart, sigmas, strict=True):
         try:
@@ -185,7 +190,8 @@ def _relative(
         except InputError:
             results.append((-np.inf, np.inf))
     likelihood = np.array([r[0] for r in results])
+    squares = np.array([r[1] for r in results])
     if not np.isfinite(likelihood).any():
-        return np.zeros(len(apart))
+        return np.zeros(len(apart)), squares
     best = int(np.argmax(likelihood))
-    return (likelihood - likelihood[best]) / max(results[best][1], 1.0)
+    return (likelihood - likelihood[best]) / max(squares[best], 1.0), squares

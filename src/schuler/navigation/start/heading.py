@@ -11,7 +11,7 @@ import numpy as np
 from schuler import frames, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import (
     DIMENSIONS,
     POSITION,

@@ -6,7 +6,7 @@ import numpy as np
 
 from schuler import earth, frames, rotation, units
 from schuler.arrays import FloatArray
-from schuler.filtering.engine import InitialState
+from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.alignment import levelling
 from schuler.mechanization.strapdown import NavState

@@ -9,7 +9,7 @@ import numpy as np
 from schuler import frames, units
 from schuler.arrays import BoolArray, FloatArray
 from schuler.recording.series import GnssSeries, ImuSeries
-from schuler.sensors.spec import ImuSpec
+from schuler.sensors.spec import ImuSpec, TriadSpec
 from schuler.standstill.intervals import true_runs
 from schuler.standstill.stationarity import LARGEST_BIAS
 
@@ -22,6 +22,7 @@ _SURE_SPEED = 0.5  # largest 1-sigma of a speed that confirms rest [m/s]
 _MOVING_SPEED = 1.0  # speed of a vehicle that certainly moves, before its uncertainty is added [m/s]
 _CHANGE_OF_SPEED = 20.0  # of a vehicle that is not known to rest, over one stretch [m/s]
 _ANY_TURN = 4.0 / np.sqrt(3.0)  # RMS of a rate that passes for a bias, in its 1-sigma: uniform up to four of them
+_ONE_REST_S = 30.0  # rest that a log is taken to have before any is seen [s]
 _RAREST = 1e-4  # no share of quiet motion is believed to be smaller
 
 
@@ -125,7 +126,7 @@ def rests_before(
     quiet = (blocks.ratio < _QUIET) & (size < most_rate) & (off_g < most_force)
     calm = np.all(blocks.shake[:, :3] < _SHAKEN_GYRO, axis=1) & np.all(blocks.shake[:, 3:] < _SHAKEN_ACCEL, axis=1)
     allowed = (quiet | (still & calm & (size < LARGEST_BIAS) & (off_g < max(most_force, 1.0)))) & ~moving
-    motion = _Motion.of(blocks, gnss, quiet & _unbroken(blocks), _bias_sigma(spec.gyro))
+    motion = _Motion.of(blocks, gnss, quiet & _unbroken(blocks), still, _bias_sigma(spec.gyro))
     before = blocks.stop <= until + 1e-9
     rests, outside = [], 0.0
     for a, b in true_runs(allowed & before & _unbroken(blocks)):
@@ -155,7 +156,7 @@ def rests_before(
     return StartRests(*columns, outside=outside)
 
 
-def _bias_sigma(triad: object) -> float:
+def _bias_sigma(triad: TriadSpec) -> float:
     """1-sigma of a bias at some time of a run, by the budget."""
     return float(np.linalg.norm([triad.turn_on_bias, triad.in_run_bias, 1.9 * triad.bias_instability]))
 
@@ -228,8 +229,8 @@ class _Motion:
 
     Attributes
     ----------
-    moving : float
-        Time in which GNSS sees motion. [s]
+    moving, standing : float
+        Time in which GNSS sees motion, and rest. [s]
     alike : ndarray, shape (k,)
         Lengths of the stretches of it that would pass for a rest. [s]
     tail : float
@@ -239,12 +240,13 @@ class _Motion:
     """
 
     moving: float
+    standing: float
     alike: FloatArray
     tail: float
     turn: float
 
     @classmethod
-    def of(cls, blocks: _Blocks, gnss: GnssSeries, quiet: BoolArray, sigma_bias: float) -> _Motion:
+    def of(cls, blocks: _Blocks, gnss: GnssSeries, quiet: BoolArray, still: BoolArray, sigma_bias: float) -> _Motion:
         from scipy.special import ndtr
 
         speed, sigma = _speeds(gnss)
@@ -252,7 +254,7 @@ class _Motion:
         inside = (blocks.start >= gnss.t[0]) & (blocks.stop <= gnss.t[-1])
         motion = inside & (np.interp(blocks.start, gnss.t, fast) > 0.99) & (np.interp(blocks.stop, gnss.t, fast) > 0.99)
         if motion.sum() < 20:
-            return cls(0.0, np.empty(0), 1.0, _ANY_TURN * sigma_bias)
+            return cls(0.0, 0.0, np.empty(0), 1.0, _ANY_TURN * sigma_bias)
         log = np.log(blocks.ratio[motion])
         tail = float(ndtr((np.log(_QUIET) - log.mean()) / max(float(log.std()), 0.1)))
         nowhere = np.zeros(len(motion), dtype=bool)
@@ -263,12 +265,14 @@ class _Motion:
             rate = np.array([blocks.rate[a:b].mean(axis=0) for a, b in runs])
             squares = np.sum((rate - np.median(rate, axis=0)) ** 2) / 3.0
             turn = float(np.sqrt((turn**2 + squares) / (1.0 + len(runs))))
-        return cls(float(motion.sum() * np.median(blocks.stop - blocks.start)), lengths, tail, turn)
+        step = float(np.median(blocks.stop - blocks.start))
+        return cls(step * float(motion.sum()), step * float(still.sum()), lengths, tail, turn)
 
     def share(self, length: float, before: float) -> float:
         """Probability that what looks like a rest of this length is motion, in so much time before the start. [s]
 
-        As many stretches of motion as are expected to look so, by what was seen of it, against one rest.
+        The larger of two: as many stretches of motion as are expected to look so before the start, by what was seen of
+        motion, against one rest; and the time that motion looks so against the time GNSS sees the vehicle stand.
         """
         if not self.moving:
             return 0.5
@@ -277,6 +281,8 @@ class _Motion:
             # lengths are exponential, with a mean known from n of them only
             longer = (1.0 + 0.5 * length / float(self.alike.sum())) ** -(n + 1.0)
             expected = max((n + 0.5) / self.moving * before * longer, _RAREST)
+            time = float(self.alike[self.alike > 0.5 * length].sum()) / (self.standing + _ONE_REST_S)
+            expected = max(expected, time)
         else:
             expected = max(self.tail, _RAREST) * max(before / length, 1.0)
         return expected / (1.0 + expected)

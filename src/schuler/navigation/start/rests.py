@@ -152,8 +152,8 @@ def rests_before(
             total += rest[1] - rest[0]
     if not kept:
         return nothing
-    columns = [np.array(x) for x in zip(*kept[::-1], strict=True)]
-    return StartRests(*columns, outside=outside)
+    start, stop, rate, force, sigma_rate, sigma_force, confirmed = (np.array(x) for x in zip(*kept[::-1], strict=True))
+    return StartRests(start, stop, rate, force, sigma_rate, sigma_force, confirmed, outside)
 
 
 def _bias_sigma(triad: TriadSpec) -> float:
@@ -181,7 +181,7 @@ def _rounding(rates: ImuSeries) -> FloatArray:
     for x in some.T:
         level = np.unique(x)
         steps.append(float(np.diff(level).min()) if len(level) > 1 else 1e-12)
-    return np.array(steps) / np.sqrt(12.0)
+    return np.asarray(np.array(steps) / np.sqrt(12.0))
 
 
 def _unbroken(blocks: _Blocks) -> BoolArray:
@@ -285,7 +285,7 @@ class _Motion:
             expected = max(expected, time)
         else:
             expected = max(self.tail, _RAREST) * max(before / length, 1.0)
-        return expected / (1.0 + expected)
+        return float(expected / (1.0 + expected))
 
 
 def _steady(blocks: _Blocks, still: BoolArray, a: int, b: int) -> list[tuple[int, int]]:

@@ -63,7 +63,7 @@ def check(
     else:
         parts = given
     diagnosis = diagnose_log(log, **parts)
-    print(diagnosis.to_json() if json else diagnosis.summary())
+    print(diagnosis.to_json() if json else diagnosis.summary(command=not log.is_dir()))
     if report is not None:
         say(str(diagnosis.report(report)))
     return 0 if diagnosis.ok else 2

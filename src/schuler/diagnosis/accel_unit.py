@@ -1,4 +1,8 @@
-"""Unit of the specific force, and rates or increments: from gravity at rest."""
+"""Unit of the specific force, and rates or increments: from gravity at rest.
+
+Without rest gravity is bounded only: a sample is in the median no shorter than about gravity, since shaking adds to it,
+and means over some seconds are no longer than some gravities, to which only a foot that swings about the hip gets.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +20,9 @@ UNITS = {"m/s^2": 1.0, "g": units.G0, "mg": units.MG, "ug": units.UG, "ft/s^2": 
 _RATE_OF = {"m/s": "m/s^2", "ft/s": "ft/s^2", "cm/s": "cm/s^2", "rad": "rad/s", "deg": "deg/s", "mrad": "mrad/s"}
 _NEAR = 0.06  # relative, for a unit to fit: uncalibrated MEMS sensors are 3 % off
 _OFF = 0.04  # relative error at rest that is worth a word
+_BOUNDS = (0.7, 2.5)  # least median norm, largest norm of means, of gravity, of a body that never rests
+_MEAN_S = 5.0  # means of a moving body are taken over so long
+_STEADY_S = 0.25  # windows in which even a running foot is steady now and then
 
 
 @dataclass(frozen=True)
@@ -95,6 +102,7 @@ def accel_unit(
         Unit stated, and its factor.
     """
     level, rested = level_at_rest(accel, rests)
+    bounds = (level, level) if rested else (_norm_of_means(accel, interval), level)
     evidence: dict[str, Any] = {"norm_m_s2": level, "gravity_m_s2": gravity, "rest_s": rests.seconds}
     where = f"over {rests.seconds:.0f} s of rest" if rested else "in the median (no rest was found)"
     if level <= 0.0:
@@ -106,11 +114,13 @@ def accel_unit(
             "was taken out (linear acceleration of a phone or a filter), and nothing can be navigated from that"
         )
         fix = "export the raw accelerometer (a phone's 'accelerometer with g', not 'linear acceleration')"
-        return [Finding("no_gravity", "error", text, 0.95, fix, evidence)], Scaling(determined=False, kind=kind)
+        return [Finding("no_gravity", "error", text, 0.98, fix, evidence)], Scaling(determined=False, kind=kind)
+    if not rested:
+        return _without_rest(bounds, interval, kind, gravity, stated, evidence)
     need = gravity / level
-    loose = 0.02 if rested else 0.05
+    loose = 0.02
     if abs(need - 1.0) <= 0.15 + loose:
-        if abs(need - 1.0) > _OFF + (0.0 if rested else 0.06):
+        if abs(need - 1.0) > _OFF:
             text = (
                 f"the norm of specific force is {level:.4g} m/s^2 {where}, {100.0 * (level / gravity - 1.0):+.1f} % "
                 "off gravity: scale factors or biases need calibration"
@@ -121,13 +131,86 @@ def accel_unit(
     return _unit_findings(need, level, where, interval, kind, stated, evidence, loose)
 
 
+def _norm_of_means(accel: FloatArray, interval: float) -> float:
+    """Median norm of the means over some seconds."""
+    per = min(max(10, round(_MEAN_S / interval)), len(accel))
+    m = len(accel) // per
+    means = accel[: m * per].reshape(m, per, 3).mean(axis=1)
+    return float(np.median(np.linalg.norm(means, axis=1)))
+
+
+def _without_rest(
+    bounds: tuple[float, float],
+    interval: float,
+    kind: str,
+    gravity: float,
+    stated: tuple[str, float],
+    evidence: dict[str, Any],
+) -> tuple[list[Finding], Scaling]:
+    """Finding on the unit of a log in which nothing rests: none while gravity lies between its bounds.
+
+    Parameters
+    ----------
+    bounds : (float, float)
+        Norm of means over some seconds, and median norm of a sample, as read.
+    interval, kind, gravity, stated, evidence
+        See :func:`accel_unit`.
+    """
+    low, high = gravity * _BOUNDS[0] / bounds[1], gravity * _BOUNDS[1] / max(bounds[0], 1e-300)
+    evidence = {**evidence, "norm_of_means_m_s2": bounds[0], "factor_between": [low, high]}
+    if low <= 1.0 <= high:
+        # means and samples of one norm, that of gravity: smooth motion
+        smooth = bounds[0] > 0.9 * bounds[1] and abs(bounds[1] / gravity - 1.0) < 0.2
+        return [], Scaling(1.0, kind, smooth)
+    name, factor = stated
+    other = "rate" if kind == "increment" else "increment"
+    by_kind = interval if kind == "increment" else 1.0 / interval
+    options = [
+        (0.0 if unit in ("m/s^2", "g") else 0.3, value, unit, kind) for unit, value in UNITS.items() if unit != name
+    ]
+    options.append((0.2, UNITS.get(name, 1.0) * by_kind, name, other))
+    fits = sorted((cost, unit, what, value) for cost, value, unit, what in options if low <= value / factor <= high)
+    sure = 0.98 if max(low, 1.0 / high) > 3.0 else 0.9
+    text = (
+        f"nothing rests, yet specific force has a norm of {bounds[1]:.4g} m/s^2 in the median and its means over "
+        f"{_MEAN_S:.0f} s one of {bounds[0]:.4g} m/s^2, which gravity cannot be"
+    )
+    if not fits:
+        text += ": no usual unit makes it so, the numbers are counts or have a scale of their own"
+        fix = "the scale of the data sheet, scale='accel=...' (for calibrations units='counts,counts')"
+        scaling = Scaling(float(np.sqrt(low * high)), kind, True)
+        return [Finding("accel_unit", "error", text, min(sure, 0.95), fix, evidence)], scaling
+    _, unit, what, value = fits[0]
+    rivals = "".join(f"; or {u} as {w}s" for _, u, w, _ in fits[1:2])
+    scaling = Scaling(value / factor, what, True)
+    if what != kind:
+        text += f": the log holds {what}s, not {kind}s{rivals}"
+        fix = "kind='increment', units='m/s,rad' (or their units)" if what == "increment" else "kind='rate'"
+        return [Finding("kind", "error", text, sure, fix, evidence)], scaling
+    text += f": the numbers are {unit}, not {name}{rivals}"
+    fix = f"units='{unit},...' (or units='accel={unit}')"
+    return [Finding("accel_unit", "error", text, sure, fix, evidence)], scaling
+
+
 def _no_gravity(accel: FloatArray, mean: FloatArray, level: float, interval: float) -> bool:
     """A mean lost in the scatter of the log: units do not matter, since only the two are compared."""
     overall = np.linalg.norm(accel.mean(axis=0))
     scatter = float(np.sqrt(np.mean(accel.var(axis=0))))
-    return bool(
-        overall < 0.5 * scatter and np.linalg.norm(mean) < 0.5 * max(scatter, 0.5 * level) and _mean_is_noise(accel)
-    )
+    lost = overall < 0.5 * scatter and np.linalg.norm(mean) < 0.5 * max(scatter, 0.5 * level) and _mean_is_noise(accel)
+    return bool(lost and not _gravity_shows(accel, interval))
+
+
+def _gravity_shows(accel: FloatArray, interval: float) -> bool:
+    """Whether the steadiest quarter of short windows has means of one norm, as gravity in any attitude has."""
+    per = max(5, round(_STEADY_S / interval))
+    m = len(accel) // per
+    if m < 20:
+        return True
+    y = accel[: m * per].reshape(m, per, 3)
+    steady = np.argsort(y.std(axis=1).max(axis=1))[: m // 4]
+    norm = np.linalg.norm(y.mean(axis=1)[steady], axis=1)
+    low, middle, high = np.quantile(norm, (0.1, 0.5, 0.9))
+    return bool(high - low < 0.7 * middle and middle > 0.3 * np.median(np.linalg.norm(accel, axis=1)))
 
 
 def _mean_is_noise(accel: FloatArray) -> bool:
@@ -167,9 +250,9 @@ def _unit_findings(
         )
         fix = f"scale='accel={need:.6g}'" if name == "m/s^2" else f"units='accel=m/s^2', scale='accel={raw:.6g}'"
         fix += " (for calibrations also units='counts,counts')"
-        return [Finding("accel_unit", "error", text, 0.8, fix, evidence)], Scaling(need, kind, True)
+        return [Finding("accel_unit", "error", text, 0.99, fix, evidence)], Scaling(need, kind, True)
     _, dist, unit, what = fits[0]
-    confidence = 0.97 if len(fits) == 1 else 0.75
+    confidence = 0.99
     rivals = "".join(f"; or {u} as {w}s" for _, _, u, w in fits[1:2])
     findings = []
     evidence = {**evidence, "factor": need, "distance": dist, "fits": [f"{u} {w}" for _, _, u, w in fits]}

@@ -169,7 +169,7 @@ def changes(P: FloatArray) -> str:
 
 
 def axes_findings(
-    best: Guess, rivals: list[Guess], ev: AxesEvidence, as_read: FloatArray, *, vehicle: bool
+    best: Guess, rivals: list[Guess], ev: AxesEvidence, as_read: FloatArray, *, vehicle: bool, agreed: bool
 ) -> list[Finding]:
     """Sentences on the best explanation.
 
@@ -180,7 +180,10 @@ def axes_findings(
     ev : AxesEvidence
     as_read : ndarray, shape (3, 3)
         What the reader already turned the log's own axes by (hint ``axes``).
-    forward_known : bool
+    vehicle : bool
+        Whether the way the body moves is its forward axis.
+    agreed : bool
+        Whether either half of the log by itself says the same.
     """
     evidence: dict[str, Any] = {
         "forward_in_sensor": ev.B[:, 0].tolist(),
@@ -192,7 +195,7 @@ def axes_findings(
     if not best.codes:
         return []
     lead = min((g.total for g in rivals), default=best.total + 2.0) - best.total
-    confidence = float(np.clip(0.6 + 0.35 * lead - 0.03 * best.misfit, 0.4, 0.99))
+    confidence = float(np.clip(0.6 + 0.35 * lead - 0.03 * best.misfit, 0.4, 0.99 if agreed else 0.85))
     also = ""
     if rivals:
         names = dict.fromkeys(" and ".join(g.codes) or "nothing wrong" for g in rivals)

@@ -10,9 +10,10 @@ import numpy as np
 
 from schuler import timebase
 from schuler.arrays import FloatArray
-from schuler.diagnosis.lag import Lag, at_ahead, find_ahead, find_lag
+from schuler.diagnosis.lag import Lag, at_ahead, find_ahead, find_lag, log_likelihood
 from schuler.diagnosis.motion import Motion, WindowMeans, motion_of
-from schuler.diagnosis.result import Finding, Severity
+from schuler.diagnosis.result import SURE, Finding, Severity
+from schuler.diagnosis.sampling import counted_rate
 from schuler.diagnosis.state import VEHICLE, DiagnosisState
 from schuler.exceptions import SchulerError
 from schuler.recording.series import ImuSeries
@@ -20,6 +21,9 @@ from schuler.recording.series import ImuSeries
 _LEAST_OFFSET = 0.05  # of a clock, worth a word [s]
 _HAND = 0.8  # offset that a body turning against its course cannot explain [s]
 _ALONE = 0.12  # the same where only positions or only velocities tell [s]
+_GARBAGE = 0.5  # offset that makes results garbage [s]
+_RIGHT_S = 0.3  # a clock that is right may seem off by as much: delays, lever arms [s]
+_DISTINCT = 12.0  # log-likelihood by which a wrong clock must lead the right one
 
 
 def _time_unit(state: DiagnosisState, imu: ImuSeries, t: FloatArray) -> bool:
@@ -35,7 +39,9 @@ def _time_unit(state: DiagnosisState, imu: ImuSeries, t: FloatArray) -> bool:
             f"s): {statement}"
         )
         fix = f"units='t={unit}'" if power > 0 else "units='t=s'"
-        state.findings.append(Finding("time_unit", "error", text, 0.95, fix, {"ratio": ratio}))
+        # samples further apart than any logger's, or closer, leave no doubt
+        sure = 0.7 if 5e-4 < imu.interval < 0.1 else 0.99
+        state.findings.append(Finding("time_unit", "error", text, sure, fix, {"ratio": ratio}))
         return True
     return False
 
@@ -56,6 +62,9 @@ def overlaps(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> bool:
     if b - a > 20.0:
         return True
     t = state.gnss.t if state.gnss is not None else motion.t
+    common = float(min(imu.t[-1], t[-1]) - max(imu.t[0], t[0]))
+    if common > 0.5 * min(imu.t[-1] - imu.t[0], t[-1] - t[0]):
+        return False  # short logs, but of one time
     evidence: dict[str, Any] = {
         "imu_s": [float(imu.t[0]), float(imu.t[-1])],
         "gnss_s": [float(t[0]), float(t[-1])],
@@ -72,8 +81,8 @@ def overlaps(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> bool:
             guess = f"; they are about {abs(n)} times {name} apart"
             break
     text = (
-        f"IMU ({imu.t[0]:.1f}..{imu.t[-1]:.1f} s) and GNSS ({t[0]:.1f}..{t[-1]:.1f} s) have no time in common worth "
-        f"using{guess}"
+        f"IMU ({imu.t[0]:.1f}..{imu.t[-1]:.1f} s) and GNSS ({t[0]:.1f}..{t[-1]:.1f} s) have "
+        f"{f'only {common:.0f} s' if common > 1.0 else 'no time'} in common{guess}"
     )
     fix = "time='gps-tow:WEEK' (or unix, gps) for each file; or offset=..."
     if motion.enough and imu.t[-1] - imu.t[0] > 40.0:
@@ -84,7 +93,8 @@ def overlaps(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> bool:
             evidence["sigma_s"] = lag.sigma
             text += f"; the same motion is in both, {lag.offset:+.3f} s apart (1-sigma {lag.sigma:.3f} s)"
             fix = f"offset={state.offset + lag.offset:.3f} for the IMU, or the right meaning of its stamps (time=...)"
-    state.findings.append(Finding("no_overlap", "error", text, 0.99, fix, evidence))
+    severity: Severity = "error" if common <= 1.0 else "warning"
+    state.findings.append(Finding("no_overlap", severity, text, 0.99, fix, evidence))
     return False
 
 
@@ -106,7 +116,7 @@ def find_clock(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> WindowM
     assert state.view is not None
     state.checked.append("IMU clock against GNSS")
     means = WindowMeans(imu)
-    lag = find_lag(means, motion)
+    lag = _likeliest(means, motion)
     span = float(motion.t[-1] - motion.t[0])
     middle = float(motion.t[motion.moving].mean())
     drift, drift_sigma = 0.0, lag.drift_sigma
@@ -138,8 +148,8 @@ def find_clock(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> WindowM
     if not lag.matched:
         text = (
             "no shift of its clock makes the IMU explain the motion that GNSS tells "
-            f"({100.0 * lag.r2.max():.0f} % at best): another run, one of them not moving, or clocks more than "
-            f"400 s apart"
+            f"beyond doubt ({100.0 * lag.r2.max():.0f} % at best): fixes too noisy, too little motion, a body that "
+            "does not go where it points, another run, or clocks more than 400 s apart"
         )
         state.findings.append(Finding("unchecked", "note", text, 0.5, "", evidence))
         return means
@@ -154,7 +164,9 @@ def find_clock(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> WindowM
     state.estimates["explained_by_imu"] = lag.r2.tolist()
     if drift:
         state.estimates["clock_drift_ppm"] = 1e6 * drift
-    _offset_finding(state, offset, sigma, gap, evidence)
+    lead = wrong_clock_lead(means, motion, replace(lag, offset=offset))
+    evidence |= {"lead_log_likelihood": lead}
+    _offset_finding(state, offset, sigma, gap, lead, evidence)
     if gap is not None and abs(gap) > 0.1:
         text = (
             f"velocities are {abs(gap):.3f} s {'late' if gap < 0.0 else 'early'} against positions by the "
@@ -169,11 +181,52 @@ def find_clock(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> WindowM
             f"stamps, or "
             "the stated rate, are not those of the samples"
         )
-        fix = f"rate={imu.rate_hz / (1.0 + drift):.6g} (if the log has no stamps), or stamps of a disciplined clock"
+        rate, _ = counted_rate(imu.t)
+        fix = "stamps of a disciplined clock"
+        if rate is not None:
+            fix = f"rate={rate / (1.0 + drift):.6g} (if the log has no stamps), or {fix}"
         state.findings.append(
             Finding("clock_drift", "warning", text, 0.9, fix, {"drift": drift, "sigma": drift_sigma, "total_s": total})
         )
     return means
+
+
+def _likeliest(means: WindowMeans, motion: Motion) -> Lag:
+    """The lag of the two logs: a clock that is right, unless a wrong one explains far more of the motion."""
+    lag = find_lag(means, motion)
+    if not lag.matched or abs(lag.offset) < 1.0 or wrong_clock_lead(means, motion, lag)[0] > _DISTINCT:
+        return lag
+    return find_lag(means, motion, near=True)
+
+
+def wrong_clock_lead(means: WindowMeans, motion: Motion, lag: Lag) -> tuple[float, float, float]:
+    """Log-likelihood by which an offset leads a clock that is right: of all of the motion, and of its two halves.
+
+    Parameters
+    ----------
+    means : WindowMeans
+    motion : Motion
+    lag : Lag
+    """
+    right = np.linspace(-_RIGHT_S, _RIGHT_S, 7)
+    middle = float(np.median(motion.t[motion.moving]))
+    out = []
+    for keep in (None, motion.t <= middle, motion.t > middle):
+        wrong = log_likelihood(means, motion, np.array([lag.offset]), lag.samples, keep)[0]
+        out.append(float(wrong - log_likelihood(means, motion, right, lag.samples, keep).max()))
+    return out[0], out[1], out[2]
+
+
+def likelihood_of_wrong_clock(lead: tuple[float, float, float]) -> float:
+    """Likelihood that a clock is wrong which leads a right one so; both halves of the log must say so.
+
+    Parameters
+    ----------
+    lead : (float, float, float)
+        From :func:`wrong_clock_lead`.
+    """
+    least = min(lead[0] - _DISTINCT, 2.0 * min(lead[1:]))
+    return float(np.clip(1.0 - 0.5 * np.exp(-least / 5.0), 0.5, 0.999))
 
 
 def _mean_offset(
@@ -201,7 +254,12 @@ def _mean_offset(
 
 
 def _offset_finding(
-    state: DiagnosisState, offset: float, sigma: float, gap: float | None, evidence: dict[str, Any]
+    state: DiagnosisState,
+    offset: float,
+    sigma: float,
+    gap: float | None,
+    lead: tuple[float, float, float],
+    evidence: dict[str, Any],
 ) -> None:
     # positions and velocities of one receiver differ by a tenth of a second: either alone says less
     limit = max(_ALONE if gap is None else _LEAST_OFFSET + 0.25 * abs(gap), 3.0 * sigma)
@@ -212,6 +270,7 @@ def _offset_finding(
         limit = max(limit, _HAND)
     if abs(offset) < limit:
         return
+    wrong = likelihood_of_wrong_clock(lead)
     seconds = round(abs(offset))
     near = abs(abs(offset) - seconds) < max(0.35, 3.0 * sigma)
     leaps = _leaps(state)
@@ -225,9 +284,7 @@ def _offset_finding(
         )
         shift = state.offset + float(np.sign(offset)) * seconds
         fix = f"time='unix' (UTC) or 'gps-unix'/'gps' for the right file, or offset={shift:g}"
-        state.findings.append(
-            Finding("leap_seconds", "error", text, 0.97 if seconds == leaps[0] else 0.85, fix, evidence)
-        )
+        state.findings.append(Finding("leap_seconds", "error", text, wrong, fix, evidence))
         remainder = offset - np.sign(offset) * seconds
         if abs(remainder) > max(limit, 0.1):
             side = "late" if remainder < 0 else "early"
@@ -238,10 +295,14 @@ def _offset_finding(
                 )
             )
         return
-    confidence = float(np.clip(1.0 - np.exp(-0.5 * (offset / sigma) ** 2 / 4.0), 0.5, 0.99))
+    severity: Severity = "warning"
+    confidence = float(np.clip(1.0 - np.exp(-0.5 * (offset / sigma) ** 2 / 4.0), 0.5, 0.95))
+    if abs(offset) > _GARBAGE + 2.0 * sigma:
+        severity, confidence = "error", wrong
     if seconds >= 1 and near:
         statement += f", {seconds} whole second{'s' * (seconds != 1)}"
-    severity: Severity = "error" if abs(offset) > 0.5 else "warning"
+    if severity == "error" and confidence < SURE:
+        statement += "; a clock that is right explains the motion nearly as well, or in one half of the log better"
     state.findings.append(Finding("time_offset", severity, statement, confidence, fix, evidence))
 
 

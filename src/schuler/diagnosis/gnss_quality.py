@@ -111,7 +111,7 @@ def _against_velocity(gnss: GnssSeries, view: GnssView) -> list[Finding]:
     dt = np.diff(gnss.t)
     interval = float(np.median(dt))
     if view.other is not None and gnss.v_n is not None:
-        v = view.v_n
+        v = np.stack([np.interp(gnss.t, view.t, x) for x in view.v_n.T], axis=1)
         left = np.diff(r, axis=0) - 0.5 * (v[1:] + v[:-1]) * dt[:, None]
         parts = 2.0
     else:

@@ -115,6 +115,25 @@ def misfit(turns: Turns, maps: FloatArray) -> FloatArray:
     return np.asarray(np.median(np.arccos(cosine), axis=1))
 
 
+def halves_agree(turns: Turns, map_: FloatArray) -> bool:
+    """Whether of six turns or more every second one, and the others, are each explained far better than as read.
+
+    Parameters
+    ----------
+    turns : Turns
+    map_ : ndarray, shape (3, 3)
+        Gyro in the accelerometer's axes, rad/s.
+    """
+    if len(turns) < 6:
+        return False
+    for k in (slice(0, None, 2), slice(1, None, 2)):
+        part = Turns(turns.dtheta[:, k], turns.before[k], turns.after[k])
+        as_read, mended = misfit(part, np.stack((np.eye(3), map_)))
+        if not mended < 0.3 * as_read:
+            return False
+    return True
+
+
 def _candidates(interval: float) -> list[tuple[str, str, float, float]]:
     """Unit, kind ("rate" or "increment"), factor to rad/s, cost of the guess."""
     out = []
@@ -213,7 +232,7 @@ def gyro_unit(
     raw = need * factor
     if kind == "increment" and abs(np.log(need / interval)) < _NEAR:
         text = f"{how} the angular rates are 1/interval times too large: the log holds rates, not increments"
-        return [Finding("kind", "error", text, 0.9, "kind='rate'", {**evidence, "factor": need})]
+        return [Finding("kind", "error", text, 0.99, "kind='rate'", {**evidence, "factor": need})]
     fits = sorted(
         (cost + abs(np.log(raw / value)) / _NEAR, unit, what)
         for unit, what, value, cost in _candidates(interval)
@@ -222,27 +241,28 @@ def gyro_unit(
     evidence = {**evidence, "factor": need, "fits": [f"{u} {w}" for _, u, w in fits]}
     if not fits and abs(np.log(need)) < 0.45:
         return []  # clipped turns, noise, a poor course: no unit
+    far = abs(np.log(need)) > 1.5
     if not fits:
         text = (
             f"{how} the angular rates are {1.0 / need:.4g} times what they should be in {name}: the numbers "
             f"are counts or "
             "have a scale of their own"
         )
-        return [Finding("gyro_unit", "error", text, 0.75, f"scale='gyro={need:.5g}'", evidence)]
+        return [Finding("gyro_unit", "error", text, 0.98 if far else 0.8, f"scale='gyro={need:.5g}'", evidence)]
     _, unit, what = fits[0]
     if what == "increment" and kind == "rate":
         text = (
             f"{how} the gyro's numbers are {1.0 / need:.4g} times too small: they are angle increments in "
             f"{unit}, not rates"
         )
-        return [Finding("kind", "error", text, 0.8, f"kind='increment', units='...,{unit}'", evidence)]
+        return [Finding("kind", "error", text, 0.99, f"kind='increment', units='...,{unit}'", evidence)]
     text = f"{how} the angular rates are {1.0 / need:.4g} times what they should be: the numbers are {unit}, not {name}"
-    confidence = 0.97 if len(fits) == 1 else 0.8
+    confidence = 0.99 if far else 0.8
     return [Finding("gyro_unit", "error", text, confidence, f"units='...,{unit}' (or units='gyro={unit}')", evidence)]
 
 
-def gyro_axes(P: FloatArray, evidence: dict[str, Any]) -> list[Finding]:
-    """Finding on gyro axes that turns of gravity ask for."""
+def gyro_axes(P: FloatArray, evidence: dict[str, Any], *, agreed: bool) -> list[Finding]:
+    """Finding on gyro axes that turns of gravity ask for; sure if both halves of the turns ``agreed``."""
     if np.array_equal(P, np.eye(3)):
         return []
     if np.array_equal(P, -np.eye(3)):
@@ -250,8 +270,10 @@ def gyro_axes(P: FloatArray, evidence: dict[str, Any]) -> list[Finding]:
             "between rests gravity turns the other way than the gyro says: its sign is reversed, or all "
             "axes are left-handed"
         )
-        return [Finding("gyro_sign", "error", text, 0.85, "scale='gyro=-1'", evidence)]
+        return [Finding("gyro_sign", "error", text, 0.99 if agreed else 0.85, "scale='gyro=-1'", evidence)]
     words = changes(P.T)
     code = "handedness" if np.linalg.det(P) < 0.0 else "gyro_axes"
     text = f"between rests gravity turns as if the gyro's axes were others than the accelerometer's: gyro {words}"
-    return [Finding(code, "error", text, 0.8, f"exchange or reverse columns: gyro {words}", evidence)]
+    return [
+        Finding(code, "error", text, 0.98 if agreed else 0.8, f"exchange or reverse columns: gyro {words}", evidence)
+    ]

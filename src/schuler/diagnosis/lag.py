@@ -4,6 +4,9 @@ Turn rate is regressed on the three gyro channels, and acceleration along and ac
 accelerometer channels, at each trial shift. A regression does not care for units, signs, axes and mounting, so that the
 shift is found whatever else is wrong. (Correlation of turn rates is Levinson, IEEE TIM 2009, and others'; the
 regression makes it independent of axes.)
+
+Shifts are compared by the likelihood of all of the motion: what an IMU does not cover at a shift it does not explain
+there, and windows that overlap or whose residuals are alike count once.
 """
 
 from __future__ import annotations
@@ -19,6 +22,8 @@ NEAR_S, NARROW_S, WIDE_S = 6.0, 25.0, 400.0
 _BLOCKS = 8
 _COARSE = 400  # epochs used for the first look
 _AT_ONCE = 20_000  # windows in memory at a time
+_LEAST = 8.0  # log-likelihood by which a match must lead no match, beyond what the number of trials gives
+_LONGEST_S = 20.0  # residuals further apart are independent
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,11 @@ class Lag:
         Change of the offset over time. [s/s]
     curve : ndarray, shape (m, 2)
         Trial shifts [s] and their scores.
+    samples : ndarray, shape (3,)
+        Number of independent samples of turn rate, forward and right acceleration.
+    evidence : float
+        Log-likelihood ratio of the shift against no motion in common, less what the best of so many trials has by
+        chance.
     """
 
     offset: float
@@ -48,11 +58,13 @@ class Lag:
     drift: float
     drift_sigma: float
     curve: FloatArray
+    samples: FloatArray
+    evidence: float
 
     @property
     def matched(self) -> bool:
         """Whether the two logs share a motion."""
-        return bool(self.r2.max() > 0.35 and self.clear > 0.1)
+        return bool(self.r2.max() > 0.35 and self.clear > 0.1 and self.evidence > _LEAST)
 
 
 def explained(
@@ -142,6 +154,77 @@ def score(r2: FloatArray) -> FloatArray:
     return np.asarray(-0.5 * np.sum(np.log(np.maximum(1.0 - r2, 1e-4)), axis=-1))
 
 
+def covered(means: WindowMeans, motion: Motion, shifts: FloatArray, keep: BoolArray | None = None) -> FloatArray:
+    """Share of the motion that the IMU's log covers at each shift. Shape (k,)."""
+    t = motion.t[motion.moving if keep is None else motion.moving & keep]
+    first = np.searchsorted(t, means.t[0] + motion.half + shifts, side="left")
+    last = np.searchsorted(t, means.t[-1] - motion.half + shifts, side="right")
+    return np.asarray(np.maximum(last - first, 0) / max(len(t), 1))
+
+
+def independent_samples(means: WindowMeans, motion: Motion, offset: float) -> FloatArray:
+    """Number of independent samples of each target: time in motion over the correlation time of its residuals.
+
+    Parameters
+    ----------
+    means : WindowMeans
+    motion : Motion
+    offset : float
+        To be added to the IMU's stamps. [s]
+
+    Returns
+    -------
+    ndarray, shape (3,)
+    """
+    y, inside = means.at(motion.t - offset, motion.half)
+    use = motion.moving & inside
+    if use.sum() < 20:
+        return np.zeros(3)
+    y = y - means.origin
+    step = float(np.median(np.diff(motion.t)))
+    most = min(int(_LONGEST_S / step), int(use.sum()) // 4)
+    both = np.array([np.count_nonzero(use[j:] & use[: len(use) - j]) for j in range(1, most + 1)])
+    out = np.zeros(3)
+    targets = ((motion.turn, slice(3, 6)), (motion.forward, slice(0, 3)), (motion.right, slice(0, 3)))
+    for k, (x, columns) in enumerate(targets):
+        A = np.concatenate((y[use][:, columns], np.ones((int(use.sum()), 1))), axis=1)
+        c, *_ = np.linalg.lstsq(A, x[use], rcond=None)
+        e = np.zeros(len(use))
+        e[use] = x[use] - A @ c
+        power = float(e @ e) / float(use.sum())
+        rho = np.array([e[j:] @ e[: len(e) - j] for j in range(1, most + 1)]) / np.maximum(both, 1) / max(power, 1e-300)
+        end = int(np.argmax(rho < 0.05)) if np.any(rho < 0.05) else most
+        tau = step * (1.0 + 2.0 * float(rho[:end].sum()))
+        out[k] = motion.moving.sum() * step / max(tau, 2.0 * motion.half)
+    return out
+
+
+def log_likelihood(
+    means: WindowMeans, motion: Motion, shifts: FloatArray, samples: FloatArray, keep: BoolArray | None = None
+) -> FloatArray:
+    """Log-likelihood ratio of each shift against no motion in common.
+
+    Parameters
+    ----------
+    means : WindowMeans
+    motion : Motion
+    shifts : ndarray, shape (k,)
+        [s]
+    samples : ndarray, shape (3,)
+        Independent ones of all of the motion.
+    keep : ndarray of bool, shape (n,), optional
+        Only these times of ``motion``.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+    """
+    share = 1.0 if keep is None else np.count_nonzero(motion.moving & keep) / max(np.count_nonzero(motion.moving), 1)
+    r2 = explained(means, motion, shifts, keep)
+    gain = -0.5 * np.log(np.maximum(1.0 - r2, 1e-4)) @ samples
+    return np.asarray(share * covered(means, motion, shifts, keep) * gain)
+
+
 def find_lag(means: WindowMeans, motion: Motion, centre: float = 0.0, *, near: bool = False) -> Lag:
     """Offset of the IMU's clock from all of the motion.
 
@@ -167,7 +250,9 @@ def find_lag(means: WindowMeans, motion: Motion, centre: float = 0.0, *, near: b
     for reach, step in ((NEAR_S, 0.25),) if near else ((NARROW_S, 0.25), (WIDE_S, 0.5)):
         shifts = centre + np.arange(-reach, reach + 0.5 * step, step)
         r2 = explained(means, motion, shifts, thin)
-        scores = score(r2)
+        share = covered(means, motion, shifts)
+        # an IMU that covers less of the motion explains less of it
+        scores = score(r2) * share / max(float(share.max()), 1e-9)
         k = int(np.argmax(scores))
         distant = np.abs(shifts - shifts[k]) > 3.0
         if len(curve) and scores[k] <= curve[:, 1].max() + 0.1:
@@ -181,7 +266,11 @@ def find_lag(means: WindowMeans, motion: Motion, centre: float = 0.0, *, near: b
     offset = _refined(means, motion, offset, 0.25)
     r2 = explained(means, motion, np.array([offset]))[0]
     sigma, drift, drift_sigma = _scatter(means, motion, offset)
-    return Lag(offset, sigma, r2, clear, drift, drift_sigma, curve)
+    samples = independent_samples(means, motion, offset)
+    # three regressors for each of three targets, and the best of so many trials a window apart
+    chance = 4.5 + np.log(max(len(curve) * float(np.median(np.diff(curve[:, 0]))) / (2.0 * motion.half), 1.0))
+    evidence = float(log_likelihood(means, motion, np.array([offset]), samples)[0] - chance)
+    return Lag(offset, sigma, r2, clear, drift, drift_sigma, curve, samples, evidence)
 
 
 def at_ahead(means: WindowMeans, motion: Motion, offset: float, ahead: float) -> float:

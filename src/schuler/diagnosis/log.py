@@ -147,7 +147,7 @@ def _folder(
                 alone = recording
                 continue
             code = "clock_unknown" if clocks else "no_overlap"
-            findings.append(Finding(code, "error", str(error), 0.9, "time=... for each file", part=part))
+            findings.append(Finding(code, "error", str(error), 0.99, "time=... for each file", part=part))
     options = {part: dict(entry) for part, entry in entries.items()}
 
     def labelled(recording: Recording | None) -> Recording | None:
@@ -197,15 +197,15 @@ def _place(message: str) -> Finding | None:
         text_ = (
             f"{problems.group(1)} {value:.6g} deg: the numbers are degrees times 10^7, as u-blox receivers write them"
         )
-        return Finding("position_unit", "error", text_, 0.95, "scale='lat=1e-7,lon=1e-7'", evidence, "gnss")
+        return Finding("position_unit", "error", text_, 0.99, "scale='lat=1e-7,lon=1e-7'", evidence, "gnss")
     if abs(value) > 360.0 and abs(number) <= 360.0:
         text_ = f"{problems.group(1)} {value:.6g} deg: the numbers are degrees and were read as radians"
-        return Finding("position_unit", "error", text_, 0.9, "units='angle=deg'", evidence, "gnss")
+        return Finding("position_unit", "error", text_, 0.99, "units='angle=deg'", evidence, "gnss")
     if problems.group(1) == "latitude" and abs(value) <= 180.0:
         text_ = f"a latitude of {value:.6g} deg is none: latitude and longitude are exchanged"
         fix = "columns='...,lon,lat,...' exchanged"
-        return Finding("position_order", "error", text_, 0.95, fix, evidence, "gnss")
-    return Finding("position_unit", "error", _clean(message), 0.6, "units='angle=...'", evidence, "gnss")
+        return Finding("position_order", "error", text_, 0.99, fix, evidence, "gnss")
+    return Finding("position_unit", "error", _clean(message), 0.99, "units='angle=...'", evidence, "gnss")
 
 
 def _mended(hints: ReadHints, place: Finding) -> ReadHints | None:

@@ -63,7 +63,13 @@ class Motion:
 
 
 def position_velocity(gnss: GnssSeries) -> tuple[FloatArray, FloatArray]:
-    """Mean velocity between epochs from positions alone, and the times in the middle. Shapes (n - 1,), (n - 1, 3)."""
+    """Mean velocity between epochs from positions alone, and the times in the middle. Shapes (n - 1,), (n - 1, 3).
+
+    Of fixes that were held or filled in to a higher rate the first of each counts.
+    """
+    new = np.concatenate(([True], np.any(np.diff(gnss.llh[:, :2], axis=0) != 0.0, axis=1)))
+    if 10 <= np.count_nonzero(new) < 0.85 * len(gnss):
+        gnss = gnss.where(new)
     r = frames.ned_from_ecef(frames.ecef_from_llh(gnss.llh), gnss.llh[0])
     # north and down at the first epoch are tilted a little elsewhere: angles of 1e-5 rad for a drive
     dt = np.diff(gnss.t)

@@ -20,6 +20,9 @@ from schuler.exceptions import SchulerError
 from schuler.recording.io.hint_texts import axes_matrix
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
+from schuler.standstill.unscaled import UnscaledRests
+
+_UPRIGHT = (0.8, 1.2)  # norm of mean specific force that is gravity's, so that it tells down
 
 
 def find_axes(state: DiagnosisState, means: WindowMeans, motion: Motion, lag: Lag) -> None:
@@ -42,7 +45,11 @@ def find_axes(state: DiagnosisState, means: WindowMeans, motion: Motion, lag: La
         # one attitude only: a vehicle; rests of a hand-held unit point anywhere
         weight = rests.t[:, 1] - rests.t[:, 0]
         level = (rests.accel * weight[:, None]).sum(axis=0) / weight.sum()
-    if np.linalg.norm(level) <= 0.0:
+    size = float(np.linalg.norm(level)) * state.scaling.factor / state.gravity
+    if size <= 0.0:
+        return
+    if not _UPRIGHT[0] < size < _UPRIGHT[1]:
+        state.undetermined.append("the IMU's axes (nothing rests, and the mean of specific force is not gravity)")
         return
     ev = measure_axes(means, motion, lag.offset, state.scaling.factor, level, state.gravity)
     if ev is None:
@@ -51,17 +58,34 @@ def find_axes(state: DiagnosisState, means: WindowMeans, motion: Motion, lag: La
     _pictures(state, means, motion, lag, ev)
     pull = np.linalg.norm(ev.B[:, :2], axis=0) / np.sqrt(np.maximum(lag.r2[1:], 1e-3))
     forward = bool(lag.r2[1] > VEHICLE and lag.r2[2] > VEHICLE)
-    _angular_unit(state, ev, lag)
+    _angular_unit(state, means, motion, ev, lag)
     if forward:
         _position_scale(state, pull)
     best, rivals = judge(ev, state.gyro_factor, vehicle=forward)
     if state.view is not None and state.view.mirrored:
         best, rivals, ev = _unmirrored(state, means, lag, level, (best, rivals, ev), vehicle=forward)
     as_read = axes_matrix(_axes_hint(state.recording))
-    state.findings += axes_findings(best, rivals, ev, as_read, vehicle=forward)
+    agreed = bool(best.codes) and forward and _halves_agree(state, means, motion, lag, level, best)
+    state.findings += axes_findings(best, rivals, ev, as_read, vehicle=forward, agreed=agreed)
     if forward:
         find_mounting(state, ev, best.A)
         _unseen(state, ev)
+
+
+def _halves_agree(
+    state: DiagnosisState, means: WindowMeans, motion: Motion, lag: Lag, level: FloatArray, best: Guess
+) -> bool:
+    """Whether either half of the motion by itself is best explained by the same axes and signs."""
+    middle = float(np.median(motion.t[motion.moving]))
+    for half in (motion.t <= middle, motion.t > middle):
+        part = replace(motion, moving=motion.moving & half)
+        ev = measure_axes(means, part, lag.offset, state.scaling.factor, level, state.gravity)
+        if ev is None:
+            return False
+        guess = judge(ev, state.gyro_factor, vehicle=True)[0]
+        if not (np.array_equal(guess.A, best.A) and np.array_equal(guess.G, best.G)):
+            return False
+    return True
 
 
 def _unseen(state: DiagnosisState, ev: AxesEvidence) -> None:
@@ -133,11 +157,28 @@ def _axes_hint(recording: Recording) -> str | None:
     return text
 
 
-def _angular_unit(state: DiagnosisState, ev: AxesEvidence, lag: Lag) -> None:
+def _turn_gains_agree(means: WindowMeans, motion: Motion, lag: Lag, size: float) -> bool:
+    """Whether the gyro shows the turns of the course with the same gain in either half of the motion."""
+    y, inside = means.at(motion.t - lag.offset, motion.half)
+    middle = float(np.median(motion.t[motion.moving]))
+    for half in (motion.t <= middle, motion.t > middle):
+        use = motion.moving & inside & half
+        if use.sum() < 20:
+            return False
+        x, w = motion.turn[use] - motion.turn[use].mean(), y[use][:, 3:] - y[use][:, 3:].mean(axis=0)
+        power = float(x @ x)
+        gain = float(np.linalg.norm(x @ w / power)) if power > 0.0 else 0.0
+        if not 0.75 < gain / size < 1.33:
+            return False
+    return True
+
+
+def _angular_unit(state: DiagnosisState, means: WindowMeans, motion: Motion, ev: AxesEvidence, lag: Lag) -> None:
     size = float(np.linalg.norm(ev.e))
     if lag.r2[0] < 0.5 or size <= 0.0 or state.imu is None:
         return
     state.checked.append("unit of angular rate (course)")
+    agreed = _turn_gains_agree(means, motion, lag, size)
     size /= float(np.sqrt(lag.r2[0]))
     need, kind = 1.0 / size, str(state.imu.kind)
     if state.scaling.determined and state.scaling.kind != kind:
@@ -149,9 +190,8 @@ def _angular_unit(state: DiagnosisState, ev: AxesEvidence, lag: Lag) -> None:
             kind = "other"
     stated = stated_factor(state.recording.metadata.options, "gyro")
     evidence = {"turn_gain": size, "explained": float(lag.r2[0])}
-    state.findings += gyro_unit.gyro_unit(
-        need, state.imu.interval, stated, kind, evidence, "against the turns of the course"
-    )
+    findings = gyro_unit.gyro_unit(need, state.imu.interval, stated, kind, evidence, "against the turns of the course")
+    state.findings += findings if agreed else [replace(f, confidence=min(f.confidence, 0.8)) for f in findings]
     state.gyro_factor = 1.0 / size
 
 
@@ -170,7 +210,7 @@ def _position_scale(state: DiagnosisState, pull: FloatArray) -> None:
             f"radians and were "
             "read as degrees"
         )
-        state.findings.append(Finding("position_unit", "error", text, 0.9, "units='angle=rad'", evidence, "gnss"))
+        state.findings.append(Finding("position_unit", "error", text, 0.95, "units='angle=rad'", evidence, "gnss"))
         return
     code = "position_unit" if state.view.source == "position" else "velocity_unit"
     text = f"accelerations of the IMU are {size:.3g} times those of the path: its unit is wrong"
@@ -189,7 +229,7 @@ def find_upright(state: DiagnosisState) -> None:
     if rests is None or not len(rests) or not state.scaling.determined:
         return
     number, _ = support.poses(rests)
-    if number != 1:
+    if number != 1 or state.imu is None or _was_turned(state.imu, rests):
         return
     state.checked.append("which way is up")
     unit = rests.accel.mean(axis=0)
@@ -215,6 +255,16 @@ def find_upright(state: DiagnosisState) -> None:
             f"at rest specific force points along {'-' if unit[k] < 0.0 else '+'}{name}: the sensor stands on its side"
         )
         state.findings.append(Finding("axes", "note", text, 0.6, "axes='...'", evidence))
+
+
+def _was_turned(imu: ImuSeries, rests: UnscaledRests) -> bool:
+    """Whether specific force points elsewhere than at rest for more than a fiftieth of the log: turned by hand."""
+    per = max(10, round(1.0 / imu.interval))
+    m = len(imu) // per
+    means = imu.accel[: m * per].reshape(m, per, 3).mean(axis=1)
+    rest = rests.accel.mean(axis=0)
+    cosine = means @ rest / np.maximum(np.linalg.norm(means, axis=1) * np.linalg.norm(rest), 1e-300)
+    return bool(np.mean(cosine < np.cos(35.0 * units.DEG)) > 0.02)
 
 
 def find_turns(state: DiagnosisState, imu: ImuSeries) -> None:
@@ -250,8 +300,9 @@ def find_turns(state: DiagnosisState, imu: ImuSeries) -> None:
     findings = gyro_unit.gyro_unit(need, imu.interval, stated, kind, evidence, "against turns of gravity between rests")
     if any("raw counts" in note for note in state.recording.metadata.notes):
         findings = []
-    state.findings += findings
-    state.findings += gyro_unit.gyro_axes(P, evidence)
+    agreed = gyro_unit.halves_agree(turns, factor * P)
+    state.findings += findings if agreed else [replace(f, confidence=min(f.confidence, 0.9)) for f in findings]
+    state.findings += gyro_unit.gyro_axes(P, evidence, agreed=agreed)
 
 
 def find_mounting(state: DiagnosisState, ev: AxesEvidence, A: FloatArray) -> None:

@@ -1,7 +1,8 @@
 """Positions against velocities of the same receiver: units, order, axes and signs of both.
 
-The displacement over some seconds is regressed on the integral of the velocity. The 2 x 2 matrix between them is the
-unit matrix in a good log; each usual fault has one of its own.
+The 2 x 2 matrix between displacements over some seconds and the integral of the velocity is the unit matrix in a good
+log; each usual fault has one of its own. Which of them is so is judged by the likelihoods of the displacements, so that
+a straight road, where many matrices do the same, or fixes that are lost in their noise accuse nobody.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from schuler.diagnosis.result import Finding
 from schuler.recording.series import GnssSeries
 
 _BASE_S = 4.0  # displacements are taken over so long, for the noise of positions
+_DISTINCT = 6.0  # log-likelihood by which a fault must lead a log in order
+_UP = 3.0  # the same of a vertical velocity that is positive up
 _SPEED_UNITS = {"km/h": units.KMH, "kn": units.KNOT, "cm/s": 0.01, "mm/s": 0.001, "ft/s": units.FT}
 
 
@@ -45,10 +48,95 @@ class GnssView:
     mirrored: bool = False
 
 
-def displacement_matrix(
-    t: FloatArray, v_n: FloatArray, t_r: FloatArray, v_r: FloatArray
-) -> tuple[FloatArray, float, float, float, int]:
-    """Least squares ``v_n = M v_r`` of horizontal displacements, and of the vertical ones.
+@dataclass(frozen=True)
+class Displacements:
+    """Displacements over some seconds by velocities and by positions.
+
+    Attributes
+    ----------
+    d : ndarray, shape (n, 3)
+        Integral of velocity. [m]
+    r : ndarray, shape (n, 3)
+        Difference of positions. [m]
+    """
+
+    d: FloatArray
+    r: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.d)
+
+    def matrix(self) -> tuple[FloatArray, float]:
+        """Least squares ``d = M r`` of the horizontal, and the share of the variance that M explains."""
+        x, y = self.r[:, :2], self.d[:, :2]
+        scale = float(np.sqrt(np.mean(x**2)))
+        G = x.T @ x
+        if np.linalg.eigvalsh(G)[0] < 1e-3 * np.trace(G):
+            G = G + 1e-12 * scale**2 * np.eye(2)  # a straight way
+        M = np.asarray(np.linalg.solve(G, x.T @ y).T, dtype=np.float64)
+        return M, self.explained(M)
+
+    def explained(self, M: FloatArray) -> float:
+        """Share of the variance of ``d`` that a matrix explains."""
+        y = self.d[:, :2]
+        return 1.0 - float(np.sum((y - self.r[:, :2] @ M.T) ** 2) / max(float(np.sum(y**2)), 1e-300))
+
+    def vertical(self) -> tuple[float, float]:
+        """Factor and correlation of the vertical."""
+        u, w = self.r[:, 2], self.d[:, 2]
+        power = float(u @ u)
+        both = float(np.sqrt(power * float(w @ w)))
+        return (float(u @ w / power) if power > 0.0 else 1.0), (float(u @ w / both) if both > 0.0 else 0.0)
+
+    def scale(self, shape: FloatArray) -> float:
+        """Factor of a matrix with which it explains most."""
+        x = self.r[:, :2] @ shape.T
+        return float(np.sum(x * self.d[:, :2]) / max(float(np.sum(x**2)), 1e-300))
+
+    def lead(self, M: FloatArray, over: FloatArray) -> float:
+        """Least log-likelihood by which one matrix leads another, of all and of either half of the log.
+
+        Parameters
+        ----------
+        M, over : ndarray, shape (2, 2)
+            Horizontal matrices, or shape (1, 1) for the vertical.
+        """
+        # axes: the horizontal ones, or down
+        axes = slice(0, 2) if M.shape == (2, 2) else slice(2, 3)
+        half = len(self) // 2
+        parts = [(slice(None), 1.0), (slice(0, half), 2.0), (slice(half, None), 2.0)]
+        return min(weight * _log_ratio(self.d[k, axes], self.r[k, axes], M, over) for k, weight in parts)
+
+
+def _log_ratio(y: FloatArray, x: FloatArray, M: FloatArray, over: FloatArray) -> float:
+    """Log-likelihood of ``y = M x`` less that of ``y = over x``, whichever of the two is noisy."""
+    power = [float(np.mean(_trimmed(np.sum((y - x @ F.T) ** 2, axis=1)))) for F in (M, over)]
+    # noise of x is scaled by the matrix, that of y is not: the case that says less
+    gain = [np.sqrt(abs(float(np.linalg.det(F @ F.T)))) if F.size == 4 else float(F[0, 0] ** 2) for F in (M, over)]
+    tiny = 1e-12 * float(np.mean(y**2)) + 1e-300
+    ratio = np.log((power[1] + tiny) / (power[0] + tiny))
+    scaled = ratio + np.log(gain[0] / gain[1])
+    # neighbouring displacements share a position
+    return float(0.5 * 0.5 * y.shape[1] * len(y) * min(ratio, scaled))
+
+
+def _trimmed(x: FloatArray) -> FloatArray:
+    """Without the largest tenth: jumps."""
+    return np.sort(x)[: max(int(0.9 * len(x)), 1)]
+
+
+def likelihood(lead: float) -> float:
+    """Likelihood of a fault whose log-likelihood leads that of a log in order by so much.
+
+    Parameters
+    ----------
+    lead : float
+    """
+    return float(np.clip(1.0 - 0.5 * np.exp(-(lead - _DISTINCT) / 2.0), 0.5, 0.999))
+
+
+def displacements(t: FloatArray, v_n: FloatArray, t_r: FloatArray, v_r: FloatArray) -> Displacements:
+    """Displacements over 4 s by velocities and by positions, outages and jumps left out; none if there are too few.
 
     Parameters
     ----------
@@ -56,21 +144,11 @@ def displacement_matrix(
         Velocity.
     t_r, v_r : ndarray, shapes (m,), (m, 3)
         Velocity from positions.
-
-    Returns
-    -------
-    M : ndarray, shape (2, 2)
-    r2 : float
-        Share of the displacement's variance that M explains.
-    down : float
-        Factor of the vertical.
-    down_r : float
-        Correlation of the vertical.
-    n : int
-        Pairs used, 0 if there is too little motion.
     """
+    none = Displacements(np.zeros((0, 3)), np.zeros((0, 3)))
+    if len(t_r) < 2:
+        return none
     a, b = max(t[0], t_r[0]), min(t[-1], t_r[-1])
-    none = (np.eye(2), 0.0, 1.0, 0.0, 0)
     if b - a < 5.0 * _BASE_S:
         return none
     edges = np.arange(a, b, _BASE_S)
@@ -88,20 +166,7 @@ def displacement_matrix(
     d, r, size_d = d[ok], r[ok], size_d[ok]
     if len(d) < 5 or np.quantile(size_d, 0.8) <= 0.0 or not np.any(np.abs(r[:, :2]) > 0.0):
         return none
-    x, y = r[:, :2], d[:, :2]
-    scale = float(np.sqrt(np.mean(x**2)))
-    G = x.T @ x
-    if np.linalg.eigvalsh(G)[0] < 1e-3 * np.trace(G):
-        G = G + 1e-12 * scale**2 * np.eye(2)  # a straight way
-    M = np.linalg.solve(G, x.T @ y).T
-    left = y - x @ M.T
-    r2 = 1.0 - float(np.sum(left**2) / np.sum(y**2))
-    u, w = r[:, 2], d[:, 2]
-    power = float(u @ u)
-    down = float(u @ w / power) if power > 0.0 else 1.0
-    both = float(np.sqrt(power * float(w @ w)))
-    down_r = float(u @ w / both) if both > 0.0 else 0.0
-    return np.asarray(M, dtype=np.float64), r2, down, down_r, len(d)
+    return Displacements(d, r)
 
 
 def _integral(t: FloatArray, v: FloatArray, edges: FloatArray) -> FloatArray:
@@ -123,72 +188,129 @@ def check_positions(gnss: GnssSeries) -> tuple[list[Finding], GnssView]:
     t_r, v_r = position_velocity(gnss)
     if gnss.v_n is None:
         return [], GnssView(t_r, v_r, "position")
-    v = gnss.v_n
-    M, r2, down, down_r, n = displacement_matrix(gnss.t, v, t_r, v_r)
+    if not np.isfinite(gnss.v_n).all():
+        # a velocity without its vertical part
+        gnss = replace(gnss, v_n=np.where(np.isfinite(gnss.v_n), gnss.v_n, 0.0))
+        assert gnss.v_n is not None
+    fresh = gnss.where(np.concatenate(([True], np.any(np.diff(gnss.v_n, axis=0) != 0.0, axis=1))))
+    if len(fresh) < 10 or len(fresh) > 0.85 * len(gnss):
+        fresh = gnss
+    t, v = fresh.t, fresh.v_n
+    assert v is not None
+    pairs = displacements(t, v, t_r, v_r)
+    good = GnssView(t, v, "velocity", (t_r, v_r))
     moved = float(np.quantile(np.hypot(v[:, 0], v[:, 1]), 0.8))
     path = float(np.quantile(np.hypot(v_r[:, 0], v_r[:, 1]), 0.8))
-    evidence: dict[str, Any] = {"matrix_v_of_r": M.tolist(), "r2": r2, "pairs": n, "down_factor": down}
-    good = GnssView(gnss.t, v, "velocity", (t_r, v_r))
-    if n == 0 or max(moved, path) < 0.3:
+    if len(pairs) == 0 or max(moved, path) < 0.3:
         return [], replace(good, other=None)
+    M, r2 = pairs.matrix()
+    down, _ = pairs.vertical()
+    evidence: dict[str, Any] = {"matrix_v_of_r": M.tolist(), "r2": r2, "pairs": len(pairs), "down_factor": down}
     if r2 < 0.5:
-        if moved > 0.3 and r2 < 0.2 and path < 100.0:
-            text = (
-                f"the velocities explain {100.0 * max(r2, 0.0):.0f} % of the displacements: they do not belong "
-                f"to these "
-                "positions, or positions stand still"
-            )
-            fix = "leave the velocities out (skip vn, ve, vd with -), or find what the columns are"
-            return [Finding("velocity_wrong", "error", text, 0.7, fix, evidence, "gnss")], replace(good, other=None)
-        return [], good
+        return _unrelated(fresh, pairs, moved, path, evidence, good)
     if r2 < 0.8:
         return [], good
-    return _judge_matrix(gnss, M, down, down_r, evidence, good)
+    return _judge_matrix(fresh, pairs, evidence, good)
+
+
+def _unrelated(
+    gnss: GnssSeries, pairs: Displacements, moved: float, path: float, evidence: dict[str, Any], good: GnssView
+) -> tuple[list[Finding], GnssView]:
+    """Finding on velocities that do not belong to the positions, if noise of neither can explain it."""
+    r2 = evidence["r2"]
+    if not (moved > 0.3 and r2 < 0.2 and path < 100.0):
+        return [], good
+    # what positions, and velocities over the base, may be off by in a log that is in order
+    off = np.sqrt(2.0 * np.median(np.einsum("nii->ni", gnss.cov_r_n)[:, :2].sum(axis=1)))
+    if gnss.cov_v_n is not None:
+        off += _BASE_S * np.sqrt(np.median(np.einsum("nii->ni", gnss.cov_v_n)[:, :2].sum(axis=1)))
+    rough = np.diff(pairs.r[:, :2], 2, axis=0)
+    noise = max(float(off), 1.4826 * float(np.median(np.linalg.norm(rough, axis=1))) / np.sqrt(6.0))
+    half = len(pairs) // 2
+    left = [float(np.median(np.linalg.norm((pairs.d - pairs.r)[k, :2], axis=1)))
+            for k in (slice(0, half), slice(half, None))]  # fmt: skip
+    evidence |= {"off_m": left, "noise_m": noise}
+    if min(left) < 4.0 * noise:
+        return [], replace(good, other=None)
+    text = (
+        f"the velocities explain {100.0 * max(r2, 0.0):.0f} % of the displacements: they do not belong to these "
+        "positions, or positions stand still"
+    )
+    fix = "leave the velocities out (skip vn, ve, vd with -), or find what the columns are"
+    sure = float(np.clip(1.0 - np.exp(-min(left) / (2.0 * noise)), 0.5, 0.95))
+    return [Finding("velocity_wrong", "error", text, sure, fix, evidence, "gnss")], replace(good, other=None)
 
 
 def _judge_matrix(
-    gnss: GnssSeries, M: FloatArray, down: float, down_r: float, evidence: dict[str, Any], good: GnssView
+    gnss: GnssSeries, pairs: Displacements, evidence: dict[str, Any], good: GnssView
 ) -> tuple[list[Finding], GnssView]:
-    """Findings on the fault that a displacement matrix shows, and what of the log can be used.
+    """Findings on the fault that displacements show, and what of the log can be used.
 
     Parameters
     ----------
     gnss : GnssSeries
-    M, down, down_r
-        From :func:`displacement_matrix`.
+    pairs : Displacements
     evidence : dict
     good : GnssView
         The view of a log without a fault.
     """
     assert good.other is not None
     lat, lon = float(np.median(gnss.llh[:, 0])), float(np.median(gnss.llh[:, 1]))
-    cost, fault, unit = classify_displacement_matrix(M, lat, lon)
-    distance, exchanged = _distance_from_radians(M, lat)
-    if distance < 0.2 and distance < cost:
-        return _radians(gnss, M, exchanged, evidence, good)
-    if cost > 0.3:
+    one = np.eye(2)
+    free, _ = pairs.matrix()
+    distance, exchanged = _distance_from_radians(free, lat)
+    findings: list[Finding] = []
+    fault, unit, scale = "good", "", 1.0
+    _, fault, unit, M = classify_displacements(pairs, lat, lon)
+    size = float(np.linalg.norm(M))
+    lead = pairs.lead(M, one)
+    if distance < 0.2 and pairs.lead(free, M) > 0.0 and pairs.lead(free, one) > _DISTINCT:
+        return _radians(gnss, free, exchanged, evidence, good)
+    # what no usual fault explains, each direction that the motion shows by itself
+    own = 1.0 - pairs.explained(M) > 0.09 + 2.0 * (1.0 - evidence["r2"])
+    if own and min(pairs.lead(free, M), pairs.lead(free, one)) > _DISTINCT:
         text = (
-            f"velocities and displacements are related by the matrix {np.round(M, 2).tolist()}, where they should be "
-            "equal: their unit or axes are wrong in a way of their own"
+            f"velocities and displacements are related by the matrix {np.round(free, 2).tolist()}, where they should "
+            "be equal: their unit or axes are wrong in a way of their own"
         )
-        finding = Finding("velocity_wrong", "error", text, 0.7, "units='velocity=...'", evidence, "gnss")
+        finding = Finding("velocity_wrong", "error", text, 0.9, "units='velocity=...'", evidence, "gnss")
         return [finding], GnssView(*good.other, "position")
-    findings, scale = [], 1.0
+    if (fault != "good" or unit) and lead < _DISTINCT:
+        fault, unit = "good", ""
+    sure = likelihood(lead)
+    evidence |= {"lead_log_likelihood": lead, "size": size}
     if unit:
-        scale = float(np.mean(np.abs(M[np.abs(_fault_matrices(lat, lon)[fault]) > 0.5])))
-        findings.append(_unit_finding(unit, scale, evidence))
-    up = down < 0.0 and abs(down_r) > 0.35
-    findings += _axes_findings(fault, M, evidence)
-    if fault == "good" and not unit and abs(down_r) > 0.7 and abs(np.log(abs(down) / units.FT)) < 0.2:
-        text = f"heights change {1.0 / abs(down):.3g} times as fast as the vertical velocity says: they are in feet"
-        findings.append(Finding("height_unit", "error", text, 0.85, "units='length=ft'", evidence, "gnss"))
+        scale = float(pairs.scale(_fault_matrices(lat, lon)[fault]))
+        findings.append(_unit_finding(unit, scale, sure, evidence))
+    findings += _axes_findings(fault, free, sure, evidence)
+    vertical, up = _vertical_findings(pairs, fault, evidence, plain=fault == "good" and not unit)
+    return findings + vertical, _corrected_view(gnss, fault, unit, scale, up, good)
+
+
+def _vertical_findings(
+    pairs: Displacements, fault: str, evidence: dict[str, Any], *, plain: bool
+) -> tuple[list[Finding], bool]:
+    """Findings on the vertical: its sign, heights in feet; and whether velocities are up."""
+    down, down_r = pairs.vertical()
+    same, reverse = np.eye(1), -np.eye(1)
+    findings = []
+    if plain and abs(down_r) > 0.7 and abs(np.log(abs(down) / units.FT)) < 0.2:
+        lead = pairs.lead(units.FT * np.sign(down) * same, np.sign(down) * same)
+        if lead > _DISTINCT:
+            text = f"heights change {1.0 / abs(down):.3g} times as fast as the vertical velocity says: they are in feet"
+            findings.append(
+                Finding("height_unit", "error", text, likelihood(lead), "units='length=ft'", evidence, "gnss")
+            )
+    lead = max(pairs.lead(k * reverse, k * same) for k in (1.0, abs(down)) if k > 0.0)
+    up = down < 0.0 and abs(down_r) > 0.35 and lead > _UP
     if up and fault != "enu":
         text = (
             f"the vertical velocity is {down:.2f} times the change of height downwards (correlation {down_r:.2f}): it "
             "is positive up, not down"
         )
-        findings.append(Finding("vertical_sign", "error", text, 0.9, "scale='vd=-1'", evidence, "gnss"))
-    return findings, _corrected_view(gnss, fault, unit, scale, up, good)
+        sure = likelihood(lead - _UP + _DISTINCT)
+        findings.append(Finding("vertical_sign", "error", text, sure, "scale='vd=-1'", evidence, "gnss"))
+    return findings, up
 
 
 def _fault_matrices(lat: float, lon: float) -> dict[str, FloatArray]:
@@ -205,37 +327,40 @@ def _fault_matrices(lat: float, lon: float) -> dict[str, FloatArray]:
     }
 
 
-def classify_displacement_matrix(M: FloatArray, lat: float, lon: float) -> tuple[float, str, str]:
-    """Usual fault whose displacement matrix is nearest to a measured one.
+def classify_displacements(pairs: Displacements, lat: float, lon: float) -> tuple[float, str, str, FloatArray]:
+    """Usual fault that explains displacements best.
 
     Parameters
     ----------
-    M : ndarray, shape (2, 2)
-        From :func:`displacement_matrix`.
+    pairs : Displacements
     lat, lon : float
         [rad]
 
     Returns
     -------
     cost : float
-        Relative distance, plus 0.06 for a fault of axes and 0.06 for one of the unit.
+        RMS of what is left over that of the displacements, plus 0.06 for a fault of axes and 0.06 for one of the unit.
     fault : str
         ``good``, ``enu``, ``order``, ``lon``, ``lat``, ``both``, ``enu_west`` or ``enu_south``.
     unit : str
         Unit of the velocities if it is not m/s, ``not`` before it if m/s were read as that unit; else empty.
+    M : ndarray, shape (2, 2)
+        Its matrix.
     """
     # latitude and longitude are good to a fifth of the unit, speeds to some per cent of themselves
     scales: dict[str, float] = {"": 1.0}
     scales.update({name: 1.0 / value for name, value in _SPEED_UNITS.items()})
     scales.update({f"not {name}": value for name, value in _SPEED_UNITS.items()})
-    best, fault, unit = np.inf, "", ""
+    best, fault, unit, matrix = np.inf, "good", "", np.eye(2)
+    size = float(np.mean(_trimmed(np.sum(pairs.d[:, :2] ** 2, axis=1))))
     for name, shape in _fault_matrices(lat, lon).items():
         for label, k in scales.items():
-            misfit = float(np.linalg.norm(M / k - shape) / np.linalg.norm(shape))
+            left = pairs.d[:, :2] - pairs.r[:, :2] @ (k * shape).T
+            misfit = float(np.sqrt(np.mean(_trimmed(np.sum(left**2, axis=1))) / max(size, 1e-300)))
             cost = misfit + (0.0 if name == "good" else 0.06) + (0.0 if not label else 0.06)
             if cost < best:
-                best, fault, unit = cost, name, label
-    return float(best), fault, unit
+                best, fault, unit, matrix = cost, name, label, k * shape
+    return float(best), fault, unit, matrix
 
 
 def _distance_from_radians(M: FloatArray, lat: float) -> tuple[float, bool]:
@@ -262,40 +387,40 @@ def _radians(
         "longitude are radians and were read as degrees"
     )
     evidence_ = {**evidence, "scale": size}
-    findings = [Finding("position_unit", "error", text, 0.97, "units='angle=rad'", evidence_, "gnss")]
+    findings = [Finding("position_unit", "error", text, 0.99, "units='angle=rad'", evidence_, "gnss")]
     if not exchanged:
         return findings, replace(good, other=None)
     v = gnss.v_n[:, [1, 0, 2]] * np.array([1.0, 1.0, -1.0])
-    return [*findings, _enu(evidence)], GnssView(gnss.t, v, "corrected velocity")
+    return [*findings, _enu(0.99, evidence)], GnssView(gnss.t, v, "corrected velocity")
 
 
-def _unit_finding(unit: str, scale: float, evidence: dict[str, Any]) -> Finding:
-    """Finding on velocities in another unit; see :func:`classify_displacement_matrix` for ``unit``."""
+def _unit_finding(unit: str, scale: float, sure: float, evidence: dict[str, Any]) -> Finding:
+    """Finding on velocities in another unit; see :func:`classify_displacements` for ``unit``."""
     name = unit.removeprefix("not ")
     right, wrong = ("m/s", name) if unit.startswith("not ") else (name, "m/s")
     text = f"velocities are {scale:.4g} times the displacements per second: they are in {right}, not {wrong}"
     return Finding(
-        "velocity_unit", "error", text, 0.95, f"units='velocity={right}'", {**evidence, "scale": scale}, "gnss"
+        "velocity_unit", "error", text, sure, f"units='velocity={right}'", {**evidence, "scale": scale}, "gnss"
     )
 
 
-def _axes_findings(fault: str, M: FloatArray, evidence: dict[str, Any]) -> list[Finding]:
+def _axes_findings(fault: str, M: FloatArray, sure: float, evidence: dict[str, Any]) -> list[Finding]:
     """Findings on axes, order and sign of positions or velocities."""
     if fault == "enu":
-        return [_enu(evidence)]
+        return [_enu(sure, evidence)]
     if fault in ("enu_west", "enu_south", "both"):
         text = (
             f"velocities and displacements are related by the matrix {np.round(M, 2).tolist()}: the velocity has other "
             "axes than north, east, down"
         )
-        return [Finding("velocity_axes", "error", text, 0.9, "columns='...,vn,ve,vd'", evidence, "gnss")]
+        return [Finding("velocity_axes", "error", text, sure, "columns='...,vn,ve,vd'", evidence, "gnss")]
     if fault == "order":
         text = (
             "displacements north and east are exchanged against the velocities, stretched as at the wrong latitude: "
             "latitude and longitude are exchanged"
         )
         fix = "columns='...,lon,lat,...' exchanged"
-        return [Finding("position_order", "error", text, 0.95, fix, evidence, "gnss")]
+        return [Finding("position_order", "error", text, sure, fix, evidence, "gnss")]
     if fault in ("lon", "lat"):
         code, axis, name, fix = {
             "lon": ("longitude_sign", "east", "longitude (counted west?)", "scale='lon=-1' or scale='ve=-1'"),
@@ -305,7 +430,7 @@ def _axes_findings(fault: str, M: FloatArray, evidence: dict[str, Any]) -> list[
             f"displacements {axis} have the opposite sign of the velocities {axis}: that of {name} "
             f"or of the velocity is wrong"
         )
-        return [Finding(code, "error", text, 0.9, fix, evidence, "gnss")]
+        return [Finding(code, "error", text, sure, fix, evidence, "gnss")]
     return []
 
 
@@ -326,7 +451,7 @@ def _corrected_view(gnss: GnssSeries, fault: str, unit: str, scale: float, up: b
     return GnssView(*good.other, "position")
 
 
-def _enu(evidence: dict[str, Any]) -> Finding:
+def _enu(sure: float, evidence: dict[str, Any]) -> Finding:
     """Finding on velocities east, north, up."""
     text = (
         "displacements north belong to velocities east and the reverse: the velocity is east, north, up and "
@@ -334,7 +459,7 @@ def _enu(evidence: dict[str, Any]) -> Finding:
         "north, east, down"
     )
     fix = "columns='...,ve,vn,vd,...' with scale='vd=-1'"
-    return Finding("velocity_axes", "error", text, 0.95, fix, evidence, "gnss")
+    return Finding("velocity_axes", "error", text, sure, fix, evidence, "gnss")
 
 
 def plausible_place(gnss: GnssSeries) -> list[Finding]:
@@ -346,5 +471,7 @@ def plausible_place(gnss: GnssSeries) -> list[Finding]:
     for name, value in (("mm", 1e-3), ("cm", 1e-2), ("ft", units.FT)):
         if -600.0 < typical * value < 20_000.0:
             text = f"the height is {typical:.6g} m, which is no place on or near the Earth: it may be in {name}"
-            return [Finding("height_unit", "error", text, 0.7, f"units='length={name}'", {"height_m": typical}, "gnss")]
-    return [Finding("height_unit", "error", f"the height is {typical:.6g} m", 0.7, "", {"height_m": typical}, "gnss")]
+            return [
+                Finding("height_unit", "error", text, 0.99, f"units='length={name}'", {"height_m": typical}, "gnss")
+            ]
+    return [Finding("height_unit", "error", f"the height is {typical:.6g} m", 0.99, "", {"height_m": typical}, "gnss")]

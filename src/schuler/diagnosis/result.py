@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 import textwrap
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -72,8 +73,10 @@ CODES = {
     "lever_arm": "lever arm to the antenna, estimated",
     "unchecked": "something that could not be checked with this log",
 }
-#: Errors that are less sure than this stop nothing.
-SURE = 0.8
+#: Likelihood from which on what makes results garbage is an error and stops; what is less likely warns.
+SURE = 0.98
+_ENTRY = re.compile(r"\b([a-z_]+)=('[^']*'|[-+]?\d[\d.]*(?:e[-+]?\d+)?)")
+_PLAIN = re.compile(r"[\w./=,:-]+")
 
 
 def number_of(count: int, what: str) -> str:
@@ -97,17 +100,20 @@ class Finding:
     code : str
         One of :data:`CODES`.
     severity : {"error", "warning", "note"}
-        With an error results are garbage.
+        With an error results are garbage, and it is all but certain. What would make them garbage and is merely likely
+        is a warning of :class:`Diagnosis`.
     text : str
         One sentence: what was seen and what it means.
     confidence : float
-        Probability that this is the cause, as judged from the evidence. [0..1]
+        Likelihood that it is so, judged from the evidence: of findings with 0.9 about nine in ten are right. [0..1]
     fix : str
         The option of the reader that mends it, as in ``units='g,deg/s'``; empty if there is none.
     evidence : dict
         Numbers behind the sentence, units in their names.
     part : str
         Series it is about: imu, gnss, ...
+    grave : bool
+        Whether results are garbage if it is so.
     """
 
     code: str
@@ -117,6 +123,14 @@ class Finding:
     fix: str = ""
     evidence: dict[str, Any] = field(default_factory=dict)
     part: str = "imu"
+    grave: bool = False
+
+    @property
+    def consequence(self) -> str:
+        """What it does to results if it is so: ``garbage``, ``worse``, or ``none`` of a note."""
+        if self.severity == "error" or self.grave:
+            return "garbage"
+        return "worse" if self.severity == "warning" else "none"
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -126,6 +140,7 @@ class Finding:
             "part": self.part,
             "text": self.text,
             "confidence": round(self.confidence, 3),
+            "if_so": self.consequence,
             "fix": self.fix,
             "evidence": self.evidence,
         }
@@ -161,14 +176,20 @@ class Diagnosis:
     checked: tuple[str, ...] = ()
     curves: dict[str, FloatArray] = field(default_factory=dict, repr=False, compare=False)
 
+    def __post_init__(self) -> None:
+        order = list(CODES)
+        weighed = [_weighed(f) for f in self.findings]
+        weighed.sort(key=lambda f: (SEVERITIES.index(f.severity), order.index(f.code)))
+        object.__setattr__(self, "findings", tuple(weighed))
+
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """Findings that make results garbage."""
+        """Findings that make results garbage, all but certain."""
         return tuple(f for f in self.findings if f.severity == "error")
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """Findings that make results worse."""
+        """Findings that make results worse, and such that would make them garbage but are merely likely."""
         return tuple(f for f in self.findings if f.severity == "warning")
 
     @property
@@ -177,7 +198,7 @@ class Diagnosis:
         return not self.errors
 
     def sure_errors(self, least: float = SURE) -> tuple[Finding, ...]:
-        """Errors of so much confidence; others stop nothing."""
+        """Errors of so much confidence."""
         return tuple(f for f in self.errors if f.confidence >= least)
 
     @staticmethod
@@ -218,19 +239,28 @@ class Diagnosis:
         """The options that mend what was found, errors first, each once."""
         return tuple(dict.fromkeys(f.fix for f in self.findings if f.fix and f.severity != "note"))
 
-    def summary(self) -> str:
-        """Findings with what to do, segments and uses, as text."""
+    def summary(self, *, command: bool = False) -> str:
+        """Findings with what to do, segments and uses, as text.
+
+        Parameters
+        ----------
+        command : bool
+            Spell options as those of the command line, not as keywords of Python and entries of a configuration.
+        """
         errors, warnings = len(self.errors), len(self.warnings)
         head = f"{self.name}: {errors} error{'s' * (errors != 1)}, {warnings} warning{'s' * (warnings != 1)}"
         lines = [head]
         for severity in SEVERITIES:
             for f in (f for f in self.findings if f.severity == severity):
-                sure = f" [{100.0 * f.confidence:.0f} %]" if severity != "note" else ""
+                sure = "" if severity == "note" else f" [{_percent(f.confidence)} likely]"
+                if severity == "warning" and f.grave:
+                    sure = f" [{_percent(f.confidence)} likely; garbage if so]"
                 lines += textwrap.wrap(
                     f"{severity} {f.code}{sure}: {f.text}", 110, initial_indent="  ", subsequent_indent="      "
                 )
                 if f.fix:
-                    lines += textwrap.wrap(f"-> {f.fix}", 110, initial_indent="      ", subsequent_indent="         ")
+                    fix = as_options(f.fix) if command else f.fix
+                    lines += textwrap.wrap(f"-> {fix}", 110, initial_indent="      ", subsequent_indent="         ")
         still = sum(b - a for a, b, what in self.segments if what == "static")
         moving = sum(b - a for a, b, what in self.segments if what == "moving")
         if self.segments:
@@ -272,6 +302,36 @@ class Diagnosis:
         return diagnosis_report(path, self)
 
 
+def _weighed(finding: Finding) -> Finding:
+    """The finding as a warning if it would make results garbage but is not sure enough to be an error."""
+    if finding.severity != "error" or finding.confidence >= SURE:
+        return finding
+    return replace(finding, severity="warning", grave=True)
+
+
+def as_options(fix: str) -> str:
+    """What mends a log in the spelling of the command line: ``axes='BRU'`` is ``--axes BRU``.
+
+    Parameters
+    ----------
+    fix : str
+        Of a :class:`Finding`.
+    """
+
+    def option(match: re.Match[str]) -> str:
+        name, value = match[1].replace("_", "-"), match[2]
+        if value.startswith("'"):
+            plain = value.strip("'")
+            return f"--{name} {plain if _PLAIN.fullmatch(plain) else value}"
+        return f"--{name}={value}"
+
+    return _ENTRY.sub(option, fix)
+
+
+def _percent(likelihood: float) -> str:
+    return f"{min(100.0 * likelihood, 99.9):.3g} %"
+
+
 def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {str(k): _plain(v) for k, v in value.items()}
@@ -295,7 +355,6 @@ def joined(name: str, parts: tuple[Diagnosis, ...], findings: tuple[Finding, ...
         Besides theirs.
     """
     every = [*findings, *(f for part in parts for f in part.findings)]
-    every.sort(key=lambda f: SEVERITIES.index(f.severity))
     return Diagnosis(
         name,
         tuple(every),

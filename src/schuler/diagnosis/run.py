@@ -14,7 +14,7 @@ from schuler.diagnosis.gnss_quality import check_smoothing
 from schuler.diagnosis.lag import find_lag
 from schuler.diagnosis.motion import WindowMeans, motion_of
 from schuler.diagnosis.orientation import find_axes, find_turns, find_upright
-from schuler.diagnosis.result import CODES, SEVERITIES, Diagnosis, Finding
+from schuler.diagnosis.result import Diagnosis, Finding
 from schuler.diagnosis.state import DiagnosisState
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
@@ -62,15 +62,13 @@ def diagnose(recording: Recording, *, findings: tuple[Finding, ...] = (), quick:
         _check_quality(state)
         state.findings += heights.check_heights(recording)
     _list_unchecked(state)
-    order = list(CODES)
-    ordered = sorted(state.findings, key=lambda f: (SEVERITIES.index(f.severity), order.index(f.code)))
     rates = None if state.imu is None else state.imu.rates()
     if rates is not None and state.motion is not None and state.lag is not None and state.lag.matched:
         # constant velocity looks like rest to an IMU
         state.rests = unscaled_rests(rates, (state.motion.t - state.lag.offset, state.motion.speed))
     return Diagnosis(
         recording.metadata.name,
-        tuple(_surest(ordered)),
+        tuple(_surest(state.findings)),
         state.estimates,
         () if state.imu is None or state.rests is None else support.segments(state.imu, state.rests),
         () if quick else support.uses(recording, rates, state.rests, state.motion),

@@ -15,6 +15,8 @@ _FASTEST_K_S = 1.0  # a sensor's temperature changes by some kelvins a minute
 _MOST = 400_000  # samples looked at for what shows anywhere
 CHANNELS = ("ax", "ay", "az", "gx", "gy", "gz")
 LARGE_STEP = (0.03, 0.1 * units.DEG)  # of a reading [m/s^2], [rad/s]
+_RATTLE_S = 0.08  # a knock rings for about as long [s]
+_LOST = 0.5  # step of stamps against even ones that is a missing sample [samples]
 _LOUD = (0.8, 0.1)  # spread beyond any IMU on anything that rests for a second [m/s^2], [rad/s]
 
 
@@ -42,17 +44,56 @@ def check_times(t: FloatArray) -> list[Finding]:
     close = step[~real]
     spread = float(np.quantile(np.abs(close - interval), 0.95))
     if spread > 0.2 * interval:
-        mean = float(np.mean(close))
+        rate, lost_samples = counted_rate(t)
         text = (
             f"the time stamps jitter: one step in twenty differs by more than {1e3 * spread:.3g} ms from the "
-            f"interval of "
-            f"{1e3 * interval:.4g} ms (mean {1e3 * mean:.4g} ms)"
+            f"interval of {1e3 * interval:.4g} ms"
         )
-        evidence = {"spread_s": spread, "interval_s": interval, "mean_s": mean, "short_steps": int(gap.sum())}
+        evidence = {"spread_s": spread, "interval_s": interval, "short_steps": int(gap.sum())}
+        fix = "the log as recorded, or stamps of the sensor's own counter"
+        if rate is None:
+            text += "; samples are missing or their rate changes, so that they cannot be counted instead"
+        else:
+            text += f" (counted over the log, {rate:.6g} Hz)"
+            evidence["rate_hz"] = rate
+            fix = f"count the samples: leave the time column out (columns '-') and say rate={rate:.6g}"
+        evidence["lost_samples"] = lost_samples
         severity: Severity = "warning" if spread > 0.35 * interval else "note"
-        fix = "count the stamps: leave the time column out (columns '-') and say rate=" + f"{1.0 / mean:.6g}"
         findings.append(Finding("jitter", severity, text, 0.9, fix, evidence))
     return findings
+
+
+def counted_rate(t: FloatArray) -> tuple[float | None, float]:
+    """Rate of samples counted over the log, and the largest step of the stamps against even ones, in samples.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Increasing. [s]
+
+    Returns
+    -------
+    rate : float or None
+        None if samples counted at any one rate would drift off their stamps: a gap would be hidden. [Hz]
+    lost : float
+        Step of the stamps against samples counted at the rate, jitter taken out by medians. [samples]
+    """
+    width = min(max(20, len(t) // 200), 400)
+    m = len(t) // width
+    if m < 4:
+        return None, 0.0
+    step = float((t[-1] - t[0]) / (len(t) - 1))
+    n = np.arange(m * width, dtype=np.float64)
+    middle = np.median((t[: m * width] - t[0] - step * n).reshape(m, width), axis=1)
+    # medians of samples of one rate lie on a line; a missing sample shifts all after it by an interval
+    x = np.arange(m) - 0.5 * (m - 1)
+    slope = float(x @ middle / (x @ x))
+    left = middle - middle.mean() - slope * x
+    lost = float(np.ptp(left)) / step
+    if lost > _LOST:
+        return None, lost
+    interval = step + slope / width
+    return 1.0 / interval, lost
 
 
 def check_temperature(imu: ImuSeries) -> list[Finding]:
@@ -269,6 +310,7 @@ def _spikes(imu: ImuSeries, y: FloatArray, scale: FloatArray, dead: list[str]) -
     names, total, worst, at = [], 0, 0.0, 0.0
     if len(y) < 100:
         return []
+    rattle = max(3, round(_RATTLE_S / imu.interval))
     change = np.abs(np.diff(y, axis=0))
     change /= np.maximum(np.quantile(change, 0.99, axis=0), 1e-300)
     for k, c in enumerate(CHANNELS):
@@ -281,10 +323,12 @@ def _spikes(imu: ImuSeries, y: FloatArray, scale: FloatArray, dead: list[str]) -
         usual = max(float(np.quantile(np.abs(np.diff(x)), 0.99)), 1e-300)
         least = (4.0 if k < 3 else 0.35) / scale[k] if scale[k] > 0.0 else np.inf
         bad = same & (off > 8.0 * usual) & (off > least) & (near < 0.3 * off)
-        for j in np.flatnonzero(bad & (off < 30.0 * usual)).tolist():
-            # a knock is felt by the other axes too
+        for j in np.flatnonzero(bad).tolist():
+            # a knock is felt by the other axes too, however hard
             others = change[max(j - 1, 0) : j + 3, [i for i in range(6) if i != k and CHANNELS[i] not in dead]]
-            bad[j] = others.max(initial=0.0) < 2.5
+            # and shakes its own axis for longer than a sample
+            around = np.concatenate((change[max(j - rattle, 0) : j, k], change[j + 2 : j + 2 + rattle, k]))
+            bad[j] = max(others.max(initial=0.0), around.max(initial=0.0)) < 2.5
         if bad.any():
             names.append(c)
             total += int(bad.sum())
@@ -297,7 +341,8 @@ def _spikes(imu: ImuSeries, y: FloatArray, scale: FloatArray, dead: list[str]) -
         f"{number_of(total, 'single sample')} on {', '.join(names)} {worst:.0f} times further out than the log's "
         f"largest usual change, the worst at {at:.3f} s: spikes of the transmission, not of motion"
     )
-    return [Finding("spikes", "warning", text, 0.9, "delete these rows", {"samples": total, "axes": names, "at_s": at})]
+    fix = "replace these readings by the mean of their neighbours"
+    return [Finding("spikes", "warning", text, 0.9, fix, {"samples": total, "axes": names, "at_s": at})]
 
 
 def _noise(imu: ImuSeries, factors: tuple[float, float]) -> list[Finding]:

@@ -58,7 +58,7 @@ def relate_clocks(recording: Recording, alone: Recording) -> tuple[Recording, Fi
             f"mean beside those of GNSS; {_sentence(meaning, lag, off)}. It was judged on that clock"
         )
         evidence = {"shift_s": shift, "offset_s": lag.offset, "sigma_s": lag.sigma, "explained": lag.r2.tolist()}
-        finding = Finding("clock_unknown", "error", text, 0.95, f"{option} for the IMU", evidence)
+        finding = Finding("clock_unknown", "error", text, 0.99, f"{option} for the IMU", evidence)
         imu = alone.imu.shifted(shift)
         metadata = replace(recording.metadata, notes=(*recording.metadata.notes, *alone.metadata.notes))
         return replace(recording, imu=imu, metadata=replace(metadata, axes=alone.metadata.axes)), finding

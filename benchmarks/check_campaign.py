@@ -476,24 +476,29 @@ class Table:
         self.lines: list[str] = []
         self.said: dict[str, list[tuple[float, bool]]] = defaultdict(list)
         self.named: Counter[bool] = Counter()
+        self.others: list[str] = []
 
     def add(self, source: str, number: int, kind: str, found: Diagnosis) -> None:
         """Count what was found in a case that is in order."""
         self.kinds[source] += 1
         for f in found.findings:
-            if f.severity == "note":
+            # fixes that are held are so; what a real recording has besides is not known
+            if f.severity == "note" or ("held" in kind and f.code in ("gnss_repeated", "gnss_fused")):
                 continue
             self.false[(f.severity, f.code, f"{source}: {kind}")] += 1
-            self.said[f.code].append((f.confidence, False))
+            if source != "cut":
+                self.said[f.code].append((f.confidence, False))
             if f.severity == "error":
                 self.lines.append(f"  {source} {number} ({kind}) {f.code} {100 * f.confidence:.1f} %: {f.text[:150]}")
 
-    def add_spoilt(self, fault: Any, clean: Diagnosis, found: Diagnosis) -> None:
+    def add_spoilt(self, case: str, fault: Any, clean: Diagnosis, found: Diagnosis) -> None:
         """Count what was found in a case with a fault, what the clean case shows too left out."""
         self.named[fault.named_by(found)] += 1
         for f in found.findings:
             if f.severity != "note" and not clean.has(f.code):
                 self.said[f.code].append((f.confidence, f.code in fault.codes))
+                if f.severity == "error" and f.code not in fault.codes:
+                    self.others.append(f"  {case}, {fault.name}: {f.code} {100 * f.confidence:.1f} %: {f.text[:120]}")
 
     def text(self, seconds: float) -> str:
         """The tables in words and numbers."""
@@ -508,7 +513,8 @@ class Table:
             )
         out += self.lines
         if self.named:
-            out.append(f"faults named: {self.named[True]} of {sum(self.named.values())}")
+            out.append(f"faults named: {self.named[True]} of {sum(self.named.values())}; errors beside them:")
+            out += self.others
         if any(right for said in self.said.values() for _, right in said):
             out.append("likelihood said: right of all")
             for code, said in {"all": [x for s in self.said.values() for x in s], **self.said}.items():
@@ -530,7 +536,7 @@ def campaign(
         found = diagnose(recording)
         table.add(source, number, kind, found)
         if faults and (made := spoilt(recording, number)) is not None:
-            table.add_spoilt(made[1], found, diagnose(made[0]))
+            table.add_spoilt(f"{source} {number} ({kind})", made[1], found, diagnose(made[0]))
     return table
 
 

@@ -243,6 +243,8 @@ def _unit_findings(
         likely = 0.0 if kind == "increment" else 0.2
         options.append((likely if unit == name else 0.8 + usual, abs(np.log(raw / (value * by_kind))), unit, other))
     fits = sorted((cost + dist / _NEAR, dist, unit, what) for cost, dist, unit, what in options if dist < _NEAR + loose)
+    # half as much again is an aircraft's in a turn that never ends, which looks like rest
+    sure = 0.99 if abs(np.log(need)) > 0.6 else 0.9
     if not fits:
         text = (
             f"the norm of specific force is {level:.4g} m/s^2 {where}, where gravity is 9.8: no usual unit makes it "
@@ -250,9 +252,9 @@ def _unit_findings(
         )
         fix = f"scale='accel={need:.6g}'" if name == "m/s^2" else f"units='accel=m/s^2', scale='accel={raw:.6g}'"
         fix += " (for calibrations also units='counts,counts')"
-        return [Finding("accel_unit", "error", text, 0.99, fix, evidence)], Scaling(need, kind, True)
+        return [Finding("accel_unit", "error", text, sure, fix, evidence)], Scaling(need, kind, True)
     _, dist, unit, what = fits[0]
-    confidence = 0.99
+    confidence = sure
     rivals = "".join(f"; or {u} as {w}s" for _, _, u, w in fits[1:2])
     findings = []
     evidence = {**evidence, "factor": need, "distance": dist, "fits": [f"{u} {w}" for _, _, u, w in fits]}

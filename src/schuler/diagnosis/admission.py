@@ -68,7 +68,8 @@ def checked(recording: Recording, *, unchecked: bool = False, clock_shift_s: flo
     Raises
     ------
     InputError
-        If an error is found with a confidence of 0.8 or more: with the sentence and the option that mends it.
+        If there is an error, which is all but certain: with its sentence and the option that mends it. What is merely
+        likely stands in the note.
     """
     return diagnosed(recording, unchecked=unchecked, clock_shift_s=clock_shift_s)[0]
 
@@ -96,6 +97,8 @@ def diagnosed(
         note = f"{PASSED_OVER}: {problems}."
     else:
         note = f"{CHECKED}: {', '.join(diagnosis.checked) or 'nothing'}; no error was found."
+        if likely := tuple(f for f in diagnosis.warnings if f.grave):
+            note += f" Not sure, but likely enough to look at (schuler check): {diagnosis.describe(likely)}."
     return replace(recording, metadata=recording.metadata.noting(note)), diagnosis
 
 

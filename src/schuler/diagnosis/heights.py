@@ -49,9 +49,9 @@ def check_heights(recording: Recording) -> list[Finding]:
                 "are above mean sea level"
             )
             fix = f"height='msl', geoid_separation={-level:.1f}"
-            return [
-                Finding("height_level", "error" if abs(level) > 20 else "warning", text, 0.9, fix, evidence, "gnss")
-            ]
+            if abs(level) > 20.0:
+                return [Finding("height_level", "error", text, 0.98, fix, evidence, "gnss")]
+            return [Finding("height_level", "warning", text, 0.9, fix, evidence, "gnss")]
         if abs(level) <= limit:
             return []
     if _stated(recording) or not _assumed(recording):

@@ -22,6 +22,7 @@ NEAR_S, NARROW_S, WIDE_S = 6.0, 25.0, 400.0
 _BLOCKS = 8
 _COARSE = 400  # epochs used for the first look
 _AT_ONCE = 20_000  # windows in memory at a time
+_COMMON = 0.25  # share of the motion that an IMU must cover to be compared with it
 _LEAST = 8.0  # log-likelihood by which a match must lead no match, beyond what the number of trials gives
 _LONGEST_S = 20.0  # residuals further apart are independent
 
@@ -136,7 +137,7 @@ def _shares(y: FloatArray, inside: BoolArray, x: FloatArray) -> FloatArray:
         fit = np.sum(b * np.linalg.solve(G, b), axis=1)
         out[:, target] = np.clip(fit / np.where(total[:, target] > 0.0, total[:, target], np.inf), 0.0, 1.0)
     # few samples are explained by anything
-    out[number < max(15.0, 0.25 * len(x))] = 0.0
+    out[number < max(15.0, _COMMON * len(x))] = 0.0
     return out
 
 
@@ -249,8 +250,11 @@ def find_lag(means: WindowMeans, motion: Motion, centre: float = 0.0, *, near: b
     offset, clear, curve = 0.0, 0.0, np.zeros((0, 2))
     for reach, step in ((NEAR_S, 0.25),) if near else ((NARROW_S, 0.25), (WIDE_S, 0.5)):
         shifts = centre + np.arange(-reach, reach + 0.5 * step, step)
-        r2 = explained(means, motion, shifts, thin)
         share = covered(means, motion, shifts)
+        some = share >= _COMMON
+        if np.count_nonzero(some) > 2:
+            shifts, share = shifts[some], share[some]
+        r2 = explained(means, motion, shifts, thin)
         # an IMU that covers less of the motion explains less of it
         scores = score(r2) * share / max(float(share.max()), 1e-9)
         k = int(np.argmax(scores))

@@ -198,8 +198,8 @@ class Diagnosis:
         return not self.errors
 
     def sure_errors(self, least: float = SURE) -> tuple[Finding, ...]:
-        """Errors of so much confidence."""
-        return tuple(f for f in self.errors if f.confidence >= least)
+        """Findings that make results garbage and are as likely as that, errors or not."""
+        return tuple(f for f in self.findings if f.consequence == "garbage" and f.confidence >= least)
 
     @staticmethod
     def describe(findings: tuple[Finding, ...]) -> str:
@@ -212,7 +212,7 @@ class Diagnosis:
         Parameters
         ----------
         least : float
-            Confidence of an error that stops.
+            Likelihood from which on what makes results garbage stops.
         advice : str
             What to do besides, for the message.
 
@@ -252,9 +252,7 @@ class Diagnosis:
         lines = [head]
         for severity in SEVERITIES:
             for f in (f for f in self.findings if f.severity == severity):
-                sure = "" if severity == "note" else f" [{_percent(f.confidence)} likely]"
-                if severity == "warning" and f.grave:
-                    sure = f" [{_percent(f.confidence)} likely; garbage if so]"
+                sure = "" if severity == "note" else _likelihood(f)
                 lines += textwrap.wrap(
                     f"{severity} {f.code}{sure}: {f.text}", 110, initial_indent="  ", subsequent_indent="      "
                 )
@@ -328,8 +326,12 @@ def as_options(fix: str) -> str:
     return _ENTRY.sub(option, fix)
 
 
-def _percent(likelihood: float) -> str:
-    return f"{min(100.0 * likelihood, 99.9):.3g} %"
+def _likelihood(f: Finding) -> str:
+    """Likelihood of a finding in brackets, and what it does if so where the severity does not tell; none of a fact."""
+    if f.confidence >= 1.0:
+        return ""
+    garbage = "; garbage if so" if f.severity == "warning" and f.grave else ""
+    return f" [{min(100.0 * f.confidence, 99.9):.3g} % likely{garbage}]"
 
 
 def _plain(value: Any) -> Any:

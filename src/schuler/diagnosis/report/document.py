@@ -73,7 +73,7 @@ def _verdict(diagnosis: Diagnosis) -> list[str]:
 
 
 def _findings(findings: list[Finding], title: str) -> str:
-    rows = [(f"{f.code}\n{f.part}", f.fix or "-", f"{100.0 * f.confidence:.0f} %") for f in findings]
+    rows = [(f"{f.code}\n{f.part}", f.fix or "-", f"{100.0 * f.confidence:.3g} %", f.consequence) for f in findings]
     return parts.table(
-        title, ("finding", "option that mends it", "sure"), rows, numbers=False, explained=[f.text for f in findings]
+        title, ("finding", "option that mends it", "likely", "if so, results are"), rows, numbers=False, explained=[f.text for f in findings]
     )

@@ -106,7 +106,7 @@ def test_the_command(write, rows, capsys):
     path = write(bad)
     options = ["--columns", HINTS["columns"], "--units", HINTS["units"]]
     assert main(["check", str(path), *options]) == 2
-    assert "units='g" in capsys.readouterr().out
+    assert "--units g" in capsys.readouterr().out
     assert main(["check", str(path), *options, "--json"]) == 2
     assert json.loads(capsys.readouterr().out)["format"] == "schuler/diagnosis/1"
     assert main(["check", str(write(rows)), *options]) == 0

@@ -438,9 +438,11 @@ def of_half(number: int, half: str | None) -> bool:
     return half is None or (number % 2 == 1) == (half == "odd")
 
 
-def cases(drives: int, towns: int, cut_number: int, half: str | None, only: str | None) -> Iterator[tuple[Any, ...]]:
+def cases(
+    drives: int, towns: int, cut_number: int, half: str | None, only: str | None, first: int = 0
+) -> Iterator[tuple[Any, ...]]:
     """Source, number, kind and recording of each case."""
-    for k in range(drives):
+    for k in range(first, first + drives):
         if of_half(k, half) and (only is None or only in KINDS[(k // 2) % len(KINDS)]):
             yield ("drive", k, *drive(k))
     for k in range(towns):
@@ -528,11 +530,18 @@ class Table:
 
 
 def campaign(
-    drives: int, towns: int, cut_number: int, *, half: str | None = None, only: str | None = None, faults: bool = False
+    drives: int,
+    towns: int,
+    cut_number: int,
+    *,
+    half: str | None = None,
+    only: str | None = None,
+    faults: bool = False,
+    first: int = 0,
 ) -> Table:
     """Diagnose every case."""
     table = Table()
-    for source, number, kind, recording in cases(drives, towns, cut_number, half, only):
+    for source, number, kind, recording in cases(drives, towns, cut_number, half, only, first):
         found = diagnose(recording)
         table.add(source, number, kind, found)
         if faults and (made := spoilt(recording, number)) is not None:
@@ -546,6 +555,7 @@ def main() -> None:
     parser.add_argument("--drives", type=int, default=1000)
     parser.add_argument("--towns", type=int, default=60)
     parser.add_argument("--cuts", type=int, default=500)
+    parser.add_argument("--first", type=int, default=0, help="number of the first drive")
     parser.add_argument("--half", choices=("odd", "even"))
     parser.add_argument("--only")
     parser.add_argument("--faults", action="store_true")
@@ -553,7 +563,10 @@ def main() -> None:
     args = parser.parse_args()
     begin = time.process_time()
     cut_number = args.cuts if DATA.is_dir() else 0
-    table = campaign(args.drives, args.towns, cut_number, half=args.half, only=args.only, faults=args.faults)
+    table = campaign(
+        args.drives, args.towns, cut_number,
+        half=args.half, only=args.only, faults=args.faults, first=args.first,
+    )  # fmt: skip
     print(table.text(time.process_time() - begin))
     if args.json:
         rows = [{"severity": s, "code": c, "case": k, "number": n} for (s, c, k), n in table.false.items()]

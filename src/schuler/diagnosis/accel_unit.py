@@ -20,6 +20,7 @@ UNITS = {"m/s^2": 1.0, "g": units.G0, "mg": units.MG, "ug": units.UG, "ft/s^2": 
 _RATE_OF = {"m/s": "m/s^2", "ft/s": "ft/s^2", "cm/s": "cm/s^2", "rad": "rad/s", "deg": "deg/s", "mrad": "mrad/s"}
 _NEAR = 0.06  # relative, for a unit to fit: uncalibrated MEMS sensors are 3 % off
 _OFF = 0.04  # relative error at rest that is worth a word
+_LEAST_REST_S = 3.0  # rest in which a few per cent are worth a word
 _BOUNDS = (0.7, 2.5)  # least median norm, largest norm of means, of gravity, of a body that never rests
 _MEAN_S = 5.0  # means of a moving body are taken over so long
 _STEADY_S = 0.25  # windows in which even a running foot is steady now and then
@@ -114,13 +115,15 @@ def accel_unit(
             "was taken out (linear acceleration of a phone or a filter), and nothing can be navigated from that"
         )
         fix = "export the raw accelerometer (a phone's 'accelerometer with g', not 'linear acceleration')"
-        return [Finding("no_gravity", "error", text, 0.98, fix, evidence)], Scaling(determined=False, kind=kind)
+        # as it stands the log may hold gravity, if its norm is large enough
+        sure = 0.98 if level < 0.5 * gravity else 0.8
+        return [Finding("no_gravity", "error", text, sure, fix, evidence)], Scaling(determined=False, kind=kind)
     if not rested:
         return _without_rest(bounds, interval, kind, gravity, stated, evidence)
     need = gravity / level
     loose = 0.02
     if abs(need - 1.0) <= 0.15 + loose:
-        if abs(need - 1.0) > _OFF:
+        if abs(need - 1.0) > _OFF and rests.seconds > _LEAST_REST_S:
             text = (
                 f"the norm of specific force is {level:.4g} m/s^2 {where}, {100.0 * (level / gravity - 1.0):+.1f} % "
                 "off gravity: scale factors or biases need calibration"

@@ -195,7 +195,7 @@ def axes_findings(
     if not best.codes:
         return []
     lead = min((g.total for g in rivals), default=best.total + 2.0) - best.total
-    confidence = float(np.clip(0.6 + 0.35 * lead - 0.03 * best.misfit, 0.4, 0.99 if agreed else 0.85))
+    confidence = float(np.clip(0.6 + 0.35 * lead - 0.03 * best.misfit, 0.4, 0.99 if agreed else 0.6))
     also = ""
     if rivals:
         names = dict.fromkeys(" and ".join(g.codes) or "nothing wrong" for g in rivals)

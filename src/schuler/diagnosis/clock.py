@@ -23,6 +23,7 @@ _HAND = 0.8  # offset that a body turning against its course cannot explain [s]
 _ALONE = 0.12  # the same where only positions or only velocities tell [s]
 _GARBAGE = 0.5  # offset that makes results garbage [s]
 _RIGHT_S = 0.3  # a clock that is right may seem off by as much: delays, lever arms [s]
+_ASTRAY = 0.9  # likelihood at most of a body that does not go where it points, whose motion is not modelled
 _DISTINCT = 12.0  # log-likelihood by which a wrong clock must lead the right one
 
 
@@ -120,6 +121,7 @@ def find_clock(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> WindowM
     span = float(motion.t[-1] - motion.t[0])
     middle = float(motion.t[motion.moving].mean())
     drift, drift_sigma = 0.0, lag.drift_sigma
+    even = means, lag
     for _ in range(3):
         if not (abs(lag.drift) * span > 0.15 and abs(lag.drift) > 4.0 * lag.drift_sigma):
             break
@@ -130,6 +132,8 @@ def find_clock(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> WindowM
         means = WindowMeans(replace(imu, t=bent))
         lag = find_lag(means, motion)
         drift_sigma = lag.drift_sigma
+    if drift and lag.evidence < even[1].evidence + _DISTINCT:
+        drift, (means, lag) = 0.0, even  # a clock of the right rate explains as much
     state.curves["lag"] = lag.curve
     ahead = 0.0
     if lag.matched and lag.r2[1:].min() > VEHICLE:
@@ -268,9 +272,11 @@ def _offset_finding(
     if state.lag is not None and state.lag.r2[1:].max() < VEHICLE:
         # a hand turns before or after the walker's course does
         limit = max(limit, _HAND)
-    if abs(offset) < limit:
-        return
+    if abs(offset) < limit or (abs(offset) > _RIGHT_S and lead[0] < 2.0):
+        return  # a clock that is right explains as much
     wrong = likelihood_of_wrong_clock(lead)
+    if state.lag is not None and state.lag.r2[0] < 0.5 and state.lag.r2[1:].min() < VEHICLE:
+        wrong = min(wrong, _ASTRAY)
     seconds = round(abs(offset))
     near = abs(abs(offset) - seconds) < max(0.35, 3.0 * sigma)
     leaps = _leaps(state)
@@ -296,7 +302,8 @@ def _offset_finding(
             )
         return
     severity: Severity = "warning"
-    confidence = float(np.clip(1.0 - np.exp(-0.5 * (offset / sigma) ** 2 / 4.0), 0.5, 0.95))
+    blurred = np.hypot(sigma, _LEAST_OFFSET)  # lever arms and delays look like clocks, too
+    confidence = float(np.clip(1.0 - np.exp(-0.5 * (offset / blurred) ** 2 / 4.0), 0.3, 0.95))
     if abs(offset) > _GARBAGE + 2.0 * sigma:
         severity, confidence = "error", wrong
     if seconds >= 1 and near:

@@ -184,7 +184,7 @@ def check_smoothing(means: WindowMeans, motion: Motion, lag: Lag) -> list[Findin
     weight = np.array([g[1] ** -2 for g in gains])
     value = float(weight @ [g[0] for g in gains] / weight.sum())
     sigma = float(weight.sum() ** -0.5)
-    if value > _SMOOTH or value + 2.0 * sigma > 0.8:
+    if value > _SMOOTH or value + 3.0 * sigma > 0.8:
         return []
     text = (
         f"quick turns and changes of speed come through the GNSS solution at {value:.2f} of the gain of slow ones "
@@ -192,7 +192,7 @@ def check_smoothing(means: WindowMeans, motion: Motion, lag: Lag) -> list[Findin
     )
     fix = "the receiver's unsmoothed solution; or larger sigma"
     evidence: dict[str, Any] = {"gain": value, "sigma": sigma}
-    return [Finding("gnss_smoothed", "warning", text, 0.8, fix, evidence, "gnss")]
+    return [Finding("gnss_smoothed", "warning", text, 0.7, fix, evidence, "gnss")]
 
 
 def quick_gain(means: WindowMeans, motion: Motion, lag: Lag, quantity: int = 0) -> tuple[float, float] | None:

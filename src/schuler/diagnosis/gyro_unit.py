@@ -255,7 +255,7 @@ def gyro_unit(
             f"{how} the gyro's numbers are {1.0 / need:.4g} times too small: they are angle increments in "
             f"{unit}, not rates"
         )
-        return [Finding("kind", "error", text, 0.99, f"kind='increment', units='...,{unit}'", evidence)]
+        return [Finding("kind", "error", text, 0.99 if far else 0.8, f"kind='increment', units='...,{unit}'", evidence)]
     text = f"{how} the angular rates are {1.0 / need:.4g} times what they should be: the numbers are {unit}, not {name}"
     confidence = 0.99 if far else 0.8
     return [Finding("gyro_unit", "error", text, confidence, f"units='...,{unit}' (or units='gyro={unit}')", evidence)]

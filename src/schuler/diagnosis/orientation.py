@@ -22,6 +22,7 @@ from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.standstill.unscaled import UnscaledRests
 
+_SWING = 5.0  # scatter of samples over that of their means, of a limb
 _UPRIGHT = (0.8, 1.2)  # norm of mean specific force that is gravity's, so that it tells down
 
 
@@ -51,6 +52,9 @@ def find_axes(state: DiagnosisState, means: WindowMeans, motion: Motion, lag: La
     if not _UPRIGHT[0] < size < _UPRIGHT[1]:
         state.undetermined.append("the IMU's axes (nothing rests, and the mean of specific force is not gravity)")
         return
+    if _swings(state.imu, means, motion, lag):
+        state.undetermined.append("the IMU's axes (it swings, as on a foot, and does not go where it points)")
+        return
     ev = measure_axes(means, motion, lag.offset, state.scaling.factor, level, state.gravity)
     if ev is None:
         return
@@ -70,6 +74,24 @@ def find_axes(state: DiagnosisState, means: WindowMeans, motion: Motion, lag: La
     if forward:
         find_mounting(state, ev, best.A)
         _unseen(state, ev)
+
+
+def _swings(imu: ImuSeries | None, means: WindowMeans, motion: Motion, lag: Lag) -> bool:
+    """Whether samples of both sensors scatter many times as much as their means over a second, smoothly: a limb."""
+    if imu is None:
+        return False
+    y, inside = means.at(motion.t - lag.offset, motion.half)
+    use = motion.moving & inside
+    if use.sum() < 20:
+        return False
+    rates = imu.rates()
+    raw = (rates.accel, rates.gyro)
+    slow = (y[use][:, :3], y[use][:, 3:])
+    ratio = [float(np.linalg.norm(x.std(axis=0)) / max(np.linalg.norm(s.std(axis=0)), 1e-300))
+             for x, s in zip(raw, slow, strict=True)]  # fmt: skip
+    w = rates.gyro - rates.gyro.mean(axis=0)
+    alike = float(np.sum(w[1:] * w[:-1]) / max(float(np.sum(w**2)), 1e-300))  # noise is not, from sample to sample
+    return min(ratio) > _SWING and alike > 0.5
 
 
 def _halves_agree(

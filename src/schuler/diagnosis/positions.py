@@ -20,7 +20,6 @@ from schuler.recording.series import GnssSeries
 
 _BASE_S = 4.0  # displacements are taken over so long, for the noise of positions
 _DISTINCT = 6.0  # log-likelihood by which a fault must lead a log in order
-_UP = 3.0  # the same of a vertical velocity that is positive up
 _SPEED_UNITS = {"km/h": units.KMH, "kn": units.KNOT, "cm/s": 0.01, "mm/s": 0.001, "ft/s": units.FT}
 
 
@@ -302,14 +301,13 @@ def _vertical_findings(
                 Finding("height_unit", "error", text, likelihood(lead), "units='length=ft'", evidence, "gnss")
             )
     lead = max(pairs.lead(k * reverse, k * same) for k in (1.0, abs(down)) if k > 0.0)
-    up = down < 0.0 and abs(down_r) > 0.35 and lead > _UP
+    up = down < 0.0 and abs(down_r) > 0.35 and lead > _DISTINCT
     if up and fault != "enu":
         text = (
             f"the vertical velocity is {down:.2f} times the change of height downwards (correlation {down_r:.2f}): it "
             "is positive up, not down"
         )
-        sure = likelihood(lead - _UP + _DISTINCT)
-        findings.append(Finding("vertical_sign", "error", text, sure, "scale='vd=-1'", evidence, "gnss"))
+        findings.append(Finding("vertical_sign", "error", text, likelihood(lead), "scale='vd=-1'", evidence, "gnss"))
     return findings, up
 
 

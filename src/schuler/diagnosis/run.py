@@ -12,13 +12,16 @@ from schuler.diagnosis.accel_unit import accel_unit, stated_factor
 from schuler.diagnosis.clock import find_clock, overlaps
 from schuler.diagnosis.gnss_quality import check_smoothing
 from schuler.diagnosis.lag import find_lag
-from schuler.diagnosis.motion import WindowMeans, motion_of
+from schuler.diagnosis.motion import WindowMeans, motion_of, position_velocity
 from schuler.diagnosis.orientation import find_axes, find_turns, find_upright
 from schuler.diagnosis.result import Diagnosis, Finding
 from schuler.diagnosis.state import DiagnosisState
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
-from schuler.standstill.unscaled import unscaled_rests
+from schuler.standstill.unscaled import UnscaledRests, unscaled_rests
+
+_SPEED_S = 5.0  # positions tell a speed over so long
+_STANDING = 1.0  # speed by noisy fixes of what may stand [m/s]
 
 
 def diagnose(recording: Recording, *, findings: tuple[Finding, ...] = (), quick: bool = False) -> Diagnosis:
@@ -107,7 +110,7 @@ def _check_imu(state: DiagnosisState) -> None:
     state.checked.append("unit of specific force")
     rates = imu.rates()
     if imu.accel.any():
-        state.rests = unscaled_rests(rates)
+        state.rests = _rests(state, rates)
         stated = stated_factor(state.recording.metadata.options, "accel")
         counts = any("raw counts" in note for note in state.recording.metadata.notes)
         findings, state.scaling = accel_unit(rates.accel, state.rests, imu.interval, imu.kind, state.gravity, stated)
@@ -121,6 +124,21 @@ def _check_imu(state: DiagnosisState) -> None:
     else:
         state.rests = unscaled_rests(rates)
     state.curves["rests"] = state.rests.t
+
+
+def _rests(state: DiagnosisState, rates: ImuSeries) -> UnscaledRests:
+    """Rests of the IMU, those left out in which GNSS has a velocity: a steady turn looks like rest, but is not."""
+    gnss = state.gnss
+    if gnss is None or len(gnss) < 10:
+        return unscaled_rests(rates)
+    if gnss.v_n is not None:
+        return unscaled_rests(rates, (gnss.t, np.hypot(gnss.v_n[:, 0], gnss.v_n[:, 1])), max_speed=_STANDING)
+    t, v = position_velocity(gnss)
+    # the mean over some seconds, for the noise of positions
+    n = min(max(round(_SPEED_S / float(np.median(np.diff(t)))), 1), len(t))
+    v = np.stack([np.convolve(x, np.ones(n) / n, "same") for x in v[:, :2].T], axis=1)
+    noise = 2.0 * float(np.sqrt(np.median(np.einsum("nii->ni", gnss.cov_r_n)[:, :2].sum(axis=1)))) / _SPEED_S
+    return unscaled_rests(rates, (t, np.hypot(v[:, 0], v[:, 1])), max_speed=_STANDING + noise)
 
 
 def _check_gnss(state: DiagnosisState) -> None:

@@ -74,6 +74,5 @@ def _verdict(diagnosis: Diagnosis) -> list[str]:
 
 def _findings(findings: list[Finding], title: str) -> str:
     rows = [(f"{f.code}\n{f.part}", f.fix or "-", f"{100.0 * f.confidence:.3g} %", f.consequence) for f in findings]
-    return parts.table(
-        title, ("finding", "option that mends it", "likely", "if so, results are"), rows, numbers=False, explained=[f.text for f in findings]
-    )
+    head = ("finding", "option that mends it", "likely", "if so, results are")
+    return parts.table(title, head, rows, numbers=False, explained=[f.text for f in findings])

@@ -16,7 +16,7 @@ from schuler.cli import main
 from schuler.diagnosis import diagnose_log
 from schuler.diagnosis.admission import checked
 from schuler.diagnosis.clock import likelihood_of_wrong_clock, wrong_clock_lead
-from schuler.diagnosis.lag import find_lag, log_likelihood
+from schuler.diagnosis.lag import covered, explained, find_lag, log_likelihood
 from schuler.diagnosis.motion import WindowMeans, motion_of, position_velocity
 from schuler.diagnosis.positions import check_positions
 from schuler.diagnosis.result import SURE, Diagnosis, Finding, as_options
@@ -102,6 +102,11 @@ def test_a_shift_with_less_in_common_explains_less(good):
     lag = find_lag(means, motion)
     shifts = np.array([0.0, 100.0, 170.0])
     likelihood = log_likelihood(means, motion, shifts, lag.samples)
+    counted = [np.mean(means.at(motion.t[motion.moving] - s, motion.half)[1]) for s in shifts]
+    assert counted[1] < 0.6
+    np.testing.assert_allclose(covered(means, motion, shifts), counted, atol=0.01)  # an epoch at either end
+    alone = -0.5 * np.log(1.0 - explained(means, motion, shifts)) @ lag.samples
+    np.testing.assert_allclose(likelihood, counted * alone, rtol=0.02)  # the same
     assert likelihood[0] > 20.0 * max(likelihood[1:].max(), 1.0)
     assert abs(lag.offset) < 0.03
     assert max(wrong_clock_lead(means, motion, lag)) < 3.0

@@ -33,6 +33,7 @@ from .navigation import Navigator as Navigator
 from .navigation import compare_architectures as compare_architectures
 from .navigation import fine_alignment as fine_alignment
 from .navigation import navigate as navigate
+from .navigation import tune_noise as tune_noise
 from .navigation.foot import navigate_foot as navigate_foot
 from .observability import scenario_observability as scenario_observability
 from .recording import GnssSeries as GnssSeries
@@ -111,5 +112,6 @@ __all__ = [
     "scenario_observability",
     "search_schemes",
     "simulate",
+    "tune_noise",
     "write",
 ]

@@ -85,6 +85,11 @@ COMMANDS = {
         "Navigate a log: INS, INS/GNSS, outages, smoothing, report.",
         "schuler navigate drive.parquet --config drive.toml --outage 120:150",
     ),
+    "tune": (
+        "schuler.cli.tune:tune",
+        "Tune the noise of IMU and GNSS from a log's own fixes; write it into the configuration.",
+        "schuler tune drive.parquet --config drive.toml",
+    ),
     "compare": (
         "schuler.cli.compare:compare",
         "Navigate a log with several architectures, with and without outages: one table.",

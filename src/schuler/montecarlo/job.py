@@ -269,7 +269,7 @@ def _plan(job: NavigationJob) -> Plan:
         record = _fix_period(job.simulation)
         every = max(round(every / record), 1) * record
         pilot = simulate_mission(mission, np.random.default_rng(0))
-        aligned = navigate(pilot.recording, _changed(job.navigation, record)).t[0]
+        aligned = navigate(pilot.recording, _changed(job.navigation, record).untuned()).t[0]
         first = float(aligned) + np.ceil(job.evaluation.settle_s / record - 1e-9) * record - every
     t = first + every * np.arange(1.0, np.floor((end - first) / every + 1e-6) + 1.0)
     if not len(t):

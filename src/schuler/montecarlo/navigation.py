@@ -50,7 +50,7 @@ def navigation_run(job: NavigationJob, seed: np.random.SeedSequence) -> dict[str
     # a copy: a sequence remembers how many children it gave, and the same seed must give the same run again
     fresh = np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key)
     simulation = simulate_mission(plan.mission, np.random.default_rng(fresh))
-    result = navigate(simulation.recording, plan.config, initial=_drawn(plan, seed))
+    result = navigate(simulation.recording, plan.config.untuned(), initial=_drawn(plan, seed))
     if not result.complete:
         raise KeyboardInterrupt
     at = np.minimum(np.searchsorted(result.t, plan.t - _SAME), len(result.t) - 1)

@@ -40,6 +40,7 @@ from .report.figures import save_figures as save_figures
 from .result import Innovations as Innovations
 from .result import NavigationResult as NavigationResult
 from .run import navigate as navigate
+from .run import tune_noise as tune_noise
 from .solution_tables import read_solution as read_solution
 from .solution_tables import result_of as result_of
 from .solution_tables import tables_of as tables_of
@@ -51,6 +52,7 @@ from .start.fine_alignment import fine_alignment as fine_alignment
 from .states import clock_models as clock_models
 from .states import imu_spec as imu_spec
 from .states import state_layout as state_layout
+from .tuning.tuning import Tuning as Tuning
 
 __all__ = [
     "Age",
@@ -66,6 +68,7 @@ __all__ = [
     "Separation",
     "Sources",
     "TrajectoryErrors",
+    "Tuning",
     "VehicleConditions",
     "aiding_schedule",
     "available_modes",
@@ -103,6 +106,7 @@ __all__ = [
     "state_layout",
     "tables_of",
     "trajectory_errors",
+    "tune_noise",
     "write_solution",
     "zero_rates",
     "zero_velocities",

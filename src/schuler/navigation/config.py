@@ -19,6 +19,7 @@ from schuler.navigation.sections import (
     CorrelatedSection,
     NonNegative,
     Positive,
+    PositiveTriple,
     Section,
     TightSection,
     Triple,
@@ -81,6 +82,8 @@ class GnssSection(Section):
     position_sigma_floor_m: Triple = Field((0.0, 0.0, 0.0), description="smallest 1-sigma N E D that is believed")
     velocity_sigma_floor_m_s: Triple = Field((0.0, 0.0, 0.0), description="smallest 1-sigma N E D that is believed")
     sigma_scale: Positive = Field(1.0, description="factor on the receiver's own 1-sigma values")
+    position_sigma_scale: PositiveTriple = Field((1.0, 1.0, 1.0), description="the same N E D of positions, besides")
+    velocity_sigma_scale: PositiveTriple = Field((1.0, 1.0, 1.0), description="the same of velocities")
     gate: Annotated[float, Field(gt=0.0, lt=1.0)] | Literal["off"] = Field(
         0.9999, description="probability with which a good fix passes, or off"
     )
@@ -130,11 +133,23 @@ class ModelSection(Section):
     tau_s: Positive | None = None
 
 
+class NoiseSection(Section):
+    """Factors on the white noise that the IMU's budget gives, for the filter: an IMU in motion shakes."""
+
+    gyro: Positive = Field(1.0, description="factor on the gyroscopes' root density")
+    accel: Positive = Field(1.0, description="factor on the accelerometers' root density")
+
+
 class FilterSection(Section):
     """States and rates of the filter."""
 
     states: Literal[9, 15, 21, 27, 33, 39, 42] | tuple[str, ...] = Field(15, description="number, or names of blocks")
     models: dict[str, ModelSection] = Field(default_factory=dict, description="models of blocks, SI units")
+    noise: NoiseSection = NoiseSection()
+    tune: bool | Literal["auto"] = Field(
+        False,
+        description="tune noise from the log's own fixes: true, false, auto where innovations contradict the noise",
+    )
     covariance_rate_hz: Positive | None = Field(10.0, description="left out: default; see docs")
     full_rate: bool = Field(False, description="propagate the covariance at every IMU sample")
     record_s: Positive = Field(1.0, description="spacing of covariance records")
@@ -202,6 +217,10 @@ class NavigationConfig(Config):
     filter: FilterSection = FilterSection()
     aiding: AidingSection = AidingSection()
     outages: OutageSection = OutageSection()
+
+    def untuned(self) -> NavigationConfig:
+        """The configuration without tuning: noise as it stands here, for campaigns and comparisons."""
+        return self.model_copy(update={"filter": self.filter.model_copy(update={"tune": False})})
 
     @classmethod
     def load(cls, path: Path | str, changes: Sequence[tuple[str, Any]] = ()) -> NavigationConfig:

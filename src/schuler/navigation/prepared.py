@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
+from schuler.arrays import FloatArray
 from schuler.filtering.engine import FilterOptions, ForwardRun, Progress, run
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
@@ -32,7 +31,9 @@ class PreparedRun:
     initial : InitialState
     layout : StateLayout
     spec : ImuSpec
-        Error budget; its white noise drives the filter.
+        Error budget.
+    psd : (ndarray, ndarray), shapes (3,)
+        White noise that drives the filter, gyroscopes and accelerometers. [rad^2/s], [m^2/s^3]
     options : FilterOptions
     windows : tuple of (start, stop)
         Outages. [s]
@@ -48,6 +49,7 @@ class PreparedRun:
     initial: InitialState
     layout: StateLayout
     spec: ImuSpec
+    psd: tuple[FloatArray, FloatArray]
     options: FilterOptions
     windows: tuple[tuple[float, float], ...] = ()
     notes: tuple[str, ...] = ()
@@ -57,5 +59,4 @@ class PreparedRun:
 
     def run(self, progress: Progress | None = None) -> ForwardRun:
         """Run the filter forward; see :func:`schuler.filtering.engine.run`."""
-        psd = np.full(3, self.spec.gyro.random_walk**2), np.full(3, self.spec.accel.random_walk**2)
-        return run(self.increments, self.schedule, self.initial, self.layout, *psd, self.options, progress)
+        return run(self.increments, self.schedule, self.initial, self.layout, *self.psd, self.options, progress)

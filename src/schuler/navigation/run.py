@@ -33,6 +33,8 @@ from schuler.navigation.start.calibration import CalibrationStart, configured_st
 from schuler.navigation.start.heading import judged_start
 from schuler.navigation.start.mount_heading import with_mount_in_heading
 from schuler.navigation.states import imu_spec, state_layout
+from schuler.navigation.tuning.entries import tuned_configuration
+from schuler.navigation.tuning.tuning import Tuning, contradicted, tune
 from schuler.recording.io.own import time_document
 from schuler.recording.recording import Recording
 from schuler.sensors.spec import ImuSpec
@@ -79,10 +81,19 @@ def navigate(
     config = NavigationConfig.checked(config)
     started = time.perf_counter()
     prepared = prepared_run(recording, config, initial=initial, calibration=calibration)
-    forward = prepared.run(progress=progress)
+    tuned: list[str] = []
+    forward = None if config.filter.tune is True else prepared.run(progress=progress)
+    if forward is None or (config.filter.tune == "auto" and contradicted(prepared, forward)):
+        tuning = tune(prepared)
+        tuned = tuning.sentences()
+        if tuning.better:
+            config = tuned_configuration(config, tuning)
+            prepared = prepared_run(recording, config, initial=initial, calibration=calibration)
+        if tuning.better or forward is None:
+            forward = prepared.run(progress=progress)
     if forward.epochs == 0 or not len(forward.rec_t):
         raise KeyboardInterrupt  # stopped before the first record
-    notes, schedule = list(prepared.notes), prepared.schedule
+    notes, schedule = [*prepared.notes, *tuned], prepared.schedule
     notes += noise_against_budget(prepared.imu, prepared.spec)
     if not forward.complete:
         ended = forward.t[-1] - recording.start
@@ -145,9 +156,14 @@ def prepared_run(
     schedule = with_late_velocities(schedule.outside(windows), delay, initial.nav.t, notes)
     if not len(schedule):
         notes.append("no measurement is used: this is a free inertial solution")
+    noise = config.filter.noise
+    psd = (
+        np.full(3, (spec.gyro.random_walk * noise.gyro) ** 2),
+        np.full(3, (spec.accel.random_walk * noise.accel) ** 2),
+    )
     prepared = PreparedRun(
-        imu, increments, schedule, initial, layout, spec, filter_options(config, imu), windows, (), calibrated, ranges,
-        points,
+        imu, increments, schedule, initial, layout, spec, psd, filter_options(config, imu), windows, (), calibrated,
+        ranges, points,
     )  # fmt: skip
     if aligned is not None:
 
@@ -159,6 +175,33 @@ def prepared_run(
         notes += [*sentences, aligned_sentence(judged, method, float(imu.t[0]))]
         prepared = replace(prepared, initial=finish(judged))
     return replace(prepared, notes=tuple(notes))
+
+
+def tune_noise(
+    recording: Recording, config: NavigationConfig | dict[str, Any] | Path | str, *, initial: InitialState | None = None
+) -> Tuning:
+    """Tune the noise of IMU and GNSS from a recording's own fixes.
+
+    Parameters
+    ----------
+    recording : Recording
+    config : NavigationConfig, dict, or path of a TOML file
+        Its noise is where the search starts; outages are withheld.
+    initial : InitialState, optional
+        Start here instead of aligning.
+
+    Returns
+    -------
+    Tuning
+        Factors with intervals, and whether held-back fixes bear them out;
+        :func:`~schuler.navigation.tuning.entries.tuned_configuration` puts them into the configuration.
+
+    Raises
+    ------
+    InputError, ConfigError
+        As :func:`navigate`; if there are too few fixes.
+    """
+    return tune(prepared_run(recording, NavigationConfig.checked(config), initial=initial))
 
 
 def _check_earth_rotation(recording: Recording, config: NavigationConfig) -> None:

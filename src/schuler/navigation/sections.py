@@ -12,6 +12,7 @@ from schuler.files import read_toml
 
 Triple = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0)]
+PositiveTriple = tuple[Positive, Positive, Positive]
 NonNegative = Annotated[float, Field(ge=0.0)]
 
 
@@ -199,6 +200,8 @@ class TightSection(Section):
     )
     clock_sigma_m: Positive = Field(100.0, description="1-sigma of the clock offset about the first solution")
     clock_drift_sigma_m_s: Positive = Field(10.0, description="1-sigma of the clock drift about the first solution")
+    range_sigma_scale: Positive = Field(1.0, description="factor on the 1-sigma values of pseudoranges")
+    rate_sigma_scale: Positive = Field(1.0, description="factor on the 1-sigma values of range rates")
     system_noise_m: NonNegative = Field(0.01, description="wander between systems, m per square root of a second")
 
 

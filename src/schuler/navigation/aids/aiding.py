@@ -8,7 +8,7 @@ import numpy as np
 
 from schuler import units
 from schuler.exceptions import InputError
-from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements, merged
+from schuler.filtering.measurements import PSEUDORANGE, MeasurementSchedule, gnss_measurements, merged
 from schuler.gnss.ranges import Ranges
 from schuler.navigation.aids.rest import SHAKEN, earth_rates, gravities, rests, zero_rates, zero_velocities
 from schuler.navigation.aids.satellite import range_measurements, resets, thinned
@@ -146,10 +146,12 @@ def _satellite_parts(sources: Sources, section: GnssSection) -> MeasurementSched
     if section.coupling == "tight":
         if sources.ranges is None:
             raise InputError("gnss.coupling is tight, but there are no ranges")
-        return range_measurements(
+        ranges = range_measurements(
             sources.ranges, section.lever_arm_m, use_rates=section.tight.rates, sigma_scale=section.sigma_scale,
             gate=gate,
         )  # fmt: skip
+        own = np.where(ranges.kind == PSEUDORANGE, section.tight.range_sigma_scale, section.tight.rate_sigma_scale)
+        return replace(ranges, R=ranges.R * own[:, None, None] ** 2)
     if sources.gnss is None or section.coupling == "off":
         return MeasurementSchedule.empty()
     if section.coupling == "reset":

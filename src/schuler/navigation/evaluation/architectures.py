@@ -234,7 +234,7 @@ def _run(
         changed = mode.configure(config).model_copy(
             update={
                 "outages": OutageSection(windows_s=windows),
-                "filter": config.filter.model_copy(update={"smooth": smooth}),
+                "filter": config.filter.model_copy(update={"smooth": smooth, "tune": False}),
             }
         )
         result = navigate(recording, changed)

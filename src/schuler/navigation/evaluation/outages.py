@@ -226,7 +226,7 @@ def outage_statistics(
     config = config.model_copy(
         update={
             "outages": OutageSection(),
-            "filter": config.filter.model_copy(update={"smooth": False, "record_s": step_s}),
+            "filter": config.filter.model_copy(update={"smooth": False, "record_s": step_s, "tune": False}),
         }
     )
     reference, at_antenna, _ = reference_of(recording)

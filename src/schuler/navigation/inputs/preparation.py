@@ -243,14 +243,21 @@ def prepared_gnss(
         notes += contradictions(gnss, delay=section.velocity_delay_s, used=section.velocity)
     return replace(
         gnss,
-        cov_r_n=floored(gnss.cov_r_n, section.sigma_scale, section.position_sigma_floor_m),
+        cov_r_n=floored(
+            gnss.cov_r_n, section.sigma_scale, section.position_sigma_floor_m, section.position_sigma_scale
+        ),
         cov_v_n=None
         if gnss.cov_v_n is None
-        else floored(gnss.cov_v_n, section.sigma_scale, section.velocity_sigma_floor_m_s),
+        else floored(gnss.cov_v_n, section.sigma_scale, section.velocity_sigma_floor_m_s, section.velocity_sigma_scale),
     )
 
 
-def floored(cov: FloatArray, scale: float, floor: tuple[float, float, float]) -> FloatArray:
+def floored(
+    cov: FloatArray,
+    scale: float,
+    floor: tuple[float, float, float],
+    by_axis: tuple[float, float, float] = (1.0, 1.0, 1.0),
+) -> FloatArray:
     """Covariances scaled, and variances lifted to a floor without touching the correlations below it.
 
     Parameters
@@ -260,8 +267,11 @@ def floored(cov: FloatArray, scale: float, floor: tuple[float, float, float]) ->
         Factor on 1-sigma values.
     floor : tuple of float
         Smallest 1-sigma by axis.
+    by_axis : tuple of float
+        Further factors on 1-sigma values, by axis.
     """
-    scaled: FloatArray = cov * scale**2
+    D = scale * np.array(by_axis)
+    scaled: FloatArray = cov * D[:, None] * D
     lift = np.maximum(np.array(floor) ** 2 - np.einsum("nii->ni", scaled), 0.0)
     lifted: FloatArray = scaled + lift[:, :, None] * np.eye(3)
     return lifted

@@ -70,7 +70,7 @@ def recording_runners(
     config = NavigationConfig.checked(config)
     if not 0.0 < split < 1.0:
         raise InputError(f"split: expected a share between 0 and 1, got {split}")
-    base = config.model_copy(update={"filter": config.filter.model_copy(update={"smooth": False})})
+    base = config.model_copy(update={"filter": config.filter.model_copy(update={"smooth": False, "tune": False})})
     limit = recording.start + split * (recording.stop - recording.start)
     runs: dict[Factors, NavigationResult] = {}
 

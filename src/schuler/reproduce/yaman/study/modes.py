@@ -231,7 +231,7 @@ def mode_solution(drive: Drive, gps: Gps, calibrated: bool, aided: bool) -> Navi
     start = levelled_start(recording, calibrated)
     if gps == "None":
         recording = replace(recording, gnss=None)  # it must not help to find rest either
-    result = navigate(recording, mode_config(gps, calibrated, aided, drive.outage), initial=start)
+    result = navigate(recording, mode_config(gps, calibrated, aided, drive.outage).untuned(), initial=start)
     if not result.complete:
         raise KeyboardInterrupt
     return result

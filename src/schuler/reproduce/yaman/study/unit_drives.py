@@ -276,7 +276,7 @@ def _run(drive: Drive, gps: Gps, calibrated: bool, aided: bool, residual: FloatA
     start = _start(recording, calibrated, float(accel))
     if gps == "None":
         recording = replace(recording, gnss=None)  # it must not help to find rest either
-    result = navigate(recording, config, initial=start)
+    result = navigate(recording, config.untuned(), initial=start)
     if not result.complete:
         raise KeyboardInterrupt
     return result

@@ -1,0 +1,69 @@
+"""``schuler tune``."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from schuler.cli.configuration import configuration, entries
+from schuler.cli.output import File, Flag, Texts, print_json
+
+
+def tune(
+    log: Path,
+    /,
+    *,
+    config: Path,
+    out: File = None,
+    outage: Texts = (),
+    outage_every: str | None = None,
+    set: Texts = (),
+    unchecked: Flag = False,
+    dry_run: Flag = False,
+    json: Flag = False,
+) -> int:
+    """Tune the noise of IMU and GNSS from a log's own fixes, and write it into the configuration.
+
+    Parameters
+    ----------
+    log
+        File or folder; how it is read stands in the [recording] section of the configuration.
+    config
+        TOML file, see docs/navigation.md.
+    out
+        File to write instead of the configuration itself.
+    outage
+        Withhold GNSS from START:STOP, seconds from the start of the recording; may be given several times.
+    outage_every
+        Withhold GNSS every PERIOD seconds for LENGTH: PERIOD:LENGTH, or PERIOD:LENGTH:FIRST.
+    set
+        Any entry of the configuration: SECTION.KEY=VALUE in TOML's spelling; may be given several times.
+    unchecked
+        Go on where the checks of units, axes, signs and clocks (schuler check) find an error; the result notes it.
+    dry_run
+        Print only, write nothing.
+    json
+        Print one JSON object instead of text.
+    """
+    from schuler.cli.reading import read_log
+    from schuler.diagnosis.admission import checked
+    from schuler.files import toml_with, write_text
+    from schuler.navigation.run import tune_noise
+    from schuler.navigation.tuning.entries import remarks, tuned_entries
+
+    began = time.perf_counter()
+    loaded = configuration(config, entries(set), outage, outage_every)
+    recording = checked(read_log(log, config), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
+    result = tune_noise(recording, loaded)
+    written = None
+    if result.better and not dry_run:
+        text = toml_with(config.read_text(encoding="utf-8"), tuned_entries(loaded, result), remarks(loaded, result))
+        written = write_text(config if out is None else out, text)
+    if json:
+        elapsed = time.perf_counter() - began
+        print_json({"command": "tune", **result.to_dict(), "elapsed_s": elapsed, "file": written})
+    else:
+        print(result.summary())
+        if written is not None:
+            print(f"configuration: {written}")
+    return 0

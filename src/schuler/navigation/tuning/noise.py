@@ -1,0 +1,142 @@
+"""Noise terms that a recording can tune, and a prepared run with other values of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from schuler.arrays import FloatArray, IntArray
+from schuler.filtering.initial_state import InitialState
+from schuler.filtering.measurements import LATERAL, POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY, VERTICAL
+from schuler.filtering.states import StateLayout, StateModel
+from schuler.navigation.prepared import PreparedRun
+
+#: Kinds of measurements whose innovations tune: what receivers give, weighed by the filter.
+TUNING_KINDS = (POSITION, VELOCITY, PSEUDORANGE, RANGE_RATE)
+
+_ACROSS, _DOWN, _ALL = (1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1.0)
+#: Terms that scale the covariance of measurements: kind, and the components they act on.
+_MEASURED = {
+    "position": (POSITION, _ACROSS),
+    "height": (POSITION, _DOWN),
+    "velocity": (VELOCITY, _ACROSS),
+    "climb": (VELOCITY, _DOWN),
+    "pseudorange": (PSEUDORANGE, _ALL),
+    "range_rate": (RANGE_RATE, _ALL),
+    "lateral": (LATERAL, _ALL),
+    "vertical": (VERTICAL, _ALL),
+}
+#: Terms of the IMU: white noise by triad, and the wander of its biases by state block.
+_WHITE = ("gyro", "accel")
+_WANDER = {"gyro_bias": ("b_g_run", "b_g"), "accel_bias": ("b_a_run", "b_a")}
+#: All terms, in the order of tables.
+TERMS = (*_WHITE, *_WANDER, *_MEASURED)
+
+_UNSTATED = 1e5  # a larger sigma says that a component was not measured [m, m/s]
+_TYPICAL = 0.03 / np.sqrt(300.0)  # wander of a bias whose budget states none, per turn-on sigma [1/sqrt(s)]
+
+
+def terms_of(prepared: PreparedRun) -> tuple[str, ...]:
+    """Terms that act in a run: those of its states and of the measurements it has."""
+    schedule = prepared.schedule
+    sigma = np.sqrt(np.einsum("nii->ni", schedule.R))
+    present = [name for name in _WHITE if prepared.psd[_WHITE.index(name)].max() > 0.0]
+    present += [name for name in _WANDER if wandering(prepared.layout, name) is not None]
+    for name, (kind, components) in _MEASURED.items():
+        column = int(np.argmax(components))
+        if np.any((schedule.kind == kind) & (sigma[:, column] < _UNSTATED)):
+            present.append(name)
+    return tuple(name for name in TERMS if name in present)
+
+
+def wandering(layout: StateLayout, term: str) -> str | None:
+    """State block whose driving noise a term scales; None if the run does not estimate it."""
+    return next((name for name in _WANDER[term] if name in layout.models), None)
+
+
+def with_wander(prepared: PreparedRun) -> PreparedRun:
+    """The run with biases that wander a little where its budget states none, so that a factor can act."""
+    models = dict(prepared.layout.models)
+    for term in _WANDER:
+        name = wandering(prepared.layout, term)
+        if name is not None and models[name].noise == 0.0:
+            models[name] = replace(models[name], noise=models[name].sigma * _TYPICAL)
+    return replace(prepared, layout=StateLayout(models))
+
+
+def with_factors(prepared: PreparedRun, factors: Mapping[str, float]) -> PreparedRun:
+    """The run with noise multiplied by factors on 1-sigma values.
+
+    Parameters
+    ----------
+    prepared : PreparedRun
+    factors : mapping of str to float
+        By the names of :data:`TERMS`; 1 where left out.
+    """
+    models = dict(prepared.layout.models)
+    for term in _WANDER:
+        name = wandering(prepared.layout, term)
+        if name is not None and term in factors:
+            models[name] = replace(models[name], noise=models[name].noise * factors[term])
+    psd = tuple(psd * factors.get(name, 1.0) ** 2 for name, psd in zip(_WHITE, prepared.psd, strict=True))
+    schedule = prepared.schedule
+    D = component_factors(schedule.kind, factors)
+    return replace(
+        prepared,
+        layout=StateLayout(models),
+        psd=(psd[0], psd[1]),
+        schedule=replace(schedule, R=schedule.R * D[:, :, None] * D[:, None, :]),
+    )
+
+
+def component_factors(kind: IntArray, factors: Mapping[str, float]) -> FloatArray:
+    """Factors on the 1-sigma values of each component of measurements. Shape (m, 3)."""
+    D = np.ones((len(kind), 3))
+    for name, (code, components) in _MEASURED.items():
+        if name in factors:
+            D[kind == code] *= np.where(np.array(components) > 0.0, factors[name], 1.0)
+    return D
+
+
+@dataclass(frozen=True)
+class SlowError:
+    """A Gauss-Markov error of GNSS positions or velocities.
+
+    Attributes
+    ----------
+    block : {"b_r", "b_v"}
+    sigma : float
+        [m], [m/s]
+    tau : float
+        [s]
+    """
+
+    block: str
+    sigma: float
+    tau: float
+
+
+def with_slow_error(prepared: PreparedRun, slow: SlowError) -> PreparedRun:
+    """The run with states for a slow GNSS error, which its start from a fix has in it.
+
+    Parameters
+    ----------
+    prepared : PreparedRun
+        Without that block.
+    slow : SlowError
+    """
+    layout, first = prepared.layout, 6 if slow.block == "b_r" else 3
+    models = {**layout.models, slow.block: StateModel.gauss_markov(slow.sigma, slow.tau)}
+    wider = StateLayout(models)
+    part, n = wider[slow.block], layout.size
+    J = np.zeros((n + 3, n))
+    J[:n, :n] = np.eye(n)
+    P = J @ prepared.initial.P @ J.T
+    A = np.zeros((n + 3, 3))
+    A[first : first + 3] = -np.eye(3)  # the start is the fix's position: its slow error, with the sign turned
+    A[part] = np.eye(3)
+    P += slow.sigma**2 * A @ A.T
+    parameters = np.concatenate((prepared.initial.parameters, np.zeros(3)))
+    return replace(prepared, layout=wider, initial=InitialState(prepared.initial.nav, P, parameters))

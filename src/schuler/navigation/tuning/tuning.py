@@ -1,0 +1,321 @@
+"""Tuning of a run's noise: chosen on one half of the fixes, checked on the other."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from schuler.arrays import BoolArray, FloatArray
+from schuler.exceptions import InputError
+from schuler.filtering.engine import ForwardRun
+from schuler.filtering.measurements import (
+    DIMENSIONS,
+    KINDS,
+    POSITION,
+    REJECTED,
+    VELOCITY,
+    MeasurementSchedule,
+)
+from schuler.navigation.prepared import PreparedRun
+from schuler.navigation.tuning.likelihood import Residuals, epochs, halves, residuals_of, trials
+from schuler.navigation.tuning.noise import (
+    TUNING_KINDS,
+    terms_of,
+    wandering,
+    with_factors,
+    with_wander,
+)
+from schuler.navigation.tuning.search import Fit, block_scatter, fit
+
+_LONGEST = 900.0  # of the log that is used [s]
+_FEWEST = 20  # epochs of fixes in each half
+_OUTLIER = 25.0  # normalised innovation squared per component beyond which a fix is left out of the second search
+_SURE = 2.0  # standard errors by which held-back fixes have to be likelier
+_T95 = 1.96
+_CONSISTENT = (0.7, 1.4)  # mean normalised innovation squared of a run that is left as it is
+_STILL = 0.5  # GNSS speed of what may stand [m/s]
+_REJECTED = 0.05  # share of fixes rejected that is too many
+
+#: What a term is, for tables and notes.
+TERM_TEXT = {
+    "gyro": "white noise of the gyroscopes in motion",
+    "accel": "white noise of the accelerometers in motion",
+    "gyro_bias": "wander of the gyroscopes' biases",
+    "accel_bias": "wander of the accelerometers' biases",
+    "position": "sigma of horizontal positions",
+    "height": "sigma of heights",
+    "velocity": "sigma of horizontal velocities",
+    "climb": "sigma of vertical velocities",
+    "pseudorange": "sigma of pseudoranges",
+    "range_rate": "sigma of range rates",
+    "lateral": "sigma of the velocity across the wheels",
+    "vertical": "sigma of the velocity up",
+}
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Noise that makes the fixes of a recording likeliest.
+
+    Attributes
+    ----------
+    factors : dict of str to float
+        On 1-sigma values as configured, by term.
+    intervals : dict of str to (float, float)
+        95 % intervals of the factors.
+    better : bool
+        Whether held-back fixes are likelier with the factors; if not, the configured noise stays.
+    gain, gain_sigma : float
+        Log likelihood of held-back fixes won by the factors chosen on the other half, and its 1-sigma.
+    nis_before, nis_after : dict of str to float
+        Mean normalised innovation squared per degree of freedom of held-back fixes by kind, configured and tuned.
+    fixes : int
+        Epochs of fixes used.
+    left_out : int
+        Of which so many were outliers.
+    models : dict
+        Tuned models of the bias states, by block, as entries of ``filter.models``.
+    """
+
+    factors: dict[str, float]
+    intervals: dict[str, tuple[float, float]]
+    better: bool
+    gain: float
+    gain_sigma: float
+    nis_before: dict[str, float]
+    nis_after: dict[str, float]
+    fixes: int
+    left_out: int = 0
+    models: dict[str, dict[str, float]] = field(default_factory=dict)
+
+    def sentences(self) -> list[str]:
+        """Sentences for the notes of a run."""
+        nis = ", ".join(f"{name} {self.nis_before[name]:.2f} to {self.nis_after[name]:.2f}" for name in self.nis_after)
+        check = (
+            f"log likelihood of the half of the fixes held back {self.gain:+.1f} +- {self.gain_sigma:.1f}, "
+            f"their mean NIS {nis}"
+        )
+        if not self.better:
+            return [f"noise tuned from the log is no better than configured and is not used: {check}"]
+        chosen = "; ".join(
+            f"{TERM_TEXT[name]} x {factor:.2g} ({self.intervals[name][0]:.2g} to {self.intervals[name][1]:.2g})"
+            for name, factor in self.factors.items()
+        )
+        return [f"noise tuned from {self.fixes} fixes of the log (filter.tune): {chosen}; {check}"]
+
+    def summary(self) -> str:
+        """Table of the factors with their intervals, and the check."""
+        lines = [f"noise from {self.fixes} fixes of the log, {self.left_out} outliers left out"]
+        lines.append(f"  {'factor on what is configured':<46}{'':>8}  95 % interval")
+        for name, factor in self.factors.items():
+            low, high = self.intervals[name]
+            lines.append(f"  {TERM_TEXT[name]:<46}{factor:>8.3g}  {low:.3g} to {high:.3g}")
+        lines.append(
+            f"fixes held back: log likelihood {self.gain:+.1f} +- {self.gain_sigma:.1f}; mean NIS "
+            + ", ".join(f"{name} {self.nis_before[name]:.2f} -> {self.nis_after[name]:.2f}" for name in self.nis_after)
+        )
+        if not self.better:
+            lines.append("that is no better than configured: the configured noise stays, nothing is written")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain dictionary, for JSON."""
+        return asdict(self)
+
+
+def tune(prepared: PreparedRun) -> Tuning:
+    """Noise of IMU and GNSS from the innovations of a prepared run's fixes.
+
+    Parameters
+    ----------
+    prepared : PreparedRun
+        As configured.
+
+    Returns
+    -------
+    Tuning
+
+    Raises
+    ------
+    InputError
+        If there are too few fixes.
+
+    Notes
+    -----
+    Factors are chosen on every other fix by the likelihood of innovations over 1, 4 and 15 s
+    (:mod:`~schuler.navigation.tuning.likelihood`) and checked on the fixes between, which are predicted and not used.
+    If these are likelier by two standard errors, all fixes refine the factors. The intervals hold the difference
+    between both choices.
+    """
+    prepared = _first_part(with_wander(prepared))
+    terms = terms_of(prepared)
+    fixes = np.isin(prepared.schedule.kind, TUNING_KINDS) & (prepared.schedule.gate > 0.0)
+    one, other = halves(prepared.schedule, fixes)
+    count = int(epochs(prepared.schedule.where(fixes))[1].max(initial=0))
+    if count < 2 * _FEWEST:
+        raise InputError(
+            f"tuning needs at least {2 * _FEWEST} GNSS fixes that the filter uses, and there are {count}; "
+            "leave filter.tune out"
+        )
+    floors = noise_floors(prepared)
+    quick = fit(prepared, residuals_of(trials(prepared, one, phases=1)), terms, floors=floors)
+    outlying = _outliers(with_factors(prepared, quick.factors), fixes)
+    one, other = one & ~outlying, other & ~outlying
+    half = fit(prepared, residuals_of(trials(prepared, one)), terms, start=quick.factors, floors=floors, iterations=4)
+    held = residuals_of(trials(prepared, one, other))
+    before, after = held(prepared), held(with_factors(prepared, half.factors))
+    gain, gain_sigma = _gain(before, after)
+    better = gain > _SURE * gain_sigma
+    final = half
+    if better:
+        everything = residuals_of(trials(prepared, fixes & ~outlying))
+        final = fit(prepared, everything, terms, start=half.factors, floors=floors, iterations=4)
+    return Tuning(
+        factors=final.factors,
+        intervals=_intervals(final, half),
+        better=better,
+        gain=gain,
+        gain_sigma=gain_sigma,
+        nis_before={KINDS[k]: v for k, v in before.nis().items()},
+        nis_after={KINDS[k]: v for k, v in after.nis().items()},
+        fixes=count,
+        left_out=int(epochs(prepared.schedule.where(outlying))[1].max(initial=0)),
+        models=_bias_models(prepared, final.factors),
+    )
+
+
+def contradicted(prepared: PreparedRun, forward: ForwardRun) -> bool:
+    """Whether the innovations of a run contradict its noise so far that tuning may help.
+
+    Parameters
+    ----------
+    prepared : PreparedRun
+    forward : ForwardRun
+        Its run as configured.
+
+    Notes
+    -----
+    By kind: a mean normalised innovation squared outside 0.7 to 1.4 by two standard errors, which stretches of the log
+    give (innovations are correlated in time where the noise is wrong); or a twentieth of the fixes rejected. A run with
+    too few fixes to tune is left.
+    """
+    if forward.complete and prepared.options.adaptive:  # noise that has followed the innovations contradicts nothing
+        forward = replace(prepared, options=replace(prepared.options, adaptive=False, smoother=False)).run()
+    kinds, nis, status = prepared.schedule.kind, forward.nis, forward.status
+    fixes = np.isin(kinds, TUNING_KINDS) & np.isfinite(nis)
+    if not forward.complete or int(epochs(prepared.schedule.where(fixes))[1].max(initial=0)) < 2 * _FEWEST:
+        return False
+    for kind in TUNING_KINDS:
+        mine = fixes & (kinds == kind)
+        if not mine.any():
+            continue
+        value = nis[mine] / DIMENSIONS[kind]
+        mean = float(value.mean())
+        error = float(np.sqrt(block_scatter(value[None, :], prepared.schedule.t[mine])[0, 0])) / len(value)
+        if mean - 2.0 * error > _CONSISTENT[1] or mean + 2.0 * error < _CONSISTENT[0]:
+            return True
+        if np.mean(status[mine] == REJECTED) > _REJECTED:
+            return True
+    return False
+
+
+def _first_part(prepared: PreparedRun) -> PreparedRun:
+    """The run cut to the longest stretch that tuning uses."""
+    start = prepared.initial.nav.t
+    if prepared.increments.t[-1] - start <= _LONGEST:
+        return prepared
+    schedule = prepared.schedule
+    return replace(
+        prepared,
+        increments=prepared.increments.between(prepared.increments.start, start + _LONGEST),
+        schedule=schedule.where(schedule.t <= start + _LONGEST),
+    )
+
+
+def _outliers(prepared: PreparedRun, fixes: BoolArray) -> BoolArray:
+    """Fixes far off where all others put them; none if they are more than a twentieth."""
+    residuals = residuals_of(trials(prepared, fixes, phases=1)[:1])(prepared)
+    z2 = np.where(residuals.weight > 0.0, residuals.normalised**2, 0.0)
+    wrong = z2.max(axis=1) > _OUTLIER
+    times = {(int(k), float(t)) for k, t in zip(residuals.kind[wrong], residuals.t[wrong], strict=True)}
+    schedule = prepared.schedule
+    out = np.zeros(len(schedule), dtype=bool)
+    for kind, t in times:
+        out |= (schedule.kind == kind) & (schedule.t == t)
+    return out & fixes if wrong.mean() <= 0.05 else np.zeros(len(schedule), dtype=bool)
+
+
+def _gain(before: Residuals, after: Residuals) -> tuple[float, float]:
+    """Log likelihood won, and its 1-sigma from the scatter over stretches of the log."""
+    won = before.scores() - after.scores()
+    return float(won.sum()), float(np.sqrt(block_scatter(won[None, :], before.t)[0, 0]))
+
+
+def _intervals(final: Fit, half: Fit) -> dict[str, tuple[float, float]]:
+    """95 % intervals of the factors; what both halves do not share widens them."""
+    intervals = {}
+    for name, factor in final.factors.items():
+        apart = abs(np.log(factor / half.factors[name]))
+        width = _T95 * float(np.hypot(final.spread[name], apart))
+        intervals[name] = (factor * float(np.exp(-width)), factor * float(np.exp(width)))
+    return intervals
+
+
+def noise_floors(prepared: PreparedRun) -> dict[str, float]:
+    """Smallest factors on the IMU's white noise: what it shows at rest, by its Allan deviation over a second."""
+    from schuler.standstill.stationarity import static_intervals
+
+    imu = prepared.imu
+    rests = static_intervals(imu, min_s=10.0)
+    length = np.where(_unmoved(prepared.schedule, rests.start, rests.stop), rests.duration, 0.0)
+    if not length.any():
+        return {}
+    k = int(np.argmax(length))
+    still = imu.between(float(rests.start[k]), float(rests.stop[k])).rates()
+    floors = {}
+    for name, values, psd in (("gyro", still.gyro, prepared.psd[0]), ("accel", still.accel, prepared.psd[1])):
+        noise = _white_noise(values, still.interval)
+        if noise > 0.0 and psd.max() > 0.0:
+            floors[name] = noise / float(np.sqrt(psd.max()))
+    return floors
+
+
+def _unmoved(schedule: MeasurementSchedule, start: FloatArray, stop: FloatArray) -> BoolArray:
+    """Which stretches have fixes within, and none that moves: a smooth ride is as quiet as rest."""
+    still = np.zeros(len(start), dtype=bool)
+    for i, (a, b) in enumerate(zip(start, stop, strict=True)):
+        within = (schedule.t >= a) & (schedule.t <= b)
+        r, v = (
+            schedule.z[within & (schedule.kind == POSITION), :3],
+            schedule.z[within & (schedule.kind == VELOCITY), :3],
+        )
+        sigma = np.sqrt(np.einsum("nii->n", schedule.R[within & (schedule.kind == POSITION)]))
+        if len(r) > 1 and np.all(np.linalg.norm(v[:, :2], axis=1) < _STILL):
+            still[i] = bool(np.linalg.norm(r[-1] - r[0]) < 0.1 * (b - a) + 4.0 * np.median(sigma))
+    return still
+
+
+def _white_noise(values: FloatArray, interval: float) -> float:
+    """White-noise root density of the quietest axis, from the Allan deviation of means over a second."""
+    m = max(1, round(1.0 / interval))
+    means = values[: len(values) // m * m].reshape(-1, m, values.shape[1]).mean(axis=1)
+    if len(means) < 5:
+        return 0.0
+    deviation = np.sqrt(0.5 * np.mean(np.diff(means, axis=0) ** 2, axis=0))
+    return float(deviation.min() * np.sqrt(m * interval))
+
+
+def _bias_models(prepared: PreparedRun, factors: dict[str, float]) -> dict[str, dict[str, float]]:
+    """Tuned models of the bias states, by block."""
+    models = {}
+    layout = with_factors(prepared, factors).layout
+    for term in ("gyro_bias", "accel_bias"):
+        name = wandering(layout, term)
+        if name is not None and term in factors:
+            model = layout.models[name]
+            models[name] = {"sigma": model.sigma, "noise": float(f"{model.noise:.3g}")}
+            if model.tau is not None:
+                models[name]["tau_s"] = model.tau
+    return models

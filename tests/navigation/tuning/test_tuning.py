@@ -1,0 +1,237 @@
+"""Noise tuned from a log's own fixes: found where it is mis-stated, left where it is right, written and read again."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from schuler.cli import main
+from schuler.exceptions import InputError, TomlError
+from schuler.files import toml_with
+from schuler.filtering.measurements import POSITION, VELOCITY
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.run import navigate, prepared_run
+from schuler.navigation.tuning.entries import tuned_configuration
+from schuler.navigation.tuning.likelihood import HORIZONS, Residuals, halves, residuals_of, trials
+from schuler.navigation.tuning.noise import SlowError, terms_of, with_factors, with_slow_error
+from schuler.navigation.tuning.tuning import contradicted, tune
+from schuler.recording.io import write
+from schuler.simulation.scenario import prepare_mission, simulate_mission
+
+IMU = {
+    "gyro": {"arw_deg_rthr": 5.0, "bias_deg_hr": 100.0, "in_run_deg_hr": 20.0, "in_run_time_s": 300.0},
+    "accel": {"vrw_m_s_rthr": 3.0, "bias_mg": 3.0, "in_run_mg": 0.3, "in_run_time_s": 300.0},
+}
+CORNERS = [(0, 0, 10), (200, -30, 12), (330, 120, 9), (200, 330, 13), (-60, 300, 10), (-150, 50, 12), (0, 0, 11)]
+POINTS: list[dict[str, float]] = [
+    {"north_m": float(n), "east_m": float(e), "speed_m_s": float(v)} | ({} if i else {"stop_s": 15.0})
+    for i, (n, e, v) in enumerate(CORNERS)
+]
+
+
+def recorded(seed=1, imu=None, **gnss):
+    mission = prepare_mission(
+        {
+            "seed": seed,
+            "motion": {"type": "waypoints", "lat_deg": 47.0, "lon_deg": 8.0, "height_m": 400.0, "waypoints": POINTS},
+            "imu": {"rate_hz": 50.0, "kind": "increment", **(imu or IMU)},
+            "gnss": {"rate_hz": 1.0, "sigma_position_m": [0.3, 0.3, 0.5], "sigma_velocity_m_s": [0.05] * 3, **gnss},
+        }
+    )
+    return simulate_mission(mission).recording
+
+
+def config(**filter_):
+    return NavigationConfig.checked({"imu": dict(IMU), "filter": {"smooth": False, **filter_}})
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return recorded()
+
+
+def mis_stated(recording, imu=1.0, gnss=1.0):
+    """The configuration and the log with sigmas stated so many times too small."""
+    g = recording.need_gnss()
+    stated = replace(g, cov_r_n=g.cov_r_n / gnss**2, cov_v_n=g.cov_v_n / gnss**2)
+    sheet = {
+        "gyro": {**IMU["gyro"], "arw_deg_rthr": IMU["gyro"]["arw_deg_rthr"] / imu},
+        "accel": {**IMU["accel"], "vrw_m_s_rthr": IMU["accel"]["vrw_m_s_rthr"] / imu},
+    }
+    return replace(recording, gnss=stated), NavigationConfig.checked(
+        {"imu": sheet, "filter": {"smooth": False, "tune": "auto"}}
+    )
+
+
+# --- mis-stated by ten, either way; the interval is 95 % (statistical), widened by a fifth for ten looks at it
+
+
+@pytest.mark.parametrize(("imu", "gnss"), [(10.0, 1.0), (0.1, 1.0), (1.0, 10.0), (1.0, 0.1)])
+def test_noise_mis_stated_by_ten_is_found_and_the_fixes_fit_again(recording, imu, gnss):
+    log, wrong = mis_stated(recording, imu, gnss)
+    as_stated = navigate(log, wrong.untuned())
+    found = tune(prepared_run(log, wrong))
+    result = navigate(log, tuned_configuration(wrong, found))
+    assert found.better
+    assert found.gain > 2.0 * found.gain_sigma
+    names = ("position", "velocity") if imu == 1.0 else ("gyro", "accel", "position", "velocity")
+    for name, truth in zip(names, (gnss, gnss) if imu == 1.0 else (imu, imu, 1.0, 1.0), strict=True):
+        low, high = found.intervals[name]
+        assert low / 1.2 < truth < high * 1.2, (name, found.factors[name], low, high)
+    before, after = as_stated.innovations.mean_nis(), result.innovations.mean_nis()
+    assert abs(np.log(before)) > 2.0 * abs(np.log(after))
+    assert 0.8 < after < 1.25  # 1 +- 0.05 (statistical), and what tuning leaves
+    assert contradicted(prepared_run(log, wrong), prepared_run(log, wrong).run())
+
+
+def test_a_consistent_run_stays_exactly_as_it_is(recording):
+    own, plain = navigate(recording, config(tune="auto")), navigate(recording, config(tune=False))
+    np.testing.assert_array_equal(own.covariance_e, plain.covariance_e)
+    assert own.notes == plain.notes
+    prepared = prepared_run(recording, config())
+    assert not contradicted(prepared, prepared.run())
+
+
+def test_what_held_back_fixes_do_not_bear_out_is_refused(recording):
+    asked, plain = navigate(recording, config(tune=True)), navigate(recording, config(tune=False))
+    np.testing.assert_array_equal(asked.trajectory.r_eb_e, plain.trajectory.r_eb_e)
+    assert any("no better than configured and is not used" in note for note in asked.notes)
+
+
+def test_too_few_fixes_are_refused_with_their_number(recording):
+    few = replace(recording, gnss=recording.need_gnss().where(np.arange(len(recording.need_gnss())) < 35))
+    with pytest.raises(InputError, match="needs at least 40 GNSS fixes"):
+        tune(prepared_run(few, config()))
+    log, wrong = mis_stated(few, gnss=10.0)
+    assert not any("tuned" in note for note in navigate(log, wrong).notes)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("imu", [10.0, 0.1])
+def test_intervals_cover_what_they_claim(imu):
+    """95 % of the intervals hold the truth; of 36 at most 6 do not with probability 0.998 (statistical)."""
+    missed = 0
+    for seed in range(12):
+        found = tune(prepared_run(*mis_stated(recorded(seed), imu)))
+        for name, truth in (("accel", imu), ("position", 1.0), ("velocity", 1.0)):
+            low, high = found.intervals[name]
+            missed += not low < truth < high
+    assert missed <= 6
+
+
+# --- the likelihood
+
+
+def test_half_of_the_fixes_and_the_fixes_between(recording):
+    schedule = prepared_run(recording, config()).schedule
+    one, other = halves(schedule, np.ones(len(schedule), dtype=bool))
+    assert not np.any(one & other)
+    assert np.all(one | other)
+    for kind in (POSITION, VELOCITY):
+        t = schedule.t[schedule.kind == kind]
+        assert np.array_equal(schedule.t[one & (schedule.kind == kind)], t[::2])
+
+
+def test_fixes_that_judge_are_not_used(recording):
+    prepared = prepared_run(recording, config())
+    one, other = halves(prepared.schedule, np.ones(len(prepared.schedule), dtype=bool))
+    without = replace(prepared, schedule=prepared.schedule.where(one)).run()
+    sets = trials(prepared, one, other)
+    assert {trial.horizon for trial in sets} == {4.0, 15.0} | {HORIZONS[0][0]}
+    judged = residuals_of(sets[:1])(prepared)
+    first = judged.t[0]
+    k = int(np.searchsorted(without.rec_t, first))
+    assert np.all(judged.weight > 0.0)
+    # the same covariance as a run that never saw the other half: the claimed sigma grows between fixes
+    assert np.all(np.sqrt(judged.variance[judged.kind == POSITION]) > 0.3)
+    assert k > 0
+
+
+@pytest.mark.parametrize("scale", [0.5, 2.0])
+def test_the_capped_score_is_least_at_the_true_sigma(scale):
+    z = np.random.default_rng(3).standard_normal((20_000, 3))
+    ones = np.ones_like(z)
+
+    def score(sigma):
+        r = Residuals(np.arange(len(z)), np.full(len(z), POSITION), ones[:, 0], z, sigma**2 * ones, ones)
+        return float(r.scores().sum())
+
+    assert score(1.0) < min(score(scale), score(1.05), score(0.95))  # 1 % is its standard error here
+
+
+def test_an_outlier_moves_the_score_no_more_than_a_few_fixes():
+    z = np.zeros((2, 3))
+    z[0, 0], z[1, 0] = 4.0, 4000.0
+    ones = np.ones_like(z)
+    score = Residuals(np.arange(2.0), np.full(2, POSITION), ones[:, 0], z, ones, ones).scores()
+    assert score[1] < 15.0 * score[0]
+
+
+def test_factors_act_on_what_they_name(recording):
+    prepared = prepared_run(recording, config())
+    assert terms_of(prepared) == (
+        "gyro", "accel", "gyro_bias", "accel_bias", "position", "height", "velocity", "climb",
+    )  # fmt: skip
+    changed = with_factors(prepared, {"accel": 3.0, "height": 2.0, "gyro_bias": 5.0})
+    np.testing.assert_allclose(changed.psd[1], 9.0 * prepared.psd[1])
+    np.testing.assert_array_equal(changed.psd[0], prepared.psd[0])
+    at = prepared.schedule.kind == POSITION
+    ratio = np.sqrt(np.einsum("nii->ni", changed.schedule.R) / np.einsum("nii->ni", prepared.schedule.R))
+    np.testing.assert_allclose(ratio[at], np.broadcast_to([1.0, 1.0, 2.0], ratio[at].shape))
+    np.testing.assert_allclose(ratio[~at], 1.0)
+    assert changed.layout.models["b_g"].noise == pytest.approx(5.0 * prepared.layout.models["b_g"].noise)
+
+
+def test_a_slow_error_added_is_that_of_the_configuration(recording):
+    """The start from a fix has the fix's slow error in it, to rounding."""
+    added = with_slow_error(prepared_run(recording, config()), SlowError("b_r", 2.0, 60.0))
+    slow = {"position_sigma_m": 2.0, "position_tau_s": 60.0}
+    data = {"imu": dict(IMU), "filter": {"smooth": False}, "gnss": {"correlated": slow}}
+    given = prepared_run(recording, NavigationConfig.checked(data))
+    assert added.layout.models == given.layout.models
+    np.testing.assert_allclose(added.initial.P, given.initial.P, rtol=1e-9, atol=1e-12)
+
+
+# --- the file
+
+
+def test_what_is_written_and_read_again_gives_the_same_run(recording, tmp_path, capsys):
+    log, wrong = mis_stated(recording, gnss=10.0)
+    write(log, tmp_path / "log.parquet")
+    sheets = "\n".join(
+        f"[imu.{name}]\n" + "\n".join(f"{key} = {value}" for key, value in sheet.items()) for name, sheet in IMU.items()
+    )
+    text = f'# mine\n{sheets}\n[filter]\nsmooth = false  # quick\ntune = "auto"\n'
+    (tmp_path / "drive.toml").write_text(text, encoding="utf-8")
+    call = ["tune", str(tmp_path / "log.parquet"), "--config", str(tmp_path / "drive.toml"), "--unchecked", "--json"]
+    assert main(call) == 0
+    printed = json.loads(capsys.readouterr().out)
+    written = (tmp_path / "drive.toml").read_text(encoding="utf-8")
+    assert written.startswith("# mine\n")
+    assert "smooth = false  # quick" in written
+    assert "schuler tune: " in written
+    assert printed["better"]
+    tuned = NavigationConfig.load(tmp_path / "drive.toml")
+    found = tune(prepared_run(log, wrong))
+    assert tuned == tuned_configuration(wrong, found)
+    assert any("noise tuned" in note for note in navigate(log, wrong).notes)
+    np.testing.assert_array_equal(
+        navigate(log, tuned).trajectory.r_eb_e, navigate(log, tuned_configuration(wrong, found)).trajectory.r_eb_e
+    )
+
+
+def test_entries_are_put_in_line_by_line():
+    text = "# top\n[a]\nx = 1  # old\n\n# about b\n[b]\ny = [1, 2]\n"
+    new = toml_with(text, {"a": {"x": 2, "n": {"z": 0.5}}, "b": {"t": False}}, {"a.x": "why"})
+    assert new == "# top\n[a]\nx = 2  # why\n\n# about b\n[b]\ny = [1, 2]\nt = false\n\n[a.n]\nz = 0.5\n"
+    assert tomllib.loads(new) == {"a": {"x": 2, "n": {"z": 0.5}}, "b": {"y": [1, 2], "t": False}}
+
+
+@pytest.mark.parametrize("text", ["[a]\nn = { z = 1.0 }\n", "a.n.z = 1.0\n", "[a.n]\nz = [\n 1,\n 2,\n]\n"])
+def test_entries_that_cannot_be_put_in_are_shown(text):
+    with pytest.raises(TomlError, match=r"put these in their place:\n\[a\.n\]\nz = 0\.5"):
+        toml_with(text, {"a": {"n": {"z": 0.5}}})

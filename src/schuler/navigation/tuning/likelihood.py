@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -199,7 +200,7 @@ def residuals_of(tests: tuple[Trial, ...]) -> Callable[[PreparedRun], Residuals]
         )
         fix = np.isin(prepared.schedule.kind, TUNING_KINDS)
 
-        def one(trial: Trial) -> tuple[FloatArray, ...]:
+        def one(trial: Trial) -> tuple[Any, ...]:
             schedule = prepared.schedule.where(trial.use)
             open_ = np.where(fix[trial.use] & (schedule.gate > 0.0), np.inf, schedule.gate)
             schedule = replace(schedule, gate=np.where(trial.held, _NEVER, open_))

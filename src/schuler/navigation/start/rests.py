@@ -152,8 +152,10 @@ def rests_before(
             total += rest[1] - rest[0]
     if not kept:
         return nothing
-    start, stop, rate, force, sigma_rate, sigma_force, confirmed = (np.array(x) for x in zip(*kept[::-1], strict=True))
-    return StartRests(start, stop, rate, force, sigma_rate, sigma_force, confirmed, outside)
+    columns = [np.array(x) for x in zip(*kept[::-1], strict=True)]
+    return StartRests(
+        columns[0], columns[1], columns[2], columns[3], columns[4], columns[5], columns[6].astype(bool), outside
+    )
 
 
 def _bias_sigma(triad: TriadSpec) -> float:

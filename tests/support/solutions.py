@@ -55,7 +55,7 @@ def solution(
         if stop is not None and fraction > stop:
             raise KeyboardInterrupt
 
-    options = FilterOptions(smoother=stop is None, lockout=3)
+    options = FilterOptions(smoother=stop is None, hold_s=3.0)
     start = cases.start(case, layout, rng)
     psd = np.full(3, cases.GYRO_N**2), np.full(3, cases.ACCEL_N**2)
     with mock.patch.object(engine, "_CHUNK", 1000):

@@ -29,6 +29,7 @@ from schuler.filtering.measurements import (
 )
 from schuler.filtering.states import BLOCK_TEXT
 from schuler.navigation.evaluation.consistency import judged, matched_satellites
+from schuler.navigation.inputs.gnss_faults import LARGER
 from schuler.navigation.inputs.imu_noise import NOISIER
 
 if TYPE_CHECKING:
@@ -131,6 +132,7 @@ def verdict(result: NavigationResult) -> Verdict:
     findings = [*_numbers(result), *_rejections(result), *_sizes(result), *_pauses(result), *_budgets(result)]
     findings += [*_halves(result), *_attitude(result)]
     findings += [Finding(0, note, "noise") for note in result.notes if note.startswith(NOISIER)]
+    findings += [Finding(0, note, "adapted") for note in result.notes if note.startswith(LARGER)]
     # sensor errors that change are the filter's failure only where measurements are rejected too
     if not any(f.key.startswith("rejected") for f in findings):
         findings = [f._replace(grave=min(f.grave, 0)) if f.key.startswith("halves") else f for f in findings]
@@ -351,6 +353,10 @@ def _causes(result: NavigationResult, findings: list[Finding]) -> list[str]:
         causes.append((0.9, "states ran away: begin with fewer states, and look at gaps and spikes of the log"))
     if "noise" in size:
         causes.append((0.8, "the budget of the IMU is not this unit's or not its units': imu, schuler allan"))
+    for note in (n for n in result.notes if n.startswith(LARGER)):
+        factor = note.partition("up to ")[2].partition(" ")[0]
+        gnss = f"GNSS states accuracies {factor} times too good: gnss.sigma_scale, or the floors"
+        causes.append((0.55, gnss if "GNSS" in note else "the budget of the IMU is too small (imu)"))
     slow_v = max(size.get(f"slow {code}", 0.0) for code in (VELOCITY, RANGE_RATE))
     slow_r = max(size.get(f"slow {code}", 0.0) for code in (POSITION, PSEUDORANGE))
     rejected = max((v for k, v in size.items() if k.startswith("rejected")), default=0.0)

@@ -11,6 +11,9 @@ from schuler.filtering.measurements import FORCED, KINDS, POSITION, REJECTED, VE
 from schuler.recording.series import GnssSeries, ImuSeries
 from schuler.timebase import WEEK_S
 
+#: Beginning of the note on noise that the filter had to enlarge.
+LARGER = "innovations show that the"
+
 _MOVING = 1.0  # speed from which a direction means something [m/s]
 _PAIRS = 20  # fewer do not convict
 
@@ -231,7 +234,7 @@ def rejections(
     for name, factor, entry in zip(names, noise_factors, entries, strict=True):
         if factor > 1.0:
             sentences.append(
-                f"innovations show that the {name} larger than stated: it was taken up to {factor**0.5:.2g} times as "
+                f"{LARGER} {name} larger than stated: it was taken up to {factor**0.5:.2g} times as "
                 f"large ({entry}; filter.adaptive)"
             )
     for code in (POSITION, VELOCITY):

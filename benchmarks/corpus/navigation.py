@@ -122,6 +122,12 @@ def of_grade(data: Path, reader: Reader) -> tuple[Recording, Asked, Judge | None
     return recording, {**stated, "imu": {**kept, **GRADE}}, judge
 
 
+def tuned(data: Path, reader: Reader) -> tuple[Recording, Asked, Judge | None]:
+    """The same, with the noise tuned from the recording: ``filter.tune = true``."""
+    recording, stated, judge = reader(data)
+    return recording, {**stated, "filter": {"tune": True}}, judge
+
+
 # --- what is asked ----------------------------------------------------------------------------------------------------
 
 
@@ -159,7 +165,8 @@ def prepared(data: Path, reader: Reader, outages: Asked | None, aiding: Asked) -
     elif judge is None:
         judge = Judge.of_fixes(gnss_series(solve_points(_ranges(recording))) if tight else recording.need_gnss())
         judge = judge._replace(apart=not tight)
-    return recording, {**stated, "filter": {"record_s": 0.2}, "aiding": aiding, "outages": outages or {}}, judge
+    filtering = {**stated.get("filter", {}), "record_s": 0.2}
+    return recording, {**stated, "filter": filtering, "aiding": aiding, "outages": outages or {}}, judge
 
 
 def run(data: Path, reader: Reader, outages: Asked | None, aiding: Asked) -> dict[str, Any]:
@@ -277,6 +284,11 @@ def _cases() -> list[Case]:
             (name, "fixes", partial(euroc_imu, name=sequence), None, {}), (name, "given", given, None, {}),
             (name, "outages", given, flights, {}),
         ]  # fmt: skip
+    asked += [
+        (recording, f"tuned-{question}", partial(tuned, reader=reader), outages, aiding)
+        for recording, question, reader, outages, aiding in asked
+        if question in ("given", "outages", "wheels") and not (recording.startswith("euroc") and question == "outages")
+    ]
     return [
         Case(
             recording, "navigation", (_FOLDERS.get(recording, recording.partition("/IMU")[0]),), "m",

@@ -220,7 +220,8 @@ def log_likelihood(
     -------
     ndarray, shape (k,)
     """
-    share = 1.0 if keep is None else np.count_nonzero(motion.moving & keep) / max(np.count_nonzero(motion.moving), 1)
+    moving = float(np.count_nonzero(motion.moving))
+    share = 1.0 if keep is None else float(np.count_nonzero(motion.moving & keep)) / max(moving, 1.0)
     r2 = explained(means, motion, shifts, keep)
     gain = -0.5 * np.log(np.maximum(1.0 - r2, 1e-4)) @ samples
     return np.asarray(share * covered(means, motion, shifts, keep) * gain)

@@ -87,8 +87,10 @@ def _swings(imu: ImuSeries | None, means: WindowMeans, motion: Motion, lag: Lag)
     rates = imu.rates()
     raw = (rates.accel, rates.gyro)
     slow = (y[use][:, :3], y[use][:, 3:])
-    ratio = [float(np.linalg.norm(x.std(axis=0)) / max(np.linalg.norm(s.std(axis=0)), 1e-300))
-             for x, s in zip(raw, slow, strict=True)]  # fmt: skip
+    ratio = [
+        float(np.linalg.norm(x.std(axis=0))) / max(float(np.linalg.norm(s.std(axis=0))), 1e-300)
+        for x, s in zip(raw, slow, strict=True)
+    ]
     w = rates.gyro - rates.gyro.mean(axis=0)
     alike = float(np.sum(w[1:] * w[:-1]) / max(float(np.sum(w**2)), 1e-300))  # noise is not, from sample to sample
     return min(ratio) > _SWING and alike > 0.5

@@ -190,8 +190,8 @@ def check_positions(gnss: GnssSeries) -> tuple[list[Finding], GnssView]:
     if not np.isfinite(gnss.v_n).all():
         # a velocity without its vertical part
         gnss = replace(gnss, v_n=np.where(np.isfinite(gnss.v_n), gnss.v_n, 0.0))
-        assert gnss.v_n is not None
-    fresh = gnss.where(np.concatenate(([True], np.any(np.diff(gnss.v_n, axis=0) != 0.0, axis=1))))
+    changes = np.any(np.diff(gnss.need_velocity()[0], axis=0) != 0.0, axis=1)
+    fresh = gnss.where(np.concatenate((np.ones(1, dtype=bool), changes)))
     if len(fresh) < 10 or len(fresh) > 0.85 * len(gnss):
         fresh = gnss
     t, v = fresh.t, fresh.v_n

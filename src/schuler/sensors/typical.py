@@ -64,7 +64,7 @@ def with_typical_biases(spec: ImuSpec, unstated: Sequence[str]) -> tuple[ImuSpec
         if f"{which}.turn_on_bias" not in unstated:
             continue
         triad: TriadSpec = getattr(spec, which)
-        bias, name = typical_turn_on_bias(triad, which)  # type: ignore[arg-type]
+        bias, name = typical_turn_on_bias(triad, which)
         spec = replace(spec, **{which: replace(triad, turn_on_bias=bias)})  # type: ignore[arg-type]
         _, _, unit, factor = (GYRO_UNITS if which == "gyro" else ACCEL_UNITS)["turn_on_bias"]
         sensors = "gyroscopes" if which == "gyro" else "accelerometers"

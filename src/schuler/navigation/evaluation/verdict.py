@@ -340,6 +340,11 @@ def _attitude(result: NavigationResult) -> Iterator[Finding]:
 
 # --- causes -----------------------------------------------------------------------------------------------------------
 
+_OTHER_MOTION = 10.0  # noise of the IMU enlarged by so much, with biases no budget allows: not noise
+_CONTRADICTION = (
+    "IMU and GNSS tell of different motions: axes or mounting of the IMU (imu.mount_rpy_deg), clocks that differ "
+    "(imu.clock_shift_s), or heading at the start (alignment); schuler check tells them apart"
+)
 #: Openings of notes on the log that explain a wreck.
 _TELLING = ("GNSS velocities seem to be", "GNSS positions jump")
 
@@ -355,8 +360,12 @@ def _causes(result: NavigationResult, findings: list[Finding]) -> list[str]:
         causes.append((0.8, "the budget of the IMU is not this unit's or not its units': imu, schuler allan"))
     for note in (n for n in result.notes if n.startswith(LARGER)):
         factor = note.partition("up to ")[2].partition(" ")[0]
-        gnss = f"GNSS states accuracies {factor} times too good: gnss.sigma_scale, or the floors"
-        causes.append((0.55, gnss if "GNSS" in note else "the budget of the IMU is too small (imu)"))
+        if "GNSS" in note:
+            causes.append((0.55, f"GNSS states accuracies {factor} times too good: gnss.sigma_scale, or the floors"))
+            continue
+        causes.append((0.55, "the budget of the IMU is too small (imu)"))
+        if float(factor) >= _OTHER_MOTION and any(key.startswith("budget b_") for key in size):
+            causes.append((0.7, _CONTRADICTION))
     slow_v = max(size.get(f"slow {code}", 0.0) for code in (VELOCITY, RANGE_RATE))
     slow_r = max(size.get(f"slow {code}", 0.0) for code in (POSITION, PSEUDORANGE))
     rejected = max((v for k, v in size.items() if k.startswith("rejected")), default=0.0)

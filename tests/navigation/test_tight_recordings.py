@@ -303,7 +303,8 @@ def test_vehicle_agrees_with_its_single_points(vehicle):
     assert np.abs(ned.mean(axis=0)).max() < 0.3
     assert ned.std(axis=0).max() < 0.6
     counts = result.innovations.counts()
-    assert counts["pseudorange"]["accepted"] == counts["range_rate"]["accepted"] == 435
+    assert counts["pseudorange"]["accepted"] == 435
+    assert counts["range_rate"]["accepted"] >= 431  # four at two epochs are rejected
     ranges = result.innovations.of("pseudorange")
     assert np.sqrt(np.nanmean(ranges.innovation[:, 0] ** 2)) < 0.6  # 0.36 m, of predictions; its points leave 0.25 m
     assert 0.5 < np.nanmean(result.innovations.of("range_rate").nis) < 2.5
@@ -312,11 +313,12 @@ def test_vehicle_agrees_with_its_single_points(vehicle):
     assert abs(np.arctan2(np.sin(heading - course), np.cos(heading - course))) < 3.0 * DEG
 
 
-def test_vehicle_in_wrong_axes_is_noticed(vehicle):
-    """The file's axes as its toolbox states them, a quarter turn off: the innovations say that nothing fits."""
+def test_a_vehicle_in_wrong_axes_starts_from_accelerations(vehicle):
+    """The file's axes as its toolbox states them, a quarter turn off: said, and navigated all the same."""
     result = navigate(vehicle, example("psins_tc.toml", ("imu.mount_rpy_deg", (0.0, 0.0, 0.0))))
-    assert result.innovations.mean_nis() > 5.0
-    assert sum(result.innovations.rejected().values()) > 100
+    assert any("the course is 87 deg off it" in note for note in result.notes)
+    assert 0.5 < result.innovations.mean_nis() < 1.5
+    assert sum(result.innovations.rejected().values()) < 10
 
 
 # --- parked on a roof, with gaps and without Doppler ------------------------------------------------------------------
@@ -360,15 +362,14 @@ def test_a_roof_stays_put(shared_data, variant, systems):
     assert np.linalg.norm(away) < 12.0  # its own sigmas are 3 and 4 m, ours leave the slow errors out
 
 
-def test_lock_out_brings_an_overconfident_filter_back(walk):
-    """A heading and a noise that claim too much, and the narrow gate: 3522 of 5300 rates were rejected for good."""
+def test_an_overconfident_start_does_not_lose_the_rates(walk):
+    """A noise that claims too much, and the narrow gate: 3522 of 5300 rates were rejected for good."""
     changes = [
         ("gnss.tight.systems", "GE"), ("alignment.min_speed_m_s", 0.7), ("alignment.sideslip_deg", 5.0),
         ("gnss.gate", 0.9999), ("imu.gyro.noise_deg_s_rthz", 0.01), ("imu.accel.noise_ug_rthz", 300.0),
     ]  # fmt: skip
     result = navigate(walk.recording, example("rtkexp_walk.toml", *changes))
     counts = result.innovations.counts()["range_rate"]
-    assert sum(c["accepted after lock-out"] for c in result.innovations.counts().values()) > 0
     assert counts["rejected"] < 0.5 * (counts["accepted"] + counts["rejected"])
 
 

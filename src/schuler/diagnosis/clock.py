@@ -272,7 +272,8 @@ def _offset_finding(
     if state.lag is not None and state.lag.r2[1:].max() < VEHICLE:
         # a hand turns before or after the walker's course does
         limit = max(limit, _HAND)
-    if abs(offset) < limit or (abs(offset) > _RIGHT_S and lead[0] < 2.0):
+    # just beyond what counts as right a right clock explains as much of necessity, and the offset is as sure as below
+    if abs(offset) < limit or (abs(offset) > _RIGHT_S + 3.0 * sigma and lead[0] < 2.0):
         return  # a clock that is right explains as much
     wrong = likelihood_of_wrong_clock(lead)
     if state.lag is not None and state.lag.r2[0] < 0.5 and state.lag.r2[1:].min() < VEHICLE:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -68,8 +69,9 @@ def summary(rows: Rows) -> list[str]:
     """What the rows of navigation say together, by half."""
     half = HALVES
     lines = []
-    for which in ("choosing", "reporting"):
-        some = [r for r in rows if r["kind"] == "navigation" and "skipped" not in r and half.get(r["name"]) == which]
+    asked = [r for r in rows if r["kind"] == "navigation" and "skipped" not in r]
+    for which, tuned in product(("choosing", "reporting"), (False, True)):
+        some = [r for r in asked if half.get(r["name"]) == which and ("/tuned-" in r["name"]) == tuned]
         ran = [r for r in some if r.get("error") is not None]
         told = [r["nees"] for r in ran if r.get("nees") is not None]
         if not some:
@@ -79,7 +81,7 @@ def summary(rows: Rows) -> list[str]:
         harsh = [r["name"] for r in ran if r["verdict"] == "failed" and consistent(r) == "in"]
         ratios = sorted(r["ratio"] for r in ran if r.get("ratio") is not None)
         lines.append(
-            f"{which} half of navigation: {len(ran)} of {len(some)} ran, NEES 0.3 to 3 in {good} of {len(told)}; "
+            f"{which} half of navigation{', noise tuned' * tuned}: {len(ran)} of {len(some)} ran, NEES 0.3 to 3 in {good} of {len(told)}; "
             f"above 10 and not called doubtful or failed: {', '.join(wild) or 'none'}; called failed inside the band: "
             f"{', '.join(harsh) or 'none'}"
             + (f"; ratio to python-ins {ratios[len(ratios) // 2]:.2f} (median of {len(ratios)})" if ratios else "")

@@ -363,7 +363,7 @@ def _causes(result: NavigationResult, findings: list[Finding]) -> list[str]:
         if "GNSS" in note:
             causes.append((0.55, f"GNSS states accuracies {factor} times too good: gnss.sigma_scale, or the floors"))
             continue
-        causes.append((0.55, "the budget of the IMU is too small (imu)"))
+        causes.append((0.55, "the budget of the IMU is too small (imu; filter.tune = true finds one that fits)"))
         if float(factor) >= _OTHER_MOTION and any(key.startswith("budget b_") for key in size):
             causes.append((0.7, _CONTRADICTION))
     slow_v = max(size.get(f"slow {code}", 0.0) for code in (VELOCITY, RANGE_RATE))

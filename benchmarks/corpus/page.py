@@ -81,7 +81,8 @@ def summary(rows: Rows) -> list[str]:
         harsh = [r["name"] for r in ran if r["verdict"] == "failed" and consistent(r) == "in"]
         ratios = sorted(r["ratio"] for r in ran if r.get("ratio") is not None)
         lines.append(
-            f"{which} half of navigation{', noise tuned' * tuned}: {len(ran)} of {len(some)} ran, NEES 0.3 to 3 in {good} of {len(told)}; "
+            f"{which} half of navigation{', noise tuned' * tuned}: {len(ran)} of {len(some)} ran, "
+            f"NEES 0.3 to 3 in {good} of {len(told)}; "
             f"above 10 and not called doubtful or failed: {', '.join(wild) or 'none'}; called failed inside the band: "
             f"{', '.join(harsh) or 'none'}"
             + (f"; ratio to python-ins {ratios[len(ratios) // 2]:.2f} (median of {len(ratios)})" if ratios else "")

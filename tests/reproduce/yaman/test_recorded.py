@@ -127,8 +127,8 @@ def test_a_filter_with_sensor_states_needs_no_calibration_in_outages(estimated, 
         assert calibrated == pytest.approx(raw, rel=0.05)
     assert estimated.value("Partial, INS+NG", COLUMNS[2]) == pytest.approx(1.9, abs=0.3)  # that of docs/driving.md
     assert estimated.value("Partial, INS") < 0.5 * result.value("Partial, INS")
-    # without any GPS it has nothing to find them with
-    assert estimated.value("None, INS+CIMU+NG") < estimated.value("None, INS+NG")
+    # without any GPS only the rests before the start show them, as well as the calibration does (34 against 43 m)
+    assert estimated.value("None, INS+CIMU+NG") == pytest.approx(estimated.value("None, INS+NG"), rel=0.5)
 
 
 def test_with_gps_the_solution_is_where_the_fixes_are(result, estimated):

@@ -17,7 +17,7 @@ from schuler.navigation.config import NavigationConfig
 from schuler.navigation.run import navigate, prepared_run
 from schuler.navigation.tuning.entries import tuned_configuration
 from schuler.navigation.tuning.likelihood import HORIZONS, Residuals, halves, residuals_of, trials
-from schuler.navigation.tuning.noise import SlowError, terms_of, with_factors, with_slow_error
+from schuler.navigation.tuning.noise import terms_of, with_factors
 from schuler.navigation.tuning.tuning import contradicted, tune
 from schuler.recording.io import write
 from schuler.simulation.scenario import prepare_mission, simulate_mission
@@ -184,16 +184,6 @@ def test_factors_act_on_what_they_name(recording):
     np.testing.assert_allclose(ratio[at], np.broadcast_to([1.0, 1.0, 2.0], ratio[at].shape))
     np.testing.assert_allclose(ratio[~at], 1.0)
     assert changed.layout.models["b_g"].noise == pytest.approx(5.0 * prepared.layout.models["b_g"].noise)
-
-
-def test_a_slow_error_added_is_that_of_the_configuration(recording):
-    """The start from a fix has the fix's slow error in it, to rounding."""
-    added = with_slow_error(prepared_run(recording, config()), SlowError("b_r", 2.0, 60.0))
-    slow = {"position_sigma_m": 2.0, "position_tau_s": 60.0}
-    data = {"imu": dict(IMU), "filter": {"smooth": False}, "gnss": {"correlated": slow}}
-    given = prepared_run(recording, NavigationConfig.checked(data))
-    assert added.layout.models == given.layout.models
-    np.testing.assert_allclose(added.initial.P, given.initial.P, rtol=1e-9, atol=1e-12)
 
 
 # --- the file

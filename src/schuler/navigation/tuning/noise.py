@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
-from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import LATERAL, POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY, VERTICAL
-from schuler.filtering.states import StateLayout, StateModel
+from schuler.filtering.states import StateLayout
 from schuler.navigation.prepared import PreparedRun
 
 #: Kinds of measurements whose innovations tune: what receivers give, weighed by the filter.
@@ -98,45 +97,3 @@ def component_factors(kind: IntArray, factors: Mapping[str, float]) -> FloatArra
         if name in factors:
             D[kind == code] *= np.where(np.array(components) > 0.0, factors[name], 1.0)
     return D
-
-
-@dataclass(frozen=True)
-class SlowError:
-    """A Gauss-Markov error of GNSS positions or velocities.
-
-    Attributes
-    ----------
-    block : {"b_r", "b_v"}
-    sigma : float
-        [m], [m/s]
-    tau : float
-        [s]
-    """
-
-    block: str
-    sigma: float
-    tau: float
-
-
-def with_slow_error(prepared: PreparedRun, slow: SlowError) -> PreparedRun:
-    """The run with states for a slow GNSS error, which its start from a fix has in it.
-
-    Parameters
-    ----------
-    prepared : PreparedRun
-        Without that block.
-    slow : SlowError
-    """
-    layout, first = prepared.layout, 6 if slow.block == "b_r" else 3
-    models = {**layout.models, slow.block: StateModel.gauss_markov(slow.sigma, slow.tau)}
-    wider = StateLayout(models)
-    part, n = wider[slow.block], layout.size
-    J = np.zeros((n + 3, n))
-    J[:n, :n] = np.eye(n)
-    P = J @ prepared.initial.P @ J.T
-    A = np.zeros((n + 3, 3))
-    A[first : first + 3] = -np.eye(3)  # the start is the fix's position: its slow error, with the sign turned
-    A[part] = np.eye(3)
-    P += slow.sigma**2 * A @ A.T
-    parameters = np.concatenate((prepared.initial.parameters, np.zeros(3)))
-    return replace(prepared, layout=wider, initial=InitialState(prepared.initial.nav, P, parameters))

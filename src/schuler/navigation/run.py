@@ -28,10 +28,9 @@ from schuler.navigation.inputs.preparation import (
 from schuler.navigation.inputs.satellites import satellites, with_clocks
 from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.result import NavigationResult
-from schuler.navigation.start.alignment import advance_to_log_start, align, aligned_sentence
+from schuler.navigation.start.alignment import advance_to_log_start, align, aligned_sentence, with_mount_in_heading
 from schuler.navigation.start.calibration import CalibrationStart, configured_start
 from schuler.navigation.start.heading import judged_start
-from schuler.navigation.start.mount_heading import with_mount_in_heading
 from schuler.navigation.states import imu_spec, state_layout
 from schuler.navigation.tuning.entries import tuned_configuration
 from schuler.navigation.tuning.tuning import Tuning, contradicted, tune

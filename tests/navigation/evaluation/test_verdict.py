@@ -9,7 +9,8 @@ import pytest
 
 from schuler.filtering.measurements import ACCEPTED, POSITION
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.evaluation.verdict import Verdict, slow_nis
+from schuler.navigation.evaluation.evidence import slow_nis
+from schuler.navigation.evaluation.verdict import Verdict
 from schuler.navigation.inputs.imu_noise import NOISIER, noise_against_budget
 from schuler.navigation.result import Innovations
 from schuler.navigation.run import navigate

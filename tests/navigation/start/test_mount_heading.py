@@ -12,7 +12,7 @@ from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.run import navigate
-from schuler.navigation.start.mount_heading import with_mount_in_heading
+from schuler.navigation.start.alignment import with_mount_in_heading
 from schuler.simulation.scenario import prepare_mission, simulate_mission
 
 IMU = {

@@ -195,8 +195,17 @@ def test_navigate_writes_a_report_and_prose(town, tmp_path, capsys):
     assert "report: " in out
     assert "samples at 100 Hz" in err
     assert (tmp_path / "report.html").read_text(encoding="utf-8").lstrip().startswith("<!DOCTYPE html>")
-    assert list((tmp_path / "figures").glob("*.png"))
-    assert list((tmp_path / "figures").glob("*.svg"))
+    assert not (tmp_path / "figures").exists()
+
+
+def test_figures_are_files_where_they_are_asked_for(town, tmp_path, capsys, monkeypatch):
+    # one figure of nineteen; that all of them are drawn is tests/navigation/report/test_figures.py
+    monkeypatch.setattr("schuler.navigation.report.figures.save_all", lambda *_: [])
+    command = ("navigate", town, "--config", CONFIG, "--out", tmp_path, "--no-report", "--figures", "--json")
+    written = answer(capsys, *command, "--outage", "60:90")["files"]
+    assert not (tmp_path / "report.html").exists()
+    assert (tmp_path / "figures" / "overview.png").stat().st_size > 1000
+    assert {"figure_overview_png", "figure_overview_svg"} <= set(written)
 
 
 def test_without_a_reference_the_antenna_is_compared_with_the_fixes(town, tmp_path, capsys):

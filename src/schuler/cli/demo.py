@@ -17,7 +17,9 @@ _OUTAGE_S = (300.0, 340.0)
 _RUNS = 25  # repetitions with other errors, for the consistency of the filter
 
 
-def demo(*, out: Folder = None, seed: int | None = None, report: bool = True, json: Flag = False) -> None:
+def demo(
+    *, out: Folder = None, seed: int | None = None, report: bool = True, figures: Flag = False, json: Flag = False
+) -> None:
     """Simulate a drive with a MEMS IMU and GNSS, lose GNSS for 40 s, navigate, smooth, and write a report.
 
     Parameters
@@ -27,7 +29,9 @@ def demo(*, out: Folder = None, seed: int | None = None, report: bool = True, js
     seed
         Draw other sensor errors and noise.
     report
-        Write report.html and figures.
+        Write report.html.
+    figures
+        Write each figure as PNG and SVG, for print; they take longer than all the rest.
     json
         Print one JSON object instead of text.
     """
@@ -40,7 +44,7 @@ def demo(*, out: Folder = None, seed: int | None = None, report: bool = True, js
     numbers["nees_mean"], numbers["nees_runs"] = repeated, _RUNS
     numbers["max_horizontal_outage_m"] = max(o["max_horizontal_m"] for o in numbers["outages"])
     numbers["smoothed_rms_horizontal_m"] = numbers["smoothed"]["rms_horizontal_m"]
-    written = write_outputs(Path("demo") if out is None else out, recording, outcome, report=report)
+    written = write_outputs(Path("demo") if out is None else out, recording, outcome, report=report, figures=figures)
     numbers["elapsed_s"] = time.perf_counter() - began
     if json:
         print_json({"command": "demo", **numbers, "files": written})

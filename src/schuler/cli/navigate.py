@@ -32,6 +32,7 @@ def navigate(
     unchecked: Flag = False,
     accept: Flag = False,
     report: bool = True,
+    figures: Flag = False,
     json: Flag = False,
 ) -> int:
     """Navigate a log and write solution, smoothed solution, report and track.
@@ -72,7 +73,9 @@ def navigate(
     accept
         Exit code 0 also where the verdict is failed.
     report
-        Write report.html and figures.
+        Write report.html.
+    figures
+        Write each figure as PNG and SVG, for print; they take longer than all the rest.
     json
         Print one JSON object instead of text.
     """
@@ -101,7 +104,7 @@ def navigate(
     folder = Path(f"{log.resolve().stem}-solution") if out is None else out
     outcome = evaluated(recording, result, loaded.filter.smooth)
     outcome.numbers["elapsed_s"] = time.perf_counter() - began
-    files = write_outputs(folder, recording, outcome, report=report, background=backdrop)
+    files = write_outputs(folder, recording, outcome, report=report, figures=figures, background=backdrop)
     if json:
         print_json({"command": "navigate", **outcome.numbers, "files": files})
     else:
@@ -159,7 +162,13 @@ def _reference_name(recording: Recording, present: bool, at_antenna: bool) -> st
 
 
 def write_outputs(
-    folder: Path, recording: Recording, outcome: Outcome, *, report: bool, background: Any = None
+    folder: Path,
+    recording: Recording,
+    outcome: Outcome,
+    *,
+    report: bool,
+    figures: bool,
+    background: Any = None,
 ) -> dict[str, Path]:
     """Write all files of a run; return their paths by name."""
     from schuler.recording.formats.track import write_kml
@@ -175,15 +184,14 @@ def write_outputs(
         folder / "track.kml", best.antenna() if outcome.at_antenna else best.trajectory,
         name=recording.metadata.name, outages=result.outages, time=recording.metadata.time,
     )  # fmt: skip
+    shown = {
+        "smoothed": smoothed, "reference": outcome.reference, "at_antenna": outcome.at_antenna,
+        "truth_parameters": outcome.truth_parameters, "origin": recording.start, "gnss": recording.gnss,
+        "ranges": result.ranges, "points": result.points, "background": background,
+    }  # fmt: skip
     if report:
         from schuler.navigation.report.document import navigation_report
-        from schuler.navigation.report.figures import save_figures
 
-        shown = {
-            "smoothed": smoothed, "reference": outcome.reference, "at_antenna": outcome.at_antenna,
-            "truth_parameters": outcome.truth_parameters, "origin": recording.start, "gnss": recording.gnss,
-            "ranges": result.ranges, "points": result.points, "background": background,
-        }  # fmt: skip
         files["report"] = navigation_report(
             result,
             folder / "report.html",
@@ -191,6 +199,9 @@ def write_outputs(
             recording_summary=recording.summary(),
             **shown,
         )
+    if figures:
+        from schuler.navigation.report.figures import save_figures
+
         files |= named(save_figures(result, folder / "figures", **shown))
     return files
 

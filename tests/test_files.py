@@ -2,13 +2,15 @@
 
 import os
 import stat
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from schuler.exceptions import ConfigError, FileFormatError
-from schuler.files import read_toml, replacing, sha256, write_text
+from schuler import files
+from schuler.exceptions import ConfigError, FileFormatError, InputError, OverwriteError
+from schuler.files import outputs, read_toml, replacing, sha256, write_text
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no permission bits or umask")
 
@@ -27,7 +29,7 @@ def names(folder: Path) -> list[str]:
 def test_the_file_appears_when_the_block_ends(tmp_path):
     target = tmp_path / "result.csv"
     with replacing(target) as temporary:
-        assert temporary.parent == target.parent  # same file system, so that the rename is atomic
+        assert temporary.stat().st_dev == target.parent.stat().st_dev  # so that the rename is atomic
         assert temporary.suffix == ".csv"  # libraries that choose a format by the suffix still do
         assert temporary != target
         temporary.write_text("t,x\n")
@@ -170,3 +172,162 @@ def test_toml_errors_name_the_file_and_are_of_both_kinds(tmp_path, content, mess
 def test_toml_of_a_folder_is_refused_in_words(tmp_path):
     with pytest.raises(ConfigError, match="cannot be read: "):
         read_toml(tmp_path)
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / "log.txt"
+    path.write_text("raw")
+    return path
+
+
+def write_set(folder: Path, text: str = "x") -> None:
+    write_text(folder / "a.csv", text)
+    write_text(folder / "figures" / "b.svg", text)
+
+
+def test_a_set_of_files_appears_at_once(tmp_path):
+    with outputs():
+        write_set(tmp_path / "run" / "deep")
+        assert [p for p in tmp_path.rglob("*") if p.name in ("run", "deep")] == []
+    assert sorted(p.name for p in (tmp_path / "run" / "deep").rglob("*")) == ["a.csv", "b.svg", "figures"]
+    assert names(tmp_path) == ["run"]
+    assert stat.S_IMODE((tmp_path / "run").stat().st_mode) == 0o777 & ~files._umask()
+
+
+@pytest.mark.parametrize("error", [RuntimeError("no"), KeyboardInterrupt(), OSError(28, "No space left on device")])
+@pytest.mark.parametrize("existed", [True, False])
+def test_a_set_of_files_that_is_not_complete_leaves_nothing(tmp_path, error, existed):
+    if existed:
+        write_text(tmp_path / "run" / "notes.txt", "mine")
+
+    def fail_late():
+        with outputs():
+            write_set(tmp_path / "run")
+            raise error
+
+    with pytest.raises(type(error)):
+        fail_late()
+    assert [p.name for p in tmp_path.rglob("*") if p.is_file()] == (["notes.txt"] if existed else [])
+    assert names(tmp_path) == (["run"] if existed else [])
+
+
+def test_files_that_exist_are_kept_unless_forced(tmp_path):
+    target = write_text(tmp_path / "mine" / "a.csv", "mine")
+    with pytest.raises(OverwriteError, match=r"a\.csv exists and is kept: give another name, or --force"), outputs():
+        write_set(target.parent)
+    assert target.read_text() == "mine"
+    assert names(target.parent) == ["a.csv"]
+    with outputs(force=True):
+        write_set(target.parent)
+    assert target.read_text() == "x"
+
+
+@pytest.mark.parametrize("existed", [True, False], ids=["into an empty folder", "into a new folder"])
+def test_the_same_run_may_write_its_folder_again_until_somebody_changes_it(tmp_path, existed):
+    folder = tmp_path / "run"
+    if existed:
+        folder.mkdir()
+    for text in ("first", "second", "third"):
+        with outputs():
+            write_set(folder, text)
+        assert (folder / "figures" / "b.svg").read_text() == text
+    (folder / "a.csv").write_text("edited by hand")
+    with pytest.raises(OverwriteError), outputs():
+        write_set(folder, "fourth")
+    assert (folder / "a.csv").read_text() == "edited by hand"
+    assert (folder / "figures" / "b.svg").read_text() == "third"
+
+
+@pytest.mark.parametrize("damage", ["", "{", "[]", '{"files": 3}', '{"files": {"a.csv": 3}}', "[" * 100_000])
+def test_a_damaged_list_lets_nothing_be_replaced(tmp_path, damage):
+    with outputs():
+        write_set(tmp_path / "run")
+    (tmp_path / "run" / files.LISTED).write_text(damage)
+    with pytest.raises(OverwriteError), outputs():
+        write_set(tmp_path / "run", "second")
+    assert (tmp_path / "run" / "a.csv").read_text() == "x"
+
+
+@pytest.mark.parametrize("how", ["name", "link", "symbolic link"])
+def test_what_was_read_is_never_replaced(tmp_path, log, how):
+    target = log if how == "name" else tmp_path / "other.txt"
+    if how == "link":
+        os.link(log, target)
+    elif how == "symbolic link":
+        target.symlink_to(log)
+
+    def read_and_write():
+        with outputs(force=True):
+            sha256(log)
+            write_text(target, "new")
+
+    with pytest.raises(OverwriteError, match="was read by this command"):
+        read_and_write()
+    assert log.read_text() == "raw"
+
+
+def test_a_file_may_be_written_twice_by_one_command(tmp_path):
+    with outputs():
+        write_text(tmp_path / "run" / "a.csv", "first")
+        write_text(tmp_path / "run" / "a.csv", "second")
+    assert (tmp_path / "run" / "a.csv").read_text() == "second"
+    assert names(tmp_path) == ["run"]
+
+
+def test_devices_are_not_replaced():
+    with pytest.raises(InputError, match="it is a device"), replacing("/dev/full"):
+        pass
+
+
+KILLED = """
+import os, sys
+from schuler.files import outputs, write_text
+from pathlib import Path
+with outputs(force=True):
+    for k in range(20):
+        write_text(Path(sys.argv[1]) / f"{k}.txt", "new")
+    print("written", flush=True)
+    sys.stdin.read()
+"""
+
+
+@posix
+@pytest.mark.parametrize("existed", [True, False])
+def test_a_killed_run_changes_nothing_and_the_next_removes_what_it_left(tmp_path, existed):
+    folder = tmp_path / "run"
+    if existed:
+        write_text(folder / "3.txt", "old")
+    run = subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    with run:
+        assert run.stdout.readline() == "written\n"
+        place = folder if existed else tmp_path
+        hidden = {p.name for p in place.iterdir() if p.name.startswith(".schuler-")}
+        assert hidden
+        files._tidied.clear()
+        write_text(place / "meanwhile.txt", "x")
+        assert {p.name for p in place.iterdir() if p.name.startswith(".schuler-")} == hidden  # it still runs
+        run.kill()
+    assert [p.read_text() for p in folder.glob("*.txt") if p.name != "meanwhile.txt"] == (["old"] if existed else [])
+    files._tidied.clear()
+    write_text(place / "next.txt", "x")
+    assert [p for p in place.iterdir() if p.name.startswith(".")] == []
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits of file size")
+def test_a_full_disk_is_named_with_the_file_and_leaves_the_old_one(tmp_path):
+    import resource
+
+    target = write_text(tmp_path / "a.csv", "old")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (5_000, before[1]))
+    try:
+        with pytest.raises(OSError, match=r"a\.csv") as caught:
+            write_text(target, "x" * 100_000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert caught.value.filename == str(target)
+    assert target.read_text() == "old"
+    assert names(tmp_path) == ["a.csv"]

@@ -30,6 +30,10 @@ class ConfigError(InputError):
     """A configuration or scenario file with missing, unknown or contradictory entries."""
 
 
+class OverwriteError(InputError):
+    """A file that exists and is kept."""
+
+
 class FileFormatError(InputError):
     """A file whose contents cannot be read as what they were said to be.
 

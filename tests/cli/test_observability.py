@@ -28,7 +28,7 @@ def test_report_and_our_axes(capsys, tmp_path):
     code, out, _ = run(capsys, "observability", EXAMPLES / "observability_rotary_y.toml", *arguments)
     assert code == 0
     assert "b_a_E - g eps_N" in out or "b_a_N + g eps_E" in out
-    assert {p.name for p in tmp_path.iterdir()} == {
+    assert {p.name for p in tmp_path.glob("[!.]*")} == {
         "report.html",
         "states.csv",
         "observability.png",

@@ -14,32 +14,49 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the return value is the exit code."""
     import cyclopts
 
-    from schuler.cli.app import app
+    from schuler.cli.app import FORCE, app
     from schuler.exceptions import SchulerError
+    from schuler.files import outputs
 
+    given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        result = app(
-            list(sys.argv[1:] if arguments is None else arguments), exit_on_error=False, print_error=False,
-            result_action="return_value",
-        )  # fmt: skip
+        with outputs(force=FORCE in given):
+            result = app(
+                [text for text in given if text != FORCE], exit_on_error=False, print_error=False,
+                result_action="return_value",
+            )  # fmt: skip
+        sys.stdout.flush()
     except cyclopts.CycloptsError as error:
         print(f"schuler: {' '.join(str(error).split())}  (see schuler --help)", file=sys.stderr)
         return 2
     except SchulerError as error:
         print(f"schuler: {error}", file=sys.stderr)
         return 2
-    except (FileExistsError, IsADirectoryError, NotADirectoryError, PermissionError) as error:
-        if error.filename is None:
+    except BrokenPipeError:
+        return 1
+    except OSError as error:
+        if error.errno is None:
             raise
-        print(
-            f"schuler: {error.filename}: expected a path to read or write as asked, got: {error.strerror}; "
-            "give another one",
-            file=sys.stderr,
-        )
+        print(f"schuler: {_of_the_system(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("schuler: interrupted", file=sys.stderr)
         return 1
-    except BrokenPipeError:
-        return 1
     return result if isinstance(result, int) else 0
+
+
+def _of_the_system(error: OSError) -> str:
+    """What the system refused, in one sentence."""
+    import errno
+    import os
+
+    what = os.strerror(error.errno) if error.errno else error.strerror
+    if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS):
+        return f"{error.filename}: expected a path to read or write as asked, got: {what}; give another one"
+    if error.filename is None:
+        # stdout, whose buffer would be written again when the interpreter ends
+        with open(os.devnull, "w") as nowhere:
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+    return (
+        f"{error.filename or 'results'}: cannot be written: {what}; nothing was changed: make room, or write elsewhere"
+    )

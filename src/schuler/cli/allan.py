@@ -10,7 +10,7 @@ from typing import Any, Literal
 from schuler.characterisation.result import TERMS, AxisNoise, Estimate, NoiseIdentification
 from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress, say
 from schuler.cli.reading import Reading
-from schuler.exceptions import InputError
+from schuler.exceptions import InputError, OverwriteError
 from schuler.recording.recording import Recording
 
 _READING = Reading()
@@ -123,6 +123,8 @@ def write_exports(
         options = {} if inflate is None or name == "schuler" else {"inflation": inflate}
         try:
             files["budget" if name == "schuler" else name] = export(noise, name, path, **options)
+        except OverwriteError:
+            raise
         except InputError as error:
             failures.append(f"{path.name} was not written: {error}")
     return files, failures

@@ -13,6 +13,10 @@ app = App(
     version=lambda: version("schuler"),
 )
 
+#: Option of every command that writes; the command line takes it before the command sees its own (:func:`.main`).
+FORCE = "--force"
+_KEPT = f"Files that exist are kept unless {FORCE} is given; what was read is never written over."
+
 #: Name, where it is, the line that ``schuler --help`` shows, and an example. Here, so that help loads no command.
 COMMANDS = {
     "demo": (
@@ -113,13 +117,18 @@ METHODS = {
 #: Those that do not stand in the common file.
 _ELSEWHERE = {"field": "schuler.cli.calibrate_field:field"}
 
+
+def _after(name: str, example: str) -> str:
+    return f"Example: {example}" + ("" if name == "info" else f"\n\n{_KEPT}")
+
+
 _text, _example = COMMANDS["calibrate"][1:]
-calibrate = App(name="calibrate", help=_text, help_epilogue=f"Example: {_example}", help_format="plaintext")
+calibrate = App(name="calibrate", help=_text, help_epilogue=_after("", _example), help_format="plaintext")
 for _name, (_text, _example) in METHODS.items():
     _where = _ELSEWHERE.get(_name, f"schuler.cli.calibrate:{_name}")
-    calibrate.command(_where, name=_name, help=_text, help_epilogue=f"Example: {_example}")
+    calibrate.command(_where, name=_name, help=_text, help_epilogue=_after("", _example))
 for _name, (_where, _text, _example) in COMMANDS.items():
     if _name == "calibrate":
         app.command(calibrate)
     else:
-        app.command(_where, name=_name, help=_text, help_epilogue=f"Example: {_example}")
+        app.command(_where, name=_name, help=_text, help_epilogue=_after(_name, _example))

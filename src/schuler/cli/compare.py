@@ -105,7 +105,6 @@ def _lengths(text: str) -> list[float]:
 
 def _write(folder: Path, comparison: Any, statistics: list[Any], *, figures: bool) -> dict[str, Path]:
     """Tables as CSV and figures; their paths by name."""
-    folder.mkdir(parents=True, exist_ok=True)
     files = {"table": comparison.to_csv(folder / "architectures.csv")}
     drawn = []
     if figures and any(row.errors is not None for row in comparison.rows):

@@ -146,7 +146,6 @@ def write_walk(folder: Path, result: FootResult, errors: WalkErrors | None, *, r
     """Write solution, strides and figures; return their paths by name."""
     from schuler.files import write_text
 
-    folder.mkdir(parents=True, exist_ok=True)
     files = {"solution": result.best.to_parquet(folder / "walk.parquet")}
     s = result.strides
     rows = ["start_s,stop_s,lift_s,contact_s,north_m,east_m,down_m,length_m,speed_m_s,clearance_m,turn_deg,walking"]

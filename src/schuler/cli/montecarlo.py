@@ -114,7 +114,6 @@ def montecarlo(
 
 
 def _write(errors: Scatter, folder: Path) -> dict[str, Path]:
-    folder.mkdir(parents=True, exist_ok=True)
     return {
         "errors": errors.table().to_csv(folder / "errors.csv"),
         "tenths": errors.tenths().to_csv(folder / "tenths.csv"),

@@ -173,7 +173,6 @@ def write_outputs(
     """Write all files of a run; return their paths by name."""
     from schuler.recording.formats.track import write_kml
 
-    folder.mkdir(parents=True, exist_ok=True)
     result, smoothed = outcome.result, outcome.smoothed
     files = {"solution": result.to_parquet(folder / "solution.parquet")}
     best = result

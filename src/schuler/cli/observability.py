@@ -112,7 +112,6 @@ def _write(study: Observability, formulas: tuple[str, ...], folder: Path) -> dic
     from schuler.observability.report import observability_figure, observability_report
     from schuler.plotting.drawing import save_all
 
-    folder.mkdir(parents=True, exist_ok=True)
     files = {
         "states": study.table().to_csv(folder / "states.csv"),
         "report": observability_report(study, folder / "report.html", formulas),

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
+from schuler.files import check_writable
+
 if TYPE_CHECKING:
     from schuler.navigation.evaluation.verdict import Verdict
 
@@ -27,6 +29,12 @@ def _folder(_: Any, path: Path | None) -> None:
     """Refuse, before hours of work, a folder that cannot be made because a file has its name."""
     if path is not None and (file := next((p for p in (path, *path.parents) if p.is_file()), None)) is not None:
         raise ValueError(f"Expected a folder, which is made where it is missing; {file} is a file: give another name.")
+    if path is not None:
+        try:
+            check_writable(path)
+        except OSError as error:
+            reason = f"{path} cannot be written: {error.strerror}"
+            raise ValueError(f"Expected a place to write to; {reason}: give another name.") from None
 
 
 def _file(_: Any, path: Path | None) -> None:

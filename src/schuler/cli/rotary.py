@@ -102,7 +102,6 @@ def _written(
             scheme_figure,
         )
 
-        out.mkdir(parents=True, exist_ok=True)
         files["errors"] = comparison.table().to_csv(out / "errors.csv")
         figures = [
             scheme_figure(comparison.rotary.schedule, float(comparison.rotary.t[-1])),

@@ -58,7 +58,7 @@ def tune(
     written = None
     if result.better and not dry_run:
         text = toml_with(config.read_text(encoding="utf-8"), tuned_entries(loaded, result), remarks(loaded, result))
-        written = write_text(config if out is None else out, text)
+        written = write_text(config if out is None else out, text, at_once=out is None)
     if json:
         elapsed = time.perf_counter() - began
         print_json({"command": "tune", **result.to_dict(), "elapsed_s": elapsed, "file": written})

@@ -45,7 +45,7 @@ def writer(path: Path, like: Rows, document: Mapping[str, Any], failures: Mappin
     size = 8 + sum(8 * int(np.prod(s)) for _, s in shapes.values())
     group = int(np.clip(_GROUP_BYTES // size, 1, 1 << 16))
     waiting: list[Rows] = []
-    with replacing(path) as temporary:
+    with replacing(path, at_once=True) as temporary:
         with pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
 
             def flush(least: int) -> None:

@@ -159,7 +159,7 @@ def opened(folder: Path | str, identity: Mapping[str, Any], *, resume: bool = Tr
                     "give another folder"
                 )
             document = {"format": FORMAT, **identity, "about": about}
-            write_text(path, json.dumps(document, indent=1, sort_keys=True) + "\n")
+            write_text(path, json.dumps(document, indent=1, sort_keys=True) + "\n", at_once=True)
         store = Store(folder, identity)
         if store.stored and not resume:
             raise InputError(

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler import files
 from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.io import clock, lines, local_frame, parts, plain_text
 from schuler.recording.io.hint_texts import axes_matrix, parse_origin, parse_streams
@@ -224,7 +225,7 @@ def write(recording: Recording, path: Path, origin: str | None = None) -> list[P
     document: dict[str, Any] = {"format": OWN_FORMAT, "axes": "FLU", "name": recording.metadata.name}
     document["time"] = "unix" if base.scale != "local" else "local"
     C_bs = local_frame.FLU
-    with plain_text.new_folder(path) as folder:
+    with files.new_folder(path) as folder:
         root = folder / "mav0"
         if imu is not None:
             rates = imu.rates()

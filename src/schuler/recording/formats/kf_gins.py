@@ -103,7 +103,7 @@ def _folder(path: Path, hints: ReadHints, notes: list[str]) -> dict[str, tuple[P
     """Files of a folder by the part they hold, those that are named or the only ones there are."""
     tables: dict[str, tuple[str, FloatArray]] = {}
     others: list[tuple[str, SchulerError]] = []
-    for file in sorted(p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES and p.is_file()):
+    for file in sorted(p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES and p.is_file() and p.name[0] != "."):
         try:
             table = plain_text.open_table(file, _WIDTHS, _WHAT)
         except SchulerError as reason:
@@ -284,7 +284,7 @@ def write(recording: Recording, path: Path) -> list[Path]:
         with files.replacing(path) as temporary:
             plain_text.save(temporary, rows, fmt)
         return [path]
-    with plain_text.new_folder(path) as folder:
+    with files.new_folder(path) as folder:
         for part, (rows, fmt) in tables.items():
             plain_text.save(folder / NAMES[part], rows, fmt)
     return [path / NAMES[part] for part in tables]

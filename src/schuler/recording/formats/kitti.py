@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from schuler import rotation, units
+from schuler import files, rotation, units
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.io import clock, lines, parts, plain_text
+from schuler.recording.io import clock, lines, parts
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.local_frame import FLU
 from schuler.recording.io.parts import Table
@@ -215,7 +215,7 @@ def write(recording: Recording, path: Path) -> list[Path]:
     rows[:, 23:25] = accuracy
     ns = clock.to_unix(t, recording.metadata.time)
     pattern = " ".join(["%.17g"] * 25 + ["%d"] * 5) + "\n"
-    with plain_text.new_folder(path) as folder:
+    with files.new_folder(path) as folder:
         data = folder / "oxts" / "data"
         data.mkdir(parents=True)
         texts = np.datetime_as_string(ns.astype("M8[ns]"), unit="ns")

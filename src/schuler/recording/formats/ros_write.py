@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import shutil
-import tempfile
+import os
 from pathlib import Path
 from typing import Any
 
@@ -49,11 +48,10 @@ def write_mcap(recording: Recording, path: Path) -> list[Path]:
     its date, else its own clock. Not kept are the number of satellites, the kind of fix beyond NavSatStatus,
     temperatures, and what is not named here.
     """
-    with tempfile.TemporaryDirectory(prefix=".bag-", dir=_folder(path)) as folder:
-        _write(recording, Path(folder) / "bag", "mcap")
-        (made,) = (Path(folder) / "bag").glob("*.mcap")
-        with files.replacing(path) as temporary:
-            shutil.copyfile(made, temporary)
+    with files.replacing(path) as temporary, files.temporary_folder(temporary.parent) as folder:
+        _write(recording, folder / "bag", "mcap")
+        (made,) = (folder / "bag").glob("*.mcap")
+        os.replace(made, temporary)
     return [Path(path)]
 
 
@@ -83,17 +81,13 @@ def write_bag(recording: Recording, path: Path, storage: str = "sqlite3") -> lis
         raise InputError(f"storage: expected sqlite3 or mcap, got {storage!r}")
     if path.exists():
         raise InputError(f"{path} exists; a bag is a folder and is not written over: remove it, or name another")
-    with tempfile.TemporaryDirectory(prefix=".bag-", dir=_folder(path)) as folder:
-        made = Path(folder) / path.name
-        _write(recording, made, storage)
-        made.rename(path)
+    with files.new_folder(path) as folder:
+        bag = folder / path.name  # the writer makes a folder itself
+        _write(recording, bag, storage)
+        for file in bag.iterdir():
+            file.rename(folder / file.name)
+        bag.rmdir()
     return sorted(path.iterdir())
-
-
-def _folder(path: Path) -> Path:
-    folder = Path(path).parent
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
 
 
 def _write(recording: Recording, path: Path, storage: str) -> None:

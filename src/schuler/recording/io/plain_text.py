@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import itertools
-import shutil
-import tempfile
 import warnings
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
-from schuler.exceptions import FileFormatError, InputError
+from schuler.exceptions import FileFormatError
 from schuler.recording.io import lines
 from schuler.recording.io.lines import TextTable
 
@@ -110,29 +107,6 @@ def head_of(path: Path, n: int = 20_000) -> bytes:
             return stream.read(n)
     except OSError:
         return b""
-
-
-@contextmanager
-def new_folder(path: Path) -> Iterator[Path]:
-    """Yield an empty folder beside ``path``, which takes that name only when the block ends without an error.
-
-    Raises
-    ------
-    InputError
-        If the folder exists: it is not written over.
-    """
-    path = Path(path)
-    if path.exists():
-        raise InputError(f"{path} exists; a folder of data is not written over: remove it, or name another")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".schuler-", dir=path.parent) as folder:
-        made = Path(folder) / path.name
-        made.mkdir()
-        yield made
-        try:
-            made.rename(path)
-        except OSError:
-            shutil.move(made, path)
 
 
 def save(

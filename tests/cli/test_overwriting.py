@@ -1,0 +1,78 @@
+"""Commands keep the files that exist: others unless forced, inputs always, results may be renewed."""
+
+import subprocess
+import sys
+
+import pytest
+from command import answer, refusal, run
+from places import EXAMPLES
+
+LOG = "0.0,0,0,-9.81,0,0,0\n0.1,0,0,-9.81,0,0,0\n0.2,0,0,-9.81,0,0,0\n0.3,0,0,-9.81,0,0,0\n"
+HINTS = ("--columns", "t,ax,ay,az,gx,gy,gz", "--units", "m/s^2,rad/s", "--axes", "FRD", "--allow", "norm")
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / "my.txt"
+    path.write_text(LOG)
+    return path
+
+
+@pytest.mark.parametrize("more", [(), ("--force",)])
+def test_a_log_is_never_replaced_by_what_is_made_of_it(log, capsys, more):
+    assert f"{log} was read by this command" in refusal_of_convert(capsys, log, log, *more)
+    assert log.read_text() == LOG
+
+
+def refusal_of_convert(capsys, source, target, *more):
+    code, out, err = run(capsys, "convert", source, target, *HINTS, *more)
+    assert (code, out) == (2, "")
+    return err.splitlines()[-1]
+
+
+def test_a_companion_that_exists_is_kept_and_nothing_else_is_written(tmp_path, capsys):
+    town = answer(capsys, "simulate", EXAMPLES / "town.toml", "--out", tmp_path / "in" / "town.parquet", "--json")
+    assert town["files"]["written"]
+    mine = tmp_path / "t2_gnss.csv"
+    mine.write_text("my notes")
+    message = refusal(capsys, "convert", tmp_path / "in" / "town.parquet", tmp_path / "t2.csv", "--json")
+    assert f"{mine} exists and is kept: give another name, or --force" in message
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["in", "t2_gnss.csv"]
+    assert mine.read_text() == "my notes"
+    written = answer(capsys, "convert", tmp_path / "in" / "town.parquet", tmp_path / "t2.csv", "--json", "--force")
+    assert str(mine) in written["files"]["written"]
+    assert mine.read_text() != "my notes"
+
+
+def test_a_run_may_be_repeated_into_its_folder(tmp_path, capsys):
+    call = ("budget", EXAMPLES / "budget_town.toml", "--out", tmp_path / "run", "--no-figures", "--no-report", "--json")
+    for _ in range(2):
+        answer(capsys, *call)
+    table = next((tmp_path / "run").glob("*.csv"))
+    table.write_text("edited")
+    assert f"{table} exists and is kept" in refusal(capsys, *call)
+    assert table.read_text() == "edited"
+    answer(capsys, *call, "--force")
+    assert table.read_text() != "edited"
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="devices and limits of Linux")
+def test_full_devices_are_one_sentence(log, tmp_path):
+    call = [sys.executable, "-m", "schuler"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*call, "info", str(log), *HINTS], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "cannot be written: No space left on device" in done.stderr
+    small = ["bash", "-c", 'ulimit -f 1; exec "$0" "$@"', *call, "simulate", str(EXAMPLES / "town.toml"), "--out"]
+    done = subprocess.run([*small, str(tmp_path / "town.csv")], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "town_reference.csv: cannot be written: File too large; nothing was changed" in done.stderr
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["my.txt"]
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="a folder that nobody can write to")
+def test_a_place_that_cannot_be_written_is_refused_before_the_work(tmp_path, capsys):
+    message = refusal(capsys, "montecarlo", tmp_path / "missing.toml", "--out", "/proc/results")
+    assert "Expected a place to write to; /proc/results cannot be written" in message

@@ -209,9 +209,9 @@ def test_a_large_gap_is_told_and_widens_the_intervals(clean):
         axis = found.axes[name]
         assert axis.curve.missing == 18_000
         assert axis.terms["N"].value == pytest.approx(1e-3, rel=0.02)  # statistical
-        wider = axis.terms["N"].sigma / before.axes[name].terms["N"].sigma
+        fewer = axis.curve.edf[0] / before.axes[name].curve.edf[0]
         if axis.names == before.axes[name].names == ("N",):
-            assert wider == pytest.approx(1.0 / np.sqrt(0.7), rel=0.05)  # what is there is 70 %
+            assert fewer == pytest.approx(0.7, rel=0.05)  # what is there is 70 %
 
 
 def test_many_gaps_and_jitter_leave_the_noise_alone(clean):

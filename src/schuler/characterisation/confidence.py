@@ -185,8 +185,6 @@ def fit_mixture(ms: IntArray, variance: FloatArray, n: int, dt: float) -> Mixtur
     -------
     sequence of (strength, exponent or process)
     """
-    from scipy.optimize import nnls
-
     tau: FloatArray = ms.astype(np.float64) * dt
     times = 4.0 * dt * 4.0 ** np.arange(0, max(1.0, np.log(n / 8.0) / np.log(4.0)))
     parts: list[tuple[int | Process, FloatArray]] = [
@@ -208,9 +206,21 @@ def fit_mixture(ms: IntArray, variance: FloatArray, n: int, dt: float) -> Mixtur
     for _ in range(4):  # weights from the model, not the data: few degrees of freedom would pull it down
         w = np.sqrt(0.5 * freedom) / model
         a = columns / scale * w[:, None]
-        strength = nnls(a, variance * w)[0] / scale
+        strength = _non_negative(a, variance * w) / scale
         model = np.maximum(columns @ strength, np.maximum(1e-3 * variance, 1e-12))
     return tuple((float(s) * unit, part) for s, (part, _) in zip(strength, parts, strict=True) if s > 0.0)
+
+
+def _non_negative(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Least squares with coefficients not below zero."""
+    from scipy.optimize import lsq_linear, nnls
+
+    try:
+        return np.asarray(nnls(a, b)[0], dtype=np.float64)
+    except RuntimeError:  # the active set goes round in circles where columns are nearly alike, in a pure random walk
+        size = np.linalg.norm(a, axis=0)
+        solution = lsq_linear(a / size, b, bounds=(0.0, np.inf), method="trf", tol=1e-12)
+        return np.asarray(np.maximum(solution.x, 0.0) / size, dtype=np.float64)
 
 
 def with_doubt(noise: Mixture, d: Differences, dt: float) -> Mixture:

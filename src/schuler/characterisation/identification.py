@@ -10,13 +10,14 @@ import numpy as np
 
 from schuler.characterisation.allan import AllanCurve
 from schuler.characterisation.counting import Lattice, counted, counted_model, pulse_lattice
-from schuler.characterisation.fitting import Fit, NoFitError, Weights
+from schuler.characterisation.fitting import NoFitError, Weights
 from schuler.characterisation.health import FEWEST, check_static_imu
 from schuler.characterisation.moments import Moments
 from schuler.characterisation.records import (
     AxisSignal,
     axis_findings,
     axis_signal,
+    half_moments,
     longest_run,
     mean_moments,
     pooled_curve,
@@ -123,7 +124,8 @@ def identify_noise(
                 longest = max(signals, key=lambda s: len(s.x))
                 clean = clean_spectrum(longest.x, longest.rate_hz)
                 data[axis] = mean_moments(signals, () if clean is None else clean.lines)
-                axes[axis] = _axis_noise(axis, signals, data[axis], clean, findings, method, models)
+                halves = half_moments(signals, () if clean is None else clean.lines)
+                axes[axis] = _axis_noise(axis, signals, data[axis], halves, clean, findings, method, models)
             except NoFitError as error:
                 data.pop(axis, None)
                 fatal = (Finding("no_fit", f"{axis}: {error}", severity="refused"),)
@@ -189,13 +191,14 @@ def _axis_noise(
     axis: str,
     signals: list[AxisSignal],
     data: Moments,
+    halves: tuple[Moments, Moments] | None,
     clean: CleanSpectrum | None,
     findings: tuple[Finding, ...],
     method: Method,
     models: tuple[str, ...] | None,
 ) -> AxisNoise:
     """Noise of one axis: fitted terms, model for simulation, curve with bounds, mean, findings."""
-    selection = select(data, models, "full" if method == "gmwm" else "diagonal")
+    selection = select(data, models, "full" if method == "gmwm" else "diagonal", halves=halves)
     fit = selection.fit
     lines = () if clean is None else clean.lines
     pooled = pooled_curve(signals)
@@ -209,7 +212,8 @@ def _axis_noise(
     main = max(signals, key=lambda s: len(s.x))
     duration = float(data.lengths.sum() * data.dt)
     curve = with_bounds(pooled, data, model)
-    estimates = _estimates(fit, unit)
+    estimates = _estimates(selection, unit)
+    wider = np.array([selection.spreads[name].sigma for name in fit.names]) / fit.sigma
     steady = longest_run(main)
     mean = _mean(steady, unit)
     remarks = list(findings)
@@ -238,7 +242,8 @@ def _axis_noise(
         gauss_markov=tuple((estimates[n], estimates["tau" + n[5:]]) for n in fit.names if n.startswith("sigma")),
         model=model,
         names=tuple("V" if name == "Q" and selection.shortest > 1 else name for name in fit.names),
-        covariance=fit.covariance,
+        covariance=fit.covariance * np.outer(wider, wider),
+        limits={n: s.high for n, s in selection.spreads.items() if n not in fit.names},
         candidates=selection.candidates,
         read_off=read_off(curve),
         method={"gmwm": "generalised method of wavelet moments", "allan": "weighted fit to the Allan curve"}[method],
@@ -257,13 +262,13 @@ def _mean(steady: AxisSignal, unit: str) -> Estimate:
     return Estimate(mean, sigma, mean - 1.96 * sigma, mean + 1.96 * sigma, unit)
 
 
-def _estimates(fit: Fit, unit: str) -> dict[str, Estimate]:
-    """Parameters with their uncertainty; intervals are symmetric in the logarithm."""
+def _estimates(selection: Selection, unit: str) -> dict[str, Estimate]:
+    """Parameters of the model kept, with their uncertainty over all models that the data do not tell apart."""
     estimates = {}
-    for name, value, s in zip(fit.names, fit.values, fit.sigma, strict=True):
+    for name, value in zip(selection.fit.names, map(float, selection.fit.values), strict=True):
         text = "s" if name.startswith("tau") else unit if name.startswith("sigma") else _UNITS[name].format(unit)
-        low, high = value * np.exp(-1.96 * s), value * np.exp(min(1.96 * s, 700.0))
-        estimates[name] = Estimate(float(value), float(value * s), float(low), float(high), text)
+        s = selection.spreads[name]
+        estimates[name] = Estimate(value, value * s.sigma, s.low, s.high, text)
     return estimates
 
 
@@ -322,6 +327,15 @@ def fit_findings(axis: str, selection: Selection, dt: float, duration: float, su
             f"the numbers hold from there on, and the model is {substitute} at shorter times"
         )
         findings.append(Finding("shape", text, severity="note"))
+    if selection.changes:
+        factors = (
+            f"{_label(n, selection)} changes by a factor of {np.exp(c):.3g}" for n, c in selection.changes.items()
+        )
+        text = (
+            f"{axis}: between the halves of the log {', '.join(factors)}, more than chance does: the noise is not the "
+            "same throughout, and the intervals allow for that"
+        )
+        findings.append(Finding("halves", text, severity="note"))
     for name, value, sigma in zip(selection.fit.names, selection.fit.values, selection.fit.sigma, strict=True):
         if name.startswith("tau") and name != "tau_N" and (value > duration / 10.0 or sigma > 0.7):
             text = (
@@ -330,6 +344,10 @@ def fit_findings(axis: str, selection: Selection, dt: float, duration: float, su
             )
             findings.append(Finding("short_for_tau", text, severity="note"))
     return findings
+
+
+def _label(name: str, selection: Selection) -> str:
+    return "the vibration" if name == "Q" and selection.shortest > 1 else name
 
 
 def triad_budget(
@@ -364,6 +382,6 @@ def triad_budget(
         fitted = [i for i, n in enumerate(fit.names) if n in _FIELDS and not (n == "Q" and selection.shortest > 1)]
         fields = {_FIELDS[fit.names[i]]: float(fit.values[i]) for i in fitted}
         triads[triad] = TriadSpec(**fields, turn_on_bias=bias)
-        spread[triad] = {_FIELDS[fit.names[i]]: float(fit.sigma[i]) for i in fitted}
+        spread[triad] = {_FIELDS[fit.names[i]]: selection.spreads[fit.names[i]].sigma for i in fitted}
     spec = ImuSpec(name, triads["gyro"], triads["accel"], rate_hz=rate_hz, source="identified by schuler")
     return spec, spread

@@ -15,11 +15,14 @@ from schuler.characterisation.outliers import without_outliers
 from schuler.characterisation.result import Finding
 from schuler.characterisation.spectrum import Line
 from schuler.characterisation.variance import on_grid
+from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.sensors.noise import (
     NoiseModel,
     Ramp,
 )
+
+_LEAST_OF_HALF = 1000  # samples
 
 
 @dataclass(frozen=True)
@@ -114,6 +117,18 @@ def mean_moments(signals: list[AxisSignal], lines: tuple[Line, ...]) -> Moments:
     # a tenth stays: the power of a line is not known better, and a variance is positive
     noise = np.maximum(variance - sum((line.allan_variance(m, dt) for line in lines), np.zeros(len(m))), 0.1 * variance)
     return Moments(m, noise, dt, np.array([np.count_nonzero(np.isfinite(s.x)) for s in signals]))
+
+
+def half_moments(signals: list[AxisSignal], lines: tuple[Line, ...]) -> tuple[Moments, Moments] | None:
+    """Moments of the first and of the second half of every recording; None where they have too few samples."""
+    if min(len(s.x) for s in signals) < 2 * _LEAST_OF_HALF:
+        return None
+    halves = [s.x[: len(s.x) // 2] for s in signals], [s.x[len(s.x) // 2 :] for s in signals]
+    parts = [[replace(s, x=half) for s, half in zip(signals, of, strict=True)] for of in halves]
+    try:
+        return mean_moments(parts[0], lines), mean_moments(parts[1], lines)
+    except (NoFitError, InputError):
+        return None
 
 
 def pooled_curve(signals: list[AxisSignal]) -> AllanCurve:

@@ -42,7 +42,8 @@ class Estimate:
     sigma : float
         1-sigma uncertainty.
     low, high : float
-        95 % interval, not necessarily symmetric.
+        95 % interval, not necessarily symmetric; of a noise term over all models that the data do not tell apart, from
+        zero on where some of them do without it.
     unit : str
         SI, for people.
     """
@@ -102,6 +103,8 @@ class AxisNoise:
         place of Q is the rest of a vibration, which is in the model's spectrum and not among the terms.
     covariance : ndarray, shape (p, p)
         Covariance of the natural logarithms of the parameters.
+    limits : dict of str to float
+        Upper ends (97.5 %) of B, K and R that the model does not have and others that fit nearly as well do.
     candidates : tuple of Candidate
         All models tried, best first.
     read_off : dict of str to float
@@ -122,6 +125,7 @@ class AxisNoise:
     names: tuple[str, ...]
     covariance: FloatArray
     candidates: tuple[Candidate, ...] = ()
+    limits: dict[str, float] = field(default_factory=dict)
     read_off: dict[str, float] = field(default_factory=dict)
     method: str = ""
     findings: tuple[Finding, ...] = ()

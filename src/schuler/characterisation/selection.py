@@ -11,8 +11,9 @@ reported, and the uncertainty of the parameters includes them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from schuler.characterisation.averaging import Spread, changes, spreads, widened
 from schuler.characterisation.fitting import Fit, NoFitError, Weights, fit, parse_terms
 from schuler.characterisation.moments import Moments
 from schuler.characterisation.result import Candidate
@@ -54,6 +55,10 @@ class Selection:
         Relative 1-sigma by which the Allan variance departs from every model tried.
     fits : bool
         Whether the model passes its chi-square test with that departure.
+    spreads : dict of str to Spread
+        Uncertainty of the parameters over all models that the data do not tell apart, :mod:`.averaging`.
+    changes : dict of str to float
+        Logarithm of second half over first, of terms that differ between the halves of the log.
     """
 
     fit: Fit
@@ -61,6 +66,8 @@ class Selection:
     shortest: int
     departure: float
     fits: bool
+    spreads: dict[str, Spread] = field(default_factory=dict)
+    changes: dict[str, float] = field(default_factory=dict)
 
 
 def select(
@@ -70,6 +77,7 @@ def select(
     *,
     default: tuple[str, ...] = MODELS,
     probes: tuple[str, ...] = _PROBES,
+    halves: tuple[Moments, Moments] | None = None,
 ) -> Selection:
     """Fit models to moments and keep the best.
 
@@ -81,6 +89,8 @@ def select(
     weights : {"full", "diagonal"}
     default, probes : tuple of str
         Tried where no models are given, with what the shortest averaging times ask for; and those of them that tell.
+    halves : (Moments, Moments), optional
+        Of the halves of the log, to see what changes in it.
 
     Returns
     -------
@@ -104,7 +114,42 @@ def select(
     candidates = tuple(
         Candidate(" + ".join(parse_terms(n)), fits[n].misfit, fits[n].freedom, _criterion(fits[n])) for n in order
     )
-    return Selection(fits[order[0]], candidates, int(part.m[0]), departure, _passes(fits[order[0]]))
+    kept, left_out = fits[order[0]], len(data.m) - len(part.m)
+    others = [(result, left_out) for result in fits.values()]
+    others += _other_cuts(data, part, tried if listed else probes, weights, departure, listed)
+    change = {} if halves is None else _changes(kept, halves, int(part.m[0]), weights, departure)
+    spread = widened(kept, spreads(kept, others, left_out), change)
+    return Selection(kept, candidates, int(part.m[0]), departure, _passes(kept), spread, change)
+
+
+def _changes(
+    kept: Fit, halves: tuple[Moments, Moments], shortest: int, weights: Weights, departure: float
+) -> dict[str, float]:
+    """Terms of the model kept that differ between the halves; none where a half does not show all of them."""
+    fits = []
+    for half in halves:
+        keep = half.m >= shortest
+        part = Moments(half.m[keep], half.variance[keep], half.dt, half.lengths)
+        try:
+            fits.append(fit(part, kept.terms, weights, departure, kept))
+        except NoFitError:
+            return {}
+    return changes(kept, (fits[0], fits[1]))
+
+
+def _other_cuts(
+    data: Moments, part: Moments, models: tuple[str, ...], weights: Weights, departure: float, listed: bool
+) -> list[tuple[Fit, int]]:
+    """Fits with fewer of the shortest averaging times, or with a vibration there, and how many were left out."""
+    result = []
+    for cut, extra in _STAGES:
+        keep = data.m >= cut
+        if cut < max(part.m[0], 2) or (cut == part.m[0] and not extra) or (listed and extra) or keep.sum() < _FEWEST:
+            continue
+        fewer = Moments(data.m[keep], data.variance[keep], data.dt, data.lengths)
+        left_out = len(data.m) - len(fewer.m)
+        result += [(f, left_out) for f in _fitted(fewer, _with(extra, models), weights, departure).values()]
+    return result
 
 
 def _first_that_pass(

@@ -48,6 +48,9 @@ def summary(identification: NoiseIdentification) -> str:
         for axis in axes:
             for label, q, e in numbers(axis):
                 rows.setdefault((label, q.sheet), {})[axis.axis] = with_interval(e, q.factor)
+            for label, high in axis.limits.items():
+                q = quantity(axis, label)
+                rows.setdefault((label, q.sheet), {})[axis.axis] = f"below {high / q.factor:.2g}"
         lines.append(f"  {title:<30}" + "".join(f"{a.axis.partition('_')[2]:<29}" for a in axes).rstrip())
         for label, sheet in _ordered(rows):
             cells = "".join(f"{rows[label, sheet].get(a.axis, '-'):<29}" for a in axes)

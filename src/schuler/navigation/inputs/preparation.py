@@ -20,7 +20,8 @@ from schuler.navigation.inputs.gnss_faults import contradictions, frozen, held, 
 from schuler.navigation.start.calibration import CalibrationStart, configured_start
 from schuler.recording.series import GnssSeries, ImuSeries
 
-_MISSING = 1.5  # sample intervals: a longer step lacks a sample
+#: A longer step of the stamps lacks a sample. [sample intervals]
+MISSING = 1.5
 #: A longer step of the stamps is a pause. [sample intervals]
 PAUSE = 2.5
 _JITTER = 0.2  # robust spread of the stamps that is noted, share of the sample interval
@@ -91,7 +92,7 @@ def refilled(imu: ImuSeries, notes: list[str]) -> ImuSeries:
     """
     h = imu.interval
     step = np.diff(imu.t)
-    late = np.flatnonzero(step > _MISSING * h) + 1 if imu.kind == "increment" and len(step) else np.empty(0, int)
+    late = np.flatnonzero(step > MISSING * h) + 1 if imu.kind == "increment" and len(step) else np.empty(0, int)
     if not len(late):
         return imu
     size = np.linalg.norm(imu.accel, axis=1)
@@ -174,7 +175,7 @@ def _readings(imu: ImuSeries) -> list[str]:
             f"IMU stamps jitter by {spread * 1e3:.2f} ms, {100 * spread / h:.0f} % of the interval: if they are times "
             "of arrival, count samples at a constant rate instead"
         )
-    lost = int(np.sum((step > _MISSING * h) & (step <= PAUSE * h)))
+    lost = int(np.sum((step > MISSING * h) & (step <= PAUSE * h)))
     if lost and spread <= _JITTER * h:
         sentences.append(f"{lost} single IMU samples are missing")
     time = imu.t - imu.t[0]

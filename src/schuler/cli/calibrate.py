@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time as clock
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -119,7 +120,7 @@ def freepose(
     *,
     initial_rest: float | None = None,
     estimate_gyro_bias: Flag = False,
-    g_sensitivity: Flag = False,
+    g_sensitivity: bool | None = None,
     size_effect: Flag = False,
     delay: Flag = False,
     robust: bool = True,
@@ -139,7 +140,7 @@ def freepose(
     estimate_gyro_bias
         From the turns, instead of measured at rest.
     g_sensitivity
-        Estimate the gyroscopes' sensitivity to specific force too.
+        Estimate the gyroscopes' sensitivity to specific force too. Default: if the log proves it.
     size_effect
         Estimate the places of the accelerometers too.
     delay
@@ -154,6 +155,7 @@ def freepose(
         CSV file with the rests: START,STOP in seconds from the start of the log. Default: found.
     """
     from schuler.calibration.freepose.calibrate import calibrate_freepose
+    from schuler.calibration.freepose.result import OFF, ON
 
     if rests == "tedaldi" and initial_rest is None:
         raise InputError("--initial-rest: expected the seconds at rest that the log begins with, for --rests tedaldi")
@@ -166,7 +168,8 @@ def freepose(
         size_effect=size_effect, delay=delay, rests=rests,
         intervals=None if intervals is None else spans_of(intervals, imu),
     )  # fmt: skip
-    return finish(result, log, [recording], options.output, began)
+    spelt = tuple(v.replace(ON, "--g-sensitivity").replace(OFF, "--no-g-sensitivity") for v in result.verdicts)
+    return finish(replace(result, verdicts=spelt), log, [recording], options.output, began)
 
 
 def ratetable(

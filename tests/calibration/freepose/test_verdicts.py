@@ -218,10 +218,14 @@ def test_stated_noise_that_is_too_large_is_said():
 
 
 def test_noise_from_the_log_is_the_noise(rng):
-    """Sigma without and with stated noise: statistical, 15 % of noise from 20 poses of 3 s."""
+    """Sigma without and with stated noise: statistical, 15 % of noise from 20 poses of 3 s.
+
+    A quarter for the bias at rest, whose sigma has the scatter between 20 rests of an axis in it.
+    """
     imu = log_of()
     ratio = calibrate_freepose(imu).sigma / calibrate_freepose(imu, noise=(N_G, N_A)).sigma
-    np.testing.assert_allclose(ratio, 1.0, atol=0.15)
+    np.testing.assert_allclose(np.delete(ratio, [9, 10, 11]), 1.0, atol=0.15)
+    np.testing.assert_allclose(ratio[9:12], 1.0, atol=0.25)
 
 
 @pytest.mark.parametrize(
@@ -283,10 +287,17 @@ def test_many_outliers_are_none():
     assert result.extra["spread_accel"] > 0.02
 
 
-def test_g_sensitivity_is_proposed_where_it_shows():
+def test_g_sensitivity_is_estimated_where_the_log_proves_it():
+    """Without being asked for; switched off it is offered; a log without it has none, and no word of it."""
     G = 2e-4 * np.array([[1.0, -0.5, 0.2], [0.3, -1.0, 0.6], [-0.4, 0.8, 0.7]])
     imu = log_of(errors=replace(ERRORS, G_g=G))
-    without = calibrate_freepose(imu)
-    assert any("try g_sensitivity=True" in v for v in without.verdicts)
-    assert not any("try g_sensitivity" in v for v in calibrate_freepose(log_of()).verdicts)
-    assert not any("try g_sensitivity" in v for v in calibrate_freepose(imu, g_sensitivity=True).verdicts)
+    found = calibrate_freepose(imu)
+    values = np.array([found[f"G_g_{i}{j}"] for i in "xyz" for j in "xyz"])
+    assert (np.abs(values[:, 0] - G.ravel()) < 4.0 * values[:, 1]).all()  # statistical
+    assert any("g_sensitivity=False switches it off" in v for v in found.verdicts)
+    off = calibrate_freepose(imu, g_sensitivity=False)
+    assert any("g_sensitivity=True estimates it" in v for v in off.verdicts)
+    assert "G_g_xx" not in off.names
+    plain = calibrate_freepose(log_of())
+    assert "G_g_xx" not in plain.names
+    assert not any("g_sensitivity" in v for v in plain.verdicts)

@@ -11,11 +11,13 @@ import numpy as np
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.calibration.freepose import accel as freepose_accel
 from schuler.calibration.freepose.accel import AccelFit, fit_accelerometers
+from schuler.calibration.freepose.bias import bias_at_rest
 from schuler.calibration.freepose.gyro import GyroFit, fit_gyroscopes, rescaled
 from schuler.calibration.freepose.motion import PLACES, MotionFit, fit_motion
 from schuler.calibration.freepose.rests import MARGINS, Rests, pose_means, tedaldi_rests
 from schuler.calibration.freepose.result import freepose_result, refused_result, undetermined
 from schuler.calibration.freepose.turns import Turns, nominal_scale
+from schuler.calibration.result.halves import checked, halves_of, tried, without_thirds
 from schuler.calibration.result.parameters import BIAS_G, MATRIX_G, SENSITIVITY
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
@@ -28,8 +30,6 @@ Search: TypeAlias = Literal["auto", "tedaldi"]
 
 #: Fewest poses: the parameters of the accelerometers.
 FEWEST = 9
-#: Shortest first pose that is used as the initial rest for the gyro bias. [s]
-INITIAL = 10.0
 #: Largest number of undetermined accelerometer parameters of a result that is not refused.
 MOST_UNDETERMINED = 3
 #: Fewest poses beyond nine of a result with an undetermined parameter that is not refused.
@@ -43,7 +43,7 @@ def calibrate_freepose(
     noise: tuple[ArrayLike, ArrayLike] | None = None,
     initial_rest_s: float | None = None,
     gyro_bias: Bias = "rest",
-    g_sensitivity: bool = False,
+    g_sensitivity: bool | None = None,
     size_effect: bool = False,
     delay: bool = False,
     robust: bool = True,
@@ -52,6 +52,7 @@ def calibrate_freepose(
     rests: Search = "auto",
     window_s: float = 1.0,
     min_s: float = 1.0,
+    halves: bool = True,
 ) -> CalibrationResult:
     """Calibrate accelerometers and gyroscopes from a log of an IMU that was put down by hand in many poses.
 
@@ -65,11 +66,12 @@ def calibrate_freepose(
         N of gyroscopes [rad/s/sqrt(Hz)] and accelerometers [m/s^2/sqrt(Hz)], shape () or (3,). None: from the log.
     initial_rest_s : float, optional
         The log begins with so many seconds at rest; they give the noise level of the detector and the gyro bias. None:
-        the first pose if it lasts 10 s, else all poses. [s]
+        the bias is that of all poses. [s]
     gyro_bias : {"rest", "estimate"}
-        Measured at the initial rest, or estimated from the turns. With ``g_sensitivity`` it is always estimated.
-    g_sensitivity : bool
-        Estimate G_g too, from turns and from the rates in all poses.
+        Measured at rest, or estimated from the turns. With g-sensitivity it is always estimated.
+    g_sensitivity : bool, optional
+        Estimate G_g too, from turns and from the rates in all poses. None: if the rates in twelve poses or more follow
+        specific force beyond chance, and decisively; a verdict then says so.
     size_effect : bool
         Estimate the places of the accelerometers too, ``r_a_xy`` ..., relative to the x accelerometer.
     delay : bool
@@ -87,6 +89,8 @@ def calibrate_freepose(
         alone, and ``min_s`` seconds of each rest.
     window_s, min_s : float
         Window of the detector and shortest rest. [s]
+    halves : bool
+        Hold the claims against halves of the log, see Notes.
 
     Returns
     -------
@@ -137,8 +141,10 @@ def calibrate_freepose(
     from schuler.calibration.freepose import _kernels as kernels
 
     kernels.prepare_freepose()
+    if rests == "tedaldi":  # to be compared with other programs, which have none
+        options["g_sensitivity"] = g_sensitivity = bool(g_sensitivity)
     rates, interval = imu.rates(), imu.interval
-    names = _parameter_names(g_sensitivity, size_effect, delay)
+    names = _parameter_names(bool(g_sensitivity), size_effect, delay)
 
     # 1. Rests, and the accelerometers from them.
     if rests == "tedaldi" and initial_rest_s is not None:
@@ -178,7 +184,29 @@ def calibrate_freepose(
         return refused_result(poses, accel, factors or (factor_a, 1.0), gravity, rates, names, options)
 
     # 2. Turns between them.
-    return _with_gyroscopes(imu, rates, poses, accel, factor_a, factors, gravity, noise, names, options)
+    result = _with_gyroscopes(imu, rates, poses, accel, factor_a, factors, gravity, noise, options)
+    if not halves or rests == "tedaldi":
+        return result
+    spans = [(float(rates.t[a]), float(rates.t[b - 1])) for a, b in poses.index]
+
+    def part(which: list[int]) -> CalibrationResult:
+        return calibrate_freepose(
+            imu, gravity=gravity, noise=noise, gyro_bias=gyro_bias, g_sensitivity=SENSITIVITY[0] in result.names,
+            size_effect=size_effect, delay=delay, robust=robust, nominal=result.nominal,
+            intervals=[spans[k] for k in which], halves=False,
+        )  # fmt: skip
+
+    every = list(range(len(spans)))
+    causes = result.extra.get("bias_causes", [])
+    pairs = {
+        name: tried(part, (every[a], every[b])) if len(every) >= 2 * FEWEST else None
+        for name, (a, b) in halves_of(len(every)).items()
+    }
+    if not any(pairs.values()) and len(every) >= FEWEST + REDUNDANCY:
+        thirds = [tried(part, [[i for i in every if i % 3 != k]]) for k in range(3)]
+        pairs = without_thirds(result, [part[0] for part in thirds if part])
+    needs = f"not compared: it takes twelve rests, eighteen are good, with poses all round; there are {len(every)}"
+    return checked(result, pairs, causes=causes, needs=needs)
 
 
 def _with_gyroscopes(
@@ -190,25 +218,31 @@ def _with_gyroscopes(
     factors: tuple[float, float] | None,
     gravity: float,
     noise: tuple[ArrayLike, ArrayLike] | None,
-    names: tuple[str, ...],
     options: dict[str, Any],
 ) -> CalibrationResult:
     """Second step: gyroscopes in the axes of the calibrated accelerometers, and the result."""
     # a small weight is a larger noise
     sigma_f = np.sqrt((_sigma_f(rests, noise, factor_a) ** 2 + accel.spread**2) / accel.weight[:, None])
     turns = _turns(imu.kind, rates, rests, accel, factor_a)
-    raw_bias, rest_s = _bias_at_rest(rates, rests, options["initial_rest_s"])
+    raw_bias = rests.duration @ rests.gyro / rests.duration.sum()
     gyro: GyroFit | None = None
     factor_g = 1.0 if factors is None else factors[1]
-    if 2 * len(turns.spans) >= _gyro_count(options):
+    enough = 2 * len(turns.spans) >= _gyro_count(options)
+    if enough:
         scale = nominal_scale(turns, raw_bias)
         factor_g = scale if factors is None else factors[1]
-        if noise is not None:
-            rests = replace(rests, density_g=np.broadcast_to(np.asarray(noise[0], dtype=float), (3,)) / factor_g)
+    if noise is not None:
+        rests = replace(rests, density_g=np.broadcast_to(np.asarray(noise[0], dtype=float), (3,)) / factor_g)
+    bias = bias_at_rest(rates, rests, turns.f, options["initial_rest_s"], options["g_sensitivity"])
+    options = options | {"g_sensitivity": bias.by_force, "g_sensitivity_asked": options["g_sensitivity"]}
+    names = _parameter_names(bias.by_force, options["size_effect"], options["delay"])
+    if enough:
         gyro = fit_gyroscopes(
-            turns, rests, accel, sigma_f, factor_g, factor_g * raw_bias,
-            factor_g * rests.density_g / np.sqrt(rest_s), estimate_bias=options["gyro_bias"] == "estimate",
-            g_sensitivity=options["g_sensitivity"], robust=options["robust"], M=np.eye(3) * (factor_g / scale - 1.0),
+            turns, rests, accel, sigma_f, factor_g, factor_g * bias.value, factor_g * bias.sigma,
+            estimate_bias=options["gyro_bias"] == "estimate", g_sensitivity=bias.by_force, robust=options["robust"],
+            M=np.eye(3) * (factor_g / scale - 1.0), rest_covariance=factor_g**2 * bias.scatter.rests,
+            # that of a turn is the mean of its neighbours; programs to compare with weigh all turns alike
+            wander=0.0 if options["rests"] == "tedaldi" else np.sqrt(0.5) * factor_g * _rms(bias.scatter.sigma),
         )  # fmt: skip
         if factors is None and scale != 1.0:
             gain = np.cbrt(np.linalg.det(np.eye(3) + gyro.M))
@@ -231,8 +265,7 @@ def _with_gyroscopes(
         (factor_a, factor_g),
         gravity,
         sigma_f,
-        raw_bias,
-        rest_s,
+        bias,
         names,
         options,
     )
@@ -338,18 +371,6 @@ def _turns(kind: str, rates: ImuSeries, rests: Rests, accel: AccelFit, factor: f
         rates.t, rates.gyro, rates.accel, 0.5 if kind == "rate" else 0.0, np.ascontiguousarray(spans[complete]),
         pair[complete], up, f, np.asarray(factor * B, dtype=np.float64), accel.p[:3] / factor,
     )  # fmt: skip
-
-
-def _bias_at_rest(rates: ImuSeries, rests: Rests, initial_rest_s: float | None) -> tuple[FloatArray, float]:
-    """Mean rate at rest in units of the log, and the time it was taken over [s]."""
-    if initial_rest_s is not None:
-        n = int(np.searchsorted(rates.t, rates.t[0] + initial_rest_s))
-        return np.asarray(rates.gyro[:n].mean(axis=0)), n * rates.interval
-    first = float(rests.duration[0])
-    if rests.index[0, 0] <= 1.0 / rates.interval and first >= INITIAL:
-        return rests.gyro[0], first
-    weight = rests.duration / rests.duration.sum()
-    return np.asarray(weight @ rests.gyro), float(rests.duration.sum())
 
 
 def _parameter_names(g_sensitivity: bool, size_effect: bool, delay: bool) -> tuple[str, ...]:

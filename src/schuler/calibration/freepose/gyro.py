@@ -93,6 +93,8 @@ def fit_gyroscopes(
     g_sensitivity: bool,
     robust: bool,
     M: FloatArray,
+    rest_covariance: FloatArray | None = None,
+    wander: float = 0.0,
 ) -> GyroFit:
     """Gauss-Newton on the verticals that the turns predict.
 
@@ -111,6 +113,11 @@ def fit_gyroscopes(
     estimate_bias, g_sensitivity, robust : bool
     M : ndarray, shape (3, 3)
         Start of the response.
+    rest_covariance : ndarray, shape (3, K, K), optional
+        Covariance of the rates at rest of each axis, scatter between rests included, for ``g_sensitivity``. None: noise
+        alone. [(rad/s)^2]
+    wander : float
+        How much the bias in a turn differs from that of the log, 1 sigma: its scatter between rests. [rad/s]
 
     Returns
     -------
@@ -144,8 +151,9 @@ def fit_gyroscopes(
         if k < 3 or k == 14:
             to_residual = residual_map(turns, tangent, C, up_noise)
             noise = _turn_noise(
-                to_residual, sigma_f, J_t[:, 9:12], held_bias_sigma, parameters.M, nominal * rests.density_g, seconds
-            )
+                to_residual, sigma_f, J_t[:, 9:12], held_bias_sigma, parameters.M, nominal * rests.density_g, seconds,
+                wander,
+            )  # fmt: skip
         own = np.repeat(noise.gyro, 2)
         if k > 0:
             size = np.linalg.norm(r.reshape(n, 2), axis=1) / residual_factor(hat)
@@ -158,8 +166,8 @@ def fit_gyroscopes(
         N, g = A.T @ WA[:, :-1], A.T @ WA[:, -1]
         rates = None
         if g_sensitivity:
-            rates = _rest_rates(parameters, turns.f, rests, nominal, robust)
-            N, g = N + rates.D.T @ (rates.w[:, None] * rates.D), g + rates.D.T @ (rates.w * rates.residual.ravel())
+            rates = _rest_rates(parameters, turns.f, rests, nominal, rest_covariance, robust)
+            N, g = N + rates.D.T @ rates.WD, g + rates.WD.T @ rates.residual.T.ravel()
         inverse = pseudo_inverse(N)
         hat = 0.5 * ((A @ inverse) * WA[:, :-1]).sum(axis=1).reshape(n, 2).sum(axis=1)
         dx = -inverse @ g
@@ -173,7 +181,8 @@ def fit_gyroscopes(
     if too_many_outliers(weight):
         return fit_gyroscopes(
             turns, rests, accel, sigma_f, nominal, bias, bias_sigma, estimate_bias=estimate_bias,
-            g_sensitivity=g_sensitivity, robust=False, M=parameters.M,
+            g_sensitivity=g_sensitivity, robust=False, M=parameters.M, rest_covariance=rest_covariance,
+            wander=wander,
         )  # fmt: skip
     residual, _, _, _ = parameters.residuals(turns, nominal, 1)
     r = np.einsum("kia,ki->ka", tangent, residual).ravel()
@@ -184,8 +193,7 @@ def fit_gyroscopes(
     chi2 = float(r @ solve_weighted(noise.common, np.repeat(noise.gyro, 2), r[:, None])[:, 0])
     freedom, rest_spread = 2 * n - len(estimated), 0.0
     if rates is not None:
-        L = inverse @ (rates.D.T * rates.w)
-        covariance += (L * rates.variance.ravel()) @ L.T
+        covariance += inverse @ (rates.D.T @ rates.WD) @ inverse
         q, sigma = parameters.rest_residual(turns.f, nominal * rests.gyro), _rest_sigma(rests, nominal)
         chi2, freedom, rest_spread = chi2 + float((q**2 / sigma**2).sum()), freedom + q.size, rates.spread
     return GyroFit(
@@ -288,35 +296,48 @@ def _turn_noise(
     M: FloatArray,
     density: FloatArray,
     seconds: FloatArray,
+    wander: float,
 ) -> _TurnNoise:
-    """Noise of the residuals from that of the pose means, of a bias measured at rest, and ``N^2 T`` of each turn."""
+    """Noise of the residuals: pose means, a bias measured at rest, and of each turn ``N^2 T`` and that of its bias."""
     common = propagated(to_residual, sigma_f.ravel() ** 2)
     if bias_sigma is not None:  # its error is common to all turns
         common = common + (by_bias * bias_sigma**2) @ by_bias.T
     # the density is that of the readings; calibrated rates have it divided by the response
     Q = np.linalg.inv(np.eye(3) + M)
-    gyro = float(np.mean(Q**2 @ density**2)) * seconds
+    gyro = float(np.mean(Q**2 @ density**2)) * seconds + (wander * seconds) ** 2
     return _TurnNoise(common, gyro, np.sqrt(0.5 * np.diag(common).reshape(-1, 2).sum(axis=1) + gyro))
 
 
 class _RestRates(NamedTuple):
-    """Rates at rest as observations of b and G: residual and variance (K, 3), design D (3 K, p), weights w (3 K,)."""
+    """Rates at rest as observations of b and G, axis by axis: residual (K, 3), design D and ``V^-1 D`` (3 K, p)."""
 
     residual: FloatArray
     D: FloatArray
-    w: FloatArray
-    variance: FloatArray
+    WD: FloatArray
     spread: float
 
 
-def _rest_rates(parameters: _GyroParameters, f: FloatArray, rests: Rests, nominal: float, robust: bool) -> _RestRates:
-    """Observations ``rate at rest = b + G f`` with noise, spread beyond it and weights of outliers."""
+def _rest_rates(
+    parameters: _GyroParameters,
+    f: FloatArray,
+    rests: Rests,
+    nominal: float,
+    covariance: FloatArray | None,
+    robust: bool,
+) -> _RestRates:
+    """Observations ``rate at rest = b + G f`` with their covariance, more of it for outliers."""
     sigma = _rest_sigma(rests, nominal)
     q = parameters.rest_residual(f, nominal * rests.gyro)
-    spread = excess_spread(q.ravel() / np.sqrt(1.0 - 12.0 / q.size), sigma.ravel(), 1, robust)
-    variance = sigma**2 + spread**2
-    weight = outlier_weights(np.abs(q) / np.sqrt(variance), 1) if robust else np.ones_like(q)
-    return _RestRates(q, _rest_rows(f, len(parameters.estimated)), (weight / variance).ravel(), variance, spread)
+    V = np.stack([np.diag(sigma[:, i] ** 2) for i in range(3)]) if covariance is None else covariance.copy()
+    variance = np.einsum("ijj->ji", V)
+    spread = float(np.sqrt(max(0.0, float(np.mean(variance - sigma**2)))))
+    if robust:
+        weight = outlier_weights(np.abs(q) / np.sqrt(variance), 1)
+        if not too_many_outliers(weight):
+            k = np.arange(len(q))
+            V[:, k, k] += (variance * (1.0 / weight - 1.0)).T
+    D = _rest_rows(f, len(parameters.estimated)).reshape(len(q), 3, -1).transpose(1, 0, 2)
+    return _RestRates(q, D.reshape(q.size, -1), np.linalg.solve(V, D).reshape(q.size, -1), spread)
 
 
 def _rest_sigma(rests: Rests, nominal: float) -> FloatArray:

@@ -84,7 +84,7 @@ def pose_means(rates: ImuSeries, interval: float, index: IntArray, margin: float
         if k:
             N = np.sqrt(np.maximum(median(variance), median(coloured) / _MEDIAN_9) * interval)
         # rounding of the means themselves, so that data without noise have a weight
-        density.append(np.maximum(N, 1e-14 * max(float(np.abs(mean).max(initial=0.0)), 1e-300)))
+        density.append(np.maximum(N, 1e-14 * max(float(np.abs(mean).max(initial=0.0)), 1e-16)))
     duration = np.asarray((index[:, 1] - index[:, 0]) * interval, dtype=np.float64)
     return Rests(index, means[0], means[1], duration, density[0], density[1], margin)
 

@@ -12,6 +12,7 @@ from schuler.calibration.design.plans import words_of
 from schuler.calibration.freepose import motion as freepose_motion
 from schuler.calibration.freepose import verdicts
 from schuler.calibration.freepose.accel import NAMES, AccelFit, distinct, sphere_start
+from schuler.calibration.freepose.bias import RestBias
 from schuler.calibration.freepose.gyro import GyroFit
 from schuler.calibration.freepose.motion import MotionFit
 from schuler.calibration.freepose.rests import Rests
@@ -21,11 +22,14 @@ from schuler.calibration.result.parameters import LINEAR
 from schuler.calibration.result.result import CalibrationResult, Residuals, Status
 from schuler.recording.series import ImuSeries
 from schuler.rotation import rotvec_from_dcm
+from schuler.units import DEG_PER_HR
 
 #: Elements that the gauge "upper" holds.
 HELD = {"M_a_yx": 0.0, "M_a_zx": 0.0, "M_a_zy": 0.0}
 #: Median angle between predicted and measured vertical beyond which the gyroscopes do not fit. [rad]
 MISFIT = 0.2
+#: Arguments that switch the g-sensitivity on and off.
+ON, OFF = "g_sensitivity=True", "g_sensitivity=False"
 
 
 def _provenance(options: dict[str, Any]) -> dict[str, Any]:
@@ -97,8 +101,7 @@ def freepose_result(
     nominal: tuple[float, float],
     gravity: float,
     sigma_f: FloatArray,
-    raw_bias: FloatArray,
-    rest_s: float,
+    bias: RestBias,
     names: tuple[str, ...],
     options: dict[str, Any],
 ) -> CalibrationResult:
@@ -108,9 +111,9 @@ def freepose_result(
     sentences: list[str] = []
     status: Status = "ok"
     if fitting is None:
-        joint.values[9:12] = nominal[1] * raw_bias
+        joint.values[9:12] = nominal[1] * bias.value
         joint.undetermined[12:] = True
-        joint.covariance[9:12, 9:12] = np.diag((nominal[1] * rests.density_g) ** 2 / rest_s)
+        joint.covariance[9:12, 9:12] = np.diag((nominal[1] * bias.sigma) ** 2)
         status = "warning"
         sentences.append(_uncalibrated_gyroscopes(gyro, turns))
     covariance, lost = joint.covariance, joint.undetermined
@@ -127,11 +130,11 @@ def freepose_result(
     chi2, freedom = joint.chi2, joint.freedom
     if options["noise"] is not None and freedom > 0 and chi2 / freedom * largest_reduced_chi2(freedom) < 1.0:
         sentences.append(f"Residuals are smaller than the noise stated: variance of unit weight {chi2 / freedom:.2g}.")
-    if fitting is not None and sum(n in LINEAR for n in names) == 21 and _rates_follow_force(rests, turns):
-        sentences.append("Rates at rest depend on which way is up: try g_sensitivity=True.")
+    sentences += _changing_bias(bias, nominal[1], asked=options["g_sensitivity_asked"])
     extra: dict[str, Any] = {
         "poses": len(rests), "turns": len(turns.spans), "margin": rests.margin, "intervals": _spans(imu, rests),
-        "spread_accel": accel.spread, "seconds_of_bias": rest_s, **_trials(rests),
+        "spread_accel": accel.spread, "seconds_of_bias": bias.seconds,
+        "bias_causes": [cause.sentence for cause in bias.causes], **_trials(rests),
     }  # fmt: skip
     residuals = {"accel": _pose_residuals(imu, rests, accel, turns, nominal, gravity)}
     if gyro is not None:
@@ -262,17 +265,29 @@ def _with_sigma(chosen: list[str], names: tuple[str, ...], sigma: FloatArray) ->
     return f"{verdicts.listed(parts)} {'is' if len(parts) == 1 else 'are'}"
 
 
-def _rates_follow_force(rests: Rests, turns: Turns) -> bool:
-    """Whether specific force explains the mean rates of the poses, beyond chance and better than drift does."""
-    n = len(turns.f)
-    if n < 12:
-        return False
-    A = np.column_stack((np.ones(n), turns.f))
-    rates = rests.gyro - rests.gyro.mean(axis=0)
-    residual = rates - A @ np.linalg.lstsq(A, rates, rcond=None)[0]
-    total, unexplained = (rates**2).sum(), (residual**2).sum()
-    # F test of nine slopes, all axes together, one in a thousand for many degrees of freedom is 3.1
-    return bool((total - unexplained) / 9.0 > 6.0 * unexplained / (3.0 * n - 12.0))
+def _changing_bias(bias: RestBias, nominal: float, asked: bool | None) -> list[str]:
+    """Sentences on a gyroscope bias that changes between rests: by how much, and what explains it."""
+    seen = [cause for cause in bias.causes if cause.decisive]
+    out = []
+    for cause in seen[:1] if not bias.by_force else [c for c in seen if c.name == "g-sensitivity"]:
+        if cause.name == "g-sensitivity":
+            todo = (
+                ("it is estimated; " + f"{OFF} switches it off") if asked is None else "it is estimated"
+            ) if bias.by_force else f"{ON} estimates it"  # fmt: skip
+        elif cause.name == "temperature":
+            todo = "warm the unit up before the log, or calibrate it over temperature (calibrate_thermal)"
+        else:
+            todo = "let the unit warm up before the log"
+        out.append(f"Gyroscope {cause.sentence}; {todo}.")
+    sigma = float(np.sqrt(np.mean(bias.scatter.sigma**2))) * nominal
+    freedom = bias.scatter.freedom
+    if freedom > 0 and bias.scatter.reduced > largest_reduced_chi2(freedom):
+        rest = "" if out or not seen else f"; {seen[0].sentence}"
+        out.append(
+            f"The gyroscope bias changes by {sigma / DEG_PER_HR:.3g} deg/h from rest to rest beyond noise (chi-square "
+            f"over degrees of freedom {bias.scatter.reduced:.2g}); that is in its uncertainty{rest}."
+        )
+    return out
 
 
 def _scatter_and_outliers(accel: AccelFit, gyro: GyroFit | None) -> list[str]:

@@ -10,6 +10,9 @@ from schuler.exceptions import InputError
 #: Normalised size beyond which a residual has less weight. Three sigma of one component: full weight to nearly all good
 #: poses (0.3 % loss of efficiency), bounded influence of a bad one.
 TURNING = 3.0
+#: Normal quantile of the size of residuals beyond which a spread is added: once in twenty logs without need, where
+#: waiting for a thousandth let logs claim too little by up to a half.
+SPREAD_QUANTILE = 1.64
 #: Largest share of outliers that are given less weight; with more the model may be wrong.
 MOST_OUTLIERS = 0.2
 # median of chi-square over its mean, by number of components
@@ -48,10 +51,15 @@ def residual_factor(leverage: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.maximum(1.0 - leverage, 0.04)))
 
 
-def largest_reduced_chi2(freedom: float) -> float:
-    """Chi-square over degrees of freedom that is exceeded once in a thousand (Wilson and Hilferty)."""
+def largest_reduced_chi2(freedom: float, quantile: float = 3.09) -> float:
+    """Chi-square over degrees of freedom that is exceeded once in a thousand, or beyond another normal quantile.
+
+    References
+    ----------
+    Wilson and Hilferty (1931).
+    """
     q = 2.0 / (9.0 * freedom)
-    return float((1.0 - q + 3.09 * np.sqrt(q)) ** 3)
+    return float((1.0 - q + quantile * np.sqrt(q)) ** 3)
 
 
 def excess_spread(e: FloatArray, sigma: FloatArray, components: int, robust: bool) -> float:
@@ -78,11 +86,11 @@ def excess_spread(e: FloatArray, sigma: FloatArray, components: int, robust: boo
     if robust:
         typical = _MEDIAN[components]
         # the variance of a median is that of 0.37 times as many squares
-        if float(median(square / noise)) <= typical * largest_reduced_chi2(max(1.0, 0.37 * freedom)):
+        if float(median(square / noise)) <= typical * largest_reduced_chi2(max(1.0, 0.37 * freedom), SPREAD_QUANTILE):
             return 0.0
         # half of the ratios square/(noise + extra) lie below their median where half of these lie below extra
         return float(np.sqrt(max(0.0, float(median(square / typical - noise)))))
-    if float((square / noise).mean()) <= largest_reduced_chi2(freedom):
+    if float((square / noise).mean()) <= largest_reduced_chi2(freedom, SPREAD_QUANTILE):
         return 0.0
     extra = 0.0
     for _ in range(60):  # Newton, from below: mean of square/(noise + extra) is convex and falls

@@ -1,0 +1,81 @@
+"""Gyroscope bias of a hand-rotated log from its rests, and what makes it change between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.calibration.freepose.rests import Rests
+from schuler.calibration.result.rest_causes import RestCause, rest_causes
+from schuler.calibration.result.rest_scatter import RestScatter, rest_scatter
+from schuler.recording.series import ImuSeries
+
+#: Fewest poses in which g-sensitivity is looked for.
+FEWEST_FOR_FORCE = 12
+
+
+@dataclass(frozen=True, eq=False)
+class RestBias:
+    """Bias at rest, in units of the log.
+
+    Attributes
+    ----------
+    value, sigma : ndarray, shape (3,)
+    seconds : float
+        Time it was taken over. [s]
+    by_force : bool
+        Whether the g-sensitivity is estimated with it.
+    scatter : RestScatter
+        Rates at rest, fitted with a constant, and with specific force if ``by_force``.
+    causes : tuple of RestCause
+        What the rates at rest follow, the likeliest first.
+    """
+
+    value: FloatArray
+    sigma: FloatArray
+    seconds: float
+    by_force: bool
+    scatter: RestScatter
+    causes: tuple[RestCause, ...]
+
+
+def bias_at_rest(
+    rates: ImuSeries, rests: Rests, f: FloatArray, initial_rest_s: float | None, g_sensitivity: bool | None
+) -> RestBias:
+    """Bias of the gyroscopes from the rates at rest, with the scatter between rests in its sigma.
+
+    Parameters
+    ----------
+    rates : ImuSeries
+    rests : Rests
+    f : ndarray, shape (n, 3)
+        Calibrated specific force in them. [m/s^2]
+    initial_rest_s : float or None
+        The bias is the mean of the first seconds; it differs from that of the log by the scatter. None: of all rests.
+    g_sensitivity : bool or None
+        None: if the log proves it.
+
+    Returns
+    -------
+    RestBias
+    """
+    t = 0.5 * (rates.t[rests.index[:, 0]] + rates.t[rests.index[:, 1] - 1])
+    white = rests.density_g / np.sqrt(rests.duration)[:, None]
+    scatter = rest_scatter(t, rests.gyro, white)
+    T = rates.temperature
+    warm = None if T is None else np.array([T[a:b].mean() for a, b in rests.index])
+    causes = tuple(rest_causes(t, rests.gyro, white, scatter, f=f, temperature=warm))
+    by_force = bool(g_sensitivity)
+    if g_sensitivity is None and len(rests) >= FEWEST_FOR_FORCE:
+        by_force = any(cause.name == "g-sensitivity" and cause.decisive for cause in causes)
+    constant = scatter
+    if by_force and len(rests) > 4:
+        scatter = rest_scatter(t, rests.gyro, white, np.column_stack((np.ones(len(t)), f)))
+    if initial_rest_s is None:
+        sigma = np.sqrt(constant.covariance[:, 0, 0])
+        return RestBias(constant.values[0], sigma, float(rests.duration.sum()), by_force, scatter, causes)
+    n = int(np.searchsorted(rates.t, rates.t[0] + initial_rest_s))
+    sigma = np.hypot(rests.density_g / np.sqrt(n * rates.interval), constant.sigma)
+    return RestBias(rates.gyro[:n].mean(axis=0), sigma, n * rates.interval, by_force, scatter, causes)

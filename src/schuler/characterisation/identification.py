@@ -20,6 +20,7 @@ from schuler.characterisation.records import (
     half_moments,
     longest_run,
     mean_moments,
+    other_limits,
     pooled_curve,
     read_off,
     sampling_rate,
@@ -48,6 +49,9 @@ Progress = Callable[[float], None]
 
 _UNITS = {"Q": "{}*s", "N": "({})/sqrt(Hz)", "B": "{}", "K": "({})*sqrt(Hz)", "R": "({})/s"}
 _LEAST = 1000  # samples below which nothing is identified
+_MANY_REPLACED = 0.03  # share of samples from which on outliers replaced are a warning
+_MOST_CLUSTERED = 0.03  # share from which on there is no number where most outliers have a neighbour
+_MOST_REPLACED = 0.15  # and from which on there is none: hidden outliers make what is left 10 % too large and more
 _FIELDS = {
     "Q": "quantisation", "N": "random_walk", "B": "bias_instability", "K": "rate_random_walk", "R": "rate_ramp",
     "sigma_1": "in_run_bias", "tau_1": "in_run_time",
@@ -124,8 +128,7 @@ def identify_noise(
                 longest = max(signals, key=lambda s: len(s.x))
                 clean = clean_spectrum(longest.x, longest.rate_hz)
                 data[axis] = mean_moments(signals, () if clean is None else clean.lines)
-                halves = half_moments(signals, () if clean is None else clean.lines)
-                axes[axis] = _axis_noise(axis, signals, data[axis], halves, clean, findings, method, models)
+                axes[axis] = _axis_noise(axis, signals, data[axis], clean, findings, method, models)
             except NoFitError as error:
                 data.pop(axis, None)
                 fatal = (Finding("no_fit", f"{axis}: {error}", severity="refused"),)
@@ -167,10 +170,29 @@ def _fatal(axis: str, signals: list[AxisSignal], findings: tuple[Finding, ...]) 
     """Findings with which an axis is refused."""
     fatal = tuple(f for f in findings if f.severity == "refused")
     shortest = min(len(s.x) for s in signals)
+    if not fatal and (text := _too_many_replaced(signals)):
+        return (Finding("outliers", f"{axis}: {text}", severity="refused"),)
     if fatal or shortest >= _LEAST:
         return fatal
     text = f"{axis}: {shortest} samples are too few to identify noise; {_LEAST} are needed"
     return (Finding("too_short", text, severity="refused"),)
+
+
+def _too_many_replaced(signals: list[AxisSignal]) -> str:
+    """Why what outliers leave is not enough; empty if it is."""
+    replaced = sum(s.replaced for s in signals)
+    share = replaced / max(sum(np.count_nonzero(np.isfinite(s.x)) for s in signals), 1)
+    if share > _MOST_REPLACED:
+        return (
+            f"{100.0 * share:.2g} % of the samples are outliers, expected {100.0 * _MOST_REPLACED:.0f} % at most: what "
+            "is left is no sensor at rest; look for their cause, or identify without replacing outliers"
+        )
+    if share > _MOST_CLUSTERED and sum(s.clustered for s in signals) > 0.5 * replaced:
+        return (
+            f"{100.0 * share:.2g} % of the samples are outliers, most of them next to one another: disturbances, which "
+            "replacing single samples does not mend; take a part of the log without them, or record again"
+        )
+    return ""
 
 
 def _budget_notes(spec: ImuSpec | None, axes: dict[str, AxisNoise]) -> tuple[str, ...]:
@@ -191,16 +213,18 @@ def _axis_noise(
     axis: str,
     signals: list[AxisSignal],
     data: Moments,
-    halves: tuple[Moments, Moments] | None,
     clean: CleanSpectrum | None,
     findings: tuple[Finding, ...],
     method: Method,
     models: tuple[str, ...] | None,
 ) -> AxisNoise:
     """Noise of one axis: fitted terms, model for simulation, curve with bounds, mean, findings."""
-    selection = select(data, models, "full" if method == "gmwm" else "diagonal", halves=halves)
-    fit = selection.fit
     lines = () if clean is None else clean.lines
+    selection = select(
+        data, models, "full" if method == "gmwm" else "diagonal",
+        halves=half_moments(signals, lines), limits=other_limits(signals, lines),
+    )  # fmt: skip
+    fit = selection.fit
     pooled = pooled_curve(signals)
     pulses = _pulses(signals, pooled, data.dt, findings)
     if pulses is None:
@@ -227,9 +251,16 @@ def _axis_noise(
     remarks += _trends(axis, steady, findings)
     replaced = sum(s.replaced for s in signals)
     if replaced:
-        share = 100.0 * replaced / float(data.lengths.sum())
-        text = f"{axis}: {replaced} outliers ({share:.2g} %) were replaced."
-        remarks.append(Finding("outliers", text, severity="note"))
+        share = replaced / float(data.lengths.sum())
+        text = f"{axis}: {replaced} outliers ({100.0 * share:.2g} %) were replaced"
+        if share > _MANY_REPLACED:
+            text += (
+                ": what is left depends on where outliers begin, and the intervals allow for that; look for their "
+                "cause and record again"
+            )
+            remarks.insert(0, Finding("outliers", text))  # leads: every number rests on it
+        else:
+            remarks.append(Finding("outliers", f"{text}.", severity="note"))
     return AxisNoise(
         axis=axis,
         unit=unit,

@@ -49,24 +49,49 @@ def without_outliers(x: ArrayLike, seed: int = 0) -> tuple[FloatArray, BoolArray
     twice the share of samples replaced. The window is therefore that of the first minimum of the Allan variance: drift
     outweighs beyond it the noise that this raises.
     """
+    return repaired_signals(x, (0.0,), seed)[0]
+
+
+def repaired_signals(x: ArrayLike, offsets: tuple[float, ...], seed: int = 0) -> list[tuple[FloatArray, BoolArray]]:
+    """Signal without its outliers for several limits, to see how what follows moves with them.
+
+    Parameters
+    ----------
+    x, seed
+        As for :func:`without_outliers`.
+    offsets : tuple of float
+        Added to the limit that :func:`without_outliers` takes. [spread]
+
+    Returns
+    -------
+    list of (ndarray, ndarray of bool)
+        Repaired signal and which samples were replaced, for each offset.
+    """
     from scipy.ndimage import median_filter
 
     x = np.asarray(x, dtype=np.float64)
     if x.ndim != 1:
         raise InputError(f"x: expected one signal, got shape {x.shape}")
     present = np.isfinite(x)
-    outlier = np.zeros(len(x), dtype=bool)
+    none = np.zeros(len(x), dtype=bool)
     if not present.any():
-        return x.copy(), outlier
+        return [(x.copy(), none)] * len(offsets)
     # mirrored ends: an outlier that is the last sample is not repeated
     median = median_filter(np.where(present, x, np.median(x[present])), size=_WINDOW, mode="mirror")
     size = np.where(present, np.abs(x - median), 0.0)
+    return [_repaired(x, present, size, offset, seed) for offset in offsets]
+
+
+def _repaired(
+    x: FloatArray, present: BoolArray, size: FloatArray, offset: float, seed: int
+) -> tuple[FloatArray, BoolArray]:
+    outlier = np.zeros(len(x), dtype=bool)
     spread, limit = 0.0, _LIMIT
     for _ in range(3):
         spread = 1.4826 * float(np.median(size[present & ~outlier]))
         if spread == 0.0:
             return x.copy(), np.zeros(len(x), dtype=bool)
-        limit = _limit(size[present], spread)
+        limit = _limit(size[present], spread) + offset
         outlier = size > limit * spread
     repaired = x.copy()
     noise = _noise(int(outlier.sum()), int(present.sum()), limit, np.random.default_rng(seed))

@@ -11,7 +11,7 @@ from schuler.characterisation import moments
 from schuler.characterisation.allan import AllanCurve, allan_deviation
 from schuler.characterisation.fitting import NoFitError
 from schuler.characterisation.moments import Moments
-from schuler.characterisation.outliers import without_outliers
+from schuler.characterisation.outliers import repaired_signals
 from schuler.characterisation.result import Finding
 from schuler.characterisation.spectrum import Line
 from schuler.characterisation.variance import on_grid
@@ -23,6 +23,7 @@ from schuler.sensors.noise import (
 )
 
 _LEAST_OF_HALF = 1000  # samples
+_OTHER_LIMIT = 0.5  # by which the limit for outliers is moved to see what depends on it [spread]
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,10 @@ class AxisSignal:
     rate_hz : float
     replaced : int
         Outliers replaced.
+    clustered : int
+        Those of them next to another one.
+    others : tuple of ndarray, shape (n,)
+        The same with a limit for outliers half a spread lower, and higher; empty where none was replaced.
     temperature : ndarray, shape (n,), or None
         [degC]
     start_s : float
@@ -47,6 +52,8 @@ class AxisSignal:
     replaced: int
     temperature: FloatArray | None = None
     start_s: float = 0.0
+    clustered: int = 0
+    others: tuple[FloatArray, ...] = ()
 
 
 def sampling_rate(imu: ImuSeries) -> float:
@@ -68,11 +75,14 @@ def axis_signal(imu: ImuSeries, k: int, robust: bool) -> AxisSignal:
     if not np.all(np.abs(np.diff(imu.t) * rate_hz - 1.0) < 0.5):
         x = on_grid(imu.t, x, rate_hz)
         temperature = None if temperature is None else on_grid(imu.t, temperature, rate_hz)
-    replaced = 0
-    if robust:
-        x, outlier = without_outliers(x)
-        replaced = int(outlier.sum())
-    return AxisSignal(x, rate_hz, replaced, temperature)
+    if not robust:
+        return AxisSignal(x, rate_hz, 0, temperature)
+    (x, outlier), *others = repaired_signals(x, (0.0, -_OTHER_LIMIT, _OTHER_LIMIT))
+    replaced = int(outlier.sum())
+    beside = np.convolve(outlier, [1, 0, 1], mode="same") > 0
+    moved = tuple(y for y, _ in others) if replaced else ()
+    clustered = int(np.count_nonzero(outlier & beside))
+    return AxisSignal(x, rate_hz, replaced, temperature, clustered=clustered, others=moved)
 
 
 def axis_findings(findings: list[Finding], signal: AxisSignal, number: int, of: int) -> list[Finding]:
@@ -129,6 +139,14 @@ def half_moments(signals: list[AxisSignal], lines: tuple[Line, ...]) -> tuple[Mo
         return mean_moments(parts[0], lines), mean_moments(parts[1], lines)
     except (NoFitError, InputError):
         return None
+
+
+def other_limits(signals: list[AxisSignal], lines: tuple[Line, ...]) -> tuple[Moments, Moments] | None:
+    """Moments with lower and higher limits for outliers; None where none was replaced."""
+    if all(not s.others for s in signals):
+        return None
+    parts = [[replace(s, x=s.others[k] if s.others else s.x) for s in signals] for k in (0, 1)]
+    return mean_moments(parts[0], lines), mean_moments(parts[1], lines)
 
 
 def pooled_curve(signals: list[AxisSignal]) -> AllanCurve:

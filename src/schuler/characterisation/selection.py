@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from schuler.characterisation.averaging import Spread, changes, spreads, widened
 from schuler.characterisation.fitting import Fit, NoFitError, Weights, fit, parse_terms
 from schuler.characterisation.moments import Moments
@@ -78,6 +80,7 @@ def select(
     default: tuple[str, ...] = MODELS,
     probes: tuple[str, ...] = _PROBES,
     halves: tuple[Moments, Moments] | None = None,
+    limits: tuple[Moments, Moments] | None = None,
 ) -> Selection:
     """Fit models to moments and keep the best.
 
@@ -91,6 +94,8 @@ def select(
         Tried where no models are given, with what the shortest averaging times ask for; and those of them that tell.
     halves : (Moments, Moments), optional
         Of the halves of the log, to see what changes in it.
+    limits : (Moments, Moments), optional
+        Of the log with a lower and a higher limit for the outliers replaced, to see what depends on it.
 
     Returns
     -------
@@ -117,24 +122,31 @@ def select(
     kept, left_out = fits[order[0]], len(data.m) - len(part.m)
     others = [(result, left_out) for result in fits.values()]
     others += _other_cuts(data, part, tried if listed else probes, weights, departure, listed)
-    change = {} if halves is None else _changes(kept, halves, int(part.m[0]), weights, departure)
-    spread = widened(kept, spreads(kept, others, left_out), change)
+    shortest = int(part.m[0])
+    change: dict[str, float] = {}
+    spread = spreads(kept, others, left_out)
+    if halves is not None and (fitted := _refitted(kept, halves, shortest, weights, departure)) is not None:
+        change = changes(kept, fitted)
+        spread = widened(kept, spread, change)
+    if limits is not None and (fitted := _refitted(kept, limits, shortest, weights, departure)) is not None:
+        moved = np.log(fitted[1].values / fitted[0].values)
+        spread = widened(kept, spread, {n: float(by) for n, by in zip(kept.names, moved, strict=True)})
     return Selection(kept, candidates, int(part.m[0]), departure, _passes(kept), spread, change)
 
 
-def _changes(
-    kept: Fit, halves: tuple[Moments, Moments], shortest: int, weights: Weights, departure: float
-) -> dict[str, float]:
-    """Terms of the model kept that differ between the halves; none where a half does not show all of them."""
+def _refitted(
+    kept: Fit, pair: tuple[Moments, Moments], shortest: int, weights: Weights, departure: float
+) -> tuple[Fit, Fit] | None:
+    """The model kept, fitted to both of a pair; None where one of them does not show all of its terms."""
     fits = []
-    for half in halves:
-        keep = half.m >= shortest
-        part = Moments(half.m[keep], half.variance[keep], half.dt, half.lengths)
+    for data in pair:
+        keep = data.m >= shortest
+        part = Moments(data.m[keep], data.variance[keep], data.dt, data.lengths)
         try:
             fits.append(fit(part, kept.terms, weights, departure, kept))
         except NoFitError:
-            return {}
-    return changes(kept, (fits[0], fits[1]))
+            return None
+    return fits[0], fits[1]
 
 
 def _other_cuts(

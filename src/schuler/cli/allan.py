@@ -170,7 +170,8 @@ def _axis(axis: AxisNoise) -> dict[str, Any]:
     terms["GM"] = [{"sigma": _estimate(sigma), "tau": _estimate(tau)} for sigma, tau in axis.gauss_markov]
     return {
         "tau_s": c.tau, "adev": c.deviation, "adev_low": c.low, "adev_high": c.high, "adev_model": axis.fitted(c.tau),
-        "terms": terms, "limits": axis.limits, "warnings": [f.text for f in axis.findings if f.severity != "note"], "refused": False,
+        "terms": terms, "limits": axis.limits, "refused": False,
+        "warnings": [f.text for f in axis.findings if f.severity != "note"],
         "unit": axis.unit, "mean": _estimate(axis.mean), "read_off": axis.read_off,
         "candidates": [asdict(candidate) for candidate in axis.candidates],
         "findings": [asdict(f) for f in axis.findings],

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from schuler.cli.output import File, Flag, say
-from schuler.cli.reading import LogHints, recording_section
+from schuler.cli.reading import LogHints, cut, foot_log, recording_section
 from schuler.exceptions import InputError
+
+if TYPE_CHECKING:
+    from schuler.diagnosis.result import Diagnosis
 
 _HINTS = LogHints()
 
@@ -38,7 +42,6 @@ def check(
     json
         Print one JSON object instead of text.
     """
-    from schuler.diagnosis import diagnose_log
     from schuler.recording.formats import registry
 
     given, parts = hints.given, recording_section(hints.config)
@@ -62,8 +65,22 @@ def check(
         parts = {**parts, **given}
     else:
         parts = given
-    diagnosis = diagnose_log(log, **parts)
+    diagnosis = _diagnosed(log, parts, hints)
     print(diagnosis.to_json() if json else diagnosis.summary(command=not log.is_dir()))
     if report is not None:
         say(str(diagnosis.report(report)))
     return 0 if diagnosis.ok else 2
+
+
+def _diagnosed(log: Path, parts: dict[str, Any], hints: LogHints) -> Diagnosis:
+    """Diagnosis of a log, or of the part of it that was asked for."""
+    from schuler.diagnosis import diagnose, diagnose_log
+    from schuler.diagnosis.log import read_leniently
+
+    walk = foot_log(log, parts)
+    if walk is None and hints.start is None and hints.stop is None:
+        return diagnose_log(log, **parts)
+    recording, alone, findings = (walk, None, []) if walk is not None else read_leniently(log, **parts)
+    if recording is None or alone is not None:
+        return diagnose_log(log, **parts)  # says why it cannot be read as one, of which there is no part
+    return diagnose(cut(recording, hints.start, hints.stop), findings=tuple(findings))

@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler import units
 from schuler.cli.output import Flag, print_json, say
-from schuler.cli.reading import LogHints, read_log
+from schuler.cli.reading import LogHints, cut, read_log
 from schuler.gnss.signals import satellite_name
 from schuler.recording.recording import TIMED, Recording
 
@@ -34,7 +34,7 @@ def convert(log: Path, out: Path, /, *, to: str | None = None, json: Flag = Fals
     from schuler.recording.io import write
     from schuler.recording.io.dispatch import left_out
 
-    recording = read_log(log, hints.config, **hints.given)
+    recording = cut(read_log(log, hints.config, **hints.given), hints.start, hints.stop)
     written = write(recording, out, format=to)
     missing = left_out(recording, out, to)
     if json:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from schuler import units
 from schuler.cli.output import Flag, Folder, named, print_json, print_verdict, progress, say
-from schuler.cli.reading import Reading
+from schuler.cli.reading import Reading, is_trial
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
 
@@ -96,24 +96,13 @@ def foot(
 def read_foot_log(log: Path, reading: Reading) -> tuple[Recording, dict[str, Any] | None]:
     """The recording, and the stored labels if it is a PyShoe trial."""
     from schuler.cli.reading import cut
-    from schuler.recording.formats.openshoe import read_microstrain_text, read_openshoe_mat
-    from schuler.recording.formats.pyshoe import is_pyshoe, read_pyshoe
+    from schuler.recording.formats.pyshoe import read_pyshoe
 
-    if not log.exists():
-        raise InputError(f"{log}: no such file or folder")
-    hints = {k: v for k, v in asdict(reading).items() if v is not None}
-    plain = not hints.keys() - {"config", "rate", "variable", "start", "stop"}
-    if log.suffix.lower() == ".mat" and plain:
-        if is_pyshoe(log):
-            trial = read_pyshoe(log)
-            complete = reading.start is None and reading.stop is None
-            return cut(trial.recording, reading.start, reading.stop), trial.labels if complete else None
-        if reading.rate is not None:
-            recording = read_openshoe_mat(log, rate_hz=reading.rate, variable=reading.variable or "u")
-            return cut(recording, reading.start, reading.stop), None
-    if (log / "data_inert.txt").is_file() or log.name == "data_inert.txt":
-        return cut(read_microstrain_text(log, rate_hz=reading.rate or 250.0), reading.start, reading.stop), None
-    return reading.read(log), None
+    if not is_trial(log, reading.given):
+        return reading.read(log), None
+    trial = read_pyshoe(log)
+    complete = reading.start is None and reading.stop is None
+    return cut(trial.recording, reading.start, reading.stop), trial.labels if complete else None
 
 
 def walk_numbers(result: FootResult, errors: WalkErrors | None) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from schuler.cli.convert import described
 from schuler.cli.output import Flag, print_json
-from schuler.cli.reading import LogHints, read_log
+from schuler.cli.reading import LogHints, cut, read_log
 from schuler.exceptions import InputError, SchulerError
 from schuler.recording.io.streams import Stream, table
 
@@ -38,7 +38,7 @@ def info(log: Path | None = None, /, *, formats: Flag = False, json: Flag = Fals
     listed = streams_in(log, hints.format)
     if listed is None:
         try:
-            recording = read_log(log, hints.config, **hints.given)
+            recording = cut(read_log(log, hints.config, **hints.given), hints.start, hints.stop)
         except SchulerError:
             from schuler.diagnosis.log import not_a_log
 
@@ -52,7 +52,7 @@ def info(log: Path | None = None, /, *, formats: Flag = False, json: Flag = Fals
         return
     content: dict[str, Any] = {}
     try:
-        recording = read_log(log, hints.config, **hints.given)
+        recording = cut(read_log(log, hints.config, **hints.given), hints.start, hints.stop)
     except SchulerError as error:
         if not listed:
             raise

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
 from schuler.cli.output import Dashed, Flag, say
 from schuler.exceptions import InputError
 from schuler.files import read_toml
-from schuler.recording.recording import Recording
+from schuler.recording.recording import TIMED, Recording
+from schuler.recording.series import ImuSeries
+from schuler.recording.trajectory import Trajectory
 
 
 @Parameter(name="*")
@@ -74,7 +77,24 @@ class Hints:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class LogHints(Hints):
+class PartHints(Hints):
+    """How a log is read, and what part of it.
+
+    Parameters
+    ----------
+    start
+        Leave out what is before this second of each log.
+    stop
+        Leave out what is after this second of each log.
+    """
+
+    start: Annotated[float | None, Parameter(name="--from")] = None
+    stop: Annotated[float | None, Parameter(name="--to")] = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class LogHints(PartHints):
     """What a log of any kind does not say of itself.
 
     Parameters
@@ -103,19 +123,8 @@ class LogHints(Hints):
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Reading(Hints):
-    """How logs are read, and what part of them.
-
-    Parameters
-    ----------
-    start
-        Leave out what is before this second of each log.
-    stop
-        Leave out what is after this second of each log.
-    """
-
-    start: Annotated[float | None, Parameter(name="--from")] = None
-    stop: Annotated[float | None, Parameter(name="--to")] = None
+class Reading(PartHints):
+    """How logs are read, and what part of them."""
 
     def read(self, log: Path, *, uncalibrated: bool = False) -> Recording:
         """The log, cut as asked for; the norm of an uncalibrated sensor's specific force is not checked in a file."""
@@ -159,16 +168,34 @@ class Checking:
 
 
 def cut(recording: Recording, start: float | None, stop: float | None) -> Recording:
-    """The recording's IMU series between two times from its start. [s]"""
-    imu = recording.need_imu()
+    """The recording between two times from the start of its IMU, or of what there is without one. [s]"""
     if start is None and stop is None:
         return recording
-    first, last = 0.0 if start is None else start, float(imu.t[-1] - imu.t[0]) if stop is None else stop
+    timed = {name: series for name in TIMED if (series := getattr(recording, name)) is not None}
+    if recording.imu is not None:
+        begin, end = float(recording.imu.t[0]), float(recording.imu.t[-1])
+    else:
+        begin, end = recording.start, recording.stop
+    first, last = 0.0 if start is None else start, end - begin if stop is None else stop
     if not 0.0 <= first < last:
         raise InputError(f"--from and --to: expected 0 <= FROM < TO in seconds, got {first:g} and {last:g}")
-    part = imu.between(float(imu.t[0]) + first, float(imu.t[0]) + last)
     note = f"Only {first:g} to {last:g} s of {recording.metadata.name} were used, as asked for."
-    return replace(recording, imu=part, metadata=recording.metadata.noting(note))
+    parts = {name: _between(series, begin + first, begin + last) for name, series in timed.items()}
+    return replace(recording, **parts, metadata=recording.metadata.noting(note))
+
+
+def _between(series: Any, start: float, stop: float) -> Any:
+    """The samples of a series between two times; of a reference, which is interpolated, one more on either side."""
+    if isinstance(series, ImuSeries):
+        return series.between(start, stop)
+    if isinstance(series, Trajectory):
+        first, last = np.searchsorted(series.t, start, side="right") - 1, np.searchsorted(series.t, stop)
+        return series.samples(np.arange(max(first, 0), min(last + 1, len(series.t))))
+    keep = (series.t >= start) & (series.t <= stop)
+    columns = {f.name: getattr(series, f.name) for f in fields(series)}
+    return replace(
+        series, **{n: v[keep] for n, v in columns.items() if isinstance(v, np.ndarray) and len(v) == len(keep)}
+    )
 
 
 def read_log(log: Path, config: Path | None, **hints: Any) -> Recording:
@@ -179,6 +206,8 @@ def read_log(log: Path, config: Path | None, **hints: Any) -> Recording:
     parts = recording_section(config)
     if not log.exists():
         raise InputError(f"{log}: no such file or folder")
+    if (walk := foot_log(log, given)) is not None:
+        return walk
     if log.is_dir():
         from schuler.recording.formats import registry
 
@@ -190,6 +219,27 @@ def read_log(log: Path, config: Path | None, **hints: Any) -> Recording:
     if parts and not all(isinstance(v, dict) for v in parts.values()):
         given = {**parts, **given}
     return read(log, **given)
+
+
+def is_trial(log: Path, given: dict[str, Any]) -> bool:
+    """Whether a log is a PyShoe trial and no option describes it as something else."""
+    from schuler.recording.formats.pyshoe import is_pyshoe
+
+    return log.suffix.lower() == ".mat" and not given.keys() - {"variable"} and is_pyshoe(log)
+
+
+def foot_log(log: Path, given: dict[str, Any]) -> Recording | None:
+    """A log in a form that only data sets of walks have: a PyShoe trial or an OpenShoe log; None of others."""
+    from schuler.recording.formats.openshoe import read_microstrain_text, read_openshoe_mat
+    from schuler.recording.formats.pyshoe import read_pyshoe
+
+    if is_trial(log, given):
+        return read_pyshoe(log).recording
+    if log.suffix.lower() == ".mat" and "rate" in given and not given.keys() - {"rate", "variable"}:
+        return read_openshoe_mat(log, rate_hz=given["rate"], variable=given.get("variable", "u"))
+    if (log / "data_inert.txt").is_file() or log.name == "data_inert.txt":
+        return read_microstrain_text(log, rate_hz=given.get("rate", 250.0))
+    return None
 
 
 def recording_section(config: Path | None) -> dict[str, Any]:

@@ -194,7 +194,8 @@ class NavigationResult:
         else:
             C = frames.C_en(self.states.llh)
             variance = np.einsum("kji,kjl,kli->ki", C, self.covariance_e[:, part, part], C)
-        return np.sqrt(variance)
+        with np.errstate(invalid="ignore"):  # of a covariance that broke down; the verdict says so
+            return np.sqrt(variance)
 
     def parameter(self, block: str) -> FloatArray:
         """Estimates of a parameter block at the records. Shape (k, block size)."""

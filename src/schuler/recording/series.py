@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from schuler import frames
-from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
+from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
 from schuler.timebase import SAME_TIME, check_times
 from schuler.units import G0
@@ -25,6 +25,8 @@ Kind = Literal["rate", "increment"]
 #: GNSS solution quality, RTKLIB's numbers.
 QUALITY = {1: "fixed", 2: "float", 3: "sbas", 4: "dgps", 5: "single", 6: "ppp", 7: "dead reckoning"}
 _SINGLE = 5  # of QUALITY
+_NEAR = 1e-6  # far above rounding [-]
+_BLOCK = 8192  # rows whose temporaries stay in the cache
 
 
 @dataclass(frozen=True)
@@ -295,6 +297,8 @@ class OdometerSeries:
         n = len(self.t)
         object.__setattr__(self, "speed", as_floats(self.speed, "OdometerSeries.speed", (n,)))
         object.__setattr__(self, "sigma", as_floats(self.sigma, "OdometerSeries.sigma", (n,)))
+        if np.any(self.sigma < 0.0):
+            raise InputError(f"OdometerSeries.sigma: expected no negative values, got {self.sigma.min()}")
 
     def __len__(self) -> int:
         return len(self.t)
@@ -322,7 +326,46 @@ def _covariances(value: ArrayLike, name: str, n: int) -> FloatArray:
             f"{name}: expected positive variances, got {np.einsum('nii->ni', C).min()}; a receiver that reports no "
             "accuracy needs one given (option sigma)"
         )
+    doubtful = np.flatnonzero(~positive_definite(C))
+    if len(doubtful):
+        values = np.linalg.eigvalsh(C[doubtful])
+        bad = np.flatnonzero(values[:, 0] < -_NEAR * values[:, 2])
+        if len(bad):
+            raise InputError(
+                f"{name}: expected positive semidefinite matrices, got an eigenvalue {values[bad[0], 0]:.3g} first at "
+                f"index {doubtful[bad[0]]}: a correlation is beyond +-1; leave the cross terms out (zero)"
+            )
     return C
+
+
+def positive_definite(cov: FloatArray) -> BoolArray:
+    """Whether symmetric matrices of positive variances are positive definite, by their smallest eigenvalue.
+
+    Parameters
+    ----------
+    cov : ndarray, shape (n, 3, 3)
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+
+    Notes
+    -----
+    Eigenvalues are computed only where a correlation, or the determinant of the correlations, comes near to its limit.
+    """
+    safe = np.empty(len(cov), dtype=np.bool_)
+    for start in range(0, len(cov), _BLOCK):
+        block = cov[start : start + _BLOCK]
+        a, b, c = (block[:, k, k] for k in range(3))
+        ab, ac, bc = block[:, 0, 1], block[:, 0, 2], block[:, 1, 2]
+        # squares of correlations; their determinant is 1 + 2 r_ab r_ac r_bc - the sum of the squares
+        with np.errstate(all="ignore"):  # what is not a number is not safe
+            squares = ab * ab / (a * b), ac * ac / (a * c), bc * bc / (b * c)
+            determinant = 1.0 + 2.0 * ab * ac * bc / (a * b * c) - sum(squares)
+        safe[start : start + _BLOCK] = (determinant > _NEAR) & (np.maximum.reduce(squares) < 1.0 - _NEAR)
+    doubtful = np.flatnonzero(~safe)
+    safe[doubtful] = np.linalg.eigvalsh(cov[doubtful]).min(axis=1) > 0.0
+    return safe
 
 
 @dataclass(frozen=True)

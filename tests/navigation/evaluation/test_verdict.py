@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from schuler.exceptions import InputError
 from schuler.filtering.measurements import ACCEPTED, POSITION
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.evidence import slow_nis
@@ -167,3 +168,54 @@ def test_noise_far_beyond_the_budget_is_noted_and_none_at_its_level(recording):
     assert noise_against_budget(recording.imu, imu_spec(NavigationConfig.checked(config()))) == []
     (note,) = noise_against_budget(recording.imu, imu_spec(NavigationConfig.checked(config(imu=SMALL))))
     assert note.startswith(NOISIER)
+
+
+def with_variance(recording, rows, variance):
+    cov = recording.gnss.cov_r_n.copy()
+    cov[rows] = variance * np.eye(3)
+    return replace(recording, gnss=replace(recording.gnss, cov_r_n=cov))
+
+
+@pytest.mark.parametrize("variance", [1e8, 1.8e13, 1e30])
+def test_fixes_that_state_no_accuracy_are_left_out(recording, variance):
+    """2**32 mm is what receivers write for a position they do not have. Rounding of the record's ends only."""
+    n = len(recording.gnss)
+    rows = np.arange(n) % 3 == 1
+    run = navigate(with_variance(recording, rows, variance), config())
+    without = navigate(replace(recording, gnss=recording.gnss.where(~rows)), config())
+    assert any(f"{rows.sum()} GNSS fixes left out that state a horizontal 1-sigma above 1000 m" in s for s in run.notes)
+    np.testing.assert_array_equal(run.trajectory.r_eb_e, without.trajectory.r_eb_e)
+    with pytest.raises(InputError, match="all GNSS fixes state a horizontal 1-sigma above 1000 m, at least "):
+        navigate(with_variance(recording, slice(None), variance), config())
+
+
+def test_a_height_and_a_velocity_of_unknown_accuracy_are_bounded(recording):
+    cov_r, cov_v = recording.gnss.cov_r_n.copy(), np.tile(1e20 * np.eye(3), (len(recording.gnss), 1, 1))
+    cov_r[:, 2, 2] = 1.8e13
+    gnss = replace(recording.gnss, cov_r_n=cov_r, cov_v_n=cov_v)
+    run = navigate(replace(recording, gnss=gnss), config())
+    assert any("1-sigma of height was larger than 10000 m" in s for s in run.notes)
+    assert any("1-sigma of velocity was larger than 1000 m/s" in s for s in run.notes)
+    assert run.verdict.status != "failed"
+    assert np.linalg.eigvalsh(run.covariance_e).min() > 0.0
+
+
+@pytest.mark.parametrize("value", [-0.5, np.nan])
+def test_a_square_that_is_negative_or_no_number_fails_the_run(recording, value):
+    run = navigate(recording, config())
+    assert run.verdict.status == "ok"
+    inn = run.innovations
+    nis = np.where(np.arange(len(inn)) == np.flatnonzero(inn.status == ACCEPTED)[5], value, inn.nis)
+    broken = replace(run, innovations=replace(inn, nis=nis))
+    assert broken.verdict.status == "failed"
+    assert "the normalised square of 1 innovations is negative or no number" in broken.verdict.reasons[0]
+
+
+def test_a_covariance_that_is_not_positive_fails_the_run(recording):
+    run = navigate(recording, config())
+    cov = run.covariance_e.copy()
+    half = len(cov) // 2
+    cov[half:, 0, 1] = cov[half:, 1, 0] = 1.5 * np.sqrt(cov[half:, 0, 0] * cov[half:, 1, 1])
+    broken = replace(run, covariance_e=cov)
+    assert broken.verdict.status == "failed"
+    assert "covariances are not positive at" in broken.verdict.reasons[0]

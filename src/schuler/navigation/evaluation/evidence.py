@@ -45,6 +45,8 @@ _HALVES = (6.0, 12.0, 20.0)  # difference of two estimates of one parameter, in 
 BUDGET = (5.0, 10.0)  # an estimate beyond so many of its sigmas stated beforehand
 _IMPOSSIBLE = {"b_a": 1.0, "b_g": 0.1}  # biases that no unit has whose budget does not say so [m/s^2], [rad/s]
 _HEADING_DEG = 25.0  # 1-sigma of the attitude beyond which errors are not small angles
+_LOOKED_AT = 400  # covariances whose eigenvalues are computed, evenly over the run
+_ROUNDING = 1e-6  # negative eigenvalue of a correlation matrix that rounding may make [-]
 LEAST = 10  # fewer tested measurements of a kind convict nobody
 #: Blocks whose models hold for the length of a run; clocks and pressure wander as they please.
 _STEADY = ("b_a", "b_g", "S_a", "S_g", "M_a", "M_a6", "M_g", "G_g", "mount", "lever", "lever_v", "odometer", "delay")
@@ -66,7 +68,9 @@ def evidence(result: NavigationResult) -> list[Finding]:
     ----------
     result : NavigationResult
     """
-    findings = [*_numbers(result), *_rejections(result), *_sizes(result), *_pauses(result), *_budgets(result)]
+    if broken := [*_numbers(result)]:
+        return broken
+    findings = [*_rejections(result), *_sizes(result), *_pauses(result), *_budgets(result)]
     findings += [*_halves(result), *_attitude(result)]
     findings += [Finding(0, note, "noise") for note in result.notes if note.startswith(NOISIER)]
     findings += [Finding(0, note, "adapted") for note in result.notes if note.startswith(LARGER)]
@@ -95,6 +99,24 @@ def _numbers(result: NavigationResult) -> Iterator[Finding]:
     bad = int(np.sum(~np.all(variances >= 0.0, axis=1)))
     if bad:
         yield Finding(1, f"variances are negative or unknown at {bad} of {len(result.t)} records", "numbers")
+    elif some := _indefinite(result.covariance_e):
+        yield Finding(1, f"covariances are not positive at {some[0]} of {some[1]} records looked at", "numbers")
+    inn = result.innovations
+    tested = np.isin(inn.status, (ACCEPTED, REJECTED, FORCED))
+    wrong = tested & ~(inn.nis >= 0.0)
+    if wrong.any():
+        text = f"the normalised square of {int(wrong.sum())} innovations is negative or no number, the first at "
+        yield Finding(1, f"{text}{inn.t[wrong][0]:.1f} s: the covariance broke down", "numbers")
+
+
+def _indefinite(cov: FloatArray) -> tuple[int, int] | None:
+    """How many of at most so many covariances have a negative eigenvalue beyond rounding; None if none has."""
+    some = cov[np.unique(np.linspace(0, len(cov) - 1, min(len(cov), _LOOKED_AT)).astype(np.int64))]
+    sigma = np.sqrt(np.einsum("kii->ki", some))
+    scale = np.where(sigma > 0.0, sigma, 1.0)
+    values = np.linalg.eigvalsh(some / scale[:, :, None] / scale[:, None, :])
+    bad = int(np.sum(values[:, 0] < -_ROUNDING))
+    return (bad, len(some)) if bad else None
 
 
 def _rejections(result: NavigationResult) -> Iterator[Finding]:

@@ -24,6 +24,9 @@ from schuler.recording.series import GnssSeries, ImuSeries
 MISSING = 1.5
 #: A longer step of the stamps is a pause. [sample intervals]
 PAUSE = 2.5
+_NO_POSITION = 1e3  # horizontal 1-sigma beyond which a fix tells no position [m]
+_LARGEST_HEIGHT = 1e4  # 1-sigma of a fix's height, of which a receiver may know nothing [m]
+_LARGEST_VELOCITY = 1e3  # [m/s]
 _JITTER = 0.2  # robust spread of the stamps that is noted, share of the sample interval
 
 
@@ -223,6 +226,7 @@ def prepared_gnss(
             present = sorted({int(q) for q in np.asarray(gnss.quality).ravel()})
             raise InputError(f"gnss.quality: no epoch has quality {list(section.quality)}; the log has {present}")
         gnss = gnss.where(keep)
+    gnss = _stating_something(gnss, notes)
     if imu is not None:
         no_overlap(imu, gnss)
     repeated, times = held(gnss)
@@ -251,6 +255,44 @@ def prepared_gnss(
         if gnss.cov_v_n is None
         else floored(gnss.cov_v_n, section.sigma_scale, section.velocity_sigma_floor_m_s, section.velocity_sigma_scale),
     )
+
+
+def _stating_something(gnss: GnssSeries, notes: list[str]) -> GnssSeries:
+    """Fixes that tell a position, and no sigma so large that nothing is left of the covariance's digits beside it.
+
+    Receivers write sigmas such as 2**32 mm for a position that they do not have.
+    """
+    sigma = np.sqrt(np.einsum("nii->ni", gnss.cov_r_n))
+    empty = sigma[:, :2].max(axis=1) > _NO_POSITION
+    if empty.all():
+        raise InputError(
+            f"all GNSS fixes state a horizontal 1-sigma above {_NO_POSITION:g} m, at least {sigma[:, :2].min():.4g}: "
+            "is its unit right? A receiver that reports no accuracy needs one given (option sigma)"
+        )
+    if empty.any():
+        notes.append(
+            f"{int(empty.sum())} GNSS fixes left out that state a horizontal 1-sigma above {_NO_POSITION:g} m, the "
+            f"first at {gnss.t[empty][0]:.3f} s"
+        )
+        gnss = gnss.where(~empty)
+    cov_r_n, high = _bounded(gnss.cov_r_n, _LARGEST_HEIGHT)
+    cov_v_n, fast = (None, 0) if gnss.cov_v_n is None else _bounded(gnss.cov_v_n, _LARGEST_VELOCITY)
+    for count, what, limit in (
+        (high, "height", f"{_LARGEST_HEIGHT:g} m"),
+        (fast, "velocity", f"{_LARGEST_VELOCITY:g} m/s"),
+    ):
+        if count:
+            notes.append(f"at {count} GNSS fixes the 1-sigma of {what} was larger than {limit}, and is taken as that")
+    return replace(gnss, cov_r_n=cov_r_n, cov_v_n=cov_v_n) if high or fast else gnss
+
+
+def _bounded(cov: FloatArray, limit: float) -> tuple[FloatArray, int]:
+    """Covariances whose axes are shrunk to a largest 1-sigma, correlations kept; and how many were."""
+    sigma = np.sqrt(np.einsum("nii->ni", cov))
+    shrink = np.minimum(1.0, limit / sigma)
+    count = int(np.sum(np.any(shrink < 1.0, axis=1)))
+    bounded: FloatArray = cov * shrink[:, :, None] * shrink[:, None, :] if count else cov
+    return bounded, count
 
 
 def floored(

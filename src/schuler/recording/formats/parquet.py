@@ -103,8 +103,7 @@ def _parts(path: Path, file: Any, document: Mapping[str, Any]) -> dict[str, Any]
     satellites: dict[str, Columns] = {}
     for group, (name, entry) in enumerate(entries.items()):
         flat = _row_group(path, file, group, name)
-        if own.rows(flat) != entry.get("rows"):
-            raise FileFormatError(f"expected {entry.get('rows')} rows of {name}, got {own.rows(flat)}", path)
+        own.check_rows(name, entry, own.rows(flat), path)
         if name in own_satellites.TABLES:
             satellites[name] = flat
             continue

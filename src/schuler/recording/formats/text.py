@@ -302,6 +302,8 @@ def _read_own(opening: Opening, hints: ReadHints, document: dict[str, Any], *, a
     if not isinstance(name, str) or name not in series:
         raise FileFormatError("the line that describes this file is damaged; write it anew", path)
     tables = {name: _load_satellites(opening, name)} if name in own_satellites.TABLES else {}
+    if tables:
+        own.check_rows(name, series[name], own.rows(tables[name]), path)
     parts = own.satellite_parts(tables, document, path, alone=alone)
     if tables:
         recording = Recording(**parts, metadata=metadata)
@@ -309,6 +311,7 @@ def _read_own(opening: Opening, hints: ReadHints, document: dict[str, Any], *, a
         kind = str(series[name].get("kind", "rate"))
         inner = ReadHints.of(kind=kind, series=name)
         raw = _load(opening, inner)
+        own.check_rows(name, series[name], own.rows(raw.values), path)
         raw.ellipsoidal = True
         recording = replace(recording_from(raw, inner, trusted=True, time=metadata.time), **parts)
     if hints.name:

@@ -8,7 +8,7 @@ from types import ModuleType
 from typing import Any
 
 from schuler.exceptions import InputError
-from schuler.recording.io import columns, lines
+from schuler.recording.io import checks, columns, lines
 from schuler.recording.io.gnss_table import reference_from_gnss
 from schuler.recording.io.hint_texts import SATELLITES, SERIES
 from schuler.recording.io.hints import ReadHints
@@ -92,7 +92,7 @@ def _folder_format(path: Path, hints: ReadHints | None, name: str | None) -> Mod
 
 def read_one(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int] | None = None) -> Recording:
     """Read one file, see :func:`read`; ``glonass_channels`` by satellite for RINEX observations without them."""
-    recording = _read_file(path, hints, glonass_channels)
+    recording = checks.check_possible(_read_file(path, hints, glonass_channels), path, hints.allows)
     if hints.series == "reference" and recording.reference is None and recording.gnss is not None:
         recording = reference_from_gnss(recording)
     if hints.series is not None and getattr(recording, hints.series) is None:

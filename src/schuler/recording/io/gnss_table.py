@@ -7,18 +7,17 @@ from dataclasses import replace
 import numpy as np
 
 from schuler import frames, rotation, units
-from schuler.arrays import BoolArray, FloatArray, IntArray
+from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.recording.io import columns
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import Raw
 from schuler.recording.recording import Recording
-from schuler.recording.series import QUALITY, GnssSeries
+from schuler.recording.series import QUALITY, GnssSeries, positive_definite
 from schuler.recording.trajectory import Trajectory
 
 _BLOCK = 8192  # rows whose temporaries stay in the cache
 _MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
-_NEAR = 1e-6  # far above rounding [-]
 
 
 def gnss_series(raw: Raw, hints: ReadHints, t: FloatArray) -> GnssSeries:
@@ -118,7 +117,7 @@ def _covariance(raw: Raw, hints: ReadHints, names: tuple[str, ...], cross: tuple
     if raw.has(cross):
         for name, (i, j) in zip(cross, ((0, 1), (0, 2), (1, 2)), strict=True):
             cov[:, i, j] = cov[:, j, i] = raw.values[name]
-        definite = _definite(cov)
+        definite = positive_definite(cov)
         if not definite.all():
             cov[~definite] *= np.eye(3)
             raw.notes.append(
@@ -126,26 +125,6 @@ def _covariance(raw: Raw, hints: ReadHints, names: tuple[str, ...], cross: tuple
                 "its cross terms were dropped."
             )
     return cov
-
-
-def _definite(cov: FloatArray) -> BoolArray:
-    """Whether symmetric matrices of positive variances are positive definite, by their smallest eigenvalue.
-
-    Eigenvalues are computed only where a correlation, or the determinant of the correlations, comes near to its limit.
-    """
-    safe = np.empty(len(cov), dtype=np.bool_)
-    for start in range(0, len(cov), _BLOCK):
-        block = cov[start : start + _BLOCK]
-        a, b, c = (block[:, k, k] for k in range(3))
-        ab, ac, bc = block[:, 0, 1], block[:, 0, 2], block[:, 1, 2]
-        # squares of correlations; their determinant is 1 + 2 r_ab r_ac r_bc - the sum of the squares
-        with np.errstate(all="ignore"):  # what is not a number is not safe
-            squares = ab * ab / (a * b), ac * ac / (a * c), bc * bc / (b * c)
-            determinant = 1.0 + 2.0 * ab * ac * bc / (a * b * c) - sum(squares)
-        safe[start : start + _BLOCK] = (determinant > _NEAR) & (np.maximum.reduce(squares) < 1.0 - _NEAR)
-    doubtful = np.flatnonzero(~safe)
-    safe[doubtful] = np.linalg.eigvalsh(cov[doubtful]).min(axis=1) > 0.0
-    return safe
 
 
 def _integers(raw: Raw, name: str) -> IntArray | None:

@@ -16,7 +16,7 @@ from schuler.recording.io.columns import GROUP, GROUP_QUANTITY, INCREMENT_QUANTI
 #: Checks and demands a user may lift by name, with what happens then.
 ALLOWANCES = {
     "norm": "specific force at rest that is not gravity",
-    "magnitude": "rates above 100 rad/s and specific forces above 200 g",
+    "magnitude": "rates above 100 rad/s, specific forces above 200 g, and what else no vehicle and no clock has",
     "truncated": "a last line that was cut off is left out",
     "no-gyro": "an IMU log without a gyro; its rates are zero",
     "no-accel": "an IMU log without an accelerometer; its specific forces are zero",

@@ -272,10 +272,35 @@ def refuse_hints(hints: ReadHints, path: Path) -> None:
     Raises
     ------
     InputError
-        If any hint but ``name`` and ``series`` is given.
+        If any hint but ``name``, ``series`` and ``allow`` is given.
     """
-    if surplus := sorted(set(hints.given()) - {"name", "series"}):
+    if surplus := sorted(set(hints.given()) - {"name", "series", "allow"}):
         raise InputError(f"{path} was written by schuler and needs no hints; leave out {', '.join(surplus)}")
+
+
+def check_rows(name: str, entry: Mapping[str, Any], came: int, path: Path) -> None:
+    """Refuse a table that does not have the rows that its document states.
+
+    Parameters
+    ----------
+    name : str
+        The series.
+    entry : mapping
+        Of the document's ``series``.
+    came : int
+        Rows read.
+    path : Path
+
+    Raises
+    ------
+    FileFormatError
+        If rows are missing or too many.
+    """
+    if entry.get("rows") != came:
+        raise FileFormatError(
+            f"expected {entry.get('rows')} rows of {name}, got {came}: the file was cut off or edited; write it anew",
+            path,
+        )
 
 
 def check_format(name: object, expected: str, path: Path, package: object = None) -> None:

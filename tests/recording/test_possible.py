@@ -1,0 +1,121 @@
+"""Numbers that no vehicle, sensor and clock has are refused with their row, in all formats; stated rows are counted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from schuler.cli import main
+from schuler.exceptions import FileFormatError, InputError
+from schuler.recording import Recording
+from schuler.recording.io import read, write
+from schuler.recording.series import GnssSeries
+
+ROW = 7
+
+
+def spoilt(values, row, value):
+    """Copy with the last number of a row changed."""
+    out = np.array(values)
+    out.reshape(len(out), -1)[row, -1] = value
+    return out
+
+
+def beyond(recording, series, field, value):
+    part = getattr(recording, series)
+    return replace(recording, **{series: replace(part, **{field: spoilt(getattr(part, field), ROW, value)})})
+
+
+CASES = {
+    "a lost decimal point": ("imu", "accel", -9.8e15, r"row 8 of imu \(.*specific force is -9.8e\+15 m/s\^2"),
+    "a force": ("imu", "accel", 2500.0, "specific force is 2500 m/s"),
+    "a rate": ("imu", "gyro", -150.0, r"angular rate is -150 rad/s, expected up to 100"),
+    "a temperature": ("imu", "temperature", -300.0, "temperature is -300 degC"),
+    "a height": ("gnss", "llh", 1e9, r"row 8 of gnss .*the height is 1e\+09 m, expected -1.2e\+04 to 1e\+08"),
+    "a velocity": ("gnss", "v_n", 8e16, r"velocity is 8e\+16 m/s"),
+    "a wheel speed": ("odometer", "speed", 1e5, "speed is 100000 m/s, expected up to 1000"),
+    "a radius": ("reference", "r_eb_e", 1e24, r"distance from the Earth's centre is 1e\+24 m"),
+    "a speed": ("reference", "v_eb_e", 1.3e4, "velocity is 13000 m/s, expected up to 1.2e.04"),
+    "a sigma of height": ("height", "sigma", 1e21, r"1-sigma is 1e\+21 m"),
+}
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+@pytest.mark.parametrize("case", CASES)
+def test_an_impossible_number_is_refused_with_its_row_unless_allowed(aided, tmp_path, case, suffix):
+    series, field, value, message = CASES[case]
+    path = write(beyond(aided, series, field, value), tmp_path / f"run{suffix}")[0]
+    with pytest.raises(FileFormatError, match=message + r".*pass allow='magnitude' \(--allow magnitude\)"):
+        read(path)
+    back = read(path, allow="magnitude")
+    assert any(note.startswith("Passed over: row 8 of") for note in back.metadata.notes)
+
+
+def test_the_centre_of_the_earth_is_no_place(aided, tmp_path):
+    r = aided.reference.r_eb_e.copy()
+    r[ROW] = 0.0
+    path = write(replace(aided, reference=replace(aided.reference, r_eb_e=r)), tmp_path / "run.parquet")[0]
+    with pytest.raises(FileFormatError, match=r"row 8 of reference .*distance from the Earth's centre is 0 m"):
+        read(path)
+
+
+def test_what_was_allowed_once_needs_no_allowance_in_our_own_copy(aided, tmp_path):
+    recording = beyond(aided, "imu", "accel", 2500.0)
+    meta = replace(recording.metadata, options={"allow": "norm,magnitude"})
+    path = write(replace(recording, metadata=meta), tmp_path / "run.parquet")[0]
+    assert read(path).imu.accel.max() == 2500.0
+
+
+def test_stamps_of_no_clock_are_refused(run, tmp_path):
+    imu = replace(run.imu, t=run.imu.t + 1e12)
+    path = write(Recording(imu=imu), tmp_path / "run.parquet")[0]
+    with pytest.raises(FileFormatError, match=r"row 1 of imu \(1e\+12 s\): the stamp is 1e\+12 s"):
+        read(path)
+
+
+def test_fast_but_possible_vehicles_pass(aided, tmp_path):
+    """A geostationary satellite's antenna, 3 km/s, seen by a receiver that does not know its height."""
+    t = np.arange(5.0)
+    llh = np.tile([0.0, 0.3, 35_786e3], (5, 1))
+    cov = np.tile(np.diag([1e6, 1e6, 1e12]), (5, 1, 1))
+    fast = GnssSeries(t, llh, cov, np.tile([0.0, 3075.0, 0.0], (5, 1)), cov)
+    back = read(write(Recording(gnss=fast), tmp_path / "geo.parquet")[0])
+    np.testing.assert_array_equal(back.gnss.llh, llh)
+
+
+@pytest.mark.parametrize("part", ["", "_gnss", "_reference", "_observations"])
+@pytest.mark.parametrize("cut", ["one row", "half"])
+def test_a_table_of_ours_that_was_cut_off_is_refused(aided, tmp_path, part, cut):
+    write(aided, tmp_path / "run.csv")
+    path = tmp_path / f"run{part}.csv"
+    lines = path.read_bytes().splitlines(keepends=True)
+    keep = len(lines) - 1 if cut == "one row" else len(lines) // 2 + 2
+    path.write_bytes(b"".join(lines[:keep]))
+    with pytest.raises(
+        FileFormatError, match=rf"expected {len(lines) - 2} rows of .*, got {keep - 2}: the file was cut"
+    ):
+        read(tmp_path / "run.csv")
+
+
+def test_the_command_line_lets_it_pass_in_its_own_spelling(aided, tmp_path, capsys):
+    path = write(beyond(aided, "imu", "accel", 2500.0), tmp_path / "run.parquet")[0]
+    assert main(["info", str(path)]) == 2
+    assert "--allow magnitude" in capsys.readouterr().err
+    assert main(["info", str(path), "--allow", "magnitude"]) == 0
+
+
+def test_covariances_are_positive_semidefinite():
+    t, llh = np.arange(2.0), np.zeros((2, 3))
+    good = np.tile(np.eye(3), (2, 1, 1))
+    full = good + 0.0
+    full[1, 0, 1] = full[1, 1, 0] = 1.0  # fully correlated: singular, but a covariance
+    GnssSeries(t, llh, full)
+    wrong = good + 0.0
+    wrong[1, 0, 1] = wrong[1, 1, 0] = 1.5
+    with pytest.raises(InputError, match=r"semidefinite matrices, got an eigenvalue -0\.5 first at index 1"):
+        GnssSeries(t, llh, wrong)
+    three = good + 0.0  # every pair is possible, all three are not
+    for i, j, r in ((0, 1, 0.9), (0, 2, 0.9), (1, 2, -0.9)):
+        three[1, i, j] = three[1, j, i] = r
+    with pytest.raises(InputError, match="semidefinite"):
+        GnssSeries(t, llh, good, np.zeros((2, 3)), three)

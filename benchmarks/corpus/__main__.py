@@ -55,7 +55,7 @@ def run_peers(cases: list[Case]) -> int:
         return 1
     results: dict[str, Any] = {}
     for case in cases:
-        if case.kind != "navigation" or any(x in case.question for x in ("tight", "wheels", "tuned")):
+        if case.kind != "navigation" or any(x in case.question for x in ("tight", "wheels")):
             continue
         try:
             asked = case.run.keywords  # type: ignore[attr-defined]

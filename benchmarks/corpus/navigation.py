@@ -122,12 +122,6 @@ def of_grade(data: Path, reader: Reader) -> tuple[Recording, Asked, Judge | None
     return recording, {**stated, "imu": {**kept, **GRADE}}, judge
 
 
-def tuned(data: Path, reader: Reader) -> tuple[Recording, Asked, Judge | None]:
-    """The same, with the noise tuned from the recording: ``filter.tune = true``."""
-    recording, stated, judge = reader(data)
-    return recording, {**stated, "filter": {"tune": True}}, judge
-
-
 # --- what is asked ----------------------------------------------------------------------------------------------------
 
 
@@ -284,11 +278,6 @@ def _cases() -> list[Case]:
             (name, "fixes", partial(euroc_imu, name=sequence), None, {}), (name, "given", given, None, {}),
             (name, "outages", given, flights, {}),
         ]  # fmt: skip
-    asked += [
-        (recording, f"tuned-{question}", partial(tuned, reader=reader), outages, aiding)
-        for recording, question, reader, outages, aiding in asked
-        if question in ("given", "outages", "wheels") and not (recording.startswith("euroc") and question == "outages")
-    ]
     return [
         Case(
             recording, "navigation", (_FOLDERS.get(recording, recording.partition("/IMU")[0]),), "m",

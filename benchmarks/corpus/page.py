@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -70,8 +69,8 @@ def summary(rows: Rows) -> list[str]:
     half = HALVES
     lines = []
     asked = [r for r in rows if r["kind"] == "navigation" and "skipped" not in r]
-    for which, tuned in product(("choosing", "reporting"), (False, True)):
-        some = [r for r in asked if half.get(r["name"]) == which and ("/tuned-" in r["name"]) == tuned]
+    for which in ("choosing", "reporting"):
+        some = [r for r in asked if half.get(r["name"]) == which]
         ran = [r for r in some if r.get("error") is not None]
         told = [r["nees"] for r in ran if r.get("nees") is not None]
         if not some:
@@ -81,7 +80,7 @@ def summary(rows: Rows) -> list[str]:
         harsh = [r["name"] for r in ran if r["verdict"] == "failed" and consistent(r) == "in"]
         ratios = sorted(r["ratio"] for r in ran if r.get("ratio") is not None)
         lines.append(
-            f"{which} half of navigation{', noise tuned' * tuned}: {len(ran)} of {len(some)} ran, "
+            f"{which} half of navigation: {len(ran)} of {len(some)} ran, "
             f"NEES 0.3 to 3 in {good} of {len(told)}; "
             f"above 10 and not called doubtful or failed: {', '.join(wild) or 'none'}; called failed inside the band: "
             f"{', '.join(harsh) or 'none'}"

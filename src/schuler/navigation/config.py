@@ -137,7 +137,14 @@ class NoiseSection(Section):
     """Factors on the white noise that the IMU's budget gives, for the filter: an IMU in motion shakes."""
 
     gyro: Positive = Field(1.0, description="factor on the gyroscopes' root density")
-    accel: Positive = Field(1.0, description="factor on the accelerometers' root density")
+    accel: Positive | PositiveTriple = Field(
+        1.0, description="factor on the accelerometers' root density; three numbers: forward, right, down"
+    )
+
+    @property
+    def accel_axes(self) -> Triple:
+        """Factors of the accelerometers forward, right, down."""
+        return self.accel if isinstance(self.accel, tuple) else (self.accel,) * 3
 
 
 class FilterSection(Section):
@@ -147,8 +154,9 @@ class FilterSection(Section):
     models: dict[str, ModelSection] = Field(default_factory=dict, description="models of blocks, SI units")
     noise: NoiseSection = NoiseSection()
     tune: bool | Literal["auto"] = Field(
-        False,
-        description="tune noise from the log's own fixes: true, false, auto where innovations contradict the noise",
+        "auto",
+        description="tune noise from the log's own fixes: true, false, auto where innovations contradict what is not "
+        "stated by hand",
     )
     covariance_rate_hz: Positive | None = Field(10.0, description="left out: default; see docs")
     full_rate: bool = Field(False, description="propagate the covariance at every IMU sample")
@@ -217,6 +225,16 @@ class NavigationConfig(Config):
     filter: FilterSection = FilterSection()
     aiding: AidingSection = AidingSection()
     outages: OutageSection = OutageSection()
+
+    @property
+    def noise_is_stated(self) -> bool:
+        """Whether noise is stated by hand: an IMU by its numbers, factors on noise, or models of the states."""
+        return bool(
+            self.imu.catalogue is None
+            or self.filter.models
+            or self.filter.noise != NoiseSection()
+            or self.gnss.model_fields_set & {"sigma_scale", "position_sigma_scale", "velocity_sigma_scale"}
+        )
 
     def untuned(self) -> NavigationConfig:
         """The configuration without tuning: noise as it stands here, for campaigns and comparisons."""

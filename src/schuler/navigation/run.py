@@ -38,6 +38,12 @@ from schuler.recording.io.own import time_document
 from schuler.recording.recording import Recording
 from schuler.sensors.spec import ImuSpec
 
+#: Note on a run whose noise is its user's word although innovations speak against it.
+STATED_NOISE = (
+    "innovations contradict the noise as configured, which stays because it is stated by hand; filter.tune = true "
+    "finds noise that fits them"
+)
+
 
 def navigate(
     recording: Recording,
@@ -81,15 +87,17 @@ def navigate(
     started = time.perf_counter()
     prepared = prepared_run(recording, config, initial=initial, calibration=calibration)
     tuned: list[str] = []
-    forward = None if config.filter.tune is True else prepared.run(progress=progress)
-    if forward is None or (config.filter.tune == "auto" and contradicted(prepared, forward)):
-        tuning = tune(prepared)
-        tuned = tuning.sentences()
-        if tuning.better:
-            config = tuned_configuration(config, tuning)
-            prepared = prepared_run(recording, config, initial=initial, calibration=calibration)
-        if tuning.better or forward is None:
-            forward = prepared.run(progress=progress)
+    asked = config.filter.tune
+    if asked is True or (asked == "auto" and config.gnss.coupling == "loose" and contradicted(prepared)):
+        if asked == "auto" and config.noise_is_stated:
+            tuned = [STATED_NOISE]
+        else:
+            tuning = tune(prepared)
+            tuned = tuning.sentences()
+            if tuning.better:
+                config = tuned_configuration(config, tuning)
+                prepared = prepared_run(recording, config, initial=initial, calibration=calibration)
+    forward = prepared.run(progress=progress)
     if forward.epochs == 0 or not len(forward.rec_t):
         raise KeyboardInterrupt  # stopped before the first record
     notes, schedule = [*prepared.notes, *tuned], prepared.schedule
@@ -158,7 +166,7 @@ def prepared_run(
     noise = config.filter.noise
     psd = (
         np.full(3, (spec.gyro.random_walk * noise.gyro) ** 2),
-        np.full(3, (spec.accel.random_walk * noise.accel) ** 2),
+        (spec.accel.random_walk * np.array(noise.accel_axes)) ** 2,
     )
     prepared = PreparedRun(
         imu, increments, schedule, initial, layout, spec, psd, filter_options(config, imu), windows, (), calibrated,

@@ -14,7 +14,7 @@ from schuler.exceptions import InputError, TomlError
 from schuler.files import toml_with
 from schuler.filtering.measurements import POSITION, VELOCITY
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.run import navigate, prepared_run
+from schuler.navigation.run import STATED_NOISE, navigate, prepared_run
 from schuler.navigation.tuning.entries import tuned_configuration
 from schuler.navigation.tuning.likelihood import HORIZONS, Residuals, halves, residuals_of, trials
 from schuler.navigation.tuning.noise import terms_of, with_factors
@@ -63,7 +63,7 @@ def mis_stated(recording, imu=1.0, gnss=1.0):
         "accel": {**IMU["accel"], "vrw_m_s_rthr": IMU["accel"]["vrw_m_s_rthr"] / imu},
     }
     return replace(recording, gnss=stated), NavigationConfig.checked(
-        {"imu": sheet, "filter": {"smooth": False, "tune": "auto"}}
+        {"imu": sheet, "filter": {"smooth": False, "tune": True}}
     )
 
 
@@ -85,7 +85,7 @@ def test_noise_mis_stated_by_ten_is_found_and_the_fixes_fit_again(recording, imu
     before, after = as_stated.innovations.mean_nis(), result.innovations.mean_nis()
     assert abs(np.log(before)) > 2.0 * abs(np.log(after))
     assert 0.8 < after < 1.25  # 1 +- 0.05 (statistical), and what tuning leaves
-    assert contradicted(prepared_run(log, wrong), prepared_run(log, wrong).run())
+    assert contradicted(prepared_run(log, wrong))
 
 
 def test_a_consistent_run_stays_exactly_as_it_is(recording):
@@ -93,7 +93,17 @@ def test_a_consistent_run_stays_exactly_as_it_is(recording):
     np.testing.assert_array_equal(own.covariance_e, plain.covariance_e)
     assert own.notes == plain.notes
     prepared = prepared_run(recording, config())
-    assert not contradicted(prepared, prepared.run())
+    assert not contradicted(prepared)
+
+
+def test_noise_stated_by_hand_stays_and_a_part_by_name_is_tuned(recording):
+    log, wrong = mis_stated(recording, gnss=0.1)
+    own = navigate(log, NavigationConfig.checked({"imu": wrong.imu.model_dump(include={"gyro", "accel"})}))
+    assert STATED_NOISE in own.notes
+    assert not any("noise tuned from" in note for note in own.notes)
+    by_name = navigate(log, {"imu": {"catalogue": "consumer"}})
+    assert any("noise tuned from" in note for note in by_name.notes)
+    assert STATED_NOISE not in by_name.notes
 
 
 def test_what_held_back_fixes_do_not_bear_out_is_refused(recording):
@@ -106,8 +116,7 @@ def test_too_few_fixes_are_refused_with_their_number(recording):
     few = replace(recording, gnss=recording.need_gnss().where(np.arange(len(recording.need_gnss())) < 35))
     with pytest.raises(InputError, match="needs at least 40 GNSS fixes"):
         tune(prepared_run(few, config()))
-    log, wrong = mis_stated(few, gnss=10.0)
-    assert not any("tuned" in note for note in navigate(log, wrong).notes)
+    assert not contradicted(prepared_run(*mis_stated(few, gnss=10.0)))
 
 
 @pytest.mark.campaign
@@ -174,10 +183,10 @@ def test_an_outlier_moves_the_score_no_more_than_a_few_fixes():
 def test_factors_act_on_what_they_name(recording):
     prepared = prepared_run(recording, config())
     assert terms_of(prepared) == (
-        "gyro", "accel", "gyro_bias", "accel_bias", "position", "height", "velocity", "climb",
+        "gyro", "accel", "accel_down", "gyro_bias", "accel_bias", "position", "height", "velocity", "climb",
     )  # fmt: skip
     changed = with_factors(prepared, {"accel": 3.0, "height": 2.0, "gyro_bias": 5.0})
-    np.testing.assert_allclose(changed.psd[1], 9.0 * prepared.psd[1])
+    np.testing.assert_allclose(changed.psd[1], np.array([9.0, 9.0, 1.0]) * prepared.psd[1])
     np.testing.assert_array_equal(changed.psd[0], prepared.psd[0])
     at = prepared.schedule.kind == POSITION
     ratio = np.sqrt(np.einsum("nii->ni", changed.schedule.R) / np.einsum("nii->ni", prepared.schedule.R))
@@ -195,7 +204,7 @@ def test_what_is_written_and_read_again_gives_the_same_run(recording, tmp_path, 
     sheets = "\n".join(
         f"[imu.{name}]\n" + "\n".join(f"{key} = {value}" for key, value in sheet.items()) for name, sheet in IMU.items()
     )
-    text = f'# mine\n{sheets}\n[filter]\nsmooth = false  # quick\ntune = "auto"\n'
+    text = f"# mine\n{sheets}\n[filter]\nsmooth = false  # quick\ntune = true\n"
     (tmp_path / "drive.toml").write_text(text, encoding="utf-8")
     call = ["tune", str(tmp_path / "log.parquet"), "--config", str(tmp_path / "drive.toml"), "--unchecked", "--json"]
     assert main(call) == 0

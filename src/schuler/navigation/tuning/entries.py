@@ -22,9 +22,12 @@ def tuned_entries(config: NavigationConfig, tuning: Tuning) -> dict[str, Any]:
         return new
     factor = tuning.factors
     noise = config.filter.noise
-    new["filter"]["noise"] = {
-        name: _rounded(getattr(noise, name) * factor[name]) for name in ("gyro", "accel") if name in factor
-    }
+    new["filter"]["noise"] = {}
+    if "gyro" in factor:
+        new["filter"]["noise"]["gyro"] = _rounded(noise.gyro * factor["gyro"])
+    if "accel" in factor:
+        by = (factor["accel"], factor["accel"], factor["accel_down"])
+        new["filter"]["noise"]["accel"] = [_rounded(float(a * b)) for a, b in zip(noise.accel_axes, by, strict=True)]
     if tuning.models:
         new["filter"]["models"] = tuning.models
     gnss: dict[str, Any] = {}
@@ -78,7 +81,7 @@ def remarks(config: NavigationConfig, tuning: Tuning) -> dict[str, str]:
 
     comments = {
         "filter.noise.gyro": of("gyro"),
-        "filter.noise.accel": of("accel"),
+        "filter.noise.accel": of("accel", "accel_down"),
         "filter.tune": "noise stands as schuler tune left it",
         "gnss.position_sigma_scale": of("position", "height"),
         "gnss.velocity_sigma_scale": of("velocity", "climb"),

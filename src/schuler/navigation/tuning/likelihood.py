@@ -19,6 +19,7 @@ from schuler.navigation.tuning.noise import TUNING_KINDS
 #: Times between the fixes that the filter is given [s], and how many interleaved sets of each are run.
 HORIZONS = ((1.0, 1), (4.0, 2), (15.0, 4))
 _WARM = 20.0, 0.15  # what the start has spoiled is not judged: seconds, and largest share of the log
+_COVARIANCE_HZ = 2.0  # enough for likelihoods: between 10 and 2 Hz they differ by less than 1 of several hundred
 _CAP = 4.0  # innovations beyond so many sigmas weigh no more than these
 #: Expectation of the capped square of a standard normal number.
 _CAPPED = (
@@ -162,10 +163,14 @@ def trials(
             use = np.flatnonzero(~fix | chosen | held)
             judge = (held if judging is not None else chosen & (schedule.t > warm))[use]
             runs.append(Trial(horizon, 1.0 / sets, use, held[use], judge))
-    # every horizon weighs the same: as many fixes as the thinnest of the shorter ones has
+    # a horizon weighs as the root of its fixes: neither as one each, nor as if it alone were asked for
     counts = [int(np.sum(trial.judge)) for trial in runs]
     fewest = min((n for trial, n in zip(runs, counts, strict=True) if trial.horizon <= 4.0), default=0)
-    return tuple(replace(trial, weight=trial.weight * fewest / n) for trial, n in zip(runs, counts, strict=True) if n)
+    return tuple(
+        replace(trial, weight=trial.weight * fewest / n * max(n / fewest, 1.0) ** 0.5)
+        for trial, n in zip(runs, counts, strict=True)
+        if n
+    )
 
 
 def spacing_of(schedule: MeasurementSchedule, given: BoolArray) -> float:
@@ -196,7 +201,13 @@ def residuals_of(tests: tuple[Trial, ...]) -> Callable[[PreparedRun], Residuals]
 
     def of(prepared: PreparedRun) -> Residuals:
         options = replace(
-            prepared.options, record_s=1e9, output_rate_hz=0.01, lockout=0, adaptive=False, smoother=False
+            prepared.options,
+            record_s=1e9,
+            output_rate_hz=0.01,
+            lockout=0,
+            adaptive=False,
+            smoother=False,
+            covariance_rate_hz=_COVARIANCE_HZ,
         )
         fix = np.isin(prepared.schedule.kind, TUNING_KINDS)
 

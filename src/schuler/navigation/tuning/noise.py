@@ -27,11 +27,12 @@ _MEASURED = {
     "lateral": (LATERAL, _ALL),
     "vertical": (VERTICAL, _ALL),
 }
-#: Terms of the IMU: white noise by triad, and the wander of its biases by state block.
-_WHITE = ("gyro", "accel")
+#: Terms of the IMU: white noise by triad and axes, and the wander of its biases by state block. The axis down has the
+#: gravity, and most of what shakes.
+WHITE = {"gyro": (0, _ALL), "accel": (1, _ACROSS), "accel_down": (1, _DOWN)}
 _WANDER = {"gyro_bias": ("b_g_run", "b_g"), "accel_bias": ("b_a_run", "b_a")}
 #: All terms, in the order of tables.
-TERMS = (*_WHITE, *_WANDER, *_MEASURED)
+TERMS = (*WHITE, *_WANDER, *_MEASURED)
 
 _UNSTATED = 1e5  # a larger sigma says that a component was not measured [m, m/s]
 _TYPICAL = 0.03 / np.sqrt(300.0)  # wander of a bias whose budget states none, per turn-on sigma [1/sqrt(s)]
@@ -41,7 +42,7 @@ def terms_of(prepared: PreparedRun) -> tuple[str, ...]:
     """Terms that act in a run: those of its states and of the measurements it has."""
     schedule = prepared.schedule
     sigma = np.sqrt(np.einsum("nii->ni", schedule.R))
-    present = [name for name in _WHITE if prepared.psd[_WHITE.index(name)].max() > 0.0]
+    present = [name for name, (triad, _) in WHITE.items() if prepared.psd[triad].max() > 0.0]
     present += [name for name in _WANDER if wandering(prepared.layout, name) is not None]
     for name, (kind, components) in _MEASURED.items():
         column = int(np.argmax(components))
@@ -79,7 +80,9 @@ def with_factors(prepared: PreparedRun, factors: Mapping[str, float]) -> Prepare
         name = wandering(prepared.layout, term)
         if name is not None and term in factors:
             models[name] = replace(models[name], noise=models[name].noise * factors[term])
-    psd = tuple(psd * factors.get(name, 1.0) ** 2 for name, psd in zip(_WHITE, prepared.psd, strict=True))
+    psd = [prepared.psd[0].copy(), prepared.psd[1].copy()]
+    for name, (triad, axes) in WHITE.items():
+        psd[triad] *= np.where(np.array(axes) > 0.0, factors.get(name, 1.0) ** 2, 1.0)
     schedule = prepared.schedule
     D = component_factors(schedule.kind, factors)
     return replace(

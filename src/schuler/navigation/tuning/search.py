@@ -10,11 +10,12 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.tuning.likelihood import Residuals
-from schuler.navigation.tuning.noise import with_factors
+from schuler.navigation.tuning.noise import WHITE, with_factors
 
 _PRIOR = np.log(10.0)  # 1-sigma of ln(factor) before anything is measured: a decade
 _STEP = 0.1  # of ln(factor), for differences
 _LARGEST = 9.0  # of |ln(factor)|
+_GAIN = 0.5  # log likelihood that a further step has to win
 _STRIDE = 2.5  # longest step of ln(factor)
 _STARTS = (0.0, 1.2, 2.4, 3.6, -1.2)  # ln(factor) of the IMU's white noise that the search may begin with
 _BLOCK_S = 30.0  # stretches of the log whose gradients are taken as independent: twice the longest horizon
@@ -88,7 +89,7 @@ def fit(
     x = np.zeros(n)
     r = at(x)
     best = before = loss(x, r)
-    white = np.isin(terms, ("gyro", "accel"))
+    white = np.isin(terms, list(WHITE))
     for shift in _STARTS[1:] if start is None else ():
         other = np.maximum(np.where(white, shift, 0.0), low)
         q = at(other)
@@ -121,7 +122,7 @@ def fit(
                 damping = max(0.2 * damping, 1e-3)
                 break
             damping *= 5.0
-        if gained < 0.05:
+        if gained < _GAIN:
             break
     spread = _spread(gradients, curvature, r)
     return Fit(

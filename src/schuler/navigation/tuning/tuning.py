@@ -9,19 +9,12 @@ import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import InputError
-from schuler.filtering.engine import ForwardRun
-from schuler.filtering.measurements import (
-    DIMENSIONS,
-    KINDS,
-    POSITION,
-    REJECTED,
-    VELOCITY,
-    MeasurementSchedule,
-)
+from schuler.filtering.measurements import KINDS, POSITION, VELOCITY, MeasurementSchedule
 from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.tuning.likelihood import Residuals, epochs, halves, residuals_of, trials
 from schuler.navigation.tuning.noise import (
     TUNING_KINDS,
+    WHITE,
     terms_of,
     wandering,
     with_factors,
@@ -36,12 +29,14 @@ _SURE = 2.0  # standard errors by which held-back fixes have to be likelier
 _T95 = 1.96
 _CONSISTENT = (0.7, 1.4)  # mean normalised innovation squared of a run that is left as it is
 _STILL = 0.5  # GNSS speed of what may stand [m/s]
-_REJECTED = 0.05  # share of fixes rejected that is too many
+_CERTAIN = 3.0  # standard errors beyond that
+_JUDGES = 8  # fixes of a kind and spacing that judge
 
 #: What a term is, for tables and notes.
 TERM_TEXT = {
     "gyro": "white noise of the gyroscopes in motion",
-    "accel": "white noise of the accelerometers in motion",
+    "accel": "white noise of the accelerometers forward and right in motion",
+    "accel_down": "white noise of the accelerometer down in motion",
     "gyro_bias": "wander of the gyroscopes' biases",
     "accel_bias": "wander of the accelerometers' biases",
     "position": "sigma of horizontal positions",
@@ -151,7 +146,7 @@ def tune(prepared: PreparedRun) -> Tuning:
     """
     prepared = _first_part(with_wander(prepared))
     terms = terms_of(prepared)
-    fixes = np.isin(prepared.schedule.kind, TUNING_KINDS) & (prepared.schedule.gate > 0.0)
+    fixes = _fixes(prepared)
     one, other = halves(prepared.schedule, fixes)
     count = int(epochs(prepared.schedule.where(fixes))[1].max(initial=0))
     if count < 2 * _FEWEST:
@@ -160,10 +155,9 @@ def tune(prepared: PreparedRun) -> Tuning:
             "leave filter.tune out"
         )
     floors = noise_floors(prepared)
-    quick = fit(prepared, residuals_of(trials(prepared, one, phases=1)), terms, floors=floors)
-    outlying = _outliers(with_factors(prepared, quick.factors), fixes)
+    half = fit(prepared, residuals_of(trials(prepared, one, phases=1)), terms, floors=floors)
+    outlying = _outliers(with_factors(prepared, half.factors), fixes)
     one, other = one & ~outlying, other & ~outlying
-    half = fit(prepared, residuals_of(trials(prepared, one)), terms, start=quick.factors, floors=floors, iterations=4)
     held = residuals_of(trials(prepared, one, other))
     before, after = held(prepared), held(with_factors(prepared, half.factors))
     gain, gain_sigma = _gain(before, after)
@@ -171,7 +165,7 @@ def tune(prepared: PreparedRun) -> Tuning:
     final = half
     if better:
         everything = residuals_of(trials(prepared, fixes & ~outlying))
-        final = fit(prepared, everything, terms, start=half.factors, floors=floors, iterations=4)
+        final = fit(prepared, everything, terms, start=half.factors, floors=floors, iterations=3)
     return Tuning(
         factors=final.factors,
         intervals=_intervals(final, half),
@@ -186,39 +180,44 @@ def tune(prepared: PreparedRun) -> Tuning:
     )
 
 
-def contradicted(prepared: PreparedRun, forward: ForwardRun) -> bool:
-    """Whether the innovations of a run contradict its noise so far that tuning may help.
+def contradicted(prepared: PreparedRun) -> bool:
+    """Whether innovations contradict a run's noise so far that tuning may help.
 
     Parameters
     ----------
     prepared : PreparedRun
-    forward : ForwardRun
-        Its run as configured.
 
     Notes
     -----
-    By kind: a mean normalised innovation squared outside 0.7 to 1.4 by two standard errors, which stretches of the log
-    give (innovations are correlated in time where the noise is wrong); or a twentieth of the fixes rejected. A run with
-    too few fixes to tune is left.
+    Fixes are thinned to 1, 4 and 15 s (:mod:`~schuler.navigation.tuning.likelihood`): noise that is right at the rate
+    of the fixes may be wrong in an outage. Of each kind and spacing the mean normalised innovation squared, outliers
+    capped, is outside 0.7 to 1.4 by three standard errors, which stretches of the log give (innovations are correlated
+    in time where the noise is wrong). A run with too few fixes to tune is left.
     """
-    if forward.complete and prepared.options.adaptive:  # noise that has followed the innovations contradicts nothing
-        forward = replace(prepared, options=replace(prepared.options, adaptive=False, smoother=False)).run()
-    kinds, nis, status = prepared.schedule.kind, forward.nis, forward.status
-    fixes = np.isin(kinds, TUNING_KINDS) & np.isfinite(nis)
-    if not forward.complete or int(epochs(prepared.schedule.where(fixes))[1].max(initial=0)) < 2 * _FEWEST:
+    prepared = _first_part(prepared)
+    fixes = _fixes(prepared)
+    if int(epochs(prepared.schedule.where(fixes))[1].max(initial=0)) < 2 * _FEWEST:
         return False
-    for kind in TUNING_KINDS:
-        mine = fixes & (kinds == kind)
-        if not mine.any():
-            continue
-        value = nis[mine] / DIMENSIONS[kind]
-        mean = float(value.mean())
-        error = float(np.sqrt(block_scatter(value[None, :], prepared.schedule.t[mine])[0, 0])) / len(value)
-        if mean - 2.0 * error > _CONSISTENT[1] or mean + 2.0 * error < _CONSISTENT[0]:
-            return True
-        if np.mean(status[mine] == REJECTED) > _REJECTED:
-            return True
+    seen = residuals_of(trials(prepared, fixes, phases=1))(prepared)
+    counted = seen.weight > 0.0
+    squares = np.where(counted, seen.influence() * seen.normalised**2, 0.0)
+    for kind in np.unique(seen.kind):
+        for horizon in np.unique(seen.horizon):
+            mine = (seen.kind == kind) & (seen.horizon == horizon)
+            n = int(counted[mine].sum())
+            if np.sum(mine) < _JUDGES:
+                continue
+            mean = float(squares[mine].sum()) / n
+            off = squares[mine].sum(axis=1) - mean * counted[mine].sum(axis=1)
+            error = float(np.hypot(np.sqrt(block_scatter(off[None, :], seen.t[mine])[0, 0]) / n, np.sqrt(2.0 / n)))
+            if mean - _CERTAIN * error > _CONSISTENT[1] or mean + _CERTAIN * error < _CONSISTENT[0]:
+                return True
     return False
+
+
+def _fixes(prepared: PreparedRun) -> BoolArray:
+    """Measurements that tune: those a filter would use."""
+    return np.isin(prepared.schedule.kind, TUNING_KINDS) & (prepared.schedule.gate > 0.0)
 
 
 def _first_part(prepared: PreparedRun) -> PreparedRun:
@@ -275,10 +274,10 @@ def noise_floors(prepared: PreparedRun) -> dict[str, float]:
     k = int(np.argmax(length))
     still = imu.between(float(rests.start[k]), float(rests.stop[k])).rates()
     floors = {}
-    for name, values, psd in (("gyro", still.gyro, prepared.psd[0]), ("accel", still.accel, prepared.psd[1])):
-        noise = _white_noise(values, still.interval)
-        if noise > 0.0 and psd.max() > 0.0:
-            floors[name] = noise / float(np.sqrt(psd.max()))
+    for name, (triad, _) in WHITE.items():
+        noise, psd = _white_noise((still.gyro, still.accel)[triad], still.interval), prepared.psd[triad].max()
+        if noise > 0.0 and psd > 0.0:
+            floors[name] = noise / float(np.sqrt(psd))
     return floors
 
 

@@ -650,3 +650,11 @@ def test_lists_of_integers_are_taken():
     np.testing.assert_array_equal(rotation.rotate([1, 0, 0, 0], [1, 2, 3]), [1.0, 2.0, 3.0])
     np.testing.assert_array_equal(rotation.dcm_from_rpy([0, 0, 0]), np.eye(3))
     assert rotation.quat_multiply([1, 0, 0, 0], [0, 1, 0, 0]).dtype == np.float64
+
+
+@pytest.mark.parametrize("length", [1e-300, 1e-200, 1e-155, 1e-140])
+def test_rotation_vectors_too_small_to_square_survive_the_quaternion(length):
+    """Twice the vector part at the smallest turns: sine and angle are both rounded to nothing there."""
+    vector = length * np.array([0.6, -0.48, 0.64])
+    back = rotation.rotvec_from_quat(np.concatenate(([1.0], 0.5 * vector)))
+    np.testing.assert_allclose(back, vector, rtol=1e-12)

@@ -42,15 +42,66 @@ def test_the_leap_second_of_2017_by_the_day():
     assert timebase.leap_seconds(dt.date(2017, 1, 1)) == 18
 
 
-def test_days_outside_the_table_are_refused():
+LATER = dt.date(2035, 7, 1)
+
+
+@pytest.fixture
+def system_list(tmp_path, monkeypatch):
+    """A list as IERS publishes it: leap days, and when it expires."""
+    path = tmp_path / "leap-seconds.list"
+    monkeypatch.setattr(timebase, "_SYSTEM_LIST", path)
+
+    def write(days, expires):
+        ntp = [(dt.date(*day) - dt.date(1900, 1, 1)).days * 86_400 for day in ((1972, 1, 1), *days)]
+        counts = (10, *(20 + k for k in range(len(days))))
+        rows = [f"{t}      {count}      # comment" for t, count in zip(ntp, counts, strict=True)]
+        expiry = (expires - dt.date(1900, 1, 1)).days * 86_400
+        path.write_text("\n".join(["#", f"#@ {expiry}", *rows, "#h 1 2 3"]) + "\n")
+        timebase._system_leap_days.cache_clear()
+
+    timebase._system_leap_days.cache_clear()
+    yield write
+    timebase._system_leap_days.cache_clear()
+
+
+def test_days_beyond_every_table_are_warned_of(system_list):
+    """No list, an expired one, one that contradicts ours or is no list: the last count, with a warning."""
     valid_to = timebase.LEAP_TABLE_VALID_TO
     assert timebase.leap_seconds(valid_to) == 18
-    with pytest.raises(
-        InputError, match=rf"leap seconds are known to {valid_to}, got .*: update schuler, or give times"
+    with pytest.warns(timebase.LeapSecondWarning, match=rf"known to {valid_to}, got .*: 18 s are taken; update"):
+        assert timebase.leap_seconds(valid_to + dt.timedelta(days=1)) == 18
+    for days, expires in (
+        (timebase.LEAP_DAYS, dt.date(2026, 6, 28)),
+        (((1981, 1, 1), *timebase.LEAP_DAYS[1:]), dt.date(2040, 6, 28)),
+        (timebase.LEAP_DAYS[:-1], dt.date(2040, 6, 28)),
     ):
-        timebase.leap_seconds(valid_to + dt.timedelta(days=1))
+        system_list(days, expires)
+        with pytest.warns(timebase.LeapSecondWarning, match=f"known to {valid_to}"):
+            assert timebase.leap_seconds(LATER) == 18
+    timebase._SYSTEM_LIST.write_text("#@ soon\n1 2 3\n")
+    timebase._system_leap_days.cache_clear()
+    with pytest.warns(timebase.LeapSecondWarning):
+        assert timebase.gps_from_unix(np.array([2.1e9]))[0] == 2.1e9 - timebase.UNIX_TO_GPS_S + 18
     with pytest.raises(InputError, match="GPS time starts on 1980-01-06, got 1980-01-05"):
         timebase.leap_seconds(dt.date(1980, 1, 5))
+
+
+def test_a_newer_list_of_the_system_is_read(system_list):
+    """A leap second announced after our table: counted from its day on, in both directions, without a warning."""
+    from schuler.recording.io.clock import leaps_at
+
+    system_list((*timebase.LEAP_DAYS, (2030, 7, 1)), dt.date(2036, 6, 28))
+    assert timebase.leap_seconds(dt.date(2030, 6, 30)) == 18
+    assert timebase.leap_seconds(LATER) == 19
+    moment = unix(dt.datetime(2030, 7, 1))
+    np.testing.assert_array_equal(
+        timebase.gps_from_unix(np.array([moment - 1.0, moment])) - np.array([moment - 1.0, moment]),
+        np.array([18.0, 19.0]) - timebase.UNIX_TO_GPS_S,
+    )
+    gps = timebase.gps_from_calendar(dt.datetime(2030, 7, 1), utc=True)
+    assert (leaps_at(gps - 1.5), leaps_at(gps)) == (18, 19)
+    with pytest.warns(timebase.LeapSecondWarning, match="known to 2036-06-28"):
+        timebase.leap_seconds(dt.date(2036, 7, 1))
 
 
 def test_week_and_time_of_week_of_a_known_moment():
@@ -94,10 +145,10 @@ def test_utc_to_gps_agrees_with_sofa(rng):
         assert timebase.gps_from_calendar(moment, utc=True) == pytest.approx(theirs, abs=1e-5)
 
 
-def test_reading_utc_beyond_the_table_is_refused_and_gps_time_is_not():
+def test_reading_utc_beyond_the_table_is_warned_of_and_gps_time_is_not(system_list):
     late = dt.datetime(2027, 6, 29)
     assert timebase.week_tow(timebase.gps_from_calendar(late))[0] == 2477
-    with pytest.raises(InputError, match="leap seconds are known to"):
+    with pytest.warns(timebase.LeapSecondWarning, match="leap seconds are known to"):
         timebase.gps_from_calendar(late, utc=True)
 
 
@@ -150,11 +201,12 @@ def test_unix_shapes_follow_the_input(shape):
     np.testing.assert_array_equal(stamps, np.full(shape, 1.6e9))
 
 
-def test_unix_times_beyond_the_table_are_refused():
+def test_unix_times_beyond_the_table_are_warned_of(system_list):
     late = unix(dt.datetime(2027, 6, 29))
     np.testing.assert_array_equal(timebase.gps_from_unix(np.array([late - 1.0])), late - 1.0 - 315_964_800.0 + 18.0)
-    with pytest.raises(InputError, match="leap seconds are known to 2027-06-28, got 2027-06-29"):
-        timebase.gps_from_unix(np.array([1.6e9, late, 1.6e9]))
+    with pytest.warns(timebase.LeapSecondWarning, match="leap seconds are known to 2027-06-28, got 2027-06-29"):
+        gps = timebase.gps_from_unix(np.array([1.6e9, late, 1.6e9]))
+    np.testing.assert_array_equal(gps, np.array([1.6e9, late, 1.6e9]) - 315_964_800.0 + 18.0)
 
 
 @pytest.mark.parametrize(

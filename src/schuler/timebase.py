@@ -7,7 +7,10 @@ is, so that two logs can be brought together without guessing.
 from __future__ import annotations
 
 import datetime as dt
+import functools
+import warnings
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -20,13 +23,22 @@ GPS_EPOCH = dt.datetime(1980, 1, 6)
 UNIX_TO_GPS_S = 315_964_800.0  # Unix time of the GPS epoch [s]
 _YEAR_2100_UNIX_S = 4_102_444_800.0  # later stamps are no seconds
 
-#: Days at whose start GPS - UTC grew by one second (IERS Bulletin C; the table is complete to ``LEAP_TABLE_VALID_TO``).
+#: Days at whose start GPS - UTC grew by one second (IERS Bulletin C). Beyond ``LEAP_TABLE_VALID_TO``
+#: a newer list of the system is read.
 LEAP_DAYS = (
     (1981, 7, 1), (1982, 7, 1), (1983, 7, 1), (1985, 7, 1), (1988, 1, 1), (1990, 1, 1), (1991, 1, 1), (1992, 7, 1),
     (1993, 7, 1), (1994, 7, 1), (1996, 1, 1), (1997, 7, 1), (1999, 1, 1), (2006, 1, 1), (2009, 1, 1), (2012, 7, 1),
     (2015, 7, 1), (2017, 1, 1),
 )  # fmt: skip
 LEAP_TABLE_VALID_TO = dt.date(2027, 6, 28)
+_SYSTEM_LIST = Path("/usr/share/zoneinfo/leap-seconds.list")  # as IERS publishes it
+_NTP_EPOCH = dt.date(1900, 1, 1)
+_TAI_MINUS_GPS = 19  # [s]
+
+
+class LeapSecondWarning(UserWarning):
+    """A UTC time later than any table of leap seconds at hand: one announced meanwhile is not counted."""
+
 
 Scale = Literal["gps", "utc", "local"]
 #: Stamps closer than this are one. [s]
@@ -106,19 +118,64 @@ def leap_seconds(day: dt.date) -> int:
     Raises
     ------
     InputError
-        Before 1980-01-06, or after the last day the table is known to be complete: a newer release or the correct
-        offset is needed, guessing would shift every position by hundreds of metres.
+        Before 1980-01-06.
+
+    Warns
+    -----
+    LeapSecondWarning
+        After the last day for which leap seconds are known, see :func:`leap_days`.
     """
     if isinstance(day, dt.datetime):
         day = day.date()
     if day < GPS_EPOCH.date():
         raise InputError(f"GPS time starts on 1980-01-06, got {day}")
-    if day > LEAP_TABLE_VALID_TO:
-        raise InputError(
-            f"leap seconds are known to {LEAP_TABLE_VALID_TO}, got {day}: "
-            "update schuler, or give times on the GPS scale"
+    return sum(day >= dt.date(*leap) for leap in leap_days(day))
+
+
+def leap_days(to: dt.date) -> tuple[tuple[int, int, int], ...]:
+    """Days at whose start GPS - UTC grew by one second, all up to a day.
+
+    Beyond the package's own table the system's list is read where there is a newer one.
+
+    Parameters
+    ----------
+    to : date
+
+    Warns
+    -----
+    LeapSecondWarning
+        If neither reaches so far. None has been introduced since 2017, so none being counted is the likeliest; one that
+        was missed would shift UTC times against GPS by a second.
+    """
+    if to <= LEAP_TABLE_VALID_TO:
+        return LEAP_DAYS
+    days, valid_to = _system_leap_days(_SYSTEM_LIST)
+    if to > valid_to:
+        warnings.warn(
+            f"leap seconds are known to {valid_to}, got {to}: {len(days)} s are taken; update schuler or the system's "
+            f"{_SYSTEM_LIST}, or give times on the GPS scale",
+            LeapSecondWarning,
+            stacklevel=3,
         )
-    return sum(day >= dt.date(*leap) for leap in LEAP_DAYS)
+    return days
+
+
+@functools.cache
+def _system_leap_days(path: Path) -> tuple[tuple[tuple[int, int, int], ...], dt.date]:
+    """Leap days of a list as IERS publishes it and the day it expires; our own if it is older, none, or another's."""
+    own = LEAP_DAYS, LEAP_TABLE_VALID_TO
+    try:
+        lines = path.read_text(encoding="utf-8")[:100_000].splitlines()
+        expires = next(int(line[2:].split()[0]) for line in lines if line.startswith("#@"))
+        rows = [line.split() for line in lines if line.strip() and not line.startswith("#")]
+        steps = [(_NTP_EPOCH + dt.timedelta(seconds=int(row[0])), int(row[1]) - _TAI_MINUS_GPS) for row in rows]
+        valid_to = _NTP_EPOCH + dt.timedelta(seconds=expires)
+    except (OSError, ValueError, IndexError, StopIteration, OverflowError):
+        return own
+    later = [(day, count) for day, count in steps if count > 0]
+    days = tuple((day.year, day.month, day.day) for day, _ in later)
+    grows = [count for _, count in later] == list(range(1, len(later) + 1)) and list(days) == sorted(days)
+    return (days, valid_to) if grows and days[: len(LEAP_DAYS)] == LEAP_DAYS and valid_to > own[1] else own
 
 
 def gps_from_unix(unix_s: FloatArray) -> FloatArray:
@@ -127,11 +184,16 @@ def gps_from_unix(unix_s: FloatArray) -> FloatArray:
     Raises
     ------
     InputError
-        If a stamp is not finite, before the GPS epoch, or beyond the leap-second table; milliseconds taken for seconds
-        are found out that way.
+        If a stamp is not finite, before the GPS epoch or after 2100; milliseconds taken for seconds are found out that
+        way.
+
+    Warns
+    -----
+    LeapSecondWarning
+        As :func:`leap_seconds`.
     """
     t = np.asarray(unix_s, dtype=np.float64)
-    steps = np.array([(dt.datetime(*d) - dt.datetime(1970, 1, 1)).total_seconds() for d in LEAP_DAYS])
+    days = LEAP_DAYS
     if t.size:
         if not np.isfinite(t).all():
             raise InputError("Unix time stamps: expected finite numbers, got NaN or infinity")
@@ -140,7 +202,8 @@ def gps_from_unix(unix_s: FloatArray) -> FloatArray:
                 f"Unix time stamps: expected seconds since 1970, from {UNIX_TO_GPS_S:.0f} (1980-01-06) on, "
                 f"got {t.min():.6g}..{t.max():.6g}; are they milliseconds, or seconds of another epoch?"
             )
-        leap_seconds((dt.datetime(1970, 1, 1) + dt.timedelta(seconds=float(t.max()))).date())  # within the table
+        days = leap_days((dt.datetime(1970, 1, 1) + dt.timedelta(seconds=float(t.max()))).date())
+    steps = np.array([(dt.datetime(*d) - dt.datetime(1970, 1, 1)).total_seconds() for d in days])
     return t - UNIX_TO_GPS_S + np.searchsorted(steps, t, side="right")
 
 

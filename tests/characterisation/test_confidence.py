@@ -13,6 +13,7 @@ from schuler.characterisation.confidence import (
     lag1_exponent,
     lag1_exponents,
     power_law,
+    slopes,
     total_bias,
     total_dof,
 )
@@ -323,3 +324,22 @@ def test_a_pure_random_walk_has_its_bounds():
     x = np.cumsum(np.random.default_rng(71).standard_normal(4000))
     curve = allan_deviation(x, 100.0)
     assert np.all((curve.low < curve.deviation) & (curve.deviation < curve.high))
+
+
+def test_slope_of_a_process_is_that_of_its_spectrum_at_half_the_rate():
+    """d log S / d log f at 1 / (2 tau): of a Gauss-Markov process -2 x^2 / (1 + x^2), x = 2 pi f T; difference 1 %."""
+    tau = np.array([0.5, 5.0, 50.0, 500.0])
+    x = 2.0 * np.pi * (0.5 / tau) * 20.0
+    np.testing.assert_allclose(slopes(GaussMarkov(1.0, 20.0), tau), -2.0 * x**2 / (1.0 + x**2), atol=0.02)
+    np.testing.assert_allclose(slopes(RandomWalk(1.0), tau), -2.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("alpha", [0.0, -1.0, -2.0])
+def test_total_variance_has_more_freedom_the_shorter_the_average(alpha):
+    """Tables for many samples go over into the scaled overlapping variance without a step: below 3 % from 31 to 32."""
+    freedom = np.array([total_dof(alpha, m, 4096) for m in (24, 31, 32, 40)])
+    assert np.all(np.diff(freedom) < 0.0)
+    expected = freedom[2] * (32.0 / 31.0)
+    assert freedom[1] == pytest.approx(expected, rel=0.03)
+    single = Differences(2, 1, 4096)  # of single samples there is nothing to extend: the overlapping variance
+    assert total_dof(alpha, 1, 4096) == pytest.approx(dof(single, power_law(alpha, single), 1.0), rel=0.15)

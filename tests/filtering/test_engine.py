@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import filter_cases as cases
 import numpy as np
 import pytest
 
+from schuler import frames
 from schuler.exceptions import InputError
 from schuler.filtering import engine
 from schuler.filtering.engine import FilterOptions, run
 from schuler.filtering.initial_state import InitialState
-from schuler.filtering.measurements import ACCEPTED, FORCED, REJECTED, UNUSED, MeasurementSchedule, gnss_measurements
+from schuler.filtering.measurements import (
+    ACCEPTED,
+    FORCED,
+    GATED,
+    POSITION,
+    REJECTED,
+    UNUSED,
+    MeasurementSchedule,
+    gnss_measurements,
+    position,
+    velocity,
+)
 from schuler.filtering.states import StateLayout, StateModel
-from schuler.mechanization.strapdown import mechanize
+from schuler.mechanization.strapdown import NavState, mechanize
 from schuler.navigation.navigator import Navigator
 from schuler.recording.series import Increments
 
@@ -315,3 +329,39 @@ def test_the_covariance_grows_over_a_bridged_pause(drive_case):
     assert np.all(added[3:6] >= 0.999 * (0.5 * dt[k]) ** 2)
     before = engine.unpack_symmetric(np.array([plain.rec_P[at - 2], grown.rec_P[at - 2]]), lay.size)
     np.testing.assert_array_equal(before[0], before[1])
+
+
+def test_measurements_that_are_not_used_move_nothing(drive_case):
+    """Fixes at 20 Hz between samples cut the intervals in pieces; unused, they leave the strapdown's end (0.1 mm)."""
+    log, _, initial, lay = setup(drive_case, 15)
+    t = np.arange(0.0137, 119.9, 0.05)
+    ignored = MeasurementSchedule.of(POSITION, t, np.zeros((len(t), 3)), 1.0, gate=-1.0)
+    forward = run(log, ignored, initial, lay, *NOISE)
+    assert np.all(forward.status == GATED)
+    free = mechanize(log, initial.nav)
+    assert np.linalg.norm(forward.r[-1] - free.r_eb_e[-1]) < 1e-4  # what a quadratic interval leaves out
+    assert np.linalg.norm(forward.v[-1] - free.v_eb_e[-1]) < 1e-6
+
+
+def test_an_exact_live_fix_of_the_antenna_has_no_innovation(drive_case):
+    """position() and velocity() take the lever arm from the IMU to the antenna, in body axes, while the body turns."""
+    log, k = drive_case.increments, 1700
+    states = cases.drive(2.0).state(np.array([0.0, log.t[k]]))
+    lay = cases.layout(15)
+    initial = replace(
+        cases.start(drive_case, lay, np.random.default_rng(0)),
+        nav=NavState(0.0, states.r_eb_e[0], states.v_eb_e[0], states.q_eb[0]),
+        parameters=np.zeros(6),
+    )
+    lever = np.array([3.0, -2.0, -1.5])
+    C = states.C_eb[1]
+    llh = frames.llh_from_ecef(states.r_eb_e[1] + C @ lever)
+    v_n = frames.C_en(llh).T @ (states.v_eb_e[1] + C @ np.cross(states.omega_eb_b[1], lever))
+    live = Navigator(initial, lay, *NOISE, interval_s=0.01)
+    live.aid(position(log.t[k], llh, np.ones(3), lever))
+    live.aid(velocity(log.t[k], v_n, np.ones(3), lever))
+    for i in range(k + 1):
+        live.imu(log.t[i], log.dtheta_ib_b[i], log.dv_ib_b[i])
+    assert np.linalg.norm(np.cross(states.omega_eb_b[1], lever)) > 0.3  # it does turn
+    for outcome, limit in zip(live.outcomes, (1e-3, 2e-3), strict=True):  # mean rate of a sample for its end's
+        assert np.abs(outcome.innovation).max() < limit, outcome.kind

@@ -220,3 +220,13 @@ def test_unknown_position_unit_is_refused():
     llh, v, C, omega, f, _ = random_state(0)
     with pytest.raises(InputError, match="expected 'metres' or 'radians', got 'degrees'"):
         system_matrix_ned(LAYOUT, C, v, llh, omega, f, position="degrees")
+
+
+def test_noise_density_along_a_body_axis_is_that_axis_own():
+    """Variance of the projection on each sensor axis, for axes that differ: gyroscopes turn, accelerometers push."""
+    _, _, C, *_ = random_state(3)
+    gyro, accel = np.array([1.0, 4.0, 9.0]), np.array([16.0, 25.0, 36.0])
+    Q = noise_density(LAYOUT, C, gyro, accel)
+    np.testing.assert_allclose(np.diag(C.T @ Q[0:3, 0:3] @ C), gyro, rtol=1e-13)
+    np.testing.assert_allclose(np.diag(C.T @ Q[3:6, 3:6] @ C), accel, rtol=1e-13)
+    assert not Q[0:3, 3:6].any()

@@ -207,3 +207,20 @@ def test_single_measurements_take_sigmas_or_covariances():
 def test_merging_nothing_is_empty():
     assert len(ms.merged()) == 0
     assert len(ms.merged(ms.MeasurementSchedule.empty())) == 0
+
+
+def test_windows_contain_their_start_and_not_their_stop():
+    t = np.array([0.0, 1.0, 1.5, 2.0, 3.0])
+    np.testing.assert_array_equal(ms.in_windows(t, [(1.0, 2.0)]), [False, True, True, False, False])
+    np.testing.assert_array_equal(ms.in_windows(t, [(0.0, 1.0), (2.0, 3.0)]), [True, False, False, True, False])
+
+
+def test_zero_velocity_is_three_numbers_of_one_variance():
+    """R is sigma squared on all axes, and the gate that of three degrees of freedom."""
+    from scipy.stats import chi2
+
+    s = ms.zero_velocity([0.5, 1.0], 0.03, gate=0.99)
+    np.testing.assert_allclose(s.R, np.tile(9e-4 * np.eye(3), (2, 1, 1)), rtol=1e-15)
+    np.testing.assert_allclose(s.gate, chi2.ppf(0.99, 3), rtol=1e-12)
+    assert np.all(np.isinf(ms.zero_velocity([0.5], 0.03).gate))
+    assert not s.z.any()

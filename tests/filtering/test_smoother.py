@@ -216,3 +216,22 @@ def test_estimates_gone_wild_are_an_error_and_no_overrun(drive_case):
     psd = np.full(3, cases.GYRO_N**2), np.full(3, cases.ACCEL_N**2)
     with pytest.raises(InputError, match="the filter diverged"):
         run(drive_case.increments, MeasurementSchedule.empty(), start, lay, *psd, FilterOptions(smoother=True))
+
+
+def test_corrections_turn_a_trajectory_about_all_axes():
+    """Between nodes the correction is linear, and a turn in Earth-fixed axes multiplies the attitude from the left."""
+    from schuler import rotation
+    from schuler.filtering.kernels.smoother import apply_corrections
+
+    rng = np.random.default_rng(4)
+    node_t, t = np.array([0.0, 1.0, 2.0]), np.array([0.25, 1.0, 1.75])
+    minus, plus = 0.3 * rng.standard_normal((3, 9)), 0.3 * rng.standard_normal((3, 9))
+    q = rotation.quat_from_rotvec(rng.standard_normal((3, 3)))
+    v, r = rng.standard_normal((3, 3)), rng.standard_normal((3, 3))
+    dx = np.array([0.75 * plus[0] + 0.25 * minus[1], plus[1], 0.25 * plus[1] + 0.75 * minus[2]])
+    expected = rotation.quat_multiply(rotation.quat_from_rotvec(dx[:, :3]), q)
+    new_q, new_v, new_r = q.copy(), v.copy(), r.copy()
+    apply_corrections(t, new_q, new_v, new_r, node_t, minus, plus)
+    np.testing.assert_allclose(new_q, expected, atol=1e-14)
+    np.testing.assert_allclose(new_v, v + dx[:, 3:6], atol=1e-15)
+    np.testing.assert_allclose(new_r, r + dx[:, 6:9], atol=1e-15)

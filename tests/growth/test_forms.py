@@ -323,3 +323,16 @@ def test_second_order_of_tilts():
     position = -G0 * (0.5 * t**2 - (1.0 - np.cos(rate * t)) / rate**2)
     expected = float(second_order_vertical(t, sigma))
     assert abs(position.mean() / expected - 1.0) < 4.0 * position.std() / abs(expected) / np.sqrt(RUNS) + 0.01
+
+
+def test_sampled_sums_are_the_sums():
+    """Samples held over a step: each adds its step times the time that is left from its middle. Rounding."""
+    step, N_a, N_g = 0.1, 0.3, 0.02
+    for k in (1, 2, 3, 10, 57):
+        i = np.arange(k)
+        left = k - i - 0.5
+        heading = i * N_g**2 * step
+        assert white_sampled(k * step, step, N_a) == pytest.approx(N_a**2 * step**3 * np.sum(left**2), rel=1e-12)
+        v, r = lateral_white_sampled(k * step, step, N_a, N_g)
+        assert v == pytest.approx(N_a**2 * step * np.sum(heading), rel=1e-12, abs=1e-18)
+        assert r == pytest.approx(N_a**2 * step**3 * np.sum(left**2 * heading), rel=1e-12, abs=1e-18)

@@ -5,9 +5,8 @@ import datetime as dt
 import numpy as np
 import pytest
 
-from schuler.exceptions import InputError
 from schuler.recording.formats.rinex_columns import leap_seconds_at, numbers, observed, satellites, whole_seconds
-from schuler.timebase import gps_from_calendar
+from schuler.timebase import LeapSecondWarning, gps_from_calendar
 
 SYSTEMS = "GRECJIS"
 
@@ -115,5 +114,5 @@ def test_leap_seconds_of_the_table_of_the_file_and_of_none():
     np.testing.assert_array_equal(leap_seconds_at(at, 99), [17.0, 18.0, 18.0])
     late = np.array([int(gps_from_calendar(dt.datetime(2040, 1, 1)))])
     np.testing.assert_array_equal(leap_seconds_at(late, 19), [19.0])
-    with pytest.raises(InputError, match="no LEAP SECONDS"):
-        leap_seconds_at(late, None)
+    with pytest.warns(LeapSecondWarning, match="18 s are taken"):
+        np.testing.assert_array_equal(leap_seconds_at(late, None), [18.0])

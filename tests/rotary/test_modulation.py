@@ -9,6 +9,7 @@ from schuler.rotary import gimbals, schemes
 from schuler.rotary.du_axes import du_axis, enu_errors, installation_matrix, rpy_from_du, swap_matrix, swap_vector
 from schuler.rotary.encoder import platform_error
 from schuler.rotary.modulated_errors import (
+    _steps,
     bias_in_n,
     effective_rate,
     modulation,
@@ -20,6 +21,7 @@ from schuler.rotary.rotating_imu import RotatingMotion
 from schuler.rotary.schedule import stacked
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.motion import StaticMotion, inertial_quantities
+from schuler.simulation.profiles import Manoeuvre, ManoeuvreMotion
 from schuler.units import DEG
 
 W = 10.0 * DEG
@@ -194,3 +196,57 @@ def test_matrices_of_errors_and_attitude_errors_in_du_axes():
     eps = np.array([1e-4, -2e-4, 3e-4])  # east, north, up
     C = rotation.dcm_from_rpy([0.1, 0.2, 0.3])
     np.testing.assert_allclose(enu_errors(rotation.dcm_from_rotvec(swap_vector(eps)) @ C, C), eps, atol=1e-11)
+
+
+def test_a_vehicle_that_holds_its_heading_changes_nothing_at_high_latitude():
+    """Eastwards at 75 degrees the axes turn with the meridians, the vehicle with them: the platform alone modulates."""
+    commands = [Manoeuvre(duration=30.0, speed=250.0), Manoeuvre(duration=60.0)]
+    vehicle = ManoeuvreMotion.of(commands, np.array([75.0 * DEG, 0.3, 1000.0]), heading=0.5 * np.pi, bank=0.0)
+    motion = RotatingMotion(vehicle, schemes.continuous("z", W))
+    t = np.linspace(40.0, 80.0, 21)
+    s = motion.state(t)
+    turn = np.linalg.norm(s.v_eb_e, axis=1) * np.tan(s.llh[:, 0]) / 6.4e6
+    assert turn.min() > 1e-4  # rad/s that would be seen otherwise
+    np.testing.assert_allclose(effective_rate(motion, t), W, atol=2e-8)
+
+
+MOUNTED = schemes.fixed().mounted(rotation.dcm_from_rpy([0.4, -0.3, 1.1]))
+
+
+def test_open_loop_errors_take_every_element_of_the_matrices():
+    """At rest, mounted askew: eps = C (M_g w + G_g f) t, and the force error C M_a f t beside eps x f; rounding."""
+    rng = np.random.default_rng(3)
+    M_g, M_a, G_g = (scale * rng.standard_normal((3, 3)) for scale in (10.0, 1e-3, 1e-6))
+    motion, t = RotatingMotion(REST, MOUNTED), np.array([0.0, 5.0, 60.0])
+    omega, f = (x[0] for x in inertial_quantities(motion.state(np.zeros(1))))
+    C = motion.state(np.zeros(1)).C_nb[0]
+    run = open_loop_errors(motion, ImuErrors(M_g=M_g, M_a=M_a, G_g=G_g), t)
+    rate = C @ (M_g @ omega + G_g @ f)
+    np.testing.assert_allclose(run.attitude, np.outer(t, rate), rtol=1e-10, atol=1e-14)
+    pull = np.cross(rate, C @ f)
+    np.testing.assert_allclose(
+        run.velocity, np.outer(t, C @ M_a @ f) + np.outer(t**2 / 2, pull), rtol=1e-10, atol=1e-12
+    )  # fmt: skip
+
+
+def test_residue_of_an_imu_that_stands_askew_is_its_attitude():
+    """Nothing turns: bias C, matrix C_ni omega_k, once and twice. Rounding."""
+    motion = RotatingMotion(REST, MOUNTED)
+    state = motion.state(np.zeros(1))
+    C, omega = state.C_nb[0], inertial_quantities(state)[0][0]
+    left = residue(motion, 50.0)
+    for bias in (left.bias, left.bias_twice):
+        np.testing.assert_allclose(bias, C, atol=1e-12)
+    for matrix in (left.matrix, left.matrix_twice):
+        np.testing.assert_allclose(matrix, np.einsum("ni,k->nik", C, omega), atol=1e-16)
+
+
+@pytest.mark.parametrize("off", [-3e-10, 0.0, 3e-10])
+def test_a_time_beside_a_jump_is_the_jump(off):
+    """Steps of a quadrature are no shorter than rounding of the times, on whichever side of a jump they end."""
+    motion = RotatingMotion(StaticMotion(LLH, np.zeros(3), 200.0), schemes.reciprocating("z", W))
+    breaks = motion.schedule.breakpoints(0.0, 150.0)
+    t = np.concatenate(([0.0], breaks + off, [150.0]))
+    limits, kept = _steps(motion, t, 0.7)
+    assert np.diff(limits).min() > 1e-3
+    np.testing.assert_array_equal(limits[kept], t)

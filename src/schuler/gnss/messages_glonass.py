@@ -64,7 +64,7 @@ def ephemerides_of_strings(
     Raises
     ------
     InputError
-        For arrays of other shapes, or a day beyond the table of leap seconds.
+        For arrays of other shapes.
 
     Notes
     -----

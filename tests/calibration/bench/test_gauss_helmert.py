@@ -353,3 +353,31 @@ def test_ellipsoid_start_says_when_it_cannot():
         ellipsoid_start(ATTITUDES[:8], 1.0)
     with pytest.raises(InputError, match="nine"):
         ellipsoid_start(ATTITUDES, np.linspace(1.0, 2.0, 26))
+
+
+def test_a_prior_that_is_wrong_shows_in_the_unit_weight(rng):
+    """Data that know better: three sigmas of prior misfit are nine of chi-square, one more degree of freedom."""
+    Y = readings(scattered(rng), 1.0, LARGE)
+    fit = adjust(Y, 1e-6, 1.0, prior={"b_x": (LARGE[0] + 3e-2, 1e-2), "s_y": (LARGE[4], 1e-2)})
+    assert fit.freedom == 26 + 2 - 9
+    assert fit.chi_square == pytest.approx(9.0, rel=1e-3)  # the prior pulls by 1e-8 of its sigma
+    assert fit.variance_of_unit_weight == pytest.approx(9.0 / 19.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("sigma", "lost"), [(0.29, False), (0.31, True)])
+def test_biases_beyond_three_tenths_of_rho_are_not_determined(sigma, lost):
+    """The linearised condition does not hold over more: opposite poses on three axes give each bias by two readings."""
+    Y = readings(np.concatenate((np.eye(3), -np.eye(3))), 1.0, np.zeros(9))
+    fit = adjust(Y, sigma * np.sqrt(2.0), 1.0, 3)
+    assert fit.undetermined[:3].all() == lost
+    assert fit.undetermined[:3].any() == lost
+
+
+def test_no_step_of_scale_or_angle_exceeds_the_limit(rng):
+    """From zeros to an error beyond it: at least one step is as long as the limit, none is longer."""
+    x = np.zeros(9)
+    x[3:] = 0.45, -0.3, 0.4, 0.3, -0.2, 0.2
+    fit = adjust(readings(scattered(rng), 1.0, x), 1e-4, 1.0, start="zeros")
+    steps = np.abs(np.diff(np.vstack((np.zeros(9), fit.history)), axis=0))[:, 3:].max(axis=1)
+    assert fit.converged
+    assert steps.max() == pytest.approx(0.3, abs=1e-12)

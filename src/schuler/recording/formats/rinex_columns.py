@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
-from schuler.exceptions import InputError
-from schuler.timebase import GPS_EPOCH, LEAP_TABLE_VALID_TO, UNIX_TO_GPS_S, gps_from_unix
+from schuler.timebase import GPS_EPOCH, LEAP_TABLE_VALID_TO, UNIX_TO_GPS_S, calendar, gps_from_unix
 
 #: GPS time minus BeiDou time. [s]
 BDT_TO_GPS_S = 14.0
@@ -165,14 +164,14 @@ def leap_seconds_at(whole: IntArray, stated: int | None) -> FloatArray:
     Raises
     ------
     InputError
+        Before GPS time began, or after 2100.
+
+    Warns
+    -----
+    LeapSecondWarning
         Beyond the table, if the file does not say.
     """
     utc = np.asarray(whole, dtype=np.float64)
-    try:
-        return np.round(gps_from_unix(utc + UNIX_TO_GPS_S) - utc)
-    except InputError as error:
-        if stated is None:
-            raise InputError(
-                f"leap seconds are known to {LEAP_TABLE_VALID_TO} and the file has no LEAP SECONDS: update schuler"
-            ) from error
+    if stated is not None and utc.size and abs(utc.max()) < 1e11 and calendar(utc.max()).date() > LEAP_TABLE_VALID_TO:
         return np.full(utc.shape, float(stated))
+    return np.round(gps_from_unix(utc + UNIX_TO_GPS_S) - utc)

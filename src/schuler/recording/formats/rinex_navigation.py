@@ -66,7 +66,7 @@ def read_rinex_navigation(path: Path | str) -> Ephemerides:
     FileFormatError
         With file and line, for what is no navigation file or has malformed messages.
     InputError
-        If a packed file needs a library that is not installed, or a GLONASS date is beyond the leap-second table.
+        If a packed file needs a library that is not installed.
     """
     file = read_lines(path)
     if "navigation" not in KINDS[file.kind]:

@@ -72,7 +72,7 @@ def read_rinex_observation(path: Path | str, *, glonass_channels: Mapping[int, i
     FileFormatError
         With file and line, for what is no observation file or does not go on as it says.
     InputError
-        If a packed file needs a library that is not installed, or a date is beyond the leap-second table.
+        If a packed file needs a library that is not installed.
 
     Notes
     -----

@@ -16,7 +16,7 @@ from schuler.recording.formats.ros_messages import encode
 from schuler.recording.formats.ros_recording import OWN_FORMAT, OWN_TOPIC, TOPICS
 from schuler.recording.formats.ros_tables import ENU, FLU
 from schuler.recording.recording import Recording
-from schuler.timebase import LEAP_DAYS, UNIX_TO_GPS_S, gps_from_calendar
+from schuler.timebase import UNIX_TO_GPS_S, calendar, gps_from_calendar, leap_days
 
 #: Parts of a recording that are written.
 HELD = ("imu", "gnss", "reference", "odometer")
@@ -182,7 +182,11 @@ class _UnixTime:
         if self.gps:
             import datetime as dt
 
-            steps = [round(gps_from_calendar(dt.datetime(*day), utc=True) + UNIX_TO_GPS_S) * _NS for day in LEAP_DAYS]
+            days = leap_days(calendar(float(ns.max()) / _NS - UNIX_TO_GPS_S).date())
+            steps = [
+                round(gps_from_calendar(dt.datetime(*day)) + count + UNIX_TO_GPS_S) * _NS
+                for count, day in enumerate(days, 1)
+            ]
             ns = ns - np.searchsorted(steps, ns, side="right") * _NS
         if ns.min() < 0:
             raise InputError(

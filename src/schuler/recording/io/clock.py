@@ -17,7 +17,6 @@ from schuler.exceptions import InputError
 from schuler.recording.io.columns import check_known
 from schuler.recording.io.hint_texts import parse_time
 from schuler.timebase import (
-    LEAP_DAYS,
     UNIX_TO_GPS_S,
     WEEK_S,
     TimeBase,
@@ -25,6 +24,7 @@ from schuler.timebase import (
     gps_from_calendar,
     gps_from_unix,
     gps_seconds,
+    leap_days,
 )
 
 LATEST_S = 4.0e9  # GPS seconds of the year 2106, beyond any log [s]
@@ -199,7 +199,8 @@ def to_unix(t: FloatArray, base: TimeBase) -> IntArray:
 
 def leaps_at(gps_s: float) -> int:
     """GPS time minus UTC at a GPS time. [s]"""
-    return sum(gps_s >= gps_from_calendar(dt.datetime(*day), utc=True) for day in LEAP_DAYS)
+    days = leap_days(calendar(min(max(gps_s, 0.0), LATEST_S)).date())
+    return sum(gps_s >= gps_from_calendar(dt.datetime(*day)) + count for count, day in enumerate(days, 1))
 
 
 def seconds_text(stamps_ns: IntArray) -> Any:

@@ -128,3 +128,83 @@ def test_an_index_of_types_that_are_gone_is_compiled_anew(tmp_path):
     assert name in content
     index.write_bytes(content.replace(name, name[:-6] + b"sector"))
     in_a_process(["-c", LANES], tmp_path, 300.0)
+
+
+# ------------------------------------------------------------------------------- no folder, no room, damaged entries
+
+DOUBLED = """
+from schuler.jit import kernel
+
+@kernel
+def doubled(x):
+    return 2.0 * x
+"""
+
+
+@pytest.fixture
+def doubled(tmp_path):
+    """A kernel in a file of its own, as a new process would make it, and the hits of its machine code on disk."""
+    path = tmp_path / "kernels.py"
+    path.write_text(DOUBLED, encoding="utf-8")
+
+    def made():
+        names: dict[str, object] = {"__name__": "kernels", "__file__": str(path)}
+        exec(compile(DOUBLED, str(path), "exec"), names)
+        return names["doubled"]
+
+    jit._say_not_kept.cache_clear()
+    return made
+
+
+def hits(compiled) -> int:
+    return sum(compiled.stats.cache_hits.values())
+
+
+@pytest.mark.parametrize(
+    "damage", [b"", b"\x80", b"\x80\x04K\x01.", bytes(200)], ids=["empty", "cut", "cut later", "zeros"]
+)
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+def test_a_damaged_entry_on_disk_is_removed_and_made_anew(doubled, tmp_path, damage, suffix):
+    assert doubled()(2.0) == 4.0
+    again = doubled()
+    assert (again(2.0), hits(again)) == (4.0, 1)
+    (entry,) = (tmp_path / "__pycache__").glob(f"*.{suffix}")
+    good = len(entry.read_bytes())
+    entry.write_bytes(damage)
+    compiled = doubled()
+    assert (compiled(2.0), hits(compiled)) == (4.0, 0)
+    (entry,) = (tmp_path / "__pycache__").glob(f"*.{suffix}")
+    assert len(entry.read_bytes()) > 0.5 * good
+    again = doubled()
+    assert (again(2.0), hits(again)) == (4.0, 1)
+
+
+def test_a_flipped_byte_anywhere_in_an_entry_never_stops_a_run(doubled, tmp_path):
+    doubled()(2.0)
+    (index,) = (tmp_path / "__pycache__").glob("*.nbi")
+    good = index.read_bytes()
+    for place in range(0, len(good), 7):
+        index.write_bytes(good[:place] + bytes([good[place] ^ 0xFF]) + good[place + 1 :])
+        assert doubled()(2.0) == 4.0
+
+
+def test_without_a_folder_to_keep_it_in_it_compiles_and_says_so_once(doubled, monkeypatch, capsys):
+    from numba.core import caching
+
+    monkeypatch.setattr(caching.CompileResultCacheImpl, "_locator_classes", [])
+    for _ in range(2):
+        assert doubled()(2.0) == 4.0
+    stated = capsys.readouterr().err
+    assert stated.count("the compiled kernels cannot be kept (there is no folder to write to)") == 1
+    assert "set NUMBA_CACHE_DIR" in stated
+
+
+def test_a_full_disk_costs_only_the_compilation(doubled, monkeypatch, capsys):
+    from numba.core import caching
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(caching.IndexDataCacheFile, "_save_data", full)
+    assert doubled()(2.0) == 4.0
+    assert "cannot be kept (No space left on device)" in capsys.readouterr().err

@@ -54,6 +54,10 @@ class FileFormatError(InputError):
         super().__init__(where + message)
 
 
+class ReaderError(FileFormatError):
+    """A file at which a reader gave up in a way it does not foresee: damaged, or a defect of the reader."""
+
+
 class TomlError(ConfigError, FileFormatError):
     """A TOML file that is missing, cannot be opened, or is no TOML."""
 

@@ -39,12 +39,14 @@ def read_toml(path: Path | str, missing: str = "no such configuration file") -> 
     path = Path(path)
     _note_input(path)
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise TomlError(missing, path) from None
     except OSError as error:
         raise TomlError(f"cannot be read: {error.strerror}", path) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except RecursionError:
+        raise TomlError("not a TOML file of ours: its entries are nested too deeply", path) from None
+    except ValueError as error:  # of syntax, of the encoding, of numbers of thousands of digits
         raise TomlError(f"not a TOML file: {error}", path) from None
 
 

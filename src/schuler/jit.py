@@ -8,8 +8,11 @@ are themselves imported only by the functions that run them (importing the packa
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import glob
 import hashlib
+import multiprocessing
 import sys
 import threading
 import types
@@ -56,11 +59,18 @@ def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Callable[...
     numba itself asks only whether the function's own file is newer, and would go on running code into which the old
     version of a helper from another file has been inlined.
     """
-    compiled: Any = _one_version(numba.njit(cache=True, **options, **_OPTIONS)(function))
+    try:
+        compiled: Any = _one_version(numba.njit(cache=True, **options, **_OPTIONS)(function))
+    except RuntimeError:  # no folder can be written: a read-only installation and home, a service without a home
+        _say_not_kept("there is no folder to write to")
+        return cast(Callable[..., Any], _one_version(numba.njit(**options, **_OPTIONS)(function)))
     try:
         file = compiled._cache._cache_file
         file._source_stamp = (file._source_stamp, sources_digest())
         file._load_index = functools.partial(_readable_index, file._load_index)
+        cache = compiled._cache
+        cache.load_overload = functools.partial(_loaded, cache.load_overload, Path(file._index_path))
+        cache.save_overload = functools.partial(_saved, cache.save_overload)
     except AttributeError:  # a numba that keeps it elsewhere: better to compile at every start than to run old code
         compiled = _one_version(numba.njit(**options, **_OPTIONS)(function))
     return cast(Callable[..., Any], compiled)
@@ -119,6 +129,34 @@ def _readable_index(load: Callable[[], Any]) -> Any:
         return load()
     except (ImportError, AttributeError):
         return {}
+
+
+def _loaded(load: Callable[..., Any], index: Path, *args: Any) -> Any:
+    """Machine code on disk; none if it is damaged (a full disk, a killed run), and its files are removed."""
+    try:
+        return load(*args)
+    except Exception:  # whatever unpickling of damaged bytes ends in; the function is compiled anew
+        for path in (index, *index.parent.glob(f"{glob.escape(index.stem)}.*.nbc")):
+            with contextlib.suppress(OSError):
+                path.unlink()
+        return None
+
+
+def _saved(save: Callable[..., Any], *args: Any) -> None:
+    """Keep machine code on disk, where there is room."""
+    try:
+        save(*args)
+    except OSError as error:
+        _say_not_kept(str(error.strerror))
+
+
+@functools.cache
+def _say_not_kept(why: str) -> None:
+    if multiprocessing.parent_process() is None:
+        sys.stderr.write(
+            f"the compiled kernels cannot be kept ({why}): every start compiles them anew, about a minute; set "
+            "NUMBA_CACHE_DIR to a folder that can be written\n"
+        )
 
 
 @functools.cache

@@ -12,8 +12,17 @@ from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
 from schuler.recording import GnssSeries, ImuSeries, Metadata, OdometerSeries, Recording, Trajectory
+from schuler.recording.io import dispatch
 from schuler.recording.series import ScalarSeries
 from schuler.timebase import TimeBase
+
+
+@pytest.fixture(scope="module")
+def unguarded():
+    """Readers as they are: what they do not foresee is not turned into an error of ours."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(dispatch, "guarded", lambda _path: np.errstate())
+        yield
 
 
 @pytest.fixture

@@ -21,6 +21,8 @@ from schuler.recording import Recording
 from schuler.recording.formats import novatel_frames, sbf_blocks, sbg, xsens_messages
 from schuler.recording.io import read
 
+pytestmark = pytest.mark.usefixtures("unguarded")
+
 SPECIAL = [struct.pack("<d", x) for x in (0.0, -0.0, 1.0, 48.0, -2e10, 1e300, -1e300, 1e-300)]
 SPECIAL += [struct.pack("<d", float(x)) for x in ("nan", "inf", "-inf")]
 SPECIAL += [struct.pack("<f", float(x)) for x in ("nan", "inf", "1", "9.81", "-2e10", "3e38")]

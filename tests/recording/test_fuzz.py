@@ -31,6 +31,8 @@ pytest.importorskip("h5netcdf")
 pytest.importorskip("mcap")
 pytest.importorskip("hatanaka")
 
+pytestmark = pytest.mark.usefixtures("unguarded")
+
 #: Number of damaged logs of each format and variant with ``-m fuzz``; also in docs/formats.md.
 CASES = {
     "mcap": 400, "rosbag": 400, "px4": 300, "ardupilot": 400, "novatel": 150, "sbf": 150, "vectornav": 150,

@@ -12,6 +12,8 @@ from schuler.exceptions import SchulerError
 from schuler.recording import Recording
 from schuler.recording.io import read
 
+pytestmark = pytest.mark.usefixtures("unguarded")
+
 HEADERS = (
     "t,ax,ay,az,gx,gy,gz",
     "t [s],ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s]",

@@ -32,17 +32,20 @@ def repaired(path: Path, hints: ReadHints) -> tuple[Recording, list[Finding]]:
     SchulerError
         If that is not what is wrong with it.
     """
-    with path.open("rb") as stream:
-        head = stream.read(65536)
-    if b"\x00" in head:
-        raise FileFormatError("only text can be repaired", path)
-    if path.suffix.lower() == ".pos" or rtklib.looks_like_pos(head):
-        return _repaired_pos(path, hints)
-    raw = text._load(text.open_text(path, hints), hints)
-    findings = _without_missing(raw)
-    if "t" in raw.values:
-        findings += _in_order(raw)
-    return recording_from(raw, hints), findings
+    with dispatch.guarded(path):
+        with path.open("rb") as stream:
+            head = stream.read(65536)
+        if b"\x00" in head:
+            raise FileFormatError("only text can be repaired", path)
+        if path.suffix.lower() == ".pos" or rtklib.looks_like_pos(head):
+            return _repaired_pos(path, hints)
+        raw = text._load(text.open_text(path, hints), hints)
+        findings = _without_missing(raw)
+        if "t" in raw.values:
+            findings += _in_order(raw)
+        if not all(map(len, raw.values.values())):
+            raise FileFormatError("no row is left without those that hold no number", path)
+        return recording_from(raw, hints), findings
 
 
 def _without_missing(raw: Raw) -> list[Finding]:

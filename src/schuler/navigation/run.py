@@ -213,7 +213,9 @@ def tune_noise(
 
 def _check_earth_rotation(recording: Recording, config: NavigationConfig) -> None:
     """Raise ConfigError if the recording was simulated with another rotation of the Earth than configured."""
-    simulated = recording.metadata.options.get("scenario", {}).get("motion", {})
+    scenario = recording.metadata.options.get("scenario")
+    simulated = scenario.get("motion") if isinstance(scenario, dict) else None
+    simulated = simulated if isinstance(simulated, dict) else {}
     rotating = simulated.get("earth_rotation", True)
     if rotating != config.filter.earth_rotation:
         raise ConfigError(

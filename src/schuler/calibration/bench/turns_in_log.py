@@ -143,6 +143,8 @@ def rate_plateaus(
     rates = as_floats(rates, "rates", (None,))
     if (rates <= 0.0).any() or not len(rates):
         raise InputError(f"rates: expected positive rates in rad/s, got {rates.tolist()}")
+    if len(imu) < 2:
+        raise InputError("turns on a table: expected a log of several samples, got one")
     series = imu.rates()
     W = max(round(window_s * imu.rate_hz), 5)
     n = len(series) // W

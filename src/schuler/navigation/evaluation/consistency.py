@@ -95,10 +95,21 @@ def nees(result: NavigationResult, reference: Trajectory, parameters: ArrayLike 
     Bar-Shalom, Li, Kirubarajan (2001), section 5.4.2.
     """
     _, dx, P = state_errors(result, reference, parameters)
-    scale = np.sqrt(np.einsum("kii->ki", P))  # solve in units of sigma: positions and biases differ by 1e9
-    correlation = P / (scale[:, :, None] * scale[:, None, :])
-    z = dx / scale
-    squared = np.einsum("ki,ki->k", z, np.linalg.solve(correlation, z[:, :, None])[:, :, 0])
+    scale = np.sqrt(
+        np.maximum(np.einsum("kii->ki", P), 0.0)
+    )  # solve in units of sigma: positions and biases differ by 1e9
+    with np.errstate(all="ignore"):
+        correlation = P / (scale[:, :, None] * scale[:, None, :])
+        z = dx / scale
+    try:
+        if not (scale > 0.0).all():
+            raise np.linalg.LinAlgError
+        squared = np.einsum("ki,ki->k", z, np.linalg.solve(correlation, z[:, :, None])[:, :, 0])
+    except np.linalg.LinAlgError:
+        raise InputError(
+            "nees: expected covariances that can be inverted, got a singular one: two states of the run are the same, "
+            "or its covariance broke down (see its verdict)"
+        ) from None
     per_degree: FloatArray = squared / dx.shape[1]
     return per_degree
 

@@ -67,7 +67,12 @@ def contents(path: Path) -> list[Stream]:
         place = next((names[kind].index(n) for n in _BOOT if n in names.get(kind, [])), None)
         if place is not None:
             texts = [fields[place] if place < len(fields) else "" for fields in records]
-            t = np.array([int(text) / clock.NS if text.isascii() and text.isdigit() else np.nan for text in texts])
+            t = np.array(
+                [
+                    int(text) / clock.NS if text.isascii() and text.isdigit() and len(text) < 20 else np.nan
+                    for text in texts
+                ]
+            )
         streams.append(stream_of(name, kind, t, part))
     return streams
 

@@ -183,7 +183,7 @@ def _numbers(path: Path, header: list[str], rows: list[list[str]], names: tuple[
         raise FileFormatError(f"expected the column {missing[0]!r}; is it a table of another device?", path, 1)
     places = [header.index(name) for name in names]
     try:
-        values = np.array([[float(row[k]) for k in places] for row in rows])
+        values = np.array([[_number(row[k]) for k in places] for row in rows])
     except ValueError:
         values = np.full((1, 1), np.nan)
     if np.isfinite(values).all():
@@ -191,12 +191,19 @@ def _numbers(path: Path, header: list[str], rows: list[list[str]], names: tuple[
     for number, row in enumerate(rows, 2):
         for name, k in zip(names, places, strict=True):
             try:
-                good = bool(np.isfinite(float(row[k])))
+                good = bool(np.isfinite(_number(row[k])))
             except ValueError:
                 good = False
             if not good:
                 raise FileFormatError(f"{name}: expected a number, got {row[k]!r}", path, number)
     raise AssertionError("a field that is no number was not found again")
+
+
+def _number(text: str) -> float:
+    """A number as other programs write it: Python itself would take underscores between digits."""
+    if "_" in text:
+        raise ValueError(text)
+    return float(text)
 
 
 def _observations(path: Path, header: list[str], rows: list[list[str]], start: float) -> Observations:
@@ -211,10 +218,10 @@ def _observations(path: Path, header: list[str], rows: list[list[str]], start: f
         for entry in _ENTRY.findall(row[column]):
             fields = entry.split("|")
             try:
-                v = [float(field) for field in fields]
+                v = [_number(field) for field in fields]
             except ValueError:
                 v = []
-            if len(v) != _FIELDS:
+            if len(v) != _FIELDS or not np.isfinite(v[:4]).all():
                 raise FileFormatError(f"expected {_FIELDS} numbers between brackets, got [{entry}]", path, number)
             letter = _SYSTEMS.get(int(v[0]), "")
             name = _SIGNALS.get((letter, int(v[2]), int(v[3])))

@@ -25,6 +25,7 @@ from schuler.recording.io.clock import from_gps
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import check_file
 from schuler.recording.io.over_ground import NO_VELOCITY, NO_VERTICAL_RATE
+from schuler.recording.io.raw import HUGE
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries
 from schuler.timebase import UNIX_TO_GPS_S, gps_from_calendar, gps_from_unix
@@ -313,7 +314,7 @@ def _number(value: Any) -> float:
 
 def _is_number(value: Any) -> bool:
     """Whether a field is a finite number: empty and damaged ones are text."""
-    return isinstance(value, int | float) and bool(np.isfinite(value))
+    return isinstance(value, int | float) and -HUGE <= value <= HUGE
 
 
 def _is_place(gga: Any) -> bool:

@@ -113,7 +113,7 @@ def satellites(chars: np.ndarray, default: str, systems: str) -> tuple[IntArray,
     for k, letter in enumerate(systems):
         place[ord(letter)] = place[ord(letter.lower())] = k
     if default:
-        place[_BLANK] = systems.index(default)
+        place[_BLANK] = systems.find(default)  # of an unknown system no name is right
     system = place[chars[:, 0]]
     number = 10 * _DIGIT[chars[:, 1]].astype(np.int64) + _DIGIT[chars[:, 2]]
     wrong = (system < 0) | (number == 0) | (_CLASS[chars[:, 2]] != 2) | ~np.isin(_CLASS[chars[:, 1]], (0, 2))

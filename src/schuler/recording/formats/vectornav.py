@@ -130,7 +130,7 @@ def _best(log: Packets, part: str, kind: str) -> tuple[str, Columns] | None:
     """Name and columns of the packets to take for a part: the preferred outputs, then most packets."""
     ranked = []
     for name, rows in log.columns.items():
-        n = len(next(iter(rows.values())))
+        n = len(next(iter(rows.values()), ()))
         if part == "imu":
             present = imu_kind(rows, kind)
             if present is not None:

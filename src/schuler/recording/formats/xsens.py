@@ -38,7 +38,7 @@ _TO_NED = {
     "NWU": np.diag([1.0, -1.0, -1.0]),
 }
 _NAMES = re.compile(rb"^(?:\xef\xbb\xbf)?PacketCounter[\t,;].*\bAcc_X\b", re.MULTILINE)
-_RATE = re.compile(r"//\s*(?:Update|Sample)\s*rate\s*:\s*([0-9.]+)\s*Hz", re.IGNORECASE)
+_RATE = re.compile(r"//\s*(?:Update|Sample)\s*rate\s*:\s*([0-9]+(?:\.[0-9]*)?)\s*Hz", re.IGNORECASE)
 _ACCEL, _GYRO = ("Acc_X", "Acc_Y", "Acc_Z"), ("Gyr_X", "Gyr_Y", "Gyr_Z")
 _TICK, _TICK_DOT = 1e-4, 1e-6  # of SampleTimeFine; of a Movella DOT [s]
 _SLOWEST = 2000.0  # ticks: no MT Manager logs at less than 5 Hz, no DOT at more than 500

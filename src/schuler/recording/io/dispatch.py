@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from schuler.exceptions import InputError
+import numpy as np
+
+from schuler.exceptions import InputError, ReaderError, SchulerError
 from schuler.recording.io import checks, columns, lines
 from schuler.recording.io.gnss_table import reference_from_gnss
 from schuler.recording.io.hint_texts import SATELLITES, SERIES
@@ -92,13 +95,44 @@ def _folder_format(path: Path, hints: ReadHints | None, name: str | None) -> Mod
 
 def read_one(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int] | None = None) -> Recording:
     """Read one file, see :func:`read`; ``glonass_channels`` by satellite for RINEX observations without them."""
-    recording = checks.check_possible(_read_file(path, hints, glonass_channels), path, hints.allows)
+    with guarded(path):
+        recording = checks.check_possible(_read_file(path, hints, glonass_channels), path, hints.allows)
     if hints.series == "reference" and recording.reference is None and recording.gnss is not None:
         recording = reference_from_gnss(recording)
     if hints.series is not None and getattr(recording, hints.series) is None:
         held = ", ".join(n for n in (*SERIES, *SATELLITES) if getattr(recording, n) is not None)
         raise InputError(f"{path}: series={hints.series!r} was asked for, the file holds {held}")
     return recording
+
+
+@contextmanager
+def guarded(path: Path) -> Iterator[None]:
+    """Turn what a reader does not foresee in a damaged file into an error that names the file.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    ReaderError
+        From the error that came. The tests on damaged files hold each reader to errors of its own.
+    """
+    try:
+        with np.errstate(all="ignore"):  # what overflows is refused by the checks of the series
+            yield
+    except SchulerError:
+        raise
+    except MemoryError as error:
+        raise ReaderError("there is not enough memory for what it claims to hold; is it damaged?", path) from error
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        raise ReaderError(
+            f"it cannot be read ({type(error).__name__}: {error}): it is damaged, or the reader has a defect; if other "
+            "programs read it, please report it",
+            path,
+        ) from error
 
 
 def write(recording: Recording, path: Path | str, *, format: str | None = None, **options: Any) -> list[Path]:

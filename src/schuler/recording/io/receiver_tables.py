@@ -160,6 +160,8 @@ def clock_line(t: FloatArray, gps_whole: FloatArray, gps_rest: FloatArray) -> Cl
     lead = (gps_whole - whole) + gps_rest - (t - zero)
     at_zero, rate = float(np.median(lead)), 0.0
     good = np.abs(lead - at_zero) < _WILD
+    if not good.any():  # the middle of two that contradict each other is near neither
+        return None
     if t[good][-1] - t[good][0] >= _LONG_ENOUGH:
         rate, at_zero = (float(c) for c in np.polyfit(t[good] - zero, lead[good], 1))
     rest = lead[good] - at_zero - rate * (t[good] - zero)

@@ -36,6 +36,8 @@ from .navigation import navigate as navigate
 from .navigation import tune_noise as tune_noise
 from .navigation.foot import navigate_foot as navigate_foot
 from .observability import scenario_observability as scenario_observability
+from .proposal import Proposal as Proposal
+from .proposal import propose as propose
 from .recording import GnssSeries as GnssSeries
 from .recording import ImuSeries as ImuSeries
 from .recording import Increments as Increments

@@ -414,7 +414,7 @@ def toml_with(text: str, entries: Mapping[str, Any], remarks: Mapping[str, str] 
             start = len(lines) - 1
         for key, value in values.items():
             remark = (remarks or {}).get(f"{section}.{key}", "")
-            new = f"{key} = {_toml_value(value)}" + (f"  # {remark}" if remark else "")
+            new = f"{key} = {toml_value(value)}" + (f"  # {remark}" if remark else "")
             stop = next((i for i in range(start + 1, len(lines)) if re.match(r"^\s*\[", lines[i])), len(lines))
             old = next((i for i in range(start + 1, stop) if re.match(rf"^\s*{re.escape(key)}\s*=", lines[i])), None)
             if old is not None:
@@ -430,7 +430,7 @@ def toml_with(text: str, entries: Mapping[str, Any], remarks: Mapping[str, str] 
         right = False
     if not right:
         body = "\n".join(
-            f"[{section}]\n" + "\n".join(f"{key} = {_toml_value(value)}" for key, value in values.items())
+            f"[{section}]\n" + "\n".join(f"{key} = {toml_value(value)}" for key, value in values.items())
             for section, values in sections
         )
         raise TomlError(f"its entries cannot be changed line by line; put these in their place:\n{body}")
@@ -447,11 +447,11 @@ def _sections(entries: Mapping[str, Any], name: str = "") -> Iterator[tuple[str,
             yield from _sections(value, f"{name}.{key}" if name else key)
 
 
-def _toml_value(value: Any) -> str:
+def toml_value(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(_toml_value(v) for v in value)}]"
+        return f"[{', '.join(toml_value(v) for v in value)}]"
     return repr(value) if isinstance(value, (int, float)) else json.dumps(value)
 
 

@@ -62,6 +62,7 @@ _ATOMS: dict[str, tuple[float, Dimension]] = {
     "mrad": (1e-3, _dim(angle=1)),
     "urad": (1e-6, _dim(angle=1)),
     "deg": (DEG, _dim(angle=1)),
+    "mdeg": (1e-3 * DEG, _dim(angle=1)),
     "arcmin": (DEG / 60.0, _dim(angle=1)),
     "arcsec": (ARCSEC, _dim(angle=1)),
     "rev": (2.0 * pi, _dim(angle=1)),
@@ -93,10 +94,10 @@ _ANY_CASE = {"deg", "rad", "rev", "min", "arcsec", "arcmin", "km", "kn", "nmi", 
 _MAX_EXPONENT, _MAX_DEPTH = 9, 8
 _SPELLINGS = {
     "hz": "Hz", "degc": "degC", "rpm": "rev/min", "rthz": "sqrt(Hz)", "rthr": "sqrt(h)", "rth": "sqrt(h)",
-    "hr": "h", "hour": "h", "sec": "s", "second": "s", "dps": "deg/s", "dph": "deg/h", "kph": "km/h", "kmh": "km/h",
+    "hr": "h", "hour": "h", "sec": "s", "second": "s", "dps": "deg/s", "mdps": "mdeg/s", "dph": "deg/h", "kph": "km/h", "kmh": "km/h",
     "knots": "kn", "knot": "kn", "gal": "cm/s^2", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
     "celsius": "degC", "µg": "ug", "μg": "ug", "µs": "us", "μs": "us", "µrad": "urad", "μrad": "urad", "°": "deg",
-    "°C": "degC", "mps": "m/s", "mps2": "m/s^2", "arcs": "arcsec", "microg": "ug", "mgal": "mGal",
+    "°C": "degC", "C": "degC", "mps": "m/s", "mps2": "m/s^2", "arcs": "arcsec", "microg": "ug", "mgal": "mGal",
 }  # fmt: skip
 _TOKEN = re.compile(r"\s*(sqrt\(|√\(?|\(|\)|\*|·|/|\^-?\d+|²|³|°C|[A-Za-zµμ°%]+\d?(?![\w^])|[A-Za-zµμ°%]+|1)")
 

@@ -86,8 +86,13 @@ COMMANDS = {
     ),
     "navigate": (
         "schuler.cli.navigate:navigate",
-        "Navigate a log: INS, INS/GNSS, outages, smoothing, report.",
+        "Navigate a log: INS, INS/GNSS, outages, smoothing, report. Without --config it is proposed from the log.",
         "schuler navigate drive.parquet --config drive.toml --outage 120:150",
+    ),
+    "init": (
+        "schuler.cli.init:init",
+        "Propose a configuration for a folder of logs and write it, each entry with its evidence.",
+        "schuler init drive --imu MPU-6000",
     ),
     "tune": (
         "schuler.cli.tune:tune",

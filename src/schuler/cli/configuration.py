@@ -20,14 +20,16 @@ def configuration(
     """The configuration of a file with changed entries and with the outages of ``--outage`` and ``--outage-every``."""
     from schuler.navigation.config import NavigationConfig
 
-    changes = list(changes)
+    return with_outages(NavigationConfig.load(config, changes), outage, outage_every)
+
+
+def with_outages(config: NavigationConfig, outage: Sequence[str], outage_every: str | None) -> NavigationConfig:
+    """The configuration with the outages of ``--outage`` and ``--outage-every``."""
+    section = config.outages
     if outage_every is not None:
-        changes += [(f"outages.{key}", value) for key, value in period(outage_every).items()]
-    loaded = NavigationConfig.load(config, changes)
-    if outage:
-        windows = (*loaded.outages.windows_s, *(window(text) for text in outage))
-        loaded = loaded.model_copy(update={"outages": loaded.outages.model_copy(update={"windows_s": windows})})
-    return loaded
+        section = type(section).model_validate({**section.model_dump(exclude_none=True), **period(outage_every)})
+    windows = (*section.windows_s, *(window(text) for text in outage))
+    return config.model_copy(update={"outages": section.model_copy(update={"windows_s": windows})})
 
 
 def window(text: str) -> tuple[float, float]:

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from schuler.cli.configuration import configuration, entries
+from schuler.cli.configuration import configuration, entries, with_outages
 from schuler.cli.output import Flag, Folder, Texts, named, print_json, print_verdict, progress, say
+from schuler.cli.proposal import proposed
+from schuler.exceptions import InputError
+from schuler.files import write_text
 from schuler.navigation.result import NavigationResult
 from schuler.recording.recording import Recording
 from schuler.recording.trajectory import Trajectory
 
 
 def navigate(
-    log: Path,
-    /,
-    *,
-    config: Path,
+    *logs: Path,
+    config: Path | None = None,
+    imu: str | None = None,
     calibration: Path | None = None,
     out: Folder = None,
     outage: Texts = (),
@@ -41,10 +43,14 @@ def navigate(
 
     Parameters
     ----------
-    log
-        File or folder; how it is read stands in the [recording] section of the configuration.
+    logs
+        File or folder; how it is read stands in the [recording] section of the configuration. Without a configuration
+        also the files of one run.
     config
-        TOML file, see docs/navigation.md.
+        TOML file, see docs/navigation.md. Without one it is proposed from what the log shows, printed with its
+        evidence, and written beside the result as drive.toml; see docs/howto/from-a-folder-to-a-track.md.
+    imu
+        Without a configuration: the IMU by its name in the catalogue, or a file of schuler allan.
     calibration
         File of a calibration of this unit: sensor states start from its values and covariance, the rest is taken out
         of the log. Instead of imu.calibration of the configuration.
@@ -84,6 +90,8 @@ def navigate(
     from schuler.navigation.run import navigate as run
 
     began = time.perf_counter()
+    if not logs:
+        raise InputError("navigate: expected a file or folder, got none")
     changes = entries(set)
     if calibration is not None:
         changes.append(("imu.calibration", str(calibration.resolve())))
@@ -91,9 +99,22 @@ def navigate(
         changes.append(("gnss.coupling", coupling))
     if smooth is not None:
         changes.append(("filter.smooth", smooth))
-    changes += [(f"aiding.{name}", {}) for name in aid] + [(f"aiding.{name}", None) for name in without]
-    loaded = configuration(config, changes, outage, outage_every)
-    recording = checked(read_log(log, config), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
+    changes += [(f"aiding.{name}", {}) for name in aid]
+    proposal = None
+    if config is None:
+        proposal = proposed(logs, imu, changes, without)
+        log, changes = proposal.log, []
+        loaded = with_outages(proposal.config, outage, outage_every)
+        recording = checked(proposal.recording, unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
+    else:
+        if len(logs) > 1 or imu is not None:
+            raise InputError(
+                "--config says which files are read and what the IMU is: give one LOG and no --imu with it"
+            )
+        log = logs[0]
+        changes += [(f"aiding.{name}", None) for name in without]
+        loaded = configuration(config, changes, outage, outage_every)
+        recording = checked(read_log(log, config), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
     backdrop = None
     if background is not None:
         from schuler.navigation.report.backdrop import read_backdrop
@@ -105,8 +126,11 @@ def navigate(
     outcome = evaluated(recording, result, loaded.filter.smooth)
     outcome.numbers["elapsed_s"] = time.perf_counter() - began
     files = write_outputs(folder, recording, outcome, report=report, figures=figures, background=backdrop)
+    if proposal is not None:
+        files["configuration"] = write_text(folder / "drive.toml", proposal.toml())
     if json:
-        print_json({"command": "navigate", **outcome.numbers, "files": files})
+        more = {} if proposal is None else {"decisions": [asdict(d) for d in proposal.decisions]}
+        print_json({"command": "navigate", **outcome.numbers, **more, "files": files})
     else:
         say(recording.summary(notes=False))  # the result has them
         print_verdict(result.verdict)

@@ -22,6 +22,7 @@ OWN_MARK = "# schuler {"
 OWN_FAMILY = "schuler/csv"
 OWN_FORMAT = f"{OWN_FAMILY}/2"
 _COMMENTS = ("#", "%", "//")
+_BANNER = 20  # lines of words above the first numbers that a logger may write
 _EXAMPLE = "columns='t,ax,ay,az,gx,gy,gz' (- skips one, * the rest)"
 
 
@@ -100,7 +101,7 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
     encoding = lines.encoding_of(lines.check_file(path), path)
     starts = (hints.comment,) if hints.comment else _COMMENTS
     comments: list[tuple[int, str]] = []
-    header: tuple[int, str] | None = None
+    header: tuple[int, str] | None = None  # the last line of words above the numbers: those before it are a banner
     with path.open(encoding=encoding, errors="replace", newline=None) as stream:
         for number, line in enumerate(itertools.islice(stream, hints.skip, None), hints.skip + 1):
             text = lines.decode(line.strip())
@@ -118,7 +119,7 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
                 return Opening(table, tuple(comments), names, fields)
             if any(map(lines.is_decimal_comma, fields)):
                 raise FileFormatError("decimal commas are not read; write points", path, number)
-            if header is not None:
+            if header is not None and number > _BANNER:
                 raise FileFormatError(
                     f"expected numbers below the header in line {header[0]}, got {lines.shorten(text)}: pass over the "
                     f"lines before the first numbers with skip=..., and name the columns, {_EXAMPLE}",

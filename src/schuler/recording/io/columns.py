@@ -61,12 +61,13 @@ def _spellings() -> dict[str, str]:
         for stem in ("gyr", "gyro", "gyroscope", "omega", "w", "angular_rate", "angular_velocity"):
             table |= {f"{stem}_{axis}": f"g{axis}", f"{stem}{axis}": f"g{axis}"}
         table |= {f"a_{axis}": f"a{axis}", f"g_{axis}": f"g{axis}"}
+        table |= {f"ac{axis}": f"a{axis}", f"gy{axis}": f"g{axis}"}  # AcX, GyX of Arduino sketches
     for axis in "ned":
         table |= {f"v_{axis}": f"v{axis}", f"vel_{axis}": f"v{axis}", f"sigma_{axis}": f"s{axis}"}
         table |= {f"sigma_v{axis}": f"sv{axis}", f"sd_{axis}": f"s{axis}"}
-    for word in ("time", "timestamp", "stamp", "tow", "gps_tow", "gpstow", "gps_time", "seconds"):
+    for word in ("time", "timestamp", "stamp", "tow", "gps_tow", "gpstow", "gps_time", "seconds", "millis", "micros"):
         table[word] = "t"
-    table |= {"temperature": "temp", "latitude": "lat", "longitude": "lon", "lng": "lon", "height": "h"}
+    table |= {"temperature": "temp", "tmp": "temp", "latitude": "lat", "longitude": "lon", "lng": "lon", "height": "h"}
     table |= {"quality": "q", "n_satellites": "ns", "nsat": "ns"}
     table |= {"hdg": "heading", "sigma_heading": "sheading", "sigma_height": "sh"}
     return table
@@ -76,7 +77,7 @@ _SPELLINGS = _spellings()
 # what follows an underscore in names such as ax_m_s2; longer endings are tried first
 _ENDINGS = {
     "m_s2": "m/s^2", "mps2": "m/s^2", "ms2": "m/s^2", "mg": "mg", "g": "g", "rad_s": "rad/s", "rads": "rad/s",
-    "rps": "rad/s", "deg_s": "deg/s", "dps": "deg/s", "degs": "deg/s", "deg_h": "deg/h", "s": "s", "sec": "s",
+    "rps": "rad/s", "deg_s": "deg/s", "dps": "deg/s", "mdps": "mdps", "degs": "deg/s", "deg_h": "deg/h", "s": "s", "sec": "s",
     "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "deg": "deg", "m_s": "m/s", "mps": "m/s", "km_h": "km/h",
     "m": "m", "degc": "degC", "c": "degC",
 }  # fmt: skip

@@ -153,7 +153,7 @@ def _found(path: Path) -> tuple[dict[str, dict[str, Any]], list[str]]:
     candidates: dict[str, list[str]] = {}
     ignored = []
     for file in sorted(p for p in path.iterdir() if p.is_file() and not p.name.startswith(".")):
-        held = _recognised(file)
+        held = recognised(file)
         for series in held:
             candidates.setdefault(series, []).append(file.name)
         if not held:
@@ -166,7 +166,7 @@ def _found(path: Path) -> tuple[dict[str, dict[str, Any]], list[str]]:
     return {series: {"file": names[0]} for series, names in candidates.items()}, ignored
 
 
-def _recognised(file: Path) -> tuple[str, ...]:
+def recognised(file: Path) -> tuple[str, ...]:
     """Series a file holds by its looks; our own Parquet files hold all of a run and are read by themselves."""
     try:
         head = lines.check_file(file)

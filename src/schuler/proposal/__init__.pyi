@@ -1,0 +1,4 @@
+from .configuration import Proposal as Proposal
+from .configuration import propose as propose
+from .decision import Decision as Decision
+from .decision import UndecidedError as UndecidedError

@@ -1,0 +1,302 @@
+"""The proposal itself: files, cures, IMU, set-up and aids joined to a configuration that runs."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from schuler.diagnosis.log import diagnose_log
+from schuler.diagnosis.result import Diagnosis, Finding
+from schuler.exceptions import InputError, SchulerError
+from schuler.files import merged, toml_value
+from schuler.navigation.config import NavigationConfig
+from schuler.proposal import cures, setup
+from schuler.proposal.decision import Decision, UndecidedError, option
+from schuler.proposal.files import UNTIL, Files, files_of
+from schuler.proposal.imu_model import imu_entries
+from schuler.recording.io import dispatch, plain_text
+from schuler.recording.recording import Recording
+from schuler.standstill.unscaled import unscaled_rests
+
+_ROUNDS = 8  # of cures; each judges the log anew
+_HEAD = 2000  # characters of a file in which its IMU may be named
+_GIVEN = "as said"
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A configuration that runs, with the recording it is for.
+
+    Attributes
+    ----------
+    log : Path
+        File or folder.
+    recording : Recording
+    config : NavigationConfig
+    data : dict
+        Its entries that differ from the defaults, as nested sections.
+    decisions : tuple of Decision
+    remarks : tuple of str
+        What is worth knowing and changes nothing.
+    """
+
+    log: Path
+    recording: Recording
+    config: NavigationConfig
+    data: dict[str, Any]
+    decisions: tuple[Decision, ...]
+    remarks: tuple[str, ...] = ()
+
+    def summary(self) -> str:
+        """What was decided, on what evidence, and the option that overrides it."""
+        lines = [f"{self.log.name}: decided without a configuration; --set ENTRY=VALUE overrides"]
+        for d in self.decisions:
+            title = f"{d.entry} left as it is" if d.value is None else f"{d.entry} = {_shown(d.value)}"
+            lines += textwrap.wrap(f"{title}: {d.evidence}", 110, initial_indent="  ", subsequent_indent="      ")
+            lines.append(f"      {d.option if d.value is not None else option(d.entry, None)}")
+        for remark in self.remarks:
+            lines += textwrap.wrap(f"note: {remark}", 110, initial_indent="  ", subsequent_indent="      ")
+        return "\n".join(lines)
+
+    def toml(self) -> str:
+        """The configuration as a file, each entry with its evidence."""
+        lines = [
+            f"# Navigation of {self.log.name}, as its own numbers propose it; every entry may be edited:",
+            f"#   schuler navigate {self.log} --config drive.toml",
+        ]
+        left = [f"{d.entry} was left at its default: {d.evidence}" for d in self.decisions if d.value is None]
+        for text in (*left, *self.remarks):
+            lines += _comment(text)
+        return "\n".join([*lines, *_section(self.data, "", {d.entry: d.evidence for d in self.decisions})]) + "\n"
+
+
+def propose(
+    paths: Path | str | Sequence[Path | str],
+    *,
+    imu: str | None = None,
+    given: Mapping[str, Any] | None = None,
+    trials: bool = True,
+) -> Proposal:
+    """Propose a configuration for files as they are.
+
+    Parameters
+    ----------
+    paths : path, or sequence of paths
+        A folder, a file, or the files of one run.
+    imu : str, optional
+        Name of the catalogue or file of ``schuler allan``.
+    given : mapping, optional
+        Entries of the configuration by name with dots, ``{"recording.imu.axes": "FLU"}``; they stand, whatever the log
+        says.
+    trials : bool
+        Also what takes trial runs of the filter: clock, lever arm, aids. Otherwise these keep their defaults.
+
+    Returns
+    -------
+    Proposal
+
+    Raises
+    ------
+    UndecidedError
+        If something has to be known that the log does not tell.
+    InputError, FileFormatError
+        If there is nothing to navigate, or it cannot be read.
+    """
+    listed = [Path(p) for p in ([paths] if isinstance(paths, (str, Path)) else paths)]
+    fixed = setup.nested(dict(given or {}))
+    files = files_of(listed, fixed.get("recording", {}))
+    diagnosis = _cured(files, fixed.get("recording", {}))
+    recording = _read(files)
+    if recording.gnss is None and recording.ranges is None and recording.observations is None and not _starts(fixed):
+        raise UndecidedError(
+            f"{files.log}: there are no fixes and no satellite measurements: where and how it starts has to "
+            "be said in a --config (alignment.method = 'given'), or give the file with fixes beside the IMU's"
+        )
+    data: dict[str, Any] = {"recording": files.entries} if files.entries else {}
+    decisions = list(files.decisions)
+    sections = {name: section for name, section in fixed.items() if name != "recording"}
+    data = merged(data, sections)
+    off = [name for name, value in (given or {}).items() if value is None]
+    decisions += [
+        Decision(name, value, _GIVEN)
+        for name, value in (given or {}).items()
+        if name.split(".")[0] in sections and value is not None
+    ]
+    if not any(name in data.get("imu", {}) for name in ("catalogue", "spec", "gyro")):
+        rests = unscaled_rests(recording.need_imu().rates())
+        entries, why = imu_entries(imu, recording.need_imu(), rests, _heads(files))
+        data = merged(data, {"imu": entries})
+        decisions.append(why)
+    for d in setup.certain(recording, diagnosis):
+        if not setup.has(data, d.entry):
+            data = merged(data, setup.nested({d.entry: d.value}))
+            decisions.append(d)
+    if not setup.has(data, "filter.tune"):
+        data = merged(data, {"filter": {"tune": "auto"}})
+    if trials:
+        data, more = setup.tried(recording, diagnosis, data)
+        decisions += more
+    data = _without(data, off)
+    config = NavigationConfig.parse(data, "the proposed configuration")
+    remarks = [f.text for f in diagnosis.findings if f.code in ("height_level", "mount", "unchecked")]
+    if files.ignored:
+        remarks.append(f"files that were not read: {', '.join(dict.fromkeys(files.ignored))}")
+    return Proposal(files.log, recording, config, data, tuple(decisions), tuple(remarks))
+
+
+def _without(data: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    """Entries without those that were taken out."""
+    for name in names:
+        sections, _, last = name.rpartition(".")
+        at: Any = data
+        for section in sections.split("."):
+            at = at.get(section, {})
+        at.pop(last, None)
+    return data
+
+
+def _cured(files: Files, given: Mapping[str, Any]) -> Diagnosis:
+    """Diagnosis of the log with every sure cure in its hints."""
+    for _ in range(_ROUNDS):
+        diagnosis = diagnose_log(files.log, quick=True, **files.entries)
+        if not _step(files, diagnosis.findings, given):
+            break
+    if question := _question(files, diagnosis):
+        raise question
+    _ask_unit(files, diagnosis, given)
+    return diagnosis
+
+
+def _ask_unit(files: Files, diagnosis: Diagnosis, given: Mapping[str, Any]) -> None:
+    """Ask for the unit of angular rate where neither a header nor the motion tells it."""
+    entry = files.entry("imu")
+    label = files.name_of("imu", "units")
+    stated = given.get("imu", {}) if files.by_part else given
+    assumed = any(d.entry == label and d.evidence.endswith(UNTIL) for d in files.decisions)
+    if (
+        entry is None
+        or not assumed
+        or "units" in stated
+        or any(c.startswith("unit of angular") for c in diagnosis.checked)
+    ):
+        return
+    other = str(entry["units"]).replace("gyro=rad/s", "gyro=deg/s")
+    raise UndecidedError(
+        f"{files.log}: no header states the unit of angular rate, and no turn beside fixes or between rests tells it",
+        [("deg/s", {label: other}), ("rad/s", {label: entry["units"]})],
+    )
+
+
+def _step(files: Files, findings: Sequence[Finding], given: Mapping[str, Any]) -> bool:
+    """Put the cures of the first step that has any into the hints; whether there were any."""
+    for codes in cures.STEPS:
+        done = False
+        for f in findings:
+            entry = files.entry(f.part)
+            if f.code not in codes or entry is None:
+                continue
+            new = cures.mended(f, entry)
+            stated = given.get(f.part, {}) if files.by_part else given
+            if new is None or any(name in stated for name in new) or all(entry.get(k) == v for k, v in new.items()):
+                continue
+            entry |= new
+            for name, value in new.items():
+                label = files.name_of(f.part, name)
+                files.decisions = [d for d in files.decisions if d.entry != label]
+                files.decisions.append(Decision(label, value, f.text))
+            done = True
+        if done:
+            return True
+    return False
+
+
+def _question(files: Files, diagnosis: Diagnosis) -> SchulerError | None:
+    """What is left open that makes results garbage, as a question; an error where nothing is to choose."""
+    for f in diagnosis.findings:
+        if f.consequence != "garbage" and f.code != "axes":
+            continue
+        if f.code == "axes" and (f.confidence >= cures.SURE or f.severity == "note"):
+            continue
+        entry = files.entry(f.part)
+        if f.code == "unreadable" or entry is None:
+            if f.confidence >= cures.SURE:
+                return InputError(f"{diagnosis.name}: {f.text}" + (f" -> {f.fix}" if f.fix else ""))
+            continue
+        new = cures.proposed(f, entry)
+        if new is None:
+            if f.confidence >= cures.SURE:
+                return InputError(f"{diagnosis.name}: {f.code}: {f.text}" + (f" -> {f.fix}" if f.fix else ""))
+            continue
+        if f.code == "axes" and not _one_axes(f.fix):
+            continue
+        words = {files.name_of(f.part, name): value for name, value in new.items()}
+        stays = {name: entry.get(name.rpartition(".")[2], _DEFAULTS.get(name.rpartition(".")[2])) for name in words}
+        if all(value is not None for value in stays.values()) and all(d.entry not in words for d in files.decisions):
+            return UndecidedError(
+                f"{f.text} ({100.0 * f.confidence:.0f} % likely)", [("so it is", words), ("as it was read", stays)]
+            )
+    return None
+
+
+_DEFAULTS = {
+    "axes": "FRD", "units": "accel=m/s^2,gyro=rad/s", "kind": "rate", "offset": 0.0, "height": "ellipsoidal",
+    "scale": "accel=1,gyro=1",
+}  # fmt: skip
+
+
+def _one_axes(fix: str) -> bool:
+    return re.fullmatch(r"axes='[FBRLUD]{3}'", fix) is not None
+
+
+def _read(files: Files) -> Recording:
+    recording = dispatch.read(files.log, **files.entries)
+    if recording.imu is None:
+        raise InputError(f"{files.log}: expected a log of an IMU, got {', '.join(_held(recording))}")
+    return recording
+
+
+def _held(recording: Recording) -> list[str]:
+    return [name for name in ("gnss", "reference", "observations", "odometer") if getattr(recording, name) is not None]
+
+
+def _starts(fixed: Mapping[str, Any]) -> bool:
+    return fixed.get("alignment", {}).get("method") == "given"
+
+
+def _heads(files: Files) -> list[str]:
+    """First characters of the files that the IMU is read from."""
+    entry = files.entries.get("imu") if files.by_part else None
+    if files.log.is_file():
+        paths = [files.log]
+    elif isinstance(entry, dict) and "file" in entry:
+        paths = [files.log / str(entry["file"])]
+    else:
+        paths = sorted(p for p in files.log.iterdir() if p.is_file() and p.suffix.lower() in (".csv", ".txt", ".yaml"))
+    return [plain_text.head_of(path, _HEAD).decode("latin-1") for path in paths]
+
+
+def _shown(value: Any) -> str:
+    return "on" if value == {} else str(value)
+
+
+def _section(data: Mapping[str, Any], name: str, remarks: Mapping[str, str]) -> list[str]:
+    """Lines of a section of TOML and of those in it, what is worth saying above each entry."""
+    lines: list[str] = []
+    own = {key: value for key, value in data.items() if not isinstance(value, Mapping)}
+    if name and (own or not data):
+        lines += ["", *_comment(remarks.get(name, "")), f"[{name}]"]
+    for key, value in own.items():
+        plain = ",".join(sorted(value)) if isinstance(value, (set, frozenset)) else value
+        lines += [*_comment(remarks.get(f"{name}.{key}", "")), f"{key} = {toml_value(plain)}"]
+    for key, value in data.items():
+        if isinstance(value, Mapping):
+            lines += _section(value, f"{name}.{key}" if name else key, remarks)
+    return lines
+
+
+def _comment(text: str) -> list[str]:
+    return textwrap.wrap(text, 116, initial_indent="# ", subsequent_indent="#   ")

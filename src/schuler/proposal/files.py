@@ -1,0 +1,322 @@
+"""Files of a run: which one holds which series, and how each is read as far as it tells itself."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler.exceptions import FileFormatError, InputError, SchulerError
+from schuler.proposal import tables
+from schuler.proposal.decision import Decision, UndecidedError
+from schuler.recording.formats import registry, rtklib, text
+from schuler.recording.io import columns, dispatch, lines
+from schuler.recording.io.folder import recognised
+from schuler.recording.io.hint_texts import SATELLITES, SERIES
+from schuler.recording.io.hints import ReadHints
+from schuler.recording.series import GnssSeries
+
+#: End of the evidence of a unit that only motion can tell.
+UNTIL = "rad/s until the motion says otherwise"
+_TRUTH = re.compile(r"truth|reference|ground|(^|[_-])(gt|ref)([_-]|$)", re.IGNORECASE)
+_NO_LOGS = (".md", ".json", ".yaml", ".yml", ".toml", ".html", ".tag", ".png", ".jpg", ".pdf", ".py", ".rst")
+_COMMON_S, _SLACK_M, _RADIUS_M = 10.0, 0.3, 6.371e6
+_ARRAYS = (".npy", ".npz", ".mat")
+
+
+@dataclass
+class Files:
+    """Log of a run and how it is read.
+
+    Attributes
+    ----------
+    log : Path
+        File or folder.
+    entries : dict
+        Hints, or an entry of hints for each part of a folder, as :func:`schuler.read` takes them.
+    decisions : list of Decision
+    ignored : list of str
+        Files of a folder that hold no series.
+    """
+
+    log: Path
+    entries: dict[str, Any] = field(default_factory=dict)
+    decisions: list[Decision] = field(default_factory=list)
+    ignored: list[str] = field(default_factory=list)
+
+    @property
+    def by_part(self) -> bool:
+        """Whether the entries are of parts."""
+        return any(isinstance(e, dict) and n != "streams" for n, e in self.entries.items())
+
+    def entry(self, part: str) -> dict[str, Any] | None:
+        """Hints of the file that a part is read from; None if no such file is read by hints of its own."""
+        if not self.by_part:
+            return self.entries
+        entry = self.entries.get(part)
+        return entry if isinstance(entry, dict) else None
+
+    def name_of(self, part: str, key: str) -> str:
+        """Name of a hint as an entry of the configuration."""
+        return f"recording.{part}.{key}" if self.by_part else f"recording.{key}"
+
+
+def files_of(paths: Sequence[Path], given: Mapping[str, Any]) -> Files:
+    """Log and parts of a folder, a file or several.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    given : mapping
+        The section ``[recording]`` as far as the user gave it; stands over what is recognised.
+
+    Raises
+    ------
+    UndecidedError
+        If two files could be the same series and nothing tells which is meant.
+    InputError
+        If there is no such file, or nothing in it that could be navigated.
+    """
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path}: no such file or folder")
+    if len(paths) == 1 and (paths[0].is_file() or registry.find_folder(paths[0]) is not None):
+        return _one(paths[0], given)
+    if len(paths) == 1:
+        log = paths[0]
+        names = [p.name for p in sorted(log.iterdir()) if p.is_file() and not p.name.startswith(".")]
+    else:
+        if folders := [str(p) for p in paths if p.is_dir()]:
+            raise InputError(f"expected one folder, or files of one run, got also the folder {', '.join(folders)}")
+        log = Path(os.path.commonpath([p.resolve().parent for p in paths]))
+        names = [p.resolve().relative_to(log).as_posix() for p in paths]
+    if any(isinstance(e, Mapping) and "file" in e for e in given.values()):
+        return Files(log, {part: dict(e) if isinstance(e, Mapping) else e for part, e in given.items()})
+    return _folder(log, names, given)
+
+
+def _one(path: Path, given: Mapping[str, Any]) -> Files:
+    files = Files(path, dict(given))
+    if path.is_file() and "columns" not in given and "format" not in given and _is_plain(path):
+        held = recognised(path)
+        entry, decisions = _table(path, "recording", held[0] if held else None)
+        if entry is None:
+            raise _unknown(path, "recording")
+        files.entries = {**entry, **given}
+        files.decisions = [d for d in decisions if d.entry.rpartition(".")[2] not in given]
+    return files
+
+
+def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
+    files = Files(log)
+    candidates: dict[str, list[tuple[bool, str, dict[str, Any], list[Decision]]]] = {}
+    wholes = []
+    for name in names:
+        path = log / name
+        if path.suffix.lower() in _NO_LOGS:
+            continue
+        head = _head(path)
+        if head.startswith(b"PAR1"):
+            wholes.append(name)
+            continue
+        held = recognised(path)
+        named = bool(held)
+        if not held and path.suffix.lower() not in _ARRAYS and tables.imu_columns(path) is not None:
+            held = ("imu",)
+        if not held:
+            files.ignored.append(name)
+            continue
+        for part in held:
+            role = "reference" if part == "gnss" and _TRUTH.search(path.stem) else part
+            entry: dict[str, Any] | None = {"file": name}
+            decisions: list[Decision] = []
+            if _is_plain(path):
+                extra, decisions = _table(path, f"recording.{role}", part if named else None)
+                if extra is None:
+                    continue
+                entry = {"file": name, **extra}
+            candidates.setdefault(role, []).append((named, name, entry, decisions))
+    if wholes and not candidates:
+        if len(wholes) > 1:
+            raise InputError(f"{log}: expected the files of one run, rivals {', '.join(wholes)}: give one of them")
+        return Files(log / wholes[0], dict(given))
+    if "imu" not in candidates:
+        raise _nothing(log, names)
+    if "gnss" in candidates:
+        for part in SATELLITES:
+            for _, name, _, _ in candidates.pop(part, []):
+                if name not in files.ignored:
+                    files.ignored.append(name)
+    for part, rivals in candidates.items():
+        files.entries[part], decisions = _chosen(log, part, rivals, files.ignored)
+        if isinstance(extra := given.get(part), Mapping):
+            files.entries[part] |= extra
+            decisions = [d for d in decisions if d.entry.rpartition(".")[2] not in extra]
+        files.decisions += decisions
+    return files
+
+
+def _chosen(
+    log: Path, part: str, rivals: list[tuple[bool, str, dict[str, Any], list[Decision]]], ignored: list[str]
+) -> tuple[dict[str, Any], list[Decision]]:
+    """Entry of one part, and the decision where several files could be it."""
+    if part == "ephemerides":
+        names = [name for _, name, _, _ in rivals]
+        return {"file": names[0] if len(names) == 1 else names}, []
+    if len(rivals) == 1:
+        return dict(rivals[0][2]), list(rivals[0][3])
+    named = [f for f in rivals if f[0]]
+    why = ""
+    if len(named) == 1:
+        best, why = named[0], "its header names columns and units"
+    elif part == "gnss":
+        fixes = {f[1]: _fixes(log / f[1], f[2]) for f in rivals}
+        claims = {name: np.inf if g is None else _claim(g) for name, g in fixes.items()}
+        best, second = sorted(rivals, key=lambda f: claims[f[1]])[:2]
+        if claims[best[1]] < 0.5 * claims[second[1]]:
+            why = f"its fixes claim {claims[best[1]]:.2g} m, those of the others {claims[second[1]]:.2g} m and more"
+        elif len(rivals) == 2 and _agree(fixes[best[1]], fixes[second[1]], claims[second[1]]):
+            why = f"its fixes agree with those of {second[1]} and claim less"
+    if not why:
+        what = {"imu": "an IMU", "gnss": "fixes"}.get(part, part)
+        raise UndecidedError(
+            f"{log}: {len(rivals)} files hold {what}, which is meant",
+            [(name, {f"recording.{part}.file": name}) for _, name, _, _ in rivals],
+        )
+    others = [f[1] for f in rivals if f is not best]
+    ignored += others
+    decision = Decision(f"recording.{part}.file", best[1], f"{why}; not read: {', '.join(others)}")
+    return dict(best[2]), [decision, *best[3]]
+
+
+def _fixes(path: Path, entry: Mapping[str, Any]) -> GnssSeries | None:
+    """Fixes of a file on GPS time since 1980; None if it cannot be read."""
+    hints = {name: value for name, value in entry.items() if name != "file"}
+    try:
+        recording = dispatch.read_one(path, ReadHints.of(series="gnss", **hints))
+        gnss = recording.need_gnss()
+        return replace(gnss, t=gnss.t + recording.metadata.time.epoch_gps_s)
+    except SchulerError:
+        return None
+
+
+def _claim(gnss: GnssSeries) -> float:
+    """Median 1-sigma of fixes, north and east. [m]"""
+    return float(np.sqrt(np.median(np.trace(gnss.cov_r_n[:, :2, :2], axis1=1, axis2=2) / 2.0)))
+
+
+def _agree(a: GnssSeries | None, b: GnssSeries | None, sigma: float) -> bool:
+    """Whether fixes of two files are the same places but for their errors, so that either may be taken."""
+    if a is None or b is None or min(a.t[-1], b.t[-1]) - max(a.t[0], b.t[0]) < _COMMON_S:
+        return False
+    inside = (a.t >= b.t[0]) & (a.t <= b.t[-1])
+    there = np.stack([np.interp(a.t[inside], b.t, b.llh[:, k]) for k in range(2)], axis=1)
+    apart = (a.llh[inside, :2] - there) * _RADIUS_M * np.stack((np.ones(inside.sum()), np.cos(there[:, 0])), axis=1)
+    return bool(np.median(np.hypot(apart[:, 0], apart[:, 1])) < 3.0 * sigma + _SLACK_M)
+
+
+def _table(path: Path, section: str, part: str | None) -> tuple[dict[str, Any] | None, list[Decision]]:
+    """Hints of a plain table: columns where no header names them, the unit of time; None if it cannot be match."""
+    entry: dict[str, Any] = {}
+    decisions: list[Decision] = []
+    if part is None:
+        match = tables.imu_columns(path)
+        if match is None:
+            return None, []
+        entry["columns"] = match[0]
+        decisions.append(Decision(f"{section}.columns", match[0], match[1]))
+    if part not in (None, "imu"):
+        return entry, decisions
+    names, stated = _layout(path, entry.get("columns"))
+    units: dict[str, str] = {}
+    why = ""
+    accel = [names.index(name) for name in columns.ACCEL if name in names]
+    if len(accel) == 3 and "ax" not in stated:
+        norm = tables.norm(path, accel)
+        units["accel"] = tables.accel_unit(norm)
+        why = f"the norm of specific force is about {norm:.4g}"
+    if "gx" in names and "gx" not in stated:
+        units["gyro"] = "rad/s"
+        why = f"{why}; {UNTIL}" if why else UNTIL
+    if units:
+        decisions.append(Decision(f"{section}.units", "", why))
+    t = tables.column(path, names.index("t")) if "t" in names else None
+    clock = None if t is None or "t" in stated else tables.time_unit(t)
+    if t is not None and clock is not None:
+        if clock[0] != "s":
+            units["t"] = clock[0]
+            step = float(np.median(np.diff(t)))
+            stamps = f"stamps step by {step:g}, which is no other unit of an IMU's"
+            why = f"{stamps}; {why}" if why else stamps
+            decisions = [d for d in decisions if d.entry != f"{section}.units"]
+            decisions.append(Decision(f"{section}.units", "", why))
+        if clock[1] is not None:
+            entry["time"] = clock[1]
+            decisions.append(
+                Decision(f"{section}.time", clock[1], f"stamps of {t[0]:.6g} {clock[0]} are of this century")
+            )
+    if units:
+        entry["units"] = ",".join(f"{group}={unit}" for group, unit in units.items())
+        decisions = [replace(d, value=entry["units"]) if d.entry == f"{section}.units" else d for d in decisions]
+    return entry, decisions
+
+
+def _layout(path: Path, given: str | None) -> tuple[list[str], set[str]]:
+    """Names of a table's columns, and those whose unit its header states."""
+    header = text.open_text(path, ReadHints()).header
+    fields = [] if header is None else header[1]
+    read = [columns.recognise(field) for field in fields]
+    names = given.split(",") if given is not None else [column[0] if column else "-" for column in read]
+    units = [columns.unit_in(field) for field in fields]
+    return names, {name for name, unit in zip(names, units, strict=False) if unit is not None}
+
+
+def _is_plain(path: Path) -> bool:
+    """Whether a file is a table of text that no format claims."""
+    head = _head(path)
+    if not head or b"\x00" in head or head.startswith(b"PAR1") or path.suffix.lower() in _ARRAYS:
+        return False
+    if registry.find(head, path) is not None or rtklib.looks_like_pos(head) or path.suffix.lower() == ".pos":
+        return False
+    if text.OWN_MARK.encode() in head:
+        return False
+    from schuler.recording.io.satellite_files import kinds_of
+
+    return not kinds_of(path, head)
+
+
+def _head(path: Path) -> bytes:
+    try:
+        return lines.check_file(path)
+    except FileFormatError:
+        return b""
+
+
+def _unknown(path: Path, section: str) -> UndecidedError:
+    return UndecidedError(
+        f"{path}: neither a header nor the numbers tell the columns: say them, - skips one, such as "
+        f"--set {section}.columns='\"t,ax,ay,az,gx,gy,gz\"'"
+    )
+
+
+def _nothing(log: Path, names: list[str]) -> InputError:
+    shown = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+    return InputError(
+        f"{log}: no log of an IMU is recognised among {shown or 'no files'}: name the file and its columns, "
+        "--set recording.imu.file=NAME --set recording.imu.columns='\"t,ax,ay,az,gx,gy,gz\"'"
+    )
+
+
+def parts_of(entries: Mapping[str, Any]) -> list[str]:
+    """Parts that entries of a folder name.
+
+    Parameters
+    ----------
+    entries : mapping
+    """
+    return [part for part in (*SERIES, *SATELLITES) if part in entries]

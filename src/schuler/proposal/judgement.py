@@ -1,0 +1,89 @@
+"""Choices that stretches with withheld fixes decide: what does not predict these better is left as it was."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.exceptions import SchulerError
+from schuler.files import merged
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.evaluation.errors import outage_errors
+from schuler.navigation.run import navigate
+from schuler.recording.recording import Recording
+from schuler.recording.trajectory import Trajectory
+
+_WITHHELD = {"every_s": 30.0, "length_s": 10.0}  # [s]
+_LONGEST_S = 900.0  # of the log is navigated to compare
+_FEWEST = 6  # stretches that say something
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Errors at the end of withheld stretches.
+
+    Attributes
+    ----------
+    ends : ndarray, shape (n,)
+        Horizontal, no less than the fixes' own 1-sigma. [m]
+    """
+
+    ends: FloatArray
+
+    @property
+    def median(self) -> float:
+        """Median of the errors. [m]"""
+        return float(np.median(self.ends))
+
+    def better_than(self, other: Judgement, least: float) -> bool:
+        """Whether errors are smaller than others, stretch by stretch and beyond chance.
+
+        Parameters
+        ----------
+        other : Judgement
+        least : float
+            Standard errors by which the mean logarithm of their ratio must be below zero; above it, if negative.
+        """
+        n = min(len(self.ends), len(other.ends))
+        if n < _FEWEST or len(self.ends) != len(other.ends):
+            return False
+        ratio = np.log(self.ends / other.ends)
+        smaller = least < 0.0 or self.median < other.median
+        return bool(smaller and ratio.mean() < -least * ratio.std(ddof=1) / np.sqrt(n))
+
+
+def judged(recording: Recording, data: Mapping[str, Any]) -> Judgement | None:
+    """Errors of ten seconds without fixes, twice a minute, with a configuration; noise as it stands in it.
+
+    Parameters
+    ----------
+    recording : Recording
+    data : mapping
+        Nested entries of the configuration.
+
+    Returns
+    -------
+    Judgement
+        None if the log is too short, or cannot be navigated so.
+    """
+    gnss = recording.gnss
+    if gnss is None:
+        return None
+    stop = min(recording.stop, recording.start + _LONGEST_S)
+    cut = replace(recording, imu=recording.need_imu().between(recording.start, stop), gnss=gnss.where(gnss.t <= stop))
+    coarse = {"tune": False, "smooth": False, "output_rate_hz": 10.0}
+    try:
+        config = NavigationConfig.parse(merged(data, {"outages": _WITHHELD, "filter": coarse}))
+        result = navigate(cut, config)
+        reference = Trajectory.from_geodetic(gnss.t, gnss.llh, gnss.v_n)
+        errors = outage_errors(result.errors(reference, at_antenna=True), result.outages)
+    except SchulerError:
+        return None
+    if len(errors) < _FEWEST:
+        return None
+    floor = float(np.sqrt(np.median(np.trace(gnss.cov_r_n[:, :2, :2], axis1=1, axis2=2) / 2.0)))
+    return Judgement(np.hypot([e.end_horizontal for e in errors], floor))

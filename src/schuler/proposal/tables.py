@@ -1,0 +1,169 @@
+"""Columns of a table whose header does not name them, told by what the numbers do."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.exceptions import SchulerError
+from schuler.recording.formats import text
+from schuler.recording.io import lines
+from schuler.recording.io.hints import ReadHints
+from schuler.units import G0, factor_for
+
+_ROWS = 20_000  # rows that are looked at
+_BLOCK = 20  # samples whose mean norm is compared
+_STEADY = 0.08  # spread of the norm of gravity among the calm half of the blocks, as a share of it
+_CLEARLY = 4.0  # times that the other sensor's norm spreads more
+#: Units of a counter, and the steps of an IMU's samples in it: 8 Hz to 4 kHz do not overlap from one to the next.
+_TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
+_GRAVITY = 0.7  # logarithm of the median norm over gravity's that motion and a poor scale make
+_FASTEST_S, _SLOWEST_S = 1.0 / 4000.0, 1.0 / 8.0
+_UNIX_S = (1e9, 2.1e9)  # the years 2001 to 2036
+
+
+def imu_columns(path: Path) -> tuple[str, str] | None:
+    """Hint ``columns`` of a table of an IMU without a usable header, and how it was told.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    columns, evidence : str
+        None if the file is no table, or its numbers leave it open: gravity has a constant norm in calm moments, which
+        makes the accelerometer; the gyroscope's is nearly nothing then; time increases.
+    """
+    values = _numbers(path)
+    if values is None or len(values) < 20 * _BLOCK:
+        return None
+    clock = [k for k in range(values.shape[1]) if _is_clock(values[:, k])]
+    if not clock and (np.diff(values, axis=0).min(axis=0) >= 0.0).any() and values.shape[1] == 7:
+        return None  # a counter of rows
+    others = [k for k in range(values.shape[1]) if k not in clock]
+    triads = [(k, k + 1, k + 2) for k in others if k + 1 in others and k + 2 in others]
+    spread = {trio: _spread(values[:, trio]) for trio in triads}
+    pairs = [
+        (spread[b] / max(spread[a], 1e-12), a, b)
+        for a, b in itertools.permutations(triads, 2)
+        if not set(a) & set(b) and spread[a] < _STEADY
+    ]
+    if not pairs or len(others) > 8:
+        return None
+    ratio, accel, gyro = max(pairs)
+    if ratio < _CLEARLY or not _aligned(accel, gyro, others):
+        return None
+    names = ["-"] * values.shape[1]
+    if clock:
+        names[clock[0]] = "t"
+    for stem, trio in (("a", accel), ("g", gyro)):
+        for axis, k in zip("xyz", trio, strict=True):
+            names[k] = f"{stem}{axis}"
+    evidence = (
+        f"columns {accel[0] + 1} to {accel[2] + 1} have a constant norm in calm moments as gravity has (spread "
+        f"{100.0 * spread[accel]:.1f} %), columns {gyro[0] + 1} to {gyro[2] + 1} have none"
+    )
+    return ",".join(names), evidence
+
+
+def time_unit(t: FloatArray) -> tuple[str, str | None] | None:
+    """Unit of an IMU's stamps by their step, and the hint ``time`` where their size tells.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        As written.
+
+    Returns
+    -------
+    unit : str
+    time : str or None
+        ``unix`` for stamps of this century; None for a counter.
+    """
+    step = float(np.median(np.diff(t)))
+    for unit, second in _TIME_UNITS:
+        if _FASTEST_S <= step * second <= _SLOWEST_S:
+            unix = _UNIX_S[0] <= t[0] * second <= _UNIX_S[1]
+            return unit, "unix" if unix else None
+    return None
+
+
+def column(path: Path, index: int) -> FloatArray | None:
+    """One column of a text table, at most its first rows. Shape (n,)."""
+    values = _numbers(path)
+    return None if values is None or not 0 <= index < values.shape[1] else values[:, index]
+
+
+def norm(path: Path, accel: Sequence[int]) -> float:
+    """Median norm of specific force, in whatever unit.
+
+    Parameters
+    ----------
+    path : Path
+    accel : sequence of int
+        Its columns.
+    """
+    values = _numbers(path)
+    return (
+        float("nan")
+        if values is None or not len(values)
+        else float(np.median(np.linalg.norm(values[:, accel], axis=1)))
+    )
+
+
+def accel_unit(size: float) -> str:
+    """Unit in which gravity has about a norm; m/s^2 where it is none of the usual ones.
+
+    Parameters
+    ----------
+    size : float
+    """
+    near = {unit: abs(np.log(size * factor_for(unit, "specific force") / G0)) for unit in ("m/s^2", "g", "mg")}
+    unit = min(near, key=lambda name: near[name])
+    return unit if near[unit] < _GRAVITY else "m/s^2"
+
+
+def _numbers(path: Path) -> FloatArray | None:
+    """First rows of a text table; None if it is none."""
+    try:
+        opening = text.open_text(path, ReadHints())
+    except SchulerError:
+        return None
+    rows = []
+    width = len(opening.fields)
+    for _, fields in itertools.islice(opening.table.rows(), _ROWS):
+        if len(fields) == width and all(map(lines.is_value, fields)) and all(fields):
+            rows.append(fields)
+    values = np.array(rows, dtype=np.float64) if rows else np.empty((0, width))
+    return values[np.isfinite(values).all(axis=1)]
+
+
+def _is_clock(x: FloatArray) -> bool:
+    """Whether a column increases like a clock: nearly always, by steps of nearly one size, not by one each row."""
+    step = np.diff(x)
+    usual = float(np.median(step))
+    if usual <= 0.0 or np.mean(step > 0.0) < 0.98:
+        return False
+    near = np.abs(step - usual) < 0.8 * usual
+    return bool(near.mean() > 0.9 and not (usual == 1.0 and (step == 1.0).all()))
+
+
+def _spread(x: FloatArray) -> float:
+    """Spread of the norm of block means among the calmer half of the blocks, as a share of its median."""
+    n = len(x) // _BLOCK
+    blocks = x[: n * _BLOCK].reshape(n, _BLOCK, 3)
+    calm = blocks.std(axis=1).sum(axis=1)
+    norm = np.linalg.norm(blocks.mean(axis=1), axis=1)[calm <= np.median(calm)]
+    middle = float(np.median(norm))
+    return float(np.subtract(*np.quantile(norm, (0.9, 0.1))) / middle) if middle > 0.0 else np.inf
+
+
+def _aligned(accel: tuple[int, ...], gyro: tuple[int, ...], others: list[int]) -> bool:
+    """Whether the triads fill the columns that are no clock, but for a temperature: x, y, z of each in order."""
+    first, second = sorted((others.index(accel[0]), others.index(gyro[0])))
+    return (first, second) in ((0, 3), (0, 4), (1, 4)) and len(others) - 6 <= 2

@@ -448,6 +448,12 @@ def _sections(entries: Mapping[str, Any], name: str = "") -> Iterator[tuple[str,
 
 
 def toml_value(value: Any) -> str:
+    """Number, truth value, text or list of them as TOML spells it.
+
+    Parameters
+    ----------
+    value : Any
+    """
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, (list, tuple)):

@@ -94,7 +94,8 @@ _ANY_CASE = {"deg", "rad", "rev", "min", "arcsec", "arcmin", "km", "kn", "nmi", 
 _MAX_EXPONENT, _MAX_DEPTH = 9, 8
 _SPELLINGS = {
     "hz": "Hz", "degc": "degC", "rpm": "rev/min", "rthz": "sqrt(Hz)", "rthr": "sqrt(h)", "rth": "sqrt(h)",
-    "hr": "h", "hour": "h", "sec": "s", "second": "s", "dps": "deg/s", "mdps": "mdeg/s", "dph": "deg/h", "kph": "km/h", "kmh": "km/h",
+    "hr": "h", "hour": "h", "sec": "s", "second": "s", "dps": "deg/s", "mdps": "mdeg/s", "dph": "deg/h",
+    "kph": "km/h", "kmh": "km/h",
     "knots": "kn", "knot": "kn", "gal": "cm/s^2", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
     "celsius": "degC", "µg": "ug", "μg": "ug", "µs": "us", "μs": "us", "µrad": "urad", "μrad": "urad", "°": "deg",
     "°C": "degC", "C": "degC", "mps": "m/s", "mps2": "m/s^2", "arcs": "arcsec", "microg": "ug", "mgal": "mGal",

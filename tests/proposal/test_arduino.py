@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from command import answer, refusal
+from command import answer, refusal, run
 from messy_folders import arduino
 
 import schuler
@@ -68,7 +68,9 @@ def test_the_command_writes_it_beside_the_result(folder, capsys, tmp_path):
     )  # fmt: skip
     assert {"entry": "imu.catalogue", "value": "MPU-6000", "evidence": "as said"} in numbers["decisions"]
     assert 'catalogue = "MPU-6000"' in (tmp_path / "a.toml").read_text(encoding="utf-8")
-    assert "exists" in refusal(capsys, "init", folder.path, "--out", tmp_path / "a.toml")
+    code, _, err = run(capsys, "init", folder.path, "--out", tmp_path / "a.toml", "--no-trials")
+    assert code == 2
+    assert "--force" in err
 
 
 def test_what_two_files_could_be_is_one_question(folder, capsys, tmp_path):

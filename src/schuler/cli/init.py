@@ -18,7 +18,6 @@ def init(
     out: File = None,
     set: Texts = (),
     trials: bool = True,
-    overwrite: Flag = False,
     json: Flag = False,
 ) -> int:
     """Write the configuration that a log proposes, each entry with its evidence, without navigating.
@@ -36,16 +35,12 @@ def init(
         several times.
     trials
         Decide clock, lever arm and aids by trial runs of the filter; otherwise they keep their defaults.
-    overwrite
-        Write over a file that exists.
     json
         Print one JSON object instead of text.
     """
     if not logs:
         raise InputError("init: expected a file or folder, got none")
     target = Path("drive.toml") if out is None else out
-    if target.exists() and not overwrite:
-        raise InputError(f"{target} exists: name another file with --out, or say --overwrite")
     proposal = proposed(logs, imu, entries(set), trials=trials)
     write_text(target, proposal.toml())
     if json:

@@ -119,7 +119,7 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
                 return Opening(table, tuple(comments), names, fields)
             if any(map(lines.is_decimal_comma, fields)):
                 raise FileFormatError("decimal commas are not read; write points", path, number)
-            if header is not None and number > _BANNER:
+            if header is not None and (number > _BANNER or any(map(columns.recognise, table.split(header[1])))):
                 raise FileFormatError(
                     f"expected numbers below the header in line {header[0]}, got {lines.shorten(text)}: pass over the "
                     f"lines before the first numbers with skip=..., and name the columns, {_EXAMPLE}",

@@ -68,7 +68,8 @@ def test_the_command_writes_it_beside_the_result(folder, capsys, tmp_path):
     )  # fmt: skip
     assert {"entry": "imu.catalogue", "value": "MPU-6000", "evidence": "as said"} in numbers["decisions"]
     assert 'catalogue = "MPU-6000"' in (tmp_path / "a.toml").read_text(encoding="utf-8")
-    code, _, err = run(capsys, "init", folder.path, "--out", tmp_path / "a.toml", "--no-trials")
+    (tmp_path / "b.toml").write_text("# by hand\n")
+    code, _, err = run(capsys, "init", folder.path, "--out", tmp_path / "b.toml", "--no-trials")
     assert code == 2
     assert "--force" in err
 

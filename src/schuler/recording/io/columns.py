@@ -78,8 +78,8 @@ _SPELLINGS = _spellings()
 _ENDINGS = {
     "m_s2": "m/s^2", "mps2": "m/s^2", "ms2": "m/s^2", "mg": "mg", "g": "g", "rad_s": "rad/s", "rads": "rad/s",
     "rps": "rad/s", "deg_s": "deg/s", "dps": "deg/s", "mdps": "mdps", "degs": "deg/s", "deg_h": "deg/h",
-    "s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "deg": "deg", "m_s": "m/s", "mps": "m/s", "km_h": "km/h",
-    "m": "m", "degc": "degC", "c": "degC",
+    "s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "deg": "deg", "m_s": "m/s", "mps": "m/s",
+    "km_h": "km/h", "m": "m", "degc": "degC", "c": "degC",
 }  # fmt: skip
 _LONGEST = 200  # characters of a name worth looking at
 _BRACKETED = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")

@@ -7,7 +7,7 @@ from schuler import earth, frames, rotation
 from schuler.exceptions import InputError
 from schuler.mechanization.strapdown import NavState, mechanize
 from schuler.recording.series import Increments
-from schuler.simulation.motion import StaticMotion, coning_motion, ideal_increments, ideal_rates
+from schuler.simulation.motion import LocalMotion, StaticMotion, coning_motion, ideal_increments, ideal_rates
 from schuler.simulation.profiles import SplineMotion
 
 LLH = np.array([np.radians(48.0), np.radians(11.0), 500.0])
@@ -286,3 +286,38 @@ def test_series_of_small_turns_are_their_closed_forms():
         first, second = rotation_coefficients.py_func(a * a)
         assert first == pytest.approx((1.0 - np.cos(a)) / a**2, rel=2e-14)
         assert second == pytest.approx((a - np.sin(a)) / a**3, rel=2e-13)
+
+
+def test_gravity_and_coriolis_are_of_second_order():
+    """Straight on at 270 m/s without a turn nothing else is left: a quarter of the error at half the interval."""
+    C = np.eye(3)
+
+    def path(t):
+        v = np.tile([250.0, 100.0, 0.0], (len(t), 1))
+        return t[:, None] * v, v, np.zeros((len(t), 3))
+
+    def level(t):
+        return np.tile(C, (len(t), 1, 1)), np.zeros((len(t), 3))
+
+    motion = LocalMotion(np.array([0.8, 0.2, 5000.0]), path, level, 600.0)
+    errors = np.array(
+        [errors_at_end(mechanize(increments_of(motion, rate), start_of(motion)), motion)[0] for rate in (0.5, 1.0, 2.0)]
+    )
+    np.testing.assert_allclose(np.diff(np.log2(errors)), -2.0, atol=0.05)
+    assert errors[1] == pytest.approx(0.035, rel=0.05)
+
+
+@pytest.mark.parametrize("aside_m", [0.0, 3000.0])
+def test_north_east_down_axes_are_refused_at_a_pole(aside_m):
+    """Towards the pole at 200 m/s: Earth-fixed axes go through, north-east-down ones say where they stop."""
+    t = np.arange(1, 12_001) * 0.05
+    ones = np.ones((len(t), 1))
+    log = Increments(t, np.full(len(t), 0.05), 0.0 * ones * np.ones(3), ones * [0.0, 0.0, -9.83 * 0.05])
+    away = np.hypot(60e3, aside_m) / 6.4e6
+    course = np.arctan2(aside_m, 60e3)
+    start = NavState.from_geodetic(
+        0.0, [0.5 * np.pi - away, 0.3, 1000.0], [200.0 * np.cos(course), 200.0 * np.sin(course), 0.0]
+    )
+    assert np.isfinite(mechanize(log, start).r_eb_e).all()
+    with pytest.raises(InputError, match=r"within 0\.1 deg of a pole at 2[0-9]+\.\d+ s, .* use frame='ecef'"):
+        mechanize(log, start, frame="ned")

@@ -105,7 +105,7 @@ def test_the_published_windows(outcomes):
     """Best peer 4.8 m causal with wheels, 0.44 m from both sides; marks of the issue 4.0 and 0.40 m."""
     o = outcomes[40.0]
     assert len(o.causal) == 11
-    assert o.mean < 2.5  # seen 1.86
+    assert o.mean < 2.5  # seen 1.82
     assert o.mean_smoothed < 0.25  # seen 0.17
     assert 0.5 < o.nees < 2.0  # seen 0.72
     assert 0.5 < o.nees_3d < 2.0  # seen 0.87
@@ -116,7 +116,7 @@ def test_the_published_windows(outcomes):
 def test_other_windows_with_the_same_configuration(outcomes, first):
     o = outcomes[first]
     assert len(o.causal) == 11  # windows before the car moves have no solution
-    assert o.mean < 3.0  # seen 1.60, 2.06, 1.64, 2.06
+    assert o.mean < 3.0  # seen 1.77, 2.10, 1.23, 1.98
     assert o.mean_smoothed < 0.30  # seen 0.16, 0.18, 0.18, 0.19
     assert 0.5 < o.nees < 2.0  # seen 0.57, 1.23, 1.13, 1.33
     assert 0.5 < o.nees_3d < 2.5  # seen 0.83, 1.62, 1.00, 1.96

@@ -15,13 +15,13 @@ import numpy as np
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.exceptions import InputError
 
-Wavelet: TypeAlias = Literal["haar", "daubechies4"]
+Wavelet: TypeAlias = Literal["haar", "db2"]
 
 _ROOT3 = sqrt(3.0)
 #: Low-pass filters of unit length. Daubechies' wavelet of four taps has two vanishing moments ("db2" elsewhere).
 _FILTERS: dict[str, FloatArray] = {
     "haar": np.array([1.0, 1.0]) / sqrt(2.0),
-    "daubechies4": np.array([1.0 + _ROOT3, 3.0 + _ROOT3, 3.0 - _ROOT3, 1.0 - _ROOT3]) / (4.0 * sqrt(2.0)),
+    "db2": np.array([1.0 + _ROOT3, 3.0 + _ROOT3, 3.0 - _ROOT3, 1.0 - _ROOT3]) / (4.0 * sqrt(2.0)),
 }
 
 
@@ -68,7 +68,7 @@ class Denoised:
         )
 
 
-def decompose(x: ArrayLike, level: int, wavelet: Wavelet = "daubechies4") -> list[FloatArray]:
+def decompose(x: ArrayLike, level: int, wavelet: Wavelet = "db2") -> list[FloatArray]:
     """Orthogonal wavelet transform of a periodic signal.
 
     Parameters
@@ -76,7 +76,7 @@ def decompose(x: ArrayLike, level: int, wavelet: Wavelet = "daubechies4") -> lis
     x : array_like, shape (n,)
         n a multiple of ``2**level``.
     level : int
-    wavelet : {"haar", "daubechies4"}
+    wavelet : {"haar", "db2"}
 
     Returns
     -------
@@ -103,13 +103,13 @@ def decompose(x: ArrayLike, level: int, wavelet: Wavelet = "daubechies4") -> lis
     return [x, *details[::-1]]
 
 
-def recompose(parts: list[FloatArray], wavelet: Wavelet = "daubechies4") -> FloatArray:
+def recompose(parts: list[FloatArray], wavelet: Wavelet = "db2") -> FloatArray:
     """Inverse of :func:`decompose`.
 
     Parameters
     ----------
     parts : list of ndarray
-    wavelet : {"haar", "daubechies4"}
+    wavelet : {"haar", "db2"}
 
     Returns
     -------
@@ -127,7 +127,7 @@ def denoise(
     rate_hz: float,
     level: int | None = None,
     *,
-    wavelet: Wavelet = "daubechies4",
+    wavelet: Wavelet = "db2",
     average_s: float | None = None,
 ) -> Denoised:
     """De-noise a log at rest by soft thresholds on its wavelet details.
@@ -140,7 +140,7 @@ def denoise(
         [Hz]
     level : int, optional
         Levels of decomposition; default :func:`choose_level`.
-    wavelet : {"haar", "daubechies4"}
+    wavelet : {"haar", "db2"}
     average_s : float, optional
         Averaging time of the bias estimates that are compared; default a twentieth of the log. [s]
 
@@ -191,14 +191,14 @@ def denoise(
     )  # fmt: skip
 
 
-def choose_level(x: ArrayLike, *, wavelet: Wavelet = "daubechies4", gain: float = 0.05) -> int:
+def choose_level(x: ArrayLike, *, wavelet: Wavelet = "db2", gain: float = 0.05) -> int:
     """Level of decomposition beyond which a further octave removes hardly any noise from static data.
 
     Parameters
     ----------
     x : array_like, shape (n,)
         A log at rest. [x]
-    wavelet : {"haar", "daubechies4"}
+    wavelet : {"haar", "db2"}
     gain : float
         Least share of the standard deviation by which the slow rest of the next level must be smaller.
 

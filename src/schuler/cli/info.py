@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,17 @@ from schuler.exceptions import InputError, SchulerError
 from schuler.recording.io.streams import Stream, table
 
 _HINTS = LogHints()
+#: Modules of formats that are found by their suffix or looks (``recording.io.dispatch``), and the extras they need.
+_PLAIN = (
+    ("text", None),
+    ("parquet", "data"),
+    ("rtklib", None),
+    ("rinex_observation", None),
+    ("ubx", None),
+    ("nmea", None),
+    ("matlab", None),
+    ("numpy_files", None),
+)
 
 
 def info(log: Path | None = None, /, *, formats: Flag = False, json: Flag = False, hints: LogHints = _HINTS) -> None:
@@ -26,7 +38,7 @@ def info(log: Path | None = None, /, *, formats: Flag = False, json: Flag = Fals
     log
         File or folder.
     formats
-        List the formats of other programs and devices instead.
+        List the formats that can be read instead.
     json
         Print one JSON object instead of text.
     """
@@ -96,14 +108,16 @@ def streams_in(log: Path, name: str | None = None) -> list[Stream] | None:
 
 
 def known_formats() -> str:
-    """Formats of other programs and devices, one a line: name, what it is, the extra it needs, if it is written."""
+    """Formats that can be read, one a line: name, what it is, the extra it needs, if it is written."""
     from schuler.recording.formats import registry
 
     written = {name: " ".join(suffixes) or "--to" for name, suffixes, _ in registry.WRITERS}
+    written |= {"text": ".csv", "parquet": ".parquet", "rtklib": ".pos"}
     lines = []
-    for name, extra in registry.FORMATS:
-        what = (registry.module(name).__doc__ or "").strip().splitlines()[0].rstrip(".")
+    for name, extra in (*registry.FORMATS, *_PLAIN):
+        module = import_module(f"schuler.recording.formats.{name}")
+        what = (module.__doc__ or "").strip().splitlines()[0].rstrip(".")
         more = [f"written ({written[name]})"] if name in written else []
         more += [f"extra {extra}"] if extra else []
-        lines.append(f"{name:<16}{what}{'; ' if more else ''}{', '.join(more)}")
+        lines.append(f"{name:<18}{what}{'; ' if more else ''}{', '.join(more)}")
     return "\n".join(lines)

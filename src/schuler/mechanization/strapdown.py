@@ -11,13 +11,17 @@ from typing import Literal
 
 import numpy as np
 
-from schuler import earth, frames, rotation
+from schuler import earth, frames, rotation, units
 from schuler.arrays import ArrayLike, FloatArray, as_floats, as_vector3
 from schuler.exceptions import InputError
 from schuler.recording.series import Increments
 from schuler.recording.trajectory import FullTrajectory
 
 Frame = Literal["ecef", "ned"]
+
+
+#: Latitude up to which north-east-down axes are integrated: 200 m/s at 100 Hz are 1 mm off there, 2 cm at 2 km.
+_NEAREST_POLE = 89.9 * units.DEG
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,7 @@ def mechanize(
     initial : NavState
         Start of the integration.
     frame : {"ecef", "ned"}
-        Axes of the integration. North-east-down is for comparison with other programs; it fails at the poles.
+        Axes of the integration. North-east-down is for comparison with other programs; it fails near the poles.
     earth_rotation : bool
         With False the Earth stands still (see :func:`schuler.simulation.motion.inertial_quantities`).
 
@@ -107,11 +111,14 @@ def mechanize(
     Raises
     ------
     InputError
-        If the log does not start where the initial state is, or the frame is unknown.
+        If the log does not start where the initial state is, or the frame is unknown; if the path comes within 0.1 deg
+        of a pole in north-east-down axes, where they turn too fast for the interval.
 
     Notes
     -----
-    The discretisation error is of fourth order in the interval for smooth motion. The vertical channel of any
+    The discretisation error of the sensors' integrals is of fourth order in the interval for smooth motion; that of
+    gravity and Coriolis, taken at mid interval, of second: 3 cm in ten minutes at 250 m/s and 1 Hz, 1e-5 m at 100 Hz,
+    below the first wherever a body turns or shakes. The vertical channel of any
     free-running mechanization is unstable: a height error grows with a time constant of 570 s.
 
     References
@@ -138,6 +145,12 @@ def mechanize(
         return FullTrajectory(increments.t, r, v, q)
     nav = np.concatenate((initial.q_nb, initial.v_eb_n, initial.llh))
     _kernels.strapdown(*log, nav, omega, 1, q, v, r)
+    if not np.abs(r[:, 0]).max(initial=0.0) < _NEAREST_POLE:
+        k = int(np.flatnonzero(~(np.abs(r[:, 0]) < _NEAREST_POLE))[0])
+        raise InputError(
+            f"the path comes within 0.1 deg of a pole at {increments.t[k]:.3f} s, where north-east-down axes turn "
+            "faster than the interval resolves: use frame='ecef'; its .v_eb_n and .rpy_nb are north-east-down"
+        )
     q_en = frames.q_en(r)
     return FullTrajectory(
         increments.t, frames.ecef_from_llh(r), rotation.rotate(q_en, v), rotation.quat_multiply(q_en, q)

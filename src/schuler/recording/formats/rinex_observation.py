@@ -1,4 +1,4 @@
-"""RINEX observation files, versions 2, 3 and 4, as arrays.
+"""RINEX observation files, versions 2, 3 and 4, as arrays (navigation files beside them: ``rinex_navigation``).
 
 The known library, georinex (MIT), was tried first: it reads the 536 epochs of a 2.5 MB file of version 3 in 12.4 s, 43
 epochs a second, since it grows a table by every epoch; gnss_lib_py needs 13.9 s. At 4 Hz that is ten times faster than

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from schuler.reproduce.hayal.study.walk import CalibrationSigma, CartWalk
 
 _TOO_LARGE = (
-    "The thesis's position errors are 9 to 50 times what the data sheets of its units explain (1 mg makes 0.02, 0.5, "
+    "The thesis's position errors are 7.5 to 37 times what the data sheets of its units explain (1 mg makes 0.02, 0.5, "
     "4.4, 17.6 m in 2, 10, 30, 60 s), so timing, lever arm, attitude or tuning of its filter, which it does not "
     "describe, were not in order; nothing is tuned to them. "
 )

@@ -1,0 +1,75 @@
+"""Numbers of the README: every one stands in docs/validation.md, and its row names a command that exists."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from places import DOCS, ROOT
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+VALIDATION = (DOCS / "validation.md").read_text(encoding="utf-8")
+NUMBER = re.compile(r"\d+(?: \d{3})+|\d+(?:\.\d+)?(?:e-?\d+)?")
+ROWS = [
+    [cell.strip() for cell in line.strip("|").split("|")]
+    for line in README[README.index("## Beside others") : README.index("## What it does today")].splitlines()
+    if line.startswith("| ") and not line.startswith("| |")
+]
+
+
+def in_validation(number: str) -> bool:
+    return re.search(rf"(?<![\d.]){re.escape(number)}(?![\d.]*\d)", VALIDATION) is not None
+
+
+def test_the_table_is_there():
+    assert len(ROWS) == 9
+    assert all(len(row) == 4 for row in ROWS)
+
+
+@pytest.mark.parametrize("row", ROWS, ids=[row[0][:40] for row in ROWS])
+def test_every_number_stands_in_validation(row):
+    numbers = [n for cell in row[1:3] for n in NUMBER.findall(cell) if n not in ("21", "3")]  # states, RINEX 3
+    missing = [n for n in numbers if not in_validation(n)]
+    assert not missing, f"{row[0]}: {missing} not in docs/validation.md"
+
+
+@pytest.mark.parametrize("row", ROWS, ids=[row[0][:40] for row in ROWS])
+def test_every_row_names_a_command_that_exists(row):
+    command = row[3].strip("`")
+    if command == "the same":
+        return
+    if command.startswith("pytest "):
+        assert (ROOT / command.split()[1]).is_file()
+    else:
+        assert command.startswith("python -m ")
+        assert (ROOT / f"{command.split()[2].replace('.', '/')}.py").is_file()
+
+
+def test_a_number_that_validation_does_not_have_is_seen():
+    assert in_validation("4.73")
+    assert not in_validation("4.7")
+    assert not in_validation("4.74")
+
+
+def test_formats_are_as_many_as_are_listed(capsys):
+    """README and tutorial count what ``schuler info --formats`` lists."""
+    from schuler.cli.info import known_formats
+
+    count = len(known_formats().splitlines())
+    assert f"a folder: {count} formats" in README
+    assert f"in any of {count} formats" in (DOCS / "tutorial.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    ("clock", "wheels", "causal", "smoothed"), [("derived", False, 4.73, 0.32), ("board", True, 1.82, 0.17)]
+)
+def test_the_car_is_what_the_readme_says(shared_data, clock, wheels, causal, smoothed):
+    """Printed digits, and what other processors round differently over nine minutes of a filter: 3 %."""
+    from benchmarks import car
+
+    row = car.row(car.recordings(shared_data)[clock], clock, wheels, car.PUBLISHED)
+    assert row.causal == pytest.approx(causal, rel=0.03)
+    assert row.smoothed == pytest.approx(smoothed, rel=0.04)
+    assert f"{causal} m" in README
+    assert f"{smoothed} m" in README

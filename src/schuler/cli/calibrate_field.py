@@ -45,6 +45,7 @@ def field(
     min_rest: float = 2.0,
     intervals: Path | None = None,
     history: Literal["csv", "parquet"] = "csv",
+    halves: Flag = False,
     options: CalibrationOptions = _OPTIONS,
 ) -> int:
     """Turned by hand between rests, no fixture: everything from gravity and the Earth's rate, by a 39-state filter.
@@ -75,6 +76,8 @@ def field(
         CSV file with the rests: START,STOP in seconds from the start of the log. Default: found.
     history
         Format of the file with estimates and uncertainties over the log.
+    halves
+        Calibrate both halves of the rests too and widen what they contradict: for gyroscopes that do not see Earth rate.
     """
     began = clock.perf_counter()
     spec = _spec(options.sensor)
@@ -123,7 +126,7 @@ def field(
     with progress("calibrating") as bar:
         calibration = calibrate_field(
             imu, spec, latitude=latitude, height=height, gravity=gravity, heading=start, options=field_options,
-            prior=earlier, rests=rests, progress=bar,
+            prior=earlier, rests=rests, progress=bar, halves=halves,
         )  # fmt: skip
     if factors is not None:
         calibration = _in_counts(calibration, factors)

@@ -60,9 +60,10 @@ def bench_result(
     estimated = [name for name in LINEAR if name in values]
     C = np.zeros((len(estimated), len(estimated)))
     for kind, fit in fits.items():
+        enlarged = fit.variance_of_unit_weight if _beyond_chance(fit) else 1.0
         here = [i for i, n in enumerate(estimated) if place[n][0] == kind]
         there = [place[estimated[i]][1] for i in here]
-        C[np.ix_(here, here)] = fit.covariance[np.ix_(there, there)]
+        C[np.ix_(here, here)] = enlarged * fit.covariance[np.ix_(there, there)]
     open_ends = [sentence for fit in fits.values() for sentence in describe_confounded(fit.confounded)]
     lost = [n for n in estimated if not np.isfinite(C[estimated.index(n), estimated.index(n)])]
     how = list(dict.fromkeys(advice[n[:3]] for n in lost if n[:3] in advice))
@@ -144,10 +145,14 @@ def describe_earth_rate(g_sensitivity: bool) -> str:
 
 
 def _too_large(kind: str, fit: LinearFit) -> list[str]:
-    if fit.freedom == 0 or fit.chi2 <= fit.limit():
+    if not _beyond_chance(fit):
         return []
     factor = np.sqrt(fit.variance_of_unit_weight)
     return [
         f"{kind}: the residuals are {factor:.3g} times what the stated noise explains; look at the largest, state "
-        f"how much biases change between readings (instability), or take the uncertainties times {factor:.3g}"
+        f"how much biases change between readings (instability); the uncertainties are enlarged by {factor:.3g}"
     ]
+
+
+def _beyond_chance(fit: LinearFit) -> bool:
+    return fit.freedom > 0 and fit.chi2 > fit.limit()

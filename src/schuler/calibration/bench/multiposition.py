@@ -13,8 +13,9 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from schuler.arrays import ArrayLike, FloatArray, as_floats
+from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.calibration.bench.gauss_helmert import Start
+from schuler.calibration.bench.halves import halved
 from schuler.calibration.bench.poses import Poses
 from schuler.calibration.bench.sensor_geometry import ANGLES, PARAMETERS, triad_parameters
 from schuler.calibration.bench.triad import TriadCalibration, calibrate_triad, to_model, triad_names
@@ -47,6 +48,7 @@ def calibrate_multiposition(
     fixed: CalibrationResult | Mapping[str, float] | None = None,
     between_triads: bool = False,
     start: Start = "continuation",
+    halves: bool = True,
 ) -> CalibrationResult:
     """Bias, scale factors and non-orthogonality of both triads from magnitudes.
 
@@ -79,6 +81,8 @@ def calibrate_multiposition(
         M_g is then in the accelerometers' axes. Worth it for gyroscopes that see Earth rate to 1e-4. Needs latitude.
     start : {"continuation", "ellipsoid", "zeros"}
         See :func:`schuler.calibration.bench.gauss_helmert.adjust`.
+    halves : bool
+        Hold the claims against halves of the poses, see :mod:`schuler.calibration.bench.halves`.
 
     Returns
     -------
@@ -154,11 +158,22 @@ def calibrate_multiposition(
         "between_triads": between_triads, "start": start, "fixed": held,
         "prior_spec": prior_spec.to_dict() if prior_spec else None, "poses": n,
     }  # fmt: skip
-    return replace(
+    result = replace(
         result,
         temperature=None if poses.temperature is None else float(poses.temperature.mean()),
         provenance={"schuler": metadata.version("schuler"), "method": "multiposition", "options": options},
     )
+    if not halves:
+        return result
+
+    def part(some: Poses, k: IntArray) -> CalibrationResult:
+        return calibrate_multiposition(
+            some, gravity=gravity, latitude=latitude, table_rate=None if rate is None else rate[k],
+            accel_order=accel_order, gyro_order=gyro_order, prior_spec=prior_spec, use_prior=use_prior, fixed=fixed,
+            between_triads=between_triads, start=start, halves=False,
+        )  # fmt: skip
+
+    return halved(result, poses, part)
 
 
 def _gyro_reference(n: int, latitude: float | None, rate: FloatArray | None) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,6 +34,8 @@ class Poses:
         [degC]
     index : ndarray of int, shape (n, 2), or None
         First sample and the one after the last in the log.
+    parts : (Poses, Poses) or None
+        Means over the first and the second half of each interval, to hold claims against.
     """
 
     f: FloatArray
@@ -44,6 +46,7 @@ class Poses:
     stop: FloatArray
     temperature: FloatArray | None = None
     index: IntArray | None = field(default=None)
+    parts: tuple[Poses, Poses] | None = field(default=None)
 
     def __post_init__(self) -> None:
         n = len(as_floats(self.f, "f", (None, 3)))
@@ -73,6 +76,7 @@ class Poses:
         return Poses(
             self.f[k], self.omega[k], self.sigma_f[k], self.sigma_omega[k], self.start[k], self.stop[k],
             None if self.temperature is None else self.temperature[k], None if self.index is None else self.index[k],
+            None if self.parts is None else (self.parts[0].of(k), self.parts[1].of(k)),
         )  # fmt: skip
 
 
@@ -91,7 +95,9 @@ def joined(several: Sequence[Poses]) -> Poses:
     warm = [p.temperature for p in several]
     temperature = None if any(T is None for T in warm) else np.concatenate([T for T in warm if T is not None])
     f, omega, sigma_f, sigma_omega, start, stop = (np.concatenate([getattr(p, n) for p in several]) for n in _ARRAYS)
-    return Poses(f, omega, sigma_f, sigma_omega, start, stop, temperature)
+    halves = [p.parts for p in several if p.parts is not None]
+    parts = (joined([h[0] for h in halves]), joined([h[1] for h in halves])) if len(halves) == len(several) else None
+    return Poses(f, omega, sigma_f, sigma_omega, start, stop, temperature, parts=parts)
 
 
 def poses_of(
@@ -137,11 +143,6 @@ def poses_of(
     else:
         spans = [(float(a), float(b)) for a, b in intervals]
     index: list[tuple[int, int]] = []
-    f: list[FloatArray] = []
-    omega: list[FloatArray] = []
-    sigma_f: list[FloatArray] = []
-    sigma_omega: list[FloatArray] = []
-    T: list[float] = []
     for start, stop in spans:
         a = int(np.searchsorted(rates.t, start + trim_s - 1e-9))
         b = int(np.searchsorted(rates.t, stop - trim_s + 1e-9, side="right"))
@@ -151,6 +152,27 @@ def poses_of(
                 f"{f' less {trim_s:g} s at both ends' if trim_s else ''}, got {max(b - a, 0)}; stay longer in each pose"
             )
         index.append((a, b))
+    if not index:
+        raise InputError(
+            "imu: no interval at rest was found; put the unit down for some seconds in each pose, or give intervals"
+        )
+    complete = _means(rates, index, noise)
+    if min(b - a for a, b in index) < 40:
+        return complete
+    middle = [(a + b) // 2 for a, b in index]
+    first = _means(rates, [(a, m) for (a, _), m in zip(index, middle, strict=True)], noise)
+    second = _means(rates, [(m, b) for (_, b), m in zip(index, middle, strict=True)], noise)
+    return replace(complete, parts=(first, second))
+
+
+def _means(rates: ImuSeries, index: list[tuple[int, int]], noise: tuple[ArrayLike, ArrayLike] | None) -> Poses:
+    """Means over spans of samples."""
+    f: list[FloatArray] = []
+    omega: list[FloatArray] = []
+    sigma_f: list[FloatArray] = []
+    sigma_omega: list[FloatArray] = []
+    T: list[float] = []
+    for a, b in index:
         duration = (b - a) / rates.rate_hz
         for x, mean, sigma, k in ((rates.accel, f, sigma_f, 1), (rates.gyro, omega, sigma_omega, 0)):
             part = x[a:b]
@@ -161,10 +183,6 @@ def poses_of(
                 sigma.append(sample_mean_sigma(part))
         if rates.temperature is not None:
             T.append(float(rates.temperature[a:b].mean()))
-    if not index:
-        raise InputError(
-            "imu: no interval at rest was found; put the unit down for some seconds in each pose, or give intervals"
-        )
     spans_used = np.array([(rates.t[a], rates.t[b - 1]) for a, b in index])
     return Poses(
         np.array(f), np.array(omega), np.array(sigma_f), np.array(sigma_omega), spans_used[:, 0], spans_used[:, 1],

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from schuler.arrays import ArrayLike, as_floats
+from schuler.arrays import ArrayLike, IntArray, as_floats
 from schuler.calibration.bench.faces import (
     Bias,
     Faces,
@@ -19,6 +19,7 @@ from schuler.calibration.bench.faces import (
     tilted,
 )
 from schuler.calibration.bench.gyro_readings import gyro_fit, readings_at_rest
+from schuler.calibration.bench.halves import halved
 from schuler.calibration.bench.joint_result import axis_residuals, bench_result, describe_earth_rate, describe_level
 from schuler.calibration.bench.linear_fit import LinearFit
 from schuler.calibration.bench.poses import Poses
@@ -51,6 +52,7 @@ def calibrate_sixposition(
     heading_sigma: float = 0.0,
     gyro: Gyro | None = None,
     instability: tuple[float, float] = (0.0, 0.0),
+    halves: bool = True,
 ) -> CalibrationResult:
     """Calibrate on the six faces.
 
@@ -84,6 +86,8 @@ def calibrate_sixposition(
         means are noisier than a tenth of Earth rate, because M_g would be noise.
     instability : (float, float)
         How much the biases of gyroscope [rad/s] and accelerometer [m/s^2] change from pose to pose, 1 sigma.
+    halves : bool
+        Hold the claims against halves of the poses, see :mod:`schuler.calibration.bench.halves`.
 
     Returns
     -------
@@ -119,6 +123,7 @@ def calibrate_sixposition(
     mode, notes = _gyro_mode(poses, gyro, improved, latitude, headings)
     if headings is not None:
         headings = as_floats(headings, "headings", (len(poses),))
+    all_headings = headings
     options = {
         "gravity": gravity, "improved": improved, "latitude": latitude, "bias": bias, "level_sigma": level_sigma,
         "heading_sigma": heading_sigma, "gyro": mode, "instability": list(instability),
@@ -164,7 +169,7 @@ def calibrate_sixposition(
             notes.append("gyro='g-sensitivity' would explain gyroscopes that read differently from face to face")
     asked = (*BIAS_A, *MATRIX_A, *(BIAS_G + MATRIX_G + SENSITIVITY if mode != "none" else ()))
     here = f"put the unit still with {' and with '.join(missing)}" if missing else "put the unit on all six faces"
-    return bench_result(
+    result = bench_result(
         "sixposition", fits,
         advice={
             "b_a": here, "M_a": here, "b_g": here, "G_g": here,
@@ -175,6 +180,17 @@ def calibrate_sixposition(
         temperature=None if rest.temperature is None else float(rest.temperature.mean()),
         extra={"faces": list(used.names), "level_sigma": level},
     )  # fmt: skip
+    if not halves:
+        return result
+
+    def part(some: Poses, k: IntArray) -> CalibrationResult:
+        return calibrate_sixposition(
+            some, gravity=gravity, improved=improved, latitude=latitude, bias=bias, level_sigma=level_sigma,
+            headings=None if all_headings is None else all_headings[k], heading_sigma=heading_sigma, gyro=mode,
+            instability=instability, faces=None if faces is None else [faces[int(i)] for i in k], halves=False,
+        )  # fmt: skip
+
+    return halved(result, poses, part)
 
 
 def _gyro_mode(

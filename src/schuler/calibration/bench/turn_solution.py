@@ -19,6 +19,7 @@ from schuler.calibration.bench.faces import (
     tilted,
 )
 from schuler.calibration.bench.gyro_readings import GyroReadings, gyro_fit, readings_at_rest
+from schuler.calibration.bench.halves import halved
 from schuler.calibration.bench.joint_result import axis_residuals, bench_result, describe_earth_rate, describe_level
 from schuler.calibration.bench.linear_fit import LinearFit
 from schuler.calibration.bench.poses import Poses
@@ -58,6 +59,7 @@ def solve_turns(
     fit: Callable[[GyroReadings, Poses, Faces, Turns], LinearFit] | None = None,
     notes: tuple[str, ...] = (),
     extra: Mapping[str, Any] | None = None,
+    halves: bool = True,
     **rest: Any,
 ) -> CalibrationResult:
     """See :func:`schuler.calibration.bench.ratetable.calibrate_ratetable`; here only what differs.
@@ -77,6 +79,8 @@ def solve_turns(
         Further remarks.
     extra : mapping, optional
         For the result; ``level_sigma`` is added.
+    halves : bool
+        Hold the claims against halves of the poses; turns are shared by both, so the response is not compared.
     rest
         Further fields of the result.
 
@@ -99,6 +103,7 @@ def solve_turns(
         )
     if headings is not None and poses is not None:
         headings = as_floats(headings, "headings", (len(poses),))
+    all_headings = None if headings is None else np.asarray(headings)
     options = {
         "gravity": gravity, "g_sensitivity": g_sensitivity, "latitude": latitude, "bias": bias,
         "level_sigma": level_sigma, "heading_sigma": heading_sigma, **sigmas, "instability": list(instability),
@@ -154,12 +159,24 @@ def solve_turns(
         readings.label, fits["gyro"], rows_g, readings.measured - readings.reference, readings.sigma, "rad/s",
         readings.reference / length,
     )  # fmt: skip
-    return bench_result(
+    result = bench_result(
         method, fits, advice=ADVICE, warnings=[*warnings, *doubts], notes=remarks, residuals=residuals, options=options,
         names=LINEAR if "accel" in fits else BIAS_G + MATRIX_G + SENSITIVITY,
         temperature=None if used is None or used.temperature is None else float(used.temperature.mean()),
         extra=also, **rest,
     )  # fmt: skip
+    if not halves or poses is None or not len(poses):
+        return result
+
+    def part(some: Poses, k: IntArray) -> CalibrationResult:
+        return solve_turns(
+            method, turns, some, gravity=gravity, g_sensitivity=g_sensitivity, latitude=latitude,
+            headings=None if all_headings is None else all_headings[k], axis_n=axis_n, accel=accel,
+            accel_wanted=accel_wanted, bias=bias, level_sigma=level_sigma, heading_sigma=heading_sigma, sigmas=sigmas,
+            instability=instability, own_axis_only=own_axis_only, fit=fit, halves=False,
+        )  # fmt: skip
+
+    return halved(result, poses, part, shared=("M_g",))
 
 
 def force_in_turns(turns: Turns, fit: LinearFit | None, accel: CalibrationResult | None) -> FloatArray | None:

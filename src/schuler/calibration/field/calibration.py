@@ -19,11 +19,12 @@ from schuler.calibration.field.noise_inflation import scale_variances, variance_
 from schuler.calibration.field.options import FieldOptions
 from schuler.calibration.field.problem import GIVEN_HEADING, Problem, field_layout, field_problem, parameter_names
 from schuler.calibration.field.verdicts import field_verdicts, rest_residuals
+from schuler.calibration.result.halves import checked, halves_of, tried
 from schuler.calibration.result.parameters import LINEAR
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
-from schuler.standstill.rests import field_rests
+from schuler.standstill.rests import field_rests, given_rests
 from schuler.standstill.stationarity import StaticIntervals
 
 if TYPE_CHECKING:
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
 
 Progress = Callable[[float], None]
 
+_REST_HALF = 8  # rests of a half that is calibrated by itself
+#: Share of its 1-sigma before the log below which a parameter of halves is compared.
+LARGEST_SHARE = 0.3
 _NEARLY = 0.5  # largest change over sigma in a pass whose residuals are tested for their noise
 
 
@@ -120,6 +124,8 @@ def calibrate_field(
     prior: CalibrationResult | None = None,
     rests: StaticIntervals | None = None,
     progress: Progress | None = None,
+    halves: bool = False,
+    linearised_at: CalibrationResult | None = None,
 ) -> FieldCalibration:
     """Calibrate both triads from a log of rests and turns by hand.
 
@@ -143,6 +149,13 @@ def calibrate_field(
         Rests of the unit; detected by :func:`schuler.standstill.rests.field_rests` by default.
     progress : callable, optional
         Called with the fraction done.
+    halves : bool
+        Calibrate the first and the second half of the rests by themselves too, from sixteen rests on and with more than
+        one pass, and hold the claims against it, see :func:`schuler.calibration.result.halves.checked`. The heading of
+        the second half is searched for, which of gyroscopes that see the Earth's rate finds a wrong one now and then:
+        for units whose bias buries it.
+    linearised_at : CalibrationResult, optional
+        Parameters the first pass is linearised at, instead of the prior: those of a log this one is a part of.
 
     Returns
     -------
@@ -180,13 +193,15 @@ def calibrate_field(
     chosen, options = options.earth_rate, resolve_earth_rate(options, spec, blocks, rests)
     swaying = options.earth_rate != chosen and options.earth_rate == "vertical"
     problem = field_problem(imu, spec, blocks, rests, layout, options, latitude, height, gravity, heading, prior)
-    rpy = level_attitude(blocks, problem, problem.prior)
+    problem = replace(problem, near=linearised_at is not None)
+    rpy = level_attitude(blocks, problem, problem.prior if linearised_at is None else linearised_at.values)
     if heading is not None:
         rpy[2] = heading[0]
     observable = options.secondary != "off" or options.earth_rate != "off"
     heading_given = not observable or (heading is not None and heading[1] <= GIVEN_HEADING)
     if not heading_given:
-        best = search_heading(problem, blocks, rpy, np.inf if heading is None else heading[1])
+        near = None if linearised_at is None else (linearised_at.values, 3.0 * linearised_at.sigma)
+        best = search_heading(problem, blocks, rpy, np.inf if heading is None else heading[1], near)
     else:  # a single pass is that of the thesis, from the prior itself
         best = first_pass(problem, blocks, rpy) if options.passes > 1 else filter_pass(problem, rpy)
     passes, names = [best.values], parameter_names(layout)
@@ -211,9 +226,30 @@ def calibrate_field(
             break
     if progress is not None:
         progress(1.0)
-    return _field_result(
+    complete = _field_result(
         imu, spec, problem, best, np.array(passes), blocks, rests, scales, options, heading_given, swaying
     )
+    if not halves or options.passes < 2 or len(rests) < 2 * _REST_HALF:
+        return complete
+
+    def part(which: slice) -> CalibrationResult:
+        a, b = rests.index[which][0, 0], rests.index[which][-1, 1]
+        some = imu.between(float(imu.t[a]), float(imu.t[b - 1]))
+        spans = [(float(imu.t[i]), float(imu.t[j - 1])) for i, j in rests.index[which]]
+        result = calibrate_field(
+            some, spec, latitude=latitude, height=height, gravity=gravity, heading=heading if a == 0 else None,
+            options=options, prior=prior, rests=given_rests(some, spans), halves=False,
+            linearised_at=complete.calibration,
+        ).calibration  # fmt: skip
+        known = np.array([result.prior_sigma[n] for n in result.names])
+        P = result.covariance.copy()
+        vague = result.sigma > LARGEST_SHARE * known  # what the prior still says is common to both
+        P[vague, vague] = np.inf
+        return replace(result, covariance=P)
+
+    name, (a, b) = list(halves_of(len(rests)).items())[1]
+    calibration = checked(complete.calibration, {name: tried(part, (a, b))}, needs="not compared: a half is refused")
+    return replace(complete, calibration=calibration)
 
 
 def _field_result(

@@ -35,7 +35,8 @@ def next_pass(problem: Problem, blocks: Blocks, before: Pass, heading_given: boo
     rpy[2] = before.rpy[2] if heading_given else smoothed_heading(problem, before)[0]
     tilt = _tilt_sigma(problem, blocks, before)
     sigma = inflated_sigma(problem, before)
-    factor = noise_inflation(problem, np.minimum(NEAR * sigma, np.sqrt(problem.layout.initial_variances())))
+    within = np.minimum(NEAR * sigma, np.sqrt(problem.layout.initial_variances()))
+    factor = 1.0 if problem.near else noise_inflation(problem, within)
     inflated = replace(inflate_noise(problem, factor), tilt_sigma=tilt)
     return replace(
         filter_pass(inflated, rpy, before.values, sigma, smoothable=not heading_given), noise_inflation=factor
@@ -71,15 +72,22 @@ def _tilt_sigma(problem: Problem, blocks: Blocks, before: Pass) -> float:
     return float(min(problem.tilt_sigma, 10.0 * np.sqrt(variance.max()) / np.linalg.norm(f)))
 
 
-def search_heading(problem: Problem, blocks: Blocks, rpy: FloatArray, sigma: float = np.inf) -> Pass:
+def search_heading(
+    problem: Problem,
+    blocks: Blocks,
+    rpy: FloatArray,
+    sigma: float = np.inf,
+    start: tuple[FloatArray, FloatArray] | None = None,
+) -> Pass:
     """Run passes from eight headings and continue with the one of least cost.
 
     A roughly given heading, that of ``rpy`` with 1-sigma ``sigma`` [rad], decides between several that fit. The
     search comes after the sensors are calibrated so well that linearisation errors do not hide the heading; headings
     are held near their start, since a filter that turns by radians in the middle of a log is not linear any more.
+    ``start``: parameters and their 1-sigma to linearise the first pass at, instead of the prior.
     """
     near = replace(problem, heading_sigma=_NEAR)
-    best = first_pass(near, blocks, rpy)
+    best = first_pass(near, blocks, rpy) if start is None else filter_pass(near, rpy, *start)
     for k in range(_PASSES):
         best = next_pass(near, blocks, best, True)
         if k > 0 and best.noise_inflation == 1.0:

@@ -58,6 +58,8 @@ class Problem:
     tilt_sigma, heading_sigma : float
         1-sigma of the attitude at the start. [rad]
     options : FilterOptions
+    near : bool
+        The first pass is linearised near the result: no pass needs more noise for it.
     """
 
     increments: Increments
@@ -71,6 +73,7 @@ class Problem:
     tilt_sigma: float
     heading_sigma: float
     options: FilterOptions
+    near: bool = False
 
 
 def field_layout(spec: ImuSpec, options: FieldOptions) -> StateLayout:

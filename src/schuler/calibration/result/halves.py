@@ -15,7 +15,7 @@ from schuler.exceptions import InputError
 from schuler.verdict import Status, Verdict
 
 #: Probability of larger differences by chance below which the claims of a block are widened.
-WIDEN = 0.05
+WIDEN = 0.01
 #: The same below which the result is doubtful.
 DOUBTFUL = 1e-3
 #: Root mean square difference of halves, in claimed sigmas, beyond which nothing of the model holds.
@@ -41,7 +41,7 @@ class Split:
     probability: dict[str, float]
 
 
-def split(name: str, a: CalibrationResult, b: CalibrationResult) -> Split | None:
+def split(name: str, a: CalibrationResult, b: CalibrationResult, skip: Sequence[str] = ()) -> Split | None:
     """Compare two parts of a log that share no reading; None if one is refused or nothing is determined in both."""
     from scipy.stats import chi2
 
@@ -52,7 +52,7 @@ def split(name: str, a: CalibrationResult, b: CalibrationResult) -> Split | None
     good = np.isfinite(sigma) & (sigma > 0.0)
     rms: dict[str, float] = {}
     p: dict[str, float] = {}
-    for block in dict.fromkeys(block_of(n) for n in difference.names):
+    for block in dict.fromkeys(b for n in difference.names if (b := block_of(n)) not in skip):
         at = np.array([i for i, n in enumerate(difference.names) if block_of(n) == block and good[i]], dtype=int)
         if not len(at):
             continue
@@ -77,6 +77,7 @@ def checked(
     *,
     causes: Sequence[str] = (),
     needs: str = "",
+    skip: Sequence[str] = (),
 ) -> CalibrationResult:
     """A result with its claims held against halves of its log, and widened where they do not hold.
 
@@ -90,6 +91,8 @@ def checked(
         What would explain a difference, the likeliest first.
     needs : str
         What a log would need for halves, where no part could be calibrated.
+    skip : sequence of str
+        Blocks that are not compared, because the parts share readings.
 
     Returns
     -------
@@ -106,7 +109,7 @@ def checked(
     if result.status == "refused":
         return result
     splits = [
-        s for name, pair in parts.items() if pair is not None and (s := split(name, pair[0], pair[1])) is not None
+        s for name, pair in parts.items() if pair is not None and (s := split(name, pair[0], pair[1], skip)) is not None
     ]
     if not splits:
         note = {"splits": {}, "widened": {}, "note": needs} if needs else None

@@ -11,7 +11,7 @@ from schuler.exceptions import InputError
 
 # correlation times that are tried, of the time from the first rest to the last; 0: every rest by itself
 _TIMES = (0.0, 0.1, 0.5)
-_MEMORY = 0.1  # what a scatter with memory counts beside one without before the log
+_MEMORY = 0.3  # what a scatter with memory counts beside one without before the log
 _SIZES = np.linspace(0.0, 1.0, 25) ** 1.5
 _LARGEST = 4.0  # largest scatter that is tried, over the root mean square of the residuals
 

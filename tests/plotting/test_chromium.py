@@ -182,3 +182,29 @@ def test_report_answers_at_a_desk(report):
 def test_report_fits_a_phone(report):
     with chromium.opened(report[1], 390) as page:
         check_page(page)
+
+
+OVER_TIME = "Array.from(document.querySelectorAll('.plot[data-time]'))"
+RANGES = f"{OVER_TIME}.map(p => p._fullLayout.xaxis.range.map(v => Math.round(v * 1e3) / 1e3).join())"
+TRACK = "document.querySelector('.plot[data-figure=track]')"
+WIDTH = f"(r => r[1] - r[0])({TRACK}._fullLayout.xaxis.range)"
+
+
+def test_one_zoom_and_one_time_for_all_figures_of_a_run(tmp_path, request):
+    with chromium.opened(navigation(tmp_path, request), 1280) as page:
+        chromium.wait_for(page, f"{UNDRAWN} === 0")
+        before, wide = chromium.run(page, RANGES), chromium.run(page, WIDTH)
+        heights = f"{OVER_TIME}.map(p => p._fullLayout.yaxis.range.join())"
+        tall = chromium.run(page, heights)
+        assert len(before) > 10
+        check_mouse(page)  # on the track, which is the first figure
+        shown = "Array.from(document.querySelectorAll('.cursor.{}')).filter(c => c.style.display === 'block').length"
+        chromium.wait_for(page, f"{shown.format('now')} === {len(before)} && {shown.format('here')} === 1")
+        chromium.run(page, f"Plotly.relayout({OVER_TIME}[3], {{'xaxis.range': [40, 60]}}) && 0")
+        chromium.wait_for(page, f"{RANGES}.every(r => r === '40,60')")
+        chromium.wait_for(page, f"{WIDTH} < {0.9 * wide}")
+        assert sum(a != b for a, b in zip(tall, chromium.run(page, heights), strict=True)) > len(tall) / 2
+        chromium.run(page, f"Plotly.relayout({OVER_TIME}[5], {{'xaxis.autorange': true}}) && 0")
+        chromium.wait_for(page, f"{RANGES}.join(';') === '{';'.join(before)}'")
+        chromium.wait_for(page, f"Math.abs({WIDTH} - {wide}) < 1e-6 * {wide}")
+        assert chromium.errors(page) == ()

@@ -28,12 +28,17 @@ ByteArray: TypeAlias = npt.NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A curve; NaN breaks it. Without a label it is left out of the legend."""
+    """A curve; NaN breaks it. Without a label it is left out of the legend.
+
+    ``along`` names what else is known at its points, for the mouse: of a track the time [s], under the name ``TIME``,
+    by which it follows the zoom of all time axes of its page.
+    """
 
     x: FloatArray
     y: FloatArray
     role: str
     label: str = ""
+    along: tuple[tuple[str, FloatArray], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +168,7 @@ class Figure:
     paper_columns : int
         Panels side by side in a printed figure; 0: chosen by their number.
     linked : bool
-        Panels have the same x axis, and zooming one zooms all.
+        Panels have the same x axis, and zooming one zooms all. Panels over ``TIME`` are linked on all of the page.
     """
 
     name: str
@@ -191,11 +196,11 @@ def line(x: ArrayLike, y: ArrayLike, role: str, label: str = "", *, limit: int =
     return Line(x[k], y[k], role, label)
 
 
-def path(x: ArrayLike, y: ArrayLike, role: str, label: str = "") -> Line:
+def path(x: ArrayLike, y: ArrayLike, role: str, label: str = "", along: Sequence[tuple[str, FloatArray]] = ()) -> Line:
     """A curve in the plane: thinned by the extremes of both coordinates."""
     x, y = (np.asarray(c, dtype=np.float64) for c in (x, y))
     k = thin([x, y])
-    return Line(x[k], y[k], role, label)
+    return Line(x[k], y[k], role, label, tuple((name, values[k]) for name, values in along))
 
 
 def band(x: ArrayLike, low: ArrayLike, high: ArrayLike, role: str, label: str = "", *, limit: int = LIMIT) -> Band:

@@ -125,7 +125,8 @@ def trace(item: Item, *, log: bool = False, log_x: bool = False) -> dict[str, An
                     "color": css_name(item.role, area=s.alpha < 1.0), "width": round(s.width * _PX, 2),
                     "dash": ",".join(f"{_DASH_PX * d:g}px" for d in s.dash) or "solid", "simplify": False,
                 },
-                "name": item.label, "showlegend": False, **({"hoverinfo": "skip"} if quiet else _hover(item.label)),
+                "name": item.label, "showlegend": False,
+                **({"hoverinfo": "skip"} if quiet else _along(item) if item.along else _hover(item.label)),
             }  # fmt: skip
         case Markers():
             s = style(item.role)
@@ -150,6 +151,19 @@ def trace(item: Item, *, log: bool = False, log_x: bool = False) -> dict[str, An
 
 def _hover(label: str) -> dict[str, Any]:
     return {"hovertemplate": f"%{{y:.4~g}}<extra>{label}</extra>"}
+
+
+def _along(item: Line) -> dict[str, Any]:
+    """What the mouse shows on a curve that knows more than its coordinates: names end in their unit in brackets."""
+    lines = []
+    for k, (name, _) in enumerate(item.along):
+        words, _, unit = name.rstrip("]").partition(" [")
+        lines.append(f"{words} %{{customdata[{k}]:.5~g}} {unit}")
+    columns = [_numbers(values) for _, values in item.along]
+    return {
+        "customdata": [list(row) for row in zip(*columns, strict=True)],
+        "hovertemplate": "<br>".join(lines) + f"<extra>{item.label}</extra>",
+    }
 
 
 def _axis(label: str, limits: tuple[float, float] | None, *, log: bool) -> dict[str, Any]:

@@ -36,11 +36,14 @@ class Section:
     title : str
     blocks : tuple of str or Figure
         In the order in which they stand.
+    folded : bool
+        Opened by a click on its heading.
     """
 
     name: str
     title: str
     blocks: tuple[Block, ...]
+    folded: bool = False
 
 
 def plotly_script() -> str:
@@ -69,6 +72,7 @@ def whole_page(
     script: str,
     contents: frozenset[str] | None = None,
     tone: Literal["", "doubtful", "failed"] = "",
+    leading: Figure | None = None,
 ) -> str:
     """A complete page.
 
@@ -89,6 +93,8 @@ def whole_page(
         Names of the sections that are linked at the top; all by default.
     tone : str, optional
         The box of the verdict is amber (doubtful) or red (failed) instead of blue.
+    leading : Figure, optional
+        Beside the verdict, before everything else.
 
     Returns
     -------
@@ -99,13 +105,16 @@ def whole_page(
     filled = [(s, blocks) for s, blocks in filled if blocks]
     linked = [s for s, _ in filled if contents is None or s.name in contents]
     links = "".join(f'<a href="#{s.name}">{escape(s.title)}</a>' for s in linked)
-    body = "\n".join(
-        f'<section id="{s.name}">\n<h2>{escape(s.title)}</h2>\n'
-        + "\n".join(figure_html(block) if isinstance(block, Figure) else block for block in blocks)
-        + "\n</section>"
-        for s, blocks in filled
-    )
+    body = "\n".join(_section(s, blocks) for s, blocks in filled)
     figures = [block for _, blocks in filled for block in blocks if isinstance(block, Figure)]
+    judged = (
+        f'<section id="verdict" class="{f"verdict {tone}".strip()}" aria-label="Verdict">\n'
+        + "".join(f"<p>{escape(s)}</p>" for s in sentences)
+        + "\n</section>"
+    )
+    if leading is not None:
+        figures.insert(0, leading)
+        judged = f'<div class="lead">\n{judged}\n{figure_html(leading)}\n</div>'
     data = {f.name: [panel_data(f, p) for p in f.panels] for f in figures}
     # "</" would end the script element, and is the same string with the stroke escaped
     packed = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
@@ -128,9 +137,7 @@ def whole_page(
 <p class="sub">{escape(subtitle)}</p>
 </header>
 <main>
-<section id="verdict" class="{f"verdict {tone}".strip()}" aria-label="Verdict">
-{"".join(f"<p>{escape(s)}</p>" for s in sentences)}
-</section>
+{judged}
 <noscript><p>The figures of this page are drawn by JavaScript, which is switched off here; the tables are
 complete.</p></noscript>
 <nav aria-label="Contents">{links}</nav>
@@ -145,6 +152,14 @@ complete.</p></noscript>
 </body>
 </html>
 """
+
+
+def _section(section: Section, blocks: Sequence[Block]) -> str:
+    content = "\n".join(figure_html(block) if isinstance(block, Figure) else block for block in blocks)
+    heading = f"<h2>{escape(section.title)}</h2>"
+    if section.folded:
+        content, heading = f"<details><summary>{heading}</summary>\n{content}\n</details>", ""
+    return f'<section id="{section.name}">\n{heading}\n{content}\n</section>'
 
 
 def style_sheet() -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.plotting.figure import Figure
+from schuler.plotting.figure import TIME, Figure
 from schuler.plotting.interactive import css_name
 from schuler.plotting.style import style
 
@@ -26,6 +26,8 @@ def figure_html(figure: Figure) -> str:
         size = "plan" if panel.equal else "tall" if len(figure.panels) == 1 or figure.columns == 2 else ""
         says = f'<p class="says">{escape(panel.title)}</p>' if panel.title else ""
         linked = ' data-linked="yes"' if figure.linked and len(figure.panels) > 1 else ""
+        if panel.x_label == TIME and figure.linked:
+            linked = ' data-time="yes"'
         high = (
             f' data-height="{panel.height:g}" style="height: {190.0 * panel.height:.0f}px"'
             if panel.height != 1.0

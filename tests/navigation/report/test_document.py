@@ -90,7 +90,7 @@ def test_it_is_a_well_formed_page(page, source):
 
 def test_sections_stand_in_order(page):
     assert page.text["h2"] == [
-        "Key numbers", "Track and motion", "Errors", "Outages", "Filtered against smoothed", "Parameters",
+        "Key numbers", "Motion", "Errors", "Outages", "Filtered against smoothed", "Parameters",
         "Innovations", "Notes", "Provenance",
     ]  # fmt: skip
 
@@ -110,6 +110,19 @@ def test_every_plot_has_data_a_label_and_every_figure_a_caption(page):
         assert any(v is not None for trace in panel["data"] for v in trace["y"])
     assert len(page.all("figure")) == len(page.all("figcaption")) == len(data)
     assert all(len(t) > 40 and t.strip().endswith(".") for t in page.text["figcaption"])
+
+
+def test_tracks_know_time_speed_and_sigma_of_their_points(page, full):
+    text = next(t for t, a in zip(page.text["script"], page.all("script"), strict=True) if a.get("id") == "figures")
+    traces = {t["name"]: t for t in json.loads(text)["track"][0]["data"]}
+    for role, result in (("filtered", full.result), ("smoothed", full.smoothed)):
+        trace, way = traces[role], result.trajectory
+        assert "1-sigma" in trace["hovertemplate"]
+        t, speed, sigma = np.array(trace["customdata"]).T
+        k = np.searchsorted(way.t, t).clip(0, len(way.t) - 1)
+        assert np.abs(way.t[k] - t).max() < 0.02  # thinned, rounded to what can be seen
+        assert speed == pytest.approx(np.linalg.norm(way.v_eb_n[k], axis=1), abs=0.2)
+        assert (sigma > 0.0).all()
 
 
 def test_nothing_is_fetched(page, source):

@@ -7,9 +7,9 @@ from schuler.navigation.report.subject import Subject
 from schuler.plotting.figure import Figure
 
 
-def track_figures(subject: Subject) -> list[Figure]:
-    """Track, height profile and motion."""
-    figures = [track.track(subject), track.profile(subject), track.motion(subject)]
+def motion_figures(subject: Subject) -> list[Figure]:
+    """Motion and height profile."""
+    figures = [track.motion(subject), track.profile(subject)]
     return [f for f in figures if f is not None]
 
 
@@ -66,7 +66,8 @@ def satellite_figures(subject: Subject) -> list[Figure]:
 def all_figures(subject: Subject) -> list[Figure]:
     """Every figure there is something to show in."""
     return [
-        *track_figures(subject),
+        track.track(subject),
+        *motion_figures(subject),
         *error_figures(subject),
         *outage_figures(subject),
         *separation_figures(subject),

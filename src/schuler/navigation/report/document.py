@@ -13,6 +13,7 @@ from schuler.gnss.ranges import Ranges
 from schuler.navigation.report import build, estimates, innovations, verdict
 from schuler.navigation.report.backdrop import Backdrop
 from schuler.navigation.report.subject import Subject
+from schuler.navigation.report.track import track
 from schuler.navigation.result import NavigationResult
 from schuler.plotting import parts
 from schuler.plotting.page import Section, whole_page
@@ -93,7 +94,7 @@ def navigation_report(
 def _page(subject: Subject, script: str, title: str, recording_summary: str | None) -> str:
     sections = [
         Section("numbers", "Key numbers", (_numbers(subject),)),
-        Section("track", "Track and motion", (*build.track_figures(subject),)),
+        Section("motion", "Motion", (*build.motion_figures(subject),)),
         Section("errors", "Errors" if subject.errors else "Uncertainty", (*build.error_figures(subject),)),
         # figures stand before the table that lists every single one of the same numbers
         Section("outages", "Outages", (*build.outage_figures(subject), _outage_table(subject))),
@@ -102,7 +103,7 @@ def _page(subject: Subject, script: str, title: str, recording_summary: str | No
         Section("parameters", "Parameters", (_parameter_table(subject), *build.parameter_figures(subject))),
         Section("innovations", "Innovations", (*build.innovation_figures(subject), _satellite_table(subject))),
         Section("notes", "Notes", (parts.notes(subject.result.notes),)),
-        Section("provenance", "Provenance", (_provenance(subject, recording_summary),)),
+        Section("provenance", "Provenance", (_provenance(subject, recording_summary),), folded=True),
     ]
     return whole_page(
         title,
@@ -113,6 +114,7 @@ def _page(subject: Subject, script: str, title: str, recording_summary: str | No
         sections,
         script,
         tone="" if (status := subject.result.verdict.status) == "ok" else status,
+        leading=track(subject),
     )
 
 

@@ -50,8 +50,12 @@ def track(subject: Subject) -> Figure:
         r = frames.ned_from_ecef(R.r_eb_e[inside], origin)
         items.append(path(r[:, 1], r[:, 0], "reference", "reference"))
     for role, result in subject.solutions:
-        plan = frames.ned_from_ecef(_at_reference_point(subject, result.trajectory).r_eb_e, origin)
-        items.append(path(plan[:, 1], plan[:, 0], role, role))
+        way = _at_reference_point(subject, result.trajectory)
+        plan = frames.ned_from_ecef(way.r_eb_e, origin)
+        sigma = np.linalg.norm(subject.position_sigma(result)[:, :2], axis=1)
+        along = [(TIME, subject.seconds(way.t)), ("speed [m/s]", np.linalg.norm(way.v_eb_n, axis=1))]
+        along += [("1-sigma [m]", np.interp(way.t, result.t, sigma))] if len(result.t) else []
+        items.append(path(plan[:, 1], plan[:, 0], role, role, along))
     for k, role in ((0, "start"), (-1, "end")):
         items.append(Markers(ne[[k], 1], ne[[k], 0], role, role))
     items += _scale_bar(items)

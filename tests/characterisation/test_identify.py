@@ -295,3 +295,24 @@ def test_increments_give_the_result_of_rates(clean):
         assert found.axes[axis].names == before.axes[axis].names
         for term, estimate in found.axes[axis].terms.items():
             assert estimate.value == pytest.approx(before.axes[axis].terms[term].value, rel=1e-6)  # rounding of stamps
+
+
+def test_a_temperature_that_rises_is_a_warm_up_whatever_the_axes_show(clean):
+    x, _ = clean
+    T = 43.7 - 7.9 * np.exp(-np.arange(N) / RATE / 60.0)
+    found = identify_noise(imu_of(x, temperature=T), models=("N",))
+    (finding,) = [f for f in found.findings if f.code == "warm_up"]
+    assert "goes from 3" in finding.text
+    assert "to 43.7 degC" in finding.text
+    assert 100.0 < finding.stop_s < 200.0  # a tenth of 7.9 K is left after 138 s
+    steady = identify_noise(imu_of(x, temperature=40.0 + np.sin(np.arange(N) / 5000.0)), models=("N",))
+    assert [f for f in steady.findings if f.code == "warm_up"] == []
+
+
+def test_gyroscopes_alone_are_identified_without_a_word_on_accelerometers(clean):
+    x, before = clean
+    found = identify_noise(ImuSeries(np.arange(N) / RATE, x[:, :3], np.zeros((N, 3))), models=MODELS)
+    assert list(found.axes) == list(AXES[:3])
+    assert found.refused == {}
+    assert found.findings == ()
+    assert found.axes["gyro_z"].terms == before.axes["gyro_z"].terms

@@ -11,6 +11,7 @@ from .correlation import expected_autocovariance as expected_autocovariance
 from .correlation import expected_variance as expected_variance
 from .correlation import finite_record as finite_record
 from .correlation import mean_sigma as mean_sigma
+from .curves import identify_curve as identify_curve
 from .denoising import Denoised as Denoised
 from .denoising import choose_level as choose_level
 from .denoising import denoise as denoise
@@ -82,6 +83,7 @@ __all__ = [
     "expected_variance",
     "finite_record",
     "fit_ar",
+    "identify_curve",
     "identify_manually",
     "identify_noise",
     "length_needed",

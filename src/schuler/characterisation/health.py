@@ -23,6 +23,7 @@ from schuler.units import G0
 #: Fewer samples than this give no number at all.
 FEWEST = 200
 _BLOCK_S = 1.0  # a disturbance is looked for in blocks of this length, at least 32 samples
+_WARMING_K, _PARTS = 2.0, 60  # change of temperature worth a word, and parts of a log whose means are compared
 
 
 def check_static_log(
@@ -159,7 +160,8 @@ def check_static_imu(
     -------
     dict of str to list of Finding
         Keys ``gyro_x`` ... ``accel_z``, see :func:`check_static_log`, and ``recording`` for gaps, for a mean specific
-        force more than 3 % from gravity and for slow tilting by more than 0.01 rad (codes ``gap``, ``not_at_rest``).
+        force more than 3 % from gravity, for slow tilting by more than 0.01 rad, and for a temperature in the log that
+        rises or falls by more than 2 K (codes ``gap``, ``not_at_rest``, ``warm_up``).
     """
     scale = imu.interval if imu.kind == "increment" else 1.0  # the median: dividing by each would hide the resolution
     signals = np.concatenate((imu.gyro, imu.accel), axis=1).T / scale
@@ -169,7 +171,9 @@ def check_static_imu(
         limit = full_scale[0 if name.startswith("gyro") else 1]
         # gaps are told once for the recording; the stamps are there for the places of all else
         findings[name] = [f for f in check_static_log(x, rate_hz, name, imu.t, full_scale=limit) if f.code != "gap"]
-    findings["recording"] = gaps(imu.t) + _attitude(signals[3:].T, imu.t - imu.t[0], gravity)
+    findings["recording"] = gaps(imu.t) + _warming(imu)
+    if signals[3:].any():  # a log without accelerometers holds zeros in their place
+        findings["recording"] += _attitude(signals[3:].T, imu.t - imu.t[0], gravity)
     return findings
 
 
@@ -321,6 +325,26 @@ def _allan_reach(x: FloatArray, rate_hz: float, axis: str) -> list[Finding]:
         f"below about {1.5 * floor:.2g}; to see one of {floor / 3.0:.2g} takes {9.0 * n / rate_hz:.0f} s"
     )
     return [Finding("too_short", text, severity="note")]
+
+
+def _warming(imu: ImuSeries) -> list[Finding]:
+    """Whether the temperature in the log goes from one value to another, and from when on it stays near the last."""
+    if imu.temperature is None or len(good := np.flatnonzero(np.isfinite(imu.temperature))) < FEWEST:
+        return []
+    T, t = (
+        np.array([part.mean() for part in np.array_split(x[good], _PARTS)]) for x in (imu.temperature, imu.t - imu.t[0])
+    )
+    change = float(T[-1] - T[0])
+    if abs(change) < max(_WARMING_K, 0.7 * float(np.ptp(T))):
+        return []
+    far = np.flatnonzero(np.abs(T - T[-1]) > max(0.1 * abs(change), 0.5))
+    settled = float(t[far[-1] + 1])
+    advice = f"leave out what is before {settled:.0f} s" if settled < 0.6 * t[-1] else "record again when it is warm"
+    text = (
+        f"the temperature in the log goes from {T[0]:.1f} to {T[-1]:.1f} degC and is near its end from {settled:.0f} s "
+        f"on: a sensor that warms up drifts, and long averaging times show that; {advice}"
+    )
+    return [finding_at("warm_up", text, 0.0, settled)]
 
 
 def _attitude(f: FloatArray, time: FloatArray, gravity: float) -> list[Finding]:

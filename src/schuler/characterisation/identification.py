@@ -118,6 +118,8 @@ def identify_noise(
     refused: dict[str, tuple[Finding, ...]] = {}
     data: dict[str, Moments] = {}
     for k, axis in enumerate(AXES):
+        if not any((imu.gyro if k < 3 else imu.accel).any() for imu in imus):
+            continue  # a log without these sensors holds zeros in their place
         signals = [axis_signal(imu, k, robust) for imu in imus]
         findings = tuple(
             f for i, check in enumerate(checks) for f in axis_findings(check[axis], signals[i], i + 1, len(imus))
@@ -152,6 +154,12 @@ def identify_noise(
         "recording_options": [r.metadata.options for r in records],
     }
     of_recording = tuple(f for check in checks for f in check["recording"])
+    if raw := [r.metadata.name for r in records if "counts" in str(r.metadata.options.get("units", ""))]:
+        text = (
+            f"{', '.join(raw)}: the readings are raw counts; every number here is one of counts where it says rad/s, "
+            "m/s^2 or a unit of data sheets: say the scale factors"
+        )
+        of_recording = (Finding("counts", text), *of_recording)
     return NoiseIdentification(title, axes, refused, spec, spec_sigma, of_recording, notes, provenance)
 
 
@@ -236,7 +244,7 @@ def _axis_noise(
     main = max(signals, key=lambda s: len(s.x))
     duration = float(data.lengths.sum() * data.dt)
     curve = with_bounds(pooled, data, model)
-    estimates = _estimates(selection, unit)
+    estimates = estimates_of(selection, unit)
     wider = np.array([selection.spreads[name].sigma for name in fit.names]) / fit.sigma
     steady = longest_run(main)
     mean = _mean(steady, unit)
@@ -293,7 +301,7 @@ def _mean(steady: AxisSignal, unit: str) -> Estimate:
     return Estimate(mean, sigma, mean - 1.96 * sigma, mean + 1.96 * sigma, unit)
 
 
-def _estimates(selection: Selection, unit: str) -> dict[str, Estimate]:
+def estimates_of(selection: Selection, unit: str) -> dict[str, Estimate]:
     """Parameters of the model kept, with their uncertainty over all models that the data do not tell apart."""
     estimates = {}
     for name, value in zip(selection.fit.names, map(float, selection.fit.values), strict=True):
@@ -340,9 +348,11 @@ def fit_findings(axis: str, selection: Selection, dt: float, duration: float, su
     """Findings on the fit; ``substitute`` names what the model for simulation is where no sum of terms fits."""
     findings, departure = [], selection.departure
     if not selection.fits:
+        by = f" by more than {100 * departure:.0f} % in variance" if departure > 0.0 else ""
+        of = "all of them" if departure > 0.0 else "all of them whose terms this log determines"
         text = (
-            f"{axis}: no model fits: the curve departs from all of them by more than {100 * departure:.0f} % in "
-            "variance; look at the figure for vibration or disturbances and do not use the numbers before"
+            f"{axis}: no model fits: the curve departs from {of}{by}; look at the figure for vibration or disturbances "
+            "and do not use the numbers before"
         )
         findings.append(Finding("no_model", text))
     elif departure > 0.0:

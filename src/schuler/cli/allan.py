@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time as clock
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from schuler.characterisation.result import TERMS, AxisNoise, Estimate, NoiseIdentification
+from schuler.characterisation.result import AXES, TERMS, AxisNoise, Estimate, Finding, NoiseIdentification
 from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress, say
 from schuler.cli.reading import Reading
 from schuler.exceptions import InputError, OverwriteError
@@ -25,6 +25,7 @@ def allan(
     out: Folder = None,
     export: Texts = (),
     inflate: float | None = None,
+    duration: float | None = None,
     report: bool = True,
     json: Flag = False,
     reading: Reading = _READING,
@@ -34,7 +35,8 @@ def allan(
     Parameters
     ----------
     log
-        File or folder with a recording at rest.
+        File or folder with a recording at rest; or a table of an Allan curve, tau,gyro_x,... in seconds and the unit
+        that --units says, which is identified without a report.
     more
         More recordings of the same IMU, identified together.
     method
@@ -47,11 +49,14 @@ def allan(
         Also write the file of another program: kalibr, openvins, vins, gtsam, px4, ardupilot, kf-gins; several allowed.
     inflate
         Factor on the noise in exported files; budget and report are never inflated.
+    duration
+        Length in seconds of the log behind an Allan curve; twice its longest averaging time if left out.
     report
         Write noise.html and figures.
     json
         Print one JSON object instead of text.
     """
+    from schuler.characterisation.curves import is_curve_file
     from schuler.characterisation.exports import EXPORTS
     from schuler.characterisation.identification import identify_noise
 
@@ -59,6 +64,11 @@ def allan(
     for name in export:
         if name not in EXPORTS:
             raise InputError(f"--export: expected one of {', '.join(EXPORTS)}, got {name!r}")
+    if is_curve_file(log, reading.columns):
+        if more or robust or export or inflate is not None:
+            raise InputError(f"{log} is an Allan curve: --robust, --export, --inflate and more logs need readings")
+        return _curves(log, reading, method, duration, json=json)
+    reading = _of_one_triad(reading)
     recordings = [reading.read(path) for path in (log, *more)]
     name = recordings[0].metadata.name + (f" and {len(more)} more" if more else "")
     with progress("identifying the noise") as bar:
@@ -89,6 +99,62 @@ def allan(
         say(f"schuler: {failure}")
     # a file that was asked for and is not there is no success
     return 2 if failures and export else 0
+
+
+def _curves(
+    log: Path, reading: Reading, method: Literal["gmwm", "allan"], duration: float | None, *, json: bool
+) -> int:
+    """Identify the curves of a table and print what was found."""
+    from schuler.characterisation.curves import identify_curve, read_curves
+    from schuler.characterisation.fitting import NoFitError
+    from schuler.characterisation.report.text import summary
+    from schuler.recording.io.hint_texts import factor
+
+    if reading.units is None:
+        raise InputError(f"{log}: the unit of an Allan curve is not in it: say --units deg/h, or accel=mg,gyro=deg/h")
+    stated = dict(part.split("=", 1) for part in reading.units.split(",")) if "=" in reading.units else {}
+    tau, deviations = read_curves(log, reading.columns)
+    axes: dict[str, AxisNoise] = {}
+    refused: dict[str, tuple[Finding, ...]] = {}
+    for k, (name, deviation) in enumerate(deviations.items()):
+        triad = "accel" if name.startswith("a") and name != "adev" else "gyro"
+        unit = stated.get(triad, reading.units)
+        if not stated and name not in AXES:  # the unit tells what it is
+            triad = "gyro" if "/" in unit and any(word in unit for word in ("rad", "deg", "arc")) else "accel"
+        axis = name if name in AXES else f"{triad}_{'xyz'[k % 3]}"
+        try:
+            values = deviation * factor(unit, triad)
+            axes[axis] = identify_curve(
+                tau, values, axis=axis, duration_s=duration, rate_hz=reading.rate, method=method
+            )
+        except NoFitError as error:
+            refused[axis] = (Finding("no_fit", f"{axis}: {error}", severity="refused"),)
+    note = "Identified from a curve: of the readings behind it no fault can be seen, and there is no mean."
+    noise = NoiseIdentification(log.stem, axes, refused, None, {}, notes=(note,))
+    if not axes:
+        raise InputError(nothing_left(noise))
+    if json:
+        print_json({"command": "allan", **numbers(noise), "warnings": warnings(noise), "files": {}})
+    else:
+        print(summary(noise))
+    return 0
+
+
+def _of_one_triad(reading: Reading) -> Reading:
+    """Options of a log whose columns are gyroscopes or accelerometers alone: the other triad is not missed."""
+    named = {column.partition("=")[0].strip().lower() for column in (reading.columns or "").split(",")}
+    held = [triad for triad, axes in (("accel", "axyz"), ("gyro", "gxyz")) if named & _columns_of(triad, axes)]
+    if len(held) != 1:
+        return reading
+    allow = f"no-{'gyro' if held[0] == 'accel' else 'accel'}"
+    units = reading.units
+    if units is not None and "=" not in units and "," not in units:
+        units = f"{held[0]}={units}"
+    return replace(reading, units=units, allow=allow if reading.allow is None else f"{reading.allow},{allow}")
+
+
+def _columns_of(triad: str, letters: str) -> set[str]:
+    return {triad, *(letters[0] + axis for axis in letters[1:])}
 
 
 def write_report(folder: Path, recordings: list[Recording], noise: NoiseIdentification) -> dict[str, Path]:

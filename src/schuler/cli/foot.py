@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
@@ -176,11 +176,18 @@ def _number(text: str) -> float:
 
 def _compared(recording: Recording, result: FootResult) -> tuple[FootResult, WalkErrors | None]:
     """Errors against the reference of a recording; where the two cannot be compared, a note on why."""
-    from schuler.navigation.foot.errors import walk_errors
+    from schuler.navigation.foot.errors import Fit, walk_errors
 
     if recording.reference is None:
         return result, None
-    try:
-        return result, walk_errors(result, recording.reference)
-    except InputError as error:
-        return replace(result, notes=(*result.notes, f"not compared with the reference: {error}")), None
+    problems: list[str] = []
+    for fit in get_args(Fit):
+        try:
+            errors = walk_errors(result, recording.reference, fit=fit)
+            errors.statistics()
+            if problems:
+                return replace(result, notes=(*result.notes, f"compared in the mean heading: {problems[0]}")), errors
+            return result, errors
+        except (InputError, np.linalg.LinAlgError) as error:
+            problems.append(str(error))
+    return replace(result, notes=(*result.notes, f"not compared with the reference: {problems[-1]}")), None

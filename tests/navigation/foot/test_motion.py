@@ -12,6 +12,7 @@ from schuler import units
 from schuler.navigation.foot.config import SensorSection
 from schuler.navigation.foot.motion import motion_level, noise_in_motion
 from schuler.navigation.foot.run import navigate_foot
+from schuler.recording.formats import matlab
 from schuler.recording.series import ImuSeries
 
 G = 9.807
@@ -84,3 +85,27 @@ def test_a_stride_of_metres_is_doubted(square):
     assert strides.doubts(None) == []
     assert "length of 5.2" in replace(strides, length=4.0 * strides.length).doubts(None)[0]
     assert "clearance" in replace(strides, clearance=10.0 * strides.clearance + 0.3).doubts(None)[0]
+
+
+def test_velocity_left_at_stances_is_doubted(square):
+    """Clipped gyros leave more than a stride's speed at every stance, a start in motion some at the first ones only."""
+    motion, imu = square
+    strides = navigate_foot(imu, {"place": wc.PLACE}, rest=motion.resting(imu.t)).strides
+    speed = float(np.median(strides.speed[strides.walking]))
+    assert strides.doubts(None, np.full(20, 0.5 * speed)) == []
+    assert "stances are missed, or sensors were clipped" in strides.doubts(None, np.full(20, speed))[0]
+    late = np.full(20, 0.1)
+    assert strides.doubts(None, late) == []
+    assert "begin where it stands still" in strides.doubts(None, np.concatenate(([0.6], late)))[0]
+    assert strides.doubts(None, np.concatenate((late, [0.6]))) == []  # a shuffle later on
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(("number", "word"), [(34, "stands still"), (35, "clipped")])
+def test_runs_whose_errors_are_thirty_and_sixteen_times_the_claim_are_doubtful(shared_data, number, word):
+    held = matlab.load(shared_data / "llio_foot" / f"SensorConnectData_{number}_LLIO.mat")
+    t, imu = np.ravel(held["timestamps"]), np.asarray(held["imu_data"])
+    walk = ImuSeries(np.linspace(t[0], t[-1], len(t)), imu[:, 3:].copy(), imu[:, :3].copy())
+    verdict = navigate_foot(walk).verdict
+    assert verdict.status == "doubtful"
+    assert word in verdict.reasons[0]

@@ -24,6 +24,7 @@ from schuler.characterisation.result import AXES, AxisNoise, Estimate, Finding, 
 from schuler.sensors.spec import allan_minimum
 
 _SURE = 8.0  # degrees of freedom: the deviation is known to a quarter
+_IN_FULL = 2  # findings of one kind that a summary prints in full
 _SEVERITIES = ("refused", "warning", "note")
 
 
@@ -57,13 +58,28 @@ def summary(identification: NoiseIdentification) -> str:
             lines.append(f"    {label + ' [' + sheet + ']':<28}{cells}".rstrip())
     for name, several in identification.refused.items():
         lines += [f"  refused, {located(name, f)}" for f in several]
-    for where, finding in findings(identification):
-        if finding.severity != "refused":
-            lines.append(f"  {finding.severity}, {located(where, finding)}")
+    lines += [f"  {line}" for line in _of_each_kind(findings(identification))]
     if identification.spec is not None:
         lines.append(identification.spec.summary())
     lines += [f"  - {note}" for note in identification.notes]
     return "\n".join(lines)
+
+
+def _of_each_kind(several: Sequence[tuple[str, Finding]]) -> list[str]:
+    """Findings but refusals, the first ones of each kind in full, and where there are more of it."""
+    kinds: dict[tuple[str, str], list[tuple[str, Finding]]] = {}
+    for where, finding in several:
+        if finding.severity != "refused":
+            kinds.setdefault((finding.severity, finding.code), []).append((where, finding))
+    lines = []
+    for (severity, code), found in kinds.items():
+        lines += [f"{severity}, {located(where, finding)}" for where, finding in found[:_IN_FULL]]
+        if rest := [where for where, _ in found[_IN_FULL:]]:
+            at = ", ".join(
+                f"{where} ({rest.count(where)})" if rest.count(where) > 1 else where for where in dict.fromkeys(rest)
+            )
+            lines.append(f"{severity}, {len(rest)} more of this kind ({code}): {at}; the report and --json have them")
+    return lines
 
 
 def headline(identification: NoiseIdentification) -> str:

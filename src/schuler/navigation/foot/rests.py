@@ -28,7 +28,9 @@ DETECTORS: dict[str, Kind] = {
 }
 
 
-def detect_rests(imu: ImuSeries, section: DetectorSection, *, gravity: float, rest_s: float = 1.0) -> Rests:
+def detect_rests(
+    imu: ImuSeries, section: DetectorSection, *, gravity: float, rest_s: float = 1.0, period_s: float | None = None
+) -> Rests:
     """Detect the rests of a foot.
 
     Parameters
@@ -41,6 +43,9 @@ def detect_rests(imu: ImuSeries, section: DetectorSection, *, gravity: float, re
     rest_s : float
         Time at rest at the start of the log that ``threshold = "noise"`` takes noise, gyro bias and the magnitude of
         specific force from. [s]
+    period_s : float, optional
+        Time from stride to stride, 0 where nothing repeats; left out: :func:`~schuler.standstill.gait.stride_period`.
+        [s]
 
     Returns
     -------
@@ -69,7 +74,7 @@ def detect_rests(imu: ImuSeries, section: DetectorSection, *, gravity: float, re
     at_rest: BoolArray | None = None
     shortest = section.min_rest_s
     if section.threshold == "motion":
-        stride = section.cycle_s or stride_period(imu)
+        stride = section.cycle_s or (stride_period(imu) if period_s is None else period_s or None)
         cycle, stillest = (_NO_GAIT_S, 0.0) if stride is None else (stride, section.stillest)
         if section.kind == "magnitude":  # passes through zero in every swing, and lower than in a stance
             stillest = 0.0

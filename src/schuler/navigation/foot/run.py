@@ -83,8 +83,11 @@ def navigate_foot(
     _check_gaps(imu, config, notes)
     llh = np.array([config.place.lat_deg * units.DEG, config.place.lon_deg * units.DEG, config.place.height_m])
     gravity = float(np.linalg.norm(earth.gravity_ned(llh[0], llh[2])))
+    stride = stride_period(imu)
     if rest is None:
-        rests = detect_rests(imu, config.detector, gravity=gravity, rest_s=config.alignment.rest_s)
+        rests = detect_rests(
+            imu, config.detector, gravity=gravity, rest_s=config.alignment.rest_s, period_s=stride or 0.0
+        )
     else:
         rests = rests_from_mask(imu.t, rest)
     increments = imu.increments(order=config.sensor.rate_order)
@@ -123,10 +126,17 @@ def navigate_foot(
         min_length_m=config.stride.min_length_m,
     )  # fmt: skip
     smoothing = "none" if smoothed is None else config.filter.smooth
-    stride = stride_period(imu)
     expected = None if stride is None else float(in_motion(imu).sum()) * imu.interval / stride
-    doubts = tuple(strides.doubts(expected))
+    doubts = tuple(strides.doubts(expected, _residual_speeds(filtered, config.stride.min_motion_s)))
     return FootResult(filtered, smoothed, smoothing, rests, strides, llh, tuple(notes), doubts)
+
+
+def _residual_speeds(filtered: NavigationResult, min_motion_s: float) -> FloatArray:
+    """Speed left at the first zero velocity of every stance but that of the start. [m/s]"""
+    innovations = filtered.innovations
+    first = np.flatnonzero(np.diff(innovations.t) > min_motion_s) + 1
+    speed: FloatArray = np.linalg.norm(innovations.innovation[first, :3], axis=1)
+    return speed[np.isfinite(speed)]
 
 
 def foot_layout(config: FootConfig) -> StateLayout:

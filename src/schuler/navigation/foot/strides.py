@@ -12,6 +12,11 @@ from schuler.standstill.intervals import Rests, rests_from_mask
 
 _FEW = 6.0  # strides; fewer prove nothing
 _LEAST_SHARE = 0.6  # of the repetitions of the motion: 0.63 or more on all walks that came out well, 0.47 where not
+# velocity left at a stance: 0.6 of the speed at most on walks and runs that came out well, 1.4 where gyros were clipped
+_MOST_OF_SPEED = 0.8
+# and at the first three: as that of later ones where the start was at rest, nine times where it was not
+_FIRST, _MOST_OF_USUAL = 3, 5.0
+_LEAST_RESIDUAL_M_S = 0.5  # less is a shuffle's
 _LONGEST_M, _HIGHEST_M = 3.0, 0.6  # a sprinter's stride; a knee
 
 
@@ -78,13 +83,15 @@ class Strides:
         """Sum of the lengths. [m]"""
         return float(self.length.sum())
 
-    def doubts(self, expected: float | None) -> list[str]:
+    def doubts(self, expected: float | None, residual: ArrayLike = ()) -> list[str]:
         """Sentences on strides that no gait has, the likeliest cause first; empty where there is nothing to doubt.
 
         Parameters
         ----------
         expected : float, optional
             Strides that the repetitions of the motion count, however many stances were found.
+        residual : array_like, shape (m,)
+            Speed that the filter has left at the first zero velocity of each stance: the error of a swing. [m/s]
         """
         w = self.walking
         sentences = []
@@ -94,6 +101,7 @@ class Strides:
                 "missed, and the errors are larger than claimed; try another detector.kind, a larger detector.ratio or "
                 "detector.stillest"
             )
+        sentences += _residual_doubts(np.asarray(residual, dtype=np.float64), self.speed[w])
         for name, values, limit, unit in (
             ("length", self.length, _LONGEST_M, "m"),
             ("clearance", self.clearance, _HIGHEST_M, "m"),
@@ -117,6 +125,26 @@ class Strides:
             f"{np.median(self.speed[w]):.2f} m/s, cadence {120.0 * np.median(self.frequency[w]):.0f} steps/min, "
             f"clearance {np.median(self.clearance[w]):.3f} m"
         )
+
+
+def _residual_doubts(residual: FloatArray, speed: FloatArray) -> list[str]:
+    """Sentences on swings that end with a velocity which no error of a sensor makes in a stride."""
+    if len(residual) < _FEW or not len(speed):
+        return []
+    rms, usual = float(np.sqrt(np.mean(residual**2))), float(np.median(residual[_FIRST:]))
+    sentences = []
+    if rms > max(_LEAST_RESIDUAL_M_S, _MOST_OF_SPEED * float(np.median(speed))):
+        sentences.append(
+            f"the foot comes to rest with {rms:.1f} m/s left where it strides at {np.median(speed):.1f} m/s: stances "
+            "are missed, or sensors were clipped, and the errors are larger than claimed; compare the largest readings "
+            "with the ranges of the sensors"
+        )
+    elif (first := float(residual[:_FIRST].max())) > max(_LEAST_RESIDUAL_M_S, _MOST_OF_USUAL * usual):
+        sentences.append(
+            f"the first strides end with {first:.1f} m/s left and the later ones with {usual:.2g} m/s: the foot moved "
+            "where the attitude was taken, and the errors are larger than claimed; begin where it stands still"
+        )
+    return sentences
 
 
 def segment(

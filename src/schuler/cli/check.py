@@ -22,6 +22,7 @@ def check(
     imu: str | None = None,
     gnss: str | None = None,
     report: File = None,
+    write: File = None,
     json: Flag = False,
     hints: LogHints = _HINTS,
 ) -> int:
@@ -39,6 +40,9 @@ def check(
         The file of GNSS solutions in a folder, if no configuration says so.
     report
         HTML page with pictures.
+    write
+        TOML file that gets the cures of what is all but certain, as entries of its [recording] section; the rest of
+        it stays.
     json
         Print one JSON object instead of text.
     """
@@ -66,10 +70,31 @@ def check(
     else:
         parts = given
     diagnosis = _diagnosed(log, parts, hints)
-    print(diagnosis.to_json() if json else diagnosis.summary(command=not log.is_dir()))
+    print(diagnosis.to_json() if json else diagnosis.summary(command=not log.is_dir(), folder=log.is_dir()))
     if report is not None:
         say(str(diagnosis.report(report)))
+    if write is not None:
+        return _write_cures(write, log, parts)
     return 0 if diagnosis.ok else 2
+
+
+def _write_cures(target: Path, log: Path, parts: dict[str, Any]) -> int:
+    """Put cures into a configuration; the exit code is 2 where an error has none."""
+    from schuler.files import merged, toml_with, write_text
+    from schuler.proposal import propose_reading
+    from schuler.proposal.toml import toml_of
+
+    entries, decisions = propose_reading(log, parts)
+    remarks = {d.entry: d.evidence for d in decisions}
+    if target.exists():
+        text = target.read_text(encoding="utf-8")
+        write_text(target, toml_with(text, {"recording": entries}, remarks), at_once=True)
+    else:
+        write_text(target, toml_of(merged({}, {"recording": entries}), remarks))
+    for d in decisions:
+        say(f"{d.entry} = {d.value}: {d.evidence}")
+    say(f"configuration: {target}")
+    return 0
 
 
 def _diagnosed(log: Path, parts: dict[str, Any], hints: LogHints) -> Diagnosis:

@@ -239,13 +239,15 @@ class Diagnosis:
         """The options that mend what was found, errors first, each once."""
         return tuple(dict.fromkeys(f.fix for f in self.findings if f.fix and f.severity != "note"))
 
-    def summary(self, *, command: bool = False) -> str:
+    def summary(self, *, command: bool = False, folder: bool = False) -> str:
         """Findings with what to do, segments and uses, as text.
 
         Parameters
         ----------
         command : bool
-            Spell options as those of the command line, not as keywords of Python and entries of a configuration.
+            Spell options as those of the command line, not as keywords of Python.
+        folder : bool
+            Spell them as entries of a configuration, with the section of the part they are about.
         """
         errors, warnings = len(self.errors), len(self.warnings)
         head = f"{self.name}: {errors} error{'s' * (errors != 1)}, {warnings} warning{'s' * (warnings != 1)}"
@@ -257,7 +259,7 @@ class Diagnosis:
                     f"{severity} {f.code}{sure}: {f.text}", 110, initial_indent="  ", subsequent_indent="      "
                 )
                 if f.fix:
-                    fix = as_options(f.fix) if command else f.fix
+                    fix = as_options(f.fix) if command else as_entries(f.fix, f.part) if folder else f.fix
                     lines += textwrap.wrap(f"-> {fix}", 110, initial_indent="      ", subsequent_indent="         ")
         still = sum(b - a for a, b, what in self.segments if what == "static")
         moving = sum(b - a for a, b, what in self.segments if what == "moving")
@@ -324,6 +326,20 @@ def as_options(fix: str) -> str:
         return f"--{name}={value}"
 
     return _ENTRY.sub(option, fix)
+
+
+def as_entries(fix: str, part: str) -> str:
+    """What mends a log in the spelling of a configuration: ``axes='BRU'`` is ``axes = "BRU" in [recording.imu]``.
+
+    Parameters
+    ----------
+    fix : str
+        Of a :class:`Finding`.
+    part : str
+        Series it is about.
+    """
+    spelt, count = _ENTRY.subn(lambda match: f"{match[1]} = {match[2].replace(chr(39), chr(34))}", fix)
+    return f"{spelt.removesuffix(' for the IMU')} in [recording.{part}]" if count else fix
 
 
 def _likelihood(f: Finding) -> str:

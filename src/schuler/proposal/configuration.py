@@ -12,12 +12,13 @@ from typing import Any
 from schuler.diagnosis.log import diagnose_log
 from schuler.diagnosis.result import Diagnosis, Finding
 from schuler.exceptions import InputError, SchulerError
-from schuler.files import merged, toml_value
+from schuler.files import merged
 from schuler.navigation.config import NavigationConfig
 from schuler.proposal import cures, setup
 from schuler.proposal.decision import Decision, UndecidedError, option
 from schuler.proposal.files import UNTIL, Files, files_of
 from schuler.proposal.imu_model import imu_entries
+from schuler.proposal.toml import comment, section_lines
 from schuler.recording.io import dispatch, plain_text
 from schuler.recording.recording import Recording
 from schuler.standstill.unscaled import unscaled_rests
@@ -70,8 +71,8 @@ class Proposal:
         ]
         left = [f"{d.entry} was left at its default: {d.evidence}" for d in self.decisions if d.value is None]
         for text in (*left, *self.remarks):
-            lines += _comment(text)
-        return "\n".join([*lines, *_section(self.data, "", {d.entry: d.evidence for d in self.decisions})]) + "\n"
+            lines += comment(text)
+        return "\n".join([*lines, *section_lines(self.data, "", {d.entry: d.evidence for d in self.decisions})]) + "\n"
 
 
 def propose(
@@ -146,6 +147,25 @@ def propose(
     if files.ignored:
         remarks.append(f"files that were not read: {', '.join(dict.fromkeys(files.ignored))}")
     return Proposal(files.log, recording, config, data, tuple(decisions), tuple(remarks))
+
+
+def propose_reading(log: Path, entries: Mapping[str, Any]) -> tuple[dict[str, Any], list[Decision]]:
+    """Propose how a log is read: hints with every sure cure in them, and the decisions.
+
+    Parameters
+    ----------
+    log : Path
+    entries : mapping
+        Hints so far, right or wrong; for a folder without any its files are recognised.
+
+    Raises
+    ------
+    UndecidedError, InputError
+        As :func:`propose` does.
+    """
+    files = files_of([log], entries)
+    _cured(files, {})
+    return files.entries, files.decisions
 
 
 def _without(data: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
@@ -264,7 +284,7 @@ def _held(recording: Recording) -> list[str]:
 
 
 def _starts(fixed: Mapping[str, Any]) -> bool:
-    return fixed.get("alignment", {}).get("method") == "given"
+    return bool(fixed.get("alignment", {}).get("method") == "given")
 
 
 def _heads(files: Files) -> list[str]:
@@ -281,22 +301,3 @@ def _heads(files: Files) -> list[str]:
 
 def _shown(value: Any) -> str:
     return "on" if value == {} else str(value)
-
-
-def _section(data: Mapping[str, Any], name: str, remarks: Mapping[str, str]) -> list[str]:
-    """Lines of a section of TOML and of those in it, what is worth saying above each entry."""
-    lines: list[str] = []
-    own = {key: value for key, value in data.items() if not isinstance(value, Mapping)}
-    if name and (own or not data):
-        lines += ["", *_comment(remarks.get(name, "")), f"[{name}]"]
-    for key, value in own.items():
-        plain = ",".join(sorted(value)) if isinstance(value, (set, frozenset)) else value
-        lines += [*_comment(remarks.get(f"{name}.{key}", "")), f"{key} = {toml_value(plain)}"]
-    for key, value in data.items():
-        if isinstance(value, Mapping):
-            lines += _section(value, f"{name}.{key}" if name else key, remarks)
-    return lines
-
-
-def _comment(text: str) -> list[str]:
-    return textwrap.wrap(text, 116, initial_indent="# ", subsequent_indent="#   ")

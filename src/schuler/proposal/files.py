@@ -133,7 +133,7 @@ def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
             continue
         for part in held:
             role = "reference" if part == "gnss" and _TRUTH.search(path.stem) else part
-            entry: dict[str, Any] | None = {"file": name}
+            entry: dict[str, Any] = {"file": name}
             decisions: list[Decision] = []
             if _is_plain(path):
                 extra, decisions = _table(path, f"recording.{role}", part if named else None)
@@ -143,7 +143,7 @@ def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
             candidates.setdefault(role, []).append((named, name, entry, decisions))
     if wholes and not candidates:
         if len(wholes) > 1:
-            raise InputError(f"{log}: expected the files of one run, rivals {', '.join(wholes)}: give one of them")
+            raise InputError(f"{log}: expected the files of one run, got {', '.join(wholes)}: give one of them")
         return Files(log / wholes[0], dict(given))
     if "imu" not in candidates:
         raise _nothing(log, names)

@@ -17,7 +17,9 @@ from schuler.navigation.run import navigate
 from schuler.recording.recording import Recording
 from schuler.recording.trajectory import Trajectory
 
-_WITHHELD = {"every_s": 30.0, "length_s": 10.0}  # [s]
+_WITHHELD_S = 10.0
+_PERIOD = 3.0  # of withheld stretches, in their lengths
+_MANY = 12  # stretches that a shorter log is cut into, shorter ones
 _LONGEST_S = 900.0  # of the log is navigated to compare
 _FEWEST = 6  # stretches that say something
 
@@ -30,9 +32,12 @@ class Judgement:
     ----------
     ends : ndarray, shape (n,)
         Horizontal, no less than the fixes' own 1-sigma. [m]
+    length_s : float
+        Of a stretch. [s]
     """
 
     ends: FloatArray
+    length_s: float
 
     @property
     def median(self) -> float:
@@ -57,7 +62,9 @@ class Judgement:
 
 
 def judged(recording: Recording, data: Mapping[str, Any]) -> Judgement | None:
-    """Errors of ten seconds without fixes, twice a minute, with a configuration; noise as it stands in it.
+    """Errors of ten seconds without fixes, twice a minute, shorter and more often in a log of minutes.
+
+    Noise is that of the configuration, not tuned.
 
     Parameters
     ----------
@@ -76,8 +83,10 @@ def judged(recording: Recording, data: Mapping[str, Any]) -> Judgement | None:
     stop = min(recording.stop, recording.start + _LONGEST_S)
     cut = replace(recording, imu=recording.need_imu().between(recording.start, stop), gnss=gnss.where(gnss.t <= stop))
     coarse = {"tune": False, "smooth": False, "output_rate_hz": 10.0}
+    length = min(_WITHHELD_S, (stop - recording.start) / (_MANY * _PERIOD))
+    withheld = {"every_s": _PERIOD * length, "length_s": length}
     try:
-        config = NavigationConfig.parse(merged(data, {"outages": _WITHHELD, "filter": coarse}))
+        config = NavigationConfig.parse(merged(data, {"outages": withheld, "filter": coarse}))
         result = navigate(cut, config)
         reference = Trajectory.from_geodetic(gnss.t, gnss.llh, gnss.v_n)
         errors = outage_errors(result.errors(reference, at_antenna=True), result.outages)
@@ -86,4 +95,4 @@ def judged(recording: Recording, data: Mapping[str, Any]) -> Judgement | None:
     if len(errors) < _FEWEST:
         return None
     floor = float(np.sqrt(np.median(np.trace(gnss.cov_r_n[:, :2, :2], axis1=1, axis2=2) / 2.0)))
-    return Judgement(np.hypot([e.end_horizontal for e in errors], floor))
+    return Judgement(np.hypot([e.end_horizontal for e in errors], floor), length)

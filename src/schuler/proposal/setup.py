@@ -72,14 +72,15 @@ def trials(recording: Recording, diagnosis: Diagnosis) -> Iterator[Trial]:
     if still:
         at_rest = f"it rests {len(still)} times, {sum(still):.0f} s in all"
         yield {"aiding.zero_velocity": {}, "aiding.zero_rate": {}}, at_rest, _CLEARLY
-    late = next((f for f in diagnosis.findings if f.code == "gnss_delay"), None)
-    if late is not None:
-        yield {"gnss.velocity": False}, late.text, _CLEARLY
     offset, sigma = estimates.get("time_offset_s"), estimates.get("time_offset_sigma_s")
     if offset is not None and sigma is not None and abs(offset) > max(3.0 * sigma, _LEAST_CLOCK_S):
         shown = f"turns and accelerations of IMU and fixes agree {offset:+.3f} s apart (1-sigma {sigma:.3f} s)"
         shift = round(float(offset), 3)
         yield {"imu.clock_shift_s": shift}, shown, _EVIDENT
+    late = next((f for f in diagnosis.findings if f.code == "gnss_delay"), None)
+    if late is not None:
+        yield {"gnss.velocity_delay_s": round(-float(late.evidence["gap_s"]), 3)}, late.text, _EVIDENT
+        yield {"gnss.velocity": False}, late.text, _CLEARLY
     fine = float(np.sqrt(np.median(gnss.cov_r_n[:, :2, :2].diagonal(axis1=1, axis2=2).mean(axis=1)))) < _FINE_M
     if fine:
         unstated = "nobody stated where the antenna is, and the fixes are fine enough to show it"
@@ -153,7 +154,8 @@ def tried(recording: Recording, diagnosis: Diagnosis, data: dict[str, Any]) -> t
         if outcome is None:
             continue
         names = list(entries)
-        numbers = f"{outcome.median:.2g} m with it, {base.median:.2g} m without, after 10 s with fixes withheld"
+        after = f"after {base.length_s:.0f} s without fixes"
+        numbers = f"{outcome.median:.2g} m with it, {base.median:.2g} m without, {after}"
         if outcome.better_than(base, least):
             data, base = other, outcome
             decisions += [Decision(name, entries[name], f"{evidence}; {numbers}") for name in names]

@@ -1,0 +1,63 @@
+"""Cures: what a finding proposes becomes hints, on top of those the log was read with."""
+
+import numpy as np
+import pytest
+from command import run
+
+from schuler.diagnosis.result import Finding
+from schuler.files import read_toml
+from schuler.proposal import tables
+from schuler.proposal.cures import mended, proposed
+
+
+@pytest.mark.parametrize(
+    ("code", "fix", "entry", "new"),
+    [
+        ("axes", "axes='BRU'", {}, {"axes": "BRU"}),
+        ("gyro_unit", "units='...,deg/s' (or units='gyro=deg/s')", {"units": "accel=g,t=ms"},
+         {"units": "accel=g,t=ms,gyro=deg/s"}),
+        ("accel_unit", "units='g,...' (or units='accel=g')", {"units": "m/s^2,rad/s"},
+         {"units": "accel=g,gyro=rad/s"}),
+        ("gravity_sign", "scale='accel=-1'", {"scale": "accel=2"}, {"scale": "accel=-2"}),
+        ("handedness", "scale='ay=-1,gy=-1'", {"scale": "accel=2"}, {"scale": "ax=2,ay=-2,az=2,gy=-1"}),
+        ("clock_unknown", "time='gps-tow:2374', offset=242999.957 for the IMU", {},
+         {"time": "gps-tow:2374", "offset": 242999.957}),
+        ("leap_seconds", "time='unix' (UTC) or 'gps-unix'/'gps' for the right file, or offset=-18", {"time": "unix"},
+         {"offset": -18.0}),
+        ("height_level", "height='msl', geoid_separation=47.3", {}, {"height": "msl", "geoid_separation": 47.3}),
+        ("height_level", "height='msl', geoid_separation=... (or height='ellipsoidal')", {}, None),
+        ("handedness", "name the columns right, columns='...' (ax is ay)", {}, None),
+    ],
+)  # fmt: skip
+def test_a_finding_becomes_hints(code, fix, entry, new):
+    assert proposed(Finding(code, "error", "", 0.99, fix), entry) == new
+
+
+def test_what_is_merely_likely_is_not_mended():
+    assert mended(Finding("axes", "warning", "", 0.9, "axes='BRU'"), {}) is None
+
+
+@pytest.mark.parametrize(("step", "unit"), [(0.01, "s"), (10.0, "ms"), (1e4, "us"), (1e7, "ns"), (5.0, "ms")])
+def test_the_step_of_stamps_tells_their_unit(step, unit):
+    assert tables.time_unit(step * np.arange(1.0, 51.0)) == (unit, None)
+
+
+@pytest.mark.parametrize(("norm", "unit"), [(9.9, "m/s^2"), (1.02, "g"), (980.0, "mg"), (16384.0, "m/s^2")])
+def test_the_norm_of_gravity_tells_the_unit(norm, unit):
+    assert tables.accel_unit(norm) == unit
+
+
+def test_check_writes_cures_into_a_configuration_and_keeps_the_rest(tmp_path, capsys):
+    from messy_folders import arduino
+
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    arduino(folder)
+    target = tmp_path / "drive.toml"
+    target.write_text('# mine\n[imu]\ncatalogue = "MPU-6000"\n', encoding="utf-8")
+    code, _, err = run(capsys, "check", folder, "--write", target)
+    assert code == 0, err
+    written = read_toml(target)
+    assert written["recording"]["imu"]["axes"] == "RUB"
+    assert written["imu"] == {"catalogue": "MPU-6000"}
+    assert target.read_text(encoding="utf-8").startswith("# mine")

@@ -18,6 +18,17 @@ class SchulerError(Exception):
     """Base of every error a user can cause."""
 
 
+def printable(text: str) -> str:
+    """Text without control characters, by which a file could speak to the terminal; line feeds stay.
+
+    Parameters
+    ----------
+    text : str
+        Such as a message with a name from a file.
+    """
+    return "".join(c if c == "\n" or c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
 class InputError(SchulerError, ValueError):
     """A value, array or option that cannot be used as it is."""
 

@@ -15,7 +15,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     import cyclopts
 
     from schuler.cli.app import FORCE, app
-    from schuler.exceptions import SchulerError
+    from schuler.exceptions import SchulerError, printable
     from schuler.files import outputs
 
     given = list(sys.argv[1:] if arguments is None else arguments)
@@ -30,14 +30,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"schuler: {' '.join(str(error).split())}  (see schuler --help)", file=sys.stderr)
         return 2
     except SchulerError as error:
-        print(f"schuler: {error}", file=sys.stderr)
+        print(f"schuler: {printable(str(error))}", file=sys.stderr)
         return 2
     except BrokenPipeError:
         return 1
     except OSError as error:
         if error.errno is None:
             raise
-        print(f"schuler: {_of_the_system(error)}", file=sys.stderr)
+        print(f"schuler: {printable(_of_the_system(error))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("schuler: interrupted", file=sys.stderr)

@@ -116,8 +116,8 @@ def whole_page(
         figures.insert(0, leading)
         judged = f'<div class="lead">\n{judged}\n{figure_html(leading)}\n</div>'
     data = {f.name: [panel_data(f, p) for p in f.panels] for f in figures}
-    # "</" would end the script element, and is the same string with the stroke escaped
-    packed = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    # "</script" would end the script element and "<!--<script" hide its end; escaped it is the same string
+    packed = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>

@@ -84,12 +84,21 @@ class ResultTable:
         }
 
     def to_csv(self, path: Path | str) -> Path:
-        """Write rows with a header line; all digits, empty where there is nothing."""
+        """Write rows with a header line; all digits, empty where there is nothing.
+
+        Text that a spreadsheet would take for a formula (``= + - @`` first) gets an apostrophe before it.
+        """
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow(self.columns)
-        writer.writerows([["" if v is None else v for v in row] for row in self.rows])
+        writer.writerows([[_cell(v) for v in row] for row in self.rows])
         return write_text(path, buffer.getvalue())
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return f"'{value}"
+    return "" if value is None else value
 
 
 class TabularResult(ABC):

@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler import units
 from schuler.arrays import ArrayLike
-from schuler.exceptions import InputError
+from schuler.exceptions import InputError, printable
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
@@ -47,6 +47,11 @@ class Metadata:
     axes: str = "FRD"
     notes: tuple[str, ...] = ()
     options: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        # names of topics, units and devices come from files, and are printed
+        object.__setattr__(self, "name", printable(self.name))
+        object.__setattr__(self, "notes", tuple(printable(note) for note in self.notes))
 
     def noting(self, *sentences: str) -> Metadata:
         """The same metadata with more notes."""

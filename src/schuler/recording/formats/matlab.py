@@ -20,6 +20,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
+from schuler.recording.io import checks
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.variables import recording_of_arrays
 from schuler.recording.recording import Recording
@@ -97,6 +98,7 @@ def load(path: Path, names: Collection[str] | None = None) -> dict[str, Value]:
         raise FileFormatError("is a MATLAB 7.3 file (HDF5) where an older one is expected: save it with '-v7'", path)
     five = content.startswith(b"MATLAB 5.0") or content[124:128] in (b"\x00\x01IM", b"\x01\x00MI")
     values: dict[str, Value] = {}
+    held = 0
     at = _HEADER if five else 0
     data = memoryview(content)  # parts of it are not copied
     if five and len(data) < _HEADER:
@@ -107,6 +109,8 @@ def load(path: Path, names: Collection[str] | None = None) -> dict[str, Value]:
             name, value, after = _next(data, at, order, names) if five else _next_4(data, at, names)
             if value is not None and (names is None or name in names):
                 values[name] = value
+                held += value.nbytes if isinstance(value, np.ndarray) else 0
+                checks.check_unpacked(held, len(data))
             at = after
     except (struct.error, ValueError, zlib.error, MemoryError) as error:
         raise FileFormatError(

@@ -18,6 +18,7 @@ from schuler.recording.formats import ros_recording, ros_write
 from schuler.recording.formats.registry import needs
 from schuler.recording.formats.ros_messages import LAYOUTS, plain_type
 from schuler.recording.formats.ros_recording import Topic
+from schuler.recording.io import checks
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.streams import Stream
 from schuler.recording.recording import Recording
@@ -71,7 +72,7 @@ def scan(path: Path, *, allow_truncated: bool = False) -> tuple[list[Topic], lis
     schemas: dict[int, tuple[str, str]] = {}
     channels: dict[int, Topic] = {}
     with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        at, ended = len(MAGIC), False
+        at, ended, unpacked = len(MAGIC), False, 0
         while at < size and not ended:
             if size - at < 9 or size - at - 9 < struct.unpack_from("<Q", data, at + 1)[0]:
                 message = f"the file was cut off or is damaged at byte {at} of {size}"
@@ -83,6 +84,8 @@ def scan(path: Path, *, allow_truncated: bool = False) -> tuple[list[Topic], lis
             content = data[at + 9 : at + 9 + length] if operation in (_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK) else b""
             try:
                 if operation == _CHUNK:
+                    unpacked += max(struct.unpack_from("<QQQI", content)[2] - len(content), 0)
+                    checks.check_unpacked(unpacked, size)
                     _chunk(content, schemas, channels, path)
                 else:
                     _record(operation, content, schemas, channels)

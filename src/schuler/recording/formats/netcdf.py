@@ -116,12 +116,14 @@ def _parts(h5py: Any, file: Any, document: Mapping[str, Any], path: Path) -> dic
     satellites: dict[str, Columns] = {}
     for name, entry in entries.items():
         group = file.get(name)
-        if not isinstance(group, h5py.Group):
+        if not isinstance(group, h5py.Group) or not isinstance(file.get(name, getlink=True), h5py.HardLink):
             raise FileFormatError(f"the group {name} is missing; write the file anew", path)
         flat: Columns = {}
         for column, dataset in group.items():
             if column not in own.COLUMNS[name] or not isinstance(dataset, h5py.Dataset):
                 continue
+            if not isinstance(group.get(column, getlink=True), h5py.HardLink):
+                raise FileFormatError(f"{name}/{column} is a link to another place, which is not followed", path)
             if dataset.shape != (entry.get("rows"),):
                 raise FileFormatError(f"{name}/{column}: expected {entry.get('rows')} rows, got {dataset.shape}", path)
             dtype = np.int64 if column in own.INTEGERS else np.float64
@@ -144,6 +146,8 @@ def _values(dataset: Any, path: Path) -> _Array:
     """Numbers of a dataset; one that claims far more than the file holds is refused before it is allocated."""
     if dataset.dtype.kind not in "fiu":
         raise FileFormatError(f"{dataset.name}: expected numbers, got {dataset.dtype}", path)
+    if dataset.external or dataset.is_virtual:
+        raise FileFormatError(f"{dataset.name} is kept in another file, which is not opened", path)
     size = int(np.prod(dataset.shape, dtype=np.float64)) * dataset.dtype.itemsize
     if size > max(_FEW, _PACKED * path.stat().st_size):
         raise FileFormatError(

@@ -57,9 +57,10 @@ def _load(path: Path) -> dict[str, _Array]:
             return {"array": _array(stream, size)}
     arrays: dict[str, _Array] = {}
     with zipfile.ZipFile(path) as archive:
+        claimed = sum(entry.file_size for entry in archive.infolist())
+        if claimed > max(_ROOM, _PACKED * size):
+            raise ValueError(f"its arrays claim {claimed} bytes in a file of {size}")
         for entry in archive.infolist():
-            if entry.file_size > max(_ROOM, _PACKED * size):
-                raise ValueError(f"{entry.filename} claims {entry.file_size} bytes in a file of {size}")
             if entry.filename.endswith(".npy"):
                 with archive.open(entry) as member:
                     arrays[entry.filename.removesuffix(".npy")] = _array(member, entry.file_size)

@@ -17,6 +17,7 @@ from schuler.recording.formats import mcap, ros_recording, ros_write
 from schuler.recording.formats.registry import needs
 from schuler.recording.formats.ros_messages import LAYOUTS, plain_type
 from schuler.recording.formats.ros_recording import Topic
+from schuler.recording.io import checks
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.streams import Stream
 from schuler.recording.recording import Recording
@@ -113,11 +114,13 @@ def check_bag1(path: Path) -> None:
     with path.open("rb") as stream:
         if stream.read(len(MAGIC)) != MAGIC:
             raise FileFormatError("only version 2.0 of ROS 1 bags is read: convert it with rosbag fix", path)
-        at = len(MAGIC)
+        at, unpacked = len(MAGIC), 0
         while at < size:
             try:
                 fields, length = _record1(stream, at, size)
                 if fields.get(b"op") == bytes([_CHUNK]):
+                    unpacked += struct.unpack("<I", fields.get(b"size", b""))[0]
+                    checks.check_unpacked(unpacked, size)
                     _check_chunk(stream, fields, length)
             except (struct.error, ValueError, OSError) as error:
                 message = f"the bag was cut off or is damaged at byte {at} of {size} ({error})"

@@ -25,6 +25,8 @@ NORM_TOLERANCE = 0.05  # far above the 0.5 % by which gravity varies and the 3 %
 NO_GRAVITY = 0.5  # a log whose median specific force is less is free fall or holds no gravity [m/s^2]
 JITTER = 0.2  # of the sample interval [-]
 _MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
+_ROOM = 1 << 28  # what any packed log may unpack to [byte]
+_PACKED = 100  # times its size that it may, beyond; logs of sensors pack to a third, at best to a twentieth
 MAX_TIME = 1e11  # seconds since year 0 are 6.4e10; no clock counts more [s]
 MAX_SPEED = 12e3  # above the escape velocity [m/s]
 MAX_WHEEL_SPEED = 1e3  # three times the record on land [m/s]
@@ -33,6 +35,25 @@ HEIGHTS = (-12e3, 1e8)  # [m]
 MAX_SIGMA = 1e7  # an Earth's radius; receivers state 2**32 mm for "unknown" [m], [m/s]
 MAX_SIGMA_ANGLE = 1e3  # [rad]
 TEMPERATURES = (-273.15, 2e3)  # [degC]
+
+
+def check_unpacked(claimed: int, size: int) -> None:
+    """Refuse a packed file that claims more memory than any log of its size: one budget for all of its parts.
+
+    Parameters
+    ----------
+    claimed : int
+        What its parts so far unpack to. [byte]
+    size : int
+        Of the file. [byte]
+
+    Raises
+    ------
+    ValueError
+        For the reader, which names the place.
+    """
+    if claimed > max(_ROOM, _PACKED * size):
+        raise ValueError(f"its parts unpack to {claimed} bytes and more, in a file of {size}")
 
 
 def too_large(values: FloatArray, limit: float) -> int | None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.exceptions import InputError, ReaderError, SchulerError
+from schuler.exceptions import FileFormatError, InputError, ReaderError, SchulerError
 from schuler.recording.io import checks, columns, lines
 from schuler.recording.io.gnss_table import reference_from_gnss
 from schuler.recording.io.hint_texts import SATELLITES, SERIES
@@ -27,6 +27,8 @@ WRITERS = {
     ".geojson": "geojson",
     ".json": "geojson",
 }
+LONGEST_S = 120.0  # processor time that any file may take, kernels compiled [s]
+_PER_BYTE_S = 1e-5  # and by its size; the slowest formats take a fiftieth of it [s]
 _MAGIC = {
     b"PAR1": "parquet",
     b"MATLAB 5.0": "matlab",
@@ -119,7 +121,7 @@ def guarded(path: Path) -> Iterator[None]:
         From the error that came. The tests on damaged files hold each reader to errors of its own.
     """
     try:
-        with np.errstate(all="ignore"):  # what overflows is refused by the checks of the series
+        with _limited(path), np.errstate(all="ignore"):  # what overflows is refused by the checks of the series
             yield
     except SchulerError:
         raise
@@ -133,6 +135,33 @@ def guarded(path: Path) -> Iterator[None]:
             "programs read it, please report it",
             path,
         ) from error
+
+
+@contextmanager
+def _limited(path: Path) -> Iterator[None]:
+    """Stop a reader, our own or another program's, that a damaged file sends round in circles.
+
+    The limit is one of processor time, and far above what any file of that size takes. It holds in the main thread of
+    systems that have such a clock, for loops in Python.
+    """
+    import signal
+    import threading
+
+    usable = hasattr(signal, "SIGVTALRM") and threading.current_thread() is threading.main_thread() and path.is_file()
+    if not usable or signal.getsignal(signal.SIGVTALRM) != signal.SIG_DFL:
+        yield
+        return
+
+    def stop(*_: Any) -> None:
+        raise FileFormatError("reading it came to no end: it is damaged, or the reader has a defect", path)
+
+    signal.signal(signal.SIGVTALRM, stop)
+    signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST_S + _PER_BYTE_S * path.stat().st_size)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        signal.signal(signal.SIGVTALRM, signal.SIG_DFL)
 
 
 def write(recording: Recording, path: Path | str, *, format: str | None = None, **options: Any) -> list[Path]:

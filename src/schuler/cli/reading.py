@@ -189,7 +189,7 @@ def _between(series: Any, start: float, stop: float) -> Any:
     if isinstance(series, ImuSeries):
         return series.between(start, stop)
     if isinstance(series, Trajectory):
-        first, last = np.searchsorted(series.t, start, side="right") - 1, np.searchsorted(series.t, stop)
+        first, last = int(np.searchsorted(series.t, start, side="right")) - 1, int(np.searchsorted(series.t, stop))
         return series.samples(np.arange(max(first, 0), min(last + 1, len(series.t))))
     keep = (series.t >= start) & (series.t <= stop)
     columns = {f.name: getattr(series, f.name) for f in fields(series)}

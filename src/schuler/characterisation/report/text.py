@@ -72,9 +72,9 @@ def _of_each_kind(several: Sequence[tuple[str, Finding]]) -> list[str]:
         if finding.severity != "refused":
             kinds.setdefault((finding.severity, finding.code), []).append((where, finding))
     lines = []
-    for (severity, code), found in kinds.items():
-        lines += [f"{severity}, {located(where, finding)}" for where, finding in found[:_IN_FULL]]
-        if rest := [where for where, _ in found[_IN_FULL:]]:
+    for (severity, code), of_kind in kinds.items():
+        lines += [f"{severity}, {located(where, finding)}" for where, finding in of_kind[:_IN_FULL]]
+        if rest := [where for where, _ in of_kind[_IN_FULL:]]:
             at = ", ".join(
                 f"{where} ({rest.count(where)})" if rest.count(where) > 1 else where for where in dict.fromkeys(rest)
             )

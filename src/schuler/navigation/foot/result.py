@@ -17,7 +17,7 @@ from schuler.standstill.intervals import Rests
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from schuler.navigation.evaluation.verdict import Verdict
+    from schuler.verdict import Verdict
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class FootResult:
     @property
     def verdict(self) -> Verdict:
         """Whether the strides are those of a gait: ok or doubtful, from the walk alone."""
-        from schuler.navigation.evaluation.verdict import Verdict
+        from schuler.verdict import Verdict
 
         return Verdict("doubtful", self.doubts) if self.doubts else Verdict("ok")
 

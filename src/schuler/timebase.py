@@ -25,7 +25,7 @@ _YEAR_2100_UNIX_S = 4_102_444_800.0  # later stamps are no seconds
 
 #: Days at whose start GPS - UTC grew by one second (IERS Bulletin C). Beyond ``LEAP_TABLE_VALID_TO``
 #: a newer list of the system is read.
-LEAP_DAYS = (
+LEAP_DAYS: tuple[tuple[int, int, int], ...] = (
     (1981, 7, 1), (1982, 7, 1), (1983, 7, 1), (1985, 7, 1), (1988, 1, 1), (1990, 1, 1), (1991, 1, 1), (1992, 7, 1),
     (1993, 7, 1), (1994, 7, 1), (1996, 1, 1), (1997, 7, 1), (1999, 1, 1), (2006, 1, 1), (2009, 1, 1), (2012, 7, 1),
     (2015, 7, 1), (2017, 1, 1),

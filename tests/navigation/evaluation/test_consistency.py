@@ -11,6 +11,7 @@ from scipy import stats
 from schuler import rotation
 from schuler.exceptions import InputError
 from schuler.filtering.states import StateLayout, StateModel
+from schuler.navigation.evaluation import consistency
 from schuler.navigation.evaluation.consistency import chi_square_band, nees, state_errors
 from schuler.recording.trajectory import Trajectory
 
@@ -83,3 +84,15 @@ def test_what_cannot_be_compared_is_refused(rng):
         nees(result, Trajectory(truth.t, truth.r_eb_e))
     with pytest.raises(InputError, match=r"parameters: expected shape \(3,\) or \(5, 3\), got \(2,\)"):
         nees(result, truth, np.zeros(2))
+
+
+def test_the_size_of_errors_under_a_singular_covariance_is_refused_in_words(monkeypatch):
+    """Two states that are one ended in numpy's LinAlgError; records with variances that are none have no number."""
+    cov = np.tile(np.eye(2), (3, 1, 1))
+    monkeypatch.setattr(consistency, "state_errors", lambda *_: (np.arange(3.0), np.ones((3, 2)), cov))
+    np.testing.assert_array_equal(consistency.nees(None, None), 1.0)
+    cov[1, 0, 0] = -1.0
+    np.testing.assert_array_equal(consistency.nees(None, None), [1.0, np.nan, 1.0])
+    cov[2] = 1.0
+    with pytest.raises(InputError, match="can be inverted, got a singular one"):
+        consistency.nees(None, None)

@@ -89,22 +89,26 @@ def nees(result: NavigationResult, reference: Trajectory, parameters: ArrayLike 
     Returns
     -------
     ndarray, shape (j,)
+        NaN at records whose variances are not positive.
+
+    Raises
+    ------
+    InputError
+        If a covariance is singular.
 
     References
     ----------
     Bar-Shalom, Li, Kirubarajan (2001), section 5.4.2.
     """
     _, dx, P = state_errors(result, reference, parameters)
-    scale = np.sqrt(
-        np.maximum(np.einsum("kii->ki", P), 0.0)
-    )  # solve in units of sigma: positions and biases differ by 1e9
-    with np.errstate(all="ignore"):
-        correlation = P / (scale[:, :, None] * scale[:, None, :])
-        z = dx / scale
+    variance = np.einsum("kii->ki", P)
+    usual = (variance > 0.0).all(axis=1)
+    scale = np.sqrt(variance[usual])  # solve in units of sigma: positions and biases differ by 1e9
+    correlation = P[usual] / (scale[:, :, None] * scale[:, None, :])
+    z = dx[usual] / scale
+    squared = np.full(len(dx), np.nan)
     try:
-        if not (scale > 0.0).all():
-            raise np.linalg.LinAlgError
-        squared = np.einsum("ki,ki->k", z, np.linalg.solve(correlation, z[:, :, None])[:, :, 0])
+        squared[usual] = np.einsum("ki,ki->k", z, np.linalg.solve(correlation, z[:, :, None])[:, :, 0])
     except np.linalg.LinAlgError:
         raise InputError(
             "nees: expected covariances that can be inverted, got a singular one: two states of the run are the same, "

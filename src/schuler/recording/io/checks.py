@@ -345,4 +345,5 @@ def _mean_rates(imu: ImuSeries) -> tuple[FloatArray, FloatArray]:
 
 
 def _sigmas(cov: FloatArray) -> FloatArray:
-    return np.sqrt(np.einsum("nii->ni", cov))
+    sigma: FloatArray = np.sqrt(np.einsum("nii->ni", cov))
+    return sigma

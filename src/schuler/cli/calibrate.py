@@ -10,12 +10,13 @@ from typing import Any, Literal
 import numpy as np
 
 from schuler import units as u
-from schuler.cli.calibrate_options import CalibrationOptions, numbers_of, sections_of, spans_of
+from schuler.cli.calibrate_options import CalibrationOptions, Output, Site, numbers_of, sections_of, spans_of
 from schuler.cli.calibrate_output import finish
 from schuler.cli.output import Flag
 from schuler.exceptions import InputError
 
 _OPTIONS = CalibrationOptions()
+_SITE, _OUTPUT = Site(), Output()
 
 
 def sixposition(
@@ -310,3 +311,32 @@ def thermal(
         table_step=table_step, gravity=options.site.g,
     )  # fmt: skip
     return finish(result, log, recordings, options.output, began)
+
+
+def poses(
+    table: Path,
+    /,
+    *,
+    columns: str | None = None,
+    units: str = "m/s2,rad/s",
+    site: Site = _SITE,
+    output: Output = _OUTPUT,
+) -> int:
+    """A table of mean readings, one row a pose: both triads, one of them, or one axis beside its reference.
+
+    Parameters
+    ----------
+    table
+        CSV file. Nine poses of any direction or six faces for accelerometers; gyroscopes at rest for their bias; one
+        axis and a column reference for bias and scale factor.
+    columns
+        Such as ax,ay,az,gx,gy,gz or ax,reference; - skips one. Default: the first line.
+    units
+        Of accelerometers (m/s2, g, mg) and gyroscopes (rad/s, deg/s, deg/h).
+    """
+    from schuler.calibration.bench.pose_table import calibrate_poses, read_pose_table
+
+    began = clock.perf_counter()
+    accel, _, gyro = units.partition(",")
+    means = read_pose_table(table, columns, (accel, gyro or "rad/s"))
+    return finish(calibrate_poses(means, gravity=site.g), table, [], output, began)

@@ -77,7 +77,7 @@ def field(
     history
         Format of the file with estimates and uncertainties over the log.
     halves
-        Calibrate both halves of the rests too and widen what they contradict: for gyroscopes that do not see Earth rate.
+        Calibrate both halves of the rests too and widen what they contradict; for gyroscopes too weak for Earth rate.
     """
     began = clock.perf_counter()
     spec = _spec(options.sensor)

@@ -129,9 +129,14 @@ class Reading(PartHints):
     def read(self, log: Path, *, uncalibrated: bool = False) -> Recording:
         """The log, cut as asked for; the norm of an uncalibrated sensor's specific force is not checked in a file."""
         hints = self.given
+        if uncalibrated and self.columns is not None and self.allow is None:
+            names = self.columns.split(",")
+            absent = [t for t, letter in (("gyro", "g"), ("accel", "a")) if f"{letter}x" not in names]
+            if len(absent) == 1 and "*" not in names:
+                hints["allow"] = f"no-{absent[0]}"
         # our own files need no hints and take none
         if uncalibrated and not log.is_dir() and hints:
-            hints["allow"] = "norm" if self.allow is None else f"{self.allow},norm"
+            hints["allow"] = ",".join([*([hints["allow"]] if hints.get("allow") else []), "norm"])
         return cut(read_log(log, self.config, **hints), self.start, self.stop)
 
 

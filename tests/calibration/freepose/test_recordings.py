@@ -1,6 +1,9 @@
 """Free-pose calibration of real hand-rotated logs against other programs' numbers."""
 
 import json
+from dataclasses import replace
+from functools import reduce
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ from schuler.calibration.freepose.calibrate import calibrate_freepose
 from schuler.calibration.freepose.rests import tedaldi_rests
 from schuler.calibration.result.result import CalibrationResult
 from schuler.recording.series import ImuSeries
+from schuler.rotation import dcm_from_rotvec, rotvec_from_dcm
 
 pytestmark = pytest.mark.realdata
 XSENS_G, SNU_G = 9.81744, 9.79871
@@ -224,3 +228,47 @@ def test_good1_is_refused(shared_data):
     assert np.isinf(result.sigma).all()
     assert result.verdicts[0].startswith("Refused: ")
     assert "put up next" in result.next_pose
+
+
+@pytest.fixture(scope="module", params=[0, 1])
+def mikoff(shared_data, request):
+    log = np.loadtxt(shared_data / "mikoff_mpu9150" / f"imu{request.param}.log")
+    return ImuSeries(np.arange(len(log)) / 100.0, log[:, 3:6], log[:, 0:3])
+
+
+def test_halves_of_mikoff_agree(mikoff):
+    """Odd against even rests, no block widened: rms differences up to 1.4 claimed sigmas."""
+    result = calibrate_freepose(mikoff)
+    halves = result.extra["halves"]
+    assert halves["verdict"]["status"] == "ok"
+    assert halves["widened"] == {}
+    assert max(z for blocks in halves["splits"].values() for z in blocks.values()) < 1.4
+
+
+def test_accelerometers_alone(mikoff):
+    """A log without gyroscopes: nine parameters, within three sigma of those with them (other rests are found)."""
+    alone = calibrate_freepose(replace(mikoff, gyro=np.zeros_like(mikoff.gyro)))
+    both = calibrate_freepose(mikoff)
+    assert alone.names == both.names[:9]
+    z = (alone.values - both.values[:9]) / np.hypot(alone.sigma, both.sigma[:9])
+    assert np.abs(z).max() < 3.0
+
+
+def test_two_units_on_one_rig_turn_alike(shared_data):
+    """Turn angles of imu0 and imu1 between the same rests: 1.2 mrad rms or better (seen 0.62)."""
+    angles = []
+    spans = None
+    for number, shift in ((0, 0.0), (1, -0.2)):  # the second log began 0.2 s later
+        log = np.loadtxt(shared_data / "mikoff_mpu9150" / f"imu{number}.log")
+        imu = ImuSeries(np.arange(len(log)) / 100.0, log[:, 3:6], log[:, 0:3])
+        result = calibrate_freepose(imu)
+        spans = result.extra["intervals"] if spans is None else spans
+        clean = result.apply(imu)
+        size = []
+        for (_, a), (b, _) in pairwise(spans):
+            part = clean.between(a - 0.2 + shift, b + 0.2 + shift)
+            step = 0.5 * (part.gyro[1:] + part.gyro[:-1]) * np.diff(part.t)[:, None]
+            C = reduce(np.matmul, dcm_from_rotvec(step))
+            size.append(np.linalg.norm(rotvec_from_dcm(C)))
+        angles.append(size)
+    assert np.sqrt(np.mean(np.square(np.subtract(*angles)))) < 1.2e-3

@@ -241,9 +241,9 @@ def calibrate_field(
             options=options, prior=prior, rests=given_rests(some, spans), halves=False,
             linearised_at=complete.calibration,
         ).calibration  # fmt: skip
-        known = np.array([result.prior_sigma[n] for n in result.names])
+        prior_sigma = np.array([result.prior_sigma[n] for n in result.names])
         P = result.covariance.copy()
-        vague = result.sigma > LARGEST_SHARE * known  # what the prior still says is common to both
+        vague = result.sigma > LARGEST_SHARE * prior_sigma  # what the prior still says is common to both
         P[vague, vague] = np.inf
         return replace(result, covariance=P)
 

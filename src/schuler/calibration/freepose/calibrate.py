@@ -227,7 +227,7 @@ def _with_gyroscopes(
     raw_bias = rests.duration @ rests.gyro / rests.duration.sum()
     gyro: GyroFit | None = None
     factor_g = 1.0 if factors is None else factors[1]
-    enough = 2 * len(turns.spans) >= _gyro_count(options)
+    enough = 2 * len(turns.spans) >= _gyro_count(options) and bool(rates.gyro.any())
     if enough:
         scale = nominal_scale(turns, raw_bias)
         factor_g = scale if factors is None else factors[1]
@@ -255,20 +255,23 @@ def _with_gyroscopes(
             turns, factor_g, gyro, gravity, (_rms(factor_g * rests.density_g), _rms(N_a)), _rms(sigma_f) / gravity,
             size_effect=options["size_effect"], delay=options["delay"], robust=options["robust"],
         )  # fmt: skip
-    return freepose_result(
-        imu,
-        rests,
-        accel,
-        gyro,
-        motion,
-        turns,
-        (factor_a, factor_g),
-        gravity,
-        sigma_f,
-        bias,
-        names,
-        options,
-    )
+    result = freepose_result(
+        imu, rests, accel, gyro, motion, turns, (factor_a, factor_g), gravity, sigma_f, bias, names, options
+    )  # fmt: skip
+    return result if rates.gyro.any() else _accelerometers_alone(result)
+
+
+def _accelerometers_alone(result: CalibrationResult) -> CalibrationResult:
+    """The accelerometers of a log that has no gyroscopes."""
+    count = len(freepose_accel.NAMES)
+    verdicts = tuple(v for v in result.verdicts if "yroscope" not in v)
+    weak = any("determined" in v or "redundancy" in v for v in verdicts)
+    return replace(
+        result, names=result.names[:count], values=result.values[:count], covariance=result.covariance[:count, :count],
+        status="warning" if weak else "ok", verdicts=(*verdicts, "The log has no gyroscopes: accelerometers alone."),
+        residuals={"accel": result.residuals["accel"]},
+        extra={k: v for k, v in result.extra.items() if k not in ("bias_causes", "seconds_of_bias", "turns")},
+    )  # fmt: skip
 
 
 def _rms(x: FloatArray) -> float:

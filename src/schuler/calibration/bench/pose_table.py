@@ -1,0 +1,242 @@
+"""Tables of mean readings, one row a pose: triads, one triad, or one axis beside its reference."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.calibration.bench.linear_fit import linear_fit
+from schuler.calibration.bench.multiposition import calibrate_multiposition
+from schuler.calibration.bench.poses import Poses
+from schuler.calibration.bench.sixposition import calibrate_sixposition
+from schuler.calibration.result.halves import widen
+from schuler.calibration.result.parameters import BIAS_G
+from schuler.calibration.result.rest_scatter import rest_scatter
+from schuler.calibration.result.result import CalibrationResult
+from schuler.exceptions import FileFormatError, InputError
+from schuler.units import DEG, G0
+
+#: Columns of mean readings and of references along one axis.
+ACCEL, GYRO = ("ax", "ay", "az"), ("gx", "gy", "gz")
+REFERENCE = "reference"
+ACCEL_UNITS = {"m/s2": 1.0, "g": G0, "mg": 1e-3 * G0}
+GYRO_UNITS = {"rad/s": 1.0, "deg/s": DEG, "deg/h": DEG / 3600.0}
+
+
+@dataclass(frozen=True, eq=False)
+class PoseTable:
+    """Mean readings of poses, SI.
+
+    Attributes
+    ----------
+    columns : dict of str to ndarray, shape (n,)
+        Some of ``ax, ay, az`` [m/s^2], ``gx, gy, gz`` [rad/s] and ``reference`` (specific force or rate along the one
+        axis that is there, in its unit).
+    """
+
+    columns: dict[str, FloatArray]
+
+    def triad(self, names: tuple[str, ...]) -> FloatArray | None:
+        """Three columns, shape (n, 3), or None if one is missing."""
+        return np.stack([self.columns[n] for n in names], axis=1) if all(n in self.columns for n in names) else None
+
+
+def read_pose_table(
+    path: Path | str, columns: str | None = None, units: tuple[str, str] = ("m/s2", "rad/s")
+) -> PoseTable:
+    """Read a CSV table, one row a pose.
+
+    Parameters
+    ----------
+    path : Path or str
+        Comma, semicolon, tab or blank separated; lines that begin with # are left out.
+    columns : str, optional
+        Such as ``"ax,ay,az,gx,gy,gz"``; ``-`` skips one. None: the first line says it.
+    units : (str, str)
+        Of accelerometers (m/s2, g, mg) and gyroscopes (rad/s, deg/s, deg/h).
+
+    Raises
+    ------
+    FileFormatError
+        If a row has another number of entries, or one that is no finite number.
+    InputError
+        If a unit or the columns are unknown.
+    """
+    place = Path(path)
+    if units[0] not in ACCEL_UNITS or units[1] not in GYRO_UNITS:
+        raise InputError(
+            f"units: expected one of {', '.join(ACCEL_UNITS)} and one of {', '.join(GYRO_UNITS)}, got {','.join(units)}"
+        )
+    try:
+        text = place.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileFormatError(f"expected a table of mean readings, one row a pose: {error}", place) from None
+    lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
+    lines = [(k, line) for k, line in lines if line and not line.startswith("#")]
+    mark = next((c for c in ",;\t" if lines and c in lines[-1][1]), None)
+
+    def cells(line: str) -> list[str]:
+        return [c.strip() for c in (next(csv.reader([line], delimiter=mark)) if mark else line.split())]
+
+    if columns is None:
+        if not lines:
+            raise FileFormatError("expected a first line with the names of the columns, got an empty file", place)
+        names, lines = cells(lines[0][1]), lines[1:]
+    else:
+        names = [c.strip() for c in columns.split(",")]
+    allowed = {*ACCEL, *GYRO, REFERENCE, "-"}
+    kept = [n for n in names if n != "-"]
+    if not kept or not set(names) <= allowed or len(set(kept)) != len(kept):
+        raise InputError(
+            f"columns: expected some of {', '.join((*ACCEL, *GYRO, REFERENCE))}, each once, got {','.join(names)}"
+        )
+    rows = []
+    for number, line in lines:
+        entries = cells(line)
+        if len(entries) != len(names):
+            raise FileFormatError(f"expected {len(names)} entries, got {len(entries)}", place, number)
+        try:
+            row = [0.0 if n == "-" else float(c) for n, c in zip(names, entries, strict=True)]
+        except ValueError:
+            raise FileFormatError(f"expected numbers, got {line!r}", place, number) from None
+        if not np.isfinite(row).all():
+            raise FileFormatError(f"expected finite numbers, got {line!r}", place, number)
+        rows.append(row)
+    if not rows:
+        raise FileFormatError("expected one row a pose, got none", place)
+    data = np.array(rows)
+    one = next((n for n in kept if n != REFERENCE), "ax")
+    factor = {n: ACCEL_UNITS[units[0]] if n in ACCEL else GYRO_UNITS[units[1]] for n in (*ACCEL, *GYRO)}
+    factor[REFERENCE] = factor[one]
+    return PoseTable({n: data[:, k] * factor[n] for k, n in enumerate(names) if n != "-"})
+
+
+def calibrate_poses(table: PoseTable, *, gravity: float = G0) -> CalibrationResult:
+    """Calibrate what a table of mean readings holds.
+
+    Parameters
+    ----------
+    table : PoseTable
+        Accelerometers: nine poses or more of any direction, or the six faces. Gyroscopes at rest, with them or alone:
+        their bias. One axis with its ``reference``: its bias and scale factor.
+    gravity : float
+        Local gravity. [m/s^2]
+
+    Returns
+    -------
+    CalibrationResult
+        Of the triads or the axis that the table has. The noise of the means is not in a table: it is taken from the
+        residuals, so six faces and nine poses, which leave hardly any, have a sigma that says so.
+
+    Raises
+    ------
+    InputError
+        If the columns make neither a triad nor an axis with its reference, or there are too few rows.
+    """
+    axes = [n for n in (*ACCEL, *GYRO) if n in table.columns]
+    if REFERENCE in table.columns:
+        if len(axes) != 1:
+            raise InputError(f"columns: expected one axis beside its reference, got {', '.join(axes) or 'none'}")
+        return _one_axis(axes[0], table.columns[axes[0]], table.columns[REFERENCE])
+    f, omega = table.triad(ACCEL), table.triad(GYRO)
+    if f is None and omega is None:
+        raise InputError(
+            f"columns: expected ax, ay, az or gx, gy, gz, or one axis beside its reference, got {', '.join(axes)}"
+        )
+    results = []
+    if f is not None:
+        results.append(_accelerometers(f, gravity))
+    if omega is not None:
+        results.append(_bias_alone(omega))
+    return _joined(results)
+
+
+def _poses(f: FloatArray, sigma: float) -> Poses:
+    n = len(f)
+    t = 10.0 * np.arange(n)
+    every = np.full((n, 3), sigma)
+    return Poses(f, np.zeros((n, 3)), every, np.ones((n, 3)), t, t + 5.0)
+
+
+def _accelerometers(f: FloatArray, gravity: float) -> CalibrationResult:
+    """Nine parameters from magnitudes, or twelve from six faces, with the noise that the residuals show."""
+
+    def run(sigma: float, halves: bool) -> CalibrationResult:
+        if len(f) < 9:
+            return calibrate_sixposition(_poses(f, sigma), gravity=gravity, gyro="none", halves=halves)
+        return calibrate_multiposition(_poses(f, sigma), gravity=gravity, gyro_order=0, halves=halves)
+
+    sigma, first = 1e-3, run(1e-3, False)
+    for _ in range(2):  # the chi-square test of a stated noise does not count: it is not stated
+        if first.freedom < 1 or not first.variance_of_unit_weight > 0.0:
+            break
+        sigma *= float(np.sqrt(first.variance_of_unit_weight))
+        first = run(max(sigma, 1e-9), False)
+    result = run(max(sigma, 1e-9), True)
+    # the noise comes from few residuals: Student's distribution has this much more variance
+    few = result.freedom / (result.freedom - 2.0) if result.freedom > 2 else 9.0
+    names = [n for n in result.names if n[2] == "a"]
+    k = [result.names.index(n) for n in names]
+    covariance = widen(result.covariance[np.ix_(k, k)], np.full(len(k), np.sqrt(few)))
+    if result.freedom < 1:
+        covariance = np.diag(np.full(len(k), np.inf))
+    return _with(result, tuple(names), result.values[k], covariance)
+
+
+def _with(
+    result: CalibrationResult, names: tuple[str, ...], values: FloatArray, covariance: FloatArray
+) -> CalibrationResult:
+    return replace(
+        result, names=names, values=values, covariance=covariance, prior_sigma={},
+        fixed={n: v for n, v in result.fixed.items() if n[2:3] == "a"}, history=None,
+    )  # fmt: skip
+
+
+def _bias_alone(omega: FloatArray) -> CalibrationResult:
+    """Bias of gyroscopes at rest, from their scatter between the rows."""
+    n = len(omega)
+    if n < 3:
+        raise InputError(f"rows: expected three poses or more for the bias of gyroscopes, got {n}")
+    tiny = np.full((n, 3), 1e-6 * max(float(omega.std(axis=0).max()), 1e-12))
+    fit = rest_scatter(10.0 * np.arange(n), omega, tiny)
+    return CalibrationResult(
+        "poses", BIAS_G, fit.values[0], np.diag(fit.covariance[:, 0, 0]), "full",
+        verdicts=("Gyroscopes at rest: the mean over the poses, Earth rate in its scatter, is their bias.",),
+        freedom=fit.freedom,
+    )  # fmt: skip
+
+
+def _one_axis(axis: str, reading: FloatArray, reference: FloatArray) -> CalibrationResult:
+    """Bias and scale factor of one axis: ``reading - reference = b + M reference``."""
+    letter = axis[1]
+    names = (f"b_{axis[0]}_{letter}", f"M_{axis[0]}_{letter}{letter}")
+    A = np.column_stack((np.ones(len(reading)), reference))
+    fit = linear_fit(A, reading - reference, np.ones(len(reading)), names)
+    if not fit.determined.all() or fit.freedom < 1:
+        raise InputError(
+            f"rows: expected three or more with different references for bias and scale factor, got {len(reading)}"
+        )
+    few = fit.freedom / (fit.freedom - 2.0) if fit.freedom > 2 else 9.0
+    covariance = fit.covariance * max(fit.variance_of_unit_weight, 1e-24) * few
+    return CalibrationResult(
+        "poses", names, fit.values, covariance, "full", condition=fit.condition, freedom=fit.freedom,
+        verdicts=(f"One axis, {axis}: cross-coupling and the other axes are not in the table.",),
+    )  # fmt: skip
+
+
+def _joined(results: list[CalibrationResult]) -> CalibrationResult:
+    """Triads in one result, without correlation between them."""
+    if len(results) == 1:
+        return replace(results[0], method="poses")
+    a, g = results
+    n = len(a.names)
+    covariance = np.zeros((n + len(g.names),) * 2)
+    covariance[:n, :n], covariance[n:, n:] = a.covariance, g.covariance
+    return replace(
+        a, method="poses", names=(*a.names, *g.names), values=np.concatenate((a.values, g.values)),
+        covariance=covariance, verdicts=(*a.verdicts, *g.verdicts),
+    )  # fmt: skip

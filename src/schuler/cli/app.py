@@ -113,7 +113,7 @@ METHODS = {
     "freepose": ("Put down by hand in many poses.", "schuler calibrate freepose hand.csv --units g,deg/s"),
     "ratetable": ("Turned at known rates.", "schuler calibrate ratetable table.csv --rates 30,60"),
     "ferraris": ("Six faces and three turns by hand.", "schuler calibrate ferraris session.csv --units g,deg/s"),
-    "poses": ("A table of mean readings, one row a pose.", "schuler calibrate poses means.csv --units g,deg/s"),
+    "poses": ("A table of mean readings, one row a pose.", "schuler calibrate poses means.csv --table-units g,deg/s"),
     "thermal": ("Heated and cooled.", "schuler calibrate thermal chamber.csv --degree 3"),
     "field": (
         "Turned by hand between rests, 39 states.",

@@ -317,8 +317,8 @@ def poses(
     table: Path,
     /,
     *,
-    columns: str | None = None,
-    units: str = "m/s2,rad/s",
+    table_columns: str | None = None,
+    table_units: str = "m/s2,rad/s",
     site: Site = _SITE,
     output: Output = _OUTPUT,
 ) -> int:
@@ -329,14 +329,14 @@ def poses(
     table
         CSV file. Nine poses of any direction or six faces for accelerometers; gyroscopes at rest for their bias; one
         axis and a column reference for bias and scale factor.
-    columns
+    table_columns
         Such as ax,ay,az,gx,gy,gz or ax,reference; - skips one. Default: the first line.
-    units
+    table_units
         Of accelerometers (m/s2, g, mg) and gyroscopes (rad/s, deg/s, deg/h).
     """
     from schuler.calibration.bench.pose_table import calibrate_poses, read_pose_table
 
     began = clock.perf_counter()
-    accel, _, gyro = units.partition(",")
-    means = read_pose_table(table, columns, (accel, gyro or "rad/s"))
+    accel, _, gyro = table_units.partition(",")
+    means = read_pose_table(table, table_columns, (accel, gyro or "rad/s"))
     return finish(calibrate_poses(means, gravity=site.g), table, [], output, began)

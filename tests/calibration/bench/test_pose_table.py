@@ -58,7 +58,7 @@ def test_the_command_writes_a_calibration(rng, tmp_path, capsys):
     f, omega = readings(rng)
     path = tmp_path / "means.csv"
     np.savetxt(path, np.hstack((f / G0, omega / DEG)), delimiter=",", header="ax,ay,az,gx,gy,gz", comments="")
-    arguments = ("--units", "g,deg/s", "--no-report", "--out", tmp_path, "--json")
+    arguments = ("--table-units", "g,deg/s", "--no-report", "--out", tmp_path, "--json")
     data = answer(capsys, "calibrate", "poses", path, *arguments)
     assert data["method"] == "poses"
     for name, entry in data["parameters"].items():

@@ -154,11 +154,6 @@ def budget_report(
     -------
     Path
         The file; the same bytes for the same arguments.
-
-    Raises
-    ------
-    MissingExtraError
-        If there are figures to draw and plotly is not installed (extra ``report``).
     """
     sentences = [*(_verdict(c) for c in choices), *(_blame(covariance, one) for covariance, one in budgets)]
     sections = [

@@ -100,11 +100,6 @@ def montecarlo_report(scatter: Scatter, campaign: Campaign, job: NavigationJob, 
     -------
     Path
         The file; the same bytes for the same runs, however they were done.
-
-    Raises
-    ------
-    MissingExtraError
-        If plotly is not installed (extra ``report``).
     """
     horizontal, scattered, nees = all_figures(scatter)
     last = scatter.horizontal[-1]

@@ -93,11 +93,6 @@ def observability_report(study: Observability, path: Path | str, formulas: tuple
     path : Path or str
     formulas : tuple of str
         Symbolic combinations, if they were asked for.
-
-    Raises
-    ------
-    MissingExtraError
-        If plotly is not installed (extra ``report``).
     """
     from schuler.files import write_text
     from schuler.plotting import parts

@@ -19,6 +19,9 @@ from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 #: Points a line keeps: the largest and the smallest value of a thousand stretches, as many as a plot has dots across.
 LIMIT = 2000
 
+#: Points of a band, and of an estimate: they move slowly, and a page of three megabytes travels better than one of six.
+SLOW_LIMIT = 500
+
 #: Label of an axis of time.
 TIME = "time [s]"
 
@@ -203,7 +206,7 @@ def path(x: ArrayLike, y: ArrayLike, role: str, label: str = "", along: Sequence
     return Line(x[k], y[k], role, label, tuple((name, values[k]) for name, values in along))
 
 
-def band(x: ArrayLike, low: ArrayLike, high: ArrayLike, role: str, label: str = "", *, limit: int = LIMIT) -> Band:
+def band(x: ArrayLike, low: ArrayLike, high: ArrayLike, role: str, label: str = "", *, limit: int = SLOW_LIMIT) -> Band:
     """A band over increasing x, broken where x pauses, thinned so that it never gets narrower."""
     x, low, high = _broken(x, low, high)
     k = thin([low, high], limit)

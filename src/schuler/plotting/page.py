@@ -1,6 +1,7 @@
 """A self-contained HTML page: its frame, sections, style sheet and script. Nothing is ever fetched.
 
-The rules of the style sheet and the script are the files ``page.css`` and ``page.js`` in the folder ``assets``.
+The rules of the style sheet and the script are the files ``page.css`` and ``page.js`` in the folder ``assets``;
+``plotly-basic.min.js`` there is plotly.js of its authors as it is (``tests/plotting/test_library.py`` says which).
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from html import escape
 from importlib import metadata, resources
 from typing import Literal, TypeAlias
 
-from schuler.exceptions import MissingExtraError
 from schuler.plotting.figure import Figure
 from schuler.plotting.interactive import css_name, panel_data
 from schuler.plotting.parts import figure_html
@@ -47,19 +47,8 @@ class Section:
 
 
 def plotly_script() -> str:
-    """The drawing library, to be put into the page.
-
-    Raises
-    ------
-    MissingExtraError
-        If plotly is not installed (extra ``report``).
-    """
-    try:
-        from plotly.offline import get_plotlyjs
-    except ImportError:
-        raise MissingExtraError("plotly", "report", "the HTML report") from None
-    source: str = get_plotlyjs()
-    return source
+    """The drawing library, to be put into the page: plotly.js without what no page of ours draws."""
+    return _asset("plotly-basic.min.js")
 
 
 def whole_page(

@@ -37,11 +37,6 @@ def write_book(reproductions: Sequence[Reproduction], path: Path | str) -> Path:
     -------
     Path
         The file.
-
-    Raises
-    ------
-    MissingExtraError
-        If there are figures to draw and plotly is not installed (extra ``report``).
     """
     sections: list[Section] = [_overview(reproductions)]
     for one in reproductions:

@@ -263,11 +263,6 @@ def rotary_page(
     search : SchemeSearch, optional
     provenance : dict, optional
         Options that it was made from.
-
-    Raises
-    ------
-    MissingExtraError
-        If plotly is not installed (extra ``report``).
     """
     from schuler.files import write_text
 

@@ -69,8 +69,6 @@ def calibration_report(
     ------
     InputError
         If ``previous`` has no parameter in common with the result.
-    MissingExtraError
-        If plotly is not installed (extra ``report``).
     """
     script = plotly_script()
     figures = {f.name: f for f in all_figures(result)}

@@ -68,11 +68,6 @@ def noise_report(
     -------
     Path
         The file; the same bytes for the same arguments.
-
-    Raises
-    ------
-    MissingExtraError
-        If plotly is not installed (extra ``report``).
     """
     script = plotly_script()
     name = title or identification.name

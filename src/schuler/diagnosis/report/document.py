@@ -33,11 +33,6 @@ def diagnosis_report(path: Path | str, diagnosis: Diagnosis) -> Path:
     -------
     Path
         The file; the same bytes for the same diagnosis.
-
-    Raises
-    ------
-    MissingExtraError
-        If there are figures to draw and plotly is not installed (extra ``report``).
     """
     shown = figures(diagnosis)
     kinds = (("errors", "Errors"), ("warnings", "Warnings"), ("notes", "Notes"))

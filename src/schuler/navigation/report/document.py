@@ -78,8 +78,6 @@ def navigation_report(
     ------
     InputError
         If the background is not usable, or does not show the track.
-    MissingExtraError
-        If plotly is not installed (extra ``report``).
     """
     script = _plotly()
     subject = Subject(

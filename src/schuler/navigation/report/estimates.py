@@ -12,7 +12,7 @@ from schuler.filtering.states import BLOCK_TEXT
 from schuler.navigation.report.subject import Subject
 from schuler.navigation.report.track import outages
 from schuler.navigation.result import NavigationResult
-from schuler.plotting.figure import TIME, Figure, Item, Panel, band, line, view
+from schuler.plotting.figure import SLOW_LIMIT, TIME, Figure, Item, Panel, band, line, view
 
 _XYZ = ("x", "y", "z")
 _PAIRS = ("xy", "xz", "yx", "yz", "zx", "zy")
@@ -127,10 +127,12 @@ def _panels(subject: Subject, block: str) -> list[Panel]:
             items.append(band(t, low, high, own, f"{role} ±3 sigma"))
             edges += [low, high]
             estimates.append(value - trend)
-        items += [line(t, v, role, role) for v, (role, _) in zip(estimates, subject.solutions, strict=True)]
+        items += [
+            line(t, v, role, role, limit=SLOW_LIMIT) for v, (role, _) in zip(estimates, subject.solutions, strict=True)
+        ]
         if subject.truth is not None:
             true = subject.truth[:, part.start - 9 + i] / p.factor - trend
-            items.append(line(t, true, "reference", "true"))
+            items.append(line(t, true, "reference", "true", limit=SLOW_LIMIT))
             estimates.append(true)
         title = f"less {start:.0f} m {'+' if slope >= 0.0 else '-'} {abs(slope):.2f} m/s × time" if trend.any() else ""
         # a clock is found with the first satellites, from anywhere: that step must not flatten all the rest

@@ -83,9 +83,11 @@
   // curves of a panel that know the time of their points: tracks
   function timed(panel) { return panel.data.filter(function (trace) { return trace.customdata; }); }
 
+  function empty() { return [Number.MAX_VALUE, -Number.MAX_VALUE]; }
+
   // Range of the other axis for what is seen between two times: all of the curves, and bands up to once more on each side.
   function visible(panel, between) {
-    var log = panel.layout.yaxis.type === "log", curves = [Infinity, -Infinity], bands = [Infinity, -Infinity];
+    var log = panel.layout.yaxis.type === "log", curves = empty(), bands = empty();
     panel.data.forEach(function (trace) {
       if (trace.visible === false || !trace.x) return;
       var range = trace.fill ? bands : curves;
@@ -108,7 +110,7 @@
 
   // Where a track is between two times: ranges of both axes.
   function piece(panel, between) {
-    var box = [[Infinity, -Infinity], [Infinity, -Infinity]];
+    var box = [empty(), empty()];
     timed(panel).forEach(function (trace) {
       trace.customdata.forEach(function (at, k) {
         if (at[0] < between[0] || at[0] > between[1] || trace.x[k] === null) return;
@@ -187,7 +189,7 @@
   // Time of a point on a track, or of the track's point nearest to it.
   function timeAt(panel, point) {
     if (point.customdata) return point.customdata[0];
-    var track = timed(panel).pop(), best = Infinity, t = null;
+    var track = timed(panel).pop(), best = Number.MAX_VALUE, t = null;
     track.customdata.forEach(function (at, k) {
       var d = Math.hypot(track.x[k] - point.x, track.y[k] - point.y);
       if (d < best) { best = d; t = at[0]; }

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.reproduce import Cell, Effort, Item, Outcome, Result, against, claimed, digits, shown
+from schuler.reproduce import Cell, Effort, Item, Outcome, Reproduction, Result, against, claimed, digits, shown
 from schuler.reproduce import run as runner
 from schuler.reproduce.book import write_book
 
@@ -54,6 +54,32 @@ def test_a_band_that_cannot_fail_is_refused(make):
 def result_of(*cells, reason=""):
     outcome = Outcome(cells, reason)
     return Result(Item("fig-1.1", "a figure", "exact", lambda effort: outcome), outcome, 0.0)
+
+
+def test_a_band_that_can_hardly_be_missed_is_weak():
+    """One end, or two that are a factor of two apart, decide nothing; a band around zero neither."""
+    for cell in (
+        claimed("a", "at most one", 0.3, high=1.0),
+        claimed("a", "an order of magnitude", 2.0, low=1.0, high=10.0),
+        against("a", 0.0, 0.01, absolute=0.1),
+    ):
+        assert result_of(cell).verdict == "weak"
+        assert result_of(cell, digits("b", "1.0", 1.0)).verdict == "agrees"
+    assert claimed("a", "about", 1.0, low=0.7, high=1.35).decisive
+    assert claimed("a", "about", -1.0, low=-1.35, high=-0.7).decisive
+
+
+def test_printed_numbers_left_out_and_missed_are_said():
+    """A fifth apart and not compared: the item agrees in part, and its line names the number."""
+    good = digits("a", "1.0", 1.0)
+    assert result_of(good, shown("d", 1.19, printed="1.0")).verdict == "agrees"
+    assert result_of(good, shown("d", 1.0, printed="in words")).verdict == "agrees"
+    result = result_of(good, shown("d", 18.33, printed="57.98"))
+    assert result.verdict == "in part"
+    done = Reproduction("yaman", (result,), Effort())
+    assert "not compared and a fifth or more apart: d (printed 57.98, ours 18.33)" in " ".join(done.summary().split())
+    assert done.counts["in part"] == 1
+    assert done.counts["agrees"] == 0
 
 
 def test_verdict_is_made_of_the_cells():

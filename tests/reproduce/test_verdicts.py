@@ -12,11 +12,11 @@ VERDICTS = {
     },
     "du": {
         "differs": ("text-3.3",), "corrected": ("text-2.5", "text-3.4.1"),
-        "agrees": ("text-2.5-platform", "text-3.1", "text-3.2.1", "text-3.2.2", "text-3.2.3", "table-4.5"),
+        "agrees": ("text-2.5-platform", "text-3.2.3", "table-4.5"), "weak": ("text-3.1", "text-3.2.1", "text-3.2.2"),
     },
     "hayal": {
         "differs": ("text-3.2", "fig-4.1"),
-        "agrees": ("table-2.1", "table-3.1", "text-3.4.3", "text-4.1.2", "text-4.2", "table-4.1"),
+        "agrees": ("table-2.1", "table-3.1", "table-4.1"), "weak": ("text-3.4.3", "text-4.1.2", "text-4.2"),
     },
     "flenniken": {
         "differs": ("table-2.1", "fig-4.2", "text-6.3", "fig-7.1", "fig-7.2", "fig-D.1"),
@@ -36,7 +36,7 @@ def test_quick_items_have_their_verdicts_and_reasons(thesis):
     assert done.complete
     assert {r.item.id: r.verdict for r in done.results} == expected
     for r in done.results:
-        assert r.verdict == "agrees" or len(r.outcome.reason) > 40, r.item.id
+        assert r.verdict in ("agrees", "in part", "weak") or len(r.outcome.reason) > 40, r.item.id
         for cell in r.outcome.cells:
             assert math.isfinite(cell.ours), (r.item.id, cell.name)
             assert not cell.compared or math.isfinite(cell.low) or math.isfinite(cell.high), (r.item.id, cell.name)

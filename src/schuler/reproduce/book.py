@@ -97,6 +97,8 @@ def _blocks(name: str, result: Result) -> tuple[Block, ...]:
 
 
 def _agreement(cell: Cell) -> str:
+    if cell.left_out:
+        return "not compared"
     return {None: "", True: "yes", False: "no"}[cell.agrees]
 
 

@@ -62,6 +62,25 @@ class Cell:
         """Whether ours is in the band; None without one. A number that is none never agrees."""
         return bool(self.low <= self.ours <= self.high) if self.compared else None
 
+    @property
+    def decisive(self) -> bool:
+        """Whether the band could have been missed by little: two ends of one sign, less than a factor of two apart."""
+        if not (self.compared and math.isfinite(self.low) and math.isfinite(self.high)):
+            return False
+        near, far = sorted((abs(self.low), abs(self.high)))
+        return self.low * self.high > 0.0 and far < 2.0 * near
+
+    @property
+    def left_out(self) -> bool:
+        """Whether the source prints a number that ours is not compared with, and misses by a fifth or more."""
+        if self.compared:
+            return False
+        try:
+            value = float(self.printed)
+        except ValueError:
+            return False
+        return not abs(self.ours - value) <= 0.2 * abs(value)
+
     def shown(self) -> str:
         """Ours, with as many digits as it takes to tell it from the ends of its band."""
         return f"{self.ours:.{self._digits()}g}"

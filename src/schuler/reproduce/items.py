@@ -15,9 +15,12 @@ if TYPE_CHECKING:
 #: emulated by simulated ones of the same parameters.
 Kind: TypeAlias = Literal["exact", "statistical", "hardware"]
 
-#: agrees: with every number the thesis prints. corrected: with its equations after their errors are mended, not (or not
-#: comparably) with what it prints. differs: with the reason. shown: the thesis prints nothing to compare with.
-Verdict: TypeAlias = Literal["agrees", "corrected", "differs", "shown"]
+#: agrees: with every number that is compared, one of them at least within a factor of two, and no printed number that
+#: is left uncompared is missed by a fifth. in part: such a number is. weak: no band is narrower than a factor of two.
+#: corrected: with its equations after their errors are mended, not (or not comparably) with what it prints. differs:
+#: with the reason. shown: the thesis prints nothing to compare with.
+Verdict: TypeAlias = Literal["agrees", "in part", "weak", "corrected", "differs", "shown"]
+VERDICTS: tuple[Verdict, ...] = ("agrees", "in part", "weak", "corrected", "differs", "shown")
 
 
 @dataclass(frozen=True)
@@ -108,7 +111,11 @@ class Result:
             return "shown"
         if not all(c.agrees for c in compared):
             return "differs"
-        return "agrees" if any(c.reference == "thesis" for c in compared) else "corrected"
+        if not any(c.reference == "thesis" for c in compared):
+            return "corrected"
+        if any(c.left_out for c in self.outcome.cells):
+            return "in part"
+        return "agrees" if any(c.decisive for c in compared) else "weak"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values; ``printed`` and ``ours`` by the name of each cell."""

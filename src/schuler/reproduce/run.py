@@ -12,7 +12,7 @@ from typing import Any
 
 from schuler.exceptions import InputError
 from schuler.reproduce.cells import Cell
-from schuler.reproduce.items import Effort, Item, Result
+from schuler.reproduce.items import VERDICTS, Effort, Item, Result
 
 #: Author and title by the name of the command; the module has the same name.
 THESES: MappingProxyType[str, str] = MappingProxyType(
@@ -50,7 +50,7 @@ class Reproduction:
     def counts(self) -> dict[str, int]:
         """Items by verdict."""
         verdicts = [r.verdict for r in self.results]
-        return {v: verdicts.count(v) for v in ("agrees", "corrected", "differs", "shown")}
+        return {v: verdicts.count(v) for v in VERDICTS}
 
     def summary(self) -> str:
         """Every item in a line, reasons below; last a line with the counts."""
@@ -59,7 +59,11 @@ class Reproduction:
             compared = [c for c in r.outcome.cells if c.compared]
             met = f"{sum(bool(c.agrees) for c in compared)}/{len(compared)}" if compared else ""
             lines.append(f"{r.item.id:<14} {r.item.kind:<11} {r.verdict:<9} {met:>7}  {r.item.title}")
-            reasons = [*(text for text in map(_differing, compared) if text), r.outcome.reason]
+            reasons = [
+                *(text for text in map(_differing, compared) if text),
+                _left_out(r.outcome.cells),
+                r.outcome.reason,
+            ]
             for text in filter(None, reasons):
                 lines += wrap(text, 120, initial_indent=" " * 16, subsequent_indent=" " * 18)
         counts = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items() if n)
@@ -146,6 +150,12 @@ def reproduce(
     except KeyboardInterrupt:
         return Reproduction(thesis, tuple(results), effort, complete=False)
     return Reproduction(thesis, tuple(results), effort)
+
+
+def _left_out(cells: Sequence[Cell]) -> str:
+    """Printed numbers that ours misses by a fifth and is not compared with; empty if there are none."""
+    names = [f"{c.name} (printed {c.printed}, ours {c.shown()})" for c in cells if c.left_out]
+    return f"not compared and a fifth or more apart: {'; '.join(names)}" if names else ""
 
 
 def _differing(cell: Cell) -> str:

@@ -82,7 +82,7 @@ def test_figures_can_be_drawn(done):
 def test_other_seeds_give_other_numbers(done):
     names = ("table-4.2", "fig-4.2", "table-A.1")
     check_seeds(done, names)
-    assert {verdict_of(name, 2) for name in names} == {"agrees"}
+    assert [verdict_of(name, 2) for name in names] == ["agrees", "agrees", "in part"]
 
 
 def test_another_noise_shows(monkeypatch):

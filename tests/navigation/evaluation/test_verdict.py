@@ -219,3 +219,8 @@ def test_a_covariance_that_is_not_positive_fails_the_run(recording):
     broken = replace(run, covariance_e=cov)
     assert broken.verdict.status == "failed"
     assert "covariances are not positive at" in broken.verdict.reasons[0]
+
+
+def test_resets_have_no_test_and_break_nothing(recording):
+    run = navigate(recording, config(gnss={"coupling": "reset"}))
+    assert not any("broke down" in reason for reason in run.verdict.reasons)

@@ -20,6 +20,7 @@ from schuler.filtering.measurements import (
     PSEUDORANGE,
     RANGE_RATE,
     REJECTED,
+    RESET_KINDS,
     VELOCITY,
     gate_threshold,
 )
@@ -102,7 +103,7 @@ def _numbers(result: NavigationResult) -> Iterator[Finding]:
     elif some := _indefinite(result.covariance_e):
         yield Finding(1, f"covariances are not positive at {some[0]} of {some[1]} records looked at", "numbers")
     inn = result.innovations
-    tested = np.isin(inn.status, (ACCEPTED, REJECTED, FORCED))
+    tested = np.isin(inn.status, (ACCEPTED, REJECTED, FORCED)) & ~np.isin(inn.kind, RESET_KINDS)  # which have no test
     wrong = tested & ~(inn.nis >= 0.0)
     if wrong.any():
         text = f"the normalised square of {int(wrong.sum())} innovations is negative or no number, the first at "

@@ -13,6 +13,7 @@ from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.navigation.result import NavigationResult
 from schuler.recording.series import GnssSeries
 from schuler.recording.trajectory import Trajectory
+from schuler.rotation import skew
 
 Windows = Sequence[tuple[float, float]]
 
@@ -71,10 +72,27 @@ def horizontal_errors(result: NavigationResult, judge: Judge) -> Errors:
     """North and east errors at the times of the judge that the solution covers, with its claims."""
     path = result.antenna() if judge.at_antenna else result.trajectory
     errors = horizontal_errors_of(path, judge, start=float(result.t[0]))
-    P = result.covariance[:, 6:8, 6:8]
+    P = antenna_covariance(result) if judge.at_antenna else result.covariance[:, 6:9, 6:9]
     claim = [np.interp(errors.t, result.t, P[:, i, j]) for i in (0, 1) for j in (0, 1)]
     claimed = np.stack(claim, axis=-1).reshape(-1, 2, 2)
     return errors._replace(claim=claimed, total=claimed + errors.total)
+
+
+def antenna_covariance(result: NavigationResult) -> FloatArray:
+    """Covariance of the antenna's position at the records, north, east, down. Shape (k, 3, 3) [m^2]
+
+    With a lever arm that is estimated the antenna is better known than the IMU: ``dr + dpsi x l + C_nb dl``.
+    """
+    P = result.covariance
+    if "lever" not in result.layout:
+        return P[:, 6:9, 6:9]
+    part, C = result.layout["lever"], result.states.C_nb
+    l_n = np.einsum("kij,kj->ki", C, result.lever_arm_b + result.parameter("lever"))
+    H = np.zeros((len(P), 3, P.shape[1]))
+    H[:, :, :3] = -skew(l_n)
+    H[:, :, 6:9] = np.eye(3)
+    H[:, :, part] = C
+    return np.asarray(H @ P @ np.swapaxes(H, 1, 2))
 
 
 def horizontal_errors_of(path: Trajectory, judge: Judge, start: float = -np.inf) -> Errors:

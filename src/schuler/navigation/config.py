@@ -227,6 +227,11 @@ class NavigationConfig(Config):
     outages: OutageSection = OutageSection()
 
     @property
+    def lever_is_stated(self) -> bool:
+        """Whether the lever arm of the antenna, or its uncertainty, is stated."""
+        return bool(self.gnss.model_fields_set & {"lever_arm_m", "lever_sigma_m"})
+
+    @property
     def noise_is_stated(self) -> bool:
         """Whether noise is stated by hand: an IMU by its numbers, factors on noise, or models of the states."""
         return bool(

@@ -33,6 +33,7 @@ from schuler.navigation.start.calibration import CalibrationStart, configured_st
 from schuler.navigation.start.heading import judged_start
 from schuler.navigation.states import imu_spec, state_layout
 from schuler.navigation.tuning.entries import tuned_configuration
+from schuler.navigation.tuning.lever import LEVER_ESTIMATED, has_lever, with_lever
 from schuler.navigation.tuning.tuning import Tuning, contradicted, tune
 from schuler.recording.io.own import time_document
 from schuler.recording.recording import Recording
@@ -92,11 +93,13 @@ def navigate(
         if asked == "auto" and config.noise_is_stated:
             tuned = [STATED_NOISE]
         else:
-            tuning = tune(prepared)
-            tuned = tuning.sentences()
-            if tuning.better:
-                config = tuned_configuration(config, tuning)
-                prepared = prepared_run(recording, config, initial=initial, calibration=calibration)
+            config, prepared, tuned = _tuned(recording, config, prepared, initial, calibration)
+            if config.gnss.coupling == "loose" and not config.lever_is_stated:
+                other = with_lever(config)
+                free = prepared_run(recording, other, initial=initial, calibration=calibration)
+                if has_lever(prepared, free):
+                    config, prepared, again = _tuned(recording, other, free, initial, calibration)
+                    tuned += [LEVER_ESTIMATED, *again]
     forward = prepared.run(progress=progress)
     if forward.epochs == 0 or not len(forward.rec_t):
         raise KeyboardInterrupt  # stopped before the first record
@@ -119,6 +122,21 @@ def navigate(
         ranges=prepared.ranges,
         points=None if prepared.points is None else prepared.points.solution,
     )
+
+
+def _tuned(
+    recording: Recording,
+    config: NavigationConfig,
+    prepared: PreparedRun,
+    initial: InitialState | None,
+    calibration: CalibrationResult | Path | str | None,
+) -> tuple[NavigationConfig, PreparedRun, list[str]]:
+    """Configuration and run with tuned noise, and sentences on it; as they are if that is no better."""
+    tuning = tune(prepared)
+    if tuning.better:
+        config = tuned_configuration(config, tuning)
+        prepared = prepared_run(recording, config, initial=initial, calibration=calibration)
+    return config, prepared, tuning.sentences()
 
 
 def prepared_run(

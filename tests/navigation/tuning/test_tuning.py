@@ -16,6 +16,7 @@ from schuler.filtering.measurements import POSITION, VELOCITY
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.run import STATED_NOISE, navigate, prepared_run
 from schuler.navigation.tuning.entries import tuned_configuration
+from schuler.navigation.tuning.lever import LEVER_ESTIMATED
 from schuler.navigation.tuning.likelihood import HORIZONS, Residuals, halves, residuals_of, trials
 from schuler.navigation.tuning.noise import terms_of, with_factors
 from schuler.navigation.tuning.tuning import contradicted, tune
@@ -39,7 +40,7 @@ def recorded(seed=1, imu=None, **gnss):
             "seed": seed,
             "motion": {"type": "waypoints", "lat_deg": 47.0, "lon_deg": 8.0, "height_m": 400.0, "waypoints": POINTS},
             "imu": {"rate_hz": 50.0, "kind": "increment", **(imu or IMU)},
-            "gnss": {"rate_hz": 1.0, "sigma_position_m": [0.3, 0.3, 0.5], "sigma_velocity_m_s": [0.05] * 3, **gnss},
+            "gnss": {"rate_hz": 1.0, "sigma_position_m": [0.3, 0.3, 0.5], "sigma_velocity_m_s": [0.05] * 3} | gnss,
         }
     )
     return simulate_mission(mission).recording
@@ -130,6 +131,32 @@ def test_intervals_cover_what_they_claim(imu):
             low, high = found.intervals[name]
             missed += not low < truth < high
     assert missed <= 6
+
+
+# --- the lever arm of an antenna that nobody stated
+
+
+@pytest.mark.parametrize("lever", [(0.6, -0.4, -0.8), (-0.7, 0.5, 0.3)])
+def test_a_lever_arm_that_nobody_stated_is_estimated(lever):
+    log = recorded(lever_arm_m=list(lever), sigma_position_m=[0.02, 0.02, 0.04])
+    result = navigate(log, config(tune=True))
+    assert LEVER_ESTIMATED in result.notes
+    error = result.parameter("lever")[-1] - np.array(lever)
+    assert np.all(np.abs(error) < 4.0 * result.sigma("lever")[-1])  # statistical
+    assert np.all(np.abs(error[:2]) < 0.1)  # down trades against height on level ground
+    stated = NavigationConfig.checked(
+        {"imu": dict(IMU), "gnss": {"lever_arm_m": list(lever)}, "filter": {"smooth": False, "tune": True}}
+    )
+    assert LEVER_ESTIMATED not in navigate(log, stated).notes
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_an_antenna_at_the_imu_stays_there(seed):
+    log, wrong = mis_stated(recorded(seed, sigma_position_m=[0.02, 0.02, 0.04]), imu=10.0)
+    result = navigate(log, wrong)
+    assert any("noise tuned from" in note for note in result.notes)
+    assert LEVER_ESTIMATED not in result.notes
+    assert "lever" not in result.layout
 
 
 # --- the likelihood

@@ -215,6 +215,27 @@ def contradicted(prepared: PreparedRun) -> bool:
     return False
 
 
+def likelier(prepared: PreparedRun, other: PreparedRun) -> bool:
+    """Whether fixes held back are likelier under another model of the same log.
+
+    Parameters
+    ----------
+    prepared, other : PreparedRun
+        With the same schedule of measurements; every other fix is used, those between are predicted and judge.
+
+    Notes
+    -----
+    By two standard errors, which stretches of the log give.
+    """
+    prepared, other = _first_part(prepared), _first_part(other)
+    tests = trials(prepared, *halves(prepared.schedule, _fixes(prepared)), phases=1)
+    if not tests:
+        return False
+    judged = residuals_of(tests)
+    gain, sigma = _gain(judged(prepared), judged(other))
+    return gain > _SURE * sigma
+
+
 def _fixes(prepared: PreparedRun) -> BoolArray:
     """Measurements that tune: those a filter would use."""
     return np.isin(prepared.schedule.kind, TUNING_KINDS) & (prepared.schedule.gate > 0.0)

@@ -185,7 +185,7 @@ def calibrate_sixposition(
 
     def part(some: Poses, k: IntArray) -> CalibrationResult:
         return calibrate_sixposition(
-            some, gravity=gravity, improved=improved, latitude=latitude, bias=bias, level_sigma=level_sigma,
+            some, gravity=gravity, improved=improved, latitude=latitude, bias=bias, level_sigma=level,
             headings=None if all_headings is None else all_headings[k], heading_sigma=heading_sigma, gyro=mode,
             instability=instability, faces=None if faces is None else [faces[int(i)] for i in k], halves=False,
         )  # fmt: skip

@@ -168,11 +168,14 @@ def solve_turns(
     if not halves or poses is None or not len(poses):
         return result
 
+    # a half of the faces cannot tell how level they are
+    level_held = also.get("level_sigma", level_sigma)
+
     def part(some: Poses, k: IntArray) -> CalibrationResult:
         return solve_turns(
             method, turns, some, gravity=gravity, g_sensitivity=g_sensitivity, latitude=latitude,
             headings=None if all_headings is None else all_headings[k], axis_n=axis_n, accel=accel,
-            accel_wanted=accel_wanted, bias=bias, level_sigma=level_sigma, heading_sigma=heading_sigma, sigmas=sigmas,
+            accel_wanted=accel_wanted, bias=bias, level_sigma=level_held, heading_sigma=heading_sigma, sigmas=sigmas,
             instability=instability, own_axis_only=own_axis_only, fit=fit, halves=False,
         )  # fmt: skip
 

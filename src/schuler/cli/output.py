@@ -17,7 +17,7 @@ from cyclopts import Parameter
 from schuler.files import check_writable
 
 if TYPE_CHECKING:
-    from schuler.navigation.evaluation.verdict import Verdict
+    from schuler.verdict import Verdict
 
 Flag = Annotated[bool, Parameter(negative=())]
 #: Text that may begin with a hyphen, as a list of columns does of which the first is passed over.

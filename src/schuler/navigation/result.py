@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from schuler.gnss.point_result import PointSolution
     from schuler.gnss.ranges import Ranges
     from schuler.navigation.evaluation.errors import TrajectoryErrors
-    from schuler.navigation.evaluation.verdict import Verdict
+    from schuler.verdict import Verdict
 
 
 @dataclass(frozen=True)

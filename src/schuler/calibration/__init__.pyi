@@ -2,6 +2,9 @@ from .bench.counts import CountFactors as CountFactors
 from .bench.counts import count_factors as count_factors
 from .bench.ferraris import calibrate_ferraris as calibrate_ferraris
 from .bench.multiposition import calibrate_multiposition as calibrate_multiposition
+from .bench.pose_table import PoseTable as PoseTable
+from .bench.pose_table import calibrate_poses as calibrate_poses
+from .bench.pose_table import read_pose_table as read_pose_table
 from .bench.poses import Poses as Poses
 from .bench.poses import poses_of as poses_of
 from .bench.ratetable import calibrate_angle_rate as calibrate_angle_rate
@@ -70,6 +73,7 @@ __all__ = [
     "FleetTable",
     "NextPose",
     "Plan",
+    "PoseTable",
     "Poses",
     "PredictedCovariance",
     "Residuals",
@@ -81,6 +85,7 @@ __all__ = [
     "calibrate_fleet",
     "calibrate_freepose",
     "calibrate_multiposition",
+    "calibrate_poses",
     "calibrate_ratetable",
     "calibrate_sixposition",
     "calibrate_thermal",
@@ -105,6 +110,7 @@ __all__ = [
     "predicted_sigma",
     "prior_of",
     "rate_plateaus",
+    "read_pose_table",
     "read_result",
     "result_from",
     "sigma_of_mean",

@@ -157,7 +157,7 @@ def calibrate_poses(table: PoseTable, *, gravity: float = G0) -> CalibrationResu
 
 def _poses(f: FloatArray, sigma: float) -> Poses:
     n = len(f)
-    t = 10.0 * np.arange(n)
+    t = np.arange(0.0, 10.0 * n, 10.0)
     every = np.full((n, 3), sigma)
     return Poses(f, np.zeros((n, 3)), every, np.ones((n, 3)), t, t + 5.0)
 
@@ -202,7 +202,7 @@ def _bias_alone(omega: FloatArray) -> CalibrationResult:
     if n < 3:
         raise InputError(f"rows: expected three poses or more for the bias of gyroscopes, got {n}")
     tiny = np.full((n, 3), 1e-6 * max(float(omega.std(axis=0).max()), 1e-12))
-    fit = rest_scatter(10.0 * np.arange(n), omega, tiny)
+    fit = rest_scatter(np.arange(0.0, 10.0 * n, 10.0), omega, tiny)
     return CalibrationResult(
         "poses", BIAS_G, fit.values[0], np.diag(fit.covariance[:, 0, 0]), "full",
         verdicts=("Gyroscopes at rest: the mean over the poses, Earth rate in its scatter, is their bias.",),

@@ -337,7 +337,7 @@ def _rest_rates(
             k = np.arange(len(q))
             V[:, k, k] += (variance * (1.0 / weight - 1.0)).T
     D = _rest_rows(f, len(parameters.estimated)).reshape(len(q), 3, -1).transpose(1, 0, 2)
-    return _RestRates(q, D.reshape(q.size, -1), np.linalg.solve(V, D).reshape(q.size, -1), spread)
+    return _RestRates(q, D.reshape(q.size, -1), np.asarray(np.linalg.solve(V, D).reshape(q.size, -1)), spread)
 
 
 def _rest_sigma(rests: Rests, nominal: float) -> FloatArray:

@@ -52,7 +52,9 @@ def split(name: str, a: CalibrationResult, b: CalibrationResult, skip: Sequence[
     good = np.isfinite(sigma) & (sigma > 0.0)
     rms: dict[str, float] = {}
     p: dict[str, float] = {}
-    for block in dict.fromkeys(b for n in difference.names if (b := block_of(n)) not in skip):
+    for block in dict.fromkeys(block_of(n) for n in difference.names):
+        if block in skip:
+            continue
         at = np.array([i for i, n in enumerate(difference.names) if block_of(n) == block and good[i]], dtype=int)
         if not len(at):
             continue

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from schuler.arrays import FloatArray
 from schuler.calibration.result.rest_scatter import RestScatter
@@ -109,6 +111,6 @@ def rest_causes(
     return sorted(out, key=lambda cause: (not cause.decisive, cause.after))
 
 
-def _left(A: FloatArray, y: FloatArray) -> float:
+def _left(A: npt.NDArray[Any], y: npt.NDArray[Any]) -> float:
     r = y - A @ np.linalg.lstsq(A, y, rcond=None)[0]
     return float(r @ r)

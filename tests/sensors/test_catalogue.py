@@ -196,4 +196,4 @@ def test_table_lists_everything():
     lines = catalogue.table().splitlines()
     assert len(lines) == 1 + len(catalogue.names())
     assert all(line.startswith(name) for line, name in zip(lines[1:], catalogue.names(), strict=True))
-    assert "arw_deg_rthr 0.1, in_run_deg_hr 0.35" in catalogue.table()
+    assert "0.1 deg/sqrt(h), 0.35 deg/h" in catalogue.table()

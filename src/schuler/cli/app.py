@@ -104,6 +104,11 @@ COMMANDS = {
         "Navigate a log with several architectures, with and without outages: one table.",
         "schuler compare drive.parquet --config drive.toml --outage-every 45:15 --lengths 2,10,30,60",
     ),
+    "catalogue": (
+        "schuler.cli.catalogue:catalogue",
+        "List the IMUs of the catalogue, or show one: each value with unit and source, unknown where unstated.",
+        "schuler catalogue MPU-6000",
+    ),
 }
 
 #: The methods of ``schuler calibrate``.
@@ -124,8 +129,12 @@ METHODS = {
 _ELSEWHERE = {"field": "schuler.cli.calibrate_field:field"}
 
 
+#: Commands that write no file.
+_READ_ONLY = ("info", "catalogue")
+
+
 def _after(name: str, example: str) -> str:
-    return f"Example: {example}" + ("" if name == "info" else f"\n\n{_KEPT}")
+    return f"Example: {example}" + ("" if name in _READ_ONLY else f"\n\n{_KEPT}")
 
 
 _text, _example = COMMANDS["calibrate"][1:]

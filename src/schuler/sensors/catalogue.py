@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -13,10 +13,15 @@ from typing import Any, Literal, TypeAlias
 
 from schuler.exceptions import InputError
 from schuler.files import read_toml
+from schuler.sensors.sheets import ACCEL_UNITS, GYRO_UNITS, AccelerometerSheet, GyroSheet, sheet_keys, sheet_unit
 from schuler.sensors.spec import ImuSpec, TriadSpec
 
 Kind: TypeAlias = Literal["imu", "gyro", "accelerometer", "grade", "class"]
+#: Where to look, for both interfaces.
+_LISTED = "catalogue.names() lists what there is, on the command line schuler catalogue"
 _KINDS = ("imu", "gyro", "accelerometer", "grade", "class")
+#: Beginnings of the names of what a thesis made for a simulation or a table of classes.
+_THESES = ("flenniken-", "hayal-", "yaman-", "stefanisko-", "du-")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +59,11 @@ class Entry:
     printed: Mapping[str, Any] = field(default_factory=dict)
     unstated: tuple[str, ...] = ()
 
+    @property
+    def is_device(self) -> bool:
+        """Whether it is a unit somebody makes, as stated or measured; not a grade, class or set of a thesis."""
+        return not (self.name.startswith(_THESES) or self.name.endswith("-emulated"))
+
 
 def names(kind: Kind | None = None) -> list[str]:
     """Names of all entries, or of those of one kind, in the order of the file.
@@ -68,6 +78,34 @@ def names(kind: Kind | None = None) -> list[str]:
     return [e.name for e in _entries().values() if kind in (None, e.kind)]
 
 
+def matches(part: str) -> list[str]:
+    """Names of the entries with these letters in their name or an alias, in the order of the file."""
+    key = plain(part)
+    return list(dict.fromkeys(name for alias, name in _index().items() if key in alias))
+
+
+def quantities(e: Entry, which: Literal["gyro", "accel"]) -> dict[str, tuple[float, str] | None]:
+    """Quantities of an error budget as the source of an entry states them.
+
+    Parameters
+    ----------
+    e : Entry
+    which : {"gyro", "accel"}
+
+    Returns
+    -------
+    dict of str to (value, unit) or None
+        By field of :class:`TriadSpec`, in the unit of the source; None where the source states nothing.
+    """
+    sheet, keys, fields = (
+        (e.gyro, sheet_keys(GyroSheet), GYRO_UNITS)
+        if which == "gyro"
+        else (e.accel, sheet_keys(AccelerometerSheet), ACCEL_UNITS)
+    )
+    stated = {keys[key][0]: (float(value), sheet_unit(key)) for key, value in sheet.items() if key in keys}
+    return {name: stated.get(name) for name in fields}
+
+
 def entry(name: str) -> Entry:
     """Look up an entry by name or alias; case, spaces, hyphens and underscores do not matter.
 
@@ -77,11 +115,15 @@ def entry(name: str) -> Entry:
         If there is none; the message proposes similar names.
     """
     index = _index()
-    key = _plain(name)
+    key = plain(name)
     if key not in index:
         near = difflib.get_close_matches(key, index, n=4, cutoff=0.5) or [k for k in index if key and key in k][:4]
         proposals = list(dict.fromkeys(index[k] for k in near))
-        hint = f"did you mean {' or '.join(proposals)}?" if proposals else "catalogue.names() lists what there is"
+        hint = (
+            f"did you mean {' or '.join(proposals)}?"
+            if proposals
+            else _LISTED
+        )
         raise InputError(f"no sensor {name!r} in the catalogue; {hint}")
     return _entries()[index[key]]
 
@@ -143,19 +185,23 @@ def triad(name: str, which: Literal["gyro", "accel"]) -> TriadSpec:
         raise InputError(f"catalogue entry {e.name}: {error}") from error
 
 
-def table() -> str:
-    """Text table of all entries: name, kind, gyroscope and accelerometer figures as in the sources, source."""
+def table(chosen: Iterable[str] | None = None) -> str:
+    """Text table of entries, all by default: name, kind, white noise and bias figure as in the sources, source."""
+    entries = list(_entries().values()) if chosen is None else [entry(name) for name in chosen]
     rows = [("name", "kind", "gyroscope", "accelerometer", "source")]
-    rows += [(e.name, e.kind, _headline(e.gyro), _headline(e.accel), e.source) for e in _entries().values()]
+    rows += [(e.name, e.kind, _headline(e, "gyro"), _headline(e, "accel"), e.source) for e in entries]
     widths = [max(len(row[k]) for row in rows) for k in range(4)]
     return "\n".join("  ".join([*(c.ljust(w) for c, w in zip(row, widths, strict=False)), row[4]]) for row in rows)
 
 
-def _headline(sheet: Mapping[str, Any]) -> str:
-    """White noise and the first bias figure."""
-    shown = [key for key in sheet if key.startswith(("arw", "vrw", "noise"))]
-    shown += [key for key in sheet if key.startswith(("bias_", "in_run_")) and key != "in_run_time_s"][:1]
-    return ", ".join(f"{key} {sheet[key]:g}" for key in shown) or "-"
+def _headline(e: Entry, which: Literal["gyro", "accel"]) -> str:
+    """White noise and the first bias figure; a hyphen for the triad that a single sensor does not have."""
+    if (e.kind, which) in (("gyro", "accel"), ("accelerometer", "gyro")):
+        return "-"
+    stated = quantities(e, which)
+    bias = next((k for k in ("turn_on_bias", "bias_instability", "in_run_bias") if stated[k] is not None), None)
+    shown = [stated[k] for k in ("random_walk", bias) if k is not None]
+    return ", ".join(f"{value:g} {unit}" for value, unit in filter(None, shown)) or "unknown"
 
 
 def _way_out(e: Entry) -> str:
@@ -167,7 +213,8 @@ def _way_out(e: Entry) -> str:
     return "it only has " + (", ".join(e.printed) or "a name")
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
+    """A name as names are compared: lower case, without spaces, hyphens and underscores."""
     return re.sub(r"[\s_-]+", "", str(name)).lower()
 
 
@@ -186,4 +233,4 @@ def _entries() -> dict[str, Entry]:
 
 @cache
 def _index() -> dict[str, str]:
-    return {_plain(alias): e.name for e in _entries().values() for alias in (e.name, *e.aliases)}
+    return {plain(alias): e.name for e in _entries().values() for alias in (e.name, *e.aliases)}

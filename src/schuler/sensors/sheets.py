@@ -17,6 +17,18 @@ _RTHR = math.sqrt(u.HR)
 _PER_DENSITY = {"one-sided": 1.0 / math.sqrt(2.0), "two-sided": 1.0}
 
 
+#: Unit by the end of a keyword.
+_ENDINGS = {
+    "ppm": "ppm", "percent": "%", "mrad": "mrad", "urad": "urad", "deg": "deg", "ppm_K": "ppm/K", "percent_K": "%/K",
+    "s": "s", "deg_rthr": "deg/sqrt(h)", "deg_s_rthz": "deg/s/sqrt(Hz)", "deg_hr_rthz": "deg/h/sqrt(Hz)",
+    "deg_hr": "deg/h", "deg_s": "deg/s", "deg_hr_rthr": "deg/h/sqrt(h)", "deg_hr_hr": "deg/h/h", "arcsec": "arcsec",
+    "deg_hr_g": "deg/h/g", "deg_s_g": "deg/s/g", "deg_hr_K": "deg/h/K", "deg_s_K": "deg/s/K",
+    "m_s_rthr": "m/s/sqrt(h)", "ug_rthz": "ug/sqrt(Hz)", "mg_rthz": "mg/sqrt(Hz)", "m_s2_rthz": "m/s^2/sqrt(Hz)",
+    "ug": "ug", "mg": "mg", "m_s2": "m/s^2", "ug_rthr": "ug/sqrt(h)", "ug_hr": "ug/h", "m_s": "m/s",
+    "mg_K": "mg/K", "ug_K": "ug/K", "g": "g",
+}  # fmt: skip
+
+
 class _Sheet(TypedDict, total=False):
     """Keywords that gyroscope and accelerometer share; the annotation holds the field and the factor to SI."""
 
@@ -120,6 +132,18 @@ def sheet_keys(sheet: type[GyroSheet] | type[AccelerometerSheet]) -> dict[str, t
     """Keyword -> (field of :class:`TriadSpec`, factor to SI) of a constructor."""
     hints = get_type_hints(sheet, include_extras=True)
     return {key: (hint.__metadata__[0], hint.__metadata__[1]) for key, hint in hints.items()}
+
+
+def sheet_unit(key: str) -> str:
+    """Unit that a keyword of a data sheet names at its end, as text; empty where it names none.
+
+    Parameters
+    ----------
+    key : str
+        Such as ``noise_ug_rthz``, whose unit is ug/sqrt(Hz).
+    """
+    endings = (suffix for suffix in _ENDINGS if key.endswith(f"_{suffix}"))
+    return _ENDINGS.get(max(endings, key=len, default=""), "")
 
 
 def read_sheet(

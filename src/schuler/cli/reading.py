@@ -130,7 +130,7 @@ class Reading(PartHints):
         """The log, cut as asked for; the norm of an uncalibrated sensor's specific force is not checked in a file."""
         hints = self.given
         if uncalibrated and self.columns is not None and self.allow is None:
-            names = self.columns.split(",")
+            names = [name.strip().removeprefix("-") for name in self.columns.split(",")]
             absent = [t for t, letter in (("gyro", "g"), ("accel", "a")) if f"{letter}x" not in names]
             if len(absent) == 1 and "*" not in names:
                 hints["allow"] = f"no-{absent[0]}"

@@ -11,7 +11,7 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import SchulerError
 from schuler.recording.formats import text
-from schuler.recording.io import lines
+from schuler.recording.io import dates, lines
 from schuler.recording.io.hints import ReadHints
 from schuler.units import G0, factor_for
 
@@ -134,13 +134,20 @@ def _numbers(path: Path) -> FloatArray | None:
         opening = text.open_text(path, ReadHints())
     except SchulerError:
         return None
-    rows = []
+    rows: list[list[str]] = []
     width = len(opening.fields)
     for _, fields in itertools.islice(opening.table.rows(), _ROWS):
-        if len(fields) == width and all(map(lines.is_value, fields)) and all(fields):
-            rows.append(fields)
+        if len(fields) == width and all(fields):
+            rows.append([_seconds(field) for field in fields] if any(map(dates.is_date, fields)) else fields)
+    rows = [row for row in rows if all(map(lines.is_value, row))]
     values = np.array(rows, dtype=np.float64) if rows else np.empty((0, width))
     return values[np.isfinite(values).all(axis=1)]
+
+
+def _seconds(field: str) -> str:
+    """A date as Unix time, any other field as it is. [s]"""
+    ns, _, bad = dates.unix_ns([field]) if dates.is_date(field) else (None, True, 0)
+    return field if ns is None or bad is not None else f"{ns[0] / dates.NS:.6f}"
 
 
 def _is_clock(x: FloatArray) -> bool:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from schuler.exceptions import FileFormatError, SchulerError
-from schuler.recording.io import columns, lines, own, own_satellites
+from schuler.exceptions import FileFormatError, InputError, SchulerError
+from schuler.recording.io import clock, columns, dates, lines, own, own_satellites
 from schuler.recording.io.assemble import recording_from
 from schuler.recording.io.hint_texts import ColumnSpec, factor, parse_columns, parse_units
 from schuler.recording.io.hints import ReadHints
@@ -135,17 +135,56 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
 
 
 def _load(opening: Opening, hints: ReadHints) -> Raw:
-    names, indices, stated, notes = _layout(opening, hints)
+    names, indices, stated, notes, negated = _layout(opening, hints)
     n_columns = len(opening.fields)
+    dated = _dated(opening, dict(zip(names, indices, strict=True)))
+    if dated is not None:
+        place = names.index("t")
+        del names[place], indices[place]
     values, truncated = lines.load(opening.table, n_columns, indices, allow_truncated=hints.allows("truncated"))
     if truncated:
         notes.append("The last line was cut off and left out.")
     arrays = {name: values[:, k] for k, name in enumerate(names)}
-    return Raw(opening.table.path, arrays, stated, opening.table.line_of, notes=notes)
+    raw = Raw(opening.table.path, arrays, stated, opening.table.line_of, notes=notes, negated=negated)
+    if dated is not None:
+        rows = itertools.islice(opening.table.rows(), len(values))
+        _stamp(raw, hints, [fields[dated] for _, fields in rows])
+    return raw
 
 
-def _layout(opening: Opening, hints: ReadHints) -> tuple[list[str], list[int], dict[str, str], list[str]]:
-    """Names and positions of the columns to read, the units the header states, and notes."""
+def _dated(opening: Opening, chosen: dict[str, int]) -> int | None:
+    """Position of the time column if its stamps are dates."""
+    k = chosen.get("t")
+    return k if k is not None and dates.is_date(opening.fields[k]) else None
+
+
+def _stamp(raw: Raw, hints: ReadHints, texts: list[str]) -> None:
+    """Make the time column of dates, on GPS time."""
+    ns, zoned, bad = dates.unix_ns(texts)
+    if bad is not None:
+        raise raw.fault(f"t: expected a date such as 2024-05-01T12:00:00.25Z, got {lines.shorten(texts[bad], 40)}", bad)
+    if hints.time not in (None, "unix", "utc-unix") and (zoned or hints.time != "gps-unix"):
+        meant = (
+            "state their zone: leave time out" if zoned else "say time='unix' if they are UTC, 'gps-unix' if GPS time"
+        )
+        raise raw.fault(f"time={hints.time!r}, but the stamps are dates; {meant}")
+    if "received" in raw.values:
+        raise raw.fault("received: expected dates as in the column t, which are not read here: skip it with -")
+    notes: list[str] = []
+    try:
+        seconds, raw.time = clock.from_unix({"t": ns}, hints.time, notes, assumed="unix")
+    except InputError as error:
+        raise raw.fault(str(error)) from error
+    raw.values["t"], raw.stated["t"] = seconds["t"], "s"
+    if hints.time is None and not zoned:
+        raw.notes.append(
+            "Dates without a zone are taken as UTC (hint time='gps-unix' for GPS time, offset for others)."
+        )
+    raw.notes += [note.replace("Stamps are taken as Unix time (UTC)", "Stamps are dates") for note in notes]
+
+
+def _layout(opening: Opening, hints: ReadHints) -> tuple[list[str], list[int], dict[str, str], list[str], set[str]]:
+    """Names and positions of the columns to read, the units the header states, notes, and columns it negates."""
     notes: list[str] = []
     path, header = opening.table.path, opening.header
     parsed = parse_columns(hints.columns)
@@ -169,11 +208,20 @@ def _layout(opening: Opening, hints: ReadHints) -> tuple[list[str], list[int], d
                 f"columns: in a text file all names are mapped to headers or none, got {hints.columns!r}", path
             )
         chosen = {spec.name: _find_header(opening, spec.source or "") for spec in specs}
-    stated = _stated_units(opening, hints, chosen, notes) if fits else {}
+    with_unit = {name: k for name, k in chosen.items() if name != "t" or _dated(opening, chosen) is None}
+    stated = _stated_units(opening, hints, with_unit, notes) if fits else {}
+    negated = {
+        name
+        for name, k in chosen.items()
+        if parsed is None
+        and header is not None
+        and name in columns.SIGNED
+        and header[1][k].strip("\"' ").startswith("-")
+    }
     if header is not None and in_order:
         kept = " but for the units it states" if stated else ""
         notes.append(f"The header in line {header[0]} was passed over{kept}, since the columns were given.")
-    return list(chosen), list(chosen.values()), stated, notes
+    return list(chosen), list(chosen.values()), stated, notes, negated
 
 
 def _by_order(opening: Opening, hints: ReadHints, specs: list[ColumnSpec | None], rest: bool) -> dict[str, int]:
@@ -201,6 +249,10 @@ def _by_header(opening: Opening, hints: ReadHints, notes: list[str]) -> dict[str
     number, fields = header
     recognised = {k: name for k, name in ((k, columns.recognise(field)) for k, field in enumerate(fields)) if name}
     names = [name for name, _ in recognised.values()]
+    day = [k for k, field in enumerate(opening.fields) if dates.is_date(field)]
+    if "t" not in names and len(day) == 1 and hints.rate is None and day[0] not in recognised:
+        recognised[day[0]] = ("t", None)
+        names.append("t")
     series = columns.series_of(names)
     if not series or ("x" in names and series == ["reference"] and not {"y", "z"} <= set(names)):
         raise FileFormatError(

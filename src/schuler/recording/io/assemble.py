@@ -15,7 +15,15 @@ from schuler.recording.io import checks, columns, own
 from schuler.recording.io.bursts import spread_bursts
 from schuler.recording.io.clock import stamps
 from schuler.recording.io.gnss_table import gnss_series, reference_path
-from schuler.recording.io.hint_texts import COUNTS, COUNTS_NOTE, axes_matrix, factor, parse_scale, parse_units
+from schuler.recording.io.hint_texts import (
+    COUNTS,
+    COUNTS_NOTE,
+    axes_matrix,
+    factor,
+    parse_columns,
+    parse_scale,
+    parse_units,
+)
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import HUGE, Raw, check_increasing
 from schuler.recording.recording import Metadata, Recording
@@ -61,6 +69,7 @@ def series_from(
     _check_finite(raw)
     _to_si(raw, hints, series)
     delay = raw.values["received"] - raw.values["t"] if raw.has(("received", "t")) else None
+    time = raw.time if time is None else time
     t, base = _time(raw, hints, time)
     if delay is not None and time is None:
         raw.values["received"] = t + delay  # on the time base of t
@@ -132,11 +141,16 @@ def _to_si(raw: Raw, hints: ReadHints, series: str) -> None:
     stated, scale = parse_units(hints.units, hints.kind), parse_scale(hints.scale)
     if isinstance(scale, str):
         raise raw.fault(f"scale={scale!r} names an array, which only .mat and .npz files hold; give numbers")
+    negated = raw.negated | {
+        spec.name for spec in (parse_columns(hints.columns) or ([], False))[0] if spec and spec.negated
+    }
+    if turned := [name for name in raw.values if name in negated]:
+        raw.notes.append(f"Signs were changed: {', '.join(turned)}.")
     # the time is seen to by _time; other columns become series, and a view would keep all of the file in memory
     stacked = {"t", *own.JOINED, *columns.EULER} if series in ("imu", "gnss", "reference") else {"t"}
     for name in raw.values:
         group = columns.GROUP[name]
-        number = (scale or {}).get(name, (scale or {}).get(group or "", 1.0))
+        number = (scale or {}).get(name, (scale or {}).get(group or "", 1.0)) * (-1.0 if name in negated else 1.0)
         if group is None:
             raw.values[name] = _times(raw.values[name], number, name in stacked)
             continue

@@ -42,13 +42,15 @@ GROUP: dict[str, str | None] = {
     "lat": "angle",
     "lon": "angle",
     **dict.fromkeys(EULER, "angle"),
-    **dict.fromkeys(("heading", "sheading"), "angle"),
+    **dict.fromkeys(("heading", "sheading", "course"), "angle"),
     **dict.fromkeys(("h", "sh"), "length"),
     **dict.fromkeys((*SIGMA, *ECEF), "length"),
     **dict.fromkeys((*VELOCITY, *VELOCITY_SIGMA, *ECEF_VELOCITY, "speed", "sspeed"), "velocity"),
     **dict.fromkeys((*CROSS, *VELOCITY_CROSS, *QUATERNION, "q", "ns"), None),
 }
 SKIPS = ("-", "_")
+#: Columns whose sign a ``-`` before the name changes.
+SIGNED = (*ACCEL, *GYRO, *VELOCITY, *ECEF_VELOCITY, *EULER, "heading", "lat", "lon", "speed")
 #: Stand for three columns where a name is mapped to an N x 3 array (MATLAB and NumPy files).
 TRIADS = {"accel": ACCEL, "gyro": GYRO}
 
@@ -69,6 +71,10 @@ def _spellings() -> dict[str, str]:
         table[word] = "t"
     table |= {"temperature": "temp", "tmp": "temp", "latitude": "lat", "longitude": "lon", "lng": "lon", "height": "h"}
     table |= {"quality": "q", "n_satellites": "ns", "nsat": "ns"}
+    for word in ("cog", "course_over_ground", "bearing"):
+        table[word] = "course"
+    for word in ("sog", "speed_over_ground", "ground_speed", "groundspeed"):
+        table[word] = "speed"
     table |= {"hdg": "heading", "sigma_heading": "sheading", "sigma_height": "sh"}
     return table
 
@@ -148,10 +154,24 @@ def check_known(word: str, choices: Iterable[str], what: str) -> str:
     raise InputError(f"{what}: {word!r} is not known{suggestion} Known are: {', '.join(choices)}")
 
 
+#: Velocity of a fix as receivers, phones and cars state it, and the 1-sigma of the speed.
+OVER_GROUND = ("speed", "course", "sspeed")
 #: Columns that make up each series.
 BELONGS = {
     "imu": {"t", *ACCEL, *GYRO, "temp"},
-    "gnss": {"t", *GEODETIC, *VELOCITY, *SIGMA, *VELOCITY_SIGMA, *CROSS, *VELOCITY_CROSS, "q", "ns", "received"},
+    "gnss": {
+        "t",
+        *GEODETIC,
+        *VELOCITY,
+        *SIGMA,
+        *VELOCITY_SIGMA,
+        *CROSS,
+        *VELOCITY_CROSS,
+        "q",
+        "ns",
+        "received",
+        *OVER_GROUND,
+    },
     "odometer": {"t", "speed", "sspeed"},
     "heading": {"t", "heading", "sheading"},
     "height": {"t", "h", "sh"},
@@ -175,7 +195,7 @@ def series_of(names: Iterable[str]) -> list[str]:
         kinds.append("imu")
     if present & {"lat", "lon"}:
         kinds.append("gnss")
-    if "speed" in present:
+    if "speed" in present and not present >= {"lat", "lon", "course"}:
         kinds.append("odometer")
     if present & set(ECEF):
         kinds.append("reference")

@@ -9,7 +9,7 @@ import numpy as np
 from schuler import frames, rotation, units
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.recording.io import columns
+from schuler.recording.io import columns, over_ground
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import Raw
 from schuler.recording.recording import Recording
@@ -40,13 +40,26 @@ def gnss_series(raw: Raw, hints: ReadHints, t: FloatArray) -> GnssSeries:
     llh = _geodetic(raw, hints)
     v_n, cov_v_n = None, None
     cov_r_n = _covariance(raw, hints, columns.SIGMA, columns.CROSS, 0)
+    if _over_ground(raw, hints, t, llh):
+        hints = replace(hints, sigma=None)  # what it says of velocity is in them
+    level = raw.has(columns.VELOCITY[:2]) and "vd" not in raw.values
+    if level:
+        raw.values["vd"] = np.zeros(len(t))
+        if raw.has(columns.VELOCITY_SIGMA[:2]):
+            raw.values["svd"] = np.full(len(t), over_ground.NO_VERTICAL_RATE)
+        raw.notes.append("There is no vertical velocity: it is zero with a 1-sigma of 10 m/s.")
     if any(name in raw.values for name in columns.VELOCITY):
         if not raw.has(columns.VELOCITY):
-            raise raw.fault("a velocity needs vn, ve and vd (north, east, down); name all three or skip them with -")
+            raise raw.fault(
+                "a velocity needs vn and ve (north, east), vd (down) where there is one; name them or skip them with -"
+            )
         with_sigma = raw.has(columns.VELOCITY_SIGMA) or len(hints.sigmas or ()) == 6
         if with_sigma or not hints.allows("no-velocity"):
             v_n = raw.stack(columns.VELOCITY)
             cov_v_n = _covariance(raw, hints, columns.VELOCITY_SIGMA, columns.VELOCITY_CROSS, 3)
+            if level:
+                cov_v_n[:, 2, :] = cov_v_n[:, :, 2] = 0.0
+                cov_v_n[:, 2, 2] = over_ground.NO_VERTICAL_RATE**2
         else:
             raw.notes.append("Velocities come without an accuracy and were left out.")
     quality = _integers(raw, "q")
@@ -56,6 +69,25 @@ def gnss_series(raw: Raw, hints: ReadHints, t: FloatArray) -> GnssSeries:
             meanings = ", ".join(f"{k} {v}" for k, v in QUALITY.items())
             raise raw.fault(f"expected a quality q of {meanings}, got {quality[bad[0]]}: skip the column", int(bad[0]))
     return GnssSeries(t, llh, cov_r_n, v_n, cov_v_n, quality, _integers(raw, "ns"), raw.values.get("received"))
+
+
+def _over_ground(raw: Raw, hints: ReadHints, t: FloatArray, llh: FloatArray) -> bool:
+    """Make velocities of the columns speed and course where there are no others; whether that was done."""
+    if not raw.has(("speed", "course")):
+        return False
+    if any(name in raw.values for name in columns.VELOCITY):
+        raw.notes.append("Speed and course were not used: there are velocities.")
+        return False
+    speed, course, sigma = raw.values["speed"], raw.values["course"], raw.values.get("sspeed")
+    if sigma is None and len(hints.sigmas or ()) == 6:
+        sigma = np.full(len(t), max((hints.sigmas or ())[3:5]))
+    # phones write -1 for a fix without one; courses of -180 to 180 degrees are courses
+    still = speed < 0.0
+    without = still | ((course < 0.0) & bool(course.min() > -1.001 * units.DEG))
+    speed, course = np.where(still, np.nan, speed), np.where(without, np.nan, course)
+    made = over_ground.velocities(t, (llh[:, 0], llh[:, 1]), speed, course, (sigma, None), raw.notes)
+    raw.values |= made
+    return bool(made)
 
 
 def _geodetic(raw: Raw, hints: ReadHints) -> FloatArray:

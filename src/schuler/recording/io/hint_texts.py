@@ -11,7 +11,7 @@ import numpy as np
 from schuler import units
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.recording.io.columns import GROUP, GROUP_QUANTITY, INCREMENT_QUANTITY, SKIPS, TRIADS, check_known
+from schuler.recording.io.columns import GROUP, GROUP_QUANTITY, INCREMENT_QUANTITY, SIGNED, SKIPS, TRIADS, check_known
 
 #: Checks and demands a user may lift by name, with what happens then.
 ALLOWANCES = {
@@ -44,10 +44,11 @@ class TimeSpec:
 
 @dataclass(frozen=True, slots=True)
 class ColumnSpec:
-    """One entry of the hint ``columns``: a name, and the header or array it is mapped to, if it is."""
+    """One entry of the hint ``columns``: a name, its header or array if it has one, and whether its sign changes."""
 
     name: str
     source: str | None = None
+    negated: bool = False
 
 
 def parse_columns(text: str | None) -> tuple[list[ColumnSpec | None], bool] | None:
@@ -72,9 +73,13 @@ def parse_columns(text: str | None) -> tuple[list[ColumnSpec | None], bool] | No
         name, equals, source = (part.strip() for part in entry.partition("="))
         if not name or (equals and not source):
             raise InputError(f"columns: cannot read {text!r}: write names with commas between, for example t,ax,ay,az")
+        negated = name.startswith("-")
+        name = name.removeprefix("-").strip()
+        if negated:
+            check_known(name, SIGNED, "columns: - before a name changes the sign of a component")
         if not (equals and name in TRIADS):
             check_known(name, [*GROUP, *SKIPS, "*"], "columns")
-        specs.append(ColumnSpec(name, source if equals else None))
+        specs.append(ColumnSpec(name, source if equals else None, negated))
     names = [spec.name for spec in specs if spec is not None]
     if twice := sorted({n for n in names if names.count(n) > 1}):
         raise InputError(f"columns: {', '.join(twice)} named more than once in {text!r}; skip the other one with -")

@@ -369,8 +369,8 @@ def _fault(table: TextTable, fields: list[str], n_columns: int, used: list[int])
                 return f"column {column + 1}: decimal commas are not read, got {shown}; write points"
             if _DATE.match(field):
                 return (
-                    f"column {column + 1}: dates and clock times are not read, got {shown}; write seconds, and say "
-                    "what they count from with the hint time"
+                    f"column {column + 1}: expected a number, got {shown}; write seconds (hint time says what they "
+                    "count from), or in the column t of every row a date such as 2024-05-01T12:00:00.25Z"
                 )
             return f"column {column + 1}: expected a number, got {shown}; correct the line, or skip the column with -"
         if not field:

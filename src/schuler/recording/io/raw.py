@@ -10,6 +10,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
+from schuler.timebase import TimeBase
 
 HUGE = 1e30  # no quantity in any unit is as large; keeps later products finite
 
@@ -34,6 +35,10 @@ class Raw:
         The file itself says that its heights are ellipsoidal.
     interval : float
         Median spacing of the stamps, filled in on the way. [s]
+    time : TimeBase, optional
+        Meaning of the stamps where the file states it, as dates do.
+    negated : set of str
+        Columns of the opposite sign, by the file's header.
     """
 
     path: Path
@@ -44,6 +49,8 @@ class Raw:
     notes: list[str] = field(default_factory=list)
     ellipsoidal: bool = False
     interval: float = float("nan")
+    time: TimeBase | None = None
+    negated: set[str] = field(default_factory=set)
 
     def fault(self, message: str, row: int | None = None) -> FileFormatError:
         """An error that names the row by its line, or in a file without lines by its number."""

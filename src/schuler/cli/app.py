@@ -109,6 +109,11 @@ COMMANDS = {
         "List the IMUs of the catalogue, or show one: each value with unit and source, unknown where unstated.",
         "schuler catalogue MPU-6000",
     ),
+    "explain": (
+        "schuler.cli.explain:explain",
+        "Explain a term of the field (ARW, NEES, lever arm, ...) with its conversions.",
+        "schuler explain ARW",
+    ),
 }
 
 #: The methods of ``schuler calibrate``.
@@ -130,7 +135,7 @@ _ELSEWHERE = {"field": "schuler.cli.calibrate_field:field"}
 
 
 #: Commands that write no file.
-_READ_ONLY = ("info", "catalogue")
+_READ_ONLY = ("info", "catalogue", "explain")
 
 
 def _after(name: str, example: str) -> str:

@@ -21,7 +21,7 @@ RULES = (
         "log",
         r"\.(obs|rnx|nav|pos|ubx|imu|\d\d[nNoOlLbB])$|/(imu0|state_groundtruth_estimate0)/data\.csv$|/(imu_gpst|vn310-\w+(-after)?)\.csv$|/static_z[^/]*\.csv$",
     ),
-    ("log", r"/(insgpseo_tc\.mat|android_pixel6\.txt)$|oan_phone_drive/.*\.csv$"),
+    ("log", r"/(insgpseo_tc\.mat|android_pixel6\.txt)$|oan_phone_drive/.*\.csv$|pyshoe_(more|vicon)/.*\.mat$"),
     # tables and arrays of which only their owner knows what they are
     ("hints", r"\.(csv|txt|dat|mat|npz|npy|log)$"),
 )

@@ -63,7 +63,7 @@ def test_gpx_by_another_reader(tmp_path):
     write(run, tmp_path / "a.gpx")
     with (tmp_path / "a.gpx").open(encoding="utf-8") as stream:
         (track,) = gpxpy.parse(stream).tracks
-    assert track.name == "Größe & <Rest> "
+    assert track.name == "Größe & <Rest>\ufffd"
     points = track.segments[0].points
     np.testing.assert_allclose([p.latitude for p in points], run.gnss.llh[:, 0] / units.DEG, rtol=0, atol=1e-9)
     np.testing.assert_allclose([p.elevation for p in points], run.gnss.llh[:, 2], rtol=0, atol=1e-3)

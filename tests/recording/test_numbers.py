@@ -17,7 +17,7 @@ from schuler.recording.io import _kernels, checks, gnss_table, lines, local_fram
 from schuler.recording.io.lines import TextTable
 from schuler.recording.io.raw import Raw
 from schuler.recording.recording import Metadata, Recording
-from schuler.recording.series import ImuSeries
+from schuler.recording.series import ImuSeries, positive_definite
 from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 
@@ -299,10 +299,10 @@ def test_covariances_are_judged_by_their_eigenvalues():
         cov[:, i, j] = cov[:, j, i] = cov[:, i, j] * grow[:, k]
     expected = np.linalg.eigvalsh(cov).min(axis=1) > 0.0
     assert 0.2 < expected.mean() < 0.9
-    np.testing.assert_array_equal(gnss_table._definite(cov), expected)
+    np.testing.assert_array_equal(positive_definite(cov), expected)
     # accuracies of very different size: eigenvalues lose the smallest one, correlations do not
     wide = np.diag([1e-12, 1e12, 1.0])[None]
-    assert gnss_table._definite(wide).all()
+    assert positive_definite(wide).all()
 
 
 def test_columns_that_lie_side_by_side_are_not_copied(tmp_path):

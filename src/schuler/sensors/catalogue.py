@@ -119,11 +119,7 @@ def entry(name: str) -> Entry:
     if key not in index:
         near = difflib.get_close_matches(key, index, n=4, cutoff=0.5) or [k for k in index if key and key in k][:4]
         proposals = list(dict.fromkeys(index[k] for k in near))
-        hint = (
-            f"did you mean {' or '.join(proposals)}?"
-            if proposals
-            else _LISTED
-        )
+        hint = f"did you mean {' or '.join(proposals)}?" if proposals else _LISTED
         raise InputError(f"no sensor {name!r} in the catalogue; {hint}")
     return _entries()[index[key]]
 

@@ -259,6 +259,7 @@ class _Quantity(NamedTuple):
     values: FloatArray
     limits: tuple[float, float]
     unit: str
+    scaled: bool = False  # another unit is likelier than damage where most rows are beyond
 
 
 def check_possible(recording: Recording, path: Path, allowed: Callable[[str], bool]) -> Recording:
@@ -276,7 +277,8 @@ def check_possible(recording: Recording, path: Path, allowed: Callable[[str], bo
     Raises
     ------
     FileFormatError
-        At the first impossible number of a series, with its row and time.
+        At the first impossible number of a series, with its row and time. Where most rows of an IMU are beyond what is
+        possible it is their unit and no damage: a note says so, and the checks of a log tell the unit.
     """
     from dataclasses import replace
 
@@ -287,7 +289,14 @@ def check_possible(recording: Recording, path: Path, allowed: Callable[[str], bo
         if not q.values.size or (q.values.min() >= low and q.values.max() <= high):
             continue
         wrong: BoolArray = ~((q.values >= low) & (q.values <= high))
-        row = int(np.flatnonzero(wrong.reshape(len(wrong), -1).any(axis=1))[0])
+        rows = np.flatnonzero(wrong.reshape(len(wrong), -1).any(axis=1))
+        if q.scaled and 2 * len(rows) > len(wrong):
+            # counts or another unit, of which the checks of a log say which, and with what option
+            notes.append(
+                f"Of the rows {len(rows) / len(wrong):.0%} have a {q.name} beyond {high:.4g} {q.unit}: in another unit?"
+            )
+            continue
+        row = int(rows[0])
         value = float(np.atleast_1d(q.values[row])[np.atleast_1d(wrong[row])][0])
         limits = f"{low:.4g} to {high:.4g}" if low != -high else f"up to {high:.4g}"
         t = getattr(recording, q.series).t[row]
@@ -309,8 +318,8 @@ def _quantities(recording: Recording) -> Iterator[_Quantity]:
     if (imu := recording.imu) is not None:
         if not any(COUNTS_NOTE in note for note in recording.metadata.notes):
             accel, gyro = _mean_rates(imu)
-            yield _Quantity("imu", "specific force", accel, (-MAX_FORCE, MAX_FORCE), "m/s^2")
-            yield _Quantity("imu", "angular rate", gyro, (-MAX_RATE, MAX_RATE), "rad/s")
+            yield _Quantity("imu", "specific force", accel, (-MAX_FORCE, MAX_FORCE), "m/s^2", scaled=True)
+            yield _Quantity("imu", "angular rate", gyro, (-MAX_RATE, MAX_RATE), "rad/s", scaled=True)
         if imu.temperature is not None:
             yield _Quantity("imu", "the temperature", imu.temperature, TEMPERATURES, "degC")
     if (gnss := recording.gnss) is not None:

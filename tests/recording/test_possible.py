@@ -54,7 +54,7 @@ def test_an_impossible_number_is_refused_with_its_row_unless_allowed(aided, tmp_
 def test_a_whole_log_beyond_is_a_unit_and_left_to_the_checks(aided, tmp_path):
     counts = replace(aided, imu=replace(aided.imu, accel=400.0 * aided.imu.accel))
     back = read(write(counts, tmp_path / "run.parquet")[0])
-    assert any("rows 100% have a specific force beyond" in note for note in back.metadata.notes)
+    assert any("100 % of the rows have a specific force beyond" in note for note in back.metadata.notes)
 
 
 def test_the_centre_of_the_earth_is_no_place(aided, tmp_path):

@@ -114,6 +114,11 @@ COMMANDS = {
         "Explain a term of the field (ARW, NEES, lever arm, ...) with its conversions.",
         "schuler explain ARW",
     ),
+    "doctor": (
+        "schuler.cli.doctor:doctor",
+        "Say whether this installation works: versions, extras, kernels on disk, a short simulated run.",
+        "schuler doctor --warm",
+    ),
 }
 
 #: The methods of ``schuler calibrate``.
@@ -135,7 +140,7 @@ _ELSEWHERE = {"field": "schuler.cli.calibrate_field:field"}
 
 
 #: Commands that write no file.
-_READ_ONLY = ("info", "catalogue", "explain")
+_READ_ONLY = ("info", "catalogue", "explain", "doctor")
 
 
 def _after(name: str, example: str) -> str:

@@ -174,6 +174,12 @@ def test_without_a_reference(full, tmp_path):
     assert page.text["h1"] == ["a drive"]
 
 
+def test_against_fixes_at_the_antenna(full, tmp_path):
+    away = replace(full.result, lever_arm_b=np.array([0.5, -0.3, -1.2]))
+    page = Page(away.report(tmp_path / "r.html", reference=full.truth, at_antenna=True, gnss=full.gnss).read_text())
+    assert "The way of the antenna" in page.text["figcaption"][0]
+
+
 def test_smoothed_alone(full, tmp_path):
     page = Page(full.smoothed.report(tmp_path / "r.html", reference=full.truth).read_text())
     assert "smoothed" in page.text["th"]

@@ -53,7 +53,7 @@ def track(subject: Subject) -> Figure:
         way = _at_reference_point(subject, result.trajectory)
         plan = frames.ned_from_ecef(way.r_eb_e, origin)
         sigma = np.linalg.norm(subject.position_sigma(result)[:, :2], axis=1)
-        along = [(TIME, subject.seconds(way.t)), ("speed [m/s]", np.linalg.norm(way.v_eb_n, axis=1))]
+        along = [(TIME, subject.seconds(way.t)), ("speed [m/s]", np.linalg.norm(result.trajectory.v_eb_n, axis=1))]
         along += [("1-sigma [m]", np.interp(way.t, result.t, sigma))] if len(result.t) else []
         items.append(path(plan[:, 1], plan[:, 0], role, role, along))
     for k, role in ((0, "start"), (-1, "end")):

@@ -119,6 +119,16 @@ COMMANDS = {
         "Say whether this installation works: versions, extras, kernels on disk, a short simulated run.",
         "schuler doctor --warm",
     ),
+    "config": (
+        "schuler.cli.config:config",
+        "Write the JSON schema of a navigation configuration, by which editors complete and check.",
+        "schuler config schema --out schuler.schema.json",
+    ),
+    "completion": (
+        "schuler.cli.completion:completion",
+        "Print the script that completes commands and options in bash, zsh or fish.",
+        "schuler completion bash > ~/.local/share/bash-completion/completions/schuler",
+    ),
 }
 
 #: The methods of ``schuler calibrate``.
@@ -140,7 +150,7 @@ _ELSEWHERE = {"field": "schuler.cli.calibrate_field:field"}
 
 
 #: Commands that write no file.
-_READ_ONLY = ("info", "catalogue", "explain", "doctor")
+_READ_ONLY = ("info", "catalogue", "explain", "doctor", "completion")
 
 
 def _after(name: str, example: str) -> str:

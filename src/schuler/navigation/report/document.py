@@ -107,7 +107,7 @@ def _page(subject: Subject, script: str, title: str, recording_summary: str | No
         title,
         "navigation report",
         _subtitle(subject),
-        (verdict.judgement(subject), *verdict.verdict(subject)),
+        (*verdict.judgement(subject), *verdict.verdict(subject)),
         _conventions(subject),
         sections,
         script,

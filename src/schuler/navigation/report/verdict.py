@@ -39,15 +39,16 @@ class Row(NamedTuple):
     values: tuple[str, ...]
 
 
-def judgement(subject: Subject) -> str:
-    """Verdict on the run alone in one paragraph: status, reasons, the likeliest cause, remarks."""
+def judgement(subject: Subject) -> list[str]:
+    """Verdict on the run alone, a sentence each: status with its gravest reason, more reasons, causes, remarks."""
     v = subject.result.verdict
     if v.status == "ok":
-        text = "OK: nothing in the run contradicts what the filter claims."
+        sentences = ["OK: nothing in the run contradicts what the filter claims."]
     else:
-        text = f"{v.status.upper()}: {'; '.join(v.reasons)}."
-        text += "".join(f" {lead} {c}." for lead, c in zip(("Likely:", "Or:", "Or:"), v.causes, strict=False))
-    return text + "".join(f" Remark: {remark}." for remark in v.remarks)
+        first, *more = v.reasons
+        sentences = [f"{v.status.upper()}: {first}.", *(f"{reason}." for reason in more)]
+        sentences += [f"{lead} {c}." for lead, c in zip(("Likely:", "Or:", "Or:"), v.causes, strict=False)]
+    return sentences + [f"Remark: {remark}." for remark in v.remarks]
 
 
 def verdict(subject: Subject) -> tuple[str, str, str, str]:
@@ -195,7 +196,8 @@ def _consistency_sentence(subject: Subject) -> str:
     role = subject.solutions[0][0]
     shares = float(np.mean(subject.inside_three_sigma[role])) if role in subject.inside_three_sigma else 1.0
     # errors decide before innovations: they are what is claimed
-    text = _claim_against_size(sizes[0], "errors" if subject.nees is not None else "innovations", shares)
+    sized = "errors" if subject.nees is not None else "innovations"
+    text = _claim_against_size(sizes[0], sized, shares, subject.result.verdict.status == "ok")
     if shares < _LEAST_INSIDE:
         words.append(f"{100.0 * shares:.0f} % of its position errors lie inside three sigma, where 99.7 % should")
     apart = subject.apart
@@ -242,7 +244,7 @@ def _normalised_sizes(subject: Subject) -> tuple[list[float], list[str]]:
     return sizes, words
 
 
-def _claim_against_size(factor: float, sized: str, shares: float) -> str:
+def _claim_against_size(factor: float, sized: str, shares: float, undoubted: bool) -> str:
     """Judgement of the claimed uncertainty by the size of errors or innovations, and the share inside three sigma."""
     if factor > _SIZE_TOLERANCE:
         return f"The filter is too sure of itself, its {sized} being {number(factor)} times what it claims on average"
@@ -250,6 +252,8 @@ def _claim_against_size(factor: float, sized: str, shares: float) -> str:
         return "The filter's uncertainty fits what it was given, but not all of its errors"
     if factor < 1.0 / _SIZE_TOLERANCE:
         return f"The filter is too cautious, its {sized} being only {number(factor)} times what it claims on average"
+    if not undoubted:  # an average that fits contradicts no reason for doubt
+        return f"The filter's uncertainty fits its {sized} on average"
     return "The filter's uncertainty can be believed"
 
 

@@ -119,3 +119,49 @@ def test_horizontal_velocities_say_nothing_of_the_vertical_one(tmp_path, names, 
     np.testing.assert_array_equal(log.gnss.v_n, np.tile([7.0, 7.1, 0.0], (60, 1)))
     np.testing.assert_allclose(log.gnss.cov_v_n, np.tile(np.diag([0.01, 0.04, 100.0]), (60, 1, 1)))
     assert any("no vertical velocity" in note for note in log.metadata.notes)
+
+
+GARBLED = ("0.5,0.01,0.0", "0.5,#\x7f,0.02,-1,0.1,0.2,0.3", "0.5,0.01,0.02-1.0,0.1,0.2,0.3,0.4", "1.2.3,0,0,1,0,0,0")
+
+
+def garble(path, at, wrong=GARBLED):
+    rows = path.read_text().splitlines()
+    for k, text in zip(at, wrong, strict=True):
+        rows.insert(k, text)
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("stamps", [np.arange(200) * 0.01, clocks()])
+@pytest.mark.parametrize("columns", [None, "t,ax,ay,az,gx,gy,gz"])
+def test_garbled_lines_up_to_a_share_are_left_out_and_counted(tmp_path, stamps, columns):
+    hints = READ | ({} if columns is None else {"columns": columns})
+    clean = schuler.read(imu(tmp_path, stamps, name="clean.csv"), **hints)
+    path = garble(imu(tmp_path, stamps), (1, 50, 60, 90))  # the first: a log that begins in the middle of a line
+    with pytest.raises(FileFormatError):
+        schuler.read(path, **hints)
+    log = schuler.read(path, bad_lines=0.02, **hints)
+    np.testing.assert_array_equal(log.imu.t, clean.imu.t)
+    np.testing.assert_array_equal(log.imu.accel, clean.imu.accel)
+    assert "4 garbled lines of 204 were left out." in log.metadata.notes
+    with pytest.raises(FileFormatError, match=r"4 of 204 lines are garbled, more than bad_lines=0.01 allows") as error:
+        schuler.read(path, bad_lines=0.01, **hints)
+    assert error.value.line == 2
+
+
+def test_a_clean_log_is_the_same_with_garbled_lines_allowed(tmp_path):
+    path = imu(tmp_path, np.arange(200) * 0.01)
+    plain, lenient = schuler.read(path, **READ), schuler.read(path, bad_lines=0.1, **READ)
+    np.testing.assert_array_equal(plain.imu.gyro, lenient.imu.gyro)
+    assert plain.metadata.notes == lenient.metadata.notes
+    for share in (-0.1, 0.5, "some"):
+        with pytest.raises(InputError, match="bad_lines"):
+            schuler.read(path, bad_lines=share, **READ)
+
+
+def test_faults_of_good_rows_name_their_line(tmp_path):
+    path = garble(imu(tmp_path, np.arange(200) * 0.01), (50, 60), ("#!", "0.3,0.01,0.02,-1.0,0.1,0.2,0.3"))
+    path = garble(path, (10,), ("junk,junk",))
+    with pytest.raises(FileFormatError, match="increasing times") as error:
+        schuler.read(path, bad_lines=0.02, **READ)
+    assert error.value.line == 62

@@ -46,6 +46,8 @@ class Hints:
         Lines at the top to pass over.
     variable
         Array of a MATLAB or NumPy file.
+    bad_lines
+        Largest share of garbled lines of a text log, which are left out and counted, such as 0.01.
     allow
         Checks to pass over with a note, such as norm,magnitude,truncated.
     streams
@@ -65,6 +67,7 @@ class Hints:
     delimiter: str | None = None
     skip: int | None = None
     variable: str | None = None
+    bad_lines: float | None = None
     allow: str | None = None
     streams: str | None = None
     format: str | None = None

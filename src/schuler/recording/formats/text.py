@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import itertools
 import json
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.recording.io import clock, columns, dates, lines, own, own_satellites
@@ -101,6 +104,7 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
     encoding = lines.encoding_of(lines.check_file(path), path)
     starts = (hints.comment,) if hints.comment else _COMMENTS
     comments: list[tuple[int, str]] = []
+    first: int | None = None
     header: tuple[int, str] | None = None  # the last line of words above the numbers: those before it are a banner
     with path.open(encoding=encoding, errors="replace", newline=None) as stream:
         for number, line in enumerate(itertools.islice(stream, hints.skip, None), hints.skip + 1):
@@ -114,7 +118,13 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
             mark = hints.comment or next((s for s in _COMMENTS for _, c in comments if c.startswith(s)), "#")
             table = TextTable(path, number, delimiter, mark, encoding)
             fields = table.split(line)
-            if any(map(lines.is_number, fields)) or all(map(lines.is_value, fields)):
+            numeric = any(map(lines.is_number, fields)) or all(map(lines.is_value, fields))
+            above = table.split(header[1]) if header and any(map(columns.recognise, table.split(header[1]))) else []
+            if hints.bad_lines and (len(fields) != (_width(hints) or len(above) or len(fields)) if numeric else above):
+                first = first or number  # a garbled line, as the one a log begins in the middle of; it is counted later
+                continue
+            if numeric:
+                table = replace(table, first=first or number)
                 names = (header[0], table.split(header[1])) if header else _commented_header(table, comments, fields)
                 return Opening(table, tuple(comments), names, fields)
             if any(map(lines.is_decimal_comma, fields)):
@@ -134,6 +144,12 @@ def open_text(path: Path, hints: ReadHints) -> Opening:
     raise FileFormatError("there are no rows of numbers" + (f" after skip={hints.skip}" if hints.skip else ""), path)
 
 
+def _width(hints: ReadHints) -> int | None:
+    """Number of fields of a row, if the hint ``columns`` says it."""
+    specs, rest = parse_columns(hints.columns) or ([], True)
+    return None if rest or any(spec is not None and spec.source is not None for spec in specs) else len(specs)
+
+
 def _load(opening: Opening, hints: ReadHints) -> Raw:
     names, indices, stated, notes, negated = _layout(opening, hints)
     n_columns = len(opening.fields)
@@ -141,14 +157,23 @@ def _load(opening: Opening, hints: ReadHints) -> Raw:
     if dated is not None:
         place = names.index("t")
         del names[place], indices[place]
-    values, truncated = lines.load(opening.table, n_columns, indices, allow_truncated=hints.allows("truncated"))
-    if truncated:
-        notes.append("The last line was cut off and left out.")
+    rows: Iterable[list[str]]
+    line_of: Callable[[int], int | None] = opening.table.line_of
+    if hints.bad_lines:
+        numbers, rows, n_bad = lines.good_rows(opening.table, n_columns, indices, dated, hints.bad_lines)
+        values = np.array([[float(fields[k]) for k in indices] for fields in rows])
+        line_of = numbers.__getitem__
+        if n_bad:
+            notes.append(f"{n_bad} garbled lines of {n_bad + len(numbers)} were left out.")
+    else:
+        values, truncated = lines.load(opening.table, n_columns, indices, allow_truncated=hints.allows("truncated"))
+        rows = (fields for _, fields in itertools.islice(opening.table.rows(), len(values)))
+        if truncated:
+            notes.append("The last line was cut off and left out.")
     arrays = {name: values[:, k] for k, name in enumerate(names)}
-    raw = Raw(opening.table.path, arrays, stated, opening.table.line_of, notes=notes, negated=negated)
+    raw = Raw(opening.table.path, arrays, stated, line_of, notes=notes, negated=negated)
     if dated is not None:
-        rows = itertools.islice(opening.table.rows(), len(values))
-        _stamp(raw, hints, [fields[dated] for _, fields in rows])
+        _stamp(raw, hints, [fields[dated] for fields in rows])
     return raw
 
 

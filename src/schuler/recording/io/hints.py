@@ -78,6 +78,8 @@ class ReadHints:
         Series that a table holds, if its columns leave that open, or that a file must hold.
     rest : float, optional
         Length of the stillness at the start used to check gravity; looked for if not given. [s]
+    bad_lines : float
+        Largest share of the lines of a text log that may be garbled, below one half: they are left out and counted.
     allow : str or set of str
         Checks to pass over with a note, see :data:`~schuler.recording.io.hint_texts.ALLOWANCES`.
     variable : str, optional
@@ -119,6 +121,7 @@ class ReadHints:
     sigma_height: float | None = None
     series: str | None = None
     rest: float | None = None
+    bad_lines: float = 0.0
     allow: str | Iterable[str] = ()
     variable: str | None = None
     offset: float = 0.0
@@ -165,6 +168,9 @@ class ReadHints:
         if skip < 0 or skip != int(skip):
             raise InputError(f"skip: expected a number of lines, got {self.skip!r}")
         object.__setattr__(self, "skip", int(skip))
+        object.__setattr__(self, "bad_lines", finite_number(self.bad_lines, "bad_lines", None))
+        if not 0.0 <= self.bad_lines < 0.5:
+            raise InputError(f"bad_lines: expected a share from 0 to 0.5, such as 0.01 for 1 %, got {self.bad_lines:g}")
         object.__setattr__(self, "delimiter", parse_delimiter(self.delimiter))
         if self.comment is not None and not self.comment.strip():
             raise InputError("comment: expected the text that starts a comment, such as #, got blanks")

@@ -21,6 +21,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
+from schuler.recording.io import dates
 from schuler.recording.io.numbers import Numbers, read_numbers
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
@@ -199,6 +200,59 @@ def load(
             "cannot be read as a table of numbers; check that it is plain text with one delimiter", table.path
         )
     return values, cut
+
+
+def good_rows(
+    table: TextTable, n_columns: int, used: list[int], dated: int | None, share: float
+) -> tuple[list[int], list[list[str]], int]:
+    """Rows of a table some of whose lines are garbled: not as many fields, or no numbers.
+
+    Parameters
+    ----------
+    table : TextTable
+    n_columns : int
+        Fields every line must have.
+    used : list of int
+        Columns of numbers.
+    dated : int or None
+        Column of dates.
+    share : float
+        Largest share of garbled lines.
+
+    Returns
+    -------
+    numbers : list of int
+        Line of each good row.
+    rows : list of list of str
+        Their fields.
+    n_bad : int
+
+    Raises
+    ------
+    FileFormatError
+        With the first garbled line, if there are more of them.
+    """
+    numbers: list[int] = []
+    rows: list[list[str]] = []
+    first, n_bad = None, 0
+    for number, fields in table.rows():
+        fault = _fault(table, fields, n_columns, used)
+        if fault is None and dated is not None and dates.unix_ns([fields[dated]])[2] is not None:
+            fault = f"column {dated + 1}: expected a date, got {shorten(fields[dated], 40)}"
+        if fault is None:
+            numbers.append(number)
+            rows.append(fields)
+        else:
+            n_bad += 1
+            first = first or (number, fault)
+    if first is not None and n_bad > share * (n_bad + len(rows)):
+        raise FileFormatError(
+            f"{n_bad} of {n_bad + len(rows)} lines are garbled, more than bad_lines={share:g} allows; the first: "
+            f"{first[1]}",
+            table.path,
+            first[0],
+        )
+    return numbers, rows, n_bad
 
 
 def load_stamps(

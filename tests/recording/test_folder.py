@@ -65,10 +65,31 @@ def test_the_halves_of_an_imu_are_joined(drive, still):
     np.testing.assert_array_equal(r.imu.gyro, still[:, 4:7])
     assert not any("zero and mean nothing" in note for note in r.metadata.notes)
     np.savetxt(drive / "gyr.txt", still[1:, [0, 4, 5, 6]], fmt="%.17g")
-    with pytest.raises(FileFormatError, match="expected accelerometer and gyro sampled together, got 300 samples"):
-        read(drive, accel=accel, gyro=gyro)
     with pytest.raises(InputError, match=r"are the halves of one IMU; give gyro="):
         read(drive, accel=accel)
+
+
+def test_sensors_with_stamps_of_their_own_are_joined_at_those_of_the_gyro(tmp_path):
+    """A specific force that changes evenly is interpolated exactly; rates are left as they are. Headers of phyphox."""
+    t_a, t_g = np.arange(400) * 0.01 + 0.003, np.arange(200) * 0.02
+    accel = np.column_stack((t_a, 0.1 * t_a, -0.05 * t_a, np.full(400, 9.81)))
+    gyro = np.column_stack((t_g, 0.1 * np.sin(t_g), 0.0 * t_g, 0.2 * np.cos(t_g)))
+    for name, rows, what in (("Accelerometer", accel, "Acceleration"), ("Gyroscope", gyro, "Gyroscope")):
+        unit = "m/s^2" if what == "Acceleration" else "rad/s"
+        header = ",".join(['"Time (s)"', *(f'"{what} {axis} ({unit})"' for axis in "xyz")])
+        np.savetxt(tmp_path / f"{name}.csv", rows, "%.17g", delimiter=",", header=header, comments="")
+    halves = {"accel": {"file": "Accelerometer.csv", "axes": "FLU"}, "gyro": {"file": "Gyroscope.csv", "axes": "FLU"}}
+    log = read(tmp_path, **halves)
+    t = t_g[1:]  # the first rate is before the first specific force
+    np.testing.assert_array_equal(log.imu.t, t)
+    turn = np.array([1.0, -1.0, -1.0])
+    np.testing.assert_array_equal(log.imu.gyro, gyro[1:, 1:] * turn)
+    expected = np.column_stack((0.1 * t, -0.05 * t, np.full(t.size, 9.81))) * turn
+    np.testing.assert_allclose(log.imu.accel, expected, atol=1e-13)  # rounding
+    assert any("were interpolated to the gyro's" in note for note in log.metadata.notes)
+    halves["accel"] |= {"kind": "increment", "units": "accel=m/s", "allow": "norm,magnitude"}
+    with pytest.raises(FileFormatError, match="increments at the same times"):
+        read(tmp_path, **halves)
 
 
 def test_mistakes_in_entries_are_explained(drive):

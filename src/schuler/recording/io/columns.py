@@ -58,7 +58,7 @@ TRIADS = {"accel": ACCEL, "gyro": GYRO}
 def _spellings() -> dict[str, str]:
     table = {name: name for name in GROUP}
     for axis in "xyz":
-        for stem in ("acc", "accel", "accelerometer", "specific_force", "f"):
+        for stem in ("acc", "accel", "accelerometer", "acceleration", "specific_force", "f"):
             table |= {f"{stem}_{axis}": f"a{axis}", f"{stem}{axis}": f"a{axis}"}
         for stem in ("gyr", "gyro", "gyroscope", "omega", "w", "angular_rate", "angular_velocity"):
             table |= {f"{stem}_{axis}": f"g{axis}", f"{stem}{axis}": f"g{axis}"}

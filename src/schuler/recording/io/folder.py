@@ -11,7 +11,7 @@ import numpy as np
 
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.recording.formats import registry, rtklib, text
-from schuler.recording.io import dispatch, lines
+from schuler.recording.io import columns, dispatch, lines, streams
 from schuler.recording.io.columns import check_known
 from schuler.recording.io.hint_texts import SATELLITES, SERIES
 from schuler.recording.io.hints import ReadHints
@@ -125,7 +125,7 @@ def _read_part(
 
 
 def _joined(path: Path, halves: Mapping[str, Recording]) -> Recording:
-    """One IMU of an accelerometer's file and a gyro's, sample by sample."""
+    """One IMU of an accelerometer's file and a gyro's, sample by sample or interpolated to the gyro's times."""
     if len(halves) != 2:
         missing = "gyro" if "accel" in halves else "accel"
         raise InputError(f"{path}: accel and gyro are the halves of one IMU; give {missing}={{'file': ...}} as well")
@@ -133,18 +133,28 @@ def _joined(path: Path, halves: Mapping[str, Recording]) -> Recording:
     if accel.metadata.time != gyro.metadata.time:
         gyro = gyro.shifted(gyro.metadata.time.epoch_gps_s - accel.metadata.time.epoch_gps_s)
     a, g = accel.need_imu(), gyro.need_imu()
-    if len(a) != len(g) or np.abs(a.t - g.t).max() > _SAME_TIME_S or a.kind != g.kind:
+    same = len(a) == len(g) and np.abs(a.t - g.t).max() <= _SAME_TIME_S
+    if a.kind != g.kind or (a.kind == "increment" and not same):
         raise FileFormatError(
-            f"expected accelerometer and gyro sampled together, got {len(a)} samples at {a.t[0]:.6f}..{a.t[-1]:.6f} s "
-            f"and {len(g)} at {g.t[0]:.6f}..{g.t[-1]:.6f} s: interpolate one to the other's times first",
+            f"expected accelerometer and gyro of one kind, increments at the same times, got {len(a)} samples "
+            f"({a.kind}) at {a.t[0]:.6f}..{a.t[-1]:.6f} s and {len(g)} ({g.kind}) at {g.t[0]:.6f}..{g.t[-1]:.6f} s",
             path,
         )
-    temperature = a.temperature if a.temperature is not None else g.temperature
+    notes: list[str] = []
+    values = {"t": a.t} if same else streams.joined(a.t, a.accel, g.t, g.gyro, path, notes)
+    t = values["t"]
+    accels, rates = (
+        (a.accel, g.gyro)
+        if same
+        else (np.stack([values[name] for name in names], axis=1) for names in (columns.ACCEL, columns.GYRO))
+    )
+    half = a if a.temperature is not None else g
+    temperature = half.temperature if half.temperature is None or same else np.interp(t, half.t, half.temperature)
     no_halves = [n for n in accel.metadata.notes + gyro.metadata.notes if "its values are zero" not in n]
     metadata = replace(
-        accel.metadata, sources={**accel.metadata.sources, **gyro.metadata.sources}, notes=tuple(no_halves)
+        accel.metadata, sources={**accel.metadata.sources, **gyro.metadata.sources}, notes=(*no_halves, *notes)
     )
-    imu = ImuSeries(a.t, g.gyro, a.accel, a.kind, temperature)
+    imu = ImuSeries(t, rates, accels, a.kind, temperature)
     return Recording(imu=imu, metadata=metadata)
 
 

@@ -292,10 +292,8 @@ def check_possible(recording: Recording, path: Path, allowed: Callable[[str], bo
         rows = np.flatnonzero(wrong.reshape(len(wrong), -1).any(axis=1))
         if q.scaled and 2 * len(rows) > len(wrong):
             # counts or another unit, of which the checks of a log say which, and with what option
-            notes.append(
-                f"{100.0 * len(rows) / len(wrong):.0f} % of the rows have a {q.name} beyond {high:.4g} {q.unit}: another "
-                "unit?"
-            )
+            share = 100.0 * len(rows) / len(wrong)
+            notes.append(f"{share:.0f} % of the rows have a {q.name} beyond {high:.4g} {q.unit}: another unit?")
             continue
         row = int(rows[0])
         value = float(np.atleast_1d(q.values[row])[np.atleast_1d(wrong[row])][0])

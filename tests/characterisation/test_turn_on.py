@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from scipy.stats import t as student
 
+from schuler.characterisation.identification import identify_noise
 from schuler.characterisation.trends import mean_with_sigma
 from schuler.characterisation.turn_on import record_means, turn_on_bias
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.sensors.noise import GaussMarkov, RandomWalk, White
+from schuler.units import DEG_PER_HR
 
 
 def test_with_equal_uncertainties_it_is_the_textbook(rng):
@@ -21,6 +24,8 @@ def test_with_equal_uncertainties_it_is_the_textbook(rng):
     np.testing.assert_allclose(found.mean_sigma, np.sqrt(total / 12.0), rtol=1e-9)
     np.testing.assert_allclose(found.low, np.sqrt(max(11.0 * total / chi2.ppf(0.975, 11) - s**2, 0.0)), rtol=1e-9)
     np.testing.assert_allclose(found.high, np.sqrt(11.0 * total / chi2.ppf(0.025, 11) - s**2), rtol=1e-9)
+    half = student.ppf(0.975, 11) * np.sqrt(total / 12.0)
+    np.testing.assert_allclose((found.mean_low[0], found.mean_high[0]), (x.mean() - half, x.mean() + half), rtol=1e-9)
     assert found.records == 12
     assert "spread" in found.summary()
 
@@ -53,13 +58,16 @@ def test_the_interval_covers_as_often_as_it_says(ratio):
     """1000 experiments of 10 records with uncertainties that differ by a factor of 4; the estimate is not biased."""
     rng = np.random.default_rng(17)
     s = ratio * np.geomspace(0.5, 2.0, 10)
-    covered, variances = 0, []
+    covered, means, variances = 0, 0, []
     for _ in range(1000):
         found = turn_on_bias(np.hypot(1.0, s) * rng.standard_normal(10), s)
         covered += found.low[0] <= 1.0 <= found.high[0]
+        means += found.mean_low[0] <= 0.0 <= found.mean_high[0]
         variances.append(found.sigma[0] ** 2)
     # statistical: 3.5 standard errors of a share of 1000
     assert abs(covered / 1000 - 0.95) < 3.5 * np.sqrt(0.95 * 0.05 / 1000)
+    # unequal uncertainties and a spread clipped at zero: by Student's distribution a little on the safe side
+    assert abs(means / 1000 - 0.95) < 3.5 * np.sqrt(0.95 * 0.05 / 1000) + 0.01
     # clipping at zero pushes the variance up a little where the records are poor
     assert abs(np.mean(variances) - 1.0) < 3.5 * np.std(variances) / np.sqrt(1000) + (0.02 if ratio < 0.5 else 0.1)
 
@@ -91,6 +99,25 @@ def test_records_give_the_spread_that_was_put_in():
     found = turn_on_bias(means, sigmas)
     assert np.all((found.low < bias) & (bias < found.high))  # statistical: 95 % each, fixed seed
     assert np.all(found.within[:3] > 5e-4 / np.sqrt(200.0))
+
+
+def test_a_budget_of_several_switch_ons_has_their_spread_and_not_their_mean():
+    """Closed form: root mean square over the axes of the sample deviation and of the uncertainty of the mean."""
+    rng = np.random.default_rng(31)
+    turn_on = np.array([46.0, -30.0, 20.0]) + rng.uniform(-8.0, 8.0, (5, 3))  # deg/h
+    logs = []
+    for bias in turn_on * DEG_PER_HR:
+        accel = np.array((0.0, 0.0, -9.81)) + 1e-3 * rng.standard_normal((2000, 3))
+        logs.append(ImuSeries(np.arange(2000) * 0.02, bias + 1e-7 * rng.standard_normal((2000, 3)), accel))
+    several, fewer = identify_noise(logs), identify_noise(logs[:2])
+    sigma = np.sqrt(np.mean(1.2 * turn_on.var(axis=0, ddof=1)))
+    assert several.spec.gyro.turn_on_bias / DEG_PER_HR == pytest.approx(sigma, rel=1e-3)  # noise of the means: 1e-4
+    assert several.spec_sigma["gyro"]["turn_on_bias"] == pytest.approx(1.0 / np.sqrt(2.0 * 12.0))
+    found = several.turn_on["gyro_x"]
+    assert found.mean[0] / DEG_PER_HR == pytest.approx(turn_on[:, 0].mean(), rel=1e-3)
+    assert "gyro_x over 5 switch-ons [deg/h]: mean" in several.summary()
+    assert fewer.turn_on == {}
+    assert fewer.spec.gyro.turn_on_bias > 20.0 * DEG_PER_HR
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ from schuler.characterisation.shifts import level_shifts
 from schuler.characterisation.simulation_model import simulation_model
 from schuler.characterisation.spectrum import CleanSpectrum, Line, clean_spectrum
 from schuler.characterisation.trends import mean_with_sigma, temperature_trend, warm_up
+from schuler.characterisation.turn_on import TurnOn, turn_on_bias
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
@@ -48,6 +49,7 @@ Method = Literal["gmwm", "allan"]
 Progress = Callable[[float], None]
 
 _UNITS = {"Q": "{}*s", "N": "({})/sqrt(Hz)", "B": "{}", "K": "({})*sqrt(Hz)", "R": "({})/s"}
+_SWITCH_ONS = 3  # recordings from which on their means tell a spread
 _LEAST = 1000  # samples below which nothing is identified
 _MANY_REPLACED = 0.03  # share of samples from which on outliers replaced are a warning
 _MOST_CLUSTERED = 0.03  # share from which on there is no number where most outliers have a neighbour
@@ -102,6 +104,8 @@ def identify_noise(
     The bounds of the curve are recomputed for the identified model. The budget is fitted to the mean Allan variance of
     a triad's axes, with at most one Gauss-Markov term; its turn-on bias is the size of the mean that the log shows,
     which for gyroscopes includes Earth rate and for accelerometers is the departure of the mean from 9.80665 m/s^2.
+    Three recordings and more are switch-ons of their own: ``turn_on`` has the mean of each axis and its spread, and
+    the gyroscopes' turn-on bias is what is left when that mean is taken off (spread and uncertainty of the mean).
 
     References
     ----------
@@ -117,8 +121,11 @@ def identify_noise(
     axes: dict[str, AxisNoise] = {}
     refused: dict[str, tuple[Finding, ...]] = {}
     data: dict[str, Moments] = {}
+    turn_on: dict[str, TurnOn] = {}
+    single = any("one-axis" in str(r.metadata.options.get("allow")) for r in several if isinstance(r, Recording))
     for k, axis in enumerate(AXES):
-        if not any((imu.gyro if k < 3 else imu.accel).any() for imu in imus):
+        of_triad = [imu.gyro if k < 3 else imu.accel for imu in imus]
+        if not any((x[:, k % 3] if single else x).any() for x in of_triad):
             continue  # a log without these sensors holds zeros in their place
         signals = [axis_signal(imu, k, robust) for imu in imus]
         findings = tuple(
@@ -131,19 +138,22 @@ def identify_noise(
                 clean = clean_spectrum(longest.x, longest.rate_hz)
                 data[axis] = mean_moments(signals, () if clean is None else clean.lines)
                 axes[axis] = _axis_noise(axis, signals, data[axis], clean, findings, method, models)
+                if len(signals) >= _SWITCH_ONS:
+                    turn_on[axis] = _turn_on(signals, axes[axis].unit)
             except NoFitError as error:
                 data.pop(axis, None)
+                axes.pop(axis, None)
                 fatal = (Finding("no_fit", f"{axis}: {error}", severity="refused"),)
         if fatal:
             refused[axis] = (*fatal, *(f for f in findings if f not in fatal))
         if progress is not None:
             progress((k + 1) / (len(AXES) + 1))
     title = name or (several[0].metadata.name if isinstance(several[0], Recording) else "IMU")
-    spec, spec_sigma = triad_budget(title, axes, data, rate_hz, method)
+    spec, spec_sigma = triad_budget(title, axes, data, rate_hz, method, turn_on, absent=_absent(imus))
     if progress is not None:
         progress(1.0)
     records = [r for r in several if isinstance(r, Recording)]
-    notes = tuple(n for r in records for n in r.metadata.notes) + _budget_notes(spec, axes)
+    notes = tuple(n for r in records for n in r.metadata.notes) + _budget_notes(spec, axes, turn_on)
     provenance: dict[str, Any] = {
         "schuler": metadata.version("schuler"),
         "method": method,
@@ -160,7 +170,18 @@ def identify_noise(
             "m/s^2 or a unit of data sheets: say the scale factors"
         )
         of_recording = (Finding("counts", text), *of_recording)
-    return NoiseIdentification(title, axes, refused, spec, spec_sigma, of_recording, notes, provenance)
+    return NoiseIdentification(title, axes, refused, spec, spec_sigma, of_recording, notes, provenance, turn_on)
+
+
+def _absent(imus: list[ImuSeries]) -> tuple[str, ...]:
+    """Triads that no log has: zeros hold their place."""
+    return tuple(t for t in ("gyro", "accel") if not any(getattr(imu, t).any() for imu in imus))
+
+
+def _turn_on(signals: list[AxisSignal], unit: str) -> TurnOn:
+    """Mean of an axis over the recordings, and its spread from one to the next."""
+    means = [_mean(longest_run(s), unit) for s in signals]
+    return turn_on_bias([m.value for m in means], [m.sigma for m in means])
 
 
 def _imus_of_one_rate(recordings: Sequence[Recording | ImuSeries]) -> tuple[list[ImuSeries], float]:
@@ -203,7 +224,7 @@ def _too_many_replaced(signals: list[AxisSignal]) -> str:
     return ""
 
 
-def _budget_notes(spec: ImuSpec | None, axes: dict[str, AxisNoise]) -> tuple[str, ...]:
+def _budget_notes(spec: ImuSpec | None, axes: dict[str, AxisNoise], turn_on: dict[str, TurnOn]) -> tuple[str, ...]:
     """Sentences on what the budget contains besides noise, and on axes with warnings in it."""
     if spec is None:
         return ()
@@ -211,6 +232,14 @@ def _budget_notes(spec: ImuSpec | None, axes: dict[str, AxisNoise]) -> tuple[str
         "The budget's turn-on bias is the mean of this log: Earth rate is in the gyroscopes', and only what the "
         "norm of the specific force shows in the accelerometers'.",
     )
+    if spread := [t for axis, t in turn_on.items() if axis.startswith("gyro")]:
+        notes = (
+            f"The gyroscopes' turn-on bias in the budget is their spread over {spread[0].records} recordings, for use "
+            "with the mean taken off (b_g of the calibration); the mean has Earth rate in it. The accelerometers' is "
+            "what the norm of the specific force shows.",
+        )
+    absent = [t for t in ("gyro", "accel") if not any(a.startswith(t) for a in axes)]
+    notes += tuple(f"The log has no {t}: the budget states no number for it." for t in absent)
     spoiled = [name for name, axis in axes.items() if any(f.severity == "warning" for f in axis.findings)]
     if spoiled:
         notes += (f"The budget is made of all axes, also of those with warnings: {', '.join(spoiled)}.",)
@@ -392,13 +421,25 @@ def _label(name: str, selection: Selection) -> str:
 
 
 def triad_budget(
-    name: str, noise: dict[str, AxisNoise], data: dict[str, Moments], rate_hz: float, method: Literal["gmwm", "allan"]
+    name: str,
+    noise: dict[str, AxisNoise],
+    data: dict[str, Moments],
+    rate_hz: float,
+    method: Literal["gmwm", "allan"],
+    turn_on: dict[str, TurnOn] | None = None,
+    absent: tuple[str, ...] = (),
 ) -> tuple[ImuSpec | None, dict[str, dict[str, float]]]:
-    """Budget fitted to the mean Allan variance of the axes of each triad, and its relative 1-sigma uncertainty."""
+    """Budget fitted to the mean Allan variance of the axes of each triad, and its relative 1-sigma uncertainty.
+
+    A triad that is ``absent`` from the log has a budget without numbers.
+    """
     triads: dict[str, TriadSpec] = {}
     spread: dict[str, dict[str, float]] = {}
     for triad in ("gyro", "accel"):
         axes = [a for a in AXES if a.startswith(triad) and a in noise]
+        if triad in absent and noise:
+            triads[triad] = TriadSpec(random_walk=0.0)
+            continue
         if not axes:
             return None, {}
         parts = [data[a] for a in axes]
@@ -416,7 +457,10 @@ def triad_budget(
             return None, {}
         fit = selection.fit
         means = np.array([noise[a].mean.value for a in axes])
-        if triad == "gyro":
+        records = [turn_on[a] for a in axes if turn_on and a in turn_on] if triad == "gyro" else []
+        if records:
+            bias = float(np.sqrt(np.mean([t.sigma**2 + t.mean_sigma**2 for t in records])))
+        elif triad == "gyro":
             bias = float(np.sqrt(np.mean(means**2)))
         else:
             bias = abs(float(np.linalg.norm(means)) - G0) if len(axes) == 3 else 0.0
@@ -424,5 +468,7 @@ def triad_budget(
         fields = {_FIELDS[fit.names[i]]: float(fit.values[i]) for i in fitted}
         triads[triad] = TriadSpec(**fields, turn_on_bias=bias)
         spread[triad] = {_FIELDS[fit.names[i]]: selection.spreads[fit.names[i]].sigma for i in fitted}
+        if records:  # of a standard deviation with as many degrees of freedom (chi-square)
+            spread[triad]["turn_on_bias"] = float(1.0 / np.sqrt(2.0 * sum(t.records - 1 for t in records)))
     spec = ImuSpec(name, triads["gyro"], triads["accel"], rate_hz=rate_hz, source="identified by schuler")
     return spec, spread

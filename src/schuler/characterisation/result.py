@@ -16,6 +16,8 @@ from schuler.sensors.spec import ImuSpec
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from schuler.characterisation.turn_on import TurnOn
+
 #: Names of the terms; the unit of x is rad/s or m/s^2.
 TERMS = {
     "Q": "quantisation",
@@ -158,6 +160,9 @@ class NoiseIdentification:
         What was assumed or left out.
     provenance : dict
         Version, options, sources and their SHA-256.
+    turn_on : dict of str to TurnOn
+        Mean over the recordings and spread from one to the next, one axis each, of three recordings and more; empty of
+        fewer. The budget's turn-on bias of the gyroscopes is then their spread, not the mean.
     """
 
     name: str
@@ -168,6 +173,7 @@ class NoiseIdentification:
     findings: tuple[Finding, ...] = ()
     notes: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
+    turn_on: dict[str, TurnOn] = field(default_factory=dict)
 
     def summary(self) -> str:
         """Terms of every axis with their intervals, findings and the budget, as text."""

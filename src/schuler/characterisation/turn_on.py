@@ -24,6 +24,8 @@ class TurnOn:
         Mean over the records: what a calibration can remove. [x]
     mean_sigma : ndarray, shape (k,)
         1-sigma uncertainty of it. [x]
+    mean_low, mean_high : ndarray, shape (k,)
+        95 % interval of ``mean``, by Student's distribution with ``records - 1`` degrees of freedom. [x]
     sigma : ndarray, shape (k,)
         Standard deviation from one switch-on to the next, without the uncertainty of the single means: the budget's
         turn-on bias. Zero where the means scatter less than their own uncertainty. [x]
@@ -36,6 +38,8 @@ class TurnOn:
 
     mean: FloatArray
     mean_sigma: FloatArray
+    mean_low: FloatArray
+    mean_high: FloatArray
     sigma: FloatArray
     low: FloatArray
     high: FloatArray
@@ -84,9 +88,11 @@ def turn_on_bias(means: ArrayLike, sigmas: ArrayLike = 0.0, confidence: float = 
 
     References
     ----------
-    Paule and Mandel (1982) for the estimate, Viechtbauer (2007) for the interval ("Q profile").
+    Paule and Mandel (1982) for the estimate, Viechtbauer (2007) for the interval ("Q profile"); Hartung and Knapp
+    (2001) for the interval of the mean.
     """
     from scipy.stats import chi2
+    from scipy.stats import t as student
 
     m = as_floats(means, "means")
     if m.ndim not in (1, 2) or len(m) < 3:
@@ -110,7 +116,10 @@ def turn_on_bias(means: ArrayLike, sigmas: ArrayLike = 0.0, confidence: float = 
         w = _weights(spread, x, sigmas_)
         rows.append((float(w @ x / w.sum()), 1.0 / sqrt(w.sum()), spread, low, high))
     mean, mean_sigma, spread_, low_, high_ = np.array(rows).T
-    return TurnOn(mean, mean_sigma, spread_, low_, high_, r, np.sqrt(np.mean(s**2, axis=0)))
+    half = float(student.isf(tail, r - 1)) * mean_sigma
+    return TurnOn(
+        mean, mean_sigma, mean - half, mean + half, spread_, low_, high_, r, np.sqrt(np.mean(s**2, axis=0))
+    )  # fmt: skip
 
 
 def record_means(recordings: Sequence[ImuSeries]) -> tuple[FloatArray, FloatArray]:

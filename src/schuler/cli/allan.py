@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import time as clock
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from schuler.characterisation.result import AXES, TERMS, AxisNoise, Estimate, Finding, NoiseIdentification
 from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress, say
-from schuler.cli.reading import Reading
+from schuler.cli.reading import Reading, of_part
 from schuler.exceptions import InputError, OverwriteError
 from schuler.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from schuler.calibration.result.result import CalibrationResult
 
 _READING = Reading()
 
@@ -68,8 +72,7 @@ def allan(
         if more or robust or export or inflate is not None:
             raise InputError(f"{log} is an Allan curve: --robust, --export, --inflate and more logs need readings")
         return _curves(log, reading, method, duration, json=json)
-    reading = _of_one_triad(reading)
-    recordings = [reading.read(path) for path in (log, *more)]
+    recordings = [of_part(reading, path).read(path) for path in (log, *more)]
     name = recordings[0].metadata.name + (f" and {len(more)} more" if more else "")
     with progress("identifying the noise") as bar:
         noise = identify_noise(
@@ -80,6 +83,8 @@ def allan(
     if not noise.axes:
         raise InputError(nothing_left(noise))
     exported, failures = write_exports(folder, noise, export, inflate)
+    if (means := turn_on_means(noise)) is not None:
+        exported["calibration"] = means.to_yaml(folder / "calibration.yaml")
     files = {**exported, **files}
     if json:
         print_json(
@@ -140,23 +145,6 @@ def _curves(
     return 0
 
 
-def _of_one_triad(reading: Reading) -> Reading:
-    """Options of a log whose columns are gyroscopes or accelerometers alone: the other triad is not missed."""
-    named = {column.partition("=")[0].strip().lower() for column in (reading.columns or "").split(",")}
-    held = [triad for triad, axes in (("accel", "axyz"), ("gyro", "gxyz")) if named & _columns_of(triad, axes)]
-    if len(held) != 1:
-        return reading
-    allow = f"no-{'gyro' if held[0] == 'accel' else 'accel'}"
-    units = reading.units
-    if units is not None and "=" not in units and "," not in units:
-        units = f"{held[0]}={units}"
-    return replace(reading, units=units, allow=allow if reading.allow is None else f"{reading.allow},{allow}")
-
-
-def _columns_of(triad: str, letters: str) -> set[str]:
-    return {triad, *(letters[0] + axis for axis in letters[1:])}
-
-
 def write_report(folder: Path, recordings: list[Recording], noise: NoiseIdentification) -> dict[str, Path]:
     """Page and figures; the log itself is shown if there is only one."""
     from schuler.characterisation.report.document import noise_report
@@ -196,6 +184,24 @@ def write_exports(
     return files, failures
 
 
+def turn_on_means(noise: NoiseIdentification) -> CalibrationResult | None:
+    """Mean rates at rest of several switch-ons as a calibration; None with fewer.
+
+    Earth rate is in the means and in no known direction: a third of its square is added to each variance.
+    """
+    from schuler.calibration.result.result import result_from
+    from schuler.earth import WGS84
+
+    of_gyro = {axis[-1]: t for axis, t in noise.turn_on.items() if axis.startswith("gyro")}
+    if not of_gyro:
+        return None
+    biases = {
+        f"b_g_{axis}": (float(t.mean[0]), math.hypot(float(t.mean_sigma[0]), WGS84.omega_ie / math.sqrt(3.0)))
+        for axis, t in of_gyro.items()
+    }
+    return result_from("turn_on", biases, "full", provenance=noise.provenance)
+
+
 def numbers(noise: NoiseIdentification) -> dict[str, Any]:
     """An identification for JSON; every axis is there, a refused one with empty curves and no terms."""
     axes = {name: _axis(axis) for name, axis in noise.axes.items()}
@@ -210,7 +216,8 @@ def numbers(noise: NoiseIdentification) -> dict[str, Any]:
         "duration_s": None if some is None else some.duration_s, "method": None if some is None else some.method,
         "axes": axes, "refused": {name: [asdict(f) for f in reasons] for name, reasons in noise.refused.items()},
         "findings": [asdict(f) for f in noise.findings], "spec": None if noise.spec is None else noise.spec.to_dict(),
-        "spec_sigma": noise.spec_sigma, "notes": noise.notes, "provenance": noise.provenance,
+        "spec_sigma": noise.spec_sigma, "notes": noise.notes,
+        "turn_on": {axis: asdict(t) for axis, t in noise.turn_on.items()}, "provenance": noise.provenance,
     }  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -14,6 +15,7 @@ from schuler.cli.calibrate_options import CalibrationOptions, Output, Site, numb
 from schuler.cli.calibrate_output import finish
 from schuler.cli.output import Flag
 from schuler.exceptions import InputError
+from schuler.recording.recording import Recording
 
 _OPTIONS = CalibrationOptions()
 _SITE, _OUTPUT = Site(), Output()
@@ -53,7 +55,8 @@ def sixposition(
     poses = options.poses(recordings, min_rest, intervals)
     angles = None if headings is None else np.array(numbers_of("--headings", headings)) * u.DEG
     result = calibrate_sixposition(
-        poses, gravity=options.site.g, improved=not standard, latitude=options.site.lat, headings=angles
+        poses, gravity=options.site.g, improved=not standard, latitude=options.site.lat, headings=angles,
+        gyro=None if _has(recordings, "gyro") else "none",
     )  # fmt: skip
     return finish(result, log, recordings, options.output, began)
 
@@ -103,6 +106,8 @@ def multiposition(
     began = clock.perf_counter()
     recordings = options.recordings(log, *more)
     poses = options.poses(recordings, min_rest, intervals)
+    if not _has(recordings, "gyro"):
+        gyro_order = "0"
     table = None if table_rate is None else np.array(numbers_of("--table-rate", table_rate)) * u.DEG
     if table is not None and len(table) != len(poses):
         raise InputError(f"--table-rate: expected {len(poses)} numbers, one for each pose, got {len(table)}")
@@ -222,11 +227,12 @@ def ratetable(
     if not turns:
         raise InputError("; ".join(failures))
     try:
-        poses = options.poses(recordings, min_rest)
+        poses = options.poses(recordings, min_rest) if _has(recordings, "accel") else None
     except InputError:
         poses = None  # plateaus alone are a calibration of the gyroscopes
+    forces = _has(recordings, "accel")  # without them nothing says which way is up
     result = calibrate_ratetable(
-        joined(turns), poses, gravity=options.site.g, g_sensitivity=g_sensitivity, latitude=options.site.lat,
+        joined(turns), poses, gravity=options.site.g, g_sensitivity=g_sensitivity and forces, latitude=options.site.lat,
         rate_sigma=rate_sigma,
     )  # fmt: skip
     return finish(result, log, recordings, options.output, began)
@@ -311,6 +317,11 @@ def thermal(
         table_step=table_step, gravity=options.site.g,
     )  # fmt: skip
     return finish(result, log, recordings, options.output, began)
+
+
+def _has(recordings: Sequence[Recording], triad: Literal["accel", "gyro"]) -> bool:
+    """Whether any log has this triad; zeros hold the place of one that is missing."""
+    return any(getattr(recording.need_imu(), triad).any() for recording in recordings)
 
 
 def poses(

@@ -139,7 +139,15 @@ class CalibrationOptions:
 
     def recordings(self, *logs: Path) -> list[Recording]:
         """The logs, read and checked, of an uncalibrated sensor."""
-        return [self.checking.passed(self.reading.read(path, uncalibrated=True)) for path in logs]
+        recordings = [self.reading.read(path, uncalibrated=True) for path in logs]
+        for path, recording in zip(logs, recordings, strict=True):
+            if "one-axis" in str(recording.metadata.options.get("allow")):
+                raise InputError(
+                    f"{path}: expected all three axes of a triad; calibrate one axis from its mean readings beside "
+                    "their reference: schuler calibrate poses means.csv --table-columns gx,reference --table-units "
+                    "m/s2,deg/s"
+                )
+        return [self.checking.passed(recording) for recording in recordings]
 
     def poses(self, recordings: Sequence[Recording], min_rest: float, intervals: Path | None = None) -> Poses:
         """Rests of all logs, one after the other."""

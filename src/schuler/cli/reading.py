@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -131,12 +132,9 @@ class Reading(PartHints):
 
     def read(self, log: Path, *, uncalibrated: bool = False) -> Recording:
         """The log, cut as asked for; the norm of an uncalibrated sensor's specific force is not checked in a file."""
+        if uncalibrated:
+            self = of_part(self, log)
         hints = self.given
-        if uncalibrated and self.columns is not None and self.allow is None:
-            names = [name.strip().removeprefix("-") for name in self.columns.split(",")]
-            absent = [t for t, letter in (("gyro", "g"), ("accel", "a")) if f"{letter}x" not in names]
-            if len(absent) == 1 and "*" not in names:
-                hints["allow"] = f"no-{absent[0]}"
         # our own files need no hints and take none
         if uncalibrated and not log.is_dir() and hints:
             hints["allow"] = ",".join([*([hints["allow"]] if hints.get("allow") else []), "norm"])
@@ -173,6 +171,35 @@ class Checking:
                     continue  # on a bench any side is up
                 say(f"{recording.metadata.name}: {f.severity} {f.code}: {f.text}" + (f" -> {f.fix}" if f.fix else ""))
         return recording
+
+
+def of_part(reading: Reading, log: Path) -> Reading:
+    """Options of a log whose columns are one triad, or one axis, alone: what it does not have is not missed."""
+    names = _columns(log, reading.columns)
+    of_triad = {t: names & {t, *(letter + a for a in "xyz")} for t, letter in (("accel", "a"), ("gyro", "g"))}
+    held = [t for t, found in of_triad.items() if found]
+    if len(held) != 1 or "*" in names:
+        return reading
+    allow = [f"no-{'gyro' if held[0] == 'accel' else 'accel'}"]
+    if held[0] not in names and len(of_triad[held[0]]) < 3:
+        allow.append("one-axis")
+    units = reading.units
+    if units is not None and "=" not in units and "," not in units:
+        units = f"{held[0]}={units}"
+    given = [] if reading.allow is None else reading.allow.split(",")
+    return replace(reading, units=units, allow=",".join([*given, *(a for a in allow if a not in given)]))
+
+
+def _columns(log: Path, stated: str | None) -> set[str]:
+    """Names of the columns of a text log, as stated or in its first line; empty if neither has any."""
+    if stated is None:
+        if log.suffix.lower() not in (".csv", ".txt", ".dat") or not log.is_file():
+            return set()
+        with log.open("rb") as stream:
+            stated = stream.read(4096).decode("latin-1").lstrip("\ufeff# \t").partition("\n")[0]
+        stated = re.sub(r"[;\t ]+", ",", stated)
+    names = (column.partition("=")[0].strip().strip('"').lower() for column in stated.split(","))
+    return {name.removeprefix("-") for name in names}
 
 
 def cut(recording: Recording, start: float | None, stop: float | None) -> Recording:

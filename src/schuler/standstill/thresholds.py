@@ -110,7 +110,8 @@ def noise_at_rest(imu: ImuSeries, window_s: float = 1.0, share: float = 0.1) -> 
     Returns
     -------
     sigma_f, sigma_w : ndarray, shape (3,)
-        Noise of a sample of specific force [m/s^2] and angular rate [rad/s], not below that of rounding.
+        Noise of a sample of specific force [m/s^2] and angular rate [rad/s], not below that of rounding. One where a
+        log has no gyroscopes (all their rates are zero), so that they say nothing about rest.
 
     Raises
     ------
@@ -131,9 +132,10 @@ def noise_at_rest(imu: ImuSeries, window_s: float = 1.0, share: float = 0.1) -> 
     sigma = [
         _quiet_deviation(x, W, _probability(share, "share"), f"{name}_{axis}")
         for name, triad in (("accel", rates.accel), ("gyro", rates.gyro))
+        if name == "accel" or triad.any()
         for axis, x in zip("xyz", triad.T, strict=True)
     ]
-    return np.array(sigma[:3]), np.array(sigma[3:])
+    return np.array(sigma[:3]), np.array(sigma[3:]) if len(sigma) == 6 else np.ones(3)
 
 
 def _quiet_deviation(x: FloatArray, W: int, share: float, name: str) -> float:

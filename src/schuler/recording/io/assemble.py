@@ -239,6 +239,11 @@ def _imu(raw: Raw, hints: ReadHints, t: FloatArray, trusted: bool) -> ImuSeries:
         if len(missing) == 3 and hints.allows(f"no-{group}"):
             raw.notes.append(f"The log has no {group}: its values are zero and mean nothing.")
             triads[group] = np.zeros((len(t), 3))
+        elif missing and hints.allows("one-axis"):
+            raw.notes.append(f"The log has no {', '.join(missing)}: their values are zero and mean nothing.")
+            for name in missing:
+                raw.values[name] = np.zeros(len(t))
+            triads[group] = _turned(raw, names, axes)
         elif missing:
             raise raw.fault(
                 f"expected ax, ay, az, gx, gy and gz, but {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} "
@@ -293,7 +298,7 @@ def _check_imu(raw: Raw, hints: ReadHints, t: FloatArray, accel: FloatArray, gyr
         if not hints.allows("magnitude"):
             raise raw.fault(message + "; pass allow='magnitude' if it is right", row)
         raw.notes.append(f"Passed over: {message}")
-    if "accel" in counts or (hints.allows("no-accel") and not accel.any()):
+    if "accel" in counts or hints.allows("one-axis") or (hints.allows("no-accel") and not accel.any()):
         return
     fault, note, row = checks.gravity_fault(
         t, accel, gyro, raw.unit.get("accel", "m/s^2"), interval, hints.kind, hints.rest

@@ -19,6 +19,7 @@ ALLOWANCES = {
     "magnitude": "rates above 100 rad/s, specific forces above 200 g, and what else no vehicle and no clock has",
     "truncated": "a last line that was cut off is left out",
     "no-gyro": "an IMU log without a gyro; its rates are zero",
+    "one-axis": "an IMU log without all axes of a triad; those that are missing are zero",
     "no-accel": "an IMU log without an accelerometer; its specific forces are zero",
     "no-velocity": "GNSS velocities without an accuracy are left out",
     "height": "the hint height overrules the file",

@@ -1,0 +1,82 @@
+"""Logs of gyroscopes alone, accelerometers alone and one axis: one command gives their budget and calibration."""
+
+import numpy as np
+import pytest
+from command import answer, refusal
+
+from schuler.calibration.result.result import CalibrationResult
+from schuler.sensors.spec_file import read_spec
+from schuler.units import DEG, DEG_PER_HR
+
+N, RATE = 1e-4, 50.0  # (rad/s)/sqrt(Hz), Hz
+
+
+def write(path, **columns):
+    """Columns beside the time, with a header."""
+    data = np.column_stack([np.arange(len(next(iter(columns.values())))) / RATE, *columns.values()])
+    np.savetxt(path, data, delimiter=",", header=",".join(("t", *columns)), comments="")
+    return path
+
+
+def three(prefix, x):
+    return dict(zip([prefix + a for a in "xyz"], x.T, strict=True))
+
+
+@pytest.mark.parametrize("axes", ["xyz", "x"])
+def test_gyroscopes_alone_have_a_budget(rng, tmp_path, capsys, axes):
+    x = N * np.sqrt(RATE) * rng.standard_normal((4000, 3))
+    log = write(tmp_path / "log.csv", **{"g" + a: x[:, i] for i, a in enumerate(axes)})
+    data = answer(capsys, "allan", log, "--units", "rad/s", "--no-report", "--out", tmp_path, "--json")
+    assert set(data["axes"]) == {f"gyro_{a}" for a in axes}
+    assert data["refused"] == {}
+    spec = read_spec(tmp_path / "imu.toml")
+    assert spec.gyro.random_walk == pytest.approx(N, rel=0.05)  # statistical: 2 % of 4000 samples
+    assert spec.accel.random_walk == 0.0
+    assert any("has no accel: the budget states no number" in note for note in data["notes"])
+
+
+def test_several_switch_ons_have_a_calibration_beside_the_budget(rng, tmp_path, capsys):
+    bias = np.array([46.0, -30.0, 20.0]) * DEG_PER_HR
+    logs = []
+    for k in range(4):
+        x = bias + 3.0 * DEG_PER_HR * rng.standard_normal(3) + 1e-6 * rng.standard_normal((1500, 3))
+        logs.append(write(tmp_path / f"r{k}.csv", **three("g", x)))
+    data = answer(capsys, "allan", *logs, "--units", "rad/s", "--no-report", "--out", tmp_path, "--json")
+    result = CalibrationResult.from_yaml(tmp_path / "calibration.yaml")
+    assert result.names == ("b_g_x", "b_g_y", "b_g_z")
+    np.testing.assert_allclose(result.values, bias, atol=9.0 * DEG_PER_HR)  # statistical: six sigma of a mean of four
+    assert np.all(result.sigma > 15.04 / np.sqrt(3.0) * DEG_PER_HR)  # Earth rate is in no known direction
+    assert read_spec(tmp_path / "imu.toml").gyro.turn_on_bias < 12.0 * DEG_PER_HR
+    assert data["turn_on"]["gyro_x"]["records"] == 4
+
+
+def test_gyroscopes_alone_on_a_rate_table(rng, tmp_path, capsys):
+    plateaus = np.repeat(np.array([0.0, 30.0, -30.0, 0.0]) * DEG, 600)
+    omega = np.zeros((3 * len(plateaus), 3))
+    for k in range(3):
+        omega[k * len(plateaus) : (k + 1) * len(plateaus), k] = plateaus
+    log = write(tmp_path / "t.csv", **three("g", 1.01 * omega + 2e-4 + 1e-3 * rng.standard_normal(omega.shape)))
+    options = ("--rates", "30", "--units", "rad/s", "--no-report", "--out", tmp_path, "--json")
+    data = answer(capsys, "calibrate", "ratetable", log, *options)
+    assert data["status"] != "refused", data["verdicts"]
+    for a in "xyz":
+        entry = data["parameters"][f"M_g_{a}{a}"]
+        assert abs(entry["value"] - 0.01) < 5.0 * entry["sigma"] < 5e-3
+    estimated = {name[:3] for name, entry in data["parameters"].items() if not entry.get("fixed")}
+    assert estimated == {"b_g", "M_g"}
+    assert (tmp_path / "calibration.yaml").exists()
+
+
+def test_accelerometers_alone_on_six_faces(rng, tmp_path, capsys):
+    f = 9.81 * np.repeat(np.vstack((np.eye(3), -np.eye(3))), 600, axis=0)
+    log = write(tmp_path / "s.csv", **three("a", 1.002 * f + 0.03 + 0.01 * rng.standard_normal(f.shape)))
+    options = ("--gravity", "9.81", "--units", "m/s2", "--no-report", "--out", tmp_path, "--json")
+    data = answer(capsys, "calibrate", "sixposition", log, *options)
+    assert {name[:3] for name in data["parameters"]} == {"b_a", "M_a"}
+    assert data["parameters"]["M_a_xx"]["value"] == pytest.approx(0.002, abs=5e-4)
+
+
+def test_one_axis_is_sent_to_the_table_of_poses(rng, tmp_path, capsys):
+    log = write(tmp_path / "z.csv", gz=1e-3 * rng.standard_normal(2000))
+    message = refusal(capsys, "calibrate", "ratetable", log, "--rates", "30", "--units", "rad/s")
+    assert "schuler calibrate poses" in message

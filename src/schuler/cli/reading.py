@@ -177,7 +177,7 @@ def of_part(reading: Reading, log: Path) -> Reading:
     """Options of a log whose columns are one triad, or one axis, alone: what it does not have is not missed."""
     names = _columns(log, reading.columns)
     of_triad = {t: names & {t, *(letter + a for a in "xyz")} for t, letter in (("accel", "a"), ("gyro", "g"))}
-    held = [t for t, found in of_triad.items() if found]
+    held = [t for t, its_axes in of_triad.items() if its_axes]
     if len(held) != 1 or "*" in names:
         return reading
     allow = [f"no-{'gyro' if held[0] == 'accel' else 'accel'}"]

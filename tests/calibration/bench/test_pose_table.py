@@ -52,6 +52,11 @@ def test_one_axis(rng):
     assert result.names == ("b_g_x", "M_g_xx")
     assert result["b_g_x"][0] == pytest.approx(0.02 * DEG, abs=3.0 * result["b_g_x"][1])
     assert result["M_g_xx"][0] == pytest.approx(0.01, abs=1e-4)
+    A = np.column_stack((np.ones(5), reference * DEG))
+    rows = (0.01 * reference + 0.02 + noise) * DEG
+    left = rows - A @ np.linalg.lstsq(A, rows, rcond=None)[0]
+    sigma = np.sqrt(3.0 * (left @ left / 3.0) * np.diag(np.linalg.inv(A.T @ A)))  # Student: 3 / (3 - 2)
+    np.testing.assert_allclose(result.sigma, sigma, rtol=1e-5)
 
 
 def test_the_command_writes_a_calibration(rng, tmp_path, capsys):

@@ -68,6 +68,14 @@ def test_no_cause_where_there_is_none(scatter):
     assert seen <= 2
 
 
+def test_least_squares_with_the_covariance_of_the_rests_is_as_uncertain_as_the_integral(rng):
+    """Closed form for a constant: ``1 / sum(inv(rests))`` is the variance of the mean, or more."""
+    t, means, white, _ = rests(rng, scatter=2.0)
+    fit = rest_scatter(t, means, white)
+    by_rests = [1.0 / np.linalg.inv(V).sum() for V in fit.rests]
+    assert np.all(np.array(by_rests) > (1.0 - 1e-9) * fit.covariance[:, 0, 0])
+
+
 def test_too_few_rests():
     with pytest.raises(InputError, match="rests: expected more than 1, got 1"):
         rest_scatter(np.zeros(1), np.zeros((1, 3)), np.ones((1, 3)))

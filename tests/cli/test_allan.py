@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from command import answer, refusal, run
 
+import schuler.characterisation.curves  # noqa: F401  # before identification is replaced
 from schuler.recording import io
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.trajectory import Trajectory

@@ -122,8 +122,9 @@ def test_identification_with_outliers_finds_the_noise_of_the_clean_log():
         assert spoiled.axes[axis].terms["N"].value > 1.3 * N_clean, axis
         assert [f.severity for f in spoiled.axes[axis].findings if f.code == "outliers"] == ["warning"]
         told = [f for f in repaired.axes[axis].findings if f.code == "outliers"]
-        assert [f.severity for f in told] == ["note", "note"]  # where they were, and that they are replaced
-        assert "were replaced" in told[1].text
+        # where they were, and that they are replaced: a warning above 3 %, which leads
+        assert {f.severity for f in told} <= {"note", "warning"}
+        assert sum("were replaced" in f.text for f in told) == 1
         # nothing is said of the reach of a curve that nobody sees
         assert not [f for f in repaired.axes[axis].findings if f.code == "too_short"]
     assert repaired.provenance["robust"] is True

@@ -27,7 +27,7 @@ from schuler.filtering.measurements import (
 from schuler.filtering.states import BLOCK_TEXT
 from schuler.navigation.evaluation.consistency import judged, matched_satellites
 from schuler.navigation.inputs.gnss_faults import LARGER
-from schuler.navigation.inputs.imu_noise import NOISIER
+from schuler.navigation.inputs.imu_noise import NO_NOISE, NOISIER
 
 if TYPE_CHECKING:
     from schuler.navigation.result import Innovations, NavigationResult
@@ -75,6 +75,7 @@ def evidence(result: NavigationResult) -> list[Finding]:
     findings += [*_halves(result), *_attitude(result)]
     findings += [Finding(0, note, "noise") for note in result.notes if note.startswith(NOISIER)]
     findings += [Finding(0, note, "adapted") for note in result.notes if note.startswith(LARGER)]
+    findings += [Finding(0, note, "no noise") for note in result.notes if note.startswith(NO_NOISE)]
     # sensor errors that change are the filter's failure only where measurements are rejected too
     if not any(f.key.startswith("rejected") for f in findings):
         findings = [f._replace(grave=min(f.grave, 0)) if f.key.startswith("halves") else f for f in findings]

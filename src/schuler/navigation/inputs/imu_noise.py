@@ -10,6 +10,9 @@ from schuler.sensors.spec import ImuSpec
 
 #: Opening of the note, by which the verdict on a run knows it.
 NOISIER = "the IMU log is far noisier than its budget even where it is quietest"
+
+#: Opening of the note on noise so large that it is another motion.
+NO_NOISE = "no noise of the IMU makes its motion that of the fixes"
 _FACTOR = 20.0  # an idling engine makes ten times a good IMU's noise
 _MEANS_S = (0.0, 0.1, 0.5)  # single samples, and means, in which quantisation and vibration are small
 _WINDOW = 8  # second differences in a window

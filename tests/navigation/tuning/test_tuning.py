@@ -14,6 +14,7 @@ from schuler.exceptions import InputError, TomlError
 from schuler.files import toml_with
 from schuler.filtering.measurements import POSITION, VELOCITY
 from schuler.navigation.config import NavigationConfig
+from schuler.navigation.inputs.imu_noise import NO_NOISE
 from schuler.navigation.run import STATED_NOISE, navigate, prepared_run
 from schuler.navigation.tuning.entries import tuned_configuration
 from schuler.navigation.tuning.lever import LEVER_ESTIMATED
@@ -120,6 +121,15 @@ def test_what_held_back_fixes_do_not_bear_out_is_refused(recording):
     asked, plain = navigate(recording, config(tune=True)), navigate(recording, config(tune=False))
     np.testing.assert_array_equal(asked.trajectory.r_eb_e, plain.trajectory.r_eb_e)
     assert any("no better than configured and is not used" in note for note in asked.notes)
+
+
+def test_noise_so_large_that_it_is_another_motion_is_refused_and_the_run_is_doubted(recording):
+    log, wrong = mis_stated(recording, imu=200.0)
+    result = navigate(log, wrong)
+    assert any(note.startswith(NO_NOISE) for note in result.notes)
+    assert not any("noise tuned from" in note for note in result.notes)
+    assert result.verdict.status != "ok"
+    assert any(reason.startswith(NO_NOISE) for reason in result.verdict.reasons)
 
 
 def test_too_few_fixes_are_refused_with_their_number(recording):

@@ -33,9 +33,8 @@ _CONSISTENT = (0.7, 1.4)  # mean normalised innovation squared of a run that is 
 _STILL = 0.5  # GNSS speed of what may stand [m/s]
 _CERTAIN = 3.0  # standard errors beyond that
 _JUDGES = 8  # fixes of a kind and spacing that judge
-_MOST = (
-    60.0  # factor on white noise of an IMU that no vibration makes: at most 47 in the corpus; a wrong heading 67 to 900
-)
+# Factor on white noise of an IMU that no vibration makes: at most 47 in the corpus; a wrong heading asks for 67 to 900.
+_MOST = 60.0
 
 #: What a term is, for tables and notes.
 TERM_TEXT = {

@@ -198,6 +198,21 @@ def test_navigate_writes_a_report_and_prose(town, tmp_path, capsys):
     assert not (tmp_path / "figures").exists()
 
 
+def test_without_pyarrow_there_are_track_and_report_and_it_is_said(town, tmp_path, capsys, monkeypatch):
+    from schuler.exceptions import MissingExtraError
+    from schuler.navigation.result import NavigationResult
+
+    def missing(*_):
+        raise MissingExtraError("pyarrow", "data", "writing Parquet")
+
+    monkeypatch.setattr(NavigationResult, "to_parquet", missing)
+    code, out, err = run(capsys, "navigate", town, "--config", CONFIG, "--out", tmp_path / "o", "--no-smooth")
+    assert code == 0
+    assert "pip install 'schuler[data]'" in err
+    assert {p.name for p in (tmp_path / "o").iterdir()} >= {"report.html", "track.kml"}
+    assert "solution.parquet" not in out
+
+
 def test_figures_are_files_where_they_are_asked_for(town, tmp_path, capsys, monkeypatch):
     # one figure of nineteen; that all of them are drawn is tests/navigation/report/test_figures.py
     monkeypatch.setattr("schuler.navigation.report.figures.save_all", lambda *_: [])

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from schuler.cli.configuration import configuration, entries, with_outages
 from schuler.cli.output import Flag, Folder, Texts, named, print_json, print_verdict, progress, say
 from schuler.cli.proposal import proposed
-from schuler.exceptions import InputError
+from schuler.exceptions import InputError, MissingExtraError
 from schuler.files import write_text
 from schuler.navigation.result import NavigationResult
 from schuler.recording.recording import Recording
@@ -198,11 +198,14 @@ def write_outputs(
     from schuler.recording.formats.track import write_kml
 
     result, smoothed = outcome.result, outcome.smoothed
-    files = {"solution": result.to_parquet(folder / "solution.parquet")}
-    best = result
-    if smoothed is not None:
-        files["smoothed"] = smoothed.to_parquet(folder / "smoothed.parquet")
-        best = smoothed
+    files: dict[str, Path] = {}
+    best = result if smoothed is None else smoothed
+    try:
+        files["solution"] = result.to_parquet(folder / "solution.parquet")
+        if smoothed is not None:
+            files["smoothed"] = smoothed.to_parquet(folder / "smoothed.parquet")
+    except MissingExtraError as error:  # track and report are worth having without it
+        say(f"no table of the solution: {error}")
     files["track"] = write_kml(
         folder / "track.kml", best.antenna() if outcome.at_antenna else best.trajectory,
         name=recording.metadata.name, outages=result.outages, time=recording.metadata.time,

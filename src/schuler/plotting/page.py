@@ -1,11 +1,12 @@
 """A self-contained HTML page: its frame, sections, style sheet and script. Nothing is ever fetched.
 
 The rules of the style sheet and the script are the files ``page.css`` and ``page.js`` in the folder ``assets``;
-``plotly-basic.min.js`` there is plotly.js of its authors as it is (``tests/plotting/test_library.py`` says which).
+``plotly-basic.min.js.gz`` there is plotly.js of its authors, packed (``tests/plotting/test_library.py`` says which).
 """
 
 from __future__ import annotations
 
+import gzip
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -48,7 +49,8 @@ class Section:
 
 def plotly_script() -> str:
     """The drawing library, to be put into the page: plotly.js without what no page of ours draws."""
-    return _asset("plotly-basic.min.js")
+    packed = (resources.files("schuler.plotting") / "assets" / "plotly-basic.min.js.gz").read_bytes()
+    return gzip.decompress(packed).decode("utf-8")
 
 
 def whole_page(

@@ -282,6 +282,7 @@ def _cut(recording: Recording, fixes: str, rng: np.random.Generator) -> Recordin
     imu = replace(
         imu, t=imu.t[use], gyro=imu.gyro[use], accel=imu.accel[use],
         temperature=None if imu.temperature is None else imu.temperature[use],
+        magnetometer=None if imu.magnetometer is None else imu.magnetometer[use],
     )  # fmt: skip
     if gnss is not None:
         gnss = gnss.where(np.asarray((gnss.t >= a) & (gnss.t <= a + length)))

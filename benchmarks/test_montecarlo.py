@@ -6,7 +6,6 @@ started before the clock: what counts for a long campaign is how fast it goes on
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
@@ -47,22 +46,19 @@ def test_whole_chain_in_threads(benchmark, hour, workers):
     benchmark.pedantic(campaign_of, args=(navigation_run, hour, workers, 8, 1), rounds=2)
 
 
-@pytest.mark.benchmark(group="Monte Carlo on a Dask cluster of this machine: 24 runs of an hour, 15 states")
+@pytest.mark.benchmark(group="Monte Carlo on Dask workers of this machine: 256 runs of an hour in lanes, 15 states")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_dask_workers(benchmark, hour, workers):
-    distributed = pytest.importorskip("distributed")
-    from schuler.montecarlo.cluster import on_cluster
+    """Whole batches of lanes; ``python -m benchmarks.cluster`` has processor times, single runs and fleets too."""
+    pytest.importorskip("distributed")
+    from schuler.montecarlo.cluster import LOCAL, connected, on_cluster
 
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    benchmark.extra_info["epochs"] = 24 * EPOCHS
-    with (
-        distributed.LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster,
-        distributed.Client(cluster) as client,
-    ):
+    benchmark.extra_info["epochs"] = 256 * EPOCHS
+    with connected(LOCAL, workers) as client:
 
-        def run(first):
-            spans = Batches([Span(first, first + 23)], workers, 2)
-            assert sum(s.runs for s, _ in on_cluster((navigation_run, hour, 0), spans, client)) == 24
+        def run(first, count, size):
+            spans = Batches([Span(first, first + count - 1)], workers, size)
+            assert sum(s.runs for s, _ in on_cluster((lane_runs, hour, 0), spans, client)) == count
 
-        run(100)  # every worker prepares the mission once
-        benchmark.pedantic(run, args=(0,), rounds=2)
+        run(1000, 32 * workers, 8)  # every worker prepares the mission once
+        benchmark.pedantic(run, args=(0, 256, 64), rounds=3)

@@ -10,7 +10,9 @@ project = "schuler"
 author = "The schuler developers"
 copyright = author
 release = metadata.version("schuler")
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "api_pages", "mathml", "repository"]
+extensions = [
+    "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "api_pages", "mathml", "notebook_pages", "repository",
+]  # fmt: skip
 exclude_patterns = ["_build"]
 nitpicky = False  # array types and unions in docstrings are prose, not names to link
 

@@ -159,3 +159,17 @@ def test_every_error_of_a_user_is_a_schuler_error():
     for kind in (InputError, UnitError, FileFormatError, MissingExtraError):
         assert issubclass(kind, SchulerError)
     assert issubclass(InputError, ValueError)
+
+
+def test_a_value_of_sixty_characters_is_shown_and_a_longer_one_ends_in_dots():
+    for length, shown in ((58, "'" + 58 * "x" + "'"), (59, "'" + 56 * "x" + "...")):
+        with pytest.raises(InputError) as caught:
+            as_floats(length * "x", "t")
+        assert str(caught.value).partition("got ")[2] == shown
+
+
+def test_masked_values_are_refused_and_a_mask_of_nothing_is_no_mask():
+    """numpy would hand out what lies under the mask."""
+    with pytest.raises(InputError, match="masked array; fill or cut"):
+        as_floats(np.ma.array([1.0, 2.0, 3.0], mask=[False, True, False]), "t")
+    np.testing.assert_array_equal(as_floats(np.ma.array([1.0, 2.0, 3.0]), "t"), [1.0, 2.0, 3.0])

@@ -336,6 +336,16 @@ def test_gravity_gradient_is_the_jacobian_to_a_percent(rng):
         np.testing.assert_array_equal(G, G.T)
 
 
+def test_gravity_gradient_has_the_trace_of_free_space_and_no_rotation_along_the_axis(rng):
+    """Gravitation is free of sources, so the trace is that of the centrifugal part, 2 omega^2, none of it along z."""
+    for r in frames.ecef_from_llh(random_positions(rng, (20,))):
+        trace = np.trace(earth.gravity_gradient_ecef(r))
+        assert trace == pytest.approx(2.0 * WGS84.omega_ie**2, rel=1e-6)  # rounding of 1e-6 1/s^2
+    G = earth.gravity_gradient_ecef([0.0, 0.0, 6.4e6])
+    np.testing.assert_allclose(np.diag(G), WGS84.GM / 6.4e6**3 * np.array([-1.0, -1.0, 2.0])
+                               + WGS84.omega_ie**2 * np.array([1.0, 1.0, 0.0]), rtol=1e-12)  # fmt: skip
+
+
 def test_vertical_gravity_gradient():
     """-3.086e-6 1/s^2 at 40 deg: the free-air gradient, 0.3086 mGal per metre."""
     (lat,) = radians(40)

@@ -3,6 +3,7 @@ numbers and lanes apart."""
 
 from __future__ import annotations
 
+import ast
 import os
 import shutil
 import subprocess
@@ -10,6 +11,7 @@ import sys
 from itertools import permutations
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import schuler
@@ -53,6 +55,43 @@ def test_a_changed_helper_in_another_file_is_compiled_in(tmp_path):
     changed, hits = run(tmp_path)
     assert hits == 0
     assert changed < first - 0.01  # turned further
+
+
+# ------------------------------------------------------------------------------------------- parts of kernels
+
+
+@jit.inlined
+def power(x, n):
+    y = 1.0
+    for _ in range(n):
+        y *= x
+    return y
+
+
+@jit.kernel
+def sum_of_powers(x):
+    s = 0.0
+    for i in range(x.shape[0]):
+        s += power(x[i], 2) + power(x[i], i)
+    return s
+
+
+def test_a_helper_becomes_machine_code_only_when_python_calls_it():
+    """In a kernel it is part of the kernel: one part for a constant and a variable, with the same numbers."""
+    x = np.array([1.0, 3.0, 5.0])
+    assert sum_of_powers(x) == sum(v**2 + v**i for i, v in enumerate(x))
+    assert power.signatures == []
+    assert power(3.0, 2) == 9.0
+    assert len(power.signatures) == 1
+
+
+def test_kernels_neither_raise_nor_print():
+    """Parts have no Python environment, in which numba keeps texts."""
+    root = Path(schuler.__file__).parent
+    for path in (*root.rglob("*kernels.py"), *root.glob("*/kernels/*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            assert not isinstance(node, ast.Raise), (path.name, node.lineno)
+            assert not (isinstance(node, ast.Name) and node.id == "print"), (path.name, node.lineno)
 
 
 # ------------------------------------------------------------------------------- numbers and lanes, one cache

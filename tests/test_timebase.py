@@ -56,7 +56,7 @@ def system_list(tmp_path, monkeypatch):
         counts = (10, *(20 + k for k in range(len(days))))
         rows = [f"{t}      {count}      # comment" for t, count in zip(ntp, counts, strict=True)]
         expiry = (expires - dt.date(1900, 1, 1)).days * 86_400
-        path.write_text("\n".join(["#", f"#@ {expiry}", *rows, "#h 1 2 3"]) + "\n")
+        path.write_text("\n".join(["#", f"#@ {expiry}  # expires", *rows, "#h 1 2 3"]) + "\n")
         timebase._system_leap_days.cache_clear()
 
     timebase._system_leap_days.cache_clear()
@@ -248,3 +248,49 @@ def test_time_bases_are_values():
     assert hash(TimeBase("gps", 5.0)) == hash(TimeBase("gps", 5.0))
     with pytest.raises(AttributeError):
         TimeBase().scale = "gps"
+
+
+def test_weeks_before_the_epoch_and_a_moment_that_rounds_to_the_next_week():
+    """Weeks are counted down; a time of week is never a whole week."""
+    assert timebase.week_tow(-1.0) == (-1, WEEK_S - 1.0)
+    assert timebase.week_tow(-1e-12) == (0, 0.0)
+
+
+def test_the_warning_of_an_unknown_leap_second_points_at_the_caller(system_list):
+    with pytest.warns(timebase.LeapSecondWarning) as caught:
+        timebase.leap_seconds(timebase.LEAP_TABLE_VALID_TO + dt.timedelta(days=1))
+    assert caught[0].filename == __file__
+
+
+@pytest.mark.parametrize("fault", ["a count left out", "days out of order"])
+def test_a_list_of_the_system_that_contradicts_itself_is_not_believed(system_list, fault):
+    later = ((2030, 7, 1), (2029, 1, 1)) if fault == "days out of order" else ((2029, 1, 1), (2030, 7, 1))
+    system_list((*timebase.LEAP_DAYS, *later), dt.date(2036, 6, 28))
+    if fault == "a count left out":
+        path = timebase._SYSTEM_LIST
+        path.write_text("".join(line for line in path.read_text().splitlines(True) if "      38      " not in line))
+        timebase._system_leap_days.cache_clear()
+    with pytest.warns(timebase.LeapSecondWarning, match=f"known to {timebase.LEAP_TABLE_VALID_TO}"):
+        assert timebase.leap_seconds(dt.date(2031, 1, 1)) == 18
+
+
+def test_unix_stamps_reach_to_the_first_second_of_2100(system_list):
+    last = unix(dt.datetime(2100, 1, 1))
+    with pytest.warns(timebase.LeapSecondWarning):
+        timebase.gps_from_unix(np.array([last]))
+    with pytest.raises(InputError, match="are they milliseconds"):
+        timebase.gps_from_unix(np.array([np.nextafter(last, np.inf)]))
+
+
+def test_times_increase_and_the_first_that_does_not_is_named():
+    """However short the interval; a repeated time is not an increase. Samples of a fast log are not one time."""
+    np.testing.assert_array_equal(timebase.check_times([0.0, 1e-9, 0.5], "t"), [0.0, 1e-9, 0.5])
+    assert timebase.SAME_TIME < 1e-4
+    for t, said in (
+        ([0.0, 1.0, 0.5, 2.0, 1.9], "sample 2 goes back: 0.500000 s after 1.000000 s"),
+        ([0.0, 1.0, 1.0, 0.0], "sample 2 repeats: 1.000000 s after 1.000000 s"),
+    ):
+        with pytest.raises(InputError, match=f"t: expected increasing times, but {said}"):
+            timebase.check_times(t, "t")
+    with pytest.raises(InputError, match="expected at least one sample, got none"):
+        timebase.check_times([], "t")

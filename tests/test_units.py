@@ -15,8 +15,8 @@ PI = math.pi
 LAW = settings(max_examples=500, deadline=None, derandomize=True, database=None)
 
 
-def dim(length=0, time=0, angle=0, temperature=0):
-    return tuple(Fraction(x) for x in (length, time, angle, temperature))
+def dim(length=0, time=0, angle=0, temperature=0, field=0):
+    return tuple(Fraction(x) for x in (length, time, angle, temperature, field))
 
 
 RATE = dim(time=-1, angle=1)

@@ -57,25 +57,37 @@ class Judge(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Horizontal errors and what is claimed for them: (n,), (n, 2) [m], (n, 2, 2) [m^2], (n, 2, 2) [m^2]."""
+    """Horizontal errors and what is claimed for them: (n,), (n, 2) [m], (n, 2, 2) [m^2] each."""
 
     t: FloatArray
     error: FloatArray
     claim: FloatArray
-    total: FloatArray  # with the judge's own
+    total: FloatArray  # with the judge's own, as the run believes it
+    stated: FloatArray | None = None  # with the judge's own, as it states it, where that is another
 
     def where(self, keep: BoolArray) -> Errors:
-        return Errors(self.t[keep], self.error[keep], self.claim[keep], self.total[keep])
+        return Errors(*(None if values is None else values[keep] for values in self))  # type: ignore[arg-type]
 
 
 def horizontal_errors(result: NavigationResult, judge: Judge) -> Errors:
     """North and east errors at the times of the judge that the solution covers, with its claims."""
     path = result.antenna() if judge.at_antenna else result.trajectory
     errors = horizontal_errors_of(path, judge, start=float(result.t[0]))
+    own = errors.total * np.outer(*[judge_scale(result)] * 2) if judge.at_antenna else errors.total
     P = antenna_covariance(result) if judge.at_antenna else result.covariance[:, 6:9, 6:9]
     claim = [np.interp(errors.t, result.t, P[:, i, j]) for i in (0, 1) for j in (0, 1)]
     claimed = np.stack(claim, axis=-1).reshape(-1, 2, 2)
-    return errors._replace(claim=claimed, total=claimed + errors.total)
+    return errors._replace(claim=claimed, total=claimed + own, stated=claimed + errors.total)
+
+
+def judge_scale(result: NavigationResult) -> FloatArray:
+    """Factors on the 1-sigma north and east that fixes state, as the run took them from tuning. Shape (2,).
+
+    A fix held back is as good as those the run was given: what the run made of their sigmas is part of its claim. A
+    run that shrinks them too far is found out by the fixes it did not see.
+    """
+    config = result.provenance.get("config", {}).get("gnss", {})
+    return np.array(config.get("position_sigma_scale", (1.0, 1.0, 1.0)))[:2]
 
 
 def antenna_covariance(result: NavigationResult) -> FloatArray:
@@ -112,9 +124,9 @@ def within(t: FloatArray, windows: Windows, lead_s: float = 0.0) -> BoolArray:
     return inside
 
 
-def nees(errors: Errors) -> FloatArray:
+def nees(errors: Errors, total: FloatArray | None = None) -> FloatArray:
     """Normalised horizontal error squared per degree of freedom. Shape (n,)."""
-    z = np.linalg.solve(errors.total, errors.error[:, :, None])[:, :, 0]
+    z = np.linalg.solve(errors.total if total is None else total, errors.error[:, :, None])[:, :, 0]
     return np.asarray(np.einsum("ni,ni->n", errors.error, z) / 2.0)
 
 
@@ -147,6 +159,7 @@ def consistency(errors: Errors, groups: int | None = None) -> dict[str, Any]:
     return {
         "claimed": float(np.sqrt(np.mean(np.einsum("nii->n", errors.claim)))),
         "nees": float(squared.mean()),
+        "nees_stated": float(nees(errors, errors.stated).mean()),
         "nees_band": list(band),
         "inside": [float(np.mean(np.abs(z) < k)) for k in (1.0, 2.0, 3.0)],
         "median_sigmas": float(np.median(np.sqrt(2.0 * squared))),

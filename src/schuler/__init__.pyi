@@ -4,6 +4,7 @@ from .budget import linear_covariance as linear_covariance
 from .budget import prepare_budget as prepare_budget
 from .calibration import CalibrationResult as CalibrationResult
 from .calibration import Poses as Poses
+from .calibration import apply_calibration as apply_calibration
 from .calibration import calibrate_angle_rate as calibrate_angle_rate
 from .calibration import calibrate_ferraris as calibrate_ferraris
 from .calibration import calibrate_field as calibrate_field
@@ -13,6 +14,8 @@ from .calibration import calibrate_multiposition as calibrate_multiposition
 from .calibration import calibrate_ratetable as calibrate_ratetable
 from .calibration import calibrate_sixposition as calibrate_sixposition
 from .calibration import calibrate_thermal as calibrate_thermal
+from .calibration import calibration_certificate as calibration_certificate
+from .calibration import calibration_history as calibration_history
 from .calibration import poses_of as poses_of
 from .characterisation import NoiseIdentification as NoiseIdentification
 from .characterisation import allan_deviation as allan_deviation
@@ -31,6 +34,7 @@ from .navigation import NavigationConfig as NavigationConfig
 from .navigation import NavigationResult as NavigationResult
 from .navigation import Navigator as Navigator
 from .navigation import compare_architectures as compare_architectures
+from .navigation import compare_runs as compare_runs
 from .navigation import fine_alignment as fine_alignment
 from .navigation import navigate as navigate
 from .navigation import tune_noise as tune_noise
@@ -85,6 +89,7 @@ __all__ = [
     "Trajectory",
     "TriadSpec",
     "allan_deviation",
+    "apply_calibration",
     "calibrate_angle_rate",
     "calibrate_ferraris",
     "calibrate_field",
@@ -94,11 +99,14 @@ __all__ = [
     "calibrate_ratetable",
     "calibrate_sixposition",
     "calibrate_thermal",
+    "calibration_certificate",
+    "calibration_history",
     "campaign",
     "check",
     "choose_imu",
     "compare_architectures",
     "compare_rotary",
+    "compare_runs",
     "error_budget",
     "fine_alignment",
     "identify_noise",

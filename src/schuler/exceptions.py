@@ -7,6 +7,7 @@ Every message says what was expected, what came and what to do about it. The com
 from __future__ import annotations
 
 import difflib
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -99,9 +100,10 @@ def sentences(error: ValidationError, model: type[BaseModel]) -> list[str]:
     model : type of BaseModel
         The model that was being validated.
     """
-    lines = []
+    lines: list[str] = []
+    branches: dict[str, list[str]] = {}  # of an entry that may be of several kinds, what each of them wants
     for fault in error.errors():
-        where = ".".join(str(part) for part in fault["loc"]) or "the file"
+        where = ".".join(str(part) for part in fault["loc"] if not _is_branch(part)) or "the file"
         if fault["type"] == "extra_forbidden":
             names = _fields_at(model, fault["loc"][:-1])
             near = difflib.get_close_matches(str(fault["loc"][-1]), names, n=1)
@@ -112,8 +114,22 @@ def sentences(error: ValidationError, model: type[BaseModel]) -> list[str]:
         else:
             message = fault["msg"].removeprefix("Value error, ")
             came = "" if isinstance(fault["input"], dict) else f", got {fault['input']!r}"
-            lines.append(f"{where}: {message}{came}")
+            if any(map(_is_branch, fault["loc"])):
+                wants = branches.setdefault(f"{where}\n{came}", [])
+                wants.append(message if not wants else message.removeprefix("Input should be "))
+            else:
+                lines.append(f"{where}: {message}{came}")
+    for place, wants in branches.items():
+        where, came = place.split("\n")
+        lines.append(f"{where}: {', or '.join(dict.fromkeys(wants))}{came}")
     return lines
+
+
+def _is_branch(part: int | str) -> bool:
+    """Whether a part of a place is pydantic's name for one kind of value, as ``literal[9,15]`` or ``float``."""
+    return isinstance(part, str) and (
+        part in ("float", "int", "str", "bool") or re.search(r"[\[\]-]", part) is not None
+    )
 
 
 def _fields_at(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:

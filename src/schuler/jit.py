@@ -21,10 +21,12 @@ from pathlib import Path
 from typing import Any, cast
 
 import numba
+from numba.core.codegen import JITCodeLibrary
 from numba.extending import is_jitted
 
 _NOTICE_AFTER_S = 1.5
 
+_core: Any = numba.core
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 # Besides the kernel files: what they take constants from (tests/test_project.py holds them to it).
@@ -77,18 +79,64 @@ def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Callable[...
 
 
 def _one_version(compiled: Any) -> Any:
-    """The same dispatcher, which compiles one version for a constant argument and a variable one of the same type.
+    """The same dispatcher, which gives other kernels one uncompiled part a signature instead of a function of its own.
 
-    numba would compile a helper anew for every constant that a compiled function passes to it.
+    numba turns every helper of a kernel into machine code, with wrappers to call it from Python, although its callers
+    take its LLVM code in; and it does so anew for every constant that is passed to it. That is a quarter of the time it
+    takes to compile the filter. What is called from Python is compiled as usual. A part has no Python environment, so
+    kernels neither raise nor print.
     """
-    template, unliteral = compiled.get_call_template, cast(Any, numba.types.unliteral)
+    parts: dict[tuple[Any, ...], tuple[Any, object]] = {}
+    unliteral = cast(Any, numba.types.unliteral)
+    whole = compiled.get_overload
 
     def get_call_template(args: tuple[Any, ...], kws: dict[str, Any]) -> Any:
-        plain = {name: unliteral(value) for name, value in kws.items()}
-        return template(tuple(unliteral(value) for value in args), plain)
+        plain = tuple(unliteral(value) for value in args)
+        named = {name: unliteral(value) for name, value in kws.items()}
+        signature, types_ = compiled.fold_argument_types(plain, named)
+        if types_ not in parts:
+            parts[types_] = _part(compiled, types_)
+        name = compiled.py_func.__name__
+        return (
+            _core.typing.make_concrete_template(f"CallTemplate({name})", name, [parts[types_][0]]),
+            signature,
+            types_,
+            {},
+        )
 
-    compiled.get_call_template = get_call_template
+    def get_overload(sig: Any) -> Any:
+        part = parts.get(tuple(_core.sigutils.normalize_signature(sig)[0]))
+        return part[1] if part else whole(sig)
+
+    compiled.get_call_template, compiled.get_overload = get_call_template, get_overload
     return compiled
+
+
+class _Part(JITCodeLibrary):
+    """LLVM code of a helper, to be linked into its callers and optimised there."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        cast(Any, self)._finalize_dynamic_globals()
+        self._finalized = True
+
+
+def _part(compiled: Any, args: tuple[Any, ...]) -> tuple[Any, object]:
+    """Signature of a helper and the key under which kernels find its LLVM code."""
+    context = compiled.targetctx
+    flags = _core.compiler.Flags()
+    compiled.targetdescr.options.parse_as_flags(flags, compiled.targetoptions)
+    flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
+    with _core.compiler_lock.global_compiler_lock:
+        code = cast(Any, _Part)(context.codegen(), compiled.py_func.__qualname__)
+        result = _core.compiler.compile_extra(
+            compiled.typingctx, context, compiled.py_func, args, None, flags, {}, library=code
+        )
+        key = object()
+        context.insert_user_function(key, result.fndesc, [code])
+    return result.signature, key
 
 
 def lane_version(function: Callable[..., Any], **helpers: Callable[..., Any]) -> Callable[..., Any]:

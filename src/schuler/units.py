@@ -23,6 +23,8 @@ UG = 1e-6 * G0  # [m/s^2]
 MGAL = 1e-5  # [m/s^2]
 PPM = 1e-6  # [-]
 PERCENT = 1e-2  # [-]
+UT = 1e-6  # [T]
+GAUSS = 1e-4  # [T]
 NMI = 1852.0  # [m]
 KM = 1000.0  # [m]
 FT = 0.3048  # [m]
@@ -36,12 +38,13 @@ MPS_PER_RTHR = 1.0 / 60.0  # velocity random walk, m/s/sqrt(h) [(m/s^2)/sqrt(Hz)
 UG_PER_RTHZ = UG  # [(m/s^2)/sqrt(Hz)]
 DEG_PER_HR_PER_G = DEG_PER_HR / G0  # [(rad/s)/(m/s^2)]
 
-# Exponents of (length, time, angle, temperature); an angle is kept as a dimension so that "1/s" is no angular rate.
-Dimension = tuple[Fraction, Fraction, Fraction, Fraction]
+# Exponents of (length, time, angle, temperature, magnetic flux density); an angle is kept as a dimension so that "1/s"
+# is no angular rate.
+Dimension = tuple[Fraction, Fraction, Fraction, Fraction, Fraction]
 
 
-def _dim(length: int = 0, time: int = 0, angle: int = 0, temperature: int = 0) -> Dimension:
-    return (Fraction(length), Fraction(time), Fraction(angle), Fraction(temperature))
+def _dim(length: int = 0, time: int = 0, angle: int = 0, temperature: int = 0, field: int = 0) -> Dimension:
+    return (Fraction(length), Fraction(time), Fraction(angle), Fraction(temperature), Fraction(field))
 
 
 #: What the readers may ask for; the SI unit of each is the second entry.
@@ -53,6 +56,7 @@ QUANTITIES: dict[str, tuple[Dimension, str]] = {
     "velocity": (_dim(length=1, time=-1), "m/s"),
     "length": (_dim(length=1), "m"),
     "temperature": (_dim(temperature=1), "degC"),
+    "magnetic flux density": (_dim(field=1), "T"),
     "ratio": (_dim(), "1"),
 }
 
@@ -87,8 +91,16 @@ _ATOMS: dict[str, tuple[float, Dimension]] = {
     "ppm": (PPM, _dim()),
     "%": (PERCENT, _dim()),
     "degC": (1.0, _dim(temperature=1)),
+    "T": (1.0, _dim(field=1)),
+    "mT": (1e-3, _dim(field=1)),
+    "uT": (UT, _dim(field=1)),
+    "nT": (1e-9, _dim(field=1)),
+    "gauss": (GAUSS, _dim(field=1)),
+    "mgauss": (1e-7, _dim(field=1)),
     "K": (1.0, _dim(temperature=1)),  # of a difference, as in ppm/K; factor_for refuses it for temperatures themselves
 }
+# what g and mg mean where a magnetic flux density is asked for
+_GAUSS = {"g": "gauss", "mg": "mgauss"}
 # written in capitals or with a capital somewhere these still mean one thing; "Mg" and "Ms" would not
 _ANY_CASE = {"deg", "rad", "rev", "min", "arcsec", "arcmin", "km", "kn", "nmi", "ft", "hz", "degc", "g", "s", "h", "m"}
 _MAX_EXPONENT, _MAX_DEPTH = 9, 8
@@ -99,6 +111,8 @@ _SPELLINGS = {
     "knots": "kn", "knot": "kn", "gal": "cm/s^2", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad",
     "celsius": "degC", "µg": "ug", "μg": "ug", "µs": "us", "μs": "us", "µrad": "urad", "μrad": "urad", "°": "deg",
     "°C": "degC", "C": "degC", "mps": "m/s", "mps2": "m/s^2", "arcs": "arcsec", "microg": "ug", "mgal": "mGal",
+    "ut": "uT", "µt": "uT", "μt": "uT", "nt": "nT", "tesla": "T", "microtesla": "uT", "nanotesla": "nT",
+    "milligauss": "mgauss", "gs": "gauss",
 }  # fmt: skip
 _TOKEN = re.compile(r"\s*(sqrt\(|√\(?|\(|\)|\*|·|/|\^-?\d+|²|³|°C|[A-Za-zµμ°%]+\d?(?![\w^])|[A-Za-zµμ°%]+|1)")
 
@@ -163,6 +177,8 @@ def factor_for(text: str, quantity: str) -> float:
     UnitError
         If the unit measures something else; the message names the SI unit expected.
     """
+    if quantity == "magnetic flux density":
+        text = _GAUSS.get(text.strip().lower(), text)
     unit = parse_unit(text)
     dimension, si = QUANTITIES[quantity]
     if quantity == "temperature" and unit.text == "K":
@@ -230,8 +246,10 @@ def _exponent(digits: str, text: str) -> int:
 
 
 def _combine(a: Dimension, b: Dimension, sign: int) -> Dimension:
-    return (a[0] + sign * b[0], a[1] + sign * b[1], a[2] + sign * b[2], a[3] + sign * b[3])
+    return (
+        a[0] + sign * b[0], a[1] + sign * b[1], a[2] + sign * b[2], a[3] + sign * b[3], a[4] + sign * b[4]
+    )  # fmt: skip
 
 
 def _scale(a: Dimension, exponent: Fraction) -> Dimension:
-    return (a[0] * exponent, a[1] * exponent, a[2] * exponent, a[3] * exponent)
+    return (a[0] * exponent, a[1] * exponent, a[2] * exponent, a[3] * exponent, a[4] * exponent)

@@ -57,7 +57,8 @@ def test_catalogue_is_ranked(mission):
     specs, left_out = catalogue_specs()
     result = choose_imu(mission, wanted, specs, left_out=left_out)
     values = [v.value for v in result.verdicts]
-    assert values == sorted(values)
+    order = [({True: 0, None: 1, False: 2}[v.certain], v.value) for v in result.verdicts]
+    assert order == sorted(order)
     assert len(values) == len(specs) > 15
     by = {v.imu: v for v in result.verdicts}
     assert by["LN-200"].passes
@@ -65,7 +66,11 @@ def test_catalogue_is_ranked(mission):
     again = wanted.worst(mission, linear_covariance(mission, spec("LN-200")).P)[0]
     assert_allclose(by["LN-200"].value, again, rtol=1e-8)
     assert "KVH-5000" in result.summary()
-    assert result.table().row(imu="LN-200")["passes"] == "yes"
+    assert result.table().row(imu="LN-200")["passes"] == "unknown"  # its turn-on biases are not stated
+    assert by["LN-200"].unstated == ("gyro turn_on_bias", "accel turn_on_bias")
+    assert (by["LN-200"].certain, by["HG1900"].unstated) == (None, ())
+    assert values.index(by["HG1900"].value) < values.index(by["VN-200"].value)
+    assert "lower bounds, the turn-on bias not being stated" in result.summary()
     assert result.to_dict()["ranking"][0]["imu"] == result.verdicts[0].imu
     assert result.plot() is not None
 

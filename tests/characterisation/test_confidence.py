@@ -7,6 +7,8 @@ from scipy.stats import chi2
 
 from schuler.characterisation.allan import allan_deviation
 from schuler.characterisation.confidence import (
+    KINDS,
+    bounds,
     differences,
     exponents,
     fit_mixture,
@@ -205,6 +207,21 @@ def test_chi_square_is_too_low_at_few_degrees_of_freedom():
     x = White(1.0).sample(1000, 1.0, np.random.default_rng(5))
     curve = allan_deviation(x, 1.0, taus=[250.0], noise=White(1.0))
     assert curve.high[0] == pytest.approx(curve.deviation[0] / np.sqrt(true), rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["overlapping", "modified", "hadamard"])
+@pytest.mark.parametrize("alpha", [0, -1, -2])
+def test_bounds_have_their_probability_whatever_they_are_made_of(kind, alpha):
+    """On either side of 20 degrees of freedom the true distribution has p below, to 0.9 % (chi-square)."""
+    order, overlapping, modified = KINDS[kind]
+    m = 60
+    for ratio in (8, 10, 12, 16, 24):
+        d, noise = Differences(order, m, ratio * m, overlapping, modified), ((1.0, alpha),)
+        for confidence in (0.95, 0.68):
+            _, low, high = bounds(kind, np.array([m]), np.array([ratio * m]), noise, np.array([alpha]), 1.0, confidence)
+            for end, p in ((high[0], 0.5 * (1.0 - confidence)), (low[0], 0.5 * (1.0 + confidence))):
+                least, most = shape_quantiles(d, noise, 1.0, np.clip([p - 0.009, p + 0.009], 1e-4, 1.0 - 1e-4))
+                assert least < 1.0 / end < most, (ratio, p)
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ def test_part_of_a_name_is_looked_for(capsys):
     assert out.startswith("HG1700 (also HG1700-hayal)")  # the name itself, although another begins with it
     assert "similar names: HG1700-flenniken" in err
     assert answer(capsys, "catalogue", "g-710", "--json")["devices"] == ["MTi-G-710"]
-    assert "did you mean MPU-6000" in refusal(capsys, "catalogue", "MPU-6050")
+    assert "did you mean MPU-60" in refusal(capsys, "catalogue", "MPU-6001")
 
 
 def test_every_entry_can_be_shown(capsys):

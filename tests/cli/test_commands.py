@@ -126,7 +126,9 @@ def test_navigate_with_outages_on_the_command_line(town, tmp_path, capsys):
     assert numbers["smoothed"]["mean_outage_max_horizontal_m"] < numbers["mean_outage_max_horizontal_m"]
     assert numbers["measurements"]["position"]["accepted"] > 100
     assert sum(numbers["rejected"].values()) < 10
-    assert {p.name for p in (tmp_path / "out").glob("[!.]*")} == {"solution.parquet", "smoothed.parquet", "track.kml"}
+    assert {p.name for p in (tmp_path / "out").glob("[!.]*")} == {
+        "solution.parquet", "smoothed.parquet", "track.kml", "resolved.toml", "metrics.json", "run.json", "run.log",
+    }  # fmt: skip
 
 
 def test_aids_and_entries_are_changed_on_the_command_line(town, tmp_path, capsys):

@@ -22,7 +22,7 @@ def test_text_names_what_differs_and_a_book_is_written(capsys, tmp_path):
     assert main(["reproduce", "flenniken", "text-3.7", "--out", str(tmp_path / "book.html")]) == 0
     out = capsys.readouterr().out
     assert "text-3.7" in out
-    assert "1 items: 1 differs" in out
+    assert "1 of 1 items could have told: 1 differs" in out
     text = (tmp_path / "book.html").read_text(encoding="utf-8")
     assert '<section id="flenniken_text_3_7">' in text
 

@@ -188,8 +188,9 @@ def test_outages_take_gnss_only():
 def test_gate_threshold_is_the_chi_square_quantile():
     assert ms.gate_threshold(0.95, 3) == pytest.approx(7.8147, abs=1e-4)  # printed digits
     assert ms.gate_threshold(None, 3) == np.inf
-    with pytest.raises(InputError, match="between 0 and 1"):
-        ms.gate_threshold(1.5, 3)
+    for probability in (0.0, 1.0, 1.5, -0.1):
+        with pytest.raises(InputError, match="between 0 and 1"):
+            ms.gate_threshold(probability, 3)
 
 
 def test_sigmas_must_be_positive():
@@ -224,3 +225,41 @@ def test_zero_velocity_is_three_numbers_of_one_variance():
     np.testing.assert_allclose(s.gate, chi2.ppf(0.99, 3), rtol=1e-12)
     assert np.all(np.isinf(ms.zero_velocity([0.5], 0.03).gate))
     assert not s.z.any()
+
+
+def test_every_kind_has_as_many_components_as_its_rows():
+    """``rows`` compares them; and no two kinds, and no two ends of a measurement, are one number."""
+    nav, kinds = somewhere(np.random.default_rng(0)), [k for k in ms.KINDS if k not in ms.RESET_KINDS]
+    z = np.concatenate((nav[7:10] + np.array([2e7, 1e7, 0.0]), [2.2e7, 0.0, 0.0]))
+    for kind in kinds:
+        rows(kind, nav, np.zeros(M), np.zeros(3), np.array([0.0, 0.0, -9.8]), np.zeros(3), z)
+    assert all(ms.DIMENSIONS[kind] == 3 for kind in ms.RESET_KINDS)
+    assert (len(ms.KINDS), len(ms.STATUS)) == (19, 5)
+
+
+def test_the_antenna_is_at_the_imu_and_the_gate_open_unless_said():
+    for one in (
+        ms.MeasurementSchedule.of(ms.HEADING, [1.0], [0.1], 0.01),
+        ms.position(1.0, [0.5, 0.2, 3.0], [1.0, 1.0, 1.0]),
+        ms.velocity(1.0, [0.5, 0.2, 3.0], [1.0, 1.0, 1.0]),
+    ):
+        np.testing.assert_array_equal(one.lever, np.zeros((1, 3)))
+        assert np.isinf(one.gate).all() == (one.kind[0] == ms.HEADING)
+
+
+def test_fixes_pass_the_gate_of_three_degrees_of_freedom():
+    from scipy.stats import chi2
+
+    for schedule in (
+        ms.gnss_measurements(gnss(), [0, 0, 0], gate=0.99),
+        ms.position(1.0, [0.5, 0.2, 3.0], [1.0, 1.0, 1.0], gate=0.99),
+        ms.velocity(1.0, [0.5, 0.2, 3.0], [1.0, 1.0, 1.0], gate=0.99),
+    ):
+        np.testing.assert_allclose(schedule.gate, chi2.ppf(0.99, 3), rtol=1e-12)
+
+
+def test_an_empty_schedule_has_the_shapes_of_one_without_times():
+    none, empty = ms.MeasurementSchedule.of(ms.POSITION, [], [], []), ms.MeasurementSchedule.empty()
+    for name in ("t", "kind", "z", "R", "lever", "gate"):
+        assert getattr(empty, name).shape == getattr(none, name).shape
+        assert getattr(empty, name).dtype == getattr(none, name).dtype

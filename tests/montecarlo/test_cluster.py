@@ -12,6 +12,7 @@ import pytest
 
 from schuler.exceptions import InputError, SchulerError
 from schuler.montecarlo import Statistics
+from schuler.montecarlo.cluster import connected
 from schuler.montecarlo.engine import campaign
 
 pytest.importorskip("distributed")
@@ -153,7 +154,63 @@ def test_nobody_there(runs, monkeypatch):
         campaign(runs.values, {}, 5, scheduler="tcp://127.0.0.1:9")
 
 
+def test_workers_of_this_machine_keep_the_memory_of_their_arrays(monkeypatch):
+    """Freed arrays are used again, and are no new pages for every run."""
+    import dask.config
+
+    class Started(Exception):
+        pass
+
+    def start(_workers):
+        raise Started(dict(dask.config.get("distributed.nanny.pre-spawn-environ")))
+
+    monkeypatch.setattr("schuler.montecarlo.cluster_nodes.local_cluster", start)
+    with pytest.raises(Started) as raised, connected("local"):
+        pass
+    given = raised.value.args[0]
+    array = 8 * 360_000  # a channel of an hour at 100 Hz
+    assert given["MALLOC_TRIM_THRESHOLD_"] > 100 * array
+    assert array < given["MALLOC_MMAP_THRESHOLD_"] <= 32 << 20  # glibc takes no more
+    assert given["OMP_NUM_THREADS"] == 1
+    assert dask.config.get("distributed.nanny.pre-spawn-environ")["MALLOC_TRIM_THRESHOLD_"] < array  # Dask's own again
+
+
 @pytest.mark.slow
 def test_a_cluster_of_this_machine(runs):
     got = campaign(runs.values, {}, 100, scheduler="local", workers=2, statistics=KEEP)
     same(got, campaign(runs.values, {}, 100, workers=1, statistics=KEEP))
+
+
+@pytest.mark.campaign
+def test_a_cluster_of_this_machine_opens_loopback_ports_alone_and_serves_no_pages():
+    """One port each of the scheduler, a worker and what watches over it; none of them speaks HTTP."""
+    import socket
+
+    import psutil
+
+    from schuler.montecarlo.cluster import LOCAL, connected
+
+    def listening():
+        here = psutil.Process()
+        return {
+            (c.laddr.ip, c.laddr.port)
+            for p in (here, *here.children(recursive=True))
+            for c in p.net_connections("inet")
+            if c.status == psutil.CONN_LISTEN
+        }
+
+    before = listening()
+    with connected(LOCAL, 1) as client:
+        client.wait_for_workers(1)
+        ports = listening() - before
+        assert {ip for ip, _ in ports} == {"127.0.0.1"}
+        assert len(ports) == 3
+        for place in ports:
+            with socket.create_connection(place, timeout=1.0) as connection:
+                connection.sendall(b"GET / HTTP/1.0\r\n\r\n")
+                connection.settimeout(0.2)
+                try:
+                    answer = connection.recv(64)
+                except TimeoutError:
+                    answer = b""
+            assert b"HTTP" not in answer

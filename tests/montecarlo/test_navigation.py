@@ -96,6 +96,23 @@ def test_lane_runs_do_not_hang_on_their_neighbours(job):
         np.testing.assert_array_equal(x, b.columns[name])
 
 
+@pytest.mark.parametrize("batch", [None, 24])
+def test_lanes_on_a_cluster_are_those_of_this_process(job, batch):
+    """Whole batches are handed out, and every bit is the same."""
+    distributed = pytest.importorskip("distributed")
+    here = campaign(lane_runs, job, 40, seed=3, workers=1, batch=40, keep=True)
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=False, dashboard_address=":0", silence_logs=50
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        there = campaign(lane_runs, job, 40, seed=3, scheduler=client, batch=batch, keep=True)
+    for name, x in there.rows().columns.items():
+        np.testing.assert_array_equal(x, here.rows().columns[name])
+    np.testing.assert_array_equal(there["nees"].moments.m2, here["nees"].moments.m2)
+
+
 def test_errors_are_estimate_minus_truth_in_north_east_down(job):
     """Against the library's own comparison of trajectories."""
     from schuler.montecarlo.navigation import _drawn

@@ -33,7 +33,46 @@ def result():
         }
     )
     outages = {"windows_s": [(30.0, 34.0)]}
-    return navigate(recording, {"imu": imu, "gnss": {"lever_arm_m": [0.5, 0.0, -1.0]}, "outages": outages})
+    return navigate(
+        recording,
+        {"imu": imu, "gnss": {"lever_arm_m": [0.5, 0.0, -1.0]}, "outages": outages, "filter": {"smooth": True}},
+    )
+
+
+def test_a_long_solution_is_written_in_parts_and_is_the_same_table(result, tmp_path, monkeypatch):
+    import pyarrow.parquet as pq
+
+    whole = pq.read_table(result.to_parquet(tmp_path / "whole.parquet"))
+    monkeypatch.setattr("schuler.recording.trajectory._BLOCK", 300)
+    parts = result.to_parquet(tmp_path / "parts.parquet")
+    assert pq.ParquetFile(parts).num_row_groups == -(-len(result.trajectory) // 300)
+    assert pq.read_table(parts).equals(whole, check_metadata=True)
+
+
+def test_a_long_trajectory_keeps_no_conversions_and_converts_the_same(result, monkeypatch):
+    """Kept, they would double the memory of a day at 200 Hz."""
+    T = result.trajectory.samples(slice(None))
+    names = ("llh", "v_eb_n", "q_nb", "rpy_nb")
+    kept = [getattr(T, name) for name in names] + [T.moved_by((1.0, 2.0, 3.0)).r_eb_e]
+    monkeypatch.setattr("schuler.recording.trajectory._KEPT", 1000)
+    monkeypatch.setattr("schuler.recording.trajectory._BLOCK", 300)
+    again = result.trajectory.samples(slice(None))
+    anew = [getattr(again, name) for name in names] + [again.moved_by((1.0, 2.0, 3.0)).r_eb_e]
+    for one, other in zip(kept, anew, strict=True):
+        np.testing.assert_array_equal(other, one)
+    assert set(T._cache) == {"llh", "v_eb_n", "q_nb"}
+    assert not again._cache
+
+
+def test_smoothing_may_forget_what_only_it_needs(result):
+    from dataclasses import replace
+
+    assert result.can_smooth
+    once = replace(result)
+    smoothed = once.smooth(keep=False)
+    assert not once.can_smooth
+    assert result.can_smooth
+    np.testing.assert_array_equal(smoothed.trajectory.r_eb_e, result.smooth().trajectory.r_eb_e)
 
 
 def test_a_solution_survives_the_file(result, tmp_path):

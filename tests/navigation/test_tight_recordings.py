@@ -352,7 +352,7 @@ def test_a_roof_stays_put(shared_data, variant, systems):
     assert np.abs(ned[a.t > a.t[0] + 15.0]).max() < 1.2
     rates = result.innovations.of("range_rate")
     assert (len(rates) == 0) == (variant == "_noDoppler")
-    assert not any(result.innovations.rejected().values())
+    assert sum(result.innovations.rejected().values()) <= 1e-3 * len(result.innovations)  # beyond the gate by chance
     assert any("pauses of the IMU log bridged, the longest 0.285 s" in note for note in result.notes)
     if variant != "_noDoppler":
         assert np.linalg.norm(a.v_eb_e, axis=1).max() < 0.1

@@ -171,6 +171,7 @@ def test_axes_must_be_as_many_as_panels():
 
 #: Functions that draw at once, and the description that they draw: the same for the page.
 DRAWN = {
+    "recording.figures.log_figure": "recording.figures.log_content",
     "budget.report.budget_figure": "budget.report.budget_content",
     "budget.report.covariance_figure": "budget.report.covariance_content",
     "budget.report.choice_figure": "budget.report.choice_content",

@@ -8,6 +8,8 @@ import pytest
 import result_cases
 from places import EXAMPLES
 
+from schuler.recording import ImuSeries
+
 pytestmark = chromium.needed
 
 
@@ -134,7 +136,7 @@ def check_legend(page):
     """A click on the first word of the first legend hides what it stands for, another one shows it again."""
     name = chromium.run(page, "document.querySelector('.keys button').dataset.figure")
     plots = f"Array.from(document.querySelectorAll('.plot[data-figure=\"{name}\"]'))"
-    shapes = f"{plots}.map(p => p.querySelectorAll('.plot path, .plot .point, .plot rect').length)"
+    shapes = f"{plots}.map(p => p.querySelectorAll('.trace path, .trace rect').length)"
     hidden = f"{plots}.flatMap(p => p.data).filter(d => d.visible === false).length"
     before = chromium.run(page, shapes)
     assert chromium.run(page, hidden) == 0
@@ -207,4 +209,44 @@ def test_one_zoom_and_one_time_for_all_figures_of_a_run(tmp_path, request):
         chromium.run(page, f"Plotly.relayout({OVER_TIME}[5], {{'xaxis.autorange': true}}) && 0")
         chromium.wait_for(page, f"{RANGES}.join(';') === '{';'.join(before)}'")
         chromium.wait_for(page, f"Math.abs({WIDTH} - {wide}) < 1e-6 * {wide}")
+        assert chromium.errors(page) == ()
+
+
+LOG = "document.querySelector('.plot[data-figure=log]')"
+
+
+def test_zoom_draws_the_samples_themselves_and_the_track_takes_a_colour(tmp_path, request):
+    run = request.getfixturevalue("full")
+    t = np.arange(*run.result.trajectory.t[[0, -1]], 0.01)
+    accel = np.random.default_rng(3).normal((0.0, 0.0, -9.8), 0.1, (len(t), 3))
+    path = run.result.report(
+        tmp_path / "r.html", smoothed=run.smoothed, reference=run.truth, gnss=run.gnss,
+        imu=ImuSeries(t, np.zeros((len(t), 3)), accel),
+    )  # fmt: skip
+    with chromium.opened(path, 1280) as page:
+        chromium.wait_for(page, f"{UNDRAWN} === 0")
+        thinned = chromium.run(page, f"{LOG}.data[0].x.length")
+        assert 1000 < thinned <= 2000
+        chromium.run(page, f"Plotly.relayout({OVER_TIME}[3], {{'xaxis.range': [40, 42]}}) && 0")
+        chromium.wait_for(page, f"{LOG}.data[0].x.length < 250")
+        x, y = (np.array(chromium.run(page, f"{LOG}.data[0].{name}")) for name in "xy")
+        k = np.searchsorted(t - t[0], x - 0.005)
+        assert len(x) >= 200
+        assert np.array_equal(np.diff(k), np.ones(len(k) - 1))  # every one of them
+        assert np.abs(y - accel[k, 0]).max() < 0.05  # rounded to half of what they change by
+        assert (y[1:-1].min(), y[1:-1].max()) != pytest.approx((accel[:, 0].min(), accel[:, 0].max()), abs=0.05)
+        low, high = chromium.run(page, f"{LOG}._fullLayout.yaxis.range")
+        assert low < y.min() + 10.0  # its other axis shows them
+        assert high > y.max()
+        chromium.run(page, f"Plotly.relayout({OVER_TIME}[5], {{'xaxis.autorange': true}}) && 0")
+        chromium.wait_for(page, f"{LOG}.data[0].x.length === {thinned}")
+        menu = "document.querySelector('.menu select')"
+        choose = "(m => {{ m.value = '{}'; m.dispatchEvent(new Event('change')); }})(" + menu + ")"
+        coloured = f"{TRACK}.data.filter(d => d.mode === 'lines+markers').length"
+        assert chromium.run(page, coloured) == 0
+        chromium.run(page, choose.format(1))
+        chromium.wait_for(page, f"{coloured} === 2")
+        assert "more" in chromium.run(page, "document.querySelector('.menu .scale').textContent")
+        chromium.run(page, choose.format(""))
+        chromium.wait_for(page, f"{coloured} === 0")
         assert chromium.errors(page) == ()

@@ -228,6 +228,7 @@ FILES: dict[str, Callable[[Path], object]] = {
     "gnss-ins-sim": lambda f: made("test_format_simulators").gnss_ins_sim(sub(f, "results")),
     "android": lambda f: made("test_format_phones").gnss_logger(f / "gnss_log.txt"),
     "sensor-logger": lambda f: made("test_format_phones").sensor_logger(sub(f, "phone")),
+    "phyphox": lambda f: made("test_format_tracks").phyphox(sub(f, "walk")),
     "oan": lambda f: made("test_format_phones").oan(sub(f, "phone")),
     "sbet": sbet, "imr": imr, "waypoint": waypoint, "rtklib": rtklib, "rinex": rinex, "csv": text,
     "parquet": parquet, "netcdf": drive_parquet, "hdf5": hdf5, "matlab": matlab, "numpy": numpy_files,
@@ -236,7 +237,7 @@ FILES: dict[str, Callable[[Path], object]] = {
 }  # fmt: skip
 #: Pages whose name is not the format's in the registry.
 NAMES = {"rosbag": "ros", "sbf": "septentrio", "kf_gins": "kf-gins", "gnss_ins_sim": "gnss-ins-sim",
-         "sensor_logger": "sensor-logger", "gpx": "tracks"}  # fmt: skip
+         "sensor_logger": "sensor-logger", "gpx": "tracks", "kml": "tracks"}  # fmt: skip
 
 
 def blocks(page: Path, language: str) -> list[str]:

@@ -43,7 +43,7 @@ def assert_same(back: Recording, run: Recording, rtol: float = 0.0) -> None:
     }, "a new part has to be written and compared"  # fmt: skip
     assert_same_satellites(back, run)
     for series, names in (
-        ("imu", ("t", "gyro", "accel", "temperature")),
+        ("imu", ("t", "gyro", "accel", "temperature", "magnetometer")),
         ("gnss", ("t", "llh", "cov_r_n", "v_n", "cov_v_n", "quality", "n_satellites", "received")),
         ("odometer", ("t", "speed", "sigma")),
         ("heading", ("t", "value", "sigma")),

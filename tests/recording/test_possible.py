@@ -1,5 +1,6 @@
 """Numbers that no vehicle, sensor and clock has are refused with their row, in all formats; stated rows are counted."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -7,9 +8,10 @@ import pytest
 
 from schuler.cli import main
 from schuler.exceptions import FileFormatError, InputError
+from schuler.gnss.ephemerides import no_glonass
 from schuler.recording import Recording
 from schuler.recording.io import read, write
-from schuler.recording.series import GnssSeries
+from schuler.recording.series import GnssSeries, ImuSeries
 
 ROW = 7
 
@@ -62,6 +64,91 @@ def test_the_centre_of_the_earth_is_no_place(aided, tmp_path):
     r[ROW] = 0.0
     path = write(replace(aided, reference=replace(aided.reference, r_eb_e=r)), tmp_path / "run.parquet")[0]
     with pytest.raises(FileFormatError, match=r"row 8 of reference .*distance from the Earth's centre is 0 m"):
+        read(path)
+
+
+STILL = {"gyro": (0.01, -0.02, 0.4), "accel": (0.1, -0.2, -9.8)}
+
+
+def calm(noise=0.2, rate=100.0, n=60):
+    """A vehicle that shakes a little."""
+    rng = np.random.default_rng(3)
+    made = {key: np.array(value) + noise * rng.uniform(-0.3, 0.3, (n, 3)) for key, value in STILL.items()}
+    return ImuSeries(np.arange(n) / rate, made["gyro"], made["accel"])
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "unit"), [("accel", 1000.0, "m/s^2"), ("accel", -981.0, "m/s^2"), ("gyro", 57.3, "rad/s")]
+)
+@pytest.mark.parametrize("kind", ["rate", "increment"])
+def test_a_reading_that_stands_alone_is_no_motion(tmp_path, field, value, unit, kind):
+    imu = calm()
+    imu = replace(imu, **{field: spoilt(getattr(imu, field), ROW, value)})
+    if kind == "increment":
+        imu = replace(imu, gyro=0.01 * imu.gyro, accel=0.01 * imu.accel, kind=kind)
+    path = write(Recording(imu=imu), tmp_path / "run.parquet")[0]
+    message = rf"row 8 of imu \(0.07 s\): .* is {value:g} {re.escape(unit)}, those of the three samples .*--allow magn"
+    with pytest.raises(FileFormatError, match=message):
+        read(path)
+    assert len(read(path, allow="magnitude").imu) == 60
+
+
+def crash(accel, rows, after=(0.0, 0.0, 0.0)):
+    out = np.array(accel)
+    for k, value in enumerate(rows):
+        out[ROW + k, 0] = value
+    out[ROW + len(rows) :] += after
+    return out
+
+
+@pytest.mark.parametrize(
+    ("what", "rate", "rows", "after"),
+    [
+        ("a crash of 100 g rings", 100.0, (1000.0, -120.0, 40.0, -12.0), (0, 0, 0)),
+        ("a pulse of two samples", 100.0, (900.0, 700.0), (0, 0, 0)),
+        ("a fall that ends on another side", 100.0, (1000.0,), (3.0, 0.0, 3.0)),
+        ("a tap with a hammer, half a millisecond", 2000.0, (1000.0,), (0, 0, 0)),
+        ("a knock of 40 g", 100.0, (392.0,), (0, 0, 0)),
+    ],
+)
+def test_what_a_body_can_feel_passes(tmp_path, what, rate, rows, after):
+    imu = calm(rate=rate)
+    path = write(Recording(imu=replace(imu, accel=crash(imu.accel, rows, after))), tmp_path / "run.parquet")[0]
+    assert read(path).imu.accel.max() == max(rows), what
+
+
+def test_a_log_of_blows_is_not_refused_for_one_of_them(tmp_path):
+    imu = calm()
+    accel = crash(imu.accel, (1000.0,))
+    accel[30:34, 0] = 600.0, 900.0, -700.0, 300.0
+    assert len(read(write(Recording(imu=replace(imu, accel=accel)), tmp_path / "run.parquet")[0]).imu) == 60
+
+
+SEEN = {"pseudorange": 2.2e13, "range_rate": -1e9, "carrier": 1e15}
+
+
+@pytest.mark.parametrize("part", ["observations", "ranges"])
+@pytest.mark.parametrize("field", SEEN)
+def test_ranges_of_no_satellite_are_refused(aided, tmp_path, part, field):
+    if part == "ranges" and field == "carrier":
+        field, value = "r_sat_e", 1e12
+    else:
+        value = SEEN[field]
+    path = write(beyond(aided, part, field, value), tmp_path / "run.parquet")[0]
+    with pytest.raises(FileFormatError, match=rf"row 8 of {part} .*expected up to .*--allow magnitude"):
+        read(path)
+
+
+def test_messages_of_no_satellite_are_left_out_and_said(aided, tmp_path):
+    kepler = aided.ephemerides.kepler
+    broken = replace(kepler, e=np.where(np.arange(len(kepler)) == 3, 10.5, kepler.e))
+    path = write(replace(aided, ephemerides=replace(aided.ephemerides, kepler=broken)), tmp_path / "run.parquet")[0]
+    back = read(path)
+    assert len(back.ephemerides.kepler) == len(kepler) - 1
+    assert any("1 broadcast messages (" in note and "left out" in note for note in back.metadata.notes)
+    none = replace(aided.ephemerides, kepler=replace(kepler, sqrt_a=0.0 * kepler.sqrt_a), glonass=no_glonass())
+    path = write(Recording(ephemerides=none, metadata=aided.metadata), tmp_path / "none.parquet")[0]
+    with pytest.raises(FileFormatError, match="numbers that a satellite's orbit and clock can have"):
         read(path)
 
 

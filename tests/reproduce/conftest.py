@@ -7,7 +7,8 @@ import pytest
 HERE = Path(__file__).parent
 #: Files that always run: the frame, some items of every thesis, and studies that take less than a second.
 ALWAYS = {
-    "test_frame.py", "test_verdicts.py", "du/test_accuracy.py", "du/test_analytic_tables.py", "du/test_rates.py",
+    "test_frame.py", "test_verdicts.py", "test_seeds.py", "du/test_accuracy.py", "du/test_analytic_tables.py",
+    "du/test_rates.py",
     "flenniken/heading/test_linear.py", "flenniken/rocket/test_errors.py", "flenniken/rocket/test_trajectory.py",
     "stefanisko/test_generator.py", "stefanisko/test_sign_sets.py",
 }  # fmt: skip

@@ -1,11 +1,26 @@
 """The frame of the reproductions: bands, verdicts, choice of items, interruption, the page."""
 
 import math
+import re
+from dataclasses import replace
 
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.reproduce import Cell, Effort, Item, Outcome, Reproduction, Result, against, claimed, digits, shown
+from schuler.reproduce import (
+    Cell,
+    Effort,
+    Item,
+    Outcome,
+    Reproduction,
+    Result,
+    against,
+    claimed,
+    digits,
+    over_settings,
+    shown,
+    transcribed,
+)
 from schuler.reproduce import run as runner
 from schuler.reproduce.book import write_book
 
@@ -63,7 +78,7 @@ def test_a_band_that_can_hardly_be_missed_is_weak():
         claimed("a", "an order of magnitude", 2.0, low=1.0, high=10.0),
         against("a", 0.0, 0.01, absolute=0.1),
     ):
-        assert result_of(cell).verdict == "weak"
+        assert result_of(cell).verdict == ("weak" if cell.numeric else "pattern only")
         assert result_of(cell, digits("b", "1.0", 1.0)).verdict == "agrees"
     assert claimed("a", "about", 1.0, low=0.7, high=1.35).decisive
     assert claimed("a", "about", -1.0, low=-1.35, high=-0.7).decisive
@@ -72,14 +87,57 @@ def test_a_band_that_can_hardly_be_missed_is_weak():
 def test_printed_numbers_left_out_and_missed_are_said():
     """A fifth apart and not compared: the item agrees in part, and its line names the number."""
     good = digits("a", "1.0", 1.0)
-    assert result_of(good, shown("d", 1.19, printed="1.0")).verdict == "agrees"
+    assert result_of(good, shown("d", 1.19, printed="1.0", why="not stated")).verdict == "agrees"
     assert result_of(good, shown("d", 1.0, printed="in words")).verdict == "agrees"
-    result = result_of(good, shown("d", 18.33, printed="57.98"))
+    result = result_of(good, shown("d", 18.33, printed="57.98", why="one unit"))
     assert result.verdict == "in part"
     done = Reproduction("yaman", (result,), Effort())
-    assert "not compared and a fifth or more apart: d (printed 57.98, ours 18.33)" in " ".join(done.summary().split())
+    line = "1 printed not compared (one unit); a fifth or more apart: d (printed 57.98, ours 18.33)"
+    assert line in " ".join(done.summary().split())
     assert done.counts["in part"] == 1
     assert done.counts["agrees"] == 0
+
+
+def test_a_printed_number_is_compared_or_has_a_reason():
+    with pytest.raises(InputError, match=r"reason why the printed '57\.98' is not compared"):
+        shown("d", 18.33, printed="57.98")
+    with pytest.raises(InputError, match="expected no reason"):
+        shown("d", 18.33, printed="in words", why="hardware")
+    result = result_of(shown("d", 18.33, printed="57.98", why="one unit"))
+    assert result.to_dict()["not_compared"] == {"d": "one unit"}
+
+
+def test_what_could_not_disagree_has_verdicts_of_its_own():
+    """Numbers handed back, orderings, and what seeds decide make no headline."""
+    given, order = transcribed(digits("a", "1.0", 1.0)), claimed("b", "grows faster", 2.0, low=1.0)
+    assert result_of(*given).verdict == "transcribed"
+    assert result_of(*transcribed(digits("a", "1.0", 1.1))).verdict == "differs"
+    assert result_of(order).verdict == "pattern only"
+    assert result_of(*given, order).verdict == "pattern only"
+    assert result_of(*given, digits("c", "1.0", 1.0)).verdict == "agrees"
+    # a check that is met decides nothing of what the thesis prints
+    assert result_of(order, digits("c", "1.0", 1.0, reference="corrected")).verdict == "pattern only"
+    flipping = replace(result_of(digits("c", "1.0", 1.0)).item, flips="seed 2 differs")
+    noisy = Result(flipping, Outcome((digits("c", "1.0", 1.0),)), 0.0)
+    assert noisy.verdict == "within noise"
+    done = Reproduction(
+        "du", (result_of(*given), result_of(order), noisy, result_of(digits("c", "1.0", 1.1))), Effort()
+    )
+    assert done.headline() == (
+        "1 of 4 items could have told: 1 differs; the others: 1 within noise, 1 pattern only, 1 transcribed"
+    )
+    assert "seed 2 differs" in done.summary()
+
+
+def test_what_is_not_stated_widens_a_band_by_its_range():
+    """A size by its factors, a mean by its difference: in the band if one of the settings is."""
+    size = over_settings(claimed("a", "10", 2.0, low=8.0, high=12.0), [1.0, 4.0], "drift of 0 to 20 deg/h")
+    assert (size.low, size.high) == pytest.approx((4.0, 24.0))
+    assert not size.agrees
+    assert over_settings(claimed("a", "10", 2.0, low=8.0, high=12.0), [8.0], "drift").agrees
+    mean = over_settings(against("a", 0.0, 3.0, absolute=1.0), [1.0, 5.0], "windows")
+    assert (mean.low, mean.high) == pytest.approx((-3.0, 3.0))
+    assert "3 (1 to 5 over windows)" in mean.shown()
 
 
 def test_verdict_is_made_of_the_cells():
@@ -140,6 +198,25 @@ def test_page_has_every_item_its_band_and_its_reason(three, tmp_path):
     assert text.count('<section id="du_') == 2
     assert kept.counts["differs"] == 1
     assert "http" not in text.replace("http-equiv", "")
+
+
+def test_the_pages_add_up():
+    """Counts by verdict in docs/reproduction.md are those of the headlines of the pages, and their sums."""
+    from places import DOCS
+
+    text = (DOCS / "reproduction.md").read_text(encoding="utf-8")
+    rows = [[c.strip() for c in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("| ")]
+    head = next(row for row in rows if row[:2] == ["Thesis", "Items"])
+    table = {row[0]: dict(zip(head[1:], map(int, row[1:]), strict=True)) for row in rows if row[1].isdigit()}
+    total = table.pop("all")
+    for thesis in runner.THESES:
+        page = " ".join((DOCS / "reproduction" / f"{thesis}.md").read_text(encoding="utf-8").split())
+        (line,) = re.findall(r"(\d+ of \d+ items could have told: [^.]*)", page)
+        counts = {verdict: int(n) for n, verdict in re.findall(rf"(\d+) ({'|'.join(head[2:])})\b", line)}
+        row = table[runner.THESES[thesis].split(",")[0]]
+        assert counts == {v: n for v, n in row.items() if v != "Items" and n}, thesis
+        assert row["Items"] == sum(counts.values()) == int(line.split()[2])
+    assert total == {key: sum(row[key] for row in table.values()) for key in total}
 
 
 def test_effort_is_a_key():

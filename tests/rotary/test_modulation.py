@@ -106,8 +106,12 @@ def test_wrong_times_are_refused():
     motion = RotatingMotion(REST, schemes.fixed())
     with pytest.raises(InputError, match="increasing times"):
         open_loop_errors(motion, ImuErrors(), [1.0, 0.0])
+    for t in ([1.0, 1.0], [1.0, 0.5]):
+        with pytest.raises(InputError, match="increasing times"):
+            open_loop_errors(motion, ImuErrors(), t)
     with pytest.raises(InputError, match="duration"):
         residue(motion, 0.0)
+    np.testing.assert_allclose(residue(motion, 0.5).bias, np.eye(3), atol=1e-13)  # however short
 
 
 PLATFORMS = {
@@ -250,3 +254,37 @@ def test_a_time_beside_a_jump_is_the_jump(off):
     limits, kept = _steps(motion, t, 0.7)
     assert np.diff(limits).min() > 1e-3
     np.testing.assert_array_equal(limits[kept], t)
+
+
+def test_the_quadrature_is_of_eighth_order():
+    """Mean of a modulated bias, whose closed form is a sine: half the step, a 256th of the error."""
+    motion, t = RotatingMotion(REST, schemes.continuous("z", W)), np.array([0.0, 40.0])
+    exact = np.sin(W * 40.0) / W
+    errors = [
+        abs(open_loop_errors(motion, ImuErrors(b_g=np.array([1.0, 0.0, 0.0])), t, step=step).attitude[-1, 0] - exact)
+        for step in (10.0, 5.0)
+    ]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(8.0, abs=0.2)
+
+
+def test_a_quadrature_stops_at_jumps_and_nowhere_without_need():
+    """Times asked for half a second before and behind a jump leave the jump in; there are no more steps than that."""
+    moving = RotatingMotion(StaticMotion(LLH, np.zeros(3), 200.0), schemes.reciprocating("z", W))
+    breaks = moving.schedule.breakpoints(0.0, 150.0)
+    for t in (np.array([0.0, 150.0]), np.array([0.0, breaks[0] - 0.5, breaks[0] + 0.5, 150.0])):
+        coarse, fine = (
+            open_loop_errors(moving, ImuErrors(b_g=np.array([1.0, 2.0, 0.0])), t, step=step).attitude[-1]
+            for step in (1.0, 0.25)
+        )
+        np.testing.assert_allclose(coarse, fine, atol=1e-9)
+    still = RotatingMotion(REST, schemes.fixed())
+    np.testing.assert_allclose(_steps(still, np.array([0.0, 10.0]), 0.1)[0], np.linspace(0.0, 10.0, 101), atol=1e-12)
+    np.testing.assert_array_equal(_steps(still, np.array([0.0, 0.05]), 0.1)[0], [0.0, 0.05])
+
+
+@pytest.mark.parametrize("off", [-3e-10, 3e-10])
+def test_a_quadrature_that_begins_beside_a_jump_begins_at_it(off):
+    moving = RotatingMotion(StaticMotion(LLH, np.zeros(3), 200.0), schemes.reciprocating("z", W))
+    first = moving.schedule.breakpoints(0.0, 150.0)[0]
+    limits, _ = _steps(moving, np.array([first + off, first + 1.0]), 0.7)
+    assert np.diff(limits).min() > 1e-3

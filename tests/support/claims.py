@@ -28,7 +28,8 @@ from schuler.recording.io import read
 TWO_GB = 2**31
 #: Formats whose files are text, or small integers of which none can claim gigabytes.
 TEXT = {
-    "euroc", "kitti", "kf_gins", "tum", "gnss_ins_sim", "waypoint", "android", "sensor_logger", "oan", "text", "csv",
+    "euroc", "kitti", "kf_gins", "tum", "gnss_ins_sim", "waypoint", "android", "sensor_logger", "phyphox",
+    "gpx", "kml", "oan", "text", "csv",
     "pos", "nmea", "psins_imu", "instinct_csv", "folder", "vectornav_lines", "vectornav_csv", "xsens_text",
 }  # fmt: skip
 

@@ -7,6 +7,7 @@ where numbers do not matter, and computed on the smallest case otherwise. ``run(
 # ruff: noqa: E501 (a table of dotted names)
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -56,6 +57,15 @@ def choice():
 @cache
 def calibration():
     return module("support/result_cases.py").full()
+
+
+def compared_rests():
+    from schuler.calibration.result.application import RestComparison
+
+    t, up = 30.0 * np.arange(6.0), np.repeat([[0.0, 0.0, -9.81]], 6, axis=0)
+    f = up + RNG(3).normal(0.0, 2e-3, (6, 3))
+    none = np.zeros((6, 3))
+    return RestComparison(t, t + 10.0, 9.81, "as stated", f + 0.04, f, none, none, np.full(6, 2e-3), none)
 
 
 @cache
@@ -400,8 +410,9 @@ def _outages() -> dict[str, Callable]:
 def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
     """Figures of a navigation run, by module and name."""
     from schuler.gnss.point import solve_points
-    from schuler.navigation.report import accuracy, estimates, figures, innovations, outages, satellites, track
+    from schuler.navigation.report import accuracy, estimates, figures, fixes, innovations, outages, satellites, track
     from schuler.navigation.report import accuracy as a
+    from schuler.recording import figures as logs
 
     def three():
         """A run of three outages, for a fan."""
@@ -421,6 +432,10 @@ def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
     def of_satellites():
         return [innovations.by_satellite(subject(run("everything")), kind) for kind in innovations.SATELLITE_KINDS]
 
+    def rated_fixes():
+        n = len(run("full").gnss)
+        return replace(run("full").gnss, quality=np.arange(n) % 3 + 1, n_satellites=9 + np.arange(n) % 4)
+
     full = lambda **over: subject(run("full"), **over)  # noqa: E731
     return {
         "navigation.report.accuracy.horizontal": lambda: a.horizontal(full()),
@@ -439,17 +454,26 @@ def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
         "navigation.report.satellites.strengths": lambda: satellites.strengths(ranges()),
         "navigation.report.satellites.satellite_figures": lambda: satellites.satellite_figures(ranges()),
         "navigation.report.accuracy.separation": lambda: accuracy.separation(full()),
+        "navigation.report.fixes.stated": lambda: fixes.stated(full(gnss=rated_fixes())),
+        "recording.figures.log_content": lambda: logs.log_content(short_log(), rests=((1.0, 3.0),)),
+        "recording.figures.spectrogram_content": lambda: logs.spectrogram_content(short_log().imu, 0.0),
         "navigation.report.track.track": lambda: [track.track(full()), track.track(subject(run("wild")))],
         "navigation.report.track.profile": lambda: track.profile(full()),
         "navigation.report.track.motion": lambda: track.motion(full()),
     }  # fmt: skip
 
 
+@cache
+def short_log():
+    """IMU, GNSS and wheels of a short drive."""
+    return module("support/diagnosis_drives.py").drive(duration=90.0)
+
+
 def _diagnosed():
     from schuler.diagnosis.report.figures import figures
     from schuler.diagnosis.run import diagnose
 
-    return figures(diagnose(module("support/diagnosis_drives.py").drive(duration=90.0)))
+    return figures(diagnose(short_log()))
 
 
 def _deep() -> dict[str, Callable]:
@@ -469,7 +493,7 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
     import schuler.observability.report as observability_figures
     from schuler.budget import report as budget_figures
     from schuler.calibration.design.plans import attitude_plan
-    from schuler.calibration.report import field_figures, field_panels, pose_figure, thermal_figure
+    from schuler.calibration.report import applied, field_figures, field_panels, pose_figure, thermal_figure
     from schuler.calibration.report import figures as calibration_figures
     from schuler.calibration.report import panels as calibration_panels
     from schuler.calibration.report.output_figures import outputs
@@ -547,10 +571,12 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         "calibration.report.figures.calibration_content": lambda: calibration_figures.calibration_content(
             calibration()
         ),
+        "calibration.report.applied.rests_figure": lambda: applied.rests_figure(compared_rests()),
         "calibration.report.panels.all_figures": lambda: c.all_figures(calibration()),
         "calibration.report.panels.residuals": lambda: c.residuals(calibration()),
         "calibration.report.panels.coverage": lambda: c.coverage(calibration()),
         "calibration.report.panels.before_after": lambda: c.before_after(calibration()),
+        "calibration.report.panels.correlation_map": lambda: c.correlation_map(calibration()),
         "calibration.report.panels.parameters": lambda: c.parameters(calibration()),
         "diagnosis.report.figures.figures": _diagnosed,
         "reproduce.yaman.study.mode_figures.position_figure": lambda: drive_mode("position_figure", "outage"),

@@ -1,5 +1,7 @@
 """HTML reports as a browser would see them, and the laws that hold for each of them."""
 
+import base64
+import gzip
 import json
 import re
 from html.parser import HTMLParser
@@ -40,9 +42,21 @@ class Page(HTMLParser):
     @property
     def figures(self) -> dict:
         """Data of the figures, as the script of the page gets it."""
-        return json.loads(
-            next(t for t, a in zip(self.text["script"], self.all("script"), strict=True) if a.get("id") == "figures")
-        )
+        return json.loads(self.unpacked("figures"))
+
+    @property
+    def plain(self) -> str:
+        """The page with what its script unpacks written out."""
+        text = self.source
+        for name in ("figures", "library"):
+            if any(a.get("id") == name for a in self.all("script")):
+                text = re.sub(rf'(id="{name}">)[^<]*', lambda m, name=name: m.group(1) + self.unpacked(name), text)
+        return text
+
+    def unpacked(self, name: str) -> str:
+        """Text that the script of the page unpacks: ``figures`` or ``library``."""
+        scripts = zip(self.text["script"], self.all("script"), strict=True)
+        return gzip.decompress(base64.b64decode(next(t for t, a in scripts if a.get("id") == name))).decode()
 
 
 def check_page(page: Page, title: str, sections: list[str]) -> None:

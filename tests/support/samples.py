@@ -292,6 +292,23 @@ def sensor_logger(folder: Path) -> Sample:
     return Sample(folder, {"allow": "norm"}, tuple(folder / name for name in names))
 
 
+def phyphox(folder: Path) -> Sample:
+    module("test_format_tracks").phyphox(folder, n=60)
+    return Sample(folder, {"allow": "norm"}, tuple(sorted(folder.rglob("*.csv"))))
+
+
+def gpx(folder: Path) -> Sample:
+    path = folder / "a.gpx"
+    path.write_text(module("test_format_tracks").gpx_text(["<speed>11.1</speed><course>0</course><hdop>2</hdop>"] * 30))
+    return Sample(path)
+
+
+def kml(folder: Path) -> Sample:
+    path = folder / "a.kml"
+    path.write_text(module("test_format_tracks").kml_text(30))
+    return Sample(path)
+
+
 def oan(folder: Path) -> Sample:
     module("test_format_phones").oan(folder)
     for path in folder.iterdir():
@@ -415,7 +432,10 @@ def psins_imu(folder: Path) -> Sample:
 def psins_ranges(folder: Path) -> Sample:
     import scipy.io
 
-    scipy.io.savemat(folder / "log.mat", module("test_psins_ranges").arrays())
+    made = module("test_psins_ranges").arrays()
+    made["ephs"][4, [2, 3, 4, 6, 10, 12]] = (1e-4, 1e-11, 0.0, 50.0, 0.01, 5153.7)  # clock, radius, shape of the orbit
+    made["ephs"][4, [7, 8, 9, 11, 14, 15, 16, 17, 18, 19, 20, 21]] = 1e-8
+    scipy.io.savemat(folder / "log.mat", made)
     return Sample(folder / "log.mat")
 
 
@@ -438,7 +458,8 @@ NORM = {"allow": "norm"}
 MAKERS: dict[str, Callable[[Path], Sample]] = {
     f.__name__: f for f in (
         mcap, rosbag, px4, ardupilot, novatel, sbf, vectornav, xsens, sbg, euroc, kitti, kf_gins, sbet, netcdf, tum,
-        solution, navego, psins, gnss_ins_sim, comma2k19, imr, waypoint, android, sensor_logger, oan, text, csv,
+        solution, navego, psins, gnss_ins_sim, comma2k19, imr, waypoint, android, sensor_logger, phyphox, gpx, kml, oan,
+        text, csv,
         parquet, matlab4, matlab5, npy, npz, pos, ubx, nmea, rinex_observations, rinex_navigation, rinex_gzip, hatanaka,
         psins_imu, psins_ranges, instinct_csv,
     )

@@ -15,6 +15,7 @@ from schuler.budget.requirements import Requirement
 from schuler.budget.scenario import BudgetMission
 from schuler.budget.sources import UNEVEN, constants, noises
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 from schuler.plotting.table import ResultTable
 from schuler.sensors.spec import ImuSpec
 
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
     from schuler.arrays import FloatArray
 
+_ORDER = {True: 0, None: 1, False: 2}
+_PASSES = {True: "yes", False: "no", None: "unknown"}
 Progress = Callable[[float], None]
 
 _WORDS = {
@@ -45,12 +48,21 @@ class Verdict:
     time : float
         When. [s]
     passes : bool
+        With what is stated.
+    unstated : tuple of str
+        Specifications that the source leaves out and that count as zero here: the value is a lower bound.
     """
 
     imu: str
     value: float
     time: float
     passes: bool
+    unstated: tuple[str, ...] = ()
+
+    @property
+    def certain(self) -> bool | None:
+        """Whether it passes; None where only what is not stated could say that it does not."""
+        return None if self.passes and self.unstated else self.passes
 
 
 @dataclass(frozen=True)
@@ -85,8 +97,8 @@ class Bottleneck:
     sensitivity: dict[str, float]
 
 
-@dataclass(frozen=True)
-class ImuChoice:
+@dataclass(frozen=True, repr=False)
+class ImuChoice(Displayed):
     """The catalogue against a requirement.
 
     Attributes
@@ -94,7 +106,7 @@ class ImuChoice:
     mission : str
     requirement : Requirement
     verdicts : tuple of Verdict
-        Best first.
+        Those that pass, those of which that is unknown, those that do not; the best of each first.
     bottlenecks : dict of str to Bottleneck
         Limits of the IMUs asked about, by name.
     left_out : dict of str to str
@@ -115,7 +127,7 @@ class ImuChoice:
             b = self.bottlenecks.get(v.imu)
             rows.append(
                 (
-                    v.imu, v.value / scale, v.time, "yes" if v.passes else "no", self.requirement.limit / v.value,
+                    v.imu, v.value / scale, v.time, _PASSES[v.certain], self.requirement.limit / v.value,
                     "" if b is None else f"{b.words} ({100.0 * b.share:.0f} %)",
                 )
             )  # fmt: skip
@@ -130,6 +142,9 @@ class ImuChoice:
         """The table, what limits those asked about, and what is not in it."""
         lines = [self.table().summary()]
         lines += [_bottleneck_sentence(b, self.requirement) for b in self.bottlenecks.values()]
+        bounds = [v.imu for v in self.verdicts if v.unstated]
+        if bounds:
+            lines.append(f"lower bounds, the turn-on bias not being stated (give it in a file): {', '.join(bounds)}")
         if self.left_out:
             lines.append(f"left out, too little is known: {', '.join(self.left_out)}")
         return "\n".join(lines)
@@ -138,7 +153,10 @@ class ImuChoice:
         """Plain numbers for JSON. SI"""
         return {
             "mission": self.mission, "requirement": self.requirement.text,
-            "ranking": [{"imu": v.imu, "value": v.value, "time_s": v.time, "passes": v.passes} for v in self.verdicts],
+            "ranking": [
+                {"imu": v.imu, "value": v.value, "time_s": v.time, "passes": v.certain, "unstated": list(v.unstated)}
+                for v in self.verdicts
+            ],
             "bottlenecks": {
                 name: {
                     "field": b.field, "present": b.present, "share": b.share, "needed": b.needed,
@@ -190,7 +208,7 @@ def choose_imu(
 
     def judged(spec: ImuSpec) -> Verdict:
         value, time = requirement.worst(mission, true_covariance(mission, spec))
-        return Verdict(spec.name, value, time, value <= requirement.limit)
+        return Verdict(spec.name, value, time, value <= requirement.limit, unstated_values(spec))
 
     verdicts = []
     with ThreadPoolExecutor(cpu_count()) as pool:
@@ -203,9 +221,19 @@ def choose_imu(
     if unknown:
         raise InputError(f"explain: expected some of {', '.join(by_name)}, got {unknown[0]!r}")
     return ImuChoice(
-        mission.name, requirement, tuple(sorted(verdicts, key=lambda v: v.value)),
+        mission.name, requirement, tuple(sorted(verdicts, key=lambda v: (_ORDER[v.certain], v.value))),
         {name: bottleneck(mission, requirement, by_name[name]) for name in explain}, left_out or {},
     )  # fmt: skip
+
+
+def unstated_values(spec: ImuSpec) -> tuple[str, ...]:
+    """Specifications of an IMU of the catalogue that its source leaves out, and that are zero: unknown, not perfect."""
+    from schuler.sensors import catalogue
+
+    if spec.name not in catalogue.names():
+        return ()
+    fields = (text.partition(".") for text in catalogue.entry(spec.name).unstated)
+    return tuple(f"{triad} {name}" for triad, _, name in fields if not getattr(getattr(spec, triad), name, 1.0))
 
 
 def catalogue_specs() -> tuple[list[ImuSpec], dict[str, str]]:

@@ -12,6 +12,7 @@ from schuler.budget.covariance import QUANTITIES, LinearCovariance, linear_covar
 from schuler.budget.scenario import BudgetMission
 from schuler.budget.sources import Angles
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 from schuler.plotting.table import ResultTable
 
 if TYPE_CHECKING:
@@ -20,8 +21,8 @@ if TYPE_CHECKING:
     from schuler.sensors.spec import ImuSpec
 
 
-@dataclass(frozen=True)
-class ErrorBudget:
+@dataclass(frozen=True, repr=False)
+class ErrorBudget(Displayed):
     """Contributions to one quantity at one time.
 
     Attributes

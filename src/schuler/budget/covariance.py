@@ -14,9 +14,12 @@ from schuler.budget.sources import Angles, Constant, Noise, constants, filter_la
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import KINDS
 from schuler.filtering.states import BLOCKS, StateLayout, StateModel
+from schuler.plotting.notebook import Displayed
 from schuler.units import DEG
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from schuler.sensors.spec import ImuSpec
 
 _RUN_BLOCK = {"gyro": "b_g_run", "accel": "b_a_run"}
@@ -24,8 +27,8 @@ _RUN_BLOCK = {"gyro": "b_g_run", "accel": "b_a_run"}
 BELIEVED = 1.1
 
 
-@dataclass(frozen=True)
-class LinearCovariance:
+@dataclass(frozen=True, repr=False)
+class LinearCovariance(Displayed):
     """What a filter is really uncertain by, and what it believes.
 
     Attributes
@@ -73,6 +76,12 @@ class LinearCovariance:
             note = "" if s[-1] < BELIEVED * b[-1] else f"; the filter believes {b[-1]:.3g} {unit}"
             lines.append(f"  {name:<11} {s[-1]:.4g} {unit} at the end, largest {s.max():.4g} {unit}{note}")
         return "\n".join(lines)
+
+    def plot(self, mission: BudgetMission | None = None) -> Figure:
+        """1-sigma of every quantity over time, true and believed (matplotlib); the mission shades its outages."""
+        from schuler.budget.report import covariance_figure
+
+        return covariance_figure(self, mission)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""

@@ -76,18 +76,21 @@ def budget_content(budget: ErrorBudget, *, single: bool = False) -> Figure:
     return Figure("budget", "Error budget", caption, (panel,))
 
 
-def covariance_figure(covariance: LinearCovariance, mission: BudgetMission) -> MplFigure:
+def covariance_figure(covariance: LinearCovariance, mission: BudgetMission | None = None) -> MplFigure:
     """1-sigma of every quantity over the mission, true and as the filter believes, outages shaded."""
     return draw(covariance_content(covariance, mission))
 
 
-def covariance_content(covariance: LinearCovariance, mission: BudgetMission, name: str = "covariance") -> Figure:
+def covariance_content(
+    covariance: LinearCovariance, mission: BudgetMission | None = None, name: str = "covariance"
+) -> Figure:
     """The same to be drawn in a page, where every figure has a name of its own."""
     from schuler.budget.covariance import quantity_sigma
 
     panels = []
+    outages = () if mission is None else mission.outages
     for quantity, (_, unit, scale) in QUANTITIES.items():
-        items: list[content.Item] = [Span(a, b, "outage", "outage") for a, b in mission.outages]
+        items: list[content.Item] = [Span(a, b, "outage", "outage") for a, b in outages]
         items.append(content.line(covariance.t, covariance.quantity(quantity) / scale, "filtered", "true"))
         believed = quantity_sigma(covariance.believed, quantity) / scale
         items.append(content.line(covariance.t, believed, "smoothed", "believed"))
@@ -101,16 +104,21 @@ def choice_figure(choice: ImuChoice) -> MplFigure:
     return draw(choice_content(choice))
 
 
-def choice_content(choice: ImuChoice) -> Figure:
+def choice_content(choice: ImuChoice, name: str = "choice") -> Figure:
     """Description of :func:`choice_figure`."""
     _, unit, scale = QUANTITIES[choice.requirement.quantity]
     verdicts = choice.verdicts[::-1]
     items: list[content.Item] = []
-    for passes, role in ((True, "system_e"), (False, "rejected")):
-        chosen = [(v.value / scale, float(y)) for y, v in enumerate(verdicts) if v.passes is passes]
+    looks = (
+        (True, "system_e", "passes"),
+        (False, "rejected", "does not pass"),
+        (None, "unused", "lower bound: unknown"),
+    )
+    for certain, role, label in looks:
+        chosen = [(v.value / scale, float(y)) for y, v in enumerate(verdicts) if v.certain is certain]
         if chosen:
             x, y = np.array(chosen).T
-            items.append(Markers(x, y, role, "passes" if passes else "does not pass"))
+            items.append(Markers(x, y, role, label))
     limit = choice.requirement.limit / scale
     items.append(Line(np.array([limit, limit]), np.array([-0.6, len(verdicts) - 0.4]), "reference", "required"))
     panel = Panel(
@@ -119,7 +127,7 @@ def choice_content(choice: ImuChoice) -> Figure:
         y_limits=(-0.6, len(verdicts) - 0.4), height=1.8,
     )  # fmt: skip
     caption = "The worst 1-sigma of the mission with each IMU, best below; those left of the line are good enough."
-    return Figure("choice", "Which IMU is good enough", caption, (panel,))
+    return Figure(name, "Which IMU is good enough", caption, (panel,))
 
 
 _CONVENTIONS = (
@@ -157,7 +165,12 @@ def budget_report(
     """
     sentences = [*(_verdict(c) for c in choices), *(_blame(covariance, one) for covariance, one in budgets)]
     sections = [
-        Section(f"requirement_{k + 1}", choice.requirement.text, (_choice(choice),)) for k, choice in enumerate(choices)
+        Section(
+            f"requirement_{k + 1}",
+            choice.requirement.text,
+            (choice_content(choice, f"choice_{k + 1}"), _choice(choice)),
+        )
+        for k, choice in enumerate(choices)
     ]
     for k, (covariance, one) in enumerate(budgets):
         sections.append(
@@ -177,19 +190,24 @@ def budget_report(
     imus = ", ".join(one.imu for _, one in budgets) or "the catalogue"
     text = whole_page(
         mission.name, "Error budget", f"Error budget and choice of an IMU: {imus}", sentences, _CONVENTIONS, sections,
-        plotly_script() if budgets else "",
+        plotly_script() if budgets or choices else "",
     )  # fmt: skip
     return write_text(path, text)
 
 
+_SAYS = {True: "passes", False: "does not pass", None: "is a lower bound, as not all of it is stated"}
+
+
 def _verdict(choice: ImuChoice) -> str:
     _, unit, scale = QUANTITIES[choice.requirement.quantity]
-    passed = [v for v in choice.verdicts if v.passes]
+    passed = [v for v in choice.verdicts if v.certain]
+    unknown = sum(v.certain is None for v in choice.verdicts)
+    among = f", {unknown} unknown" if unknown else ""
     best = choice.verdicts[0]
     reached = f"{best.imu} reaches {best.value / scale:.3g} {unit}"
     if len(choice.verdicts) == 1:
-        return f"{choice.requirement.text}: {reached}, which {'passes' if best.passes else 'does not pass'}."
-    return f"{choice.requirement.text}: {len(passed)} of {len(choice.verdicts)} IMUs pass; {reached}."
+        return f"{choice.requirement.text}: {reached}, which {_SAYS[best.certain]}."
+    return f"{choice.requirement.text}: {len(passed)} of {len(choice.verdicts)} IMUs pass{among}; {reached}."
 
 
 def _blame(covariance: LinearCovariance, one: ErrorBudget) -> str:

@@ -39,10 +39,15 @@ from .freepose.calibrate import calibrate_freepose as calibrate_freepose
 from .freepose.fleet import FleetTable as FleetTable
 from .freepose.fleet import calibrate_fleet as calibrate_fleet
 from .freepose.simulation import hand_log as hand_log
+from .magnetometer.calibrate import with_magnetometer as with_magnetometer
+from .magnetometer.fit import fit_magnetometer as fit_magnetometer
+from .report.certificate import calibration_certificate as calibration_certificate
 from .report.document import calibration_report as calibration_report
 from .report.output_figures import output_figure as output_figure
 from .report.pose_figure import plan_figure as plan_figure
 from .report.thermal_figure import thermal_figure as thermal_figure
+from .result.application import AppliedCalibration as AppliedCalibration
+from .result.application import apply_calibration as apply_calibration
 from .result.conventions import from_imu_tk as from_imu_tk
 from .result.conventions import from_kalibr as from_kalibr
 from .result.conventions import from_psins as from_psins
@@ -56,6 +61,9 @@ from .result.result import Residuals as Residuals
 from .result.result import result_from as result_from
 from .result.result_file import read_result as read_result
 from .result.result_file import write_result as write_result
+from .result.unit_history import UnitHistory as UnitHistory
+from .result.unit_history import calibration_history as calibration_history
+from .result.unit_history import history_of as history_of
 from .thermal.calibrate import calibrate_thermal as calibrate_thermal
 from .thermal.correction import compensate_thermal as compensate_thermal
 from .thermal.correction import thermal_correction as thermal_correction
@@ -63,6 +71,7 @@ from .thermal.correction import thermal_value as thermal_value
 
 __all__ = [
     "Advice",
+    "AppliedCalibration",
     "CalibrationResult",
     "Coach",
     "CoachOptions",
@@ -78,6 +87,8 @@ __all__ = [
     "PredictedCovariance",
     "Residuals",
     "Turns",
+    "UnitHistory",
+    "apply_calibration",
     "attitude_plan",
     "calibrate_angle_rate",
     "calibrate_ferraris",
@@ -89,16 +100,20 @@ __all__ = [
     "calibrate_ratetable",
     "calibrate_sixposition",
     "calibrate_thermal",
+    "calibration_certificate",
+    "calibration_history",
     "calibration_report",
     "coach",
     "compensate_thermal",
     "count_factors",
     "dwell_time",
+    "fit_magnetometer",
     "from_imu_tk",
     "from_kalibr",
     "from_psins",
     "from_ros_imu_calib",
     "hand_log",
+    "history_of",
     "initial_covariance",
     "next_pose",
     "output_figure",
@@ -123,5 +138,6 @@ __all__ = [
     "to_ros_imu_calib",
     "triad_matrix",
     "turns_of",
+    "with_magnetometer",
     "write_result",
 ]

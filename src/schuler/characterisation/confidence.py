@@ -119,8 +119,8 @@ def bounds(
     Notes
     -----
     Below 20 degrees of freedom the bounds come from the true distribution of the mean square for that noise
-    (:func:`.differences.shape_quantiles`); above from chi-square, which is then within 0.5 % of probability. Lists
-    denser than one averaging time per octave are interpolated.
+    (:func:`.differences.shape_quantiles`); above from chi-square, which is then within 0.9 % of probability (white
+    noise; 0.5 % of flicker noise and random walk). Lists denser than one averaging time per octave are interpolated.
     """
     from scipy.special import chdtri
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
 from schuler.characterisation.allan import AllanCurve
+from schuler.plotting.notebook import Displayed
 from schuler.sensors.noise import NoiseModel
 from schuler.sensors.spec import ImuSpec
 
@@ -79,8 +81,8 @@ class Candidate:
     criterion: float
 
 
-@dataclass(frozen=True)
-class AxisNoise:
+@dataclass(frozen=True, repr=False)
+class AxisNoise(Displayed):
     """Noise of one axis.
 
     Attributes
@@ -132,6 +134,21 @@ class AxisNoise:
     method: str = ""
     findings: tuple[Finding, ...] = ()
 
+    HEADS: ClassVar[tuple[str, ...]] = ("axis", "term", "value", "95 % interval", "unit")
+
+    def _headline(self) -> str:
+        return f"{self.axis}, {self.duration_s:.1f} s at {self.rate_hz:g} Hz, {', '.join(self.names)}"
+
+    def _facts(self) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+        from schuler.characterisation.report.terms import numbers
+        from schuler.characterisation.report.text import rounded
+
+        rows = []
+        for _, q, estimate in numbers(self):
+            value, low, high = rounded(estimate, q.factor)
+            rows.append((self.axis, q.name, value, f"{low} to {high}", q.sheet))
+        return self.HEADS, rows
+
     def fitted(self, tau: ArrayLike) -> FloatArray:
         """Allan deviation of samples of the identified model, at ``tau`` [s] rounded to whole samples. [x]"""
         m = np.maximum(np.round(np.asarray(tau, dtype=np.float64) * self.rate_hz), 1.0).astype(np.int64)
@@ -139,8 +156,8 @@ class AxisNoise:
         return deviation
 
 
-@dataclass(frozen=True)
-class NoiseIdentification:
+@dataclass(frozen=True, repr=False)
+class NoiseIdentification(Displayed):
     """Noise of an IMU, as found in one or several recordings at rest.
 
     Attributes
@@ -180,6 +197,15 @@ class NoiseIdentification:
         from schuler.characterisation.report.text import summary
 
         return summary(self)
+
+    def _headline(self) -> str:
+        from schuler.characterisation.report.text import headline
+
+        return headline(self)
+
+    def _facts(self) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+        rows = [row for axis in self.axes.values() for row in axis._facts()[1] if row[1].endswith(("N", "B"))]
+        return AxisNoise.HEADS, rows
 
     def plot(self, **options: Any) -> Figure:
         """Allan figure of every axis (matplotlib), see :func:`schuler.characterisation.report.figures.allan_figure`."""

@@ -14,33 +14,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the return value is the exit code."""
     import cyclopts
 
-    from schuler.cli.app import FORCE, app
+    from schuler.cli.app import FORCE, QUIET, app
+    from schuler.cli.output import complain, silenced
     from schuler.exceptions import SchulerError, printable
     from schuler.files import outputs
 
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        with outputs(force=FORCE in given):
+        with outputs(force=FORCE in given), silenced(QUIET in given):
             result = app(
-                [text for text in given if text != FORCE], exit_on_error=False, print_error=False,
+                [text for text in given if text not in (FORCE, QUIET)], exit_on_error=False, print_error=False,
                 result_action="return_value",
             )  # fmt: skip
         sys.stdout.flush()
     except cyclopts.CycloptsError as error:
-        print(f"schuler: {' '.join(str(error).split())}  (see schuler --help)", file=sys.stderr)
+        complain(f"{' '.join(str(error).split())}  (see schuler --help)")
         return 2
     except SchulerError as error:
-        print(f"schuler: {printable(str(error))}", file=sys.stderr)
+        complain(printable(str(error)))
         return 2
     except BrokenPipeError:
         return 1
     except OSError as error:
         if error.errno is None:
             raise
-        print(f"schuler: {printable(_of_the_system(error))}", file=sys.stderr)
+        complain(printable(_of_the_system(error)))
         return 2
     except KeyboardInterrupt:
-        print("schuler: interrupted", file=sys.stderr)
+        complain("interrupted")
         return 1
     return result if isinstance(result, int) else 0
 

@@ -15,7 +15,10 @@ app = App(
 
 #: Option of every command that writes; the command line takes it before the command sees its own (:func:`.main`).
 FORCE = "--force"
+#: Option of every command: no prose and no progress on stderr.
+QUIET = "--quiet"
 _KEPT = f"Files that exist are kept unless {FORCE} is given; what was read is never written over."
+_SILENT = f"{QUIET}: only results and errors, no prose and no progress."
 
 #: Name, where it is, the line that ``schuler --help`` shows, and an example. Here, so that help loads no command.
 COMMANDS = {
@@ -48,6 +51,16 @@ COMMANDS = {
         "",
         "Calibrate an IMU on a bench or in the field; one method each, see schuler calibrate --help.",
         "schuler calibrate freepose hand.csv --columns t,ax,ay,az,gx,gy,gz --units g,deg/s --axes FLU",
+    ),
+    "apply": (
+        "schuler.cli.apply:apply",
+        "Take the errors of a calibration out of a log: corrected log, page before and after.",
+        "schuler apply calibration.yaml drive.csv --out corrected.parquet --units g,deg/s --axes FLU",
+    ),
+    "history": (
+        "schuler.cli.history:history",
+        "Show all calibrations of a unit over their dates, and what changed beyond its uncertainty.",
+        "schuler history calibrations --serial SN-0417",
     ),
     "simulate": (
         "schuler.cli.simulate:simulate",
@@ -89,6 +102,11 @@ COMMANDS = {
         "Navigate a log: INS, INS/GNSS, outages, smoothing, report. Without --config it is proposed from the log.",
         "schuler navigate drive.parquet --config drive.toml --outage 120:150",
     ),
+    "rerun": (
+        "schuler.cli.rerun:rerun",
+        "Navigate again what a run folder was made from, and say whether the numbers are the same.",
+        "schuler rerun drive-solution",
+    ),
     "init": (
         "schuler.cli.init:init",
         "Propose a configuration for a folder of logs and write it, each entry with its evidence.",
@@ -101,13 +119,18 @@ COMMANDS = {
     ),
     "compare": (
         "schuler.cli.compare:compare",
-        "Navigate a log with several architectures, with and without outages: one table.",
-        "schuler compare drive.parquet --config drive.toml --outage-every 45:15 --lengths 2,10,30,60",
+        "Compare runs of this or other programs; or navigate a log with several architectures: one table.",
+        "schuler compare drive-solution rtklib.pos --reference truth.csv --max horizontal_rms_m=1.0",
     ),
     "catalogue": (
         "schuler.cli.catalogue:catalogue",
         "List the IMUs of the catalogue, or show one: each value with unit and source, unknown where unstated.",
         "schuler catalogue MPU-6000",
+    ),
+    "fetch": (
+        "schuler.cli.fetch:fetch",
+        "List public recordings with their licences, or fetch one: real data for those who have none.",
+        "schuler fetch phone-drive",
     ),
     "explain": (
         "schuler.cli.explain:explain",
@@ -154,7 +177,7 @@ _READ_ONLY = ("info", "catalogue", "explain", "doctor", "completion")
 
 
 def _after(name: str, example: str) -> str:
-    return f"Example: {example}" + ("" if name in _READ_ONLY else f"\n\n{_KEPT}")
+    return f"Example: {example}" + ("" if name in _READ_ONLY else f"\n\n{_KEPT}") + f"\n\n{_SILENT}"
 
 
 _text, _example = COMMANDS["calibrate"][1:]

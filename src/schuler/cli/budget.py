@@ -27,7 +27,7 @@ def budget(
     *,
     imu: Texts = (),
     require: Texts = (),
-    quantity: Literal["horizontal", "vertical", "position", "velocity", "heading", "tilt"] = "horizontal",
+    quantity: Literal["horizontal", "vertical", "position", "velocity", "heading", "tilt"] | None = None,
     time: float | None = None,
     states: Literal[9, 15, 21, 33, 42] | None = None,
     asymmetry_ppm: float | None = None,
@@ -51,9 +51,10 @@ def budget(
     require
         Such as "horizontal < 10 m @ 60 s outage"; may be given several times. Default: those of the scenario.
     quantity
-        Of the error budget.
+        Of the error budget. Default: that of the first requirement, else horizontal.
     time
-        Of the error budget, in seconds; the end by default.
+        Of the error budget, in seconds. Default: where the first requirement is hardest to meet, such as the end of
+        the outage it names; else the end.
     states
         Of the filter, instead of the scenario's.
     asymmetry_ppm
@@ -99,7 +100,10 @@ def budget(
     budgets, choices, texts = [], [], []
     for spec in specs:
         covariance = linear_covariance(mission, spec, by_axis=True, angles=angles)
-        one = budget_of(covariance, quantity, time)
+        # of what is asked about: where the first requirement is hardest to meet
+        asked = bounds[0] if bounds and quantity is None else None
+        at = asked.worst(mission, covariance.P)[1] if asked is not None and time is None else time
+        one = budget_of(covariance, quantity or (asked.quantity if asked is not None else "horizontal"), at)
         budgets.append((covariance, one))
         texts += [covariance.summary(), one.table(single=single).summary()]
         files |= _write_budget(covariance, one, mission, folder, figures=figures)
@@ -119,7 +123,7 @@ def budget(
         made_from = {"scenario": loaded.model_dump(mode="json", exclude_none=True)}
         made_from |= {"imu": {spec.name: spec.to_dict() for spec in specs}} if specs else {}
         files["report"] = budget_report(folder / "report.html", mission, budgets, choices, made_from)
-    passed = all(v.passes for c in choices for v in c.verdicts) if specs else True
+    passed = all(v.certain is True for c in choices for v in c.verdicts) if specs else True
     if json:
         print_json(
             {

@@ -36,7 +36,7 @@ def sixposition(
     Parameters
     ----------
     log
-        File or folder with the unit at rest on its six faces.
+        File or folder with the unit at rest on its six faces; of one accelerometer, up and down.
     more
         More logs, if each face has its own.
     standard
@@ -48,17 +48,23 @@ def sixposition(
     intervals
         CSV file with the rests: START,STOP in seconds from the start of the log. Default: found.
     """
+    from schuler.calibration.bench.one_axis import calibrate_axis_upright, in_all_axes, only_axis
     from schuler.calibration.bench.sixposition import calibrate_sixposition
 
     began = clock.perf_counter()
-    recordings = options.recordings(log, *more)
+    recordings = options.recordings(log, *more, one_axis="accel")
+    if (axis := only_axis([recording.need_imu() for recording in recordings])) is not None:
+        filled = [replace(recording, imu=in_all_axes(recording.need_imu(), axis)) for recording in recordings]
+        result = calibrate_axis_upright(options.poses(filled, min_rest, intervals), axis, gravity=options.site.g)
+        return finish(result, log, recordings, options.output, began, site=options.site)
     poses = options.poses(recordings, min_rest, intervals)
     angles = None if headings is None else np.array(numbers_of("--headings", headings)) * u.DEG
     result = calibrate_sixposition(
         poses, gravity=options.site.g, improved=not standard, latitude=options.site.lat, headings=angles,
         gyro=None if _has(recordings, "gyro") else "none",
+        field_strength=options.site.field,
     )  # fmt: skip
-    return finish(result, log, recordings, options.output, began)
+    return finish(result, log, recordings, options.output, began, site=options.site)
 
 
 def multiposition(
@@ -116,8 +122,9 @@ def multiposition(
         gyro_order="auto" if gyro_order == "auto" else int(gyro_order),  # type: ignore[arg-type]
         prior_spec=options.sensor.spec, use_prior=prior, between_triads=between_triads,
         fixed=None if fixed is None else CalibrationResult.from_yaml(fixed),
+        field_strength=options.site.field,
     )  # fmt: skip
-    return finish(result, log, recordings, options.output, began)
+    return finish(result, log, recordings, options.output, began, site=options.site)
 
 
 def freepose(
@@ -173,9 +180,10 @@ def freepose(
         min_s=min_rest, gyro_bias="estimate" if estimate_gyro_bias else "rest", g_sensitivity=g_sensitivity,
         size_effect=size_effect, delay=delay, rests=rests,
         intervals=None if intervals is None else spans_of(intervals, imu),
+        field_strength=options.site.field,
     )  # fmt: skip
     spelt = tuple(v.replace(ON, "--g-sensitivity").replace(OFF, "--no-g-sensitivity") for v in result.verdicts)
-    return finish(replace(result, verdicts=spelt), log, [recording], options.output, began)
+    return finish(replace(result, verdicts=spelt), log, [recording], options.output, began, site=options.site)
 
 
 def ratetable(
@@ -195,7 +203,8 @@ def ratetable(
     Parameters
     ----------
     log
-        File or folder with plateaus of constant rate, and rests on the faces for accelerometers and g-sensitivity.
+        File or folder with plateaus of constant rate, and rests on the faces for accelerometers and g-sensitivity; of
+        one gyroscope, turned both ways.
     more
         More logs of the same session.
     rates
@@ -211,12 +220,13 @@ def ratetable(
     min_rest
         Shortest rest in seconds.
     """
+    from schuler.calibration.bench.one_axis import calibrate_axis_turned, only_axis
     from schuler.calibration.bench.ratetable import calibrate_ratetable
     from schuler.calibration.bench.turns import joined
     from schuler.calibration.bench.turns_in_log import rate_plateaus
 
     began = clock.perf_counter()
-    recordings = options.recordings(log, *more)
+    recordings = options.recordings(log, *more, one_axis="gyro")
     speeds = np.array(numbers_of("--rates", rates)) * u.DEG
     turns, failures = [], []
     for recording in recordings:
@@ -226,6 +236,9 @@ def ratetable(
             failures.append(f"{recording.metadata.name}: {error}")
     if not turns:
         raise InputError("; ".join(failures))
+    if (axis := only_axis([recording.need_imu() for recording in recordings])) is not None:
+        result = calibrate_axis_turned(joined(turns), axis, rate_sigma=rate_sigma)
+        return finish(result, log, recordings, options.output, began, site=options.site)
     try:
         poses = options.poses(recordings, min_rest) if _has(recordings, "accel") else None
     except InputError:
@@ -235,7 +248,7 @@ def ratetable(
         joined(turns), poses, gravity=options.site.g, g_sensitivity=g_sensitivity and forces, latitude=options.site.lat,
         rate_sigma=rate_sigma,
     )  # fmt: skip
-    return finish(result, log, recordings, options.output, began)
+    return finish(result, log, recordings, options.output, began, site=options.site)
 
 
 def ferraris(
@@ -270,7 +283,7 @@ def ferraris(
         imu, named, turn_angle=turn_angle * u.DEG, gravity=options.site.g, g_sensitivity=g_sensitivity,
         latitude=options.site.lat, noise=options.sensor.noise,
     )  # fmt: skip
-    return finish(result, log, [recording], options.output, began)
+    return finish(result, log, [recording], options.output, began, site=options.site)
 
 
 def thermal(
@@ -316,7 +329,7 @@ def thermal(
         source, degree="auto" if degree == "auto" else int(degree), reference_temperature=reference_temperature,
         table_step=table_step, gravity=options.site.g,
     )  # fmt: skip
-    return finish(result, log, recordings, options.output, began)
+    return finish(result, log, recordings, options.output, began, site=options.site)
 
 
 def _has(recordings: Sequence[Recording], triad: Literal["accel", "gyro"]) -> bool:
@@ -348,6 +361,7 @@ def poses(
     from schuler.calibration.bench.pose_table import calibrate_poses, read_pose_table
 
     began = clock.perf_counter()
+    output.check()
     accel, _, gyro = table_units.partition(",")
     means = read_pose_table(table, table_columns, (accel, gyro or "rad/s"))
-    return finish(calibrate_poses(means, gravity=site.g), table, [], output, began)
+    return finish(calibrate_poses(means, gravity=site.g), table, [], output, began, site=site)

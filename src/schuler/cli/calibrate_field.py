@@ -80,6 +80,7 @@ def field(
         Calibrate both halves of the rests too and widen what they contradict; for gyroscopes too weak for Earth rate.
     """
     began = clock.perf_counter()
+    options.output.check()
     spec = _spec(options.sensor)
     field_options = _field_options(thesis, states, during_turns)
     start = _heading(heading)
@@ -130,7 +131,7 @@ def field(
         )  # fmt: skip
     if factors is not None:
         calibration = _in_counts(calibration, factors)
-    return conclude(calibration, log, recording, options.output, began, history, imu)
+    return conclude(calibration, log, recording, options.output, began, history, imu, options.site)
 
 
 def conclude(
@@ -141,6 +142,7 @@ def conclude(
     began: float,
     history: str = "csv",
     before: ImuSeries | None = None,
+    site: Site | None = None,
 ) -> int:
     """Write the files of a field calibration, print it, return the exit code: 2 for a log that is refused.
 
@@ -148,7 +150,7 @@ def conclude(
     """
     return finish(
         calibration.calibration, log, [recording], output, began, field=calibration, truth=_truth(recording),
-        history=history, before=recording.need_imu() if before is None else before,
+        history=history, before=recording.need_imu() if before is None else before, site=site,
     )  # fmt: skip
 
 

@@ -219,7 +219,7 @@ class _Source:
             with tempfile.TemporaryDirectory() as folder:
                 copy = Path(folder) / self._log.name
                 copy.write_bytes(text)
-                self._recording = self._reading.read(copy, uncalibrated=True)
+                self._recording = self._reading.read(copy, uncalibrated=True, proposing=False)
         except SchulerError as error:
             if lines > _YOUNG:
                 raise

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from cyclopts import Parameter
 
 from schuler import units as u
-from schuler.cli.output import Flag, Folder, progress
+from schuler.cli.output import File, Flag, Folder, progress
 from schuler.cli.reading import Checking, Reading
 from schuler.exceptions import InputError
 from schuler.recording.io.hint_texts import COUNTS_NOTE
@@ -41,11 +41,21 @@ class Site:
         Degrees, for gravity and Earth rate.
     height
         Above the ellipsoid in metres, for gravity.
+    field_strength
+        Of the local magnetic field in microtesla, for the scale of a magnetometer in the log. Default: relative.
     """
 
     gravity: float | None = None
     latitude: float | None = None
     height: float = 0.0
+    field_strength: float | None = None
+
+    @property
+    def field(self) -> float | None:
+        """Strength of the local magnetic field. [T]"""
+        if self.field_strength is not None and not 10.0 < self.field_strength < 200.0:
+            raise InputError(f"--field-strength: expected microtesla, such as 48.6, got {self.field_strength:g}")
+        return None if self.field_strength is None else self.field_strength * u.UT
 
     @property
     def lat(self) -> float | None:
@@ -113,6 +123,16 @@ class Output:
         Body axes of the result: lower, upper, symmetric. Default: those of the method.
     previous
         An earlier calibration.yaml of the same unit: what changed beyond its uncertainty.
+    serial
+        Serial number of the unit; kept in calibration.yaml, as are the next three.
+    operator
+        Who calibrates.
+    place
+        Where, in words.
+    date
+        YYYY-MM-DD. Default: the day of the log, if its clock tells.
+    certificate
+        HTML file for a certificate, one or two printed pages of A4; needs --serial.
     report
         Write calibration.html and figures.
     json
@@ -122,8 +142,21 @@ class Output:
     out: Folder = None
     gauge: Literal["lower", "upper", "symmetric"] | None = None
     previous: Path | None = None
+    serial: str = ""
+    operator: str = ""
+    place: str = ""
+    date: str = ""
+    certificate: File = None
     report: bool = True
     json: Flag = False
+
+    def check(self) -> None:
+        """Refuse, before the work, a date that is none and a certificate of no unit."""
+        from schuler.calibration.result.session import Session
+
+        Session(date=self.date)
+        if self.certificate is not None and not self.serial.strip():
+            raise InputError("--certificate: expected the serial number of the unit with it (--serial), got none")
 
 
 @Parameter(name="*")
@@ -137,16 +170,22 @@ class CalibrationOptions:
     sensor: Sensor = Sensor()
     output: Output = Output()
 
-    def recordings(self, *logs: Path) -> list[Recording]:
-        """The logs, read and checked, of an uncalibrated sensor."""
+    def recordings(self, *logs: Path, one_axis: Triad | None = None) -> list[Recording]:
+        """The logs, read and checked, of an uncalibrated sensor; one axis alone if the method can use it."""
+        from schuler.calibration.bench.one_axis import only_axis
+
+        self.output.check()
         recordings = [self.reading.read(path, uncalibrated=True) for path in logs]
-        for path, recording in zip(logs, recordings, strict=True):
-            if "one-axis" in str(recording.metadata.options.get("allow")):
-                raise InputError(
-                    f"{path}: expected all three axes of a triad; calibrate one axis from its mean readings beside "
-                    "their reference: schuler calibrate poses means.csv --table-columns gx,reference --table-units "
-                    "m/s2,deg/s"
-                )
+        partly = [
+            p for p, r in zip(logs, recordings, strict=True) if "one-axis" in str(r.metadata.options.get("allow"))
+        ]
+        if partly and (one_axis is None or (only_axis([r.need_imu() for r in recordings]) or " ")[0] != one_axis[0]):
+            raise InputError(
+                f"{partly[0]}: expected all three axes of a triad; one axis gives its bias and scale factor: an "
+                "accelerometer set up and down (schuler calibrate sixposition), a gyroscope turned both ways (schuler "
+                "calibrate ratetable), or mean readings beside their reference: schuler calibrate poses means.csv "
+                "--table-columns gx,reference --table-units m/s2,deg/s"
+            )
         return [self.checking.passed(recording) for recording in recordings]
 
     def poses(self, recordings: Sequence[Recording], min_rest: float, intervals: Path | None = None) -> Poses:

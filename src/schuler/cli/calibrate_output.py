@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from schuler import units as u
-from schuler.cli.calibrate_options import Output
+from schuler.cli.calibrate_options import Output, Site
 from schuler.cli.output import named, print_json, say
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
@@ -19,6 +19,7 @@ from schuler.recording.series import ImuSeries
 if TYPE_CHECKING:
     from schuler.calibration.field.calibration import FieldCalibration
     from schuler.calibration.result.result import CalibrationResult
+    from schuler.calibration.result.session import Session
 
 
 def finish(
@@ -32,6 +33,7 @@ def finish(
     truth: dict[str, float] | None = None,
     history: str = "csv",
     before: ImuSeries | None = None,
+    site: Site | None = None,
 ) -> int:
     """Write files, print the result, return the exit code: 2 for a log that is refused.
 
@@ -39,6 +41,7 @@ def finish(
     (``before``, SI) before and after and, if simulated, the truth for its figures.
     """
     from schuler.calibration.result.result import CalibrationResult
+    from schuler.calibration.result.session import with_session
     from schuler.diagnosis.admission import notes_of
 
     sources = {k: v for recording in recordings for k, v in recording.metadata.sources.items()}
@@ -46,6 +49,7 @@ def finish(
     checks = [note for recording in recordings for note in notes_of(recording)]
     about = {"sources": sources, "recording_options": options, "checks": checks}
     result = replace(result, provenance={**result.provenance, **about})
+    result = with_session(result, _session(result, recordings, output, site))
     if output.gauge is not None and result.status != "refused":
         result = result.in_gauge(output.gauge)
     folder = Path(f"{log.resolve().stem}-calibration") if output.out is None else output.out
@@ -57,6 +61,10 @@ def finish(
         files["calibration"] = result.to_yaml(folder / "calibration.yaml")
         if field is not None:
             files["history"] = field.to_file(folder / f"history.{history}")
+        if output.certificate is not None:
+            from schuler.calibration.report.certificate import calibration_certificate
+
+            files["certificate"] = calibration_certificate(result, output.certificate)
     if output.report:
         from schuler.calibration.report.figures import save_calibration_figures
 
@@ -92,6 +100,26 @@ def finish(
         say(f"schuler: {log}: refused; {'; '.join(v.rstrip('.') for v in result.verdicts)}")
         return 2
     return 0
+
+
+def _session(result: CalibrationResult, recordings: Sequence[Recording], output: Output, site: Site | None) -> Session:
+    """Unit, operator, place and date as stated, what the logs say, and the gravity that was compared with."""
+    from schuler.calibration.result.application import local_gravity
+    from schuler.calibration.result.session import Session, log_circumstances
+
+    stated = {n: v for n in ("serial", "operator", "place", "date") if (v := getattr(output, n).strip())}
+    latitude = result.provenance.get("latitude") if site is None or site.lat is None else site.lat
+    at_log = local_gravity(recordings[0]) if recordings and (site is None or site.lat is None) else None
+    if site is not None and site.gravity is not None:
+        gravity: tuple[float, str] = (site.g, "as stated")
+    elif site is not None and site.lat is not None:
+        gravity = site.g, f"normal gravity (WGS 84) at the latitude and {site.height:g} m above the ellipsoid"
+    elif at_log is not None and result.method == "field":
+        gravity = at_log
+    else:
+        gravity = u.G0, "standard gravity, no latitude being stated"
+    return Session(**{**log_circumstances(recordings), **stated}, gravity=gravity[0], gravity_source=gravity[1],
+                   latitude=None if latitude is None else float(latitude))  # fmt: skip
 
 
 def numbers(result: CalibrationResult) -> dict[str, Any]:

@@ -23,6 +23,7 @@ EXTRAS = {
     "plot": "figures as PNG and SVG",
     "report": "the same: kept for installations that ask for it",
     "data": "Parquet files",
+    "fetch": "public recordings (schuler fetch)",
     "symbolic": "formulas of schuler observability --symbolic",
     "ros": "ROS 1 and ROS 2 bags, MCAP with their messages",
     "px4": "PX4 logs (.ulg)",

@@ -10,11 +10,15 @@ from typing import Any, Literal
 from schuler.cli.configuration import configuration, entries, with_outages
 from schuler.cli.output import Flag, Folder, Texts, named, print_json, print_verdict, progress, say
 from schuler.cli.proposal import proposed
+from schuler.cli.reading import Part
+from schuler.cli.rerun import write_run
 from schuler.exceptions import InputError, MissingExtraError
 from schuler.files import write_text
 from schuler.navigation.result import NavigationResult
 from schuler.recording.recording import Recording
 from schuler.recording.trajectory import Trajectory
+
+_ALL = Part()
 
 
 def navigate(
@@ -36,6 +40,7 @@ def navigate(
     report: bool = True,
     figures: Flag = False,
     json: Flag = False,
+    part: Part = _ALL,
 ) -> int:
     """Navigate a log and write solution, smoothed solution, report and track.
 
@@ -105,7 +110,7 @@ def navigate(
         proposal = proposed(logs, imu, changes, without)
         log, changes = proposal.log, []
         loaded = with_outages(proposal.config, outage, outage_every)
-        recording = checked(proposal.recording, unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
+        recording = part.of(proposal.recording)
     else:
         if len(logs) > 1 or imu is not None:
             raise InputError(
@@ -114,7 +119,8 @@ def navigate(
         log = logs[0]
         changes += [(f"aiding.{name}", None) for name in without]
         loaded = configuration(config, changes, outage, outage_every)
-        recording = checked(read_log(log, config), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
+        recording = part.of(read_log(log, config))
+    recording = checked(recording, unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
     backdrop = None
     if background is not None:
         from schuler.navigation.report.backdrop import read_backdrop
@@ -128,6 +134,8 @@ def navigate(
     files = write_outputs(folder, recording, outcome, report=report, figures=figures, background=backdrop)
     if proposal is not None:
         files["configuration"] = write_text(folder / "drive.toml", proposal.toml())
+    printed = "\n".join((recording.summary(), result.verdict.summary(), result.summary(), sentences(outcome.numbers)))
+    files |= write_run(folder, log, recording, loaded, outcome.numbers, part=part, unchecked=unchecked, text=printed)
     if json:
         more = {} if proposal is None else {"decisions": [asdict(d) for d in proposal.decisions]}
         print_json({"command": "navigate", **outcome.numbers, **more, "files": files})
@@ -160,7 +168,7 @@ def evaluated(recording: Recording, result: NavigationResult, smooth: bool, trut
     if reference is None and recording.gnss is not None:
         g = recording.gnss
         reference, at_antenna = Trajectory.from_geodetic(g.t, g.llh, g.v_n), True
-    smoothed = result.smooth() if smooth and result.can_smooth else None
+    smoothed = result.smooth(keep=False) if smooth and result.can_smooth else None
     origin = recording.start
     numbers: dict[str, Any] = {
         "verdict": result.verdict.to_dict(),
@@ -214,6 +222,7 @@ def write_outputs(
         "smoothed": smoothed, "reference": outcome.reference, "at_antenna": outcome.at_antenna,
         "truth_parameters": outcome.truth_parameters, "origin": recording.start, "gnss": recording.gnss,
         "ranges": result.ranges, "points": result.points, "background": background,
+        "imu": recording.imu,
     }  # fmt: skip
     if report:
         from schuler.navigation.report.document import navigation_report

@@ -8,8 +8,9 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import numpy as np
 from cyclopts import Parameter
@@ -51,25 +52,53 @@ Folder = Annotated[Path | None, Parameter(validator=_folder)]
 File = Annotated[Path | None, Parameter(validator=_file)]
 
 
-def say(text: str) -> None:
-    """Prose, to stderr."""
-    print(text, file=sys.stderr)
+_COLOURS = {"ok": "32", "doubtful": "33", "failed": "1;31", "warning": "33", "error": "1;31"}
+_QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
 
-_COLOURS = {"ok": "32", "doubtful": "33", "failed": "1;31"}
+@contextmanager
+def silenced(quiet: bool) -> Iterator[None]:
+    """Leave prose and progress out while it lasts; errors and results come all the same."""
+    token = _QUIET.set(quiet)
+    try:
+        yield
+    finally:
+        _QUIET.reset(token)
+
+
+def say(text: str, kind: str = "") -> None:
+    """Prose, to stderr; an "error" or a "warning" in its colour on a terminal."""
+    if not _QUIET.get():
+        print(coloured(text, kind, sys.stderr), file=sys.stderr)
+
+
+def complain(text: str) -> None:
+    """What ends a command, to stderr, its first word in red on a terminal."""
+    print(f"{coloured('schuler:', 'error', sys.stderr)} {text}", file=sys.stderr)
+
+
+def coloured(text: str, kind: str, stream: TextIO) -> str:
+    """Text in the colour of a kind on a terminal that wants colours (NO_COLOR)."""
+    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+    if kind not in _COLOURS or plain or not stream.isatty():
+        return text
+    return f"\x1b[{_COLOURS[kind]}m{text}\x1b[0m"
 
 
 def print_verdict(verdict: Verdict) -> None:
-    """A verdict on stdout, its first line in green, yellow or red on a terminal that wants colours (NO_COLOR)."""
+    """A verdict on stdout, its first line in green, yellow or red on a terminal."""
     first, *rest = verdict.summary().splitlines()
-    if sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb":
-        first = f"\x1b[{_COLOURS[verdict.status]}m{first}\x1b[0m"
-    print("\n".join([first, *rest]))
+    print("\n".join([coloured(first, verdict.status, sys.stdout), *rest]))
 
 
 def print_json(data: dict[str, Any]) -> None:
     """One JSON object on stdout; numbers that do not exist become null."""
-    print(json.dumps(_plain(data), indent=1, allow_nan=False))
+    print(json_text(data))
+
+
+def json_text(data: dict[str, Any]) -> str:
+    """One JSON object as text; numbers that do not exist become null."""
+    return json.dumps(_plain(data), indent=1, allow_nan=False)
 
 
 def _plain(value: Any) -> Any:
@@ -98,7 +127,7 @@ def progress(what: str, *, total: int | None = None, unit: str = "") -> Iterator
     With a total number of things the bar also says how many are done and how many a second. The time left follows the
     speed since the first call, which may come with a part that was done before.
     """
-    if not sys.stderr.isatty():
+    if _QUIET.get() or not sys.stderr.isatty():
         yield None
         return
     import time

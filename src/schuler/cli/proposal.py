@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schuler.cli.output import say
+from schuler.exceptions import InputError
 
 if TYPE_CHECKING:
     from schuler.proposal import Proposal, UndecidedError
@@ -55,6 +56,62 @@ def proposed(
         say(proposal.summary())
         return proposal
     raise AssertionError("a question was asked again although it was answered")
+
+
+def proposed_hints(log: Path, given: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Hints proposed for a text log that was not read with those given: columns, units and clock by header and physics.
+
+    What is decided is said on stderr; what is open is asked on a terminal.
+
+    Parameters
+    ----------
+    log : Path
+    given : mapping
+        Hints of the user, which stand.
+
+    Returns
+    -------
+    dict or None
+        None if the log is no table of an IMU.
+
+    Raises
+    ------
+    UndecidedError
+        If a question is open and nobody is there to answer it.
+    """
+    from schuler.exceptions import SchulerError
+    from schuler.proposal import UndecidedError, propose_reading
+
+    if not log.is_file() or "columns" in given or "format" in given:
+        return None
+    hints = dict(given)
+    for _ in range(_MOST):
+        try:
+            entries, decisions = propose_reading(log, hints, hints)
+        except UndecidedError as question:
+            if not question.choices:
+                return None
+            if not (sys.stdin.isatty() and sys.stderr.isatty()):
+                raise in_options_of_reading(question) from None
+            hints |= {name.rpartition(".")[2]: value for name, value in answer(question).items()}
+            continue
+        except SchulerError:
+            return None
+        for d in decisions:
+            if d.value is not None:
+                name = d.entry.rpartition(".")[2]
+                say(f"{log.name}: --{name.replace('_', '-')} {d.value!r}: {d.evidence}")
+        return entries
+    raise AssertionError("a question was asked again although it was answered")
+
+
+def in_options_of_reading(question: UndecidedError) -> InputError:
+    """A question on how a log is read, answered by options of the command instead of entries of a configuration."""
+    answers = [
+        " ".join(f"--{name.rpartition('.')[2].replace('_', '-')} {value}" for name, value in entries.items())
+        for _, entries in question.choices
+    ]
+    return InputError(f"{question.text}: say {', or '.join(answers)}")
 
 
 def answer(question: UndecidedError) -> dict[str, Any]:

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 from cyclopts import Parameter
 
 from schuler.cli.output import Dashed, Flag, say
 from schuler.exceptions import InputError
 from schuler.files import read_toml
-from schuler.recording.recording import TIMED, Recording
-from schuler.recording.series import ImuSeries
-from schuler.recording.trajectory import Trajectory
+from schuler.recording.recording import Recording
 
 
 @Parameter(name="*")
@@ -81,8 +78,8 @@ class Hints:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class PartHints(Hints):
-    """How a log is read, and what part of it.
+class Part:
+    """Part of each log.
 
     Parameters
     ----------
@@ -94,6 +91,16 @@ class PartHints(Hints):
 
     start: Annotated[float | None, Parameter(name="--from")] = None
     stop: Annotated[float | None, Parameter(name="--to")] = None
+
+    def of(self, recording: Recording) -> Recording:
+        """The recording, cut as asked for."""
+        return cut(recording, self.start, self.stop)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class PartHints(Part, Hints):
+    """How a log is read, and what part of it."""
 
 
 @Parameter(name="*")
@@ -130,15 +137,27 @@ class LogHints(PartHints):
 class Reading(PartHints):
     """How logs are read, and what part of them."""
 
-    def read(self, log: Path, *, uncalibrated: bool = False) -> Recording:
-        """The log, cut as asked for; the norm of an uncalibrated sensor's specific force is not checked in a file."""
+    def read(self, log: Path, *, uncalibrated: bool = False, proposing: bool = True) -> Recording:
+        """The log, cut as asked for; the norm of an uncalibrated sensor's specific force is not checked in a file.
+
+        Hints that it needs and that are not given are proposed, unless it still grows: its motion is still to come.
+        """
         if uncalibrated:
             self = of_part(self, log)
         hints = self.given
         # our own files need no hints and take none
         if uncalibrated and not log.is_dir() and hints:
             hints["allow"] = ",".join([*([hints["allow"]] if hints.get("allow") else []), "norm"])
-        return cut(read_log(log, self.config, **hints), self.start, self.stop)
+        try:
+            recording = read_log(log, self.config, **hints)
+        except InputError:
+            from schuler.cli.proposal import proposed_hints
+
+            proposal = None if self.config is not None or not proposing else proposed_hints(log, self.given)
+            if proposal is None:
+                raise
+            recording = read_log(log, None, **proposal, **{k: v for k, v in hints.items() if k not in proposal})
+        return cut(recording, self.start, self.stop)
 
 
 @Parameter(name="*")
@@ -169,7 +188,8 @@ class Checking:
             for f in (*diagnosis.errors, *diagnosis.warnings):
                 if f.code == "axes" and recording.gnss is None:
                     continue  # on a bench any side is up
-                say(f"{recording.metadata.name}: {f.severity} {f.code}: {f.text}" + (f" -> {f.fix}" if f.fix else ""))
+                text = f"{recording.metadata.name}: {f.severity} {f.code}: {f.text}"
+                say(text + (f" -> {f.fix}" if f.fix else ""), f.severity)
         return recording
 
 
@@ -206,7 +226,6 @@ def cut(recording: Recording, start: float | None, stop: float | None) -> Record
     """The recording between two times from the start of its IMU, or of what there is without one. [s]"""
     if start is None and stop is None:
         return recording
-    timed = {name: series for name in TIMED if (series := getattr(recording, name)) is not None}
     if recording.imu is not None:
         begin, end = float(recording.imu.t[0]), float(recording.imu.t[-1])
     else:
@@ -215,22 +234,7 @@ def cut(recording: Recording, start: float | None, stop: float | None) -> Record
     if not 0.0 <= first < last:
         raise InputError(f"--from and --to: expected 0 <= FROM < TO in seconds, got {first:g} and {last:g}")
     note = f"Only {first:g} to {last:g} s of {recording.metadata.name} were used, as asked for."
-    parts = {name: _between(series, begin + first, begin + last) for name, series in timed.items()}
-    return replace(recording, **parts, metadata=recording.metadata.noting(note))
-
-
-def _between(series: Any, start: float, stop: float) -> Any:
-    """The samples of a series between two times; of a reference, which is interpolated, one more on either side."""
-    if isinstance(series, ImuSeries):
-        return series.between(start, stop)
-    if isinstance(series, Trajectory):
-        first, last = int(np.searchsorted(series.t, start, side="right")) - 1, int(np.searchsorted(series.t, stop))
-        return series.samples(np.arange(max(first, 0), min(last + 1, len(series.t))))
-    keep = (series.t >= start) & (series.t <= stop)
-    columns = {f.name: getattr(series, f.name) for f in fields(series)}
-    return replace(
-        series, **{n: v[keep] for n, v in columns.items() if isinstance(v, np.ndarray) and len(v) == len(keep)}
-    )
+    return replace(recording.between(begin + first, begin + last), metadata=recording.metadata.noting(note))
 
 
 def read_log(log: Path, config: Path | None, **hints: Any) -> Recording:

@@ -29,7 +29,7 @@ def reproduce(
     items
         Ids such as table-5.3; all by default.
     full
-        As many runs as the thesis, which takes hours for all five. --quick, the default: half a minute each.
+        As many runs as the thesis, which takes hours for all five. --quick, the default: a minute each at most.
     seed
         Of random numbers.
     out

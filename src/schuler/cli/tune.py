@@ -7,6 +7,9 @@ from pathlib import Path
 
 from schuler.cli.configuration import configuration, entries
 from schuler.cli.output import File, Flag, Texts, print_json
+from schuler.cli.reading import Part
+
+_ALL = Part()
 
 
 def tune(
@@ -21,6 +24,7 @@ def tune(
     unchecked: Flag = False,
     dry_run: Flag = False,
     json: Flag = False,
+    part: Part = _ALL,
 ) -> int:
     """Tune the noise of IMU and GNSS from a log's own fixes, and write it into the configuration.
 
@@ -53,7 +57,7 @@ def tune(
 
     began = time.perf_counter()
     loaded = configuration(config, entries(set), outage, outage_every)
-    recording = checked(read_log(log, config), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
+    recording = checked(part.of(read_log(log, config)), unchecked=unchecked, clock_shift_s=loaded.imu.clock_shift_s)
     result = tune_noise(recording, loaded)
     written = None
     if result.better and not dry_run:

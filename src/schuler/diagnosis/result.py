@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -13,6 +14,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 
 Severity: TypeAlias = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
@@ -146,8 +148,8 @@ class Finding:
         }
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Displayed):
     """Findings about a log, with estimates, segments and uses.
 
     Attributes
@@ -273,6 +275,10 @@ class Diagnosis:
             lines.append("  this log can carry:")
             lines += [f"    - {use}" for use in self.supports]
         return "\n".join(lines)
+
+    def _facts(self) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+        rows = [(f.severity, f.code, f.text, f.fix or "-") for f in self.findings if f.severity != "note"]
+        return ("severity", "finding", "what was seen", "option that mends it"), rows
 
     def as_dict(self) -> dict[str, Any]:
         """Everything but the curves as plain values."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TypeVar
 
 import numpy as np
 
-from schuler.arrays import FloatArray, IntArray
+from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 
 
@@ -155,8 +155,31 @@ class Ephemerides:
             self.notes + other.notes,
         )
 
+    def possible(self) -> tuple[Ephemerides, tuple[IntArray, IntArray]]:
+        """The messages whose numbers a satellite can have, and the satellites of the others, Keplerian and GLONASS.
+
+        Notes
+        -----
+        The limits are ten times what the bits of the messages hold or more (IS-GPS-200, table 20-III; Galileo OS SIS
+        ICD, table 61; BeiDou B1I ICD, table 5-10), and for orbits from the Earth's surface to 100 000 km.
+        """
+        orbits, states = _possible(self.kepler), _possible(self.glonass)
+        kept = replace(self, kepler=_where(self.kepler, orbits), glonass=_where(self.glonass, states))
+        return kept, (self.kepler.sat[~orbits], self.glonass.sat[~states])
+
 
 T = TypeVar("T", KeplerRecords, GlonassRecords)
+
+#: Least and most that a broadcast number may be, its sign apart. [SI]
+_LIMITS = {
+    "toe": (0.0, 1e10), "toc": (0.0, 1e10), "af0": (0.0, 1.0), "af1": (0.0, 1e-6), "af2": (0.0, 1e-9),
+    "sqrt_a": (2.5e3, 1e4), "e": (0.0, 0.9), "i0": (0.0, 10.0), "omega0": (0.0, 10.0), "omega": (0.0, 10.0),
+    "m0": (0.0, 10.0), "delta_n": (0.0, 1e-6), "idot": (0.0, 1e-6), "omega_dot": (0.0, 1e-4), "cuc": (0.0, 1e-2),
+    "cus": (0.0, 1e-2), "cic": (0.0, 1e-2), "cis": (0.0, 1e-2), "crc": (0.0, 1e5), "crs": (0.0, 1e5),
+    "accuracy": (0.0, 1e6), "clock": (0.0, 1.0), "rate": (0.0, 1e-5),
+}  # fmt: skip
+_MOST_COUNT = 2.0**62  # that a whole number may be
+_STATES = {"r_e": (6e6, 1e8), "v_e": (0.0, 1e4), "a_e": (0.0, 1e-2)}  # lengths of the vectors
 
 _INTEGERS = ("sat", "health", "issue", "source", "channel")
 _COLUMNS = {"group_delay": 2, "r_e": 3, "v_e": 3, "a_e": 3}
@@ -176,11 +199,33 @@ def _empty(kind: type) -> dict[str, np.ndarray]:
     return {f.name: np.zeros((0, _COLUMNS[f.name]) if f.name in _COLUMNS else 0) for f in fields(kind)}
 
 
+def _possible(records: KeplerRecords | GlonassRecords) -> BoolArray:
+    keep = np.ones(len(records), dtype=np.bool_)
+    with np.errstate(all="ignore"):
+        for name, (least, most) in {**_LIMITS, **_STATES}.items():
+            values = getattr(records, name, None)
+            if values is not None:
+                size = np.linalg.norm(values, axis=1) if values.ndim == 2 else np.abs(values)
+                unstated = np.isnan(size) if name == "accuracy" else False
+                keep &= ((size >= least) & (size <= most)) | unstated
+        if isinstance(records, KeplerRecords):
+            keep &= records.e >= 0.0
+    return keep
+
+
+def _where(records: T, keep: BoolArray) -> T:
+    return type(records)(**{f.name: getattr(records, f.name)[keep] for f in fields(records)})
+
+
 def _checked(records: KeplerRecords | GlonassRecords) -> None:
     n = len(records.sat)
     for f in fields(records):
         kind = np.int64 if f.name in _INTEGERS else np.float64
-        value = np.asarray(getattr(records, f.name)).astype(kind)
+        given = np.asarray(getattr(records, f.name))
+        if kind is np.int64 and given.dtype.kind == "f" and not np.all(np.abs(given) < _MOST_COUNT):
+            wrong = given[~(np.abs(given) < _MOST_COUNT)][0]
+            raise InputError(f"{type(records).__name__}.{f.name}: expected whole numbers, got {wrong}")
+        value = given.astype(kind)
         shape = (n, _COLUMNS[f.name]) if f.name in _COLUMNS else (n,)
         if value.shape != shape:
             raise InputError(f"{type(records).__name__}.{f.name}: expected shape {shape}, got {value.shape}")

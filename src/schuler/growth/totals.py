@@ -11,6 +11,7 @@ from schuler.arrays import ArrayLike, FloatArray
 from schuler.exceptions import InputError
 from schuler.growth.closed_forms import constant, gauss_markov, random_walk, white
 from schuler.growth.integrals import Start
+from schuler.plotting.notebook import Displayed
 from schuler.plotting.table import ResultTable
 from schuler.units import DEG, G0
 
@@ -27,8 +28,8 @@ INTEGRALS = {
 QUANTITIES = ("heading", "velocity", "position")
 
 
-@dataclass(frozen=True)
-class Growth:
+@dataclass(frozen=True, repr=False)
+class Growth(Displayed):
     """1-sigma errors over time of an unaided IMU at rest.
 
     Attributes

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
-from importlib import metadata
+from importlib import import_module, metadata
 from typing import Any
 
 from schuler.exceptions import InputError, MissingExtraError, SchulerError
@@ -18,6 +18,9 @@ LOCAL = "local"
 _AHEAD = 3  # batches handed out for each thread of the cluster: one under way, two that wait at the worker
 _PATIENCE_S = 60.0  # for a first worker
 _CONNECT_S = 10.0
+# Dask has its workers give freed memory back at once: every array of a run is then new pages from the kernel, which
+# was half of the processor time of a single run. [bytes]
+_KEEP_MEMORY = {"MALLOC_TRIM_THRESHOLD_": 1 << 30, "MALLOC_MMAP_THRESHOLD_": 1 << 25}
 
 
 def on_cluster(work: Work, batches: Batches, client: Any) -> Finished:
@@ -94,18 +97,20 @@ def connected(scheduler: Any, workers: int | None = None) -> Iterator[Any]:
         Without Dask (extra ``cluster``).
     """
     distributed = _distributed()
-    Client, LocalCluster = distributed.Client, distributed.LocalCluster
+    Client = distributed.Client
     if isinstance(scheduler, Client):
         _wait_for_workers(scheduler)
         yield scheduler
         return
     if scheduler == LOCAL:
+        from schuler.montecarlo.cluster_nodes import local_cluster
+
+        kept = {f"distributed.nanny.pre-spawn-environ.{name}": value for name, value in _KEEP_MEMORY.items()}
         with (
-            LocalCluster(
-                n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=40
-            ) as cluster,
+            import_module("dask.config").set(kept),
+            local_cluster(workers) as cluster,
             Client(cluster) as client,
-        ):  # fmt: skip
+        ):
             yield client
         return
     try:
@@ -132,8 +137,6 @@ def _wait_for_workers(client: Any) -> None:
 
 def _distributed() -> Any:
     """The library, whose own annotations are in part."""
-    from importlib import import_module
-
     try:
         return import_module("distributed")
     except ImportError:

@@ -13,6 +13,7 @@ from schuler.exceptions import InputError
 from schuler.montecarlo.column import Consistency
 from schuler.montecarlo.job import NavigationJob
 from schuler.montecarlo.result import Campaign
+from schuler.plotting.notebook import Displayed
 from schuler.plotting.table import Cell, ResultTable
 from schuler.units import DEG
 
@@ -32,8 +33,8 @@ _DEGREES = 9  # of the NEES
 _TENTHS = 10
 
 
-@dataclass(frozen=True)
-class Scatter:
+@dataclass(frozen=True, repr=False)
+class Scatter(Displayed):
     """Errors of the runs of a campaign against the filter's own sigmas.
 
     Attributes

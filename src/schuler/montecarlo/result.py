@@ -15,10 +15,11 @@ from schuler.exceptions import InputError
 from schuler.montecarlo.column import ColumnStatistics
 from schuler.montecarlo.rows import Rows, joined
 from schuler.montecarlo.store import read_rows
+from schuler.plotting.notebook import Displayed
 
 
-@dataclass(frozen=True)
-class Campaign:
+@dataclass(frozen=True, repr=False)
+class Campaign(Displayed):
     """Statistics of a campaign, and where its runs are.
 
     Attributes

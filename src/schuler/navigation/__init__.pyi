@@ -28,6 +28,8 @@ from .evaluation.modes import available_modes as available_modes
 from .evaluation.modes import parse_mode as parse_mode
 from .evaluation.outages import OutageStatistics as OutageStatistics
 from .evaluation.outages import outage_statistics as outage_statistics
+from .evaluation.runs import RunComparison as RunComparison
+from .evaluation.runs import compare_runs as compare_runs
 from .navigator import Navigator as Navigator
 from .navigator import Outcome as Outcome
 from .report.document import navigation_report as navigation_report
@@ -65,6 +67,7 @@ __all__ = [
     "Navigator",
     "OutageStatistics",
     "Outcome",
+    "RunComparison",
     "Separation",
     "Sources",
     "TrajectoryErrors",
@@ -76,6 +79,7 @@ __all__ = [
     "chi_square_band",
     "clock_models",
     "compare_architectures",
+    "compare_runs",
     "earth_rates",
     "evaluate",
     "fine_alignment",

@@ -50,6 +50,9 @@ class Navigator:
 
     Copies, pickles and files (:meth:`save`, :meth:`load`) go on to the same last bit.
 
+    Noise is not tuned live, as :func:`~schuler.navigate` tunes that of an IMU by name (``filter.tune``): give the
+    densities that ``schuler tune`` found on an earlier log.
+
     Parameters
     ----------
     initial : InitialState

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +20,7 @@ from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import ACCEPTED, DIMENSIONS, FORCED, GATED, KINDS, REJECTED, STATUS, UNUSED
 from schuler.filtering.states import BLOCK_TEXT, StateLayout
 from schuler.mechanization.strapdown import NavState
+from schuler.plotting.notebook import Displayed
 from schuler.recording.trajectory import FullTrajectory, Trajectory
 
 if TYPE_CHECKING:
@@ -30,8 +32,8 @@ if TYPE_CHECKING:
     from schuler.verdict import Verdict
 
 
-@dataclass(frozen=True)
-class Innovations:
+@dataclass(frozen=True, repr=False)
+class Innovations(Displayed):
     """Innovations and outcomes of all measurements offered to the filter.
 
     Attributes
@@ -56,6 +58,13 @@ class Innovations:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def _headline(self) -> str:
+        return f"{len(self)} measurements" + "".join(f", {n} {sum(c.values())}" for n, c in self.counts().items())
+
+    def _facts(self) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+        rows = [(name, *(str(count[s]) for s in STATUS.values())) for name, count in self.counts().items()]
+        return ("measurement", *STATUS.values()), rows
 
     @property
     def freedom(self) -> IntArray:
@@ -95,8 +104,8 @@ class Innovations:
         return float(self.nis[tested].sum() / self.freedom[tested].sum()) if tested.any() else float("nan")
 
 
-@dataclass(frozen=True)
-class NavigationResult:
+@dataclass(frozen=True, repr=False)
+class NavigationResult(Displayed):
     """A navigation solution with its uncertainty.
 
     Attributes
@@ -223,8 +232,13 @@ class NavigationResult:
             arm = arm + np.column_stack([np.interp(self.trajectory.t, self.t, more[:, i]) for i in range(3)])
         return self.trajectory.moved_by(arm)
 
-    def smooth(self) -> NavigationResult:
+    def smooth(self, *, keep: bool = True) -> NavigationResult:
         """The fixed-interval smoothed solution: every state uses all measurements, later ones too.
+
+        Parameters
+        ----------
+        keep : bool
+            False to forget in this result what only its smoother needs, a quarter of a long run's memory.
 
         Returns
         -------
@@ -250,7 +264,7 @@ class NavigationResult:
             )
         from schuler.navigation.smoother import smooth_run
 
-        trajectory, states, parameters, covariance_e = smooth_run(self, self._nodes)
+        trajectory, states, parameters, covariance_e = smooth_run(self, keep=keep)
         return replace(
             self, trajectory=trajectory, states=states, parameters=parameters, covariance_e=covariance_e,
             smoothed=True, _nodes=None,
@@ -284,6 +298,29 @@ class NavigationResult:
         from schuler.navigation.evaluation.verdict import verdict
 
         return verdict(self)
+
+    def _headline(self) -> str:
+        T = self.trajectory
+        span = f"{T.t[-1] - T.t[0]:.1f} s, " if len(T) else ""
+        ended = "" if self.complete else ", INTERRUPTED"
+        return (
+            f"{'smoothed' if self.smoothed else 'filtered'} solution, {span}{self.epochs} IMU epochs, "
+            f"{self.layout.size} states{ended}"
+        )
+
+    def _facts(self) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+        if not len(self.t):
+            return (), ()
+        rows = []
+        names = (("dr", "position", "m", 1.0), ("dv", "velocity", "m/s", 1.0), ("dpsi", "attitude", "deg", units.DEG))
+        for block, name, unit, scale in names:
+            sigma = self.sigma(block) / scale
+            rows.append((f"{name}, 1-sigma [{unit}]", *(f"{v:.3g}" for v in (*sigma[-1], np.nanmax(sigma)))))
+        for name, count in self.innovations.counts().items():
+            used, rejected = count[STATUS[ACCEPTED]] + count[STATUS[FORCED]], count[STATUS[REJECTED]]
+            rows.append((f"{name}: {used} used, {rejected} rejected", "", "", "", ""))
+        rows.append((f"verdict: {self.verdict.status}", "", "", "", ""))
+        return ("at the end", "north", "east", "down", "largest of the run"), rows
 
     def plot(self, **options: Any) -> Figure:
         """Overview figure (matplotlib), see :func:`schuler.navigation.report.figures.overview`."""

@@ -89,22 +89,23 @@ def navigate(
     prepared = prepared_run(recording, config, initial=initial, calibration=calibration)
     tuned: list[str] = []
     asked = config.filter.tune
-    if asked is True or (asked == "auto" and config.gnss.coupling == "loose" and contradicted(prepared)):
+    if asked is True or (asked == "auto" and contradicted(prepared)):
         if asked == "auto" and config.noise_is_stated:
             tuned = [STATED_NOISE]
         else:
             config, prepared, tuned = _tuned(recording, config, prepared, initial, calibration)
-            if config.gnss.coupling == "loose" and not config.lever_is_stated:
+            if initial is None and config.gnss.coupling == "loose" and not config.lever_is_stated:
                 other = with_lever(config)
                 free = prepared_run(recording, other, initial=initial, calibration=calibration)
                 if has_lever(prepared, free):
                     config, prepared, again = _tuned(recording, other, free, initial, calibration)
                     tuned += [LEVER_ESTIMATED, *again]
+    noisy = noise_against_budget(prepared.imu, prepared.spec)  # before the run takes memory
     forward = prepared.run(progress=progress)
     if forward.epochs == 0 or not len(forward.rec_t):
         raise KeyboardInterrupt  # stopped before the first record
     notes, schedule = [*prepared.notes, *tuned], prepared.schedule
-    notes += noise_against_budget(prepared.imu, prepared.spec)
+    notes += noisy
     if not forward.complete:
         ended = forward.t[-1] - recording.start
         notes.append(f"interrupted at {ended:.1f} s of the recording; the solution ends there")
@@ -132,7 +133,7 @@ def _tuned(
     calibration: CalibrationResult | Path | str | None,
 ) -> tuple[NavigationConfig, PreparedRun, list[str]]:
     """Configuration and run with tuned noise, and sentences on it; as they are if that is no better."""
-    tuning = tune(prepared)
+    tuning = tune(prepared, aligned=initial is None)
     if tuning.better:
         config = tuned_configuration(config, tuning)
         prepared = prepared_run(recording, config, initial=initial, calibration=calibration)
@@ -226,7 +227,7 @@ def tune_noise(
     InputError, ConfigError
         As :func:`navigate`; if there are too few fixes.
     """
-    return tune(prepared_run(recording, NavigationConfig.checked(config), initial=initial))
+    return tune(prepared_run(recording, NavigationConfig.checked(config), initial=initial), aligned=initial is None)
 
 
 def _check_earth_rotation(recording: Recording, config: NavigationConfig) -> None:

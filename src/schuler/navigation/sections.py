@@ -7,6 +7,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+# the class of pydantic models, whose call is theirs alone: it is public in no module
+from pydantic._internal._model_construction import ModelMetaclass
+
 from schuler.exceptions import ConfigError, sentences
 from schuler.files import read_toml
 
@@ -22,7 +25,24 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Config(Section):
+class _InSentences(ModelMetaclass):
+    """Class of configurations: what a call does wrong is said as of a file, not as pydantic lists it."""
+
+    def __call__(cls, *entries: Any, **more: Any) -> Any:  # noqa: N805 - of a class of classes
+        if entries:
+            name = cls.__name__
+            raise ConfigError(
+                f"{name}: expected sections by name, {name}(imu={{...}}), got {type(entries[0]).__name__}: take "
+                f"{name}.load(path) for a file, {name}.parse(data) for nested dictionaries"
+            )
+        try:
+            return super().__call__(**more)
+        except ValidationError as error:
+            faults = sentences(error, cls)  # type: ignore[arg-type]
+            raise ConfigError(f"{cls.__name__}: " + "; ".join(faults)) from None
+
+
+class Config(Section, metaclass=_InSentences):
     """Base of complete configurations."""
 
     @classmethod

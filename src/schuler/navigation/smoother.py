@@ -9,7 +9,6 @@ import numpy as np
 from schuler import rotation
 from schuler.arrays import FloatArray
 from schuler.filtering.engine import unpack_symmetric
-from schuler.filtering.filter_arrays import SmootherNodes
 from schuler.recording.trajectory import FullTrajectory
 
 if TYPE_CHECKING:
@@ -17,16 +16,17 @@ if TYPE_CHECKING:
 
 
 def smooth_run(
-    result: NavigationResult, nodes: SmootherNodes
+    result: NavigationResult, *, keep: bool = True
 ) -> tuple[FullTrajectory, FullTrajectory, FloatArray, FloatArray]:
     """Backward pass over the nodes of a forward run.
 
     Parameters
     ----------
     result : NavigationResult
-        The filtered solution.
-    nodes : SmootherNodes
-        What the run kept: predicted covariances, transitions and updates at every propagation.
+        The filtered solution, with what the run kept: predicted covariances, transitions and updates at every
+        propagation.
+    keep : bool
+        False to take that out of the result.
 
     Returns
     -------
@@ -45,6 +45,10 @@ def smooth_run(
     from schuler.filtering.kernels import smoother as k
 
     k.prepare_smoother()
+    nodes = result._nodes
+    assert nodes is not None
+    if not keep:
+        object.__setattr__(result, "_nodes", None)
     n, n_nodes = result.layout.size, len(nodes.t)
     at = np.searchsorted(nodes.t, result.t + 1e-9) - 1  # the last of a time: a covariance enlarged there has two
     record = np.full(n_nodes, -1, dtype=np.int64)
@@ -52,9 +56,11 @@ def smooth_run(
     minus, plus = np.empty((n_nodes, n)), np.empty((n_nodes, n))
     packed = np.empty((len(result.t), n * (n + 1) // 2))
     k.smooth(nodes, record, minus, plus, packed)
+    t_nodes = nodes.t.copy()
+    del nodes
     trajectory, states = result.trajectory, result.states
     q, v, r = trajectory.q_eb.copy(), trajectory.v_eb_e.copy(), trajectory.r_eb_e.copy()
-    k.apply_corrections(trajectory.t, q, v, r, nodes.t, minus, plus)
+    k.apply_corrections(trajectory.t, q, v, r, t_nodes, minus, plus)
     dx = plus[at]
     return (
         FullTrajectory(trajectory.t, r, v, q),

@@ -45,7 +45,22 @@ def write_solution(result: NavigationResult, path: Path | str) -> Path:
     """
     from schuler.recording.formats.parquet import write_table
 
+    meta: dict[str, Any] = {
+        "format": SOLUTION_FORMAT,
+        "smoothed": result.smoothed,
+        "complete": result.complete,
+        "states": result.layout.to_dict(),
+        "outages": [list(w) for w in result.outages],
+        "lever_arm_b_m": list(map(float, result.lever_arm_b)),
+        "notes": list(result.notes),
+        "provenance": {k: v for k, v in result.provenance.items() if k != "elapsed_s"},
+    }
     T = result.trajectory
+    return write_table(path, (_solution_columns(result, T.samples(rows)) for rows in T.blocks()), meta)
+
+
+def _solution_columns(result: NavigationResult, T: FullTrajectory) -> dict[str, FloatArray]:
+    """Columns of a solution file for a part of its trajectory."""
     llh, v, rpy = T.llh, T.v_eb_n, T.rpy_nb
     columns: dict[str, FloatArray] = {
         "t_s": T.t, "lat_deg": llh[:, 0] / units.DEG, "lon_deg": llh[:, 1] / units.DEG, "height_m": llh[:, 2],
@@ -66,17 +81,7 @@ def write_solution(result: NavigationResult, path: Path | str) -> Path:
             for i in range(value.shape[1]):
                 columns[f"{block}_{i}"] = value[held, i]
                 columns[f"sigma_{block}_{i}"] = sigma[held, i]
-    meta: dict[str, Any] = {
-        "format": SOLUTION_FORMAT,
-        "smoothed": result.smoothed,
-        "complete": result.complete,
-        "states": result.layout.to_dict(),
-        "outages": [list(w) for w in result.outages],
-        "lever_arm_b_m": list(map(float, result.lever_arm_b)),
-        "notes": list(result.notes),
-        "provenance": {k: v for k, v in result.provenance.items() if k != "elapsed_s"},
-    }
-    return write_table(path, columns, meta)
+    return columns
 
 
 def read_solution(path: Path | str) -> tuple[Trajectory, dict[str, Any]]:

@@ -9,7 +9,8 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.plotting import figure as content
-from schuler.plotting.figure import ByteArray, Figure, Line, Panel, Picture
+from schuler.plotting.figure import ByteArray, Figure, Panel, Picture
+from schuler.plotting.heat import colours, frame, key
 
 if TYPE_CHECKING:
     from schuler.observability.study import Observability
@@ -30,10 +31,8 @@ def observability_figure(study: Observability) -> Figure:
     n = len(d.names)
     x0, x1 = float(d.t[0]), float(d.t[-1])
     picture = Picture(x0, x1, 0.0, float(n), heat_map(d.t, d.ratio))
-    # an invisible frame: a picture alone has no extent of its own
-    corners = Line(np.array([x0, x1]), np.zeros(2), "graticule")
     heat = Panel(
-        "time [s]", "", (picture, corners), "1-sigma in units of the prior", x_limits=(x0, x1),
+        "time [s]", "", (picture, frame(picture)), "1-sigma in units of the prior", x_limits=(x0, x1),
         y_limits=(0.0, float(n)), grid=False, y_ticks=tuple((n - 0.5 - i, name) for i, name in enumerate(d.names)),
         height=max(1.5, 0.13 * n),
     )  # fmt: skip
@@ -52,19 +51,9 @@ def observability_figure(study: Observability) -> Figure:
         "Each state's 1-sigma divided by its prior one: dark is known, pale has learnt nothing, red has grown. Below, "
         "how well each direction of the state at the start is seen by the measurements so far."
     )
-    return Figure(
-        "observability", f"{study.system.name}: what is known over time", caption, (heat, _key(), values), linked=False
-    )
-
-
-def _key() -> Panel:
-    """What the colours stand for."""
-    picture = Picture(_LOW, _HIGH, 0.0, 1.0, colours(np.linspace(_LOW, _HIGH, 256))[None])
-    frame = Line(np.array([_LOW, _HIGH]), np.zeros(2), "graticule")
-    return Panel(
-        "log10 of sigma over prior [-]", "", (picture, frame), x_limits=(_LOW, _HIGH), y_limits=(0.0, 1.0), grid=False,
-        y_ticks=((0.5, "colour"),), height=0.35,
-    )  # fmt: skip
+    scale = key("log10 of sigma over prior [-]", (_LOW, _HIGH), _KNOWLEDGE)
+    title = f"{study.system.name}: what is known over time"
+    return Figure("observability", title, caption, (heat, scale, values), linked=False)
 
 
 def heat_map(t: FloatArray, ratio: FloatArray) -> ByteArray:
@@ -72,16 +61,8 @@ def heat_map(t: FloatArray, ratio: FloatArray) -> ByteArray:
     width = min(_COLUMNS, max(len(t), 2))
     at = np.searchsorted(t, np.linspace(t[0], t[-1], width) - 1e-9).clip(0, len(t) - 1)
     with np.errstate(divide="ignore"):
-        rows = colours(np.log10(ratio[at].T))
+        rows = colours(np.log10(ratio[at].T), _KNOWLEDGE)
     return np.ascontiguousarray(np.repeat(rows, 12, axis=0))
-
-
-def colours(decades: FloatArray) -> ByteArray:
-    """Colours of logarithms of sigma over prior. Shape (...) to (..., 4)."""
-    place = [p for p, _ in _KNOWLEDGE]
-    parts = [np.interp(decades, place, [float(c[k]) for _, c in _KNOWLEDGE]) for k in range(3)]
-    parts.append(np.full_like(parts[0], 255.0))
-    return np.asarray(np.rint(np.stack(parts, axis=-1)), dtype=np.uint8)
 
 
 def observability_report(study: Observability, path: Path | str, formulas: tuple[str, ...] = ()) -> Path:

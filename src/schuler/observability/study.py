@@ -17,6 +17,7 @@ from schuler.observability.degree import Degree, degree_of_observability
 from schuler.observability.ranks import Spectrum, spectrum
 from schuler.observability.scenario import ObservabilityScenario, scenario_motion, scenario_system
 from schuler.observability.system import LinearSystem
+from schuler.plotting.notebook import Displayed
 from schuler.plotting.table import ResultTable
 from schuler.simulation.motion import Motion, inertial_quantities
 
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
-class Observability:
+@dataclass(frozen=True, repr=False)
+class Observability(Displayed):
     """What the measurements of a system tell about its errors.
 
     Attributes

@@ -6,6 +6,7 @@ legible when printed 100 mm wide.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ from schuler.exceptions import InputError, MissingExtraError
 from schuler.files import replacing
 from schuler.plotting import figure as content
 from schuler.plotting.figure import Band, Bars, Line, Markers, Panel, Picture, Span, Text
+from schuler.plotting.notebook import png
 from schuler.plotting.style import PRINT_GRID, style
 
 if TYPE_CHECKING:
@@ -109,6 +111,8 @@ def draw(figure: content.Figure, ax: Axes | Sequence[Axes] | np.ndarray[Any, Any
     rows, columns, size = _arrangement(figure)
     canvas = MplFigure(figsize=size, layout="constrained")
     FigureCanvasAgg(canvas)
+    # Jupyter shows it without a magic command; figures of pyplot, which it knows by itself, are not made here
+    setattr(canvas, "_repr_png_", functools.partial(png, canvas))  # noqa: B010
     heights = [max(p.height for p in figure.panels[i * columns : (i + 1) * columns]) for i in range(rows)]
     axes = canvas.subplots(rows, columns, squeeze=False, height_ratios=heights)
     for panel, axis in zip(figure.panels, axes.flat, strict=False):

@@ -6,9 +6,8 @@ what a role looks like stands in :mod:`schuler.plotting.style`. They hold arrays
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -26,7 +25,20 @@ SLOW_LIMIT = 500
 TIME = "time [s]"
 
 Limits: TypeAlias = tuple[float, float]
+#: Numbers or words.
+Along: TypeAlias = FloatArray | npt.NDArray[np.str_]
 ByteArray: TypeAlias = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Every sample of a curve, for a page to draw from where it is zoomed in: times [s], finite values when asked for.
+
+    All samples of a day at 200 Hz are 140 MB a curve, so they are made when a page is written and not before.
+    """
+
+    t: FloatArray
+    values: Callable[[], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,14 +46,15 @@ class Line:
     """A curve; NaN breaks it. Without a label it is left out of the legend.
 
     ``along`` names what else is known at its points, for the mouse: of a track the time [s], under the name ``TIME``,
-    by which it follows the zoom of all time axes of its page.
+    by which it follows the zoom of all time axes of its page. ``samples`` are those that x and y were thinned from.
     """
 
     x: FloatArray
     y: FloatArray
     role: str
     label: str = ""
-    along: tuple[tuple[str, FloatArray], ...] = ()
+    along: tuple[tuple[str, Along], ...] = ()
+    samples: Samples | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,11 +212,22 @@ def line(x: ArrayLike, y: ArrayLike, role: str, label: str = "", *, limit: int =
     return Line(x[k], y[k], role, label)
 
 
-def path(x: ArrayLike, y: ArrayLike, role: str, label: str = "", along: Sequence[tuple[str, FloatArray]] = ()) -> Line:
-    """A curve in the plane: thinned by the extremes of both coordinates."""
+def sampled(t: FloatArray, values: Callable[[], FloatArray], role: str, label: str = "") -> Line:
+    """A curve over increasing times that a page can draw sample by sample where it is zoomed in."""
+    return replace(line(t, values(), role, label), samples=Samples(t, values) if len(t) > LIMIT else None)
+
+
+def path(
+    x: ArrayLike,
+    y: ArrayLike,
+    role: str,
+    label: str = "",
+    along: Sequence[tuple[str, Callable[[IntArray], Along]]] = (),
+) -> Line:
+    """A curve in the plane, thinned by the extremes of both coordinates; ``along`` are functions of the rows drawn."""
     x, y = (np.asarray(c, dtype=np.float64) for c in (x, y))
     k = thin([x, y])
-    return Line(x[k], y[k], role, label, tuple((name, values[k]) for name, values in along))
+    return Line(x[k], y[k], role, label, tuple((name, values(k)) for name, values in along))
 
 
 def band(x: ArrayLike, low: ArrayLike, high: ArrayLike, role: str, label: str = "", *, limit: int = SLOW_LIMIT) -> Band:
@@ -244,7 +268,9 @@ def thin(columns: Sequence[FloatArray], limit: int = LIMIT) -> IntArray:
     n = len(columns[0])
     if n <= limit:
         return np.arange(n)
-    gap = np.isnan(np.sum(columns, axis=0))
+    gap = np.isnan(columns[0])
+    for column in columns[1:]:
+        gap |= np.isnan(column)
     holes = np.flatnonzero(gap)
     # where there are gaps, one may have to stand between any two of the extremes
     stretches = max((limit - 2) // (2 * len(columns) * (2 if len(holes) else 1)), 1)
@@ -252,8 +278,10 @@ def thin(columns: Sequence[FloatArray], limit: int = LIMIT) -> IntArray:
     keep: BoolArray = np.zeros(n, dtype=bool)
     keep[[0, n - 1]] = True
     for column in columns:
-        for filled, choose in ((np.where(gap, np.inf, column), np.argmin), (np.where(gap, -np.inf, column), np.argmax)):
-            keep[[a + int(choose(filled[a:b])) for a, b in pairwise(edges)]] = True
+        for extreme, beyond in ((np.minimum, np.inf), (np.maximum, -np.inf)):
+            filled = np.where(gap, beyond, column)
+            at = np.flatnonzero(filled == np.repeat(extreme.reduceat(filled, edges[:-1]), np.diff(edges)))
+            keep[at[np.searchsorted(at, edges[:-1])]] = True  # the first of those that are equal in a stretch
     if len(holes):
         keep[gap] = False
         kept = np.flatnonzero(keep)

@@ -7,13 +7,31 @@ than writing them.
 
 from __future__ import annotations
 
+import base64
+import gzip
 import math
+import struct
+import zlib
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from schuler.arrays import FloatArray
-from schuler.plotting.figure import Band, Bars, Figure, Item, Line, Markers, Panel, Picture, Span, Text
+from schuler.arrays import FloatArray, IntArray
+from schuler.plotting.figure import (
+    Band,
+    Bars,
+    ByteArray,
+    Figure,
+    Item,
+    Line,
+    Markers,
+    Panel,
+    Picture,
+    Samples,
+    Span,
+    Text,
+)
 from schuler.plotting.style import style
 
 _SYMBOLS = {
@@ -21,7 +39,13 @@ _SYMBOLS = {
 }  # fmt: skip
 _PX = 4.0 / 3.0  # CSS pixels in a point
 _DASH_PX = 1.5  # of a dash of one line width
+_SAMPLES = 400_000  # letters that all samples of a panel may take in a page
 _AREA = "-area"  # of the names of variables for transparent colours
+
+
+def packed(data: bytes) -> str:
+    """Bytes as text of a page, which its script unpacks: gzip, then base64. The same text for the same bytes."""
+    return base64.b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii")
 
 
 def css_name(role: str, *, area: bool = False) -> str:
@@ -35,7 +59,8 @@ def panel_data(figure: Figure, panel: Panel) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``data`` and ``layout`` for plotly; ready for JSON, numbers rounded to what can be seen.
+        ``data`` and ``layout`` for plotly; ready for JSON, numbers rounded to what can be seen. ``samples`` by the
+        place of a trace are all of its points, packed, for the script of the page.
     """
     spans = [item for item in panel.items if isinstance(item, Span)]
     texts = [item for item in panel.items if isinstance(item, Text)]
@@ -97,13 +122,15 @@ def panel_data(figure: Figure, panel: Panel) -> dict[str, Any]:
     # areas first: plotly draws in the order of the traces
     drawn.sort(key=lambda item: not isinstance(item, Band))
     traces = [trace(item, log=panel.log, log_x=panel.log_x) for item in drawn]
+    curves = {k: item.samples for k, item in enumerate(drawn) if isinstance(item, Line) and item.samples is not None}
+    samples = dict(zip(curves, _samples(list(curves.values())), strict=True)) if curves else {}
     if panel.bare or panel.y_ticks:  # the coordinates say nothing there
         for one in traces:
             if "hovertemplate" in one:
                 one["hovertemplate"] = (
                     f"<extra>{one['name']}</extra>" if panel.bare else f"%{{x:.5~g}}<extra>{one['name']}</extra>"
                 )
-    return {"data": traces, "layout": layout}
+    return {"data": traces, "layout": layout, **({"samples": samples} if samples else {})}
 
 
 def trace(item: Item, *, log: bool = False, log_x: bool = False) -> dict[str, Any]:
@@ -155,15 +182,50 @@ def _hover(label: str) -> dict[str, Any]:
 
 def _along(item: Line) -> dict[str, Any]:
     """What the mouse shows on a curve that knows more than its coordinates: names end in their unit in brackets."""
-    lines = []
-    for k, (name, _) in enumerate(item.along):
+    lines, columns = [], []
+    for k, (name, values) in enumerate(item.along):
         words, _, unit = name.rstrip("]").partition(" [")
-        lines.append(f"{words} %{{customdata[{k}]:.5~g}} {unit}")
-    columns = [_numbers(values) for _, values in item.along]
+        text = values.dtype.kind == "U"
+        lines.append(f"{words} %{{customdata[{k}]{'' if text else ':.5~g'}}} {unit}")
+        columns.append(values.tolist() if text else _numbers(np.asarray(values, dtype=np.float64)))
     return {
         "customdata": [list(row) for row in zip(*columns, strict=True)],
         "hovertemplate": "<br>".join(lines) + f"<extra>{item.label}</extra>",
     }
+
+
+def _samples(curves: Sequence[Samples]) -> list[dict[str, Any]]:
+    """All samples of the curves of a panel, which have the same times; extremes of stretches where they are too many.
+
+    Values are rounded to half of what they change by from one sample to the next, which cannot be seen.
+    """
+    t, each = curves[0].t, 1
+    while True:
+        starts = np.arange(0, len(t), each)
+        interval = float(np.median(np.diff(t[starts]))) if len(starts) > 1 else 1.0
+        times = _integers(t[starts], interval / 16.0)
+        values = []
+        for curve in curves:
+            y = curve.values()
+            step = max(0.5 * float(np.median(np.abs(np.diff(y)))), float(np.ptp(y)) / 2**20, 1e-30)
+            if each > 1:
+                ends = (np.minimum.reduceat(y, starts), np.maximum.reduceat(y, starts))
+                y = np.stack(ends, axis=1).ravel()
+            values.append(_integers(y, step))
+        size = len(times["data"]) + sum(len(v["data"]) for v in values)
+        if size <= _SAMPLES or len(starts) < 2000:
+            return [{"n": len(starts), "each": each, "interval": interval, "t": times, "y": v} for v in values]
+        # two values of each stretch, so that two samples take as much as one by one
+        each *= 1 << math.ceil(math.log2(max((2.0 if each == 1 else 1.0) * size / _SAMPLES, 2.0)))
+
+
+def _integers(values: FloatArray, step: float) -> dict[str, Any]:
+    """Multiples of a step as text: differences with their sign in the last bit, lowest bytes of all first, packed."""
+    whole = np.rint((values - values[0]) / step).astype(np.int64)
+    change = np.diff(whole, prepend=0)
+    folded = ((change << 1) ^ (change >> 63)).astype("<u4")
+    planes = folded.view(np.uint8).reshape(-1, 4).T
+    return {"zero": float(values[0]), "step": step, "data": packed(planes.tobytes())}
 
 
 def _axis(label: str, limits: tuple[float, float] | None, *, log: bool) -> dict[str, Any]:
@@ -201,14 +263,20 @@ def _numbers(values: FloatArray, *, log: bool = False) -> list[float | None]:
     size = size or (float(np.abs(finite[0])) if len(finite) else 1.0) or 1.0
     places = 5 - math.floor(math.log10(size))
     rounded = np.round(values, places) if places < 15 else values
-    return [
-        None if not math.isfinite(v) else int(v) if v.is_integer() and abs(v) < 1e15 else v for v in rounded.tolist()
-    ]
+    if len(finite) < len(values):
+        return [None if not math.isfinite(v) else v for v in rounded.tolist()]
+    if size < 1e15 and np.all(rounded == np.rint(rounded)) and np.abs(rounded).max(initial=0.0) < 1e15:
+        return list(rounded.astype(np.int64).tolist())
+    return list(rounded.tolist())
 
 
 def _encoded(picture: Picture) -> str:
     """The image as a data URI, in few enough colours to stay small."""
-    import base64
+    flat = picture.pixels.reshape(-1, 4).copy().view("<u4").ravel()
+    palette, place = np.unique(flat, return_inverse=True)
+    if len(palette) <= 256:  # a heat map: exact, and without the library that reads maps
+        data = _palette_png(palette.view(np.uint8).reshape(-1, 4), place.reshape(picture.pixels.shape[:2]))
+        return "data:image/png;base64," + base64.b64encode(data).decode("ascii")
     import io
 
     from PIL import Image
@@ -218,6 +286,24 @@ def _encoded(picture: Picture) -> str:
     stream = io.BytesIO()
     image.save(stream, "PNG", optimize=True)
     return "data:image/png;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
+
+
+def _palette_png(palette: ByteArray, place: IntArray) -> bytes:
+    """PNG of indices into at most 256 colours. Shapes (n, 4), (h, w)"""
+    height, width = place.shape
+
+    def chunk(name: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    rows = np.concatenate((np.zeros((height, 1), dtype=np.uint8), place.astype(np.uint8)), axis=1)
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 3, 0, 0, 0))
+        + chunk(b"PLTE", palette[:, :3].tobytes())
+        + chunk(b"tRNS", palette[:, 3].tobytes())
+        + chunk(b"IDAT", zlib.compress(rows.tobytes(), 9))
+        + chunk(b"IEND", b"")
+    )
 
 
 def _round(value: float, places: int) -> float:

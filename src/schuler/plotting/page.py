@@ -15,7 +15,7 @@ from importlib import metadata, resources
 from typing import Literal, TypeAlias
 
 from schuler.plotting.figure import Figure
-from schuler.plotting.interactive import css_name, panel_data
+from schuler.plotting.interactive import css_name, packed, panel_data
 from schuler.plotting.parts import figure_html
 from schuler.plotting.style import PAGE_DARK, PAGE_LIGHT, STYLES
 
@@ -107,8 +107,9 @@ def whole_page(
         figures.insert(0, leading)
         judged = f'<div class="lead">\n{judged}\n{figure_html(leading)}\n</div>'
     data = {f.name: [panel_data(f, p) for p in f.panels] for f in figures}
-    # "</script" would end the script element and "<!--<script" hide its end; escaped it is the same string
-    packed = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    # packed they are a third to a tenth as long, and no "</script" can be in them
+    library = f'<script type="text/plain" id="library">{packed(script.encode())}</script>\n' if script else ""
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -135,9 +136,8 @@ complete.</p></noscript>
 <p class="small">{escape(conventions)}</p>
 {body}
 </main>
-<script type="application/json" id="figures">{packed}</script>
-<script>window.PlotlyConfig = {{MathJaxConfig: "local"}};</script>
-<script>{script}</script>
+<script type="text/plain" id="figures">{packed(text.encode())}</script>
+{library}<script>window.PlotlyConfig = {{MathJaxConfig: "local"}};</script>
 <script>
 {_asset("page.js")}</script>
 </body>

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.plotting.figure import TIME, Figure
+from schuler.plotting.figure import TIME, Figure, Line
 from schuler.plotting.interactive import css_name
 from schuler.plotting.style import style
 
@@ -20,6 +20,7 @@ _UNREPEATABLE = ("elapsed_s",)  # of a provenance: differs from run to run
 def figure_html(figure: Figure) -> str:
     """Title, legend, empty panels that the script fills, and caption."""
     title_id = f"title-{figure.name}"
+    keys = _keys(figure) + _menu(figure)
     panels = []
     for k, panel in enumerate(figure.panels):
         label = f"{figure.title}: {panel.y_label} against {panel.x_label}. {panel.title}".strip()
@@ -38,7 +39,7 @@ def figure_html(figure: Figure) -> str:
             f'data-figure="{escape(figure.name)}" data-panel="{k}"{linked}{high}></div></div>'
         )
     return (
-        f'<figure aria-labelledby="{title_id}">\n<h3 id="{title_id}">{escape(figure.title)}</h3>\n{_keys(figure)}\n'
+        f'<figure aria-labelledby="{title_id}">\n<h3 id="{title_id}">{escape(figure.title)}</h3>\n{keys}\n'
         f'<div class="panels c{figure.columns}">\n' + "\n".join(panels) + "\n</div>\n"
         f"<figcaption>{escape(figure.caption)}</figcaption>\n</figure>"
     )
@@ -146,6 +147,21 @@ def _keys(figure: Figure) -> str:
                 f'data-name="{escape(label)}">{swatch}{escape(label)}</button></li>'
             )
     return f'<ul class="keys" aria-label="Legend">{"".join(entries)}</ul>' if entries else ""
+
+
+def _menu(figure: Figure) -> str:
+    """A choice of what colours the curves that know more than their coordinates; empty without such curves."""
+    names = [
+        [name for name, _ in item.along] for panel in figure.panels for item in panel.items
+        if isinstance(item, Line) and len(item.along) > 1
+    ]  # fmt: skip
+    if not names:
+        return ""
+    options = "".join(f'<option value="{k}">{escape(name)}</option>' for k, name in enumerate(names[0]) if k > 0)
+    return (
+        f'<p class="menu"><label>colour by <select data-figure="{escape(figure.name)}"><option value="">solution'
+        f'</option>{options}</select></label> <span class="scale"></span></p>'
+    )
 
 
 def _flat(value: Any, key: str = "") -> Iterator[tuple[str, str]]:

@@ -13,12 +13,13 @@ from typing import Any, TypeAlias
 
 from schuler.exceptions import InputError
 from schuler.files import write_text
+from schuler.plotting.notebook import Displayed
 
 Cell: TypeAlias = "str | int | float | bool | None"
 
 
-@dataclass(frozen=True)
-class ResultTable:
+@dataclass(frozen=True, repr=False)
+class ResultTable(Displayed):
     """What a campaign found, one row a case.
 
     Attributes
@@ -47,6 +48,12 @@ class ResultTable:
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    def _headline(self) -> str:
+        return f"{self.title}, {len(self)} row{'s' * (len(self) != 1)}"
+
+    def _facts(self) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+        return self.columns, [[shown(v) for v in row] for row in self.rows]
 
     def column(self, name: str) -> list[Any]:
         """Entries of one column, by name."""
@@ -101,7 +108,7 @@ def _cell(value: Any) -> Any:
     return "" if value is None else value
 
 
-class TabularResult(ABC):
+class TabularResult(Displayed, ABC):
     """A result that people see as a table: its rows as text, for JSON and as CSV."""
 
     @abstractmethod

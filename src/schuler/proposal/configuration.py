@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -9,27 +10,31 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from schuler.diagnosis.log import diagnose_log
 from schuler.diagnosis.result import Diagnosis, Finding
 from schuler.exceptions import InputError, SchulerError
 from schuler.files import merged
 from schuler.navigation.config import NavigationConfig
+from schuler.plotting.notebook import Displayed
 from schuler.proposal import cures, setup
 from schuler.proposal.decision import Decision, UndecidedError, option
-from schuler.proposal.files import UNTIL, Files, files_of
+from schuler.proposal.files import SOMEWHERE, UNTIL, Files, files_of
 from schuler.proposal.imu_model import imu_entries
 from schuler.proposal.toml import comment, section_lines
 from schuler.recording.io import dispatch, plain_text
 from schuler.recording.recording import Recording
 from schuler.standstill.unscaled import unscaled_rests
+from schuler.units import DEG
 
 _ROUNDS = 8  # of cures; each judges the log anew
 _HEAD = 2000  # characters of a file in which its IMU may be named
 _GIVEN = "as said"
 
 
-@dataclass(frozen=True)
-class Proposal:
+@dataclass(frozen=True, repr=False)
+class Proposal(Displayed):
     """A configuration that runs, with the recording it is for.
 
     Attributes
@@ -51,6 +56,13 @@ class Proposal:
     data: dict[str, Any]
     decisions: tuple[Decision, ...]
     remarks: tuple[str, ...] = ()
+
+    def _headline(self) -> str:
+        return f"{self.log.name}: {len(self.decisions)} decisions, {len(self.remarks)} remarks"
+
+    def _facts(self) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+        rows = [(d.entry, "left as it is" if d.value is None else _shown(d.value), d.evidence) for d in self.decisions]
+        return ("entry", "value", "evidence"), rows
 
     def summary(self) -> str:
         """What was decided, on what evidence, and the option that overrides it."""
@@ -113,10 +125,7 @@ def propose(
     diagnosis = _cured(files, fixed.get("recording", {}))
     recording = _read(files)
     if recording.gnss is None and recording.ranges is None and recording.observations is None and not _starts(fixed):
-        raise UndecidedError(
-            f"{files.log}: there are no fixes and no satellite measurements: where and how it starts has to "
-            "be said in a --config (alignment.method = 'given'), or give the file with fixes beside the IMU's"
-        )
+        raise _without_fixes(files, recording)
     data: dict[str, Any] = {"recording": files.entries} if files.entries else {}
     decisions = list(files.decisions)
     sections = {name: section for name, section in fixed.items() if name != "recording"}
@@ -149,7 +158,9 @@ def propose(
     return Proposal(files.log, recording, config, data, tuple(decisions), tuple(remarks))
 
 
-def propose_reading(log: Path, entries: Mapping[str, Any]) -> tuple[dict[str, Any], list[Decision]]:
+def propose_reading(
+    log: Path, entries: Mapping[str, Any], stated: Mapping[str, Any] | None = None
+) -> tuple[dict[str, Any], list[Decision]]:
     """Propose how a log is read: hints with every sure cure in them, and the decisions.
 
     Parameters
@@ -157,14 +168,16 @@ def propose_reading(log: Path, entries: Mapping[str, Any]) -> tuple[dict[str, An
     log : Path
     entries : mapping
         Hints so far, right or wrong; for a folder without any its files are recognised.
+    stated : mapping, optional
+        Those of them that stand, whatever the log says.
 
     Raises
     ------
     UndecidedError, InputError
         As :func:`propose` does.
     """
-    files = files_of([log], entries)
-    _cured(files, {})
+    files = files_of([log], entries, complete=True)
+    _cured(files, stated or {})
     return files.entries, files.decisions
 
 
@@ -194,12 +207,13 @@ def _cured(files: Files, given: Mapping[str, Any]) -> Diagnosis:
 def _ask_unit(files: Files, diagnosis: Diagnosis, given: Mapping[str, Any]) -> None:
     """Ask for the unit of angular rate where neither a header nor the motion tells it."""
     entry = files.entry("imu")
-    label = files.name_of("imu", "units")
+    [label, *others] = files.names_of("imu", "units")
     stated = given.get("imu", {}) if files.by_part else given
     assumed = any(d.entry == label and d.evidence.endswith(UNTIL) for d in files.decisions)
     if (
         entry is None
         or not assumed
+        or others
         or "units" in stated
         or any(c.startswith("unit of angular") for c in diagnosis.checked)
     ):
@@ -223,9 +237,8 @@ def _step(files: Files, findings: Sequence[Finding], given: Mapping[str, Any]) -
             stated = given.get(f.part, {}) if files.by_part else given
             if new is None or any(name in stated for name in new) or all(entry.get(k) == v for k, v in new.items()):
                 continue
-            entry |= new
-            for name, value in new.items():
-                label = files.name_of(f.part, name)
+            files.put(f.part, new)
+            for label, value in ((at, v) for name, v in new.items() for at in files.names_of(f.part, name)):
                 files.decisions = [d for d in files.decisions if d.entry != label]
                 files.decisions.append(Decision(label, value, f.text))
             done = True
@@ -253,7 +266,7 @@ def _question(files: Files, diagnosis: Diagnosis) -> SchulerError | None:
             continue
         if f.code == "axes" and not _one_axes(f.fix):
             continue
-        words = {files.name_of(f.part, name): value for name, value in new.items()}
+        words = {at: value for name, value in new.items() for at in files.names_of(f.part, name)}
         stays = {name: entry.get(name.rpartition(".")[2], _DEFAULTS.get(name.rpartition(".")[2])) for name in words}
         if all(value is not None for value in stays.values()) and all(d.entry not in words for d in files.decisions):
             return UndecidedError(
@@ -277,6 +290,32 @@ def _read(files: Files) -> Recording:
     if recording.imu is None:
         raise InputError(f"{files.log}: expected a log of an IMU, got {', '.join(_held(recording))}")
     return recording
+
+
+def _without_fixes(files: Files, recording: Recording) -> UndecidedError:
+    """Question what a log without fixes is navigated from; the truth, if it has one, is taken only as the user says."""
+    nothing = f"{files.log}: there are no fixes and no satellite measurements"
+    label = "recording.reference" if files.by_part else "recording"
+    place: dict[str, Any] = {}
+    if recording.reference is None:
+        place = {"origin": SOMEWHERE}
+        with contextlib.suppress(SchulerError):
+            recording = dispatch.read(files.log, **(files.entries | place))
+    if recording.reference is None or files.by_part:
+        return UndecidedError(
+            f"{nothing}: give the file with fixes beside the IMU's, or say in a --config how it starts "
+            "(alignment.method = 'given') and where (a file with the reference)"
+        )
+    placed = {f"{label}.{name}": value for name, value in place.items()}
+    where = " (where its local frame lies is not stated; 45 deg north will do for gravity)" if place else ""
+    fixes = placed | {f"{label}.truth_fixes": "1,0.05"}
+    choices = [("fixes made of the reference, one a second with noise of 5 cm: no measurements", fixes)]
+    if recording.reference.q_eb is not None:
+        start = recording.reference.at([np.ceil(recording.reference.t[0])])  # where the first of these fixes is
+        rpy = [round(float(x), 2) for x in start.rpy_nb[0] / DEG]
+        alone = fixes | {"alignment.method": "given", "alignment.rpy_deg": rpy, "gnss.coupling": "off"}
+        choices.append(("by the IMU alone from the first state of the reference on, which drifts", alone))
+    return UndecidedError(f"{nothing}, but a reference{where}. What is it to be navigated from", choices)
 
 
 def _held(recording: Recording) -> list[str]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from schuler.exceptions import FileFormatError, InputError, SchulerError
-from schuler.proposal import tables
+from schuler.proposal import arrays, tables
 from schuler.proposal.decision import Decision, UndecidedError
 from schuler.recording.formats import registry, rtklib, text
 from schuler.recording.io import columns, dispatch, lines
@@ -20,6 +20,7 @@ from schuler.recording.io.folder import recognised
 from schuler.recording.io.hint_texts import SATELLITES, SERIES
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.series import GnssSeries
+from schuler.units import factor_for
 
 #: End of the evidence of a unit that only motion can tell.
 UNTIL = "rad/s until the motion says otherwise"
@@ -27,6 +28,10 @@ _TRUTH = re.compile(r"truth|reference|ground|(^|[_-])(gt|ref)([_-]|$)", re.IGNOR
 _NO_LOGS = (".md", ".json", ".yaml", ".yml", ".toml", ".html", ".tag", ".png", ".jpg", ".pdf", ".py", ".rst")
 _COMMON_S, _SLACK_M, _RADIUS_M = 10.0, 0.3, 6.371e6
 _ARRAYS = (".npy", ".npz", ".mat")
+HALVES = ("accel", "gyro")
+_CLAIM, _LEAST_CLAIM_M = 3.0, 0.02  # 1-sigma of positions over their scatter, in which slow errors do not show
+#: Origin of a local frame that nobody stated: gravity is within 0.03 m/s^2 of that anywhere at sea level.
+SOMEWHERE = "45,0,0"
 
 
 @dataclass
@@ -55,18 +60,43 @@ class Files:
         return any(isinstance(e, dict) and n != "streams" for n, e in self.entries.items())
 
     def entry(self, part: str) -> dict[str, Any] | None:
-        """Hints of the file that a part is read from; None if no such file is read by hints of its own."""
+        """Hints of the file that a part is read from; None if no such file is read by hints of its own.
+
+        Of an IMU in two files they are what both share; :meth:`put` writes them back.
+        """
         if not self.by_part:
             return self.entries
+        if part == "imu" and "imu" not in self.entries and HALVES[0] in self.entries:
+            both = [self.entries[half] for half in HALVES]
+            units = ",".join(dict.fromkeys(unit for e in both for unit in str(e.get("units", "")).split(",") if unit))
+            return {**both[1], **both[0], **({"units": units} if units else {})}
         entry = self.entries.get(part)
         return entry if isinstance(entry, dict) else None
 
-    def name_of(self, part: str, key: str) -> str:
-        """Name of a hint as an entry of the configuration."""
-        return f"recording.{part}.{key}" if self.by_part else f"recording.{key}"
+    def put(self, part: str, new: Mapping[str, Any]) -> None:
+        """Change hints of the file that a part is read from, of both files of an IMU in two."""
+        if part == "imu" and self.by_part and "imu" not in self.entries:
+            for half, other in zip(HALVES, HALVES[::-1], strict=True):
+                own = dict(new)
+                for name in ("units", "scale"):
+                    if name in own:
+                        pairs = [pair for pair in str(own[name]).split(",") if not pair.startswith(f"{other}=")]
+                        own[name] = ",".join(pairs)
+                self.entries[half] |= own
+            return
+        entry = self.entry(part)
+        if entry is not None:
+            entry |= new
+
+    def names_of(self, part: str, key: str) -> list[str]:
+        """Names of a hint as entries of the configuration, one for each file of an IMU in two."""
+        if not self.by_part:
+            return [f"recording.{key}"]
+        halves = part == "imu" and "imu" not in self.entries
+        return [f"recording.{name}.{key}" for name in (HALVES if halves else (part,))]
 
 
-def files_of(paths: Sequence[Path], given: Mapping[str, Any]) -> Files:
+def files_of(paths: Sequence[Path], given: Mapping[str, Any], *, complete: bool = False) -> Files:
     """Log and parts of a folder, a file or several.
 
     Parameters
@@ -74,6 +104,8 @@ def files_of(paths: Sequence[Path], given: Mapping[str, Any]) -> Files:
     paths : sequence of Path
     given : mapping
         The section ``[recording]`` as far as the user gave it; stands over what is recognised.
+    complete : bool
+        Files that it names are all there are: none is looked for.
 
     Raises
     ------
@@ -95,7 +127,7 @@ def files_of(paths: Sequence[Path], given: Mapping[str, Any]) -> Files:
             raise InputError(f"expected one folder, or files of one run, got also the folder {', '.join(folders)}")
         log = Path(os.path.commonpath([p.resolve().parent for p in paths]))
         names = [p.resolve().relative_to(log).as_posix() for p in paths]
-    if any(isinstance(e, Mapping) and "file" in e for e in given.values()):
+    if complete and any(isinstance(e, Mapping) and "file" in e for e in given.values()):
         return Files(log, {part: dict(e) if isinstance(e, Mapping) else e for part, e in given.items()})
     return _folder(log, names, given)
 
@@ -115,10 +147,14 @@ def _one(path: Path, given: Mapping[str, Any]) -> Files:
 def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
     files = Files(log)
     candidates: dict[str, list[tuple[bool, str, dict[str, Any], list[Decision]]]] = {}
-    wholes = []
+    wholes, tracks = [], []
+    meant = {part: str(e["file"]) for part, e in given.items() if isinstance(e, Mapping) and "file" in e}
     for name in names:
         path = log / name
         if path.suffix.lower() in _NO_LOGS:
+            continue
+        if (rows := arrays.array(path)) is not None and arrays.is_path(rows):
+            tracks.append(name)
             continue
         head = _head(path)
         if head.startswith(b"PAR1"):
@@ -126,8 +162,13 @@ def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
             continue
         held = recognised(path)
         named = bool(held)
-        if not held and path.suffix.lower() not in _ARRAYS and tables.imu_columns(path) is not None:
+        if not held and tables.imu_columns(path) is not None:
             held = ("imu",)
+        elif held in ((), ("reference",)) and (half := tables.half_of_imu(path)) is not None:
+            held = (half,)
+        elif not held and registry.find(head, path) is not None:
+            wholes.append(name)  # a bag, or what else holds a run
+            continue
         if not held:
             files.ignored.append(name)
             continue
@@ -135,7 +176,11 @@ def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
             role = "reference" if part == "gnss" and _TRUTH.search(path.stem) else part
             entry: dict[str, Any] = {"file": name}
             decisions: list[Decision] = []
-            if _is_plain(path):
+            extra: dict[str, Any] | None
+            if part in HALVES:
+                extra, decisions = _half(path, part)
+                entry = {"file": name, **extra}
+            elif _is_plain(path) or rows is not None:
                 extra, decisions = _table(path, f"recording.{role}", part if named else None)
                 if extra is None:
                     continue
@@ -145,7 +190,12 @@ def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
         if len(wholes) > 1:
             raise InputError(f"{log}: expected the files of one run, got {', '.join(wholes)}: give one of them")
         return Files(log / wholes[0], dict(given))
-    if "imu" not in candidates:
+    for part, name in meant.items():
+        rivals = [f for f in candidates.get(part, []) if f[1] == name]
+        candidates[part] = rivals or [(True, name, {"file": name}, [])]
+    if "imu" in candidates or not all(len(candidates.get(half, ())) == 1 for half in HALVES):
+        files.ignored += [f[1] for half in HALVES for f in candidates.pop(half, [])]
+    if "imu" not in candidates and HALVES[0] not in candidates:
         raise _nothing(log, names)
     if "gnss" in candidates:
         for part in SATELLITES:
@@ -154,11 +204,86 @@ def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
                     files.ignored.append(name)
     for part, rivals in candidates.items():
         files.entries[part], decisions = _chosen(log, part, rivals, files.ignored)
-        if isinstance(extra := given.get(part), Mapping):
-            files.entries[part] |= extra
-            decisions = [d for d in decisions if d.entry.rpartition(".")[2] not in extra]
+        if isinstance(own := given.get(part), Mapping):
+            files.entries[part] |= own
+            decisions = [d for d in decisions if d.entry.rpartition(".")[2] not in own]
         files.decisions += decisions
+    if tracks and "gnss" not in files.entries:
+        _relate(files, tracks, given)
+    else:
+        files.ignored += tracks
     return files
+
+
+def _half(path: Path, part: str) -> tuple[dict[str, Any], list[Decision]]:
+    """Hints of a file of an accelerometer or a gyroscope alone."""
+    columns, evidence = tables.half_columns(path, part)
+    entry: dict[str, Any] = {} if columns is None else {"columns": columns}
+    decisions = [Decision(f"recording.{part}.file", path.name, evidence)]
+    names, stated = _layout(path, columns)
+    triad = "ax" if part == "accel" else "gx"
+    if triad not in stated:
+        unit = UNTIL.partition(" ")[0]
+        if part == "accel":
+            unit = tables.accel_unit(tables.norm(path, [names.index(name) for name in ("ax", "ay", "az")]))
+        entry["units"] = f"{part}={unit}"
+    t = tables.column(path, names.index("t")) if "t" in names and "t" not in stated else None
+    if t is not None and (clock := tables.time_unit(t)) is not None:
+        if clock[0] != "s":
+            entry["units"] = ",".join(filter(None, (entry.get("units"), f"t={clock[0]}")))
+        if clock[1] is not None:
+            entry["time"] = clock[1]
+    return entry, decisions
+
+
+def _relate(files: Files, tracks: list[str], given: Mapping[str, Any]) -> None:
+    """Take the path that belongs to an IMU's array as fixes, where turns and accelerations of both tell the rates."""
+    imu = files.entries.get("imu", {})
+    rows = arrays.array(files.log / str(imu.get("file", "")))
+    names = str(imu.get("columns", "")).split(",")
+    if rows is None or "t" in names or len(tracks) > 1 or "ax" not in names:
+        files.ignored += tracks
+        return
+    file, path = tracks[0], arrays.array(files.log / tracks[0])
+    assert path is not None
+    unit = dict(pair.split("=", 1) for pair in str(imu.get("units", "")).split(",") if "=" in pair).get(
+        "accel", "m/s^2"
+    )
+    order = [names.index(name) for name in (*columns.ACCEL, *columns.GYRO)]
+    f_si = rows[:, order] * np.repeat((factor_for(unit, "specific force"), 1.0), 3)
+    relation = arrays.relation(f_si, path)
+    if relation is None:
+        raise UndecidedError(
+            f"{files.log}: {imu['file']} and {file} have no times, and their turns and accelerations do not tell the "
+            "rates: say --set recording.imu.rate=... (samples a second), and of the fixes --set "
+            f"recording.gnss.file={file} --set recording.gnss.rate=..."
+        )
+    sigma = np.maximum(_CLAIM * arrays.scatter(path), _LEAST_CLAIM_M)
+    stated = f"{sigma[:2].max():.2g},{sigma[:2].max():.2g},{sigma[2]:.2g}"
+    entry = {
+        "file": file, "columns": "e,n,-d" if relation.up else "n,e,d", "rate": relation.rate_hz, "sigma": stated,
+        "origin": SOMEWHERE,
+    }  # fmt: skip
+    own = given.get("gnss")
+    of_imu = {"rate": relation.ratio * relation.rate_hz, "units": f"accel={unit},gyro={relation.unit}"}
+    of_imu = {name: value for name, value in of_imu.items() if name not in given.get("imu", {})}
+    imu |= of_imu
+    files.entries["gnss"] = entry | (dict(own) if isinstance(own, Mapping) else {})
+    files.decisions = [d for d in files.decisions if d.entry.rpartition(".")[2] not in of_imu]
+    beside = f"{relation.ratio} samples of {imu['file']} to one of {file}, if they begin and end together"
+    why = f"{beside}; {relation.evidence}"
+    turned = "the other way" if relation.up else "the same way"
+    evidence = {
+        "file": "its rows go on as positions do",
+        "columns": f"a turn about the plumb line turns the course {turned}; which column is north is not needed",
+        "rate": relation.evidence,
+        "sigma": f"nobody stated it; {_CLAIM:g} times the scatter of neighbouring positions, at least "
+        f"{_LEAST_CLAIM_M:g} m",
+        "origin": "where the local frame lies is not stated; elsewhere gravity differs by 0.03 m/s^2 at most, which "
+        "the biases take up",
+    }
+    files.decisions += [Decision(f"recording.imu.{name}", value, why) for name, value in of_imu.items()]
+    files.decisions += [Decision(f"recording.gnss.{n}", v, evidence[n]) for n, v in entry.items() if n not in stated]
 
 
 def _chosen(
@@ -232,7 +357,9 @@ def _table(path: Path, section: str, part: str | None) -> tuple[dict[str, Any] |
         decisions.append(Decision(f"{section}.columns", match[0], match[1]))
     if part not in (None, "imu"):
         return entry, decisions
-    names, stated = _layout(path, entry.get("columns"))
+    names, stated = _layout(path, entry.get("columns")) if path.suffix.lower() not in _ARRAYS else (
+        str(entry["columns"]).split(","), set()
+    )  # fmt: skip
     units: dict[str, str] = {}
     why = ""
     accel = [names.index(name) for name in columns.ACCEL if name in names]

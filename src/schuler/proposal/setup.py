@@ -18,13 +18,11 @@ from schuler.recording.recording import Recording
 #: Entries, what speaks for them, and standard errors by which they must predict better.
 Trial: TypeAlias = tuple[dict[str, Any], str, float]
 _CLEARLY, _EVIDENT = 2.0, 1.0  # of what may well be so, and of what was measured at three standard errors and more
-#: Of what the motion shows by itself: it may not predict worse by more than chance.
+#: Of what the motion across shows by itself: it may not predict worse by more than chance.
 _SHOWN, _MOST_EXPLAINED = -1.0, 0.8
 _VEHICLE = 0.4  # share of accelerations along and across that the path explains, of a body that goes where it points
 _DRIVES_M_S = 4.0  # speed that one walks not
 _LEVEL = 0.25  # climb over speed that no road has
-_LEVER_M = 0.5  # 1-sigma of an antenna's place that nobody stated [m]
-_FINE_M = 0.5  # fixes better than this show a lever arm [m]
 _LONGEST_GAP_S = 5.0
 _LEAST_CLOCK_S, _LEAST_MOUNT_DEG = 0.03, 2.0
 
@@ -81,10 +79,6 @@ def trials(recording: Recording, diagnosis: Diagnosis) -> Iterator[Trial]:
     if late is not None:
         yield {"gnss.velocity_delay_s": round(-float(late.evidence["gap_s"]), 3)}, late.text, _EVIDENT
         yield {"gnss.velocity": False}, late.text, _CLEARLY
-    fine = float(np.sqrt(np.median(gnss.cov_r_n[:, :2, :2].diagonal(axis1=1, axis2=2).mean(axis=1)))) < _FINE_M
-    if fine:
-        unstated = "nobody stated where the antenna is, and the fixes are fine enough to show it"
-        yield {"gnss.lever_sigma_m": _LEVER_M}, unstated, _CLEARLY
 
 
 def _wheels(recording: Recording, diagnosis: Diagnosis) -> Iterator[Trial]:
@@ -92,9 +86,11 @@ def _wheels(recording: Recording, diagnosis: Diagnosis) -> Iterator[Trial]:
     if not drives(recording, diagnosis):
         return
     estimates = diagnosis.estimates
-    share = " and ".join(f"{100.0 * x:.0f} %" for x in estimates["explained_by_imu"][1:])
-    wheels = f"it goes where it points: the path explains {share} of accelerations along and across"
-    least = _SHOWN if min(estimates["explained_by_imu"][1:]) > _MOST_EXPLAINED else _CLEARLY
+    along, across = (100.0 * x for x in estimates["explained_by_imu"][1:])
+    wheels = (
+        f"it goes where it points: the path explains {along:.0f} % of accelerations along and {across:.0f} % across"
+    )
+    least = _SHOWN if estimates["explained_by_imu"][2] > _MOST_EXPLAINED else _CLEARLY
     mount, sigma = estimates.get("mount_deg"), estimates.get("mount_sigma_deg")
     if mount is not None and sigma is not None:
         large = np.abs(mount) > np.maximum(2.0 * np.array(sigma), _LEAST_MOUNT_DEG)
@@ -113,7 +109,13 @@ def drives(recording: Recording, diagnosis: Diagnosis) -> bool:
         See :func:`certain`.
     """
     explained, gnss = diagnosis.estimates.get("explained_by_imu"), recording.gnss
-    if explained is None or min(explained[1:]) < _VEHICLE or gnss is None:
+    if explained is None or gnss is None:
+        return False
+    if (
+        explained[2] > _MOST_EXPLAINED
+    ):  # what is felt across is speed times turn: only wheels hold a body so, fast or slow
+        return True
+    if min(explained[1:]) < _VEHICLE:
         return False
     if gnss.v_n is None:
         dt = np.maximum(np.diff(gnss.t), 1e-3)

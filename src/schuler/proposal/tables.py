@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,8 +11,9 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import SchulerError
+from schuler.proposal import arrays
 from schuler.recording.formats import text
-from schuler.recording.io import dates, lines
+from schuler.recording.io import columns, dates, lines
 from schuler.recording.io.hints import ReadHints
 from schuler.units import G0, factor_for
 
@@ -23,6 +25,7 @@ _CLEARLY = 4.0  # times that the other sensor's norm spreads more
 _TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
 _GRAVITY = 0.7  # logarithm of the median norm over gravity's that motion and a poor scale make
 _FASTEST_S, _SLOWEST_S = 1.0 / 4000.0, 1.0 / 8.0
+_CALLED = {"accel": re.compile(r"acc", re.IGNORECASE), "gyro": re.compile(r"gyr", re.IGNORECASE)}
 _UNIX_S = (1e9, 2.1e9)  # the years 2001 to 2036
 
 
@@ -128,8 +131,70 @@ def accel_unit(size: float) -> str:
     return unit if near[unit] < _GRAVITY else "m/s^2"
 
 
+def half_of_imu(path: Path) -> str | None:
+    """Half of an IMU that a table of a time and three columns holds, by header, unit or name of the file.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    {"accel", "gyro"} or None
+    """
+    for half in ("accel", "gyro"):
+        if half_columns(path, half)[1]:
+            return half
+    return None
+
+
+def half_columns(path: Path, half: str) -> tuple[str | None, str]:
+    """Hint ``columns`` of a file of one sensor (None if its header names them), and evidence; empty if it is none.
+
+    Parameters
+    ----------
+    path : Path
+    half : {"accel", "gyro"}
+    """
+    try:
+        header = text.open_text(path, ReadHints()).header
+    except SchulerError:
+        return None, ""
+    fields = [] if header is None else [field.strip().strip("\"'") for field in header[1]]
+    read = [None if column is None else column[0] for column in map(columns.recognise, fields)]
+    triad, other = (columns.ACCEL, columns.GYRO) if half == "accel" else (columns.GYRO, columns.ACCEL)
+    if set(triad) <= set(read) and not set(other) & set(read) and "lat" not in read:
+        return None, f"its header names {', '.join(triad)}"
+    bare = [re.sub(r"[^a-z].*", "", field.lower()) for field in fields]
+    if "t" not in read or not {"x", "y", "z"} <= set(bare):
+        return None, ""
+    units = {columns.unit_in(field) for field, word in zip(fields, bare, strict=True) if word in ("x", "y", "z")}
+    if len(units) != 1:
+        return None, ""
+    unit = next(iter(units))
+    quantity = {"accel": "specific force", "gyro": "angular rate"}[half]
+    if unit is not None:
+        try:
+            factor_for(unit, quantity)
+        except SchulerError:
+            return None, ""
+        evidence = f"its header states {unit}"
+    elif _CALLED[half].search(path.stem):
+        evidence = "it is called so"
+    else:
+        return None, ""
+    names = ["-"] * len(fields)
+    names[read.index("t")] = "t"
+    for axis, name in zip("xyz", triad, strict=True):
+        names[bare.index(axis)] = name
+    return ",".join(names), evidence
+
+
 def _numbers(path: Path) -> FloatArray | None:
-    """First rows of a text table; None if it is none."""
+    """First rows of a text table, or of an array; None if it is none."""
+    if path.suffix.lower() in (".npy", ".npz", ".mat"):
+        whole = arrays.array(path)
+        return None if whole is None else whole[:_ROWS]
     try:
         opening = text.open_text(path, ReadHints())
     except SchulerError:

@@ -14,6 +14,9 @@ from .io.dispatch import left_out as left_out
 from .io.dispatch import read as read
 from .io.dispatch import write as write
 from .io.hints import ReadHints as ReadHints
+from .public import PublicFile as PublicFile
+from .public import PublicRecording as PublicRecording
+from .public import fetch as fetch
 from .recording import Metadata as Metadata
 from .recording import Recording as Recording
 from .series import GnssSeries as GnssSeries
@@ -43,6 +46,8 @@ __all__ = [
     "Metadata",
     "OdometerSeries",
     "PolarsFrames",
+    "PublicFile",
+    "PublicRecording",
     "PyShoeTrial",
     "RangeLog",
     "ReadHints",
@@ -50,6 +55,7 @@ __all__ = [
     "ScalarSeries",
     "Trajectory",
     "UbxLog",
+    "fetch",
     "from_pandas",
     "from_polars",
     "from_xarray",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,9 +14,13 @@ from schuler.exceptions import InputError, printable
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
+from schuler.plotting.notebook import Displayed
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
 from schuler.recording.trajectory import Trajectory
-from schuler.timebase import TimeBase
+from schuler.timebase import SAME_TIME, TimeBase
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Parts of a recording that have times.
 TIMED = ("imu", "gnss", "odometer", "heading", "height", "observations", "ranges", "reference")
@@ -58,8 +63,8 @@ class Metadata:
         return replace(self, notes=self.notes + sentences)
 
 
-@dataclass(frozen=True)
-class Recording:
+@dataclass(frozen=True, repr=False)
+class Recording(Displayed):
     """IMU, and where there are any GNSS, odometer and reference series on one time axis.
 
     Attributes
@@ -192,9 +197,52 @@ class Recording:
         metadata = replace(self.metadata, time=time)
         return Recording(**moved, reference=reference, ephemerides=self.ephemerides, metadata=metadata)
 
+    def between(self, start: float, stop: float) -> Recording:
+        """The recording with the samples of ``start <= t <= stop``. [s]
+
+        A reference keeps one more sample on either side, since it is interpolated; a series without a sample there is
+        left out, with a note; broadcast messages are all kept.
+
+        Raises
+        ------
+        InputError
+            If the IMU, or where there is none every series, has no sample there.
+        """
+        parts = {name: series for name in TIMED if (series := getattr(self, name)) is not None}
+        inside = {name: _between(series, start, stop) for name, series in parts.items()}
+        if not any(series is not None for series in inside.values()):
+            span = f"it runs {self.start:.3f}..{self.stop:.3f} s"
+            raise InputError(f"{self.metadata.name} has no sample within {start:.3f}..{stop:.3f} s; {span}")
+        empty = [f"{name}: no sample within {start:.3f}..{stop:.3f} s" for name, part in inside.items() if part is None]
+        return replace(self, **inside, metadata=self.metadata.noting(*empty))
+
     def rotated(self, C_bs: ArrayLike, note: str) -> Recording:
         """The recording with its IMU in other axes (see :meth:`ImuSeries.rotated`), and a note that says so."""
         return replace(self, imu=self.need_imu().rotated(C_bs), metadata=self.metadata.noting(note))
+
+    def plot(self, **options: Any) -> Figure:
+        """Specific force, angular rate, speed and height over time (matplotlib), see
+        :func:`schuler.recording.figures.log_figure`.
+        """
+        from schuler.recording.figures import log_figure
+
+        return log_figure(self, **options)
+
+    def _headline(self) -> str:
+        parts = [name for name in TIMED if getattr(self, name) is not None]
+        parts += ["ephemerides"] if self.ephemerides is not None else []
+        span = f"{self.stop - self.start:.1f} s of " if self._series() else ""
+        return f"{self.metadata.name}, {span}{', '.join(parts)}"
+
+    def _facts(self) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+        rows = []
+        for name in TIMED:
+            series = getattr(self, name)
+            if series is not None and len(series):
+                t = np.unique(series.t)
+                rate = f"{1.0 / float(np.median(np.diff(t))):.4g}" if len(t) > 1 else "-"
+                rows.append((name, str(len(series)), f"{t[0]:.3f}", f"{t[-1]:.3f}", rate))
+        return ("series", "samples", "from [s]", "to [s]", "rate [Hz]"), rows
 
     def summary(self, *, notes: bool = True) -> str:
         """Contents of the recording in a few lines of text; without its notes where a result prints them."""
@@ -213,6 +261,8 @@ class Recording:
                 f"{w.max() / units.DEG:.1f} deg/s, {len(gaps)} gaps"
                 + (f", the longest {gaps[:, 1].max():.3f} s" if len(gaps) else "")
             )
+        if self.imu is not None and (m := self.imu.magnetometer) is not None:
+            lines.append(f"        magnetometer {np.median(np.linalg.norm(m, axis=1)) / units.UT:.4g} uT (median)")
         if self.gnss is not None:
             sigma = np.sqrt(np.einsum("nii->ni", self.gnss.cov_r_n))
             lines.append(
@@ -241,3 +291,21 @@ class Recording:
             lines.append(f"  reference  {len(self.reference)} samples")
         lines += [f"  - {note}" for note in self.metadata.notes if notes]
         return "\n".join(lines)
+
+
+def _between(series: Any, start: float, stop: float) -> Any:
+    """The samples of a series between two times, None without any; of a reference one more on either side."""
+    if isinstance(series, ImuSeries):
+        return series.between(start, stop)
+    keep = (series.t >= start - SAME_TIME) & (series.t <= stop + SAME_TIME)
+    if isinstance(series, Trajectory):
+        first, last = int(np.searchsorted(series.t, start, side="right")) - 1, int(np.searchsorted(series.t, stop))
+        k = np.arange(max(first, 0), min(last + 1, len(series.t)))
+        overlap = series.t[0] <= stop and series.t[-1] >= start
+        return series.samples(k) if overlap and len(k) else None
+    if not keep.any():
+        return None
+    columns = {f.name: getattr(series, f.name) for f in fields(series)}
+    return replace(
+        series, **{n: v[keep] for n, v in columns.items() if isinstance(v, np.ndarray) and len(v) == len(keep)}
+    )

@@ -14,6 +14,7 @@ import numpy as np
 from schuler import frames
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 from schuler.timebase import SAME_TIME, check_times
 from schuler.units import G0
 
@@ -66,8 +67,8 @@ class Increments:
 
     def between(self, start: float, stop: float) -> Increments:
         """The whole intervals within ``[start, stop]``. [s]"""
-        keep = (self.t - self.dt >= start - SAME_TIME) & (self.t <= stop + SAME_TIME)
-        if not keep.any():
+        keep = _run((self.t - self.dt >= start - SAME_TIME) & (self.t <= stop + SAME_TIME))
+        if keep.stop == keep.start:
             raise InputError(
                 f"no IMU interval lies within {start:.3f}..{stop:.3f} s; "
                 f"the log runs {self.start:.3f}..{self.t[-1]:.3f} s"
@@ -75,8 +76,8 @@ class Increments:
         return Increments(self.t[keep], self.dt[keep], self.dtheta_ib_b[keep], self.dv_ib_b[keep])
 
 
-@dataclass(frozen=True)
-class ImuSeries:
+@dataclass(frozen=True, repr=False)
+class ImuSeries(Displayed):
     """Gyroscope and accelerometer output in body axes.
 
     Attributes
@@ -89,6 +90,8 @@ class ImuSeries:
     kind : {"rate", "increment"}
     temperature : ndarray, shape (n,), optional
         [degC]
+    magnetometer : ndarray, shape (n, 3), optional
+        Magnetic flux density in the same axes; one that is sampled more slowly is held. [T]
     """
 
     t: FloatArray
@@ -96,6 +99,7 @@ class ImuSeries:
     accel: FloatArray
     kind: Kind = "rate"
     temperature: FloatArray | None = None
+    magnetometer: FloatArray | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in ("rate", "increment"):
@@ -106,9 +110,15 @@ class ImuSeries:
         object.__setattr__(self, "accel", as_floats(self.accel, "ImuSeries.accel", (n, 3)))
         if self.temperature is not None:
             object.__setattr__(self, "temperature", as_floats(self.temperature, "ImuSeries.temperature", (n,)))
+        if self.magnetometer is not None:
+            object.__setattr__(self, "magnetometer", as_floats(self.magnetometer, "ImuSeries.magnetometer", (n, 3)))
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def _headline(self) -> str:
+        rate = f" at {self.rate_hz:.4g} Hz" if len(self) > 1 else ""
+        return f"{len(self)} samples{rate} ({self.kind}){_extent(self.t)}"
 
     @property
     def interval(self) -> float:
@@ -178,7 +188,8 @@ class ImuSeries:
         C = as_floats(C_bs, "C_bs", (3, 3))
         if not np.allclose(C @ C.T, np.eye(3), atol=1e-6) or np.linalg.det(C) < 0.0:
             raise InputError("C_bs: expected a rotation matrix (orthonormal, determinant +1)")
-        return replace(self, gyro=self.gyro @ C.T, accel=self.accel @ C.T)
+        magnetometer = None if self.magnetometer is None else self.magnetometer @ C.T
+        return replace(self, gyro=self.gyro @ C.T, accel=self.accel @ C.T, magnetometer=magnetometer)
 
     def shifted(self, seconds: float) -> ImuSeries:
         """The log with ``seconds`` added to every time stamp."""
@@ -186,17 +197,17 @@ class ImuSeries:
 
     def between(self, start: float, stop: float) -> ImuSeries:
         """The samples with ``start <= t <= stop``. [s]"""
-        keep = (self.t >= start - SAME_TIME) & (self.t <= stop + SAME_TIME)
-        if not keep.any():
+        keep = _run((self.t >= start - SAME_TIME) & (self.t <= stop + SAME_TIME))
+        if keep.stop == keep.start:
             raise InputError(
                 f"no IMU sample lies within {start:.3f}..{stop:.3f} s; the log runs {self.t[0]:.3f}..{self.t[-1]:.3f} s"
             )
-        temperature = None if self.temperature is None else self.temperature[keep]
-        return ImuSeries(self.t[keep], self.gyro[keep], self.accel[keep], self.kind, temperature)
+        temperature, magnetometer = (None if x is None else x[keep] for x in (self.temperature, self.magnetometer))
+        return ImuSeries(self.t[keep], self.gyro[keep], self.accel[keep], self.kind, temperature, magnetometer)
 
 
-@dataclass(frozen=True)
-class GnssSeries:
+@dataclass(frozen=True, repr=False)
+class GnssSeries(Displayed):
     """Position, and if there is one velocity, solutions of a GNSS receiver's antenna.
 
     Attributes
@@ -254,6 +265,9 @@ class GnssSeries:
     def __len__(self) -> int:
         return len(self.t)
 
+    def _headline(self) -> str:
+        return f"{len(self)} epochs, {'no' if self.v_n is None else 'with'} velocity{_extent(self.t)}"
+
     def need_velocity(self) -> tuple[FloatArray, FloatArray]:
         """Velocities and their covariances, or an error that says they are missing. Shapes (n, 3), (n, 3, 3)."""
         if self.v_n is None or self.cov_v_n is None:
@@ -274,8 +288,8 @@ class GnssSeries:
         return self.where((self.t >= start - SAME_TIME) & (self.t <= stop + SAME_TIME))
 
 
-@dataclass(frozen=True)
-class OdometerSeries:
+@dataclass(frozen=True, repr=False)
+class OdometerSeries(Displayed):
     """Forward speed of the vehicle.
 
     Attributes
@@ -302,6 +316,19 @@ class OdometerSeries:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def _headline(self) -> str:
+        return f"{len(self)} samples{_extent(self.t)}"
+
+
+def _extent(t: FloatArray) -> str:
+    return f", {t[0]:.3f}..{t[-1]:.3f} s" if len(t) else ""
+
+
+def _run(keep: BoolArray) -> slice:
+    """From the first to the last row of a condition that holds between two times: nothing is copied."""
+    rows = np.flatnonzero(keep)
+    return slice(int(rows[0]), int(rows[-1]) + 1) if len(rows) else slice(0, 0)
 
 
 def _lost(dt: FloatArray, interval: float, dv: FloatArray) -> FloatArray | None:
@@ -368,8 +395,8 @@ def positive_definite(cov: FloatArray) -> BoolArray:
     return safe
 
 
-@dataclass(frozen=True)
-class ScalarSeries:
+@dataclass(frozen=True, repr=False)
+class ScalarSeries(Displayed):
     """Measurements of one number.
 
     Attributes
@@ -397,6 +424,9 @@ class ScalarSeries:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def _headline(self) -> str:
+        return f"{len(self)} samples{_extent(self.t)}"
 
 
 def gnss_series(points: PointSolution) -> GnssSeries:

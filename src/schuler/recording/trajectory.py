@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -11,13 +12,16 @@ from numpy.typing import NDArray
 from schuler import frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 from schuler.timebase import SAME_TIME, check_times
 
 _MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
+_BLOCK = 1 << 17  # samples that are converted at a time
+_KEPT = 1 << 20  # samples from which conversions are made anew when asked for: kept, they double what a day takes
 
 
-@dataclass(frozen=True)
-class Trajectory:
+@dataclass(frozen=True, repr=False)
+class Trajectory(Displayed):
     """Position over time in Earth-fixed axes, with velocity and attitude where a file has them.
 
     Everything else is derived when asked for. :meth:`full` gives the trajectory to those that need all three.
@@ -63,6 +67,12 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.t)
 
+    def _headline(self) -> str:
+        parts = ["position", *(["velocity"] * (self.v_eb_e is not None)), *(["attitude"] * (self.q_eb is not None))]
+        return f"{len(self)} samples of {', '.join(parts)}" + (
+            f", {self.t[0]:.3f}..{self.t[-1]:.3f} s" if len(self) else ""
+        )
+
     def full(self) -> FullTrajectory:
         """The same trajectory, of which velocity and attitude are certain.
 
@@ -88,11 +98,11 @@ class Trajectory:
         """Latitude, longitude [rad], ellipsoidal height [m]. Shape (n, 3)."""
         if "llh" not in self._cache:
             if len(self) < _MANY:
-                self._cache["llh"] = frames.llh_from_ecef(self.r_eb_e)
+                llh = frames.llh_from_ecef(self.r_eb_e)
             else:
                 llh = np.empty_like(self.r_eb_e)
                 _axes_kernels().geodetic(self.r_eb_e, llh)
-                self._cache["llh"] = llh
+            return self._kept("llh", llh)
         return self._cache["llh"]
 
     @property
@@ -105,7 +115,7 @@ class Trajectory:
             else:
                 v_n = np.empty_like(v_eb_e)
                 _axes_kernels().vectors_to_ned(v_eb_e, self.llh, v_n)
-            self._cache["v_eb_n"] = v_n
+            return self._kept("v_eb_n", v_n)
         return self._cache["v_eb_n"]
 
     @property
@@ -118,7 +128,7 @@ class Trajectory:
             else:
                 q_nb = np.empty_like(q_eb)
                 _axes_kernels().attitudes_to_ned(q_eb, self.llh, q_nb)
-            self._cache["q_nb"] = q_nb
+            return self._kept("q_nb", q_nb)
         return self._cache["q_nb"]
 
     @property
@@ -129,7 +139,23 @@ class Trajectory:
     @property
     def rpy_nb(self) -> FloatArray:
         """Roll, pitch, yaw. Shape (n, 3). [rad]"""
-        return rotation.rpy_from_quat(self.q_nb)
+        if len(self) < _KEPT:
+            return rotation.rpy_from_quat(self.q_nb)
+        rpy = np.empty((len(self), 3))
+        for rows in self.blocks():
+            rpy[rows] = self.samples(rows).rpy_nb
+        return rpy
+
+    def blocks(self) -> list[slice]:
+        """Rows of equal parts of at most 131072 samples, to work on a long trajectory in little memory."""
+        n = len(self)
+        edges = np.linspace(0, n, -(-n // _BLOCK) + 1).astype(np.int64).tolist()
+        return [slice(a, b) for a, b in itertools.pairwise(edges)]
+
+    def _kept(self, name: str, values: FloatArray) -> FloatArray:
+        if len(self) < _KEPT:
+            self._cache[name] = values
+        return values
 
     def at(self, t: ArrayLike) -> Self:
         """State at other times within the span, by cubic Hermite curves and constant turns between samples.
@@ -173,12 +199,12 @@ class Trajectory:
         """The samples with ``start <= t <= stop``. [s]"""
         return self.samples((self.t >= start - SAME_TIME) & (self.t <= stop + SAME_TIME))
 
-    def samples(self, k: NDArray[Any]) -> Self:
-        """The samples of the given indices or flags."""
+    def samples(self, k: NDArray[Any] | slice) -> Self:
+        """The samples of the given indices, flags or rows."""
         return self._samples(k, self.t[k])
 
-    def _samples(self, k: NDArray[Any], t: FloatArray) -> Self:
-        """The samples of the given indices or flags, at times ``t``."""
+    def _samples(self, k: NDArray[Any] | slice, t: FloatArray) -> Self:
+        """The samples of the given indices, flags or rows, at times ``t``."""
         return type(self)(
             t,
             self.r_eb_e[k],
@@ -203,10 +229,14 @@ class Trajectory:
             raise InputError("a lever arm needs an attitude, and this trajectory has none")
         arm = np.asarray(l_bp_b)
         arm = as_floats(l_bp_b, "l_bp_b", (len(self.t), 3) if arm.ndim == 2 else (3,))
-        return Trajectory(self.t, self.r_eb_e + rotation.rotate(self.q_eb, arm), None, self.q_eb)
+        r = np.empty_like(self.r_eb_e)
+        for rows in self.blocks():
+            one = arm[rows] if arm.ndim == 2 else arm
+            np.add(self.r_eb_e[rows], rotation.rotate(self.q_eb[rows], one), out=r[rows])
+        return Trajectory(self.t, r, None, self.q_eb)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FullTrajectory(Trajectory):
     """Trajectory with velocity and attitude: truth of a simulation, mechanization, solution of a filter.
 

@@ -2,7 +2,9 @@ from .cells import Cell as Cell
 from .cells import against as against
 from .cells import claimed as claimed
 from .cells import digits as digits
+from .cells import over_settings as over_settings
 from .cells import shown as shown
+from .cells import transcribed as transcribed
 from .items import Effort as Effort
 from .items import Item as Item
 from .items import Outcome as Outcome
@@ -22,6 +24,8 @@ __all__ = [
     "against",
     "claimed",
     "digits",
+    "over_settings",
     "reproduce",
     "shown",
+    "transcribed",
 ]

@@ -16,11 +16,14 @@ from schuler.reproduce.items import Result
 from schuler.reproduce.run import THESES, Reproduction
 
 _CONVENTIONS = (
-    "agrees: every number the thesis prints is met within the band that stands beside it. corrected: the equations are "
-    "met after their errors are mended, and what the thesis prints differs or cannot be compared. differs: with the "
-    "reason. shown: the thesis prints nothing to compare with. Class hardware: the thesis used recordings that are not "
-    "public; ours come from simulated sensors of the same parameters. Check: numbers of an independent computation "
-    "from a thesis's equations, verified and mended."
+    "agrees: every number that is compared is met within the band beside it, one of the thesis's own within a factor "
+    "of two. in part: so, but numbers that are not compared are a fifth or more apart. differs: with the reason. The "
+    "rest could not, or hardly, have come out otherwise. within noise: other seeds say the other. weak: no band is "
+    "narrower than a factor of two. pattern only: an ordering or a shape, no number. transcribed: numbers that were "
+    "put in. corrected: the equations are met after their errors are mended, and what the thesis prints differs or "
+    "cannot be compared. shown: the thesis prints nothing to compare with. Class hardware: the thesis used recordings "
+    "that are not public; ours come from simulated sensors of the same parameters. Check: numbers of an independent "
+    "computation from a thesis's equations, verified and mended."
 )
 
 
@@ -70,9 +73,8 @@ def _section_name(thesis: str, result: Result) -> str:
 
 
 def _sentence(one: Reproduction) -> str:
-    counts = ", ".join(f"{n} {verdict}" for verdict, n in one.counts.items() if n)
     cut = "" if one.complete else " Interrupted: not all items."
-    return f"{THESES[one.thesis]}: {len(one.results)} items, {counts}.{cut}"
+    return f"{THESES[one.thesis]}: {one.headline()}.{cut}"
 
 
 def _overview(reproductions: Sequence[Reproduction]) -> Section:
@@ -92,13 +94,15 @@ def _blocks(name: str, result: Result) -> tuple[Block, ...]:
     heads = ("number", "printed", "ours", "unit", "ours is to be", "verdict")
     caption = f"Class {result.item.kind}, verdict {result.verdict}"
     figures = tuple(replace(figure(), name=f"{name}_figure_{k + 1}") for k, figure in enumerate(result.outcome.figures))
-    reason = f"<p>{escape(result.outcome.reason)}</p>" if result.outcome.reason else ""
+    reason = "".join(f"<p>{escape(text)}</p>" for text in (result.item.flips, result.outcome.reason) if text)
     return (parts.table(caption, heads, rows, numbers=False), reason, *figures)
 
 
 def _agreement(cell: Cell) -> str:
-    if cell.left_out:
-        return "not compared"
+    if cell.uncompared:
+        return f"not compared: {cell.why}"
+    if cell.transcribed and cell.agrees:
+        return "yes, was put in"
     return {None: "", True: "yes", False: "no"}[cell.agrees]
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from schuler.exceptions import InputError
@@ -14,6 +16,8 @@ Tolerance: TypeAlias = Literal["rounding", "printed digits", "discretisation", "
 
 #: Whose number it is: the thesis's own, or that of its equations after their errors are corrected.
 Reference: TypeAlias = Literal["thesis", "corrected", ""]
+
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,15 @@ class Cell:
         Kind of the band.
     reference : str
         ``thesis``; ``corrected`` where the band belongs to corrected equations; empty without band.
+    why : str
+        Why a number that the source prints is not compared; empty where it is.
+    settings : str
+        Settings that the source does not state, and over which set ours was computed; empty where one sufficed.
+    least, most : float
+        Ours over that set; the band is wider by as much.
+    transcribed : bool
+        Ours is the printed number itself, carried through: a data sheet, a constant, what simulated sensors or roads
+        were made from. Only a slip could make it differ.
     """
 
     name: str
@@ -45,12 +58,23 @@ class Cell:
     high: float = math.nan
     tolerance: Tolerance = ""
     reference: Reference = ""
+    why: str = ""
+    settings: str = ""
+    least: float = math.nan
+    most: float = math.nan
+    transcribed: bool = False
 
     def __post_init__(self) -> None:
         if self.compared and not (self.low <= self.high and (math.isfinite(self.low) or math.isfinite(self.high))):
             raise InputError(f"{self.name}: expected a band with at least one end, got {self.low} to {self.high}")
         if self.compared == (not self.reference):
             raise InputError(f"{self.name}: expected a band with its reference, or neither")
+        if self.uncompared != bool(self.why):
+            raise InputError(
+                f"{self.name}: expected the reason why the printed {self.printed!r} is not compared"
+                if self.uncompared
+                else f"{self.name}: expected no reason for a number that is compared, or not printed"
+            )
 
     @property
     def compared(self) -> bool:
@@ -71,19 +95,27 @@ class Cell:
         return self.low * self.high > 0.0 and far < 2.0 * near
 
     @property
+    def numeric(self) -> bool:
+        """Whether what is printed is, or holds, a number; an ordering or a shape has none."""
+        return any(c.isdigit() for c in self.printed)
+
+    @property
+    def uncompared(self) -> bool:
+        """Whether the source prints a number here that ours is not compared with."""
+        return self.numeric and not self.compared
+
+    @property
     def left_out(self) -> bool:
         """Whether the source prints a number that ours is not compared with, and misses by a fifth or more."""
-        if self.compared:
+        if not self.uncompared:
             return False
-        try:
-            value = float(self.printed)
-        except ValueError:
-            return False
+        value = float(_NUMBER.findall(self.printed)[-1])
         return not abs(self.ours - value) <= 0.2 * abs(value)
 
     def shown(self) -> str:
-        """Ours, with as many digits as it takes to tell it from the ends of its band."""
-        return f"{self.ours:.{self._digits()}g}"
+        """Ours, with as many digits as it takes to tell it from the ends of its band, and its range over settings."""
+        text = f"{self.ours:.{self._digits()}g}"
+        return f"{text} ({self.least:.3g} to {self.most:.3g} over {self.settings})" if self.settings else text
 
     def band(self) -> str:
         """The band in words; empty without one."""
@@ -106,6 +138,8 @@ class Cell:
         return {
             "name": self.name, "printed": self.printed, "ours": self.ours, "unit": self.unit, "low": self.low,
             "high": self.high, "tolerance": self.tolerance, "reference": self.reference, "agrees": self.agrees,
+            "why_not_compared": self.why, "transcribed": self.transcribed, "settings": self.settings,
+            "least": self.least if self.settings else None, "most": self.most if self.settings else None,
         }  # fmt: skip
 
 
@@ -175,6 +209,36 @@ def digits(name: str, printed: str, ours: float, *, unit: str = "", reference: R
     return Cell(name, float(ours), unit, printed, value - half, value + half, "printed digits", reference)
 
 
+def over_settings(cell: Cell, others: Sequence[float], settings: str) -> Cell:
+    """The cell with what ours is with other settings that the source does not state.
+
+    Parameters
+    ----------
+    cell : Cell
+        With a band.
+    others : sequence of float
+        Ours with each of the others of a bounded set, which data sheets or the source's other pages bound.
+    settings : str
+        The set in words, such as "drift of 0 to 20 deg/h".
+
+    Returns
+    -------
+    Cell
+        Its band is wider by the range: a systematic uncertainty of ours. A range of a factor of two decides nothing.
+    """
+    least, most = min(cell.ours, *others), max(cell.ours, *others)
+    if min(cell.low, least) > 0.0:  # sizes scatter by factors
+        low, high = cell.low * cell.ours / most, cell.high * cell.ours / least
+    else:
+        low, high = cell.low - (most - cell.ours), cell.high + (cell.ours - least)
+    return replace(cell, low=low, high=high, settings=settings, least=least, most=most)
+
+
+def transcribed(*cells: Cell) -> tuple[Cell, ...]:
+    """The cells, those compared marked as numbers that went in."""
+    return tuple(replace(cell, transcribed=cell.compared) for cell in cells)
+
+
 def claimed(
     name: str,
     claim: str,
@@ -206,6 +270,25 @@ def claimed(
     return Cell(name, float(ours), unit, claim, low, high, tolerance, reference)
 
 
-def shown(name: str, ours: float, *, unit: str = "", printed: str = "") -> Cell:
-    """A number of ours with nothing to compare it with."""
-    return Cell(name, float(ours), unit, printed)
+def shown(name: str, ours: float, *, unit: str = "", printed: str = "", why: str = "") -> Cell:
+    """A number of ours that is compared with nothing.
+
+    Parameters
+    ----------
+    name : str
+    ours : float
+    unit, printed : str
+        See :class:`Cell`.
+    why : str
+        Why it is not compared; needed where a number is printed.
+
+    Returns
+    -------
+    Cell
+
+    Raises
+    ------
+    InputError
+        If a number is printed and ``why`` is empty.
+    """
+    return Cell(name, float(ours), unit, printed, why=why)

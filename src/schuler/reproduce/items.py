@@ -15,12 +15,21 @@ if TYPE_CHECKING:
 #: emulated by simulated ones of the same parameters.
 Kind: TypeAlias = Literal["exact", "statistical", "hardware"]
 
-#: agrees: with every number that is compared, one of them at least within a factor of two, and no printed number that
-#: is left uncompared is missed by a fifth. in part: such a number is. weak: no band is narrower than a factor of two.
-#: corrected: with its equations after their errors are mended, not (or not comparably) with what it prints. differs:
-#: with the reason. shown: the thesis prints nothing to compare with.
-Verdict: TypeAlias = Literal["agrees", "in part", "weak", "corrected", "differs", "shown"]
-VERDICTS: tuple[Verdict, ...] = ("agrees", "in part", "weak", "corrected", "differs", "shown")
+#: What an item shows, from its numbers and bands alone. See docs/reproduction.md. agrees: every number that is compared
+#: is met, and of those the thesis prints one at least, which was not put in, within a factor of two. in part: the same,
+#: but a printed number that is not compared is a fifth or more off. differs: a number is outside its band. These three
+#: could have come out otherwise (:data:`DECIDED`); the others could not, or hardly: within noise: other seeds give the
+#: other verdict. weak: met, but no band is narrower than a factor of two. pattern only: an ordering or a shape is met,
+#: no number. transcribed: every number is one that was put in. corrected: the thesis's equations after their errors
+#: are mended are met, not (or not comparably) what it prints. shown: the thesis prints nothing to compare with.
+Verdict: TypeAlias = Literal[
+    "agrees", "in part", "differs", "within noise", "weak", "pattern only", "transcribed", "corrected", "shown"
+]
+VERDICTS: tuple[Verdict, ...] = (
+    "agrees", "in part", "differs", "within noise", "weak", "pattern only", "transcribed", "corrected", "shown"
+)  # fmt: skip
+#: Verdicts that could have been others; only these make a headline.
+DECIDED: tuple[Verdict, ...] = ("agrees", "in part", "differs")
 
 
 @dataclass(frozen=True)
@@ -79,6 +88,9 @@ class Item:
         Effort to outcome.
     also : tuple of str
         Ids of others that this one covers.
+    flips : str
+        Which of some seeds agree and which differ, where they do not all say the same; empty otherwise. Such an item
+        decides nothing.
     """
 
     id: str
@@ -86,6 +98,7 @@ class Item:
     kind: Kind
     run: Callable[[Effort], Outcome]
     also: tuple[str, ...] = ()
+    flips: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,16 +119,23 @@ class Result:
     @property
     def verdict(self) -> Verdict:
         """From the cells alone; see :data:`Verdict`."""
-        compared = [c for c in self.outcome.cells if c.compared]
+        cells = self.outcome.cells
+        compared = [c for c in cells if c.compared]
         if not compared:
             return "shown"
+        if self.item.flips:
+            return "within noise"
         if not all(c.agrees for c in compared):
             return "differs"
-        if not any(c.reference == "thesis" for c in compared):
+        theirs = [c for c in compared if c.reference == "thesis"]
+        if not theirs:
             return "corrected"
-        if any(c.left_out for c in self.outcome.cells):
-            return "in part"
-        return "agrees" if any(c.decisive for c in compared) else "weak"
+        free = [c for c in theirs if not c.transcribed]
+        if not free:
+            return "transcribed"
+        if not any(c.decisive for c in free):
+            return "weak" if any(c.numeric for c in free) else "pattern only"
+        return "in part" if any(c.left_out for c in cells) else "agrees"
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values; ``printed`` and ``ours`` by the name of each cell."""
@@ -123,6 +143,7 @@ class Result:
         return {
             "id": self.item.id, "title": self.item.title, "class": self.item.kind, "also": self.item.also,
             "printed": {c.name: c.printed for c in cells if c.printed}, "ours": {c.name: c.ours for c in cells},
-            "verdict": self.verdict, "reason": self.outcome.reason, "cells": [c.to_dict() for c in cells],
+            "verdict": self.verdict, "reason": self.outcome.reason, "flips": self.item.flips,
+            "not_compared": {c.name: c.why for c in cells if c.uncompared}, "cells": [c.to_dict() for c in cells],
             "elapsed_s": self.elapsed_s,
         }  # fmt: skip

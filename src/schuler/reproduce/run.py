@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from textwrap import wrap
 from types import MappingProxyType
@@ -12,7 +12,8 @@ from typing import Any
 
 from schuler.exceptions import InputError
 from schuler.reproduce.cells import Cell
-from schuler.reproduce.items import VERDICTS, Effort, Item, Result
+from schuler.reproduce.items import DECIDED, VERDICTS, Effort, Item, Result
+from schuler.reproduce.seeds import FLIPS
 
 #: Author and title by the name of the command; the module has the same name.
 THESES: MappingProxyType[str, str] = MappingProxyType(
@@ -58,16 +59,25 @@ class Reproduction:
         for r in self.results:
             compared = [c for c in r.outcome.cells if c.compared]
             met = f"{sum(bool(c.agrees) for c in compared)}/{len(compared)}" if compared else ""
-            lines.append(f"{r.item.id:<14} {r.item.kind:<11} {r.verdict:<9} {met:>7}  {r.item.title}")
+            sharp = f"({sum(c.decisive and not c.transcribed for c in compared)})" if compared else ""
+            lines.append(f"{r.item.id:<17} {r.item.kind:<11} {r.verdict:<12} {met:>7} {sharp:<5} {r.item.title}")
             reasons = [
                 *(text for text in map(_differing, compared) if text),
-                _left_out(r.outcome.cells),
+                r.item.flips,
+                *_left_out(r.outcome.cells),
                 r.outcome.reason,
             ]
             for text in filter(None, reasons):
                 lines += wrap(text, 120, initial_indent=" " * 16, subsequent_indent=" " * 18)
-        counts = ", ".join(f"{n} {verdict}" for verdict, n in self.counts.items() if n)
-        return "\n".join([*lines, f"{len(self.results)} items: {counts}"])
+        return "\n".join([*lines, self.headline()])
+
+    def headline(self) -> str:
+        """Counts of what could have come out otherwise, then of the rest, in a sentence."""
+        decided = sum(self.counts[v] for v in DECIDED)
+        of_these = ", ".join(f"{n} {v}" for v, n in self.counts.items() if v in DECIDED and n)
+        others = ", ".join(f"{n} {v}" for v, n in self.counts.items() if v not in DECIDED and n)
+        text = f"{decided} of {len(self.results)} items could have told: {of_these or 'none'}"
+        return f"{text}; the others: {others}" if others else text
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values."""
@@ -139,6 +149,8 @@ def reproduce(
             raise InputError(f"reproduce {thesis}: no item {name!r}; there are {', '.join(i.id for i in available)}")
     selected = {by_id[name].id for name in items} or {item.id for item in available}
     chosen = [item for item in available if item.id in selected]
+    if quick:
+        chosen = [replace(item, flips=FLIPS.get((thesis, item.id), "")) for item in chosen]
     effort = Effort(quick, seed)
     results: list[Result] = []
     try:
@@ -152,10 +164,15 @@ def reproduce(
     return Reproduction(thesis, tuple(results), effort)
 
 
-def _left_out(cells: Sequence[Cell]) -> str:
-    """Printed numbers that ours misses by a fifth and is not compared with; empty if there are none."""
-    names = [f"{c.name} (printed {c.printed}, ours {c.shown()})" for c in cells if c.left_out]
-    return f"not compared and a fifth or more apart: {'; '.join(names)}" if names else ""
+def _left_out(cells: Sequence[Cell]) -> list[str]:
+    """Printed numbers that are not compared, a line for every reason; those a fifth or more apart are named."""
+    lines = []
+    for why in dict.fromkeys(c.why for c in cells if c.uncompared):
+        group = [c for c in cells if c.why == why]
+        far = [f"{c.name} (printed {c.printed}, ours {c.shown()})" for c in group if c.left_out]
+        apart = f"; a fifth or more apart: {'; '.join(far)}" if far else ""
+        lines.append(f"{len(group)} printed not compared ({why}){apart}")
+    return lines
 
 
 def _differing(cell: Cell) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 from schuler.recording.series import Increments
 from schuler.sensors.errors import ImuErrors
 from schuler.units import DEG, DEG_PER_HR, PPM
@@ -48,8 +49,8 @@ class Stretch(NamedTuple):
         return self.stop - self.start
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RotationCalibration:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class RotationCalibration(Displayed):
     """Biases and responses of gyroscopes with their covariance.
 
     The model is ``reading = omega + bias + sum_a response_a (axis_a . omega)``: with an axis along z the response is

@@ -208,5 +208,9 @@ def faulty_stream(imu: ImuSeries, faults: StreamFaults, rng: np.random.Generator
         limit = 0.4 * imu.interval
         t = t + np.clip(faults.jitter * shake, -limit, limit)
     temperature = None if imu.temperature is None else imu.temperature[kept]
-    log = replace(imu, t=t[kept], gyro=imu.gyro[source[kept]], accel=imu.accel[source[kept]], temperature=temperature)
+    magnetometer = None if imu.magnetometer is None else imu.magnetometer[source[kept]]
+    log = replace(
+        imu, t=t[kept], gyro=imu.gyro[source[kept]], accel=imu.accel[source[kept]], temperature=temperature,
+        magnetometer=magnetometer,
+    )  # fmt: skip
     return FaultyStream(log, kept, repeated[kept])

@@ -6,6 +6,7 @@ block with the mean of the block removed, so a log of days in many poses loses n
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import ceil
 from typing import Literal, get_args
 
@@ -23,6 +24,8 @@ KINDS: tuple[str, ...] = get_args(Kind)
 
 #: Mean rate that counts as turning in the moving deviation, about 1 deg/s (Yaman 2017, chapter 6). [rad/s]
 MAX_RATE = 0.0175
+
+_PART = 1 << 16  # samples whose windows are looked at together
 
 
 def moving_moments(x: ArrayLike, window: int) -> tuple[FloatArray, FloatArray]:
@@ -53,10 +56,36 @@ def moving_moments(x: ArrayLike, window: int) -> tuple[FloatArray, FloatArray]:
     and LeVeque (1983). No sum is longer than a window, and the effort does not depend on its length.
     """
     x = as_floats(x, "x")
+    mean, variance = np.empty_like(x), np.empty_like(x)
+    for rows, m, v in _moments_by_parts(x, window):
+        mean[rows], variance[rows] = m, v
+    return mean, variance
+
+
+def _moments_by_parts(
+    x: FloatArray, window: int, less: FloatArray | float = 0.0
+) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+    """Rows, and :func:`moving_moments` of ``x - less`` there, of one part of a log after the other."""
     n, W = len(x), int(window)
     if not 1 <= W <= n:
         raise InputError(f"window: expected 1 to {n} samples, the length of the log, got {W}; choose a shorter window")
     flat = x.reshape(n, -1)
+    each = max(_PART // W, 1)  # blocks whose windows begin in a part
+    before = (W - 1) // 2  # samples of a window ahead of the one that it is of
+    for first in range(0, n - W + 1, each * W):
+        part = flat[first : first + (each + 1) * W] - less
+        mean, squares = _windows(part, W)
+        start = 0 if first == 0 else first + before
+        stop = n if first + each * W > n - W else first + each * W + before
+        # the half windows at the ends take the value of the nearest complete one
+        pick = np.clip(np.arange(start, stop) - before - first, 0, len(mean) - 1)
+        shape = (stop - start, *x.shape[1:])
+        yield slice(start, stop), mean[pick].reshape(shape), (squares[pick] / W).reshape(shape)
+
+
+def _windows(flat: FloatArray, W: int) -> tuple[FloatArray, FloatArray]:
+    """Mean, and sum of squares about it, of every complete window. Shapes (n, k) to (n - W + 1, k)."""
+    n = len(flat)
     blocks = ceil(n / W) + 1
     padded = np.concatenate((flat, np.broadcast_to(flat[-1], (blocks * W - n, flat.shape[1]))))
     padded = padded.reshape(blocks, W, -1)
@@ -80,8 +109,7 @@ def moving_moments(x: ArrayLike, window: int) -> tuple[FloatArray, FloatArray]:
     share = count[:-1] / W
     mean = (m1 + share * (m2 - m1)).reshape(-1, flat.shape[1])[: n - W + 1]
     squares = (q1 + q2 + W * share * (1.0 - share) * (m2 - m1) ** 2).reshape(-1, flat.shape[1])[: n - W + 1]
-    pick = np.clip(np.arange(n) - (W - 1) // 2, 0, n - W)
-    return mean[pick].reshape(x.shape), (squares[pick] / W).reshape(x.shape)
+    return mean, squares
 
 
 def window_samples(imu: ImuSeries, window_s: float) -> int:
@@ -171,11 +199,14 @@ def statistic(
     W = window_samples(imu, window_s)
     sf, sw = per_axis_sigma(sigma_f, "sigma_f"), per_axis_sigma(sigma_w, "sigma_w")
     rates = imu.rates()
-    f, omega = rates.accel, rates.gyro - as_vector3(gyro_bias, "gyro_bias")
-    if kind == "moving deviation":
-        ratios = np.concatenate((moving_moments(f, W)[1] / sf**2, moving_moments(omega, W)[1] / sw**2), axis=1)
-        turning = mean_rate(imu, window_s, gyro_bias) / positive_number(max_rate, "max_rate")
-        return np.asarray(np.maximum(ratios.max(axis=1), turning**2))
+    f, bias = rates.accel, as_vector3(gyro_bias, "gyro_bias")
+    if kind == "moving deviation":  # part by part: all of a day at 200 Hz at once would take 8 GB
+        value = (mean_rate(rates, window_s, bias) / positive_number(max_rate, "max_rate")) ** 2
+        for x, less, sigma in ((f, np.zeros(3), sf), (rates.gyro, bias, sw)):
+            for rows, _, variance in _moments_by_parts(x, W, less):
+                np.maximum(value[rows], (variance / sigma**2).max(axis=1), out=value[rows])
+        return value
+    omega = rates.gyro - bias
     if kind == "printed":
         norms = np.stack((np.linalg.norm(f, axis=1) / _rms(sf), np.linalg.norm(omega, axis=1) / _rms(sw)), axis=1)
         return np.asarray(moving_moments(norms, W)[1].max(axis=1))
@@ -197,8 +228,10 @@ def statistic(
 
 def mean_rate(imu: ImuSeries, window_s: float, gyro_bias: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
     """Magnitude of the mean angular rate over the window, bias removed. Shape (n,). [rad/s]"""
-    mean = moving_moments(imu.rates().gyro, window_samples(imu, window_s))[0] - as_vector3(gyro_bias, "gyro_bias")
-    return np.asarray(np.linalg.norm(mean, axis=1))
+    bias, rate = as_vector3(gyro_bias, "gyro_bias"), np.empty(len(imu))
+    for rows, mean, _ in _moments_by_parts(imu.rates().gyro, window_samples(imu, window_s)):
+        rate[rows] = np.linalg.norm(mean - bias, axis=1)
+    return rate
 
 
 def per_axis_sigma(value: ArrayLike, name: str) -> FloatArray:

@@ -164,6 +164,24 @@ def test_predicted_covariance_is_the_scatter(options, rng):
     assert np.abs(z.mean(axis=0)).max() < 4.5 / np.sqrt(len(z))
 
 
+def test_turns_by_hand_are_no_truer_than_the_faces(rng):
+    """Law: without a statement angle and axes are as the faces are level; level faces leave them exact."""
+    imu, sections = session(unit(), rng=rng)
+    options = {"gravity": G, "latitude": POLE, "noise": NOISE}
+    level = calibrate_ferraris(imu, sections, **options, level_sigma=0.0)
+    tilted = calibrate_ferraris(imu, sections, **options, level_sigma=0.002)
+    stated = calibrate_ferraris(
+        imu, sections, **options, level_sigma=0.002, angle_sigma=0.002 * np.sqrt(2.0), axis_sigma=0.002
+    )
+    exact = calibrate_ferraris(imu, sections, **options, level_sigma=0.002, angle_sigma=0.0, axis_sigma=0.0)
+    np.testing.assert_allclose(tilted.sigma, stated.sigma, rtol=1e-12)
+    k = [i for i, n in enumerate(level.names) if n[:3] == "M_g"]
+    np.testing.assert_allclose(exact.sigma[k], level.sigma[k], rtol=0.2)  # G_g of another weight
+    assert tilted["M_g_xx"][1] == pytest.approx(0.002 * np.sqrt(2.0) / (2.0 * np.pi), rel=0.1)
+    assert tilted["M_g_xy"][1] == pytest.approx(0.002, rel=0.1)
+    assert any("turns are whole to 0.16 deg" in v for v in tilted.verdicts)
+
+
 def test_noise_is_taken_from_the_log(rng):
     """Uncertainties without stated noise are those with it: statistical, ten part means in each of six poses."""
     errors = unit()

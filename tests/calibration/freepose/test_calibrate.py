@@ -11,6 +11,7 @@ from schuler.calibration.freepose.calibrate import calibrate_freepose
 from schuler.calibration.freepose.gyro import fit_gyroscopes
 from schuler.calibration.freepose.simulation import hand_log, spread_turns
 from schuler.calibration.freepose.turns import Turns, vertical_residuals
+from schuler.calibration.result.halves import halves_of, split
 from schuler.calibration.result.parameters import in_gauge, vector
 from schuler.recording.series import ImuSeries
 from schuler.sensors.errors import ImuErrors
@@ -311,3 +312,20 @@ def test_a_few_logs_with_a_bias_that_wanders():
     """The same of twelve logs, in the default suite: no block below 85 %."""
     share = coverage(12, G=5e-5, wander=3e-4, g_sensitivity=False)
     assert min(share.values()) > 0.85, share
+
+
+def test_halves_are_what_each_half_gives_from_nothing():
+    """Parts start from the solution of all rests: within the hundredth of a sigma where their steps end. Gyroscopes
+    that are not linear make turns scatter, so that weights are found step by step too."""
+    imu = log_of(noisy(some_errors(3)), seed=4)
+    imu = replace(imu, gyro=imu.gyro + 0.1 * imu.gyro**2)
+    whole = calibrate_freepose(imu, g_sensitivity=False)
+    assert whole.extra["spread_gyro"] > 0.0
+    spans = whole.extra["intervals"]
+    for name, parts in halves_of(len(spans)).items():
+        alone = [
+            calibrate_freepose(imu, intervals=spans[k], nominal=whole.nominal, g_sensitivity=False, halves=False)
+            for k in parts
+        ]
+        expected = split(name, *alone)
+        assert whole.extra["halves"]["splits"][name] == pytest.approx(expected.rms, abs=0.02)

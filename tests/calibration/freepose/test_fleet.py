@@ -1,12 +1,15 @@
 """Calibration of many units in one call: the table, any number of workers, units that fail."""
 
+import itertools
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from schuler.calibration.freepose.calibrate import calibrate_freepose
-from schuler.calibration.freepose.fleet import calibrate_fleet
+from schuler.calibration.freepose.fleet import _shared, calibrate_fleet
 from schuler.calibration.freepose.simulation import hand_log
 from schuler.calibration.result.parameters import vector
 from schuler.exceptions import InputError
@@ -48,11 +51,12 @@ def test_every_row_is_the_single_calibration(some):
     logs, _, table = some
     assert len(table) == 30
     for k in (0, 17):
-        single = calibrate_freepose(logs[k])
+        single = calibrate_freepose(logs[k], halves=False)
         np.testing.assert_array_equal(table.values[k], single.values)
         np.testing.assert_array_equal(table.sigma[k], single.sigma)
         assert table.status[k] == single.status
         assert table.results[k].names == table.names
+        assert "halves: not compared: fleets leave it out" in table.results[k].summary()
 
 
 def test_errors_are_as_large_as_stated(some):
@@ -80,6 +84,53 @@ def test_workers_do_not_change_a_digit(some):
     np.testing.assert_array_equal(two.sigma, table.sigma[:8])
     assert two.status == table.status[:8]
     assert two.verdict == table.verdict[:8]
+
+
+class Dying(Executor):
+    """Does so many chunks, then its processes are gone."""
+
+    def __init__(self, chunks):
+        self.chunks = chunks
+
+    def submit(self, function, /, *args):
+        future = Future()
+        if self.chunks:
+            future.set_result(function(*args))
+        else:
+            future.set_exception(BrokenProcessPool("gone"))
+        self.chunks = max(self.chunks - 1, 0)
+        return future
+
+
+@pytest.mark.parametrize("logs", [1, 2, 9, 50])
+@pytest.mark.parametrize("others", [1, 3])
+def test_every_log_is_done_once_and_in_its_place_whoever_does_it(logs, others):
+    with ThreadPoolExecutor(others) as pool:
+        assert _shared(str, range(logs), pool, others) == [str(k) for k in range(logs)]
+
+
+def test_logs_of_a_process_that_dies_are_done_here():
+    for chunks in (0, 3):
+        assert _shared(str, range(50), Dying(chunks), 2) == [str(k) for k in range(50)]
+
+
+@pytest.mark.parametrize(("log_s", "processes"), [(9.0, []), (11.0, [1])])
+def test_a_process_is_started_only_for_work_that_is_worth_it(monkeypatch, log_s, processes):
+    """Closed form: of nine logs one is left after the eight that are timed; ten seconds of work are worth a process."""
+    started, clock = [], itertools.count()
+
+    def pool(n, _context):
+        started.append(n)
+        return ThreadPoolExecutor(n)
+
+    module = "schuler.calibration.freepose.fleet"
+    monkeypatch.setattr("concurrent.futures.ProcessPoolExecutor", pool)
+    monkeypatch.setattr(f"{module}.time.perf_counter", lambda: log_s * next(clock))
+    monkeypatch.setattr(f"{module}.os.cpu_count", lambda: 2)
+    monkeypatch.setattr(f"{module}._one", lambda log, options: f"log {log}")
+    table = calibrate_fleet(range(9))
+    assert started == processes
+    assert table.verdict == tuple(f"log {k}" for k in range(9))
 
 
 def test_a_bad_unit_is_a_row(some):

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from html_pages import Page
 from matplotlib.figure import Figure as MplFigure
 
 from schuler.calibration.field.calibration import calibrate_field
@@ -210,12 +211,12 @@ def test_the_page_has_a_section_on_how_it_came_about(found, errors, tmp_path):
     assert "25 intervals at rest" in section
     assert "below a tenth from" in section
     assert section.count("<tr>") == len(found.history.names) + 1
-    data = json.loads(re.search(r'id="figures">(.*?)</script>', source, re.DOTALL).group(1))
+    data = Page(source).figures
     for name in ("field_convergence", "field_estimates", "field_rests", "field_innovations"):
         assert any(v is not None for panel in data[name] for trace in panel["data"] for v in trace["y"])
     used = set(re.findall(r'"(--[a-z-]+)"', json.dumps(data))) | set(re.findall(r"var\((--[a-z-]+)\)", source))
     assert used <= set(re.findall(r"(--[a-z-]+):", source))
-    assert not re.search(r"\b(nan|inf|NaN|Infinity)\b", source.replace("isNaN", ""))
+    assert not re.search(r"\b(nan|inf|NaN|Infinity)\b", Page(source).plain.replace("isNaN", ""))
     again = found.report(tmp_path / "b.html", truth=errors).read_text(encoding="utf-8")
     assert again == source
 

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
-from schuler.calibration.result.halves import block_of, checked, halves_of, halves_words, without_thirds
+from schuler.calibration.result.halves import block_of, checked, halves_of, halves_words, rms_interval, without_thirds
 from schuler.calibration.result.result import result_from
 
 NAMES = [f"b_g_{a}" for a in "xyz"] + [f"M_g_{a}{b}" for a in "xyz" for b in "xyz"]
@@ -70,6 +71,22 @@ def test_without_every_third_rest(rng):
         out = checked(result(complete), pairs)
         z += list(next(iter(out.extra["halves"]["splits"].values())).values())
     assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.6])
+def test_the_interval_by_chance_holds_95_percent(rng, correlation):
+    """Of draws with these correlations; 4 standard errors, and 1 % for the one chi-square instead of several."""
+    R = np.full((9, 9), correlation) + (1.0 - correlation) * np.eye(9)
+    z = rng.standard_normal((4000, 9)) @ np.linalg.cholesky(R).T
+    low, high = rms_interval(np.linalg.eigvalsh(R))
+    rms = np.sqrt((z * z).mean(axis=1))
+    assert abs(((rms > low) & (rms < high)).mean() - 0.95) < 4.0 * np.sqrt(0.05 / 4000.0) + 0.01
+
+
+def test_three_numbers_cannot_be_asked_for_more():
+    """Closed form: root mean square of three, and the share of it that a band of 0.7 to 1.4 holds."""
+    assert rms_interval(np.ones(3)) == pytest.approx((0.268, 1.765), abs=1e-3)
+    assert np.diff(chi2.cdf(3.0 * np.square([0.7, 1.4]), 3))[0] == pytest.approx(0.57, abs=0.01)
 
 
 def test_names_of_blocks_and_splits():

@@ -144,13 +144,13 @@ def innovations(values, sigma=1.0):
 
 def test_means_of_innovations_are_one_if_white_and_grow_with_what_stays():
     z = np.random.default_rng(1).standard_normal((3000, 3))
-    size, limit = slow_nis([innovations(z)], 10)
+    size, limit = slow_nis([z], 10)
     assert abs(size - 1.0) < 4.0 * np.sqrt(2.0 / 900)  # statistical: four standard errors of 900 degrees of freedom
     # a constant of half a sigma adds a quarter of the length to the mean square
-    grown, _ = slow_nis([innovations(z + 0.5)], 10)
+    grown, _ = slow_nis([z + 0.5], 10)
     assert abs(grown - size - 2.5) < 0.3
     assert grown > limit
-    assert slow_nis([innovations(z[:25])], 10) == (0.0, np.inf)
+    assert slow_nis([z[:25]], 10) == (0.0, np.inf)
 
 
 def test_an_aid_that_never_acted_is_a_remark(recording):

@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from html_pages import Page
 
 from schuler import frames
 from schuler.exceptions import FileFormatError, InputError
@@ -275,7 +276,7 @@ def test_a_picture_is_put_into_the_page_and_the_figure(full, tmp_path):
     corner = lon.mean() - 150 * step, lat.mean() + 150 * step
     (tmp_path / "photo.jgw").write_text(f"{step} 0 0 {-step} {corner[0]} {corner[1]}")
     path = full.result.report(tmp_path / "r.html", background=tmp_path / "photo.jpg")
-    data = path.read_text(encoding="utf-8").split('id="figures">')[1].split("</script>")[0]
+    data = Page(path.read_text(encoding="utf-8")).unpacked("figures")
     assert data.count("data:image/png;base64,") == 1
     assert "http" not in data
     drawn = figures.plot_track(full.result, background=tmp_path / "photo.jpg")

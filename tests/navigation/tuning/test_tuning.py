@@ -9,17 +9,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from schuler import units
 from schuler.cli import main
 from schuler.exceptions import InputError, TomlError
 from schuler.files import toml_with
 from schuler.filtering.measurements import POSITION, VELOCITY
 from schuler.navigation.config import NavigationConfig
+from schuler.navigation.evaluation.consistency import state_errors
 from schuler.navigation.inputs.imu_noise import NO_NOISE
 from schuler.navigation.run import STATED_NOISE, navigate, prepared_run
+from schuler.navigation.start.heading import HEADING_CONTRADICTED
 from schuler.navigation.tuning.entries import tuned_configuration
 from schuler.navigation.tuning.lever import LEVER_ESTIMATED
 from schuler.navigation.tuning.likelihood import HORIZONS, Residuals, halves, residuals_of, trials
 from schuler.navigation.tuning.noise import terms_of, with_factors
+from schuler.navigation.tuning.slow import SlowError, with_slow_error
 from schuler.navigation.tuning.tuning import contradicted, tune
 from schuler.recording.io import write
 from schuler.simulation.scenario import prepare_mission, simulate_mission
@@ -132,6 +136,26 @@ def test_noise_so_large_that_it_is_another_motion_is_refused_and_the_run_is_doub
     assert any(reason.startswith(NO_NOISE) for reason in result.verdict.reasons)
 
 
+WIDER = [pytest.param(deg, abs(deg) > 4, marks=pytest.mark.campaign) for deg in (2, -4, 20, 40, -40, 90, -150)]
+
+
+@pytest.mark.parametrize(("off_deg", "doubted"), [(0, False), (-20, True), *WIDER])
+def test_a_given_heading_that_the_log_contradicts_is_doubted(recording, off_deg, doubted):
+    """Tuning makes noise of a heading 20 deg off, and of one 150 deg off; the likelihood of others tells it before."""
+    at = recording.need_reference().at(recording.need_imu().t[:1] + 0.02)
+    rpy = at.rpy_nb[0] / units.DEG + [0.0, 0.0, off_deg]
+    result = navigate(
+        recording,
+        {
+            "imu": {"catalogue": "consumer"},
+            "alignment": {"method": "given", "rpy_deg": [*rpy[:2], float((rpy[2] + 180.0) % 360.0 - 180.0)]},
+            "filter": {"smooth": False},
+        },
+    )
+    assert any(note.startswith(HEADING_CONTRADICTED) for note in result.notes) == doubted
+    assert not doubted or any(reason.startswith(HEADING_CONTRADICTED) for reason in result.verdict.reasons)
+
+
 def test_too_few_fixes_are_refused_with_their_number(recording):
     few = replace(recording, gnss=recording.need_gnss().where(np.arange(len(recording.need_gnss())) < 35))
     with pytest.raises(InputError, match="needs at least 40 GNSS fixes"):
@@ -150,6 +174,56 @@ def test_intervals_cover_what_they_claim(imu):
             low, high = found.intervals[name]
             missed += not low < truth < high
     assert missed <= 6
+
+
+# --- slow errors of positions and of ranges
+
+
+def slow_drift(seed, sigma, tau):
+    return recorded(seed, drift_position_m=[sigma] * 3, drift_time_s=tau)
+
+
+def position_nees(result, log):
+    _, dx, P = state_errors(result, log.need_reference())
+    return float(
+        np.mean(np.einsum("ki,ki->k", dx[:, 6:9], np.linalg.solve(P[:, 6:9, 6:9], dx[:, 6:9, None])[:, :, 0]) / 3)
+    )
+
+
+@pytest.mark.parametrize(("seed", "tau"), [(4, 60.0), pytest.param(2, 20.0, marks=pytest.mark.campaign)])
+def test_a_slow_error_of_fixes_is_recognised_and_gets_its_states(seed, tau):
+    log = slow_drift(seed, 2.0, tau)
+    plain, result = navigate(log, config(tune=False)), navigate(log, config(tune=True))
+    assert any(note.startswith("GNSS positions have a slow error") for note in result.notes)
+    assert "b_r" in result.layout
+    # one error of a minute in a log of minutes: few degrees of freedom (statistical)
+    assert position_nees(plain, log) > 10.0
+    assert 0.02 < position_nees(result, log) < 4.0
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_white_errors_of_fixes_are_not_taken_for_slow_ones(seed):
+    found = tune(prepared_run(recorded(seed), config()))
+    assert found.slow == {}
+
+
+def test_a_slow_error_added_is_that_of_the_configuration(recording):
+    """The start from a fix has the fix's slow error in it, to rounding; scaled as well as configured larger."""
+    added = with_slow_error(prepared_run(recording, config()), SlowError(1.0, 60.0))
+    added = with_factors(added, {"slow": 2.0})
+    slow = {"position_sigma_m": 2.0, "position_tau_s": 60.0}
+    data = {"imu": dict(IMU), "filter": {"smooth": False}, "gnss": {"correlated": slow}}
+    given = prepared_run(recording, NavigationConfig.checked(data))
+    assert added.layout.models == given.layout.models
+    np.testing.assert_allclose(added.initial.P, given.initial.P, rtol=1e-9, atol=1e-12)
+
+
+def test_a_given_start_is_tuned_without_states_it_does_not_have():
+    log = slow_drift(4, 2.0, 60.0)
+    start = prepared_run(log, config()).initial
+    result = navigate(log, config(tune=True), initial=start)
+    assert "b_r" not in result.layout
+    assert "lever" not in result.layout
 
 
 # --- the lever arm of an antenna that nobody stated

@@ -24,13 +24,13 @@ def study():
     return zupt_study()
 
 
-@pytest.mark.parametrize("row", [pytest.param(r, id=f"{r[0]}-{r[1]}-{r[2]}") for r in study().comparison().rows])
-def test_every_anchor_is_met(row):
+def test_every_anchor_is_met():
     """Printed digits, and the 20 % the issue allows; 2.5 % is seen wherever two digits are printed."""
-    quantity, ratio, agrees = row[2], row[5], row[6]
-    assert agrees, row
-    if ratio is not None and not quantity.startswith("b_"):
-        assert ratio == pytest.approx(1.0, abs=0.045)  # one printed digit of 7 deg/h
+    for row in study().comparison().rows:
+        quantity, ratio, agrees = row[2], row[5], row[6]
+        assert agrees, row
+        if ratio is not None and not quantity.startswith("b_"):
+            assert ratio == pytest.approx(1.0, abs=0.045), row  # one printed digit of 7 deg/h
 
 
 def test_anchors_are_all_there():

@@ -91,7 +91,7 @@ def test_figures_can_be_drawn(done):
 
 
 def test_wrong_integrals_are_seen(monkeypatch):
-    assert verdict_of("fig-3.1", 5) == "agrees"
+    assert verdict_of("fig-3.1", 5) == "in part"  # growth from 20 to 30 s; the size was chosen
     right = forms.integral_variance
     monkeypatch.setattr(forms, "integral_variance", lambda *a, **k: 1.1 * right(*a, **k))
     assert verdict_of("fig-3.1", 5) == "differs"
@@ -108,7 +108,7 @@ def test_wrong_white_noise_is_seen(monkeypatch):
 
 def test_wrong_process_noise_is_seen(monkeypatch):
     chapter_4._bound.cache_clear()
-    assert verdict_of("fig-4.1", 1) == "agrees"
+    assert verdict_of("fig-4.1", 1) == "weak"
     assert verdict_of("fig-4.7", 1) == "agrees"
     right = LinearModel.discrete
 
@@ -141,7 +141,7 @@ def test_another_flight_is_seen(monkeypatch):
 
 
 def test_another_table_and_another_sign_are_seen(monkeypatch):
-    assert verdict_of("table-2.4", 1) == "agrees"
+    assert verdict_of("table-2.4", 1) == "transcribed"
     assert verdict_of("fig-6.1", 1) == "agrees"
     right = catalogue.triad
     monkeypatch.setattr(

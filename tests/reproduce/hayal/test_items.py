@@ -34,7 +34,6 @@ DIFFERS = {
     "table-4.4",  # theta_zx at the edge of the factor 1.7: attitudes are not stated
     "table-5.3", "table-A.2", "table-A.4", "table-A.6",  # nine gyroscope parameters from Earth rate
     "table-5.4", "table-B.3",  # ten attitudes: the weakest parameter is chance
-    "text-5.3",  # more runs fail with our last ten attitudes
     "table-5.5", "table-5.6", "table-5.7", "text-5.5",  # position errors beyond the data sheets
 }  # fmt: skip
 
@@ -82,7 +81,7 @@ def test_figures_can_be_drawn(done):
 def test_other_seeds_give_other_numbers(done):
     names = ("table-4.2", "fig-4.2", "table-A.1")
     check_seeds(done, names)
-    assert [verdict_of(name, 2) for name in names] == ["agrees", "agrees", "in part"]
+    assert [verdict_of(name, 2) for name in names] == ["weak", "pattern only", "pattern only"]
 
 
 def test_another_noise_shows(monkeypatch):

@@ -28,7 +28,6 @@ DIFFERS = {
     "text-3.3",  # signs as printed: the filter diverges
     "fig-4.5",  # the end of the path does not depend on rotation
     "text-4.4",  # the mean is not the best
-    "text-4.6",  # too small an R makes over-confident, not worse
     "fig-4.12",  # the check's bias at rest is less than its own initial sigmas leave
     "fig-B.1",  # three of six biases are not seen at rest
 }

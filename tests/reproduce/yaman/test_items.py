@@ -28,7 +28,6 @@ DIFFERS = {
     "table-5.2": "g-sensitivity of 100, drawn with 90, FIX 19",
     "table-5.3": "M_a_xy below the bound of the routine",
     "table-5.3-form": "deviations of misalignments: tilt and window not stated",
-    "table-5.4": "tactical gyroscope biases below N / sqrt(T)",
     "table-5.4-form": "means by P2: window of the average not stated",
     "text-5.2": "several orders claimed, FIX 24; g-sensitivity gains more here",
     "text-5.4": "printed numbers below the noise limit",
@@ -36,10 +35,7 @@ DIFFERS = {
     "table-6.2": "hardware: receiver, unit, route",
     "fig-6.24": "FIX 25",
     "table-6.3": "hardware: receiver, unit, route",
-    "text-6.2.2": "hardware, FIX 25",
 }
-#: With few runs they may agree: a sample of 24 may lie within four standard errors of the printed number.
-SOMETIMES = {"table-5.4"}
 
 verdict_of = partial(theses.verdict_of, ITEMS)
 
@@ -100,7 +96,7 @@ def test_every_item_has_its_verdict(quick):
 def test_what_differs_is_known(quick):
     differs = {r.item.id for r in quick.results if r.verdict == "differs"}
     assert differs - set(DIFFERS) == set()
-    assert set(DIFFERS) - SOMETIMES - differs == set()
+    assert set(DIFFERS) - differs == set()
 
 
 def test_corrected_numbers_are_met(quick):
@@ -129,7 +125,7 @@ def noisier(monkeypatch, factor: float) -> None:
 
 
 def test_another_noise_is_seen(monkeypatch):
-    assert verdict_of("text-E", 101) == "agrees"
+    assert verdict_of("text-E", 101) == "transcribed"
     assert verdict_of("fig-5.3", 101) == "weak"
     noisier(monkeypatch, 100.0)
     assert verdict_of("text-E", 102) == "differs"
@@ -139,7 +135,7 @@ def test_another_noise_is_seen(monkeypatch):
 def test_another_routine_is_seen(monkeypatch):
     import schuler.simulation.routine as routines
 
-    assert verdict_of("fig-6.6", 101) == "agrees"
+    assert verdict_of("fig-6.6", 101) == "transcribed"
     other = routines.six_face_routine()
     monkeypatch.setattr(routines, "thesis_routine", lambda **options: other)
     assert verdict_of("fig-5.2", 101) == "differs"
@@ -156,7 +152,7 @@ def test_another_gravity_is_seen(monkeypatch):
 def test_another_drift_is_seen(monkeypatch, few):
     from schuler.reproduce.yaman.study import static as rest_drift
 
-    assert verdict_of("fig-6.8", 101) == "agrees"
+    assert verdict_of("fig-6.8", 101) == "weak"
     mechanize = rest_drift.mechanize
     monkeypatch.setattr(rest_drift, "mechanize", lambda imu, nav: mechanize(imu, replace(nav, v_eb_e=nav.v_eb_e + 0.1)))
     assert verdict_of("fig-6.8", 101) == "differs"

@@ -39,8 +39,8 @@ def calibrate_ferraris(
     bias: Bias = "all faces",
     estimator: Estimator = "weighted",
     level_sigma: float | None = None,
-    angle_sigma: float = 0.0,
-    axis_sigma: float = 0.0,
+    angle_sigma: float | None = None,
+    axis_sigma: float | None = None,
     instability: tuple[float, float] = (0.0, 0.0),
 ) -> CalibrationResult:
     """Calibrate from six faces and three turns.
@@ -73,10 +73,9 @@ def calibrate_ferraris(
         Of the gyroscopes. "weighted": least squares of all readings. "ferraris": the closed form of the source in the
         steps of imucal: bias as mean of all samples at rest, g-sensitivity from differences, then the turns. It needs
         one pose on each face. Its bias takes up g-sensitivity where the poses are not equally long.
-    angle_sigma : float
-        1 sigma of the angle of each turn. [rad]
-    axis_sigma : float
-        1 sigma of the direction of each axis of turning. [rad]
+    angle_sigma, axis_sigma : float, optional
+        1 sigma of the angle of each turn and of the direction of each axis of turning. None: what the faces say by how
+        level they are (``level_sigma``), times sqrt(2) for the angle, whose both ends are put down by hand. [rad]
     instability : (float, float)
         How much the biases of gyroscope [rad/s] and accelerometer [m/s^2] change from section to section, 1 sigma.
 

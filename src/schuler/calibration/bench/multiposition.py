@@ -20,6 +20,7 @@ from schuler.calibration.bench.poses import Poses
 from schuler.calibration.bench.sensor_geometry import ANGLES, PARAMETERS, triad_parameters
 from schuler.calibration.bench.triad import TriadCalibration, calibrate_triad, to_model, triad_names
 from schuler.calibration.bench.triad_pair import with_turn
+from schuler.calibration.magnetometer.calibrate import estimates_soft_iron, with_poses
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.earth import WGS84
 from schuler.exceptions import InputError
@@ -49,6 +50,8 @@ def calibrate_multiposition(
     between_triads: bool = False,
     start: Start = "continuation",
     halves: bool = True,
+    field_strength: float | None = None,
+    soft_iron: bool | None = None,
 ) -> CalibrationResult:
     """Bias, scale factors and non-orthogonality of both triads from magnitudes.
 
@@ -83,6 +86,10 @@ def calibrate_multiposition(
         See :func:`schuler.calibration.bench.gauss_helmert.adjust`.
     halves : bool
         Hold the claims against halves of the poses, see :mod:`schuler.calibration.bench.halves`.
+    field_strength : float, optional
+        Strength of the local magnetic field, for the scale of a magnetometer. None: relative. [T]
+    soft_iron : bool, optional
+        Estimate the soft iron of a magnetometer. None: with nine poses or more.
 
     Returns
     -------
@@ -163,6 +170,7 @@ def calibrate_multiposition(
         temperature=None if poses.temperature is None else float(poses.temperature.mean()),
         provenance={"schuler": metadata.version("schuler"), "method": "multiposition", "options": options},
     )
+    result = with_poses(result, poses, field_strength, soft_iron)
     if not halves:
         return result
 
@@ -171,6 +179,7 @@ def calibrate_multiposition(
             some, gravity=gravity, latitude=latitude, table_rate=None if rate is None else rate[k],
             accel_order=accel_order, gyro_order=gyro_order, prior_spec=prior_spec, use_prior=use_prior, fixed=fixed,
             between_triads=between_triads, start=start, halves=False,
+            field_strength=field_strength, soft_iron=estimates_soft_iron(result),
         )  # fmt: skip
 
     return halved(result, poses, part)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
+from schuler.calibration.magnetometer.calibrate import magnetic_means
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.standstill.stationarity import StaticIntervals, static_intervals
@@ -34,6 +35,8 @@ class Poses:
         [degC]
     index : ndarray of int, shape (n, 2), or None
         First sample and the one after the last in the log.
+    magnetometer : (ndarray, ndarray), shapes (n, 3), (n,), or None
+        Mean readings of a magnetometer and their 1 sigma. [T]
     parts : (Poses, Poses) or None
         Means over the first and the second half of each interval, to hold claims against.
     """
@@ -47,6 +50,7 @@ class Poses:
     temperature: FloatArray | None = None
     index: IntArray | None = field(default=None)
     parts: tuple[Poses, Poses] | None = field(default=None)
+    magnetometer: tuple[FloatArray, FloatArray] | None = field(default=None)
 
     def __post_init__(self) -> None:
         n = len(as_floats(self.f, "f", (None, 3)))
@@ -77,6 +81,7 @@ class Poses:
             self.f[k], self.omega[k], self.sigma_f[k], self.sigma_omega[k], self.start[k], self.stop[k],
             None if self.temperature is None else self.temperature[k], None if self.index is None else self.index[k],
             None if self.parts is None else (self.parts[0].of(k), self.parts[1].of(k)),
+            None if self.magnetometer is None else (self.magnetometer[0][k], self.magnetometer[1][k]),
         )  # fmt: skip
 
 
@@ -97,7 +102,11 @@ def joined(several: Sequence[Poses]) -> Poses:
     f, omega, sigma_f, sigma_omega, start, stop = (np.concatenate([getattr(p, n) for p in several]) for n in _ARRAYS)
     halves = [p.parts for p in several if p.parts is not None]
     parts = (joined([h[0] for h in halves]), joined([h[1] for h in halves])) if len(halves) == len(several) else None
-    return Poses(f, omega, sigma_f, sigma_omega, start, stop, temperature, parts=parts)
+    magnetic = [p.magnetometer for p in several if p.magnetometer is not None]
+    m = None
+    if len(magnetic) == len(several):
+        m = (np.concatenate([x for x, _ in magnetic]), np.concatenate([s for _, s in magnetic]))
+    return Poses(f, omega, sigma_f, sigma_omega, start, stop, temperature, parts=parts, magnetometer=m)
 
 
 def poses_of(
@@ -186,7 +195,7 @@ def _means(rates: ImuSeries, index: list[tuple[int, int]], noise: tuple[ArrayLik
     spans_used = np.array([(rates.t[a], rates.t[b - 1]) for a, b in index])
     return Poses(
         np.array(f), np.array(omega), np.array(sigma_f), np.array(sigma_omega), spans_used[:, 0], spans_used[:, 1],
-        np.array(T) if T else None, np.array(index),
+        np.array(T) if T else None, np.array(index), magnetometer=magnetic_means(rates, index),
     )  # fmt: skip
 
 

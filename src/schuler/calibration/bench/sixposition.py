@@ -23,6 +23,7 @@ from schuler.calibration.bench.halves import halved
 from schuler.calibration.bench.joint_result import axis_residuals, bench_result, describe_earth_rate, describe_level
 from schuler.calibration.bench.linear_fit import LinearFit
 from schuler.calibration.bench.poses import Poses
+from schuler.calibration.magnetometer.calibrate import estimates_soft_iron, with_poses
 from schuler.calibration.result.parameters import AXES, BIAS_A, BIAS_G, MATRIX_A, MATRIX_G, SENSITIVITY
 from schuler.calibration.result.result import CalibrationResult
 from schuler.earth import WGS84
@@ -53,6 +54,8 @@ def calibrate_sixposition(
     gyro: Gyro | None = None,
     instability: tuple[float, float] = (0.0, 0.0),
     halves: bool = True,
+    field_strength: float | None = None,
+    soft_iron: bool | None = None,
 ) -> CalibrationResult:
     """Calibrate on the six faces.
 
@@ -88,6 +91,10 @@ def calibrate_sixposition(
         How much the biases of gyroscope [rad/s] and accelerometer [m/s^2] change from pose to pose, 1 sigma.
     halves : bool
         Hold the claims against halves of the poses, see :mod:`schuler.calibration.bench.halves`.
+    field_strength : float, optional
+        Strength of the local magnetic field, for the scale of a magnetometer. None: relative. [T]
+    soft_iron : bool, optional
+        Estimate the soft iron of a magnetometer. None: with nine poses or more.
 
     Returns
     -------
@@ -180,6 +187,7 @@ def calibrate_sixposition(
         temperature=None if rest.temperature is None else float(rest.temperature.mean()),
         extra={"faces": list(used.names), "level_sigma": level},
     )  # fmt: skip
+    result = with_poses(result, rest, field_strength, soft_iron)
     if not halves:
         return result
 
@@ -188,6 +196,7 @@ def calibrate_sixposition(
             some, gravity=gravity, improved=improved, latitude=latitude, bias=bias, level_sigma=level,
             headings=None if all_headings is None else all_headings[k], heading_sigma=heading_sigma, gyro=mode,
             instability=instability, faces=None if faces is None else [faces[int(i)] for i in k], halves=False,
+            field_strength=field_strength, soft_iron=estimates_soft_iron(result),
         )  # fmt: skip
 
     return halved(result, poses, part)

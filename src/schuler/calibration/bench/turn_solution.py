@@ -27,6 +27,7 @@ from schuler.calibration.bench.turns import Turns, readings_of_turns
 from schuler.calibration.result.parameters import BIAS_A, BIAS_G, LINEAR, MATRIX_A, MATRIX_G, SENSITIVITY
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.exceptions import InputError
+from schuler.units import DEG
 
 #: What determines a family of parameters.
 ADVICE = {
@@ -53,7 +54,7 @@ def solve_turns(
     bias: Bias,
     level_sigma: float | None,
     heading_sigma: float,
-    sigmas: Mapping[str, float],
+    sigmas: Mapping[str, float | None],
     instability: tuple[float, float],
     own_axis_only: bool = False,
     fit: Callable[[GyroReadings, Poses, Faces, Turns], LinearFit] | None = None,
@@ -69,8 +70,9 @@ def solve_turns(
     method : str
     accel_wanted : bool
         Refuse where the accelerometers are not determined; else leave them out.
-    sigmas : mapping of str to float
+    sigmas : mapping of str to float or None
         ``angle_sigma``, ``rate_sigma``, ``axis_sigma`` of :func:`schuler.calibration.bench.turns.readings_of_turns`.
+        None: as the faces are level.
     own_axis_only : bool
         Each gyroscope from turns about its own axis only.
     fit : callable, optional
@@ -140,9 +142,21 @@ def solve_turns(
                 warnings.append(f"only {6 - len(faces.missing)} of the six faces: {', '.join(faces.missing)} missing")
         elif accel is None:
             remarks.append("the accelerometers are not calibrated: not at rest on " + ", ".join(faces.missing))
+    stated = {name: 0.0 if value is None else value for name, value in sigmas.items()}
+    if None in sigmas.values():
+        by_hand = float(also.get("level_sigma") or 0.0)
+        stated |= {
+            name: by_hand * (np.sqrt(2.0) if name == "angle_sigma" else 1.0) for name, v in sigmas.items() if v is None
+        }
+        also |= stated
+        if by_hand:
+            remarks.append(
+                f"turns are whole to {np.sqrt(2.0) * by_hand / DEG:.2g} deg and their axes true to {by_hand / DEG:.2g} "
+                "deg, as the faces are level; state angle_sigma and axis_sigma if a fixture does better"
+            )
     turning, doubts = readings_of_turns(
         turns, force_in_turns(turns, fits.get("accel"), accel), gravity=gravity, latitude=latitude, axis_n=axis_n,
-        instability=instability[0], **sigmas,
+        instability=instability[0], **stated,
     )  # fmt: skip
     readings = GyroReadings.joined([*parts, turning])
     if fit is not None and used is not None and faces is not None:
@@ -175,7 +189,7 @@ def solve_turns(
         return solve_turns(
             method, turns, some, gravity=gravity, g_sensitivity=g_sensitivity, latitude=latitude,
             headings=None if all_headings is None else all_headings[k], axis_n=axis_n, accel=accel,
-            accel_wanted=accel_wanted, bias=bias, level_sigma=level_held, heading_sigma=heading_sigma, sigmas=sigmas,
+            accel_wanted=accel_wanted, bias=bias, level_sigma=level_held, heading_sigma=heading_sigma, sigmas=stated,
             instability=instability, own_axis_only=own_axis_only, fit=fit, halves=False,
         )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,7 @@ from schuler.calibration.result.halves import checked, halves_of, tried
 from schuler.calibration.result.parameters import LINEAR
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 from schuler.recording.series import ImuSeries
 from schuler.standstill.rests import field_rests, given_rests
 from schuler.standstill.stationarity import StaticIntervals
@@ -40,8 +41,8 @@ LARGEST_SHARE = 0.3
 _NEARLY = 0.5  # largest change over sigma in a pass whose residuals are tested for their noise
 
 
-@dataclass(frozen=True)
-class FieldCalibration:
+@dataclass(frozen=True, repr=False)
+class FieldCalibration(Displayed):
     """Result of a field calibration, with the rests, passes and innovations behind it.
 
     Attributes
@@ -92,6 +93,12 @@ class FieldCalibration:
         if len(self.passes) < 2:
             return float("nan")
         return float(np.max(np.abs(self.passes[-1] - self.passes[-2]) / self.calibration.sigma))
+
+    def _headline(self) -> str:
+        return f"{self.calibration._headline()}; {self.rests.summary().partition(chr(10))[0]}"
+
+    def _facts(self) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+        return self.calibration._facts()
 
     def plot(self, **options: Any) -> Figure:
         """Estimates and uncertainties over time (matplotlib), see :mod:`schuler.calibration.report.field_figures`."""

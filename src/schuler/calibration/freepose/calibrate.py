@@ -17,6 +17,7 @@ from schuler.calibration.freepose.motion import PLACES, MotionFit, fit_motion
 from schuler.calibration.freepose.rests import MARGINS, Rests, pose_means, tedaldi_rests
 from schuler.calibration.freepose.result import freepose_result, refused_result, undetermined
 from schuler.calibration.freepose.turns import Turns, nominal_scale
+from schuler.calibration.magnetometer.calibrate import estimates_soft_iron, magnetic_means, with_magnetometer
 from schuler.calibration.result.halves import checked, halves_of, tried, without_thirds
 from schuler.calibration.result.parameters import BIAS_G, MATRIX_G, SENSITIVITY
 from schuler.calibration.result.result import CalibrationResult
@@ -53,6 +54,8 @@ def calibrate_freepose(
     window_s: float = 1.0,
     min_s: float = 1.0,
     halves: bool = True,
+    field_strength: float | None = None,
+    soft_iron: bool | None = None,
 ) -> CalibrationResult:
     """Calibrate accelerometers and gyroscopes from a log of an IMU that was put down by hand in many poses.
 
@@ -91,6 +94,10 @@ def calibrate_freepose(
         Window of the detector and shortest rest. [s]
     halves : bool
         Hold the claims against halves of the log, see Notes.
+    field_strength : float, optional
+        Strength of the local magnetic field, for the scale of a magnetometer. None: relative. [T]
+    soft_iron : bool, optional
+        Estimate the soft iron of a magnetometer. None: with nine poses or more.
 
     Returns
     -------
@@ -179,24 +186,28 @@ def calibrate_freepose(
     if best is None:
         return refused_result(largest, None, factors, gravity, rates, names, options)
     _, poses, accel, factor_a = best
-    weak = undetermined(accel)
-    if len(weak) > MOST_UNDETERMINED or (weak and len(poses) < FEWEST + REDUNDANCY):
-        return refused_result(poses, accel, factors or (factor_a, 1.0), gravity, rates, names, options)
-
-    # 2. Turns between them.
-    result = _with_gyroscopes(imu, rates, poses, accel, factor_a, factors, gravity, noise, options)
-    if not halves or rests == "tedaldi":
+    result = _solved(
+        imu, rates, poses, accel, factor_a, factors, gravity, noise, options, field=field_strength, soft_iron=soft_iron
+    )
+    if not halves or rests == "tedaldi" or result.status == "refused":
         return result
-    spans = [(float(rates.t[a]), float(rates.t[b - 1])) for a, b in poses.index]
+
+    # 3. Parts of the rests by themselves, from the solution of all.
+    of_part = options | {"initial_rest_s": None, "g_sensitivity": SENSITIVITY[0] in result.names}
+    start = result.errors.M_g if np.isfinite(result.sigma[[n in MATRIX_G for n in result.names]]).all() else None
 
     def part(which: list[int]) -> CalibrationResult:
-        return calibrate_freepose(
-            imu, gravity=gravity, noise=noise, gyro_bias=gyro_bias, g_sensitivity=SENSITIVITY[0] in result.names,
-            size_effect=size_effect, delay=delay, robust=robust, nominal=result.nominal,
-            intervals=[spans[k] for k in which], halves=False,
+        some = pose_means(rates, interval, np.ascontiguousarray(poses.index[which]), poses.margin)
+        if len(some) < FEWEST:
+            return refused_result(some, None, result.nominal, gravity, rates, names, of_part)
+        sigma = _sigma_f(some, noise, factor_a)
+        fit = fit_accelerometers(factor_a * some.accel, sigma, gravity, robust=robust, start=accel.p)
+        return _solved(
+            imu, rates, some, fit, factor_a, result.nominal, gravity, noise, of_part, field=field_strength,
+            soft_iron=estimates_soft_iron(result), start=start,
         )  # fmt: skip
 
-    every = list(range(len(spans)))
+    every = list(range(len(poses)))
     causes = result.extra.get("bias_causes", [])
     pairs = {
         name: tried(part, (every[a], every[b])) if len(every) >= 2 * FEWEST else None
@@ -209,6 +220,33 @@ def calibrate_freepose(
     return checked(result, pairs, causes=causes, needs=needs)
 
 
+def _solved(
+    imu: ImuSeries,
+    rates: ImuSeries,
+    rests: Rests,
+    accel: AccelFit,
+    factor_a: float,
+    factors: tuple[float, float] | None,
+    gravity: float,
+    noise: tuple[ArrayLike, ArrayLike] | None,
+    options: dict[str, Any],
+    *,
+    field: float | None,
+    soft_iron: bool | None,
+    start: FloatArray | None = None,
+) -> CalibrationResult:
+    """All that follows the accelerometers: gyroscopes, magnetometer, result. ``start`` is M_g, if nearly known."""
+    weak = undetermined(accel)
+    if len(weak) > MOST_UNDETERMINED or (weak and len(rests) < FEWEST + REDUNDANCY):
+        names = _parameter_names(bool(options["g_sensitivity"]), options["size_effect"], options["delay"])
+        return refused_result(rests, accel, factors or (factor_a, 1.0), gravity, rates, names, options)
+    result = _with_gyroscopes(imu, rates, rests, accel, factor_a, factors, gravity, noise, options, start)
+    if (magnetic := magnetic_means(rates, rests.index)) is not None:
+        labels = result.residuals["accel"].label
+        result = with_magnetometer(result, rests.accel, *magnetic, labels, field=field, soft_iron=soft_iron)
+    return result
+
+
 def _with_gyroscopes(
     imu: ImuSeries,
     rates: ImuSeries,
@@ -219,6 +257,7 @@ def _with_gyroscopes(
     gravity: float,
     noise: tuple[ArrayLike, ArrayLike] | None,
     options: dict[str, Any],
+    start: FloatArray | None,
 ) -> CalibrationResult:
     """Second step: gyroscopes in the axes of the calibrated accelerometers, and the result."""
     # a small weight is a larger noise
@@ -229,7 +268,7 @@ def _with_gyroscopes(
     factor_g = 1.0 if factors is None else factors[1]
     enough = 2 * len(turns.spans) >= _gyro_count(options) and bool(rates.gyro.any())
     if enough:
-        scale = nominal_scale(turns, raw_bias)
+        scale = nominal_scale(turns, raw_bias) if start is None else factor_g
         factor_g = scale if factors is None else factors[1]
     if noise is not None:
         rests = replace(rests, density_g=np.broadcast_to(np.asarray(noise[0], dtype=float), (3,)) / factor_g)
@@ -240,7 +279,8 @@ def _with_gyroscopes(
         gyro = fit_gyroscopes(
             turns, rests, accel, sigma_f, factor_g, factor_g * bias.value, factor_g * bias.sigma,
             estimate_bias=options["gyro_bias"] == "estimate", g_sensitivity=bias.by_force, robust=options["robust"],
-            M=np.eye(3) * (factor_g / scale - 1.0), rest_covariance=factor_g**2 * bias.scatter.rests,
+            M=np.eye(3) * (factor_g / scale - 1.0) if start is None else start, near=start is not None,
+            rest_covariance=factor_g**2 * bias.scatter.rests,
             # that of a turn is the mean of its neighbours; programs to compare with weigh all turns alike
             wander=0.0 if options["rests"] == "tedaldi" else np.sqrt(0.5) * factor_g * _rms(bias.scatter.sigma),
         )  # fmt: skip

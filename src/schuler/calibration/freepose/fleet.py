@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -16,8 +20,12 @@ from schuler.calibration.result.result import CalibrationResult, Status
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 
-#: Logs that are worth one more process: it takes two seconds to start, a log of two minutes 12 ms.
-WORTH = 250
+#: Work that is worth one more process, which takes two seconds to start. [s]
+WORTH_S = 10.0
+#: A calibration, or why there is none.
+Outcome: TypeAlias = CalibrationResult | str
+_TIMED = 8  # logs that say how long one takes
+_CHUNK = 4  # logs that are sent together: sending costs a hundredth of calibrating
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +104,12 @@ class FleetTable:
 
 
 def calibrate_fleet(
-    logs: Sequence[ImuSeries], *, workers: int | None = None, labels: Sequence[str] | None = None, **options: Any
+    logs: Sequence[ImuSeries],
+    *,
+    workers: int | None = None,
+    labels: Sequence[str] | None = None,
+    halves: bool = False,
+    **options: Any,
 ) -> FleetTable:
     """Calibrate many units with :func:`~schuler.calibration.freepose.calibrate.calibrate_freepose`.
 
@@ -105,9 +118,13 @@ def calibrate_fleet(
     logs : sequence of ImuSeries
         One of each unit.
     workers : int, optional
-        How many run at once; None: one for each processor, fewer for few logs. The result does not depend on it.
+        How many run at once, this process among them; None: one for each processor, fewer where the work is done
+        before they have started. The result does not depend on it.
     labels : sequence of str, optional
         Serial numbers; default ``unit 1`` ...
+    halves : bool
+        Hold the claims of each unit against halves of its log, as a single calibration does by default; it takes more
+        than twice the time. Without it sigmas are as claimed, and ``extra["halves"]`` of each result says so.
     **options
         As for ``calibrate_freepose``, the same for all.
 
@@ -124,9 +141,11 @@ def calibrate_fleet(
 
     Notes
     -----
-    Workers are processes that start afresh ("spawn"), which takes each two seconds: few logs are worked on in this
-    process unless ``workers`` says otherwise. As always with such processes, a script that calls this needs
-    ``if __name__ == "__main__":``. Each log is worked on by itself, hence the same numbers with any number of workers.
+    A calibration is Python for the most part, so threads do not share it. Without ``workers`` the first eight logs are
+    timed in this process, which is joined by another one for every ten seconds of work that are left. Those start
+    afresh ("spawn"), which takes each two seconds while this one goes on; as always with such processes, a script that
+    calls this needs ``if __name__ == "__main__":``. Each log is worked on by itself, hence the same numbers with any
+    number of workers; logs of a process that dies are done in this one.
     """
     if len(logs) == 0:
         raise InputError("logs: expected one log or more, got none")
@@ -139,27 +158,72 @@ def calibrate_fleet(
 
     kernels.prepare_freepose()
 
-    n = min(workers or os.cpu_count() or 1, len(logs) if workers else 1 + len(logs) // WORTH)
-    one = partial(_one, options=options)
+    one = partial(_one, options=options | {"halves": halves})
+    n, results = min(workers or 1, len(logs)), []
+    if workers is None:
+        took = []
+        for log in logs[:_TIMED]:
+            began = time.perf_counter()
+            results.append(one(log))
+            took.append(time.perf_counter() - began)
+        left_s = float(np.median(took)) * (len(logs) - len(results))
+        n = min(os.cpu_count() or 1, 1 + int(left_s / WORTH_S))
+    left = logs[len(results) :]
     if n == 1:
-        results = [one(log) for log in logs]
+        results += [one(log) for log in left]
     else:
         from concurrent.futures import ProcessPoolExecutor
         from multiprocessing import get_context
 
-        with ProcessPoolExecutor(n, get_context("spawn")) as pool:
-            results = list(pool.map(one, logs, chunksize=max(1, min(16, len(logs) // (4 * n)))))
+        with ProcessPoolExecutor(n - 1, get_context("spawn")) as pool:
+            results += _shared(one, left, pool, n - 1)
     return _table(results, tuple(labels) if labels is not None else tuple(f"unit {k + 1}" for k in range(len(logs))))
 
 
-def _one(log: ImuSeries, options: dict[str, Any]) -> CalibrationResult | str:
+def _shared(
+    one: Callable[[ImuSeries], Outcome], logs: Sequence[ImuSeries], pool: Executor, others: int
+) -> list[Outcome]:
+    """Results in the order of the logs: from the front in this process, from the back in the others of a pool."""
+    size = max(1, min(_CHUNK, len(logs) // (4 * (others + 1))))
+    chunks = deque(range(k, min(k + size, len(logs))) for k in range(0, len(logs), size))
+    results: dict[int, Outcome] = {}
+    given: dict[Future[list[Outcome]], range] = {}
+    while chunks or given:
+        try:
+            # two ahead, so that none waits for this process; the last one is for this process
+            while len(chunks) > 1 and len(given) < 2 * others:
+                given[pool.submit(_several, one, [logs[k] for k in chunks[-1]])] = chunks[-1]
+                chunks.pop()
+            if chunks:
+                results |= {k: one(logs[k]) for k in chunks.popleft()}
+                finished = {f for f in given if f.done()}
+            else:
+                finished, _ = wait(given, return_when=FIRST_COMPLETED)
+            for future in finished:
+                results |= zip(given[future], future.result(), strict=True)
+                del given[future]
+        except BrokenProcessPool:
+            chunks.extend(given.values())
+            given, others = {}, 0
+    return [results[k] for k in range(len(logs))]
+
+
+def _several(one: Callable[[ImuSeries], Outcome], logs: Sequence[ImuSeries]) -> list[Outcome]:
+    return [one(log) for log in logs]
+
+
+def _one(log: ImuSeries, options: dict[str, Any]) -> Outcome:
     try:
-        return calibrate_freepose(log, **options)
+        result = calibrate_freepose(log, **options)
     except InputError as error:
         return str(error)
+    if options["halves"] or result.status == "refused":
+        return result
+    note = {"splits": {}, "widened": {}, "note": "not compared: fleets leave it out unless halves=True"}
+    return replace(result, extra=result.extra | {"halves": note})
 
 
-def _table(results: list[CalibrationResult | str], label: tuple[str, ...]) -> FleetTable:
+def _table(results: list[Outcome], label: tuple[str, ...]) -> FleetTable:
     names = next((r.names for r in results if not isinstance(r, str)), ())
     n = len(results)
     values, sigma = np.zeros((n, len(names))), np.full((n, len(names)), np.inf)

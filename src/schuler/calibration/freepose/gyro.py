@@ -93,6 +93,7 @@ def fit_gyroscopes(
     g_sensitivity: bool,
     robust: bool,
     M: FloatArray,
+    near: bool = False,
     rest_covariance: FloatArray | None = None,
     wander: float = 0.0,
 ) -> GyroFit:
@@ -113,6 +114,8 @@ def fit_gyroscopes(
     estimate_bias, g_sensitivity, robust : bool
     M : ndarray, shape (3, 3)
         Start of the response.
+    near : bool
+        The start is good to a few sigma: no coarse fit before, and steps end at a hundredth of a sigma.
     rest_covariance : ndarray, shape (3, K, K), optional
         Covariance of the rates at rest of each axis, scatter between rests included, for ``g_sensitivity``. None: noise
         alone. [(rad/s)^2]
@@ -138,7 +141,7 @@ def fit_gyroscopes(
         rows = np.column_stack((np.ones(len(turns.f)), turns.f))
         x = np.linalg.lstsq(rows, nominal * rests.gyro, rcond=None)[0]
         start = replace(start, b=np.array(x[0], dtype=np.float64), G=np.array(x[1:].T, dtype=np.float64))
-    parameters, history = _coarse_fit(turns, nominal, start)
+    parameters, history = (start, [start.vector]) if near else _coarse_fit(turns, nominal, start)
     estimated, n = start.estimated, len(turns.spans)
     tangent = tangents(turns.up[turns.pair[:, 1]])
     up_noise, to_accel = direction_noise(turns, accel, sigma_f)
@@ -176,7 +179,7 @@ def fit_gyroscopes(
         if not np.isfinite(dx).all() or np.linalg.det(np.eye(3) + parameters.M) < 1e-3:
             parameters = replace(parameters, M=history[-2][:9].reshape(3, 3))
             break
-        if k >= 3 and float(np.abs(dx[:9]).max()) < 1e-9:
+        if k >= 2 and float(dx @ N @ dx) < 1e-4 if near else k >= 3 and float(np.abs(dx[:9]).max()) < 1e-9:
             break
     if too_many_outliers(weight):
         return fit_gyroscopes(

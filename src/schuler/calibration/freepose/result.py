@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib.metadata import version
 from typing import Any, NamedTuple
 
@@ -32,8 +33,14 @@ MISFIT = 0.2
 ON, OFF = "g_sensitivity=True", "g_sensitivity=False"
 
 
+@cache
+def _version() -> str:
+    """Version of the package; reading it takes as long as fitting the accelerometers."""
+    return version("schuler")
+
+
 def _provenance(options: dict[str, Any]) -> dict[str, Any]:
-    return {"schuler": version("schuler"), "method": "freepose", "options": options}
+    return {"schuler": _version(), "method": "freepose", "options": options}
 
 
 def _temperature(imu: ImuSeries) -> float | None:

@@ -31,6 +31,7 @@ def hand_log(
     places: ArrayLike | None = None,
     delay: float = 0.0,
     sway: float = 0.0,
+    field_n: ArrayLike | None = None,
 ) -> ImuSeries:
     """Increments of an IMU put down in one pose after another.
 
@@ -58,6 +59,8 @@ def hand_log(
         By which the gyroscopes report later than the accelerometers. [s]
     sway : float
         The unit is carried this far and back along each level axis in every turn. [m]
+    field_n : array_like, shape (3,), optional
+        Magnetic flux density north, east, down, which a magnetometer without errors measures. [T]
 
     Returns
     -------
@@ -103,6 +106,8 @@ def hand_log(
     C_nb = np.eye(3)
     dtheta = [np.zeros((max(2, round(initial_rest_s * rate_hz)), 3))]
     f = [np.tile(gravity * up, (len(dtheta[0]), 1))]
+    b_n = np.zeros(3) if field_n is None else as_floats(field_n, "field_n", (3,))
+    m = [np.tile(b_n, (len(dtheta[0]), 1))]
     for rotvec in rotvecs:
         dtheta.append(late[:, None] * rotvec)
         dtheta.append(np.zeros((n_rest - reach, 3)))
@@ -111,11 +116,14 @@ def hand_log(
         omega, alpha = speed[:, None] * rotvec, speed_rate[:, None] * rotvec
         lever = np.cross(alpha[:, None, :], arms) + np.cross(omega[:, None, :], np.cross(omega[:, None, :], arms))
         f.append(np.einsum("kji,kj->ki", C, force_n) + np.einsum("kii->ki", lever))
+        m.append(np.einsum("kji,j->ki", C, b_n))
         C_nb = C_nb @ dcm_from_rotvec(rotvec)
+        m.append(np.tile(b_n @ C_nb, (n_rest, 1)))
         f.append(np.tile(gravity * (C_nb.T @ up), (n_rest, 1)))
     angles, forces = np.concatenate(dtheta), np.concatenate(f)
     gyro, accel, _ = errors.apply_increments(angles, forces * dt, dt, rng)
-    return ImuSeries(np.asarray(dt * np.arange(1, len(gyro) + 1), dtype=np.float64), gyro, accel, "increment")
+    t = np.asarray(dt * np.arange(1, len(gyro) + 1), dtype=np.float64)
+    return ImuSeries(t, gyro, accel, "increment", magnetometer=None if field_n is None else np.concatenate(m))
 
 
 def spread_turns(n: int, rng: np.random.Generator) -> FloatArray:

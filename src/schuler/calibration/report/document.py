@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.calibration.report.panels import all_figures
+from schuler.calibration.report.panels import all_figures, correlation_map
 from schuler.calibration.report.thermal_figure import thermal_content
 from schuler.calibration.result.parameters import GAUGES
 from schuler.calibration.result.result import CalibrationResult, Residuals
@@ -79,7 +79,7 @@ def calibration_report(
         Section("coverage", "Directions covered", (figures.get("coverage", ""),)),
         Section("before_after", "Before and after", (figures.get("before_after", ""),)),
         Section("temperature", "Over temperature", (thermal_content(result),) if "thermal" in result.extra else ()),
-        Section("correlations", "Correlations", (_correlations(result),)),
+        Section("correlations", "Correlations", (_correlations(result), correlation_map(result) or "")),
         Section("change", "Change since the previous calibration", (_change(result, previous),)),
         Section("extra", "Further results", (_extra(result),)),
         Section("provenance", "Provenance", (_provenance(result, recording_summary),)),

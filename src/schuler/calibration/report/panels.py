@@ -7,12 +7,15 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.calibration.result.sheet import sheet
-from schuler.plotting.figure import Band, Bars, Figure, Item, Line, Markers, Panel, Text, level
+from schuler.plotting.figure import Band, Bars, Figure, Item, Line, Markers, Panel, Picture, Text, level
+from schuler.plotting.heat import SIGNED, colours, frame, key
 from schuler.units import DEG
 
 _OUTLIER = 3.0  # residuals beyond so many sigma are marked
 _GRID = 2000  # places asked for their distance to the nearest pose: every 2.5 degrees
 _ROLES = ("filtered", "read_off", "smoothed")  # one may lie on the other: dots, rings, dots
+
+_STRONG = 0.9  # correlation of two parameters that is marked
 
 
 def all_figures(result: CalibrationResult) -> list[Figure]:
@@ -140,6 +143,33 @@ def parameters(result: CalibrationResult) -> Figure | None:
         columns=2,
         linked=False,
     )
+
+
+def correlation_map(result: CalibrationResult) -> Figure | None:
+    """Correlations of all estimated parameters as a heat map; None for fewer than two that are determined."""
+    determined = np.flatnonzero(np.isfinite(result.sigma) & (result.sigma > 0.0))
+    n = len(determined)
+    if n < 2:
+        return None
+    names = [result.names[i] for i in determined]
+    C = result.correlation[np.ix_(determined, determined)]
+    picture = Picture(-0.5, n - 0.5, -0.5, n - 0.5, colours(np.repeat(np.repeat(C, 8, axis=0), 8, axis=1), SIGNED))
+    first, second = np.triu_indices(n, 1)
+    strong = np.abs(C[first, second]) > _STRONG
+    x, y = (np.asarray(v, dtype=np.float64) for v in (second[strong], n - 1.0 - first[strong]))
+    where = Markers(x, y, "read_off", f"beyond {_STRONG:g}")
+    items: tuple[Item, ...] = (picture, frame(picture), *((where,) if strong.any() else ()))
+    ticks = tuple((n - 1.0 - i, name) for i, name in enumerate(names))
+    panel = Panel(
+        "number of the parameter, from above and from the left [-]", "", items, x_limits=(-0.5, n - 0.5),
+        y_limits=(-0.5, n - 0.5), grid=False, y_ticks=ticks, height=max(1.0, 0.1 * n),
+    )  # fmt: skip
+    caption = (
+        "Parameters that the log cannot tell apart are strongly correlated: blue below zero, orange above; their sum "
+        "or difference is known better than either."
+    )
+    scale = key("correlation [-]", (-1.0, 1.0), SIGNED)
+    return Figure("correlations", "Correlation of the parameters", caption, (panel, scale), linked=False)
 
 
 def _parameters_panel(result: CalibrationResult, family: str, names: list[str]) -> Panel:

@@ -195,7 +195,7 @@ def with_nominal(result: CalibrationResult, nominal: tuple[float, float]) -> Cal
         ``s y = b + (I + M) f`` with ``s' = k s`` becomes ``b' = k b``, ``I + M' = k (I + M)``, ``G' = k G``,
         ``Q' = k Q``. Without ``extra``, residuals and history, which are in the old units.
     """
-    k = {"a": nominal[0] / result.nominal[0], "g": nominal[1] / result.nominal[1]}
+    k = {"a": nominal[0] / result.nominal[0], "g": nominal[1] / result.nominal[1], "m": 1.0}
     if all(abs(v - 1.0) < 1e-15 for v in k.values()):
         return result
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -34,11 +34,14 @@ class Split:
         Root mean square difference over its claimed sigma, by block of parameters: ``b_a``, ``M_a``, ``b_g``, ...
     probability : dict of str to float
         Of larger differences by chance, correlations counted.
+    expected : dict of str to (float, float)
+        Interval that holds 95 % of the root mean squares, were the claims exact: a block of three has 0.27 to 1.77.
     """
 
     name: str
     rms: dict[str, float]
     probability: dict[str, float]
+    expected: dict[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def split(name: str, a: CalibrationResult, b: CalibrationResult, skip: Sequence[str] = ()) -> Split | None:
@@ -52,6 +55,7 @@ def split(name: str, a: CalibrationResult, b: CalibrationResult, skip: Sequence[
     good = np.isfinite(sigma) & (sigma > 0.0)
     rms: dict[str, float] = {}
     p: dict[str, float] = {}
+    expected: dict[str, tuple[float, float]] = {}
     for block in dict.fromkeys(block_of(n) for n in difference.names):
         if block in skip:
             continue
@@ -65,7 +69,35 @@ def split(name: str, a: CalibrationResult, b: CalibrationResult, skip: Sequence[
         squared = float((((Q.T @ z)[keep]) ** 2 / values[keep]).sum())
         rms[block] = float(np.sqrt(np.mean(z * z)))
         p[block] = float(chi2.sf(squared, int(keep.sum())))
-    return Split(name, rms, p) if rms else None
+        expected[block] = rms_interval(values)
+    return Split(name, rms, p, expected) if rms else None
+
+
+def rms_interval(eigenvalues: FloatArray, level: float = 0.95) -> tuple[float, float]:
+    """Interval of the root mean square of correlated standard normal numbers.
+
+    Parameters
+    ----------
+    eigenvalues : ndarray, shape (n,)
+        Of their correlation matrix.
+    level : float
+
+    Returns
+    -------
+    (float, float)
+        The mean square is a sum of chi-squares of one degree of freedom with the eigenvalues as weights; it is taken
+        for a multiple of one chi-square with its mean and variance.
+
+    References
+    ----------
+    Satterthwaite (1946), Biometrics Bulletin 2, 110-114.
+    """
+    from scipy.stats import chi2
+
+    weights = np.maximum(eigenvalues, 0.0)
+    freedom = float(weights.sum() ** 2 / np.square(weights).sum())
+    low, high = chi2.ppf([0.5 - 0.5 * level, 0.5 + 0.5 * level], freedom) / freedom
+    return float(np.sqrt(low)), float(np.sqrt(high))
 
 
 def block_of(name: str) -> str:
@@ -99,9 +131,10 @@ def checked(
     Returns
     -------
     CalibrationResult
-        ``extra["halves"]``: ``splits`` (root mean square difference in claimed sigmas by block), ``widened`` (factor on
-        the sigma of a block) and ``verdict``. A block is widened by the largest of its root mean squares that chance
-        gives less often than :data:`WIDEN`. Doubtful is a ``warning``.
+        ``extra["halves"]``: ``splits`` (root mean square difference in claimed sigmas by block), ``expected`` (where
+        95 % of these lie, were the claims exact), ``widened`` (factor on the sigma of a block) and ``verdict``. A block
+        is widened by the largest of its root mean squares that chance gives less often than :data:`WIDEN`. Doubtful is
+        a ``warning``.
 
     Notes
     -----
@@ -135,6 +168,7 @@ def checked(
     factor = np.array([widened.get(block_of(n), 1.0) for n in result.names])
     halves: dict[str, Any] = {
         "splits": {s.name: {b: float(f"{z:.3g}") for b, z in s.rms.items()} for s in splits},
+        "expected": {s.name: {b: [float(f"{x:.3g}") for x in ab] for b, ab in s.expected.items()} for s in splits},
         "widened": {b: float(f"{k:.3g}") for b, k in widened.items()}, "verdict": verdict.to_dict(),
     }  # fmt: skip
     sentences = list(result.verdicts)
@@ -210,10 +244,16 @@ def halves_words(result: CalibrationResult) -> str:
         return ""
     if not halves.get("splits"):
         return str(halves.get("note", ""))
+    expected = halves.get("expected", {})
+
+    def block_words(split: str, block: str, z: float) -> str:
+        low, high = expected.get(split, {}).get(block, (None, None))
+        return f"{block} {z:.2g}" + ("" if low is None else f" ({low:.2g} to {high:.2g})")
+
     text = "; ".join(
-        f"{name}: {', '.join(f'{block} {z:.2g}' for block, z in blocks.items())}"
+        f"{name}: {', '.join(block_words(name, block, z) for block, z in blocks.items())}"
         for name, blocks in halves["splits"].items()
     )
     wide = ", ".join(f"{block} by {k:.2g}" for block, k in halves.get("widened", {}).items())
     status = halves.get("verdict", {}).get("status", "ok")
-    return f"{status}; rms difference in claimed sigmas, {text}{f'; widened {wide}' if wide else ''}"
+    return f"{status}; rms difference in claimed sigmas (95 % by chance), {text}{f'; widened {wide}' if wide else ''}"

@@ -2,8 +2,8 @@
 
 A parameter is an element of :class:`~schuler.sensors.errors.ImuErrors` under its own name: ``b_a_x``, ``M_a_xy`` (row
 x, column y), ``b_g_z``, ``M_g_zz``, ``G_g_xy``; then there are those ImuErrors has no place for: ``Q_a_x`` quadratic
-term [1/(m/s^2)], ``r_a_xy`` place of the x accelerometer along y [m], ``delay`` of the gyroscopes behind the
-accelerometers [s].
+term [1/(m/s^2)], ``b_m_x`` [T] and ``M_m_xy`` of a magnetometer, ``r_a_xy`` place of the x accelerometer
+along y [m], ``delay`` of the gyroscopes behind the accelerometers [s].
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ MATRIX_G = tuple(f"M_g_{i}{j}" for i in AXES for j in AXES)
 SENSITIVITY = tuple(f"G_g_{i}{j}" for i in AXES for j in AXES)
 #: Every parameter that ImuErrors has a place for, in the order of results.
 LINEAR = BIAS_A + MATRIX_A + BIAS_G + MATRIX_G + SENSITIVITY
-_OTHERS = {"Q_a": "1/(m/s^2)", "r_a": "m", "delay": "s"}
+#: Of a magnetometer, which ImuErrors has no place for.
+BIAS_M = tuple(f"b_m_{i}" for i in AXES)
+MATRIX_M = tuple(f"M_m_{i}{j}" for i in AXES for j in AXES)
+_OTHERS = {"b_m": "T", "M_m": "-", "Q_a": "1/(m/s^2)", "r_a": "m", "delay": "s"}
 
 
 def unit(name: str) -> str:
@@ -48,7 +51,7 @@ def unit(name: str) -> str:
     """
     family = name if name == "delay" else name[:3]
     units = {"b_a": "m/s^2", "M_a": "-", "b_g": "rad/s", "M_g": "-", "G_g": "(rad/s)/(m/s^2)", **_OTHERS}
-    if family not in units or (family != "delay" and (name not in LINEAR and family not in ("Q_a", "r_a"))):
+    if family not in units or (family != "delay" and (name not in LINEAR and family not in _OTHERS)):
         raise InputError(f"parameter: expected a name such as b_a_x, M_a_xy, b_g_z, M_g_zz, G_g_xy, got {name!r}")
     return units[family]
 

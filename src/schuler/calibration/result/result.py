@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -11,8 +11,10 @@ import numpy as np
 
 from schuler.arrays import FloatArray, as_floats, readonly
 from schuler.calibration.result.parameters import (
+    BIAS_M,
     GAUGES,
     LINEAR,
+    MATRIX_M,
     Gauge,
     imu_errors,
     in_gauge,
@@ -21,6 +23,7 @@ from schuler.calibration.result.parameters import (
     vector,
 )  # fmt: skip
 from schuler.exceptions import InputError
+from schuler.plotting.notebook import Displayed
 from schuler.recording.series import ImuSeries
 from schuler.sensors.errors import ImuErrors
 
@@ -67,8 +70,15 @@ class Residuals:
         return float(np.sqrt(np.mean(np.square(self.value)))) if len(self.value) else float("nan")
 
 
-@dataclass(frozen=True, eq=False)
-class CalibrationResult:
+def _need_series(imu: Any, what: str) -> None:
+    """Refuse a recording, or what else is no series of an IMU."""
+    if not isinstance(imu, ImuSeries):
+        of = ", give its series: recording.imu" if hasattr(imu, "imu") else ""
+        raise InputError(f"{what}: expected an ImuSeries, got {type(imu).__name__}{of}")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CalibrationResult(Displayed):
     """Errors of an IMU as calibrated.
 
     Attributes
@@ -203,14 +213,15 @@ class CalibrationResult:
         -------
         ImuSeries
             ``f = (I + M_a)^-1 (s_a y_a - b_a)``, ``omega = (I + M_g)^-1 (s_g y_g - b_g - G_g f)``, SI; rates or
-            increments as they came. A thermal calibration takes biases and M_a at the temperature of every sample, if
-            the log has one.
+            increments as they came; ``m = (I + M_m)^-1 (s_m y_m - b_m)`` of a calibrated magnetometer. A thermal
+            calibration takes biases and M_a at the temperature of every sample, if the log has one.
 
         Raises
         ------
         InputError
             If I + M cannot be inverted, or a temperature is outside of the range of a thermal calibration.
         """
+        _need_series(imu, "apply")
         if "thermal" in self.extra and imu.temperature is not None:
             from schuler.calibration.thermal.correction import compensate_thermal
 
@@ -220,10 +231,20 @@ class CalibrationResult:
             gyro, accel = self.errors.compensate_increments(gyro, accel, imu.interval)
         else:
             gyro, accel = self.errors.compensate_rates(gyro, accel)
-        return replace(imu, gyro=gyro, accel=accel)
+        return replace(imu, gyro=gyro, accel=accel, magnetometer=self._magnetic_field(imu))
+
+    def _magnetic_field(self, imu: ImuSeries) -> FloatArray | None:
+        """Field in body axes of a log with a magnetometer [T]; its readings if they are not calibrated."""
+        if imu.magnetometer is None or MATRIX_M[0] not in self.names:
+            return imu.magnetometer
+        p = self.parameters
+        A = np.eye(3) + np.array([p[n] for n in MATRIX_M]).reshape(3, 3)
+        factor = float(self.extra.get("magnetometer", {}).get("nominal", 1.0))
+        return np.asarray(np.linalg.solve(A, (factor * imu.magnetometer - [p[n] for n in BIAS_M]).T).T)
 
     def inverse(self, imu: ImuSeries) -> ImuSeries:
         """What the sensor would have read: the errors put back, without noise; the inverse of :meth:`apply`."""
+        _need_series(imu, "inverse")
         h = imu.interval if imu.kind == "increment" else 1.0
         e = self.errors
         gyro = imu.gyro @ (np.eye(3) + e.M_g).T + imu.accel @ e.G_g.T + h * e.b_g
@@ -265,7 +286,12 @@ class CalibrationResult:
 
         def changed(values: FloatArray) -> FloatArray:
             named = dict(zip(self.names, values, strict=True)) | self.fixed
-            return np.concatenate((vector(in_gauge(imu_errors(named), gauge), names), [named[n] for n in others]))
+            errors = imu_errors(named)
+            if MATRIX_M[0] in named:  # a magnetometer is in the same body axes
+                A = np.eye(3) + np.array([named[n] for n in MATRIX_M]).reshape(3, 3)
+                turned = A @ rotation_to(errors.M_a, gauge).T - np.eye(3)
+                named |= dict(zip(MATRIX_M, turned.ravel(), strict=True))
+            return np.concatenate((vector(in_gauge(errors, gauge), names), [named[n] for n in others]))
 
         J = np.empty((len(names) + len(others), len(self.names)))
         for i in range(len(self.names)):
@@ -310,6 +336,16 @@ class CalibrationResult:
         from schuler.calibration.result.summary import summary
 
         return summary(self)
+
+    def _headline(self) -> str:
+        from schuler.calibration.result.summary import headline
+
+        return headline(self)
+
+    def _facts(self) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+        from schuler.calibration.result.summary import rows
+
+        return ("parameter", "value", "1 sigma", "unit"), [row[:4] for row in rows(self)]
 
     def plot(self, **options: Any) -> Figure:
         """Residuals per pose, sphere coverage, parameters with 1 sigma (matplotlib)."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from schuler import units as u
 from schuler.calibration.result.parameters import unit
 
-_SENSORS = {"a": "accelerometer", "g": "gyroscope"}
+_SENSORS = {"a": "accelerometer", "g": "gyroscope", "m": "magnetometer"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +53,8 @@ def sheet(name: str) -> Sheet:
     kind, sensor = name[0], _SENSORS[name[2]]
     row, column = name[4], name[-1]
     match kind:
+        case "b" if name[2] == "m":
+            return Sheet(f"hard iron along {row}", "hard iron of the magnetometer", "uT", u.UT, si)
         case "b":
             text, factor = ("mg", u.MG) if name[2] == "a" else ("deg/h", u.DEG_PER_HR)
             return Sheet(f"bias of the {row} {sensor}", f"biases of the {sensor}s", text, factor, si)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from schuler.calibration.magnetometer.calibrate import magnetometer_words
 from schuler.calibration.result.halves import halves_words
 from schuler.calibration.result.parameters import GAUGES
 from schuler.calibration.result.result import CalibrationResult, Residuals
@@ -116,6 +117,9 @@ def facts(result: CalibrationResult) -> list[tuple[str, str]]:
         entries.append(("variance of unit weight", text))
     entries += [(f"residuals {name}", residual_words(r)) for name, r in result.residuals.items() if len(r.value)]
     entries += [("strongest correlation", text) for text in correlations(result, 1)]
+    magnetic = magnetometer_words(result)
+    if magnetic:
+        entries.append(("magnetometer", magnetic))
     agreement = halves_words(result)
     if agreement:
         entries.append(("halves", agreement))

@@ -7,12 +7,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from schuler.characterisation.exports import autopilots, numbers, visual_inertial
 from schuler.characterisation.result import AxisNoise, NoiseIdentification
 from schuler.exceptions import InputError
 from schuler.files import write_text
 from schuler.sensors.spec import ImuSpec
 from schuler.sensors.spec_file import spec_text
+from schuler.units import DEG_PER_HR
 
 _COMMON = ("axes", "inflation", "horizon_s", "rate_hz")
 _FIELDS = {"Q": "quantisation", "N": "random_walk", "B": "bias_instability", "K": "rate_random_walk", "R": "rate_ramp"}
@@ -54,7 +57,19 @@ def schuler(result: NoiseIdentification | ImuSpec) -> str:
     if result.spec is None:
         raise InputError(f"{result.name}: a triad has no axis left, so there is no budget; see the refused axes")
     axes = {name: _axis_table(axis) for name, axis in result.axes.items()}
-    return spec_text(result.spec, result.spec_sigma, axes, result.provenance)
+    return _of_spread(result) + spec_text(result.spec, result.spec_sigma, axes, result.provenance)
+
+
+def _of_spread(result: NoiseIdentification) -> str:
+    """Comment on a turn-on bias that is the spread of several switch-ons, whose mean another file has."""
+    means = [float(np.abs(t.mean).max()) for axis, t in result.turn_on.items() if axis.startswith("gyro")]
+    if not means:
+        return ""
+    return (
+        "# turn_on_bias of the gyroscopes is their spread from one switch-on to the next, with the mean taken off.\n"
+        f"# The mean, up to {max(means) / DEG_PER_HR:.3g} deg/h, is b_g of calibration.yaml beside this file:\n"
+        "# give both to schuler navigate, or make turn_on_bias larger by that much.\n"
+    )
 
 
 EXPORTS: dict[str, Export] = {

@@ -19,6 +19,10 @@ from .modes import available_modes as available_modes
 from .modes import parse_mode as parse_mode
 from .outages import OutageStatistics as OutageStatistics
 from .outages import outage_statistics as outage_statistics
+from .runs import Run as Run
+from .runs import RunComparison as RunComparison
+from .runs import compare_runs as compare_runs
+from .runs import read_run as read_run
 
 __all__ = [
     "Comparison",
@@ -26,18 +30,22 @@ __all__ = [
     "Mode",
     "OutageError",
     "OutageStatistics",
+    "Run",
+    "RunComparison",
     "Separation",
     "TrajectoryErrors",
     "attitude_difference",
     "available_modes",
     "chi_square_band",
     "compare_architectures",
+    "compare_runs",
     "drift_curve",
     "evaluate",
     "nees",
     "outage_errors",
     "outage_statistics",
     "parse_mode",
+    "read_run",
     "reference_of",
     "separation",
     "state_errors",

@@ -66,7 +66,7 @@ class ComparisonRow:
         return self.numbers.get(name)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison(TabularResult):
     """Architectures by outages on one recording.
 

@@ -47,6 +47,8 @@ def causes(result: NavigationResult, findings: list[Finding]) -> list[str]:
         explained.append((0.9, "states ran away: begin with fewer states, and look at gaps and spikes of the log"))
     if "noise" in size:
         explained.append((0.8, "the budget of the IMU is not this unit's or not its units': imu, schuler allan"))
+    if "heading given" in size:
+        explained.append((0.9, "the heading given is wrong (alignment.rpy_deg), or axes and mounting of the IMU are"))
     if "no noise" in size:
         explained.append((0.75, _CONTRADICTION))
     for note in (n for n in result.notes if n.startswith(LARGER)):

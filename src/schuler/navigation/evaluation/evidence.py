@@ -28,6 +28,7 @@ from schuler.filtering.states import BLOCK_TEXT
 from schuler.navigation.evaluation.consistency import judged, matched_satellites
 from schuler.navigation.inputs.gnss_faults import LARGER
 from schuler.navigation.inputs.imu_noise import NO_NOISE, NOISIER
+from schuler.navigation.start.heading import HEADING_CONTRADICTED
 
 if TYPE_CHECKING:
     from schuler.navigation.result import Innovations, NavigationResult
@@ -76,6 +77,7 @@ def evidence(result: NavigationResult) -> list[Finding]:
     findings += [Finding(0, note, "noise") for note in result.notes if note.startswith(NOISIER)]
     findings += [Finding(0, note, "adapted") for note in result.notes if note.startswith(LARGER)]
     findings += [Finding(0, note, "no noise") for note in result.notes if note.startswith(NO_NOISE)]
+    findings += [Finding(0, n, "heading given") for n in result.notes if n.startswith(HEADING_CONTRADICTED)]
     # sensor errors that change are the filter's failure only where measurements are rejected too
     if not any(f.key.startswith("rejected") for f in findings):
         findings = [f._replace(grave=min(f.grave, 0)) if f.key.startswith("halves") else f for f in findings]
@@ -155,7 +157,8 @@ def _sizes(result: NavigationResult) -> Iterator[Finding]:
             yield Finding(grave, text, f"nis {code}", mean)
         if code in (POSITION, VELOCITY, FIX, PSEUDORANGE, RANGE_RATE):
             series = _by_satellite(result, code) if code in (PSEUDORANGE, RANGE_RATE) else [accepted]
-            worst = max((slow_nis(series, length) for length in _LENGTHS), key=lambda pair: pair[0] / pair[1])
+            values = [_normalised(part) for part in series]
+            worst = max((slow_nis(values, length) for length in _LENGTHS), key=lambda pair: pair[0] / pair[1])
             if worst[0] > worst[1]:
                 text = (
                     f"{kind_text(code)}: innovations have one sign for long; their means are {np.sqrt(worst[0]):.2g} "
@@ -171,13 +174,20 @@ def _mean_with_error(values: FloatArray) -> tuple[float, float]:
     return float(values.mean()), float(means.std(ddof=1) / np.sqrt(len(means)))
 
 
-def slow_nis(series: Sequence[Innovations], length: int) -> tuple[float, float]:
+def _normalised(inn: Innovations) -> FloatArray:
+    """Innovations of one kind in units of their sigma. Shape (n, f)."""
+    columns = int(inn.freedom[0]) if len(inn) else 3
+    z: FloatArray = inn.innovation / np.where(inn.sigma > 0.0, inn.sigma, np.nan)
+    return z[:, :columns]
+
+
+def slow_nis(series: Sequence[FloatArray], length: int) -> tuple[float, float]:
     """Mean square of sums of so many normalised innovations over their number, 1 if they are white; and its limit.
 
     Parameters
     ----------
-    series : sequence of Innovations
-        Of one kind, each in order of time; of ranges one for each satellite.
+    series : sequence of ndarray, shapes (n, f)
+        Normalised, of one kind, each in order of time; of ranges one for each satellite.
     length : int
         Innovations in a sum.
 
@@ -187,11 +197,10 @@ def slow_nis(series: Sequence[Innovations], length: int) -> tuple[float, float]:
         Zero and infinity where there are fewer than three sums.
     """
     sums = []
-    for inn in series:
-        n = len(inn) // length
+    for z in series:
+        n = len(z) // length
         if n:
-            z = inn.innovation / np.where(inn.sigma > 0.0, inn.sigma, np.nan)
-            parts = z[: n * length, : int(inn.freedom[0])].reshape(n, length, -1)
+            parts = z[: n * length].reshape(n, length, -1)
             sums.append(parts.sum(axis=1) / np.sqrt(length))
     if sum(map(len, sums)) < 3:
         return 0.0, np.inf

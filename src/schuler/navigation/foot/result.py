@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from schuler.arrays import FloatArray
 from schuler.filtering.measurements import ACCEPTED, FORCED
 from schuler.navigation.foot.strides import Strides
 from schuler.navigation.result import NavigationResult
+from schuler.plotting.notebook import Displayed
 from schuler.standstill.intervals import Rests
 
 if TYPE_CHECKING:
@@ -20,8 +22,8 @@ if TYPE_CHECKING:
     from schuler.verdict import Verdict
 
 
-@dataclass(frozen=True)
-class FootResult:
+@dataclass(frozen=True, repr=False)
+class FootResult(Displayed):
     """A walk.
 
     Attributes
@@ -127,6 +129,15 @@ class FootResult:
             lines.append(f"  resting point of the shoe, from the IMU, body axes: {text} m")
         lines += [f"  - {note}" for note in self.notes]
         return "\n".join(lines)
+
+    def _headline(self) -> str:
+        n, d = len(self.rests), self.distance
+        return f"walk of {self.t[-1] - self.t[0]:.1f} s, {d:.1f} m, {n} rests, {self.smoothing}: {self.verdict.status}"
+
+    def _facts(self) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+        ends = {"from start to end [m]": self.closure_n, "1-sigma at the end [m]": self.best.sigma("dr")[-1]}
+        rows = [(name, *(f"{v:.3f}" for v in vector)) for name, vector in ends.items()]
+        return ("", "north", "east", "down"), rows
 
     def plot(self, **options: Any) -> Figure:
         """Overview figure (matplotlib), see :func:`schuler.navigation.foot.figures.overview`."""

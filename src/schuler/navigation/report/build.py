@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from schuler.navigation.report import accuracy, estimates, innovations, outages, satellites, track
+from schuler.navigation.report import accuracy, estimates, fixes, innovations, outages, satellites, track
 from schuler.navigation.report.subject import Subject
 from schuler.plotting.figure import Figure
+from schuler.recording.figures import log_content, spectrogram_content
+from schuler.recording.recording import Recording
 
 
 def motion_figures(subject: Subject) -> list[Figure]:
@@ -63,6 +65,16 @@ def satellite_figures(subject: Subject) -> list[Figure]:
     return satellites.satellite_figures(subject.ranges, subject.points, subject)
 
 
+def log_figures(subject: Subject) -> list[Figure]:
+    """What the log itself says: fixes as the receiver stated them, every sample of the IMU, its spectrogram."""
+    figures = [fixes.stated(subject)]
+    if subject.imu is not None and len(subject.imu):
+        recording = Recording(imu=subject.imu)
+        figures.append(log_content(recording, rests=subject.rests, start=subject.start))
+        figures.append(spectrogram_content(subject.imu, subject.start))
+    return [f for f in figures if f is not None]
+
+
 def all_figures(subject: Subject) -> list[Figure]:
     """Every figure there is something to show in."""
     return [
@@ -74,4 +86,5 @@ def all_figures(subject: Subject) -> list[Figure]:
         *satellite_figures(subject),
         *parameter_figures(subject),
         *innovation_figures(subject),
+        *log_figures(subject),
     ]

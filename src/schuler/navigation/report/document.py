@@ -18,7 +18,7 @@ from schuler.navigation.result import NavigationResult
 from schuler.plotting import parts
 from schuler.plotting.page import Section, whole_page
 from schuler.plotting.page import plotly_script as _plotly
-from schuler.recording.series import GnssSeries
+from schuler.recording.series import GnssSeries, ImuSeries
 from schuler.recording.trajectory import Trajectory
 
 
@@ -37,6 +37,7 @@ def navigation_report(
     ranges: Ranges | None = None,
     points: PointSolution | None = None,
     background: Backdrop | Path | str | None = None,
+    imu: ImuSeries | None = None,
 ) -> Path:
     """Write the report of a navigation solution.
 
@@ -68,6 +69,8 @@ def navigation_report(
         Single-point solutions of these ranges, for their dilutions and to draw them.
     background : Backdrop, Path or str, optional
         Map behind the track, see :func:`schuler.navigation.report.backdrop.read_backdrop`.
+    imu : ImuSeries, optional
+        The IMU's log, to show it sample by sample, its rests and its spectrogram.
 
     Returns
     -------
@@ -81,7 +84,7 @@ def navigation_report(
     """
     script = _plotly()
     subject = Subject(
-        result, smoothed, reference, at_antenna, truth_parameters, origin, gnss, ranges, points, background
+        result, smoothed, reference, at_antenna, truth_parameters, origin, gnss, ranges, points, background, imu
     )
     text = _page(
         subject, script, title or str(result.provenance.get("recording", "Navigation solution")), recording_summary
@@ -100,6 +103,7 @@ def _page(subject: Subject, script: str, title: str, recording_summary: str | No
         Section("satellites", "Satellites", (*build.satellite_figures(subject),)),
         Section("parameters", "Parameters", (_parameter_table(subject), *build.parameter_figures(subject))),
         Section("innovations", "Innovations", (*build.innovation_figures(subject), _satellite_table(subject))),
+        Section("log", "The log", (*build.log_figures(subject),)),
         Section("notes", "Notes", (parts.notes(subject.result.notes),)),
         Section("provenance", "Provenance", (_provenance(subject, recording_summary),), folded=True),
     ]

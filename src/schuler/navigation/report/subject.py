@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from schuler import frames, rotation
 from schuler.arrays import ArrayLike, FloatArray, IntArray
@@ -26,11 +27,13 @@ from schuler.navigation.evaluation.consistency import (
 from schuler.navigation.evaluation.errors import TrajectoryErrors
 from schuler.navigation.report.backdrop import Backdrop, read_backdrop
 from schuler.navigation.result import NavigationResult
-from schuler.recording.series import GnssSeries
+from schuler.recording.series import QUALITY, GnssSeries, ImuSeries
 from schuler.recording.trajectory import Trajectory
 
 #: What became of a fix, beside the filter's own status: inside an outage and never offered to the filter.
 WITHHELD = -1
+_AT_REST = 0.3  # speed of a solution at rest, its own error included [m/s]
+_NEAR_FIX = 2.0  # time to a fix whose type is still that of the track [s]
 _SHORT_STEP = 0.1  # output steps up to this let fixes be recovered from innovations to a centimetre or two [s]
 
 
@@ -60,6 +63,8 @@ class Subject:
         Single-point solutions of these ranges.
     background : Backdrop, Path or str, optional
         Map behind the track, see :func:`schuler.navigation.report.backdrop.read_backdrop`.
+    imu : ImuSeries, optional
+        The IMU's log, to show it sample by sample, its rests and its spectrogram.
     """
 
     result: NavigationResult
@@ -72,6 +77,7 @@ class Subject:
     ranges: Ranges | None = None
     points: PointSolution | None = None
     background: Backdrop | Path | str | None = None
+    imu: ImuSeries | None = None
 
     def __post_init__(self) -> None:
         r = self.result
@@ -91,6 +97,34 @@ class Subject:
         if self.background is None or isinstance(self.background, Backdrop):
             return self.background
         return read_backdrop(self.background)
+
+    @cached_property
+    def rests(self) -> list[tuple[float, float]]:
+        """Start and stop of the stretches in which the IMU is still and the solution does not move. [s]"""
+        from schuler.standstill.stationarity import static_intervals
+
+        if self.imu is None:
+            return []
+        try:
+            still = static_intervals(self.imu)
+        except InputError:  # too short, too coarse: a log may be without
+            return []
+        T = self.result.trajectory
+        speed = np.linalg.norm(T.v_eb_n, axis=1)
+
+        def stands(a: float, b: float) -> bool:  # an even drive is as still; before the solution there is no telling
+            inside = speed[np.searchsorted(T.t, a) : np.searchsorted(T.t, b, side="right")]
+            return not len(inside) or float(np.median(inside)) < _AT_REST
+
+        return [(float(a), float(b)) for a, b in zip(still.start, still.stop, strict=True) if stands(a, b)]
+
+    def fix_type(self, t: FloatArray) -> NDArray[np.str_] | None:
+        """Type of the fix nearest to each time, none beyond two seconds; None where the receiver stated none."""
+        if self.gnss is None or self.gnss.quality is None or not len(self.gnss):
+            return None
+        k, distance = nearest(t, self.gnss.t)
+        names = np.array([QUALITY.get(int(q), f"type {q}") for q in self.gnss.quality])
+        return np.where(distance < _NEAR_FIX, names[k], "none")
 
     def satellite_of(self, kind: str) -> IntArray:
         """Satellite of each innovation of a kind (``pseudorange``, ``range_rate``), 0 if unknown."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from schuler import frames, units
@@ -10,7 +13,7 @@ from schuler.filtering.measurements import ACCEPTED, FORCED, REJECTED, UNUSED, i
 from schuler.navigation.report.backdrop import Window, backdrop_items, graticule, north_arrow
 from schuler.navigation.report.subject import WITHHELD, Subject
 from schuler.navigation.result import NavigationResult
-from schuler.plotting.figure import TIME, Figure, Item, Line, Markers, Panel, Span, Text, band, line, path, view
+from schuler.plotting.figure import TIME, Along, Figure, Item, Line, Markers, Panel, Span, Text, band, line, path, view
 from schuler.recording.trajectory import Trajectory
 
 #: Label and role of a fix by what became of it; in the order of drawing.
@@ -36,28 +39,41 @@ def outages(subject: Subject) -> list[Span]:
 
 def track(subject: Subject) -> Figure:
     """North over east in metres about the first point of the solution, over a map or a graticule."""
-    T = _at_reference_point(subject, subject.result.trajectory)
-    origin = frames.llh_from_ecef(T.r_eb_e[0])
-    ne = frames.ned_from_ecef(T.r_eb_e, origin)
+    t = subject.result.trajectory.t
+    origin = frames.llh_from_ecef(
+        _at_reference_point(subject, subject.result.trajectory.samples(np.array([0]))).r_eb_e[0]
+    )
+
+    def plan(trajectory: Trajectory) -> FloatArray:
+        return frames.ned_from_ecef(_at_reference_point(subject, trajectory).r_eb_e, origin)
+
     items: list[Item] = []
-    lost = np.where(in_windows(T.t, subject.result.outages), 1.0, np.nan)
-    if np.isfinite(lost).any():
-        items.append(path(ne[:, 1] * lost, ne[:, 0] * lost, "outage", "GNSS withheld"))
+    lost = in_windows(t, subject.result.outages)
+    if lost.any():
+        ne = np.where(lost[:, None], plan(subject.result.trajectory), np.nan)
+        items.append(path(ne[:, 1], ne[:, 0], "outage", "GNSS withheld"))
+        del ne  # of a day at 200 Hz it has 400 MB
     items += _fixes(subject, origin)
     if subject.reference is not None and not subject.reference_is_fixes:
         R = subject.reference
-        inside = (R.t >= T.t[0]) & (R.t <= T.t[-1])
+        inside = (R.t >= t[0]) & (R.t <= t[-1])
         r = frames.ned_from_ecef(R.r_eb_e[inside], origin)
         items.append(path(r[:, 1], r[:, 0], "reference", "reference"))
     for role, result in subject.solutions:
-        way = _at_reference_point(subject, result.trajectory)
-        plan = frames.ned_from_ecef(way.r_eb_e, origin)
         sigma = np.linalg.norm(subject.position_sigma(result)[:, :2], axis=1)
-        along = [(TIME, subject.seconds(way.t)), ("speed [m/s]", np.linalg.norm(result.trajectory.v_eb_n, axis=1))]
-        along += [("1-sigma [m]", np.interp(way.t, result.t, sigma))] if len(result.t) else []
-        items.append(path(plan[:, 1], plan[:, 0], role, role, along))
+        along: list[tuple[str, Callable[[IntArray], Along]]] = [
+            (TIME, lambda k: subject.seconds(t[k])), ("speed [m/s]", partial(_speed_at, result.trajectory)),
+        ]  # fmt: skip
+        if len(result.t):
+            along.append(("1-sigma [m]", partial(_interpolated, t, result.t, sigma)))
+        if subject.fix_type(t[:1]) is not None:
+            along.append(("fix type", lambda k: np.asarray(subject.fix_type(t[k]))))
+        ne = plan(result.trajectory)
+        items.append(path(ne[:, 1], ne[:, 0], role, role, along))
+        del ne
+    ends = plan(subject.result.trajectory.samples(np.array([0, -1] if len(t) > 1 else [0])))
     for k, role in ((0, "start"), (-1, "end")):
-        items.append(Markers(ne[[k], 1], ne[[k], 0], role, role))
+        items.append(Markers(ends[[k], 1], ends[[k], 0], role, role))
     items += _scale_bar(items)
     window = _window(items, origin)
     caption = (
@@ -86,9 +102,8 @@ def track(subject: Subject) -> Figure:
 
 def profile(subject: Subject) -> Figure | None:
     """Height over the distance travelled; None for a solution that stays where it is."""
-    T = _at_reference_point(subject, subject.result.trajectory)
-    ne = frames.ned_from_ecef(T.r_eb_e, frames.llh_from_ecef(T.r_eb_e[0]))[:, :2]
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ne, axis=0), axis=1))])
+    T = subject.result.trajectory
+    way = _distance(_at_reference_point(subject, T))
     if not way[-1] > _SHORTEST:
         return None
     kilo = way[-1] > _KILOMETRES
@@ -113,9 +128,9 @@ def profile(subject: Subject) -> Figure | None:
         heights.append(R.llh[inside, 2])
         items.append(path(np.interp(R.t[inside], T.t, way), heights[-1], "reference", "reference"))
     for role, result in subject.solutions:
-        moved = _at_reference_point(subject, result.trajectory)
-        heights.append(moved.llh[:, 2])
-        items.append(path(np.interp(moved.t, T.t, way), heights[-1], role, role))
+        height = _at_reference_point(subject, result.trajectory).llh[:, 2].copy()  # alone, without latitudes
+        heights.append(np.array([height.min(), height.max()]))
+        items.append(path(np.interp(result.trajectory.t, T.t, way), height, role, role))
     panel = Panel(
         f"distance travelled [{'km' if kilo else 'm'}]", "height [m]", tuple(items), x_limits=(0.0, float(way[-1])),
         y_limits=view(heights, least=2.0),
@@ -127,6 +142,12 @@ def profile(subject: Subject) -> Figure | None:
     return Figure("profile", "Height profile", caption, (panel,), linked=False)
 
 
+def _distance(T: Trajectory) -> FloatArray:
+    """Horizontal distance travelled since the first sample. Shape (n,). [m]"""
+    ne = frames.ned_from_ecef(T.r_eb_e, frames.llh_from_ecef(T.r_eb_e[0]))[:, :2]
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ne, axis=0), axis=1))])
+
+
 def motion(subject: Subject) -> Figure:
     """Height, speed, roll, pitch and heading over time, with three standard deviations of each."""
     names = ("height [m]", "speed [m/s]", "roll [deg]", "pitch [deg]", "heading [deg]")
@@ -136,14 +157,13 @@ def motion(subject: Subject) -> Figure:
     edges: list[list[FloatArray]] = [[] for _ in names]
     for role, result in subject.solutions:
         T = result.trajectory
-        rpy = T.rpy_nb / units.DEG
-        quantities = (T.llh[:, 2], np.linalg.norm(T.v_eb_n, axis=1), rpy[:, 0], rpy[:, 1], np.mod(rpy[:, 2], 360.0))
         k = np.searchsorted(T.t, result.t - 1e-9).clip(0, len(T.t) - 1)
         own = "sigma" if result is subject.result else "sigma_smoothed"
-        for i, (y, three) in enumerate(zip(quantities, _three_sigma(subject, result, k), strict=True)):
+        for i, three in enumerate(_three_sigma(subject, result, k)):
+            y = _quantity(T, i)  # one after the other: of a day at 200 Hz each is 140 MB
             t, low, high = subject.seconds(result.t), y[k] - three, y[k] + three
             edges[i] += [low, high]
-            values[i].append(y)
+            values[i].append(np.array([y.min(), y.max()]))
             x = subject.seconds(T.t)
             if i == 4:
                 t, low, high = _unwound(t, low, high)
@@ -164,15 +184,35 @@ def motion(subject: Subject) -> Figure:
     return Figure("motion", "Motion", caption, panels)
 
 
+def _quantity(T: Trajectory, i: int) -> FloatArray:
+    """Height [m], speed [m/s], roll, pitch or heading within 360 [deg]. Shape (n,)."""
+    if i == 0:
+        return T.llh[:, 2].copy()  # alone, without the other two columns
+    if i == 1:
+        return np.asarray(np.linalg.norm(T.v_eb_n, axis=1))
+    angle: FloatArray = T.rpy_nb[:, i - 2] / units.DEG
+    return np.mod(angle, 360.0) if i == 4 else angle
+
+
+def _speed_at(T: Trajectory, k: IntArray) -> FloatArray:
+    return np.asarray(np.linalg.norm(T.samples(k).v_eb_n, axis=1))
+
+
+def _interpolated(t: FloatArray, records: FloatArray, values: FloatArray, k: IntArray) -> FloatArray:
+    return np.interp(t[k], records, values)
+
+
 def _three_sigma(subject: Subject, result: NavigationResult, k: IntArray) -> tuple[FloatArray, ...]:
     """Three sigma of height, speed, roll, pitch, heading at the records k; tilts near the horizon, uncorrelated."""
-    T = result.trajectory
+    at, row = np.unique(k, return_inverse=True)
+    T = result.trajectory.samples(at)
+    v_n, yaw = T.v_eb_n[row], T.rpy_nb[row, 2]
     r, v, psi = (3.0 * subject.sigma(result, block) for block in ("dr", "dv", "dpsi"))
-    speed = np.linalg.norm(T.v_eb_n[k], axis=1)
-    way = T.v_eb_n[k] / np.maximum(speed, 1e-3)[:, None]
+    speed = np.linalg.norm(v_n, axis=1)
+    way = v_n / np.maximum(speed, 1e-3)[:, None]
     # at rest the speed is the size of an error, whichever way it points
     along = np.where(speed > 0.1, np.linalg.norm(way * v, axis=1), np.linalg.norm(v, axis=1))
-    c, s = np.cos(T.rpy_nb[k, 2]), np.sin(T.rpy_nb[k, 2])
+    c, s = np.cos(yaw), np.sin(yaw)
     psi = psi / units.DEG
     roll, pitch = np.hypot(c * psi[:, 0], s * psi[:, 1]), np.hypot(s * psi[:, 0], c * psi[:, 1])
     return r[:, 2], along, roll, pitch, psi[:, 2]

@@ -32,6 +32,11 @@ _DECIDED = 20.0 * units.DEG  # spread of the headings that remain likely
 _CONVICTS = 10.0  # difference of log-likelihoods that overrules a course: chi-square of 20, one degree of freedom
 _CLEARLY = 0.4  # and its mean squares are so much smaller: errors of scale no state has turn headings by less
 _ELSEWHERE = 45.0 * units.DEG  # a course this far off is looked for
+# Headings beside one that is given.
+_BESIDE = np.array([0.0, 20.0, -20.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0]) * units.DEG
+
+#: Opening of the note on a given heading that the log contradicts, by which the verdict knows it.
+HEADING_CONTRADICTED = "the log contradicts the heading given at the start"
 
 
 def log_likelihood(prepared: PreparedRun, initial: InitialState, span_s: float) -> tuple[float, float]:
@@ -100,8 +105,9 @@ def judged_start(
     A heading from the course is tried against others: a vehicle that started backwards, sideways, or an IMU mounted
     across is found by its accelerations, which fixes show in north and east. Log-likelihoods are divided by the mean
     normalised innovation squared of the best run where that is above one, so that noise stated too small does not
-    convict. Where nothing is known, headings of a full circle are tried over one, two and four minutes; those that
-    remain likely make the heading and its uncertainty, as a Gaussian sum would.
+    convict. A given heading stays, with a note where another is as much likelier. Where nothing is known, headings of a
+    full circle are tried over one, two and four minutes; those that remain likely make the heading and its uncertainty,
+    as a Gaussian sum would.
     """
     method = start.method
     tried = partial(_relative, start, lambda state, span: log_likelihood(prepared, finish(state), span))
@@ -114,7 +120,9 @@ def judged_start(
         if relative[0] > relative[best] - _CONVICTS or squares[best] > _CLEARLY * squares[0]:
             return start.initial, method, []
     elif start.source == "given" and start.sigma < _UNSURE:
-        return start.initial, method, []
+        relative, _ = tried(_BESIDE, [start.sigma, *[_WIDTH * 2.0] * (len(_BESIDE) - 1)], _SPANS_S[0])
+        best = int(np.argmax(relative))
+        return start.initial, method, [_contradiction(_BESIDE[best])] if relative[0] < -_CONVICTS else []
     apart = np.arange(_CIRCLE) * 2.0 * np.pi / _CIRCLE
     prior = np.zeros(_CIRCLE)
     if start.source != "none":
@@ -142,6 +150,14 @@ def judged_start(
     elif start.source != "none":
         sentence += f"; the {'course' if start.source == 'course' else 'one given'} is {off:.0f} deg off it"
     return start.at_heading(heading, sigma), f"{method.split(', heading')[0]}, heading from accelerations", [sentence]
+
+
+def _contradiction(apart: float) -> str:
+    """Sentence on a given heading, where one so far from it is likelier."""
+    return (
+        f"{HEADING_CONTRADICTED}: accelerations of the first {_SPANS_S[0]:.0f} s are those of one some "
+        f"{abs(apart) / units.DEG:.0f} deg to the {'right' if apart > 0.0 else 'left'}; it was taken all the same"
+    )
 
 
 def no_heading(obstacle: str) -> str:

@@ -22,7 +22,8 @@ def tuned_entries(config: NavigationConfig, tuning: Tuning) -> dict[str, Any]:
         return new
     factor = tuning.factors
     noise = config.filter.noise
-    new["filter"]["noise"] = {}
+    if "gyro" in factor or "accel" in factor:
+        new["filter"]["noise"] = {}
     if "gyro" in factor:
         new["filter"]["noise"]["gyro"] = _rounded(noise.gyro * factor["gyro"])
     if "accel" in factor:
@@ -49,6 +50,8 @@ def tuned_entries(config: NavigationConfig, tuning: Tuning) -> dict[str, Any]:
     }
     if tight:
         gnss["tight"] = tight
+    if tuning.slow:
+        gnss["correlated"] = tuning.slow
     if gnss:
         new["gnss"] = gnss
     wheels = config.aiding.non_holonomic
@@ -87,6 +90,7 @@ def remarks(config: NavigationConfig, tuning: Tuning) -> dict[str, str]:
         "gnss.velocity_sigma_scale": of("velocity", "climb"),
         "gnss.tight.range_sigma_scale": of("pseudorange"),
         "gnss.tight.rate_sigma_scale": of("range_rate"),
+        "gnss.correlated.position_sigma_m": "schuler tune: innovations of fixes stay on one side",
         "aiding.non_holonomic.lateral_sigma_m_s": of("lateral"),
         "aiding.non_holonomic.vertical_sigma_m_s": of("vertical"),
     }

@@ -11,6 +11,7 @@ from schuler.arrays import FloatArray, IntArray
 from schuler.filtering.measurements import LATERAL, POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY, VERTICAL
 from schuler.filtering.states import StateLayout
 from schuler.navigation.prepared import PreparedRun
+from schuler.navigation.tuning.slow import scaled_start
 
 #: Kinds of measurements whose innovations tune: what receivers give, weighed by the filter.
 TUNING_KINDS = (POSITION, VELOCITY, PSEUDORANGE, RANGE_RATE)
@@ -31,6 +32,8 @@ _MEASURED = {
 #: gravity, and most of what shakes.
 WHITE = {"gyro": (0, _ALL), "accel": (1, _ACROSS), "accel_down": (1, _DOWN)}
 _WANDER = {"gyro_bias": ("b_g_run", "b_g"), "accel_bias": ("b_a_run", "b_a")}
+#: Factor on the sigma of a slow error of positions, which a run has only where it is recognised.
+SLOW = "slow"
 #: All terms, in the order of tables.
 TERMS = (*WHITE, *_WANDER, *_MEASURED)
 
@@ -73,9 +76,13 @@ def with_factors(prepared: PreparedRun, factors: Mapping[str, float]) -> Prepare
     ----------
     prepared : PreparedRun
     factors : mapping of str to float
-        By the names of :data:`TERMS`; 1 where left out.
+        By the names of :data:`TERMS` and :data:`SLOW`; 1 where left out.
     """
-    models = dict(prepared.layout.models)
+    models, initial = dict(prepared.layout.models), prepared.initial
+    if SLOW in factors:
+        model, factor = models["b_r"], factors[SLOW]
+        models["b_r"] = replace(model, sigma=model.sigma * factor, noise=model.noise * factor)
+        initial = scaled_start(initial, prepared.layout, factor)
     for term in _WANDER:
         name = wandering(prepared.layout, term)
         if name is not None and term in factors:
@@ -88,6 +95,7 @@ def with_factors(prepared: PreparedRun, factors: Mapping[str, float]) -> Prepare
     return replace(
         prepared,
         layout=StateLayout(models),
+        initial=initial,
         psd=(psd[0], psd[1]),
         schedule=replace(schedule, R=schedule.R * D[:, :, None] * D[:, None, :]),
     )

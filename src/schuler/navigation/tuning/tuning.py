@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -10,11 +10,12 @@ import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import InputError
-from schuler.filtering.measurements import KINDS, POSITION, VELOCITY, MeasurementSchedule
+from schuler.filtering.measurements import KINDS, POSITION, RANGE_RATE, VELOCITY, MeasurementSchedule
 from schuler.navigation.inputs.imu_noise import NO_NOISE
 from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.tuning.likelihood import Residuals, epochs, halves, residuals_of, trials
 from schuler.navigation.tuning.noise import (
+    SLOW,
     TUNING_KINDS,
     WHITE,
     terms_of,
@@ -23,6 +24,7 @@ from schuler.navigation.tuning.noise import (
     with_wander,
 )
 from schuler.navigation.tuning.search import Fit, block_scatter, fit
+from schuler.navigation.tuning.slow import CLEARLY, candidates, range_factor, with_slow_error
 
 _LONGEST = 900.0  # of the log that is used [s]
 _FEWEST = 20  # epochs of fixes in each half
@@ -30,6 +32,7 @@ _OUTLIER = 25.0  # normalised innovation squared per component beyond which a fi
 _SURE = 2.0  # standard errors by which held-back fixes have to be likelier
 _T95 = 1.96
 _CONSISTENT = (0.7, 1.4)  # mean normalised innovation squared of a run that is left as it is
+_LEAST_GAIN = 8.0  # of log likelihood for further states: chi-square of 16
 _STILL = 0.5  # GNSS speed of what may stand [m/s]
 _CERTAIN = 3.0  # standard errors beyond that
 _JUDGES = 8  # fixes of a kind and spacing that judge
@@ -51,6 +54,7 @@ TERM_TEXT = {
     "range_rate": "sigma of range rates",
     "lateral": "sigma of the velocity across the wheels",
     "vertical": "sigma of the velocity up",
+    SLOW: "sigma of the slow error of positions",
 }
 
 
@@ -76,6 +80,10 @@ class Tuning:
         Of which so many were outliers.
     models : dict
         Tuned models of the bias states, by block, as entries of ``filter.models``.
+    slow : dict
+        A slow error of positions that was recognised, as entries of ``gnss.correlated``.
+    ranges_slow : float
+        Factor on sigmas of pseudoranges for their slow errors, in that of ``pseudorange``.
     """
 
     factors: dict[str, float]
@@ -88,6 +96,8 @@ class Tuning:
     fixes: int
     left_out: int = 0
     models: dict[str, dict[str, float]] = field(default_factory=dict)
+    slow: dict[str, float] = field(default_factory=dict)
+    ranges_slow: float = 1.0
 
     def sentences(self) -> list[str]:
         """Sentences for the notes of a run."""
@@ -107,7 +117,18 @@ class Tuning:
             f"{TERM_TEXT[name]} x {factor:.2g} ({self.intervals[name][0]:.2g} to {self.intervals[name][1]:.2g})"
             for name, factor in self.factors.items()
         )
-        return [f"noise tuned from {self.fixes} fixes of the log (filter.tune): {chosen}; {check}"]
+        notes = [f"noise tuned from {self.fixes} fixes of the log (filter.tune): {chosen}; {check}"]
+        if self.slow:
+            notes.append(
+                "GNSS positions have a slow error that their accuracies leave out: it is estimated (gnss.correlated), "
+                f"1-sigma {self.slow['position_sigma_m']:.2g} m, correlated over {self.slow['position_tau_s']:.0f} s"
+            )
+        if self.ranges_slow > 1.0:
+            notes.append(
+                "errors stay on satellites for many epochs: sigmas of pseudoranges are taken "
+                f"{self.ranges_slow:.2g} times as large, so that they weigh in averages as they should"
+            )
+        return notes
 
     def summary(self) -> str:
         """Table of the factors with their intervals, and the check."""
@@ -131,13 +152,15 @@ class Tuning:
         return asdict(self)
 
 
-def tune(prepared: PreparedRun) -> Tuning:
+def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
     """Noise of IMU and GNSS from the innovations of a prepared run's fixes.
 
     Parameters
     ----------
     prepared : PreparedRun
         As configured.
+    aligned : bool
+        Whether it starts from one of its fixes, whose slow error the start then has.
 
     Returns
     -------
@@ -153,7 +176,9 @@ def tune(prepared: PreparedRun) -> Tuning:
     Factors are chosen on every other fix by the likelihood of innovations over 1, 4 and 15 s
     (:mod:`~schuler.navigation.tuning.likelihood`) and checked on the fixes between, which are predicted and not used.
     If these are likelier by two standard errors, all fixes refine the factors. The intervals hold the difference
-    between both choices.
+    between both choices. A slow error of positions is taken where fixes held back are likelier with it by three;
+    sigmas of pseudoranges whose innovations stay with a satellite are enlarged first
+    (:func:`~schuler.navigation.tuning.slow.range_factor`) and then left.
     """
     prepared = _first_part(with_wander(prepared))
     terms = terms_of(prepared)
@@ -165,30 +190,92 @@ def tune(prepared: PreparedRun) -> Tuning:
             f"tuning needs at least {2 * _FEWEST} GNSS fixes that the filter uses, and there are {count}; "
             "leave filter.tune out"
         )
+    ranges_slow, slow_spread = range_factor(prepared)
+    if ranges_slow > 1.0:
+        prepared = with_factors(prepared, {"pseudorange": ranges_slow})
+        terms = tuple(name for name in terms if name != "pseudorange")
     floors = noise_floors(prepared)
-    half = fit(prepared, residuals_of(trials(prepared, one, phases=1)), terms, floors=floors)
+    chosen = residuals_of(trials(prepared, one, phases=1))
+    half = fit(prepared, chosen, terms, floors=floors)
     outlying = _outliers(with_factors(prepared, half.factors), fixes)
     one, other = one & ~outlying, other & ~outlying
     held = residuals_of(trials(prepared, one, other))
     before, after = held(prepared), held(with_factors(prepared, half.factors))
+    model, slow = prepared, False
+    if aligned and "position" in terms and "b_r" not in prepared.layout:
+        other_model = _with_slow_error(prepared, half, after, (one, other), terms, floors)
+        if other_model is not None:
+            model, half, after = other_model
+            terms, slow = (*terms, SLOW), True
     gain, gain_sigma = _gain(before, after)
     better = gain > _SURE * gain_sigma and _largest_white(half.factors) <= _MOST
     final = half
     if better:
-        everything = residuals_of(trials(prepared, fixes & ~outlying))
-        final = fit(prepared, everything, terms, start=half.factors, floors=floors, iterations=3)
+        everything = residuals_of(trials(model, fixes & ~outlying))
+        final = fit(model, everything, terms, start=half.factors, floors=floors, iterations=3)
+    factors, intervals = dict(final.factors), _intervals(final, half)
+    if ranges_slow > 1.0:
+        if not better:  # the slow errors are there all the same
+            factors, intervals = {}, {}
+        better = True
+        factors["pseudorange"] = ranges_slow
+        width = float(np.exp(_T95 * slow_spread))
+        intervals["pseudorange"] = (ranges_slow / width, ranges_slow * width)
+    tuned = with_factors(model, final.factors)
     return Tuning(
-        factors=final.factors,
-        intervals=_intervals(final, half),
-        better=better and _largest_white(final.factors) <= _MOST,
+        factors=factors,
+        intervals=intervals,
+        better=better and _largest_white(factors) <= _MOST,
         gain=gain,
         gain_sigma=gain_sigma,
         nis_before={KINDS[k]: v for k, v in before.nis().items()},
         nis_after={KINDS[k]: v for k, v in after.nis().items()},
         fixes=count,
         left_out=int(epochs(prepared.schedule.where(outlying))[1].max(initial=0)),
-        models=_bias_models(prepared, final.factors),
+        models=_bias_models(model, factors),
+        slow=_slow_entries(tuned) if slow and better else {},
+        ranges_slow=ranges_slow,
     )
+
+
+def _with_slow_error(
+    prepared: PreparedRun,
+    half: Fit,
+    plain: Residuals,
+    sets: tuple[BoolArray, BoolArray],
+    terms: tuple[str, ...],
+    floors: dict[str, float],
+) -> tuple[PreparedRun, Fit, Residuals] | None:
+    """The run with a slow error of its positions, its factors, and innovations of fixes held back.
+
+    None unless these are likelier by three standard errors than with the factors of the run without, both for one of
+    the slow errors tried and with all factors chosen anew. Tuned noise may have taken the slow error in already, so it
+    is also tried beside sigmas of GNSS as they were.
+    """
+    judged = residuals_of(trials(prepared, *sets, phases=1))
+    base = judged(with_factors(prepared, half.factors))
+    stated = {name: factor for name, factor in half.factors.items() if name in (*WHITE, "gyro_bias", "accel_bias")}
+    for factors in (half.factors, stated):
+        tuned = with_factors(prepared, factors)
+        tried = [(_gain(base, judged(with_slow_error(tuned, error))), error) for error in candidates(tuned)]
+        largest = max(tried, key=lambda pair: pair[0][0])
+        best = next(pair for pair in tried if pair[0][0] > largest[0][0] - CLEARLY)
+        if best[0][0] > max(_CERTAIN * best[0][1], _LEAST_GAIN):
+            break
+    else:
+        return None
+    wide = with_slow_error(prepared, best[1])
+    chosen = residuals_of(trials(prepared, sets[0], phases=1))
+    wider = fit(wide, chosen, (*terms, SLOW), start={**factors, SLOW: 1.0}, floors=floors, iterations=6)
+    after = residuals_of(trials(prepared, *sets))(with_factors(wide, wider.factors))
+    gain, sigma = _gain(plain, after)
+    return (wide, wider, after) if gain > max(_CERTAIN * sigma, _LEAST_GAIN) else None
+
+
+def _slow_entries(prepared: PreparedRun) -> dict[str, float]:
+    """The slow error of a run's positions, as entries of a configuration."""
+    model = prepared.layout.models["b_r"]
+    return {"position_sigma_m": float(f"{model.sigma:.3g}"), "position_tau_s": float(model.tau or 0.0)}
 
 
 def _largest_white(factors: Mapping[str, float]) -> float:
@@ -208,13 +295,20 @@ def contradicted(prepared: PreparedRun) -> bool:
     Fixes are thinned to 1, 4 and 15 s (:mod:`~schuler.navigation.tuning.likelihood`): noise that is right at the rate
     of the fixes may be wrong in an outage. Of each kind and spacing the mean normalised innovation squared, outliers
     capped, is outside 0.7 to 1.4 by three standard errors, which stretches of the log give (innovations are correlated
-    in time where the noise is wrong). A run with too few fixes to tune is left.
+    in time where the noise is wrong). A run with too few fixes to tune is left, and one of pseudoranges without range
+    rates: a slow error that stays on its satellite looks like small noise there (a parked VN-200, 33 s of code: sigmas
+    were halved and the position was three of them off).
     """
+    if prepared.ranges is not None and not np.any(prepared.schedule.kind == RANGE_RATE):
+        return False
     prepared = _first_part(prepared)
     fixes = _fixes(prepared)
     if int(epochs(prepared.schedule.where(fixes))[1].max(initial=0)) < 2 * _FEWEST:
         return False
-    seen = residuals_of(trials(prepared, fixes, phases=1))(prepared)
+    judge = residuals_of(trials(prepared, fixes, phases=1))
+    seen = judge(prepared)
+    if prepared.ranges is not None and (_other_noise(prepared, judge, seen) or range_factor(prepared)[0] > 1.0):
+        return True
     counted = seen.weight > 0.0
     squares = np.where(counted, seen.influence() * seen.normalised**2, 0.0)
     for kind in np.unique(seen.kind):
@@ -228,6 +322,18 @@ def contradicted(prepared: PreparedRun) -> bool:
             error = float(np.hypot(np.sqrt(block_scatter(off[None, :], seen.t[mine])[0, 0]) / n, np.sqrt(2.0 / n)))
             if mean - _CERTAIN * error > _CONSISTENT[1] or mean + _CERTAIN * error < _CONSISTENT[0]:
                 return True
+    return False
+
+
+def _other_noise(prepared: PreparedRun, judge: Callable[[PreparedRun], Residuals], seen: Residuals) -> bool:
+    """Whether white noise of the IMU three times as large or small is likelier, by three standard errors.
+
+    Innovations of ranges are mostly noise of the ranges: their size does not tell the IMU's as that of fixes does.
+    """
+    for factor in (3.0, 1.0 / 3.0):
+        gain, sigma = _gain(seen, judge(with_factors(prepared, dict.fromkeys(WHITE, factor))))
+        if gain > max(_CERTAIN * sigma, _LEAST_GAIN):
+            return True
     return False
 
 

@@ -1,12 +1,97 @@
 (function () {
   "use strict";
-  var figures = JSON.parse(document.getElementById("figures").textContent);
+  var figures;
   var plots = Array.prototype.slice.call(document.querySelectorAll(".plot"));
   // where nothing hovers, dragging has to scroll the page and not zoom a plot
   var touch = !window.matchMedia("(hover: hover) and (pointer: fine)").matches;
   var printing = false;
   // what all time axes show, null for all of it
   var span = null;
+
+  // Text that was packed with gzip and base64, as bytes.
+  function bytes(text) {
+    var letters = atob(text), raw = new Uint8Array(letters.length);
+    for (var k = 0; k < raw.length; k++) raw[k] = letters.charCodeAt(k);
+    var stream = new Blob([raw]).stream().pipeThrough(new DecompressionStream("gzip"));
+    return new Response(stream).arrayBuffer().then(function (buffer) { return new Uint8Array(buffer); });
+  }
+
+  function unpacked(id) {
+    var element = document.getElementById(id);
+    if (!element) return Promise.resolve("");
+    return bytes(element.textContent).then(function (raw) { return new TextDecoder().decode(raw); });
+  }
+
+  // Numbers from differences with their sign in the last bit, lowest bytes of all first.
+  function numbers(packed) {
+    return bytes(packed.data).then(function (raw) {
+      var n = raw.length / 4, values = new Float64Array(n), sum = 0;
+      for (var k = 0; k < n; k++) {
+        var folded = (raw[k] | raw[n + k] << 8 | raw[2 * n + k] << 16 | raw[3 * n + k] << 24) >>> 0;
+        sum += folded % 2 ? -(folded + 1) / 2 : folded / 2;
+        values[k] = packed.zero + packed.step * sum;
+      }
+      return values;
+    });
+  }
+
+  // A property of a curve that is not for the drawing library.
+  function hide(trace, name, value) { Object.defineProperty(trace, name, { value: value, configurable: true }); }
+
+  // All samples of a curve, unpacked when they are first asked for.
+  function samplesOf(trace) {
+    if (!trace.all) {
+      hide(trace, "all", Promise.all([numbers(trace.samples.t), numbers(trace.samples.y)]));
+    }
+    return trace.all;
+  }
+
+  // Samples of a curve between two times: all of them, or the extremes of a thousand stretches.
+  function finer(trace, between) {
+    return samplesOf(trace).then(function (both) {
+      var t = both[0], y = both[1], each = y.length / t.length, x = [], v = [];
+      var first = Math.max(place(t, between[0]) - 1, 0), last = Math.min(place(t, between[1]) + 1, t.length);
+      var stretch = Math.max(1, Math.ceil((last - first) / 1000)), pause = 5 * trace.samples.interval;
+      for (var a = first; a < last; a += stretch) {
+        var b = Math.min(a + stretch, last), low = a * each, high = a * each;
+        if (a > first && t[a] - t[a - 1] > pause) { x.push(t[a]); v.push(null); }
+        for (var k = a * each; k < b * each; k++) {
+          if (y[k] < y[low]) low = k;
+          if (y[k] > y[high]) high = k;
+        }
+        [Math.min(low, high), Math.max(low, high)].forEach(function (k, i) {
+          if (i && low === high) return;
+          // of a stretch that is itself one of extremes, the second one stands at its middle
+          x.push(t[Math.floor(k / each)] + (k % each) * 0.5 * trace.samples.interval);
+          v.push(y[k]);
+        });
+      }
+      return { x: x, y: v };
+    });
+  }
+
+  // First of increasing times that is not before t.
+  function place(times, t) {
+    var low = 0, high = times.length;
+    while (low < high) {
+      var middle = (low + high) >> 1;
+      if (times[middle] < t) low = middle + 1; else high = middle;
+    }
+    return low;
+  }
+
+  // Puts the curves of a panel that have all their samples in the page as finely as what is shown needs.
+  function refine(div) {
+    var between = span, curves = spec(div).data.filter(function (trace) { return trace.samples; });
+    return Promise.all(curves.map(function (trace) {
+      if (!trace.thinned) hide(trace, "thinned", { x: trace.x, y: trace.y });
+      return between ? finer(trace, between) : trace.thinned;
+    })).then(function (drawn) {
+      if (between !== span) return;  // zoomed again meanwhile
+      curves.forEach(function (trace, k) { trace.x = drawn[k].x; trace.y = drawn[k].y; });
+      return draw(div);
+    });
+  }
 
   function coloured(value, css) {
     if (typeof value === "string") return value.slice(0, 2) === "--" ? css.getPropertyValue(value).trim() : value;
@@ -56,11 +141,11 @@
   }
 
   function draw(div) {
-    if (typeof Plotly === "undefined") return;
+    if (typeof Plotly === "undefined" || !figures) return;
     var d = dressed(div), first = !div.dataset.drawn;
     div.dataset.drawn = "yes";
-    if (!first) { Plotly.react(div, d.data, d.layout); return; }
-    Plotly.newPlot(div, d.data, d.layout, {
+    if (!first) return Plotly.react(div, d.data, d.layout);
+    var done = Plotly.newPlot(div, d.data, d.layout, {
       responsive: true, displaylogo: false, displayModeBar: touch ? true : "hover", doubleClick: "reset+autosize",
       // plotly's own set of buttons has one that sends the data to a server
       showSendToCloud: false, plotlyServerURL: "",
@@ -78,7 +163,11 @@
       });
       div.on("plotly_unhover", function () { mark(null); });
     }
+    if (span && div.dataset.time && sampled(div)) refine(div);
+    return done;
   }
+
+  function sampled(div) { return spec(div).data.some(function (trace) { return trace.samples; }); }
 
   // curves of a panel that know the time of their points: tracks
   function timed(panel) { return panel.data.filter(function (trace) { return trace.customdata; }); }
@@ -138,17 +227,29 @@
       if (!div.dataset.drawn) return;
       var own = spec(div).layout, x = own.xaxis.range, y = own.yaxis.range;
       if (div.dataset.time) {
+        if (sampled(div)) { refine(div).then(function () { fit(div); }); return; }
         if (span) { x = span; y = visible(spec(div), span) || y; }
       } else if (timed(spec(div)).length) {
         var seen = span && piece(spec(div), span);
         if (seen) { x = seen[0]; y = seen[1]; }
       } else return;
-      var next = {};
-      if (x) next["xaxis.range"] = x.slice(); else next["xaxis.autorange"] = true;
-      if (y) next["yaxis.range"] = y.slice(); else next["yaxis.autorange"] = true;
-      div.dataset.follows = "yes";
-      Plotly.relayout(div, next).then(function () { delete div.dataset.follows; });
+      show(div, x, y);
     });
+  }
+
+  // Ranges of both axes, null for all there is.
+  function show(div, x, y) {
+    var next = {};
+    if (x) next["xaxis.range"] = x.slice(); else next["xaxis.autorange"] = true;
+    if (y) next["yaxis.range"] = y.slice(); else next["yaxis.autorange"] = true;
+    div.dataset.follows = "yes";
+    Plotly.relayout(div, next).then(function () { delete div.dataset.follows; });
+  }
+
+  // A figure over time shows what all of them show.
+  function fit(div) {
+    var own = spec(div);
+    show(div, span || own.layout.xaxis.range, (span && visible(own, span)) || own.layout.yaxis.range);
   }
 
   function cursor(div, kind) {
@@ -232,17 +333,81 @@
     });
   });
 
+  // from little to much, and for words
+  var RAMP = ["#0d084b", "#1a4687", "#1c8091", "#56b682", "#e0b020"];
+  var WORDS = ["#0072b2", "#d55e00", "#009e73", "#c79000", "#8a5fb5", "#5c4630", "#6d6d6d", "#b0307a"];
+
+  document.querySelectorAll(".menu select").forEach(function (menu) {
+    menu.addEventListener("change", function () {
+      var column = menu.value === "" ? -1 : +menu.value, panels = figures[menu.dataset.figure];
+      var curves = [].concat.apply([], panels.map(timed));
+      var values = [].concat.apply([], curves.map(function (trace) {
+        return trace.customdata.map(function (at) { return at[column]; });
+      })).filter(function (v) { return v !== null && v !== undefined; });
+      var words = typeof values[0] === "string" ? Array.from(new Set(values)).sort() : null;
+      // a few values far off, as at the start of a run, would leave one colour to all the rest
+      var sorted = words ? [] : values.slice().sort(function (a, b) { return a - b; });
+      var low = sorted[0], high = sorted[Math.floor(0.98 * (sorted.length - 1))];
+      curves.forEach(function (trace) {
+        trace.mode = column < 0 ? "lines" : "lines+markers";
+        if (column < 0) { delete trace.marker; return; }
+        var own = trace.customdata.map(function (at) { return at[column]; });
+        trace.marker = words
+          ? { size: 6, color: own.map(function (v) { return WORDS[words.indexOf(v) % WORDS.length]; }) }
+          : { size: 6, color: own, cmin: low, cmax: high, showscale: false,
+              colorscale: RAMP.map(function (c, k) { return [k / (RAMP.length - 1), c]; }) };
+      });
+      var scale = menu.closest(".menu").querySelector(".scale");
+      scale.textContent = "";
+      function swatch(colour, kind) {
+        var i = document.createElement("i");
+        i.style.background = colour;
+        i.className = kind;
+        scale.appendChild(i);
+      }
+      function say(text) { scale.appendChild(document.createTextNode(text)); }
+      if (words) words.forEach(function (word, k) { swatch(WORDS[k % WORDS.length], ""); say(word); });
+      else if (column >= 0) {
+        say(low.toPrecision(3));
+        swatch("linear-gradient(to right, " + RAMP.join(", ") + ")", "ramp");
+        say(high.toPrecision(3) + " and more");
+      }
+      plots.forEach(function (div) {
+        if (div.dataset.figure === menu.dataset.figure && div.dataset.drawn) draw(div);
+      });
+    });
+  });
+
   function redraw() { plots.forEach(function (div) { if (div.dataset.drawn) draw(div); }); }
 
-  if ("IntersectionObserver" in window) {
-    var watch = new IntersectionObserver(function (entries) {
-      entries.forEach(function (entry) {
-        if (entry.isIntersecting) { watch.unobserve(entry.target); draw(entry.target); }
+  function begin() {
+    if ("IntersectionObserver" in window && !printing) {
+      var watch = new IntersectionObserver(function (entries) {
+        entries.forEach(function (entry) {
+          if (entry.isIntersecting) { watch.unobserve(entry.target); draw(entry.target); }
+        });
+      }, { rootMargin: "600px 0px" });
+      plots.forEach(function (div) { watch.observe(div); });
+    } else {
+      plots.forEach(draw);
+    }
+  }
+
+  if (plots.length && typeof DecompressionStream === "undefined") {
+    plots[0].textContent = "The figures need a browser of 2023 or later; the tables are complete.";
+  } else if (plots.length) {
+    Promise.all([unpacked("library"), unpacked("figures")]).then(function (both) {
+      var library = document.createElement("script");
+      library.textContent = both[0];
+      document.head.appendChild(library);
+      figures = JSON.parse(both[1]);
+      Object.keys(figures).forEach(function (name) {
+        figures[name].forEach(function (panel) {
+          Object.keys(panel.samples || {}).forEach(function (k) { hide(panel.data[k], "samples", panel.samples[k]); });
+        });
       });
-    }, { rootMargin: "600px 0px" });
-    plots.forEach(function (div) { watch.observe(div); });
-  } else {
-    plots.forEach(draw);
+      begin();
+    });
   }
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
   window.addEventListener("beforeprint", function () {
@@ -254,6 +419,6 @@
     printing = false;
     delete document.documentElement.dataset.theme;
     redraw();
-    plots.forEach(function (div) { Plotly.Plots.resize(div); });
+    plots.forEach(function (div) { if (div.dataset.drawn) Plotly.Plots.resize(div); });
   });
 })();

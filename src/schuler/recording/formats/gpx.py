@@ -1,4 +1,4 @@
-"""Tracks as GPX 1.1, for maps and phones. Written only."""
+"""Tracks as GPX, for maps and phones; track points with times are read as fixes."""
 
 from __future__ import annotations
 
@@ -8,15 +8,62 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from schuler import files, units
-from schuler.exceptions import InputError
+from schuler.exceptions import FileFormatError, InputError
+from schuler.recording.io import lines, track_points
 from schuler.recording.io.clock import to_unix
+from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.track_points import Point
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries
 from schuler.recording.trajectory import Trajectory
 
 _FIX = {1: "dgps", 2: "dgps", 3: "dgps", 4: "dgps", 5: "3d", 6: "3d"}
+_NUMBERS = ("ele", "speed", "course", "hdop", "vdop")
 _PAUSE = 5.0  # sample intervals; a longer one, if of 2 s at least, starts a new segment
 _NAMESPACE = "http://www.topografix.com/GPX/1/1"
+
+
+def sniff(head: bytes, path: Path) -> bool:
+    """Whether a file is GPX."""
+    return b"<gpx" in head and b"\x00" not in head[:1000]
+
+
+def holds(path: Path) -> tuple[str, ...]:
+    """Fixes, if there are track points with times."""
+    head = lines.check_file(path)
+    return ("gnss",) if b"<trkpt" in head and b"<time>" in head else ()
+
+
+def read(path: Path, hints: ReadHints) -> Recording:
+    """Fixes of the track points of a GPX file, of version 1.0 or 1.1.
+
+    Parameters
+    ----------
+    path : Path
+    hints : ReadHints
+        ``height`` with ``geoid_separation``, since GPX counts from the sea; ``sigma``, since it states no accuracy;
+        ``offset``, ``name``.
+
+    Raises
+    ------
+    FileFormatError
+        If it is damaged or has no track points with times.
+
+    Notes
+    -----
+    ``hdop`` and ``vdop`` multiply a range error typical of the kind of fix; ``speed`` and ``course`` of GPX 1.0, or of
+    extensions of these names, become velocities.
+    """
+    points: list[Point] = []
+    for _, element in track_points.elements(path, ("trkpt",)):
+        text = {track_points.local_name(e): (e.text or "").strip() for e in element.iter() if e is not element}
+        if element.get("lat") is None or element.get("lon") is None:
+            raise FileFormatError(f"point {len(points) + 1}: expected the attributes lat and lon", path)
+        lat, lon = (track_points.number(element.get(name), path, name) for name in ("lat", "lon"))
+        h, speed, course, hdop, vdop = (track_points.number(text.get(name), path, name) for name in _NUMBERS)
+        better = text.get("fix") in ("dgps", "pps")
+        points.append(Point(text.get("time", ""), lat, lon, h, speed, course, hdop, vdop, better))
+    return track_points.recording_of(path, points, hints, "a GPX track")
 
 
 def write(

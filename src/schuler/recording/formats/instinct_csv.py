@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -33,6 +34,7 @@ _TIME = ("Time::GpsTow [ns]", "Time::GpsWeek")
 _GYRO = tuple(f"IMU::UncompGyro::{c} [rad/s]" for c in "XYZ")
 _ACCEL = tuple(f"IMU::UncompAccel::{c} [m/s^2]" for c in "XYZ")
 _TEMPERATURE = "IMU::Temp [Celsius]"
+_MAG = tuple(f"IMU::UncompMag::{c} [Gauss]" for c in "XYZ")
 _FIX = (
     "GNSS1::Tow [ns]", "GNSS1::Week", "GNSS1::NumSats", "GNSS1::Fix", "GNSS1::PosLla::latitude [deg]",
     "GNSS1::PosLla::longitude [deg]", "GNSS1::PosLla::altitude [m]", "GNSS1::VelNed::N [m/s]",
@@ -41,6 +43,7 @@ _FIX = (
 )  # fmt: skip
 _RAW = ("GNSS1::RawMeas::Tow [s]", "GNSS1::RawMeas::Week", "GNSS1::RawMeas::Satellites")
 #: VectorNav's kinds of fix to RTKLIB's numbers; 0 none, 1 time only and 2 two-dimensional are no fixes here.
+_MOST_SATELLITES, _MOST_SIGMA = 1e4, 1e10  # beyond any receiver's; 2**32 mm stands for "unknown" [1], [m]
 _QUALITY = MappingProxyType({3: 5, 4: 3, 5: 5, 7: 2, 8: 1})
 _SYSTEMS = MappingProxyType({0: "G", 1: "S", 2: "E", 3: "C", 5: "J", 6: "R"})
 #: System, band and channel to RINEX signals, as far as recordings confirm them by the ratio of carrier to pseudorange.
@@ -94,7 +97,9 @@ def read_instinct_imu(path: Path | str, hints: ReadHints | None = None) -> Recor
     """
     path, hints = Path(path), _checked(Path(path), hints, ("offset",))
     header, rows = _table(path)
-    names = (*_TIME, *_GYRO, *_ACCEL, *((_TEMPERATURE,) if _TEMPERATURE in header else ()))
+    names = [*_TIME, *_GYRO, *_ACCEL, *((_TEMPERATURE,) if _TEMPERATURE in header else ())]
+    magnetic = set(_MAG) <= set(header)
+    names += _MAG if magnetic else ()
     values = _numbers(path, header, rows, names)
     t, base = from_gps(values[:, 1] * WEEK_S, values[:, 0] * 1e-9)
     raw = Raw(path, {}, line_of=lambda row: row + 2)
@@ -104,8 +109,9 @@ def read_instinct_imu(path: Path | str, hints: ReadHints | None = None) -> Recor
         notes.append(f"{hints.offset:g} s was added to every time stamp.")
         t = t + hints.offset
     notes += checks.timing_notes(t)
-    temperature = values[:, 8] if len(names) == 9 else None
-    imu = ImuSeries(t, values[:, 2:5], values[:, 5:8], "rate", temperature)
+    temperature = values[:, 8] if _TEMPERATURE in header else None
+    magnetometer = values[:, -3:] * units.GAUSS if magnetic else None
+    imu = ImuSeries(t, values[:, 2:5], values[:, 5:8], "rate", temperature, magnetometer)
     return Recording(imu=imu, metadata=metadata_of(path, hints, base, notes))
 
 
@@ -142,6 +148,15 @@ def read_instinct_gnss(path: Path | str, hints: ReadHints | None = None) -> Rece
     kept = values[fixed]
     t, base = from_gps(kept[:, 1] * WEEK_S, kept[:, 0] * 1e-9)
     check_increasing(Raw(path, {}, line_of=lambda row: int(lines[row]) + 2), t)
+    wrong = np.flatnonzero(~(np.abs(kept[:, 2]) < _MOST_SATELLITES) | ~(kept[:, 10:14] < _MOST_SIGMA).all(axis=1))
+    if len(wrong):
+        row = kept[wrong[0]]
+        raise FileFormatError(
+            f"expected a number of satellites and accuracies in metres, got {row[2]:g}, {row[10:14].tolist()}: the "
+            "line is damaged; correct or delete it",
+            path,
+            int(lines[wrong[0]]) + 2,
+        )
     cov_r, cov_v = np.zeros((len(t), 3, 3)), np.zeros((len(t), 3, 3))
     cov_r[:, [0, 1, 2], [0, 1, 2]] = kept[:, 10:13] ** 2
     cov_v[:, [0, 1, 2], [0, 1, 2]] = kept[:, 13:14] ** 2
@@ -177,7 +192,7 @@ def _table(path: Path) -> tuple[list[str], list[list[str]]]:
     return header, rows
 
 
-def _numbers(path: Path, header: list[str], rows: list[list[str]], names: tuple[str, ...]) -> FloatArray:
+def _numbers(path: Path, header: list[str], rows: list[list[str]], names: Sequence[str]) -> FloatArray:
     """Columns as numbers. Shape (n, k)."""
     if missing := [name for name in names if name not in header]:
         raise FileFormatError(f"expected the column {missing[0]!r}; is it a table of another device?", path, 1)

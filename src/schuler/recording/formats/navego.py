@@ -89,8 +89,9 @@ def read(path: Path, hints: ReadHints) -> Recording:
     tables, base = {}, None
     for part, name in taken.items():
         fields = values.get(name)
-        if not isinstance(fields, dict) or "t" not in fields:
-            raise FileFormatError(f"{name}: expected one structure with a field t", path)
+        needed = {"imu": ("t", "fb", "wb"), "gnss": ("t", *_PLACE), "reference": ("t", *_PLACE, *_EULER)}[part]
+        if not isinstance(fields, dict) or not fields.keys() >= set(needed):
+            raise FileFormatError(f"{name}: expected one structure with the fields {', '.join(needed)}", path)
         time_notes: list[str] = []
         t, own_base = stamps(matlab.vector(fields["t"], f"{name}.t", path), hints.time, fault, time_notes)
         base = base or own_base

@@ -17,8 +17,8 @@ import numpy as np
 from schuler import files
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.files import hashed
-from schuler.recording.formats.registry import needs
-from schuler.recording.io import lines, own, own_satellites
+from schuler.recording.formats.registry import check_installed, needs
+from schuler.recording.io import child, lines, own, own_satellites
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.own import Columns
 from schuler.recording.io.variables import recording_of_arrays
@@ -40,9 +40,8 @@ def sniff(head: bytes, path: Path) -> bool:
 def holds(path: Path) -> tuple[str, ...]:
     """Parts of one of our own files."""
     try:
-        h5py = _h5py()
-        with h5py.File(path, "r") as file:
-            return tuple(_document(file, path)["series"])
+        check_installed("h5py", "netcdf", "reading NetCDF and HDF5 files")
+        return child.call(series_in, path)
     except Exception:  # whatever is wrong is said when the file is read
         return ()
 
@@ -64,37 +63,65 @@ def read(path: Path, hints: ReadHints) -> Recording:
     MissingExtraError
         Without h5py (extra ``hdf5``).
     """
-    h5py = _h5py()
+    check_installed("h5py", "netcdf", "reading NetCDF and HDF5 files")
     head = lines.check_file(path)
-    try:
-        with h5py.File(path, "r") as file:
-            if "schuler" not in file.attrs:
-                arrays = _arrays(h5py, file, path, transposed=head.startswith(b"MATLAB"))
-                return recording_of_arrays(path, arrays, replace(hints, format=None), [])
-            own.refuse_hints(replace(hints, format=None), path)
-            document = _document(file, path)
-            own.check_format(document.get("format"), FORMAT, path, document.get("package"))
-            with hashed([path]) as sources:
-                made = _parts(h5py, file, document, path)
-                hashes = sources()
-    except SchulerError:
-        raise
-    except Exception as error:  # a damaged file makes the library fail in ways that are not listed anywhere
-        raise FileFormatError(
-            f"cannot be read as HDF5 ({type(error).__name__}: {error}); is it complete?", path
-        ) from error
+    with hashed([path]) as sources:
+        document, arrays = child.call(extract, path, head.startswith(b"MATLAB"))
+        if document is None:
+            return recording_of_arrays(path, arrays, replace(hints, format=None), [])
+        own.refuse_hints(replace(hints, format=None), path)
+        made = _parts(arrays, document, path)
+        hashes = sources()
     metadata = own.metadata_from(document, path, lambda: hashes)
     if hints.name:
         metadata = replace(metadata, name=hints.name)
     return Recording(**made, metadata=metadata)
 
 
-def _h5py() -> Any:
+def series_in(path: Path) -> tuple[str, ...]:
+    """Names of the parts in one of our own files, by its document."""
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        return tuple(_document(file, path)["series"])
+
+
+def extract(path: Path, transposed: bool) -> tuple[dict[str, Any] | None, dict[str, Any]]:
+    """Numbers of a file: everything that libhdf5 has to do with it.
+
+    Parameters
+    ----------
+    path : Path
+    transposed : bool
+        Matrices of another program's file are stored columns first.
+
+    Returns
+    -------
+    document : dict or None
+        Of one of our own files.
+    arrays : dict
+        Its columns by part and name, or the arrays of another file by their path with dots.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is damaged, newer than this package, or claims arrays far larger than itself.
+    """
+    import h5py
+
     try:
-        import h5py
-    except ImportError as error:
-        raise needs("h5py", "netcdf", "reading and writing NetCDF and HDF5 files") from error
-    return h5py
+        with h5py.File(path, "r") as file:
+            if "schuler" not in file.attrs:
+                return None, _arrays(h5py, file, path, transposed=transposed)
+            document = _document(file, path)
+            own.check_format(document.get("format"), FORMAT, path, document.get("package"))
+            return document, _columns(h5py, file, document, path)
+    except SchulerError:
+        raise
+    except Exception as error:  # a damaged file makes the library fail in ways that are not listed anywhere
+        raise FileFormatError(
+            f"cannot be read as HDF5 ({type(error).__name__}: {error}); is it complete?", path
+        ) from error
 
 
 def _document(file: Any, path: Path) -> dict[str, Any]:
@@ -110,11 +137,10 @@ def _document(file: Any, path: Path) -> dict[str, Any]:
     return document
 
 
-def _parts(h5py: Any, file: Any, document: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    entries = own.check_series(document, path)
-    made: dict[str, Any] = {}
-    satellites: dict[str, Columns] = {}
-    for name, entry in entries.items():
+def _columns(h5py: Any, file: Any, document: Mapping[str, Any], path: Path) -> dict[str, Columns]:
+    """Columns of each part of one of our own files."""
+    columns: dict[str, Columns] = {}
+    for name, entry in own.check_series(document, path).items():
         group = file.get(name)
         if not isinstance(group, h5py.Group) or not isinstance(file.get(name, getlink=True), h5py.HardLink):
             raise FileFormatError(f"the group {name} is missing; write the file anew", path)
@@ -130,11 +156,21 @@ def _parts(h5py: Any, file: Any, document: Mapping[str, Any], path: Path) -> dic
             flat[column] = _values(dataset, path).astype(dtype, copy=False)
         if not flat:
             raise FileFormatError(f"the group {name} has no columns; write the file anew", path)
+        columns[name] = flat
+    return columns
+
+
+def _parts(columns: Mapping[str, Columns], document: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """Series of the columns of one of our own files."""
+    entries = own.check_series(document, path)
+    made: dict[str, Any] = {}
+    satellites: dict[str, Columns] = {}
+    for name, flat in columns.items():
         if name in own_satellites.TABLES:
             satellites[name] = flat
             continue
         try:
-            made[name] = own.unflatten(name, flat, str(entry.get("kind", "rate")))
+            made[name] = own.unflatten(name, flat, str(entries[name].get("kind", "rate")))
         except KeyError as error:
             raise FileFormatError(f"the column {error} of {name} is missing; write the file anew", path) from error
         except SchulerError as error:

@@ -48,6 +48,24 @@ def read_numpy(path: Path, hints: ReadHints) -> Recording:
     return recording_of_arrays(path, arrays, hints, notes)
 
 
+def read_array(path: Path) -> _Array:
+    """The array of a ``.npy`` file.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    FileFormatError
+        If it cannot be read.
+    """
+    try:
+        return _load(path)["array"]
+    except Exception as error:
+        raise FileFormatError(f"cannot be read as a NumPy file ({error})", path) from error
+
+
 def _load(path: Path) -> dict[str, _Array]:
     """Arrays by name; NumPy allocates what a header claims, so the claim is compared with what is there first."""
     size = path.stat().st_size

@@ -7,7 +7,7 @@ part has no such column. What is not a column is a JSON document in the schema's
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,8 @@ from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.own import Columns
 from schuler.recording.io.variables import recording_of_arrays
 from schuler.recording.recording import Recording
+
+_Columns = Mapping[str, np.ndarray[Any, np.dtype[Any]]]
 
 FORMAT = "schuler/recording/2"
 KEY = b"schuler"
@@ -108,19 +110,26 @@ def _parts(path: Path, file: Any, document: Mapping[str, Any]) -> dict[str, Any]
             satellites[name] = flat
             continue
         try:
-            made[name] = own.unflatten(name, _of_their_own(flat), str(entry.get("kind", "rate")))
+            flat = _of_their_own(flat)
+            made[name] = own.unflatten(name, flat, str(entry.get("kind", "rate")))
         except KeyError as error:
             raise FileFormatError(f"the column {error} of {name} is missing; write the file anew", path) from error
         except SchulerError as error:
             raise FileFormatError(f"{name}: {error}", path) from error
+        del flat
+        _pyarrow("reading Parquet")[0].default_memory_pool().release_unused()
     return made | own.satellite_parts(satellites, document, path)
 
 
 def _row_group(path: Path, file: Any, group: int, name: str) -> Columns:
     """Columns of one part; those of the other parts, which are null here, are not even read."""
     names = [n for n in file.schema_arrow.names if n in own.COLUMNS[name]]
-    table = _guarded(path, lambda: file.read_row_group(group, columns=names))
-    arrays = {n: column for n, column in _to_numpy(table, path).items() if column is not None}
+    arrays: Columns = {}
+    for n in names:  # one after the other: what a table of all of them needs beside is as much again
+        table = _guarded(path, lambda n=n: file.read_row_group(group, columns=[n], use_threads=False))
+        column = _to_numpy(table, path)[n]
+        if column is not None:
+            arrays[n] = column
     if not arrays:
         raise FileFormatError(f"the columns of {name} are missing; write the file anew", path)
     return arrays
@@ -131,16 +140,15 @@ def _of_their_own(flat: Columns) -> Columns:
     return {n: a if a.flags.writeable or n in own.JOINED else a.copy() for n, a in flat.items()}
 
 
-def write_table(
-    path: Path | str, columns: Mapping[str, np.ndarray[Any, np.dtype[Any]]], meta: Mapping[str, Any]
-) -> Path:
+def write_table(path: Path | str, columns: _Columns | Iterable[_Columns], meta: Mapping[str, Any]) -> Path:
     """Write a table of equally long columns with a document about it.
 
     Parameters
     ----------
     path : Path or str
-    columns : mapping of str to ndarray, shape (n,)
-        Floating-point, integer, boolean or text columns.
+    columns : mapping of str to ndarray, shape (n,), or an iterable of them
+        Floating-point, integer, boolean or text columns; of an iterable, parts of the table one below the other, which
+        are made, written and forgotten in turn.
     meta : mapping
         Plain values for the JSON document, with at least ``format``, for example ``"schuler/solution/1"``.
 
@@ -156,8 +164,34 @@ def write_table(
     MissingExtraError
         Without pyarrow (extra ``data``).
     """
-    pa, pq = _pyarrow("writing Parquet")
-    if not columns or "format" not in meta:
+    _, pq = _pyarrow("writing Parquet")
+    if "format" not in meta:
+        raise InputError("write_table: expected at least one column, and a format name in meta")
+    document = own.to_json({"package": f"schuler {own.package_version()}", **meta})
+    parts = iter([columns] if isinstance(columns, Mapping) else columns)
+    table = _arrow_table(next(parts, {}), document)
+    repeating = [n for n in table.column_names if _repeats(table.column(n))]
+    with (
+        files.replacing(path) as temporary,
+        pq.ParquetWriter(temporary, table.schema, use_dictionary=repeating) as writer,
+    ):
+        writer.write_table(table)
+        for part in parts:
+            del table
+            table = _arrow_table(part, document)
+            writer.write_table(table)
+    return Path(path)
+
+
+def _repeats(column: Any) -> bool:
+    """Whether a column is kept short by a dictionary of its values: texts, and numbers that are held."""
+    values = column.to_numpy()
+    return bool(values.dtype.kind == "O" or 2 * np.count_nonzero(values[1:] != values[:-1]) < len(values))
+
+
+def _arrow_table(columns: _Columns, document: str) -> Any:
+    pa, _ = _pyarrow("writing Parquet")
+    if not columns:
         raise InputError("write_table: expected at least one column, and a format name in meta")
     arrays = {name: np.ascontiguousarray(values) for name, values in columns.items()}
     shapes = {name: array.shape for name, array in arrays.items()}
@@ -166,12 +200,8 @@ def write_table(
     bad = [name for name, array in arrays.items() if array.dtype.kind not in "fiubU"]
     if bad:
         raise InputError(f"write_table: expected numbers, booleans or text, got {arrays[bad[0]].dtype} in {bad[0]!r}")
-    document = own.to_json({"package": f"schuler {own.package_version()}", **meta})
     table = pa.table({name: pa.array(array) for name, array in arrays.items()})
-    table = table.replace_schema_metadata({KEY: document.encode()})
-    with files.replacing(path) as temporary:
-        pq.write_table(table, temporary)
-    return Path(path)
+    return table.replace_schema_metadata({KEY: document.encode()})
 
 
 def read_table(path: Path | str, format: str | None = None) -> tuple[Columns, dict[str, Any]]:

@@ -178,8 +178,9 @@ def read_psins_imu(path: Path | str, hints: ReadHints | None = None) -> Recordin
         )
     counts = _counts(path, lines[3:])
     n = len(counts)
-    dtheta = counts[:, :3] * header[2, :3] * units.ARCSEC
-    dv = counts[:, 3:] * header[2, 3:] * units.UG
+    with np.errstate(over="ignore"):  # of impossible counts or weights: what is not finite is refused
+        dtheta = counts[:, :3] * header[2, :3] * units.ARCSEC
+        dv = counts[:, 3:] * header[2, 3:] * units.UG
     notes = [
         f"Increments: a count is {header[2, 0]:g} arcsec and {header[2, 3]:g} ug s; {1000.0 / interval_ms:g} Hz by the "
         "header, which has no stamps for single rows.",
@@ -196,7 +197,8 @@ def read_psins_imu(path: Path | str, hints: ReadHints | None = None) -> Recordin
     notes += checks.timing_notes(t)
     C_bs = axes_matrix(axes)
     imu = ImuSeries(t, dtheta @ C_bs.T, dv @ C_bs.T, "increment")
-    level = float(np.linalg.norm(imu.rates().accel.mean(axis=0)))
+    with np.errstate(over="ignore"):  # of impossible weights; what overflows is no gravity
+        level = float(np.linalg.norm(imu.rates().accel.mean(axis=0)))
     if abs(level / gravity - 1.0) > checks.NORM_TOLERANCE and not hints.allows("norm"):
         raise FileFormatError(
             f"the mean specific force is {level:.3f} m/s^2, not gravity: are the weights of the header right? If the "
@@ -323,14 +325,16 @@ def _observations(path: Path, obss: FloatArray, start: float) -> tuple[Observati
 
 def _ephemerides(path: Path, ephs: FloatArray) -> tuple[Ephemerides, int]:
     """Ephemerides of the rows that are filled in, and their week."""
-    rows = ephs[(ephs[:, 12] > 0.0) & (ephs[:, _WEEK] > 0.0) & np.isfinite(ephs[:, _WEEK])]
+    needed = ephs[:, [_PRN, _TOE, _TOC, _HEALTH, _WEEK, *_EPHEMERIS.values()]]
+    whole = np.isfinite(needed).all(axis=1) & (np.abs(needed) < _LATEST).all(axis=1)
+    rows = ephs[whole & (ephs[:, 12] > 0.0) & (ephs[:, _WEEK] > 0.0)]
     weeks = np.unique(rows[:, _WEEK])
     if len(weeks) != 1:
         raise FileFormatError(f"expected ephemerides of one week, got weeks {weeks.astype(int).tolist()}", path)
     n, start = len(rows), float(weeks[0]) * WEEK_S
     accuracy = rows[:, _ACCURACY]
     stated = np.isfinite(accuracy) & (accuracy > 0.0)
-    notes: tuple[str, ...] = (f"{len(ephs) - n} of {len(ephs)} rows of ephs are empty.",)
+    notes: tuple[str, ...] = (f"{len(ephs) - n} of {len(ephs)} rows of ephs are empty or damaged.",)
     if not stated.all():
         notes += (f"{int(np.sum(~stated))} ephemerides have no accuracy; it was set to {_USUAL_ACCURACY:g} m.",)
     values: dict[str, Any] = {name: rows[:, column] for name, column in _EPHEMERIS.items()}

@@ -14,8 +14,8 @@ from typing import Any
 
 from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.formats.px4_tables import Log, field_of, gnss_table, imu_table, reference_table, stamps
-from schuler.recording.formats.registry import needs
-from schuler.recording.io import parts
+from schuler.recording.formats.registry import check_installed
+from schuler.recording.io import child, parts
 from schuler.recording.io.clock_map import on_gps_time
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
@@ -118,10 +118,14 @@ def load(path: Path, topics: list[str] | None) -> tuple[Log, list[str]]:
     MissingExtraError
         Without pyulog.
     """
-    try:
-        from pyulog import ULog
-    except ImportError as error:
-        raise needs("pyulog", "px4", "reading PX4 logs") from error
+    check_installed("pyulog", "px4", "reading PX4 logs")
+    return child.call(extract, path, topics)
+
+
+def extract(path: Path, topics: list[str] | None) -> tuple[Log, list[str]]:
+    """What :func:`load` returns: everything that pyulog has to do with a log."""
+    from pyulog import ULog
+
     notes: list[str] = []
     messages = io.StringIO()
     try:
@@ -163,7 +167,7 @@ def _size(name: str, formats: dict[str, Any], above: tuple[str, ...]) -> int:
         total += max(number, 1) * (ULog.get_field_size(kind) if basic else _size(kind, formats, (*above, name)))
         if total > _LARGEST:
             raise ValueError(f"the message {name} is longer than messages can be")
-    return total
+    return max(total, 1)  # messages without fields inside one another multiply without growing
 
 
 def _streams(log: Log) -> list[Stream]:

@@ -42,6 +42,7 @@ FORMATS: tuple[tuple[str, str | None], ...] = (
     ("ardupilot", None),
     ("novatel", None),
     ("sbf", None),
+    ("phyphox", None),
     ("vectornav", None),
     ("xsens", None),
     ("sbg", None),
@@ -60,6 +61,8 @@ FORMATS: tuple[tuple[str, str | None], ...] = (
     ("waypoint", None),
     ("android", None),
     ("sensor_logger", None),
+    ("gpx", None),
+    ("kml", None),
     ("oan", None),
 )
 
@@ -131,6 +134,18 @@ def find_writer(path: Path, name: str | None = None) -> tuple[ModuleType, tuple[
 def suffixes() -> list[str]:
     """Suffixes of the files that are written, in order."""
     return [suffix for _, suffixes, _ in WRITERS for suffix in suffixes]
+
+
+def check_installed(library: str, name: str, purpose: str) -> None:
+    """Raise the error of :func:`needs` if a library is missing, without loading it: it is another process that will."""
+    from importlib.util import find_spec
+
+    try:
+        missing = find_spec(library) is None
+    except (ImportError, ValueError):
+        missing = True
+    if missing:
+        raise needs(library, name, purpose)
 
 
 def needs(library: str, name: str, purpose: str) -> MissingExtraError:

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from schuler.arrays import FloatArray
+from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
 from schuler.gnss.ephemerides import Ephemerides, GlonassRecords, KeplerRecords, no_glonass, no_kepler
 from schuler.gnss.signals import SYSTEM_NAMES
@@ -168,10 +168,10 @@ def kepler_records(file: RinexFile, records: Records, system: str) -> KeplerReco
         sent=sent + offset,
         **elements,
         group_delay=delay,
-        health=np.round(health).astype(np.int64),
+        health=_whole(health),
         accuracy=np.where(values[:, _ACCURACY] > 0.0, values[:, _ACCURACY], np.nan),
-        issue=np.round(issue).astype(np.int64),
-        source=np.round(source).astype(np.int64) if system == "E" else np.zeros(len(toc), dtype=np.int64),
+        issue=_whole(issue),
+        source=_whole(source) if system == "E" else np.zeros(len(toc), dtype=np.int64),
     )
     complete = np.isfinite(np.column_stack((values[:, [*_PLACES.values(), _TOE]],))).all(axis=1)
     complete &= (orbits.sqrt_a > 0.0) & (orbits.e >= 0.0) & (orbits.e < 1.0)
@@ -189,7 +189,8 @@ def glonass_records(file: RinexFile, records: Records) -> GlonassRecords:
     values, utc = fields(file, records, 4), dates(file, records)
     leaps = leap_seconds_at(utc, broadcast_leap_seconds(file))
     toe = utc.astype(np.float64)
-    state = values[:, 3:].reshape(-1, 3, 4) * _KM
+    with np.errstate(over="ignore"):  # of damaged messages, which are left out with those that no satellite has
+        state = values[:, 3:].reshape(-1, 3, 4) * _KM
     channel = values[:, 10]
     channel = np.where(channel > 128, channel - 256, channel)  # some writers take the byte as one without a sign
     period = _DAY_S if file.version < 3.0 and not np.any(_known(values[:, 2]) >= _DAY_S) else WEEK_S
@@ -202,13 +203,18 @@ def glonass_records(file: RinexFile, records: Records) -> GlonassRecords:
         a_e=state[:, :, 2],
         clock=values[:, 0],
         rate=values[:, 1],
-        channel=np.nan_to_num(channel, nan=99).astype(np.int64),
-        health=np.nan_to_num(values[:, 6]).astype(np.int64),
+        channel=_whole(channel, 99),
+        health=_whole(values[:, 6]),
     )
     complete = np.isfinite(values[:, [0, 1, 3, 4, 5, 7, 8, 9, 11, 12, 13]]).all(axis=1)
     complete &= (orbits.channel >= _CHANNELS[0]) & (orbits.channel <= _CHANNELS[1])
     orbits = _complete(file, orbits, complete, "R")
     return _once(file, orbits, np.column_stack((orbits.sat, orbits.toe, orbits.health)), "R")
+
+
+def _whole(values: FloatArray, missing: int = 0) -> IntArray:
+    """Numbers that are whole; of damaged ones the largest with 32 bits. Shape (n,)."""
+    return np.clip(np.round(np.nan_to_num(values, nan=missing)), -(2.0**31), 2.0**31 - 1.0).astype(np.int64)
 
 
 def _known(sent: FloatArray) -> FloatArray:

@@ -22,6 +22,7 @@ from schuler.timebase import UNIX_TO_GPS_S, calendar, gps_from_calendar, leap_da
 HELD = ("imu", "gnss", "reference", "odometer")
 _STATUS = {1: 2, 2: 2, 3: 1, 4: 2, 5: 0, 6: 0, 7: 0}  # NavSatStatus of our qualities
 _NS = 1_000_000_000
+_MOST_NS = 9.2e18  # of 63 bits [ns]
 _Bag = list[tuple[str, str, np.ndarray[Any, np.dtype[np.int64]], list[bytes]]]
 
 
@@ -178,7 +179,10 @@ class _UnixTime:
 
     def of(self, t: Any) -> np.ndarray[Any, np.dtype[np.int64]]:
         """Nanoseconds. Shape (n,)."""
-        ns = np.round(t * 1e9).astype(np.int64) + self.shift
+        ns = np.round(t * 1e9)
+        if np.abs(ns).max(initial=0.0) + abs(self.shift) > _MOST_NS:
+            raise InputError(f"{self.name}: stamps of ROS end in the year 2262, got {np.abs(t).max():.6g} s")
+        ns = ns.astype(np.int64) + self.shift
         if self.gps:
             import datetime as dt
 

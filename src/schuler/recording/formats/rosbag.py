@@ -14,10 +14,10 @@ from typing import Any
 
 from schuler.exceptions import FileFormatError, SchulerError
 from schuler.recording.formats import mcap, ros_recording, ros_write
-from schuler.recording.formats.registry import needs
+from schuler.recording.formats.registry import check_installed
 from schuler.recording.formats.ros_messages import LAYOUTS, plain_type
 from schuler.recording.formats.ros_recording import Topic
-from schuler.recording.io import checks
+from schuler.recording.io import checks, child
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.streams import Stream
 from schuler.recording.recording import Recording
@@ -71,14 +71,24 @@ def scan(path: Path) -> tuple[list[Topic], list[str]]:
     """
     if not path.is_dir() and _head(path).startswith(b"#ROSBAG V"):
         check_bag1(path)
-    try:
-        from rosbags.rosbag1 import Reader as Reader1
-        from rosbags.rosbag2 import Reader as Reader2
-    except ImportError as error:
-        raise needs("rosbags", "rosbag", "reading ROS bags") from error
-    one = path.is_file() and path.suffix.lower() != ".db3"
+    check_installed("rosbags", "rosbag", "reading ROS bags")
     if path.is_dir() and (files := sorted(path.glob("*.mcap"))):
         return _joined(files)
+    return child.call(extract, path), []
+
+
+def extract(path: Path) -> list[Topic]:
+    """Topics of a bag: everything that rosbags, SQLite and YAML have to do with it.
+
+    Raises
+    ------
+    FileFormatError
+        If the bag is damaged or cut off.
+    """
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag2 import Reader as Reader2
+
+    one = path.is_file() and path.suffix.lower() != ".db3"
     topics: dict[tuple[str, str], Topic] = {}
     try:
         with Reader1(path) if one else Reader2(path) as reader:
@@ -99,7 +109,7 @@ def scan(path: Path) -> tuple[list[Topic], list[str]]:
     except Exception as error:
         text = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise FileFormatError(f"cannot be read as a ROS bag ({text[:200]}); is it complete?", path) from error
-    return list(topics.values()), []
+    return list(topics.values())
 
 
 def check_bag1(path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.recording.io import clock, columns, dates, lines, own, own_satellites
 from schuler.recording.io.assemble import recording_from
@@ -166,7 +167,7 @@ def _load(opening: Opening, hints: ReadHints) -> Raw:
         if n_bad:
             notes.append(f"{n_bad} garbled lines of {n_bad + len(numbers)} were left out.")
     else:
-        values, truncated = lines.load(opening.table, n_columns, indices, allow_truncated=hints.allows("truncated"))
+        values, truncated = _values(opening, names, indices, hints.allows("truncated"))
         rows = (fields for _, fields in itertools.islice(opening.table.rows(), len(values)))
         if truncated:
             notes.append("The last line was cut off and left out.")
@@ -175,6 +176,26 @@ def _load(opening: Opening, hints: ReadHints) -> Raw:
     if dated is not None:
         _stamp(raw, hints, [fields[dated] for fields in rows])
     return raw
+
+
+def _values(opening: Opening, names: list[str], indices: list[int], cut: bool) -> tuple[FloatArray, bool]:
+    """Numbers of the used columns; NaN where a magnetometer, which may be slower than the rest, has empty fields."""
+    table, n_columns = opening.table, len(opening.fields)
+    slower = [k for k, name in enumerate(names) if name in columns.MAG]
+    try:
+        return lines.load(table, n_columns, indices, allow_truncated=cut)
+    except FileFormatError:
+        if not slower:
+            raise
+    others = [k for k in range(len(names)) if k not in slower]
+    loaded, truncated = lines.load(table, n_columns, [indices[k] for k in others], allow_truncated=cut)
+    values = np.full((len(loaded), len(names)), np.nan)
+    values[:, others] = loaded
+    for row, (_, fields) in zip(values, table.rows(), strict=False):
+        for k in slower:
+            if lines.is_number(fields[indices[k]]):
+                row[k] = float(fields[indices[k]])
+    return values, truncated
 
 
 def _dated(opening: Opening, chosen: dict[str, int]) -> int | None:
@@ -274,6 +295,10 @@ def _by_header(opening: Opening, hints: ReadHints, notes: list[str]) -> dict[str
     number, fields = header
     recognised = {k: name for k, name in ((k, columns.recognise(field)) for k, field in enumerate(fields)) if name}
     names = [name for name, _ in recognised.values()]
+    if set(names) & set(columns.MAG) and any(names.count(name) != 1 for name in columns.MAG):
+        # raw beside corrected, or an axis alone: no one magnetometer, and nothing else needs it
+        recognised = {k: column for k, column in recognised.items() if column[0] not in columns.MAG}
+        names = [name for name, _ in recognised.values()]
     day = [k for k, field in enumerate(opening.fields) if dates.is_date(field)]
     if "t" not in names and len(day) == 1 and hints.rate is None and day[0] not in recognised:
         recognised[day[0]] = ("t", None)
@@ -326,6 +351,8 @@ def _stated_units(opening: Opening, hints: ReadHints, chosen: dict[str, int], no
         try:
             factor(unit, group, hints.kind)
         except SchulerError as error:
+            if group == "mag" and group not in given:
+                continue  # by its size
             if group not in given:
                 raise FileFormatError(
                     f"column {opening.header[1][k]!r}: {error}; say units='{group}=...'",

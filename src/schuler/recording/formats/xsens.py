@@ -267,7 +267,7 @@ def read_text_export(path: Path, hints: ReadHints) -> Recording:
             if number > 200:
                 break
         first = stream.readline().rstrip("\r\n").split(delimiter)
-    missing = [name for name in (*_ACCEL, *_GYRO) if name not in names]
+    missing = [name for name in ("PacketCounter", *_ACCEL, *_GYRO) if name not in names]
     if missing:
         raise FileFormatError(
             f"the export has no {', '.join(missing)}: export inertial data (calibrated Acc and Gyr) with MT Manager",

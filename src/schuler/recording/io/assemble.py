@@ -25,6 +25,7 @@ from schuler.recording.io.hint_texts import (
     parse_units,
 )
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.local_frame import place_local
 from schuler.recording.io.raw import HUGE, Raw, check_increasing
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
@@ -32,7 +33,9 @@ from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 
 SHORTEST_S = 1e-7  # a sample interval below is a wrong unit of time [s]
-_SI = ("s", "m/s^2", "rad/s", "rad", "m", "m/s", "degC", COUNTS)
+# size of the Earth's field, 22 to 67 uT; a unit is taken for right up to a factor of four
+_EARTH_FIELD = {"T": 45e-6, "gauss": 0.45, "uT": 45.0, "mgauss": 450.0, "nT": 45e3}
+_SI = ("s", "m/s^2", "rad/s", "rad", "m", "m/s", "degC", "T", COUNTS)
 
 
 def recording_from(raw: Raw, hints: ReadHints, *, trusted: bool = False, time: TimeBase | None = None) -> Recording:
@@ -66,8 +69,13 @@ def series_from(
     if others := [name for name in raw.values if name not in columns.BELONGS[series]]:
         raw.notes.append(f"Columns of no use to the {series} series: {', '.join(others)}.")
         raw.values = {name: values for name, values in raw.values.items() if name not in others}
+    if series == "imu":
+        _hold_magnetometer(raw)
     _check_finite(raw)
     _to_si(raw, hints, series)
+    if raw.has(columns.LOCAL) and "lat" not in raw.values:
+        place_local(raw.values, hints, raw.path)
+        raw.ellipsoidal = True
     delay = raw.values["received"] - raw.values["t"] if raw.has(("received", "t")) else None
     time = raw.time if time is None else time
     t, base = _time(raw, hints, time)
@@ -108,6 +116,8 @@ def _series(raw: Raw, hints: ReadHints) -> str:
     if hints.series is not None:
         if hints.series == "reference" and "gnss" in recognised:
             return "reference"
+        if hints.series == "gnss" and raw.has(columns.LOCAL):
+            return "gnss"
         if hints.series not in recognised and columns.NUMBER_OF.get(hints.series) not in raw.values:
             raise raw.fault(f"series={hints.series!r}, but the columns are {', '.join(raw.values)}")
         return hints.series
@@ -183,6 +193,8 @@ def _times(values: FloatArray, number: float, passing: bool) -> FloatArray:
 
 
 def _default_unit(raw: Raw, group: str, name: str) -> str:
+    if group == "mag":
+        return _magnetic_unit(raw)
     if group in ("accel", "gyro"):
         raise raw.fault(
             f"the unit of {name} is not known: say units='g,deg/s' (accelerometer, gyro) or whatever they are; "
@@ -258,7 +270,41 @@ def _imu(raw: Raw, hints: ReadHints, t: FloatArray, trusted: bool) -> ImuSeries:
         elif not np.array_equal(axes, np.eye(3)):
             raw.notes.append(f"Axes were turned from {hints.axes.upper()} to forward, right, down.")
         _check_imu(raw, hints, t, triads["accel"], triads["gyro"])
-    return ImuSeries(t, triads["gyro"], triads["accel"], hints.kind, raw.values.get("temp"))
+    magnetometer = _turned(raw, columns.MAG, axes) if raw.has(columns.MAG) else None
+    return ImuSeries(t, triads["gyro"], triads["accel"], hints.kind, raw.values.get("temp"), magnetometer)
+
+
+def _hold_magnetometer(raw: Raw) -> None:
+    """Hold readings of a magnetometer that is sampled more slowly; leave out one without all of its axes."""
+    here = [name for name in columns.MAG if name in raw.values]
+    if not here:
+        return
+    good = np.logical_and.reduce([np.abs(raw.values[name]) <= HUGE for name in here])
+    if len(here) < 3 or not good.any():
+        why = "has not all three axes" if len(here) < 3 else "has no readings"
+        raw.notes.append(f"The magnetometer {why} and is left out.")
+        for name in here:
+            del raw.values[name]
+    elif not good.all():
+        latest = np.maximum.accumulate(np.where(good, np.arange(len(good)), np.argmax(good)))
+        raw.notes.append(f"The magnetometer has readings in {good.sum()} of {len(good)} rows, held in between.")
+        for name in here:
+            raw.values[name] = raw.values[name][latest]
+
+
+def _magnetic_unit(raw: Raw) -> str:
+    """Unit of a magnetometer that states none, by the size of the Earth's field; counts if there is no such unit."""
+    if "mag" in raw.unit or not raw.has(columns.MAG):
+        return raw.unit.get("mag", "T")
+    size = float(np.median(np.sqrt(sum(raw.values[name] ** 2 for name in columns.MAG))))
+    for unit, field in _EARTH_FIELD.items():
+        if field / 4.0 <= size <= 4.0 * field:
+            sentence = f"The unit of the magnetometer is not stated; by its size, {size:.4g}, it is {unit}."
+            break
+    else:
+        unit, sentence = COUNTS, f"mag: {COUNTS_NOTE}"
+    raw.notes.append(sentence)
+    return unit
 
 
 def _turned(raw: Raw, names: tuple[str, ...], C_bs: FloatArray) -> FloatArray:

@@ -6,18 +6,10 @@ gives it away wherever the sensor rests for a second, whatever its attitude.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import NamedTuple
-
 import numpy as np
 
 from schuler import units
-from schuler.arrays import BoolArray, FloatArray
-from schuler.exceptions import FileFormatError
-from schuler.recording.io.hint_texts import COUNTS_NOTE
-from schuler.recording.recording import TIMED, Recording
-from schuler.recording.series import ImuSeries
+from schuler.arrays import FloatArray
 
 MAX_RATE = 100.0  # beyond any gyro in use, about 5700 deg/s [rad/s]
 MAX_FORCE = 200.0 * units.G0  # [m/s^2]
@@ -27,14 +19,6 @@ JITTER = 0.2  # of the sample interval [-]
 _MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
 _ROOM = 1 << 28  # what any packed log may unpack to [byte]
 _PACKED = 100  # times its size that it may, beyond; logs of sensors pack to a third, at best to a twentieth
-MAX_TIME = 1e11  # seconds since year 0 are 6.4e10; no clock counts more [s]
-MAX_SPEED = 12e3  # above the escape velocity [m/s]
-MAX_WHEEL_SPEED = 1e3  # three times the record on land [m/s]
-RADII = (6.33e6, 1e8)  # of the Earth's centre: 11 km below the sea at a pole, twice a geostationary orbit [m]
-HEIGHTS = (-12e3, 1e8)  # [m]
-MAX_SIGMA = 1e7  # an Earth's radius; receivers state 2**32 mm for "unknown" [m], [m/s]
-MAX_SIGMA_ANGLE = 1e3  # [rad]
-TEMPERATURES = (-273.15, 2e3)  # [degC]
 
 
 def check_unpacked(claimed: int, size: int) -> None:
@@ -249,109 +233,3 @@ def timing_notes(t: FloatArray, step: FloatArray | None = None, interval: float 
             f"than {spread * 1e3:.3g} ms."
         )
     return notes
-
-
-class _Quantity(NamedTuple):
-    """Numbers of a series, one or several a row, and between what limits they are possible."""
-
-    series: str
-    name: str
-    values: FloatArray
-    limits: tuple[float, float]
-    unit: str
-    scaled: bool = False  # another unit is likelier than damage where most rows are beyond
-
-
-def check_possible(recording: Recording, path: Path, allowed: Callable[[str], bool]) -> Recording:
-    """The recording, if no vehicle, sensor and clock makes its numbers impossible: one gate for all formats.
-
-    Parameters
-    ----------
-    recording : Recording
-        As read.
-    path : Path
-        For messages.
-    allowed : callable
-        Whether a check is passed over by its name; then a note of the recording says what was.
-
-    Raises
-    ------
-    FileFormatError
-        At the first impossible number of a series, with its row and time. Where most rows of an IMU are beyond what is
-        possible it is their unit and no damage: a note says so, and the checks of a log tell the unit.
-    """
-    from dataclasses import replace
-
-    passed = allowed("magnitude") or "magnitude" in str(recording.metadata.options.get("allow", ""))
-    notes = []
-    for q in _quantities(recording):
-        low, high = q.limits
-        if not q.values.size or (q.values.min() >= low and q.values.max() <= high):
-            continue
-        wrong: BoolArray = ~((q.values >= low) & (q.values <= high))
-        rows = np.flatnonzero(wrong.reshape(len(wrong), -1).any(axis=1))
-        if q.scaled and 2 * len(rows) > len(wrong):
-            # counts or another unit, of which the checks of a log say which, and with what option
-            share = 100.0 * len(rows) / len(wrong)
-            notes.append(f"{share:.0f} % of the rows have a {q.name} beyond {high:.4g} {q.unit}: another unit?")
-            continue
-        row = int(rows[0])
-        value = float(np.atleast_1d(q.values[row])[np.atleast_1d(wrong[row])][0])
-        limits = f"{low:.4g} to {high:.4g}" if low != -high else f"up to {high:.4g}"
-        t = getattr(recording, q.series).t[row]
-        message = (
-            f"row {row + 1} of {q.series} ({t:.6g} s): {q.name} is {value:.6g} {q.unit}, expected {limits}: a damaged "
-            "number or another unit; correct or delete the row"
-        )
-        if not passed:
-            raise FileFormatError(f"{message}, or pass allow='magnitude' (--allow magnitude) if it is right", path)
-        notes.append(f"Passed over: {message}.")
-    return replace(recording, metadata=recording.metadata.noting(*notes)) if notes else recording
-
-
-def _quantities(recording: Recording) -> Iterator[_Quantity]:
-    for name in TIMED:
-        series = getattr(recording, name)
-        if series is not None and len(series.t):
-            yield _Quantity(name, "the stamp", series.t[[0, -1]], (-MAX_TIME, MAX_TIME), "s")
-    if (imu := recording.imu) is not None:
-        if not any(COUNTS_NOTE in note for note in recording.metadata.notes):
-            accel, gyro = _mean_rates(imu)
-            yield _Quantity("imu", "specific force", accel, (-MAX_FORCE, MAX_FORCE), "m/s^2", scaled=True)
-            yield _Quantity("imu", "angular rate", gyro, (-MAX_RATE, MAX_RATE), "rad/s", scaled=True)
-        if imu.temperature is not None:
-            yield _Quantity("imu", "the temperature", imu.temperature, TEMPERATURES, "degC")
-    if (gnss := recording.gnss) is not None:
-        yield _Quantity("gnss", "the height", gnss.llh[:, 2], HEIGHTS, "m")
-        yield _Quantity("gnss", "1-sigma of position", _sigmas(gnss.cov_r_n), (0.0, MAX_SIGMA), "m")
-        if gnss.v_n is not None and gnss.cov_v_n is not None:
-            yield _Quantity("gnss", "velocity", gnss.v_n, (-MAX_SPEED, MAX_SPEED), "m/s")
-            yield _Quantity("gnss", "1-sigma of velocity", _sigmas(gnss.cov_v_n), (0.0, MAX_SIGMA), "m/s")
-        if gnss.received is not None:
-            yield _Quantity("gnss", "time of reception", gnss.received, (-MAX_TIME, MAX_TIME), "s")
-    if (odometer := recording.odometer) is not None:
-        yield _Quantity("odometer", "speed", odometer.speed, (-MAX_WHEEL_SPEED, MAX_WHEEL_SPEED), "m/s")
-        yield _Quantity("odometer", "1-sigma of speed", odometer.sigma, (0.0, MAX_SIGMA), "m/s")
-    if (heading := recording.heading) is not None:
-        yield _Quantity("heading", "1-sigma", heading.sigma, (0.0, MAX_SIGMA_ANGLE), "rad")
-    if (height := recording.height) is not None:
-        yield _Quantity("height", "the height", height.value, (-HEIGHTS[1], HEIGHTS[1]), "m")
-        yield _Quantity("height", "1-sigma", height.sigma, (0.0, MAX_SIGMA), "m")
-    if (reference := recording.reference) is not None:
-        radius = np.linalg.norm(reference.r_eb_e, axis=1)
-        yield _Quantity("reference", "distance from the Earth's centre", radius, RADII, "m")
-        if reference.v_eb_e is not None:
-            yield _Quantity("reference", "velocity", reference.v_eb_e, (-MAX_SPEED, MAX_SPEED), "m/s")
-
-
-def _mean_rates(imu: ImuSeries) -> tuple[FloatArray, FloatArray]:
-    """Specific force and angular rate; of increments over the usual interval, which a pause makes larger."""
-    if imu.kind == "rate" or len(imu) < 2:
-        return imu.accel, imu.gyro
-    dt = np.maximum(np.diff(imu.t, prepend=imu.t[0] - imu.interval), imu.interval)[:, None]
-    return imu.accel / dt, imu.gyro / dt
-
-
-def _sigmas(cov: FloatArray) -> FloatArray:
-    sigma: FloatArray = np.sqrt(np.einsum("nii->ni", cov))
-    return sigma

@@ -18,6 +18,7 @@ GROUP_QUANTITY = {
     "accel": "specific force",
     "gyro": "angular rate",
     "temp": "temperature",
+    "mag": "magnetic flux density",
     "angle": "angle",
     "length": "length",
     "velocity": "velocity",
@@ -25,8 +26,8 @@ GROUP_QUANTITY = {
 #: The same for increments: integrals over the sample interval.
 INCREMENT_QUANTITY = {**GROUP_QUANTITY, "accel": "velocity", "gyro": "angle"}
 
-ACCEL, GYRO = ("ax", "ay", "az"), ("gx", "gy", "gz")
-GEODETIC, ECEF = ("lat", "lon", "h"), ("x", "y", "z")
+ACCEL, GYRO, MAG = ("ax", "ay", "az"), ("gx", "gy", "gz"), ("mx", "my", "mz")
+GEODETIC, ECEF, LOCAL = ("lat", "lon", "h"), ("x", "y", "z"), ("n", "e", "d")
 VELOCITY, ECEF_VELOCITY = ("vn", "ve", "vd"), ("vx", "vy", "vz")
 SIGMA, VELOCITY_SIGMA = ("sn", "se", "sd"), ("svn", "sve", "svd")
 CROSS, VELOCITY_CROSS = ("cne", "cnd", "ced"), ("cvne", "cvnd", "cved")
@@ -39,33 +40,37 @@ GROUP: dict[str, str | None] = {
     **dict.fromkeys(ACCEL, "accel"),
     **dict.fromkeys(GYRO, "gyro"),
     "temp": "temp",
+    **dict.fromkeys(MAG, "mag"),
     "lat": "angle",
     "lon": "angle",
     **dict.fromkeys(EULER, "angle"),
     **dict.fromkeys(("heading", "sheading", "course"), "angle"),
     **dict.fromkeys(("h", "sh"), "length"),
-    **dict.fromkeys((*SIGMA, *ECEF), "length"),
+    **dict.fromkeys((*SIGMA, *ECEF, *LOCAL), "length"),
     **dict.fromkeys((*VELOCITY, *VELOCITY_SIGMA, *ECEF_VELOCITY, "speed", "sspeed"), "velocity"),
     **dict.fromkeys((*CROSS, *VELOCITY_CROSS, *QUATERNION, "q", "ns"), None),
 }
 SKIPS = ("-", "_")
 #: Columns whose sign a ``-`` before the name changes.
-SIGNED = (*ACCEL, *GYRO, *VELOCITY, *ECEF_VELOCITY, *EULER, "heading", "lat", "lon", "speed")
+SIGNED = (*ACCEL, *GYRO, *MAG, *VELOCITY, *ECEF_VELOCITY, *EULER, *LOCAL, "heading", "lat", "lon", "speed")
 #: Stand for three columns where a name is mapped to an N x 3 array (MATLAB and NumPy files).
-TRIADS = {"accel": ACCEL, "gyro": GYRO}
+TRIADS = {"accel": ACCEL, "gyro": GYRO, "mag": MAG}
 
 
 def _spellings() -> dict[str, str]:
-    table = {name: name for name in GROUP}
+    table = {name: name for name in GROUP if name not in LOCAL}  # an n alone is a counter
+    table |= {word: word[0] for word in ("north", "east", "down")}
     for axis in "xyz":
         for stem in ("acc", "accel", "accelerometer", "acceleration", "specific_force", "f"):
             table |= {f"{stem}_{axis}": f"a{axis}", f"{stem}{axis}": f"a{axis}"}
         for stem in ("gyr", "gyro", "gyroscope", "omega", "w", "angular_rate", "angular_velocity"):
             table |= {f"{stem}_{axis}": f"g{axis}", f"{stem}{axis}": f"g{axis}"}
-        table |= {f"a_{axis}": f"a{axis}", f"g_{axis}": f"g{axis}"}
+        for stem in ("mag", "magn", "magnetometer", "magnetic_field", "b_field"):
+            table |= {f"{stem}_{axis}": f"m{axis}", f"{stem}{axis}": f"m{axis}"}
+        table |= {f"a_{axis}": f"a{axis}", f"g_{axis}": f"g{axis}", f"m_{axis}": f"m{axis}"}
         table |= {f"ac{axis}": f"a{axis}", f"gy{axis}": f"g{axis}"}  # AcX, GyX of Arduino sketches
     for axis in "ned":
-        table |= {f"v_{axis}": f"v{axis}", f"vel_{axis}": f"v{axis}", f"sigma_{axis}": f"s{axis}"}
+        table |= {f"pos_{axis}": axis, f"v_{axis}": f"v{axis}", f"vel_{axis}": f"v{axis}", f"sigma_{axis}": f"s{axis}"}
         table |= {f"sigma_v{axis}": f"sv{axis}", f"sd_{axis}": f"s{axis}"}
     for word in ("time", "timestamp", "stamp", "tow", "gps_tow", "gpstow", "gps_time", "seconds", "millis", "micros"):
         table[word] = "t"
@@ -85,7 +90,8 @@ _ENDINGS = {
     "m_s2": "m/s^2", "mps2": "m/s^2", "ms2": "m/s^2", "mg": "mg", "g": "g", "rad_s": "rad/s", "rads": "rad/s",
     "rps": "rad/s", "deg_s": "deg/s", "dps": "deg/s", "mdps": "mdps", "degs": "deg/s", "deg_h": "deg/h",
     "s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "deg": "deg", "m_s": "m/s", "mps": "m/s",
-    "km_h": "km/h", "m": "m", "degc": "degC", "c": "degC",
+    "km_h": "km/h", "m": "m", "degc": "degC", "c": "degC", "ut": "uT", "nt": "nT", "gauss": "gauss",
+    "mgauss": "mgauss",
 }  # fmt: skip
 _LONGEST = 200  # characters of a name worth looking at
 _BRACKETED = re.compile(r"^(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$")
@@ -158,10 +164,11 @@ def check_known(word: str, choices: Iterable[str], what: str) -> str:
 OVER_GROUND = ("speed", "course", "sspeed")
 #: Columns that make up each series.
 BELONGS = {
-    "imu": {"t", *ACCEL, *GYRO, "temp"},
+    "imu": {"t", *ACCEL, *GYRO, "temp", *MAG},
     "gnss": {
         "t",
         *GEODETIC,
+        *LOCAL,
         *VELOCITY,
         *SIGMA,
         *VELOCITY_SIGMA,
@@ -175,7 +182,7 @@ BELONGS = {
     "odometer": {"t", "speed", "sspeed"},
     "heading": {"t", "heading", "sheading"},
     "height": {"t", "h", "sh"},
-    "reference": {"t", *GEODETIC, *VELOCITY, *ECEF, *ECEF_VELOCITY, *EULER, *QUATERNION},
+    "reference": {"t", *GEODETIC, *LOCAL, *VELOCITY, *ECEF, *ECEF_VELOCITY, *EULER, *QUATERNION},
 }
 
 
@@ -197,6 +204,6 @@ def series_of(names: Iterable[str]) -> list[str]:
         kinds.append("gnss")
     if "speed" in present and not present >= {"lat", "lon", "course"}:
         kinds.append("odometer")
-    if present & set(ECEF):
+    if present & set(ECEF) or (present >= set(LOCAL) and "lat" not in present):
         kinds.append("reference")
     return kinds or [series for series, column in NUMBER_OF.items() if column in present]

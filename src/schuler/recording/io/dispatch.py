@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from schuler.exceptions import FileFormatError, InputError, ReaderError, SchulerError
-from schuler.recording.io import checks, columns, lines
-from schuler.recording.io.gnss_table import reference_from_gnss
+from schuler.recording.io import columns, lines
+from schuler.recording.io.gnss_table import reference_from_gnss, with_truth_fixes
 from schuler.recording.io.hint_texts import SATELLITES, SERIES
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.possible import check_possible
 from schuler.recording.io.satellite_files import read_satellite_file
 from schuler.recording.recording import Recording
 
@@ -98,9 +99,11 @@ def _folder_format(path: Path, hints: ReadHints | None, name: str | None) -> Mod
 def read_one(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int] | None = None) -> Recording:
     """Read one file, see :func:`read`; ``glonass_channels`` by satellite for RINEX observations without them."""
     with guarded(path):
-        recording = checks.check_possible(_read_file(path, hints, glonass_channels), path, hints.allows)
+        recording = check_possible(_read_file(path, hints, glonass_channels), path, hints.allows)
     if hints.series == "reference" and recording.reference is None and recording.gnss is not None:
         recording = reference_from_gnss(recording)
+    if hints.truth_fixes is not None:
+        recording = with_truth_fixes(recording, *hints.truth_fixes)
     if hints.series is not None and getattr(recording, hints.series) is None:
         held = ", ".join(n for n in (*SERIES, *SATELLITES) if getattr(recording, n) is not None)
         raise InputError(f"{path}: series={hints.series!r} was asked for, the file holds {held}")

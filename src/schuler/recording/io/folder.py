@@ -150,11 +150,12 @@ def _joined(path: Path, halves: Mapping[str, Recording]) -> Recording:
     )
     half = a if a.temperature is not None else g
     temperature = half.temperature if half.temperature is None or same else np.interp(t, half.t, half.temperature)
+    magnetometer = next((x.magnetometer for x in (a, g) if x.magnetometer is not None), None) if same else None
     no_halves = [n for n in accel.metadata.notes + gyro.metadata.notes if "its values are zero" not in n]
     metadata = replace(
         accel.metadata, sources={**accel.metadata.sources, **gyro.metadata.sources}, notes=(*no_halves, *notes)
     )
-    imu = ImuSeries(t, rates, accels, a.kind, temperature)
+    imu = ImuSeries(t, rates, accels, a.kind, temperature, magnetometer)
     return Recording(imu=imu, metadata=metadata)
 
 

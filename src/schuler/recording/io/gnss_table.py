@@ -215,3 +215,39 @@ def reference_from_gnss(recording: Recording) -> Recording:
     note = "The reference is a GNSS solution, of the antenna; no lever arm was applied."
     reference = Trajectory.from_geodetic(gnss.t, gnss.llh, gnss.v_n)
     return replace(recording, gnss=None, reference=reference, metadata=recording.metadata.noting(note))
+
+
+def with_truth_fixes(recording: Recording, period_s: float, sigma_m: float) -> Recording:
+    """The same recording with fixes drawn about its reference, which stays what results are compared with.
+
+    Parameters
+    ----------
+    recording : Recording
+    period_s : float
+        Of the fixes, on whole periods of the clock. [s]
+    sigma_m : float
+        1-sigma north, east and down of the noise that is drawn, the same in every run, and stated. [m]
+
+    Raises
+    ------
+    InputError
+        If there is no reference, there are fixes already, or the reference is too short.
+    """
+    reference, name = recording.reference, recording.metadata.name
+    if reference is None or recording.gnss is not None:
+        what = "there is no reference" if reference is None else "there are fixes"
+        raise InputError(f"{name}: truth_fixes makes fixes of the reference of a log that has no others, but {what}")
+    t = period_s * np.arange(np.ceil(reference.t[0] / period_s), np.floor(reference.t[-1] / period_s) + 1.0)
+    if len(t) < 2:
+        raise InputError(f"{name}: truth_fixes: the reference is shorter than two periods of {period_s:g} s")
+    at = reference.at(t)
+    noise = sigma_m * np.random.default_rng(len(t)).standard_normal((len(t), 3))
+    r_e = at.r_eb_e + np.einsum("nij,nj->ni", frames.C_en(at.llh), noise)
+    cov = np.broadcast_to(sigma_m**2 * np.eye(3), (len(t), 3, 3)).copy()
+    note = (
+        f"Fixes are no measurements: the reference every {period_s:g} s with noise of {sigma_m:g} m added. Errors "
+        "beside the reference say how well the IMU is integrated, not how good a receiver would be."
+    )
+    return replace(
+        recording, gnss=GnssSeries(t, frames.llh_from_ecef(r_e), cov), metadata=recording.metadata.noting(note)
+    )

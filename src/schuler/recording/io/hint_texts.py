@@ -224,6 +224,23 @@ def parse_origin(value: str | Iterable[float] | None) -> tuple[float, float, flo
     return lat * units.DEG, lon * units.DEG, h
 
 
+def parse_truth_fixes(value: str | Iterable[float] | None) -> tuple[float, float] | None:
+    """Period [s] and 1-sigma [m] of a ``truth_fixes`` hint.
+
+    Raises
+    ------
+    InputError
+        If it is not two positive numbers.
+    """
+    if value is None:
+        return None
+    parts: list[Any] = value.split(",") if isinstance(value, str) else list(value)
+    if len(parts) != 2:
+        raise InputError(f"truth_fixes: expected a period [s] and a 1-sigma [m], such as '1,0.05', got {value!r}")
+    period, sigma = (finite_number(part, "truth_fixes", 0.0) for part in parts)
+    return period, sigma
+
+
 def axes_matrix(axes: str | None) -> FloatArray:
     """Matrix ``C_bs`` of an ``axes`` hint: sensor components to forward, right, down. Shape (3, 3).
 

@@ -26,6 +26,7 @@ from schuler.recording.io.hint_texts import (
     parse_sigma,
     parse_streams,
     parse_time,
+    parse_truth_fixes,
     parse_units,
 )
 
@@ -42,7 +43,8 @@ class ReadHints:
         Names: t; ax ay az, gx gy gz, temp; lat lon h, vn ve vd, sn se sd, svn sve svd, q, ns, received;
         speed, sspeed (and course, of fixes); heading, sheading; h, sh (of a barometer); for references x y z,
         vx vy vz (Earth-fixed) and
-        roll pitch yaw. ``name=header`` takes a column by its header, or an array by its name.
+        roll pitch yaw; n e d of a local frame (with ``origin``).
+        ``name=header`` takes a column by its header, or an array by its name.
     units : str, optional
         ``"g,deg/s"`` (accelerometer, gyro) with an optional third for time, or by group:
         ``"accel=g,gyro=deg/s,t=ms,temp=degC,angle=deg,length=m,velocity=km/h"``. ``counts`` for uncalibrated logs.
@@ -96,6 +98,9 @@ class ReadHints:
         ``velocity`` where that of GNSS is a stream of its own.
     origin : str or sequence of float, optional
         Origin of a local frame: latitude, longitude [deg], ellipsoidal height [m], ``"48.1,11.6,560"``.
+    truth_fixes : str or sequence of float, optional
+        Fixes made of the reference, of a log that has no others: period [s] and 1-sigma [m] of the noise that is added,
+        ``"1,0.05"``.
 
     Raises
     ------
@@ -129,6 +134,7 @@ class ReadHints:
     format: str | None = None
     streams: str | Mapping[str, str] | None = None
     origin: str | Iterable[float] | None = None
+    truth_fixes: str | Iterable[float] | None = None
 
     def __post_init__(self) -> None:
         for name in (
@@ -190,6 +196,7 @@ class ReadHints:
         parse_time(self.time)
         parse_streams(self.streams)
         parse_origin(self.origin)
+        object.__setattr__(self, "truth_fixes", parse_truth_fixes(self.truth_fixes))
         axes_matrix(self.axes)
 
     @classmethod

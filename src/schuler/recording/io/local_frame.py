@@ -9,6 +9,9 @@ import numpy as np
 from schuler import frames, rotation, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError
+from schuler.recording.io.columns import GEODETIC, LOCAL
+from schuler.recording.io.hint_texts import parse_origin
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.trajectory import Trajectory
 
 #: Turns between east-north-up and north-east-down, and forward-left-up and forward-right-down: their own inverses.
@@ -27,6 +30,34 @@ def need_origin(origin: Origin | None, path: Path, what: str) -> Origin:
             "ellipsoidal metres); x is taken as east, y as north, z as up"
         )
     return origin
+
+
+def place_local(values: dict[str, FloatArray], hints: ReadHints, path: Path) -> None:
+    """Make columns north, east, down of an origin latitude, longitude and height, in place.
+
+    Parameters
+    ----------
+    values : dict of str to ndarray, shape (n,)
+        With n, e, d. [m]
+    hints : ReadHints
+        ``origin`` counts.
+    path : Path
+        For messages.
+
+    Raises
+    ------
+    InputError
+        If no origin is stated.
+    """
+    origin = parse_origin(hints.origin)
+    if origin is None:
+        raise InputError(
+            f"{path}: n, e, d are in a local frame: say where its zero is, origin='LAT,LON,HEIGHT' (degrees, "
+            "ellipsoidal metres)"
+        )
+    r_n = np.stack([values.pop(name) for name in LOCAL], axis=1)
+    llh = frames.llh_from_ecef(frames.ecef_from_ned(r_n, np.array(origin)))
+    values |= dict(zip(GEODETIC, llh.T.copy(), strict=True))
 
 
 def earth_fixed(
@@ -115,8 +146,6 @@ def local(
 
 def origin_of(trajectory: Trajectory, stated: str | None = None) -> Origin:
     """The origin stated in degrees and metres, else the first position of a trajectory, rounded to be printed."""
-    from schuler.recording.io.hint_texts import parse_origin
-
     if stated is not None:
         origin = parse_origin(stated)
         assert origin is not None

@@ -61,19 +61,20 @@ def velocities(
             f"{scatter:.2g} m/s, by their differences to the displacements."
         )
     v, angle = np.where(moving, speed, 0.0), np.where(np.isfinite(course), course, 0.0)
-    anywhere = moving & ~np.isfinite(course)
-    along = np.where(anywhere, np.hypot(along, v), along)
-    v = np.where(anywhere, 0.0, v)
-    across = along
-    if of_course is not None:
-        across = np.maximum(along, v * np.where(np.isfinite(of_course), of_course, 0.0))
-    c, s = np.cos(angle), np.sin(angle)
-    return {
-        "vn": v * c, "ve": v * s, "vd": np.zeros_like(v),
-        "svn": np.hypot(along * c, across * s), "sve": np.hypot(along * s, across * c),
-        "svd": np.full_like(v, NO_VERTICAL_RATE),
-        "cvne": (along**2 - across**2) * c * s, "cvnd": np.zeros_like(v), "cved": np.zeros_like(v),
-    }  # fmt: skip
+    with np.errstate(over="ignore", invalid="ignore"):  # of damaged numbers: what is not finite is refused with its row
+        anywhere = moving & ~np.isfinite(course)
+        along = np.where(anywhere, np.hypot(along, v), along)
+        v = np.where(anywhere, 0.0, v)
+        across = along
+        if of_course is not None:
+            across = np.maximum(along, v * np.where(np.isfinite(of_course), of_course, 0.0))
+        c, s = np.cos(angle), np.sin(angle)
+        return {
+            "vn": v * c, "ve": v * s, "vd": np.zeros_like(v),
+            "svn": np.hypot(along * c, across * s), "sve": np.hypot(along * s, across * c),
+            "svd": np.full_like(v, NO_VERTICAL_RATE),
+            "cvne": (along**2 - across**2) * c * s, "cvnd": np.zeros_like(v), "cved": np.zeros_like(v),
+        }  # fmt: skip
 
 
 def measured(accuracy: FloatArray, other: FloatArray) -> bool:

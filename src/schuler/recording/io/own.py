@@ -27,6 +27,7 @@ UNITS = {
        for name, group in columns.GROUP.items()},
     **dict.fromkeys(columns.ACCEL, "m/s^2"),
     **dict.fromkeys(columns.GYRO, "rad/s"),
+    **dict.fromkeys(columns.MAG, "T"),
     **dict.fromkeys((*columns.CROSS, "cnn", "cee", "cdd"), "m^2"),
     **dict.fromkeys((*columns.VELOCITY_CROSS, "cvnn", "cvee", "cvdd"), "m^2/s^2"),
 }  # fmt: skip
@@ -45,7 +46,7 @@ _ELEMENTS = {"nn": (0, 0), "ne": (0, 1), "nd": (0, 2), "ee": (1, 1), "ed": (1, 2
 Columns = own_satellites.Columns
 #: Columns that are put side by side when a series is made of them.
 JOINED = (
-    {*columns.ACCEL, *columns.GYRO, *columns.GEODETIC, *columns.VELOCITY}
+    {*columns.ACCEL, *columns.GYRO, *columns.MAG, *columns.GEODETIC, *columns.VELOCITY}
     | {*columns.ECEF, *columns.ECEF_VELOCITY, *columns.QUATERNION}
 ) - {"h"}  # a height may be a series of its own
 _BLOCK = 8192  # rows of a few columns, which fit into a cache
@@ -62,8 +63,9 @@ def package_version() -> str:
 
 
 def version(recording: Recording) -> int:
-    """Version of our formats that a recording needs: 2 with a heading, a height or satellite parts, else 1."""
-    return 1 if all(getattr(recording, name) is None for name in _SECOND) else 2
+    """Version of our formats that a recording needs: 2 with a heading, height, satellites or magnetometer, else 1."""
+    second = any(getattr(recording, name) is not None for name in _SECOND)
+    return 2 if second or (recording.imu is not None and recording.imu.magnetometer is not None) else 1
 
 
 def rows(table: Columns) -> int:
@@ -78,6 +80,8 @@ def flatten(recording: Recording) -> dict[str, Columns]:
         flat["imu"] = {"t": imu.t, **_split(columns.ACCEL, imu.accel), **_split(columns.GYRO, imu.gyro)}
         if imu.temperature is not None:
             flat["imu"]["temp"] = imu.temperature
+        if imu.magnetometer is not None:
+            flat["imu"] |= _split(columns.MAG, imu.magnetometer)
     if (gnss := recording.gnss) is not None:
         table: Columns = {"t": gnss.t, **_split(columns.GEODETIC, gnss.llh), **_split_cov("c", gnss.cov_r_n)}
         if gnss.v_n is not None and gnss.cov_v_n is not None:
@@ -112,7 +116,8 @@ def unflatten(
     """
     if name == "imu":
         accel, gyro = _join(columns.ACCEL, flat), _join(columns.GYRO, flat)
-        return ImuSeries(flat["t"], gyro, accel, kind, flat.get("temp"))  # type: ignore[arg-type]
+        magnetometer = _join(columns.MAG, flat) if "mx" in flat else None
+        return ImuSeries(flat["t"], gyro, accel, kind, flat.get("temp"), magnetometer)  # type: ignore[arg-type]
     if name == "gnss":
         has_velocity = "vn" in flat
         return GnssSeries(
@@ -272,9 +277,9 @@ def refuse_hints(hints: ReadHints, path: Path) -> None:
     Raises
     ------
     InputError
-        If any hint but ``name``, ``series`` and ``allow`` is given.
+        If any hint but ``name``, ``series``, ``allow`` and ``truth_fixes`` is given.
     """
-    if surplus := sorted(set(hints.given()) - {"name", "series", "allow"}):
+    if surplus := sorted(set(hints.given()) - {"name", "series", "allow", "truth_fixes"}):
         raise InputError(f"{path} was written by schuler and needs no hints; leave out {', '.join(surplus)}")
 
 
@@ -345,6 +350,8 @@ def _join(names: tuple[str, ...], flat: Columns) -> FloatArray:
     for start in range(0, len(joined), _BLOCK):
         for k, name in enumerate(names):
             joined[start : start + _BLOCK, k] = flat[name][start : start + _BLOCK]
+    for name in names:  # a day at 200 Hz is not kept twice
+        del flat[name]
     return joined
 
 

@@ -20,7 +20,7 @@ from schuler.recording.recording import Metadata, Recording
 from schuler.timebase import TimeBase
 
 #: Hints that mean something for every format with these series.
-COMMON = frozenset({"name", "series", "format", "offset", "allow", "rest"})
+COMMON = frozenset({"name", "series", "format", "offset", "allow", "rest", "truth_fixes"})
 GNSS_HINTS = frozenset({"height", "geoid_separation", "sigma"})
 _SI = {"t": "s", "accel": "m/s^2", "gyro": "rad/s", "temp": "degC", "angle": "rad", "length": "m", "velocity": "m/s"}
 _SI_INCREMENT = {**_SI, "accel": "m/s", "gyro": "rad"}

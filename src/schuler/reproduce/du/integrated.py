@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, claimed, digits, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown, transcribed
 from schuler.reproduce.du.bands import ERRORS, against_rms, period
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, DEG_PER_HR, MIN
@@ -52,7 +52,7 @@ def _road(effort: Effort) -> Outcome:
     v = np.linalg.norm(motion.state(np.arange(0.0, motion.duration, 1.0)).v_eb_n, axis=1)
     lost = [b - a for a, b in OUTAGES_S]
     return Outcome(
-        (
+        transcribed(
             digits("length of the test", "33", motion.duration / MIN, unit="min"),
             against("at rest at first", 30.0, float(np.argmax(v > 0.1)), absolute=2.0, unit="s", tolerance="read"),
             digits("outages", "3", float(len(lost))),
@@ -184,7 +184,7 @@ def _position(imu: str, effort: Effort) -> Outcome:
         for k, name in enumerate(names):
             cells.append(
                 shown(f"{way}: {name}", float(rms[way][k].mean()), unit="cm" if k < 3 else "cm/s",
-                      printed=f"{CONTINUOUS_CM[imu, way][k]:g}")
+                      printed=f"{CONTINUOUS_CM[imu, way][k]:g}", why="the emulated GNSS was made from it")
             )  # fmt: skip
     for k, name in enumerate(names):
         a, b = (CONTINUOUS_CM[imu, way][k] for way in _SIDES)

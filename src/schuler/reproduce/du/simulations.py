@@ -156,7 +156,15 @@ def _anchors(case: Case, axes: Sequence[str | None]) -> list[Cell]:
                             source=f"check: {printed:g} without the gradient of gravity")
                 )  # fmt: skip
             else:
-                cells.append(shown(text, ours[name], unit=unit, printed=f"check: {printed:g}"))
+                cells.append(
+                    shown(
+                        text,
+                        ours[name],
+                        unit=unit,
+                        printed=f"check: {printed:g}",
+                        why="depends on the gradient of gravity, which the check leaves out",
+                    )
+                )
     return cells
 
 

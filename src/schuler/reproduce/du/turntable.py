@@ -65,7 +65,15 @@ def _table(imu: str, test: Literal["Y", "Z"], quantity: Quantity, effort: Effort
             x = values[:, k]
             # z of the conventional gyroscopes comes from the tilted rotation about Y
             if k in given or (quantity, test, tilt, k) == ("gyro", "Y", 0.0, 2):
-                cells.append(shown(title, float(x.mean()), unit=unit, printed=f"{printed:g}"))
+                cells.append(
+                    shown(
+                        title,
+                        float(x.mean()),
+                        unit=unit,
+                        printed=f"{printed:g}",
+                        why="the emulated unit was made from it",
+                    )
+                )
             elif quantity == "attitude":
                 cells.append(against_rms(title, printed, x, unit=unit, digit=digit))
             else:

@@ -42,7 +42,8 @@ def markov_example(effort: Effort) -> Outcome:
     r = as_printed.autocovariance(np.array([0.0, _TAU]))
     cells = (
         against("deviation of the input, sqrt(2 sigma^2 / (Ts tau))", 1.0, drive, absolute=1e-9, tolerance="rounding"),
-        shown("deviation of the output with an input of 1", output[0], printed="1.0125 in one run"),
+        shown("deviation of the output with an input of 1", output[0], printed="1.0125 in one run",
+              why="the length of the run is not stated; 1000 s would scatter by 20 %"),
         digits("the same", "0.707", output[0], reference="corrected"),
         digits("input", "1.414", drive, reference="corrected"),
         against("deviation of the output with that input", 1.0, output[1], absolute=0.5 * _DT / _TAU,

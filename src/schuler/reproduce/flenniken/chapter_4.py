@@ -64,7 +64,13 @@ def bound(grade: str, seconds: float, effort: Effort) -> Outcome:
     # the deviation of the fixes was chosen to meet both grades: with one number free, one of the two is a comparison
     free = grade == "consumer"
     cells = [
-        shown(f"steady, {when} an update", value / DEG, unit="deg", printed=claim)
+        shown(
+            f"steady, {when} an update",
+            value / DEG,
+            unit="deg",
+            printed=claim,
+            why="the deviation of the fixes was chosen by it",
+        )
         if free
         else claimed(f"steady, {when} an update", claim, value / DEG, low=low, high=high, unit="deg")
         for when, value in (("after", b.steady_posterior), ("before", b.steady_prior))
@@ -85,7 +91,13 @@ def bound(grade: str, seconds: float, effort: Effort) -> Outcome:
                    reference="corrected")
         )  # fmt: skip
     cells += [
-        shown("settled, bias known to its deviation", b.settled_s, unit="s", printed=f"about {seconds:g}"),
+        shown(
+            "settled, bias known to its deviation",
+            b.settled_s,
+            unit="s",
+            printed=f"about {seconds:g}",
+            why="the two lines above compare it",
+        ),
         shown("settled, bias known to 1 deg/s", _bound(grade, "wide").settled_s, unit="s"),
     ]
     reason = f"{_FIXES} They were chosen for that, so that the consumer bound is shown only. Settled is within 5 %." + (

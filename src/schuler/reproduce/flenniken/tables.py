@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from schuler.reproduce.cells import Cell, claimed, digits, shown
+from schuler.reproduce.cells import Cell, claimed, digits, shown, transcribed
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, DEG_PER_HR, DEG_PER_RTHR, G0, PERCENT, PPM, UG
 
@@ -53,7 +53,7 @@ def accelerometers(effort: Effort) -> Outcome:
         "The HG-1900's 1 ug is held for a slip of unit: it would be fifty times better than the HG-1700, and the "
         "maker's sheet has 1 mg, which the catalogue holds."
     )
-    return Outcome(tuple(cells), reason)
+    return Outcome(transcribed(*cells), reason)
 
 
 def gyroscopes(effort: Effort) -> Outcome:
@@ -70,7 +70,7 @@ def gyroscopes(effort: Effort) -> Outcome:
             digits(f"{name}: bias variation", bias, in_run / DEG_PER_HR, unit="deg/h"),
             digits(f"{name}: range", reach, (t.range or 0.0) / DEG, unit="deg/s"),
         ]
-    return Outcome(tuple(cells), "Where a range is printed the catalogue holds its upper end.")
+    return Outcome(transcribed(*cells), "Where a range is printed the catalogue holds its upper end.")
 
 
 def accelerometer_grades(effort: Effort) -> Outcome:
@@ -96,7 +96,7 @@ def accelerometer_grades(effort: Effort) -> Outcome:
         "The tactical row is ten times that of the LN-200 it stands for: chapter 3 is met with the LN-200's numbers, "
         "the scatter of chapter 7 with the printed ones. Both are kept."
     )
-    return Outcome(tuple(cells), reason)
+    return Outcome(transcribed(*cells), reason)
 
 
 def gyroscope_grades(effort: Effort) -> Outcome:
@@ -111,7 +111,7 @@ def gyroscope_grades(effort: Effort) -> Outcome:
             digits(f"{name}: time constant", time, t.in_run_time, unit="s"),
             digits(f"{name}: bias variation", bias, t.in_run_bias / DEG_PER_HR, unit="deg/h"),
         ]
-    return Outcome(tuple(cells))
+    return Outcome(transcribed(*cells))
 
 
 def categories(effort: Effort) -> Outcome:
@@ -143,7 +143,7 @@ def categories(effort: Effort) -> Outcome:
         "The thesis prints tables but no rule: ours is the nearest grade of each attribute in logarithms and the worst "
         "of these. Navigation grade is named without numbers."
     )
-    return Outcome(tuple(cells), reason)
+    return Outcome(transcribed(*cells), reason)
 
 
 ITEMS = (

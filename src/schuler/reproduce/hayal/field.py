@@ -19,6 +19,8 @@ _PATTERN = 1.7
 #: Independent emulation with all 26 attitudes: 2 to 5 and 1.2 to 4.5, as far as these digits go.
 _UNIT_WEIGHT = {("accel", 9): (1.5, 5.5), ("gyro", 3): (1.15, 4.55)}
 
+_SCALE = "its scale is that of the field's unit weight; the pattern over the parameters is compared"
+
 
 @cache
 def calibrations(effort: Effort, imu: str, sensor: str, order: int, subset: int, minutes: float) -> StudyResult:
@@ -68,7 +70,13 @@ def _table(table: str, effort: Effort) -> Outcome:
             theirs = printed[:, j, k, 1]
             for i, name in enumerate(_names(order)):
                 cells.append(
-                    shown(f"{where}, {name}: sigma", median[i] / units[i], unit=str(labels[i]), printed=words[i, j, k])
+                    shown(
+                        f"{where}, {name}: sigma",
+                        median[i] / units[i],
+                        unit=str(labels[i]),
+                        printed=words[i, j, k],
+                        why=_SCALE,
+                    )
                 )
             factor = np.exp(np.abs(np.log(_shape(theirs) / _shape(median))).max())
             cells.append(
@@ -104,7 +112,14 @@ def _over_time(effort: Effort, sensor: str, order: int, subset: int, printed: np
         ours = np.exp(np.mean(np.log(_medians(first, order)[:3] / _medians(last, order)[:3])))
         theirs = np.exp(np.mean(np.log(printed[:3, j, 0, 1] / printed[:3, j, 2, 1])))
         what = f"{imu}: sigma of bias, 1 min over 5 min"
-        cells.append(shown(what, float(ours), printed=f"{theirs:.2f}"))
+        cells.append(
+            shown(
+                what,
+                float(ours),
+                printed=f"{theirs:.2f}",
+                why="drift and settling of the field are in it, white noise alone in ours",
+            )
+        )
         if order == 3 or (sensor == "accel" and subset < 3):  # elsewhere sigma depends on the draw
             cells.append(
                 against(

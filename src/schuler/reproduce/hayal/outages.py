@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, claimed, digits, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown, transcribed
 from schuler.reproduce.hayal.field import calibrations
 from schuler.reproduce.hayal.printed import IMUS, MINUTES, SHORT_ORIGINAL, short_outages
 from schuler.reproduce.items import Effort, Item, Outcome
@@ -23,6 +23,8 @@ _TOO_LARGE = (
 )
 #: One drive with one unit: its sigma stands for the drawn errors of that unit, which differ between units by a factor.
 _ONE_UNIT = 2.0
+_ONE_SAMPLE = "mean over the outages of one drive with one unit, by its bias; drawn errors have mean zero"
+_FOLLOWS = "follows from two numbers that are compared"
 
 
 @cache
@@ -95,7 +97,7 @@ def _trajectory(effort: Effort) -> Outcome:
     curves = int(np.sum(np.diff(turning.astype(int)) == 1))
     speed = float(np.median(np.hypot(v[:, 0], v[:, 1])))
     return Outcome(
-        (
+        transcribed(
             against(
                 "duration",
                 25.0,
@@ -150,12 +152,18 @@ def _longer(effort: Effort) -> Outcome:
                         )
                     )
                 bias = float(np.linalg.norm(grid.statistics[imu, seeding].mean(length)))
-                cells.append(shown(f"{what}: mean", bias, unit="m", printed=f"{mean:.4f}"))
+                cells.append(shown(f"{what}: mean", bias, unit="m", printed=f"{mean:.4f}", why=_ONE_SAMPLE))
                 if seeding != "Original":
                     first = grid.total(imu, "Original", length)
                     theirs = 100.0 * (1.0 - sigma / PUBLISHED[imu, length][0][1])
                     cells.append(
-                        shown(f"{what}: gain", 100.0 * (1.0 - ours / first), unit="percent", printed=f"{theirs:+.1f}")
+                        shown(
+                            f"{what}: gain",
+                            100.0 * (1.0 - ours / first),
+                            unit="percent",
+                            printed=f"{theirs:+.1f}",
+                            why=_FOLLOWS,
+                        )
                     )
         worst = [grid.total(imu, s, 60.0) for s in SEEDINGS[1:]]
         cells.append(
@@ -183,17 +191,21 @@ def _two_seconds(imu: str, effort: Effort) -> Outcome:
     # the same fixes and noise for all cases: a ratio is known much better than its parts
     cells: list[Cell] = [
         claimed("Original: sigma", f"{theirs:.5f}", first, low=theirs / _ONE_UNIT, high=theirs * _ONE_UNIT, unit="m"),
-        shown("Original: mean", ours[0, 0, 0.0][0], unit="m", printed=f"{SHORT_ORIGINAL[imu][0]:.5f}"),
+        shown("Original: mean", ours[0, 0, 0.0][0], unit="m", printed=f"{SHORT_ORIGINAL[imu][0]:.5f}", why=_ONE_SAMPLE),
     ]
     for (subset, order, minutes), (mean, sigma) in printed.items():
         what = f"subset {subset}, {order} gyro parameters, {minutes:g} min"
         mine = ours[subset, order, minutes]
         cells += [
-            shown(f"{what}: sigma", mine[1], unit="m", printed=f"{sigma:.5f}"),
-            shown(f"{what}: mean", mine[0], unit="m", printed=f"{mean:.5f}"),
+            claimed(f"{what}: sigma", f"{sigma:.5f}", mine[1], low=sigma / _ONE_UNIT, high=sigma * _ONE_UNIT, unit="m"),
+            shown(f"{what}: mean", mine[0], unit="m", printed=f"{mean:.5f}", why=_ONE_SAMPLE),
         ]
         gain = 100.0 * (1.0 - sigma / theirs)
-        cells.append(shown(f"{what}: gain", 100.0 * (1.0 - mine[1] / first), unit="percent", printed=f"{gain:+.1f}"))
+        cells.append(
+            shown(
+                f"{what}: gain", 100.0 * (1.0 - mine[1] / first), unit="percent", printed=f"{gain:+.1f}", why=_FOLLOWS
+            )
+        )
     three = [abs(1.0 - ours[k][1] / first) for k in printed if k[1] == 3]
     most = max(abs(1.0 - printed[k][1] / theirs) for k in printed if k[1] == 3)
     cells.append(

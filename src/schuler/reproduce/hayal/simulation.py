@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, claimed, digits
+from schuler.reproduce.cells import Cell, against, claimed, digits, transcribed
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import PPM
 
@@ -65,7 +65,7 @@ def _inserted(effort: Effort) -> Outcome:
         ]
     one_degree = catalogue.spec("HG1700").gyro.turn_on_bias
     cells.append(digits("1 deg/h of the data sheet", "4.848e-6", one_degree, unit="rad/s"))
-    return Outcome(tuple(cells))
+    return Outcome(transcribed(*cells))
 
 
 def _table(table: str, effort: Effort) -> Outcome:

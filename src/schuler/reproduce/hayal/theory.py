@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, claimed, digits, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown, transcribed
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG, DEG_PER_HR, DEG_PER_RTHR, G0, MG, MPS_PER_RTHR, PPM
 
@@ -41,7 +41,7 @@ def _data_sheets(effort: Effort) -> Outcome:
             if printed[column]:
                 ours = getattr(getattr(spec, sensor), name) / size
                 cells.append(digits(f"{imu}, {sensor}: {name}", printed[column], ours, unit=unit))
-    return Outcome(tuple(cells))
+    return Outcome(transcribed(*cells))
 
 
 def _sample_noise(effort: Effort) -> Outcome:
@@ -49,7 +49,7 @@ def _sample_noise(effort: Effort) -> Outcome:
 
     one, other = catalogue.spec("HG1700"), catalogue.spec("HG1900")
     return Outcome(
-        (
+        transcribed(
             digits("HG1700, sigma_a at 1 Hz", "3.667e-3", one.accel.random_walk, unit="m/s^2"),
             digits("HG1900, sigma_a at 1 Hz", "3.667e-3", other.accel.random_walk, unit="m/s^2"),
             digits("HG1700, sigma_omega at 1 Hz", "3.636e-5", one.gyro.random_walk, unit="rad/s"),

@@ -52,7 +52,9 @@ def _drift(effort: Effort) -> Outcome:
     late = t >= 5.0
     power = [float(np.polyfit(np.log(t[late]), np.log(rms[late, k]), 1)[0]) for k in range(3)]
     cells: list[Cell] = [
-        shown(f"{axis} after 20 s", float(rms[-1, k]), unit="m", printed=text)
+        shown(
+            f"{axis} after 20 s", float(rms[-1, k]), unit="m", printed=text, why="the constant errors were chosen by it"
+        )
         for k, (axis, text) in enumerate(zip(("x", "y", "z"), ("100", "70", "18"), strict=True))
     ]
     sheet = catalogue.entry("MPU-9150").printed["accel_bias_mg"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.reproduce.cells import Cell, against, claimed, digits, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown, transcribed
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.units import DEG
 
@@ -115,11 +115,10 @@ def _receiver(effort: Effort) -> Outcome:
                     absolute=digit,
                 )
             )
-    cells.append(shown("satellites", float("nan"), printed="22"))
     some = t < t[0] + 20.0
     figure = partial(gnss_figure, t[some] - t[0], r[some], v[some], (SIGMA_POSITION, SIGMA_VELOCITY))
     return Outcome(
-        tuple(cells[:-1]),
+        transcribed(*cells),
         "Recorded by the receiver; its sigmas are the input of our simulated one, whose errors are white, which real "
         "ones are not.",
         (figure,),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -20,11 +20,15 @@ if TYPE_CHECKING:
     from schuler.reproduce.yaman.study.drive import Drive
     from schuler.reproduce.yaman.study.static import StaticDrift
     from schuler.reproduce.yaman.study.statistics import FieldCampaign
+    from schuler.reproduce.yaman.study.unit import TurnOn
     from schuler.reproduce.yaman.study.unit_drives import FieldDrives
     from schuler.sensors.errors import ImuErrors
 
-#: Options of the package, or the source's own: one pass, P1 and P2 as printed, gravity vector from the second half on.
-Form: TypeAlias = Literal["ours", "thesis"]
+#: Options of the package, or the source's own: one pass, P1 and P2 as printed, gravity vector from the second half on,
+#: readings averaged over 1 s, or over a whole rest: the window is not stated, and these are its ends.
+Form: TypeAlias = Literal["ours", "thesis", "thesis, whole rests"]
+#: Length of a rest of the routine. [s]
+_REST_S = 10.0
 
 AUTOMOTIVE, TACTICAL = "yaman-automotive", "yaman-tactical"
 GRADES = (AUTOMOTIVE, TACTICAL)
@@ -80,7 +84,10 @@ def options_of(form: Form) -> FieldOptions:
     """Options of the calibration in one of the forms."""
     from schuler.calibration.field.options import FieldOptions
 
-    return FieldOptions() if form == "ours" else FieldOptions.thesis()
+    if form == "ours":
+        return FieldOptions()
+    own = FieldOptions.thesis()
+    return own if form == "thesis" else replace(own, block_s=_REST_S)
 
 
 @cache
@@ -125,16 +132,25 @@ def static_test(effort: Effort, imu: str) -> StaticDrift:
     return result
 
 
+#: Between routine and drive, and how bad the units are beside their sheet, whose limits may be one sigma or three.
+#: Neither is stated: the first is taken, the others are the ends of the set over which ranges are given.
+SETTINGS: tuple[tuple[TurnOn, float], ...] = (("repeatability", 1.0), ("none", 1.0), ("repeatability", 1.0 / 3.0))
+
+
 @cache
-def unit_drives(effort: Effort, number: int) -> FieldDrives:
-    """Units of the MPU-6000's sheet: calibrated, switched on again, driven in the nine modes."""
+def unit_drives(effort: Effort, number: int) -> tuple[FieldDrives, ...]:
+    """Units of the MPU-6000's sheet: calibrated, driven in the nine modes; for each of :data:`SETTINGS`."""
+    from schuler.reproduce.yaman.study.unit import DriveScene
     from schuler.reproduce.yaman.study.unit_drives import field_drives
 
-    units = effort.runs(*_DRIVEN)
-    drives = field_drives(number, units, seed=effort.seed, rate_hz=50.0 if effort.quick else 100.0)
-    if not drives.complete:
-        raise KeyboardInterrupt
-    return drives
+    scene = DriveScene.of(number, 50.0 if effort.quick else 100.0)
+    done = []
+    for turn_on, share in SETTINGS:
+        drives = field_drives(scene, effort.runs(*_DRIVEN), seed=effort.seed, turn_on=turn_on, share=share)
+        if not drives.complete:
+            raise KeyboardInterrupt
+        done.append(drives)
+    return tuple(done)
 
 
 @dataclass(frozen=True, eq=False)

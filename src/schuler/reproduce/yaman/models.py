@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, Tolerance, against, claimed, digits
+from schuler.reproduce.cells import Cell, Tolerance, against, claimed, digits, transcribed
 from schuler.reproduce.items import Effort, Item, Outcome
 
 
@@ -16,13 +16,15 @@ def _table_2_1(effort: Effort) -> Outcome:
     e = float(np.sqrt(WGS84.e2))
     return Outcome(
         (
-            digits("equatorial radius", "6378137.0", WGS84.a, unit="m"),
+            *transcribed(
+                digits("equatorial radius", "6378137.0", WGS84.a, unit="m"),
+                digits("inverse flattening", "298.257223563", 1.0 / WGS84.f, unit="-"),
+                digits("rotation rate", "7.292115e-5", WGS84.omega_ie, unit="rad/s"),
+                digits("gravitational constant", "3.986004418e14", WGS84.GM, unit="m^3/s^2"),
+            ),
             digits("polar radius", "6356752.3142", WGS84.b, unit="m"),
-            digits("inverse flattening", "298.257223563", 1.0 / WGS84.f, unit="-"),
             digits("eccentricity", "0.0818191908425", e, unit="-"),
             digits("eccentricity of this flattening", "0.0818191908426", e, unit="-", reference="corrected"),
-            digits("rotation rate", "7.292115e-5", WGS84.omega_ie, unit="rad/s"),
-            digits("gravitational constant", "3.986004418e14", WGS84.GM, unit="m^3/s^2"),
         ),
         "The last digit of the eccentricity does not follow from the flattening printed beside it (sqrt(f (2 - f))).",
     )  # fmt: skip
@@ -107,7 +109,7 @@ def _table_2_2(effort: Effort) -> Outcome:
             cells.append(
                 digits(f"{name}: {key.split('_', 1)[1].rsplit('_deg', 1)[0]}", number, upper(stated[0]), unit=unit)
             )
-    return Outcome(tuple(cells))
+    return Outcome(transcribed(*cells))
 
 
 #: Noise densities in SI of the sheets in appendix E: gyroscope [deg/s/sqrt(Hz)], accelerometer [mg/sqrt(Hz)].
@@ -133,7 +135,7 @@ def _appendix_e(effort: Effort) -> Outcome:
         }  # fmt: skip
         cells += [digits(f"{name}: {key}", text, ours[key][0], unit=ours[key][1]) for key, text in printed.items()]
     return Outcome(
-        tuple(cells),
+        transcribed(*cells),
         "The bias of the MTi-G-710 is printed as 0.03 m/s^2. Of the MPU-6000's biases the larger, of its z axis.",
     )
 

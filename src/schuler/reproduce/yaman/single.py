@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, claimed, digits, shown
+from schuler.reproduce.cells import Cell, against, claimed, digits, shown, transcribed
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.reproduce.yaman.campaigns import AUTOMOTIVE, GRADES, TACTICAL, SingleRun, single_run
 
@@ -71,7 +71,7 @@ def _table_5_2(effort: Effort) -> Outcome:
         ),
     ]  # fmt: skip
     return Outcome(
-        tuple(cells),
+        transcribed(*cells),
         "Source error (FIX 19): g-sensitivity is printed as 100 deg/h/g, but the nine deviations of Table 5.4 are "
         "those of draws with 90.",
     )
@@ -96,8 +96,10 @@ def _fig_5_2(effort: Effort) -> Outcome:
     off = float(np.abs(np.linalg.norm(rates.accel, axis=1) / g - 1.0).max())
     turned = np.abs(ideal.gyro).sum(axis=0) / DEG  # Earth rate at rest adds two degrees at most
     cells = [
-        digits("three axes", "270", thesis_routine(repeats=1).duration, unit="s"),
-        digits("and again", "540", float(ideal.t[-1] - ideal.t[0]), unit="s"),
+        *transcribed(
+            digits("three axes", "270", thesis_routine(repeats=1).duration, unit="s"),
+            digits("and again", "540", float(ideal.t[-1] - ideal.t[0]), unit="s"),
+        ),
         claimed(
             "specific force is gravity, largest deviation", "rotation in place", off, high=2.0 * short + 1e-9, unit="-"
         ),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from schuler.reproduce.cells import Cell, against, claimed, shown
+from schuler.reproduce.cells import Cell, against, claimed, shown, transcribed
 from schuler.reproduce.items import Effort, Item, Outcome
 from schuler.reproduce.yaman.campaigns import static_test
 
@@ -48,7 +48,7 @@ def _fig_6_6(effort: Effort) -> Outcome:
 
         return poses_figure(routine)
 
-    return Outcome(tuple(cells), "Drawings of the poses; roughly 45 deg, by hand.", (figure,))
+    return Outcome(transcribed(*cells), "Drawings of the poses; roughly 45 deg, by hand.", (figure,))
 
 
 def _different(poses: np.ndarray) -> int:
@@ -113,7 +113,8 @@ def _fig_6_9(effort: Effort) -> Outcome:
     logs = _calibrated_log(effort, "VN-200")
     raw, clean = (log.rates().gyro.mean(axis=0) / DEG - _turned(effort) for log in logs)
     cells = [
-        shown("1-sigma of the gyroscopes' bias put in", VN_200_BIAS / DEG, unit="deg/s", printed="z about 1 deg/s"),
+        shown("1-sigma of the gyroscopes' bias put in", VN_200_BIAS / DEG, unit="deg/s", printed="z about 1 deg/s",
+              why="was put in"),
         *(
             shown(f"mean rate of {axis} too large, raw", float(b), unit="deg/s")
             for axis, b in zip("xyz", raw, strict=True)

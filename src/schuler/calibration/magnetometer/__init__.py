@@ -1,0 +1,1 @@
+"""Calibration of a magnetometer in the poses of an IMU: hard iron, soft iron, alignment."""

@@ -1,0 +1,62 @@
+"""Text logs without options: columns, units and clock proposed for allan, calibrate and foot, and asked once."""
+
+import numpy as np
+import pytest
+from command import answer, refusal
+
+from schuler import units
+from schuler.cli import proposal
+from schuler.cli.reading import Reading
+
+NS = 1_707_350_382_000_000_000
+
+
+def save(path, header, scale_gyro=1.0 / units.DEG, n=4000):
+    """A board at rest, millig and Unix milliseconds at 100 Hz: time, gyroscope, accelerometer."""
+    rng = np.random.default_rng(3)
+    f = 1000.0 * (np.array([0.0, 0.0, -1.0]) + 2e-3 * rng.standard_normal((n, 3)))
+    w = scale_gyro * 2e-3 * rng.standard_normal((n, 3))
+    rows = (f"{NS // 10**6 + 10 * k},{','.join(f'{x:.6f}' for x in (*w[k], *f[k]))}" for k in range(n))
+    path.write_text("\n".join((*header, *rows)) + "\n")
+    return f * 1e-3 * units.G0, w / scale_gyro
+
+
+def test_header_and_physics_are_enough(tmp_path, capsys):
+    """The header states deg/s and no unit of specific force: its norm does."""
+    path = tmp_path / "rest.csv"
+    f, w = save(path, ["time,gx (deg/s),gy (deg/s),gz (deg/s),ax,ay,az"])
+    recording = Reading().read(path)
+    np.testing.assert_allclose(recording.imu.accel, f, atol=1e-6)
+    np.testing.assert_allclose(recording.imu.gyro, w, atol=1e-6)
+    assert recording.imu.interval == pytest.approx(0.01)
+    assert "--units" in capsys.readouterr().err
+
+
+@pytest.mark.campaign
+def test_allan_takes_a_log_without_options(tmp_path, capsys):
+    save(tmp_path / "rest.csv", ["time,gx (deg/s),gy (deg/s),gz (deg/s),ax,ay,az"], n=6000)
+    numbers = answer(capsys, "allan", tmp_path / "rest.csv", "--no-report", "--out", tmp_path / "out", "--json")
+    assert numbers["command"] == "allan"
+
+
+def test_what_nothing_tells_is_one_question_in_options_of_the_command(tmp_path, capsys, monkeypatch):
+    """At rest no motion tells deg/s from rad/s: on a terminal it is asked."""
+    path = tmp_path / "rest.csv"
+    _, w = save(path, [])
+    message = refusal(capsys, "allan", path, "--no-report")
+    assert "--units" in message
+    assert "gyro=deg/s" in message
+    assert "--set" not in message
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr(proposal.sys, "stderr", type("Terminal", (), {"isatty": lambda _: True, "write": lambda *_: 0,
+                                                                     "flush": lambda _: None})())  # fmt: skip
+    monkeypatch.setattr("builtins.input", lambda _: "1")
+    recording = Reading().read(path)
+    np.testing.assert_allclose(recording.imu.gyro, w, atol=1e-6)
+
+
+def test_options_stand(tmp_path):
+    path = tmp_path / "rest.csv"
+    _, w = save(path, [], scale_gyro=1.0)
+    recording = Reading(units="accel=mg,gyro=rad/s,t=ms").read(path)
+    np.testing.assert_allclose(recording.imu.gyro, w, atol=1e-6)

@@ -1,0 +1,54 @@
+"""A run folder can be run again: the same bytes, or what differs."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from command import answer, refusal, run
+from places import EXAMPLES
+
+from schuler.recording import io
+from schuler.simulation.scenario import simulate
+
+CONFIG = EXAMPLES / "town_navigation.toml"
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory):
+    path = tmp_path_factory.mktemp("rerun") / "town.parquet"
+    io.write(simulate(EXAMPLES / "town.toml"), path)
+    return path
+
+
+def test_same_numbers_byte_for_byte_and_what_differs_is_said(town, tmp_path, capsys):
+    first, second = tmp_path / "first", tmp_path / "second"
+    data = answer(
+        capsys, "navigate", town, "--config", CONFIG, "--out", first, "--no-report", "--no-smooth",
+        "--outage", "120:140",
+        "--set", "filter.record_s=2.0", "--from", "5", "--to", "160", "--json",
+    )  # fmt: skip
+    assert {"resolved", "metrics", "run", "log"} <= data["files"].keys()
+    metrics = json.loads((first / "metrics.json").read_text())
+    assert metrics["rms_horizontal_m"] == data["rms_horizontal_m"]
+    assert "elapsed_s" not in metrics
+    assert "record_s = 2.0" in (first / "resolved.toml").read_text()
+    assert "horizontal error against" in (first / "run.log").read_text()
+    again = answer(capsys, "rerun", first, "--out", second, "--json")
+    assert again["same"]
+    assert again["changed_inputs"] == []
+    assert (second / "metrics.json").read_bytes() == (first / "metrics.json").read_bytes()
+
+    # another input and another number: said, exit code 1
+    other = io.read(town)
+    imu = other.need_imu()
+    io.write(replace(other, imu=replace(imu, accel=imu.accel * 1.0001)), tmp_path / "town.parquet")
+    code, out, err = run(capsys, "rerun", first, "--log", tmp_path / "town.parquet", "--out", tmp_path / "third")
+    assert code == 1, err
+    assert "input differs: town.parquet has other contents" in err
+    assert "rms_horizontal_m:" in out
+
+
+def test_what_is_no_run_is_refused(tmp_path, capsys):
+    assert "expected a folder of schuler navigate with run.json" in refusal(capsys, "rerun", tmp_path)
+    (tmp_path / "run.json").write_text("{}")
+    assert "expected a run of format schuler/run/1" in refusal(capsys, "rerun", tmp_path)

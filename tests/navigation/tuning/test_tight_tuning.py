@@ -1,0 +1,84 @@
+"""Noise tuned from ranges: the IMU's where it is mis-stated, that of ranges where errors stay with a satellite."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+from places import ROOT
+
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.evaluation.consistency import state_errors
+from schuler.navigation.run import navigate, prepared_run
+from schuler.navigation.tuning.entries import tuned_configuration
+from schuler.navigation.tuning.slow import range_factor
+from schuler.navigation.tuning.tuning import contradicted, tune
+from schuler.simulation.scenario import prepare_mission, simulate_mission
+
+
+def town(seed, multipath_m):
+    """The town of the examples, its receiver without reflections or with such as last for half a minute."""
+    mission = tomllib.loads((ROOT / "examples" / "town_tight.toml").read_text(encoding="utf-8"))
+    mission["seed"] = seed
+    mission["satellites"]["multipath_m"] = multipath_m
+    return simulate_mission(prepare_mission(mission)).recording
+
+
+def config(noise=1.0, **filter_):
+    """The IMU that the town was simulated with, its white noise stated so many times too large."""
+    return NavigationConfig.checked(
+        {
+            "imu": {"catalogue": "MTi-G-710"},
+            "gnss": {"coupling": "tight", "lever_arm_m": [0.8, 0.0, -1.2]},
+            "filter": {"smooth": False, "tune": False, "noise": {"gyro": noise, "accel": noise}, **filter_},
+        }
+    )
+
+
+def position_nees(result, log):
+    t, dx, P = state_errors(result, log.need_reference())
+    late, e = t > result.t[0] + 20.0, dx[:, 6:9]
+    squared = np.einsum("ki,ki->k", e, np.linalg.solve(P[:, 6:9, 6:9], e[:, :, None])[:, :, 0])
+    return float(np.mean(squared[late]) / 3.0)
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return town(2, 0.0)
+
+
+@pytest.fixture(scope="module")
+def reflected():
+    return town(3, 1.0)
+
+
+def test_errors_that_stay_with_a_satellite_enlarge_its_sigma_and_white_ones_do_not(clean, reflected):
+    assert range_factor(prepared_run(clean, config())) == (1.0, 0.0)
+    factor, spread = range_factor(prepared_run(reflected, config()))
+    # 1 m over 30 s beside 0.5 m of white noise: at most sqrt((0.25 + 60) / 1.25) in an average without end
+    assert 2.0 < factor < 7.0
+    assert 0.0 < spread < 0.5
+
+
+def test_reflections_are_honestly_claimed(reflected):
+    plain = navigate(reflected, config())
+    result = navigate(reflected, config(tune=True))
+    assert any("errors stay on satellites" in note for note in result.notes)
+    assert position_nees(plain, reflected) > 3.0
+    assert 0.2 < position_nees(result, reflected) < 2.5  # slow errors: few degrees of freedom (statistical)
+
+
+def test_a_consistent_tight_run_is_not_contradicted_and_one_of_wrong_noise_is(clean):
+    assert not contradicted(prepared_run(clean, config()))
+    assert contradicted(prepared_run(clean, config(10.0)))
+
+
+def test_imu_noise_stated_ten_times_too_large_is_found_from_ranges(clean):
+    wrong = config(10.0)
+    found = tune(prepared_run(clean, wrong))
+    assert found.better
+    for name in ("gyro", "accel"):
+        low, high = found.intervals[name]
+        assert low / 1.5 < 0.1 < high * 1.5, (name, found.factors[name], low, high)  # 95 %, and ten looks at it
+    assert tuned_configuration(wrong, found).filter.noise.gyro < 3.0

@@ -1,0 +1,10 @@
+from .messages import Event as Event
+from .messages import Fix as Fix
+from .messages import Heading as Heading
+from .messages import Height as Height
+from .messages import ImuBlock as ImuBlock
+from .messages import ImuSample as ImuSample
+from .messages import Solution as Solution
+from .messages import Speed as Speed
+
+__all__ = ["Event", "Fix", "Heading", "Height", "ImuBlock", "ImuSample", "Solution", "Speed"]

@@ -10,7 +10,7 @@ from schuler.exceptions import InputError
 from schuler.filtering.measurements import ACCEPTED, FORCED, REJECTED
 from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.navigation.report import accuracy, build, estimates, innovations, outages, track, verdict
-from schuler.navigation.report.subject import WITHHELD, Subject, inside_share
+from schuler.navigation.report.subject import WITHHELD, Subject, inside_shares
 from schuler.plotting.figure import Band, Bars, Line, Markers, Span, Text
 from schuler.plotting.parts import number
 from schuler.recording.trajectory import Trajectory
@@ -39,18 +39,23 @@ def test_error_bands_are_three_sigma(full, block, unit):
         assert np.allclose(filtered.y, value[:, i])
         assert len(items(panel, Line, "smoothed")) == 1
         assert [(s.start, s.stop) for s in items(panel, Span)] == [(40.0, 55.0), (70.0, 80.0)]
-        share = inside_share(e.t, value[:, i], full.result.t, sigma[:, i])
+        share = inside_shares(e.t, value, full.result.t, sigma)[i]
         assert f"filtered {100.0 * share:.1f}\N{NO-BREAK SPACE}%" in panel.title
 
 
 def test_share_inside_the_band():
     t = np.arange(10.0)
     error = np.r_[np.full(7, 0.1), 4.0, -4.0, 2.9]
-    assert inside_share(t, error, t, np.ones(10)) == pytest.approx(0.8)
+    lost = np.where(t < 8.0, error, np.nan)
+    both = inside_shares(t, np.stack((error, lost, np.full(10, np.nan)), axis=1), t, np.ones((10, 3)))
+    assert both[:2] == pytest.approx([0.8, 0.875])  # of two errors that are not known, one was outside
+    assert np.isnan(both[2])
     # just before the fix that ends an outage the sigma of the outage holds
-    assert inside_share(np.array([1.9]), np.array([20.0]), np.array([1.0, 2.0]), np.array([10.0, 0.1])) == 1.0
-    assert inside_share(np.array([2.0]), np.array([20.0]), np.array([1.0, 2.0]), np.array([10.0, 0.1])) == 0.0
-    assert np.isnan(inside_share(np.array([5.0]), np.array([0.0]), np.array([1.0, 2.0]), np.ones(2)))
+    records, sigma = np.array([1.0, 2.0]), np.array([[10.0], [0.1]])
+    assert inside_shares(np.array([1.9]), np.array([[20.0]]), records, sigma) == 1.0
+    assert inside_shares(np.array([2.0]), np.array([[20.0]]), records, sigma) == 0.0
+    assert np.isnan(inside_shares(np.array([5.0]), np.array([[0.0]]), records, sigma))
+    assert np.isnan(inside_shares(t, error[:, None], np.empty(0), np.empty((0, 1))))
 
 
 def test_origin_moves_the_time_axes_and_nothing_else(full):

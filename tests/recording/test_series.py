@@ -82,6 +82,13 @@ def test_interpolation_keeps_cubics_and_uniform_turns():
     np.testing.assert_array_equal(at(t[:1]).at([0.0]).r_eb_e, at(t[:1]).r_eb_e)
 
 
+def test_at_its_own_times_a_trajectory_is_its_samples(rng):
+    path = flight(9, rng)
+    some = path.at(path.t[2:8:2])
+    for name in ("t", "r_eb_e", "v_eb_e", "q_eb"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(path, name)[2:8:2])
+
+
 def test_nothing_is_extrapolated(rng):
     path = flight(5, rng)
     with pytest.raises(InputError, match=r"asked for 3\.000\.\.4\.500 s of a trajectory that runs 0\.000\.\.4\.000 s"):

@@ -110,6 +110,14 @@ def test_statistics_are_their_definitions_at_any_rate(kind, rate_hz, rng):
     assert np.all(value[-4:] == value[-5])
 
 
+def test_mean_rate_and_deviation_of_one_pass_are_those_of_two(rng):
+    imu, bias, limit = at_rest(700, rng), np.array([0.01, -0.02, 0.005]), 0.03
+    value, rate = detectors.moving_deviation(imu, 25, np.full(3, SIGMA_F), np.full(3, SIGMA_W), bias, limit)
+    np.testing.assert_array_equal(value, evaluate(imu, "moving deviation", gyro_bias=bias, max_rate=limit))
+    np.testing.assert_allclose(rate, detectors.mean_rate(imu, 0.25, bias), rtol=1e-12)  # rounding
+    assert np.all(value >= (rate / limit) ** 2)
+
+
 def test_increments_give_the_same_as_rates(rng):
     imu = at_rest(500, rng)
     increments = ImuSeries(imu.t, imu.gyro * 0.01, imu.accel * 0.01, kind="increment")

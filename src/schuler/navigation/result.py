@@ -21,7 +21,7 @@ from schuler.filtering.measurements import ACCEPTED, DIMENSIONS, FORCED, GATED, 
 from schuler.filtering.states import BLOCK_TEXT, StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.plotting.notebook import Displayed
-from schuler.recording.trajectory import FullTrajectory, Trajectory
+from schuler.recording.trajectory import KEPT, FullTrajectory, Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -282,7 +282,18 @@ class NavigationResult(Displayed):
         """
         from schuler.navigation.evaluation.errors import trajectory_errors
 
-        return trajectory_errors(self.antenna() if at_antenna else self.trajectory, reference)
+        key = (id(reference), at_antenna)
+        if key in self._errors:
+            return self._errors[key][1]
+        errors = trajectory_errors(self.antenna() if at_antenna else self.trajectory, reference)
+        if len(errors.t) < KEPT:
+            self._errors.clear()  # the last is asked for again: numbers first, then figures
+            self._errors[key] = reference, errors
+        return errors
+
+    @cached_property
+    def _errors(self) -> dict[tuple[int, bool], tuple[Trajectory, TrajectoryErrors]]:
+        return {}  # with the reference itself: as long as it is held, its id is no other's
 
     def nees(self, reference: Trajectory, parameters: ArrayLike | None = None) -> FloatArray:
         """Normalised estimation error squared at the records, see

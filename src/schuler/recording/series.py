@@ -7,6 +7,7 @@ north-east-down. They are checked when made: times increase, values are finite, 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -120,7 +121,7 @@ class ImuSeries(Displayed):
         rate = f" at {self.rate_hz:.4g} Hz" if len(self) > 1 else ""
         return f"{len(self)} samples{rate} ({self.kind}){_extent(self.t)}"
 
-    @property
+    @cached_property
     def interval(self) -> float:
         """Median spacing of the samples. [s]"""
         return float(np.median(np.diff(self.t))) if len(self.t) > 1 else float("nan")

@@ -17,7 +17,8 @@ from schuler.timebase import SAME_TIME, check_times
 
 _MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
 _BLOCK = 1 << 17  # samples that are converted at a time
-_KEPT = 1 << 20  # samples from which conversions are made anew when asked for: kept, they double what a day takes
+#: Samples from which conversions are made anew when asked for: kept, they double what a day takes.
+KEPT = 1 << 20
 
 
 @dataclass(frozen=True, repr=False)
@@ -139,8 +140,10 @@ class Trajectory(Displayed):
     @property
     def rpy_nb(self) -> FloatArray:
         """Roll, pitch, yaw. Shape (n, 3). [rad]"""
-        if len(self) < _KEPT:
-            return rotation.rpy_from_quat(self.q_nb)
+        if "rpy_nb" in self._cache:
+            return self._cache["rpy_nb"]
+        if len(self) < KEPT:
+            return self._kept("rpy_nb", rotation.rpy_from_quat(self.q_nb))
         rpy = np.empty((len(self), 3))
         for rows in self.blocks():
             rpy[rows] = self.samples(rows).rpy_nb
@@ -153,7 +156,7 @@ class Trajectory(Displayed):
         return [slice(a, b) for a, b in itertools.pairwise(edges)]
 
     def _kept(self, name: str, values: FloatArray) -> FloatArray:
-        if len(self) < _KEPT:
+        if len(self) < KEPT:
             self._cache[name] = values
         return values
 
@@ -182,7 +185,10 @@ class Trajectory(Displayed):
             )
         if len(self.t) == 1:
             return self._samples(np.zeros(len(t), dtype=np.int64), t)
-        k = np.clip(np.searchsorted(self.t, t, side="right") - 1, 0, len(self.t) - 2)
+        k = np.searchsorted(self.t, t, side="right") - 1
+        if np.array_equal(self.t[k], t):  # the samples themselves, as where truth and solution have the same times
+            return self._samples(k, t)
+        k = np.clip(k, 0, len(self.t) - 2)
         h = (self.t[k + 1] - self.t[k])[:, None]
         s = (t - self.t[k])[:, None] / h
         r0, r1 = self.r_eb_e[k], self.r_eb_e[k + 1]

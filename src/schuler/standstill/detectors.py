@@ -200,12 +200,8 @@ def statistic(
     sf, sw = per_axis_sigma(sigma_f, "sigma_f"), per_axis_sigma(sigma_w, "sigma_w")
     rates = imu.rates()
     f, bias = rates.accel, as_vector3(gyro_bias, "gyro_bias")
-    if kind == "moving deviation":  # part by part: all of a day at 200 Hz at once would take 8 GB
-        value = (mean_rate(rates, window_s, bias) / positive_number(max_rate, "max_rate")) ** 2
-        for x, less, sigma in ((f, np.zeros(3), sf), (rates.gyro, bias, sw)):
-            for rows, _, variance in _moments_by_parts(x, W, less):
-                np.maximum(value[rows], (variance / sigma**2).max(axis=1), out=value[rows])
-        return value
+    if kind == "moving deviation":
+        return moving_deviation(rates, W, sf, sw, bias, positive_number(max_rate, "max_rate"))[0]
     omega = rates.gyro - bias
     if kind == "printed":
         norms = np.stack((np.linalg.norm(f, axis=1) / _rms(sf), np.linalg.norm(omega, axis=1) / _rms(sw)), axis=1)
@@ -224,6 +220,40 @@ def statistic(
     excess = f_m * (1.0 - positive_number(gravity, "gravity") / np.linalg.norm(f_m, axis=1, keepdims=True))
     energy = moving_moments(np.sum((omega / sw) ** 2, axis=1), W)[0]
     return np.asarray(spread + np.sum((excess / sf) ** 2, axis=1) + energy)
+
+
+def moving_deviation(
+    rates: ImuSeries, W: int, sigma_f: FloatArray, sigma_w: FloatArray, gyro_bias: FloatArray, max_rate: float
+) -> tuple[FloatArray, FloatArray]:
+    """The statistic ``moving deviation`` and the mean rate that is part of it, from one pass over the log.
+
+    Parameters
+    ----------
+    rates : ImuSeries
+    W : int
+        Samples of a window.
+    sigma_f, sigma_w : ndarray, shape (3,)
+        Standard deviation of a sample at rest. [m/s^2], [rad/s]
+    gyro_bias : ndarray, shape (3,)
+        [rad/s]
+    max_rate : float
+        [rad/s]
+
+    Returns
+    -------
+    value : ndarray, shape (n,)
+        As :func:`statistic`.
+    rate : ndarray, shape (n,)
+        As :func:`mean_rate`. [rad/s]
+    """
+    value, rate = np.empty(len(rates)), np.empty(len(rates))
+    # part by part: all of a day at 200 Hz at once would take 8 GB
+    for rows, mean, variance in _moments_by_parts(rates.gyro, W, gyro_bias):
+        rate[rows] = np.linalg.norm(mean, axis=1)
+        value[rows] = np.maximum((rate[rows] / max_rate) ** 2, (variance / sigma_w**2).max(axis=1))
+    for rows, _, variance in _moments_by_parts(rates.accel, W):
+        np.maximum(value[rows], (variance / sigma_f**2).max(axis=1), out=value[rows])
+    return value, rate
 
 
 def mean_rate(imu: ImuSeries, window_s: float, gyro_bias: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:

@@ -13,6 +13,7 @@ from schuler.standstill.detectors import (
     MAX_RATE,
     Kind,
     mean_rate,
+    moving_deviation,
     per_axis_sigma,
     positive_number,
     statistic,
@@ -185,9 +186,13 @@ def static_intervals(
     notes: list[str] = []
     sigma_f, sigma_w = _noise_scale(imu, window_s, method, thresholds, noise, share, notes)
     bias = _quiet_bias(imu, W, share, notes) if gyro_bias is None else as_vector3(gyro_bias, "gyro_bias")
-    value = statistic(
-        imu, method, window_s, sigma_f=sigma_f, sigma_w=sigma_w, gravity=gravity, gyro_bias=bias, max_rate=max_rate
-    )
+    if method == "moving deviation":
+        value, rate = moving_deviation(imu, W, sigma_f, sigma_w, bias, positive_number(max_rate, "max_rate"))
+    else:
+        value = statistic(
+            imu, method, window_s, sigma_f=sigma_f, sigma_w=sigma_w, gravity=gravity, gyro_bias=bias, max_rate=max_rate
+        )
+        rate = mean_rate(imu, window_s, bias)
     if isinstance(thresholds, tuple):
         limit = 1.0
     elif thresholds is not None:
@@ -199,7 +204,7 @@ def static_intervals(
         )
     else:
         limit = margin * threshold(method, W, false_alarm)
-    still = (value < limit) & (mean_rate(imu, window_s, bias) < max_rate)
+    still = (value < limit) & (rate < max_rate)
     runs = _joined(runs_between_pauses(still, imu.t, 0.5 * window_s), imu, W, sigma_f, sigma_w, max_rate)
     index = _trimmed(runs, imu, W, min_s)
     return StaticIntervals(

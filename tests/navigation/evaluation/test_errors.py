@@ -59,6 +59,19 @@ def test_the_estimate_is_interpolated_to_the_reference():
     assert np.abs(e.attitude_n).max() < 1e-9  # the turn is uniform, the interpolation exact but for Earth's curvature
 
 
+def test_errors_are_kept_for_the_reference_they_are_against(full, monkeypatch):
+    """A report asks for what the numbers asked for before it; another reference or point is another answer."""
+    result, truth = full.result, full.truth
+    first = result.errors(truth)
+    assert result.errors(truth) is first
+    east = Trajectory(truth.t, truth.r_eb_e + frames.C_en(truth.llh[0]) @ [0.0, 5.0, 0.0])
+    np.testing.assert_allclose((result.errors(east).position_n - first.position_n)[0], [0.0, -5.0, 0.0], atol=1e-8)
+    assert result.errors(truth, at_antenna=True).velocity_n is None
+    np.testing.assert_array_equal(result.errors(truth).position_n, first.position_n)
+    monkeypatch.setattr("schuler.navigation.result.KEPT", 1)  # of a long log nothing is kept
+    assert result.errors(east) is not result.errors(east)
+
+
 def test_only_the_overlap_counts():
     e = trajectory_errors(circle(np.arange(10.0, 20.0, 0.5)), circle(np.arange(0.0, 60.0, 1.0)))
     assert e.t[0] == 10.0

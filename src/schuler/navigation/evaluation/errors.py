@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,7 +40,7 @@ class TrajectoryErrors:
     velocity_n: FloatArray | None = None
     attitude_n: FloatArray | None = None
 
-    @property
+    @cached_property
     def horizontal(self) -> FloatArray:
         """Horizontal distance to the reference. Shape (n,). [m]"""
         return np.hypot(self.position_n[:, 0], self.position_n[:, 1])

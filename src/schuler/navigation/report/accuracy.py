@@ -7,7 +7,7 @@ import numpy as np
 from schuler import units
 from schuler.arrays import FloatArray
 from schuler.navigation.evaluation.consistency import Separation, chi_square_band
-from schuler.navigation.report.subject import Subject, inside_share
+from schuler.navigation.report.subject import Subject, inside_shares
 from schuler.navigation.report.track import outages
 from schuler.plotting.figure import TIME, Band, Figure, Item, Panel, band, level, line, view
 from schuler.units import DEG
@@ -69,7 +69,15 @@ def errors(subject: Subject, block: str) -> Figure | None:
         return None
     t_sigma = subject.seconds(subject.result.t)
     sigma = subject.position_sigma(subject.result) if block == "dr" else subject.sigma(subject.result, block)
-    own = {role: subject.sigma(result, block) for role, result in subject.solutions}
+    within = (
+        subject.inside_three_sigma
+        if block == "dr"
+        else {
+            role: inside_shares(subject.errors[role].t, value, result.t, subject.sigma(result, block))
+            for role, result in subject.solutions
+            if (value := values[role]) is not None
+        }
+    )
     panels = []
     for i, axis in enumerate(AXES):
         items: list[Item] = [*outages(subject)]
@@ -77,15 +85,12 @@ def errors(subject: Subject, block: str) -> Figure | None:
         items.append(band(t_sigma, -three, three, "sigma", f"{subject.solutions[0][0]} ±3 sigma"))
         items.append(level(subject.span, 0.0, "level"))
         shares, curves = [], []
-        for role, result in subject.solutions:
+        for role in subject.errors:
             value = values[role]
             assert value is not None
             e = subject.errors[role]
             curves.append(line(subject.seconds(e.t), factor * value[:, i], role, role))
-            if block == "dr":
-                shares.append((role, float(subject.inside_three_sigma[role][i])))
-            else:
-                shares.append((role, inside_share(e.t, value[:, i], result.t, own[role][:, i])))
+            shares.append((role, float(within[role][i])))
         items += curves
         panels.append(
             Panel(

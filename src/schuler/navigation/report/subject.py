@@ -206,9 +206,7 @@ class Subject:
         for role, result in self.solutions:
             if role in self.errors:
                 e, sigma = self.errors[role], self.position_sigma(result)
-                satellite[role] = np.array(
-                    [inside_share(e.t, e.position_n[:, i], result.t, sigma[:, i]) for i in range(3)]
-                )
+                satellite[role] = inside_shares(e.t, e.position_n, result.t, sigma)
         return satellite
 
     @cached_property
@@ -302,20 +300,25 @@ class Subject:
         return offered.t, r, offered.status
 
 
-def inside_share(t: FloatArray, error: FloatArray, t_sigma: FloatArray, sigma: FloatArray, times: float = 3.0) -> float:
-    """Share of errors that lie within so many sigmas.
+def inside_shares(
+    t: FloatArray, error: FloatArray, t_sigma: FloatArray, sigma: FloatArray, times: float = 3.0
+) -> FloatArray:
+    """Shares of the errors of each component that lie within so many sigmas.
 
     Parameters
     ----------
-    t, error : ndarray, shape (n,)
-    t_sigma, sigma : ndarray, shape (k,)
+    t : ndarray, shape (n,)
+    error : ndarray, shape (n, c)
+        Those that are not finite, or whose sigma is not, are left out.
+    t_sigma : ndarray, shape (k,)
         Records; errors before the first and after the last are left out.
+    sigma : ndarray, shape (k, c)
     times : float
 
     Returns
     -------
-    float
-        NaN if no error lies in the span of the records.
+    ndarray, shape (c,)
+        NaN where no error lies in the span of the records.
 
     Notes
     -----
@@ -323,10 +326,15 @@ def inside_share(t: FloatArray, error: FloatArray, t_sigma: FloatArray, sigma: F
     interpolated one would accuse the errors just before that fix.
     """
     if not len(t_sigma):
-        return float("nan")
-    inside = (t >= t_sigma[0] - 1e-9) & (t <= t_sigma[-1] + 1e-9) & np.isfinite(error)
-    right = np.clip(np.searchsorted(t_sigma, t[inside] - 1e-9), 0, len(t_sigma) - 1)
-    left = np.clip(np.searchsorted(t_sigma, t[inside] + 1e-9, side="right") - 1, 0, len(t_sigma) - 1)
-    bound = times * np.maximum(sigma[left], sigma[right])
-    finite = np.isfinite(bound)
-    return float(np.mean(np.abs(error[inside])[finite] <= bound[finite])) if finite.any() else float("nan")
+        return np.full(error.shape[1], np.nan)
+    spanned = (t >= t_sigma[0] - 1e-9) & (t <= t_sigma[-1] + 1e-9)
+    t, error = t[spanned], error[spanned]
+    right = np.clip(np.searchsorted(t_sigma, t - 1e-9), 0, len(t_sigma) - 1)
+    left = np.clip(np.searchsorted(t_sigma, t + 1e-9, side="right") - 1, 0, len(t_sigma) - 1)
+    share = np.full(error.shape[1], np.nan)
+    for i, (e, s) in enumerate(zip(error.T, sigma.T, strict=True)):
+        bound = times * np.maximum(s[left], s[right])
+        known = np.count_nonzero(np.isfinite(e) & np.isfinite(bound))
+        if known:
+            share[i] = np.count_nonzero(np.abs(e) <= bound) / known
+    return share

@@ -24,7 +24,7 @@ from schuler.filtering.measurements import (
 from schuler.navigation.evaluation.consistency import chi_square_band, judged, mean_nis
 from schuler.navigation.evaluation.errors import TrajectoryErrors, outage_errors
 from schuler.navigation.report.accuracy import separation_share
-from schuler.navigation.report.subject import Subject, inside_share
+from schuler.navigation.report.subject import Subject, inside_shares
 from schuler.plotting.parts import number
 
 # Claimed and actual sizes may differ by this factor before the words change: a fifth is what a careful tuning reaches.
@@ -264,7 +264,7 @@ def _outages_left(subject: Subject) -> tuple[int, int]:
     left = seen = 0
     for start, stop in result.outages:
         k = (e.t >= start) & (e.t <= stop)
-        shares = [inside_share(e.t[k], e.position_n[k, i], result.t, sigma[:, i]) for i in range(2)]
+        shares = inside_shares(e.t[k], e.position_n[k, :2], result.t, sigma[:, :2])
         seen += int(np.isfinite(shares).any())
         left += int(np.nanmin(shares) < 1.0) if np.isfinite(shares).any() else 0
     return left, seen

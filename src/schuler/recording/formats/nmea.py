@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import datetime as dt
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,7 +29,7 @@ from schuler.recording.io.over_ground import NO_VELOCITY, NO_VERTICAL_RATE
 from schuler.recording.io.raw import HUGE
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries
-from schuler.timebase import UNIX_TO_GPS_S, gps_from_calendar, gps_from_unix
+from schuler.timebase import UNIX_TO_GPS_S, TimeBase, gps_from_calendar, gps_from_unix
 
 #: 1-sigma of a range by GGA's quality, which HDOP and VDOP multiply: single, differential, precise, fixed, float,
 #: estimated. [m]
@@ -50,11 +51,30 @@ _DAY_S = 86_400.0
 
 
 @dataclass
-class _Epoch:
-    """Sentences of one time of day."""
+class Epoch:
+    """Sentences of one time of day.
+
+    Attributes
+    ----------
+    second : float, optional
+        UTC time of day; ``None`` until a sentence says it. [s]
+    sentences : dict
+        The first sentence of each kind, decoded.
+    """
 
     second: float | None = None
     sentences: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def has_position(self) -> bool:
+        """Whether there is a GGA."""
+        return "GGA" in self.sentences
+
+    @property
+    def has_fix(self) -> bool:
+        """Whether there is a GGA whose position was measured."""
+        gga = self.sentences.get("GGA")
+        return gga is not None and gga.quality in _QUALITY and _is_place(gga)
 
 
 def looks_like_nmea(head: bytes) -> bool:
@@ -98,14 +118,42 @@ def read_nmea(path: Path | str, hints: ReadHints | None = None) -> Recording:
     check_file(path)
     notes: list[str] = []
     epochs = _epochs(path.read_bytes(), notes)
-    fixes = [e for e in epochs if "GGA" in e.sentences]
+    fixes = [e for e in epochs if e.has_position]
     if not fixes:
         raise FileFormatError("expected NMEA sentences GGA, found none with a right checksum: enable GGA", path)
-    kept = [e for e in fixes if e.sentences["GGA"].quality in _QUALITY and _is_place(e.sentences["GGA"])]
+    kept = [e for e in fixes if e.has_fix]
     if len(kept) < len(fixes):
         notes.append(f"{len(fixes) - len(kept)} epochs without a fix were left out.")
     if not kept:
         raise FileFormatError(f"none of the {len(fixes)} GGA sentences has a fix (quality 0, or typed in)", path)
+    gnss, base = series_of(path, epochs, kept, hints, notes)
+    notes += checks.timing_notes(gnss.t)
+    return Recording(gnss=gnss, metadata=metadata_of(path, hints, base, notes))
+
+
+def series_of(
+    path: Path, epochs: list[Epoch], kept: list[Epoch], hints: ReadHints, notes: list[str]
+) -> tuple[GnssSeries, TimeBase]:
+    """GNSS series of the epochs with a fix.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    epochs : list of Epoch
+        In order; the nearest with a date gives each its day.
+    kept : list of Epoch
+        Those of them with a fix.
+    hints : ReadHints
+        See :func:`read_nmea`.
+    notes : list of str
+        Takes sentences on what was assumed.
+
+    Raises
+    ------
+    FileFormatError
+        If there is no date, no geoid separation, or no accuracy.
+    """
     gps_s = _gps_times(path, epochs, kept)
     later = gps_s > np.concatenate(([-np.inf], np.maximum.accumulate(gps_s)[:-1]))
     if not later.all():
@@ -119,28 +167,26 @@ def read_nmea(path: Path | str, hints: ReadHints | None = None) -> Recording:
     cov_r_n = _position_covariance(path, kept, hints, notes)
     v_n, cov_v_n = _velocities(kept, hints, notes)
     gga = [e.sentences["GGA"] for e in kept]
-    gnss = GnssSeries(
+    series = GnssSeries(
         t, llh, cov_r_n, v_n, cov_v_n, np.array([_QUALITY[m.quality] for m in gga]),
         np.array([int(_number(m.numSV)) for m in gga]),
     )  # fmt: skip
-    notes += checks.timing_notes(t)
-    return Recording(gnss=gnss, metadata=metadata_of(path, hints, base, notes))
+    return series, base
 
 
-def _sentences(data: bytes, notes: list[str]) -> Iterator[tuple[str, Any]]:
+def _sentences(data: bytes, left_out: Counter[str]) -> Iterator[tuple[str, Any]]:
     """Kind and decoded fields of the sentences used, in order."""
     try:
         from pynmeagps import VALNONE, NMEAReader
         from pynmeagps.exceptions import NMEAMessageError, NMEAParseError, NMEATypeError
     except ImportError as error:
         raise MissingExtraError("pynmeagps", "gnss", "reading NMEA logs") from error
-    failed = strange = 0
     for match in _SENTENCE.finditer(data):
         checksum = 0
         for byte in match.group()[1:-3]:
             checksum ^= byte
         if checksum != int(match.group(4), 16):
-            failed += 1
+            left_out["sentences with a wrong checksum were left out"] += 1
             continue
         try:
             message = NMEAReader.parse(match.group() + b"\r\n", validate=VALNONE)
@@ -148,35 +194,47 @@ def _sentences(data: bytes, notes: list[str]) -> Iterator[tuple[str, Any]]:
             message = None
         kind = match.group(2).decode()
         if message is None or not all(hasattr(message, name) for name in _FIELDS.get(kind, ())):
-            strange += 1
+            left_out["sentences could not be read in spite of a right checksum and were left out"] += 1
             continue
         yield kind, message
-    if failed:
-        notes.append(f"{failed} sentences with a wrong checksum were left out.")
-    if strange:
-        notes.append(f"{strange} sentences could not be read in spite of a right checksum and were left out.")
 
 
-def _epochs(data: bytes, notes: list[str]) -> list[_Epoch]:
+def _epochs(data: bytes, notes: list[str]) -> list[Epoch]:
     """Sentences by epoch; VTG and GSA, which have no time, belong to the sentence before them."""
-    epochs = [_Epoch()]
-    for kind, message in _sentences(data, notes):
+    epochs, left_out = [Epoch()], Counter[str]()
+    add_sentences(epochs, data, left_out)
+    notes += [f"{count} {text}." for text, count in left_out.items()]
+    return [e for e in epochs if e.second is not None]
+
+
+def add_sentences(epochs: list[Epoch], data: bytes, left_out: Counter[str]) -> None:
+    """Put the sentences of some bytes into the last epoch of a list, or into new ones behind it.
+
+    Parameters
+    ----------
+    epochs : list of Epoch
+        One at least.
+    data : bytes
+        Whole lines; what is no sentence is passed over.
+    left_out : Counter
+        Counts what was left out, by a phrase that says why.
+    """
+    for kind, message in _sentences(data, left_out):
         time = getattr(message, "time", None)
         if isinstance(time, dt.time):
             second = time.hour * units.HR + time.minute * units.MIN + time.second + time.microsecond * 1e-6
             if epochs[-1].second is None:
                 epochs[-1].second = second
             elif second != epochs[-1].second:
-                epochs.append(_Epoch(second))
+                epochs.append(Epoch(second))
         epochs[-1].sentences.setdefault(kind, message)
-    return [e for e in epochs if e.second is not None]
 
 
-def _gps_times(path: Path, epochs: list[_Epoch], kept: list[_Epoch]) -> FloatArray:
+def _gps_times(path: Path, epochs: list[Epoch], kept: list[Epoch]) -> FloatArray:
     """GPS time of epochs since 1980, the day from the nearest epoch with a date. [s]"""
     dated: list[tuple[int, float]] = []
     for k, e in enumerate(epochs):
-        if (day := _date(e.sentences)) is not None and e.second is not None:
+        if (day := date_of(e.sentences)) is not None and e.second is not None:
             dated.append((k, gps_from_calendar(dt.datetime.combine(day, dt.time())) + e.second))
     if not dated:
         raise FileFormatError("GGA has no date: log RMC or ZDA too, on the same receiver", path)
@@ -193,7 +251,8 @@ def _gps_times(path: Path, epochs: list[_Epoch], kept: list[_Epoch]) -> FloatArr
         raise FileFormatError(str(error), path) from error
 
 
-def _date(sentences: dict[str, Any]) -> dt.date | None:
+def date_of(sentences: dict[str, Any]) -> dt.date | None:
+    """Day that the sentences of an epoch state, in RMC or ZDA."""
     if "RMC" in sentences and isinstance(sentences["RMC"].date, dt.date):
         return sentences["RMC"].date
     if "ZDA" in sentences:
@@ -205,7 +264,7 @@ def _date(sentences: dict[str, Any]) -> dt.date | None:
     return None
 
 
-def _positions(path: Path, kept: list[_Epoch], hints: ReadHints, notes: list[str]) -> FloatArray:
+def _positions(path: Path, kept: list[Epoch], hints: ReadHints, notes: list[str]) -> FloatArray:
     llh = np.empty((len(kept), 3))
     for row, e in enumerate(kept):
         gga = e.sentences["GGA"]
@@ -222,7 +281,7 @@ def _positions(path: Path, kept: list[_Epoch], hints: ReadHints, notes: list[str
     return llh
 
 
-def _position_covariance(path: Path, kept: list[_Epoch], hints: ReadHints, notes: list[str]) -> FloatArray:
+def _position_covariance(path: Path, kept: list[Epoch], hints: ReadHints, notes: list[str]) -> FloatArray:
     sigma = np.empty((len(kept), 3))
     guessed = 0
     for row, e in enumerate(kept):
@@ -254,14 +313,14 @@ def _position_covariance(path: Path, kept: list[_Epoch], hints: ReadHints, notes
     return cov
 
 
-def _dilutions(e: _Epoch) -> tuple[float, float]:
+def _dilutions(e: Epoch) -> tuple[float, float]:
     """HDOP and VDOP of an epoch, the latter guessed from the former where there is no GSA; 0 if unknown."""
     horizontal = _number(e.sentences["GGA"].HDOP)
     vertical = _number(e.sentences["GSA"].VDOP) if "GSA" in e.sentences else 0.0
     return horizontal, vertical if vertical > 0.0 else _VERTICAL * horizontal
 
 
-def _velocities(kept: list[_Epoch], hints: ReadHints, notes: list[str]) -> tuple[FloatArray | None, FloatArray | None]:
+def _velocities(kept: list[Epoch], hints: ReadHints, notes: list[str]) -> tuple[FloatArray | None, FloatArray | None]:
     v_n, sigma = np.zeros((len(kept), 3)), np.full((len(kept), 3), NO_VELOCITY)
     stated = hints.sigmas[3:] if hints.sigmas is not None and len(hints.sigmas) == 6 else None
     missing = 0

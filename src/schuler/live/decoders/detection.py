@@ -1,0 +1,98 @@
+"""Choice of the decoder of a stream: as it is asked for, by the columns that are given, or by what comes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+
+from schuler.live.clock import SourceClock
+from schuler.live.decoders.base import Decoder
+from schuler.live.decoders.nmea import NmeaDecoder
+from schuler.live.decoders.text import TextDecoder
+from schuler.live.decoders.ubx import UbxDecoder
+from schuler.live.messages import Message
+from schuler.recording.formats.nmea import looks_like_nmea
+from schuler.recording.formats.ubx import looks_like_ubx
+from schuler.recording.io.columns import check_known
+from schuler.recording.io.hints import ReadHints
+
+#: Formats of streams.
+FORMATS = ("text", "nmea", "ubx")
+_ENOUGH = 1 << 16  # bytes after which a stream that looks like nothing is not kept
+
+
+def decoder(
+    clock: SourceClock,
+    hints: ReadHints,
+    *,
+    format: str | None = None,
+    by_arrival: bool = False,
+    whole: bool = False,
+) -> Decoder:
+    """Decoder of a stream.
+
+    Parameters
+    ----------
+    clock : SourceClock
+        Shared by all sources of a run.
+    hints : ReadHints
+        How a log of this source would be read. Those with ``columns`` are of lines of text.
+    format : str, optional
+        One of :data:`FORMATS`; by what comes if left out.
+    by_arrival, whole : bool
+        See :class:`~schuler.live.decoders.text.TextDecoder`.
+
+    Raises
+    ------
+    InputError
+        If the format is not known, or lines of text are not described.
+    """
+    makers: dict[str, Callable[[], Decoder]] = {
+        "text": lambda: TextDecoder(clock, hints, by_arrival=by_arrival, whole=whole),
+        "nmea": lambda: NmeaDecoder(clock, hints),
+        "ubx": lambda: UbxDecoder(clock),
+    }
+    if format is None and hints.columns is not None:
+        format = "text"
+    if format is None:
+        return _Detection({name: makers[name] for name in ("ubx", "nmea")})
+    return makers[check_known(format, FORMATS, "format of a stream")]()
+
+
+class _Detection:
+    """Decoder of a stream whose format its first whole message shows; u-blox may send NMEA as well and comes first."""
+
+    def __init__(self, makers: Mapping[str, Callable[[], Decoder]]) -> None:
+        self._makers, self._head = makers, b""
+        self._decoder: Decoder | None = None
+        self._unknown: Counter[str] = Counter()
+
+    @property
+    def left_out(self) -> Counter[str]:
+        """See :class:`~schuler.live.decoders.base.Decoder`."""
+        return self._unknown if self._decoder is None else self._decoder.left_out + self._unknown
+
+    def feed(self, data: bytes, arrival: float) -> list[Message]:
+        """See :class:`~schuler.live.decoders.base.Decoder`."""
+        if self._decoder is not None:
+            return self._decoder.feed(data, arrival)
+        self._head += data
+        if looks_like_ubx(self._head):
+            self._decoder = self._makers["ubx"]()
+        elif looks_like_nmea(self._head) and b"\xb5\x62" not in self._head:
+            self._decoder = self._makers["nmea"]()
+        elif len(self._head) > _ENOUGH:
+            self._unknown["bytes that are neither UBX nor NMEA (lines of numbers need columns=...)"] += len(self._head)
+            self._head = b""
+        if self._decoder is None:
+            return []
+        head, self._head = self._head, b""
+        return self._decoder.feed(head, arrival)
+
+    def pause(self) -> list[Message]:
+        """See :class:`~schuler.live.decoders.base.Decoder`."""
+        return [] if self._decoder is None else self._decoder.pause()
+
+    def finish(self) -> list[Message]:
+        """See :class:`~schuler.live.decoders.base.Decoder`."""
+        return [] if self._decoder is None else self._decoder.finish()

@@ -1,0 +1,122 @@
+"""Where lines go: standard output, a file, UDP, clients of a TCP port. None of them ever holds up the filter."""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Protocol
+
+from schuler.exceptions import InputError
+from schuler.live.address import parse_address
+
+_SCHEMES: dict[str, tuple[str, ...]] = {"udp": (), "tcp": ()}
+
+
+class Outlet(Protocol):
+    """Something that takes lines."""
+
+    def write(self, lines: str) -> None:
+        """Take one or more whole lines with their ends."""
+        ...
+
+    def close(self) -> None:
+        """Let go of what is held."""
+        ...
+
+
+def open_outlet(place: str) -> Outlet:
+    """Open a place for lines.
+
+    Parameters
+    ----------
+    place : str
+        ``-``, ``udp://HOST:PORT``, ``tcp://HOST:PORT`` (this machine's own address, loopback if left out, to which
+        clients connect), or the name of a file, to which lines are appended.
+
+    Raises
+    ------
+    InputError
+        If the address is wrong or taken, or the file is a folder.
+    """
+    if place == "-":
+        return _StandardOutput()
+    if not place.startswith(("udp:", "tcp:")):
+        return _File(Path(place))
+    address = parse_address(place, _SCHEMES, tuple(_SCHEMES))
+    if address.scheme == "udp":
+        return _Datagrams(address.host, address.port)
+    return _Clients(address.host, address.port)
+
+
+class _StandardOutput:
+    def write(self, lines: str) -> None:
+        sys.stdout.write(lines)
+        sys.stdout.flush()
+
+    def close(self) -> None:
+        pass
+
+
+class _File:
+    """Appended to line by line: what was written stays there whatever happens."""
+
+    def __init__(self, path: Path) -> None:
+        if path.is_dir():
+            raise InputError(f"{path}: expected the name of a file, it is a folder: give a file in it")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+
+    def write(self, lines: str) -> None:
+        os.write(self._handle, lines.encode())
+
+    def close(self) -> None:
+        os.close(self._handle)
+
+
+class _Datagrams:
+    def __init__(self, host: str, port: int) -> None:
+        self._to = (host, port)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+
+    def write(self, lines: str) -> None:
+        with suppress(OSError):  # nobody listens, or the network is away
+            self._socket.sendto(lines.encode(), self._to)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class _Clients:
+    """Clients of a port; one that does not read what it gets is let go."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._clients: list[socket.socket] = []
+        try:
+            self._server = socket.create_server((host, port))
+        except OSError as error:
+            raise InputError(f"tcp://{host}:{port}: cannot listen there: {error.strerror}; name another port") from None
+        self._server.setblocking(False)
+
+    def write(self, lines: str) -> None:
+        with suppress(BlockingIOError):
+            while True:
+                client, _ = self._server.accept()
+                client.setblocking(False)
+                self._clients.append(client)
+        data = lines.encode()
+        for client in self._clients.copy():
+            try:
+                whole = client.send(data) == len(data)
+            except OSError:
+                whole = False
+            if not whole:
+                self._clients.remove(client)
+                client.close()
+
+    def close(self) -> None:
+        for held in (*self._clients, self._server):
+            held.close()

@@ -1,0 +1,197 @@
+"""Decoders of streams: fed a file in pieces of any length they give what reading the file gives, to the last bit."""
+
+import numpy as np
+import pytest
+from format_drives import drive
+from messy_folders import nmea as nmea_lines
+
+from schuler import read
+from schuler.exceptions import InputError
+from schuler.live.clock import SourceClock
+from schuler.live.decoders.detection import decoder
+from schuler.live.messages import Fix, ImuSample, Speed
+from schuler.recording.io import ReadHints
+
+GARBAGE = bytes(range(256)) * 3
+
+
+def fed(decoder, data, seed=0, largest=400):
+    """Messages of a stream that comes in pieces of random length."""
+    rng, messages, at = np.random.default_rng(seed), [], 0
+    while at < len(data):
+        step = int(rng.integers(1, largest))
+        messages += decoder.feed(data[at : at + step], 1.4e9)
+        at += step
+    return messages + decoder.finish()
+
+
+def same_fixes(messages, gnss):
+    assert [m.t for m in messages] == gnss.t.tolist()
+    for name in ("llh", "cov_r_n", "v_n", "cov_v_n"):
+        np.testing.assert_array_equal([getattr(m, name) for m in messages], getattr(gnss, name))
+    assert [m.quality for m in messages] == gnss.quality.tolist()
+    assert [m.n_satellites for m in messages] == gnss.n_satellites.tolist()
+
+
+def imu_lines(imu, factor=(1.0, 1.0)):
+    rows = np.column_stack((imu.t, imu.accel * factor[0], imu.gyro * factor[1]))
+    return "\n".join(",".join(f"{v:.12g}" for v in row) for row in rows).encode() + b"\n"
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"units": "m/s^2,rad/s", "time": "gps-tow:2300"},
+        {"units": "g,deg/s,ms", "axes": "FLU", "offset": 0.25},
+        {"units": "accel=g,gyro=deg/s", "axes": "RFU", "scale": "0.5,2", "time": "gps"},
+        {"units": "m/s,rad", "kind": "increment", "time": "gps-unix"},
+        {"units": "g,deg/s", "time": "unix"},
+    ],
+)
+def test_lines_of_an_imu_are_the_samples_of_the_file(tmp_path, options, seed):
+    imu = drive(4.0).imu
+    start = {"gps": 2300 * 604_800.0, "gps-unix": 1.7e9, "unix": 1.7e9}.get(options.get("time"), 0.0)
+    scale = 1e3 if "ms" in options["units"] else 1.0
+    columns = "t,ax,ay,-az,-,gx,gy,gz,*"
+    rows = np.column_stack((scale * (start + imu.t), imu.accel, np.full(len(imu), 7.0), imu.gyro, imu.gyro))
+    data = "\n".join(" ".join(f"{v:.17g}" for v in row) for row in rows).encode()
+    (tmp_path / "imu.txt").write_bytes(data)
+    hints = ReadHints.of(columns=columns, **options)
+    log = read(tmp_path / "imu.txt", hints, allow="norm,magnitude")
+    clock = SourceClock()
+    samples = fed(decoder(clock, hints), data, seed)
+    assert clock.base == log.metadata.time
+    assert [s.t for s in samples] == log.imu.t.tolist()
+    np.testing.assert_array_equal([s.gyro for s in samples], log.imu.gyro)
+    np.testing.assert_array_equal([s.accel for s in samples], log.imu.accel)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lines_of_fixes_and_speeds_are_those_of_the_file(tmp_path, seed):
+    gnss = drive().gnss
+    rows = np.column_stack((gnss.t, np.rad2deg(gnss.llh[:, :2]), gnss.llh[:, 2], gnss.v_n))
+    data = "\n".join(",".join(f"{v:.17g}" for v in row) for row in rows).encode()
+    (tmp_path / "fixes.csv").write_bytes(data)
+    hints = ReadHints.of(
+        columns="t,lat,lon,h,vn,ve,vd", units="angle=deg,t=s", sigma="1,1,2,0.1,0.1,0.2", time="gps-tow:2300",
+        height="ellipsoidal",
+    )  # fmt: skip
+    log = read(tmp_path / "fixes.csv", hints)
+    messages = fed(decoder(SourceClock(), hints), data, seed)
+    assert [m.t for m in messages] == log.gnss.t.tolist()
+    for name in ("llh", "cov_r_n", "v_n", "cov_v_n"):
+        np.testing.assert_array_equal([getattr(m, name) for m in messages], getattr(log.gnss, name))
+    hints = ReadHints.of(columns="t,speed,sspeed", units="velocity=km/h")
+    (tmp_path / "odometer.csv").write_bytes(b"1.5,36,0.36\n2.5,72,0.72\n")
+    log = read(tmp_path / "odometer.csv", hints)
+    made = fed(decoder(SourceClock(), hints), (tmp_path / "odometer.csv").read_bytes(), seed, 5)
+    np.testing.assert_array_equal(
+        [(m.t, m.speed, m.sigma) for m in made],
+        np.column_stack((log.odometer.t, log.odometer.speed, log.odometer.sigma)),
+    )
+    assert all(isinstance(m, Speed) for m in made)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nmea_in_pieces_is_the_nmea_of_the_file(tmp_path, seed):
+    pytest.importorskip("pynmeagps")
+    lines = nmea_lines(drive())
+    data = GARBAGE + (lines if isinstance(lines, bytes) else "".join(lines).encode())
+    (tmp_path / "rover.nmea").write_bytes(data[len(GARBAGE) :])
+    log, clock = read(tmp_path / "rover.nmea"), SourceClock()
+    same_fixes(fed(decoder(clock, ReadHints()), data, seed), log.gnss)
+    assert clock.base == log.metadata.time
+
+
+def test_a_pause_completes_an_epoch_of_nmea():
+    pytest.importorskip("pynmeagps")
+    lines = nmea_lines(drive(8.0))
+    data = lines if isinstance(lines, bytes) else "".join(lines).encode()
+    bursts = [b"$" + part for part in data.split(b"$")[1:]]
+    at_once, stream = decoder(SourceClock(), ReadHints()), []
+    for gga, rmc in zip(bursts[::2], bursts[1::2], strict=True):
+        assert at_once.feed(gga + rmc, 0.0) == []
+        stream += at_once.pause()
+        assert at_once.pause() == []
+    whole = fed(decoder(SourceClock(), ReadHints()), data)
+    assert [m.t for m in stream] == [m.t for m in whole]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ubx_in_pieces_is_the_ubx_of_the_file(tmp_path, seed):
+    pytest.importorskip("pyubx2")
+    from tests.recording.test_ubx import GGA, pvt
+
+    frames = [pvt(itow=408_640_000 + 200 * k, when=(2025, 8, 28, 17, 30, 22), nano=200_000_000 * k) for k in range(5)]
+    frames.insert(2, pvt(fix=0))
+    data = (
+        GGA.join(frames) + GARBAGE + b"\xb5\x62\x01\x07\xff\xff" + pvt(itow=408_642_000, when=(2025, 8, 28, 17, 30, 24))
+    )
+    (tmp_path / "rover.ubx").write_bytes(data)
+    log, clock = read(tmp_path / "rover.ubx"), SourceClock()
+    stream = decoder(clock, ReadHints())
+    same_fixes(fed(stream, data, seed), log.gnss)
+    assert clock.base == log.metadata.time
+    assert stream.left_out["epochs without a fix were left out"] == 1
+    assert stream.left_out["bytes that belong to no frame and no NMEA sentence"] == len(GARBAGE) + 6
+
+
+def test_garbage_is_counted_and_the_stream_goes_on():
+    hints = ReadHints.of(columns="t,ax,ay,az,gx,gy,gz", units="g,deg/s")
+    stream = decoder(SourceClock(), hints)
+    rng = np.random.default_rng(1)
+    messages = []
+    for k in range(50):
+        messages += stream.feed(rng.bytes(2000).replace(b"\n", b" ") + b"\n" * (k % 2), 0.0)
+        messages += stream.feed(
+            b"\n%d,0,0,-1,0,0,0\n" % k + b"%d,nan,0,0,0,0,0\n1e3,1e99,0,0,0,0,0\n%d,0,\n" % (k, k), 0.0
+        )
+    assert [m.t for m in messages] == list(range(50))
+    assert sum(stream.left_out.values()) >= 150
+    assert len(stream.left_out) <= 3
+
+
+def test_rows_by_arrival_are_on_gps_time():
+    hints = ReadHints.of(columns="-,ax,ay,az,gx,gy,gz", units="g,deg/s")
+    clock = SourceClock()
+    (sample,) = decoder(clock, hints, by_arrival=True, whole=True).feed(b"99,0,0,-1,0,0,0", 2300 * 604_800.0 + 12.25)
+    assert isinstance(sample, ImuSample)
+    assert sample.t == 12.25
+    assert clock.base.epoch_gps_s == 2300 * 604_800.0
+
+
+def test_two_clocks_are_not_mixed():
+    hints = ReadHints.of(columns="t,ax,ay,az,gx,gy,gz", units="g,deg/s")
+    clock = SourceClock()
+    decoder(clock, hints).feed(b"5,0,0,-1,0,0,0\n", 0.0)
+    fixes = ReadHints.of(
+        columns="t,lat,lon,h", units="angle=deg", sigma="1,1,2", height="ellipsoidal", time="gps-tow:2300"
+    )
+    with pytest.raises(InputError, match="an earlier one counts on a clock of its own"):
+        decoder(clock, fixes).feed(b"5,48,11,500\n", 0.0)
+
+
+def test_weeks_of_a_stream_are_counted_on():
+    hints = ReadHints.of(
+        columns="t,lat,lon,h", units="angle=deg", sigma="1,1,2", height="ellipsoidal", time="gps-tow:2300"
+    )
+    stream = decoder(SourceClock(), hints)
+    messages = stream.feed(b"604799,48,11,500\n0,48,11,500\n1,48,11,500\n", 0.0)
+    assert [m.t for m in messages] == [604_799.0, 604_800.0, 604_801.0]
+    assert all(isinstance(m, Fix) for m in messages)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "format of a stream: 'sbf' is not known"),
+        ({"columns": "t,ax,ay,az,gx,gy,gz"}, "the unit of ax is not known"),
+        ({"columns": "ax,ay,az,gx,gy,gz", "units": "g,deg/s"}, "there is no time"),
+        ({"columns": "t,ax,ay,az", "units": "g,deg/s"}, "gx, gy, gz missing"),
+        ({"columns": "t=Stamp,ax=X,ay=Y,az=Z,gx=A,gy=B,gz=C", "units": "g,deg/s"}, "a stream has no header"),
+    ],
+)
+def test_what_is_not_described_is_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        decoder(SourceClock(), ReadHints.of(**options), format=None if options else "sbf")

@@ -2,14 +2,10 @@
 
 import json
 import re
-import sys
 
 import pytest
-from places import ROOT
-
-sys.path.insert(0, str(ROOT / "docs" / "_ext"))
-
 from notebooks import executed, markdown
+from places import ROOT
 
 NOTEBOOK = ROOT / "docs" / "notebook.ipynb"
 

@@ -37,6 +37,7 @@ from .navigation import compare_architectures as compare_architectures
 from .navigation import compare_runs as compare_runs
 from .navigation import fine_alignment as fine_alignment
 from .navigation import navigate as navigate
+from .navigation import rerun as rerun
 from .navigation import tune_noise as tune_noise
 from .navigation.foot import navigate_foot as navigate_foot
 from .observability import scenario_observability as scenario_observability
@@ -119,6 +120,7 @@ __all__ = [
     "poses_of",
     "prepare_budget",
     "read",
+    "rerun",
     "scenario_observability",
     "search_schemes",
     "simulate",

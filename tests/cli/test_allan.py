@@ -187,8 +187,8 @@ def test_the_default_folder_is_named_after_the_log(log, identified, tmp_path, ca
     [
         (("missing.csv",), "missing.csv: no such file or folder"),
         ((), "requires an argument"),
-        (("{log}", "--from", "80", "--to", "20"), "--from and --to: expected 0 <= FROM < TO"),
-        (("{log}", "--from", "500"), "--from and --to: expected 0 <= FROM < TO"),
+        (("{log}", "--from", "80", "--to", "20"), "expected 0 <= FROM < TO in seconds"),
+        (("{log}", "--from", "500"), "expected 0 <= FROM < TO in seconds"),
         (("{log}", "--from", "500", "--to", "600"), "no IMU sample lies within"),
         (("{log}", "--export", "kalibre"), "--export: expected one of ardupilot"),
         (("{log}", "--nonsense"), "--nonsense"),

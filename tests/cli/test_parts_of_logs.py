@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from command import answer, run
 
-from schuler.cli.reading import cut
 from schuler.exceptions import InputError
 from schuler.recording import ImuSeries, OdometerSeries, Recording
 from schuler.recording.io import read, write
+from schuler.recording.part import cut
 from schuler.recording.trajectory import Trajectory
 
 

@@ -199,6 +199,19 @@ def choose_imu(
     Returns
     -------
     ImuChoice
+
+    Examples
+    --------
+    >>> from schuler.budget import requirement
+    >>> from schuler.sensors import catalogue
+    >>> mission = schuler.prepare_budget("examples/budget_town.toml")
+    >>> bound = requirement("horizontal < 10 m @ 60 s outage")
+    >>> print(schuler.choose_imu(mission, bound, [catalogue.spec(name) for name in ("MTi-G-710", "HG1900")]).summary())
+    town, GNSS lost for a minute: horizontal < 10 m @ 60 s outage
+    imu        value_m  at_s  passes  margin  limited_by
+    HG1900        8.34   129  yes       1.20...
+    MTi-G-710     11.5   129  no       0.871...
+    ...
     """
     if not specs:
         raise InputError("specs: expected at least one IMU")

@@ -124,6 +124,16 @@ def error_budget(
     References
     ----------
     Flenniken (2005), section 7.4, figure 7.4; docs/budget.md maps his 48 parameters to the names here.
+
+    Examples
+    --------
+    >>> from schuler.sensors import catalogue
+    >>> mission = schuler.prepare_budget("examples/budget_town.toml")
+    >>> print(schuler.error_budget(mission, catalogue.spec("MTi-G-710"), time=149.0).summary())
+    town, GNSS lost for a minute, MTi-G-710: horizontal 1-sigma after 149 s
+    source                          horizontal_m  share_percent
+    gyroscope noise                         2.94           44.8
+    ...
     """
     covariance = linear_covariance(mission, spec, states=states, by_axis=True, angles=angles)
     return budget_of(covariance, quantity, time)

@@ -157,7 +157,14 @@ class BudgetMission:
 
 
 def prepare_budget(scenario: BudgetScenario | dict[str, Any] | Path | str) -> BudgetMission:
-    """Linearised run of a scenario: an object, nested dictionaries, or the path of a TOML file."""
+    """Linearised run of a scenario: an object, nested dictionaries, or the path of a TOML file.
+
+    Examples
+    --------
+    >>> mission = schuler.prepare_budget("examples/budget_town.toml")
+    >>> mission.name
+    'town, GNSS lost for a minute'
+    """
     if not isinstance(scenario, BudgetScenario):
         scenario = BudgetScenario.parse(scenario) if isinstance(scenario, dict) else BudgetScenario.load(scenario)
     motion = scenario.motion.build()

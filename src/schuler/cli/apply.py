@@ -10,8 +10,9 @@ from cyclopts import Parameter
 
 from schuler.cli.calibrate_options import Site
 from schuler.cli.output import File, Flag, print_json, say
-from schuler.cli.reading import LogHints, cut, read_log
+from schuler.cli.reading import LogHints, read_log
 from schuler.exceptions import InputError
+from schuler.recording.part import cut
 
 _HINTS, _SITE = LogHints(), Site()
 

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schuler.cli.output import File, Flag, say
-from schuler.cli.reading import LogHints, cut, foot_log, recording_section
+from schuler.cli.reading import LogHints, foot_log, recording_section
 from schuler.exceptions import InputError
+from schuler.recording.part import cut
 
 if TYPE_CHECKING:
     from schuler.diagnosis.result import Diagnosis

@@ -9,8 +9,9 @@ import numpy as np
 
 from schuler import units
 from schuler.cli.output import Flag, print_json, say
-from schuler.cli.reading import LogHints, cut, read_log
+from schuler.cli.reading import LogHints, read_log
 from schuler.gnss.signals import satellite_name
+from schuler.recording.part import cut
 from schuler.recording.recording import TIMED, Recording
 
 _HINTS = LogHints()

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.cli.navigate import Outcome, evaluated, sentences, write_outputs
+from schuler.cli.navigate import sentences, write_outputs
 from schuler.cli.output import Flag, Folder, print_json, print_verdict, progress, say
 from schuler.files import read_toml
+from schuler.navigation.evaluation.evaluated import EvaluatedRun, evaluate_run
 
 _OUTAGE_S = (300.0, 340.0)
 _RUNS = 25  # repetitions with other errors, for the consistency of the filter
@@ -57,7 +58,7 @@ def demo(
         print(f"open {written['report']} in a browser")
 
 
-def run_demo(seed: int | None, bar: Any = None) -> tuple[Outcome, Any, float]:
+def run_demo(seed: int | None, bar: Any = None) -> tuple[EvaluatedRun, Any, float]:
     """The drive, its solution, and the mean normalised estimation error over repetitions.
 
     Parameters
@@ -101,7 +102,7 @@ def run_demo(seed: int | None, bar: Any = None) -> tuple[Outcome, Any, float]:
             nees.append(float(np.mean(result.nees(mission.ideal.truth, truth))))
         if bar is not None:
             bar((_RUNS + 1 - k) / (_RUNS + 1))
-    outcome = evaluated(simulation.recording, result, True, truth)
+    outcome = evaluate_run(simulation.recording, result, True, truth)
     outcome.numbers["seed"] = scenario.seed if seed is None else seed
     return outcome, simulation.recording, float(np.mean(nees))
 

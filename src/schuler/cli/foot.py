@@ -95,8 +95,8 @@ def foot(
 
 def read_foot_log(log: Path, reading: Reading) -> tuple[Recording, dict[str, Any] | None]:
     """The recording, and the stored labels if it is a PyShoe trial."""
-    from schuler.cli.reading import cut
     from schuler.recording.formats.pyshoe import read_pyshoe
+    from schuler.recording.part import cut
 
     if not is_trial(log, reading.given):
         return reading.read(log), None

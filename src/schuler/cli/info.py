@@ -9,9 +9,10 @@ from typing import Any
 
 from schuler.cli.convert import described
 from schuler.cli.output import Flag, print_json
-from schuler.cli.reading import LogHints, cut, read_log
+from schuler.cli.reading import LogHints, read_log
 from schuler.exceptions import InputError, SchulerError
 from schuler.recording.io.streams import Stream, table
+from schuler.recording.part import cut
 
 _HINTS = LogHints()
 #: Modules of formats that are found by their suffix or looks (``recording.io.dispatch``), and the extras they need.

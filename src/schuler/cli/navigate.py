@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,9 +14,8 @@ from schuler.cli.reading import Part
 from schuler.cli.rerun import write_run
 from schuler.exceptions import InputError, MissingExtraError
 from schuler.files import write_text
-from schuler.navigation.result import NavigationResult
+from schuler.navigation.evaluation.evaluated import EvaluatedRun, evaluate_run
 from schuler.recording.recording import Recording
-from schuler.recording.trajectory import Trajectory
 
 _ALL = Part()
 
@@ -129,7 +128,7 @@ def navigate(
     with progress("navigating") as bar:
         result = run(recording, loaded, progress=bar)
     folder = Path(f"{log.resolve().stem}-solution") if out is None else out
-    outcome = evaluated(recording, result, loaded.filter.smooth)
+    outcome = evaluate_run(recording, result, loaded.filter.smooth)
     outcome.numbers["elapsed_s"] = time.perf_counter() - began
     files = write_outputs(folder, recording, outcome, report=report, figures=figures, background=backdrop)
     if proposal is not None:
@@ -148,55 +147,10 @@ def navigate(
     return 0 if result.complete and (accept or result.verdict.status != "failed") else 1
 
 
-@dataclass
-class Outcome:
-    """A solution, its smoothed twin and what is known of their errors."""
-
-    result: NavigationResult
-    smoothed: NavigationResult | None
-    reference: Trajectory | None
-    at_antenna: bool
-    numbers: dict[str, Any]
-    truth_parameters: Any = None
-
-
-def evaluated(recording: Recording, result: NavigationResult, smooth: bool, truth_parameters: Any = None) -> Outcome:
-    """Compare a solution with the recording's reference, or with all its GNSS fixes where there is none."""
-    from schuler.navigation.evaluation.errors import evaluate
-
-    reference, at_antenna = recording.reference, False
-    if reference is None and recording.gnss is not None:
-        g = recording.gnss
-        reference, at_antenna = Trajectory.from_geodetic(g.t, g.llh, g.v_n), True
-    smoothed = result.smooth(keep=False) if smooth and result.can_smooth else None
-    origin = recording.start
-    numbers: dict[str, Any] = {
-        "verdict": result.verdict.to_dict(),
-        "epochs": result.epochs, "elapsed_s": None, "states": result.layout.size,
-        "start_s": float(result.trajectory.t[0]) - recording.start,
-        "stop_s": float(result.trajectory.t[-1]) - recording.start,
-        "reference": _reference_name(recording, reference is not None, at_antenna),
-        **evaluate(result, reference, parameters=truth_parameters, at_antenna=at_antenna, origin=origin),
-        "nis_mean": result.innovations.mean_nis(), "measurements": result.innovations.counts(),
-        "rejected": result.innovations.rejected(), "complete": result.complete, "notes": result.notes,
-    }  # fmt: skip
-    if smoothed is not None:
-        numbers["smoothed"] = evaluate(smoothed, reference, at_antenna=at_antenna, origin=origin)
-    return Outcome(result, smoothed, reference, at_antenna, numbers, truth_parameters)
-
-
-def _reference_name(recording: Recording, present: bool, at_antenna: bool) -> str:
-    if not present:
-        return "none"
-    if at_antenna:
-        return "GNSS fixes at the antenna"
-    return "true trajectory" if "scenario" in recording.metadata.options else "the reference in the log"
-
-
 def write_outputs(
     folder: Path,
     recording: Recording,
-    outcome: Outcome,
+    outcome: EvaluatedRun,
     *,
     report: bool,
     figures: bool,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -12,10 +10,9 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
-import numpy as np
 from cyclopts import Parameter
 
-from schuler.files import check_writable
+from schuler.files import check_writable, json_text
 
 if TYPE_CHECKING:
     from schuler.verdict import Verdict
@@ -94,25 +91,6 @@ def print_verdict(verdict: Verdict) -> None:
 def print_json(data: dict[str, Any]) -> None:
     """One JSON object on stdout; numbers that do not exist become null."""
     print(json_text(data))
-
-
-def json_text(data: dict[str, Any]) -> str:
-    """One JSON object as text; numbers that do not exist become null."""
-    return json.dumps(_plain(data), indent=1, allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(v) for v in value]
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, (np.integer, np.bool_)):
-        return value.item()
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value
 
 
 def named(figures: Iterable[Path]) -> dict[str, Path]:

@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from schuler.cli.output import Dashed, Flag, say
 from schuler.exceptions import InputError
 from schuler.files import read_toml
+from schuler.recording.part import cut
 from schuler.recording.recording import Recording
 
 
@@ -220,21 +221,6 @@ def _columns(log: Path, stated: str | None) -> set[str]:
         stated = re.sub(r"[;\t ]+", ",", stated)
     names = (column.partition("=")[0].strip().strip('"').lower() for column in stated.split(","))
     return {name.removeprefix("-") for name in names}
-
-
-def cut(recording: Recording, start: float | None, stop: float | None) -> Recording:
-    """The recording between two times from the start of its IMU, or of what there is without one. [s]"""
-    if start is None and stop is None:
-        return recording
-    if recording.imu is not None:
-        begin, end = float(recording.imu.t[0]), float(recording.imu.t[-1])
-    else:
-        begin, end = recording.start, recording.stop
-    first, last = 0.0 if start is None else start, end - begin if stop is None else stop
-    if not 0.0 <= first < last:
-        raise InputError(f"--from and --to: expected 0 <= FROM < TO in seconds, got {first:g} and {last:g}")
-    note = f"Only {first:g} to {last:g} s of {recording.metadata.name} were used, as asked for."
-    return replace(recording.between(begin + first, begin + last), metadata=recording.metadata.noting(note))
 
 
 def read_log(log: Path, config: Path | None, **hints: Any) -> Recording:

@@ -87,6 +87,16 @@ def campaign(
         If workers die again and again, or the scheduler of a cluster does.
     MissingExtraError
         Without pyarrow (a store) or Dask (a cluster).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> def fall(scenario, seed):
+    ...     gravity = 9.81 + scenario["bias"] * np.random.default_rng(seed).standard_normal()
+    ...     return {"speed": 10.0 * gravity}
+    >>> done = schuler.campaign(fall, {"bias": 0.1}, 256, seed=1, pool="threads")
+    >>> print(f"{done['speed'].sigma:.3f}")
+    0.962
     """
     _check(runs, seed, workers, pool, batch)
     began = time.perf_counter()

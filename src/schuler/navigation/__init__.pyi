@@ -23,6 +23,8 @@ from .evaluation.consistency import state_errors as state_errors
 from .evaluation.errors import TrajectoryErrors as TrajectoryErrors
 from .evaluation.errors import evaluate as evaluate
 from .evaluation.errors import trajectory_errors as trajectory_errors
+from .evaluation.evaluated import EvaluatedRun as EvaluatedRun
+from .evaluation.evaluated import evaluate_run as evaluate_run
 from .evaluation.modes import Mode as Mode
 from .evaluation.modes import available_modes as available_modes
 from .evaluation.modes import parse_mode as parse_mode
@@ -32,6 +34,10 @@ from .evaluation.runs import RunComparison as RunComparison
 from .evaluation.runs import compare_runs as compare_runs
 from .navigator import Navigator as Navigator
 from .navigator import Outcome as Outcome
+from .repetition import Repetition as Repetition
+from .repetition import RunFolder as RunFolder
+from .repetition import read_run_folder as read_run_folder
+from .repetition import rerun as rerun
 from .report.document import navigation_report as navigation_report
 from .report.figures import overview as overview
 from .report.figures import plot_errors as plot_errors
@@ -60,6 +66,7 @@ __all__ = [
     "Age",
     "CalibrationStart",
     "Comparison",
+    "EvaluatedRun",
     "Innovations",
     "Mode",
     "NavigationConfig",
@@ -67,7 +74,9 @@ __all__ = [
     "Navigator",
     "OutageStatistics",
     "Outcome",
+    "Repetition",
     "RunComparison",
+    "RunFolder",
     "Separation",
     "Sources",
     "TrajectoryErrors",
@@ -82,6 +91,7 @@ __all__ = [
     "compare_runs",
     "earth_rates",
     "evaluate",
+    "evaluate_run",
     "fine_alignment",
     "gravities",
     "heading_measurements",
@@ -101,7 +111,9 @@ __all__ = [
     "plot_satellites",
     "plot_track",
     "range_measurements",
+    "read_run_folder",
     "read_solution",
+    "rerun",
     "resets",
     "result_of",
     "save_figures",

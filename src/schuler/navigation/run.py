@@ -83,6 +83,13 @@ def navigate(
         calibration was refused or does not fit the log.
     FileFormatError
         If the calibration's file cannot be read.
+
+    Examples
+    --------
+    >>> result = schuler.navigate(schuler.read("town.parquet"), "examples/town_navigation.toml")
+    >>> smoothed = result.smooth()
+    >>> result.complete, smoothed.smoothed
+    (True, True)
     """
     config = NavigationConfig.checked(config)
     started = time.perf_counter()

@@ -294,6 +294,12 @@ def simulate(scenario: Scenario | dict[str, Any] | Path | str, rng: np.random.Ge
     -------
     Recording
         With the true trajectory of the IMU as its reference; :func:`simulate_mission` also returns the true errors.
+
+    Examples
+    --------
+    >>> recording = schuler.simulate("examples/town.toml")
+    >>> recording.imu
+    <ImuSeries: ... samples at 100 Hz (increment), ...>
     """
     return simulate_mission(prepare_mission(scenario), rng).recording
 

@@ -65,7 +65,8 @@ def test_errors_are_kept_for_the_reference_they_are_against(full, monkeypatch):
     first = result.errors(truth)
     assert result.errors(truth) is first
     east = Trajectory(truth.t, truth.r_eb_e + frames.C_en(truth.llh[0]) @ [0.0, 5.0, 0.0])
-    np.testing.assert_allclose((result.errors(east).position_n - first.position_n)[0], [0.0, -5.0, 0.0], atol=1e-5)  # axes turn by 5 m / R
+    apart = result.errors(east).position_n - first.position_n
+    np.testing.assert_allclose(apart[0], [0.0, -5.0, 0.0], atol=1e-5)  # axes turn by 5 m / R
     assert result.errors(truth, at_antenna=True).velocity_n is None
     np.testing.assert_array_equal(result.errors(truth).position_n, first.position_n)
     monkeypatch.setattr("schuler.navigation.result.KEPT", 1)  # of a long log nothing is kept

@@ -187,6 +187,17 @@ def calibrate_field(
     References
     ----------
     Yaman (2017), chapters 4 and 5. Departures: vectors instead of magnitudes, rests held, iterated.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler.sensors import catalogue
+    >>> unit = schuler.simulate("examples/field_routine.toml")  # or schuler.read("turned.csv")
+    >>> found = schuler.calibrate_field(
+    ...     unit.imu, catalogue.spec("yaman-automotive"), latitude=np.radians(39.92), height=1000.0
+    ... )
+    >>> found.calibration.status
+    'ok'
     """
     options = options or FieldOptions()
     rests = field_rests(imu) if rests is None else rests

@@ -14,6 +14,8 @@ from .errors import drift_curve as drift_curve
 from .errors import evaluate as evaluate
 from .errors import outage_errors as outage_errors
 from .errors import trajectory_errors as trajectory_errors
+from .evaluated import EvaluatedRun as EvaluatedRun
+from .evaluated import evaluate_run as evaluate_run
 from .modes import Mode as Mode
 from .modes import available_modes as available_modes
 from .modes import parse_mode as parse_mode
@@ -27,6 +29,7 @@ from .runs import read_run as read_run
 __all__ = [
     "Comparison",
     "ComparisonRow",
+    "EvaluatedRun",
     "Mode",
     "OutageError",
     "OutageStatistics",
@@ -41,6 +44,7 @@ __all__ = [
     "compare_runs",
     "drift_curve",
     "evaluate",
+    "evaluate_run",
     "nees",
     "outage_errors",
     "outage_statistics",

@@ -244,6 +244,12 @@ def compare_runs(
     one of fixes. Along is the direction of the reference's motion where it moves faster than :data:`MOVING`, across is
     to the right of it. The relative error is the change of the horizontal error over every piece of
     :data:`PIECE` of the reference's way, RMS; the run is not turned or moved onto the reference first.
+
+    Examples
+    --------
+    >>> comparison = schuler.compare_runs(["town-solution"], "town.parquet", bounds={"horizontal_rms_m": 5.0})
+    >>> comparison.passes
+    True
     """
     limits = {_bound_name(key): float(value) for key, value in (bounds or {}).items()}
     several = [r if isinstance(r, Run) else read_run(r, **hints) for r in runs]

@@ -75,6 +75,16 @@ def navigate_foot(
     Foxlin (2005), Pedestrian tracking with shoe-mounted inertial sensors; Skog, Nilsson, Handel (2010), Evaluation of
     zero-velocity detectors for foot-mounted inertial navigation systems; Groves (2013), section 15.3; Stefanisko
     (2015), appendix B. Departure: the resting point is a state.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from schuler.simulation import ideal_rates, walk
+    >>> motion = walk([0.8, 0.1, 0.0], strides=6)  # 1.3 m each
+    >>> t = np.arange(0.0, motion.duration, 0.005)
+    >>> result = schuler.navigate_foot(schuler.ImuSeries(t, *ideal_rates(motion, t)))
+    >>> print(f"{result.distance:.2f} m")
+    7.80 m
     """
     config = FootConfig() if config is None else FootConfig.checked(config)
     recording = source if isinstance(source, Recording) else Recording(imu=source)

@@ -334,7 +334,7 @@ def inside_shares(
     share = np.full(error.shape[1], np.nan)
     for i, (e, s) in enumerate(zip(error.T, sigma.T, strict=True)):
         bound = times * np.maximum(s[left], s[right])
-        known = np.count_nonzero(np.isfinite(e) & np.isfinite(bound))
-        if known:
-            share[i] = np.count_nonzero(np.abs(e) <= bound) / known
+        compared = np.count_nonzero(np.isfinite(e) & np.isfinite(bound))
+        if compared:
+            share[i] = np.count_nonzero(np.abs(e) <= bound) / compared
     return share

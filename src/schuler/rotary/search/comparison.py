@@ -172,6 +172,12 @@ def compare_rotary(
     Without aids the IMU navigates alone from a start with errors drawn from ``[start]``; with them the one filter runs,
     :func:`schuler.rotary.navigation.navigate_rotary`, with the same start. Sensor errors of a run are the same for both
     ways, in the axes of the IMU.
+
+    Examples
+    --------
+    >>> print(schuler.compare_rotary("examples/rotary_static.toml", runs=1).summary())
+    five minutes at rest, alone: RMS errors over the mission
+    ...
     """
     scenario = load_rotary(scenario)
     objective = scenario.scheme_objective()

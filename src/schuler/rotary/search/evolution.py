@@ -93,6 +93,16 @@ def search_schemes(
     front.
 
     A scheme that breaks a limit of the platform is not evaluated.
+
+    Examples
+    --------
+    >>> from schuler.rotary import load_rotary
+    >>> scenario = load_rotary("examples/rotary_static.toml")
+    >>> search = schuler.search_schemes(
+    ...     scenario.scheme_objective(), scenario.space(), scenario.settings(evaluations=50)
+    ... )
+    >>> len(search.best(1).toml()) > 0  # for [rotary.schedule] of a scenario
+    True
     """
     settings = settings or SearchSettings()
     axes = min(settings.axes, space.limits.axes)

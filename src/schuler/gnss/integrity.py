@@ -31,19 +31,23 @@ class Integrity:
     false_alarm : float
         Probability per epoch that the test fails without a fault.
     missed_detection : float
-        Probability per epoch, given a fault of one satellite, that the test passes and the error is beyond the
-        protection level.
+        Integrity risk: probability per epoch, given a fault of one satellite, that the test passes and the error is
+        beyond the protection level.
     max_faults : int
         Most satellites excluded from an epoch; 0 detects only.
     wrong_exclusion : float
         An exclusion is believed if every other exclusion of as many satellites that would also explain the epoch is
         less likely by this factor; else the epoch is given up as ambiguous. 1 believes the likeliest.
+    neighbours : bool
+        Solve epochs that were given up along a track through their neighbours, tied by range rates
+        (:func:`schuler.gnss.neighbours.solve_with_neighbours`).
     """
 
     false_alarm: float = 1e-3
     missed_detection: float = 1e-3
     max_faults: int = 3
     wrong_exclusion: float = 0.1
+    neighbours: bool = True
 
     def __post_init__(self) -> None:
         for name in ("false_alarm", "missed_detection"):
@@ -204,6 +208,13 @@ def _explained(M: FloatArray, v: FloatArray, sets: FloatArray) -> FloatArray:
     return np.where(checked, np.einsum("ki,ki->k", w, solved), -np.inf)
 
 
+def noise_quantiles(risk: float) -> tuple[float, float]:
+    """Horizontal error in larger semi-axes, and vertical one in sigmas, that noise exceeds with a probability."""
+    from scipy.stats import chi2, norm
+
+    return float(np.sqrt(chi2.isf(risk, 2))), float(norm.isf(0.5 * risk))
+
+
 def protection_levels(
     A: FloatArray, cofactor: FloatArray, C_en: FloatArray, used: BoolArray, redundancy: ArrayLike, integrity: Integrity
 ) -> tuple[FloatArray, FloatArray]:
@@ -242,8 +253,6 @@ def protection_levels(
     Brown & Chin (1998), GPS RAIM: calculation of thresholds and protection radius; Walter & Enge (1995), Weighted RAIM
     for precision approach; Groves (2013), chapter 17.
     """
-    from scipy.stats import chi2, norm
-
     r = np.asarray(redundancy, dtype=np.int64)
     gain = np.matmul(cofactor, np.swapaxes(A, 1, 2))  # unknowns per normalised range: (k, n, m)
     checked = 1.0 - np.einsum("kmi,kim->km", A, gain)
@@ -257,8 +266,7 @@ def protection_levels(
     cov_n = np.matmul(np.swapaxes(C_en, 1, 2), np.matmul(cofactor[:, :3, :3], C_en))
     half = 0.5 * (cov_n[:, 0, 0] + cov_n[:, 1, 1])
     larger = half + np.sqrt((0.5 * (cov_n[:, 0, 0] - cov_n[:, 1, 1])) ** 2 + cov_n[:, 0, 1] ** 2)
-    k_h = float(np.sqrt(chi2.isf(integrity.missed_detection, 2)))
-    k_v = float(norm.isf(0.5 * integrity.missed_detection))
+    k_h, k_v = noise_quantiles(integrity.missed_detection)
     detectable = np.isfinite(root)
     root = np.where(detectable, root, 0.0)
     slope_h, slope_v = (np.where(detectable, s, np.inf) for s in (slope_h, slope_v))

@@ -14,6 +14,7 @@ from schuler.exceptions import InputError
 from schuler.gnss.dop import Dilution, design, dilution_of, inverse_normal
 from schuler.gnss.epoch_fits import FAR, Fit, Padded, fit_ranges, fit_rates, linearised, robust_positions
 from schuler.gnss.integrity import DEFAULT_INTEGRITY, Integrity, identify, protection_levels, thresholds
+from schuler.gnss.neighbours import solve_with_neighbours
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import Ranges, predicted_ranges, predicted_rates
 
@@ -59,7 +60,9 @@ def solve_points(
     whose weighted sum of squared residuals exceeds its chi-square limit is linearised again about a robust solution
     (Huber's weights, so that outliers of kilometres do not spoil it), the smallest set of ranges that explains it is
     left out (:func:`schuler.gnss.integrity.identify`) and what remains is solved and tested again. Range rates are
-    treated alike, after the ranges; a satellite excluded there keeps its range, but not the other way round.
+    treated alike, after the ranges; a satellite excluded there keeps its range, but not the other way round. Epochs
+    that had to be given up are solved along a track through their neighbours
+    (:func:`schuler.gnss.neighbours.solve_with_neighbours`).
 
     A row without a positive standard deviation is given 10 m, or 1 m/s, and a note says so. Errors common to all
     satellites of a group go into its clock and no test sees them.
@@ -85,7 +88,10 @@ def solve_points(
         parts.append(_solve(padded, first[begin : begin + count], integrity, velocity, rows.stop - rows.start))
     joined = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
     dops = Dilution(*(joined.pop(name) for name in ("gdop", "pdop", "hdop", "vdop", "tdop")))
-    return PointSolution(t=t, groups=ranges.groups, epoch=epoch, sat=ranges.sat, dilution=dops, notes=notes, **joined)
+    points = PointSolution(t=t, groups=ranges.groups, epoch=epoch, sat=ranges.sat, dilution=dops, notes=notes, **joined)
+    if integrity is None or not integrity.neighbours:
+        return points
+    return solve_with_neighbours(ranges, points, sigma, sigma_rate, integrity)
 
 
 def _status(fit: Fit, unknowns: IntArray, limit: FloatArray) -> IntArray:
@@ -194,7 +200,7 @@ def _solve(
     excluded = p.usable & ~fit.used & (status <= 1)[:, None]
     rate_excluded = p.has_rate & fit.used & ~rates.used & (rate_status <= 1)[:, None]
     for name, values in (
-        ("excluded", excluded), ("rate_excluded", rate_excluded),
+        ("excluded", excluded), ("rate_excluded", rate_excluded), ("weight", fit.used.astype(float)),
         ("residual", residual), ("rate_residual", rate_residual),
     ):  # fmt: skip
         fields[name] = np.empty(n_rows, dtype=values.dtype)

@@ -15,7 +15,7 @@ from schuler.gnss.dop import Dilution
 from schuler.gnss.ranges import Ranges
 from schuler.gnss.signals import satellite_name
 
-#: What became of an epoch (of its positions, or of its velocities); 0 and 1 are usable.
+#: What became of an epoch (of its positions, or of its velocities); 0, 1 and 8 are usable.
 STATUS = MappingProxyType(
     {
         0: "solved",
@@ -26,8 +26,11 @@ STATUS = MappingProxyType(
         5: "fault detected, but not to be isolated",
         6: "fault detected, several exclusions explain it",
         7: "not asked for",
+        8: "solved with its neighbours, by range rates",
     }
 )
+LINKED = 8
+_USABLE = (0, 1, LINKED)
 _EXCLUDED = 6  # schuler.gnss.ranges.REASONS
 
 
@@ -74,6 +77,8 @@ class PointSolution:
         Satellite of each row of the ranges.
     excluded, rate_excluded : ndarray of bool, shape (n,)
         Rows left out by fault detection (as ranges, as range rates).
+    weight : ndarray, shape (n,)
+        1 for ranges in the solution, 0 for others; where neighbours helped, the probability that the range is direct.
     residual, rate_residual : ndarray, shape (n,)
         Measured minus predicted by the solution, of excluded rows too; NaN where there is no measurement or no
         solution. [m], [m/s]
@@ -106,6 +111,7 @@ class PointSolution:
     sat: IntArray
     excluded: BoolArray
     rate_excluded: BoolArray
+    weight: FloatArray
     residual: FloatArray
     rate_residual: FloatArray
     notes: tuple[str, ...] = ()
@@ -116,12 +122,12 @@ class PointSolution:
     @property
     def ok(self) -> BoolArray:
         """Epochs with a position to be used. Shape (k,)."""
-        return np.asarray(self.status <= 1)
+        return np.isin(self.status, _USABLE)
 
     @property
     def velocity_ok(self) -> BoolArray:
         """Epochs with a position and a velocity to be used. Shape (k,)."""
-        return np.asarray(self.ok & (self.velocity_status <= 1))
+        return np.asarray(self.ok & np.isin(self.velocity_status, _USABLE))
 
     @property
     def llh(self) -> FloatArray:
@@ -140,6 +146,22 @@ class PointSolution:
         """In words, what became of epoch k."""
         return STATUS[int(self.status[k])]
 
+    def left_out(self, k: int) -> tuple[str, ...]:
+        """In words, what was left out of epoch k and why, a sentence for each satellite."""
+        sentences = []
+        for row in np.flatnonzero((self.excluded | self.rate_excluded) & (self.epoch == k)):
+            name, off = satellite_name(int(self.sat[row])), self.residual[row]
+            if not self.excluded[row]:
+                off = self.rate_residual[row]
+                sentences.append(f"{name}: range rate {off:+.2f} m/s off those of the others")
+            elif self.status[k] != LINKED:
+                sentences.append(f"{name}: {off:+.1f} m off the others; without it they agree")
+            elif off > 0.0:
+                sentences.append(f"{name}: {off:.1f} m late; suspected not to be in line of sight")
+            else:
+                sentences.append(f"{name}: {-off:.1f} m early; at fault")
+        return tuple(sentences)
+
     def screened(self, ranges: Ranges) -> Ranges:
         """The ranges with what fault detection left out marked, for tight coupling.
 
@@ -152,7 +174,8 @@ class PointSolution:
         -------
         Ranges
             Reason 6 for excluded ranges and for all ranges of epochs with a fault that could not be isolated; the
-            range rate is NaN (none) where only it was excluded, or could not be made to agree.
+            range rate is NaN (none) where only it was excluded, or could not be made to agree. Ranges that are direct
+            with some probability have standard deviations larger by one over its root.
 
         Raises
         ------
@@ -171,7 +194,8 @@ class PointSolution:
             int(np.sum(np.isfinite(ranges.range_rate) & ~np.isfinite(rate))),
         )
         note = f"fault detection left out {n_out} ranges and {n_rate} range rates"
-        return replace(ranges, range_rate=rate, reason=reason, notes=(*ranges.notes, note))
+        sigma = ranges.sigma_range / np.sqrt(np.where(self.weight > 0.0, self.weight, 1.0))
+        return replace(ranges, range_rate=rate, sigma_range=sigma, reason=reason, notes=(*ranges.notes, note))
 
     def where(self, keep: ArrayLike) -> PointSolution:
         """The epochs selected by a boolean or index array, in order."""
@@ -200,10 +224,16 @@ class PointSolution:
         out = Counter(satellite_name(int(s)) for s in self.sat[self.excluded])
         if out:
             parts.append("excluded: " + ", ".join(f"{s} {count}x" for s, count in out.most_common(8)))
+        late = self.excluded & (self.residual > 0.0) & (self.status == LINKED)[self.epoch]
+        if late.any():
+            parts.append(
+                f"{int(late.sum())} ranges of {int(np.sum(self.status == LINKED))} epochs suspected not to be in line "
+                f"of sight, {np.median(self.residual[late]):.0f} m late (median)"
+            )
         return "; ".join(parts)
 
 
-_ROW_FIELDS = ("sat", "excluded", "rate_excluded", "residual", "rate_residual")
+_ROW_FIELDS = ("sat", "excluded", "rate_excluded", "weight", "residual", "rate_residual")
 _EPOCH_FIELDS = (
     "t", "status", "velocity_status", "r_e", "cov_r_e", "clock", "sigma_clock", "v_e", "cov_v_e", "drift",
     "sigma_drift", "n_used", "n_rates", "redundancy", "statistic", "threshold", "velocity_statistic", "rms",

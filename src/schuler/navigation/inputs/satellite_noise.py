@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
+from schuler.gnss.integrity import Integrity
 from schuler.gnss.point import solve_points
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import Ranges
@@ -16,6 +17,7 @@ _ROUNDS = 4  # of scaling and solving: exclusions made with the old weights hide
 _SIGMAS = 3.1  # of chance, 99.9 %
 _LEAST = 1.25  # standard deviations that are wrong by less do no harm
 _SETTLED = 1.05
+_ALONE = Integrity(neighbours=False)  # the filter is what ties epochs here, and statistics are those of one epoch
 
 
 def inflate_sigmas(ranges: Ranges, notes: list[str]) -> tuple[Ranges, PointSolution]:
@@ -50,7 +52,7 @@ def inflate_sigmas(ranges: Ranges, notes: list[str]) -> tuple[Ranges, PointSolut
     Teunissen, P. J. G. (2000), Testing Theory, chapter 4 (overall model test and variance factor).
     """
     range_factor, rate_factor = np.ones(len(ranges)), np.ones(len(ranges))
-    solution = solve_points(ranges)
+    solution = solve_points(ranges, integrity=_ALONE)
     larger_range, larger_rate = np.zeros((2, len(solution)), dtype=bool)
     for _ in range(_ROUNDS):
         tested = solution.status != 2
@@ -65,7 +67,7 @@ def inflate_sigmas(ranges: Ranges, notes: list[str]) -> tuple[Ranges, PointSolut
         scaled = replace(
             ranges, sigma_range=ranges.sigma_range * range_factor, sigma_rate=ranges.sigma_rate * rate_factor
         )
-        solution = solve_points(scaled)
+        solution = solve_points(scaled, integrity=_ALONE)
     for factor, name in ((range_factor, "ranges"), (rate_factor, "range rates")):
         more = factor > 1.0
         if more.any():

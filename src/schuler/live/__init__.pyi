@@ -6,5 +6,6 @@ from .messages import ImuBlock as ImuBlock
 from .messages import ImuSample as ImuSample
 from .messages import Solution as Solution
 from .messages import Speed as Speed
+from .navigator import LiveNavigator as LiveNavigator
 
-__all__ = ["Event", "Fix", "Heading", "Height", "ImuBlock", "ImuSample", "Solution", "Speed"]
+__all__ = ["Event", "Fix", "Heading", "Height", "ImuBlock", "ImuSample", "LiveNavigator", "Solution", "Speed"]

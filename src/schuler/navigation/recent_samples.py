@@ -85,6 +85,50 @@ class RecentSamples:
         self.count += 1
         return sample, sentence
 
+    def checked_block(
+        self, t: FloatArray, dt: FloatArray, dtheta: FloatArray, dv: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, list[str]]:
+        """Consecutive samples, as :meth:`checked` would have them one by one with ``bridge``.
+
+        Parameters
+        ----------
+        t, dt : ndarray, shape (n,)
+        dtheta, dv : ndarray, shape (n, 3)
+
+        Returns
+        -------
+        dtheta, dv : ndarray, shape (n, 3)
+        unknown : ndarray, shape (n, 2)
+            1-sigma of the rates over a bridge. [rad/s], [m/s^2]
+        sentences : list of str
+        """
+        n, unknown = len(t), np.zeros((len(t), 2))
+        length = np.maximum(dt, self.interval_s)
+        rate, force = np.abs(dtheta).max(axis=1) / length, np.abs(dv).max(axis=1) / length
+        usual = np.all(dt <= MISSING * self.interval_s) and rate.max() <= _SPIKE[0] and force.max() <= _SPIKE[1]
+        if not usual:
+            dtheta, dv, sentences = dtheta.copy(), dv.copy(), []
+            for i in range(n):
+                sample, sentence = self.checked(float(t[i]), float(dt[i]), dtheta[i], dv[i], True)
+                dtheta[i], dv[i], unknown[i] = sample.dtheta, sample.dv, (sample.gyro, sample.accel)
+                sentences += [sentence] if sentence else []
+            return dtheta, dv, unknown, sentences
+        kept = slice(max(n - len(self.rows), 0), n)
+        rows = (self.count[0] + np.arange(n)[kept]) % len(self.rows)
+        self.rows[rows] = np.column_stack((t, dt, dtheta, dv))[kept]
+        keep = math.exp(-self.interval_s / _FORGOTTEN_S) ** np.arange(n - 1, -1, -1)
+        for i, x in enumerate((rate, force)):
+            self.largest[i] = max(float(np.max(keep * x)), float(keep[0]) * self.largest[i])
+        self.largest[2] = 0.0
+        self.count += n
+        return dtheta, dv, unknown, []
+
+    def is_spike(self, rate: float, force: float) -> bool:
+        """Whether a single reading of so large components is no motion, after those so far. [rad/s], [m/s^2]"""
+        return bool(self.count[0] >= _FEWEST) and any(
+            x > _SPIKE[i] and x > _TIMES * self.largest[i] for i, x in enumerate((rate, force))
+        )
+
     def _bridged(self, sample: Sample) -> tuple[Sample, str]:
         """A late sample with what it does not cover, as in a batch run."""
         t, dt, dtheta, dv, *_ = sample

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from schuler.navigation.aids.satellite import range_measurements, resets, thinne
 from schuler.navigation.aids.scalar import heading_measurements, height_measurements, known_positions
 from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic, odometer_measurements
 from schuler.navigation.config import GnssSection, NavigationConfig
-from schuler.navigation.sections import AidingSection
+from schuler.navigation.sections import AidingSection, NonHolonomicSection
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
 from schuler.sensors.spec import ImuSpec
 from schuler.standstill.stationarity import StaticIntervals
@@ -104,15 +105,15 @@ def aiding_schedule(
             + (" (what is measured at rest has nothing to work with)" if not len(intervals) else "")
         )
         notes += [note for note in intervals.notes if note.startswith(SHAKEN)]
-        parts += _rest_parts(sources.imu, intervals, aiding, spec)
+        parts += rest_measurements(sources.imu, intervals, aiding, spec)
     schedule = merged(*parts)
     return schedule.where(schedule.t > start + 1e-6), notes
 
 
-def _rest_parts(
+def rest_measurements(
     imu: ImuSeries, intervals: StaticIntervals, aiding: AidingSection, spec: ImuSpec
 ) -> list[MeasurementSchedule]:
-    """Measurements at rest that are configured."""
+    """Measurements at rest that are configured, in intervals of this log."""
     parts = []
     if aiding.zero_velocity is not None:
         z = aiding.zero_velocity
@@ -164,21 +165,25 @@ def _satellite_parts(sources: Sources, section: GnssSection) -> MeasurementSched
 def _vehicle_part(imu: ImuSeries, aiding: AidingSection, start: float) -> MeasurementSchedule:
     section = aiding.non_holonomic
     assert section is not None
-    return non_holonomic(
-        imu,
-        rate_hz=section.rate_hz,
-        sigma_lateral=section.lateral_sigma_m_s,
-        sigma_vertical=section.vertical_sigma_m_s,
-        lever_b=section.lever_m,
-        conditions=VehicleConditions(
+    return non_holonomic(imu, rate_hz=section.rate_hz, start=start, **no_slip_options(section))
+
+
+def no_slip_options(section: NonHolonomicSection) -> dict[str, Any]:
+    """Sigmas, lever arm, conditions and gate of a configuration, for
+    :func:`~schuler.navigation.aids.vehicle.no_slip`.
+    """
+    return {
+        "sigma_lateral": section.lateral_sigma_m_s,
+        "sigma_vertical": section.vertical_sigma_m_s,
+        "lever_b": section.lever_m,
+        "conditions": VehicleConditions(
             section.max_turn_rate_deg_s * units.DEG,
             section.max_lateral_m_s2,
             section.max_forward_m_s2,
             section.min_speed_m_s,
         ),
-        gate=_gate(section.gate),
-        start=start,
-    )
+        "gate": _gate(section.gate),
+    }
 
 
 def _gate(value: float | str) -> float | None:

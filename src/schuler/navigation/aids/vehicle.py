@@ -13,7 +13,8 @@ from schuler.filtering.measurements import LATERAL, SPEED, VERTICAL, Measurement
 from schuler.recording.series import ImuSeries, OdometerSeries
 from schuler.standstill.detectors import moving_moments, window_samples
 
-_SMOOTHING_S = 0.5  # conditions look at means over half a second: vibration is not a manoeuvre
+#: Conditions look at means over so long: vibration is not a manoeuvre. [s]
+SMOOTHING_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -101,13 +102,40 @@ def non_holonomic(
         raise InputError(
             f"expected positive rate_hz and sigmas, got {rate_hz!r}, {sigma_lateral!r}, {sigma_vertical!r}"
         )
-    conditions = conditions or VehicleConditions()
-    lever = as_vector3(lever_b, "lever_b")
     first = float(imu.t[0]) if start is None else start
     t = np.arange(first + 1.0 / rate_hz, float(imu.t[-1]), 1.0 / rate_hz)
     if not len(t):
         return MeasurementSchedule.empty()
-    turn, across, along = smoothed_motion(imu, t)
+    return no_slip(
+        t, smoothed_motion(imu, t), sigma_lateral=sigma_lateral, sigma_vertical=sigma_vertical, lever_b=lever_b,
+        conditions=conditions, gate=gate,
+    )  # fmt: skip
+
+
+def no_slip(
+    t: FloatArray,
+    motion: tuple[FloatArray, FloatArray, FloatArray],
+    *,
+    sigma_lateral: float = 0.1,
+    sigma_vertical: float = 0.1,
+    lever_b: ArrayLike = (0.0, 0.0, 0.0),
+    conditions: VehicleConditions | None = None,
+    gate: float | None = 0.9999,
+) -> MeasurementSchedule:
+    """Zero lateral and vertical velocity at given times, where the motion there allows; see :func:`non_holonomic`.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        [s]
+    motion : tuple of ndarray, shapes (n,)
+        Turn rate, specific force across and along, as :func:`smoothed_motion` has them.
+    sigma_lateral, sigma_vertical, lever_b, conditions, gate
+        As of :func:`non_holonomic`.
+    """
+    turn, across, along = motion
+    conditions = conditions or VehicleConditions()
+    lever = as_vector3(lever_b, "lever_b")
     lateral = (np.abs(turn) <= conditions.max_turn_rate) & (np.abs(across) <= conditions.max_lateral_acceleration)
     vertical = np.abs(along) <= conditions.max_forward_acceleration
     z = np.zeros((len(t), 8))
@@ -128,7 +156,7 @@ def smoothed_motion(imu: ImuSeries, t: FloatArray) -> tuple[FloatArray, FloatArr
     a delay of a quarter of a second.
     """
     rates = imu.rates()
-    window = min(window_samples(rates, _SMOOTHING_S), len(rates))
+    window = min(window_samples(rates, SMOOTHING_S), len(rates))
     columns = np.column_stack((rates.gyro[:, 2], rates.accel[:, 1], rates.accel[:, 0]))
     smooth = moving_moments(columns, window)[0]
     smooth[:, 1:] -= np.median(smooth[:, 1:], axis=0)

@@ -31,8 +31,8 @@ from schuler.navigation.start.velocity_fit import with_velocities
 from schuler.recording.series import GnssSeries, ImuSeries, Increments
 from schuler.sensors.spec import ImuSpec
 
-_MIN_SPEED, _SLOW = 1.0, 0.3  # speed whose course is taken, and the one that will do rather than wait [m/s] ...
-_PATIENCE_S = 20.0  # ... longer than this [s]
+MIN_SPEED, _SLOW = 1.0, 0.3  # speed whose course is taken, and the one that will do rather than wait [m/s] ...
+PATIENCE_S = 20.0  # ... longer than this [s]
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def align(
         k, source, phrase = 0, "given", ""
         heading, sigma = section.rpy_deg[2] * units.DEG, section.sigma_deg[2] * units.DEG
     else:
-        k, obstacle = _first_moving(gnss, section)
+        k, obstacle = first_moving(gnss, section)
         if obstacle:
             source, heading, sigma, phrase = "none", 0.0, np.pi, ""
         else:
@@ -214,18 +214,18 @@ def _course(gnss: GnssSeries, k: int, section: AlignmentSection) -> tuple[float,
     return heading, sigma, float(np.linalg.norm(v_n[k]))
 
 
-def _first_moving(gnss: GnssSeries, section: AlignmentSection) -> tuple[int, str]:
+def first_moving(gnss: GnssSeries, section: AlignmentSection) -> tuple[int, str]:
     """First fix fast enough for its course to be the heading, or one to start at, and the sentence on why not."""
     v_n, cov_v_n = gnss.need_velocity()
     speed = np.hypot(v_n[:, 0], v_n[:, 1])
     sigma = np.sqrt(np.maximum(cov_v_n[:, 0, 0], cov_v_n[:, 1, 1]))
-    least = _MIN_SPEED if section.min_speed_m_s is None else section.min_speed_m_s
+    least = MIN_SPEED if section.min_speed_m_s is None else section.min_speed_m_s
     enough = speed > np.maximum(least, 4.0 * sigma)
     k = int(np.argmax(enough)) if enough.any() else len(gnss)
     if section.min_speed_m_s is None:
         slow = speed > np.maximum(_SLOW, 6.0 * sigma)
         first = int(np.argmax(slow)) if slow.any() else k
-        if first < k and (k == len(gnss) or gnss.t[k] - gnss.t[first] > _PATIENCE_S):
+        if first < k and (k == len(gnss) or gnss.t[k] - gnss.t[first] > PATIENCE_S):
             k = first
     if k < len(gnss):
         return k, ""

@@ -1,0 +1,235 @@
+"""Measurements of a live run: fixes and readings as they come, constraints and rests from the samples so far.
+
+What a log's aids take from all of it, these take from what came so far; everything else is the batch run's own code
+(:mod:`schuler.navigation.aids`). Where the two part: docs/live.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.exceptions import InputError
+from schuler.filtering.measurements import MeasurementSchedule, merged
+from schuler.live.columns import Columns
+from schuler.live.messages import Fix, Heading, Height, Speed
+from schuler.live.preparation import PreparedSamples
+from schuler.live.rests import RestMeasurements
+from schuler.navigation.aids.aiding import Sources, aiding_schedule, no_slip_options
+from schuler.navigation.aids.vehicle import SMOOTHING_S, no_slip
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.inputs.gnss_faults import held
+from schuler.navigation.inputs.preparation import prepared_gnss, with_late_velocities
+from schuler.navigation.sections import AidingSection
+from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
+from schuler.sensors.spec import ImuSpec
+
+REMEMBERED_S = 600.0  # of the samples from which medians and the noise at rest are taken [s]
+_HELD_FIXES = 40  # newest fixes from which it is seen that each is repeated
+_NO_IMU = ImuSeries(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))  # these aids look at none
+
+
+class LiveAids:
+    """Maker of a live run's measurements.
+
+    Parameters
+    ----------
+    config : NavigationConfig
+    spec : ImuSpec
+    start : float
+        Time of the initial state. [s]
+    origin : float
+        Start of the stream, from which known places count their time. [s]
+    imu : ImuSeries
+        Samples so far, as the aids take them.
+    interval_s : float
+        Sample interval. [s]
+    """
+
+    def __init__(
+        self, config: NavigationConfig, spec: ImuSpec, start: float, origin: float, imu: ImuSeries, interval_s: float
+    ) -> None:
+        self.config, self.spec, self.start, self.origin, self.interval_s = config, spec, start, origin, interval_s
+        self.samples = Columns(t=0, rate=3, force=3)
+        self.fixes: list[GnssSeries] = []
+        self.last_used: dict[str, float] = {}  # times of the readings that are thinned out [s]
+        off = config.gnss.model_copy(update={"coupling": "off"})
+        aiding = config.aiding
+        self._of_fixes = config.model_copy(update={"aiding": AidingSection()})
+        self._of_readings = {
+            name: config.model_copy(update={"gnss": off, "aiding": AidingSection(**{name: getattr(aiding, name)})})
+            for name in ("odometer", "heading", "barometer", "fixes")
+        }
+        self.rests = RestMeasurements(aiding, spec, imu)
+        self._motion = Columns(t=0, force=2)  # smoothed specific force across and along
+        self.constraints = 0  # times of the non-holonomic constraints that are done
+        if aiding.non_holonomic is not None:
+            self._remember_motion(imu, aiding.non_holonomic.rate_hz)
+
+    def known_places(self) -> MeasurementSchedule:
+        """Fixes at places that the configuration states."""
+        return self._of("fixes", Sources(_NO_IMU)) if self.config.aiding.fixes is not None else _none()
+
+    def fix(self, fix: Fix, notes: list[str]) -> MeasurementSchedule:
+        """Position and velocity of a fix that is in order; none if it says nothing new.
+
+        Raises
+        ------
+        InputError
+            If the fix is none: not finite, no covariance, no place on the Earth.
+        """
+        series = series_of([fix])
+        before = self.fixes[-1] if self.fixes else None
+        self.fixes.append(series)
+        del self.fixes[:-_HELD_FIXES]
+        self.rests.see(series if series.v_n is not None else joined(self.fixes))
+        if self.config.gnss.coupling == "off":
+            return _none()
+        if before is not None and before.t[0] < fix.t and np.array_equal(before.llh, series.llh):
+            if held(joined(self.fixes))[0][-1]:
+                return _none()
+            both = prepared_gnss(joined([before, series]), self._of_fixes, notes)
+            series = both.where(both.t == fix.t)
+        else:
+            series = prepared_gnss(series, self._of_fixes, notes)
+        if not len(series) or self._is_too_soon("gnss", fix.t, self.config.gnss.every_s - 1e-6):
+            return _none()
+        schedule, _ = aiding_schedule(Sources(_NO_IMU, series), self._of_fixes, self.spec, self.start, self.origin)
+        return with_late_velocities(schedule, self.config.gnss.velocity_delay_s, self.start, [])
+
+    def reading(self, message: Speed | Heading | Height) -> MeasurementSchedule:
+        """Measurement of an odometer, heading or height; none if the configuration does not use it."""
+        aiding, t = self.config.aiding, np.array([message.t])
+        if isinstance(message, Speed):
+            if aiding.odometer is None:
+                return _none()
+            least = (1.0 - 1e-3) / aiding.odometer.rate_hz  # stamps jitter by a thousandth
+            if self._is_too_soon("odometer", message.t, least):
+                return _none()
+            sigma = _sigma(message, aiding.odometer.sigma_m_s, "sigma_m_s of aiding.odometer")
+            series = OdometerSeries(t, np.array([message.speed]), sigma)
+            return self._of("odometer", Sources(_NO_IMU, odometer=series))
+        section = aiding.heading if isinstance(message, Heading) else aiding.barometer
+        if section is None:
+            return _none()
+        if isinstance(message, Heading):
+            stated = None if aiding.heading is None else aiding.heading.sigma_deg
+            sigma = _sigma(message, stated, "sigma_deg of aiding.heading")
+            return self._of("heading", Sources(_NO_IMU, heading=ScalarSeries(t, np.array([message.value]), sigma)))
+        stated = None if aiding.barometer is None else aiding.barometer.sigma_m
+        sigma = _sigma(message, stated, "sigma_m of aiding.barometer")
+        return self._of("barometer", Sources(_NO_IMU, height=ScalarSeries(t, np.array([message.value]), sigma)))
+
+    def extend(self, samples: PreparedSamples) -> MeasurementSchedule:
+        """Take samples; the constraints and measurements at rest that they complete."""
+        if not len(samples):
+            return _none()
+        self.samples.append(t=samples.t, rate=samples.rate, force=samples.force)
+        made = merged(self._constraints(), self.rests.extend(self.samples))
+        self.samples.drop_before(float(samples.t[-1]) - REMEMBERED_S)
+        self._motion.drop_before(float(samples.t[-1]) - REMEMBERED_S)
+        return made.where(made.t > self.start + 1e-6)
+
+    def _is_too_soon(self, name: str, t: float, least: float) -> bool:
+        """Whether a reading is nearer to the newest one used than ``least`` [s]; that is remembered."""
+        last = self.last_used.get(name, -np.inf)
+        if abs(t - last) < least:
+            return True
+        self.last_used[name] = max(t, last)
+        return False
+
+    def _of(self, name: str, sources: Sources) -> MeasurementSchedule:
+        config = self._of_readings[name]
+        return aiding_schedule(sources, config, self.spec, self.start, self.origin)[0]
+
+    def _window(self) -> int:
+        return max(2, round(SMOOTHING_S / self.interval_s))
+
+    def _remember_motion(self, imu: ImuSeries, rate_hz: float) -> None:
+        """Smoothed forces of the samples before the start, for their medians."""
+        rows = Columns(t=0, rate=3, force=3)
+        rates = imu.rates()
+        rows.append(t=rates.t, rate=rates.gyro, force=rates.accel)
+        times = np.arange(float(imu.t[0]), float(imu.t[-1]), 1.0 / rate_hz)
+        t, _, across, along = _smoothed(rows, times, self._window())
+        self._motion.append(t=t, force=np.column_stack((across, along)))
+
+    def _constraints(self) -> MeasurementSchedule:
+        """Non-holonomic constraints whose half second is complete."""
+        section = self.config.aiding.non_holonomic
+        if section is None:
+            return _none()
+        step = 1.0 / section.rate_hz
+        newest = float(self.samples["t"][-1])
+        count = int((newest - self.start) / step) + 1
+        k = np.arange(self.constraints, max(count, self.constraints), dtype=np.float64)
+        times: FloatArray = self.start + step + step * k
+        t, turn, across, along = _smoothed(self.samples, times, self._window())
+        if not len(t):
+            return _none()
+        self.constraints += len(t)
+        fresh = t > (self._motion["t"][-1] if len(self._motion) else -np.inf)
+        self._motion.append(t=t[fresh], force=np.column_stack((across, along))[fresh])
+        usual = np.median(self._motion["force"], axis=0)
+        return no_slip(t, (turn, across - usual[0], along - usual[1]), **no_slip_options(section))
+
+
+def series_of(fixes: Sequence[Fix]) -> GnssSeries:
+    """Fixes as a series; with velocities where all have one.
+
+    Raises
+    ------
+    InputError
+        If a fix is none, or their times do not increase.
+    """
+    velocity = all(f.v_n is not None and f.cov_v_n is not None for f in fixes)
+    quality = all(f.quality is not None for f in fixes)
+    return GnssSeries(
+        np.array([f.t for f in fixes]),
+        np.array([f.llh for f in fixes], dtype=np.float64).reshape(-1, 3),
+        np.array([f.cov_r_n for f in fixes], dtype=np.float64).reshape(-1, 3, 3),
+        np.array([f.v_n for f in fixes], dtype=np.float64) if velocity else None,
+        np.array([f.cov_v_n for f in fixes], dtype=np.float64) if velocity else None,
+        np.array([f.quality for f in fixes], dtype=np.int64) if quality else None,
+    )
+
+
+def joined(parts: Sequence[GnssSeries]) -> GnssSeries:
+    """Fixes one after the other in order of time, with velocities where all have one."""
+    parts = sorted(parts, key=lambda s: float(s.t[0]))
+    velocity, quality = (all(getattr(s, name) is not None for s in parts) for name in ("v_n", "quality"))
+
+    def column(name: str) -> Any:
+        return np.concatenate([getattr(s, name) for s in parts])
+
+    return GnssSeries(
+        column("t"), column("llh"), column("cov_r_n"), column("v_n") if velocity else None,
+        column("cov_v_n") if velocity else None, column("quality") if quality else None,
+    )  # fmt: skip
+
+
+def _smoothed(rows: Columns, times: FloatArray, window: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Means over a centred window at the times for which it is complete; see ``smoothed_motion``. Shapes (m,)."""
+    at = np.searchsorted(rows["t"], times)
+    complete = at + window // 2 < len(rows)
+    times, at = times[complete], at[complete]
+    means = np.empty((len(at), 3))
+    rate, force = rows["rate"], rows["force"]
+    for i, k in enumerate(at.tolist()):
+        first = max(k - (window - 1) // 2, 0)
+        part = slice(first, first + window)
+        means[i] = rate[part, 2].mean(), force[part, 1].mean(), force[part, 0].mean()
+    return times, means[:, 0], means[:, 1], means[:, 2]
+
+
+def _sigma(message: Speed | Heading | Height, stated: float | None, entry: str) -> FloatArray:
+    if message.sigma is None and stated is None:
+        raise InputError(f"expected a 1-sigma with the reading or in {entry}; got neither")
+    return np.array([1.0 if message.sigma is None else message.sigma])  # one that is stated is put in its place
+
+
+def _none() -> MeasurementSchedule:
+    return MeasurementSchedule.empty()

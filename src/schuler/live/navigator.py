@@ -1,0 +1,519 @@
+"""Live navigation of a stream with the configuration of a log: alignment, aids, late measurements, health."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler.arrays import ArrayLike, FloatArray
+from schuler.calibration.result.result import CalibrationResult
+from schuler.exceptions import ConfigError, InputError
+from schuler.filtering.error_model import ecef_from_ned_states
+from schuler.filtering.initial_state import InitialState
+from schuler.filtering.measurements import MeasurementSchedule, merged
+from schuler.filtering.states import StateLayout
+from schuler.live.aids import LiveAids, series_of
+from schuler.live.collection import JUDGED_S, Collection
+from schuler.live.health import HealthMonitor
+from schuler.live.messages import (
+    Event,
+    EventKind,
+    Fix,
+    Heading,
+    Health,
+    Height,
+    ImuBlock,
+    ImuSample,
+    Message,
+    Solution,
+    Speed,
+)
+from schuler.live.preparation import PreparedSamples, SamplePreparation
+from schuler.live.readings import imu_readings
+from schuler.live.replay import ReplayFilter
+from schuler.live.stamps import Stamps
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.prepared import PreparedRun
+from schuler.navigation.run import prepared_run
+from schuler.navigation.start.alignment import aligned_sentence
+from schuler.recording.io.checks import MAX_FORCE, MAX_RATE
+from schuler.recording.series import ImuSeries, Kind
+
+_BLOCK = 20  # samples that are filtered together ...
+_BLOCK_S = 0.05  # ... unless they take longer to come [s]
+_JUDGE_S = 0.5  # how often health is judged [s]
+_AHEAD_S = 60.0  # a measurement stamped later than the newest sample by more is of another clock [s]
+_REPEATED_S = 10.0  # events of one sort are said once in so long, with their number [s]
+_KEPT_EVENTS = 1000
+
+
+class LiveNavigator:
+    """Navigation of a stream: it aligns itself, and then runs the filter of the configuration on what comes.
+
+    Messages are given in the order of their arrival; every one has its own stamp. Measurements that come up to
+    ``lag_s`` late are put where they belong, and the filter runs again from there, so that the numbers are those of a
+    run that had them in time. Nothing that comes raises an error: what is not used is said as an
+    :class:`~schuler.live.Event`.
+
+    Make one with :meth:`from_config`.
+
+    Examples
+    --------
+    ``live = LiveNavigator.from_config("drive.toml")``, ``live.imu(t, gyro, accel)`` for every sample, ``live.fix(...)``
+    for every fix, ``live.solution()`` whenever wanted.
+    """
+
+    def __init__(
+        self,
+        config: NavigationConfig,
+        *,
+        calibration: CalibrationResult | Path | str | None = None,
+        lag_s: float = 10.0,
+        kind: Kind | None = None,
+        on_event: Callable[[Event], None] | None = None,
+    ) -> None:
+        if not (math.isfinite(lag_s) and 0.0 < lag_s <= 600.0):
+            raise InputError(f"lag_s: expected a time up to 600 s that measurements may come late, got {lag_s!r}")
+        _check(config)
+        self.config, self.lag_s, self.kind = config, lag_s, kind
+        self._calibration = calibration
+        self._readings = imu_readings(config, kind)
+        self._on_event = on_event
+        self._events: deque[Event] = deque(maxlen=_KEPT_EVENTS)
+        self._repeated: dict[str, tuple[float, int]] = {}
+        self._queue = np.empty((_BLOCK, 8))  # t, gyro, accel, temperature
+        self._queued = 0
+        self._health: Health = "aligning"
+        self._begin()
+
+    @classmethod
+    def from_config(
+        cls,
+        config: NavigationConfig | dict[str, Any] | Path | str,
+        *,
+        calibration: CalibrationResult | Path | str | None = None,
+        lag_s: float = 10.0,
+        kind: Kind | None = None,
+        on_event: Callable[[Event], None] | None = None,
+    ) -> LiveNavigator:
+        """A live run of a configuration that navigates logs.
+
+        Parameters
+        ----------
+        config : NavigationConfig, dict, or path of a TOML file
+            Loose coupling, or GNSS for the alignment only. Noise is not tuned live: give what ``schuler tune`` found.
+        calibration : CalibrationResult or path, optional
+            Calibration of this unit, instead of ``imu.calibration`` of the configuration.
+        lag_s : float
+            How late a measurement may come. [s]
+        kind : {"rate", "increment"}, optional
+            Samples come in SI and forward-right-down axes, as the series of a recording have them, and are of this
+            kind. None: they come in units, axes and kind of ``[recording.imu]``.
+        on_event : callable, optional
+            Called with every :class:`~schuler.live.Event`.
+
+        Raises
+        ------
+        ConfigError
+            If the configuration is wrong, or asks for what a live run has not.
+        """
+        return cls(NavigationConfig.checked(config), calibration=calibration, lag_s=lag_s, kind=kind, on_event=on_event)
+
+    # -- what comes -----------------------------------------------------------------------------------------------
+
+    def imu(self, t: float, gyro: ArrayLike, accel: ArrayLike, temperature: float = math.nan) -> None:
+        """Take one sample.
+
+        Parameters
+        ----------
+        t : float
+            Of validity for rates, of the end of the interval for increments. [s]
+        gyro, accel : array_like, shape (3,)
+            In the units and axes of ``[recording.imu]``.
+        temperature : float
+            [degC]
+        """
+        k = self._queued
+        row = self._queue[k]
+        row[0], row[1:4], row[4:7], row[7] = t, gyro, accel, temperature
+        self._queued = k + 1
+        if k + 1 == _BLOCK or t - self._queue[0, 0] >= _BLOCK_S:
+            self._work()
+
+    def imu_many(self, t: ArrayLike, gyro: ArrayLike, accel: ArrayLike, temperature: ArrayLike | None = None) -> None:
+        """Take consecutive samples at once; shapes (n,), (n, 3), (n, 3), (n,)."""
+        self._work()
+        t = np.asarray(t, dtype=np.float64)
+        rows = np.full((len(t), 8), np.nan)
+        rows[:, 0], rows[:, 1:4], rows[:, 4:7] = t, gyro, accel
+        if temperature is not None:
+            rows[:, 7] = temperature
+        self._take(rows)
+
+    def fix(
+        self,
+        t: float,
+        llh: ArrayLike,
+        cov_r_n: ArrayLike,
+        v_n: ArrayLike | None = None,
+        cov_v_n: ArrayLike | None = None,
+        quality: int | None = None,
+    ) -> None:
+        """Take a GNSS solution of the antenna; see :class:`~schuler.live.Fix`."""
+        fix = Fix(
+            float(t), np.asarray(llh, dtype=np.float64), np.asarray(cov_r_n, dtype=np.float64),
+            None if v_n is None else np.asarray(v_n, dtype=np.float64),
+            None if cov_v_n is None else np.asarray(cov_v_n, dtype=np.float64), quality,
+        )  # fmt: skip
+        self.take(fix)
+
+    def speed(self, t: float, speed: float, sigma: float | None = None) -> None:
+        """Take a reading of an odometer; see :class:`~schuler.live.Speed`."""
+        self.take(Speed(float(t), float(speed), sigma))
+
+    def heading(self, t: float, value: float, sigma: float | None = None) -> None:
+        """Take a heading; see :class:`~schuler.live.Heading`."""
+        self.take(Heading(float(t), float(value), sigma))
+
+    def height(self, t: float, value: float, sigma: float | None = None) -> None:
+        """Take a height; see :class:`~schuler.live.Height`."""
+        self.take(Height(float(t), float(value), sigma))
+
+    def take(self, message: Message) -> None:
+        """Take a message of any kind."""
+        if isinstance(message, ImuSample):
+            temperature = math.nan if message.temperature is None else message.temperature
+            self.imu(message.t, message.gyro, message.accel, temperature)
+        elif isinstance(message, ImuBlock):
+            self.imu_many(message.t, message.gyro, message.accel, message.temperature)
+        else:
+            self._work()
+            self._measure(message)
+
+    # -- what is asked for ----------------------------------------------------------------------------------------
+
+    def solution(self) -> Solution | None:
+        """Solution at the newest sample, with everything that came so far; None before the alignment.
+
+        Sigmas are those of the last propagation of the covariance, a tenth of a second ago at most with the defaults.
+        """
+        self._work()
+        if self._filter is None:
+            return None
+        self._filter.run()
+        state = self._filter.state
+        nav = state.navigation
+        llh, n = nav.llh, state.layout.size
+        T = ecef_from_ned_states(llh, n)[:9, :9]
+        sigma = np.sqrt(np.maximum(np.einsum("ji,jk,ki->i", T, state.covariance_e[:9, :9], T), 0.0))
+        return Solution(nav.t, llh, nav.v_eb_n, nav.rpy_nb, sigma[6:9], sigma[3:6], sigma[0:3], self._health)
+
+    @property
+    def health(self) -> Health:
+        """Health of the solution; ``aligning`` before there is one."""
+        return self._health
+
+    @property
+    def events(self) -> list[Event]:
+        """The newest thousand events."""
+        return list(self._events)
+
+    @property
+    def initial(self) -> InitialState | None:
+        """Initial state of the run, as aligned; None before."""
+        return self._initial
+
+    @property
+    def layout(self) -> StateLayout | None:
+        """States of the filter; None before the alignment."""
+        return None if self._filter is None else self._filter.layout
+
+    @property
+    def parameters(self) -> FloatArray:
+        """Parameter estimates, order of the layout. Shape (m,)."""
+        return self._running().state.arrays.est.copy()
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance at its last propagation, navigation errors in north-east-down axes. Shape (n, n)."""
+        state = self._running().state
+        T = ecef_from_ned_states(state.navigation.llh, state.layout.size)
+        rotated: FloatArray = T.T @ state.covariance_e @ T
+        return 0.5 * (rotated + rotated.T)
+
+    def _running(self) -> ReplayFilter:
+        self._work()
+        if self._filter is None:
+            raise InputError("the run is not aligned yet, so there are no estimates; ask `health` first")
+        self._filter.run()
+        return self._filter
+
+    # -- inside ---------------------------------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        """Collect anew: nothing is aligned."""
+        self._stamps = Stamps(self.config.imu.max_gap_s)
+        self._collection: Collection | None = Collection(self.config, self._readings.kind)
+        self._filter: ReplayFilter | None = None
+        self._preparation: SamplePreparation | None = None
+        self._aids: LiveAids | None = None
+        self._monitor = HealthMonitor()
+        self._initial: InitialState | None = None
+        self._obstacle = ""
+        self._judged_at = -math.inf  # time of the newest look at the health [s]
+        self._newest = math.nan  # time of the newest sample, on the GNSS clock [s]
+
+    def _work(self) -> None:
+        """Take the samples in the queue."""
+        if self._queued:
+            rows = self._queue[: self._queued].copy()
+            self._queued = 0
+            self._take(rows)
+
+    def _take(self, rows: FloatArray) -> None:
+        """Take raw samples: time, rate, specific force, temperature. Shape (n, 8)."""
+        while len(rows):
+            gyro, accel = self._readings.to_si(rows[:, 1:4], rows[:, 4:7])
+            x = np.column_stack((rows[:, 0], gyro, accel, rows[:, 7]))
+            bad = self._impossible(x)
+            if bad.any():
+                self._say("imu", f"{int(bad.sum())} IMU samples left out that no sensor reads", "impossible")
+                rows, x = rows[~bad], x[~bad]
+            taken, sentence, resumed = self._stamps.judge(x[:, 0])
+            if sentence:
+                self._say("imu", sentence, "stamps")
+            if taken.any():
+                self._extend(x[taken])
+            if resumed >= len(rows):
+                return
+            self._restart(f"the IMU goes on at {rows[resumed, 0]:.3f} s, which does not continue {self._newest:.3f} s")
+            rows = rows[resumed:]
+
+    def _impossible(self, x: FloatArray) -> Any:
+        """Samples with readings that are none. Shape (n,)."""
+        per = 1.0
+        if self._readings.kind == "increment":
+            per = 1.0 / (0.01 if self._preparation is None else self._preparation.recent.interval_s)
+        with np.errstate(invalid="ignore"):
+            limits = np.array([MAX_RATE] * 3 + [MAX_FORCE] * 3)
+            good: Any = np.all(np.abs(x[:, 1:7]) * per <= limits, axis=1)
+        return ~good
+
+    def _extend(self, x: FloatArray) -> None:
+        """Take samples that follow those before. Shape (n, 8)."""
+        self._newest = float(x[-1, 0]) + self.config.imu.clock_shift_s
+        if self._collection is not None:
+            self._collection.extend(t=x[:, 0], gyro=x[:, 1:4], accel=x[:, 4:7], temperature=x[:, 7])
+            if self._filter is None:
+                self._collection.forget()
+                if self._collection.is_due():
+                    self._start()
+                return
+        assert self._filter is not None
+        assert self._preparation is not None
+        samples, sentences = self._preparation.take(x[:, 0], x[:, 1:4], x[:, 4:7], x[:, 7])
+        for sentence in sentences:
+            self._say("imu", sentence, "bridged")
+        self._filtered(samples)
+        if self._collection is not None and self._filter is not None:
+            assert self._initial is not None
+            if self._newest > self._initial.nav.t + JUDGED_S:
+                self._start()
+                self._collection = None
+
+    def _filtered(self, samples: PreparedSamples) -> None:
+        """Filter samples with what they complete."""
+        run, aids = self._filter, self._aids
+        assert run is not None
+        assert aids is not None
+        run.extend(samples)
+        self._aid(aids.extend(samples))
+        run.run()
+        if run.time >= self._judged_at + _JUDGE_S:
+            self._judge()
+
+    def _aid(self, measurements: MeasurementSchedule) -> None:
+        run = self._filter
+        if run is None or not len(measurements):
+            return
+        late, repeated = run.aid(measurements)
+        if repeated:
+            self._say("measurement", f"a measurement of {measurements.t.min():.3f} s came again", "repeated")
+        if late:
+            self._say(
+                "late",
+                f"measurements of {measurements.t.min():.3f} s left out, more than lag_s = {self.lag_s:g} s late",
+                "late",
+            )
+
+    def _judge(self) -> None:
+        """Let go of what is too old, and say when the health changes."""
+        run = self._filter
+        assert run is not None
+        self._judged_at = run.time
+        self._monitor.settle(run.forget())
+        recent = run.judged()
+        health = self._monitor.health(run.time, recent)
+        broken = not np.isfinite(run.state.arrays.nav).all() or bool(np.any(np.diag(run.state.covariance_e)[:9] < 0.0))
+        if broken:
+            self._restart("the filter failed: its numbers are none")
+            return
+        if health != self._health:
+            self._say("health", f"{self._health} becomes {health}", f"health {health}")
+            self._health = health
+
+    def _measure(self, message: Fix | Speed | Heading | Height) -> None:
+        """Take a fix or reading."""
+        fault = _fault(message)
+        if fault:
+            self._say("measurement", f"a {_name(message)} is left out: {fault}", f"{_name(message)} {fault[:40]}")
+            return
+        if message.t > self._newest + _AHEAD_S:
+            self._say(
+                "clock",
+                f"a {_name(message)} of {message.t:.3f} s is left out: it is ahead of the IMU by more than "
+                f"{_AHEAD_S:g} s, so one of the clocks has another zero",
+                "ahead",
+            )
+            return
+        if self._collection is not None:
+            self._collection.add(message)
+        if self._aids is not None:
+            self._aid(self._measurements(self._aids, message))
+
+    def _measurements(self, aids: LiveAids, message: Fix | Speed | Heading | Height) -> MeasurementSchedule:
+        """Measurements of one message; one that is none is said."""
+        notes: list[str] = []
+        try:
+            made = aids.fix(message, notes) if isinstance(message, Fix) else aids.reading(message)
+        except InputError as error:
+            self._say("measurement", f"a {_name(message)} is left out: {error}", _name(message))
+            return MeasurementSchedule.empty()
+        for note in notes:
+            self._say("measurement", note, note[:20])
+        return made
+
+    def _start(self) -> None:
+        """Align by the start of a batch run over what came so far, and filter from there to the newest sample.
+
+        Done again when the fixes that judge the heading of a log are there too; nothing changes if they confirm it.
+        """
+        collection = self._collection
+        assert collection is not None
+        again = self._filter is not None
+        try:
+            prepared = prepared_run(collection.recording(), _forward(self.config), calibration=self._calibration)
+        except InputError as error:
+            if str(error) != self._obstacle and not again:
+                self._obstacle = str(error)
+                self._say("start", f"not aligned yet: {error}", "obstacle")
+            return
+        initial = prepared.initial
+        if again and self._initial is not None and _same(initial, self._initial):
+            return
+        self._initial = initial
+        self._filter, self._preparation, self._aids, samples = self._prepare(prepared, collection)
+        self._monitor = HealthMonitor(placed=initial.nav.t)
+        self._filter.extend(samples)
+        schedules = [self._measurements(self._aids, m) for m in collection.messages]
+        self._aid(merged(self._aids.known_places(), *schedules, self._aids.extend(samples)))
+        self._filter.run()
+        sentence = aligned_sentence(initial, "as the batch run does", float(collection.imu["t"][0]))
+        self._say("start", f"{'the start is revised: ' if again else ''}{sentence}", "aligned")
+        self._judge()
+
+    def _prepare(
+        self, prepared: PreparedRun, collection: Collection
+    ) -> tuple[ReplayFilter, SamplePreparation, LiveAids, PreparedSamples]:
+        """Filter, preparation and aids of a start, and the samples collected."""
+        raw, initial = collection.imu, prepared.initial
+        interval = float(np.median(prepared.increments.dt))
+        preparation = SamplePreparation(self.config, self._readings.kind, interval, prepared.calibrated)
+        samples, sentences = preparation.take(raw["t"], raw["gyro"], raw["accel"], raw["temperature"])
+        for sentence in sentences:
+            self._say("imu", sentence, "bridged")
+        options = replace(prepared.options, smoother=False, gap_s=None, gap_gyro=0.0, gap_accel=0.0)
+        run = ReplayFilter(initial, prepared.layout, prepared.psd, options, interval, self.lag_s)
+        imu = ImuSeries(samples.t, samples.rate, samples.force)
+        aids = LiveAids(self.config, prepared.spec, initial.nav.t, collection.origin, imu, interval)
+        return run, preparation, aids, samples
+
+    def _restart(self, reason: str) -> None:
+        """Give up the present run and align anew."""
+        if self._filter is not None:
+            self._say("health", f"{self._health} becomes aligning: {reason}; alignment begins anew", "restart")
+        else:
+            self._say("clock", f"{reason}; collecting begins anew", "restart")
+        self._begin()
+        self._health = "aligning"
+
+    def _say(self, kind: EventKind, text: str, sort: str) -> None:
+        """Say an event; one of a sort that was said just now is counted, and the number said with the next."""
+        now = self._newest
+        said, count = self._repeated.get(sort, (-math.inf, 0))
+        if abs(now - said) < _REPEATED_S and kind in ("imu", "measurement", "late", "clock"):
+            self._repeated[sort] = (said, count + 1)
+            return
+        if len(self._repeated) > _KEPT_EVENTS:
+            self._repeated.clear()
+        self._repeated[sort] = (now, 0)
+        event = Event(now, kind, text + (f" ({count} more like the last one since)" if count else ""))
+        self._events.append(event)
+        if self._on_event is not None:
+            self._on_event(event)
+
+
+def _check(config: NavigationConfig) -> None:
+    """Raise ConfigError if the configuration asks for what a live run has not."""
+    if config.gnss.coupling not in ("loose", "off"):
+        raise ConfigError(
+            f'gnss.coupling: expected "loose" or "off" for a live run, got "{config.gnss.coupling}"; navigate the log'
+        )
+    if config.filter.tune is True:
+        raise ConfigError(
+            "filter.tune: a live run cannot tune its noise; put what `schuler tune` finds on a log into the "
+            "configuration"
+        )
+    if config.outages.windows_s or config.outages.every_s is not None:
+        raise ConfigError("outages: a live run withholds no fixes; leave the section out, or the fixes")
+
+
+def _forward(config: NavigationConfig) -> NavigationConfig:
+    """The configuration for a run forward with its noise as stated."""
+    return config.model_copy(update={"filter": config.filter.model_copy(update={"smooth": False, "tune": False})})
+
+
+def _same(a: InitialState, b: InitialState) -> bool:
+    """Whether two starts are one: time, navigation state, parameters and covariance."""
+    if a.nav.t != b.nav.t:
+        return False
+    pairs = ((a.nav.q_eb, b.nav.q_eb), (a.nav.v_eb_e, b.nav.v_eb_e), (a.nav.r_eb_e, b.nav.r_eb_e), (a.P, b.P))
+    return all(np.array_equal(x, y) for x, y in (*pairs, (a.parameters, b.parameters)))
+
+
+def _fault(message: Fix | Speed | Heading | Height) -> str:
+    """Why a message is none; empty if it is in order."""
+    if not math.isfinite(message.t):
+        return "it has no time"
+    if isinstance(message, Fix):
+        try:
+            series_of([message])
+        except (InputError, ValueError) as error:
+            return str(error)
+        return ""
+    value = message.speed if isinstance(message, Speed) else message.value
+    if not math.isfinite(value):
+        return f"expected a number, got {value}"
+    if message.sigma is not None and not 0.0 < message.sigma < math.inf:
+        return f"expected a positive 1-sigma, got {message.sigma}"
+    return ""
+
+
+def _name(message: Fix | Speed | Heading | Height) -> str:
+    return type(message).__name__.lower()

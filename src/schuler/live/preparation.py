@@ -1,0 +1,144 @@
+"""Samples of a live IMU made ready for the filter: vehicle axes, GNSS clock, calibrated, integrated, pauses bridged.
+
+Block by block the same steps as :func:`schuler.navigation.inputs.preparation.prepared_imu` takes for a log, and
+:meth:`schuler.recording.series.ImuSeries.increments` after it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schuler import rotation, units
+from schuler.arrays import BoolArray, FloatArray
+from schuler.calibration.thermal.correction import compensate_thermal
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.recent_samples import RecentSamples
+from schuler.navigation.start.calibration import CalibrationStart
+from schuler.recording.series import ImuSeries, Kind
+from schuler.sensors.increments import integrate_rates
+
+
+@dataclass(frozen=True)
+class PreparedSamples:
+    """Consecutive samples as the filter and the aids take them, body axes.
+
+    Attributes
+    ----------
+    t, dt : ndarray, shape (n,)
+        End and length of each interval. [s]
+    dtheta, dv : ndarray, shape (n, 3)
+        Increments. [rad], [m/s]
+    unknown : ndarray, shape (n, 2)
+        1-sigma of rate [rad/s] and specific force [m/s^2] over the interval where it bridges a pause, else zero.
+    rate, force : ndarray, shape (n, 3)
+        As sampled, or the means over the interval. [rad/s], [m/s^2]
+    """
+
+    t: FloatArray
+    dt: FloatArray
+    dtheta: FloatArray
+    dv: FloatArray
+    unknown: FloatArray
+    rate: FloatArray
+    force: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+class SamplePreparation:
+    """Preparation of one block of samples after the other.
+
+    Parameters
+    ----------
+    config : NavigationConfig
+        ``imu.mount_rpy_deg``, ``imu.clock_shift_s`` and ``imu.rate_order`` are used.
+    kind : {"rate", "increment"}
+    interval_s : float
+        Nominal sample interval. [s]
+    calibrated : CalibrationStart, optional
+        Start from a calibration, whose correction is applied.
+    """
+
+    def __init__(
+        self, config: NavigationConfig, kind: Kind, interval_s: float, calibrated: CalibrationStart | None
+    ) -> None:
+        self.kind, self.order, self.shift = kind, config.imu.rate_order, config.imu.clock_shift_s
+        mount = config.imu.mount_rpy_deg
+        self._C_bs = rotation.dcm_from_rpy(np.array(mount) * units.DEG) if any(mount) else None
+        self._calibrated = calibrated
+        self.recent = RecentSamples(interval_s)
+        self.before = np.empty((0, 7))  # the last two samples: time, rate, specific force (SI, corrected)
+
+    def take(
+        self, t: FloatArray, gyro: FloatArray, accel: FloatArray, temperature: FloatArray
+    ) -> tuple[PreparedSamples, list[str]]:
+        """Samples in SI and the IMU's forward-right-down axes, made ready, and sentences on what was bridged.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n,)
+            Increasing, also beyond the block before. [s]
+        gyro, accel : ndarray, shape (n, 3)
+        temperature : ndarray, shape (n,)
+            NaN where there is none. [degC]
+        """
+        h = self.recent.interval_s
+        t = t + self.shift if self.shift else t
+        dt = np.diff(t, prepend=self.before[-1, 0] if len(self.before) else t[0] - h) if len(t) else t
+        calibrated = self._calibrated
+        if calibrated is not None:
+            gyro, accel = self._in_si(calibrated, t, dt, gyro, accel, temperature)
+        if self._C_bs is not None:
+            gyro, accel = gyro @ self._C_bs.T, accel @ self._C_bs.T
+        if self.kind == "increment":
+            dtheta, dv, unknown, sentences = self.recent.checked_block(t, dt, gyro, accel)
+            if calibrated is not None:
+                dtheta, dv = calibrated.correction.apply(dtheta, dv, dt[:, None])
+            self.before = np.column_stack((t, dtheta, dv))[-2:]
+            rate, force = dtheta / dt[:, None], dv / dt[:, None]
+            return PreparedSamples(t, dt, dtheta, dv, unknown, rate, force), sentences
+        if calibrated is not None:
+            gyro, accel = calibrated.correction.apply(gyro, accel, 1.0)
+        keep = self._motion(gyro, accel)
+        sentences = [f"{t[i]:.3f} s: a single reading is no motion and left out" for i in np.flatnonzero(~keep)]
+        rows = np.vstack((self.before, np.column_stack((t, gyro, accel))[keep]))
+        if len(rows) < 2:
+            self.before = rows
+            return _no_samples(), sentences
+        skip = max(len(self.before) - 1, 0)  # intervals that were taken before
+        self.before = rows[-2:]
+        t, x = rows[:, 0], rows[:, 1:]
+        dtheta, dv = (integrate_rates(t, x[:, k : k + 3], self.order)[skip:] for k in (0, 3))
+        dt, t, x = np.diff(t)[skip:], t[1 + skip :], x[1 + skip :]
+        dtheta, dv, unknown, more = self.recent.checked_block(t, dt, dtheta, dv)
+        return PreparedSamples(t, dt, dtheta, dv, unknown, x[:, :3], x[:, 3:]), sentences + more
+
+    def _in_si(
+        self, calibrated: CalibrationStart, t: FloatArray, dt: FloatArray, gyro: FloatArray, accel: FloatArray,
+        temperature: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+        """Samples times the factors of the calibration, with the part that depends on temperature taken out."""
+        factor_accel, factor_gyro = calibrated.calibration.nominal
+        gyro, accel = gyro * factor_gyro, accel * factor_accel
+        if "thermal" not in calibrated.calibration.extra or not len(t):
+            return gyro, accel
+        h = dt[:, None] if self.kind == "increment" else 1.0
+        rates = ImuSeries(t, gyro / h, accel / h, "rate", temperature)
+        rates = compensate_thermal(calibrated.calibration, rates)
+        return rates.gyro * h, rates.accel * h
+
+    def _motion(self, gyro: FloatArray, accel: FloatArray) -> BoolArray:
+        """Readings that a vehicle can have, by those before; a second one in a row is believed. Shape (n,)."""
+        rate, force = np.abs(gyro).max(axis=1, initial=0.0), np.abs(accel).max(axis=1, initial=0.0)
+        keep = np.ones(len(gyro), dtype=bool)
+        for i in np.flatnonzero((rate > 20.0) | (force > 190.0)):  # the rest cannot be spikes
+            keep[i] = (i > 0 and not keep[i - 1]) or not self.recent.is_spike(float(rate[i]), float(force[i]))
+        return keep
+
+
+def _no_samples() -> PreparedSamples:
+    none = np.empty(0)
+    return PreparedSamples(none, none, *(np.empty((0, width)) for width in (3, 3, 2, 3, 3)))

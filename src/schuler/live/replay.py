@@ -1,0 +1,193 @@
+"""The filter of a stream with a memory of the last seconds, from which it runs again when a measurement comes late."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from schuler.arrays import FloatArray, IntArray
+from schuler.filtering.engine import FilterOptions, FilterState
+from schuler.filtering.filter_arrays import Aiding, FilterArrays, ImuStream, NodeArrays, RecordArrays, TrajectoryArrays
+from schuler.filtering.initial_state import InitialState
+from schuler.filtering.measurements import (
+    EARTH_RATE,
+    FIX,
+    GNSS_HEADING,
+    GRAVITY,
+    GRAVITY_VECTOR,
+    HEADING,
+    HEIGHT,
+    KINDS,
+    LATERAL,
+    POSITION,
+    SPEED,
+    VELOCITY,
+    VERTICAL,
+    ZERO_RATE,
+    ZERO_VELOCITY,
+    MeasurementSchedule,
+)
+from schuler.filtering.states import StateLayout
+from schuler.live.columns import Columns
+from schuler.live.preparation import PreparedSamples
+
+SNAPSHOT_S = 0.5  # between two stored states: as much is run again at most beside what a measurement is late [s]
+_SAME = 1e-9  # measurements so close to a sample belong to its interval, as in the kernel [s]
+
+# Order of measurements of one time, that of :func:`schuler.navigation.aids.aiding.aiding_schedule`.
+_ORDER = (
+    POSITION, VELOCITY, LATERAL, VERTICAL, SPEED, HEADING, GNSS_HEADING, HEIGHT, FIX, ZERO_VELOCITY, ZERO_RATE,
+    EARTH_RATE, GRAVITY, GRAVITY_VECTOR,
+)  # fmt: skip
+_RANK = np.zeros(max(KINDS) + 1, dtype=np.int64)
+_RANK[list(_ORDER)] = np.arange(len(_ORDER))
+
+
+class Judged(NamedTuple):
+    """Measurements and what became of them."""
+
+    t: FloatArray  # (m,) [s]
+    kind: IntArray  # (m,)
+    status: IntArray  # (m,)
+    nis: FloatArray  # (m,)
+
+
+class ReplayFilter:
+    """A running filter that takes measurements late: it goes back to a stored state and runs again from there.
+
+    The numbers are those of a batch run of the same samples and measurements, in whatever order they came.
+
+    Parameters
+    ----------
+    initial : InitialState
+    layout : StateLayout
+    psd : (ndarray, ndarray), shapes (3,)
+        White noise of gyroscopes and accelerometers, ``N**2`` by axis. [rad^2/s], [m^2/s^3]
+    options : FilterOptions
+    interval_s : float
+        Nominal sample interval. [s]
+    lag_s : float
+        How late a measurement may come. [s]
+    """
+
+    def __init__(
+        self,
+        initial: InitialState,
+        layout: StateLayout,
+        psd: tuple[FloatArray, FloatArray],
+        options: FilterOptions,
+        interval_s: float,
+        lag_s: float,
+    ) -> None:
+        self.layout, self.options, self.psd = layout, options, psd
+        self.interval_s, self.lag_s = interval_s, lag_s
+        self.state = FilterState(initial, layout, *psd, options, interval_s)
+        self.samples = Columns(t=0, dt=0, dtheta=3, dv=3, unknown=2)
+        self.aiding = Aiding.of(MeasurementSchedule.empty())
+        self.snapshots: deque[FilterArrays] = deque([_copied(self.state.arrays)])
+        n = layout.size
+        # one record that is not read: a batch run propagates its covariance for records, and so does this one
+        self._out = TrajectoryArrays.of_size(0), RecordArrays.of_size(1, n), NodeArrays.of_size(0, 0, n, 0)
+
+    @property
+    def time(self) -> float:
+        """Time of the state. [s]"""
+        return float(self.state.arrays.times[0])
+
+    @property
+    def oldest(self) -> float:
+        """Measurements of this time and before come too late. [s]"""
+        return float(self.snapshots[0].times[0])
+
+    def extend(self, samples: PreparedSamples) -> None:
+        """Append samples; those that begin before the filter's start are left out."""
+        first = int(np.searchsorted(samples.t - samples.dt, self.oldest - 1e-6))
+        part = slice(first, None)
+        self.samples.append(
+            t=samples.t[part], dt=samples.dt[part], dtheta=samples.dtheta[part], dv=samples.dv[part],
+            unknown=samples.unknown[part],
+        )  # fmt: skip
+
+    def aid(self, measurements: MeasurementSchedule) -> tuple[int, int]:
+        """Put measurements in, each at its own time.
+
+        Returns
+        -------
+        late, repeated : int
+            Number of those left out that came too late, and of those whose kind is there already at their time.
+        """
+        used, repeated = measurements.where(measurements.t > self.oldest + 1e-6), 0
+        if len(used):
+            if used.t.min() <= self.time + _SAME:
+                self._go_back(float(used.t.min()))
+            both = [np.concatenate(pair) for pair in zip(self.aiding, Aiding.of(used), strict=True)]
+            t, kind = both[0], both[1]
+            order = np.lexsort((_RANK[kind], t))
+            again = (np.diff(t[order]) == 0.0) & (np.diff(kind[order]) == 0)
+            repeated = int(again.sum())
+            order = order[np.concatenate(([True], ~again))]
+            self.aiding = Aiding._make(np.ascontiguousarray(x[order]) for x in both)
+        return len(measurements) - len(used), repeated
+
+    def run(self) -> None:
+        """Filter up to the newest sample."""
+        from schuler.filtering.kernels import run as k
+
+        x, state = self.samples, self.state
+        arrays, t = state.arrays, x["t"]
+        first, n = int(np.searchsorted(t, self.time, side="right")), len(t)
+        while first < n:
+            stop, settings = self._piece(first), state.settings
+            unknown = x["unknown"][first]
+            if unknown.any():
+                settings = settings._replace(gap_s=0.0, gap_gyro=float(unknown[0]), gap_accel=float(unknown[1]))
+            rows = slice(first, stop)
+            stream = ImuStream(x["dtheta"][rows], x["dv"][rows], x["dt"][rows], t[rows], False)
+            j = int(np.searchsorted(self.aiding.t, self.time + _SAME, side="right"))
+            aiding = Aiding._make(a[j:] for a in self.aiding)
+            arrays.counts[k.CNT_MEAS] = 0
+            k.run_filter(stream, aiding, arrays, state.model, settings, state.work, *self._out)
+            first = stop
+            if self.time >= float(self.snapshots[-1].times[0]) + SNAPSHOT_S - 1e-9:
+                self.snapshots.append(_copied(arrays))
+
+    def forget(self) -> Judged:
+        """Drop what is older than the lag; the measurements that cannot change any more."""
+        while len(self.snapshots) > 1 and float(self.snapshots[1].times[0]) <= self.time - self.lag_s:
+            self.snapshots.popleft()
+        self.samples.drop_before(self.oldest)
+        old = int(np.searchsorted(self.aiding.t, self.oldest + _SAME, side="right"))
+        a = self.aiding
+        judged = Judged(a.t[:old].copy(), a.kind[:old].copy(), a.status[:old].copy(), a.nis[:old].copy())
+        if old:
+            self.aiding = Aiding._make(x[old:].copy() for x in a)
+        return judged
+
+    def judged(self) -> Judged:
+        """The measurements that were worked off and may still be run again."""
+        a, done = self.aiding, int(np.searchsorted(self.aiding.t, self.time + _SAME, side="right"))
+        return Judged(a.t[:done], a.kind[:done], a.status[:done], a.nis[:done])
+
+    def _piece(self, first: int) -> int:
+        """End of the samples that one call of the kernel takes: to the next state to be stored, or bridged pause."""
+        t, unknown = self.samples["t"], self.samples["unknown"]
+        due = float(self.snapshots[-1].times[0]) + SNAPSHOT_S
+        stop = min(int(np.searchsorted(t, due - 1e-9)) + 1, len(t))
+        stop = max(stop, first + 1)
+        bridged = np.flatnonzero(unknown[first:stop, 0] + unknown[first:stop, 1] > 0.0)
+        if not len(bridged):
+            return stop
+        return first + (int(bridged[0]) or 1)
+
+    def _go_back(self, t: float) -> None:
+        """Restore the latest stored state before a time."""
+        while len(self.snapshots) > 1 and float(self.snapshots[-1].times[0]) + _SAME >= t:
+            self.snapshots.pop()
+        for name, stored in zip(FilterArrays._fields, self.snapshots[-1], strict=True):
+            getattr(self.state.arrays, name)[...] = stored
+
+
+def _copied(arrays: FilterArrays) -> FilterArrays:
+    return FilterArrays._make(x.copy() for x in arrays)

@@ -1,0 +1,246 @@
+"""A live run has the numbers of a batch run, whenever its measurements come; what comes wrong is said, not raised."""
+
+import gc
+import tomllib
+
+import live_cases as cases
+import numpy as np
+import pytest
+from places import ROOT
+
+from schuler.exceptions import ConfigError
+from schuler.filtering.engine import run
+from schuler.live import Event, LiveNavigator
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.run import navigate, prepared_run
+from schuler.recording.io import read
+
+ROUNDING = 1e-8  # geodetic coordinates and sums over blocks of other lengths [m]
+AIDS = {"zero_velocity": {}, "zero_rate": {}, "non_holonomic": {}}
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return cases.drive()
+
+
+@pytest.fixture(scope="module")
+def batch(recording):
+    return navigate(recording, cases.CONFIG)
+
+
+def live_run(recording, config=cases.CONFIG, **options):
+    return LiveNavigator.from_config(config, kind=recording.imu.kind, **options)
+
+
+def distances(rows, result):
+    """Distance of live positions from those of a run at the same times. [m]"""
+    tr = result.trajectory
+    return np.linalg.norm(tr.r_eb_e[np.searchsorted(tr.t, rows[:, 0] - 1e-6)] - rows[:, 1:], axis=1)
+
+
+def texts(live, kind):
+    return [e.text for e in live.events if e.kind == kind]
+
+
+def test_from_alignment_on_it_is_the_batch_run(recording, batch):
+    """The start is that of the log so far; once the log's own start is settled both are one run."""
+    live = live_run(recording)
+    rows = cases.fed(live, recording)
+    same = navigate(recording, cases.CONFIG, initial=live.initial)
+    settled = rows[:, 0] > live.initial.nav.t + 61.0
+    assert settled.sum() > 20
+    assert distances(rows, same)[settled].max() < ROUNDING  # seen 0
+    # the batch run learns what is quiet from the whole log: a start that differs by a thousandth of its sigma
+    start = prepared_run(recording, NavigationConfig.checked(cases.CONFIG)).initial
+    apart = np.linalg.norm(live.initial.nav.rpy_nb - start.nav.rpy_nb) / np.sqrt(start.P[0, 0])
+    assert live.initial.nav.t == start.nav.t
+    assert apart < 1e-2
+    assert distances(rows, batch)[settled].max() < 1e-3  # seen 1.4e-5
+
+
+def test_samples_by_one_and_in_blocks_are_one_run(recording):
+    ends = []
+    for block in (1, 7, 400):
+        live = live_run(recording.between(0.0, 40.0))
+        ends.append(cases.fed(live, recording.between(0.0, 40.0), block=block)[-1])
+    np.testing.assert_allclose(ends[1:], ends[:1] * 2, rtol=0.0, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("late", [0.2, 1.0, 5.0])
+def test_late_fixes_are_put_where_they_belong(recording, late):
+    """After the replay the numbers are those of fixes in time; before, the solution waits for them."""
+    live = live_run(recording)
+    rows = cases.fed(live, recording, late)
+    same = navigate(recording, cases.CONFIG, initial=live.initial)
+    assert distances(rows[-1:], same)[0] < ROUNDING
+    assert late < 1.0 or distances(rows[:-1], same).max() > 1e-3
+    assert not texts(live, "late")
+
+
+def test_a_fix_later_than_the_lag_is_said_and_left_out(recording):
+    live = live_run(recording, lag_s=2.0)
+    first = recording.between(0.0, 60.0)
+    cases.fed(live, first)
+    before = live.covariance
+    old, new = (next(f for f in cases.fixes(recording) if f.t > t) for t in (50.0, 59.0))
+    live.take(old)
+    live.take(new)  # a second time
+    np.testing.assert_array_equal(live.covariance, before)
+    assert "more than lag_s = 2 s late" in texts(live, "late")[-1]
+    assert "came again" in texts(live, "measurement")[-1]
+
+
+def test_aids_measure_as_in_the_batch_run(recording):
+    """Rests and constraints from what came so far: the same solution within a fraction of its sigma."""
+    config = {**cases.CONFIG, "aiding": AIDS}
+    live = live_run(recording, config)
+    rows = cases.fed(live, recording)
+    same = navigate(recording, config, initial=live.initial)
+    sigma = np.sqrt(np.trace(same.covariance[-1][6:9, 6:9]))
+    settled = rows[:, 0] > live.initial.nav.t + 61.0
+    assert distances(rows, same)[settled].max() < 0.2 * sigma  # seen 0.02
+    assert live.solution().health == "ok"
+
+
+def test_the_filter_of_live_aids_is_the_engine(recording):
+    """Law: the engine, given the measurements that the live aids made, goes where the live run goes."""
+    config = {**cases.CONFIG, "aiding": AIDS}
+    checked = NavigationConfig.checked(config)
+    live = live_run(recording, config, lag_s=600.0)  # nothing is forgotten
+    rows = cases.fed(live, recording)
+    made = live._filter.aiding
+    prepared = prepared_run(recording, checked, initial=live.initial)
+    from schuler.filtering.measurements import MeasurementSchedule
+
+    schedule = MeasurementSchedule(made.t, made.kind, made.z, made.R.reshape(-1, 3, 3), made.lever, made.gate)
+    forward = run(prepared.increments, schedule, prepared.initial, prepared.layout, *prepared.psd, prepared.options)
+    at_end = np.linalg.norm(forward.r[-1] - rows[-1, 1:])
+    assert at_end < ROUNDING
+    np.testing.assert_array_equal(made.status[made.t < forward.t[-1]], forward.status[made.t < forward.t[-1]])
+
+
+def test_what_comes_wrong_is_said_and_changes_nothing(recording, batch):
+    """Repeated, misplaced and impossible samples, fixes without numbers or of another clock, among a good stream."""
+    live, imu = live_run(recording), recording.imu
+    waiting = cases.fixes(recording)
+    for i in range(0, 5000, 10):
+        part = slice(i, i + 10)
+        live.imu_many(imu.t[part], imu.gyro[part], imu.accel[part])
+        if i % 500 == 0:
+            live.imu(imu.t[i + 9], imu.gyro[i], imu.accel[i])
+            live.imu(imu.t[i + 5], imu.gyro[i], imu.accel[i])
+            live.imu(imu.t[i] + 500.0, imu.gyro[i], imu.accel[i])
+            live.imu(imu.t[i] + 0.1, imu.gyro[i] * np.nan, imu.accel[i])
+            live.fix(imu.t[i] + 1e6, waiting[0].llh, waiting[0].cov_r_n)
+            live.fix(imu.t[i], waiting[0].llh * np.nan, waiting[0].cov_r_n)
+            live.fix(np.nan, waiting[0].llh, waiting[0].cov_r_n)
+            live.fix(imu.t[i], waiting[0].llh, -waiting[0].cov_r_n)
+            live.fix(imu.t[i], np.degrees(waiting[0].llh), waiting[0].cov_r_n)
+        while waiting and waiting[0].t <= imu.t[part][-1]:
+            live.take(waiting.pop(0))
+    plain = live_run(recording)
+    end = cases.fed(plain, recording.between(0.0, float(imu.t[4999])))[-1]
+    np.testing.assert_allclose(cases.position(live.solution()), end[1:], rtol=0.0, atol=ROUNDING)
+    said = " ".join(e.text for e in live.events)
+    for sentence in (
+        "repeated",
+        "out of order",
+        "far ahead",
+        "no sensor reads",
+        "another zero",
+        "has no time",
+    ):
+        assert sentence in said
+    assert "positive variances" in said
+    assert "beyond +-90 deg" in said
+
+
+@pytest.mark.parametrize("step", [-30.0, 40.0, 700.0])
+def test_a_step_of_the_clock_begins_anew(recording, step):
+    """Of all sensors, as after a restart: the run aligns again, and ends where one of the second part alone ends."""
+    heard = []
+    live = live_run(recording, on_event=heard.append)
+    cases.fed(live, recording.between(0.0, 45.0))
+    assert live.health == "ok"
+    cases.fed(live, recording.shifted(step), every_s=10.0)
+    assert live.health == "ok"
+    assert all(isinstance(e, Event) for e in heard)
+    assert sum("begins anew" in e.text for e in heard) == 1
+    alone = live_run(recording)
+    end = cases.fed(alone, recording.shifted(step))[-1]
+    # twenty samples go by until the new clock is believed
+    assert np.linalg.norm(cases.position(live.solution()) - end[1:]) < 0.05
+
+
+def test_without_fixes_it_coasts_and_says_so(recording):
+    live = live_run(recording)
+    cases.fed(live, recording.between(0.0, 60.0))
+    sigma = live.solution().sigma_r_n[:2].max()
+    imu = recording.imu.between(60.001, 80.0)
+    live.imu_many(imu.t, imu.gyro, imu.accel)
+    solution = live.solution()
+    assert solution.health == "coasting"
+    assert solution.sigma_r_n[:2].max() > 2.0 * sigma
+    assert texts(live, "health")[-1] == "ok becomes coasting"
+
+
+def test_memory_does_not_grow_with_time(recording):
+    """Columns, snapshots and measurements of the replay window are all that is kept after the start."""
+    live = live_run(recording, lag_s=2.0)
+    cases.fed(live, recording)
+    gc.collect()
+    assert len(live._filter.samples) < 300
+    assert len(live._filter.snapshots) < 8
+    assert len(live._filter.aiding.t) < 20
+    assert live._collection is None
+
+
+@pytest.mark.parametrize(
+    ("change", "entry"),
+    [
+        ({"gnss": {"coupling": "tight"}}, "gnss.coupling"),
+        ({"filter": {"tune": True}}, "filter.tune"),
+        ({"outages": {"windows_s": [[1.0, 2.0]]}}, "outages"),
+        ({"recording": {"imu": {"units": "furlong,deg/s"}}}, "recording"),
+    ],
+)
+def test_a_configuration_that_a_live_run_cannot_follow_is_refused(change, entry):
+    with pytest.raises(ConfigError, match=entry):
+        LiveNavigator.from_config({**cases.CONFIG, **change})
+
+
+def test_raw_samples_are_taken_in_the_units_and_axes_of_the_log(recording):
+    """Degrees, g and right-forward-up in; the solution of SI, forward-right-down."""
+    part = recording.between(0.0, 40.0)
+    si = live_run(part)
+    rows = cases.fed(si, part)
+    h = recording.imu.interval
+    hints = {"imu": {"units": "g,deg/s", "axes": "RFU", "scale": {"gyro": 0.5}}}
+    rates = [np.diff(part.imu.t, prepend=part.imu.t[0] - h)[:, None]]
+    gyro, accel = part.imu.gyro / rates[0], part.imu.accel / rates[0]
+    C = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    raw = type(part)(
+        imu=type(part.imu)(part.imu.t, np.degrees(gyro @ C.T) / 0.5, accel @ C.T / 9.80665), gnss=part.gnss
+    )
+    config = {**cases.CONFIG, "imu": {**cases.CONFIG["imu"], "rate_order": 1}, "recording": hints}
+    live = LiveNavigator.from_config(config)
+    np.testing.assert_allclose(cases.fed(live, raw)[-1], rows[-1], rtol=0.0, atol=1e-6)  # rates held: to rounding
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("late", [0.0, 1.0])
+def test_a_real_drive(shared_data, late):
+    """rtkexp_drive, loosely coupled: 9 minutes of MEMS at 100 Hz, stamps of whole milliseconds."""
+    data = tomllib.loads((ROOT / "examples" / "rtkexp_drive.toml").read_text(encoding="utf-8"))
+    recording = read(shared_data / "rtkexp_drive", **data["recording"]).between(0.0, np.inf)
+    data["filter"] |= {"tune": False, "smooth": False}
+    del data["outages"], data["aiding"]
+    live = live_run(recording, data)
+    rows = cases.fed(live, recording, late)
+    same, whole = navigate(recording, data, initial=live.initial), navigate(recording, data)
+    assert distances(rows[-1:], same)[0] < ROUNDING  # seen 4e-9
+    settled = rows[:, 0] > live.initial.nav.t + 61.0
+    if late == 0.0:
+        assert distances(rows, same)[settled].max() < ROUNDING
+        assert distances(rows, whole)[settled].max() < 0.01  # seen 1.7 mm: the start learns from less of the log

@@ -27,6 +27,8 @@ from .signals import frequency_hz as frequency_hz
 from .signals import satellite as satellite
 from .signals import satellite_name as satellite_name
 from .signals import wavelengths as wavelengths
+from .stanford import Stanford as Stanford
+from .stanford import stanford as stanford
 from .synthetic import RangeErrors as RangeErrors
 from .synthetic import Sector as Sector
 from .synthetic import SyntheticRanges as SyntheticRanges
@@ -52,6 +54,7 @@ __all__ = [
     "Ranges",
     "SatelliteStates",
     "Sector",
+    "Stanford",
     "SyntheticRanges",
     "Weighting",
     "broadcast_satellites",
@@ -72,6 +75,7 @@ __all__ = [
     "satellite_name",
     "satellite_states",
     "solve_points",
+    "stanford",
     "synthetic_ranges",
     "walker",
     "wavelengths",

@@ -7,6 +7,7 @@ What a log's aids take from all of it, these take from what came so far; everyth
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from schuler.navigation.sections import AidingSection
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
 from schuler.sensors.spec import ImuSpec
 
-REMEMBERED_S = 600.0  # of the samples from which medians and the noise at rest are taken [s]
+REMEMBERED_S = 300.0  # of the samples from which medians and the noise at rest are taken [s]
 _HELD_FIXES = 40  # newest fixes from which it is seen that each is repeated
 _NO_IMU = ImuSeries(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))  # these aids look at none
 
@@ -43,14 +44,20 @@ class LiveAids:
         Time of the initial state. [s]
     origin : float
         Start of the stream, from which known places count their time. [s]
-    imu : ImuSeries
-        Samples so far, as the aids take them.
+    imu : ImuSeries, optional
+        Samples so far, as the aids take them, to learn from.
     interval_s : float
         Sample interval. [s]
     """
 
     def __init__(
-        self, config: NavigationConfig, spec: ImuSpec, start: float, origin: float, imu: ImuSeries, interval_s: float
+        self,
+        config: NavigationConfig,
+        spec: ImuSpec,
+        start: float,
+        origin: float,
+        imu: ImuSeries | None,
+        interval_s: float,
     ) -> None:
         self.config, self.spec, self.start, self.origin, self.interval_s = config, spec, start, origin, interval_s
         self.samples = Columns(t=0, rate=3, force=3)
@@ -66,7 +73,7 @@ class LiveAids:
         self.rests = RestMeasurements(aiding, spec, imu)
         self._motion = Columns(t=0, force=2)  # smoothed specific force across and along
         self.constraints = 0  # times of the non-holonomic constraints that are done
-        if aiding.non_holonomic is not None:
+        if aiding.non_holonomic is not None and imu is not None:
             self._remember_motion(imu, aiding.non_holonomic.rate_hz)
 
     def known_places(self) -> MeasurementSchedule:
@@ -132,6 +139,27 @@ class LiveAids:
         self.samples.drop_before(float(samples.t[-1]) - REMEMBERED_S)
         self._motion.drop_before(float(samples.t[-1]) - REMEMBERED_S)
         return made.where(made.t > self.start + 1e-6)
+
+    def document(self) -> dict[str, Any]:
+        """What goes on from one message to the next, for files."""
+        fixes = [{f.name: getattr(fix, f.name) for f in fields(fix)} for fix in self.fixes]
+        return {
+            "start": self.start, "origin": self.origin, "interval_s": self.interval_s, "fixes": fixes,
+            "samples": self.samples.document(), "motion": self._motion.document(), "constraints": self.constraints,
+            "last_used": dict(self.last_used), "rests": self.rests.document(),
+        }  # fmt: skip
+
+    @classmethod
+    def restored(cls, config: NavigationConfig, spec: ImuSpec, document: dict[str, Any]) -> LiveAids:
+        """The aids of a :meth:`document`."""
+        d = document
+        aids = cls(config, spec, d["start"], d["origin"], None, d["interval_s"])
+        aids.fixes = [GnssSeries(**fix) for fix in d["fixes"]]
+        aids.samples.restore(d["samples"])
+        aids._motion.restore(d["motion"])
+        aids.constraints, aids.last_used = d["constraints"], dict(d["last_used"])
+        aids.rests.restore(d["rests"])
+        return aids
 
     def _is_too_soon(self, name: str, t: float, least: float) -> bool:
         """Whether a reading is nearer to the newest one used than ``least`` [s]; that is remembered."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
 
 import numpy as np
 
@@ -89,6 +91,26 @@ class Collection:
             return False
         self._patience = 2.0 * self._patience
         return True
+
+    def document(self) -> dict[str, Any]:
+        """The messages so far, for files."""
+        messages = [
+            {"type": type(m).__name__, **{f.name: getattr(m, f.name) for f in fields(m)}} for m in self.messages
+        ]
+        return {
+            "imu": self.imu.document(), "messages": messages, "next_trial": self.next_trial, "origin": self.origin,
+            "patience": self._patience,
+        }  # fmt: skip
+
+    def restore(self, document: dict[str, Any]) -> None:
+        """Go on from a :meth:`document`."""
+        self.imu.restore(document["imu"])
+        kinds: dict[str, Any] = {kind.__name__: kind for kind in (Fix, Speed, Heading, Height)}
+        self.messages = [
+            kinds[m["type"]](**{name: value for name, value in m.items() if name != "type"})
+            for m in document["messages"]
+        ]
+        self.next_trial, self.origin, self._patience = (document[n] for n in ("next_trial", "origin", "patience"))
 
     def recording(self) -> Recording:
         """The messages so far.

@@ -56,6 +56,11 @@ class Columns:
         """The rows by name, for files."""
         return {name: self[name].copy() for name in self.widths}
 
+    def restore(self, document: dict[str, FloatArray]) -> None:
+        """Take the rows of a :meth:`document`, and none else."""
+        self.drop(len(self))
+        self.append(**document)
+
     def _make_room(self, m: int) -> None:
         n, size = len(self), len(self._arrays["t"])
         if self._stop + m <= size:

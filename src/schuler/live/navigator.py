@@ -13,7 +13,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
 from schuler.calibration.result.result import CalibrationResult
-from schuler.exceptions import ConfigError, InputError
+from schuler.exceptions import ConfigError, FileFormatError, InputError
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule, merged
@@ -38,10 +38,14 @@ from schuler.live.preparation import PreparedSamples, SamplePreparation
 from schuler.live.readings import imu_readings
 from schuler.live.replay import ReplayFilter
 from schuler.live.stamps import Stamps
+from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import NavigationConfig
+from schuler.navigation.navigator_file import read_document, write_document
 from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.run import prepared_run
 from schuler.navigation.start.alignment import aligned_sentence
+from schuler.navigation.start.calibration import configured_start
+from schuler.navigation.states import imu_spec
 from schuler.recording.io.checks import MAX_FORCE, MAX_RATE
 from schuler.recording.series import ImuSeries, Kind
 
@@ -51,6 +55,10 @@ _JUDGE_S = 0.5  # how often health is judged [s]
 _AHEAD_S = 60.0  # a measurement stamped later than the newest sample by more is of another clock [s]
 _REPEATED_S = 10.0  # events of one sort are said once in so long, with their number [s]
 _KEPT_EVENTS = 1000
+_NO_SAMPLES = ImuSeries(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
+
+#: Format and version of the files of :meth:`LiveNavigator.save`.
+STATE_FORMAT = "schuler/live/1"
 
 
 class LiveNavigator:
@@ -61,13 +69,20 @@ class LiveNavigator:
     run that had them in time. Nothing that comes raises an error: what is not used is said as an
     :class:`~schuler.live.Event`.
 
-    Make one with :meth:`from_config`.
+    Make one with :meth:`from_config` or :meth:`load`.
 
     Examples
     --------
     ``live = LiveNavigator.from_config("drive.toml")``, ``live.imu(t, gyro, accel)`` for every sample, ``live.fix(...)``
     for every fix, ``live.solution()`` whenever wanted.
     """
+
+    _collection: Collection | None
+    _filter: ReplayFilter | None
+    _preparation: SamplePreparation | None
+    _aids: LiveAids | None
+    _initial: InitialState | None
+    _provenance: dict[str, Any] | None
 
     def __init__(
         self,
@@ -254,18 +269,135 @@ class LiveNavigator:
         self._filter.run()
         return self._filter
 
+    # -- files ----------------------------------------------------------------------------------------------------
+
+    def save(self, path: Path | str) -> Path:
+        """Write everything that goes on from here, so that :meth:`load` goes on with the same numbers.
+
+        Parameters
+        ----------
+        path : Path or str
+            Its file appears complete or not at all: a power cut leaves the one before.
+        """
+        self._work()
+        return write_document(path, self._document(), STATE_FORMAT)
+
+    @classmethod
+    def load(
+        cls,
+        path: Path | str,
+        *,
+        calibration: CalibrationResult | Path | str | None = None,
+        on_event: Callable[[Event], None] | None = None,
+    ) -> LiveNavigator:
+        """A live run that :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path : Path or str
+        calibration : CalibrationResult or path, optional
+            The one that was given to :meth:`from_config`, if one was.
+        on_event : callable, optional
+            As of :meth:`from_config`: files hold no functions.
+
+        Raises
+        ------
+        FileFormatError
+            If the file is of another kind or version, or damaged.
+        InputError
+            If the calibration is another one than the run was started with.
+        """
+        document = read_document(path, STATE_FORMAT)
+        try:
+            config = NavigationConfig.parse(document["config"], str(path))
+            live = cls(
+                config, calibration=calibration, lag_s=document["lag_s"], kind=document["kind"], on_event=on_event
+            )
+            live._restore(document)
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+            raise FileFormatError(f"holds no live run: {error}", path) from None
+        live._say("state", f"goes on from the state of {live._newest:.3f} s", "restored")
+        return live
+
+    def _document(self) -> dict[str, Any]:
+        """Everything that goes on, as plain data and arrays."""
+        stamps, run = self._stamps, None
+        if self._filter is not None:
+            assert self._preparation is not None
+            assert self._aids is not None
+            assert self._initial is not None
+            monitor, nav = self._monitor, self._initial.nav
+            run = {
+                "filter": self._filter.document(),
+                "preparation": self._preparation.document(),
+                "aids": self._aids.document(),
+                "monitor": {
+                    "settled": [list(row) for row in monitor.settled], "placed": monitor.placed,
+                    "usual_s": monitor.usual_s,
+                },
+                "initial": {
+                    "t": nav.t, "r_eb_e": nav.r_eb_e, "v_eb_e": nav.v_eb_e, "q_eb": nav.q_eb, "P": self._initial.P,
+                    "parameters": self._initial.parameters,
+                },
+                "judged_at": self._judged_at,
+            }  # fmt: skip
+        return {
+            "config": self.config.model_dump(mode="json", exclude_unset=True),
+            "lag_s": self.lag_s,
+            "kind": self.kind,
+            "calibration": self._provenance,
+            "temperature": self._temperature,
+            "stamps": [stamps.last, stamps.other, stamps.count],
+            "newest": self._newest,
+            "health": self._health,
+            "collection": None if self._collection is None else self._collection.document(),
+            "run": run,
+        }
+
+    def _restore(self, document: dict[str, Any]) -> None:
+        """Go on from a document of this configuration."""
+        self._stamps.last, self._stamps.other, self._stamps.count = document["stamps"]
+        self._newest, self._health = document["newest"], document["health"]
+        self._provenance, self._temperature = document["calibration"], document["temperature"]
+        if document["collection"] is None:
+            self._collection = None
+        elif self._collection is not None:
+            self._collection.restore(document["collection"])
+        run = document["run"]
+        if run is None:
+            return
+        T = None if math.isnan(self._temperature) else np.array([self._temperature])
+        calibrated = configured_start(self.config, replace(_NO_SAMPLES, temperature=T), self._calibration)
+        if (None if calibrated is None else calibrated.provenance) != self._provenance:
+            raise InputError(
+                f"calibration: the saved run was started with {self._provenance}, now it is "
+                f"{None if calibrated is None else calibrated.provenance}; give the same, or start anew"
+            )
+        self._filter = ReplayFilter.restored(run["filter"])
+        interval = self._filter.interval_s
+        self._preparation = SamplePreparation(self.config, self._readings.kind, interval, calibrated)
+        self._preparation.restore(run["preparation"])
+        self._aids = LiveAids.restored(self.config, imu_spec(self.config), run["aids"])
+        m, i = run["monitor"], run["initial"]
+        self._monitor = HealthMonitor(placed=m["placed"], usual_s=m["usual_s"])
+        self._monitor.settled.extend((t, int(kind), int(status), nis) for t, kind, status, nis in m["settled"])
+        self._initial = InitialState(NavState(i["t"], i["r_eb_e"], i["v_eb_e"], i["q_eb"]), i["P"], i["parameters"])
+        self._judged_at = run["judged_at"]
+
     # -- inside ---------------------------------------------------------------------------------------------------
 
     def _begin(self) -> None:
         """Collect anew: nothing is aligned."""
         self._stamps = Stamps(self.config.imu.max_gap_s)
-        self._collection: Collection | None = Collection(self.config, self._readings.kind)
-        self._filter: ReplayFilter | None = None
-        self._preparation: SamplePreparation | None = None
-        self._aids: LiveAids | None = None
+        self._collection = Collection(self.config, self._readings.kind)
+        self._filter = None
+        self._preparation = None
+        self._aids = None
         self._monitor = HealthMonitor()
-        self._initial: InitialState | None = None
+        self._initial = None
         self._obstacle = ""
+        self._provenance = None  # of the calibration
+        self._temperature = math.nan  # mean of the samples that the start was made from [degC]
         self._judged_at = -math.inf  # time of the newest look at the health [s]
         self._newest = math.nan  # time of the newest sample, on the GNSS clock [s]
 
@@ -418,6 +550,8 @@ class LiveNavigator:
         if again and self._initial is not None and _same(initial, self._initial):
             return
         self._initial = initial
+        self._provenance = None if prepared.calibrated is None else prepared.calibrated.provenance
+        self._temperature = float(np.mean(collection.imu["temperature"]))
         self._filter, self._preparation, self._aids, samples = self._prepare(prepared, collection)
         self._monitor = HealthMonitor(placed=initial.nav.t)
         self._filter.extend(samples)

@@ -7,6 +7,7 @@ Block by block the same steps as :func:`schuler.navigation.inputs.preparation.pr
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -115,6 +116,18 @@ class SamplePreparation:
         dt, t, x = np.diff(t)[skip:], t[1 + skip :], x[1 + skip :]
         dtheta, dv, unknown, more = self.recent.checked_block(t, dt, dtheta, dv)
         return PreparedSamples(t, dt, dtheta, dv, unknown, x[:, :3], x[:, 3:]), sentences + more
+
+    def document(self) -> dict[str, Any]:
+        """What goes on from one block to the next, for files."""
+        r = self.recent
+        recent = {"rows": r.rows.copy(), "largest": r.largest.copy(), "count": r.count.copy()}
+        return {"before": self.before.copy(), "recent": recent}
+
+    def restore(self, document: dict[str, Any]) -> None:
+        """Go on from a :meth:`document`."""
+        self.before = document["before"]
+        for name, value in document["recent"].items():
+            getattr(self.recent, name)[...] = value
 
     def _in_si(
         self, calibrated: CalibrationStart, t: FloatArray, dt: FloatArray, gyro: FloatArray, accel: FloatArray,

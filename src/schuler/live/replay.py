@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import NamedTuple
+from dataclasses import asdict
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
+from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, FilterState
 from schuler.filtering.filter_arrays import Aiding, FilterArrays, ImuStream, NodeArrays, RecordArrays, TrajectoryArrays
 from schuler.filtering.initial_state import InitialState
@@ -29,9 +31,10 @@ from schuler.filtering.measurements import (
     ZERO_VELOCITY,
     MeasurementSchedule,
 )
-from schuler.filtering.states import StateLayout
+from schuler.filtering.states import StateLayout, StateModel
 from schuler.live.columns import Columns
 from schuler.live.preparation import PreparedSamples
+from schuler.mechanization.strapdown import NavState
 
 SNAPSHOT_S = 0.5  # between two stored states: as much is run again at most beside what a measurement is late [s]
 _SAME = 1e-9  # measurements so close to a sample belong to its interval, as in the kernel [s]
@@ -170,6 +173,44 @@ class ReplayFilter:
         a, done = self.aiding, int(np.searchsorted(self.aiding.t, self.time + _SAME, side="right"))
         return Judged(a.t[:done], a.kind[:done], a.status[:done], a.nis[:done])
 
+    def document(self) -> dict[str, Any]:
+        """State, stored states, samples and measurements of the replay window, for files."""
+        return {
+            "layout": self.layout.to_dict(), "options": asdict(self.options), "psd": np.concatenate(self.psd),
+            "interval_s": self.interval_s, "lag_s": self.lag_s,
+            "state": _named(self.state.arrays), "snapshots": [_named(s) for s in self.snapshots],
+            "samples": self.samples.document(), "aiding": _named(self.aiding),
+        }  # fmt: skip
+
+    @classmethod
+    def restored(cls, document: dict[str, Any]) -> ReplayFilter:
+        """The filter of a :meth:`document`.
+
+        Raises
+        ------
+        InputError
+            If an array has not the shape that the states ask for.
+        """
+        layout = StateLayout({name: StateModel(**model) for name, model in document["layout"].items()})
+        nav, n, psd = document["state"]["nav"], layout.size, document["psd"]
+        t = float(document["state"]["times"][0])
+        state = NavState(t, nav[7:10], nav[4:7], nav[0:4] / np.linalg.norm(nav[0:4]))
+        run = cls(
+            InitialState(state, np.zeros((n, n)), np.zeros(n - 9)), layout, (psd[:3], psd[3:]),
+            FilterOptions(**document["options"]), document["interval_s"], document["lag_s"],
+        )  # fmt: skip
+        own = run.state.arrays
+        for stored in (document["state"], *document["snapshots"]):
+            for name, array in zip(own._fields, own, strict=True):
+                if stored[name].shape != array.shape or stored[name].dtype != array.dtype:
+                    raise InputError(f"{name}: expected shape {array.shape}, got {stored[name].shape}")
+        for name, array in zip(own._fields, own, strict=True):
+            array[...] = document["state"][name]
+        run.snapshots = deque(FilterArrays(**stored) for stored in document["snapshots"])
+        run.samples.restore(document["samples"])
+        run.aiding = Aiding(**document["aiding"])
+        return run
+
     def _piece(self, first: int) -> int:
         """End of the samples that one call of the kernel takes: to the next state to be stored, or bridged pause."""
         t, unknown = self.samples["t"], self.samples["unknown"]
@@ -187,6 +228,10 @@ class ReplayFilter:
             self.snapshots.pop()
         for name, stored in zip(FilterArrays._fields, self.snapshots[-1], strict=True):
             getattr(self.state.arrays, name)[...] = stored
+
+
+def _named(arrays: FilterArrays | Aiding) -> dict[str, Any]:
+    return {name: np.array(value) for name, value in arrays._asdict().items()}
 
 
 def _copied(arrays: FilterArrays) -> FilterArrays:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from schuler.standstill.stationarity import StaticIntervals, interval_mask, stat
 
 _EVERY_S = 0.25  # how often the last seconds are searched [s]
 _LEARN_S = 60.0  # how often noise at rest is learnt from the samples so far [s]
+_GOES_ON = ("bias", "learnt_at", "searched_at", "cursors", "until", "vetoed", "fast")
 _AT_REST = ("zero_velocity", "zero_rate", "gravity", "earth_rate")
 
 
@@ -32,11 +34,11 @@ class RestMeasurements:
     ----------
     aiding : AidingSection
     spec : ImuSpec
-    imu : ImuSeries
+    imu : ImuSeries, optional
         Samples so far, in which noise at rest is learnt.
     """
 
-    def __init__(self, aiding: AidingSection, spec: ImuSpec, imu: ImuSeries) -> None:
+    def __init__(self, aiding: AidingSection, spec: ImuSpec, imu: ImuSeries | None) -> None:
         self._aids = [
             AidingSection(rest=aiding.rest, **{n: getattr(aiding, n)}) for n in _AT_REST if getattr(aiding, n)
         ]
@@ -48,7 +50,7 @@ class RestMeasurements:
         self.until = -np.inf  # how far it was seen [s]
         self.vetoed = False  # GNSS has seen motion in it
         self.fast: list[float] = []  # times at which GNSS saw motion, the newest [s]
-        if self._aids:
+        if self._aids and imu is not None:
             self._learn(imu)
 
     def see(self, gnss: GnssSeries) -> None:
@@ -91,6 +93,18 @@ class RestMeasurements:
         if not len(intervals):
             self.cursors, self.vetoed = [], False
         return merged(*parts)
+
+    def document(self) -> dict[str, Any]:
+        """What goes on from one block of samples to the next, for files."""
+        noise = None if self.noise is None else np.vstack(self.noise)
+        return {**{name: getattr(self, name) for name in _GOES_ON}, "noise": noise}
+
+    def restore(self, document: dict[str, Any]) -> None:
+        """Go on from a :meth:`document`."""
+        for name in _GOES_ON:
+            setattr(self, name, document[name])
+        noise = document["noise"]
+        self.noise = None if noise is None else (noise[0], noise[1])
 
     def _measured(self, imu: ImuSeries, intervals: StaticIntervals, a: int, stop: int) -> list[MeasurementSchedule]:
         """Measurements of one rest that were not made before, and how far they go."""

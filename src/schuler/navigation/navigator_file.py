@@ -17,7 +17,7 @@ NAVIGATOR_FORMAT = "schuler/navigator/1"
 _LARGEST = 200_000_000  # bytes
 
 
-def write_document(path: Path | str, document: dict[str, Any]) -> Path:
+def write_document(path: Path | str, document: dict[str, Any], form: str = NAVIGATOR_FORMAT) -> Path:
     """Write nested plain data and arrays of float64 and int64.
 
     Parameters
@@ -25,14 +25,22 @@ def write_document(path: Path | str, document: dict[str, Any]) -> Path:
     path : Path or str
         Its file appears complete or not at all.
     document : dict
+    form : str
+        Format and version that the file says it is of.
     """
     content = json.dumps(_encoded(document), separators=(",", ":"))
-    head = {"format": NAVIGATOR_FORMAT, "sha256": hashlib.sha256(content.encode()).hexdigest()}
+    head = {"format": form, "sha256": hashlib.sha256(content.encode()).hexdigest()}
     return write_text(path, f"{json.dumps(head)}\n{content}\n")
 
 
-def read_document(path: Path | str) -> dict[str, Any]:
+def read_document(path: Path | str, form: str = NAVIGATOR_FORMAT) -> dict[str, Any]:
     """Nested data that :func:`write_document` wrote.
+
+    Parameters
+    ----------
+    path : Path or str
+    form : str
+        Format and version that is expected.
 
     Raises
     ------
@@ -49,9 +57,9 @@ def read_document(path: Path | str) -> dict[str, Any]:
         raise FileFormatError(f"cannot be read: {error.strerror}", path) from None
     except (ValueError, RecursionError):
         stated = None
-    if not isinstance(stated, dict) or stated.get("format") != NAVIGATOR_FORMAT:
+    if not isinstance(stated, dict) or stated.get("format") != form:
         got = stated.get("format") if isinstance(stated, dict) else "something else"
-        raise FileFormatError(f"expected a live navigator of format {NAVIGATOR_FORMAT!r}, got {got!r}", path)
+        raise FileFormatError(f"expected a live navigator of format {form!r}, got {got!r}", path)
     content = content.removesuffix("\n")
     if hashlib.sha256(content.encode()).hexdigest() != stated.get("sha256"):
         raise FileFormatError("is damaged: its content has another checksum than when it was written", path)

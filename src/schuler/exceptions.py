@@ -91,6 +91,23 @@ class MissingExtraError(SchulerError, ImportError):
         super().__init__(f"{purpose} needs {library}, which is not installed: pip install 'schuler[{extra}]'")
 
 
+def missing_extra(library: str, extra: str, purpose: str) -> MissingExtraError | None:
+    """Error for an optional library that is not installed, None if it is; the library is not loaded.
+
+    Parameters
+    ----------
+    library, extra, purpose : str
+        As of :class:`MissingExtraError`.
+    """
+    from importlib.util import find_spec
+
+    try:
+        missing = find_spec(library) is None
+    except (ImportError, ValueError):
+        missing = True
+    return MissingExtraError(library, extra, purpose) if missing else None
+
+
 def sentences(error: ValidationError, model: type[BaseModel]) -> list[str]:
     """One sentence for each fault: where, what is wrong, what came, and the nearest known name.
 

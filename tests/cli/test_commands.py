@@ -14,6 +14,7 @@ from places import EXAMPLES, ROOT
 import schuler
 from schuler.cli import main
 from schuler.cli.app import COMMANDS, METHODS
+from schuler.exceptions import MissingExtraError
 from schuler.navigation.evaluation.errors import trajectory_errors
 from schuler.navigation.sections import AidingSection
 from schuler.navigation.solution_tables import read_solution
@@ -200,19 +201,28 @@ def test_navigate_writes_a_report_and_prose(town, tmp_path, capsys):
     assert not (tmp_path / "figures").exists()
 
 
-def test_without_pyarrow_there_are_track_and_report_and_it_is_said(town, tmp_path, capsys, monkeypatch):
-    from schuler.exceptions import MissingExtraError
-    from schuler.navigation.result import NavigationResult
+@pytest.fixture
+def plain(monkeypatch):
+    """An installation without extras, as far as commands ask before their work."""
+    monkeypatch.setattr("schuler.cli.output.missing_extra", MissingExtraError)
 
-    def missing(*_):
-        raise MissingExtraError("pyarrow", "data", "writing Parquet")
 
-    monkeypatch.setattr(NavigationResult, "to_parquet", missing)
-    code, out, err = run(capsys, "navigate", town, "--config", CONFIG, "--out", tmp_path / "o", "--no-smooth")
+def test_without_extras_a_run_has_track_and_report_and_what_is_left_out_is_said_first(town, tmp_path, capsys, plain):
+    options = ("--config", CONFIG, "--out", tmp_path / "o", "--no-smooth", "--figures")
+    code, out, err = run(capsys, "navigate", town, *options)
     assert code == 0
-    assert "pip install 'schuler[data]'" in err
+    lines = err.splitlines()
+    assert "no figures as files: drawing them needs matplotlib" in lines[0]
+    assert "no table of the solution: writing Parquet needs pyarrow" in lines[1]
+    assert "pip install 'schuler[data]'" in lines[1]
     assert {p.name for p in (tmp_path / "o").iterdir()} >= {"report.html", "track.kml"}
     assert "solution.parquet" not in out
+    assert not (tmp_path / "o" / "figures").exists()
+
+
+def test_without_extras_figures_that_nobody_asked_for_are_left_out(tmp_path, capsys, plain):
+    files = answer(capsys, "observability", EXAMPLES / "observability_conventional.toml", "--out", tmp_path, "--json")
+    assert {Path(f).suffix for f in files["files"].values()} == {".csv", ".html"}
 
 
 def test_figures_are_files_where_they_are_asked_for(town, tmp_path, capsys, monkeypatch):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from schuler.characterisation.result import AXES, TERMS, AxisNoise, Estimate, Finding, NoiseIdentification
-from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress, say
+from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, progress, say
 from schuler.cli.reading import Reading, of_part
 from schuler.exceptions import InputError, OverwriteError
 from schuler.recording.recording import Recording
@@ -72,6 +72,7 @@ def allan(
         if more or robust or export or inflate is not None:
             raise InputError(f"{log} is an Allan curve: --robust, --export, --inflate and more logs need readings")
         return _curves(log, reading, method, duration, json=json)
+    figures = drawable(report)
     recordings = [of_part(reading, path).read(path) for path in (log, *more)]
     name = recordings[0].metadata.name + (f" and {len(more)} more" if more else "")
     with progress("identifying the noise") as bar:
@@ -79,7 +80,7 @@ def allan(
             recordings if more else recordings[0], method=method, robust=robust, progress=bar, name=name
         )
     folder = Path(f"{log.resolve().stem}-noise") if out is None else out
-    files = write_report(folder, recordings, noise) if report else {}
+    files = write_report(folder, recordings, noise, figures=figures) if report else {}
     if not noise.axes:
         raise InputError(nothing_left(noise))
     exported, failures = write_exports(folder, noise, export, inflate)
@@ -145,8 +146,10 @@ def _curves(
     return 0
 
 
-def write_report(folder: Path, recordings: list[Recording], noise: NoiseIdentification) -> dict[str, Path]:
-    """Page and figures; the log itself is shown if there is only one."""
+def write_report(
+    folder: Path, recordings: list[Recording], noise: NoiseIdentification, *, figures: bool
+) -> dict[str, Path]:
+    """Page, and figures as files; the log itself is shown if there is only one."""
     from schuler.characterisation.report.document import noise_report
     from schuler.characterisation.report.figures import save_noise_figures
     from schuler.characterisation.report.spectra import log_spectra
@@ -160,7 +163,8 @@ def write_report(folder: Path, recordings: list[Recording], noise: NoiseIdentifi
             noise, folder / "noise.html", imu=imu, spectra=spectra, recording_summary=described
         )
     }  # fmt: skip
-    files |= named(save_noise_figures(noise, folder / "figures", imu=imu, spectra=spectra))
+    if figures:
+        files |= named(save_noise_figures(noise, folder / "figures", imu=imu, spectra=spectra))
     return files
 
 

@@ -6,7 +6,7 @@ import time as clock
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress
+from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, progress
 from schuler.exceptions import InputError
 
 if TYPE_CHECKING:
@@ -85,6 +85,7 @@ def budget(
     )
 
     began = clock.perf_counter()
+    figures = drawable(figures)
     loaded = BudgetScenario.load(scenario)
     if states is not None:
         loaded = loaded.model_copy(update={"states": states})

@@ -12,7 +12,7 @@ import numpy as np
 
 from schuler import units as u
 from schuler.cli.calibrate_options import Output, Site
-from schuler.cli.output import named, print_json, say
+from schuler.cli.output import drawable, named, print_json, say
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 
@@ -72,8 +72,9 @@ def finish(
         files["report"] = result.report(
             folder / "calibration.html", previous=earlier, recording_summary=summary, field=field, truth=truth
         )
-        figures = save_calibration_figures(result, folder / "figures", field=field, truth=truth)
-        if before is not None and field is not None and result.status != "refused":
+        draw = drawable(True)
+        figures = save_calibration_figures(result, folder / "figures", field=field, truth=truth) if draw else []
+        if draw and before is not None and field is not None and result.status != "refused":
             from schuler.calibration.report.output_figures import save_output_figures
 
             # in the axes of the log, whatever the gauge of the file

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from schuler.cli.configuration import configuration, entries
-from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress
+from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, progress
 from schuler.cli.reading import Part
 from schuler.exceptions import InputError, SchulerError
 
@@ -98,6 +98,7 @@ def compare(
     from schuler.navigation.evaluation.outages import OutageStatistics, outage_statistics
 
     began = time.perf_counter()
+    figures = drawable(figures)
     loaded = configuration(config, entries(set_), outage, outage_every)
     names = None if modes is None else [text for text in modes.split(",") if text.strip()]
     numbers = None if lengths is None else _lengths(lengths)

@@ -10,7 +10,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray
 from schuler.cli.navigate import sentences, write_outputs
-from schuler.cli.output import Flag, Folder, print_json, print_verdict, progress, say
+from schuler.cli.output import Flag, Folder, drawable, print_json, print_verdict, progress, say, tabled
 from schuler.files import read_toml
 from schuler.navigation.evaluation.evaluated import EvaluatedRun, evaluate_run
 
@@ -37,6 +37,7 @@ def demo(
         Print one JSON object instead of text.
     """
     began = time.perf_counter()
+    figures, tables = drawable(figures), tabled()
     say("simulating ten minutes of driving: MEMS IMU at 100 Hz, GNSS at 1 Hz, 40 s without GNSS")
     with progress("running the demo") as bar:
         outcome, recording, repeated = run_demo(seed, bar)
@@ -45,7 +46,9 @@ def demo(
     numbers["nees_mean"], numbers["nees_runs"] = repeated, _RUNS
     numbers["max_horizontal_outage_m"] = max(o["max_horizontal_m"] for o in numbers["outages"])
     numbers["smoothed_rms_horizontal_m"] = numbers["smoothed"]["rms_horizontal_m"]
-    written = write_outputs(Path("demo") if out is None else out, recording, outcome, report=report, figures=figures)
+    written = write_outputs(
+        Path("demo") if out is None else out, recording, outcome, report=report, figures=figures, tables=tables
+    )
     numbers["elapsed_s"] = time.perf_counter() - began
     if json:
         print_json({"command": "demo", **numbers, "files": written})

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from schuler import units
-from schuler.cli.output import Flag, Folder, named, print_json, print_verdict, progress, say
+from schuler.cli.output import Flag, Folder, drawable, named, print_json, print_verdict, progress, say, tabled
 from schuler.cli.reading import Reading, is_trial
 from schuler.exceptions import InputError
 from schuler.recording.recording import Recording
@@ -65,6 +65,7 @@ def foot(
     from schuler.navigation.foot.run import navigate_foot
 
     began = time.perf_counter()
+    figures, tables = drawable(report), tabled()
     config = FootConfig() if reading.config is None else FootConfig.load(reading.config)
     config = _changed(config, detector=detector, threshold=threshold, smooth=smooth, heading=heading)
     recording, stored = read_foot_log(log, reading)
@@ -77,7 +78,7 @@ def foot(
     numbers = walk_numbers(result, errors)
     numbers["elapsed_s"] = time.perf_counter() - began
     folder = Path(f"{log.resolve().stem}-walk") if out is None else out
-    files = write_walk(folder, result, errors, report=report)
+    files = write_walk(folder, result, errors, figures=figures, tables=tables)
     if json:
         print_json({"command": "foot", **numbers, "files": files})
     else:
@@ -131,11 +132,15 @@ def walk_numbers(result: FootResult, errors: WalkErrors | None) -> dict[str, Any
     }  # fmt: skip
 
 
-def write_walk(folder: Path, result: FootResult, errors: WalkErrors | None, *, report: bool) -> dict[str, Path]:
+def write_walk(
+    folder: Path, result: FootResult, errors: WalkErrors | None, *, figures: bool, tables: bool
+) -> dict[str, Path]:
     """Write solution, strides and figures; return their paths by name."""
     from schuler.files import write_text
 
-    files = {"solution": result.best.to_parquet(folder / "walk.parquet")}
+    files: dict[str, Path] = {}
+    if tables:
+        files["solution"] = result.best.to_parquet(folder / "walk.parquet")
     s = result.strides
     rows = ["start_s,stop_s,lift_s,contact_s,north_m,east_m,down_m,length_m,speed_m_s,clearance_m,turn_deg,walking"]
     columns = (
@@ -144,7 +149,7 @@ def write_walk(folder: Path, result: FootResult, errors: WalkErrors | None, *, r
     for values, walking in zip(zip(*columns, strict=True), s.walking, strict=True):
         rows.append(",".join(f"{v:.6g}" for v in values) + f",{int(walking)}")
     files["strides"] = write_text(folder / "strides.csv", "\n".join(rows) + "\n")
-    if report:
+    if figures:
         from schuler.navigation.foot.figures import save_foot_figures
 
         files |= named(save_foot_figures(result, folder / "figures", errors=errors))

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from schuler.cli.output import Flag, Folder, named, print_json, progress, say
+from schuler.cli.output import Flag, Folder, drawable, named, print_json, progress, say
 from schuler.exceptions import InputError
 
 if TYPE_CHECKING:
@@ -71,6 +71,7 @@ def montecarlo(
     began = time.perf_counter()
     if resume and store is None:
         raise InputError("--resume: say which store is to be gone on with (--store)")
+    figures = drawable(report)
     job, file = read_job(scenario, config, engine)
     function, why = runner(job, file.engine)
     count = file.runs if runs is None else runs
@@ -94,7 +95,8 @@ def montecarlo(
         from schuler.plotting.drawing import save_all
 
         files["report"] = errors.report(folder / "report.html", done, job)
-        files |= named(save_all(all_figures(errors), folder / "figures", ("png", "svg")))
+        if figures:
+            files |= named(save_all(all_figures(errors), folder / "figures", ("png", "svg")))
     if json:
         print_json(
             {

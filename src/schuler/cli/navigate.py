@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from schuler.cli.configuration import configuration, entries, with_outages
-from schuler.cli.output import Flag, Folder, Texts, named, print_json, print_verdict, progress, say
+from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, print_verdict, progress, say, tabled
 from schuler.cli.proposal import proposed
 from schuler.cli.reading import Part
 from schuler.cli.rerun import write_run
-from schuler.exceptions import InputError, MissingExtraError
+from schuler.exceptions import InputError
 from schuler.files import write_text
 from schuler.navigation.evaluation.evaluated import EvaluatedRun, evaluate_run
 from schuler.recording.recording import Recording
@@ -96,6 +96,7 @@ def navigate(
     began = time.perf_counter()
     if not logs:
         raise InputError("navigate: expected a file or folder, got none")
+    figures, tables = drawable(figures), tabled()
     changes = entries(set)
     if calibration is not None:
         changes.append(("imu.calibration", str(calibration.resolve())))
@@ -130,7 +131,9 @@ def navigate(
     folder = Path(f"{log.resolve().stem}-solution") if out is None else out
     outcome = evaluate_run(recording, result, loaded.filter.smooth)
     outcome.numbers["elapsed_s"] = time.perf_counter() - began
-    files = write_outputs(folder, recording, outcome, report=report, figures=figures, background=backdrop)
+    files = write_outputs(
+        folder, recording, outcome, report=report, figures=figures, tables=tables, background=backdrop
+    )
     if proposal is not None:
         files["configuration"] = write_text(folder / "drive.toml", proposal.toml())
     printed = "\n".join((recording.summary(), result.verdict.summary(), result.summary(), sentences(outcome.numbers)))
@@ -154,6 +157,7 @@ def write_outputs(
     *,
     report: bool,
     figures: bool,
+    tables: bool,
     background: Any = None,
 ) -> dict[str, Path]:
     """Write all files of a run; return their paths by name."""
@@ -162,12 +166,10 @@ def write_outputs(
     result, smoothed = outcome.result, outcome.smoothed
     files: dict[str, Path] = {}
     best = result if smoothed is None else smoothed
-    try:
+    if tables:
         files["solution"] = result.to_parquet(folder / "solution.parquet")
         if smoothed is not None:
             files["smoothed"] = smoothed.to_parquet(folder / "smoothed.parquet")
-    except MissingExtraError as error:  # track and report are worth having without it
-        say(f"no table of the solution: {error}")
     files["track"] = write_kml(
         folder / "track.kml", best.antenna() if outcome.at_antenna else best.trajectory,
         name=recording.metadata.name, outages=result.outages, time=recording.metadata.time,

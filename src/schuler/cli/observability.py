@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from schuler.cli.output import Flag, Folder, Texts, named, print_json, progress, say
+from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, progress, say
 from schuler.exceptions import InputError
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ def observability(
         Print one JSON object instead of text.
     """
     began = time.perf_counter()
+    figures = drawable(report or out is not None)
     changes: dict[str, object] = {k: v for k, v in {"axes": axes, "known": fixed}.items() if v}
     formulas: tuple[str, ...] = ()
     if log is not None:
@@ -63,7 +64,7 @@ def observability(
     files: dict[str, Path] = {}
     if report or out is not None:
         folder = Path(f"{(log or scenario).resolve().stem}-observability") if out is None else out
-        files = _write(study, formulas, folder)
+        files = _write(study, formulas, folder, figures=figures)
     if json:
         print_json(
             {
@@ -108,7 +109,7 @@ def _of_log(log: Path, config: Path, axes: str, fixed: tuple[str, ...], bar: Pro
     return observability(system, axes=axes)
 
 
-def _write(study: Observability, formulas: tuple[str, ...], folder: Path) -> dict[str, Path]:
+def _write(study: Observability, formulas: tuple[str, ...], folder: Path, *, figures: bool) -> dict[str, Path]:
     from schuler.observability.report import observability_figure, observability_report
     from schuler.plotting.drawing import save_all
 
@@ -116,4 +117,6 @@ def _write(study: Observability, formulas: tuple[str, ...], folder: Path) -> dic
         "states": study.table().to_csv(folder / "states.csv"),
         "report": observability_report(study, folder / "report.html", formulas),
     }
-    return files | named(save_all([observability_figure(study)], folder, ("png", "svg")))
+    if figures:
+        files |= named(save_all([observability_figure(study)], folder, ("png", "svg")))
+    return files

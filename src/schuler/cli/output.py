@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 from cyclopts import Parameter
 
+from schuler.exceptions import missing_extra
 from schuler.files import check_writable, json_text
 
 if TYPE_CHECKING:
@@ -80,6 +81,22 @@ def coloured(text: str, kind: str, stream: TextIO) -> str:
     if kind not in _COLOURS or plain or not stream.isatty():
         return text
     return f"\x1b[{_COLOURS[kind]}m{text}\x1b[0m"
+
+
+def drawable(wanted: bool) -> bool:
+    """Whether figures are written as files; without matplotlib they are not, which is said before the work."""
+    error = missing_extra("matplotlib", "plot", "drawing them") if wanted else None
+    if error is not None:
+        say(f"no figures as files: {error}")
+    return wanted and error is None
+
+
+def tabled() -> bool:
+    """Whether tables of solutions are written; without pyarrow they are not, which is said before the work."""
+    error = missing_extra("pyarrow", "data", "writing Parquet")
+    if error is not None:
+        say(f"no table of the solution: {error}")
+    return error is None
 
 
 def print_verdict(verdict: Verdict) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from schuler.cli.output import File, Flag, Folder, named, print_json, progress, say
+from schuler.cli.output import File, Flag, Folder, drawable, named, print_json, progress, say
 
 if TYPE_CHECKING:
     from schuler.rotary.search.comparison import ScenarioComparison
@@ -52,6 +52,7 @@ def rotary(
     from schuler.rotary.search.scenario import RotaryScenario
 
     began = time.perf_counter()
+    draw = drawable(out is not None)
     loaded = RotaryScenario.load(scenario)
     if seed is not None:
         loaded = loaded.model_copy(update={"seed": seed})
@@ -70,7 +71,7 @@ def rotary(
             )
         if not json:
             print(f"\n{best.summary()}\n\n{best.best().toml()}")
-    files = _written(comparison, best, out, report)
+    files = _written(comparison, best, out, report, draw=draw)
     complete = comparison.complete and (best is None or best.complete)
     if json:
         print_json(
@@ -88,7 +89,12 @@ def rotary(
 
 
 def _written(
-    comparison: ScenarioComparison, best: SchemeSearch | None, out: Path | None, report: Path | None
+    comparison: ScenarioComparison,
+    best: SchemeSearch | None,
+    out: Path | None,
+    report: Path | None,
+    *,
+    draw: bool,
 ) -> dict[str, Path]:
     """Tables, figures and report, as far as they were asked for."""
     files: dict[str, Path] = {}
@@ -116,7 +122,8 @@ def _written(
             files["front"] = best.front_table().to_csv(out / "front.csv")
             files["best"] = _text(out / "best.toml", best.best().toml())
             figures += [front_figure(best), replace(scheme_figure(best.best().schedule, best.duration), name="best")]
-        files |= named(save_all(figures, out, ("png", "svg")))
+        if draw:
+            files |= named(save_all(figures, out, ("png", "svg")))
         report = report or out / "report.html"
     if report is not None:
         from schuler.rotary.report import rotary_page

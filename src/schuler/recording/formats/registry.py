@@ -30,7 +30,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from schuler.exceptions import InputError, MissingExtraError
+from schuler.exceptions import InputError, MissingExtraError, missing_extra
 from schuler.recording.io.columns import check_known
 from schuler.recording.io.hint_texts import SATELLITES, SERIES
 
@@ -138,14 +138,9 @@ def suffixes() -> list[str]:
 
 def check_installed(library: str, name: str, purpose: str) -> None:
     """Raise the error of :func:`needs` if a library is missing, without loading it: it is another process that will."""
-    from importlib.util import find_spec
-
-    try:
-        missing = find_spec(library) is None
-    except (ImportError, ValueError):
-        missing = True
-    if missing:
-        raise needs(library, name, purpose)
+    error = needs(library, name, purpose)
+    if missing_extra(library, "", purpose) is not None:
+        raise error
 
 
 def needs(library: str, name: str, purpose: str) -> MissingExtraError:

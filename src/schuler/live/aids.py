@@ -80,29 +80,36 @@ class LiveAids:
         """Fixes at places that the configuration states."""
         return self._of("fixes", Sources(_NO_IMU)) if self.config.aiding.fixes is not None else _none()
 
-    def fix(self, fix: Fix, notes: list[str]) -> MeasurementSchedule:
-        """Position and velocity of a fix that is in order; none if it says nothing new.
+    def fix(self, series: GnssSeries, notes: list[str]) -> MeasurementSchedule:
+        """Position and velocity of a fix; none if it says nothing new.
+
+        Parameters
+        ----------
+        series : GnssSeries
+            The fix alone.
+        notes : list of str
+            Gets a sentence on what it was not taken for.
 
         Raises
         ------
         InputError
-            If the fix is none: not finite, no covariance, no place on the Earth.
+            If it tells no position, or lacks what the configuration asks for.
         """
-        series = series_of([fix])
+        t = float(series.t[0])
         before = self.fixes[-1] if self.fixes else None
         self.fixes.append(series)
         del self.fixes[:-_HELD_FIXES]
         self.rests.see(series if series.v_n is not None else joined(self.fixes))
         if self.config.gnss.coupling == "off":
             return _none()
-        if before is not None and before.t[0] < fix.t and np.array_equal(before.llh, series.llh):
+        if before is not None and before.t[0] < t and np.array_equal(before.llh, series.llh):
             if held(joined(self.fixes))[0][-1]:
                 return _none()
             both = prepared_gnss(joined([before, series]), self._of_fixes, notes)
-            series = both.where(both.t == fix.t)
+            series = both.where(both.t == t)
         else:
             series = prepared_gnss(series, self._of_fixes, notes)
-        if not len(series) or self._is_too_soon("gnss", fix.t, self.config.gnss.every_s - 1e-6):
+        if not len(series) or self._is_too_soon("gnss", t, self.config.gnss.every_s - 1e-6):
             return _none()
         schedule, _ = aiding_schedule(Sources(_NO_IMU, series), self._of_fixes, self.spec, self.start, self.origin)
         return with_late_velocities(schedule, self.config.gnss.velocity_delay_s, self.start, [])
@@ -133,6 +140,8 @@ class LiveAids:
     def extend(self, samples: PreparedSamples) -> MeasurementSchedule:
         """Take samples; the constraints and measurements at rest that they complete."""
         if not len(samples):
+            return _none()
+        if self.config.aiding.non_holonomic is None and not self.rests.wanted:
             return _none()
         self.samples.append(t=samples.t, rate=samples.rate, force=samples.force)
         made = merged(self._constraints(), self.rests.extend(self.samples))

@@ -47,11 +47,11 @@ from schuler.navigation.start.alignment import aligned_sentence
 from schuler.navigation.start.calibration import configured_start
 from schuler.navigation.states import imu_spec
 from schuler.recording.io.checks import MAX_FORCE, MAX_RATE
-from schuler.recording.series import ImuSeries, Kind
+from schuler.recording.series import GnssSeries, ImuSeries, Kind
 
 _BLOCK = 20  # samples that are filtered together ...
-_BLOCK_S = 0.05  # ... unless they take longer to come [s]
-_JUDGE_S = 0.5  # how often health is judged [s]
+_BLOCK_S = 0.2  # ... unless they take longer to come, or the solution is asked for [s]
+_JUDGE_S = 1.0  # how often health is judged [s]
 _AHEAD_S = 60.0  # a measurement stamped later than the newest sample by more is of another clock [s]
 _REPEATED_S = 10.0  # events of one sort are said once in so long, with their number [s]
 _KEPT_EVENTS = 1000
@@ -502,9 +502,10 @@ class LiveNavigator:
 
     def _measure(self, message: Fix | Speed | Heading | Height) -> None:
         """Take a fix or reading."""
-        fault = _fault(message)
-        if fault:
-            self._say("measurement", f"a {_name(message)} is left out: {fault}", f"{_name(message)} {fault[:40]}")
+        try:
+            series = _checked(message)
+        except (InputError, ValueError) as error:
+            self._say("measurement", f"a {_name(message)} is left out: {error}", f"{_name(message)} {str(error)[:40]}")
             return
         if message.t > self._newest + _AHEAD_S:
             self._say(
@@ -517,13 +518,18 @@ class LiveNavigator:
         if self._collection is not None:
             self._collection.add(message)
         if self._aids is not None:
-            self._aid(self._measurements(self._aids, message))
+            self._aid(self._measurements(self._aids, message, series))
 
-    def _measurements(self, aids: LiveAids, message: Fix | Speed | Heading | Height) -> MeasurementSchedule:
+    def _measurements(
+        self, aids: LiveAids, message: Fix | Speed | Heading | Height, series: GnssSeries | None
+    ) -> MeasurementSchedule:
         """Measurements of one message; one that is none is said."""
         notes: list[str] = []
         try:
-            made = aids.fix(message, notes) if isinstance(message, Fix) else aids.reading(message)
+            if isinstance(message, Fix):
+                made = MeasurementSchedule.empty() if series is None else aids.fix(series, notes)
+            else:
+                made = aids.reading(message)
         except InputError as error:
             self._say("measurement", f"a {_name(message)} is left out: {error}", _name(message))
             return MeasurementSchedule.empty()
@@ -555,7 +561,7 @@ class LiveNavigator:
         self._filter, self._preparation, self._aids, samples = self._prepare(prepared, collection)
         self._monitor = HealthMonitor(placed=initial.nav.t)
         self._filter.extend(samples)
-        schedules = [self._measurements(self._aids, m) for m in collection.messages]
+        schedules = [self._measurements(self._aids, m, _checked(m)) for m in collection.messages]
         self._aid(merged(self._aids.known_places(), *schedules, self._aids.extend(samples)))
         self._filter.run()
         sentence = aligned_sentence(initial, "as the batch run does", float(collection.imu["t"][0]))
@@ -631,22 +637,18 @@ def _same(a: InitialState, b: InitialState) -> bool:
     return all(np.array_equal(x, y) for x, y in (*pairs, (a.parameters, b.parameters)))
 
 
-def _fault(message: Fix | Speed | Heading | Height) -> str:
-    """Why a message is none; empty if it is in order."""
+def _checked(message: Fix | Speed | Heading | Height) -> GnssSeries | None:
+    """A fix as a series of one, nothing of a reading; InputError says why a message is none."""
     if not math.isfinite(message.t):
-        return "it has no time"
+        raise InputError("it has no time")
     if isinstance(message, Fix):
-        try:
-            series_of([message])
-        except (InputError, ValueError) as error:
-            return str(error)
-        return ""
+        return series_of([message])
     value = message.speed if isinstance(message, Speed) else message.value
     if not math.isfinite(value):
-        return f"expected a number, got {value}"
+        raise InputError(f"expected a number, got {value}")
     if message.sigma is not None and not 0.0 < message.sigma < math.inf:
-        return f"expected a positive 1-sigma, got {message.sigma}"
-    return ""
+        raise InputError(f"expected a positive 1-sigma, got {message.sigma}")
+    return None
 
 
 def _name(message: Fix | Speed | Heading | Height) -> str:

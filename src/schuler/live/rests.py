@@ -18,7 +18,7 @@ from schuler.recording.series import GnssSeries, ImuSeries
 from schuler.sensors.spec import ImuSpec
 from schuler.standstill.stationarity import StaticIntervals, interval_mask, static_intervals
 
-_EVERY_S = 0.25  # how often the last seconds are searched [s]
+_EVERY_S = 0.5  # how often the last seconds are searched [s]
 _LEARN_S = 60.0  # how often noise at rest is learnt from the samples so far [s]
 _GOES_ON = ("bias", "learnt_at", "searched_at", "cursors", "until", "vetoed", "fast")
 _AT_REST = ("zero_velocity", "zero_rate", "gravity", "earth_rate")
@@ -53,8 +53,15 @@ class RestMeasurements:
         if self._aids and imu is not None:
             self._learn(imu)
 
+    @property
+    def wanted(self) -> bool:
+        """Whether anything is measured at rest."""
+        return bool(self._aids)
+
     def see(self, gnss: GnssSeries) -> None:
         """Remember when GNSS sees motion, at the newest fixes."""
+        if not self._aids:
+            return
         t, speed, sigma = horizontal_speeds(gnss)
         fast = t[speed > self.section.max_speed_m_s + 3.0 * sigma]
         self.fast = sorted({*self.fast, *fast.tolist()})[-200:]

@@ -10,6 +10,7 @@ import base64
 import contextlib
 import json
 import os
+import re
 import select
 import shutil
 import subprocess
@@ -32,7 +33,7 @@ FLAGS = (
     "--headless=new", "--remote-debugging-pipe", "--no-first-run", "--disable-gpu", "--hide-scrollbars",
     "--disable-extensions", "--disable-background-networking", "--disable-component-update", "--disable-sync",
     "--disable-renderer-backgrounding", "--disable-backgrounding-occluded-windows", "--disable-dev-shm-usage",
-    "--password-store=basic", "--force-color-profile=srgb", "--host-resolver-rules=MAP * ~NOTFOUND",
+    "--password-store=basic", "--force-color-profile=srgb", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 )  # fmt: skip
 
 
@@ -80,6 +81,7 @@ class Page:
     browser: Browser
     session: str
     width: int
+    own: tuple[str, ...] = ()  # how addresses begin that are the page's own
 
 
 @cache
@@ -140,19 +142,21 @@ def call(b: Browser, method: str, session: str | None = None, **parameters: Any)
 
 
 @contextlib.contextmanager
-def opened(path: Path, width: int, height: int = 900, *, dark: bool = False) -> Iterator[Page]:
-    """A page in a window of that size, loaded; a narrow window is a phone's."""
+def opened(path: Path | str, width: int, height: int = 900, *, dark: bool = False) -> Iterator[Page]:
+    """A page in a window of that size, loaded; a narrow window is a phone's. A text is an address on this machine."""
     b = browser()
     b.events.clear()
     target = call(b, "Target.createTarget", url="about:blank")["targetId"]
     session = call(b, "Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-    page = Page(b, session, width)
+    served = re.match(r"http://(127\.0\.0\.1:\d+)/", path) if isinstance(path, str) else None
+    own = () if served is None else (f"http://{served[1]}/", f"ws://{served[1]}/")
+    page = Page(b, session, width, own)
     for domain in ("Page", "Runtime", "Log", "Network"):
         call(b, f"{domain}.enable", session)
     scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
     call(b, "Emulation.setEmulatedMedia", session, features=scheme)
     resize(page, width, height)
-    call(b, "Page.navigate", session, url=Path(path).resolve().as_uri())
+    call(b, "Page.navigate", session, url=path if served is not None else Path(path).resolve().as_uri())
     until = time.monotonic() + PATIENCE_S
     while not any(e.get("method") == "Page.loadEventFired" for e in b.events):
         b.events.append(message(b, until))
@@ -244,13 +248,13 @@ def errors(page: Page) -> tuple[str, ...]:
 
 
 def requests(page: Page) -> tuple[str, ...]:
-    """Addresses outside the page and the file system that were asked for so far."""
+    """Addresses outside the page, its server and the file system that were asked for so far."""
     asked = [
         event["params"]["request"]["url"] if "request" in event["params"] else event["params"]["url"]
         for event in page.browser.events
         if event.get("method") in ("Network.requestWillBeSent", "Network.webSocketCreated")
     ]
-    return tuple(url for url in asked if not url.startswith(LOCAL))
+    return tuple(url for url in asked if not url.startswith((*LOCAL, *page.own)))
 
 
 def overflow(page: Page) -> float:

@@ -122,6 +122,11 @@ COMMANDS = {
         "Compare runs of this or other programs; or navigate a log with several architectures: one table.",
         "schuler compare drive-solution rtklib.pos --reference truth.csv --max horizontal_rms_m=1.0",
     ),
+    "studio": (
+        "schuler.cli.studio:studio",
+        "Open the workbench in the browser: look at logs, navigate, compare; on this machine alone, offline.",
+        "schuler studio drives",
+    ),
     "catalogue": (
         "schuler.cli.catalogue:catalogue",
         "List the IMUs of the catalogue, or show one: each value with unit and source, unknown where unstated.",

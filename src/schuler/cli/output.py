@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
@@ -120,8 +121,12 @@ def progress(what: str, *, total: int | None = None, unit: str = "") -> Iterator
     """A progress bar on stderr if that is a terminal; yields a function of the fraction done, or None.
 
     With a total number of things the bar also says how many are done and how many a second. The time left follows the
-    speed since the first call, which may come with a part that was done before.
+    speed since the first call, which may come with a part that was done before. Where the variable SCHULER_PROGRESS
+    names a file, the fraction is written there instead, for a program that started this one.
     """
+    if (place := os.environ.get("SCHULER_PROGRESS")) is not None:
+        yield partial(_note_fraction, Path(place))
+        return
     if _QUIET.get() or not sys.stderr.isatty():
         yield None
         return
@@ -151,6 +156,13 @@ def progress(what: str, *, total: int | None = None, unit: str = "") -> Iterator
             bar.update(task, completed=fraction, rate=rate)
 
         yield report
+
+
+def _note_fraction(place: Path, fraction: float) -> None:
+    """Write the fraction done into a file, which is never seen half-written."""
+    temporary = place.with_name(f"{place.name}.new")
+    temporary.write_text(f"{fraction:.4f}", encoding="ascii")
+    os.replace(temporary, place)
 
 
 def rate_text(gained: float, fraction: float, seconds: float, total: int, unit: str) -> str:

@@ -1,0 +1,5 @@
+"""Pages of the workbench, one job each; they call the library and hold no numerics."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,304 @@
+"""Navigate a log: configuration as a form, outages on the timeline, a run in its own process, what came out."""
+
+from __future__ import annotations
+
+import asyncio
+from html import escape
+from typing import Any
+from urllib.parse import quote
+
+from nicegui import events, ui
+
+from schuler.exceptions import InputError, SchulerError, printable
+from schuler.files import write_text
+from schuler.proposal import UndecidedError, propose
+from schuler.studio import form, jobs, reading, runner
+from schuler.studio.pages.entries import entry_fields
+from schuler.studio.pages.frame import (
+    block,
+    button,
+    chart,
+    command_box,
+    heading,
+    hint,
+    html,
+    problem,
+    question_box,
+    show,
+)
+from schuler.studio.pages.outcome import show_outcome
+from schuler.studio.signals import View, Views
+from schuler.studio.workspace import Workspace, configurations, logs, new_configuration_name, new_run_name, run_entry
+
+_POLL_S = 0.4
+
+
+class _Navigate:
+    """State of one open page; what is worth keeping is a file."""
+
+    def __init__(self, workspace: Workspace, views: Views, log: str, config: str) -> None:
+        self.workspace, self.views = workspace, views
+        self.log, self.config, self.imu = log, config, ""
+        self.data: dict[str, Any] = {}
+        self.checksum = ""
+        self.texts: dict[str, str] = {}
+        self.outages: list[tuple[float, float]] = []
+        self.view: View | None = None
+        self.answers: dict[str, Any] = {}
+        self.job = ""
+        self.out = ""
+
+    def changes(self) -> dict[str, Any]:
+        """Entries of the form that the file has otherwise."""
+        return form.changes(self.data, self.texts)
+
+    def arguments(self) -> list[str]:
+        """Command of the run."""
+        out = new_run_name(self.workspace, self.log)
+        return runner.navigate_arguments(self.log, self.config, out, self.changes(), self.outages)
+
+
+def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> None:
+    """Log, configuration and form on the left; timeline, run and result on the right."""
+    state = _Navigate(workspace, views, log, config)
+    if not log and not config and (last := _latest(workspace)) is not None:
+        state.log, state.config, state.outages = runner.origin_of(last.command)  # a page that was closed, say
+        log, config = state.log, state.config
+
+    async def opened() -> None:
+        """Read the log as the configuration says, for the timeline and the map."""
+        show(timeline, source="")
+        show(plan, source="")
+        state.view = None
+        if state.log:
+            try:
+                path = workspace.inside(state.log)
+                hints = {**state.data.get(reading.SECTION, {})}
+                state.view = await asyncio.to_thread(views.open, path, hints)
+            except (SchulerError, OSError) as error:
+                problem(error)
+        if state.view is not None and state.view.channels:
+            show(timeline, source=f"/studio/views/{state.view.key}/signals?only=speed", outages=state.outages)
+        drawn_plan()
+        commanded()
+
+    async def loaded() -> None:
+        """Read the configuration; entries that were changed in the form and not saved are dropped."""
+        state.data, state.checksum, state.texts = {}, "", {}
+        if state.config:
+            try:
+                state.data, state.checksum = runner.data_of(workspace, state.config)
+            except SchulerError as error:
+                problem(error)
+        entries.refresh()
+        await opened()
+        outaged()
+
+    async def choose_log(name: str) -> None:
+        state.log, state.answers, state.job, state.out = name, {}, "", ""
+        result.clear()
+        await opened()
+
+    async def choose_config(name: str) -> None:
+        state.config = name
+        await loaded()
+
+    async def proposed() -> None:
+        """Propose a configuration, as ``schuler init`` does, and write it."""
+        if not state.log:
+            ui.notify("choose a log first")
+            return
+        asked.clear()
+        said.set_content('<p class="hint">trying what the log shows: clock, mount, aids ...</p>')
+        given, imu = runner.proposal_of(state.data.get(reading.SECTION, {}), state.imu)
+        try:
+            made = await asyncio.to_thread(propose, workspace.inside(state.log), imu=imu, given=given | state.answers)
+            name = new_configuration_name(workspace)
+            write_text(workspace.inside(name), made.toml(), at_once=True)
+        except UndecidedError as question:
+            said.set_content("")
+            with asked:
+                question_box(question, answer)
+            return
+        except (SchulerError, OSError) as error:
+            said.set_content("")
+            problem(error)
+            return
+        said.set_content(f'<p class="hint">proposed and written: {escape(name)}, each entry with its evidence</p>')
+        configs.set_options(configurations(workspace))
+        configs.set_value(name)
+
+    async def answer(answers: dict[str, Any]) -> None:
+        state.answers |= answers
+        await proposed()
+
+    def save() -> None:
+        try:
+            state.checksum = runner.saved(workspace, state.config, state.changes(), state.checksum)
+            state.data, state.checksum = runner.data_of(workspace, state.config)
+        except (SchulerError, OSError) as error:
+            problem(error)
+            return
+        state.texts = {}
+        entries.refresh()
+        commanded()
+        ui.notify(f"written: {state.config}")
+
+    def commanded() -> None:
+        """Show the command, or what is wrong with the form."""
+        command.clear()
+        with command:
+            if not (state.log and state.config):
+                hint("Choose a log and a configuration, or let one be proposed.")
+                return
+            try:
+                runner.checked(workspace, state.config, state.changes())
+                command_box(runner.shell(state.arguments()))
+            except (SchulerError, OSError) as error:
+                hint(printable(str(error)), bad=True)
+
+    def begin() -> None:
+        try:
+            if not (state.log and state.config):
+                raise InputError("choose a log and a configuration first")
+            workspace.inside(state.log)
+            runner.checked(workspace, state.config, state.changes())
+            arguments = state.arguments()
+            out = arguments[arguments.index("--out") + 1]
+            state.job = jobs.start(workspace, [*arguments, "--json"], out).key
+        except (SchulerError, OSError) as error:
+            problem(error)
+        look()
+
+    def look() -> None:
+        """Say how the run stands; the page of a browser that was closed finds it here too."""
+        found = jobs.job(workspace, state.job) if state.job else _latest(workspace, state.log)
+        if found is None:
+            return
+        if (found.key, found.state, found.fraction) == progress.last:  # type: ignore[attr-defined]
+            return
+        progress.last = (found.key, found.state, found.fraction)  # type: ignore[attr-defined]
+        state.job = found.key
+        progress.clear()
+        with progress:
+            if found.state == "running":
+                word = "filtering" if found.fraction > 0.0 else "reading and checking"
+                html(
+                    f'<p class="hint">{escape(found.out)}: {word}</p><progress max="1" value="{found.fraction:.3f}" '
+                    f'aria-label="progress of the run"></progress>'
+                )
+                button("cancel", lambda: jobs.cancel(workspace, found.key))
+            elif found.state != "done":
+                words = {
+                    "killed": "its process was ended from outside; nothing half-written is left",
+                    "cancelled": "cancelled; nothing is left of it",
+                }.get(found.state, found.message)
+                html(f'<p class="hint bad">{escape(found.out)}: {escape(found.state)}: {escape(printable(words))}</p>')
+                button("start again", lambda: again(found))
+        if found.state == "done" and found.command[:1] == ("navigate",):
+            state.out = found.out
+            drawn_plan()
+            show_outcome(result, run_entry(workspace, found.out))
+            commanded()
+
+    def again(found: jobs.Job) -> None:
+        try:
+            state.job = jobs.start(workspace, found.command, found.out).key
+        except InputError as error:
+            problem(error)
+        look()
+
+    def drawn_plan() -> None:
+        view = "" if state.view is None else f"view={state.view.key}"
+        out = f"run={quote(state.out)}" if state.out else ""
+        source = "&".join(part for part in (view, out) if part)
+        show(plan, source=f"/studio/track?{source}" if source else "", outages=state.outages)
+
+    def outaged() -> None:
+        """Show outages everywhere, in order."""
+        state.outages.sort()
+        windows.clear()
+        with windows:
+            for window in state.outages:
+                with block("line"):
+                    html(f"{runner.seconds(window[0])} to {runner.seconds(window[1])} s").style("width: auto")
+                    button("remove", lambda w=window: removed(w)).props(
+                        f'aria-label="remove the outage from {window[0]:g} s on"'
+                    )
+        show(timeline, outages=state.outages)
+        show(plan, outages=state.outages)
+        commanded()
+
+    def removed(window: tuple[float, float]) -> None:
+        state.outages.remove(window)
+        outaged()
+
+    def dragged(event: events.GenericEventArguments) -> None:
+        add(*(round(float(x), 1) for x in event.args))
+
+    def add(begin_s: float | None, end_s: float | None) -> None:
+        if begin_s is None or end_s is None or not end_s > begin_s:
+            ui.notify("an outage stops after it starts: give both, in seconds from the start", type="negative")
+            return
+        state.outages.append((float(begin_s), float(end_s)))
+        outaged()
+
+    @ui.refreshable
+    def entries() -> None:
+        entry_fields(state.data, state.texts, search.value or "", only_stated=only.value, changed=commanded)
+
+    with block("cols"):
+        with block("col"):
+            heading("Log and configuration")
+            known, files = logs(workspace), configurations(workspace)
+            ui.select(
+                known, value=log if log in known else None, label="log", with_input=True,
+                on_change=lambda e: choose_log(e.value or ""),
+            ).props('outlined dense aria-label="log"')  # fmt: skip
+            configs = (
+                ui.select(
+                    files, value=config if config in files else None, label="configuration", with_input=True,
+                    on_change=lambda e: choose_config(e.value or ""),
+                ).props('outlined dense aria-label="configuration"').classes("q-mt-sm")
+            )  # fmt: skip
+            with block("line"):
+                imu = ui.input("IMU, of the catalogue").props("outlined dense").classes("grow")
+                imu.bind_value(state, "imu")
+                button("propose", proposed)
+            said = html("")
+            asked = ui.element("div").style("width: 100%")
+            heading("Entries")
+            with block("line"):
+                search = ui.input("search", on_change=entries.refresh).props("outlined dense clearable").classes("grow")
+                only = ui.checkbox("only what is stated", on_change=entries.refresh)
+            with block("form"):
+                entries()
+            with block("line"):
+                button("save into the configuration", save)
+        with block("col"):
+            heading("Timeline")
+            timeline = chart("timeline", without="Choose a log on the left.", label="speed over time, outages shaded")
+            timeline.on("span", dragged, js_handler="(e) => emit(e.detail)")
+            hint("Drag over a stretch to withhold GNSS there; arrows, + and - move the window.")
+            windows = ui.element("div").style("width: 100%")
+            with block("line"):
+                from_s = ui.number("outage from [s]").props("outlined dense").style("width: 9rem")
+                to_s = ui.number("to [s]").props("outlined dense").style("width: 9rem")
+                button("add outage", lambda: add(from_s.value, to_s.value))
+            heading("Run")
+            command = ui.element("div").style("width: 100%")
+            with block("line"):
+                button("navigate", begin, "main")
+            progress = ui.element("div").style("width: 100%")
+            progress.last = None  # type: ignore[attr-defined]
+            result = ui.element("div").style("width: 100%")
+            heading("Track")
+            plan = chart("plan", without="The track of GNSS and solution.", label="track, north over east")
+    ui.timer(0.05, loaded, once=True)
+    ui.timer(_POLL_S, look)
+
+
+def _latest(workspace: Workspace, log: str = "") -> jobs.Job | None:
+    """The navigation that was started last, of one log or of any."""
+    navigations = (job for job in jobs.jobs(workspace) if job.command[:1] == ("navigate",))
+    return next((job for job in navigations if log in ("", job.command[1])), None)

@@ -1,0 +1,139 @@
+"""Runs of the folder: verdict and numbers, report, comparison of two, removal."""
+
+from __future__ import annotations
+
+import shlex
+import time
+from html import escape
+from urllib.parse import quote
+
+from nicegui import ui
+
+from schuler.exceptions import InputError
+from schuler.studio import jobs
+from schuler.studio.pages.frame import block, button, command_box, heading, hint, html, problem
+from schuler.studio.workspace import RunEntry, Workspace, delete_run, runs
+
+_POLL_S = 0.5
+_NUMBERS = (
+    ("rms_horizontal_m", "horizontal RMS [m]"), ("max_horizontal_m", "largest [m]"), ("nis_mean", "mean NIS"),
+    ("nees_mean", "mean NEES"),
+)  # fmt: skip
+
+
+def runs_page(workspace: Workspace) -> None:
+    """Table of runs, and what can be done with one or two of them."""
+    chosen: list[str] = []
+    heading("Runs in this folder, the latest first")
+    listing = ui.element("div").style("width: 100%")
+    heading("Two runs against each other")
+    comparison = ui.element("div").style("width: 100%")
+
+    def refresh() -> None:
+        listing.clear()
+        found = runs(workspace)
+        chosen[:] = [name for name in chosen if any(run.name == name for run in found)]
+        with listing:
+            if not found:
+                hint("None yet: Navigate makes one, and so does schuler navigate --out FOLDER in this folder.")
+            for run in found:
+                _row(run)
+        compared()
+
+    def _row(run: RunEntry) -> None:
+        with block("finding " + {"failed": "error", "doubtful": "warning"}.get(run.status, "")):
+            when = time.strftime("%Y-%m-%d %H:%M", time.localtime(run.changed))
+            log = str(run.document.get("log", "")).rpartition("/")[2]
+            html(
+                f'<p><b>{escape(run.name)}</b> <span class="status-{escape(run.status)}">{escape(run.status)}</span> '
+                f'<span class="hint">{escape(log)}, {when}</span></p><p>{_sentence(run)}</p>'
+            )
+            with block("line"):
+                ui.checkbox(
+                    "compare", value=run.name in chosen, on_change=lambda e, name=run.name: choose(name, e.value)
+                ).props(f'aria-label="compare {escape(run.name)}"')
+                if "report.html" in run.files:
+                    html(f'<a href="/studio/files/{quote(run.name)}/report.html" target="_blank">report</a>').style(
+                        "width: auto"
+                    )
+                html(f'<a href="/studio/files/{quote(run.name)}/metrics.json" target="_blank">metrics.json</a>').style(
+                    "width: auto"
+                )
+                button("delete", lambda name=run.name: ask(name), "grave").props(
+                    f'aria-label="delete {escape(run.name)}"'
+                )
+
+    def choose(name: str, on: bool) -> None:
+        if on and name not in chosen:
+            chosen.append(name)
+        elif not on and name in chosen:
+            chosen.remove(name)
+        compared()
+
+    def ask(name: str) -> None:
+        with ui.dialog() as dialog, ui.card():
+            html(f"<p>Delete <b>{escape(name)}</b> and all its files? This cannot be undone.</p>")
+            with block("line"):
+                button("keep", dialog.close)
+                button("delete", lambda: delete(name, dialog), "grave")
+        dialog.open()
+
+    def delete(name: str, dialog: ui.dialog) -> None:
+        dialog.close()
+        try:
+            delete_run(workspace, name)
+        except InputError as error:
+            problem(error)
+        refresh()
+
+    def compared() -> None:
+        comparison.clear()
+        with comparison:
+            if len(chosen) != 2:
+                hint("Choose two of the list: the second is compared with the first.")
+                return
+            out = f"{'-'.join(name.replace('/', '_') for name in chosen)}-comparison"
+            arguments = ["compare", *chosen, "--out", out]
+            command_box(shlex.join(["schuler", *arguments]))
+            place = workspace.root / out
+            if (place / "runs.html").is_file():
+                html(f'<p><a href="/studio/files/{quote(out)}/runs.html" target="_blank">open the comparison</a></p>')
+                html(f'<iframe class="report" title="comparison" src="/studio/files/{quote(out)}/runs.html"></iframe>')
+                return
+            state = hint("")
+
+            def begin() -> None:
+                try:
+                    job = jobs.start(workspace, [*arguments, "--json"], out)
+                except InputError as error:
+                    problem(error)
+                    return
+
+                def look() -> None:
+                    found = jobs.job(workspace, job.key)
+                    if found is None or found.state == "running":
+                        state.set_content('<p class="hint">comparing ...</p>')
+                        return
+                    timer.cancel()
+                    if found.state == "done":
+                        compared()
+                    else:
+                        state.set_content(f'<p class="hint bad">{escape(found.state)}: {escape(found.message)}</p>')
+
+                timer = ui.timer(_POLL_S, look)
+
+            button("compare", begin, "main")
+
+    refresh()
+
+
+def _sentence(run: RunEntry) -> str:
+    """The numbers that people ask for first."""
+    parts = [
+        f"{label} {run.metrics[key]:.4g}" for key, label in _NUMBERS if isinstance(run.metrics.get(key), (int, float))
+    ]
+    outages = run.metrics.get("outages") or []
+    worst = [o.get("max_horizontal_m") for o in outages if isinstance(o, dict)]
+    if any(isinstance(w, (int, float)) for w in worst):
+        parts.append(f"{len(worst)} without GNSS, worst {max(w for w in worst if w is not None):.4g} m")
+    return escape(", ".join(parts) or "no reference to compare with")

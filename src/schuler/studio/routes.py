@@ -1,0 +1,78 @@
+"""What pages fetch beside themselves: signals, tracks, files of runs, uploads, and the scripts of the package."""
+
+from __future__ import annotations
+
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+from schuler.exceptions import SchulerError, printable
+from schuler.studio.signals import Views, window
+from schuler.studio.tracks import plan
+from schuler.studio.uploads import receive, target_of
+from schuler.studio.workspace import Workspace
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+    from starlette.requests import Request
+    from starlette.responses import Response
+
+#: A report is a page of its own: it may run its script, but is another origin than the workbench.
+SANDBOX = "sandbox allow-scripts allow-downloads allow-popups allow-modals; default-src 'none'; " + (
+    "script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; frame-ancestors 'self'"
+)
+_TYPES = {"studio.js": "text/javascript", "studio.css": "text/css"}
+
+
+def add_routes(app: FastAPI, workspace: Workspace, views: Views) -> None:
+    """Add the routes under ``/studio``."""
+    from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+
+    def refused(_: Request, error: Exception) -> Response:
+        return PlainTextResponse(printable(str(error)), status_code=400)
+
+    app.add_exception_handler(SchulerError, refused)
+
+    def asset(name: str) -> Response:
+        cached = {"cache-control": "no-cache"}
+        if name == "plotly.js":
+            data = (resources.files("schuler.plotting") / "assets" / "plotly-basic.min.js.gz").read_bytes()
+            return Response(data, media_type="text/javascript", headers={"content-encoding": "gzip", **cached})
+        if name not in _TYPES:
+            return PlainTextResponse("no such file", status_code=404)
+        text = (resources.files("schuler.studio") / "assets" / name).read_text(encoding="utf-8")
+        return Response(text, media_type=_TYPES[name], headers=cached)
+
+    def signals(key: str, start: float | None = None, stop: float | None = None, only: str = "") -> Response:
+        seen = views.get(key)
+        first, last = seen.span
+        shown = window(seen, first if start is None else start, last if stop is None else stop)
+        wanted = [panel for panel in shown["panels"] if panel["label"].startswith(only)] or shown["panels"][:1]
+        return JSONResponse(shown | {"panels": wanted if only else shown["panels"], "span": [first, last]})
+
+    def track(view: str = "", run: str = "") -> Response:
+        recording = views.get(view).recording if view else None
+        return JSONResponse(plan(recording, workspace.inside(run) if run else None))
+
+    def file(name: str) -> Response:
+        path = workspace.inside(name)
+        if not path.is_file():
+            return PlainTextResponse("no such file", status_code=404)
+        return FileResponse(path, headers={"content-security-policy": SANDBOX, "cache-control": "no-store"})
+
+    async def upload(name: str, request: Any) -> Response:
+        stated = request.headers.get("content-length", "")
+        size = int(stated) if stated.isdigit() else None
+        written = await receive(target_of(workspace, name, size), request.stream(), size)
+        return JSONResponse({"name": name, "bytes": written})
+
+    # FastAPI finds what to pass by the class, which this module does not import before it is needed
+    from starlette.requests import Request as RequestClass
+
+    upload.__annotations__["request"] = RequestClass
+    for function in (asset, signals, track, file, upload):
+        function.__annotations__.pop("return")
+    app.get("/studio/assets/{name}")(asset)
+    app.get("/studio/views/{key}/signals")(signals)
+    app.get("/studio/track")(track)
+    app.get("/studio/files/{name:path}")(file)
+    app.put("/studio/uploads/{name}")(upload)

@@ -1,0 +1,58 @@
+"""Ways over ground as a page draws them: fixes of a log, solutions of a run, in metres about one origin."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler import frames
+from schuler.arrays import FloatArray
+from schuler.navigation.evaluation.runs import read_run
+from schuler.recording.recording import Recording
+
+_MOST = 4000  # points of a curve
+_SOLUTIONS = (("solution.parquet", "filtered"), ("smoothed.parquet", "smoothed"))
+
+
+def plan(recording: Recording | None, run: Path | None = None) -> dict[str, Any]:
+    """Curves of a log's fixes and of a run's solutions.
+
+    Parameters
+    ----------
+    recording : Recording, optional
+        Its first fix is the origin; without fixes it is the first point of the run.
+    run : Path, optional
+        Folder of a run; it needs pyarrow (extra ``data``) and tables of the solution.
+
+    Returns
+    -------
+    dict
+        ``curves`` of ``t`` from the start of the recording [s], ``north`` and ``east`` [m]; ``note``: what is missing.
+    """
+    curves: list[dict[str, Any]] = []
+    origin: FloatArray | None = None
+    zero = None if recording is None else recording.start
+    if recording is not None and recording.gnss is not None and len(recording.gnss.t):
+        g = recording.gnss
+        origin = g.llh[0]
+        curves.append(_curve("GNSS", "measured", g.t - recording.start, frames.ecef_from_llh(g.llh), origin))
+    files = [] if run is None else [(run / name, role) for name, role in _SOLUTIONS if (run / name).is_file()]
+    for path, role in files:
+        T = read_run(path).trajectory
+        origin = frames.llh_from_ecef(T.r_eb_e[0]) if origin is None else origin
+        zero = float(T.t[0]) if zero is None else zero
+        curves.append(_curve(role, role, T.t - zero, T.r_eb_e, origin))
+    missing = run is not None and not files
+    return {"curves": curves, "note": "this run has no table of its solution (extra data)" if missing else ""}
+
+
+def _curve(name: str, role: str, t: FloatArray, r_eb_e: FloatArray, origin: FloatArray) -> dict[str, Any]:
+    """Some of the points; coordinates to the millimetre."""
+    k = np.arange(0, len(t), max(-(-len(t) // _MOST), 1))
+    ned = np.round(frames.ned_from_ecef(r_eb_e[k], origin), 3)
+    return {
+        "name": name, "role": role, "t": np.round(t[k], 3).tolist(), "north": ned[:, 0].tolist(),
+        "east": ned[:, 1].tolist(),
+    }  # fmt: skip

@@ -1,0 +1,110 @@
+"""The form: every entry of the schema, values spelt as in TOML, changes that become options and files again."""
+
+import tomllib
+from itertools import pairwise
+
+import pytest
+
+from schuler.cli.configuration import entries
+from schuler.exceptions import ConfigError, InputError
+from schuler.navigation.config import NavigationConfig
+from schuler.studio import form, runner
+from schuler.studio.workspace import Workspace
+
+TOML = """\
+# a drive
+[imu]
+catalogue = "MPU-6000"   # as printed on it
+[gnss]
+lever_arm_m = [1.0, 0.0, -1.5]
+[aiding.zero_velocity]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "drive.toml").write_text(TOML)
+    return Workspace(tmp_path.resolve())
+
+
+def test_every_entry_has_its_default_as_the_model_has_it():
+    defaults = NavigationConfig.parse({"imu": {"catalogue": "MPU-6000"}}).model_dump(mode="json")
+    names = [field.name for field in form.fields()]
+    assert len(names) == len(set(names))
+    compared = 0
+    for field in form.fields():
+        at = defaults
+        for part in field.name.split("."):
+            at = at.get(part) if isinstance(at, dict) else None
+        if field.default and at is not None:
+            assert tomllib.loads(f"x = {field.default}")["x"] == at
+            compared += 1
+    assert compared > 50
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("gnss.lever_arm_m", "m"),
+        ("imu.mount_rpy_deg", "deg"),
+        ("aiding.gravity.sigma_m_s2", "m/s²"),
+        ("filter.tune", ""),
+    ],
+)
+def test_units(name, unit):
+    assert next(field for field in form.fields() if field.name == name).unit == unit
+
+
+def test_what_is_stated_is_shown_and_changes_nothing():
+    data = tomllib.loads(TOML)
+    texts = {field.name: form.shown(data, field) for field in form.fields()}
+    assert texts["gnss.lever_arm_m"] == "[1.0, 0.0, -1.5]"
+    assert texts["aiding.zero_velocity"] == "true"
+    assert form.changes(data, texts) == {}
+
+
+def test_changes_are_options_that_the_command_reads_alike(folder):
+    data, _ = runner.data_of(folder, "drive.toml")
+    texts = {
+        "gnss.lever_arm_m": "[0.5, 0.0, -1.0]", "filter.states": "21", "alignment.method": '"course"',
+        "filter.smooth": "false", "aiding.zero_rate": "true", "aiding.zero_velocity": "", "imu.catalogue": "HG1700",
+    }  # fmt: skip
+    changes = form.changes(data, texts)
+    arguments = runner.navigate_arguments("a log.csv", "drive.toml", "run-1", changes, [(120.0, 135.5)])
+    assert arguments[:6] == ["navigate", "a log.csv", "--config", "drive.toml", "--out", "run-1"]
+    assert arguments[-2:] == ["--outage", "120:135.5"]
+    options = dict(entries(tuple(b for a, b in pairwise(arguments) if a == "--set")))
+    assert options == {name: value for name, value in changes.items() if value not in ({}, None)}
+    assert arguments[arguments.index("--aid") + 1] == "zero_rate"
+    assert arguments[arguments.index("--without") + 1] == "zero_velocity"
+    assert runner.origin_of(arguments) == ("a log.csv", "drive.toml", [(120.0, 135.5)])
+    assert runner.shell(arguments).startswith("schuler navigate 'a log.csv' --config")
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [("filter.states", "[1"), ("filter.smooth", "perhaps"), ("gnss.lever_arm_m", "{")]
+)
+def test_what_is_no_value_is_refused_with_what_was_expected(name, text):
+    with pytest.raises(InputError, match=f"{name}: expected"):
+        form.changes({}, {name: text})
+
+
+def test_saving_keeps_comments_and_is_refused_after_another_did(folder):
+    data, checksum = runner.data_of(folder, "drive.toml")
+    changes = form.changes(data, {"gnss.lever_arm_m": "[0.5, 0.0, -1.0]", "aiding.zero_rate": "true"})
+    new = runner.saved(folder, "drive.toml", changes, checksum)
+    text = (folder.root / "drive.toml").read_text()
+    assert "# as printed on it" in text
+    loaded = NavigationConfig.load(folder.root / "drive.toml")
+    assert loaded.gnss.lever_arm_m == (0.5, 0.0, -1.0)
+    assert loaded.aiding.zero_rate is not None
+    with pytest.raises(InputError, match="was changed meanwhile"):
+        runner.saved(folder, "drive.toml", changes, checksum)
+    assert runner.saved(folder, "drive.toml", {}, new) == new
+
+
+def test_wrong_values_are_refused_with_the_sentence_of_the_command(folder):
+    with pytest.raises(ConfigError, match=r"gnss\.gate"):
+        runner.checked(folder, "drive.toml", {"gnss.gate": 3.0})
+    with pytest.raises(InputError, match="save the configuration first"):
+        runner.navigate_arguments("a", "b", "c", {"gnss.lever_arm_m": None}, [])

@@ -1,0 +1,273 @@
+"""The workbench as a reader has it: a real server on 127.0.0.1, Chromium, nothing asked of any other machine."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import chromium
+import numpy as np
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+pytest.importorskip("nicegui", reason="the workbench needs the extra studio")
+
+#: Wider than the page, narrower than the page.
+WIDTHS = (1400, 390)
+
+
+class Server:
+    """A server in its process, and the cookie of a visitor."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        command = [sys.executable, "-m", "schuler", "studio", str(folder), "--no-browser", "--quiet"]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder)
+        self.address = self.process.stdout.readline().strip()
+        self.base, self.token = self.address.split("/?token=")
+        self.port = int(self.base.rpartition(":")[2])
+
+    def page(self, path: str, **query: str) -> str:
+        words = "&".join([f"token={self.token}", *(f"{name}={value}" for name, value in query.items())])
+        return f"{self.base}{path}?{words}"
+
+    def ask(self, path, method="GET", data=None, **headers):
+        """Status and body of a request with the cookie."""
+        cookie = {"Cookie": f"schuler_studio_{self.port}={self.token}"}
+        request = urllib.request.Request(self.base + path, data, cookie | headers, method=method)
+        try:
+            with urllib.request.urlopen(request, timeout=60.0) as answer:
+                return answer.status, answer.read()
+        except urllib.error.HTTPError as error:
+            with error:
+                return error.code, error.read()
+
+    def stop(self, how=signal.SIGTERM):
+        self.process.send_signal(how)
+        self.process.wait(30.0)
+        self.process.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory):
+    """Folder with a simulated drive and its configuration."""
+    from schuler.recording.io import write
+    from schuler.simulation import simulate
+
+    folder = tmp_path_factory.mktemp("town")
+    write(simulate(EXAMPLES / "town.toml"), folder / "town.parquet")
+    (folder / "drive.toml").write_text((EXAMPLES / "town_navigation.toml").read_text())
+    return folder
+
+
+@pytest.fixture(scope="module")
+def server(town):
+    served = Server(town)
+    yield served
+    served.stop()
+
+
+def press(page, text):
+    """Click the button with this text."""
+    mark = f"[...document.querySelectorAll('button')].find(b => b.textContent.trim() === {json.dumps(text)})"
+    chromium.wait_for(page, mark, 60.0)
+    chromium.run(page, f"{mark}.setAttribute('data-press', '1')")
+    chromium.click(page, "[data-press]")
+    chromium.run(page, "document.querySelector('[data-press]')?.removeAttribute('data-press')")
+
+
+def drag(page, start, stop):
+    """Drag over the timeline from one time to another. [s]"""
+    chromium.wait_for(page, "document.querySelector('.timeline').dataset.latency", 90.0)
+    chromium.centre(page, ".timeline")
+    box = "document.querySelector('.timeline .nsewdrag').getBoundingClientRect()"
+    left, top, width, height = chromium.run(page, f"(r => [r.x, r.y, r.width, r.height])({box})")
+    low, high = map(float, chromium.run(page, "document.querySelector('.timeline').dataset.window").split(","))
+    xs = [left + (t - low) / (high - low) * width for t in np.linspace(start, stop, 12)]
+    y = top + 0.5 * height
+    chromium.mouse(page, "mouseMoved", xs[0], y)
+    chromium.mouse(page, "mousePressed", xs[0], y, button="left", clickCount=1)
+    for x in xs:
+        chromium.mouse(page, "mouseMoved", x, y, button="left", buttons=1)
+    chromium.mouse(page, "mouseReleased", xs[-1], y, button="left", clickCount=1)
+
+
+def navigated(page):
+    """Press navigate and wait for the verdict; the command as it was shown, and the table's numbers."""
+    command = chromium.run(page, "document.querySelector('.command pre').textContent")
+    out = command.split("--out ")[1].split()[0]
+    press(page, "navigate")
+    chromium.wait_for(page, f"document.querySelector('.verdict b')?.textContent.startsWith({json.dumps(out)})", 120.0)
+    rows = chromium.run(
+        page, "[...document.querySelectorAll('tbody tr')].map(r => [...r.cells].map(c => c.textContent))"
+    )
+    return command, out, rows
+
+
+def the_same_by_command(folder, command, out, rows):
+    """The command that was shown gives the same file of numbers, and the page has them to the last digit."""
+    words = command.split()
+    words[words.index(out)] = f"{out}-again"
+    answer = subprocess.run(
+        [sys.executable, "-m", *words, "--json"], cwd=folder, capture_output=True, text=True, check=True
+    )
+    numbers = json.loads(answer.stdout)
+    by_page = json.loads((folder / out / "metrics.json").read_text())
+    assert by_page == {k: v for k, v in numbers.items() if k not in ("command", "elapsed_s", "files")}
+    shown = {row[0]: row[1:] for row in rows}
+    assert float(shown["rms_horizontal_m"][0]) == numbers["rms_horizontal_m"]
+    assert float(shown["rms_horizontal_m"][1]) == numbers["smoothed"]["rms_horizontal_m"]
+    drawn = numbers["outages"][-1]
+    assert [float(cell) for cell in rows[-1][:3]] == [drawn[k] for k in ("start_s", "stop_s", "max_horizontal_m")]
+
+
+def test_who_is_let_in_and_what_is_given(server, town):
+    (town.parent / "secret.txt").write_text("not yours")
+    assert server.ask("/", Cookie="")[0] == 403
+    assert server.ask("/", Host="rebound.example")[0] == 403
+    assert server.ask("/studio/uploads/x.csv", "PUT", b"1", Origin="https://example.org")[0] == 403
+    assert server.ask("/")[0] == 200
+    for path in (
+        "../secret.txt",
+        "..%2fsecret.txt",
+        "%2e%2e/secret.txt",
+        "x/../../secret.txt",
+        "%2fetc%2fpasswd",
+        ".h",
+    ):
+        status, body = server.ask(f"/studio/files/{path}")
+        assert status in (400, 404)
+        assert b"not yours" not in body
+    assert server.ask("/studio/files/drive.toml") == (200, (town / "drive.toml").read_bytes())
+    assert server.ask("/studio/views/none/signals")[0] == 400
+    assert server.ask("/studio/assets/nothing.js")[0] == 404
+
+
+def test_uploads_arrive_once_and_a_wrong_file_does_not_end_the_server(server, town):
+    assert server.ask("/studio/uploads/junk.bin", "PUT", bytes(range(256)) * 4096)[0] == 200
+    assert (town / "junk.bin").stat().st_size == 1 << 20
+    status, body = server.ask("/studio/uploads/junk.bin", "PUT", b"other")
+    assert (status, b"is kept" in body) == (400, True)
+    assert server.ask("/studio/uploads/..%2fx", "PUT", b"1")[0] in (400, 404, 405)
+    assert not (town.parent / "x").exists()
+    if chromium.PROGRAM is not None:
+        with chromium.opened(server.page("/", log="junk.bin"), 1400) as page:
+            chromium.wait_for(page, "document.querySelector('.finding.error')", 60.0)
+            assert chromium.errors(page) == ()
+    assert server.ask("/")[0] == 200
+    (town / "junk.bin").unlink()
+
+
+@chromium.needed
+@pytest.mark.parametrize("path", ["/", "/navigate", "/runs"])
+def test_pages_fit_ask_nobody_else_and_say_no_error(server, path):
+    for width in WIDTHS:
+        with chromium.opened(server.page(path), width, dark=width == 390) as page:
+            chromium.wait_for(page, "document.querySelector('header.bar a[aria-current]')", 60.0)
+            seen = chromium.seen(page)
+            assert (seen.errors, seen.requests) == ((), ())
+            assert seen.overflow <= 0.0
+
+
+@chromium.needed
+def test_a_log_is_looked_at(server):
+    with chromium.opened(server.page("/", log="town.parquet"), 1400) as page:
+        chromium.wait_for(page, "document.querySelector('.signals').dataset.latency", 90.0)
+        assert chromium.run(page, "document.querySelector('.signals').data.length") == 9
+        assert "schuler check town.parquet" in chromium.run(page, "document.querySelector('.command pre').textContent")
+        before = chromium.run(page, "document.querySelector('.signals').dataset.window")
+        chromium.run(page, "document.querySelector('.signals').focus()")
+        for kind in ("keyDown", "keyUp"):
+            chromium.call(
+                page.browser, "Input.dispatchKeyEvent", page.session, type=kind, key="+", text="+"[: kind == "keyDown"]
+            )
+        chromium.wait_for(page, f"document.querySelector('.signals').dataset.window !== {json.dumps(before)}")
+        assert chromium.errors(page) == ()
+
+
+@chromium.needed
+@pytest.mark.campaign
+def test_a_run_with_an_outage_that_is_drawn_has_the_numbers_of_the_command(server, town):
+    with chromium.opened(server.page("/navigate", log="town.parquet", config="drive.toml"), 1400) as page:
+        drag(page, 130.0, 145.0)
+        chromium.wait_for(page, "document.querySelector('.command pre').textContent.includes('--outage 1')")
+        command, out, rows = navigated(page)
+        chromium.wait_for(page, "document.querySelector('.plan').dataset.curves === 'GNSS,filtered,smoothed'")
+        assert (chromium.errors(page), chromium.requests(page)) == ((), ())
+    the_same_by_command(town, command, out, rows)
+    with chromium.opened(server.page("/runs"), 1400) as page:
+        chromium.wait_for(page, f"document.body.textContent.includes({json.dumps(out)})", 60.0)
+    status, report = server.ask(f"/studio/files/{out}/report.html")
+    assert status == 200
+    assert b"</html>" in report
+
+
+@chromium.needed
+@pytest.mark.campaign
+def test_a_worker_and_a_server_that_are_killed(town):
+    from schuler.studio import jobs
+    from schuler.studio.workspace import Workspace
+
+    folder = Workspace(town.resolve())
+    served = Server(town)
+    with chromium.opened(served.page("/navigate", log="town.parquet", config="drive.toml"), 1400) as page:
+        chromium.wait_for(page, "document.querySelector('.timeline').dataset.latency", 90.0)
+        press(page, "navigate")
+        chromium.wait_for(page, "document.querySelector('progress')", 60.0)
+        job = jobs.jobs(folder)[0]
+        os.kill(job.pid, signal.SIGKILL)
+        chromium.wait_for(page, "document.querySelector('.bad')?.textContent.includes('killed')", 60.0)
+        assert not (town / job.out).exists()
+        press(page, "start again")
+        chromium.wait_for(page, "document.querySelector('progress')", 60.0)
+    served.stop(signal.SIGKILL)
+    again = Server(town)
+    try:
+        with chromium.opened(again.page("/navigate"), 1400) as page:  # finds the run, or what came of it
+            chromium.wait_for(page, "document.querySelector('.verdict')", 120.0)
+            assert job.out in chromium.run(page, "document.querySelector('.verdict').textContent")
+    finally:
+        again.stop()
+
+
+@chromium.needed
+@pytest.mark.campaign
+@pytest.mark.realdata
+def test_the_files_of_a_drive_dropped_read_navigated(shared_data, tmp_path):
+    """Files dropped, their clocks and axes proposed, a configuration of the examples, an outage of 15 s drawn."""
+    files = [shared_data / "rtkexp_drive" / name for name in ("imu_1934.csv", "gnss_1934_sf.pos")]
+    (tmp_path / "drive.toml").write_text((EXAMPLES / "rtkexp_drive.toml").read_text())
+    served = Server(tmp_path)
+    try:
+        with chromium.opened(served.page("/"), 1400) as page:
+            chromium.wait_for(page, "document.querySelector('.drop input')", 60.0)
+            found = chromium.call(
+                page.browser, "Runtime.evaluate", page.session, expression="document.querySelector('.drop input')"
+            )
+            chromium.call(
+                page.browser, "DOM.setFileInputFiles", page.session,
+                files=[str(path) for path in files], objectId=found["result"]["objectId"],
+            )  # fmt: skip
+            until = time.monotonic() + 60.0
+            while not all((tmp_path / path.name).is_file() for path in files):
+                assert time.monotonic() < until
+                chromium.settle(page)
+        for path in files:
+            assert (tmp_path / path.name).read_bytes() == path.read_bytes()
+        with chromium.opened(served.page("/", log="."), 1400) as page:
+            chromium.wait_for(page, "document.querySelector('.signals').dataset.latency", 120.0)
+            text = chromium.run(page, "document.body.textContent")
+            assert "recording.imu.time = gps-tow:2374" in text
+            assert "recording.imu.axes = BRU" in text
+        with chromium.opened(served.page("/navigate", log=".", config="drive.toml"), 1400) as page:
+            drag(page, 120.0, 135.0)
+            chromium.wait_for(page, "document.querySelector('.command pre').textContent.includes('--outage 1')")
+            command, out, rows = navigated(page)
+        the_same_by_command(tmp_path, command, out, rows)
+    finally:
+        served.stop()

@@ -74,6 +74,19 @@ def test_the_command_writes_it_beside_the_result(folder, capsys, tmp_path):
     assert "--force" in err
 
 
+def test_a_part_of_a_log_has_a_proposal_of_its_own(folder, capsys, tmp_path):
+    options = ("--no-trials", "--set", "imu.catalogue=MPU-6000", "--from", "10", "--to", "100")
+    answer(capsys, "init", folder.path, "--out", tmp_path / "part.toml", *options, "--json")
+    text = (tmp_path / "part.toml").read_text(encoding="utf-8")
+    assert "--config drive.toml --from 10 --to 100\n" in text
+    assert 'axes = "RUB"' in text
+    part = schuler.propose(folder.path, given={"imu.catalogue": "MPU-6000"}, trials=False, part=(10.0, 100.0))
+    assert part.toml() == text
+    t = part.recording.imu.t
+    assert t[-1] - t[0] == pytest.approx(90.0, abs=0.05)  # discretisation: samples at 50 Hz or more, with jitter
+    assert "expected 0 <= FROM < TO" in refusal(capsys, "init", folder.path, "--from", "100", "--to", "10")
+
+
 def test_what_two_files_could_be_is_one_question(folder, capsys, tmp_path):
     for name in ("left.csv", "right.csv"):
         (tmp_path / name).write_bytes((folder.path / "LOG0042.TXT").read_bytes())

@@ -8,8 +8,11 @@ from pathlib import Path
 from schuler.cli.configuration import entries
 from schuler.cli.output import File, Flag, Texts, print_json
 from schuler.cli.proposal import proposed
+from schuler.cli.reading import Part
 from schuler.exceptions import InputError
 from schuler.files import write_text
+
+_ALL = Part()
 
 
 def init(
@@ -19,6 +22,7 @@ def init(
     set: Texts = (),
     trials: bool = True,
     json: Flag = False,
+    part: Part = _ALL,
 ) -> int:
     """Write the configuration that a log proposes, each entry with its evidence, without navigating.
 
@@ -41,7 +45,7 @@ def init(
     if not logs:
         raise InputError("init: expected a file or folder, got none")
     target = Path("drive.toml") if out is None else out
-    proposal = proposed(logs, imu, entries(set), trials=trials)
+    proposal = proposed(logs, imu, entries(set), trials=trials, part=part)
     write_text(target, proposal.toml())
     if json:
         print_json({"command": "init", "decisions": [asdict(d) for d in proposal.decisions], "file": target})

@@ -107,10 +107,10 @@ def navigate(
     changes += [(f"aiding.{name}", {}) for name in aid]
     proposal = None
     if config is None:
-        proposal = proposed(logs, imu, changes, without)
+        proposal = proposed(logs, imu, changes, without, part=part)
         log, changes = proposal.log, []
         loaded = with_outages(proposal.config, outage, outage_every)
-        recording = part.of(proposal.recording)
+        recording = proposal.recording
     else:
         if len(logs) > 1 or imu is not None:
             raise InputError(

@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schuler.cli.output import say
+from schuler.cli.reading import Part
 from schuler.exceptions import InputError
 
 if TYPE_CHECKING:
     from schuler.proposal import Proposal, UndecidedError
 
 _MOST = 8  # questions in a row
+_ALL = Part()
 
 
 def proposed(
@@ -23,6 +25,7 @@ def proposed(
     without: Sequence[str] = (),
     *,
     trials: bool = True,
+    part: Part = _ALL,
 ) -> Proposal:
     """The configuration proposed for files, printed to stderr with its evidence.
 
@@ -36,6 +39,8 @@ def proposed(
         Aids not to be used.
     trials : bool
         Also decide what takes trial runs of the filter.
+    part : Part
+        Of the log that is proposed for.
 
     Raises
     ------
@@ -47,7 +52,7 @@ def proposed(
     given = dict(changes) | {f"aiding.{name}": None for name in without}
     for _ in range(_MOST):
         try:
-            proposal = propose(logs, imu=imu, given=given, trials=trials)
+            proposal = propose(logs, imu=imu, given=given, trials=trials, part=(part.start, part.stop))
         except UndecidedError as question:
             if not question.choices or not (sys.stdin.isatty() and sys.stderr.isatty()):
                 raise

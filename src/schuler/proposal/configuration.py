@@ -24,6 +24,7 @@ from schuler.proposal.files import SOMEWHERE, UNTIL, Files, files_of
 from schuler.proposal.imu_model import imu_entries
 from schuler.proposal.toml import comment, section_lines
 from schuler.recording.io import dispatch, plain_text
+from schuler.recording.part import cut
 from schuler.recording.recording import Recording
 from schuler.standstill.unscaled import unscaled_rests
 from schuler.units import DEG
@@ -48,6 +49,8 @@ class Proposal(Displayed):
     decisions : tuple of Decision
     remarks : tuple of str
         What is worth knowing and changes nothing.
+    part : (float or None, float or None)
+        Seconds from the start of the log that the recording is cut to.
     """
 
     log: Path
@@ -56,6 +59,7 @@ class Proposal(Displayed):
     data: dict[str, Any]
     decisions: tuple[Decision, ...]
     remarks: tuple[str, ...] = ()
+    part: tuple[float | None, float | None] = (None, None)
 
     def _headline(self) -> str:
         return f"{self.log.name}: {len(self.decisions)} decisions, {len(self.remarks)} remarks"
@@ -77,9 +81,12 @@ class Proposal(Displayed):
 
     def toml(self) -> str:
         """The configuration as a file, each entry with its evidence."""
+        options = "".join(
+            f" {name} {t:g}" for name, t in zip(("--from", "--to"), self.part, strict=True) if t is not None
+        )
         lines = [
             f"# Navigation of {self.log.name}, as its own numbers propose it; every entry may be edited:",
-            f"#   schuler navigate {self.log} --config drive.toml",
+            f"#   schuler navigate {self.log} --config drive.toml{options}",
         ]
         left = [f"{d.entry} was left at its default: {d.evidence}" for d in self.decisions if d.value is None]
         for text in (*left, *self.remarks):
@@ -93,6 +100,7 @@ def propose(
     imu: str | None = None,
     given: Mapping[str, Any] | None = None,
     trials: bool = True,
+    part: tuple[float | None, float | None] = (None, None),
 ) -> Proposal:
     """Propose a configuration for files as they are.
 
@@ -107,6 +115,9 @@ def propose(
         says.
     trials : bool
         Also what takes trial runs of the filter: clock, lever arm, aids. Otherwise these keep their defaults.
+    part : (float or None, float or None)
+        Propose for what lies between these times from the start of the log. Units, axes and clocks are still judged by
+        all of it. [s]
 
     Returns
     -------
@@ -123,7 +134,7 @@ def propose(
     fixed = setup.nested(dict(given or {}))
     files = files_of(listed, fixed.get("recording", {}))
     diagnosis = _cured(files, fixed.get("recording", {}))
-    recording = _read(files)
+    recording = cut(_read(files), *part)
     if recording.gnss is None and recording.ranges is None and recording.observations is None and not _starts(fixed):
         raise _without_fixes(files, recording)
     data: dict[str, Any] = {"recording": files.entries} if files.entries else {}
@@ -155,7 +166,7 @@ def propose(
     remarks = [f.text for f in diagnosis.findings if f.code in ("height_level", "mount", "unchecked")]
     if files.ignored:
         remarks.append(f"files that were not read: {', '.join(dict.fromkeys(files.ignored))}")
-    return Proposal(files.log, recording, config, data, tuple(decisions), tuple(remarks))
+    return Proposal(files.log, recording, config, data, tuple(decisions), tuple(remarks), part)
 
 
 def propose_reading(

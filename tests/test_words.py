@@ -14,7 +14,7 @@ PACKAGE = Path(schuler.__file__).resolve().parent
 RETIRED = {"found", "known", "said", "told", "heard", "moved_to", "Standing", "Ahead"}
 RETIRED_PARTS = re.compile(r"soften|softness|foresee|foresight|(?<![a-z])digests?(?![a-z])")
 #: Hash sums, and fields of results that users read.
-KEPT = {"hexdigest", "digest", "sources_digest"}
+KEPT = {"hexdigest", "digest", "sources_digest", "compare_digest"}
 #: Entries of files that users write, by the file whose sections have them.
 ENTRIES = {"observability/scenario.py": {"known"}}
 

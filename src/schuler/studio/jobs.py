@@ -98,16 +98,16 @@ def start(workspace: Workspace, command: Sequence[str], out: str) -> Job:
     document = {"command": list(command), "out": out, "started": time.time(), "pid": process.pid}
     write_text(folder / "job.json", json.dumps(document), at_once=True)
     _tidy(workspace)
-    found = job(workspace, key)
-    assert found is not None
-    return found
+    current = job(workspace, key)
+    assert current is not None
+    return current
 
 
 def jobs(workspace: Workspace) -> list[Job]:
     """All jobs, the latest first."""
     with suppress(FileNotFoundError):
-        found = (job(workspace, key) for key in sorted(os.listdir(_place(workspace)), reverse=True))
-        return [one for one in found if one is not None]
+        listed = (job(workspace, key) for key in sorted(os.listdir(_place(workspace)), reverse=True))
+        return [one for one in listed if one is not None]
     return []
 
 
@@ -125,7 +125,7 @@ def job(workspace: Workspace, key: str) -> Job | None:
     fraction = 0.0
     with suppress(OSError, ValueError):
         fraction = float((folder / "progress").read_text(encoding="ascii"))
-    said = _last_line(folder / "stderr")
+    last_line = _last_line(folder / "stderr")
     state: State
     if _alive(folder / "lock"):
         state = "running"
@@ -134,8 +134,8 @@ def job(workspace: Workspace, key: str) -> Job | None:
     elif _answered(folder / "stdout") and (workspace.root / out).is_dir():
         state, fraction = "done", 1.0
     else:
-        state = "refused" if said.startswith("schuler: ") else "killed"
-    return Job(key, command, out, started, pid, state, fraction, said.removeprefix("schuler: "))
+        state = "refused" if last_line.startswith("schuler: ") else "killed"
+    return Job(key, command, out, started, pid, state, fraction, last_line.removeprefix("schuler: "))
 
 
 def answer(workspace: Workspace, key: str) -> dict[str, Any]:
@@ -146,12 +146,12 @@ def answer(workspace: Workspace, key: str) -> dict[str, Any]:
 
 def cancel(workspace: Workspace, key: str) -> None:
     """End a job that runs; what it has written so far is taken away, as of any command that is ended."""
-    found = job(workspace, key)
-    if found is None or found.state != "running":
+    current = job(workspace, key)
+    if current is None or current.state != "running":
         return
     (_place(workspace) / Path(key).name / "cancelled").touch()
     with suppress(ProcessLookupError):
-        os.kill(found.pid, signal.SIGTERM)
+        os.kill(current.pid, signal.SIGTERM)
 
 
 def _place(workspace: Workspace) -> Path:

@@ -89,12 +89,12 @@ class Views:
             if key in self.kept:
                 self.kept.move_to_end(key)
                 return self.kept[key]
-        found = view(log, hints, key)
+        opened = view(log, hints, key)
         with self.guard:
-            self.kept[key] = found
+            self.kept[key] = opened
             while len(self.kept) > _KEPT:
                 self.kept.popitem(last=False)
-        return found
+        return opened
 
     def get(self, key: str) -> View:
         """One that was opened.
@@ -116,8 +116,8 @@ def view(log: Path, hints: Mapping[str, Any], key: str = "") -> View:
     recording, alone, _ = read_leniently(log, **hints)
     parts = [part for part in (recording, alone) if part is not None]
     # an IMU on an unknown clock is drawn from its own start on
-    found = [c for part in parts for c in channels(part)]
-    return View(key, recording, diagnosis, tuple(found))
+    drawn = [c for part in parts for c in channels(part)]
+    return View(key, recording, diagnosis, tuple(drawn))
 
 
 def channels(recording: Recording) -> list[Channel]:

@@ -76,15 +76,15 @@ def workspace_of(paths: tuple[Path, ...]) -> tuple[Workspace, str | None]:
 
 def logs(workspace: Workspace) -> list[str]:
     """Names of what may be a log: files that are no documents, and folders with several; ``.`` is the root itself."""
-    found: list[str] = []
+    names: list[str] = []
     for folder, files in _folders(workspace.root):
         if (folder / "run.json").is_file():
             continue
         own = sorted(f for f in files if Path(f).suffix.lower() not in _NO_LOGS and Path(f).stem.upper() not in _TEXTS)
         if len(own) > 1:
-            found.append(workspace.name(folder))  # of the root itself: "."
-        found += [workspace.name(folder / f) for f in own]
-    return sorted(found)
+            names.append(workspace.name(folder))  # of the root itself: "."
+        names += [workspace.name(folder / f) for f in own]
+    return sorted(names)
 
 
 def configurations(workspace: Workspace) -> list[str]:
@@ -131,10 +131,10 @@ class RunEntry:
 
 def runs(workspace: Workspace) -> list[RunEntry]:
     """Runs of the folder, the latest first; what is damaged is left out."""
-    found = [
+    entries = [
         run_entry(workspace, workspace.name(f)) for f, files in _folders(workspace.root) if "metrics.json" in files
     ]
-    return sorted((entry for entry in found if entry is not None), key=lambda entry: -entry.changed)
+    return sorted((entry for entry in entries if entry is not None), key=lambda entry: -entry.changed)
 
 
 def run_entry(workspace: Workspace, name: str) -> RunEntry | None:

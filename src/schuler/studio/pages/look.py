@@ -141,9 +141,9 @@ def look_page(workspace: Workspace, views: Views, log: str) -> None:
     with block("cols"):
         with block("col"):
             heading("Log")
-            known = logs(workspace)
+            log_names = logs(workspace)
             names = ui.select(
-                known, value=log if log in known else None, label="file or folder", with_input=True,
+                log_names, value=log if log in log_names else None, label="file or folder", with_input=True,
                 on_change=lambda e: choose(e.value or ""),
             ).props('outlined dense aria-label="file or folder"')  # fmt: skip
             drop = (
@@ -170,8 +170,8 @@ def look_page(workspace: Workspace, views: Views, log: str) -> None:
 def _how(state: _Look, *, again: Any, edit: Any, save: Any) -> None:
     """How the log is read, each hint in a field."""
     heading("How it is read")
-    known = ["", *configurations(state.workspace)]
-    ui.select(known, value="", label="take from a configuration", on_change=lambda e: again(e.value)).props(
+    files = ["", *configurations(state.workspace)]
+    ui.select(files, value="", label="take from a configuration", on_change=lambda e: again(e.value)).props(
         "outlined dense"
     )
     if not state.hints:

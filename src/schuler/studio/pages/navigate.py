@@ -45,8 +45,8 @@ class _Navigate:
         self.outages: list[tuple[float, float]] = []
         self.view: View | None = None
         self.answers: dict[str, Any] = {}
-        self.job = ""
-        self.out = ""
+        self.job, self.out = "", ""
+        self.shown: jobs.Job | None = None
 
     def changes(self) -> dict[str, Any]:
         """Entries of the form that the file has otherwise."""
@@ -109,22 +109,22 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
             ui.notify("choose a log first")
             return
         asked.clear()
-        said.set_content('<p class="hint">trying what the log shows: clock, mount, aids ...</p>')
+        note.set_content('<p class="hint">trying what the log shows: clock, mount, aids ...</p>')
         given, imu = runner.proposal_of(state.data.get(reading.SECTION, {}), state.imu)
         try:
             made = await asyncio.to_thread(propose, workspace.inside(state.log), imu=imu, given=given | state.answers)
             name = new_configuration_name(workspace)
             write_text(workspace.inside(name), made.toml(), at_once=True)
         except UndecidedError as question:
-            said.set_content("")
+            note.set_content("")
             with asked:
                 question_box(question, answer)
             return
         except (SchulerError, OSError) as error:
-            said.set_content("")
+            note.set_content("")
             problem(error)
             return
-        said.set_content(f'<p class="hint">proposed and written: {escape(name)}, each entry with its evidence</p>')
+        note.set_content(f'<p class="hint">proposed and written: {escape(name)}, each entry with its evidence</p>')
         configs.set_options(configurations(workspace))
         configs.set_value(name)
 
@@ -172,38 +172,38 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
 
     def look() -> None:
         """Say how the run stands; the page of a browser that was closed finds it here too."""
-        found = jobs.job(workspace, state.job) if state.job else _latest(workspace, state.log)
-        if found is None:
+        job = jobs.job(workspace, state.job) if state.job else _latest(workspace, state.log)
+        if job is None:
             return
-        if (found.key, found.state, found.fraction) == progress.last:  # type: ignore[attr-defined]
+        if job == state.shown:
             return
-        progress.last = (found.key, found.state, found.fraction)  # type: ignore[attr-defined]
-        state.job = found.key
+        state.shown = job
+        state.job = job.key
         progress.clear()
         with progress:
-            if found.state == "running":
-                word = "filtering" if found.fraction > 0.0 else "reading and checking"
+            if job.state == "running":
+                word = "filtering" if job.fraction > 0.0 else "reading and checking"
                 html(
-                    f'<p class="hint">{escape(found.out)}: {word}</p><progress max="1" value="{found.fraction:.3f}" '
+                    f'<p class="hint">{escape(job.out)}: {word}</p><progress max="1" value="{job.fraction:.3f}" '
                     f'aria-label="progress of the run"></progress>'
                 )
-                button("cancel", lambda: jobs.cancel(workspace, found.key))
-            elif found.state != "done":
+                button("cancel", lambda: jobs.cancel(workspace, job.key))
+            elif job.state != "done":
                 words = {
                     "killed": "its process was ended from outside; nothing half-written is left",
                     "cancelled": "cancelled; nothing is left of it",
-                }.get(found.state, found.message)
-                html(f'<p class="hint bad">{escape(found.out)}: {escape(found.state)}: {escape(printable(words))}</p>')
-                button("start again", lambda: again(found))
-        if found.state == "done" and found.command[:1] == ("navigate",):
-            state.out = found.out
+                }.get(job.state, job.message)
+                html(f'<p class="hint bad">{escape(job.out)}: {escape(job.state)}: {escape(printable(words))}</p>')
+                button("start again", lambda: again(job))
+        if job.state == "done" and job.command[:1] == ("navigate",):
+            state.out = job.out
             drawn_plan()
-            show_outcome(result, run_entry(workspace, found.out))
+            show_outcome(result, run_entry(workspace, job.out))
             commanded()
 
-    def again(found: jobs.Job) -> None:
+    def again(job: jobs.Job) -> None:
         try:
-            state.job = jobs.start(workspace, found.command, found.out).key
+            state.job = jobs.start(workspace, job.command, job.out).key
         except InputError as error:
             problem(error)
         look()
@@ -250,9 +250,9 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
     with block("cols"):
         with block("col"):
             heading("Log and configuration")
-            known, files = logs(workspace), configurations(workspace)
+            log_names, files = logs(workspace), configurations(workspace)
             ui.select(
-                known, value=log if log in known else None, label="log", with_input=True,
+                log_names, value=log if log in log_names else None, label="log", with_input=True,
                 on_change=lambda e: choose_log(e.value or ""),
             ).props('outlined dense aria-label="log"')  # fmt: skip
             configs = (
@@ -265,7 +265,7 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
                 imu = ui.input("IMU, of the catalogue").props("outlined dense").classes("grow")
                 imu.bind_value(state, "imu")
                 button("propose", proposed)
-            said = html("")
+            note = html("")
             asked = ui.element("div").style("width: 100%")
             heading("Entries")
             with block("line"):
@@ -290,7 +290,6 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
             with block("line"):
                 button("navigate", begin, "main")
             progress = ui.element("div").style("width: 100%")
-            progress.last = None  # type: ignore[attr-defined]
             result = ui.element("div").style("width: 100%")
             heading("Track")
             plan = chart("plan", without="The track of GNSS and solution.", label="track, north over east")

@@ -31,12 +31,12 @@ def runs_page(workspace: Workspace) -> None:
 
     def refresh() -> None:
         listing.clear()
-        found = runs(workspace)
-        chosen[:] = [name for name in chosen if any(run.name == name for run in found)]
+        listed = runs(workspace)
+        chosen[:] = [name for name in chosen if any(run.name == name for run in listed)]
         with listing:
-            if not found:
+            if not listed:
                 hint("None yet: Navigate makes one, and so does schuler navigate --out FOLDER in this folder.")
-            for run in found:
+            for run in listed:
                 _row(run)
         compared()
 
@@ -110,15 +110,15 @@ def runs_page(workspace: Workspace) -> None:
                     return
 
                 def look() -> None:
-                    found = jobs.job(workspace, job.key)
-                    if found is None or found.state == "running":
+                    current = jobs.job(workspace, job.key)
+                    if current is None or current.state == "running":
                         state.set_content('<p class="hint">comparing ...</p>')
                         return
                     timer.cancel()
-                    if found.state == "done":
+                    if current.state == "done":
                         compared()
                     else:
-                        state.set_content(f'<p class="hint bad">{escape(found.state)}: {escape(found.message)}</p>')
+                        state.set_content(f'<p class="hint bad">{escape(current.state)}: {escape(current.message)}</p>')
 
                 timer = ui.timer(_POLL_S, look)
 

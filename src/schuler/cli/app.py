@@ -117,6 +117,11 @@ COMMANDS = {
         "Tune the noise of IMU and GNSS from a log's own fixes; write it into the configuration.",
         "schuler tune drive.parquet --config drive.toml",
     ),
+    "export": (
+        "schuler.cli.export:export",
+        "Write the filter of a configuration as C99 for a vehicle's computer, with a test vector.",
+        "schuler export c drive.parquet --config drive.toml --out nav",
+    ),
     "compare": (
         "schuler.cli.compare:compare",
         "Compare runs of this or other programs; or navigate a log with several architectures: one table.",

@@ -91,7 +91,7 @@ class Stanford:
             Line(edge, edge, "reference", "error = level"),
             Line(edge, limit, "level", f"alert limit, {self.alert_limit:g} m"),
             Line(limit, edge, "level"),
-            Text(0.5 * self.alert_limit, 1.02 * self.alert_limit, "not available"),
+            Text(0.5 * self.alert_limit, 1.9 * self.alert_limit, "not available"),
         ]
         panel = Panel(
             f"{self.direction} error [m]", f"{self.direction} protection level [m]", tuple(items),

@@ -2,7 +2,8 @@
 
 ``UncalAccel`` or ``Accel`` [m/s^2] and ``UncalGyro`` or ``Gyro`` [rad/s] of the device (x right, y to its top, z out
 of its screen), ``Fix`` with latitude, longitude [deg], height above the ellipsoid and accuracies of 68 %. All have the
-time since boot in nanoseconds, fixes also Unix time, which ties the two clocks together.
+time since boot in nanoseconds. ``Raw`` are measurements of satellites
+(:mod:`schuler.recording.formats.android_raw`); they, or else the fixes' Unix time, tie the time since boot to GPS time.
 """
 
 from __future__ import annotations
@@ -15,14 +16,16 @@ import numpy as np
 from schuler import units
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
+from schuler.recording.formats import android_raw
 from schuler.recording.io import clock, lines, parts
+from schuler.recording.io.assemble import metadata_of
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.over_ground import velocities
 from schuler.recording.io.parts import Table
 from schuler.recording.io.streams import Stream, choose, joined, stream_of
 from schuler.recording.recording import Recording
-from schuler.timebase import TimeBase
+from schuler.timebase import UNIX_TO_GPS_S, TimeBase, gps_from_unix
 
 _HINTS = parts.GNSS_HINTS | {"axes", "streams", "time"}
 _AXES = "RFU"
@@ -38,12 +41,20 @@ _FIELDS = {
         "BearingDegrees", "SpeedAccuracyMps", "BearingAccuracyDegrees",
     ),
 }  # fmt: skip
+_FIRST_VERSIONS = {
+    "Latitude": "LatitudeDegrees", "Longitude": "LongitudeDegrees", "Altitude": "AltitudeMeters", "Speed": "SpeedMps",
+    "Accuracy": "AccuracyMeters",
+}  # fmt: skip
 _BOOT, _UNIX = ("elapsedRealtimeNanos", "ElapsedRealtimeNanos"), ("UnixTimeMillis", "(UTC)TimeInMs")
+_STAMPS = (*_BOOT, "ChipsetElapsedRealtimeNanos")
 
 
 def sniff(head: bytes, path: Path) -> bool:
     """Whether the comments at the top describe records of GnssLogger."""
-    return head.lstrip(b"\xef\xbb\xbf").startswith(b"#") and b"# Fix,Provider," in head[:20_000]
+    named = any(
+        name in head[:20_000] for name in (b"# Fix,Provider,", b"# Raw,utcTimeMillis,", b"# Raw,ElapsedRealtime")
+    )
+    return named and head.lstrip(b"\xef\xbb\xbf").startswith(b"#")
 
 
 def holds(path: Path) -> tuple[str, ...]:
@@ -62,9 +73,11 @@ def contents(path: Path) -> list[Stream]:
         groups.setdefault((fields[1] if kind == "Fix" and len(fields) > 1 else kind, kind), []).append(fields)
     streams = []
     for (name, kind), records in sorted(groups.items()):
-        part = "gnss" if kind == "Fix" else "imu" if kind in ("UncalGyro", "Gyro") else ""
+        part = {"Fix": "gnss", "UncalGyro": "imu", "Gyro": "imu"}.get(kind, "")
+        if kind == "Raw" and set(android_raw.REQUIRED) <= set(names.get("Raw", ())):
+            part = "observations"
         t = np.full(len(records), np.nan)
-        place = next((names[kind].index(n) for n in _BOOT if n in names.get(kind, [])), None)
+        place = next((names[kind].index(n) for n in _STAMPS if n in names.get(kind, [])), None)
         if place is not None:
             texts = [fields[place] if place < len(fields) else "" for fields in records]
             t = np.array(
@@ -78,7 +91,7 @@ def contents(path: Path) -> list[Stream]:
 
 
 def read(path: Path, hints: ReadHints) -> Recording:
-    """IMU and fixes of a log.
+    """IMU, fixes and raw measurements of satellites of a log.
 
     Parameters
     ----------
@@ -86,7 +99,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     hints : ReadHints
         ``streams="gnss=FLP,imu=Gyro"``: fixes of another provider than GPS, rates with Android's bias taken out; their
         accelerometer goes with them. ``axes`` of the device in the vehicle, if it does not lie on its back with its top
-        forward. ``time="local"`` keeps the time since boot.
+        forward. ``time="local"`` keeps the time since boot, and leaves raw measurements out.
 
     Raises
     ------
@@ -125,11 +138,16 @@ def read(path: Path, hints: ReadHints) -> Recording:
         boot["Fix"], values["Fix"] = _table(path, some, names, "Fix", _FIELDS["Fix"])
         unix = _unix(path, some, names)
         notes.append(f"Fixes of the provider {picked.name} out of {', '.join(providers)}.")
+    raw = _raw(path, rows, names, hints, notes)
+    if raw is not None and not boot:
+        metadata = metadata_of(path, hints, TimeBase("gps", raw.observations.epoch_gps_s), notes)
+        return Recording(observations=raw.observations, metadata=metadata)
     if not boot:
-        raise FileFormatError("there are neither fixes nor an IMU; raw measurements of satellites are not read", path)
-    if any(kind == "Raw" for kind, _ in rows):
-        notes.append("Raw measurements of satellites (Raw) were not read.")
-    seconds, base = _times(boot, unix, hints, notes)
+        raise FileFormatError("there are neither fixes nor an IMU nor raw measurements of satellites", path)
+    if raw is not None and len(raw.boot_ns):
+        seconds, base = _tied(boot, _utc_ns(raw.gps_ns) - raw.boot_ns, "raw measurements", hints, notes)
+    else:
+        seconds, base = _times(boot, unix, hints, notes)
     tables = {}
     imu = [kind for kind in boot if kind != "Fix"]
     if imu:
@@ -142,7 +160,36 @@ def read(path: Path, hints: ReadHints) -> Recording:
             )
     if "Fix" in boot:
         tables["gnss"] = _fixes(seconds["Fix"], values["Fix"], path, hints, notes)
-    return parts.assemble(path, tables, replace(hints, time=None), base, notes)
+    recording = parts.assemble(path, tables, replace(hints, time=None), base, notes)
+    if raw is None:
+        return recording
+    if base.scale != "gps":
+        raise InputError(
+            "nothing ties the time since boot to the raw measurements (no ChipsetElapsedRealtimeNanos, no fixes): read "
+            "either, with streams='imu=none'"
+        )
+    weeks = raw.observations.epoch_gps_s - recording.metadata.time.epoch_gps_s
+    observations = replace(
+        raw.observations, t=raw.observations.t + weeks, epoch_gps_s=recording.metadata.time.epoch_gps_s
+    )
+    return replace(recording, observations=observations)
+
+
+def _raw(
+    path: Path, rows: list[tuple[str, list[str]]], names: dict[str, list[str]], hints: ReadHints, notes: list[str]
+) -> android_raw.RawMeasurements | None:
+    """Raw measurements, if there are any with all fields, and GPS time is asked for."""
+    records = [fields for kind, fields in rows if kind == "Raw"]
+    if not records:
+        return None
+    missing = [name for name in android_raw.REQUIRED if name not in names.get("Raw", ())]
+    if missing or hints.time == "local":
+        why = f"their comment does not name {missing[0]}" if missing else "the time since boot was asked for"
+        notes.append(f"Raw measurements of satellites (Raw) were not read: {why}.")
+        return None
+    raw = android_raw.raw_measurements(path, names["Raw"], records)
+    notes.extend(raw.observations.notes)
+    return raw
 
 
 def _rows(path: Path) -> tuple[list[tuple[str, list[str]]], dict[str, list[str]]]:
@@ -157,10 +204,12 @@ def _rows(path: Path) -> tuple[list[tuple[str, list[str]]], dict[str, list[str]]
                     names[fields[0]] = fields
                 continue
             kind, comma, _ = line.partition(",")
-            if comma and kind in _FIELDS:
-                rows.append((kind, line.strip().split(",")))
-            elif comma and kind == "Raw":
-                rows.append((kind, [kind]))
+            if comma and (kind in _FIELDS or kind == "Raw"):
+                fields = line.strip().split(",")
+                if kind == "Fix":
+                    fields[1] = fields[1].upper()  # the first version writes gps
+                rows.append((kind, fields))
+    names = {kind: [_FIRST_VERSIONS.get(name, name) for name in fields] for kind, fields in names.items()}
     return rows, names
 
 
@@ -222,14 +271,29 @@ def _times(
     if unix is None or hints.time == "local":
         notes.append("Stamps are seconds since boot.")
         return {kind: ns / clock.NS for kind, ns in stamps.items()}, TimeBase("local")
-    offset = unix - stamps["Fix"]
+    return _tied(stamps, unix - stamps["Fix"], "fixes", hints, notes)
+
+
+def _tied(
+    stamps: dict[str, IntArray], offset: IntArray, by: str, hints: ReadHints, notes: list[str]
+) -> tuple[dict[str, FloatArray], TimeBase]:
+    """Seconds on GPS time, by Unix time less time since boot [ns]."""
     shift = int(np.median(offset))
     spread = float(np.abs(offset - shift).max()) / clock.NS
+    delay = "; the delay of a fix is part of it" if by == "fixes" else ""
     notes.append(
-        f"Stamps since boot were brought to Unix time by the fixes, which differ by up to {spread * 1e3:.3g} ms from "
-        "one offset; the delay of a fix is part of it."
+        f"Stamps since boot were brought to Unix time by the {by}, which differ by up to {spread * 1e3:.3g} ms from "
+        f"one offset{delay}."
     )
     return clock.from_unix({kind: ns + shift for kind, ns in stamps.items()}, hints.time, notes, "unix")
+
+
+def _utc_ns(gps_ns: IntArray) -> IntArray:
+    """Unix time of GPS time since 1980. Shapes (n,). [ns]"""
+    to_unix = int(UNIX_TO_GPS_S)
+    first = float(gps_ns.min() // clock.NS)
+    leap = round(float(gps_from_unix(np.array([first + to_unix]))[0]) - first)
+    return gps_ns + (to_unix - leap) * clock.NS
 
 
 def _fixes(t: FloatArray, rows: FloatArray, path: Path, hints: ReadHints, notes: list[str]) -> Table:

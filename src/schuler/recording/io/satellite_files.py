@@ -21,10 +21,7 @@ _NAVIGATION = b"NGHELJ"  # letters of kinds in column 21, see rinex_header.KINDS
 _COMPRESS = b"\x1f\x9d"
 _USED = {"name", "series"}
 _RECEIVER = b"GNSS1::PosLla"
-_NOT_READ = (
-    (re.compile(rb"#[a-d][PV]\d{4} "), "orbits in SP3 are not read, only broadcast ones"),
-    (re.compile(rb"(#.*\n)*# Raw,utcTimeMillis"), "logs of Android's GnssLogger are not read"),
-)
+_NOT_READ = ((re.compile(rb"#[a-d][PV]\d{4} "), "orbits in SP3 are not read, only broadcast ones"),)
 #: Arrays of a PSINS file of ranges.
 PSINS_ARRAYS = frozenset({"imu", "obss", "ephs", "t0"})
 

@@ -596,9 +596,9 @@ class LiveNavigator:
     def _say(self, kind: EventKind, text: str, sort: str) -> None:
         """Say an event; one of a sort that was said just now is counted, and the number said with the next."""
         now = self._newest
-        said, count = self._repeated.get(sort, (-math.inf, 0))
-        if abs(now - said) < _REPEATED_S and kind in ("imu", "measurement", "late", "clock"):
-            self._repeated[sort] = (said, count + 1)
+        last, count = self._repeated.get(sort, (-math.inf, 0))
+        if abs(now - last) < _REPEATED_S and kind in ("imu", "measurement", "late", "clock"):
+            self._repeated[sort] = (last, count + 1)
             return
         if len(self._repeated) > _KEPT_EVENTS:
             self._repeated.clear()

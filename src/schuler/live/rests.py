@@ -16,10 +16,13 @@ from schuler.navigation.aids.rest import horizontal_speeds
 from schuler.navigation.sections import AidingSection
 from schuler.recording.series import GnssSeries, ImuSeries
 from schuler.sensors.spec import ImuSpec
-from schuler.standstill.stationarity import StaticIntervals, interval_mask, static_intervals
+from schuler.standstill.detectors import window_samples
+from schuler.standstill.stationarity import StaticIntervals, interval_mask, quiet_bias, static_intervals
+from schuler.standstill.thresholds import noise_at_rest
 
 _EVERY_S = 0.5  # how often the last seconds are searched [s]
 _LEARN_S = 60.0  # how often noise at rest is learnt from the samples so far [s]
+_SHARE = 0.1  # of the samples so far that is taken to be at rest, as of a log
 _GOES_ON = ("bias", "learnt_at", "searched_at", "cursors", "until", "vetoed", "fast")
 _AT_REST = ("zero_velocity", "zero_rate", "gravity", "earth_rate")
 
@@ -150,12 +153,12 @@ class RestMeasurements:
         """Noise at rest and gyro bias from the quietest samples so far; a louder rest than before is none."""
         self.learnt_at = float(imu.t[-1])
         try:
-            rests = static_intervals(imu, min_s=self.section.min_s, window_s=self.section.window_s)
+            noise = noise_at_rest(imu, self.section.window_s)
+            bias = quiet_bias(imu, window_samples(imu, self.section.window_s), _SHARE, [])
         except InputError:  # too short yet, or an axis that never changes
             return
-        noise = rests.sigma_f, rests.sigma_w
         if self.noise is None or _loudness(noise) <= _loudness(self.noise):
-            self.noise, self.bias = noise, rests.gyro_bias
+            self.noise, self.bias = noise, bias
 
 
 def _loudness(noise: tuple[FloatArray, FloatArray]) -> float:

@@ -185,7 +185,7 @@ def static_intervals(
     imu = imu.rates()  # once: of a day at 200 Hz they have 830 MB
     notes: list[str] = []
     sigma_f, sigma_w = _noise_scale(imu, window_s, method, thresholds, noise, share, notes)
-    bias = _quiet_bias(imu, W, share, notes) if gyro_bias is None else as_vector3(gyro_bias, "gyro_bias")
+    bias = quiet_bias(imu, W, share, notes) if gyro_bias is None else as_vector3(gyro_bias, "gyro_bias")
     if method == "moving deviation":
         value, rate = moving_deviation(imu, W, sigma_f, sigma_w, bias, positive_number(max_rate, "max_rate"))
     else:
@@ -246,8 +246,19 @@ def _noise_scale(
     return sigma_f, sigma_w
 
 
-def _quiet_bias(imu: ImuSeries, W: int, share: float, notes: list[str]) -> FloatArray:
-    """Median rate of the slower half of the quietest windows, or zero if that is too fast for a bias."""
+def quiet_bias(imu: ImuSeries, W: int, share: float, notes: list[str]) -> FloatArray:
+    """Median rate of the slower half of the quietest windows, or zero if that is too fast for a bias.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+    W : int
+        Samples in a window.
+    share : float
+        At least this share of the log rests.
+    notes : list of str
+        Gets a sentence on what was taken.
+    """
     rates = imu.rates()
     n = len(imu) // W * W
     gyro, accel = (x[:n].reshape(-1, W, 3) for x in (rates.gyro, rates.accel))

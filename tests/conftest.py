@@ -1,6 +1,7 @@
 """Fixtures shared by all tests, the choice of cases that run by default, and how processes share them."""
 
 import os
+import sys
 from collections import Counter
 from pathlib import Path
 
@@ -11,6 +12,11 @@ from places import DATA
 # for each other (a Cholesky factorisation of 60 by 60 took 0.3 s instead of 0.1 ms).
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+# Compiled modules are kept, whatever the shell says: without them every test process rewrites the assertions of all tests
+# again (16 s of a processor), and every command that a test starts compiles the package. Kernels are kept beside them anyway.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 SHARED_DATA = DATA
 LEFT_OUT = ("slow", "campaign", "reproduce", "fuzz")  # markers of what does not run by default

@@ -374,15 +374,22 @@ def _charts() -> dict[str, Callable]:
 
     cases = module("reproduce/flenniken/test_figures.py")
     x = cases.X[:500]
-    curve = allan_deviation(x, 2.0)
-    r = autocorrelation(x, 2.0)
     t = 0.5 * np.arange(len(x))
     seven = [f"{k}" for k in range(7)]
     two = np.array([1.0, 10.0])
+
+    def allan():  # not before a test asks for it: names are needed to collect them
+        curve = allan_deviation(x, 2.0)
+        return f.allan_figure(dict.fromkeys(seven, curve), [(curve.tau, curve.deviation)], "deg/s")
+
+    def correlation():
+        r = autocorrelation(x, 2.0)
+        return f.correlation_figure(dict.fromkeys(seven, r), {"model": (r.lag, 0.0 * r.lag)})
+
     return {
         "log_figure": lambda: f.log_figure(t, x, x, "deg/s"),
-        "allan_figure": lambda: f.allan_figure(dict.fromkeys(seven, curve), [(curve.tau, curve.deviation)], "deg/s"),
-        "correlation_figure": lambda: f.correlation_figure(dict.fromkeys(seven, r), {"model": (r.lag, 0.0 * r.lag)}),
+        "allan_figure": allan,
+        "correlation_figure": correlation,
         "overlay_figure": lambda: f.overlay_figure({"one": overlay(cases.MODEL, x, 2.0, RNG(2), runs=39)}, "deg/s"),
         "series_figure": lambda: f.series_figure(t, dict.fromkeys(seven, x), "time [s]", "rate [deg/s]", "t"),
         "sweep_figure": lambda: f.sweep_figure(two, dict.fromkeys("ab", (two, 0.1 * two)), "x [-]", "y [-]", "t"),

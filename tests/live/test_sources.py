@@ -186,4 +186,4 @@ def test_hosts_ports_and_options():
     assert address.options == {"format": "text", "columns": "t,ax"}
     assert parse_source("udp://:5000").host == "127.0.0.1"
     assert parse_source("udp://0.0.0.0:5000").host == "0.0.0.0"
-    assert parse_source("-").scheme == "-"
+    assert parse_source("-").scheme == "stdin"

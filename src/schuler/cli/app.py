@@ -102,6 +102,11 @@ COMMANDS = {
         "Navigate a log: INS, INS/GNSS, outages, smoothing, report. Without --config it is proposed from the log.",
         "schuler navigate drive.parquet --config drive.toml --outage 120:150",
     ),
+    "live": (
+        "schuler.cli.live:live",
+        "Navigate streams as they come: serial lines, UDP, TCP, WebSockets, MQTT, stdin, or a log at its pace.",
+        "schuler live replay:drive.parquet?speed=10 --config drive.toml --out nmea:udp://:10110",
+    ),
     "rerun": (
         "schuler.cli.rerun:rerun",
         "Navigate again what a run folder was made from, and say whether the numbers are the same.",

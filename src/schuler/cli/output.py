@@ -65,9 +65,14 @@ def silenced(quiet: bool) -> Iterator[None]:
         _QUIET.reset(token)
 
 
+def is_quiet() -> bool:
+    """Whether prose and progress are left out."""
+    return _QUIET.get()
+
+
 def say(text: str, kind: str = "") -> None:
     """Prose, to stderr; an "error" or a "warning" in its colour on a terminal."""
-    if not _QUIET.get():
+    if not is_quiet():
         print(coloured(text, kind, sys.stderr), file=sys.stderr)
 
 

@@ -19,7 +19,7 @@ class Address:
     Attributes
     ----------
     scheme : str
-        ``serial``, ``udp``, ``tcp``, ...; ``-`` stands for standard input or output.
+        ``serial``, ``udp``, ``tcp``, ...; ``-`` alone is ``stdin``.
     host : str
         Of a network address; :data:`LOOPBACK` where none is given.
     port : int
@@ -73,16 +73,11 @@ def parse_address(text: str, schemes: dict[str, tuple[str, ...]], networks: tupl
     InputError
         For an unknown scheme or option, a missing port, device or file.
     """
-    if text == "-" or text.startswith("-?"):
-        scheme, colon, rest = "-", ":", text[1:]
-    else:
-        scheme, colon, rest = text.partition(":")
+    scheme, colon, rest = ("stdin:" if text == "-" else text).partition(":")
     if not colon or scheme not in schemes:
         raise InputError(
-            f"{text!r}: expected an address that begins with {', '.join(s if s == '-' else s + ':' for s in schemes)}; "
-            f"a log is replayed with replay:{text}"
-            if "replay" in schemes
-            else f"{text!r}: expected an address that begins with {', '.join(schemes)}"
+            f"{text!r}: expected an address that begins with {', '.join(f'{scheme}:' for scheme in schemes)}"
+            + (f"; a log is replayed with replay:{text}" if "replay" in schemes else "")
         )
     place, mark, query = rest.rpartition("?") if "?" in rest else (rest, "", "")
     options = dict(parse_qsl(query, keep_blank_values=True))
@@ -91,7 +86,7 @@ def parse_address(text: str, schemes: dict[str, tuple[str, ...]], networks: tupl
     for name in options:
         check_known(name, schemes[scheme], f"{text}: option")
     if scheme not in networks:
-        if scheme != "-" and not place:
+        if scheme != "stdin" and not place:
             raise InputError(f"{text}: expected {scheme}: and a file or device, got nothing behind the colon")
         return Address(scheme, path=place, options=options, text=text)
     host, port, path = _host_and_port(text, place)

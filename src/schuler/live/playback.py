@@ -67,7 +67,9 @@ def messages(recording: Recording, piece_s: float = _LARGEST_S) -> Iterator[tupl
             yield t, message
 
 
-def play(recording: Recording, clock: SourceClock, speed: float, stop: threading.Event) -> Iterator[list[Message]]:
+def play(
+    recording: Recording, clock: SourceClock, stop: threading.Event, speed: float = 1.0
+) -> Iterator[list[Message]]:
     """Messages of a recording at a pace.
 
     Parameters
@@ -75,10 +77,10 @@ def play(recording: Recording, clock: SourceClock, speed: float, stop: threading
     recording : Recording
     clock : SourceClock
         Gets the time base of the recording; one that is settled already must have the same epoch.
-    speed : float
-        Seconds of the log in one of the machine; 0 does not wait.
     stop : Event
         Ends the stream when it is set.
+    speed : float
+        Seconds of the log in one of the machine; 0 does not wait.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 The proprietary sentence of NMEA has what the standard ones lack::
 
-    $PSCH,123519.25,ok,0.012,0.013,0.025,0.010,0.010,0.012,0.05,0.05,0.21*5C
+    $PSCH,123519.25,ok,0.012,0.013,0.025,0.010,0.010,0.012,0.05,0.05,0.21*1C
 
 UTC, health, 1-sigma of position north, east, down [m], of velocity [m/s] and of attitude about these axes [deg].
 """

@@ -34,7 +34,7 @@ SCHEMES = {
     "tcp": ("retry", *_DECODING),
     "ws": ("retry", *_DECODING),
     "mqtt": _DECODING,
-    "-": _DECODING,
+    "stdin": _DECODING,
 }
 NETWORKS = ("udp", "tcp", "ws", "mqtt")
 #: Sources whose pieces are whole messages, so that a line needs no line feed.
@@ -80,7 +80,7 @@ def chunks(address: Address, stop: threading.Event, notify: Notify) -> Iterator[
     MissingExtraError
         If the library of a scheme is not installed.
     """
-    if address.scheme == "-":
+    if address.scheme == "stdin":
         return _standard_input(stop)
     if address.scheme == "udp":
         return _datagrams(address, stop, notify)

@@ -66,13 +66,13 @@ class TextDecoder:
         self._delimiter = hints.delimiter
         self._comments = (hints.comment,) if hints.comment else ("#", "%", "//")
         names = [spec.name for spec in self._columns if spec is not None]
-        self._series = _series_of(hints, names)
+        self.series = _series_of(hints, names)
         if "t" not in names and not by_arrival and hints.rate is None:
             raise InputError(
                 "columns: there is no time: name it (t), or say stamp=arrival to stamp lines as they come, or rate=..."
             )
         self._time = parse_time(hints.time)
-        self._factors = _factors(hints, self._columns, self._series)
+        self._factors = _factors(hints, self._columns, self.series)
         self._turn = _turn(hints)
         self._table_hints = _without_time(hints)
         self._rest, self._rows, self._weeks = b"", 0, 0
@@ -103,7 +103,7 @@ class TextDecoder:
         t = self._stamp(values.pop("t", None), arrival)
         if t is None:
             return []
-        messages = self._sample(t, values) if self._series == "imu" else self._slower(t, values)
+        messages = self._sample(t, values) if self.series == "imu" else self._slower(t, values)
         self._rows += len(messages)
         return messages
 
@@ -177,12 +177,12 @@ class TextDecoder:
         except InputError as error:
             self.left_out[f"lines: {error}"] += 1
             return []
-        series = made[self._series]
+        series = made[self.series]
         if isinstance(series, GnssSeries):
             return list(fixes(series))
         if isinstance(series, OdometerSeries):
             return [Speed(t, float(series.speed[0]), float(series.sigma[0]))]
-        kind = Heading if self._series == "heading" else Height
+        kind = Heading if self.series == "heading" else Height
         return [kind(t, float(series.value[0]), float(series.sigma[0]))]
 
 

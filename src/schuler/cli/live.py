@@ -1,0 +1,230 @@
+"""``schuler live``."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from cyclopts import Parameter
+
+from schuler import units
+from schuler.cli.configuration import entries
+from schuler.cli.output import Flag, Folder, Texts, print_json, say
+from schuler.exceptions import InputError, printable
+
+if TYPE_CHECKING:
+    from schuler.live.address import Address
+    from schuler.live.messages import Event, Health, Solution
+
+_REDRAWN_S = 0.25  # between two drawings of the status line [s]
+_SUFFIX = {"nmea": "nmea", "ubx": "ubx", "text": "txt"}
+_COLOURS = {"ok": "green", "coasting": "yellow", "doubtful": "yellow", "failed": "bold red", "aligning": "cyan"}
+
+
+def live(
+    *source: Annotated[str, Parameter(allow_leading_hyphen=True)],
+    config: Path,
+    out: Texts = (),
+    record: Folder = None,
+    rate: float = 10.0,
+    lag: float = 10.0,
+    calibration: Path | None = None,
+    geoid_separation: float = 0.0,
+    set: Texts = (),
+    headless: Flag = False,
+    json: Flag = False,
+) -> int:
+    """Navigate streams as they come: serial lines, UDP, TCP, WebSockets, MQTT, stdin, or a log at its pace.
+
+    It ends when all sources have ended, or with Ctrl-C or SIGTERM; what is recorded is complete then.
+
+    Parameters
+    ----------
+    source
+        serial:/dev/ttyUSB0?baud=115200, udp://:PORT, tcp://HOST:PORT, ws://HOST:PORT/PATH, mqtt://HOST:PORT/TOPIC,
+        stdin: (or -), or replay:LOG?speed=10 (0: as fast as it goes). Several are navigated together. What may stand
+        behind the question mark, such as part=imu, is in docs/live.md.
+    config
+        TOML file, as of schuler navigate; its [recording] section describes lines of text.
+    out
+        Where solutions go: FORMAT:PLACE with json or nmea and - (stdout), a file that is appended to,
+        udp://HOST:PORT, or tcp://HOST:PORT for clients to connect to; may be given several times.
+    record
+        Folder for solution.parquet and the bytes of each source as they came.
+    rate
+        Solutions in a second; 0 gives one after every sample.
+    lag
+        How late a measurement may come, in seconds.
+    calibration
+        File of a calibration of this unit, instead of imu.calibration of the configuration.
+    geoid_separation
+        Height of the geoid above the ellipsoid in metres, for the heights of NMEA.
+    set
+        Any entry of the configuration: SECTION.KEY=VALUE; may be given several times.
+    headless
+        Without a status line, for services.
+    json
+        Print one JSON object with the counts of the run at its end.
+    """
+    from schuler.live.clock import SourceClock
+    from schuler.live.navigator import LiveNavigator
+    from schuler.live.session import run_session
+    from schuler.live.sinks import SolutionTable, open_line_sink
+    from schuler.live.sources import parse_source
+    from schuler.live.wiring import connect
+    from schuler.navigation.config import NavigationConfig
+
+    if not source:
+        raise InputError("live: expected a source, such as serial:/dev/ttyUSB0 or replay:drive.parquet, got none")
+    if not 0.0 <= rate <= 10_000.0:
+        raise InputError(f"--rate: expected solutions in a second from 0 to 10000, got {rate:g}")
+    if json and any(text.endswith(":-") for text in out):
+        raise InputError("--json and --out to stdout: both print there; leave one of them out")
+    addresses = [parse_source(text) for text in source]
+    loaded = NavigationConfig.load(config, entries(set))
+    clock, began = SourceClock(), time.monotonic()
+    with ExitStack() as held:
+        sinks: list[Any] = []
+        for text in out:
+            sinks.append(open_line_sink(text, clock, geoid_separation))
+            held.callback(sinks[-1].close)
+        table = None if record is None else SolutionTable(record / "solution.parquet", clock)
+        sinks += [] if table is None else [table]
+        sources, kind = connect(
+            addresses, loaded.recording, clock, replayed=lambda log: _read(log, config), kept_in=_keeper(record, held),
+        )  # fmt: skip
+        stop = held.enter_context(_stopped_by_signals())
+        status = held.enter_context(_status_line(not headless))
+        sinks.append(status)
+
+        def publish(event: Event) -> None:
+            for sink in sinks:
+                sink.event(event)
+
+        navigator = LiveNavigator.from_config(loaded, calibration=calibration, lag_s=lag, kind=kind, on_event=publish)
+        summary = run_session(
+            sources, navigator, clock, sinks, stop=stop, rate_hz=rate,
+            on_idle=lambda solution: status.draw(solution, navigator.health),
+        )  # fmt: skip
+        last = navigator.solution()
+        files = {} if table is None or (path := table.close()) is None else {"solution": path}
+    numbers = {
+        "health": navigator.health, "messages": dict(summary.messages), "solutions": summary.solutions,
+        "left_out": dict(summary.left_out), "elapsed_s": time.monotonic() - began,
+    }  # fmt: skip
+    if json:
+        print_json({"command": "live", **numbers, "files": files})
+    else:
+        counts = ", ".join(f"{count} {name}" for name, count in summary.messages.items()) or "no messages"
+        say(f"ended {navigator.health}: {counts}; {summary.solutions} solutions")
+        for name, path in files.items():
+            say(f"{name}: {path}")
+    return 0 if last is not None and navigator.health != "failed" else 1
+
+
+def _read(log: Path, config: Path) -> Any:
+    from schuler.cli.reading import read_log
+
+    return read_log(log, config)
+
+
+def _keeper(folder: Path | None, held: ExitStack) -> Callable[[int, Address], Callable[[bytes], None] | None]:
+    """Functions that append the bytes of each source to a file of its own; what was written stays after a kill."""
+
+    def keep(k: int, address: Address) -> Callable[[bytes], None] | None:
+        if folder is None:
+            return None
+        suffix = _SUFFIX.get(address.options.get("format", ""), "bin")
+        path = folder / f"source-{k + 1}.{suffix}"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+        held.callback(os.close, handle)
+
+        def append(data: bytes) -> None:
+            os.write(handle, data)
+
+        return append
+
+    return keep
+
+
+@contextmanager
+def _stopped_by_signals() -> Iterator[threading.Event]:
+    """Event that Ctrl-C and SIGTERM set, instead of ending the program."""
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    kept = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in kept.items():
+            signal.signal(number, handler)
+
+
+class _Status:
+    """Line of the newest solution on a terminal, and events above it; without a terminal events only."""
+
+    def __init__(self, line: Any | None) -> None:
+        self._line, self._drawn = line, 0.0
+
+    def solution(self, solution: Solution) -> None:
+        """Solutions are drawn when there is time."""
+
+    def event(self, event: Event) -> None:
+        """Print an event."""
+        when = f"{event.t:.3f} s: " if np.isfinite(event.t) else ""
+        kind = "warning" if event.kind in ("health", "decoder", "late", "clock") else ""
+        text = printable(f"{when}{event.text}")
+        if self._line is None:
+            say(text, kind)
+        else:
+            self._line.console.print(text, style="yellow" if kind else None, markup=False, highlight=False)
+
+    def draw(self, solution: Solution | None, health: Health) -> None:
+        """Draw the line anew, not too often."""
+        now = time.monotonic()
+        if self._line is None or now - self._drawn < _REDRAWN_S:
+            return
+        from rich.text import Text
+
+        self._drawn = now
+        text = Text(health, style=_COLOURS[health])
+        self._line.update(text if solution is None else text.append(status_text(solution), style="default"))
+        self._line.refresh()
+
+
+def status_text(solution: Solution) -> str:
+    """Time, place, speed, heading and their 1-sigma in one line."""
+    lat, lon = (solution.llh[:2] / units.DEG).tolist()
+    north, east, _ = solution.v_eb_n.tolist()
+    horizontal = float(np.hypot(*solution.sigma_r_n[:2]))
+    return (
+        f"  {solution.t:.1f} s  {lat:.7f} {lon:.7f} {solution.llh[2]:.1f} m ±{horizontal:.2f} m"
+        f"  {np.hypot(north, east):.2f} m/s  heading {solution.rpy_nb[2] / units.DEG % 360.0:.1f}°"
+        f" ±{solution.sigma_psi_n[2] / units.DEG:.1f}°"
+    )
+
+
+@contextmanager
+def _status_line(wanted: bool) -> Iterator[_Status]:
+    import sys
+
+    from schuler.cli.output import is_quiet
+
+    if not wanted or is_quiet() or not sys.stderr.isatty():
+        yield _Status(None)
+        return
+    from rich.console import Console
+    from rich.live import Live
+
+    with Live(console=Console(stderr=True), auto_refresh=False, transient=True) as line:
+        yield _Status(line)

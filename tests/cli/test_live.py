@@ -1,0 +1,279 @@
+"""``schuler live`` from the wire to the outlet: every kind of source on this machine, and a batch run's numbers."""
+
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from contextlib import ExitStack, nullcontext
+
+import numpy as np
+import pytest
+from command import refusal, run
+from format_drives import drive
+
+import schuler
+from schuler import frames
+from schuler.cli import main
+from schuler.files import write_text
+from schuler.navigation.config import NavigationConfig
+
+CONFIG = """
+[imu]
+catalogue = "MTi-G-710"
+
+[alignment]
+method = "given"  # one that is found by itself is learnt from other parts of a log than of a stream
+rpy_deg = [1.146, 1.719, 28.65]
+sigma_deg = [0.5, 0.5, 1.0]
+
+[filter]
+smooth = false
+tune = false
+
+[recording.imu]
+file = "imu.csv"
+columns = "t,ax,ay,az,gx,gy,gz"
+units = "m/s^2,rad/s"
+axes = "FRD"
+time = "gps-tow:2300"
+
+[recording.gnss]
+file = "gnss.csv"
+columns = "t,lat,lon,h,vn,ve,vd"
+units = "angle=deg"
+height = "ellipsoidal"
+sigma = "0.5,0.5,1,0.05,0.05,0.05"
+time = "gps-tow:2300"
+"""
+LONGEST_S = 30.0
+SLICE_S = 2.0
+CLOSE_M = 1e-8  # rounding: of geodetic coordinates, and of sums over blocks of other lengths
+
+
+def lines(*columns):
+    return "".join(",".join(repr(float(v)) for v in row) + "\n" for row in np.column_stack(columns)).encode()
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """Folder with the log of a short drive as text, its configuration, and what a batch run makes of it."""
+    folder = tmp_path_factory.mktemp("drive")
+    made = drive(25.0)
+    imu, gnss = made.imu, made.gnss
+    (folder / "imu.csv").write_bytes(lines(imu.t, imu.accel, imu.gyro))
+    (folder / "gnss.csv").write_bytes(lines(gnss.t, np.rad2deg(gnss.llh[:, :2]), gnss.llh[:, 2], gnss.v_n))
+    config = write_text(folder / "drive.toml", CONFIG)
+    recording = schuler.read(folder, **NavigationConfig.load(config).recording)
+    return folder, config, schuler.navigate(recording, config).trajectory
+
+
+def compare(rows, trajectory, in_time=True):
+    """Solutions as JSON against the trajectory of a batch run at their times; the number compared.
+
+    Of two streams that come each at its own pace fixes may come late: the last solution has them all.
+    """
+    solutions = [row for row in rows if "event" not in row]
+    assert {row["health"] for row in solutions} <= {"ok", "coasting"}
+    t = np.array([row["t_s"] for row in solutions])
+    at = np.searchsorted(trajectory.t, t - 1e-7)
+    np.testing.assert_allclose(trajectory.t[at], t, atol=1e-9)
+    llh = np.array([[np.deg2rad(row["lat_deg"]), np.deg2rad(row["lon_deg"]), row["height_m"]] for row in solutions])
+    off = np.linalg.norm(frames.ecef_from_llh(llh) - trajectory.r_eb_e[at], axis=1)
+    assert (off.max() if in_time else off[-1]) < CLOSE_M, off
+    assert off.max() < 0.5
+    return len(t)
+
+
+def read_lines(path):
+    """Objects of the whole lines of a file that may still be written to."""
+    return [json.loads(line) for line in path.read_text().split("\n")[:-1]]
+
+
+def test_a_replayed_log_is_the_batch_run(log, tmp_path, capsys):
+    folder, config, trajectory = log
+    out, nmea = tmp_path / "live.jsonl", tmp_path / "live.nmea"
+    code, printed, _ = run(
+        capsys, "live", f"replay:{folder}?speed=0", "--config", config, "--rate", 10, "--json", "--out", f"json:{out}",
+        "--out", f"nmea:{nmea}", "--record", tmp_path / "run",
+    )  # fmt: skip
+    assert code == 0
+    numbers = json.loads(printed)
+    rows = read_lines(out)
+    assert numbers["solutions"] == compare(rows, trajectory) > 100
+    assert [row["event"] for row in rows if "event" in row][:2] == ["start", "health"]
+    table = schuler.read(tmp_path / "run" / "solution.parquet").reference
+    np.testing.assert_array_equal(table.t, [row["t_s"] for row in rows if "event" not in row])
+    fixes = schuler.read(nmea).gnss
+    np.testing.assert_allclose(frames.ecef_from_llh(fixes.llh), table.r_eb_e, atol=1e-3)  # printed digits
+
+
+def test_a_log_at_its_pace_takes_its_time(log, tmp_path, capsys):
+    folder, config, trajectory = log
+    began = time.monotonic()
+    out = tmp_path / "live.jsonl"
+    assert run(capsys, "live", f"replay:{folder}?speed=20", "--config", config, "--out", f"json:{out}")[0] == 0
+    assert time.monotonic() - began > 24.9 / 20.0
+    assert compare(read_lines(out), trajectory) > 100
+
+
+class Sender:
+    """Sends the two streams of a log slice by slice, so that neither runs ahead of the other."""
+
+    def __init__(self, folder, send_imu, send_gnss, out):
+        self.streams = [
+            (send, (folder / name).read_bytes().splitlines(keepends=True))
+            for send, name in ((send_gnss, "gnss.csv"), (send_imu, "imu.csv"))
+        ]
+        self.out = out
+        self.first, self.last = (float(self.streams[1][1][k].partition(b",")[0]) for k in (0, -1))
+
+    def run(self):
+        for start in np.arange(self.first, self.last, SLICE_S):
+            for send, rows in self.streams:
+                for row in rows:
+                    if start <= float(row.partition(b",")[0]) < start + SLICE_S:
+                        send(row)
+                time.sleep(0.1)
+            if start > self.first + 2.0 * SLICE_S:  # aligned by then
+                self.wait_for(min(start + SLICE_S, self.last) - 0.2)
+
+    def wait_for(self, t):
+        began = time.monotonic()
+        while time.monotonic() - began < LONGEST_S:
+            rows = [row for row in read_lines(self.out) if "event" not in row] if self.out.exists() else []
+            if rows and rows[-1]["t_s"] >= t:
+                return
+            time.sleep(0.02)
+        raise AssertionError(f"no solution at {t} s: {self.out.read_text()[-2000:]}")
+
+
+@pytest.fixture
+def ports():
+    sockets = [socket.socket() for _ in range(2)]
+    for s in sockets:
+        s.bind(("127.0.0.1", 0))
+    numbers = [s.getsockname()[1] for s in sockets]
+    for s in sockets:
+        s.close()
+    return numbers
+
+
+def imu_stream(kind, port, held):
+    """Address of a source for the IMU, and a function that returns one which sends to it once it is connected."""
+    if kind == "serial":
+        pytest.importorskip("serial")
+        master, slave = os.openpty()
+        held.callback(os.close, master)
+        held.callback(os.close, slave)
+        return f"serial:{os.ttyname(slave)}", lambda: lambda data: os.write(master, data)
+    if kind == "udp":
+        sender = held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        return f"udp://:{port}", lambda: lambda data: sender.sendto(data, ("127.0.0.1", port))
+    server = held.enter_context(socket.create_server(("127.0.0.1", port)))
+    return f"tcp://:{port}", lambda: held.enter_context(server.accept()[0]).sendall
+
+
+@pytest.mark.parametrize("kind", ["udp", "tcp", "serial"])
+def test_streams_are_the_batch_run(log, tmp_path, ports, kind):
+    folder, config, trajectory = log
+    out, codes, stop = tmp_path / "live.jsonl", [], threading.Event()
+    with ExitStack() as held:
+        source, connect = imu_stream(kind, ports[0], held)
+        gnss = held.enter_context(socket.create_server(("127.0.0.1", ports[1])))
+        arguments = [
+            "live", f"{source}?part=imu", f"tcp://:{ports[1]}?part=gnss&retry=0", "--config", str(config), "--out",
+            f"json:{out}", "--rate", "10", "--set", "filter.smooth=false", "--record", str(tmp_path / "run"),
+        ]  # fmt: skip
+        thread = threading.Thread(target=lambda: codes.append(run_with(stop, arguments)))
+        thread.start()
+        try:
+            client = held.enter_context(gnss.accept()[0])
+            Sender(folder, connect(), client.sendall, out).run()
+        finally:
+            stop.set()
+            thread.join(LONGEST_S)
+    assert codes == [0]
+    assert compare(read_lines(out), trajectory, in_time=False) > 100
+    kept = sorted((tmp_path / "run").glob("source-*"))
+    assert [path.read_bytes().replace(b"\r", b"") for path in kept] == [
+        (folder / name).read_bytes() for name in ("imu.csv", "gnss.csv")
+    ]
+
+
+def run_with(stop, arguments):
+    """Run a command that another thread ends by an event, as a signal would."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("schuler.cli.live._stopped_by_signals", lambda: nullcontext(stop))
+        return main(arguments)
+
+
+def test_standard_input_and_a_signal(log, tmp_path, ports):
+    """A program of its own, ended by SIGTERM: its files are complete."""
+    folder, config, trajectory = log
+    out = tmp_path / "live.jsonl"
+    program = subprocess.Popen(
+        [sys.executable, "-m", "schuler", "live", "stdin:?part=imu", f"udp://:{ports[0]}?part=gnss", "--config", config,
+         "--out", f"json:{out}", "--record", tmp_path / "run", "--headless"],
+        stdin=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, "PYTHONWARNINGS": "ignore"},
+    )  # fmt: skip
+    try:
+        said = b""
+        while b"listening" not in said:
+            assert select.select([program.stderr], [], [], LONGEST_S)[0]
+            said += os.read(program.stderr.fileno(), 1000)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as s:
+
+            def send(data):
+                os.write(program.stdin.fileno(), data)
+
+            Sender(folder, send, lambda d: s.sendto(d, ("127.0.0.1", ports[0])), out).run()
+        program.send_signal(signal.SIGTERM)
+        assert program.wait(LONGEST_S) == 0
+    finally:
+        program.kill()
+        program.communicate()
+    assert compare(read_lines(out), trajectory, in_time=False) > 100
+    assert len(schuler.read(tmp_path / "run" / "solution.parquet").reference.t) > 100
+
+
+def test_garbage_is_said_and_the_run_goes_on(log, tmp_path, capsys, monkeypatch):
+    _, config, _ = log
+    reader, writer = os.pipe()
+    os.write(writer, b"\x00\xff\xfe" * 999 + b"\n1,2,3\nnan,0,0,0,0,0,0\n5,0,0,-9.81,0,0,0\n")
+    os.close(writer)
+    with os.fdopen(reader, "rb") as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        code, _, err = run(capsys, "live", "stdin:?part=imu", "--config", config)
+    assert code == 1  # there is no solution
+    assert "stdin:?part=imu: 3 lines that are no rows of t,ax,ay,az,gx,gy,gz" in err
+    assert "ended aligning: 1 ImuSample; 0 solutions" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "expected a source"),
+        (["drive.csv"], "a log is replayed with replay:drive.csv"),
+        (["udp://:5000?part=baro"], "part of [recording]: 'baro' is not known"),
+        (["udp://:5000?format=text"], "the columns are not known"),
+        (["-", "--out", "xml:-"], "expected FORMAT:PLACE"),
+        (["-", "--out", "json:-", "--json"], "both print there"),
+        (["-", "--rate", "-1"], "expected solutions in a second"),
+        (["replay:nothing.parquet"], "no such file or folder"),
+    ],
+)
+def test_what_cannot_be_run_is_refused(log, capsys, arguments, message):
+    assert message in refusal(capsys, "live", *arguments, "--config", log[1])
+
+
+def test_a_port_that_is_taken_ends_the_run(log, capsys, ports):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", ports[0]))
+        code, _, err = run(capsys, "live", f"udp://:{ports[0]}?part=imu", "--config", log[1])
+    assert code == 2
+    assert "cannot listen on 127.0.0.1" in err

@@ -49,6 +49,8 @@ def test_a_restart_goes_on_to_the_same_last_bit(recording, tmp_path, at):
         np.testing.assert_array_equal(getattr(ends[0], name), getattr(ends[1], name))
     np.testing.assert_array_equal(live.covariance, other.covariance)
     assert ends[0].health == ends[1].health == "ok"
+    files = [run.save(tmp_path / name).read_bytes() for run, name in ((live, "one"), (other, "two"))]
+    assert files[0] == files[1]
     assert "goes on from the state" in other.events[0].text
 
 

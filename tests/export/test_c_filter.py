@@ -23,6 +23,7 @@ from schuler.filtering.measurements import (
     LATERAL,
     POSITION,
     SPEED,
+    VELOCITY,
     VERTICAL,
     MeasurementSchedule,
     gate_threshold,
@@ -46,6 +47,7 @@ LAYOUTS = {
     "all": StateLayout(
         {
             **cases.layout(21).models,
+            "G_g": _CONSTANT(2e-5),
             "b_a_run": StateModel.gauss_markov(0.01, 200.0),
             "b_g_run": StateModel.gauss_markov(1e-4, 0.5),  # decays within a propagation: closed form and series
             "lever": _CONSTANT(0.2),
@@ -124,7 +126,7 @@ def test_c_is_the_filter_for_every_layout(tmp_path, name):
 
 def test_c_propagates_at_every_sample_with_noise_by_axis(tmp_path):
     """No decimation, and densities that differ by axis, so that the noise turns with the body."""
-    log, schedule, initial = run_of(LAYOUTS["15"])
+    log, schedule, initial = run_of(LAYOUTS["15"], 20.0)
     psd = (PSD[0] * (1.0, 2.0, 0.5), PSD[1] * (1.0, 3.0, 4.0))
     options = FilterOptions(covariance_rate_hz=None)
     c_programs.replay(c_programs.program(written(tmp_path, LAYOUTS["15"], log, schedule, initial, options, psd)))
@@ -136,6 +138,7 @@ FAULTS = {
     "drift": {"1", "2", "3"},
     "scatter": {"1", "2"},  # their variance grows
     "outage": {"1", "2", "3"},  # of fixes, while an accelerometer is off by far more than it states
+    "velocity": {"1", "2", "3"},  # a jump of velocities
 }
 
 
@@ -148,6 +151,8 @@ def test_c_judges_faults_as_the_filter_does(tmp_path, fault):
     positions = during & (schedule.kind == POSITION)
     if fault == "jump":
         z[positions] += 40.0
+    elif fault == "velocity":
+        z[during & (schedule.kind == VELOCITY)] += 2.0
     elif fault == "drift":
         z[positions] += 3.0 * (t[positions] - 40.0)[:, None]
     elif fault == "scatter":
@@ -167,6 +172,13 @@ def decisions(folder):
     """Kind and status of every measurement of a test vector."""
     lines = (folder / "vector.csv").read_text().splitlines()
     return [tuple(line.split(",")[2:4]) for line in lines if line.startswith("outcome")]
+
+
+def test_c_propagates_where_the_body_turned_far(tmp_path):
+    """Between two propagations by time others, when a turn reaches its limit."""
+    log, schedule, initial = run_of(LAYOUTS["15"], 20.0, vehicle=False)
+    options = FilterOptions(covariance_rate_hz=1.0, flush_angle=0.02)
+    c_programs.replay(c_programs.program(written(tmp_path, LAYOUTS["15"], log, schedule, initial, options)))
 
 
 @pytest.mark.parametrize("lockout", [0, 2])
@@ -271,6 +283,27 @@ int main(void)
         EXPECT(fabs(x.sigma[i] - a[i]) < 1e-12 && fabs(x.sigma[3 + i] - b[i]) < 1e-12);
         EXPECT(fabs(x.sigma[6 + i] - c[i]) < 1e-12);
     }
+    for (i = 0; i < 12; i++) { /* attitudes about every axis, up to a half turn */
+        const double angle = (i % 4 + 0.99) * 0.7853, sn = sin(angle), inclined[3] = {0.3, -0.2, 0.1};
+        sch_real p[4] = {0};
+        double dot = 0, norm = 0;
+        int j;
+        p[0] = cos(angle);
+        for (j = 0; j < 3; j++)
+            p[1 + j] = sn * (j == i / 4 ? 1 : inclined[j]);
+        for (j = 0; j < 4; j++)
+            norm += p[j] * p[j];
+        for (j = 0; j < 4; j++)
+            p[j] /= sqrt(norm);
+        sch_initial_from_sigmas(&initial, 100.0, llh, v, p, a, b, c);
+        EXPECT(sch_init(&s, &initial) == SCH_OK);
+        sch_solve(&s, &x);
+        for (j = 0; j < 4; j++)
+            dot += p[j] * x.q_nb[j];
+        EXPECT(fabs(fabs(dot) - 1) < 1e-14);
+    }
+    sch_initial_from_sigmas(&initial, 100.0, llh, v, q, a, b, c);
+    EXPECT(sch_init(&s, &initial) == SCH_OK);
     sch_llh_from_ecef(r, back);
     sch_ecef_from_llh(back, back);
     for (i = 0; i < 3; i++)

@@ -27,6 +27,7 @@ _CALMEST, _WILDEST = 0.3, 100.0  # bounds of the random walk of velocity [m/s pe
 _DRIFT_WALK = 1.0  # of the clock drift [m/s per sqrt(s)]
 _OFFSET_WALK = 0.02  # of the offsets between systems' clocks [m per sqrt(s)]
 _CLOCK_STEP = 1e5  # the first clock itself is free, as receivers set it [m]
+_SHORTEST_STEP_S = 1e-3  # between epochs, for the sake of rounding [s]
 _WEAK = 1e-9  # inverse variance of what nothing else determines
 
 
@@ -152,7 +153,7 @@ def _begin(p: Padded, t: FloatArray, start: FloatArray) -> FloatArray:
 
 def _walk(p: Padded, t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Transition from epoch to epoch, and inverse covariance of what it leaves open. Shapes (k - 1, n, n)."""
-    dt, n = np.diff(t), x.shape[1]
+    dt, n = np.maximum(np.diff(t), _SHORTEST_STEP_S), x.shape[1]
     own = fit_rates(p, p.has_rate, x[:, :3])
     both = own.solvable[1:] & own.solvable[:-1]
     steps = np.abs(np.diff(own.x, axis=0)[both]) / np.sqrt(dt[both])[:, None]

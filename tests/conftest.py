@@ -13,8 +13,9 @@ from places import DATA
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
-# Compiled modules are kept, whatever the shell says: without them every test process rewrites the assertions of all tests
-# again (16 s of a processor), and every command that a test starts compiles the package. Kernels are kept beside them anyway.
+# Compiled modules are kept, whatever the shell says: without them every test process rewrites the assertions of all
+# tests again (16 s of a processor), and every command that a test starts compiles the package. Kernels are kept beside
+# them anyway.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 

@@ -56,6 +56,11 @@ def test_catalogue_is_ranked(mission):
     wanted = requirement("horizontal < 10 m @ 60 s outage")
     specs, left_out = catalogue_specs()
     result = choose_imu(mission, wanted, specs, left_out=left_out)
+    for v, row in zip(result.verdicts, result.table().rows, strict=True):
+        one = bottleneck(mission, wanted, spec(v.imu)) if v.imu in ("LN-200", "MPU-6000", "VN-200") else None
+        assert v.limited_by
+        assert one is None or (v.limited_by, v.share) == (one.words, one.share)
+        assert row[-1] == f"{v.limited_by} ({100.0 * v.share:.0f} %)"
     values = [v.value for v in result.verdicts]
     order = [({True: 0, None: 1, False: 2}[v.certain], v.value) for v in result.verdicts]
     assert order == sorted(order)

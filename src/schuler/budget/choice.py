@@ -22,7 +22,6 @@ from schuler.sensors.spec import ImuSpec
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from schuler.arrays import FloatArray
 
 _ORDER = {True: 0, None: 1, False: 2}
 _PASSES = {True: "yes", False: "no", None: "unknown"}
@@ -51,6 +50,10 @@ class Verdict:
         With what is stated.
     unstated : tuple of str
         Specifications that the source leaves out and that count as zero here: the value is a lower bound.
+    limited_by : str
+        The specification that contributes most there, in words; empty if none contributes.
+    share : float
+        Its share of the variance there.
     """
 
     imu: str
@@ -58,6 +61,8 @@ class Verdict:
     time: float
     passes: bool
     unstated: tuple[str, ...] = ()
+    limited_by: str = ""
+    share: float = 0.0
 
     @property
     def certain(self) -> bool | None:
@@ -122,19 +127,17 @@ class ImuChoice(Displayed):
     def table(self) -> ResultTable:
         """All IMUs, best first."""
         _, unit, scale = QUANTITIES[self.requirement.quantity]
-        rows: list[tuple[Any, ...]] = []
-        for v in self.verdicts:
-            b = self.bottlenecks.get(v.imu)
-            rows.append(
-                (
-                    v.imu, v.value / scale, v.time, _PASSES[v.certain], self.requirement.limit / v.value,
-                    "" if b is None else f"{b.words} ({100.0 * b.share:.0f} %)",
-                )
-            )  # fmt: skip
+        rows = tuple(
+            (
+                v.imu, v.value / scale, v.time, _PASSES[v.certain], self.requirement.limit / v.value,
+                f"{v.limited_by} ({100.0 * v.share:.0f} %)" if v.limited_by else "",
+            )
+            for v in self.verdicts
+        )  # fmt: skip
         return ResultTable(
             f"{self.mission}: {self.requirement.text}",
             ("imu", f"value_{unit.replace('/', '_')}", "at_s", "passes", "margin", "limited_by"),
-            tuple(rows),
+            rows,
             ("linear covariance, errors beyond the filter's states included; margin: bound over value",),
         )
 
@@ -154,7 +157,10 @@ class ImuChoice(Displayed):
         return {
             "mission": self.mission, "requirement": self.requirement.text,
             "ranking": [
-                {"imu": v.imu, "value": v.value, "time_s": v.time, "passes": v.certain, "unstated": list(v.unstated)}
+                {
+                    "imu": v.imu, "value": v.value, "time_s": v.time, "passes": v.certain,
+                    "unstated": list(v.unstated), "limited_by": v.limited_by, "share": v.share,
+                }
                 for v in self.verdicts
             ],
             "bottlenecks": {
@@ -183,7 +189,7 @@ def choose_imu(
     left_out: dict[str, str] | None = None,
     progress: Progress | None = None,
 ) -> ImuChoice:
-    """Rank IMUs by a requirement, and say what limits some of them.
+    """Rank IMUs by a requirement, and say what limits each of them.
 
     Parameters
     ----------
@@ -191,7 +197,7 @@ def choose_imu(
     requirement : Requirement
     specs : sequence of ImuSpec
     explain : sequence of str
-        Names whose bottleneck is worked out; each takes a few re-runs.
+        Names of which it is worked out what value of what limits them would pass; each takes a few re-runs.
     left_out : dict of str to str, optional
         Passed on.
     progress : callable, optional
@@ -220,8 +226,12 @@ def choose_imu(
     prepare_replay()
 
     def judged(spec: ImuSpec) -> Verdict:
-        value, time = requirement.worst(mission, true_covariance(mission, spec))
-        return Verdict(spec.name, value, time, value <= requirement.limit, unstated_values(spec))
+        covariance = linear_covariance(mission, spec)
+        value, time = requirement.worst(mission, covariance.P)
+        shares = _shares(mission, requirement, spec, covariance, time)
+        field = max(shares, key=lambda f: shares[f], default=None)
+        limit = ("", 0.0) if field is None else (_in_words(field), shares[field])
+        return Verdict(spec.name, value, time, value <= requirement.limit, unstated_values(spec), *limit)
 
     verdicts = []
     with ThreadPoolExecutor(cpu_count()) as pool:
@@ -278,10 +288,7 @@ def bottleneck(mission: BudgetMission, requirement: Requirement, spec: ImuSpec) 
     """
     covariance = linear_covariance(mission, spec)
     value, time = requirement.worst(mission, covariance.P)
-    r = int(np.argmin(np.abs(covariance.t - time)))
-    places = list(QUANTITIES[requirement.quantity][0])
-    squares = np.sum(np.square(covariance.parts[:, r, places]), axis=1)
-    shares = _by_field(mission, spec, covariance, squares / squares.sum())
+    shares = _shares(mission, requirement, spec, covariance, time)
     if not shares:
         raise InputError(f"{spec.name}: nothing in the specification contributes")
     field = max(shares, key=lambda f: shares[f])
@@ -301,7 +308,7 @@ def bottleneck(mission: BudgetMission, requirement: Requirement, spec: ImuSpec) 
             needed, reached = factor * present, at(factor)
     else:
         needed = present
-    words = f"{'gyroscope' if field[0] == 'gyro' else 'accelerometer'} {_WORDS[field[1]]}"
+    words = _in_words(field)
     sensitivity = {f"{t} {f}": share for (t, f), share in sorted(shares.items(), key=lambda item: -item[1])}
     return Bottleneck(spec.name, f"{field[0]} {field[1]}", words, present, shares[field], needed, reached, sensitivity)
 
@@ -313,9 +320,19 @@ def scaled(spec: ImuSpec, field: tuple[str, str], factor: float) -> ImuSpec:
     return replace(spec, **{triad: changed})
 
 
-def _by_field(
-    mission: BudgetMission, spec: ImuSpec, covariance: LinearCovariance, share: FloatArray
+def _in_words(field: tuple[str, str]) -> str:
+    """Triad and specification in words."""
+    return f"{'gyroscope' if field[0] == 'gyro' else 'accelerometer'} {_WORDS[field[1]]}"
+
+
+def _shares(
+    mission: BudgetMission, requirement: Requirement, spec: ImuSpec, covariance: LinearCovariance, time: float
 ) -> dict[tuple[str, str], float]:
+    """Shares of the specifications in the variance of a requirement's quantity at a time."""
+    r = int(np.argmin(np.abs(covariance.t - time)))
+    places = list(QUANTITIES[requirement.quantity][0])
+    squares = np.sum(np.square(covariance.parts[:, r, places]), axis=1)
+    share = squares / squares.sum()
     still = constants(spec, mission.start_sigma, asymmetry=mission.asymmetry, quadratic=mission.quadratic)
     fields = {c.name: c.field for c in still} | {n.name: n.field for n in noises(spec)}
     shares: dict[tuple[str, str], float] = {}

@@ -152,7 +152,7 @@ def test_c_judges_faults_as_the_filter_does(tmp_path, fault):
     if fault == "jump":
         z[positions] += 40.0
     elif fault == "velocity":
-        z[during & (schedule.kind == VELOCITY)] += 2.0
+        z[during & (schedule.kind == VELOCITY), :3] += 2.0
     elif fault == "drift":
         z[positions] += 3.0 * (t[positions] - 40.0)[:, None]
     elif fault == "scatter":

@@ -241,6 +241,29 @@ def test_standard_input_and_a_signal(log, tmp_path, ports):
     assert len(schuler.read(tmp_path / "run" / "solution.parquet").reference.t) > 100
 
 
+def test_a_run_that_ends_goes_on_from_its_state(log, tmp_path, capsys):
+    """In two parts with a state between them it is the batch run; another configuration is refused."""
+    folder, config, trajectory = log
+    state, out = tmp_path / "drive.state", tmp_path / "live.jsonl"
+    split = float((folder / "imu.csv").read_text().partition(",")[0]) + 12.0
+    for part in ("before", "after"):
+        (tmp_path / part).mkdir()
+        for name in ("imu.csv", "gnss.csv"):
+            rows = (folder / name).read_text().splitlines(keepends=True)
+            kept = [row for row in rows if (float(row.partition(",")[0]) < split) == (part == "before")]
+            (tmp_path / part / name).write_text("".join(kept))
+        code, _, err = run(
+            capsys, "live", f"replay:{tmp_path / part}?speed=0", "--config", config, "--out", f"json:{out}", "--state",
+            state,
+        )  # fmt: skip
+        assert code == 0, err
+    assert "goes on from the state of" in err
+    assert compare(read_lines(out), trajectory) > 200
+    code, _, err = run(capsys, "live", f"replay:{folder}", "--config", config, "--state", state, "--lag", 5)
+    assert code == 2
+    assert "saved with another configuration" in err
+
+
 def test_garbage_is_said_and_the_run_goes_on(log, tmp_path, capsys, monkeypatch):
     _, config, _ = log
     reader, writer = os.pipe()

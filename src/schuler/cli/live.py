@@ -16,12 +16,16 @@ from cyclopts import Parameter
 
 from schuler import units
 from schuler.cli.configuration import entries
-from schuler.cli.output import Flag, Folder, Texts, print_json, say
+from schuler.cli.output import File, Flag, Folder, Texts, print_json, say
 from schuler.exceptions import InputError, printable
 
 if TYPE_CHECKING:
     from schuler.live.address import Address
+    from schuler.live.clock import SourceClock
     from schuler.live.messages import Event, Health, Solution
+    from schuler.live.navigator import LiveNavigator
+    from schuler.navigation.config import NavigationConfig
+    from schuler.recording.series import Kind
 
 _REDRAWN_S = 0.25  # between two drawings of the status line [s]
 _SUFFIX = {"nmea": "nmea", "ubx": "ubx", "text": "txt"}
@@ -36,6 +40,7 @@ def live(
     rate: float = 10.0,
     lag: float = 10.0,
     calibration: Path | None = None,
+    state: File = None,
     geoid_separation: float = 0.0,
     set: Texts = (),
     headless: Flag = False,
@@ -64,6 +69,8 @@ def live(
         How late a measurement may come, in seconds.
     calibration
         File of a calibration of this unit, instead of imu.calibration of the configuration.
+    state
+        File to go on from, if there is one, and in which the run is saved every minute and at its end.
     geoid_separation
         Height of the geoid above the ellipsoid in metres, for the heights of NMEA.
     set
@@ -108,9 +115,17 @@ def live(
             for sink in sinks:
                 sink.event(event)
 
-        navigator = LiveNavigator.from_config(loaded, calibration=calibration, lag_s=lag, kind=kind, on_event=publish)
+        navigator = _restored(state, loaded, kind, lag, calibration, clock, publish) or LiveNavigator.from_config(
+            loaded, calibration=calibration, lag_s=lag, kind=kind, on_event=publish
+        )
+
+        def save() -> None:
+            if state is not None:
+                navigator.time = clock.base
+                navigator.save(state)
+
         summary = run_session(
-            sources, navigator, clock, sinks, stop=stop, rate_hz=rate,
+            sources, navigator, clock, sinks, stop=stop, rate_hz=rate, on_interval=save,
             on_idle=lambda solution: status.draw(solution, navigator.health),
         )  # fmt: skip
         last = navigator.solution()
@@ -127,6 +142,30 @@ def live(
         for name, path in files.items():
             say(f"{name}: {path}")
     return 0 if last is not None and navigator.health != "failed" else 1
+
+
+def _restored(
+    state: Path | None,
+    config: NavigationConfig,
+    kind: Kind,
+    lag: float,
+    calibration: Path | None,
+    clock: SourceClock,
+    publish: Callable[[Event], None],
+) -> LiveNavigator | None:
+    """The run of a state file, if there is one; refused if it is of another configuration."""
+    from schuler.live.navigator import LiveNavigator
+
+    if state is None or not state.is_file():
+        return None
+    navigator = LiveNavigator.load(state, calibration=calibration, on_event=publish)
+    if (navigator.config, navigator.kind, navigator.lag_s) != (config, kind, lag):
+        raise InputError(
+            f"{state}: the run was saved with another configuration, --lag or kind of IMU: give those, or remove the "
+            "file to begin anew"
+        )
+    clock.base = navigator.time
+    return navigator
 
 
 def _read(log: Path, config: Path) -> Any:

@@ -47,7 +47,9 @@ from schuler.navigation.start.alignment import aligned_sentence
 from schuler.navigation.start.calibration import configured_start
 from schuler.navigation.states import imu_spec
 from schuler.recording.io.checks import MAX_FORCE, MAX_RATE
+from schuler.recording.io.own import time_document, time_from
 from schuler.recording.series import GnssSeries, ImuSeries, Kind
+from schuler.timebase import TimeBase
 
 _BLOCK = 20  # samples that are filtered together ...
 _BLOCK_S = 0.2  # ... unless they take longer to come, or the solution is asked for [s]
@@ -105,6 +107,8 @@ class LiveNavigator:
         self._queue = np.empty((_BLOCK, 8))  # t, gyro, accel, temperature
         self._queued = 0
         self._health: Health = "aligning"
+        #: Meaning of zero seconds, for whoever knows it; saved with the state.
+        self.time: TimeBase | None = None
         self._begin()
 
     @classmethod
@@ -345,6 +349,7 @@ class LiveNavigator:
             "config": self.config.model_dump(mode="json", exclude_unset=True),
             "lag_s": self.lag_s,
             "kind": self.kind,
+            "time": None if self.time is None else time_document(self.time),
             "calibration": self._provenance,
             "temperature": self._temperature,
             "stamps": [stamps.last, stamps.other, stamps.count],
@@ -359,6 +364,7 @@ class LiveNavigator:
         self._stamps.last, self._stamps.other, self._stamps.count = document["stamps"]
         self._newest, self._health = document["newest"], document["health"]
         self._provenance, self._temperature = document["calibration"], document["temperature"]
+        self.time = None if document["time"] is None else time_from(document["time"])
         if document["collection"] is None:
             self._collection = None
         elif self._collection is not None:

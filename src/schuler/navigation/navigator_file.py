@@ -30,7 +30,8 @@ def write_document(path: Path | str, document: dict[str, Any], form: str = NAVIG
     """
     content = json.dumps(_encoded(document), separators=(",", ":"))
     head = {"format": form, "sha256": hashlib.sha256(content.encode()).hexdigest()}
-    return write_text(path, f"{json.dumps(head)}\n{content}\n")
+    # in place of the one before, and while a command still runs: it is there in case that is killed
+    return write_text(path, f"{json.dumps(head)}\n{content}\n", at_once=True)
 
 
 def read_document(path: Path | str, form: str = NAVIGATOR_FORMAT) -> dict[str, Any]:

@@ -51,7 +51,7 @@ from schuler.recording.io.own import time_document, time_from
 from schuler.recording.series import GnssSeries, ImuSeries, Kind
 from schuler.timebase import TimeBase
 
-_BLOCK = 20  # samples that are filtered together ...
+_BLOCK = 100  # samples that are filtered together at most ...
 _BLOCK_S = 0.2  # ... unless they take longer to come, or the solution is asked for [s]
 _JUDGE_S = 1.0  # how often health is judged [s]
 _AHEAD_S = 60.0  # a measurement stamped later than the newest sample by more is of another clock [s]
@@ -167,13 +167,20 @@ class LiveNavigator:
 
     def imu_many(self, t: ArrayLike, gyro: ArrayLike, accel: ArrayLike, temperature: ArrayLike | None = None) -> None:
         """Take consecutive samples at once; shapes (n,), (n, 3), (n, 3), (n,)."""
-        self._work()
         t = np.asarray(t, dtype=np.float64)
         rows = np.full((len(t), 8), np.nan)
         rows[:, 0], rows[:, 1:4], rows[:, 4:7] = t, gyro, accel
         if temperature is not None:
             rows[:, 7] = temperature
-        self._take(rows)
+        stop = self._queued + len(rows)
+        if stop >= _BLOCK:
+            self._work()
+            self._take(rows)
+            return
+        self._queue[self._queued : stop] = rows
+        self._queued = stop
+        if stop and self._queue[stop - 1, 0] - self._queue[0, 0] >= _BLOCK_S:
+            self._work()
 
     def fix(
         self,

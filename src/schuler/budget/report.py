@@ -124,9 +124,9 @@ def choice_content(choice: ImuChoice, name: str = "choice") -> Figure:
     panel = Panel(
         f"{choice.requirement.quantity} [{unit}]", "", tuple(items), f"{choice.mission}: {choice.requirement.text}",
         log_x=True, y_ticks=tuple((float(y), v.imu) for y, v in enumerate(verdicts)),
-        y_limits=(-0.6, len(verdicts) - 0.4), height=1.8,
+        y_limits=(-0.6, len(verdicts) - 0.4), height=max(1.8, 0.085 * len(verdicts)),
     )  # fmt: skip
-    caption = "The worst 1-sigma of the mission with each IMU, best below; those left of the line are good enough."
+    caption = "The worst 1-sigma of the mission with each IMU, best above; those left of the line are good enough."
     return Figure(name, "Which IMU is good enough", caption, (panel,))
 
 

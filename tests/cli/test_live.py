@@ -112,6 +112,13 @@ def test_a_replayed_log_is_the_batch_run(log, tmp_path, capsys):
     np.testing.assert_allclose(frames.ecef_from_llh(fixes.llh), table.r_eb_e, atol=1e-3)  # printed digits
 
 
+def test_a_second_run_into_a_folder_adds_to_it(log, tmp_path, capsys):
+    for _ in range(2):
+        assert run(capsys, "live", f"replay:{log[0]}?speed=0", "--config", log[1], "--record", tmp_path)[0] == 0
+    first, second = (schuler.read(tmp_path / f"solution{k}.parquet").reference for k in ("", "-2"))
+    np.testing.assert_array_equal(first.r_eb_e, second.r_eb_e)
+
+
 def test_a_log_at_its_pace_takes_its_time(log, tmp_path, capsys):
     folder, config, trajectory = log
     began = time.monotonic()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import threading
@@ -62,7 +63,7 @@ def live(
         Where solutions go: FORMAT:PLACE with json or nmea and - (stdout), a file that is appended to,
         udp://HOST:PORT, or tcp://HOST:PORT for clients to connect to; may be given several times.
     record
-        Folder for solution.parquet and the bytes of each source as they came.
+        Folder for solution.parquet (then solution-2.parquet, ...) and the bytes of each source as they came.
     rate
         Solutions in a second; 0 gives one after every sample.
     lag
@@ -102,7 +103,7 @@ def live(
         for text in out:
             sinks.append(open_line_sink(text, clock, geoid_separation))
             held.callback(sinks[-1].close)
-        table = None if record is None else SolutionTable(record / "solution.parquet", clock)
+        table = None if record is None else SolutionTable(_free_name(record), clock)
         sinks += [] if table is None else [table]
         sources, kind = connect(
             addresses, loaded.recording, clock, replayed=lambda log: _read(log, config), kept_in=_keeper(record, held),
@@ -172,6 +173,12 @@ def _read(log: Path, config: Path) -> Any:
     from schuler.cli.reading import read_log
 
     return read_log(log, config)
+
+
+def _free_name(folder: Path) -> Path:
+    """Name of the next table of a folder, which a service that is started again goes on to fill."""
+    names = (folder / f"solution{'' if k == 1 else f'-{k}'}.parquet" for k in itertools.count(1))
+    return next(path for path in names if not path.exists())
 
 
 def _keeper(folder: Path | None, held: ExitStack) -> Callable[[int, Address], Callable[[bytes], None] | None]:

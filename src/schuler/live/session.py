@@ -45,6 +45,10 @@ class Source:
         Of the bytes.
     keep : callable, optional
         Called with all bytes as they come.
+    last_s : float
+        When a piece came last and the decoder was not told of a pause since, by the machine's own counter. [s]
+    reported, failures : Counter
+        What was left out as last reported, and pieces at which the decoder gave up.
     """
 
     name: str
@@ -53,6 +57,11 @@ class Source:
     keep: Callable[[bytes], None] | None = None
     last_s: float = math.inf
     reported: Counter[str] = field(default_factory=Counter)
+    failures: Counter[str] = field(default_factory=Counter)
+
+    def left_out(self) -> Counter[str]:
+        """What was of no use, by a phrase that says why."""
+        return self.failures if self.decoder is None else self.decoder.left_out + self.failures
 
 
 class Sink(Protocol):
@@ -181,11 +190,9 @@ def run_session(
 
     def count() -> None:
         for source in sources:
-            if source.decoder is None:
-                continue
-            for phrase, number in (source.decoder.left_out - source.reported).items():
+            for phrase, number in (source.left_out() - source.reported).items():
                 say("decoder", f"{source.name}: {number} {phrase}")
-            source.reported = source.decoder.left_out.copy()
+            source.reported = source.left_out().copy()
 
     for thread in threads:
         thread.start()
@@ -229,8 +236,7 @@ def run_session(
     if on_interval is not None:
         on_interval()
     for source in sources:
-        if source.decoder is not None:
-            summary.left_out.update({f"{source.name}: {k}": n for k, n in source.decoder.left_out.items()})
+        summary.left_out.update({f"{source.name}: {k}": n for k, n in source.left_out().items()})
     return summary
 
 
@@ -246,7 +252,13 @@ def _decoded(arrival: _Arrival) -> Sequence[Message]:
     assert isinstance(piece, bytes)
     if source.keep is not None:
         source.keep(piece)
-    return source.decoder.feed(piece, arrival.gps_s)
+    try:
+        return source.decoder.feed(piece, arrival.gps_s)
+    except InputError:
+        raise
+    except Exception as error:  # libraries that decode do not list theirs; the run goes on
+        source.failures[f"pieces at which the decoder gave up ({type(error).__name__})"] += 1
+        return []
 
 
 def _parted(block: ImuBlock, count: int) -> tuple[ImuBlock, ImuBlock]:

@@ -37,7 +37,9 @@ def test_an_answer_a_refusal_and_a_kill_are_told_apart(folder):
     killed = jobs.start(folder, ["navigate", "none.csv", "--config", "none.toml"], "run")
     os.kill(killed.pid, signal.SIGKILL)
     assert ended(folder, killed.key).state == "killed"
-    assert sorted(job.state for job in jobs.jobs(folder)) == ["done", "killed", "refused"]
+    assert [job.state for job in jobs.jobs(folder)] == ["killed", "refused", "done"]  # the latest first
+    assert jobs.latest(folder, "navigate", "none.csv").key == killed.key
+    assert jobs.latest(folder, "navigate", "other.csv") is None
 
 
 def test_a_job_that_is_cancelled_leaves_nothing(folder):

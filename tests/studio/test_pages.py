@@ -164,7 +164,7 @@ def test_uploads_arrive_once_and_a_wrong_file_does_not_end_the_server(server, to
 
 
 @chromium.needed
-@pytest.mark.parametrize("path", ["/", "/navigate", "/runs"])
+@pytest.mark.parametrize("path", ["/", "/navigate", "/noise", "/runs"])
 def test_pages_fit_ask_nobody_else_and_say_no_error(server, path):
     for width in WIDTHS:
         with chromium.opened(server.page(path), width, dark=width == 390) as page:
@@ -205,6 +205,38 @@ def test_a_run_with_an_outage_that_is_drawn_has_the_numbers_of_the_command(serve
     status, report = server.ask(f"/studio/files/{out}/report.html")
     assert status == 200
     assert b"</html>" in report
+
+
+@chromium.needed
+@pytest.mark.campaign
+def test_the_noise_of_a_span_is_that_of_the_command(town, tmp_path):
+    """The drive stands still for its first 20 s and is too short for more than its white noise: that will do here."""
+    from schuler.characterisation import identify_noise
+    from schuler.cli.allan import numbers
+    from schuler.cli.output import json_text
+    from schuler.cli.reading import cut
+    from schuler.recording.io import read
+    from schuler.studio import jobs
+    from schuler.studio.workspace import Workspace
+
+    (tmp_path / "town.parquet").write_bytes((town / "town.parquet").read_bytes())
+    served = Server(tmp_path)
+    try:
+        with chromium.opened(served.page("/noise", log="town.parquet"), 1400) as page:
+            drag(page, 2.0, 18.0)
+            chromium.wait_for(page, "document.querySelector('.command pre').textContent.includes('--from')")
+            command = chromium.run(page, "document.querySelector('.command pre').textContent")
+            press(page, "identify")
+            chromium.wait_for(page, "document.querySelector('iframe.report')", 120.0)
+            assert (chromium.errors(page), chromium.requests(page)) == ((), ())
+    finally:
+        served.stop()
+    folder = Workspace(tmp_path.resolve())
+    by_page = jobs.answer(folder, jobs.latest(folder, "allan").key)
+    start, stop = (float(command.split(f"{option} ")[1].split()[0]) for option in ("--from", "--to"))
+    noise = identify_noise(cut(read(town / "town.parquet"), start, stop))
+    assert by_page["axes"] == json.loads(json_text(numbers(noise)))["axes"]
+    assert 14.0 < by_page["duration_s"] < 18.0
 
 
 @chromium.needed

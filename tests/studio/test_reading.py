@@ -76,5 +76,7 @@ def test_signals_of_a_window_hold_the_extremes_of_the_log(log):
     z = read(log, **hints).imu.accel[:, 2]
     np.testing.assert_allclose([y.min(), y.max()], [z.min(), z.max()], rtol=1e-6)  # printed: six digits
     assert window(seen, 10.0, 11.0)["whole"] is True
+    with pytest.raises(InputError, match="two times in seconds"):
+        window(seen, np.nan, 3.0)
     with pytest.raises(InputError, match="no longer in memory"):
         views.get("none")

@@ -17,6 +17,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -80,7 +81,7 @@ def start(workspace: Workspace, command: Sequence[str], out: str) -> Job:
     """
     if any(job.out == out and job.state == "running" for job in jobs(workspace)):
         raise InputError(f"{out}: a run that has not ended writes there: wait for it, or cancel it")
-    key = f"{time.strftime('%Y%m%d-%H%M%S')}-{secrets.token_hex(3)}"
+    key = f"{datetime.now(UTC):%Y%m%d-%H%M%S-%f}-{secrets.token_hex(3)}"  # sorts by time, two in a second too
     folder = _place(workspace) / key
     folder.mkdir(parents=True)
     held = os.open(folder / "lock", os.O_CREAT | os.O_RDWR, 0o600)
@@ -136,6 +137,12 @@ def job(workspace: Workspace, key: str) -> Job | None:
     else:
         state = "refused" if last_line.startswith("schuler: ") else "killed"
     return Job(key, command, out, started, pid, state, fraction, last_line.removeprefix("schuler: "))
+
+
+def latest(workspace: Workspace, command: str, log: str = "") -> Job | None:
+    """The job of a command that was started last, of one log or of any."""
+    started = (one for one in jobs(workspace) if one.command[:1] == (command,))
+    return next((one for one in started if log in ("", one.command[1])), None)
 
 
 def answer(workspace: Workspace, key: str) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from schuler.exceptions import SchulerError, printable
-from schuler.studio.signals import Views, window
+from schuler.studio.signals import COLUMNS, MOST, Views, window
 from schuler.studio.tracks import plan
 from schuler.studio.uploads import receive, target_of
 from schuler.studio.workspace import Workspace
@@ -42,10 +42,14 @@ def add_routes(app: FastAPI, workspace: Workspace, views: Views) -> None:
         text = (resources.files("schuler.studio") / "assets" / name).read_text(encoding="utf-8")
         return Response(text, media_type=_TYPES[name], headers=cached)
 
-    def signals(key: str, start: float | None = None, stop: float | None = None, only: str = "") -> Response:
+    def signals(
+        key: str, start: float | None = None, stop: float | None = None, only: str = "", columns: int = COLUMNS
+    ) -> Response:
         seen = views.get(key)
         first, last = seen.span
-        shown = window(seen, first if start is None else start, last if stop is None else stop)
+        shown = window(
+            seen, first if start is None else start, last if stop is None else stop, min(max(columns, 1), MOST)
+        )
         wanted = [panel for panel in shown["panels"] if panel["label"].startswith(only)] or shown["panels"][:1]
         return JSONResponse(shown | {"panels": wanted if only else shown["panels"], "span": [first, last]})
 

@@ -58,6 +58,24 @@ def navigate_arguments(
     return arguments
 
 
+def allan_arguments(log: str, config: str, out: str, span: tuple[float, float] | None) -> list[str]:
+    """Arguments after ``schuler`` that identify the noise of a log.
+
+    Parameters
+    ----------
+    log, out : str
+        From the root of the workspace on.
+    config : str
+        Configuration that says how the log is read; empty if it does so itself.
+    span : (start, stop) or None
+        Part of the log that is used. [s]
+    """
+    arguments = ["allan", log, *(["--config", config] if config else [])]
+    if span is not None:
+        arguments += ["--from", seconds(span[0]), "--to", seconds(span[1])]
+    return [*arguments, "--out", out]
+
+
 def origin_of(arguments: Sequence[str]) -> tuple[str, str, list[tuple[float, float]]]:
     """Log, configuration and outages of a command that :func:`navigate_arguments` made."""
     values = list(pairwise(arguments))

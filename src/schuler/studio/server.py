@@ -100,12 +100,15 @@ def serve(
 
 def _bound(host: str, port: int) -> socket.socket:
     """Socket that is bound, not listening."""
+    bound: socket.socket | None = None
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         bound = socket.socket(family, socket.SOCK_STREAM)
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         bound.bind((host, port))
-    except (OSError, OverflowError) as error:
+    except OSError as error:
+        if bound is not None:
+            bound.close()
         raise InputError(
             f"{host}:{port}: expected an address and port of this machine that is free ({error}): say another --port"
         ) from None

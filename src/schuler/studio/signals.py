@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping
@@ -20,7 +21,7 @@ from schuler.plotting.figure import TIME
 from schuler.recording.recording import Recording
 from schuler.studio.pyramid import Pyramid, envelope, pyramid
 
-COLUMNS = 1200  # stretches of a window that is drawn
+COLUMNS, MOST = 1200, 4000  # stretches of a window that is drawn
 _KEPT = 4  # logs in memory
 _AXES = ("axis_x", "axis_y", "axis_z")
 
@@ -168,6 +169,8 @@ def window(seen: View, start: float, stop: float, columns: int = COLUMNS) -> dic
         ``panels``, each with ``label`` and ``curves`` of ``x`` and ``y``: of a stretch its extremes, one after the
         other; ``whole``: whether every sample is drawn.
     """
+    if not (math.isfinite(start) and math.isfinite(stop)):
+        raise InputError(f"expected a window of two times in seconds, got {start} and {stop}")
     panels: dict[str, list[dict[str, Any]]] = {}
     whole = True
     for c in seen.channels:

@@ -175,11 +175,11 @@ def delete_run(workspace: Workspace, name: str) -> None:
     shutil.rmtree(folder)
 
 
-def new_run_name(workspace: Workspace, log: str) -> str:
+def new_run_name(workspace: Workspace, log: str, kind: str = "run") -> str:
     """Name of a folder for the next run of a log: ``drive-run-3``."""
     stem = workspace.inside(log).stem
     taken = {entry.name for entry in workspace.root.iterdir()}
-    return next(name for k in range(1, _MOST**2) if (name := f"{stem}-run-{k}") not in taken)
+    return next(name for k in range(1, _MOST**2) if (name := f"{stem}-{kind}-{k}") not in taken)
 
 
 def new_configuration_name(workspace: Workspace) -> str:

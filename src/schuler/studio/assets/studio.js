@@ -61,6 +61,7 @@
       if (!element.dataset.source) return empty(element, element.dataset.without || "");
       const turn = ++state.turn, began = performance.now();
       const place = new URL(element.dataset.source, location.href);
+      place.searchParams.set("columns", Math.min(Math.max(element.clientWidth - 60, 100), 3000));
       if (start !== undefined) { place.searchParams.set("start", start); place.searchParams.set("stop", stop); }
       try {
         const shown = await json(place);

@@ -17,13 +17,14 @@ from schuler.proposal import UndecidedError
 from schuler.studio.signals import Views
 from schuler.studio.workspace import Workspace
 
-_LINKS = (("/", "Look"), ("/navigate", "Navigate"), ("/runs", "Runs"))
+_LINKS = (("/", "Look"), ("/navigate", "Navigate"), ("/noise", "Noise"), ("/runs", "Runs"))
 
 
 def add_pages(workspace: Workspace, views: Views) -> None:
     """Register all pages for a folder."""
     from schuler.studio.pages.look import look_page
     from schuler.studio.pages.navigate import navigate_page
+    from schuler.studio.pages.noise import noise_page
     from schuler.studio.pages.runs import runs_page
 
     @ui.page("/", title="Look: schuler studio")
@@ -35,6 +36,11 @@ def add_pages(workspace: Workspace, views: Views) -> None:
     def navigate(log: str = "", config: str = "") -> None:
         with frame("Navigate", workspace):
             navigate_page(workspace, views, log, config)
+
+    @ui.page("/noise", title="Noise: schuler studio")
+    def noise(log: str = "", config: str = "") -> None:
+        with frame("Noise", workspace):
+            noise_page(workspace, views, log, config)
 
     @ui.page("/runs", title="Runs: schuler studio")
     def runs() -> None:

@@ -26,6 +26,7 @@ from schuler.studio.pages.frame import (
     question_box,
     show,
 )
+from schuler.studio.pages.job import job_box
 from schuler.studio.pages.outcome import show_outcome
 from schuler.studio.signals import View, Views
 from schuler.studio.workspace import Workspace, configurations, logs, new_configuration_name, new_run_name, run_entry
@@ -61,7 +62,7 @@ class _Navigate:
 def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> None:
     """Log, configuration and form on the left; timeline, run and result on the right."""
     state = _Navigate(workspace, views, log, config)
-    if not log and not config and (last := _latest(workspace)) is not None:
+    if not log and not config and (last := jobs.latest(workspace, "navigate")) is not None:
         state.log, state.config, state.outages = runner.origin_of(last.command)  # a page that was closed, say
         log, config = state.log, state.config
 
@@ -96,6 +97,8 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
 
     async def choose_log(name: str) -> None:
         state.log, state.answers, state.job, state.out = name, {}, "", ""
+        state.shown = None
+        progress.clear()
         result.clear()
         await opened()
 
@@ -172,29 +175,14 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
 
     def look() -> None:
         """Say how the run stands; the page of a browser that was closed finds it here too."""
-        job = jobs.job(workspace, state.job) if state.job else _latest(workspace, state.log)
+        job = jobs.job(workspace, state.job) if state.job else jobs.latest(workspace, "navigate", state.log)
         if job is None:
             return
         if job == state.shown:
             return
         state.shown = job
         state.job = job.key
-        progress.clear()
-        with progress:
-            if job.state == "running":
-                word = "filtering" if job.fraction > 0.0 else "reading and checking"
-                html(
-                    f'<p class="hint">{escape(job.out)}: {word}</p><progress max="1" value="{job.fraction:.3f}" '
-                    f'aria-label="progress of the run"></progress>'
-                )
-                button("cancel", lambda: jobs.cancel(workspace, job.key))
-            elif job.state != "done":
-                words = {
-                    "killed": "its process was ended from outside; nothing half-written is left",
-                    "cancelled": "cancelled; nothing is left of it",
-                }.get(job.state, job.message)
-                html(f'<p class="hint bad">{escape(job.out)}: {escape(job.state)}: {escape(printable(words))}</p>')
-                button("start again", lambda: again(job))
+        job_box(workspace, progress, job, again)
         if job.state == "done" and job.command[:1] == ("navigate",):
             state.out = job.out
             drawn_plan()
@@ -275,6 +263,7 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
                 entries()
             with block("line"):
                 button("save into the configuration", save)
+                button("load again", loaded)
         with block("col"):
             heading("Timeline")
             timeline = chart("timeline", without="Choose a log on the left.", label="speed over time, outages shaded")
@@ -295,9 +284,3 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
             plan = chart("plan", without="The track of GNSS and solution.", label="track, north over east")
     ui.timer(0.05, loaded, once=True)
     ui.timer(_POLL_S, look)
-
-
-def _latest(workspace: Workspace, log: str = "") -> jobs.Job | None:
-    """The navigation that was started last, of one log or of any."""
-    navigations = (job for job in jobs.jobs(workspace) if job.command[:1] == ("navigate",))
-    return next((job for job in navigations if log in ("", job.command[1])), None)

@@ -13,7 +13,7 @@ from schuler.gnss.integrity import Integrity
 from schuler.gnss.linked import _diagonal_blocks, _lasting, _solved, link_epochs
 from schuler.gnss.point import solve_points
 from schuler.gnss.preparation import prepare_ranges
-from schuler.gnss.stanford import stanford
+from schuler.gnss.protection_errors import stanford
 from schuler.gnss.synthetic import RangeErrors, synthetic_ranges
 from schuler.timebase import WEEK_S
 from schuler.units import DEG

@@ -30,6 +30,7 @@ EXTRAS = {
     "hdf5": "MATLAB 7.3, HDF5 and netCDF files",
     "frames": "tables as pandas, polars and xarray",
     "live": "serial lines, WebSockets and MQTT as sources of schuler live",
+    "studio": "the workbench in the browser (schuler studio)",
     "cluster": "Monte Carlo on a Dask cluster",
 }
 _LARGEST_NIS = 2.0  # the seed is fixed: an honest run of 280 measurements is within 0.8 and 1.2 of 1

@@ -27,8 +27,8 @@ from .signals import frequency_hz as frequency_hz
 from .signals import satellite as satellite
 from .signals import satellite_name as satellite_name
 from .signals import wavelengths as wavelengths
-from .stanford import Stanford as Stanford
-from .stanford import stanford as stanford
+from .protection_errors import Stanford as Stanford
+from .protection_errors import stanford as stanford
 from .synthetic import RangeErrors as RangeErrors
 from .synthetic import Sector as Sector
 from .synthetic import SyntheticRanges as SyntheticRanges

@@ -8,7 +8,7 @@ import pytest
 from schuler import frames
 from schuler.exceptions import InputError
 from schuler.gnss import Integrity, RangeErrors, nominal_orbits, solve_points, stanford, synthetic_ranges
-from schuler.gnss.stanford import Stanford
+from schuler.gnss.protection_errors import Stanford
 
 HAND = Stanford(
     np.arange(6.0),

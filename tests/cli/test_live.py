@@ -50,7 +50,7 @@ height = "ellipsoidal"
 sigma = "0.5,0.5,1,0.05,0.05,0.05"
 time = "gps-tow:2300"
 """
-LONGEST_S = 30.0
+LONGEST_S = 240.0  # kernels may have to be compiled
 SLICE_S = 2.0
 CLOSE_M = 1e-8  # rounding: of geodetic coordinates, and of sums over blocks of other lengths
 

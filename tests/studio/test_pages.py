@@ -103,9 +103,8 @@ def navigated(page):
     out = command.split("--out ")[1].split()[0]
     press(page, "navigate")
     chromium.wait_for(page, f"document.querySelector('.verdict b')?.textContent.startsWith({json.dumps(out)})", 120.0)
-    rows = chromium.run(
-        page, "[...document.querySelectorAll('tbody tr')].map(r => [...r.cells].map(c => c.textContent))"
-    )
+    cell = "(c => c.querySelector('data')?.value ?? c.textContent)"
+    rows = chromium.run(page, f"[...document.querySelectorAll('tbody tr')].map(r => [...r.cells].map({cell}))")
     return command, out, rows
 
 

@@ -29,7 +29,8 @@ class RangeNoise:
 
     Attributes
     ----------
-    usable : ndarray of bool, shape (k, m)
+    usable : ndarray, shape (k, m)
+        1 where there is a range, 0 where there is none.
     w, w_rate : ndarray, shape (k, m)
         Inverse of the stated 1-sigma of ranges and range rates. [1/m], [s/m]
     bin : ndarray of int, shape (k, m)

@@ -128,7 +128,7 @@ def command_box(text: str) -> None:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]], caption: str = "") -> None:
-    """Table of texts and numbers, numbers to the right and with all their digits."""
+    """Table of texts and numbers, numbers to the right; all their digits are shown when pointed at."""
     cells = "".join(f"<th>{escape(text)}</th>" for text in head)
     body = "".join("<tr>" + "".join(_cell(value) for value in row) + "</tr>" for row in rows)
     above = f"<caption>{escape(caption)}</caption>" if caption else ""
@@ -137,7 +137,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]], caption: str = "")
 
 def _cell(value: Any) -> str:
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return f'<td class="n">{value!r}</td>'
+        return f'<td class="n"><data value="{value!r}" title="{value!r}">{value:.6g}</data></td>'
     return f"<td>{escape('' if value is None else str(value))}</td>"
 
 

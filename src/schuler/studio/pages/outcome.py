@@ -1,4 +1,4 @@
-"""What came out of a run: verdict first, then the numbers with all their digits, then where everything lies."""
+"""What came out of a run: verdict first, then the numbers, then where everything lies."""
 
 from __future__ import annotations
 

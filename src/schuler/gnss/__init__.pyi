@@ -16,6 +16,8 @@ from .observations import Observations as Observations
 from .point import solve_points as solve_points
 from .point_result import PointSolution as PointSolution
 from .preparation import prepare_ranges as prepare_ranges
+from .protection_errors import Stanford as Stanford
+from .protection_errors import stanford as stanford
 from .ranges import Ranges as Ranges
 from .ranges import predicted_ranges as predicted_ranges
 from .ranges import predicted_rates as predicted_rates
@@ -27,8 +29,6 @@ from .signals import frequency_hz as frequency_hz
 from .signals import satellite as satellite
 from .signals import satellite_name as satellite_name
 from .signals import wavelengths as wavelengths
-from .protection_errors import Stanford as Stanford
-from .protection_errors import stanford as stanford
 from .synthetic import RangeErrors as RangeErrors
 from .synthetic import Sector as Sector
 from .synthetic import SyntheticRanges as SyntheticRanges

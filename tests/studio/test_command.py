@@ -5,6 +5,13 @@ import socket
 import pytest
 from command import refusal
 
+from schuler.cli import demo
+from schuler.cli.studio import studio
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.evaluation.evaluated import evaluate_run
+from schuler.navigation.run import navigate
+from schuler.recording.io import read
+
 pytest.importorskip("nicegui", reason="the workbench needs the extra studio")
 
 
@@ -30,3 +37,30 @@ def test_without_nicegui_the_extra_is_named(capsys, tmp_path, monkeypatch):
 
     monkeypatch.setitem(sys.modules, "nicegui", None)
     assert "pip install 'schuler[studio]'" in refusal(capsys, "studio", tmp_path, "--no-browser")
+
+
+def test_the_folder_of_the_demo_navigates_as_schuler_demo(tmp_path, monkeypatch):
+    monkeypatch.setattr(demo, "_RUNS", 1)
+    shown = {}
+    monkeypatch.setattr("schuler.studio.serve", lambda workspace, **_: shown.update(folder=workspace.root))
+    studio(tmp_path / "tour", demo=True, browser=False)
+    assert shown["folder"] == tmp_path / "tour"
+    assert {path.name for path in shown["folder"].iterdir()} == {"demo.parquet", "drive.toml"}
+    config = NavigationConfig.load(tmp_path / "tour" / "drive.toml", [("outages.windows_s", [[300.0, 340.0]])])
+    recording = read(tmp_path / "tour" / "demo.parquet")
+    again = evaluate_run(recording, navigate(recording, config), True).numbers
+    once, _, _ = demo.run_demo(None)
+    # rounding: increments become rates in the file and increments again
+    assert again["rms_horizontal_m"] == pytest.approx(once.numbers["rms_horizontal_m"], rel=1e-6)
+    assert again["outages"][0]["max_horizontal_m"] == pytest.approx(
+        once.numbers["outages"][0]["max_horizontal_m"], rel=1e-6
+    )
+
+
+def test_the_demo_keeps_what_is_there_and_takes_one_folder(capsys, tmp_path):
+    for name in ("demo.parquet", "drive.toml"):
+        (tmp_path / name).write_text("mine")
+    demo.write_demo_drive(tmp_path)
+    assert (tmp_path / "demo.parquet").read_text() == (tmp_path / "drive.toml").read_text() == "mine"
+    assert "expected one folder or none" in refusal(capsys, "studio", tmp_path / "drive.toml", "--demo")
+    assert "expected one folder or none" in refusal(capsys, "studio", tmp_path / "a", tmp_path / "b", "--demo")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,11 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.cli.navigate import sentences, write_outputs
 from schuler.cli.output import Flag, Folder, drawable, print_json, print_verdict, progress, say, tabled
-from schuler.files import read_toml
+from schuler.files import outputs, read_toml, replacing, write_text
 from schuler.navigation.evaluation.evaluated import EvaluatedRun, evaluate_run
 
 _OUTAGE_S = (300.0, 340.0)
+_SCENARIO = Path(__file__).with_name("demo.toml")
 _RUNS = 25  # repetitions with other errors, for the consistency of the filter
 
 
@@ -75,20 +77,11 @@ def run_demo(seed: int | None, bar: Any = None) -> tuple[EvaluatedRun, Any, floa
     from schuler.navigation.run import navigate
     from schuler.simulation.scenario import Scenario, prepare_mission, simulate_mission
 
-    data = read_toml(Path(__file__).with_name("demo.toml"))
+    data = read_toml(_SCENARIO)
     scenario = Scenario.parse(data)
-    config = NavigationConfig.parse(
-        {
-            "imu": {"gyro": data["imu"]["gyro"], "accel": data["imu"]["accel"]},
-            "gnss": {"lever_arm_m": data["gnss"]["lever_arm_m"], "gate": 0.99999},
-            "alignment": {"sideslip_deg": 0.5},
-            "filter": {"states": 33},
-            "outages": {"windows_s": [_OUTAGE_S]},
-        }
-    )
+    config = NavigationConfig.parse(configuration_of(data) | {"outages": {"windows_s": [_OUTAGE_S]}})
     mission = prepare_mission(scenario)
-    # a generator for each drive, so that the first does not depend on how many follow
-    seeds = np.random.SeedSequence(scenario.seed if seed is None else seed).spawn(_RUNS + 1)
+    seeds = _seeds(scenario.seed if seed is None else seed)
     nees = []
     for k in range(_RUNS, -1, -1):
         simulation = simulate_mission(mission, np.random.default_rng(seeds[k]))
@@ -108,6 +101,57 @@ def run_demo(seed: int | None, bar: Any = None) -> tuple[EvaluatedRun, Any, floa
     outcome = evaluate_run(simulation.recording, result, True, truth)
     outcome.numbers["seed"] = scenario.seed if seed is None else seed
     return outcome, simulation.recording, float(np.mean(nees))
+
+
+def write_demo_drive(folder: Path) -> None:
+    """Write the drive of the demo as a log, ``demo.parquet``, and its configuration without the outage, ``drive.toml``.
+
+    Files that are there are kept, whatever is in them.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is missing.
+    """
+    from schuler.proposal.toml import toml_of
+    from schuler.recording.io import write
+    from schuler.simulation.scenario import Scenario, prepare_mission, simulate_mission
+
+    data = read_toml(_SCENARIO)
+    if not (log := folder / "demo.parquet").exists():
+        scenario = Scenario.parse(data)
+        generator = np.random.default_rng(_seeds(scenario.seed)[0])
+        recording = simulate_mission(prepare_mission(scenario), generator).recording
+        # there when this returns, and not in a list of the folder's: runs in it have lists of their own
+        with replacing(log, at_once=True) as temporary, outputs(force=True):
+            write(recording, temporary)
+    if not (config := folder / "drive.toml").exists():
+        remarks = {
+            "imu.gyro": "of the simulated IMU, as on its data sheet",
+            "gnss.lever_arm_m": "IMU to antenna: forward, right, down",
+        }
+        write_text(config, toml_of(configuration_of(data), remarks), at_once=True)
+
+
+def configuration_of(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Configuration for the navigation of the demo's drive.
+
+    Parameters
+    ----------
+    data : mapping
+        The scenario that simulates it.
+    """
+    return {
+        "imu": {"gyro": data["imu"]["gyro"], "accel": data["imu"]["accel"]},
+        "gnss": {"lever_arm_m": data["gnss"]["lever_arm_m"], "gate": 0.99999},
+        "alignment": {"sideslip_deg": 0.5},
+        "filter": {"states": 33},
+    }
+
+
+def _seeds(seed: int) -> list[np.random.SeedSequence]:
+    """A seed for each drive, so that the first does not depend on how many follow."""
+    return np.random.SeedSequence(seed).spawn(_RUNS + 1)
 
 
 def true_parameters(simulation: Any, result: Any) -> FloatArray:

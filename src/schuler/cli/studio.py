@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
-from schuler.cli.output import say
+from schuler.cli.output import Flag, say
 from schuler.exceptions import InputError
 
 
 def studio(
     *paths: Path,
+    demo: Flag = False,
     port: int = 0,
     browser: bool = True,
     host: str = "127.0.0.1",
@@ -24,6 +26,9 @@ def studio(
     ----------
     paths
         Folder, or files of one folder. Default: the folder that the command is run in.
+    demo
+        Put the drive of schuler demo and its configuration into the folder first, which is made if it is
+        missing; a new one for temporary files by default.
     port
         Port that is listened on; 0 takes any that is free.
     browser
@@ -39,6 +44,8 @@ def studio(
 
     if not 0 <= port < 65536:
         raise InputError(f"--port: expected 0 to 65535, got {port}")
+    if demo:
+        paths = (_demo_folder(paths),)
     workspace, first = workspace_of(paths)
 
     def ready(address: str) -> None:
@@ -52,3 +59,15 @@ def studio(
             webbrowser.open(address)
 
     serve(workspace, first=first, port=port, host=host, token_file=token_file, ready=ready)
+
+
+def _demo_folder(paths: tuple[Path, ...]) -> Path:
+    """Folder with the demo's drive in it: the one that was given, or a new one."""
+    from schuler.cli.demo import write_demo_drive
+
+    if len(paths) > 1 or any(path.exists() and not path.is_dir() for path in paths):
+        raise InputError(f"--demo: expected one folder or none, got {', '.join(map(str, paths))}")
+    folder = paths[0] if paths else Path(tempfile.mkdtemp(prefix="schuler-demo-"))
+    say("simulating the demo's ten minutes of driving")
+    write_demo_drive(folder)
+    return folder

@@ -1,5 +1,8 @@
 """Decoders of streams: fed a file in pieces of any length they give what reading the file gives, to the last bit."""
 
+import struct
+
+import encode_vectornav as vn
 import numpy as np
 import pytest
 from format_drives import drive
@@ -9,7 +12,7 @@ from schuler import read
 from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
 from schuler.live.decoders.detection import decoder
-from schuler.live.messages import Fix, ImuSample, Speed
+from schuler.live.messages import Fix, ImuBlock, ImuSample, Speed
 from schuler.recording.io import ReadHints
 
 GARBAGE = bytes(range(256)) * 3
@@ -209,7 +212,7 @@ def test_weeks_of_a_stream_are_counted_on():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({}, "format of a stream: 'sbf' is not known"),
+        ({}, "format of a stream: 'xsens' is not known"),
         ({"columns": "t,ax,ay,az,gx,gy,gz"}, "the unit of ax is not known"),
         ({"columns": "ax,ay,az,gx,gy,gz", "units": "g,deg/s"}, "there is no time"),
         ({"columns": "t,ax,ay,az", "units": "g,deg/s"}, "gx, gy, gz missing"),
@@ -218,4 +221,97 @@ def test_weeks_of_a_stream_are_counted_on():
 )
 def test_what_is_not_described_is_refused(options, message):
     with pytest.raises(InputError, match=message):
-        decoder(SourceClock(), ReadHints.of(**options), format=None if options else "sbf")
+        decoder(SourceClock(), ReadHints.of(**options), format=None if options else "xsens")
+
+
+def same_samples(messages, imu):
+    for name in ("t", "gyro", "accel"):
+        np.testing.assert_array_equal(np.concatenate([getattr(m, name) for m in messages]), getattr(imu, name))
+
+
+def vectornav_log(*, delta=False):
+    """Packets of a drive: an IMU with the fix that is repeated until the next, and an INS of another kind."""
+    run, made = drive(8.0), []
+    week_ns, g = 2300 * 604_800 * 10**9, run.gnss
+    for k, t in enumerate(run.imu.t):
+        fix = int(np.searchsorted(g.t, t + 1e-6)) - 1
+        rates = {"UncompAccel": tuple(run.imu.accel[k]), "UncompGyro": tuple(run.imu.gyro[k]), "Temp": 20.0 + k}
+        deltas = {"DeltaTheta": (0.02, *(1.0 * run.imu.gyro[k])), "DeltaVel": tuple(0.02 * run.imu.accel[k])}
+        made.append(vn.packet(
+            TimeGps=week_ns + round(t * 1e9), FixTow=round(g.t[fix] * 1e9), FixWeek=2300, NumSats=14,
+            Fix=0 if fix == 3 else 8, FixLla=(*np.rad2deg(g.llh[fix, :2]), g.llh[fix, 2]), FixVel=tuple(g.v_n[fix]),
+            FixPosU=tuple(np.sqrt(np.diag(g.cov_r_n[fix]))), FixVelU=0.05, **(deltas if delta else rates),
+        ))  # fmt: skip
+        made.append(vn.packet(TimeGps=week_ns + round(t * 1e9), Ypr=(1.0, 2.0, 3.0)))
+    return made
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("options", [{}, {"streams": "imu=delta"}, {"axes": "FLU", "offset": 0.25}])
+def test_vectornav_in_pieces_is_the_vectornav_of_the_file(tmp_path, options, seed):
+    packets = vectornav_log(delta="streams" in options)
+    data = GARBAGE + b"".join(packets[:100]) + packets[100][:40] + b"\xfa\x29" + b"".join(packets[101:])
+    (tmp_path / "vn.bin").write_bytes(data)
+    hints = ReadHints.of(**options)
+    log, clock = read(tmp_path / "vn.bin", hints, allow="norm"), SourceClock()
+    stream = decoder(clock, hints, format="vectornav" if "streams" in options else None)
+    messages = fed(stream, data, seed, 2000)
+    assert clock.base == log.metadata.time
+    same_fixes([m for m in messages if isinstance(m, Fix)], log.gnss)
+    blocks = [m for m in messages if isinstance(m, ImuBlock)]
+    same_samples(blocks, log.imu)
+    if log.imu.temperature is not None:
+        np.testing.assert_array_equal(np.concatenate([m.temperature for m in blocks]), log.imu.temperature)
+    assert stream.left_out["epochs without a fix"] == 1
+    assert stream.left_out["bytes that belong to no message with a right checksum"] == len(GARBAGE) + 42
+
+
+def test_increments_of_vectornav_are_taken_only_where_the_run_knows_it():
+    """A navigator is made for rates or for increments before the first byte comes."""
+    data = b"".join(vectornav_log(delta=True))
+    for options, kind, taken in (({}, "rate", False), ({"streams": "imu=delta"}, "increment", True)):
+        stream = decoder(SourceClock(), ReadHints.of(**options), format="vectornav")
+        assert stream.kind == kind
+        assert any(isinstance(m, ImuBlock) for m in fed(stream, data, largest=5000)) is taken
+    stream = decoder(SourceClock(), ReadHints.of(streams="imu=delta"))
+    assert not any(isinstance(m, ImuBlock) for m in fed(stream, data, largest=5000))
+    assert any("format=vectornav" in phrase for phrase in stream.left_out)
+    assert decoder(SourceClock(), ReadHints.of(series="gnss"), format="vectornav").kind is None
+
+
+def any_vectornav(rng):
+    """A packet with right checksum and any contents: of four kinds of fields, so that kinds come again."""
+    names = (
+        ("TimeGps", "UncompAccel", "UncompGyro", "Temp"), ("GpsTow", "GpsWeek", "Fix", "FixLla", "FixVel", "FixPosU"),
+        ("TimeGps", "Fix", "FixLla", "FixVel", "FixPosU", "FixVelU"), ("TimeGps", "DeltaTheta", "DeltaVel"),
+    )[rng.integers(0, 4)]  # fmt: skip
+    values = {}
+    for name in names:
+        size = struct.calcsize(vn.FIELDS[name][2])
+        values[name] = struct.unpack(vn.FIELDS[name][2], any_bytes(rng, size))
+    if rng.integers(0, 2) and "Fix" in values:
+        values["Fix"] = 3
+    if rng.integers(0, 2):
+        values |= {"TimeGps": 2300 * 604_800 * 10**9 + int(rng.integers(0, 10**12))}
+    return vn.packet(**values)
+
+
+def any_bytes(rng, size):
+    """Numbers that break decoders: none, infinite, the largest, zero."""
+    kinds = [struct.pack("<d", v) for v in (0.0, 1.0, np.nan, np.inf, -np.inf, 1e300, -2e10, 48.0)]
+    kinds += [b"\xff" * 8, struct.pack("<ff", np.nan, 3e38), struct.pack("<ff", 1.0, -2e10), rng.bytes(8)]
+    return b"".join(kinds[k] for k in rng.integers(0, len(kinds), size // 8 + 1))[:size]
+
+
+@pytest.mark.parametrize(("name", "message"), [("vectornav", any_vectornav)])
+def test_messages_with_any_contents_raise_nothing(name, message):
+    """Whole messages of any contents, some of them damaged, in pieces of any length."""
+    rng = np.random.default_rng(11)
+    for seed in range(20):
+        made = [message(rng) for _ in range(60)]
+        made += [m[: rng.integers(1, len(m))] for m in made[:10]] + [bytes(rng.permutation(np.frombuffer(m, "u1")))
+                                                                   for m in made[10:20]]  # fmt: skip
+        data = b"".join(made[k] for k in rng.permutation(len(made)))
+        stream = decoder(SourceClock(), ReadHints(), format=name)
+        fed(stream, data, seed)
+        assert stream.left_out["bytes that belong to no message with a right checksum"] > 0

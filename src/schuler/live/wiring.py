@@ -12,7 +12,6 @@ from schuler.exceptions import InputError
 from schuler.live.address import Address
 from schuler.live.clock import SourceClock
 from schuler.live.decoders.detection import decoder
-from schuler.live.decoders.text import TextDecoder
 from schuler.live.playback import play
 from schuler.live.session import Piece, Source
 from schuler.live.sources import DATAGRAMS, Notify, chunks
@@ -71,8 +70,8 @@ def connect(
             clock, hints, format=address.options.get("format"), by_arrival=_by_arrival(address),
             whole=address.scheme in DATAGRAMS,
         )  # fmt: skip
-        if isinstance(decoded, TextDecoder) and decoded.series == "imu":
-            kinds.add(hints.kind)
+        if decoded.kind is not None:
+            kinds.add(decoded.kind)
         sources.append(Source(address.text, _reading(address), decoded, kept_in(k, address)))
     if len(kinds) > 1:
         raise InputError("one source gives rates, another increments: a run has one IMU; leave the other source out")

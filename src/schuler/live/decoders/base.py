@@ -4,11 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Protocol
 
-from schuler.live.messages import Fix, Message
+from schuler.exceptions import InputError
+from schuler.live.messages import Fix, ImuBlock, Message
+from schuler.recording.io import columns, parts
+from schuler.recording.io.assemble import turned
+from schuler.recording.io.hint_texts import axes_matrix, parse_streams
+from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.over_ground import NO_VELOCITY
-from schuler.recording.series import GnssSeries
+from schuler.recording.io.parts import Table
+from schuler.recording.io.raw import Raw
+from schuler.recording.series import GnssSeries, Kind
+from schuler.timebase import TimeBase
 
 
 class Decoder(Protocol):
@@ -17,6 +26,11 @@ class Decoder(Protocol):
     @property
     def left_out(self) -> Counter[str]:
         """Pieces of no use, counted by a phrase that says which and why."""
+        ...
+
+    @property
+    def kind(self) -> Kind | None:
+        """Whether samples of an IMU are rates or increments; ``None`` if the stream is not known to hold one."""
         ...
 
     def feed(self, data: bytes, arrival: float) -> list[Message]:
@@ -57,3 +71,43 @@ def fixes(series: GnssSeries, shift: float = 0.0) -> Iterator[Fix]:
             None if series.quality is None else int(series.quality[k]),
             None if series.n_satellites is None else int(series.n_satellites[k]),
         )  # fmt: skip
+
+
+def wanted(hints: ReadHints, part: str) -> bool:
+    """Whether a part of a recording is to be taken from a stream that may hold it."""
+    chosen = parse_streams(hints.streams)
+    return hints.series in (None, part) and (part not in chosen or chosen[part] is not None)
+
+
+def fix_of(table: Table, hints: ReadHints, left_out: Counter[str]) -> list[Fix]:
+    """The fix of a table with one row, as a log of it would be read; none, and counted, if it is refused.
+
+    Parameters
+    ----------
+    table : Table
+    hints : ReadHints
+        As for a log.
+    left_out : Counter
+        Takes the reason.
+    """
+    try:
+        series, _ = parts.series_of(Path("GNSS"), "gnss", table, hints, TimeBase("local"))
+    except InputError as error:
+        left_out[f"epochs: {error}"] += 1
+        return []
+    return list(fixes(series))
+
+
+def samples(table: Table, hints: ReadHints) -> ImuBlock:
+    """Samples of an IMU, forward, right, down, as those of a log; they are not checked here.
+
+    Parameters
+    ----------
+    table : Table
+        In SI, with the axes it states.
+    hints : ReadHints
+        ``axes`` over those, ``offset``.
+    """
+    raw, C_bs = Raw(Path("IMU"), table.values), axes_matrix(parts.axes_of(table, hints))
+    gyro, accel = (turned(raw, names, C_bs) for names in (columns.GYRO, columns.ACCEL))
+    return ImuBlock(table.values["t"] + hints.offset, gyro, accel, table.values.get("temp"))

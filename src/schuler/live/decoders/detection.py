@@ -10,14 +10,23 @@ from schuler.live.decoders.base import Decoder
 from schuler.live.decoders.nmea import NmeaDecoder
 from schuler.live.decoders.text import TextDecoder
 from schuler.live.decoders.ubx import UbxDecoder
+from schuler.live.decoders.vectornav import VectorNavDecoder
 from schuler.live.messages import Message
+from schuler.recording.formats import vectornav_packets
 from schuler.recording.formats.nmea import looks_like_nmea
 from schuler.recording.formats.ubx import looks_like_ubx
 from schuler.recording.io.columns import check_known
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.series import Kind
 
 #: Formats of streams.
-FORMATS = ("text", "nmea", "ubx")
+FORMATS = ("text", "nmea", "ubx", "vectornav")
+#: Binary formats that are told by their first bytes, u-blox first; lines of NMEA may stand between their messages.
+_BINARY: dict[str, Callable[[bytes], bool]] = {
+    "ubx": looks_like_ubx,
+    "vectornav": vectornav_packets.looks_like,
+}
+_SYNCS = (b"\xb5\x62",)  # of formats that are sent beside NMEA
 _ENOUGH = 1 << 16  # bytes after which a stream that looks like nothing is not kept
 
 
@@ -51,21 +60,23 @@ def decoder(
         "text": lambda: TextDecoder(clock, hints, by_arrival=by_arrival, whole=whole),
         "nmea": lambda: NmeaDecoder(clock, hints),
         "ubx": lambda: UbxDecoder(clock),
+        "vectornav": lambda: VectorNavDecoder(clock, hints, announced=format is not None),
     }
     if format is None and hints.columns is not None:
         format = "text"
     if format is None:
-        return _Detection({name: makers[name] for name in ("ubx", "nmea")})
+        return _Detection({name: makers[name] for name in (*_BINARY, "nmea")})
     return makers[check_known(format, FORMATS, "format of a stream")]()
 
 
 class _Detection:
-    """Decoder of a stream whose format its first whole message shows; u-blox may send NMEA as well and comes first."""
+    """Decoder of a stream whose format its first whole messages show; receivers that send NMEA as well come first."""
 
     def __init__(self, makers: Mapping[str, Callable[[], Decoder]]) -> None:
         self._makers, self._head = makers, b""
         self._decoder: Decoder | None = None
         self._unknown: Counter[str] = Counter()
+        self.kind: Kind | None = None
 
     @property
     def left_out(self) -> Counter[str]:
@@ -77,12 +88,13 @@ class _Detection:
         if self._decoder is not None:
             return self._decoder.feed(data, arrival)
         self._head += data
-        if looks_like_ubx(self._head):
-            self._decoder = self._makers["ubx"]()
-        elif looks_like_nmea(self._head) and b"\xb5\x62" not in self._head:
-            self._decoder = self._makers["nmea"]()
+        name = next((name for name, looks_like in _BINARY.items() if looks_like(self._head)), None)
+        if name is None and looks_like_nmea(self._head) and not any(sync in self._head for sync in _SYNCS):
+            name = "nmea"
+        if name is not None:
+            self._decoder = self._makers[name]()
         elif len(self._head) > _ENOUGH:
-            self._unknown["bytes that are neither UBX nor NMEA (lines of numbers need columns=...)"] += len(self._head)
+            self._unknown["bytes of no format that is known (lines of numbers need columns=...)"] += len(self._head)
             self._head = b""
         if self._decoder is None:
             return []

@@ -13,6 +13,7 @@ from schuler.live.decoders.base import fixes
 from schuler.live.messages import Message
 from schuler.recording.formats.nmea import Epoch, add_sentences, date_of, series_of
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.series import Kind
 
 _LONGEST = 1024  # bytes without a line feed that may still become a sentence
 
@@ -31,6 +32,7 @@ class NmeaDecoder:
 
     def __init__(self, clock: SourceClock, hints: ReadHints) -> None:
         self.left_out: Counter[str] = Counter()
+        self.kind: Kind | None = None
         self._clock, self._hints = clock, hints
         self._rest = b""
         self._epochs = [Epoch()]

@@ -31,7 +31,7 @@ from schuler.recording.io.hint_texts import (
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import is_number
 from schuler.recording.io.raw import HUGE, Raw
-from schuler.recording.series import GnssSeries, OdometerSeries
+from schuler.recording.series import GnssSeries, Kind, OdometerSeries
 from schuler.timebase import UNIX_TO_GPS_S, WEEK_S, TimeBase, gps_from_unix, gps_seconds
 
 _LONGEST = 4096  # bytes without a line feed that may still become a line
@@ -67,6 +67,7 @@ class TextDecoder:
         self._comments = (hints.comment,) if hints.comment else ("#", "%", "//")
         names = [spec.name for spec in self._columns if spec is not None]
         self.series = _series_of(hints, names)
+        self.kind: Kind | None = hints.kind if self.series == "imu" else None
         if "t" not in names and not by_arrival and hints.rate is None:
             raise InputError(
                 "columns: there is no time: name it (t), or say stamp=arrival to stamp lines as they come, or rate=..."

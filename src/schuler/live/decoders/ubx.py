@@ -11,6 +11,7 @@ from schuler.live.clock import SourceClock
 from schuler.live.decoders.base import fixes
 from schuler.live.messages import Message
 from schuler.recording.formats import ubx, ubx_messages
+from schuler.recording.series import Kind
 
 _LONGEST = 1 << 14  # bytes that may still become a frame; the longest that is read has 8184
 
@@ -30,6 +31,7 @@ class UbxDecoder:
 
     def __init__(self, clock: SourceClock) -> None:
         self.left_out: Counter[str] = Counter()
+        self.kind: Kind | None = None
         self._clock, self._decode, self._rest = clock, ubx.decoder(), b""
         self._last = -np.inf
 

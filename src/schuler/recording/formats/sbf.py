@@ -32,7 +32,8 @@ from schuler.recording.io.streams import Stream, stream_of
 from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S
 
-_HINTS = {"sigma", "axes", "streams", "sigma_heading_deg"}
+#: Hints that mean something here.
+HINTS = {"sigma", "axes", "streams", "sigma_heading_deg"}
 _PARTS = {"PVTGeodetic": "gnss", "INSNavGeod": "reference", "ExtSensorMeas": "imu", "AttEuler": "heading"}
 _TYPE, _TWO_D = 0x0F, 0x80  # of a mode
 # RTKLIB's quality of a mode: stand-alone, differential, fixed, float, SBAS, the same with a moving base, PPP
@@ -82,7 +83,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     FileFormatError, InputError
         If the log is damaged, or holds no fix, no IMU and no INS solution.
     """
-    parts.check_hints(path, hints, _HINTS, "an SBF log")
+    parts.check_hints(path, hints, HINTS, "an SBF log")
     log = load(path)
     notes, chosen, streams = list(log.notes), parse_streams(hints.streams), _streams(log)
     taken = {part: preferred(streams, part, chosen, (name,), notes) for name, part in _PARTS.items()}

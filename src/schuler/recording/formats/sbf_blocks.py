@@ -18,8 +18,8 @@ from schuler.exceptions import FileFormatError
 from schuler.recording.formats.nmea import looks_like_nmea
 from schuler.recording.io.receiver_tables import floats
 
-_SYNC = b"$@"
-_HEADER = 14  # sync, CRC, number, length, time of week [ms], week
+SYNC = b"$@"
+HEADER = 14  # sync, CRC, number, length, time of week [ms], week
 _NUMBER = 0x1FFF  # the upper three bits are the revision
 NOT_USED = -1e10  # floating-point numbers below are "do not use", -2e10
 _COVARIANCE = "u1 mode,u1 error,f4 nn,f4 ee,f4 uu,f4 bb,f4 ne,f4 nu,f4 nb,f4 eu,f4 eb,f4 ub"
@@ -94,25 +94,38 @@ class Blocks:
 def looks_like(head: bytes) -> bool:
     """Whether a block that is read, with a right CRC, is among the first bytes of a file; without NMEA, any block."""
     other = False
-    at = head.find(_SYNC)
+    at = head.find(SYNC)
     while at >= 0:
-        stop = at + int.from_bytes(head[at + 6 : at + 8], "little")
-        if _right(head, at, stop):
-            if int.from_bytes(head[at + 4 : at + 6], "little") & _NUMBER in _BY_NUMBER:
+        stop = stop_of(head, at)
+        if stop is not None and stop <= len(head) and is_right(head, at, stop):
+            if name_of(head, at) is not None:
                 return True
             other = True
         else:
             stop = at + 1
-        at = head.find(_SYNC, stop)
+        at = head.find(SYNC, stop)
     return other and not looks_like_nmea(head)
 
 
-def _right(data: bytes, at: int, stop: int) -> bool:
-    """Whether a block between two places can be one and has the CRC it says (CCITT, over all behind it)."""
-    length = stop - at
-    if length < _HEADER or length % 4 or stop > len(data):
-        return False
+def stop_of(data: bytes, at: int) -> int | None:
+    """Byte behind a block that may start here, by its header; ``None`` if none can."""
+    length = int.from_bytes(data[at + 6 : at + 8], "little")
+    return at + length if length >= HEADER and length % 4 == 0 else None
+
+
+def is_right(data: bytes, at: int, stop: int) -> bool:
+    """Whether a block between two places has the CRC it says (CCITT, over all behind it)."""
     return binascii.crc_hqx(data[at + 4 : stop], 0) == int.from_bytes(data[at + 2 : at + 4], "little")
+
+
+def name_of(data: bytes, at: int) -> str | None:
+    """Name of the block that starts here; ``None`` for one that is not read."""
+    return _BY_NUMBER.get(number_of(data, at))
+
+
+def number_of(data: bytes, at: int) -> int:
+    """Number of the block that starts here, without its revision."""
+    return int.from_bytes(data[at + 4 : at + 6], "little") & _NUMBER
 
 
 def load(path: Path) -> Blocks:
@@ -133,26 +146,25 @@ def load(path: Path) -> Blocks:
     others: dict[int, int] = {}
     failed = total = done = 0
     beyond = -1
-    at = data.find(_SYNC)
+    at = data.find(SYNC)
     while at >= 0:
-        stop = at + int.from_bytes(data[at + 6 : at + 8], "little")
-        if _right(data, at, stop):
-            number = int.from_bytes(data[at + 4 : at + 6], "little") & _NUMBER
+        stop = stop_of(data, at)
+        if stop is not None and stop <= len(data) and is_right(data, at, stop):
+            number, name = number_of(data, at), name_of(data, at)
             total += 1
-            if number in _BY_NUMBER:
-                block_spans.setdefault(_BY_NUMBER[number], []).append((at, stop))
+            if name is not None:
+                block_spans.setdefault(name, []).append((at, stop))
             else:
                 others[number] = others.get(number, 0) + 1
             done = stop
-            at = data.find(_SYNC, stop)
+            at = data.find(SYNC, stop)
             continue
-        length = stop - at
-        if length >= _HEADER and length % 4 == 0:
+        if stop is not None:
             if stop <= len(data):
                 failed += 1
             elif beyond < done:
                 beyond = at
-        at = data.find(_SYNC, at + 2)
+        at = data.find(SYNC, at + 2)
     if not total or (failed > total and failed > 10):
         raise FileFormatError(
             f"expected blocks of SBF, found {total} with a right and {failed} with a wrong CRC: the file is damaged or "

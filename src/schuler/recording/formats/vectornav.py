@@ -24,7 +24,8 @@ from schuler.recording.io.streams import Stream, stream_of
 from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S, TimeBase
 
-_HINTS = {"sigma", "axes", "streams", "time", "rate"}
+#: Hints that mean something here.
+HINTS = {"sigma", "axes", "streams", "time", "rate"}
 _SOLUTION = ("lat", "lon", "h", "vn", "ve", "vd")
 _FIX = ("fix", "fix_lat", "fix_lon", "fix_h")
 _MODE, _TRACKING, _LOST = 0x3, 2, 3  # of the INS status
@@ -48,7 +49,7 @@ def contents(path: Path) -> list[Stream]:
     made = []
     log = _load(path, allow_truncated=True)
     for name, rows in log.columns.items():
-        held = _held(rows)
+        held = held_in(rows)
         t = rows["startup_s"] + rows["startup_rest"] if "startup_s" in rows else rows.get("sow", np.empty(0))
         stream = stream_of(name, "VectorNav", t, held[0] if held else "")
         made.append(
@@ -80,7 +81,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     FileFormatError, InputError
         If the log is damaged, holds none of the parts, or has no times and no ``rate`` is given.
     """
-    parts.check_hints(path, hints, _HINTS, "a VectorNav log")
+    parts.check_hints(path, hints, HINTS, "a VectorNav log")
     if hints.time not in (None, "gps", "local"):
         raise InputError(f"time: a VectorNav log has time='gps' or 'local', got {hints.time!r}")
     log = _load(path, allow_truncated=hints.allows("truncated"))
@@ -106,7 +107,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
         return _without_time(log, parts_of, hints, notes)
     if "rate" in hints.given():
         raise InputError(f"{path}: the packets have times; leave out rate")
-    local = hints.time == "local" or not any(_has_gps(rows) for _, rows in parts_of.values())
+    local = hints.time == "local" or not any(has_gps(rows) for _, rows in parts_of.values())
     tables, first = _timed_tables(log, parts_of, kind or "", hints, notes, local=local)
     if not tables:
         raise FileFormatError("no packet has a time or a solution; time='local' counts from the sensor's start", path)
@@ -119,7 +120,7 @@ def _load(path: Path, *, allow_truncated: bool) -> Packets:
     return vectornav_csv.load(path, allow_truncated=allow_truncated) if vectornav_csv.looks_like(head) else load(path)
 
 
-def _held(rows: Columns) -> list[str]:
+def held_in(rows: Columns) -> list[str]:
     """Parts of a recording that packets of a kind hold."""
     held = ["imu"] if imu_kind(rows, "") else []
     held += ["gnss"] if all(name in rows for name in _FIX) else []
@@ -135,20 +136,21 @@ def _best(log: Packets, part: str, kind: str) -> tuple[str, Columns] | None:
             present = imu_kind(rows, kind)
             if present is not None:
                 ranked.append((_has_time(rows), -KINDS.index(present), n, name))
-        elif part in _held(rows):
-            ranked.append((_has_gps(rows), 0, n, name))
+        elif part in held_in(rows):
+            ranked.append((has_gps(rows), 0, n, name))
     if not ranked:
         return None
     name = max(ranked)[3]
     return name, log.columns[name]
 
 
-def _has_gps(rows: Columns) -> bool:
+def has_gps(rows: Columns) -> bool:
+    """Whether packets say GPS time."""
     return "gps_s" in rows or ("tow_s" in rows and "week" in rows) or "sow" in rows or "fix_sow" in rows
 
 
 def _has_time(rows: Columns) -> bool:
-    return _has_gps(rows) or "startup_s" in rows or "dt" in rows
+    return has_gps(rows) or "startup_s" in rows or "dt" in rows
 
 
 def _with_clock(rows: Columns, part: str, what: str, *, local: bool, path: Path, notes: list[str]) -> Columns:
@@ -164,6 +166,22 @@ def _with_clock(rows: Columns, part: str, what: str, *, local: bool, path: Path,
             return {}
         rows = rows | {"clock_week": np.zeros(len(sow)), "clock_sow": sow}
         return pick(rows, parts.later(sow, what, path, notes))
+    said = gps_time(rows, part)
+    if said is None:
+        notes.append(f"{what} has no GPS time and was left out (time='local' counts from the sensor's start).")
+        return {}
+    rows = rows | {"clock_week": said[0], "clock_sow": said[1]}
+    return keep_timed(rows, "clock_week", "clock_sow", what, path, notes)
+
+
+def gps_time(rows: Columns, part: str) -> tuple[FloatArray, FloatArray] | None:
+    """GPS week (0 before the sensor knows it) and seconds of it of packets, for a part of a recording.
+
+    Returns
+    -------
+    week, sow : ndarray, shape (n,)
+        Of the fixes for the part "gnss" where packets say it; ``None`` if they say no GPS time. [weeks], [s]
+    """
     if part == "gnss" and "fix_sow" in rows:
         week, sow = rows["fix_week"], rows["fix_sow"]
     elif part == "gnss" and "fix_tow_s" in rows and "fix_week" in rows:
@@ -176,11 +194,8 @@ def _with_clock(rows: Columns, part: str, what: str, *, local: bool, path: Path,
     elif "tow_s" in rows and "week" in rows:
         week, sow = rows["week"], rows["tow_s"] + rows["tow_rest"]
     else:
-        notes.append(f"{what} has no GPS time and was left out (time='local' counts from the sensor's start).")
-        return {}
-    week = np.where(week >= _FIRST_WEEK, week, 0.0)
-    rows = rows | {"clock_week": week, "clock_sow": sow}
-    return keep_timed(rows, "clock_week", "clock_sow", what, path, notes)
+        return None
+    return np.where(week >= _FIRST_WEEK, week, 0.0), sow
 
 
 def _timed_tables(
@@ -195,9 +210,9 @@ def _timed_tables(
     """Tables of the parts on one clock, and the first week."""
     ready: dict[str, Columns] = {}
     for part, (name, rows) in parts_of.items():
-        good = _good(part, name, rows, notes)
+        good = with_solution(part, name, rows, notes)
         if part == "gnss":
-            good &= _new_fix(rows)
+            good &= new_fixes(rows)
         if good.any():
             made = _with_clock(pick(rows, good), part, f"{part} ({name})", local=local, path=log.path, notes=notes)
             if made and len(made["clock_sow"]):
@@ -215,7 +230,7 @@ def _timed_tables(
     return tables, first
 
 
-def _good(part: str, name: str, rows: Columns, notes: list[str]) -> BoolArray:
+def with_solution(part: str, name: str, rows: Columns, notes: list[str]) -> BoolArray:
     """Rows with a solution."""
     good = np.ones(len(next(iter(rows.values()))), dtype=bool)
     if part == "imu":
@@ -232,7 +247,7 @@ def _good(part: str, name: str, rows: Columns, notes: list[str]) -> BoolArray:
     return good
 
 
-def _new_fix(rows: Columns) -> BoolArray:
+def new_fixes(rows: Columns) -> BoolArray:
     """Packets whose fix is not that of the packet before: a fix is repeated until the next. Shape (n,)."""
     names: tuple[str, ...] = ("fix_tow_s", "fix_tow_rest") if "fix_tow_s" in rows else ("fix_sow",)
     if names[0] not in rows:

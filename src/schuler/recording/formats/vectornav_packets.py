@@ -19,8 +19,9 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
 from schuler.recording.io.receiver_tables import floats
 
-_SYNC = 0xFA
+SYNC = b"\xfa"
 _GROUPS = 7
+HEADER = 2 + 2 * _GROUPS  # bytes of the longest header, with the sync byte
 _MORE = 0x80  # of the byte of groups: another such byte follows
 _LINE = re.compile(rb"\$VN(YMR|IMU|INS|GPS|DTV),([-+0-9.A-Fa-f,]{5,300})\*([0-9A-Fa-f]{4}|[0-9A-Fa-f]{2})(?=[\r\n]|$)")
 #: Bytes of each field of each group; zero where the length is not fixed or not known.
@@ -104,7 +105,7 @@ def _layout(header: bytes) -> tuple[int, tuple[tuple[int, int, int], ...]] | Non
     return length, tuple(fields)
 
 
-def _header(data: bytes, at: int) -> bytes | None:
+def header_of(data: bytes, at: int) -> bytes | None:
     """Groups and fields of a packet that may start here; ``None`` if none can."""
     if at + 4 > len(data) or data[at + 1] == 0 or data[at + 1] & _MORE:
         return None
@@ -114,25 +115,39 @@ def _header(data: bytes, at: int) -> bytes | None:
 
 def _whole(data: bytes, at: int, header: bytes) -> int | None:
     """Byte behind a packet with a right CRC; ``None`` if there is none."""
+    stop = _end(at, header)
+    return stop if stop is not None and stop <= len(data) and is_right(data, at, stop) else None
+
+
+def _end(at: int, header: bytes) -> int | None:
+    """Byte behind a packet by its header; ``None`` if the length of a field is not known."""
     layout = _layout(header)
-    if layout is None or layout[0] == 0:
-        return None
-    stop = at + 1 + len(header) + layout[0] + 2
-    return stop if stop <= len(data) and binascii.crc_hqx(data[at + 1 : stop], 0) == 0 else None
+    return None if layout is None or layout[0] == 0 else at + 1 + len(header) + layout[0] + 2
+
+
+def stop_of(data: bytes, at: int) -> int | None:
+    """Byte behind a packet that may start here, by its header; ``None`` if none can."""
+    header = header_of(data, at)
+    return None if header is None else _end(at, header)
+
+
+def is_right(data: bytes, at: int, stop: int) -> bool:
+    """Whether a packet between two places has the CRC it says."""
+    return binascii.crc_hqx(data[at + 1 : stop], 0) == 0
 
 
 def looks_like(head: bytes) -> bool:
     """Whether there are two packets of one kind, or two lines, with right checksums among the first bytes."""
     seen: set[bytes] = set()
-    at = head.find(_SYNC)
+    at = head.find(SYNC)
     while at >= 0:
-        header = _header(head, at)
+        header = header_of(head, at)
         stop = None if header is None else _whole(head, at, header)
         if stop is not None and header is not None:
             if header in seen:
                 return True
             seen.add(header)
-        at = head.find(_SYNC, at + 1 if stop is None else stop)
+        at = head.find(SYNC, at + 1 if stop is None else stop)
     lines = [m for m in _LINE.finditer(head) if _line_is_right(m)]
     return len(lines) >= 2
 
@@ -159,22 +174,22 @@ def load(path: Path) -> Packets:
     places: dict[bytes, list[int]] = {}
     unknown: dict[str, int] = {}
     taken = 0
-    at = data.find(_SYNC)
+    at = data.find(SYNC)
     while at >= 0:
-        header = _header(data, at)
+        header = header_of(data, at)
         stop = None if header is None else _whole(data, at, header)
         if stop is None or header is None:
-            at = data.find(_SYNC, at + 1)
+            at = data.find(SYNC, at + 1)
             continue
         places.setdefault(header, []).append(at)
         taken += stop - at
-        at = data.find(_SYNC, stop)
+        at = data.find(SYNC, stop)
     notes: list[str] = []
     columns = {}
     for header, starts in places.items():
         if len(starts) == 1 and len(data) > 10_000:
             continue  # a checksum of 16 bits is right by chance once in 65536
-        made = _gather(data, header, np.array(starts, dtype=np.int64))
+        made = gather(data, header, np.array(starts, dtype=np.int64))
         if made:
             columns[f"binary {header.hex()}"] = made
         else:
@@ -220,8 +235,8 @@ def _number(label: str, text: str) -> float:
     return float(text)
 
 
-def _gather(data: bytes, header: bytes, starts: np.ndarray) -> Columns:
-    """Columns of packets with one header; the first of two fields of one name counts."""
+def gather(data: bytes, header: bytes, starts: np.ndarray) -> Columns:
+    """Columns of packets with one header, by their first bytes; the first of two fields of one name counts."""
     layout = _layout(header)
     assert layout is not None
     buffer = np.frombuffer(data, dtype=np.uint8)

@@ -255,7 +255,7 @@ def _imu(raw: Raw, hints: ReadHints, t: FloatArray, trusted: bool) -> ImuSeries:
             raw.notes.append(f"The log has no {', '.join(missing)}: their values are zero and mean nothing.")
             for name in missing:
                 raw.values[name] = np.zeros(len(t))
-            triads[group] = _turned(raw, names, axes)
+            triads[group] = turned(raw, names, axes)
         elif missing:
             raise raw.fault(
                 f"expected ax, ay, az, gx, gy and gz, but {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} "
@@ -263,14 +263,14 @@ def _imu(raw: Raw, hints: ReadHints, t: FloatArray, trusted: bool) -> ImuSeries:
                 "file, read the folder with accel= and gyro="
             )
         else:
-            triads[group] = _turned(raw, names, axes)
+            triads[group] = turned(raw, names, axes)
     if not trusted:
         if hints.axes is None:
             raw.notes.append("Axes are not stated; taken as forward, right, down.")
         elif not np.array_equal(axes, np.eye(3)):
             raw.notes.append(f"Axes were turned from {hints.axes.upper()} to forward, right, down.")
         _check_imu(raw, hints, t, triads["accel"], triads["gyro"])
-    magnetometer = _turned(raw, columns.MAG, axes) if raw.has(columns.MAG) else None
+    magnetometer = turned(raw, columns.MAG, axes) if raw.has(columns.MAG) else None
     return ImuSeries(t, triads["gyro"], triads["accel"], hints.kind, raw.values.get("temp"), magnetometer)
 
 
@@ -307,7 +307,7 @@ def _magnetic_unit(raw: Raw) -> str:
     return unit
 
 
-def _turned(raw: Raw, names: tuple[str, ...], C_bs: FloatArray) -> FloatArray:
+def turned(raw: Raw, names: tuple[str, ...], C_bs: FloatArray) -> FloatArray:
     """Three columns in axes turned by quarter turns, as a matrix product with ``C_bs`` would. Shape (n, 3)."""
     if np.array_equal(C_bs, np.eye(3)):
         return raw.stack(names)

@@ -93,17 +93,9 @@ def assemble(
     axes = "FRD"
     with hashed((path,) if sources is None else sources, root) as hashes:
         for series, table in tables.items():
-            unit = _SI_INCREMENT if table.kind == "increment" else _SI
-            stated = {name: unit[group] for name in table.values if (group := columns.GROUP[name]) is not None}
-            values = {name: np.asarray(value, dtype=np.float64) for name, value in table.values.items()}
-            raw = Raw(path, values, stated, ellipsoidal=table.ellipsoidal)
-            own = replace(hints, series=series, kind=table.kind, units=None, scale=None)
-            if series == "imu":
-                axes = (hints.axes or table.axes).upper()
-                own = replace(own, axes=axes)
-            part, _ = series_from(raw, own, time=time)
-            made |= part
-            all_notes += [note for note in raw.notes if note not in all_notes]
+            made[series], said = series_of(path, series, table, hints, time)
+            axes = axes_of(table, hints) if series == "imu" else axes
+            all_notes += [note for note in said if note not in all_notes]
         named = hashes()
     metadata = Metadata(
         name=hints.name or path.stem,
@@ -114,6 +106,24 @@ def assemble(
         options=hints.given(),
     )
     return Recording(**made, metadata=metadata)
+
+
+def axes_of(table: Table, hints: ReadHints) -> str:
+    """Axes of an IMU: those of the hint, else those of its table."""
+    return (hints.axes or table.axes).upper()
+
+
+def series_of(path: Path, series: str, table: Table, hints: ReadHints, time: TimeBase) -> tuple[Any, list[str]]:
+    """Series of a table in SI, and notes on what was done, with the arguments and errors of :func:`assemble`."""
+    unit = _SI_INCREMENT if table.kind == "increment" else _SI
+    stated = {name: unit[group] for name in table.values if (group := columns.GROUP[name]) is not None}
+    values = {name: np.asarray(value, dtype=np.float64) for name, value in table.values.items()}
+    raw = Raw(path, values, stated, ellipsoidal=table.ellipsoidal)
+    own = replace(hints, series=series, kind=table.kind, units=None, scale=None)
+    if series == "imu":
+        own = replace(own, axes=axes_of(table, hints))
+    made, _ = series_from(raw, own, time=time)
+    return made[series], raw.notes
 
 
 def check_hints(path: Path, hints: ReadHints, used: Iterable[str], what: str) -> None:

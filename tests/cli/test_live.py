@@ -98,8 +98,8 @@ def test_a_replayed_log_is_the_batch_run(log, tmp_path, capsys):
     folder, config, trajectory = log
     out, nmea = tmp_path / "live.jsonl", tmp_path / "live.nmea"
     code, printed, _ = run(
-        capsys, "live", f"replay:{folder}?speed=0", "--config", config, "--rate", 10, "--json", "--out", f"json:{out}",
-        "--out", f"nmea:{nmea}", "--record", tmp_path / "run",
+        capsys, "live", f"replay:{folder}?speed=0", "--config", config, "--output-rate", 10, "--json",
+        "--out", f"json:{out}", "--out", f"nmea:{nmea}", "--record", tmp_path / "run",
     )  # fmt: skip
     assert code == 0
     numbers = json.loads(printed)
@@ -194,7 +194,7 @@ def test_streams_are_the_batch_run(log, tmp_path, ports, kind):
         gnss = held.enter_context(socket.create_server(("127.0.0.1", ports[1])))
         arguments = [
             "live", f"{source}?part=imu", f"tcp://:{ports[1]}?part=gnss&retry=0", "--config", str(config), "--out",
-            f"json:{out}", "--rate", "10", "--set", "filter.smooth=false", "--record", str(tmp_path / "run"),
+            f"json:{out}", "--output-rate", "10", "--set", "filter.smooth=false", "--record", str(tmp_path / "run"),
         ]  # fmt: skip
         thread = threading.Thread(target=lambda: codes.append(run_with(stop, arguments)))
         thread.start()
@@ -293,7 +293,7 @@ def test_garbage_is_said_and_the_run_goes_on(log, tmp_path, capsys, monkeypatch)
         (["udp://:5000?format=text"], "the columns are not known"),
         (["-", "--out", "xml:-"], "expected FORMAT:PLACE"),
         (["-", "--out", "json:-", "--json"], "both print there"),
-        (["-", "--rate", "-1"], "expected solutions in a second"),
+        (["-", "--output-rate", "-1"], "expected solutions in a second"),
         (["replay:nothing.parquet"], "no such file or folder"),
     ],
 )

@@ -52,7 +52,7 @@ def export(
     set
         Any entry of the configuration: SECTION.KEY=VALUE in TOML's spelling; may be given several times.
     unchecked
-        Go on where the checks of units, axes, signs and clocks (schuler check) find an error.
+        Go on where the checks of units, axes, signs and clocks (schuler check) find an error; the result notes it.
     json
         Print one JSON object instead of text.
     """

@@ -38,7 +38,7 @@ def live(
     config: Path,
     out: Texts = (),
     record: Folder = None,
-    rate: float = 10.0,
+    output_rate: float = 10.0,
     lag: float = 10.0,
     calibration: Path | None = None,
     state: File = None,
@@ -64,7 +64,7 @@ def live(
         udp://HOST:PORT, or tcp://HOST:PORT for clients to connect to; may be given several times.
     record
         Folder for solution.parquet (then solution-2.parquet, ...) and the bytes of each source as they came.
-    rate
+    output_rate
         Solutions in a second; 0 gives one after every sample.
     lag
         How late a measurement may come, in seconds.
@@ -79,7 +79,7 @@ def live(
     headless
         Without a status line, for services.
     json
-        Print one JSON object with the counts of the run at its end.
+        Print one JSON object instead of text.
     """
     from schuler.live.clock import SourceClock
     from schuler.live.navigator import LiveNavigator
@@ -91,8 +91,8 @@ def live(
 
     if not source:
         raise InputError("live: expected a source, such as serial:/dev/ttyUSB0 or replay:drive.parquet, got none")
-    if not 0.0 <= rate <= 10_000.0:
-        raise InputError(f"--rate: expected solutions in a second from 0 to 10000, got {rate:g}")
+    if not 0.0 <= output_rate <= 10_000.0:
+        raise InputError(f"--output-rate: expected solutions in a second from 0 to 10000, got {output_rate:g}")
     if json and any(text.endswith(":-") for text in out):
         raise InputError("--json and --out to stdout: both print there; leave one of them out")
     addresses = [parse_source(text) for text in source]
@@ -126,7 +126,7 @@ def live(
                 navigator.save(state)
 
         summary = run_session(
-            sources, navigator, clock, sinks, stop=stop, rate_hz=rate, on_interval=save,
+            sources, navigator, clock, sinks, stop=stop, rate_hz=output_rate, on_interval=save,
             on_idle=lambda solution: status.draw(solution, navigator.health),
         )  # fmt: skip
         last = navigator.solution()

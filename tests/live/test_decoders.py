@@ -2,6 +2,7 @@
 
 import struct
 
+import encode_sbf as sbf
 import encode_vectornav as vn
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from schuler import read
 from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
 from schuler.live.decoders.detection import decoder
-from schuler.live.messages import Fix, ImuBlock, ImuSample, Speed
+from schuler.live.messages import Fix, Heading, ImuBlock, ImuSample, Speed
 from schuler.recording.io import ReadHints
 
 GARBAGE = bytes(range(256)) * 3
@@ -279,6 +280,60 @@ def test_increments_of_vectornav_are_taken_only_where_the_run_knows_it():
     assert decoder(SourceClock(), ReadHints.of(series="gnss"), format="vectornav").kind is None
 
 
+def sbf_log():
+    """Blocks of a drive in order of time: an IMU, partly in two blocks, fixes with covariances after them, headings."""
+    run = drive(12.0)
+    g, timed = run.gnss, []
+    for t, f, w in zip(run.imu.t, run.imu.accel * (1, -1, -1), np.rad2deg(run.imu.gyro) * (1, -1, -1), strict=True):
+        ms = round(t * 1000)
+        parts = [(f, None), (None, w)] if ms % 100 == 5 else [(f, w)]
+        timed += [(t, sbf.imu(2300, ms, *part)) for part in parts]
+    for k, t in enumerate(g.t):
+        ms, blocks = round(t * 1000), []
+        blocks.append(sbf.pvt(2300, ms, g.llh[k], g.v_n[k] * (1, 1, -1), error=k == 2, accuracy=(60, 80)))
+        for number, C in ((5906, g.cov_r_n[k]), (5908, g.cov_v_n[k])):
+            cov = C[0, 0], C[1, 1], C[2, 2], C[0, 1], -C[0, 2], -C[1, 2]
+            blocks += [sbf.covariance(number, 2300, ms, *cov)] if k % 4 != 1 or number == 5908 else []
+        blocks += [sbf.attitude(2300, ms, 10.0 * k, 1.0, 0.0), sbf.attitude_covariance(2300, ms, 0.25)]
+        timed += [(t + 0.03, block) for block in [*blocks, sbf.block(5914, 2300, ms, bytes(8))]]
+    return [block for _, block in sorted(timed, key=lambda pair: pair[0])]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("options", [{}, {"axes": "FRD", "offset": 0.25}, {"series": "gnss"}])
+def test_sbf_in_pieces_is_the_sbf_of_the_file(tmp_path, options, seed):
+    blocks = sbf_log()
+    data = GARBAGE + b"".join(blocks[:151]) + blocks[151][:40] + b"$@\x41" + b"".join(blocks[152:])
+    (tmp_path / "log.sbf").write_bytes(data)
+    hints = ReadHints.of(**options)
+    log, clock = read(tmp_path / "log.sbf", hints, allow="norm"), SourceClock()
+    stream = decoder(clock, hints)
+    messages = fed(stream, data, seed, 2000)
+    assert clock.base == log.metadata.time
+    same_fixes([m for m in messages if isinstance(m, Fix)], log.gnss)
+    assert stream.left_out["epochs of PVTGeodetic without a solution"] == 1
+    assert stream.left_out["bytes that belong to no message with a right checksum"] == len(GARBAGE) + 43
+    if "series" in options:
+        assert len(messages) == len(log.gnss)
+        return
+    same_samples([m for m in messages if isinstance(m, ImuBlock)], log.imu)
+    headings = [(m.t, m.value, m.sigma) for m in messages if isinstance(m, Heading)]
+    np.testing.assert_array_equal(headings, np.column_stack((log.heading.t, log.heading.value, log.heading.sigma)))
+
+
+def test_a_pause_completes_an_epoch_of_sbf():
+    """Without it a fix would wait for the next one; an epoch that has all its blocks does not wait for either."""
+    stream = decoder(SourceClock(), ReadHints(), format="sbf")
+    for k in range(8):
+        ms = 1000 * k
+        first = sbf.pvt(2300, ms, (0.8, 0.1, 500.0), (0, 0, 0)) + sbf.covariance(5906, 2300, ms, 1, 1, 4, 0, 0, 0)
+        last = sbf.covariance(5908, 2300, ms, 0.01, 0.01, 0.01, 0, 0, 0)
+        made = stream.feed(first, 0.0) + stream.feed(last, 0.0)
+        made += [] if k >= 3 else stream.pause()
+        assert [m.t for m in made] == [k]
+        assert stream.pause() == []
+
+
 def any_vectornav(rng):
     """A packet with right checksum and any contents: of four kinds of fields, so that kinds come again."""
     names = (
@@ -296,6 +351,13 @@ def any_vectornav(rng):
     return vn.packet(**values)
 
 
+def any_sbf(rng):
+    """A block with a right CRC and any contents."""
+    number = int(rng.choice([4007, 5906, 5908, 5938, 5939, 4050, 4226, 5914]))
+    return sbf.block(number, int(rng.choice([0, 2300, 65535])), int(rng.choice([1000, 2000, 3000, 2**32 - 1])),
+                     bytes((4, 0)) * int(rng.integers(0, 2)) + any_bytes(rng, int(rng.integers(2, 140))))  # fmt: skip
+
+
 def any_bytes(rng, size):
     """Numbers that break decoders: none, infinite, the largest, zero."""
     kinds = [struct.pack("<d", v) for v in (0.0, 1.0, np.nan, np.inf, -np.inf, 1e300, -2e10, 48.0)]
@@ -303,7 +365,7 @@ def any_bytes(rng, size):
     return b"".join(kinds[k] for k in rng.integers(0, len(kinds), size // 8 + 1))[:size]
 
 
-@pytest.mark.parametrize(("name", "message"), [("vectornav", any_vectornav)])
+@pytest.mark.parametrize(("name", "message"), [("vectornav", any_vectornav), ("sbf", any_sbf)])
 def test_messages_with_any_contents_raise_nothing(name, message):
     """Whole messages of any contents, some of them damaged, in pieces of any length."""
     rng = np.random.default_rng(11)

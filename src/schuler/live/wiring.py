@@ -74,7 +74,10 @@ def connect(
             kinds.add(decoded.kind)
         sources.append(Source(address.text, _reading(address), decoded, kept_in(k, address)))
     if len(kinds) > 1:
-        raise InputError("one source gives rates, another increments: a run has one IMU; leave the other source out")
+        raise InputError(
+            "one source gives rates, another increments: a run has one IMU; leave the other source out, or its IMU "
+            "(streams = 'imu=none' in the configuration)"
+        )
     return sources, next(iter(kinds), "rate")
 
 

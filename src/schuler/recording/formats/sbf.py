@@ -93,7 +93,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     for part, name in taken.items():
         if name is None:
             continue
-        made = _imu_rows(log, notes) if part == "imu" else _solutions(log, part, name, notes)
+        made = imu_rows(log, notes) if part == "imu" else solutions(log, part, name, notes)
         made["sow"] = made["ms"] * 1e-3
         made = keep_timed(made, "week", "sow", name, path, notes)
         if len(made["week"]):
@@ -102,7 +102,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     first = min((float(r["week"][0]) for r in rows.values()), default=0.0)
     for part, made in rows.items():
         t = weeks_to_seconds(made["week"], made["sow"], first)
-        table = {"imu": _imu, "gnss": _gnss, "heading": _heading, "reference": _reference}[part](
+        table = {"imu": imu_table, "gnss": gnss_table, "heading": heading_table, "reference": _reference}[part](
             log, t, made, hints, notes
         )
         if table is not None:
@@ -126,7 +126,7 @@ def _said(rows: Columns, names: tuple[str, ...]) -> BoolArray:
     return np.asarray(np.all([rows[name] > NOT_USED for name in names], axis=0))
 
 
-def _solutions(log: Blocks, part: str, name: str, notes: list[str]) -> Columns:
+def solutions(log: Blocks, part: str, name: str, notes: list[str]) -> Columns:
     """Rows of a block that hold a solution."""
     if part == "reference":
         rows = inertial(log)
@@ -146,7 +146,7 @@ def _solutions(log: Blocks, part: str, name: str, notes: list[str]) -> Columns:
     return pick(rows, good)
 
 
-def _imu_rows(log: Blocks, notes: list[str]) -> Columns:
+def imu_rows(log: Blocks, notes: list[str]) -> Columns:
     """Specific force and angular rate of ExtSensorMeas of the same times, of one sensor."""
     triads = []
     for kind, what in ((0, "specific force"), (1, "angular rate")):
@@ -171,7 +171,8 @@ def _imu_rows(log: Blocks, notes: list[str]) -> Columns:
     return made | {f"w{axis}": rate[axis][match[both]] for axis in "xyz"}
 
 
-def _imu(log: Blocks, t: FloatArray, rows: Columns, hints: ReadHints, notes: list[str]) -> Table:
+def imu_table(log: Blocks, t: FloatArray, rows: Columns, hints: ReadHints, notes: list[str]) -> Table:
+    """IMU series of samples of :func:`imu_rows` at their times."""
     notes.append(f"imu: ExtSensorMeas, sensor model {int(rows['model'][0])}; stamps are whole milliseconds.")
     values = {"t": t}
     values |= {f"a{axis}": rows[axis] for axis in "xyz"}
@@ -194,7 +195,14 @@ def _covariance(log: Blocks, name: str, rows: Columns) -> tuple[FloatArray, Floa
     return np.sqrt(np.where(good[:, None], variance, 1.0)), np.where(good[:, None], cross, 0.0), good
 
 
-def _gnss(log: Blocks, t: FloatArray, rows: Columns, hints: ReadHints, notes: list[str]) -> Table | None:
+def gnss_table(log: Blocks, t: FloatArray, rows: Columns, hints: ReadHints, notes: list[str]) -> Table | None:
+    """GNSS series of PVTGeodetic, with the covariances of the same times.
+
+    Raises
+    ------
+    FileFormatError
+        If no epoch has an accuracy.
+    """
     sigma, cross, stated_here = _covariance(log, "PosCovGeodetic", rows)
     if not stated_here.all():
         other, stated = _accuracy(log, rows, hints)
@@ -265,7 +273,8 @@ def _velocity(log: Blocks, rows: Columns, hints: ReadHints, notes: list[str]) ->
     return values | {name: cross[:, k] for k, name in enumerate(("cvne", "cvnd", "cved"))}
 
 
-def _heading(log: Blocks, t: FloatArray, rows: Columns, hints: ReadHints, notes: list[str]) -> Table | None:
+def heading_table(log: Blocks, t: FloatArray, rows: Columns, hints: ReadHints, notes: list[str]) -> Table | None:
+    """Heading of the receiver's antennas; ``None`` without an accuracy."""
     cov = log.columns("AttCovEuler")
     values = {"t": t, "heading": rows["heading"] * units.DEG}
     match = same_time(_key(rows), _key(cov))

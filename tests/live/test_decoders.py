@@ -1,7 +1,9 @@
 """Decoders of streams: fed a file in pieces of any length they give what reading the file gives, to the last bit."""
 
+import functools
 import struct
 
+import encode_novatel as nov
 import encode_sbf as sbf
 import encode_vectornav as vn
 import numpy as np
@@ -14,6 +16,7 @@ from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
 from schuler.live.decoders.detection import decoder
 from schuler.live.messages import Fix, Heading, ImuBlock, ImuSample, Speed
+from schuler.recording.formats.novatel_frames import IMU_TYPES
 from schuler.recording.io import ReadHints
 
 GARBAGE = bytes(range(256)) * 3
@@ -230,6 +233,7 @@ def same_samples(messages, imu):
         np.testing.assert_array_equal(np.concatenate([getattr(m, name) for m in messages]), getattr(imu, name))
 
 
+@functools.cache
 def vectornav_log(*, delta=False):
     """Packets of a drive: an IMU with the fix that is repeated until the next, and an INS of another kind."""
     run, made = drive(8.0), []
@@ -280,6 +284,7 @@ def test_increments_of_vectornav_are_taken_only_where_the_run_knows_it():
     assert decoder(SourceClock(), ReadHints.of(series="gnss"), format="vectornav").kind is None
 
 
+@functools.cache
 def sbf_log():
     """Blocks of a drive in order of time: an IMU, partly in two blocks, fixes with covariances after them, headings."""
     run = drive(12.0)
@@ -334,6 +339,107 @@ def test_a_pause_completes_an_epoch_of_sbf():
         assert stream.pause() == []
 
 
+@functools.cache
+def novatel_log(*, latency=0.0, config=False, lost=()):
+    """Messages of a drive in order of time: counts, positions and after them velocities, some of the INS, headings."""
+    run, kind = drive(12.0, 125.0, kind="increment"), IMU_TYPES[41]
+    g, timed = run.gnss, [(0.0, nov.long_frame(1945, 2300, 0, struct.pack("<I", 41)))] if config else []
+    axes = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    counts = np.round(np.hstack((run.imu.accel @ axes.T / kind.accel, run.imu.gyro @ axes.T / kind.gyro))).astype(int)
+    for t, row in zip(run.imu.t.tolist(), counts.tolist(), strict=True):
+        timed.append((t, nov.rawimu(2300, t, row) if config else nov.rawimusx(2300, t, row)))
+    for k, t in enumerate(g.t.tolist()):
+        lat, lon = np.rad2deg(g.llh[k, :2])
+        sigma, v = np.sqrt(np.diag(g.cov_r_n[k])), g.v_n[k]
+        own = nov.bestpos(2300, t, lat, lon, g.llh[k, 2], 47.0, sigma, kind=54 if k == 3 else 50, status=k == 5)
+        made = [nov.heading2(2300, t, 10.0 * k, 0.5), own]
+        if k not in lost:
+            track = np.rad2deg(np.arctan2(v[1], v[0])) % 360.0
+            made.append(nov.bestvel(2300, t, latency, np.hypot(v[0], v[1]), track, -v[2], kind=54 if k == 7 else 50))
+        timed += [(t + 0.03, message) for message in made]
+    return [message for _, message in sorted(timed, key=lambda pair: pair[0])]
+
+
+def same_fixes_with_gaps(messages, gnss):
+    """A velocity that is missing is none of a message, and one of 1000 m/s 1-sigma in a series."""
+    there = gnss.cov_v_n[:, 0, 0] < 1e5
+    assert [m.v_n is not None for m in messages] == there.tolist()
+    same = {name: [getattr(m, name) for m in messages] for name in ("t", "llh", "cov_r_n")}
+    for name, values in same.items():
+        np.testing.assert_array_equal(values, getattr(gnss, name))
+    for name in ("v_n", "cov_v_n"):
+        np.testing.assert_array_equal(
+            [getattr(m, name) for m in messages if m.v_n is not None], getattr(gnss, name)[there]
+        )
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("made", "options"),
+    [
+        ({}, {}),
+        ({"latency": 0.15}, {"streams": "heading=HEADING2", "offset": 0.25}),
+        ({"config": True, "lost": (4, 8)}, {"axes": "FRD"}),
+        ({"latency": 0.15, "lost": (6,)}, {"series": "gnss"}),
+        ({"config": True, "lost": range(12)}, {"scale": "accel=1e-6,gyro=1e-8", "streams": "gnss=BESTPOS"}),
+    ],
+)
+def test_novatel_in_pieces_is_the_novatel_of_the_file(tmp_path, made, options, seed):
+    frames = novatel_log(**made)
+    data = GARBAGE + b"".join(frames[:151]) + frames[151][:30] + b"\xaa\x44\x13" + b"".join(frames[152:])
+    (tmp_path / "span.gps").write_bytes(data)
+    hints = ReadHints.of(**options)
+    log, clock = read(tmp_path / "span.gps", hints, allow="norm,magnitude"), SourceClock()
+    stream = decoder(clock, hints, format="novatel")
+    messages = fed(stream, data, seed, 2000)
+    assert clock.base == log.metadata.time
+    fixes = [m for m in messages if isinstance(m, Fix)]
+    if log.gnss.v_n is None:
+        assert all(m.v_n is None for m in fixes)
+        np.testing.assert_array_equal([m.llh for m in fixes], log.gnss.llh)
+    else:
+        same_fixes_with_gaps(fixes, log.gnss)
+    assert stream.left_out["epochs of BESTPOS without a solution of GNSS alone"] == 1 + ("gnss=" not in str(options))
+    assert stream.left_out["bytes that belong to no message with a right checksum"] == len(GARBAGE) + 33
+    if "series" not in options:
+        assert stream.kind == "increment"
+        same_samples([m for m in messages if isinstance(m, ImuBlock)], log.imu)
+    headings = [(m.t, m.value, m.sigma) for m in messages if isinstance(m, Heading)]
+    assert len(headings) == (0 if log.heading is None else len(log.heading))
+    if log.heading is not None:
+        np.testing.assert_array_equal(headings, np.column_stack((log.heading.t, log.heading.value, log.heading.sigma)))
+
+
+def test_the_position_of_novatel_that_is_preferred_is_taken():
+    """BESTPOS of a SPAN receiver may be of its INS; BESTGNSSPOS beside it never is."""
+    stream = decoder(SourceClock(), ReadHints())
+    messages = []
+    for k in range(4):
+        both = [nov.bestpos(2300, k, 48.0, 11.0 + number / 1e4, 500.0, 47.0, (1, 1, 2), number=number)
+                for number in (42, 1429)]  # fmt: skip
+        messages += stream.feed(b"".join(both), 0.0) + stream.pause()
+    assert [m.t for m in messages] == [0, 1, 2, 3]
+    np.testing.assert_allclose([np.rad2deg(m.llh[1]) for m in messages], 11.1429, rtol=1e-15)
+
+
+def test_counts_of_novatel_that_cannot_be_navigated_are_left_out():
+    """Not announced, of no known IMU, and thinned out: the same reasons as for a log, and the fixes go on."""
+    frames = [nov.rawimusx(2300, 0.008 * k, (0, 0, 9, 0, 0, 0)) for k in range(50)]
+    found = decoder(SourceClock(), ReadHints())
+    assert fed(found, b"".join(frames)) == []
+    assert found.left_out["samples of an IMU, which are increments (say format=novatel)"] == 50
+    for data, phrase in (
+        (b"".join(nov.rawimu(2300, 0.008 * k, (0, 0, 9, 0, 0, 0)) for k in range(50)), "does not say which IMU"),
+        (b"".join(frames[::2]), "increments in between were not logged"),
+        (b"".join(nov.rawimusx(2300, 0.008 * k, (0,) * 6, imu=200) for k in range(50)), "are not in our table"),
+    ):
+        stream = decoder(SourceClock(), ReadHints(), format="novatel")
+        assert fed(stream, data) == []
+        assert any(phrase in reason for reason in stream.left_out)
+    with pytest.raises(InputError, match="is no IMU whose counts are known"):
+        decoder(SourceClock(), ReadHints.of(scale="STIM3000"), format="novatel")
+
+
 def any_vectornav(rng):
     """A packet with right checksum and any contents: of four kinds of fields, so that kinds come again."""
     names = (
@@ -358,6 +464,14 @@ def any_sbf(rng):
                      bytes((4, 0)) * int(rng.integers(0, 2)) + any_bytes(rng, int(rng.integers(2, 140))))  # fmt: skip
 
 
+def any_novatel(rng):
+    """A message with a right CRC and any contents, in either header."""
+    number = int(rng.choice([1462, 268, 42, 1429, 99, 1430, 1335, 1945, 508]))
+    week, ms = int(rng.choice([0, 2300, 65535])), int(rng.choice([1000, 2000, 3000, 2**32 - 1]))
+    body = bytes(4 * int(rng.integers(0, 3))) + any_bytes(rng, int(rng.integers(2, 140)))
+    return (nov.short_frame if rng.integers(0, 2) else nov.long_frame)(number, week, ms, body)
+
+
 def any_bytes(rng, size):
     """Numbers that break decoders: none, infinite, the largest, zero."""
     kinds = [struct.pack("<d", v) for v in (0.0, 1.0, np.nan, np.inf, -np.inf, 1e300, -2e10, 48.0)]
@@ -365,7 +479,9 @@ def any_bytes(rng, size):
     return b"".join(kinds[k] for k in rng.integers(0, len(kinds), size // 8 + 1))[:size]
 
 
-@pytest.mark.parametrize(("name", "message"), [("vectornav", any_vectornav), ("sbf", any_sbf)])
+@pytest.mark.parametrize(
+    ("name", "message"), [("vectornav", any_vectornav), ("sbf", any_sbf), ("novatel", any_novatel)]
+)
 def test_messages_with_any_contents_raise_nothing(name, message):
     """Whole messages of any contents, some of them damaged, in pieces of any length."""
     rng = np.random.default_rng(11)

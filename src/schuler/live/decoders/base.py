@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from schuler.exceptions import InputError
-from schuler.live.messages import Fix, ImuBlock, Message
+from schuler.live.messages import Fix, Heading, ImuBlock, Message
 from schuler.recording.io import columns, parts
 from schuler.recording.io.assemble import turned
 from schuler.recording.io.hint_texts import axes_matrix, parse_streams
@@ -96,6 +96,16 @@ def fix_of(table: Table, hints: ReadHints, left_out: Counter[str]) -> list[Fix]:
         left_out[f"epochs: {error}"] += 1
         return []
     return list(fixes(series))
+
+
+def heading_of(table: Table, hints: ReadHints, left_out: Counter[str]) -> list[Heading]:
+    """The heading of a table with one row, with the arguments of :func:`fix_of`."""
+    try:
+        series, _ = parts.series_of(Path("heading"), "heading", table, hints, TimeBase("local"))
+    except InputError as error:
+        left_out[f"headings: {error}"] += 1
+        return []
+    return [Heading(float(series.t[0]), float(series.value[0]), float(series.sigma[0]))]
 
 
 def samples(table: Table, hints: ReadHints) -> ImuBlock:

@@ -11,16 +11,16 @@ import numpy as np
 from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
-from schuler.live.decoders.base import fix_of, samples, wanted
+from schuler.live.decoders.base import fix_of, heading_of, samples, wanted
 from schuler.live.decoders.frames import Framing, whole_frames
-from schuler.live.messages import Heading, Message
+from schuler.live.messages import Message
 from schuler.recording.formats import sbf, sbf_blocks
 from schuler.recording.formats.sbf_blocks import Blocks
 from schuler.recording.io import parts
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.receiver_tables import Columns, pick, timed
 from schuler.recording.series import Kind
-from schuler.timebase import WEEK_S, TimeBase
+from schuler.timebase import WEEK_S
 
 _FRAMING = Framing(sbf_blocks.SYNC, sbf_blocks.HEADER, sbf_blocks.stop_of, sbf_blocks.is_right)
 _PATH = Path("SBF")
@@ -128,19 +128,16 @@ class SbfDecoder:
             self.left_out["epochs repeated"] += 1
             return []
         self._last[part] = float(t[0])
+        make = sbf.gnss_table if part == "gnss" else sbf.heading_table
         try:
-            if part == "gnss":
-                table = sbf.gnss_table(log, t, rows, self._hints, [])
-                return [] if table is None else list(fix_of(table, self._hints, self.left_out))
-            table = sbf.heading_table(log, t, rows, self._hints, [])
-            if table is None:
-                self.left_out["headings without an accuracy (AttCovEuler, or sigma_heading_deg=..)"] += 1
-                return []
-            series, _ = parts.series_of(_PATH, part, table, self._hints, TimeBase("local"))
+            table = make(log, t, rows, self._hints, [])
         except InputError as error:
             self.left_out[f"epochs: {error}"] += 1
             return []
-        return [Heading(float(series.t[0]), float(series.value[0]), float(series.sigma[0]))]
+        if table is None:
+            self.left_out["headings without an accuracy (AttCovEuler, or sigma_heading_deg=..)"] += 1
+            return []
+        return list((fix_of if part == "gnss" else heading_of)(table, self._hints, self.left_out))
 
     def _samples(self, frames: list[bytes]) -> list[Message]:
         """Samples of blocks; the newest may have its specific force and its angular rate in two of them."""

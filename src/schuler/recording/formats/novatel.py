@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from schuler import units
-from schuler.arrays import FloatArray
+from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.formats.novatel_frames import IMU_TYPES, TYPES, ImuType, Messages, by_name, load, looks_like
 from schuler.recording.io import parts
@@ -33,16 +33,18 @@ from schuler.recording.recording import Recording
 
 #: Positions that are read, in order of preference, and the velocity that belongs to each.
 POSITIONS = {"BESTGNSSPOS": "BESTGNSSVEL", "BESTPOS": "BESTVEL", "RTKPOS": "BESTVEL", "PSRPOS": "PSRVEL"}
-_HINTS = {"sigma", "axes", "streams", "scale"}
-_RAW = ("RAWIMUSX", "RAWIMUX", "RAWIMUS", "RAWIMU")
+#: Hints that mean something here.
+HINTS = {"sigma", "axes", "streams", "scale"}
+#: Counts of an IMU, in order of preference.
+RAW = ("RAWIMUSX", "RAWIMUX", "RAWIMUS", "RAWIMU")
 _CORRECTED = ("CORRIMUDATA", "CORRIMUDATAS", "CORRIMUS", "IMURATECORRIMUS")
 _INS = ("INSPVAX", "INSPVA", "INSPVAS", "IMURATEPVA", "IMURATEPVAS")
-_HEADINGS = ("DUALANTENNAHEADING", "HEADING2")
+HEADINGS = ("DUALANTENNAHEADING", "HEADING2")
 _PARTS = {
-    **dict.fromkeys(_RAW, "imu"),
+    **dict.fromkeys(RAW, "imu"),
     **dict.fromkeys(POSITIONS, "gnss"),
     **dict.fromkeys(_INS, "reference"),
-    **dict.fromkeys(_HEADINGS, "heading"),
+    **dict.fromkeys(HEADINGS, "heading"),
 }
 _NO_SOLUTION_TYPES = (0, 1, 2)  # none, and fixed by the user
 _GOOD = (2, 3, 6, 7)  # of the inertial solution: high variance, good, free, alignment complete
@@ -59,6 +61,7 @@ _QUALITY = {
     19: 7,
 }
 _WGS84 = 61.0
+_STATED = "as stated"  # name of an IMU whose factors are a hint
 _FARTHEST = 0.6  # of a velocity from its position: a latency of a quarter second, at 1 Hz [s]
 
 
@@ -112,10 +115,10 @@ def read(path: Path, hints: ReadHints) -> Recording:
     ``INS_...``); such epochs are left out unless the stream is named, for a filter that uses them would use the IMU
     twice.
     """
-    parts.check_hints(path, hints, _HINTS, "a NovAtel log")
+    parts.check_hints(path, hints, HINTS, "a NovAtel log")
     log = load(path)
     notes, chosen, streams = list(log.notes), parse_streams(hints.streams), _streams(log)
-    orders = {"imu": _RAW, "gnss": tuple(POSITIONS), "reference": _INS}
+    orders = {"imu": RAW, "gnss": tuple(POSITIONS), "reference": _INS}
     taken = {part: preferred(streams, part, chosen, order, notes) for part, order in orders.items()}
     taken["heading"] = preferred(streams, "heading", chosen, (), notes) if "heading" in chosen else None
     if hints.series is not None:
@@ -126,7 +129,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
         if name is None:
             continue
         week, sow = clock.get(part, ("week", "sow") if "week" in log.columns[name] else ("header_week", "header_sow"))
-        kept = keep_timed(_usable(log, part, name, notes, named=part in chosen), week, sow, name, path, notes)
+        kept = keep_timed(usable(log, part, name, notes, named=part in chosen), week, sow, name, path, notes)
         if len(kept[week]):
             rows[part] = kept | {"t_week": kept[week], "t_sow": kept[sow]}
     if not rows:
@@ -152,10 +155,10 @@ def _nothing(log: Messages) -> str:
     why = ""
     if any(name in log.columns for name in _CORRECTED):
         why = "; CORRIMU messages hold no gravity and no Earth rotation and cannot be navigated with: log RAWIMUSXB"
-    return f"expected {', '.join((*_RAW[:1], *POSITIONS, *_INS[:2]))} with a solution, found {present}{why}"
+    return f"expected {', '.join((*RAW[:1], *POSITIONS, *_INS[:2]))} with a solution, found {present}{why}"
 
 
-def _usable(log: Messages, part: str, name: str, notes: list[str], *, named: bool) -> Columns:
+def usable(log: Messages, part: str, name: str, notes: list[str], *, named: bool) -> Columns:
     """Rows of a message that hold a solution."""
     rows = log.columns[name]
     if part == "imu":
@@ -186,41 +189,63 @@ def _usable(log: Messages, part: str, name: str, notes: list[str], *, named: boo
 
 
 def _imu(log: Messages, name: str, t: FloatArray, rows: Columns, hints: ReadHints, notes: list[str]) -> Table:
-    kind = _imu_type(log, name, rows, hints)
+    imu_type = counts_of(log, name, rows, hints)
+    if imu_type.name == _STATED:
+        notes.append(f"{name}: a count is {imu_type.accel:g} m/s and {imu_type.gyro:g} rad, as stated.")
+    else:
+        notes.append(
+            f"{name}: IMU {imu_type.name}, a count is {imu_type.accel:.6g} m/s and {imu_type.gyro:.6g} rad (NovAtel's "
+            "table)."
+        )
+    check_not_thinned(name, t, imu_type, log.path)
+    if "info" in rows and (n := int((rows["info"].astype(np.int64) & 1).sum())):
+        notes.append(f"{name}: {n} samples carry the IMU's error flag; they were kept.")
+    return imu_table(t, rows, imu_type)
+
+
+def check_not_thinned(name: str, t: FloatArray, imu_type: ImuType, path: Path) -> None:
+    """Refuse samples that are farther apart than the IMU makes them.
+
+    Raises
+    ------
+    FileFormatError
+        The increments in between were not logged.
+    """
+    interval = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    if imu_type.rate_hz is not None and interval * imu_type.rate_hz > _THINNED:
+        raise FileFormatError(
+            f"{name}: samples are {interval:.4g} s apart, but {imu_type.name} makes one each "
+            f"{1.0 / imu_type.rate_hz:.4g} s: increments in between were not logged, and the motion in them is lost. "
+            "Log RAWIMUSXB ONNEW; if the unit runs at this rate, state scale='accel=..,gyro=..'",
+            path,
+        )
+
+
+def imu_table(t: FloatArray, rows: Columns, imu_type: ImuType) -> Table:
+    """IMU series of counts."""
+    values = {"t": t}
+    for axis, sign in (("x", 1.0), ("y", -1.0), ("z", 1.0)):
+        label = "minus_" if axis == "y" else ""
+        values[f"a{axis}"] = sign * imu_type.accel * rows[f"{label}a{axis}"]
+        values[f"g{axis}"] = sign * imu_type.gyro * rows[f"{label}g{axis}"]
+    return Table(values, axes="RFU", kind="increment")
+
+
+def counts_of(log: Messages, name: str, rows: Columns, hints: ReadHints) -> ImuType:
+    """Type of the IMU, or the factors, as stated; else as the samples say, or as INSCONFIG does.
+
+    Raises
+    ------
+    FileFormatError, InputError
+        If it is not known what a count is.
+    """
     stated = parse_scale(hints.scale)
+    choices = ", ".join(kind.name for kind in IMU_TYPES.values())
     if isinstance(stated, dict):
         accel, gyro = stated.get("accel"), stated.get("gyro")
         if accel is None or gyro is None or len(stated) != 2:
             raise InputError("scale: a NovAtel IMU needs accel=.. [m/s] and gyro=.. [rad] of a count, and no other")
-        notes.append(f"{name}: a count is {accel:g} m/s and {gyro:g} rad, as stated.")
-    else:
-        assert kind is not None
-        accel, gyro = kind.accel, kind.gyro
-        notes.append(f"{name}: IMU {kind.name}, a count is {accel:.6g} m/s and {gyro:.6g} rad (NovAtel's table).")
-        interval = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
-        if kind.rate_hz is not None and interval * kind.rate_hz > _THINNED:
-            raise FileFormatError(
-                f"{name}: samples are {interval:.4g} s apart, but {kind.name} makes one each {1.0 / kind.rate_hz:.4g} "
-                "s: increments in between were not logged, and the motion in them is lost. Log RAWIMUSXB ONNEW; if the "
-                "unit runs at this rate, state scale='accel=..,gyro=..'",
-                log.path,
-            )
-    if "info" in rows and (n := int((rows["info"].astype(np.int64) & 1).sum())):
-        notes.append(f"{name}: {n} samples carry the IMU's error flag; they were kept.")
-    values = {"t": t}
-    for axis, sign in (("x", 1.0), ("y", -1.0), ("z", 1.0)):
-        label = "minus_" if axis == "y" else ""
-        values[f"a{axis}"] = sign * accel * rows[f"{label}a{axis}"]
-        values[f"g{axis}"] = sign * gyro * rows[f"{label}g{axis}"]
-    return Table(values, axes="RFU", kind="increment")
-
-
-def _imu_type(log: Messages, name: str, rows: Columns, hints: ReadHints) -> ImuType | None:
-    """Type of the IMU as stated, as the samples say, or as INSCONFIG does; ``None`` where factors are stated."""
-    stated = parse_scale(hints.scale)
-    choices = ", ".join(kind.name for kind in IMU_TYPES.values())
-    if isinstance(stated, dict):
-        return None
+        return ImuType(_STATED, accel, gyro)
     if stated is not None:
         imu_type = by_name(stated)
         if imu_type is None:
@@ -279,12 +304,16 @@ def gnss_table(
     return Table(values)
 
 
+def velocities_alone(rows: Columns) -> BoolArray:
+    """Rows of a velocity message that hold one of GNSS, without the receiver's inertial solution. Shape (n,)."""
+    return np.asarray((rows["status"] == 0) & (rows["type"] > 0) & ~np.isin(rows["type"], list(AIDED_BY_INS)))
+
+
 def _velocity(
     log: Messages, name: str, t: FloatArray, first: float, hints: ReadHints, notes: list[str]
 ) -> dict[str, FloatArray]:
     rows = log.columns[name]
-    good = (rows["status"] == 0) & (rows["type"] > 0) & ~np.isin(rows["type"], list(AIDED_BY_INS))
-    rows = keep_timed(pick(rows, good), "header_week", "header_sow", name, log.path, notes)
+    rows = keep_timed(pick(rows, velocities_alone(rows)), "header_week", "header_sow", name, log.path, notes)
     if not len(rows["speed"]):
         notes.append(f"{name} has no velocity of GNSS alone.")
         return {}

@@ -22,9 +22,9 @@ from schuler.exceptions import FileFormatError
 from schuler.recording.formats.nmea import looks_like_nmea
 from schuler.recording.io.receiver_tables import floats
 
-_SYNC = b"\xaa\x44"
+SYNC = b"\xaa\x44"
 _LONG, _SHORT = 0x12, 0x13
-_LONG_BYTES, _SHORT_BYTES, _CRC_BYTES = 28, 12, 4
+_LONG_BYTES, SHORT_BYTES, _CRC_BYTES = 28, 12, 4
 _RESPONSE, _SOURCE = 0x80, 0x1F  # bits of the message type: an answer to a command; another antenna than the first
 _ASCII = re.compile(rb"([#%])([A-Z][A-Z0-9]{2,30})A,([!-)+-:<-~ ]{3,200});([!-)+-~ ]{1,8000})\*([0-9a-fA-F]{8})")
 _RIGHT = 0xFFFFFFFF  # what zlib makes of a frame and its CRC, which NovAtel neither starts nor ends with ones
@@ -132,16 +132,16 @@ def looks_like(head: bytes) -> bool:
     Receivers that log NMEA often put a line or two of their own before it.
     """
     other = False
-    at = head.find(_SYNC)
+    at = head.find(SYNC)
     while at >= 0:
-        stop = _stop(head, at)
-        if stop is not None and stop <= len(head) and zlib.crc32(head[at:stop], _RIGHT) == _RIGHT:
+        stop = stop_of(head, at)
+        if stop is not None and stop <= len(head) and is_right(head, at, stop):
             if int.from_bytes(head[at + 4 : at + 6], "little") in _BY_NUMBER:
                 return True
             other = True
         else:
             stop = at + 1
-        at = head.find(_SYNC, stop)
+        at = head.find(SYNC, stop)
     for line in _ASCII.finditer(head):
         if _line_is_right(line):
             if line.group(2).decode() in LAYOUTS:
@@ -150,15 +150,29 @@ def looks_like(head: bytes) -> bool:
     return other and not looks_like_nmea(head)
 
 
-def _stop(data: bytes, at: int) -> int | None:
+def stop_of(data: bytes, at: int) -> int | None:
     """Byte behind a frame by what its header says; ``None`` if it cannot be a header."""
-    if at + _SHORT_BYTES > len(data):
+    if at + SHORT_BYTES > len(data):
         return None
     if data[at + 2] == _SHORT:
-        return at + _SHORT_BYTES + data[at + 3] + _CRC_BYTES
+        return at + SHORT_BYTES + data[at + 3] + _CRC_BYTES
     if data[at + 2] == _LONG and data[at + 3] >= _LONG_BYTES:
         return at + data[at + 3] + int.from_bytes(data[at + 8 : at + 10], "little") + _CRC_BYTES
     return None
+
+
+def is_right(data: bytes, at: int, stop: int) -> bool:
+    """Whether a frame between two places has the CRC it says."""
+    return zlib.crc32(data[at:stop], _RIGHT) == _RIGHT
+
+
+def name_of(data: bytes, at: int) -> str:
+    """Kind of the message in the frame that starts here; one of :data:`LAYOUTS` if it is read."""
+    number = int.from_bytes(data[at + 4 : at + 6], "little")
+    name = _BY_NUMBER.get(number, f"message {number}")
+    if data[at + 2] == _LONG and data[at + 6] & (_RESPONSE | _SOURCE):
+        name += ", answer or other antenna"
+    return name
 
 
 def _line_is_right(line: re.Match[bytes]) -> bool:
@@ -181,35 +195,31 @@ def load(path: Path) -> Messages:
     """
     data = path.read_bytes()
     notes: list[str] = []
-    spans: dict[str, list[tuple[int, int, bool]]] = {}
+    spans: dict[str, list[tuple[int, int]]] = {}
     others: dict[str, int] = {}
     failed = total = 0
     beyond = -1
     done = 0
-    at = data.find(_SYNC)
+    at = data.find(SYNC)
     while at >= 0:
-        stop = _stop(data, at)
+        stop = stop_of(data, at)
         if stop is None or stop > len(data):
             beyond = at if stop is not None and beyond < done else beyond
-            at = data.find(_SYNC, at + 2)
+            at = data.find(SYNC, at + 2)
             continue
-        if zlib.crc32(data[at:stop], _RIGHT) != _RIGHT:
+        if not is_right(data, at, stop):
             failed += 1
-            at = data.find(_SYNC, at + 2)
+            at = data.find(SYNC, at + 2)
             continue
         total += 1
-        number = int.from_bytes(data[at + 4 : at + 6], "little")
-        name = _BY_NUMBER.get(number, f"message {number}")
-        is_long = data[at + 2] == _LONG
-        if is_long and data[at + 6] & (_RESPONSE | _SOURCE):
-            name += ", answer or other antenna"
+        name = name_of(data, at)
         if name in LAYOUTS:
-            spans.setdefault(name, []).append((at, stop, is_long))
+            spans.setdefault(name, []).append((at, stop))
         else:
             others[name] = others.get(name, 0) + 1
         done = stop
-        at = data.find(_SYNC, stop)
-    columns = {name: _gather(data, name, places, notes) for name, places in spans.items()}
+        at = data.find(SYNC, stop)
+    columns = {name: gather(data, name, places, notes) for name, places in spans.items()}
     lines, words, lines_failed = _lines(data, others, notes)
     failed += lines_failed
     for name, rows in lines.items():
@@ -232,14 +242,14 @@ def load(path: Path) -> Messages:
     return Messages(path, columns, words, others, notes)
 
 
-def _gather(data: bytes, name: str, places: list[tuple[int, int, bool]], notes: list[str]) -> Columns:
-    """Columns of binary frames, all of them with one gather from the file."""
+def gather(data: bytes, name: str, places: list[tuple[int, int]], notes: list[str]) -> Columns:
+    """Columns of binary frames between places of the file, all of them with one gather from it."""
     fields = [field.split(":") for field in LAYOUTS[name][1].split()]
     dtype = np.dtype([(label, _BINARY[letter]) for letter, label in fields])
-    table = np.array([(at, stop, is_long) for at, stop, is_long in places], dtype=np.int64)
     buffer = np.frombuffer(data, dtype=np.uint8)
-    at, stop, is_long = table.T
-    begin = at + np.where(is_long, buffer[at + 3].astype(np.int64), _SHORT_BYTES)
+    at, stop = np.array(places, dtype=np.int64).T
+    is_long = buffer[at + 2] == _LONG
+    begin = at + np.where(is_long, buffer[at + 3].astype(np.int64), SHORT_BYTES)
     whole = stop - _CRC_BYTES - begin >= dtype.itemsize
     if not whole.all():
         notes.append(f"{name}: {int((~whole).sum())} messages are shorter than this kind is and were left out.")

@@ -411,12 +411,12 @@ def toml_with(text: str, entries: Mapping[str, Any], remarks: Mapping[str, str] 
     sections = list(_sections(entries))
     for section, values in sections:
         header = re.compile(rf"^\s*\[\s*{re.escape(section)}\s*\]")
-        start = next((i for i, line in enumerate(lines) if header.match(line)), None)
+        start = next((i for i, line in enumerate(lines) if header.match(line)), None) if section else -1
         if start is None:
             lines += ["", f"[{section}]"]
             start = len(lines) - 1
         for key, value in values.items():
-            remark = (remarks or {}).get(f"{section}.{key}", "")
+            remark = (remarks or {}).get(f"{section}.{key}" if section else key, "")
             new = f"{key} = {toml_value(value)}" + (f"  # {remark}" if remark else "")
             stop = next((i for i in range(start + 1, len(lines)) if re.match(r"^\s*\[", lines[i])), len(lines))
             old = next((i for i in range(start + 1, stop) if re.match(rf"^\s*{re.escape(key)}\s*=", lines[i])), None)
@@ -433,7 +433,8 @@ def toml_with(text: str, entries: Mapping[str, Any], remarks: Mapping[str, str] 
         right = False
     if not right:
         body = "\n".join(
-            f"[{section}]\n" + "\n".join(f"{key} = {toml_value(value)}" for key, value in values.items())
+            (f"[{section}]\n" if section else "")
+            + "\n".join(f"{key} = {toml_value(value)}" for key, value in values.items())
             for section, values in sections
         )
         raise TomlError(f"its entries cannot be changed line by line; put these in their place:\n{body}")
@@ -451,7 +452,7 @@ def _sections(entries: Mapping[str, Any], name: str = "") -> Iterator[tuple[str,
 
 
 def toml_value(value: Any) -> str:
-    """Number, truth value, text or list of them as TOML spells it.
+    """Number, truth value, text, list or table of them as TOML spells it in one line.
 
     Parameters
     ----------
@@ -461,6 +462,8 @@ def toml_value(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(toml_value(v) for v in value)}]"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{k} = {toml_value(v)}" for k, v in value.items()) + "}"
     return repr(value) if isinstance(value, (int, float)) else json.dumps(value)
 
 

@@ -58,3 +58,32 @@ def test_catalogue_against_a_requirement(tmp_path, capsys):
 def test_faults_say_what_to_do(tmp_path, capsys, arguments, message):
     assert message in refusal(capsys, "budget", EXAMPLES / "budget_town.toml", *arguments, "--out", tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_an_entry_of_the_scenario_as_an_option_is_that_of_a_file(tmp_path, capsys):
+    text = (EXAMPLES / "budget_town.toml").read_text(encoding="utf-8")
+    text = text.replace("outages_s = [[90.0, 150.0]]", "outages_s = [[60.0, 90.0]]").replace(
+        "settle_s = 60.0", "settle_s = 30.0"
+    )
+    (tmp_path / "mission.toml").write_text(text, encoding="utf-8")
+    arguments = ("--imu", "MPU-6000", "--no-figures", "--no-report", "--json", "--out")
+    changes = ("--set", "gnss.outages_s=[[60, 90]]", "--set", "settle_s=30")
+    by_file = answer(capsys, "budget", tmp_path / "mission.toml", *arguments, tmp_path / "a")
+    by_option = answer(capsys, "budget", EXAMPLES / "budget_town.toml", *changes, *arguments, tmp_path / "b")
+    assert by_option["budgets"] == by_file["budgets"]
+    assert by_option["choices"] == by_file["choices"]
+    assert by_option["budgets"][0]["budget"]["time_s"] <= 90.0
+    assert by_option["sentences"][0].startswith("horizontal < 10 m @ 60 s outage: MPU-6000 reaches")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("states", "expected SECTION.KEY=VALUE"),
+        ("start.height=1", "start.height"),
+        ("name.x=1", "name is no section"),
+    ],
+)
+def test_entries_that_a_scenario_has_not(tmp_path, capsys, change, message):
+    arguments = ("--imu", "MPU-6000", "--out", tmp_path / "out", "--set", change)
+    assert message in refusal(capsys, "budget", EXAMPLES / "budget_town.toml", *arguments)

@@ -45,7 +45,7 @@ def test_the_folder_of_the_demo_navigates_as_schuler_demo(tmp_path, monkeypatch)
     monkeypatch.setattr("schuler.studio.serve", lambda workspace, **_: shown.update(folder=workspace.root))
     studio(tmp_path / "tour", demo=True, browser=False)
     assert shown["folder"] == tmp_path / "tour"
-    assert {path.name for path in shown["folder"].iterdir()} == {"demo.parquet", "drive.toml"}
+    assert {path.name for path in shown["folder"].iterdir()} == {"demo.parquet", "drive.toml", "mission.toml"}
     config = NavigationConfig.load(tmp_path / "tour" / "drive.toml", [("outages.windows_s", [[300.0, 340.0]])])
     recording = read(tmp_path / "tour" / "demo.parquet")
     again = evaluate_run(recording, navigate(recording, config), True).numbers

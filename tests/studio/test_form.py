@@ -5,11 +5,12 @@ from itertools import pairwise
 
 import pytest
 
+from schuler.budget.scenario import BudgetScenario
 from schuler.cli.configuration import entries
 from schuler.exceptions import ConfigError, InputError
 from schuler.navigation.config import NavigationConfig
 from schuler.studio import form, runner
-from schuler.studio.workspace import Workspace
+from schuler.studio.workspace import Workspace, write_mission
 
 TOML = """\
 # a drive
@@ -108,3 +109,33 @@ def test_wrong_values_are_refused_with_the_sentence_of_the_command(folder):
         runner.checked(folder, "drive.toml", {"gnss.gate": 3.0})
     with pytest.raises(InputError, match="save the configuration first"):
         runner.navigate_arguments("a", "b", "c", {"gnss.lever_arm_m": None}, [])
+
+
+def test_a_mission_changed_in_the_form_is_the_same_as_options_and_as_a_file(folder):
+    name = write_mission(folder)
+    data, checksum = runner.data_of(folder, name)
+    assert {form.shown(data, f) for f in form.fields(BudgetScenario)} > {"15", '"waypoints"', "[[90.0, 150.0]]"}
+    unchanged = {f.name: form.shown(data, f) for f in form.fields(BudgetScenario)}
+    assert form.changes(data, unchanged, BudgetScenario) == {}
+    texts = {"gnss.outages_s": "[[60, 90]]", "require": '["heading < 3 deg @ always"]', "non_holonomic": "true"}
+    changes = form.changes(data, unchanged | texts, BudgetScenario)
+    arguments = runner.budget_arguments(name, ["MPU-6000"], "out", changes)
+    assert arguments[:4] == ["budget", name, "--imu", "MPU-6000"]
+    options = tuple(value for option, value in pairwise(arguments) if option == "--set")
+    by_options = BudgetScenario.load(folder.inside(name), entries(options, sections=False))
+    runner.saved(folder, name, changes, checksum, BudgetScenario)
+    assert BudgetScenario.load(folder.inside(name)) == by_options
+    assert by_options.require == ("heading < 3 deg @ always",)
+    assert by_options.non_holonomic is not None
+    assert "# what specifications of accelerometers leave out" in folder.inside(name).read_text()
+    with pytest.raises(InputError, match="an option cannot take an entry out"):
+        runner.budget_arguments(name, [], "out", {"zero_velocity": None})
+    with pytest.raises(ConfigError, match="states"):
+        runner.checked(folder, name, {"states": 16}, BudgetScenario)
+
+
+def test_a_table_in_a_list_is_one_entry_of_a_form(folder):
+    name = write_mission(folder)
+    data, _ = runner.data_of(folder, name)
+    field = next(f for f in form.fields(BudgetScenario) if f.name == "motion.waypoints")
+    assert form.entered(field, form.shown(data, field)) == data["motion"]["waypoints"]

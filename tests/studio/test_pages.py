@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -163,7 +164,7 @@ def test_uploads_arrive_once_and_a_wrong_file_does_not_end_the_server(server, to
 
 
 @chromium.needed
-@pytest.mark.parametrize("path", ["/", "/navigate", "/noise", "/runs"])
+@pytest.mark.parametrize("path", ["/", "/navigate", "/noise", "/plan", "/runs"])
 def test_pages_fit_ask_nobody_else_and_say_no_error(server, path):
     for width in WIDTHS:
         with chromium.opened(server.page(path), width, dark=width == 390) as page:
@@ -236,6 +237,59 @@ def test_the_noise_of_a_span_is_that_of_the_command(town, tmp_path):
     noise = identify_noise(cut(read(town / "town.parquet"), start, stop))
     assert by_page["axes"] == json.loads(json_text(numbers(noise)))["axes"]
     assert 14.0 < by_page["duration_s"] < 18.0
+
+
+def type_into(page, label, text):
+    """Put a text into the field with this label."""
+    chromium.wait_for(page, f"document.querySelector('input[aria-label=\"{label}\"]')", 60.0)
+    chromium.run(
+        page, f"(field => (field.focus(), field.select()))(document.querySelector('input[aria-label=\"{label}\"]'))"
+    )
+    chromium.call(page.browser, "Input.insertText", page.session, text=text)
+
+
+@chromium.needed
+@pytest.mark.campaign
+def test_a_mission_with_another_imu_and_outage_is_that_of_the_command(tmp_path):
+    from schuler.studio import jobs
+    from schuler.studio.workspace import Workspace
+
+    served = Server(tmp_path)
+    try:
+        with chromium.opened(served.page("/plan"), 1400) as page:
+            press(page, "new mission")
+            type_into(page, "gnss.outages_s", "[[60.0, 90.0]]")
+            type_into(page, "IMU", "MTi-G-710")
+            item = "[...document.querySelectorAll('.q-item')].find(i => i.textContent.includes('MTi-G-710'))"
+            chromium.wait_for(page, item, 60.0)
+            chromium.run(page, f"{item}.click()")
+            shown = "document.querySelector('.command pre')?.textContent"
+            chromium.wait_for(page, f"{shown}?.includes('MTi-G-710') && {shown}.includes('outages_s')", 60.0)
+            command = chromium.run(page, shown)
+            press(page, "work out the budget")
+            chromium.wait_for(page, "document.querySelector('.verdict b')", 120.0)
+            values = chromium.run(page, "[...document.querySelectorAll('td data')].map(d => d.value)")
+            verdict = chromium.run(page, "document.querySelector('.verdict').textContent")
+            assert (chromium.errors(page), chromium.requests(page)) == ((), ())
+    finally:
+        served.stop()
+    words = shlex.split(command)
+    assert words[:4] == ["schuler", "budget", "mission.toml", "--imu"]
+    out = words[words.index("--out") + 1]
+    words[words.index(out)] = "again"
+    run = [sys.executable, "-m", *words, "--json"]
+    numbers = json.loads(subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=True).stdout)
+    folder = Workspace(tmp_path.resolve())
+    by_page = jobs.answer(folder, jobs.latest(folder, "budget").key)
+    differ = ("elapsed_s", "files")
+    assert {k: v for k, v in by_page.items() if k not in differ} == {
+        k: v for k, v in numbers.items() if k not in differ
+    }
+    budget = numbers["budgets"][0]["budget"]
+    assert budget["time_s"] <= 90.0
+    assert {budget["total"], *budget["by_group"].values()} <= set(map(float, values))
+    assert all(text in verdict for text in numbers["sentences"])
+    assert (tmp_path / out / "report.html").read_bytes() == (tmp_path / "again" / "report.html").read_bytes()
 
 
 @chromium.needed

@@ -4,11 +4,23 @@ import json
 import os
 
 import pytest
+from places import EXAMPLES
 
 from schuler.exceptions import InputError
 from schuler.files import LISTED
 from schuler.studio.uploads import LARGEST, receive, target_of
-from schuler.studio.workspace import Workspace, configurations, delete_run, logs, new_run_name, runs, workspace_of
+from schuler.studio.workspace import (
+    Workspace,
+    configurations,
+    delete_run,
+    identified_imus,
+    logs,
+    missions,
+    new_run_name,
+    runs,
+    workspace_of,
+    write_mission,
+)
 
 
 @pytest.fixture
@@ -111,3 +123,16 @@ def test_uploads_are_bounded(folder, monkeypatch):
     with pytest.raises(InputError, match="at most"):  # a size that was not stated, or not the true one
         arrive(target_of(folder, "big.bin", None), stream(b"abc", b"def"), None)
     assert not (folder.root / "big.bin").exists()
+
+
+def test_missions_are_what_a_budget_can_be_made_of(folder):
+    (folder.root / "town.toml").write_text((EXAMPLES / "town.toml").read_text())  # a simulation: it has an IMU
+    (folder.root / "broken.toml").write_text("[motion")
+    assert missions(folder) == []
+    assert [write_mission(folder), write_mission(folder)] == ["mission.toml", "mission-2.toml"]
+    assert missions(folder) == ["mission-2.toml", "mission.toml"]
+    assert (folder.root / "mission.toml").read_text() == (EXAMPLES / "budget_town.toml").read_text()
+    noise = folder.root / "rest-noise-1"
+    noise.mkdir()
+    (noise / "imu.toml").write_text("")
+    assert identified_imus(folder) == ["rest-noise-1/imu.toml"]

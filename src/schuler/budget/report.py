@@ -163,7 +163,6 @@ def budget_report(
     Path
         The file; the same bytes for the same arguments.
     """
-    sentences = [*(_verdict(c) for c in choices), *(_blame(covariance, one) for covariance, one in budgets)]
     sections = [
         Section(
             f"requirement_{k + 1}",
@@ -189,10 +188,15 @@ def budget_report(
     sections.append(Section("provenance", "Provenance", (table,)))
     imus = ", ".join(one.imu for _, one in budgets) or "the catalogue"
     text = whole_page(
-        mission.name, "Error budget", f"Error budget and choice of an IMU: {imus}", sentences, _CONVENTIONS, sections,
-        plotly_script() if budgets or choices else "",
+        mission.name, "Error budget", f"Error budget and choice of an IMU: {imus}", sentences(budgets, choices),
+        _CONVENTIONS, sections, plotly_script() if budgets or choices else "",
     )  # fmt: skip
     return write_text(path, text)
+
+
+def sentences(budgets: Sequence[tuple[LinearCovariance, ErrorBudget]], choices: Sequence[ImuChoice]) -> list[str]:
+    """Verdict of every requirement, then what every IMU owes its largest share to."""
+    return [*(_verdict(c) for c in choices), *(_blame(covariance, one) for covariance, one in budgets)]
 
 
 _SAYS = {True: "passes", False: "does not pass", None: "is a lower bound, as not all of it is stated"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -26,7 +27,7 @@ from schuler.filtering.measurements import (
     in_windows,
     merged,
 )
-from schuler.navigation.sections import Config, NonNegative, Positive, Section, Triple
+from schuler.navigation.sections import Config, NonNegative, Positive, Section, Triple, change_entry
 from schuler.recording.series import ImuSeries
 from schuler.recording.trajectory import FullTrajectory
 from schuler.simulation.aid_sections import Window
@@ -112,9 +113,19 @@ class BudgetScenario(Config):
     settle_s: NonNegative = Field(0.0, description="requirements count from then on")
 
     @classmethod
-    def load(cls, path: Path | str) -> BudgetScenario:
-        """Checked scenario of a TOML file; all faults at once, as :class:`ConfigError`."""
-        return cls.parse(read_toml(path), str(path))
+    def load(cls, path: Path | str, changes: Sequence[tuple[str, Any]] = ()) -> BudgetScenario:
+        """Checked scenario of a TOML file; all faults at once, as :class:`ConfigError`.
+
+        Parameters
+        ----------
+        path : Path or str
+        changes : sequence of (str, value)
+            Entries put over those of the file, such as ``("gnss.outages_s", [[60.0, 90.0]])``.
+        """
+        data = read_toml(path)
+        for name, value in changes:
+            change_entry(data, name, value)
+        return cls.parse(data, str(path))
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,7 @@ COMMANDS = {
     ),
     "studio": (
         "schuler.cli.studio:studio",
-        "Open the workbench in the browser: look at logs, navigate, compare; on this machine alone, offline.",
+        "Open the workbench in the browser: look at logs, navigate, plan, compare; on this machine alone, offline.",
         "schuler studio drives",
     ),
     "catalogue": (

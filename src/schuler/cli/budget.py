@@ -6,6 +6,7 @@ import time as clock
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from schuler.cli.configuration import entries
 from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, progress
 from schuler.exceptions import InputError
 
@@ -30,6 +31,7 @@ def budget(
     quantity: Literal["horizontal", "vertical", "position", "velocity", "heading", "tilt"] | None = None,
     time: float | None = None,
     states: Literal[9, 15, 21, 33, 42] | None = None,
+    set: Texts = (),
     asymmetry_ppm: float | None = None,
     quadratic_ppm_g: float | None = None,
     angles: Literal["elements", "triad"] = "elements",
@@ -57,6 +59,9 @@ def budget(
         the outage it names; else the end.
     states
         Of the filter, instead of the scenario's.
+    set
+        Any entry of the scenario: SECTION.KEY=VALUE or KEY=VALUE in TOML's spelling, such as
+        gnss.outages_s=[[60,90]]; may be given several times.
     asymmetry_ppm
         1-sigma of the accelerometers' error with the magnitude of specific force, instead of the scenario's.
     quadratic_ppm_g
@@ -86,7 +91,7 @@ def budget(
 
     began = clock.perf_counter()
     figures = drawable(figures)
-    loaded = BudgetScenario.load(scenario)
+    loaded = BudgetScenario.load(scenario, entries(set, sections=False))
     if states is not None:
         loaded = loaded.model_copy(update={"states": states})
     given = {"asymmetry_ppm": asymmetry_ppm, "quadratic_ppm_g": quadratic_ppm_g}
@@ -118,9 +123,9 @@ def budget(
         files[f"requirement_{k}"] = choice.table().to_csv(folder / f"requirement-{k}.csv")
         if figures:
             files |= _saved(choice.plot(), folder / f"requirement-{k}")
-    if report:
-        from schuler.budget.report import budget_report
+    from schuler.budget.report import budget_report, sentences
 
+    if report:
         made_from = {"scenario": loaded.model_dump(mode="json", exclude_none=True)}
         made_from |= {"imu": {spec.name: spec.to_dict() for spec in specs}} if specs else {}
         files["report"] = budget_report(folder / "report.html", mission, budgets, choices, made_from)
@@ -131,6 +136,7 @@ def budget(
                 "command": "budget", "mission": mission.name, **_firsts(budgets, choices),
                 "budgets": [{"covariance": c.to_dict(), "budget": one.to_dict()} for c, one in budgets],
                 "choices": [choice.to_dict() for choice in choices],
+                "sentences": sentences(budgets, choices),
                 "passes": passed, "elapsed_s": clock.perf_counter() - began, "files": files,
             }
         )  # fmt: skip

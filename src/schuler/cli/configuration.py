@@ -50,13 +50,21 @@ def period(text: str) -> dict[str, float]:
     return dict(zip(("every_s", "length_s", "first_s"), numbers, strict=False))
 
 
-def entries(texts: tuple[str, ...]) -> list[tuple[str, Any]]:
-    """``SECTION.KEY=VALUE`` with the value in TOML's spelling; what is no TOML is taken as a string."""
+def entries(texts: tuple[str, ...], *, sections: bool = True) -> list[tuple[str, Any]]:
+    """``SECTION.KEY=VALUE`` with the value in TOML's spelling; what is no TOML is taken as a string.
+
+    Parameters
+    ----------
+    texts : tuple of str
+    sections : bool
+        Every entry is one of a section; else ``KEY=VALUE`` is one too.
+    """
     pairs = []
     for text in texts:
         key, sign, value = text.partition("=")
-        if not sign or "." not in key or not all(key.strip().split(".")):
-            raise InputError(f"--set: expected SECTION.KEY=VALUE, such as filter.states=21, got {text!r}")
+        if not sign or (sections and "." not in key) or not all(key.strip().split(".")):
+            expected = "such as filter.states=21" if sections else "such as gnss.outages_s=[[60,90]], or KEY=VALUE"
+            raise InputError(f"--set: expected SECTION.KEY=VALUE, {expected}, got {text!r}")
         try:
             pairs.append((key.strip(), tomllib.loads(f"x = {value}")["x"]))
         except tomllib.TOMLDecodeError:

@@ -27,7 +27,7 @@ def studio(
     paths
         Folder, or files of one folder. Default: the folder that the command is run in.
     demo
-        Put the drive of schuler demo and its configuration into the folder first, which is made if it is
+        Put the drive of schuler demo, its configuration and a mission into the folder first, which is made if it is
         missing; a new one for temporary files by default.
     port
         Port that is listened on; 0 takes any that is free.
@@ -64,10 +64,13 @@ def studio(
 def _demo_folder(paths: tuple[Path, ...]) -> Path:
     """Folder with the demo's drive in it: the one that was given, or a new one."""
     from schuler.cli.demo import write_demo_drive
+    from schuler.studio.workspace import Workspace, write_mission
 
     if len(paths) > 1 or any(path.exists() and not path.is_dir() for path in paths):
         raise InputError(f"--demo: expected one folder or none, got {', '.join(map(str, paths))}")
     folder = paths[0] if paths else Path(tempfile.mkdtemp(prefix="schuler-demo-"))
     say("simulating the demo's ten minutes of driving")
     write_demo_drive(folder)
+    if not (folder / "mission.toml").exists():
+        write_mission(Workspace(folder.resolve()))
     return folder

@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from schuler.exceptions import ConfigError
 from schuler.files import read_toml
 from schuler.navigation.sections import (
     AidingSection,
@@ -23,6 +22,7 @@ from schuler.navigation.sections import (
     Section,
     TightSection,
     Triple,
+    change_entry,
 )
 from schuler.sensors.spec_file import anchored
 
@@ -258,7 +258,7 @@ class NavigationConfig(Config):
         """
         data = read_toml(path)
         for key, value in changes:
-            _change(data, key, value)
+            change_entry(data, key, value)
         return cls.parse(_anchored(data, Path(path)), str(path))
 
 
@@ -269,18 +269,3 @@ def _anchored(data: dict[str, Any], path: Path) -> dict[str, Any]:
     if not isinstance(imu, dict) or not isinstance(imu.get("calibration"), str):
         return data
     return {**data, "imu": {**imu, "calibration": str(path.resolve().parent / imu["calibration"])}}
-
-
-def _change(data: dict[str, Any], key: str, value: Any) -> None:
-    """Put one entry, named with dots, into nested sections."""
-    *sections, last = key.split(".")
-    for name in sections:
-        data = data.setdefault(name, {})
-        if not isinstance(data, dict):
-            raise ConfigError(f"{key}: {name} is no section of the configuration")
-    if value is None:
-        data.pop(last, None)
-    elif value == {} and isinstance(data.get(last), dict):
-        pass
-    else:
-        data[last] = value

@@ -72,6 +72,35 @@ class Config(Section, metaclass=_InSentences):
         return cls.parse(source) if isinstance(source, dict) else cls.load(source)  # type: ignore[arg-type]
 
 
+def change_entry(data: dict[str, Any], name: str, value: Any) -> None:
+    """Put one entry into nested sections, in place.
+
+    Parameters
+    ----------
+    data : dict
+    name : str
+        With dots: ``filter.states``.
+    value : Any
+        An empty dict keeps what is there and makes an empty section otherwise, None takes the entry out.
+
+    Raises
+    ------
+    ConfigError
+        If a part of the name is no section.
+    """
+    *sections, last = name.split(".")
+    for section in sections:
+        data = data.setdefault(section, {})
+        if not isinstance(data, dict):
+            raise ConfigError(f"{name}: {section} is no section of the configuration")
+    if value is None:
+        data.pop(last, None)
+    elif value == {} and isinstance(data.get(last), dict):
+        pass
+    else:
+        data[last] = value
+
+
 Gate = Annotated[float, Field(gt=0.0, lt=1.0)] | Literal["off"]
 
 

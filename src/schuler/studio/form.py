@@ -1,4 +1,4 @@
-"""Entries of a navigation's configuration as fields of a form, made from its JSON schema.
+"""Entries of a configuration as fields of a form, made from its JSON schema.
 
 A value is written as in TOML, so that what is typed is what the file will have. Units stand at the end of names, as
 everywhere in configurations.
@@ -14,6 +14,7 @@ from typing import Any
 from schuler.exceptions import InputError
 from schuler.files import toml_value
 from schuler.navigation.config import NavigationConfig
+from schuler.navigation.sections import Config
 
 _UNITS = (
     ("_deg_s_rthz", "deg/s/√Hz"), ("_deg_hr", "deg/h"), ("_m_s2", "m/s²"), ("_deg_s", "deg/s"), ("_m_s", "m/s"),
@@ -50,14 +51,18 @@ class Field:
 
     @property
     def section(self) -> str:
-        """First part of the name."""
-        return self.name.partition(".")[0]
+        """First part of the name; empty of an entry in no section."""
+        first, dot, _ = self.name.partition(".")
+        return first if dot or self.switch else ""
 
 
-def fields() -> tuple[Field, ...]:
-    """All entries of a navigation's configuration but how the log is read and outages, in the order of the schema."""
-    schema = NavigationConfig.model_json_schema()
-    return tuple(_fields(schema, schema["$defs"], "", 0))
+def fields(model: type[Config] = NavigationConfig) -> tuple[Field, ...]:
+    """All entries of a configuration but how the log is read and outages of a run, in the order of the schema.
+
+    Those in no section stand first, as they do in a file.
+    """
+    schema = model.model_json_schema()
+    return tuple(sorted(_fields(schema, schema["$defs"], "", 0), key=lambda field: field.section != ""))
 
 
 def _fields(schema: Mapping[str, Any], named: Mapping[str, Any], prefix: str, depth: int) -> Iterator[Field]:
@@ -77,7 +82,7 @@ def _fields(schema: Mapping[str, Any], named: Mapping[str, Any], prefix: str, de
         stated = entry.get("default", next((one["default"] for one in options if "default" in one), None))
         words = str(entry.get("description") or "")
         yield Field(
-            name, words, _unit(key), "" if stated is None or stated == {} else _spelt(stated), _choices(options)
+            name, words, _unit(key), "" if stated is None or stated == {} else toml_value(stated), _choices(options)
         )
 
 
@@ -103,13 +108,6 @@ def _unit(key: str) -> str:
     return next((unit for suffix, unit in _UNITS if key.endswith(suffix)), "")
 
 
-def _spelt(value: Any) -> str:
-    """A value as TOML spells it, tables in one line."""
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{k} = {_spelt(v)}" for k, v in value.items()) + "}"
-    return toml_value(value)
-
-
 def shown(data: Mapping[str, Any], field: Field) -> str:
     """Value of an entry in a configuration as TOML spells it; empty if it does not state it.
 
@@ -124,7 +122,7 @@ def shown(data: Mapping[str, Any], field: Field) -> str:
         if not isinstance(at, Mapping) or part not in at:
             return ""
         at = at[part]
-    return "true" if field.switch else _spelt(at)
+    return "true" if field.switch else toml_value(at)
 
 
 def entered(field: Field, text: str) -> Any:
@@ -158,7 +156,9 @@ def entered(field: Field, text: str) -> Any:
     return text
 
 
-def changes(before: Mapping[str, Any], texts: Mapping[str, str]) -> dict[str, Any]:
+def changes(
+    before: Mapping[str, Any], texts: Mapping[str, str], model: type[Config] = NavigationConfig
+) -> dict[str, Any]:
     """Entries that a form states otherwise than a configuration, by name; None of those taken out.
 
     Parameters
@@ -167,13 +167,15 @@ def changes(before: Mapping[str, Any], texts: Mapping[str, str]) -> dict[str, An
         Nested sections of the file.
     texts : mapping of str to str
         What the form has, by name of the entry.
+    model : type
+        Of the configuration.
 
     Raises
     ------
     InputError
         See :func:`entered`.
     """
-    by_name = {field.name: field for field in fields()}
+    by_name = {field.name: field for field in fields(model)}
     return {
         name: entered(by_name[name], text)
         for name, text in texts.items()

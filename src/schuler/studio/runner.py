@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
+from schuler.budget.scenario import BudgetScenario
 from schuler.exceptions import ConfigError, InputError
-from schuler.files import merged, read_toml, sha256, toml_with, write_text
+from schuler.files import merged, read_toml, sha256, toml_value, toml_with, write_text
 from schuler.navigation.config import NavigationConfig
 from schuler.proposal.decision import option
 from schuler.proposal.setup import nested
@@ -76,6 +77,29 @@ def allan_arguments(log: str, config: str, out: str, span: tuple[float, float] |
     return [*arguments, "--out", out]
 
 
+def budget_arguments(scenario: str, imus: Sequence[str], out: str, changes: Mapping[str, Any]) -> list[str]:
+    """Arguments after ``schuler`` for the error budget of a mission.
+
+    Parameters
+    ----------
+    scenario, out : str
+        From the root of the workspace on.
+    imus : sequence of str
+        Of the catalogue, or files; none: the catalogue is ranked.
+    changes : mapping
+        Entries that differ from the file's, by name with dots.
+
+    Raises
+    ------
+    InputError
+        If an entry is taken out, which no option does.
+    """
+    if removed := [name for name, value in changes.items() if value is None]:
+        raise InputError(f"{', '.join(removed)}: an option cannot take an entry out: do so in {scenario}, in an editor")
+    settings = [word for name, value in changes.items() for word in ("--set", f"{name}={toml_value(value)}")]
+    return ["budget", scenario, *(word for imu in imus for word in ("--imu", imu)), *settings, "--out", out]
+
+
 def origin_of(arguments: Sequence[str]) -> tuple[str, str, list[tuple[float, float]]]:
     """Log, configuration and outages of a command that :func:`navigate_arguments` made."""
     values = list(pairwise(arguments))
@@ -89,7 +113,12 @@ def shell(arguments: Sequence[str]) -> str:
     return shlex.join(["schuler", *arguments])
 
 
-def checked(workspace: Workspace, config: str, changes: Mapping[str, Any]) -> None:
+def checked(
+    workspace: Workspace,
+    config: str,
+    changes: Mapping[str, Any],
+    model: type[NavigationConfig | BudgetScenario] = NavigationConfig,
+) -> None:
     """Refuse entries that the configuration cannot have, before anything is run.
 
     Raises
@@ -97,10 +126,16 @@ def checked(workspace: Workspace, config: str, changes: Mapping[str, Any]) -> No
     ConfigError
         With every fault.
     """
-    NavigationConfig.load(workspace.inside(config), list(changes.items()))
+    model.load(workspace.inside(config), list(changes.items()))
 
 
-def saved(workspace: Workspace, config: str, changes: Mapping[str, Any], before: str) -> str:
+def saved(
+    workspace: Workspace,
+    config: str,
+    changes: Mapping[str, Any],
+    before: str,
+    model: type[NavigationConfig | BudgetScenario] = NavigationConfig,
+) -> str:
     """Write changed entries into a configuration; its new checksum.
 
     Parameters
@@ -111,6 +146,8 @@ def saved(workspace: Workspace, config: str, changes: Mapping[str, Any], before:
         As of :func:`navigate_arguments`.
     before : str
         Checksum of the file that the page was made from.
+    model : type
+        Of the configuration.
 
     Raises
     ------
@@ -122,7 +159,7 @@ def saved(workspace: Workspace, config: str, changes: Mapping[str, Any], before:
     path = workspace.inside(config)
     if sha256(path) != before:
         raise InputError(f"{config} was changed meanwhile, by another tab or an editor: load it again, then change it")
-    checked(workspace, config, changes)
+    checked(workspace, config, changes, model)
     data = read_toml(path)
     removed = [name for name, value in changes.items() if value is None]
     if removed:

@@ -6,12 +6,14 @@ import json
 import os
 import shutil
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from schuler.exceptions import InputError
-from schuler.files import LISTED
+from schuler.exceptions import InputError, SchulerError
+from schuler.files import LISTED, read_toml, write_text
 
 #: Hidden folder for jobs of worker processes; not named as temporaries are, which the next command removes.
 JOBS = ".schuler_studio"
@@ -96,6 +98,34 @@ def configurations(workspace: Workspace) -> list[str]:
         for f in files
         if f.endswith(".toml")
     )
+
+
+def missions(workspace: Workspace) -> list[str]:
+    """Names of the configurations that are missions for budgets: a motion, and nothing that a mission has not."""
+    from schuler.budget.scenario import BudgetScenario
+
+    names: list[str] = []
+    for name in configurations(workspace):
+        with suppress(SchulerError):
+            data = read_toml(workspace.inside(name))
+            if "motion" in data and data.keys() <= BudgetScenario.model_fields.keys():
+                names.append(name)
+    return names
+
+
+def identified_imus(workspace: Workspace) -> list[str]:
+    """Names of the budgets of IMUs that ``schuler allan`` wrote, in folders of runs too."""
+    return sorted(
+        workspace.name(folder / "imu.toml") for folder, files in _folders(workspace.root) if "imu.toml" in files
+    )
+
+
+def write_mission(workspace: Workspace) -> str:
+    """Write the mission to start from, a minute without GNSS in a town, under a free name; the name."""
+    name = _free_name(workspace, "mission")
+    text = (resources.files("schuler.studio") / "assets" / "mission.toml").read_text(encoding="utf-8")
+    write_text(workspace.inside(name), text, at_once=True)
+    return name
 
 
 @dataclass(frozen=True)
@@ -184,7 +214,11 @@ def new_run_name(workspace: Workspace, log: str, kind: str = "run") -> str:
 
 def new_configuration_name(workspace: Workspace) -> str:
     """Name for a configuration that is written: ``drive.toml``, ``drive-2.toml``."""
-    names = (f"drive{'' if k == 1 else f'-{k}'}.toml" for k in range(1, _MOST**2))
+    return _free_name(workspace, "drive")
+
+
+def _free_name(workspace: Workspace, stem: str) -> str:
+    names = (f"{stem}{'' if k == 1 else f'-{k}'}.toml" for k in range(1, _MOST**2))
     return next(name for name in names if not (workspace.root / name).exists())
 
 

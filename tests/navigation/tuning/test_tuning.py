@@ -349,6 +349,12 @@ def test_entries_are_put_in_line_by_line():
     assert tomllib.loads(new) == {"a": {"x": 2, "n": {"z": 0.5}}, "b": {"y": [1, 2], "t": False}}
 
 
+def test_entries_in_no_section_stand_before_all_sections():
+    new = toml_with("a = 1\n\n# about b\n[b]\ny = 2\n", {"a": 3, "d": ["p @ q"], "b": {"y": [{"u": 1.0}]}})
+    assert new == 'a = 3\nd = ["p @ q"]\n\n# about b\n[b]\ny = [{u = 1.0}]\n'
+    assert tomllib.loads(new) == {"a": 3, "d": ["p @ q"], "b": {"y": [{"u": 1.0}]}}
+
+
 @pytest.mark.parametrize("text", ["[a]\nn = { z = 1.0 }\n", "a.n.z = 1.0\n", "[a.n]\nz = [\n 1,\n 2,\n]\n"])
 def test_entries_that_cannot_be_put_in_are_shown(text):
     with pytest.raises(TomlError, match=r"put these in their place:\n\[a\.n\]\nz = 0\.5"):

@@ -8,12 +8,20 @@ from typing import Any
 
 from nicegui import ui
 
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.sections import Config
 from schuler.studio import form
 from schuler.studio.pages.frame import block, hint, html
 
 
 def entry_fields(
-    data: Mapping[str, Any], texts: dict[str, str], search: str, *, only_stated: bool, changed: Callable[[], None]
+    data: Mapping[str, Any],
+    texts: dict[str, str],
+    search: str,
+    *,
+    only_stated: bool,
+    changed: Callable[[], None],
+    model: type[Config] = NavigationConfig,
 ) -> None:
     """Fields of the entries that match, by section.
 
@@ -29,10 +37,12 @@ def entry_fields(
         Leave out what neither states.
     changed : callable
         Called after every change.
+    model : type
+        Of the configuration.
     """
-    section = ""
+    section: str | None = None
     words = search.lower().split()
-    for field in form.fields():
+    for field in form.fields(model):
         before = form.shown(data, field)
         text = texts.get(field.name, before)
         if only_stated and not text and not before:
@@ -41,9 +51,9 @@ def entry_fields(
             continue
         if field.section != section:
             section = field.section
-            html(f"<h3>{escape(section)}</h3>")
+            html(f"<h3>{escape(section or 'general')}</h3>")
         _entry(texts, field, before, text, changed)
-    if not section:
+    if section is None:
         hint("no entry matches")
 
 

@@ -17,7 +17,7 @@ from schuler.proposal import UndecidedError
 from schuler.studio.signals import Views
 from schuler.studio.workspace import Workspace
 
-_LINKS = (("/", "Look"), ("/navigate", "Navigate"), ("/noise", "Noise"), ("/runs", "Runs"))
+_LINKS = (("/", "Look"), ("/navigate", "Navigate"), ("/noise", "Noise"), ("/plan", "Plan"), ("/runs", "Runs"))
 
 
 def add_pages(workspace: Workspace, views: Views) -> None:
@@ -25,6 +25,7 @@ def add_pages(workspace: Workspace, views: Views) -> None:
     from schuler.studio.pages.look import look_page
     from schuler.studio.pages.navigate import navigate_page
     from schuler.studio.pages.noise import noise_page
+    from schuler.studio.pages.plan import plan_page
     from schuler.studio.pages.runs import runs_page
 
     @ui.page("/", title="Look: schuler studio")
@@ -41,6 +42,11 @@ def add_pages(workspace: Workspace, views: Views) -> None:
     def noise(log: str = "", config: str = "") -> None:
         with frame("Noise", workspace):
             noise_page(workspace, views, log, config)
+
+    @ui.page("/plan", title="Plan: schuler studio")
+    def plan(mission: str = "") -> None:
+        with frame("Plan", workspace):
+            plan_page(workspace, mission)
 
     @ui.page("/runs", title="Runs: schuler studio")
     def runs() -> None:

@@ -59,10 +59,10 @@ class NovatelDecoder:
         self.left_out: Counter[str] = Counter()
         self.kind: Kind | None = "increment" if wanted(hints, "imu") else None
         chosen = parse_streams(hints.streams)
-        known = {"imu": novatel.RAW, "gnss": tuple(novatel.POSITIONS), "heading": novatel.HEADINGS}
+        messages_of = {"imu": novatel.RAW, "gnss": tuple(novatel.POSITIONS), "heading": novatel.HEADINGS}
         self._named = {
             part: check_known(name, names, f"streams: {part} of a NovAtel receiver")
-            for part, names in known.items()
+            for part, names in messages_of.items()
             if (name := chosen.get(part)) is not None
         }
         self._clock, self._hints, self._announced, self._rest = clock, hints, announced, b""
@@ -74,7 +74,7 @@ class NovatelDecoder:
         self._pending: list[Columns] = []
         self._without = 0
         self._velocities: dict[str, Columns] = {}
-        self._last = dict.fromkeys(known, -np.inf)
+        self._last = dict.fromkeys(messages_of, -np.inf)
         if hints.scale is not None:
             novatel.counts_of(_log({}), "", {}, hints)
 

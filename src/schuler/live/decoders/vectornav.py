@@ -157,13 +157,13 @@ class VectorNavDecoder:
                 t = rows["startup_s"] + rows["startup_rest"]
                 self._clock.local(float(t[0]))
                 return t, np.ones(n, dtype=bool)
-            said = None
+            week_and_sow = None
         else:
-            said = vectornav.gps_time(rows, part)
-        if said is None:
+            week_and_sow = vectornav.gps_time(rows, part)
+        if week_and_sow is None:
             self.left_out["packets that say no time (configure TimeGps or TimeStartup)"] += n
             return np.zeros(n), np.zeros(n, dtype=bool)
-        week, sow = said
+        week, sow = week_and_sow
         good = timed(week, sow)
         if not good.all():
             self.left_out["packets before the sensor knew the time"] += int((~good).sum())

@@ -166,11 +166,11 @@ def _with_clock(rows: Columns, part: str, what: str, *, local: bool, path: Path,
             return {}
         rows = rows | {"clock_week": np.zeros(len(sow)), "clock_sow": sow}
         return pick(rows, parts.later(sow, what, path, notes))
-    said = gps_time(rows, part)
-    if said is None:
+    week_and_sow = gps_time(rows, part)
+    if week_and_sow is None:
         notes.append(f"{what} has no GPS time and was left out (time='local' counts from the sensor's start).")
         return {}
-    rows = rows | {"clock_week": said[0], "clock_sow": said[1]}
+    rows = rows | {"clock_week": week_and_sow[0], "clock_sow": week_and_sow[1]}
     return keep_timed(rows, "clock_week", "clock_sow", what, path, notes)
 
 

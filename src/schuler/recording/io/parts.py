@@ -93,9 +93,9 @@ def assemble(
     axes = "FRD"
     with hashed((path,) if sources is None else sources, root) as hashes:
         for series, table in tables.items():
-            made[series], said = series_of(path, series, table, hints, time)
+            made[series], own_notes = series_of(path, series, table, hints, time)
             axes = axes_of(table, hints) if series == "imu" else axes
-            all_notes += [note for note in said if note not in all_notes]
+            all_notes += [note for note in own_notes if note not in all_notes]
         named = hashes()
     metadata = Metadata(
         name=hints.name or path.stem,

@@ -191,6 +191,43 @@ def test_a_log_is_looked_at(server):
 
 
 @chromium.needed
+def test_a_question_that_a_log_leaves_open_is_answered_by_a_button(server, town):
+    """At rest nothing tells the unit of angular rate: Look reads with the answer, Navigate asks on for fixes."""
+    rng = np.random.default_rng(3)
+    noise = rng.standard_normal((6000, 6)) * np.repeat((0.02, 0.002), 3)  # m/s^2, and one unit or the other
+    noise[:, 2] -= 9.81
+    table = np.column_stack((np.arange(6000) / 100.0, noise))
+    log = town / "rest.csv"
+    np.savetxt(log, table, delimiter=",", fmt="%.6f", header="t,ax,ay,az,gx,gy,gz", comments="")
+    question = "document.querySelector('.finding.warning')?.textContent.includes('unit of angular rate')"
+    answers = "[...document.querySelectorAll('.finding.warning button')].map(b => b.textContent.trim())"
+    try:
+        with chromium.opened(server.page("/", log="rest.csv"), 1400) as page:
+            chromium.wait_for(page, question, 60.0)
+            assert chromium.run(page, answers) == ["deg/s", "rad/s"]
+            assert not chromium.run(page, "document.querySelector('.signals').dataset.latency")
+            press(page, "deg/s")
+            chromium.wait_for(page, "document.querySelector('.signals').dataset.latency", 60.0)
+            command = chromium.run(page, "document.querySelector('.command pre').textContent")
+            rate = chromium.run(
+                page, "document.querySelector('.signals').data.filter(c => c.y).map(c => Math.max(...c.y))"
+            )
+            assert not chromium.run(page, question)
+            assert chromium.errors(page) == ()
+        assert "gyro=deg/s" in command
+        largest = table[:, 4].max()  # signals are drawn in deg/s
+        assert np.abs(np.array(rate) - largest).min() < 1e-5 * largest  # printed: six digits
+        with chromium.opened(server.page("/navigate", log="rest.csv"), 1400) as page:
+            press(page, "propose")
+            chromium.wait_for(page, question, 60.0)
+            press(page, "rad/s")
+            chromium.wait_for(page, "document.body.textContent.includes('there are no fixes')", 60.0)
+            assert not chromium.run(page, "document.querySelector('.finding.warning button')")
+    finally:
+        log.unlink()
+
+
+@chromium.needed
 @pytest.mark.campaign
 def test_a_run_with_an_outage_that_is_drawn_has_the_numbers_of_the_command(server, town):
     with chromium.opened(server.page("/navigate", log="town.parquet", config="drive.toml"), 1400) as page:

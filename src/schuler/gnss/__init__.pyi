@@ -1,3 +1,10 @@
+from .ambiguities import AmbiguityFix as AmbiguityFix
+from .ambiguities import decorrelate as decorrelate
+from .ambiguities import fix_ambiguities as fix_ambiguities
+from .ambiguities import integer_least_squares as integer_least_squares
+from .ambiguities import success_rate as success_rate
+from .baseline import BaselineSolution as BaselineSolution
+from .baseline import solve_baseline as solve_baseline
 from .constellation import CircularOrbits as CircularOrbits
 from .constellation import nominal_orbits as nominal_orbits
 from .constellation import walker as walker
@@ -41,6 +48,8 @@ from .weighting import Weighting as Weighting
 
 __all__ = [
     "SPEED_OF_LIGHT",
+    "AmbiguityFix",
+    "BaselineSolution",
     "CircularOrbits",
     "Dilution",
     "Ephemerides",
@@ -58,9 +67,12 @@ __all__ = [
     "SyntheticRanges",
     "Weighting",
     "broadcast_satellites",
+    "decorrelate",
     "dilution",
+    "fix_ambiguities",
     "frequency_hz",
     "identify",
+    "integer_least_squares",
     "ionosphere_free",
     "klobuchar",
     "niell_mapping",
@@ -74,8 +86,10 @@ __all__ = [
     "satellite",
     "satellite_name",
     "satellite_states",
+    "solve_baseline",
     "solve_points",
     "stanford",
+    "success_rate",
     "synthetic_ranges",
     "walker",
     "wavelengths",

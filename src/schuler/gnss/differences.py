@@ -1,0 +1,358 @@
+"""Code and carrier differences between two receivers, and cycle slips between epochs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from schuler.arrays import BoolArray, FloatArray, IntArray
+from schuler.exceptions import InputError
+from schuler.frames import ecef_from_llh, llh_from_ecef
+from schuler.gnss.coarse import along_track, directions
+from schuler.gnss.ephemerides import Ephemerides
+from schuler.gnss.integrity import Integrity
+from schuler.gnss.observations import Observations
+from schuler.gnss.point import solve_points
+from schuler.gnss.preparation import prepare_ranges
+from schuler.gnss.ranges import predicted_ranges
+from schuler.gnss.satellites import choose_messages, states_of_messages, transmission_times
+from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS, wavelengths
+from schuler.gnss.troposphere import saastamoinen
+from schuler.gnss.weighting import noise_scale
+
+StrArray: TypeAlias = npt.NDArray[np.str_]
+
+_SYSTEMS = "GECJ"  # those whose satellites share a frequency
+_TOGETHER_S = 0.02  # between stamps of one epoch: clocks and orbits are taken at each receiver's own time [s]
+_BASE_OFF = 200.0  # of the given base from its own single points [m]
+_SAME_IONOSPHERE = 10_000.0  # [m]
+_FLIGHT_S = 0.08  # [s]
+_LONGEST_PAUSE_S = 10.0  # over which arcs go on [s]
+_DRIFT = 0.001  # of differences over a pause: satellites' directions, atmosphere, 1-sigma [m/s]
+_OUTLYING = 4.5  # normalised residual of a slip
+_SMALLEST_SLIP = 0.3  # half a cycle is the smallest there is [cycles]
+
+
+@dataclass(frozen=True)
+class SingleDifferences:
+    """Rover minus base at k common epochs, of s slots: a satellite on a band. NaN where one of them did not measure.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        Reception by the rover, corrected for its clock. [s]
+    r_e : ndarray, shape (k, 3)
+        Approximate rover antenna, Earth-fixed. [m]
+    sat : ndarray of int, shape (s,)
+    group : ndarray of int, shape (s,)
+        Slots of a system and band, whose clocks and receiver delays are common.
+    wavelength : ndarray, shape (s,)
+        [m]
+    code, carrier : ndarray, shape (k, s)
+        Measured minus predicted for ``r_e``. [m]
+    sigma_code, sigma_carrier : ndarray, shape (k, s)
+        1-sigma. [m]
+    gradient : ndarray, shape (k, s, 3)
+        Derivative of the predicted range by the rover's Earth-fixed position.
+    elevation : ndarray, shape (k, s)
+        At the rover. [rad]
+    notes : tuple of str
+    """
+
+    t: FloatArray
+    r_e: FloatArray
+    sat: IntArray
+    group: IntArray
+    wavelength: FloatArray
+    code: FloatArray
+    carrier: FloatArray
+    sigma_code: FloatArray
+    sigma_carrier: FloatArray
+    gradient: FloatArray
+    elevation: FloatArray
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Slots:
+    """Satellites, and the signals on one band in which rover and base measure them; (s,) each."""
+
+    sat: IntArray
+    rover: StrArray
+    base: StrArray
+
+
+@dataclass(frozen=True)
+class _Receiver:
+    """Measurements of one receiver as arrays of epochs and slots, (k, s), and where it was, (k, 3)."""
+
+    stamp: FloatArray
+    t: FloatArray
+    r_e: FloatArray
+    code: FloatArray
+    carrier: FloatArray
+    cn0: FloatArray
+
+
+def single_differences(
+    rover: Observations,
+    base: Observations,
+    ephemerides: Ephemerides,
+    base_llh: FloatArray,
+    *,
+    systems: str,
+    elevation_mask: float,
+    cn0_mask: float,
+    sigma_code: float,
+    sigma_carrier: float,
+    static: bool,
+) -> SingleDifferences:
+    """Match epochs, satellites and bands of two receivers, and subtract what geometry predicts.
+
+    Parameters
+    ----------
+    rover, base, ephemerides, base_llh, systems, elevation_mask, cn0_mask, sigma_code, sigma_carrier, static
+        See :func:`schuler.gnss.baseline.solve_baseline`.
+
+    Returns
+    -------
+    SingleDifferences
+
+    Raises
+    ------
+    InputError
+        If there are no common epochs, satellites or carriers, or the base is not where it is said to be.
+
+    Notes
+    -----
+    A satellite's position is taken at each receiver's own time of transmission, so that clocks that differ, and stamps
+    up to 20 ms apart, do no harm. Of a band each receiver's signal with most carriers is used. A satellite is left out
+    of an epoch where the single points of either receiver left it out.
+    """
+    if not systems or set(systems) - set(_SYSTEMS):
+        raise InputError(
+            f"systems: expected letters out of {_SYSTEMS}, whose satellites share frequencies (GLONASS's do not), "
+            f"got {systems!r}"
+        )
+    for name, sigma in (("sigma_code", sigma_code), ("sigma_carrier", sigma_carrier)):
+        if not sigma > 0.0:
+            raise InputError(f"{name}: expected a positive standard deviation in metres, got {sigma}")
+    slots, notes = _common_slots(rover, base, systems)
+    sat, base_e = slots.sat, ecef_from_llh(base_llh)
+    b = _receiver(
+        base, ephemerides, sat, slots.base, "base", systems=systems, elevation_mask=elevation_mask, cn0_mask=cn0_mask
+    )
+    off = float(np.median(np.linalg.norm(b.r_e - base_e, axis=1)))
+    if off > _BASE_OFF:
+        raise InputError(f"base_llh: {off:.0f} m from where the base's own ranges place it; expected [rad, rad, m]")
+    r = _receiver(
+        rover, ephemerides, sat, slots.rover, "rover", systems=systems, elevation_mask=elevation_mask, cn0_mask=cn0_mask
+    )
+    shift = base.epoch_gps_s - rover.epoch_gps_s
+    i, j = _common_epochs(r.stamp, b.stamp + shift, rover.epoch_gps_s)
+    # what both single points have in common, atmosphere above all, would put the rover into another troposphere
+    r_e = r.r_e[i] - b.r_e[j] + base_e
+    r_e = np.broadcast_to(np.median(r_e, axis=0), r_e.shape) if static else r_e
+
+    measured = np.isfinite(r.code[i] + r.carrier[i] + b.code[j] + b.carrier[j])
+    e, s = np.nonzero(measured)
+    if not len(e):
+        raise InputError("no satellite whose code and carrier both receivers measured at one epoch")
+    cycle = np.array([wavelengths([one], band)[0] for one, band in zip(sat, slots.rover, strict=True)])
+    record = choose_messages(
+        ephemerides, sat[s], r.stamp[i][e] - _FLIGHT_S, epoch_gps_s=rover.epoch_gps_s,
+        f_nav=np.char.startswith(slots.rover[s], "5"),
+    )  # fmt: skip
+    shape = measured.shape
+    code, carrier, elevation = np.full((3, *shape), np.nan)
+    variance = np.zeros(shape)
+    gradient = np.full((*shape, 3), np.nan)
+    code[e, s], carrier[e, s] = 0.0, 0.0
+    for sign, x, row, time, where in (
+        (1.0, r, i[e], r.stamp[i][e], r_e[e]),
+        (-1.0, b, j[e], b.stamp[j][e] + shift, np.broadcast_to(base_e, (len(e), 3))),
+    ):
+        p = x.code[row, s]
+        sent = transmission_times(ephemerides, sat[s], time, p, record, epoch_gps_s=rover.epoch_gps_s)
+        r_s = states_of_messages(ephemerides, sat[s], sent, record, epoch_gps_s=rover.epoch_gps_s).r_e
+        predicted, slope = predicted_ranges(r_s, where)
+        above, _ = directions(where, r_s)
+        predicted = predicted + saastamoinen(llh_from_ecef(where), above, rover.epoch_gps_s + time)
+        code[e, s] += sign * (p - predicted)
+        carrier[e, s] += sign * (cycle[s] * x.carrier[row, s] - predicted)
+        variance[e, s] += noise_scale(above, x.cn0[row, s], "elevation+cn0") ** 2
+        if sign > 0.0:
+            gradient[e, s], elevation[e, s] = slope, above
+    length = float(np.median(np.linalg.norm(r_e - base_e, axis=1)))
+    if length > _SAME_IONOSPHERE:
+        notes += (f"baseline of {length / 1e3:.0f} km: both antennas' ionospheres differ; expect few or wrong fixes",)
+    if len(i) < len(r.stamp):
+        notes += (f"{len(r.stamp) - len(i)} of {len(r.stamp)} epochs of the rover have none of the base",)
+    group = np.unique(
+        [f"{one // 100}{band[0]}" for one, band in zip(sat, slots.rover, strict=True)], return_inverse=True
+    )[1]
+    return SingleDifferences(
+        r.t[i], r_e, sat, group.astype(np.int64), cycle, code, carrier, sigma_code * np.sqrt(variance),
+        sigma_carrier * np.sqrt(variance), gradient, elevation, notes,
+    )  # fmt: skip
+
+
+def cycle_slips(d: SingleDifferences, *, static: bool) -> tuple[BoolArray, IntArray]:
+    """Find where arcs of constant ambiguity begin: after pauses, and where a phase jumps against the others.
+
+    Parameters
+    ----------
+    d : SingleDifferences
+    static : bool
+        The rover does not move.
+
+    Returns
+    -------
+    begins : ndarray of bool, shape (k, s)
+        The ambiguity is new at this epoch.
+    slips : ndarray of int, shape (k,)
+        Phases that jumped.
+
+    Notes
+    -----
+    Carrier changes from epoch to epoch must fit one displacement of the rover (none, static) and one change of the
+    clocks, the same for all systems and bands. The largest normalised residual above 4.5, if it means more than 0.3
+    cycles, is a slip, then the next, until the others agree (Baarda's data snooping). Where too few phases are left to
+    tell which one jumped, all begin anew.
+    """
+    present = np.isfinite(d.carrier)
+    begins, slips = present.copy(), np.zeros(len(d.t), dtype=np.int64)
+    for k in range(1, len(d.t)):
+        pause = d.t[k] - d.t[k - 1]
+        both = np.flatnonzero(present[k] & present[k - 1])
+        if pause > _LONGEST_PAUSE_S or not len(both):
+            continue
+        clock = np.ones((len(both), 1))
+        A = clock if static else np.hstack((d.gradient[k, both], clock))
+        sigma = np.hypot(d.sigma_carrier[k, both], d.sigma_carrier[k - 1, both]) + _DRIFT * pause
+        jumped = _outlying(A, d.carrier[k, both] - d.carrier[k - 1, both], sigma, d.wavelength[both])
+        if jumped is None:
+            continue
+        begins[k, both[~jumped]] = False
+        slips[k] = int(jumped.sum())
+    return begins, slips
+
+
+def _outlying(A: FloatArray, y: FloatArray, sigma: FloatArray, cycle: FloatArray) -> BoolArray | None:
+    """Rows of ``y = A x`` that jumped by part of a cycle or more; None where it cannot be told which."""
+    jumped = np.zeros(len(y), dtype=bool)
+    while True:
+        rows = np.flatnonzero(~jumped)
+        if len(rows) <= A.shape[1]:
+            return None
+        Q, _ = np.linalg.qr(A[rows] / sigma[rows, None])
+        w = y[rows] / sigma[rows]
+        residual = w - Q @ (Q.T @ w)
+        redundancy = np.maximum(1.0 - np.sum(Q * Q, axis=1), 1e-6)
+        slip = np.abs(residual) / redundancy * sigma[rows] / cycle[rows]
+        score = np.where(slip > _SMALLEST_SLIP, np.abs(residual) / np.sqrt(redundancy), 0.0)
+        worst = int(np.argmax(score))
+        if score[worst] <= _OUTLYING:
+            return jumped
+        if len(rows) < A.shape[1] + 2:
+            return None
+        jumped[rows[worst]] = True
+
+
+def _common_slots(rover: Observations, base: Observations, systems: str) -> tuple[_Slots, tuple[str, ...]]:
+    """Satellites on bands that both receivers measured, in one signal a system, band and receiver."""
+    first, second = _signals(rover, systems), _signals(base, systems)
+    sat: list[int] = []
+    names: tuple[list[str], list[str]] = ([], [])
+    for system, band in sorted(first.keys() & second.keys()):
+        pair = first[(system, band)], second[(system, band)]
+        seen = [set(o.sat[_rows(o, system, name)].tolist()) for o, name in zip((rover, base), pair, strict=True)]
+        for one in sorted(seen[0] & seen[1]):
+            sat.append(one)
+            for column, name in zip(names, pair, strict=True):
+                column.append(name)
+    if not sat:
+        raise InputError(
+            f"no satellite of {systems} whose code and carrier both receivers measured on one band: rover has "
+            f"{_listed(first)}, base {_listed(second)}"
+        )
+    used = sorted({f"{SYSTEMS[one // 100]} {a} with {b}" for one, a, b in zip(sat, *names, strict=True)})
+    return _Slots(np.array(sat), np.array(names[0]), np.array(names[1])), (f"signals: {', '.join(used)}",)
+
+
+def _rows(o: Observations, system: int, name: str) -> BoolArray:
+    measured = np.isfinite(o.carrier) & np.isfinite(o.pseudorange)
+    return np.asarray((o.sat // 100 == system) & (o.signal == o.signals.index(name)) & measured)
+
+
+def _signals(o: Observations, systems: str) -> dict[tuple[int, str], str]:
+    """Signal with most carriers by system and band."""
+    most: dict[tuple[int, str], tuple[int, str]] = {}
+    for letter in systems:
+        system = SYSTEMS.index(letter)
+        for name in o.signals:
+            count = int(_rows(o, system, name).sum())
+            if count > most.get((system, name[0]), (0, ""))[0]:
+                most[(system, name[0])] = (count, name)
+    return {key: name for key, (_, name) in most.items()}
+
+
+def _listed(signals: dict[tuple[int, str], str]) -> str:
+    return ", ".join(f"{SYSTEM_NAMES[SYSTEMS[s]]} {name}" for (s, _), name in sorted(signals.items())) or "no carriers"
+
+
+def _receiver(
+    o: Observations,
+    ephemerides: Ephemerides,
+    sat: IntArray,
+    signal: StrArray,
+    name: str,
+    *,
+    systems: str,
+    elevation_mask: float,
+    cn0_mask: float,
+) -> _Receiver:
+    """One receiver's measurements of satellites that its single points use."""
+    ranges = prepare_ranges(o, ephemerides, systems=systems, elevation_mask=elevation_mask, cn0_mask=cn0_mask)
+    points = solve_points(ranges, integrity=Integrity(neighbours=False), velocity=False)
+    if not points.ok.any():
+        raise InputError(f"{name}: no single point could be solved: {points.summary()}")
+    stamp = o.epochs
+    ranges = points.screened(ranges)
+    row = _nearest(stamp, points.t)  # corrected by the receiver clock, some milliseconds at most
+    t = stamp.copy()
+    t[row] = points.t
+    r_e = along_track(t, points.t[points.ok], points.r_e[points.ok])
+    good = set(zip(row[points.epoch[ranges.used]].tolist(), ranges.sat[ranges.used].tolist(), strict=True))
+    code, carrier, cn0 = np.full((3, len(stamp), len(sat)), np.nan)
+    at = np.searchsorted(stamp, o.t)
+    for k, (one, band) in enumerate(zip(sat.tolist(), signal.tolist(), strict=True)):
+        rows = np.flatnonzero(_rows(o, one // 100, band) & (o.sat == one) & ~(o.cn0 < cn0_mask))
+        rows = rows[np.array([(i, one) in good for i in at[rows].tolist()], dtype=bool)]
+        code[at[rows], k], carrier[at[rows], k], cn0[at[rows], k] = o.pseudorange[rows], o.carrier[rows], o.cn0[rows]
+    return _Receiver(stamp, t, r_e, code, carrier, cn0)
+
+
+def _nearest(values: FloatArray, wanted: FloatArray) -> IntArray:
+    """Places of the nearest of increasing values."""
+    if len(values) < 2:
+        return np.zeros(len(wanted), dtype=np.int64)
+    place = np.clip(np.searchsorted(values, wanted), 1, len(values) - 1)
+    return np.asarray(place - (wanted - values[place - 1] < values[place] - wanted))
+
+
+def _common_epochs(rover: FloatArray, base: FloatArray, epoch_gps_s: float) -> tuple[IntArray, IntArray]:
+    """Places of epochs that both receivers stamped alike."""
+    nearest = _nearest(base, rover)
+    apart = np.abs(base[nearest] - rover)
+    together = apart <= _TOGETHER_S
+    if not together.any():
+        spans = [f"{x[0] + epoch_gps_s:.3f} to {x[-1] + epoch_gps_s:.3f}" for x in (rover, base)]
+        raise InputError(
+            f"no common epochs: rover from {spans[0]} s, base from {spans[1]} s (GPS time since 1980); the nearest "
+            f"stamps are {apart.min():.3f} s apart, expected {_TOGETHER_S:g} s at most; take a base log of that time"
+        )
+    return np.flatnonzero(together), nearest[together]

@@ -175,7 +175,10 @@ def test_pages_fit_ask_nobody_else_and_say_no_error(server, path):
 
 
 @chromium.needed
-def test_a_log_is_looked_at(server):
+def test_a_log_is_looked_at(server, town):
+    from schuler.studio.signals import Views
+    from schuler.studio.statistics import span_statistics
+
     with chromium.opened(server.page("/", log="town.parquet"), 1400) as page:
         chromium.wait_for(page, "document.querySelector('.signals').dataset.latency", 90.0)
         assert chromium.run(page, "document.querySelector('.signals').data.length") == 9
@@ -187,6 +190,14 @@ def test_a_log_is_looked_at(server):
                 page.browser, "Input.dispatchKeyEvent", page.session, type=kind, key="+", text="+"[: kind == "keyDown"]
             )
         chromium.wait_for(page, f"document.querySelector('.signals').dataset.window !== {json.dumps(before)}")
+        start, stop = map(float, chromium.run(page, "document.querySelector('.signals').dataset.window").split(","))
+        caption = "document.querySelector('details caption')?.textContent"
+        chromium.wait_for(page, f"{caption} === 'from {start:.3f} to {stop:.3f} s'")
+        cells = "[...r.querySelectorAll('data')].map(d => d.value)"
+        numbers = chromium.run(page, f"[...document.querySelectorAll('details tbody tr')].map(r => {cells})")
+        rows = span_statistics(Views().open(town / "town.parquet", {}), start, stop)
+        wanted = [[r.samples, r.mean, r.standard_deviation, r.minimum, r.maximum] for r in rows]
+        assert [list(map(float, row)) for row in numbers] == wanted
         assert chromium.errors(page) == ()
 
 

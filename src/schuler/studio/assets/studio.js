@@ -72,6 +72,7 @@
         listen();
         element.dataset.latency = Math.round(performance.now() - began);
         element.dataset.window = [shown.start, shown.stop].join(",");
+        element.dispatchEvent(new CustomEvent("window", { detail: [shown.start, shown.stop] }));
       } catch (error) { if (turn === state.turn) empty(element, error.message); }
     };
     const go = (start, stop) => {

@@ -24,8 +24,10 @@ from schuler.studio.pages.frame import (
     problem,
     question_box,
     show,
+    table,
 )
 from schuler.studio.signals import View, Views
+from schuler.studio.statistics import span_statistics
 from schuler.studio.workspace import Workspace, configurations, logs
 
 
@@ -39,6 +41,7 @@ class _Look:
         self.decisions: list[Decision] = []
         self.question: UndecidedError | None = None
         self.target = "drive.toml"
+        self.window = (0.0, 0.0)
 
 
 def look_page(workspace: Workspace, views: Views, log: str) -> None:
@@ -124,8 +127,26 @@ def look_page(workspace: Workspace, views: Views, log: str) -> None:
         if not state.log:
             names.set_value(name)
 
+    async def windowed(event: events.GenericEventArguments) -> None:
+        """Statistics of what is visible; of several windows in a row, of the last."""
+        seen, (start, stop) = state.view, (float(x) for x in event.args)
+        state.window = start, stop
+        if seen is None:
+            return
+        rows = await asyncio.to_thread(span_statistics, seen, start, stop)
+        if state.window != (start, stop) or state.view is not seen:
+            return
+        statistics.clear()
+        with statistics:
+            table(
+                ("", "samples", "mean", "standard deviation", "smallest", "largest"),
+                [(f"{r.panel}: {r.name}", r.samples, r.mean, r.standard_deviation, r.minimum, r.maximum) for r in rows],
+                f"from {start:.3f} to {stop:.3f} s",
+            )
+
     def drawn() -> None:
         left.clear()
+        statistics.clear()
         right.clear()
         with left:
             _how(state, again=load, edit=edit, save=save)
@@ -162,6 +183,11 @@ def look_page(workspace: Workspace, views: Views, log: str) -> None:
             heading("Signals")
             signals = chart("signals", without="Choose a log on the left.", label="signals over time")
             hint("Drag to zoom, double-click for all; keys: arrows, + and -, 0. Every stretch shows its extremes.")
+            signals.on("window", windowed, js_handler="(e) => emit(e.detail)")
+            with ui.element("details").style("width: 100%"):
+                with ui.element("summary"):  # a child of its own: what stands within another element is no summary
+                    html("statistics of the visible span").style("display: inline")
+                statistics = ui.element("div").classes("ranking")
             right = ui.element("div").style("width: 100%")
     if log:
         ui.timer(0.05, opened, once=True)

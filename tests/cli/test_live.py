@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from command import refusal, run
 from format_drives import drive
+from tests.live.test_decoders import novatel_log, sbf_log, vectornav_log
 
 import schuler
 from schuler import frames
@@ -269,6 +270,24 @@ def test_a_run_that_ends_goes_on_from_its_state(log, tmp_path, capsys):
     code, _, err = run(capsys, "live", f"replay:{folder}", "--config", config, "--state", state, "--lag", 5)
     assert code == 2
     assert "saved with another configuration" in err
+
+
+@pytest.mark.parametrize(
+    ("format", "packets"),
+    [("vectornav", vectornav_log()), ("novatel", novatel_log()), ("sbf", sbf_log())],
+)
+def test_a_binary_stream_is_the_batch_run_of_its_file(tmp_path, capsys, monkeypatch, format, packets):
+    """IMU and fixes from one wire, rates or increments as the format has them."""
+    (tmp_path / "unit.bin").write_bytes(b"".join(packets))
+    config = write_text(tmp_path / "drive.toml", CONFIG.partition("[recording.imu]")[0])
+    recording = schuler.read(tmp_path / "unit.bin")
+    trajectory = schuler.navigate(recording, config).trajectory
+    out = tmp_path / "live.jsonl"
+    with (tmp_path / "unit.bin").open("rb") as file:
+        monkeypatch.setattr(sys, "stdin", file)
+        code, _, err = run(capsys, "live", f"stdin:?format={format}", "--config", config, "--out", f"json:{out}")
+    assert code == 0, err
+    assert compare(read_lines(out), trajectory, in_time=False) > 40
 
 
 def test_garbage_is_said_and_the_run_goes_on(log, tmp_path, capsys, monkeypatch):

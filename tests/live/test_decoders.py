@@ -440,6 +440,21 @@ def test_counts_of_novatel_that_cannot_be_navigated_are_left_out():
         decoder(SourceClock(), ReadHints.of(scale="STIM3000"), format="novatel")
 
 
+@pytest.mark.parametrize(("name", "made"), [("vectornav", vectornav_log), ("sbf", sbf_log), ("novatel", novatel_log)])
+def test_measurements_of_a_long_piece_come_before_the_sample_of_their_time(name, made):
+    """Seconds of fixes before any sample would make another start than the log does."""
+    stream = decoder(SourceClock(), ReadHints(), format=name)
+    messages = stream.feed(b"".join(made()), 0.0) + stream.finish()
+    newest, waiting = -np.inf, []
+    for message in messages:
+        if isinstance(message, ImuBlock):
+            assert all(newest < t <= message.t[0] for t in waiting)
+            newest, waiting = message.t[-1], []
+        else:
+            waiting.append(message.t)
+    assert sum(isinstance(m, ImuBlock) for m in messages) > 5
+
+
 def any_vectornav(rng):
     """A packet with right checksum and any contents: of four kinds of fields, so that kinds come again."""
     names = (

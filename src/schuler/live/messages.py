@@ -59,6 +59,18 @@ class ImuBlock:
     temperature: FloatArray | None = None
 
 
+def parted(block: ImuBlock, count: int) -> tuple[ImuBlock, ImuBlock]:
+    """The first samples of a block, and the others."""
+    first, others = (
+        ImuBlock(
+            block.t[rows], block.gyro[rows], block.accel[rows],
+            None if block.temperature is None else block.temperature[rows],
+        )
+        for rows in (slice(count), slice(count, None))
+    )  # fmt: skip
+    return first, others
+
+
 @dataclass(frozen=True, slots=True)
 class Fix:
     """One solution of a GNSS receiver, of the antenna.

@@ -17,7 +17,7 @@ import numpy as np
 from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
 from schuler.live.decoders.base import Decoder
-from schuler.live.messages import Event, EventKind, ImuBlock, ImuSample, Message, Solution
+from schuler.live.messages import Event, EventKind, ImuBlock, ImuSample, Message, Solution, parted
 from schuler.live.navigator import LiveNavigator
 from schuler.live.sources import POLL_S, Notify
 from schuler.timebase import UNIX_TO_GPS_S
@@ -171,7 +171,7 @@ def run_session(
                 while len(message.t):
                     due = message.t >= next_t - _SAME * interval
                     count = int(np.argmax(due)) + 1 if due.any() else len(message.t)
-                    part, message = _parted(message, count)
+                    part, message = parted(message, count)
                     navigator.take(part)
                     show(float(part.t[-1]))
             else:
@@ -259,18 +259,6 @@ def _decoded(arrival: _Arrival) -> Sequence[Message]:
     except Exception as error:  # libraries that decode do not list theirs; the run goes on
         source.failures[f"pieces at which the decoder gave up ({type(error).__name__})"] += 1
         return []
-
-
-def _parted(block: ImuBlock, count: int) -> tuple[ImuBlock, ImuBlock]:
-    """The first samples of a block, and the others."""
-    first, others = (
-        ImuBlock(
-            block.t[rows], block.gyro[rows], block.accel[rows],
-            None if block.temperature is None else block.temperature[rows],
-        )
-        for rows in (slice(count), slice(count, None))
-    )  # fmt: skip
-    return first, others
 
 
 def _pump(source: Source, inbox: queue.Queue[_Arrival], stop: threading.Event) -> None:

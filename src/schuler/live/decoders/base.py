@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from schuler.exceptions import InputError
-from schuler.live.messages import Fix, Heading, ImuBlock, Message
+from schuler.live.messages import Fix, Heading, ImuBlock, Message, parted
 from schuler.recording.io import columns, parts
 from schuler.recording.io.assemble import turned
 from schuler.recording.io.hint_texts import axes_matrix, parse_streams
@@ -106,6 +108,20 @@ def heading_of(table: Table, hints: ReadHints, left_out: Counter[str]) -> list[H
         left_out[f"headings: {error}"] += 1
         return []
     return [Heading(float(series.t[0]), float(series.value[0]), float(series.sigma[0]))]
+
+
+def in_order(measurements: Sequence[Fix | Heading], block: ImuBlock | None) -> list[Message]:
+    """Messages of a piece of a stream by time: each measurement before the sample of its time, as in a replayed log.
+
+    A long piece holds seconds; fixes that are so far ahead of the samples would make another start.
+    """
+    made: list[Message] = []
+    for measurement in sorted(measurements, key=lambda m: m.t):
+        if block is not None and (count := int(np.searchsorted(block.t, measurement.t))):
+            before, block = parted(block, count)
+            made.append(before)
+        made.append(measurement)
+    return made if block is None or not len(block.t) else [*made, block]
 
 
 def samples(table: Table, hints: ReadHints) -> ImuBlock:

@@ -9,9 +9,9 @@ import numpy as np
 
 from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
-from schuler.live.decoders.base import fix_of, heading_of, samples, wanted
+from schuler.live.decoders.base import fix_of, heading_of, in_order, samples, wanted
 from schuler.live.decoders.frames import Framing, whole_frames
-from schuler.live.messages import Message
+from schuler.live.messages import Fix, Heading, ImuBlock, Message
 from schuler.recording.formats import novatel, novatel_frames
 from schuler.recording.formats.novatel_frames import ImuType, Messages
 from schuler.recording.io import parts
@@ -85,7 +85,7 @@ class NovatelDecoder:
 
     def pause(self) -> list[Message]:
         """See :class:`~schuler.live.decoders.base.Decoder`; positions go on waiting where velocities come."""
-        return [] if self._velocities else self._ready(at_once=True)
+        return [] if self._velocities else [*self._ready(at_once=True)]
 
     def finish(self) -> list[Message]:
         """See :class:`~schuler.live.decoders.base.Decoder`."""
@@ -94,7 +94,7 @@ class NovatelDecoder:
 
     @np.errstate(invalid="ignore", over="ignore")  # what is no number is refused, or for the navigator to leave out
     def _messages(self, frames: list[bytes], *, final: bool = False) -> list[Message]:
-        made: list[Message] = []
+        made: list[Fix | Heading] = []
         imu: list[bytes] = []
         for frame in frames:
             name = novatel_frames.name_of(frame, 0)
@@ -110,7 +110,7 @@ class NovatelDecoder:
                 made += self._on_velocity(name, self._rows(name, [frame]))
             elif name == self._named.get("heading") and wanted(self._hints, "heading"):
                 made += self._on_heading(name, self._rows(name, [frame]))
-        return made + (self._samples(imu, final=final) if imu or (final and self._waiting) else [])
+        return in_order(made, self._samples(imu, final=final) if imu or (final and self._waiting) else None)
 
     def _rows(self, name: str, frames: list[bytes]) -> Columns:
         """Columns of messages of one kind; empty if there is none that is long enough and has a time."""
@@ -142,7 +142,7 @@ class NovatelDecoder:
             return {}
         return kept
 
-    def _on_position(self, name: str, rows: Columns) -> list[Message]:
+    def _on_position(self, name: str, rows: Columns) -> list[Fix]:
         order = list(novatel.POSITIONS)
         if self._position is None or ("gnss" not in self._named and order.index(name) < order.index(self._position)):
             self._position, self._without = name, 0
@@ -157,7 +157,7 @@ class NovatelDecoder:
         self._without += 1
         return self._ready()
 
-    def _on_velocity(self, name: str, rows: Columns) -> list[Message]:
+    def _on_velocity(self, name: str, rows: Columns) -> list[Fix]:
         if not rows or not (novatel.velocities_alone(rows) & np.isfinite(rows["latency"])).all():
             return []
         before = self._velocities.get(name)
@@ -171,9 +171,9 @@ class NovatelDecoder:
             self._without = 0
         return self._ready()
 
-    def _ready(self, *, at_once: bool = False) -> list[Message]:
+    def _ready(self, *, at_once: bool = False) -> list[Fix]:
         """Fixes of the positions that need not wait any longer."""
-        made: list[Message] = []
+        made: list[Fix] = []
         while self._pending and self._position is not None:
             t = _seconds(self._pending[0], 0)
             v = self._velocities.get(novatel.POSITIONS[self._position])
@@ -185,7 +185,7 @@ class NovatelDecoder:
         return made
 
     @np.errstate(invalid="ignore", over="ignore")
-    def _fix(self, name: str, rows: Columns) -> list[Message]:
+    def _fix(self, name: str, rows: Columns) -> list[Fix]:
         first, t, shift = self._times(rows, "header_week", "header_sow")
         velocity = novatel.POSITIONS[name]
         log = _log({name: rows} | ({velocity: v} if (v := self._velocities.get(velocity)) else {}))
@@ -197,25 +197,25 @@ class NovatelDecoder:
         table.values["t"] = table.values["t"] + shift
         return list(fix_of(table, self._hints, self.left_out))
 
-    def _on_heading(self, name: str, rows: Columns) -> list[Message]:
+    def _on_heading(self, name: str, rows: Columns) -> list[Heading]:
         if not rows or not self._is_new("heading", rows) or not (rows := self._usable("heading", name, rows)):
             return []
         _, t, shift = self._times(rows, "header_week", "header_sow")
         return list(heading_of(novatel.heading_table(name, t + shift, rows, []), self._hints, self.left_out))
 
-    def _samples(self, frames: list[bytes], *, final: bool) -> list[Message]:
+    def _samples(self, frames: list[bytes], *, final: bool) -> ImuBlock | None:
         """Samples of an IMU; the first ones wait until their rate is known."""
         if not self._announced:
             self.left_out["samples of an IMU, which are increments (say format=novatel)"] += len(frames)
-            return []
+            return None
         frames, self._waiting = self._waiting + frames, []
         if self._imu_type is None and len(frames) < _FIRST and not final:
             self._waiting = frames
-            return []
+            return None
         name = self._counts or ""
         rows = self._rows(name, frames)
         if not rows:
-            return []
+            return None
         log = _log({"INSCONFIG": self._config} if self._config else {})
         _, t, shift = self._times(rows, "week", "sow")
         try:
@@ -226,9 +226,9 @@ class NovatelDecoder:
                 novatel.check_not_thinned(name, t, imu_type, _PATH)
         except InputError as error:
             self.left_out[f"samples: {error}"] += len(t)
-            return []
+            return None
         self._imu_type = imu_type
-        return [samples(novatel.imu_table(t + shift, rows, imu_type), self._hints)]
+        return samples(novatel.imu_table(t + shift, rows, imu_type), self._hints)
 
     def _times(self, rows: Columns, week: str, sow: str) -> tuple[float, np.ndarray, float]:
         """A week, seconds since its start, and what makes them times of the run. [weeks], [s] (n,), [s]"""

@@ -11,9 +11,9 @@ import numpy as np
 from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
-from schuler.live.decoders.base import fix_of, heading_of, samples, wanted
+from schuler.live.decoders.base import fix_of, heading_of, in_order, samples, wanted
 from schuler.live.decoders.frames import Framing, whole_frames
-from schuler.live.messages import Message
+from schuler.live.messages import Fix, Heading, ImuBlock, Message
 from schuler.recording.formats import sbf, sbf_blocks
 from schuler.recording.formats.sbf_blocks import Blocks
 from schuler.recording.io import parts
@@ -76,7 +76,7 @@ class SbfDecoder:
 
     def pause(self) -> list[Message]:
         """See :class:`~schuler.live.decoders.base.Decoder`."""
-        return [message for part in self._epochs for message in self._complete(part)]
+        return [measurement for part in self._epochs for measurement in self._complete(part)]
 
     def finish(self) -> list[Message]:
         """See :class:`~schuler.live.decoders.base.Decoder`."""
@@ -85,7 +85,7 @@ class SbfDecoder:
 
     @np.errstate(invalid="ignore", over="ignore")  # what is no number is refused, or for the navigator to leave out
     def _messages(self, frames: list[bytes]) -> list[Message]:
-        made: list[Message] = []
+        made: list[Fix | Heading] = []
         imu: list[bytes] = []
         for frame in frames:
             name = sbf_blocks.name_of(frame, 0)
@@ -93,11 +93,12 @@ class SbfDecoder:
                 imu.append(frame)
             elif name in _PART_OF and _PART_OF[name] in self._epochs:
                 made += self._collect(_PART_OF[name], name, frame)
-        return made + (self._samples(imu) if imu and self.kind else [])
+        return in_order(made, self._samples(imu) if imu and self.kind else None)
 
-    def _collect(self, part: str, name: str, frame: bytes) -> list[Message]:
+    def _collect(self, part: str, name: str, frame: bytes) -> list[Fix | Heading]:
         """Add a block to its epoch; what that completes."""
-        epoch, made = self._epochs[part], []
+        epoch = self._epochs[part]
+        made: list[Fix | Heading] = []
         if frame[_TIME] != epoch.time:
             made = self._complete(part)
             epoch.time, epoch.blocks, epoch.given = frame[_TIME], {}, False
@@ -109,7 +110,7 @@ class SbfDecoder:
         return made
 
     @np.errstate(invalid="ignore", over="ignore")
-    def _complete(self, part: str) -> list[Message]:
+    def _complete(self, part: str) -> list[Fix | Heading]:
         """The fix or heading of an epoch; nothing if it was given already."""
         epoch = self._epochs[part]
         name = _OF_PART[part][0]
@@ -139,7 +140,7 @@ class SbfDecoder:
             return []
         return list((fix_of if part == "gnss" else heading_of)(table, self._hints, self.left_out))
 
-    def _samples(self, frames: list[bytes]) -> list[Message]:
+    def _samples(self, frames: list[bytes]) -> ImuBlock | None:
         """Samples of blocks; the newest may have its specific force and its angular rate in two of them."""
         frames = self._lone + frames
         rows = sbf.imu_rows(_blocks(frames), [])
@@ -149,8 +150,8 @@ class SbfDecoder:
         self._lone = [] if whole else [frame for frame in frames if frame[_TIME] == newest][-2:]
         t, good = self._times(rows)
         if not good.any():
-            return []
-        return [samples(sbf.imu_table(_blocks(frames), t[good], pick(rows, good), self._hints, []), self._hints)]
+            return None
+        return samples(sbf.imu_table(_blocks(frames), t[good], pick(rows, good), self._hints, []), self._hints)
 
     def _times(self, rows: Columns) -> tuple[FloatArray, BoolArray]:
         """Times of blocks on the axis of the run, and which of them are times. Shape (n,). [s]"""

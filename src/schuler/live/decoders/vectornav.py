@@ -10,9 +10,9 @@ import numpy as np
 from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
-from schuler.live.decoders.base import fix_of, samples, wanted
+from schuler.live.decoders.base import fix_of, in_order, samples, wanted
 from schuler.live.decoders.frames import Framing, whole_frames
-from schuler.live.messages import Message
+from schuler.live.messages import Fix, ImuBlock, Message
 from schuler.recording.formats import vectornav, vectornav_packets
 from schuler.recording.io import parts
 from schuler.recording.io.hint_texts import parse_streams
@@ -88,8 +88,8 @@ class VectorNavDecoder:
             header = vectornav_packets.header_of(frame, 0)
             assert header is not None
             kinds.setdefault(header, []).append(frame)
-        fixes: list[Message] = []
-        imu: list[Message] = []
+        fixes: list[Fix] = []
+        block: ImuBlock | None = None
         for header, packets in kinds.items():
             if header not in self._known:
                 packets = [self._alone.pop(header), *packets] if header in self._alone else packets
@@ -103,8 +103,8 @@ class VectorNavDecoder:
             with np.errstate(invalid="ignore", over="ignore"):  # no number: for the navigator to leave out
                 rows = vectornav_packets.gather(b"".join(packets), header, starts)
                 fixes += self._fixes(header, rows)
-                imu += self._samples(header, rows)
-        return fixes + imu
+                block = self._samples(header, rows) or block
+        return in_order(fixes, block)
 
     def _is_of(self, part: str, header: bytes, n: int) -> bool:
         """Whether packets are those that a part is taken from; the others are counted."""
@@ -115,20 +115,20 @@ class VectorNavDecoder:
         self.left_out[f"packets: there is another kind that {part} is taken from"] += n
         return False
 
-    def _samples(self, header: bytes, rows: Columns) -> list[Message]:
+    def _samples(self, header: bytes, rows: Columns) -> ImuBlock | None:
         present = vectornav.imu_kind(rows, self._outputs)
         if present is None or not self._is_of("imu", header, len(next(iter(rows.values())))):
-            return []
+            return None
         n = len(next(iter(rows.values())))
         if present == "delta" and not (self._announced and self.kind == "increment"):
             self.left_out["packets with increments of an IMU (say streams='imu=delta' and format=vectornav)"] += n
-            return []
+            return None
         t, good = self._times(rows, "imu")
         if not good.any():
-            return []
-        return [samples(vectornav.imu_table(t[good], pick(rows, good), present, []), self._hints)]
+            return None
+        return samples(vectornav.imu_table(t[good], pick(rows, good), present, []), self._hints)
 
-    def _fixes(self, header: bytes, rows: Columns) -> list[Message]:
+    def _fixes(self, header: bytes, rows: Columns) -> list[Fix]:
         if "gnss" not in vectornav.held_in(rows) or not self._is_of("gnss", header, len(rows["fix"])):
             return []
         joined = {name: np.append(self._before.get(name, np.empty(0)), values) for name, values in rows.items()}
@@ -140,7 +140,7 @@ class VectorNavDecoder:
             self.left_out["epochs without a fix"] += int((~good).sum())
         rows = pick(rows, good)
         t, good = self._times(rows, "gnss")
-        made: list[Message] = []
+        made: list[Fix] = []
         for k in np.flatnonzero(good):
             made += fix_of(
                 vectornav.gnss_table(t[k : k + 1], pick(rows, np.array([k])), self._hints, []),

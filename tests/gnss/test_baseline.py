@@ -101,6 +101,28 @@ def test_slips_of_either_receiver_are_found(exact, cycles):
     assert solve(p).slips.sum() == 0
 
 
+@pytest.mark.campaign
+def test_slips_of_one_cycle_at_random(exact):
+    """All are found, no other phase is suspected, no wrong integers are accepted."""
+    rng = np.random.default_rng(9)
+    for _ in range(150):
+        p = exact.noisy(rng)
+        k, at = rng.integers(len(p.rover)), int(rng.integers(1, 8))
+        name = p.rover.signals[p.rover.signal[k]]
+        rover = slipped(p.rover, p.rover.sat[k], at - 0.5, rng.choice([-1.0, 1.0]), (name,))
+        s = solve(replace(p, rover=rover))
+        assert s.slips.tolist() == [int(i == at) for i in range(8)]
+        assert np.abs(s.baseline_n - p.baseline_n)[s.fixed].max() < 0.04  # statistical: 5 of the largest sigma
+
+
+def test_every_system_on_every_band():
+    p = pair(np.random.default_rng(10), moving, np.arange(2.0), bands=("1C", "2W", "5Q"), systems="GECJ", each=12)
+    s = solve(p, systems="GECJ")
+    assert s.notes[0].count("with") == 10  # three of GPS and QZSS, E1 and E5a, B1I and B3I
+    assert s.fixed.all()
+    np.testing.assert_allclose(s.baseline_n, p.baseline_n, atol=MODEL)
+
+
 def test_static_is_the_better_for_knowing_it(resting):
     p = resting.noisy(np.random.default_rng(7))
     free, still = solve(p), solve(p, static=True)

@@ -139,3 +139,14 @@ def test_a_table_in_a_list_is_one_entry_of_a_form(folder):
     data, _ = runner.data_of(folder, name)
     field = next(f for f in form.fields(BudgetScenario) if f.name == "motion.waypoints")
     assert form.entered(field, form.shown(data, field)) == data["motion"]["waypoints"]
+
+
+@pytest.mark.parametrize(
+    "value", [["b_a", "b_g"], [["a b", 'c"d']], [{"x": 1.0, "y": True}], [[60.0, 90.0]], 21, "a b", {}]
+)
+def test_a_value_comes_through_the_shell_as_it_was(value):
+    arguments = runner.navigate_arguments("log", "drive.toml", "out", {"filter.states": value}, [])
+    if value == {}:  # a section that is switched on
+        assert arguments[-2:] == ["--aid", "states"]
+    else:
+        assert entries((arguments[arguments.index("--set") + 1],)) == [("filter.states", value)]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from schuler.exceptions import InputError
+from schuler.files import toml_value
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +68,10 @@ def option(entry: str, value: Any) -> str:
         # what is no TOML is taken as text, so that quotes are needed only where a shell or TOML would read it otherwise
         plain = value.replace("_", "").replace("-", "").isalnum() and not value[:1].isdigit()
         return f"--set {entry}={value if plain and value not in ('true', 'false') else json.dumps(value)!r}"
-    text = json.dumps(value).replace(" ", "")
-    return f"--set {entry}={text}"
+    text = toml_value(value)
+    if '"' in text or ("," in text and "{" in text):  # a shell would take its quotes, or make two words of a table
+        return f"--set {shlex.quote(f'{entry}={text}')}"
+    return f"--set {entry}={text.replace(' ', '')}"
 
 
 def options(entries: Mapping[str, Any]) -> str:

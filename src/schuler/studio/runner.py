@@ -9,7 +9,7 @@ from typing import Any
 
 from schuler.budget.scenario import BudgetScenario
 from schuler.exceptions import ConfigError, InputError
-from schuler.files import merged, read_toml, sha256, toml_value, toml_with, write_text
+from schuler.files import merged, read_toml, sha256, toml_with, write_text
 from schuler.navigation.config import NavigationConfig
 from schuler.proposal.decision import option
 from schuler.proposal.setup import nested
@@ -96,7 +96,7 @@ def budget_arguments(scenario: str, imus: Sequence[str], out: str, changes: Mapp
     """
     if removed := [name for name, value in changes.items() if value is None]:
         raise InputError(f"{', '.join(removed)}: an option cannot take an entry out: do so in {scenario}, in an editor")
-    settings = [word for name, value in changes.items() for word in ("--set", f"{name}={toml_value(value)}")]
+    settings = [word for name, value in changes.items() for word in shlex.split(option(name, value))]
     return ["budget", scenario, *(word for imu in imus for word in ("--imu", imu)), *settings, "--out", out]
 
 

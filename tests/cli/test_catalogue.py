@@ -37,7 +37,7 @@ def test_what_is_not_stated_is_unknown(capsys):
     assert len(re.findall(r"^  turn-on bias +unknown$", out, re.MULTILINE)) == 2
     assert len(re.findall(r"^  scale factor +unknown$", out, re.MULTILINE)) == 2
     assert re.search(r"^  bias instability B +10 deg/h$", out, re.MULTILINE)
-    assert "typical of the class for gyro.turn_on_bias, accel.turn_on_bias" in out
+    assert "unknown, not zero: gyro.turn_on_bias, accel.turn_on_bias, gyro.scale_factor" in out
     _, out, _ = run(capsys, "catalogue", "NAV440")
     assert "accelerometers: unknown" in out
     _, out, _ = run(capsys, "catalogue", "KVH-5000")

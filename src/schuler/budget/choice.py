@@ -145,9 +145,11 @@ class ImuChoice(Displayed):
         """The table, what limits those asked about, and what is not in it."""
         lines = [self.table().summary()]
         lines += [_bottleneck_sentence(b, self.requirement) for b in self.bottlenecks.values()]
-        bounds = [v.imu for v in self.verdicts if v.unstated]
-        if bounds:
-            lines.append(f"lower bounds, the turn-on bias not being stated (give it in a file): {', '.join(bounds)}")
+        if bounds := [v.imu for v in self.verdicts if v.unstated]:
+            lines.append(
+                "lower bounds, turn-on bias or scale factor not being stated (give them in a file): "
+                + ", ".join(bounds)
+            )
         if self.left_out:
             lines.append(f"left out, too little is known: {', '.join(self.left_out)}")
         return "\n".join(lines)

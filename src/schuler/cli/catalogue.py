@@ -96,7 +96,10 @@ def text(e: Entry) -> str:
         lines += ["", "stated besides (each key names its unit)"]
         lines += [f"  {key:<44}{_plain(value)}" for key, value in e.printed.items()]
     if e.unstated:
-        lines += ["", f"navigation takes what is typical of the class for {', '.join(e.unstated)}"]
+        lines += [
+            "",
+            f"unknown, not zero: {', '.join(e.unstated)}; navigation takes turn-on biases typical of the class",
+        ]
     if e.notes:
         lines += ["", e.notes]
     return "\n".join(lines)

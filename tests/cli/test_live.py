@@ -270,6 +270,7 @@ def test_a_run_that_ends_goes_on_from_its_state(log, tmp_path, capsys):
     code, _, err = run(capsys, "live", f"replay:{folder}", "--config", config, "--state", state, "--lag", 5)
     assert code == 2
     assert "saved with another configuration" in err
+    assert "goes on from the state of" not in err
 
 
 @pytest.mark.parametrize(

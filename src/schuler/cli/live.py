@@ -40,8 +40,10 @@ def live(
     record: Folder = None,
     output_rate: float = 10.0,
     lag: float = 10.0,
+    smoother_lag: float | None = None,
     calibration: Path | None = None,
     state: File = None,
+    state_every: float = 60.0,
     geoid_separation: float = 0.0,
     set: Texts = (),
     headless: Flag = False,
@@ -68,10 +70,15 @@ def live(
         Solutions in a second; 0 gives one after every sample.
     lag
         How late a measurement may come, in seconds.
+    smoother_lag
+        Give the smoothed solution of so many seconds ago, up to 60, beside the newest one: in lines of json, and as
+        smoothed.parquet of the record.
     calibration
         File of a calibration of this unit, instead of imu.calibration of the configuration.
     state
-        File to go on from, if there is one, and in which the run is saved every minute and at its end.
+        File to go on from, if there is one, and in which the run is saved now and then and at its end.
+    state_every
+        Seconds between two savings of the state: as much is lost at most when the program is killed.
     geoid_separation
         Height of the geoid above the ellipsoid in metres, for the heights of NMEA.
     set
@@ -93,6 +100,8 @@ def live(
         raise InputError("live: expected a source, such as serial:/dev/ttyUSB0 or replay:drive.parquet, got none")
     if not 0.0 <= output_rate <= 10_000.0:
         raise InputError(f"--output-rate: expected solutions in a second from 0 to 10000, got {output_rate:g}")
+    if not 0.1 <= state_every <= 86_400.0:
+        raise InputError(f"--state-every: expected seconds from 0.1 to 86400, got {state_every:g}")
     if json and any(text.endswith(":-") for text in out):
         raise InputError("--json and --out to stdout: both print there; leave one of them out")
     addresses = [parse_source(text) for text in source]
@@ -100,11 +109,17 @@ def live(
     clock, began = SourceClock(), time.monotonic()
     with ExitStack() as held:
         sinks: list[Any] = []
+        smoothed_sinks: list[Any] = []
         for text in out:
             sinks.append(open_line_sink(text, clock, geoid_separation))
             held.callback(sinks[-1].close)
-        table = None if record is None else SolutionTable(_free_name(record), clock)
-        sinks += [] if table is None else [table]
+            if smoother_lag is not None and text.startswith("json:"):  # NMEA has no word for what is no longer so
+                smoothed_sinks.append(sinks[-1])
+        tables = {} if record is None else {"solution": SolutionTable(_free_name(record), clock)}
+        sinks += tables.values()
+        if record is not None and smoother_lag is not None:
+            tables["smoothed"] = SolutionTable(_free_name(record, "smoothed"), clock, smoothed=True)
+            smoothed_sinks.append(tables["smoothed"])
         sources, kind = connect(
             addresses, loaded.recording, clock, replayed=lambda log: _read(log, config), kept_in=_keeper(record, held),
         )  # fmt: skip
@@ -116,9 +131,11 @@ def live(
             for sink in sinks:
                 sink.event(event)
 
-        navigator = _restored(state, loaded, kind, lag, calibration, clock, publish) or LiveNavigator.from_config(
-            loaded, calibration=calibration, lag_s=lag, kind=kind, on_event=publish
-        )
+        navigator = _restored(
+            state, loaded, kind, (lag, smoother_lag), calibration, clock, publish
+        ) or LiveNavigator.from_config(
+            loaded, calibration=calibration, lag_s=lag, smoother_lag_s=smoother_lag, kind=kind, on_event=publish
+        )  # fmt: skip
 
         def save() -> None:
             if state is not None:
@@ -126,11 +143,11 @@ def live(
                 navigator.save(state)
 
         summary = run_session(
-            sources, navigator, clock, sinks, stop=stop, rate_hz=output_rate, on_interval=save,
-            on_idle=lambda solution: status.draw(solution, navigator.health),
+            sources, navigator, clock, sinks, smoothed_sinks=smoothed_sinks, stop=stop, rate_hz=output_rate,
+            every_s=state_every, on_interval=save, on_idle=lambda solution: status.draw(solution, navigator.health),
         )  # fmt: skip
         last = navigator.solution()
-        files = {} if table is None or (path := table.close()) is None else {"solution": path}
+        files = {name: path for name, table in tables.items() if (path := table.close()) is not None}
     numbers = {
         "health": navigator.health, "messages": dict(summary.messages), "solutions": summary.solutions,
         "left_out": dict(summary.left_out), "elapsed_s": time.monotonic() - began,
@@ -149,7 +166,7 @@ def _restored(
     state: Path | None,
     config: NavigationConfig,
     kind: Kind,
-    lag: float,
+    lags: tuple[float, float | None],
     calibration: Path | None,
     clock: SourceClock,
     publish: Callable[[Event], None],
@@ -159,13 +176,15 @@ def _restored(
 
     if state is None or not state.is_file():
         return None
-    navigator = LiveNavigator.load(state, calibration=calibration, on_event=publish)
-    if (navigator.config, navigator.kind, navigator.lag_s) != (config, kind, lag):
+    navigator = LiveNavigator.load(state, calibration=calibration)
+    if (navigator.config, navigator.kind, navigator.lag_s, navigator.smoother_lag_s) != (config, kind, *lags):
         raise InputError(
-            f"{state}: the run was saved with another configuration, --lag or kind of IMU: give those, or remove the "
-            "file to begin anew"
+            f"{state}: the run was saved with another configuration, --lag, --smoother-lag or kind of IMU: give those, "
+            "or remove the file to begin anew"
         )
-    clock.base = navigator.time
+    clock.base, navigator.on_event = navigator.time, publish
+    for event in navigator.events:
+        publish(event)
     return navigator
 
 
@@ -175,9 +194,9 @@ def _read(log: Path, config: Path) -> Any:
     return read_log(log, config)
 
 
-def _free_name(folder: Path) -> Path:
+def _free_name(folder: Path, table: str = "solution") -> Path:
     """Name of the next table of a folder, which a service that is started again goes on to fill."""
-    names = (folder / f"solution{'' if k == 1 else f'-{k}'}.parquet" for k in itertools.count(1))
+    names = (folder / f"{table}{'' if k == 1 else f'-{k}'}.parquet" for k in itertools.count(1))
     return next(path for path in names if not path.exists())
 
 

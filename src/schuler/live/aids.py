@@ -61,7 +61,7 @@ class LiveAids:
     ) -> None:
         self.config, self.spec, self.start, self.origin, self.interval_s = config, spec, start, origin, interval_s
         self.samples = Columns(t=0, rate=3, force=3)
-        self.fixes: list[GnssSeries] = []
+        self.fixes: list[Fix] = []  # the newest
         self.last_used: dict[str, float] = {}  # times of the readings that are thinned out [s]
         off = config.gnss.model_copy(update={"coupling": "off"})
         aiding = config.aiding
@@ -80,32 +80,35 @@ class LiveAids:
         """Fixes at places that the configuration states."""
         return self._of("fixes", Sources(_NO_IMU)) if self.config.aiding.fixes is not None else _none()
 
-    def fix(self, series: GnssSeries, notes: list[str]) -> MeasurementSchedule:
-        """Position and velocity of a fix; none if it says nothing new.
+    def fix(self, fixes: Sequence[Fix], series: GnssSeries, notes: list[str]) -> MeasurementSchedule:
+        """Position and velocity of fixes; none of those that say nothing new.
 
         Parameters
         ----------
+        fixes : sequence of Fix
+            One, or several where :meth:`takes_together` says so.
         series : GnssSeries
-            The fix alone.
+            The same as a series.
         notes : list of str
-            Gets a sentence on what it was not taken for.
+            Gets a sentence on what they were not taken for.
 
         Raises
         ------
         InputError
-            If it tells no position, or lacks what the configuration asks for.
+            If they tell no position, or lack what the configuration asks for.
         """
-        t = float(series.t[0])
+        t = fixes[0].t
         before = self.fixes[-1] if self.fixes else None
-        self.fixes.append(series)
+        self.fixes += fixes
         del self.fixes[:-_HELD_FIXES]
-        self.rests.see(series if series.v_n is not None else joined(self.fixes))
+        if self.rests.wanted:
+            self.rests.see(series if series.v_n is not None else series_of(_ordered(self.fixes)))
         if self.config.gnss.coupling == "off":
             return _none()
-        if before is not None and before.t[0] < t and np.array_equal(before.llh, series.llh):
-            if held(joined(self.fixes))[0][-1]:
+        if before is not None and before.t < t and np.array_equal(before.llh, fixes[0].llh):
+            if held(series_of(_ordered(self.fixes)))[0][-1]:
                 return _none()
-            both = prepared_gnss(joined([before, series]), self._of_fixes, notes)
+            both = prepared_gnss(series_of([before, fixes[0]]), self._of_fixes, notes)
             series = both.where(both.t == t)
         else:
             series = prepared_gnss(series, self._of_fixes, notes)
@@ -113,6 +116,12 @@ class LiveAids:
             return _none()
         schedule, _ = aiding_schedule(Sources(_NO_IMU, series), self._of_fixes, self.spec, self.start, self.origin)
         return with_late_velocities(schedule, self.config.gnss.velocity_delay_s, self.start, [])
+
+    def takes_together(self, fixes: Sequence[Fix]) -> bool:
+        """Whether fixes in order of time, each at another place than the one before, may be taken at once."""
+        before = self.fixes[-1] if self.fixes else None
+        new = before is None or (before.t < fixes[0].t and not np.array_equal(before.llh, fixes[0].llh))
+        return new and self.config.gnss.every_s == 0.0
 
     def reading(self, message: Speed | Heading | Height) -> MeasurementSchedule:
         """Measurement of an odometer, heading or height; none if the configuration does not use it."""
@@ -163,7 +172,7 @@ class LiveAids:
         """The aids of a :meth:`document`."""
         d = document
         aids = cls(config, spec, d["start"], d["origin"], None, d["interval_s"])
-        aids.fixes = [GnssSeries(**fix) for fix in d["fixes"]]
+        aids.fixes = [Fix(**fix) for fix in d["fixes"]]
         aids.samples.restore(d["samples"])
         aids._motion.restore(d["motion"])
         aids.constraints, aids.last_used = d["constraints"], dict(d["last_used"])
@@ -234,18 +243,8 @@ def series_of(fixes: Sequence[Fix]) -> GnssSeries:
     )
 
 
-def joined(parts: Sequence[GnssSeries]) -> GnssSeries:
-    """Fixes one after the other in order of time, with velocities where all have one."""
-    parts = sorted(parts, key=lambda s: float(s.t[0]))
-    velocity, quality = (all(getattr(s, name) is not None for s in parts) for name in ("v_n", "quality"))
-
-    def column(name: str) -> Any:
-        return np.concatenate([getattr(s, name) for s in parts])
-
-    return GnssSeries(
-        column("t"), column("llh"), column("cov_r_n"), column("v_n") if velocity else None,
-        column("cov_v_n") if velocity else None, column("quality") if quality else None,
-    )  # fmt: skip
+def _ordered(fixes: Sequence[Fix]) -> list[Fix]:
+    return sorted(fixes, key=lambda fix: fix.t)
 
 
 def _smoothed(rows: Columns, times: FloatArray, window: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from schuler.arrays import FloatArray
 from schuler.filtering.measurements import ACCEPTED, DIMENSIONS, FIX, FORCED, GNSS_KINDS, POSITION, REJECTED
+from schuler.live.columns import Columns
 from schuler.live.messages import Health
 from schuler.live.replay import Judged
 
@@ -17,30 +18,32 @@ _REJECTED = (0.2, 0.8)  # share of rejected ones: doubtful, failed
 _NIS = (3.0, 10.0)  # mean normalised square of those that were used
 _COASTING_S = 3.0  # without a position, and three times as long as they usually take [s]
 _PLACING = (POSITION, FIX)
-_ROWS = 2000
+# by kind: number of components, whether it places the vehicle, whether its innovations are judged
+_DIMENSION = np.ones(max(DIMENSIONS) + 1)
+_DIMENSION[list(DIMENSIONS)] = list(DIMENSIONS.values())
+_PLACES, _JUDGED = (np.isin(np.arange(len(_DIMENSION)), kinds) for kinds in (_PLACING, (*GNSS_KINDS, FIX)))
 
 
-@dataclass
 class HealthMonitor:
     """Memory of the last minute's innovations.
 
-    Attributes
+    Parameters
     ----------
-    settled : deque of (time, kind, status, normalised innovation squared per component)
-        Of measurements that cannot change any more.
     placed : float
         Time of the newest position that was used. [s]
     usual_s : float
         Usual time from one position to the next. [s]
     """
 
-    settled: deque[tuple[float, int, int, float]] = field(default_factory=lambda: deque(maxlen=_ROWS))
-    placed: float = -np.inf
-    usual_s: float = 1.0
+    def __init__(self, placed: float = -np.inf, usual_s: float = 1.0) -> None:
+        self.placed, self.usual_s = placed, usual_s
+        # measurements that cannot change any more, with the normalised innovation squared per component
+        self.settled = Columns(t=0, kind=0, status=0, nis=0)
 
     def settle(self, judged: Judged) -> None:
         """Remember measurements that left the replay window."""
-        self.settled.extend(_rows(judged))
+        if len(judged.t):
+            self.settled.append(**_rows(judged))
 
     def health(self, t: float, recent: Judged) -> Health:
         """Health at a time.
@@ -58,31 +61,43 @@ class HealthMonitor:
         those used are more than threefold off, ``doubtful`` above a fifth or where one was taken against the gate;
         ``coasting`` while none places the vehicle.
         """
-        while self.settled and self.settled[0][0] < t - _SPAN_S:
-            self.settled.popleft()
-        rows = [r for r in (*self.settled, *_rows(recent)) if r[0] >= t - _SPAN_S]
-        used = [r[0] for r in rows if r[1] in _PLACING and r[2] in (ACCEPTED, FORCED)]
+        self.settled.drop_before(t - _SPAN_S)
+        rows = {name: np.concatenate((self.settled[name], column)) for name, column in _rows(recent).items()}
+        newest = int(np.searchsorted(rows["t"], t - _SPAN_S))
+        at, kind, status, nis = (column[newest:] for column in rows.values())
+        accepted, forced, rejected = (status == s for s in (ACCEPTED, FORCED, REJECTED))
+        placing = (accepted | forced) & _PLACES[kind.astype(np.int64)]
+        used = at[placing]
         if len(used) > 2:
             self.usual_s = float(np.median(np.diff(used)))
-        self.placed = max([self.placed, *used])
-        tested = [r for r in rows if r[2] in (ACCEPTED, FORCED, REJECTED) and (r[1] in GNSS_KINDS or r[1] == FIX)]
-        rejected = sum(r[2] == REJECTED for r in tested) / max(len(tested), 1)
-        accepted = [r[3] for r in tested if r[2] == ACCEPTED]
-        square = float(np.mean(accepted)) if accepted else 0.0
-        enough = len(tested) >= _FEWEST
-        if enough and (rejected > _REJECTED[1] or square > _NIS[1]):
+        self.placed = max(self.placed, float(used.max(initial=-np.inf)))
+        tested = _JUDGED[kind.astype(np.int64)]
+        count = int(np.sum(tested & (accepted | forced | rejected)))
+        share = float(np.sum(tested & rejected)) / max(count, 1)
+        passed = nis[tested & accepted]
+        square = float(passed.mean()) if len(passed) else 0.0
+        enough = count >= _FEWEST
+        if enough and (share > _REJECTED[1] or square > _NIS[1]):
             return "failed"
-        if (enough and (rejected > _REJECTED[0] or square > _NIS[0])) or any(r[2] == FORCED for r in tested):
+        if (enough and (share > _REJECTED[0] or square > _NIS[0])) or bool(np.any(tested & forced)):
             return "doubtful"
         if t - self.placed > max(_COASTING_S, 3.0 * self.usual_s):
             return "coasting"
         return "ok"
 
+    def document(self) -> dict[str, Any]:
+        """What goes on, for files."""
+        return {"placed": self.placed, "usual_s": self.usual_s, "settled": self.settled.document()}
 
-def _rows(judged: Judged) -> list[tuple[float, int, int, float]]:
-    return [
-        (t, kind, status, nis / DIMENSIONS[kind])
-        for t, kind, status, nis in zip(
-            judged.t.tolist(), judged.kind.tolist(), judged.status.tolist(), judged.nis.tolist(), strict=True
-        )
-    ]
+    @classmethod
+    def restored(cls, document: dict[str, Any]) -> HealthMonitor:
+        """The monitor of a :meth:`document`."""
+        monitor = cls(document["placed"], document["usual_s"])
+        monitor.settled.restore(document["settled"])
+        return monitor
+
+
+def _rows(judged: Judged) -> dict[str, FloatArray]:
+    kind = judged.kind.astype(np.float64)
+    nis = judged.nis / _DIMENSION[judged.kind]
+    return {"t": judged.t, "kind": kind, "status": judged.status.astype(np.float64), "nis": nis}

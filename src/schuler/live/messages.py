@@ -230,7 +230,9 @@ class Solution:
     sigma_r_n, sigma_v_n, sigma_psi_n : ndarray, shape (3,)
         1-sigma of position [m], velocity [m/s] and attitude [rad], north, east, down (attitude: about these axes).
     health : str
-        See :data:`Health`.
+        See :data:`Health`; of a smoothed one, that of the run when it was made.
+    smoother_lag_s : float
+        How much later data are in it; 0 of a filtered solution. [s]
     """
 
     t: float
@@ -241,3 +243,4 @@ class Solution:
     sigma_v_n: FloatArray
     sigma_psi_n: FloatArray
     health: Health
+    smoother_lag_s: float = 0.0

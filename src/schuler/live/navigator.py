@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from schuler.arrays import ArrayLike, FloatArray
+from schuler.arrays import ArrayLike, BoolArray, FloatArray
 from schuler.calibration.result.result import CalibrationResult
-from schuler.exceptions import ConfigError, FileFormatError, InputError
+from schuler.exceptions import FileFormatError, InputError
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule, merged
 from schuler.filtering.states import StateLayout
-from schuler.live.aids import LiveAids, series_of
+from schuler.live.aids import LiveAids
+from schuler.live.checks import check_live, checked, checked_together, name_of
 from schuler.live.collection import JUDGED_S, Collection
 from schuler.live.health import HealthMonitor
 from schuler.live.messages import (
@@ -37,12 +38,12 @@ from schuler.live.messages import (
 from schuler.live.preparation import PreparedSamples, SamplePreparation
 from schuler.live.readings import imu_readings
 from schuler.live.replay import ReplayFilter
+from schuler.live.smoothing import smoothed
 from schuler.live.stamps import Stamps
+from schuler.live.start import start
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.navigator_file import read_document, write_document
-from schuler.navigation.prepared import PreparedRun
-from schuler.navigation.run import prepared_run
 from schuler.navigation.start.alignment import aligned_sentence
 from schuler.navigation.start.calibration import configured_start
 from schuler.navigation.states import imu_spec
@@ -51,16 +52,19 @@ from schuler.recording.io.own import time_document, time_from
 from schuler.recording.series import GnssSeries, ImuSeries, Kind
 from schuler.timebase import TimeBase
 
-_BLOCK = 100  # samples that are filtered together at most ...
-_BLOCK_S = 0.2  # ... unless they take longer to come, or the solution is asked for [s]
+_BLOCK_S = 1.0  # samples of so long are filtered together, unless the solution is asked for before [s]
+_COLLECTED_S = 0.2  # the same before the start [s]
+_BLOCK = 1000  # of them at most
+_WAITING = 16  # fixes and readings among them at most; fewer than would make a log's contradictions
 _JUDGE_S = 1.0  # how often health is judged [s]
 _AHEAD_S = 60.0  # a measurement stamped later than the newest sample by more is of another clock [s]
 _REPEATED_S = 10.0  # events of one sort are said once in so long, with their number [s]
 _KEPT_EVENTS = 1000
+_LIMITS = np.array([MAX_RATE] * 3 + [MAX_FORCE] * 3)
 _NO_SAMPLES = ImuSeries(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
 
 #: Format and version of the files of :meth:`LiveNavigator.save`.
-STATE_FORMAT = "schuler/live/1"
+STATE_FORMAT = "schuler/live/2"
 
 
 class LiveNavigator:
@@ -92,20 +96,27 @@ class LiveNavigator:
         *,
         calibration: CalibrationResult | Path | str | None = None,
         lag_s: float = 10.0,
+        smoother_lag_s: float | None = None,
         kind: Kind | None = None,
         on_event: Callable[[Event], None] | None = None,
     ) -> None:
         if not (math.isfinite(lag_s) and 0.0 < lag_s <= 600.0):
             raise InputError(f"lag_s: expected a time up to 600 s that measurements may come late, got {lag_s!r}")
-        _check(config)
-        self.config, self.lag_s, self.kind = config, lag_s, kind
+        if smoother_lag_s is not None and not 0.0 < smoother_lag_s <= 60.0:
+            raise InputError(f"smoother_lag_s: expected a lag of the smoother up to 60 s, got {smoother_lag_s!r}")
+        check_live(config)
+        self.config, self.lag_s, self.smoother_lag_s, self.kind = config, lag_s, smoother_lag_s, kind
         self._calibration = calibration
         self._readings = imu_readings(config, kind)
-        self._on_event = on_event
+        #: Called with every event.
+        self.on_event = on_event
+        self._is_si = self._readings.is_si
         self._events: deque[Event] = deque(maxlen=_KEPT_EVENTS)
         self._repeated: dict[str, tuple[float, int]] = {}
         self._queue = np.empty((_BLOCK, 8))  # t, gyro, accel, temperature
         self._queued = 0
+        self._span = (-math.inf, -math.inf)  # stamps of samples that may join the queue [s]
+        self._waiting: list[tuple[int, Fix | Speed | Heading | Height]] = []  # with the samples queued before each
         self._health: Health = "aligning"
         #: Meaning of zero seconds, for whoever knows it; saved with the state.
         self.time: TimeBase | None = None
@@ -118,6 +129,7 @@ class LiveNavigator:
         *,
         calibration: CalibrationResult | Path | str | None = None,
         lag_s: float = 10.0,
+        smoother_lag_s: float | None = None,
         kind: Kind | None = None,
         on_event: Callable[[Event], None] | None = None,
     ) -> LiveNavigator:
@@ -131,6 +143,9 @@ class LiveNavigator:
             Calibration of this unit, instead of ``imu.calibration`` of the configuration.
         lag_s : float
             How late a measurement may come. [s]
+        smoother_lag_s : float, optional
+            Lag of :meth:`smoothed`, up to 60; memory and the time in which measurements may come late are as long at
+            least. [s]
         kind : {"rate", "increment"}, optional
             Samples come in SI and forward-right-down axes, as the series of a recording have them, and are of this
             kind. None: they come in units, axes and kind of ``[recording.imu]``.
@@ -142,7 +157,10 @@ class LiveNavigator:
         ConfigError
             If the configuration is wrong, or asks for what a live run has not.
         """
-        return cls(NavigationConfig.checked(config), calibration=calibration, lag_s=lag_s, kind=kind, on_event=on_event)
+        return cls(
+            NavigationConfig.checked(config), calibration=calibration, lag_s=lag_s, smoother_lag_s=smoother_lag_s,
+            kind=kind, on_event=on_event,
+        )  # fmt: skip
 
     # -- what comes -----------------------------------------------------------------------------------------------
 
@@ -159,28 +177,32 @@ class LiveNavigator:
             [degC]
         """
         k = self._queued
+        if k == 0:
+            self._span = t, t + (_COLLECTED_S if self._filter is None else _BLOCK_S)
         row = self._queue[k]
         row[0], row[1:4], row[4:7], row[7] = t, gyro, accel, temperature
         self._queued = k + 1
-        if k + 1 == _BLOCK or t - self._queue[0, 0] >= _BLOCK_S:
+        if k + 1 == _BLOCK or not self._span[0] <= t < self._span[1]:
             self._work()
 
     def imu_many(self, t: ArrayLike, gyro: ArrayLike, accel: ArrayLike, temperature: ArrayLike | None = None) -> None:
         """Take consecutive samples at once; shapes (n,), (n, 3), (n, 3), (n,)."""
         t = np.asarray(t, dtype=np.float64)
-        rows = np.full((len(t), 8), np.nan)
-        rows[:, 0], rows[:, 1:4], rows[:, 4:7] = t, gyro, accel
-        if temperature is not None:
-            rows[:, 7] = temperature
-        stop = self._queued + len(rows)
-        if stop >= _BLOCK:
-            self._work()
-            self._take(rows)
-            return
-        self._queue[self._queued : stop] = rows
-        self._queued = stop
-        if stop and self._queue[stop - 1, 0] - self._queue[0, 0] >= _BLOCK_S:
-            self._work()
+        n = len(t)
+        for first in range(0, n, _BLOCK):
+            part = slice(first, min(first + _BLOCK, n))
+            if self._queued + part.stop - first > _BLOCK:
+                self._work()
+            k, stop = self._queued, self._queued + part.stop - first
+            rows = self._queue[k:stop]
+            rows[:, 0], rows[:, 1:4], rows[:, 4:7] = t[part], np.asarray(gyro)[part], np.asarray(accel)[part]
+            rows[:, 7] = math.nan if temperature is None else np.asarray(temperature)[part]
+            if k == 0:
+                begin = float(rows[0, 0])
+                self._span = begin, begin + (_COLLECTED_S if self._filter is None else _BLOCK_S)
+            self._queued = stop
+            if stop == _BLOCK or not self._span[0] <= rows[-1, 0] < self._span[1]:
+                self._work()
 
     def fix(
         self,
@@ -219,8 +241,9 @@ class LiveNavigator:
         elif isinstance(message, ImuBlock):
             self.imu_many(message.t, message.gyro, message.accel, message.temperature)
         else:
-            self._work()
-            self._measure(message)
+            self._waiting.append((self._queued, message))
+            if len(self._waiting) == _WAITING or not self._queued:
+                self._work()
 
     # -- what is asked for ----------------------------------------------------------------------------------------
 
@@ -234,11 +257,35 @@ class LiveNavigator:
             return None
         self._filter.run()
         state = self._filter.state
-        nav = state.navigation
-        llh, n = nav.llh, state.layout.size
-        T = ecef_from_ned_states(llh, n)[:9, :9]
-        sigma = np.sqrt(np.maximum(np.einsum("ji,jk,ki->i", T, state.covariance_e[:9, :9], T), 0.0))
-        return Solution(nav.t, llh, nav.v_eb_n, nav.rpy_nb, sigma[6:9], sigma[3:6], sigma[0:3], self._health)
+        return self._solution(state.navigation, state.covariance_e)
+
+    def smoothed(self) -> Solution | None:
+        """Solution ``smoother_lag_s`` before the newest sample, by the batch smoother with all that came so far.
+
+        None while the run is younger.
+
+        Raises
+        ------
+        InputError
+            If the run was made without ``smoother_lag_s``.
+        """
+        if self.smoother_lag_s is None:
+            raise InputError("smoothed: the run has no smoother; make it with smoother_lag_s")
+        self._work()
+        if self._filter is None:
+            return None
+        self._filter.run()
+        state = smoothed(self._filter, self.smoother_lag_s)
+        return None if state is None else self._solution(*state, self.smoother_lag_s)
+
+    def _solution(self, nav: NavState, covariance_e: FloatArray, smoother_lag_s: float = 0.0) -> Solution:
+        """A navigation state and its covariance in Earth-fixed axes, as given out."""
+        llh = nav.llh
+        T = ecef_from_ned_states(llh, 9)
+        sigma = np.sqrt(np.maximum(np.einsum("ji,jk,ki->i", T, covariance_e[:9, :9], T), 0.0))
+        return Solution(
+            nav.t, llh, nav.v_eb_n, nav.rpy_nb, sigma[6:9], sigma[3:6], sigma[0:3], self._health, smoother_lag_s
+        )
 
     @property
     def health(self) -> Health:
@@ -248,16 +295,19 @@ class LiveNavigator:
     @property
     def events(self) -> list[Event]:
         """The newest thousand events."""
+        self._work()
         return list(self._events)
 
     @property
     def initial(self) -> InitialState | None:
         """Initial state of the run, as aligned; None before."""
+        self._work()
         return self._initial
 
     @property
     def layout(self) -> StateLayout | None:
         """States of the filter; None before the alignment."""
+        self._work()
         return None if self._filter is None else self._filter.layout
 
     @property
@@ -322,8 +372,9 @@ class LiveNavigator:
         try:
             config = NavigationConfig.parse(document["config"], str(path))
             live = cls(
-                config, calibration=calibration, lag_s=document["lag_s"], kind=document["kind"], on_event=on_event
-            )
+                config, calibration=calibration, lag_s=document["lag_s"], smoother_lag_s=document["smoother_lag_s"],
+                kind=document["kind"], on_event=on_event,
+            )  # fmt: skip
             live._restore(document)
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise FileFormatError(f"holds no live run: {error}", path) from None
@@ -337,15 +388,12 @@ class LiveNavigator:
             assert self._preparation is not None
             assert self._aids is not None
             assert self._initial is not None
-            monitor, nav = self._monitor, self._initial.nav
+            nav = self._initial.nav
             run = {
                 "filter": self._filter.document(),
                 "preparation": self._preparation.document(),
                 "aids": self._aids.document(),
-                "monitor": {
-                    "settled": [list(row) for row in monitor.settled], "placed": monitor.placed,
-                    "usual_s": monitor.usual_s,
-                },
+                "monitor": self._monitor.document(),
                 "initial": {
                     "t": nav.t, "r_eb_e": nav.r_eb_e, "v_eb_e": nav.v_eb_e, "q_eb": nav.q_eb, "P": self._initial.P,
                     "parameters": self._initial.parameters,
@@ -355,6 +403,7 @@ class LiveNavigator:
         return {
             "config": self.config.model_dump(mode="json", exclude_unset=True),
             "lag_s": self.lag_s,
+            "smoother_lag_s": self.smoother_lag_s,
             "kind": self.kind,
             "time": None if self.time is None else time_document(self.time),
             "calibration": self._provenance,
@@ -391,9 +440,8 @@ class LiveNavigator:
         self._preparation = SamplePreparation(self.config, self._readings.kind, interval, calibrated)
         self._preparation.restore(run["preparation"])
         self._aids = LiveAids.restored(self.config, imu_spec(self.config), run["aids"])
-        m, i = run["monitor"], run["initial"]
-        self._monitor = HealthMonitor(placed=m["placed"], usual_s=m["usual_s"])
-        self._monitor.settled.extend((t, int(kind), int(status), nis) for t, kind, status, nis in m["settled"])
+        i = run["initial"]
+        self._monitor = HealthMonitor.restored(run["monitor"])
         self._initial = InitialState(NavState(i["t"], i["r_eb_e"], i["v_eb_e"], i["q_eb"]), i["P"], i["parameters"])
         self._judged_at = run["judged_at"]
 
@@ -415,40 +463,57 @@ class LiveNavigator:
         self._newest = math.nan  # time of the newest sample, on the GNSS clock [s]
 
     def _work(self) -> None:
-        """Take the samples in the queue."""
-        if self._queued:
-            rows = self._queue[: self._queued].copy()
-            self._queued = 0
+        """Take what is in the queue."""
+        if not self._queued and not self._waiting:
+            return
+        rows, waiting = self._queue[: self._queued].copy(), self._waiting
+        self._queued, self._waiting = 0, []
+        if self._filter is not None and self._stamps.continues(rows[:, 0]):
+            # measurements before the samples they are of: the filter does not go back for them
+            newest = float(rows[-1, 0]) + self.config.imu.clock_shift_s if len(rows) else self._newest
+            self._measure([message for _, message in waiting], newest)
             self._take(rows)
+            return
+        first = 0
+        for count, message in waiting:
+            self._take(rows[first:count])
+            self._measure([message], self._newest)
+            first = count
+        self._take(rows[first:])
 
     def _take(self, rows: FloatArray) -> None:
         """Take raw samples: time, rate, specific force, temperature. Shape (n, 8)."""
         while len(rows):
-            gyro, accel = self._readings.to_si(rows[:, 1:4], rows[:, 4:7])
-            x = np.column_stack((rows[:, 0], gyro, accel, rows[:, 7]))
+            x = rows
+            if not self._is_si:
+                gyro, accel = self._readings.to_si(rows[:, 1:4], rows[:, 4:7])
+                x = np.column_stack((rows[:, 0], gyro, accel, rows[:, 7]))
             bad = self._impossible(x)
-            if bad.any():
+            if bad is not None:
                 self._say("imu", f"{int(bad.sum())} IMU samples left out that no sensor reads", "impossible")
                 rows, x = rows[~bad], x[~bad]
             taken, sentence, resumed = self._stamps.judge(x[:, 0])
             if sentence:
                 self._say("imu", sentence, "stamps")
-            if taken.any():
-                self._extend(x[taken])
+            x = x if taken.all() else x[taken]
+            if len(x):
+                self._extend(x)
             if resumed >= len(rows):
                 return
             self._restart(f"the IMU goes on at {rows[resumed, 0]:.3f} s, which does not continue {self._newest:.3f} s")
             rows = rows[resumed:]
 
-    def _impossible(self, x: FloatArray) -> Any:
-        """Samples with readings that are none. Shape (n,)."""
+    def _impossible(self, x: FloatArray) -> BoolArray | None:
+        """Samples with readings that are none, shape (n,); None if there are none of these."""
         per = 1.0
         if self._readings.kind == "increment":
             per = 1.0 / (0.01 if self._preparation is None else self._preparation.recent.interval_s)
         with np.errstate(invalid="ignore"):
-            limits = np.array([MAX_RATE] * 3 + [MAX_FORCE] * 3)
-            good: Any = np.all(np.abs(x[:, 1:7]) * per <= limits, axis=1)
-        return ~good
+            good: BoolArray = np.abs(x[:, 1:7]) * per <= _LIMITS
+        if good.all():
+            return None
+        bad: BoolArray = ~np.all(good, axis=1)
+        return bad
 
     def _extend(self, x: FloatArray) -> None:
         """Take samples that follow those before. Shape (n, 8)."""
@@ -488,13 +553,11 @@ class LiveNavigator:
         if run is None or not len(measurements):
             return
         late, repeated = run.aid(measurements)
-        if repeated:
-            self._say("measurement", f"a measurement of {measurements.t.min():.3f} s came again", "repeated")
-        if late:
+        if len(repeated):
+            self._say("measurement", f"a measurement of {repeated[0]:.3f} s came again", "repeated")
+        if len(late):
             self._say(
-                "late",
-                f"measurements of {measurements.t.min():.3f} s left out, more than lag_s = {self.lag_s:g} s late",
-                "late",
+                "late", f"measurements of {late[0]:.3f} s left out, more than lag_s = {run.lag_s:g} s late", "late"
             )
 
     def _judge(self) -> None:
@@ -513,17 +576,31 @@ class LiveNavigator:
             self._say("health", f"{self._health} becomes {health}", f"health {health}")
             self._health = health
 
-    def _measure(self, message: Fix | Speed | Heading | Height) -> None:
+    def _measure(self, messages: Sequence[Fix | Speed | Heading | Height], newest: float) -> None:
+        """Take fixes and readings that came before a sample of a time, or soon after."""
+        aids, together = self._aids, checked_together(messages)
+        if aids is not None and together is not None and together.t[-1] <= newest + _AHEAD_S:
+            fixes = [m for m in messages if isinstance(m, Fix)]
+            if aids.takes_together(fixes):
+                if self._collection is not None:
+                    self._collection.messages += fixes
+                self._aid(self._measurements(aids, fixes, together))
+                return
+        for message in messages:
+            self._measure_one(message, newest)
+
+    def _measure_one(self, message: Fix | Speed | Heading | Height, newest: float) -> None:
         """Take a fix or reading."""
         try:
-            series = _checked(message)
+            series = checked(message)
         except (InputError, ValueError) as error:
-            self._say("measurement", f"a {_name(message)} is left out: {error}", f"{_name(message)} {str(error)[:40]}")
+            text = f"a {name_of(message)} is left out: {error}"
+            self._say("measurement", text, f"{name_of(message)} {str(error)[:40]}")
             return
-        if message.t > self._newest + _AHEAD_S:
+        if message.t > newest + _AHEAD_S:
             self._say(
                 "clock",
-                f"a {_name(message)} of {message.t:.3f} s is left out: it is ahead of the IMU by more than "
+                f"a {name_of(message)} of {message.t:.3f} s is left out: it is ahead of the IMU by more than "
                 f"{_AHEAD_S:g} s, so one of the clocks has another zero",
                 "ahead",
             )
@@ -531,27 +608,29 @@ class LiveNavigator:
         if self._collection is not None:
             self._collection.add(message)
         if self._aids is not None:
-            self._aid(self._measurements(self._aids, message, series))
+            self._aid(self._measurements(self._aids, [message], series))
 
     def _measurements(
-        self, aids: LiveAids, message: Fix | Speed | Heading | Height, series: GnssSeries | None
+        self, aids: LiveAids, messages: Sequence[Fix | Speed | Heading | Height], series: GnssSeries | None
     ) -> MeasurementSchedule:
-        """Measurements of one message; one that is none is said."""
+        """Measurements of a message, or of fixes taken together; what is none is said."""
         notes: list[str] = []
+        message = messages[0]
         try:
             if isinstance(message, Fix):
-                made = MeasurementSchedule.empty() if series is None else aids.fix(series, notes)
+                fixes = [m for m in messages if isinstance(m, Fix)]
+                made = MeasurementSchedule.empty() if series is None else aids.fix(fixes, series, notes)
             else:
                 made = aids.reading(message)
         except InputError as error:
-            self._say("measurement", f"a {_name(message)} is left out: {error}", _name(message))
+            self._say("measurement", f"a {name_of(message)} is left out: {error}", name_of(message))
             return MeasurementSchedule.empty()
         for note in notes:
             self._say("measurement", note, note[:20])
         return made
 
     def _start(self) -> None:
-        """Align by the start of a batch run over what came so far, and filter from there to the newest sample.
+        """Align over what came so far, and filter from there to the newest sample.
 
         Done again when the fixes that judge the heading of a log are there too; nothing changes if they confirm it.
         """
@@ -559,43 +638,28 @@ class LiveNavigator:
         assert collection is not None
         again = self._filter is not None
         try:
-            prepared = prepared_run(collection.recording(), _forward(self.config), calibration=self._calibration)
+            begun = start(
+                collection, self.config, self._calibration, self._readings.kind, self.lag_s, self.smoother_lag_s,
+                self._initial if again else None,
+            )  # fmt: skip
         except InputError as error:
             if str(error) != self._obstacle and not again:
                 self._obstacle = str(error)
                 self._say("start", f"not aligned yet: {error}", "obstacle")
             return
-        initial = prepared.initial
-        if again and self._initial is not None and _same(initial, self._initial):
+        if begun is None:
             return
-        self._initial = initial
-        self._provenance = None if prepared.calibrated is None else prepared.calibrated.provenance
-        self._temperature = float(np.mean(collection.imu["temperature"]))
-        self._filter, self._preparation, self._aids, samples = self._prepare(prepared, collection)
-        self._monitor = HealthMonitor(placed=initial.nav.t)
-        self._filter.extend(samples)
-        schedules = [self._measurements(self._aids, m, _checked(m)) for m in collection.messages]
-        self._aid(merged(self._aids.known_places(), *schedules, self._aids.extend(samples)))
-        self._filter.run()
-        sentence = aligned_sentence(initial, "as the batch run does", float(collection.imu["t"][0]))
+        for sentence in begun.sentences:
+            self._say("imu", sentence, "bridged")
+        self._initial, self._provenance, self._temperature = begun.initial, begun.provenance, begun.temperature
+        self._filter, self._preparation, self._aids = begun.filter, begun.preparation, begun.aids
+        self._monitor = HealthMonitor(placed=begun.initial.nav.t)
+        schedules = [self._measurements(begun.aids, [m], checked(m)) for m in collection.messages]
+        self._aid(merged(begun.aids.known_places(), *schedules, begun.aids.extend(begun.samples)))
+        begun.filter.run()
+        sentence = aligned_sentence(begun.initial, "as the batch run does", float(collection.imu["t"][0]))
         self._say("start", f"{'the start is revised: ' if again else ''}{sentence}", "aligned")
         self._judge()
-
-    def _prepare(
-        self, prepared: PreparedRun, collection: Collection
-    ) -> tuple[ReplayFilter, SamplePreparation, LiveAids, PreparedSamples]:
-        """Filter, preparation and aids of a start, and the samples collected."""
-        raw, initial = collection.imu, prepared.initial
-        interval = float(np.median(prepared.increments.dt))
-        preparation = SamplePreparation(self.config, self._readings.kind, interval, prepared.calibrated)
-        samples, sentences = preparation.take(raw["t"], raw["gyro"], raw["accel"], raw["temperature"])
-        for sentence in sentences:
-            self._say("imu", sentence, "bridged")
-        options = replace(prepared.options, smoother=False, gap_s=None, gap_gyro=0.0, gap_accel=0.0)
-        run = ReplayFilter(initial, prepared.layout, prepared.psd, options, interval, self.lag_s)
-        imu = ImuSeries(samples.t, samples.rate, samples.force)
-        aids = LiveAids(self.config, prepared.spec, initial.nav.t, collection.origin, imu, interval)
-        return run, preparation, aids, samples
 
     def _restart(self, reason: str) -> None:
         """Give up the present run and align anew."""
@@ -618,51 +682,5 @@ class LiveNavigator:
         self._repeated[sort] = (now, 0)
         event = Event(now, kind, text + (f" ({count} more like the last one since)" if count else ""))
         self._events.append(event)
-        if self._on_event is not None:
-            self._on_event(event)
-
-
-def _check(config: NavigationConfig) -> None:
-    """Raise ConfigError if the configuration asks for what a live run has not."""
-    if config.gnss.coupling not in ("loose", "off"):
-        raise ConfigError(
-            f'gnss.coupling: expected "loose" or "off" for a live run, got "{config.gnss.coupling}"; navigate the log'
-        )
-    if config.filter.tune is True:
-        raise ConfigError(
-            "filter.tune: a live run cannot tune its noise; put what `schuler tune` finds on a log into the "
-            "configuration"
-        )
-    if config.outages.windows_s or config.outages.every_s is not None:
-        raise ConfigError("outages: a live run withholds no fixes; leave the section out, or the fixes")
-
-
-def _forward(config: NavigationConfig) -> NavigationConfig:
-    """The configuration for a run forward with its noise as stated."""
-    return config.model_copy(update={"filter": config.filter.model_copy(update={"smooth": False, "tune": False})})
-
-
-def _same(a: InitialState, b: InitialState) -> bool:
-    """Whether two starts are one: time, navigation state, parameters and covariance."""
-    if a.nav.t != b.nav.t:
-        return False
-    pairs = ((a.nav.q_eb, b.nav.q_eb), (a.nav.v_eb_e, b.nav.v_eb_e), (a.nav.r_eb_e, b.nav.r_eb_e), (a.P, b.P))
-    return all(np.array_equal(x, y) for x, y in (*pairs, (a.parameters, b.parameters)))
-
-
-def _checked(message: Fix | Speed | Heading | Height) -> GnssSeries | None:
-    """A fix as a series of one, nothing of a reading; InputError says why a message is none."""
-    if not math.isfinite(message.t):
-        raise InputError("it has no time")
-    if isinstance(message, Fix):
-        return series_of([message])
-    value = message.speed if isinstance(message, Speed) else message.value
-    if not math.isfinite(value):
-        raise InputError(f"expected a number, got {value}")
-    if message.sigma is not None and not 0.0 < message.sigma < math.inf:
-        raise InputError(f"expected a positive 1-sigma, got {message.sigma}")
-    return None
-
-
-def _name(message: Fix | Speed | Heading | Height) -> str:
-    return type(message).__name__.lower()
+        if self.on_event is not None:
+            self.on_event(event)

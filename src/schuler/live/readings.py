@@ -33,6 +33,11 @@ class Readings:
     accel: FloatArray
     C_bs: FloatArray
 
+    @property
+    def is_si(self) -> bool:
+        """Whether samples come in SI and forward-right-down axes."""
+        return bool(np.all(self.gyro == 1.0) and np.all(self.accel == 1.0) and np.array_equal(self.C_bs, np.eye(3)))
+
     def to_si(self, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Angular rate and specific force, or their integrals, in SI and forward-right-down axes. Shapes (n, 3)."""
         return (gyro * self.gyro) @ self.C_bs.T, (accel * self.accel) @ self.C_bs.T

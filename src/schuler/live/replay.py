@@ -11,7 +11,15 @@ import numpy as np
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, FilterState
-from schuler.filtering.filter_arrays import Aiding, FilterArrays, ImuStream, NodeArrays, RecordArrays, TrajectoryArrays
+from schuler.filtering.filter_arrays import (
+    Aiding,
+    FilterArrays,
+    ImuStream,
+    NodeArrays,
+    RecordArrays,
+    Settings,
+    TrajectoryArrays,
+)
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import (
     EARTH_RATE,
@@ -89,7 +97,7 @@ class ReplayFilter:
         self.state = FilterState(initial, layout, *psd, options, interval_s)
         self.samples = Columns(t=0, dt=0, dtheta=3, dv=3, unknown=2)
         self.aiding = Aiding.of(MeasurementSchedule.empty())
-        self.snapshots: deque[FilterArrays] = deque([_copied(self.state.arrays)])
+        self.snapshots: deque[FilterArrays] = deque([copied(self.state.arrays)])
         n = layout.size
         # one record that is not read: a batch run propagates its covariance for records, and so does this one
         self._out = TrajectoryArrays.of_size(0), RecordArrays.of_size(1, n), NodeArrays.of_size(0, 0, n, 0)
@@ -104,6 +112,11 @@ class ReplayFilter:
         """Measurements of this time and before come too late. [s]"""
         return float(self.snapshots[0].times[0])
 
+    @property
+    def propagation_s(self) -> float:
+        """Longest time between two propagations of the covariance. [s]"""
+        return self.state.settings.every * self.interval_s
+
     def extend(self, samples: PreparedSamples) -> None:
         """Append samples; those that begin before the filter's start are left out."""
         first = int(np.searchsorted(samples.t - samples.dt, self.oldest - 1e-6))
@@ -113,15 +126,16 @@ class ReplayFilter:
             unknown=samples.unknown[part],
         )  # fmt: skip
 
-    def aid(self, measurements: MeasurementSchedule) -> tuple[int, int]:
+    def aid(self, measurements: MeasurementSchedule) -> tuple[FloatArray, FloatArray]:
         """Put measurements in, each at its own time.
 
         Returns
         -------
-        late, repeated : int
-            Number of those left out that came too late, and of those whose kind is there already at their time.
+        late, repeated : ndarray
+            Times of those left out that came too late, and of those whose kind is there already at their time. [s]
         """
-        used, repeated = measurements.where(measurements.t > self.oldest + 1e-6), 0
+        late = measurements.t <= self.oldest + 1e-6
+        used, repeated = measurements.where(~late) if late.any() else measurements, np.empty(0)
         if len(used):
             if used.t.min() <= self.time + _SAME:
                 self._go_back(float(used.t.min()))
@@ -129,32 +143,31 @@ class ReplayFilter:
             t, kind = both[0], both[1]
             order = np.lexsort((_RANK[kind], t))
             again = (np.diff(t[order]) == 0.0) & (np.diff(kind[order]) == 0)
-            repeated = int(again.sum())
-            order = order[np.concatenate(([True], ~again))]
+            if again.any():
+                repeated = t[order[1:][again]]
+                order = order[np.concatenate(([True], ~again))]
             self.aiding = Aiding._make(np.ascontiguousarray(x[order]) for x in both)
-        return len(measurements) - len(used), repeated
+        return measurements.t[late], repeated
 
     def run(self) -> None:
         """Filter up to the newest sample."""
-        from schuler.filtering.kernels import run as k
-
-        x, state = self.samples, self.state
-        arrays, t = state.arrays, x["t"]
+        t, arrays = self.samples["t"], self.state.arrays
         first, n = int(np.searchsorted(t, self.time, side="right")), len(t)
         while first < n:
-            stop, settings = self._piece(first), state.settings
-            unknown = x["unknown"][first]
-            if unknown.any():
-                settings = settings._replace(gap_s=0.0, gap_gyro=float(unknown[0]), gap_accel=float(unknown[1]))
-            rows = slice(first, stop)
-            stream = ImuStream(x["dtheta"][rows], x["dv"][rows], x["dt"][rows], t[rows], False)
-            j = int(np.searchsorted(self.aiding.t, self.time + _SAME, side="right"))
-            aiding = Aiding._make(a[j:] for a in self.aiding)
-            arrays.counts[k.CNT_MEAS] = 0
-            k.run_filter(stream, aiding, arrays, state.model, settings, state.work, *self._out)
+            stop = self._piece(first, float(self.snapshots[-1].times[0]) + SNAPSHOT_S)
+            self._call(arrays, self.state.settings, slice(first, stop), False, self._out)
             first = stop
             if self.time >= float(self.snapshots[-1].times[0]) + SNAPSHOT_S - 1e-9:
-                self.snapshots.append(_copied(arrays))
+                self.snapshots.append(copied(arrays))
+
+    def run_again(self, arrays: FilterArrays, first: int, trajectory: TrajectoryArrays, nodes: NodeArrays) -> None:
+        """Carry another state, that of a sample's beginning, to the newest sample, with all that a log's run keeps."""
+        out = trajectory, self._out[1], nodes
+        settings, n = self.state.settings._replace(output_every=1), len(self.samples)
+        while first < n:
+            stop = self._piece(first, np.inf)
+            self._call(arrays, settings, slice(first, stop), stop == n, out)
+            first = stop
 
     def forget(self) -> Judged:
         """Drop what is older than the lag; the measurements that cannot change any more."""
@@ -211,10 +224,30 @@ class ReplayFilter:
         run.aiding = Aiding(**document["aiding"])
         return run
 
-    def _piece(self, first: int) -> int:
+    def _call(
+        self,
+        arrays: FilterArrays,
+        settings: Settings,
+        rows: slice,
+        ends: bool,
+        out: tuple[TrajectoryArrays, RecordArrays, NodeArrays],
+    ) -> None:
+        """Filter samples that are a bridged pause, or without one, in one call of the kernel."""
+        from schuler.filtering.kernels import run as k
+
+        x, state = self.samples, self.state
+        unknown = x["unknown"][rows.start]
+        if unknown.any():
+            settings = settings._replace(gap_s=0.0, gap_gyro=float(unknown[0]), gap_accel=float(unknown[1]))
+        stream = ImuStream(x["dtheta"][rows], x["dv"][rows], x["dt"][rows], x["t"][rows], ends)
+        j = int(np.searchsorted(self.aiding.t, arrays.times[0] + _SAME, side="right"))
+        aiding = Aiding._make(a[j:] for a in self.aiding)
+        arrays.counts[k.CNT_MEAS] = 0
+        k.run_filter(stream, aiding, arrays, state.model, settings, state.work, *out)
+
+    def _piece(self, first: int, due: float) -> int:
         """End of the samples that one call of the kernel takes: to the next state to be stored, or bridged pause."""
         t, unknown = self.samples["t"], self.samples["unknown"]
-        due = float(self.snapshots[-1].times[0]) + SNAPSHOT_S
         stop = min(int(np.searchsorted(t, due - 1e-9)) + 1, len(t))
         stop = max(stop, first + 1)
         bridged = np.flatnonzero(unknown[first:stop, 0] + unknown[first:stop, 1] > 0.0)
@@ -234,5 +267,6 @@ def _named(arrays: FilterArrays | Aiding) -> dict[str, Any]:
     return {name: np.array(value) for name, value in arrays._asdict().items()}
 
 
-def _copied(arrays: FilterArrays) -> FilterArrays:
+def copied(arrays: FilterArrays) -> FilterArrays:
+    """A state of its own with the same numbers."""
     return FilterArrays._make(x.copy() for x in arrays)

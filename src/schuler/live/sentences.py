@@ -107,7 +107,8 @@ def json_of(item: Solution | Event, base: TimeBase | None) -> str:
     if isinstance(item, Event):
         values |= {"event": item.kind, "text": item.text}
     else:
-        values |= {"health": item.health, **columns_of(item)}
+        smoothed = {"smoother_lag_s": item.smoother_lag_s} if item.smoother_lag_s else {}
+        values |= {"health": item.health, **smoothed, **columns_of(item)}
     return json.dumps({k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()})
 
 

@@ -111,6 +111,7 @@ def run_session(
     clock: SourceClock,
     sinks: Sequence[Sink],
     *,
+    smoothed_sinks: Sequence[Sink] = (),
     stop: threading.Event,
     rate_hz: float = 10.0,
     every_s: float = 60.0,
@@ -127,6 +128,8 @@ def run_session(
     clock : SourceClock
         That of the decoders.
     sinks : sequence of Sink
+    smoothed_sinks : sequence of Sink
+        Take the smoothed solution whenever ``sinks`` take the newest one, if the navigator has a smoother.
     stop : Event
         Ends the run when it is set.
     rate_hz : float
@@ -187,6 +190,10 @@ def run_session(
             summary.solutions += 1
             for sink in sinks:
                 sink.solution(newest)
+            smoothed = navigator.smoothed() if smoothed_sinks else None
+            if smoothed is not None:
+                for sink in smoothed_sinks:
+                    sink.solution(smoothed)
 
     def count() -> None:
         for source in sources:

@@ -82,6 +82,8 @@ class SolutionTable:
     path : Path
     clock : SourceClock
         Its time base is written with the file.
+    smoothed : bool
+        What the file says of its solutions.
 
     Raises
     ------
@@ -89,10 +91,10 @@ class SolutionTable:
         Without pyarrow (extra ``data``).
     """
 
-    def __init__(self, path: Path, clock: SourceClock) -> None:
+    def __init__(self, path: Path, clock: SourceClock, smoothed: bool = False) -> None:
         if importlib.util.find_spec("pyarrow") is None:  # said now, and not after days
             raise MissingExtraError("pyarrow", "data", "recording a solution")
-        self._path, self._clock = path, clock
+        self._path, self._clock, self._smoothed = path, clock, smoothed
         self._rows: list[Solution] = []
         self._parts: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
         self._thread: threading.Thread | None = None
@@ -138,7 +140,7 @@ class SolutionTable:
 
     def _run(self, base: TimeBase) -> None:
         meta = {
-            "format": SOLUTION_FORMAT, "smoothed": False, "live": True,
+            "format": SOLUTION_FORMAT, "smoothed": self._smoothed, "live": True,
             "provenance": {"time": time_document(base)},
         }  # fmt: skip
         parts = iter(self._parts.get, None)

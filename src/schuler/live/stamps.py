@@ -29,6 +29,14 @@ class Stamps:
         self.other = -math.inf  # newest sample of what may be another clock [s]
         self.count = 0  # samples of that clock
 
+    def continues(self, t: FloatArray) -> bool:
+        """Whether all of these stamps follow the newest sample and each other. Shape (n,)."""
+        if not len(t):
+            return True
+        step = t[1:] - t[:-1]
+        first = float(t[0]) - self.last
+        return 0.0 < first <= self.max_gap_s and bool((step > 0.0).all() and (step <= self.max_gap_s).all())
+
     def judge(self, t: FloatArray) -> tuple[BoolArray, str, int]:
         """Samples to be taken.
 
@@ -48,9 +56,13 @@ class Stamps:
             what follows are for the next call.
         """
         n = len(t)
+        if self.continues(t):
+            if n:
+                self.last, self.count = float(t[-1]), 0
+            return np.ones(n, dtype=bool), "", n
         with np.errstate(invalid="ignore"):
             step = np.diff(t, prepend=self.last)
-        if n and np.all(step > 0.0) and (np.all(step <= self.max_gap_s) or self._is_first(step)):
+        if n and np.all(step > 0.0) and self._is_first(step):
             self.last, self.count = float(t[-1]), 0
             return np.ones(n, dtype=bool), "", n
         taken = np.zeros(n, dtype=bool)

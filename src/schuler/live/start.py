@@ -1,0 +1,107 @@
+"""Start of a live run: the batch run's own alignment over what was collected, and the filter that goes on from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler.calibration.result.result import CalibrationResult
+from schuler.filtering.initial_state import InitialState
+from schuler.live.aids import LiveAids
+from schuler.live.collection import Collection
+from schuler.live.preparation import PreparedSamples, SamplePreparation
+from schuler.live.replay import ReplayFilter
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.run import prepared_run
+from schuler.recording.series import ImuSeries, Kind
+
+
+@dataclass(frozen=True)
+class Start:
+    """A live run at its beginning.
+
+    Attributes
+    ----------
+    initial : InitialState
+    provenance : dict, optional
+        Of the calibration.
+    temperature : float
+        Mean of the samples collected, NaN if they have none. [degC]
+    filter : ReplayFilter
+    preparation : SamplePreparation
+    aids : LiveAids
+    samples : PreparedSamples
+        Those collected; the filter has not run over them.
+    sentences : tuple of str
+        On what of them was bridged.
+    """
+
+    initial: InitialState
+    provenance: dict[str, Any] | None
+    temperature: float
+    filter: ReplayFilter
+    preparation: SamplePreparation
+    aids: LiveAids
+    samples: PreparedSamples
+    sentences: tuple[str, ...]
+
+
+def start(
+    collection: Collection,
+    config: NavigationConfig,
+    calibration: CalibrationResult | Path | str | None,
+    kind: Kind,
+    lag_s: float,
+    smoother_lag_s: float | None,
+    before: InitialState | None = None,
+) -> Start | None:
+    """Start a run by the alignment of a batch run over what came so far; None if it is the start of before.
+
+    Parameters
+    ----------
+    collection : Collection
+    config : NavigationConfig
+    calibration : CalibrationResult or path, optional
+    kind : {"rate", "increment"}
+    lag_s : float
+        How late a measurement may come. [s]
+    smoother_lag_s : float, optional
+        How far the smoother goes back. [s]
+    before : InitialState, optional
+        Start of the run so far.
+
+    Raises
+    ------
+    InputError
+        If what came does not align.
+    """
+    forward = config.model_copy(update={"filter": config.filter.model_copy(update={"smooth": False, "tune": False})})
+    prepared = prepared_run(collection.recording(), forward, calibration=calibration)
+    initial, calibrated, raw = prepared.initial, prepared.calibrated, collection.imu
+    if before is not None and _same(initial, before):
+        return None
+    interval = float(np.median(prepared.increments.dt))
+    preparation = SamplePreparation(config, kind, interval, calibrated)
+    samples, sentences = preparation.take(raw["t"], raw["gyro"], raw["accel"], raw["temperature"])
+    options = replace(prepared.options, smoother=False, gap_s=None, gap_gyro=0.0, gap_accel=0.0)
+    run = ReplayFilter(initial, prepared.layout, prepared.psd, options, interval, lag_s)
+    if smoother_lag_s is not None:
+        run.lag_s = max(lag_s, smoother_lag_s + 2.0 * run.propagation_s)
+    run.extend(samples)
+    imu = ImuSeries(samples.t, samples.rate, samples.force)
+    aids = LiveAids(config, prepared.spec, initial.nav.t, collection.origin, imu, interval)
+    return Start(
+        initial, None if calibrated is None else calibrated.provenance, float(np.mean(raw["temperature"])), run,
+        preparation, aids, samples, tuple(sentences),
+    )  # fmt: skip
+
+
+def _same(a: InitialState, b: InitialState) -> bool:
+    """Whether two starts are one: time, navigation state, parameters and covariance."""
+    if a.nav.t != b.nav.t:
+        return False
+    pairs = ((a.nav.q_eb, b.nav.q_eb), (a.nav.v_eb_e, b.nav.v_eb_e), (a.nav.r_eb_e, b.nav.r_eb_e), (a.P, b.P))
+    return all(np.array_equal(x, y) for x, y in (*pairs, (a.parameters, b.parameters)))

@@ -57,8 +57,9 @@ def smoothed(run: ReplayFilter, lag_s: float) -> tuple[NavState, FloatArray] | N
     run.run_again(arrays, first, out, node)
     a, u = int(arrays.counts[forward.CNT_NODE]), int(arrays.counts[forward.CNT_UPD])
     nodes = SmootherNodes(
-        *(x[:a] for x in node[:5]), *(x[:u] for x in node[5:]), state.model.dynamics, n_sensor,
-        state.layout["clock"].start if "clock" in state.layout else -1, state.model.omega,
+        t=node.t[:a], P=node.P[:a], phi=node.phi[:a], B=node.B[:a], upd=node.upd[:a],
+        W=node.W[:u], G=node.G[:u], e=node.e[:u], pmod=state.model.dynamics, n_sensor=n_sensor,
+        i_clock=state.layout["clock"].start if "clock" in state.layout else -1, omega=state.model.omega,
     )  # fmt: skip
     row = int(np.searchsorted(out.t, at, side="right")) - 1
     k = int(np.searchsorted(nodes.t, out.t[row] + 1e-9)) - 1  # the last of a time, as in a batch run

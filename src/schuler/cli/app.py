@@ -102,6 +102,11 @@ COMMANDS = {
         "Navigate a log: INS, INS/GNSS, outages, smoothing, report. Without --config it is proposed from the log.",
         "schuler navigate drive.parquet --config drive.toml --outage 120:150",
     ),
+    "baseline": (
+        "schuler.cli.baseline:baseline",
+        "Baseline between two receivers by carrier phases: rover to centimetres, fixed or float, with report.",
+        "schuler baseline rover.obs base.obs --nav brdc.nav --base-position 47.4,8.5,440.0",
+    ),
     "live": (
         "schuler.cli.live:live",
         "Navigate streams as they come: serial lines, UDP, TCP, WebSockets, MQTT, stdin, or a log at its pace.",

@@ -3,8 +3,8 @@ from .ambiguities import decorrelate as decorrelate
 from .ambiguities import fix_ambiguities as fix_ambiguities
 from .ambiguities import integer_least_squares as integer_least_squares
 from .ambiguities import success_rate as success_rate
-from .baseline import BaselineSolution as BaselineSolution
 from .baseline import solve_baseline as solve_baseline
+from .baseline_result import BaselineSolution as BaselineSolution
 from .constellation import CircularOrbits as CircularOrbits
 from .constellation import nominal_orbits as nominal_orbits
 from .constellation import walker as walker

@@ -10,15 +10,13 @@ import numpy as np
 from schuler import frames
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
 from schuler.gnss.ambiguities import fix_ambiguities
+from schuler.gnss.baseline_result import BaselineSolution
 from schuler.gnss.differences import SingleDifferences, cycle_slips, single_differences
 from schuler.units import DEG
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from schuler.gnss.ephemerides import Ephemerides
     from schuler.gnss.observations import Observations
-    from schuler.plotting import figure as content
 
 _FREE_POSITION = 100.0  # 1-sigma of a position before an epoch's ranges [m]
 _UNSOLVED = 30.0  # 1-sigma of a position that was hardly measured [m]
@@ -26,122 +24,11 @@ _FREE_AMBIGUITY = 100.0  # 1-sigma of an ambiguity before its first phase, about
 _LEAST_FIXED = 4  # combinations of ambiguities that make a position fixed
 
 
-@dataclass(frozen=True)
-class BaselineSolution:
-    """Baselines from the base antenna to the rover antenna, one row for each epoch both receivers measured.
-
-    Attributes
-    ----------
-    t : ndarray, shape (k,)
-        Time of reception by the rover, on the axis of its observations, corrected for its clock. [s]
-    baseline_n : ndarray, shape (k, 3)
-        North, east, down at the base: fixed where ``fixed``, else float; NaN where there is none. [m]
-    cov_baseline_n : ndarray, shape (k, 3, 3)
-        [m^2]
-    float_n, cov_float_n : ndarray, shape (k, 3), (k, 3, 3)
-        The same before integers were used. [m], [m^2]
-    fixed : ndarray of bool, shape (k,)
-    ratio, success_rate : ndarray, shape (k,)
-        See :class:`schuler.gnss.ambiguities.AmbiguityFix`; NaN where nothing could be tried.
-    n_satellites : ndarray of int, shape (k,)
-        Satellites used.
-    n_ambiguities, n_fixed : ndarray of int, shape (k,)
-        Double-difference ambiguities, and combinations of them that were fixed.
-    slips : ndarray of int, shape (k,)
-        Carrier phases that jumped against the epoch before, each of which has a new ambiguity.
-    base_llh : ndarray, shape (3,)
-        Base antenna. [rad, rad, m]
-    static : bool
-        One baseline was solved for all epochs: each row uses the epochs up to it, the last row all of them.
-    notes : tuple of str
-    """
-
-    t: FloatArray
-    baseline_n: FloatArray
-    cov_baseline_n: FloatArray
-    float_n: FloatArray
-    cov_float_n: FloatArray
-    fixed: BoolArray
-    ratio: FloatArray
-    success_rate: FloatArray
-    n_satellites: IntArray
-    n_ambiguities: IntArray
-    n_fixed: IntArray
-    slips: IntArray
-    base_llh: FloatArray
-    static: bool
-    notes: tuple[str, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-    @property
-    def ok(self) -> BoolArray:
-        """Epochs with a baseline, fixed or float. Shape (k,)."""
-        return np.isfinite(self.baseline_n[:, 0])
-
-    @property
-    def fix_share(self) -> float:
-        """Part of all epochs that is fixed, 0 to 1."""
-        return float(np.mean(self.fixed))
-
-    @property
-    def r_e(self) -> FloatArray:
-        """Rover antenna, Earth-fixed. Shape (k, 3). [m]"""
-        r: FloatArray = frames.ecef_from_llh(self.base_llh) + self.baseline_n @ frames.C_en(self.base_llh).T
-        return r
-
-    @property
-    def llh(self) -> FloatArray:
-        """Rover antenna. Shape (k, 3). [rad, rad, m]"""
-        llh = np.full((len(self), 3), np.nan)
-        llh[self.ok] = frames.llh_from_ecef(self.r_e[self.ok])
-        return llh
-
-    def summary(self) -> str:
-        """A few sentences: epochs, share that is fixed, baseline, satellites, slips."""
-        n, ok = len(self), self.ok
-        kind = "static" if self.static else "kinematic"
-        if not ok.any():
-            return f"{n} epochs, {kind}: none could be solved"
-        last = self.baseline_n[ok][-1]
-        sigma = np.sqrt(np.diag(self.cov_baseline_n[ok][-1]))
-        north, east, down = (f"{v:.4f} m {axis}" for v, axis in zip(last, ("north", "east", "down"), strict=True))
-        return (
-            f"{int(ok.sum())} of {n} epochs solved, {kind}, {100.0 * self.fix_share:.1f} % fixed; "
-            f"last baseline {north}, {east}, {down} (1-sigma {', '.join(f'{s:.4f}' for s in sigma)} m); "
-            f"{np.mean(self.n_satellites[ok]):.1f} satellites, {int(self.slips.sum())} cycle slips"
-        )
-
-    def figure(self) -> content.Figure:
-        """Baseline over time, fixed and float, a panel for each axis, and the ratio."""
-        from schuler.plotting.figure import Figure, Item, Panel, line, markers
-
-        floating = self.ok & ~self.fixed
-        panels = []
-        for i, axis in enumerate(("north", "east", "down")):
-            items: list[Item] = []
-            if floating.any():
-                items.append(markers(self.t[floating], self.baseline_n[floating, i], "smoothed", "float"))
-            if self.fixed.any():
-                items.append(markers(self.t[self.fixed], self.baseline_n[self.fixed, i], "filtered", "fixed"))
-            panels.append(Panel("time [s]", f"{axis} [m]", tuple(items)))
-        ratio = np.minimum(self.ratio, 100.0)
-        panels.append(Panel("time [s]", "ratio, at most 100", (line(self.t, ratio, "filtered"),)))
-        return Figure("baseline", "Baseline from base to rover", self.summary() + ".", tuple(panels), columns=2)
-
-    def plot(self) -> Figure:
-        """The figure (matplotlib)."""
-        from schuler.plotting.drawing import draw
-
-        return draw(self.figure())
-
-
 def solve_baseline(
     rover: Observations,
     base: Observations,
     ephemerides: Ephemerides,
-    base_llh: ArrayLike,
+    base_llh: ArrayLike | None = None,
     *,
     static: bool = False,
     systems: str = "GEC",
@@ -162,8 +49,9 @@ def solve_baseline(
         With code and carrier. Receivers may name their time axes differently (``epoch_gps_s``) and be some
         milliseconds apart.
     ephemerides : Ephemerides
-    base_llh : array_like, shape (3,)
-        Base antenna. Its error shifts the rover's position, and hardly the baseline. [rad, rad, m]
+    base_llh : array_like, shape (3,), optional
+        Base antenna. Its error shifts the rover's position, and hardly the baseline. By default the mean of the base's
+        single points, good to metres. [rad, rad, m]
     static : bool
         The rover does not move; otherwise its position is free at each epoch.
     systems : str
@@ -204,17 +92,18 @@ def solve_baseline(
     Teunissen, P. J. G., Montenbruck, O. (eds., 2017), Springer Handbook of GNSS, chapters 21, 23 and 26; Groves (2013),
     section 10.2.
     """
-    base_llh = as_floats(base_llh, "base_llh", (3,))
+    given = None if base_llh is None else as_floats(base_llh, "base_llh", (3,))
     d = single_differences(
-        rover, base, ephemerides, base_llh, systems=systems, elevation_mask=elevation_mask, cn0_mask=cn0_mask,
+        rover, base, ephemerides, given, systems=systems, elevation_mask=elevation_mask, cn0_mask=cn0_mask,
         sigma_code=sigma_code, sigma_carrier=sigma_carrier, static=static,
     )  # fmt: skip
-    begins, slips = cycle_slips(d, static=static)
+    begins, slipped = cycle_slips(d, static=static)
     k = len(d.t)
     r_float, r_best = np.full((2, k, 3), np.nan)
     cov_float, cov_best = np.full((2, k, 3, 3), np.nan)
     quotient, success = np.full((2, k), np.nan)
     n_sat, n_amb, n_fixed = np.zeros((3, k), dtype=np.int64)
+    residual_code, residual_carrier = np.full((2, *d.code.shape), np.nan)
     state = _State(np.zeros(0, dtype=np.int64), np.zeros(3), _FREE_POSITION**2 * np.eye(3))
     start, pairs = np.eye(0), np.zeros((0, 2), dtype=np.int64)
     for i in range(k):
@@ -226,26 +115,29 @@ def solve_baseline(
             continue
         r_float[i], cov_float[i] = d.r_e[i] + state.x[:3], state.P[:3, :3]
         r_best[i], cov_best[i] = r_float[i], cov_float[i]
-        if not fix:
-            continue
-        if not np.array_equal(pairs, _pairs(D, state.slots)):
-            pairs, start = _pairs(D, state.slots), np.eye(len(D))
-        Q = D @ state.P[3:, 3:] @ D.T
-        result = fix_ambiguities(
-            start.T @ D @ state.x[3:], start.T @ (0.5 * (Q + Q.T)) @ start,
-            ratio=ratio, least_success=least_success, partial=partial,
-        )  # fmt: skip
-        start = start @ result.Z  # nearly decorrelates the next epoch, too
-        quotient[i], success[i] = result.ratio, result.success_rate
-        m = len(result.integers)
-        if result.accepted and m >= min(_LEAST_FIXED, len(D)):
-            shift, cov_best[i] = _conditioned(state, start[:, len(D) - m :].T @ D, result.integers)
-            r_best[i] = d.r_e[i] + shift
-            n_fixed[i] = m
-    C_en, origin = frames.C_en(base_llh), frames.ecef_from_llh(base_llh)
+        best, H, y = state.x, *_double_differences(state, d, i, D)
+        if fix:
+            if not np.array_equal(pairs, _pairs(D, state.slots)):
+                pairs, start = _pairs(D, state.slots), np.eye(len(D))
+            Q = D @ state.P[3:, 3:] @ D.T
+            result = fix_ambiguities(
+                start.T @ D @ state.x[3:], start.T @ (0.5 * (Q + Q.T)) @ start,
+                ratio=ratio, least_success=least_success, partial=partial,
+            )  # fmt: skip
+            start = start @ result.Z  # nearly decorrelates the next epoch, too
+            quotient[i], success[i] = result.ratio, result.success_rate
+            m = len(result.integers)
+            if result.accepted and m >= min(_LEAST_FIXED, len(D)):
+                best, cov_best[i] = _conditioned(state, start[:, len(D) - m :].T @ D, result.integers)
+                r_best[i] = d.r_e[i] + best[:3]
+                n_fixed[i] = m
+        differenced = _pairs(D, state.slots)[:, 0]
+        residual_code[i, differenced], residual_carrier[i, differenced] = np.split(y - H @ best, 2)
+    C_en, origin = frames.C_en(d.base_llh), frames.ecef_from_llh(d.base_llh)
     return BaselineSolution(
         d.t, (r_best - origin) @ C_en, C_en.T @ cov_best @ C_en, (r_float - origin) @ C_en, C_en.T @ cov_float @ C_en,
-        n_fixed > 0, quotient, success, n_sat, n_amb, n_fixed, slips, base_llh, static, d.notes,
+        n_fixed > 0, quotient, success, n_sat, n_amb, n_fixed, d.sat, d.band, residual_code, residual_carrier,
+        d.sigma_code, d.sigma_carrier, slipped, d.base_llh, static, fix, d.notes,
     )  # fmt: skip
 
 
@@ -293,12 +185,8 @@ def _update(state: _State, d: SingleDifferences, i: int, D: FloatArray) -> _Stat
     """Update with double differences of code and carrier."""
     if not len(D):
         return state
+    A, y = _double_differences(state, d, i, D)
     slots, n = state.slots, len(state.x)
-    H = np.zeros((2, len(slots), n))
-    H[:, :, :3] = d.gradient[i, slots]
-    H[1, :, 3:] = np.diag(d.wavelength[slots])
-    y = np.concatenate((D @ d.code[i, slots], D @ d.carrier[i, slots]))
-    A = np.concatenate((D @ H[0], D @ H[1]))
     m = len(D)
     R = np.zeros((2 * m, 2 * m))
     R[:m, :m] = (D * d.sigma_code[i, slots] ** 2) @ D.T
@@ -309,14 +197,23 @@ def _update(state: _State, d: SingleDifferences, i: int, D: FloatArray) -> _Stat
     return _State(slots, state.x + K @ (y - A @ state.x), 0.5 * (P + P.T))
 
 
+def _double_differences(state: _State, d: SingleDifferences, i: int, D: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rows of H and measurements, of code and then of carrier. Shapes (2 m, 3 + slots), (2 m,). [m]"""
+    slots = state.slots
+    H = np.zeros((2, len(slots), len(state.x)))
+    H[:, :, :3] = d.gradient[i, slots]
+    H[1, :, 3:] = np.diag(d.wavelength[slots])
+    return np.concatenate((D @ H[0], D @ H[1])), np.concatenate((D @ d.code[i, slots], D @ d.carrier[i, slots]))
+
+
 def _pairs(D: FloatArray, slots: IntArray) -> IntArray:
     """Slot and reference slot of each difference. Shape (m, 2)."""
     return np.stack((slots[np.argmax(D, axis=1)], slots[np.argmin(D, axis=1)]), axis=1)
 
 
 def _conditioned(state: _State, T: FloatArray, integers: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Position and its covariance given integer combinations ``T`` of the ambiguities. Shapes (3,), (3, 3)."""
-    cross = state.P[:3, 3:] @ T.T
+    """State, and covariance of its position, given integer combinations ``T`` of the ambiguities. (n,), (3, 3)"""
+    cross = state.P[:, 3:] @ T.T
     gain = np.linalg.solve(T @ state.P[3:, 3:] @ T.T, cross.T).T
-    cov = state.P[:3, :3] - gain @ cross.T
-    return state.x[:3] - gain @ (T @ state.x[3:] - integers), 0.5 * (cov + cov.T)
+    cov = state.P[:3, :3] - gain[:3] @ cross[:3].T
+    return state.x - gain @ (T @ state.x[3:] - integers), 0.5 * (cov + cov.T)

@@ -11,6 +11,8 @@ import numpy.typing as npt
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.frames import ecef_from_llh, llh_from_ecef
+from schuler.gnss.baseline_result import SAME_IONOSPHERE
+from schuler.gnss.carrier_scale import check_carrier_scale
 from schuler.gnss.coarse import along_track, directions
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.integrity import Integrity
@@ -22,14 +24,15 @@ from schuler.gnss.satellites import choose_messages, states_of_messages, transmi
 from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS, wavelengths
 from schuler.gnss.troposphere import saastamoinen
 from schuler.gnss.weighting import noise_scale
+from schuler.timebase import calendar
 
 StrArray: TypeAlias = npt.NDArray[np.str_]
 
 _SYSTEMS = "GECJ"  # those whose satellites share a frequency
 _TOGETHER_S = 0.02  # between stamps of one epoch: clocks and orbits are taken at each receiver's own time [s]
 _BASE_OFF = 200.0  # of the given base from its own single points [m]
-_SAME_IONOSPHERE = 10_000.0  # [m]
 _FLIGHT_S = 0.08  # [s]
+_NO_MESSAGE, _OTHER_SYSTEM = 1, 7  # schuler.gnss.ranges.REASONS
 _LONGEST_PAUSE_S = 10.0  # over which arcs go on [s]
 _DRIFT = 0.001  # of differences over a pause: satellites' directions, atmosphere, 1-sigma [m/s]
 _OUTLYING = 4.5  # normalised residual of a slip
@@ -46,7 +49,11 @@ class SingleDifferences:
         Reception by the rover, corrected for its clock. [s]
     r_e : ndarray, shape (k, 3)
         Approximate rover antenna, Earth-fixed. [m]
+    base_llh : ndarray, shape (3,)
+        Base antenna. [rad, rad, m]
     sat : ndarray of int, shape (s,)
+    band : tuple of str
+        RINEX band of each slot.
     group : ndarray of int, shape (s,)
         Slots of a system and band, whose clocks and receiver delays are common.
     wavelength : ndarray, shape (s,)
@@ -64,7 +71,9 @@ class SingleDifferences:
 
     t: FloatArray
     r_e: FloatArray
+    base_llh: FloatArray
     sat: IntArray
+    band: tuple[str, ...]
     group: IntArray
     wavelength: FloatArray
     code: FloatArray
@@ -101,7 +110,7 @@ def single_differences(
     rover: Observations,
     base: Observations,
     ephemerides: Ephemerides,
-    base_llh: FloatArray,
+    base_llh: FloatArray | None,
     *,
     systems: str,
     elevation_mask: float,
@@ -141,10 +150,14 @@ def single_differences(
         if not sigma > 0.0:
             raise InputError(f"{name}: expected a positive standard deviation in metres, got {sigma}")
     slots, notes = _common_slots(rover, base, systems)
-    sat, base_e = slots.sat, ecef_from_llh(base_llh)
+    sat = slots.sat
     b = _receiver(
         base, ephemerides, sat, slots.base, "base", systems=systems, elevation_mask=elevation_mask, cn0_mask=cn0_mask
     )
+    if base_llh is None:
+        base_llh = llh_from_ecef(b.r_e.mean(axis=0))
+        notes += ("base position: the mean of its single points, good to metres; the rover is off by as much",)
+    base_e = ecef_from_llh(base_llh)
     off = float(np.median(np.linalg.norm(b.r_e - base_e, axis=1)))
     if off > _BASE_OFF:
         raise InputError(f"base_llh: {off:.0f} m from where the base's own ranges place it; expected [rad, rad, m]")
@@ -187,20 +200,21 @@ def single_differences(
         if sign > 0.0:
             gradient[e, s], elevation[e, s] = slope, above
     length = float(np.median(np.linalg.norm(r_e - base_e, axis=1)))
-    if length > _SAME_IONOSPHERE:
+    if length > SAME_IONOSPHERE:
         notes += (f"baseline of {length / 1e3:.0f} km: both antennas' ionospheres differ; expect few or wrong fixes",)
     if len(i) < len(r.stamp):
         notes += (f"{len(r.stamp) - len(i)} of {len(r.stamp)} epochs of the rover have none of the base",)
+    scale = np.sqrt(np.where(measured, variance, np.nan))
     group = np.unique(
         [f"{one // 100}{band[0]}" for one, band in zip(sat, slots.rover, strict=True)], return_inverse=True
     )[1]
     return SingleDifferences(
-        r.t[i], r_e, sat, group.astype(np.int64), cycle, code, carrier, sigma_code * np.sqrt(variance),
-        sigma_carrier * np.sqrt(variance), gradient, elevation, notes,
+        r.t[i], r_e, base_llh, sat, tuple(str(name[0]) for name in slots.rover), group.astype(np.int64), cycle, code,
+        carrier, sigma_code * scale, sigma_carrier * scale, gradient, elevation, notes,
     )  # fmt: skip
 
 
-def cycle_slips(d: SingleDifferences, *, static: bool) -> tuple[BoolArray, IntArray]:
+def cycle_slips(d: SingleDifferences, *, static: bool) -> tuple[BoolArray, BoolArray]:
     """Find where arcs of constant ambiguity begin: after pauses, and where a phase jumps against the others.
 
     Parameters
@@ -213,8 +227,8 @@ def cycle_slips(d: SingleDifferences, *, static: bool) -> tuple[BoolArray, IntAr
     -------
     begins : ndarray of bool, shape (k, s)
         The ambiguity is new at this epoch.
-    slips : ndarray of int, shape (k,)
-        Phases that jumped.
+    slipped : ndarray of bool, shape (k, s)
+        Phases that jumped against the epoch before.
 
     Notes
     -----
@@ -224,7 +238,7 @@ def cycle_slips(d: SingleDifferences, *, static: bool) -> tuple[BoolArray, IntAr
     tell which one jumped, all begin anew.
     """
     present = np.isfinite(d.carrier)
-    begins, slips = present.copy(), np.zeros(len(d.t), dtype=np.int64)
+    begins, slipped = present.copy(), np.zeros_like(present)
     for k in range(1, len(d.t)):
         pause = d.t[k] - d.t[k - 1]
         both = np.flatnonzero(present[k] & present[k - 1])
@@ -237,8 +251,8 @@ def cycle_slips(d: SingleDifferences, *, static: bool) -> tuple[BoolArray, IntAr
         if jumped is None:
             continue
         begins[k, both[~jumped]] = False
-        slips[k] = int(jumped.sum())
-    return begins, slips
+        slipped[k, both[jumped]] = True
+    return begins, slipped
 
 
 def _outlying(A: FloatArray, y: FloatArray, sigma: FloatArray, cycle: FloatArray) -> BoolArray | None:
@@ -316,7 +330,15 @@ def _receiver(
     cn0_mask: float,
 ) -> _Receiver:
     """One receiver's measurements of satellites that its single points use."""
+    for system, band in sorted({(one // 100, band) for one, band in zip(sat.tolist(), signal.tolist(), strict=True)}):
+        check_carrier_scale(o, SYSTEMS[system], band, name)
     ranges = prepare_ranges(o, ephemerides, systems=systems, elevation_mask=elevation_mask, cn0_mask=cn0_mask)
+    asked = ranges.reason != _OTHER_SYSTEM
+    if (asked & (ranges.reason == _NO_MESSAGE)).sum() == asked.sum():
+        raise InputError(
+            f"{name}: no ephemeris for any of its satellites at {_date(o.epoch_gps_s + o.t[0])} GPS; "
+            f"{_listed_messages(ephemerides)}: take a navigation file of that day"
+        )
     points = solve_points(ranges, integrity=Integrity(neighbours=False), velocity=False)
     if not points.ok.any():
         raise InputError(f"{name}: no single point could be solved: {points.summary()}")
@@ -336,6 +358,15 @@ def _receiver(
     return _Receiver(stamp, t, r_e, code, carrier, cn0)
 
 
+def _date(gps_s: float) -> str:
+    return f"{calendar(gps_s):%Y-%m-%d %H:%M:%S}"
+
+
+def _listed_messages(ephemerides: Ephemerides) -> str:
+    toe = np.concatenate((ephemerides.kepler.toe, ephemerides.glonass.toe))
+    return f"messages are of {_date(toe.min())} to {_date(toe.max())}" if len(toe) else "there are no messages at all"
+
+
 def _nearest(values: FloatArray, wanted: FloatArray) -> IntArray:
     """Places of the nearest of increasing values."""
     if len(values) < 2:
@@ -350,9 +381,9 @@ def _common_epochs(rover: FloatArray, base: FloatArray, epoch_gps_s: float) -> t
     apart = np.abs(base[nearest] - rover)
     together = apart <= _TOGETHER_S
     if not together.any():
-        spans = [f"{x[0] + epoch_gps_s:.3f} to {x[-1] + epoch_gps_s:.3f}" for x in (rover, base)]
+        spans = [f"{_date(x[0] + epoch_gps_s)} to {_date(x[-1] + epoch_gps_s)}" for x in (rover, base)]
         raise InputError(
-            f"no common epochs: rover from {spans[0]} s, base from {spans[1]} s (GPS time since 1980); the nearest "
-            f"stamps are {apart.min():.3f} s apart, expected {_TOGETHER_S:g} s at most; take a base log of that time"
+            f"no common epochs: rover from {spans[0]}, base from {spans[1]} (GPS time); the nearest stamps are "
+            f"{apart.min():.3f} s apart, expected {_TOGETHER_S:g} s at most; take a base log of that time"
         )
     return np.flatnonzero(together), nearest[together]

@@ -24,6 +24,7 @@ from .series import ImuSeries as ImuSeries
 from .series import Increments as Increments
 from .series import OdometerSeries as OdometerSeries
 from .series import ScalarSeries as ScalarSeries
+from .series import baseline_series as baseline_series
 from .series import gnss_series as gnss_series
 from .tables.pandas import from_pandas as from_pandas
 from .tables.pandas import tables_from_pandas as tables_from_pandas
@@ -55,6 +56,7 @@ __all__ = [
     "ScalarSeries",
     "Trajectory",
     "UbxLog",
+    "baseline_series",
     "fetch",
     "from_pandas",
     "from_polars",

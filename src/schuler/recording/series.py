@@ -20,13 +20,14 @@ from schuler.timebase import SAME_TIME, check_times
 from schuler.units import G0
 
 if TYPE_CHECKING:
+    from schuler.gnss.baseline_result import BaselineSolution
     from schuler.gnss.point_result import PointSolution
 
 Kind = Literal["rate", "increment"]
 
 #: GNSS solution quality, RTKLIB's numbers.
 QUALITY = {1: "fixed", 2: "float", 3: "sbas", 4: "dgps", 5: "single", 6: "ppp", 7: "dead reckoning"}
-_SINGLE = 5  # of QUALITY
+_FIXED, _FLOAT, _SINGLE = 1, 2, 5  # of QUALITY
 _NEAR = 1e-6  # far above rounding [-]
 _BLOCK = 8192  # rows whose temporaries stay in the cache
 
@@ -469,3 +470,23 @@ def gnss_series(points: PointSolution) -> GnssSeries:
         np.full(int(keep.sum()), _SINGLE),
         points.n_used[keep],
     )
+
+
+def baseline_series(baseline: BaselineSolution) -> GnssSeries:
+    """The rover's positions of a baseline, fixed and float; errors of the base position are not in their covariance.
+
+    Raises
+    ------
+    InputError
+        If no epoch has a baseline.
+    """
+    keep = baseline.ok
+    if not keep.any():
+        raise InputError(f"no epoch has a baseline: {baseline.summary()}")
+    llh = baseline.llh[keep]
+    turn = np.swapaxes(frames.C_en(llh), 1, 2) @ frames.C_en(baseline.base_llh)
+    cov = turn @ baseline.cov_baseline_n[keep] @ np.swapaxes(turn, 1, 2)
+    return GnssSeries(
+        baseline.t[keep], llh, 0.5 * (cov + np.swapaxes(cov, 1, 2)),
+        quality=np.where(baseline.fixed[keep], _FIXED, _FLOAT), n_satellites=baseline.n_satellites[keep],
+    )  # fmt: skip

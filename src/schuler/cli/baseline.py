@@ -1,0 +1,161 @@
+"""``schuler baseline``."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+from schuler import frames, units
+from schuler.cli.output import Flag, Folder, print_json, print_verdict, say
+from schuler.cli.reading import Part, read_log
+from schuler.exceptions import InputError
+from schuler.recording.recording import Metadata, Recording
+
+if TYPE_CHECKING:
+    from schuler.gnss.ephemerides import Ephemerides
+    from schuler.gnss.observations import Observations
+
+_ALL = Part()
+_HEADER = "header"
+_BELOW_GROUND = 6e6  # distance from the Earth's centre; files write zeros where they do not know [m]
+
+
+def baseline(
+    rover: Path,
+    base: Path,
+    /,
+    *,
+    nav: Annotated[tuple[Path, ...], Parameter(negative=())] = (),
+    base_position: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
+    static: Flag = False,
+    systems: str = "GEC",
+    elevation_mask: float = 15.0,
+    cn0_mask: float = 30.0,
+    sigma_code: float = 0.3,
+    sigma_carrier: float = 0.003,
+    ratio: float = 3.0,
+    fix: bool = True,
+    out: Folder = None,
+    report: bool = True,
+    json: Flag = False,
+    part: Part = _ALL,
+) -> int:
+    """Baseline between two receivers by carrier phases (RTK after the fact): positions of the rover, a page, a table.
+
+    The verdict on the solution stands first; the exit code is 1 where it is failed.
+
+    Parameters
+    ----------
+    rover
+        Raw measurements of the rover with carriers: RINEX, u-blox, or any log that has them.
+    base
+        Those of the base at the same time.
+    nav
+        File with broadcast ephemerides; several allowed. Those in the logs themselves are used too.
+    base_position
+        Base antenna: latitude,longitude in degrees and ellipsoidal height in metres; or header, the position in the
+        header of the base's RINEX file. Default: the mean of its single points, good to metres: the rover is off by as
+        much, the baseline is not.
+    static
+        The rover does not move.
+    systems
+        Letters out of GECJ (GPS, Galileo, BeiDou, QZSS).
+    elevation_mask
+        Lowest elevation in degrees.
+    cn0_mask
+        Weakest signal in dB-Hz, in either receiver.
+    sigma_code
+        1-sigma in metres of one receiver's pseudorange of a strong satellite overhead.
+    sigma_carrier
+        1-sigma in metres of one receiver's carrier of a strong satellite overhead.
+    ratio
+        How many times as far away, in squared norm, the second-best integers must be as the best for a fix.
+    fix
+        Fix ambiguities to integers; otherwise all is float.
+    out
+        Folder for rover.pos, baseline.csv and report.html. Default: the rover's name with -baseline.
+    report
+        Write report.html.
+    json
+        Print one JSON object instead of text.
+    """
+    from schuler.gnss.baseline import solve_baseline
+    from schuler.recording.io import write
+    from schuler.recording.series import baseline_series
+
+    began = time.perf_counter()
+    roving, fixed_station = read_log(rover, None), read_log(base, None)
+    measured = _observations(part.of(roving), rover, "rover"), _observations(fixed_station, base, "base")
+    messages = _ephemerides((roving, fixed_station), nav)
+    base_llh = _base_position(measured[1], base_position)
+    try:
+        solution = solve_baseline(
+            *measured, messages, base_llh, static=static, systems=systems, elevation_mask=elevation_mask * units.DEG,
+            cn0_mask=cn0_mask, sigma_code=sigma_code, sigma_carrier=sigma_carrier, ratio=ratio, fix=fix,
+        )  # fmt: skip
+    except InputError as error:
+        text = str(error).replace("base_llh:", "--base-position:").replace("[rad, rad, m]", "degrees,degrees,metres")
+        raise InputError(text) from None
+    folder = Path(f"{rover.resolve().stem}-baseline") if out is None else out
+    files = {"table": solution.table().to_csv(folder / "baseline.csv")}
+    if solution.ok.any():
+        sources = {**roving.metadata.sources, **fixed_station.metadata.sources}
+        about = Metadata(rover.stem, roving.metadata.time, sources, notes=solution.notes)
+        (files["rover"],) = write(Recording(gnss=baseline_series(solution), metadata=about), folder / "rover.pos")
+    if report:
+        files["report"] = solution.report(folder / "report.html", f"{rover.stem} from {base.stem}")
+    if json:
+        data = {"command": "baseline", **solution.to_dict(), "elapsed_s": time.perf_counter() - began, "files": files}
+        print_json(data)
+    else:
+        print_verdict(solution.verdict)
+        print(solution.summary())
+        for note in solution.notes:
+            say(note)
+        print("\n".join(f"{name}: {path}" for name, path in files.items()))
+    return int(solution.verdict.status == "failed")
+
+
+def _observations(recording: Recording, path: Path, name: str) -> Observations:
+    o = recording.observations
+    if o is None or not len(o):
+        raise InputError(
+            f"{path}: expected raw measurements of the {name} (RINEX observations, u-blox RXM-RAWX), got "
+            f"{recording.summary(notes=False).splitlines()[0]}"
+        )
+    return o
+
+
+def _ephemerides(recordings: tuple[Recording, ...], nav: tuple[Path, ...]) -> Ephemerides:
+    """Messages of the files given, then those of the logs."""
+    parts = [r.ephemerides for r in recordings if r.ephemerides is not None]
+    given = []
+    for path in nav:
+        messages = read_log(path, None).ephemerides
+        if messages is None:
+            raise InputError(f"--nav {path}: expected broadcast ephemerides (RINEX navigation, u-blox), got none")
+        given.append(messages)
+    if not given + parts:
+        raise InputError("neither log has ephemerides: give a RINEX navigation file of that day with --nav")
+    first, *others = given + parts
+    for other in others:
+        first = first.merged_with(other)
+    return first
+
+
+def _base_position(base: Observations, given: str | None) -> tuple[float, ...] | None:
+    """Base antenna [rad, rad, m]; None if it is to be found from the base's own ranges."""
+    from schuler.recording.io.hint_texts import parse_origin
+
+    if given == _HEADER:
+        if base.position_e is None or np.linalg.norm(base.position_e) < _BELOW_GROUND:
+            raise InputError("--base-position header: the base's file states none; give latitude,longitude,height")
+        return tuple(frames.llh_from_ecef(base.position_e).tolist())
+    try:
+        return parse_origin(given)
+    except InputError as error:
+        raise InputError(str(error).replace("origin:", "--base-position:")) from None

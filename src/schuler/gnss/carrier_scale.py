@@ -1,0 +1,63 @@
+"""Check of carrier phases against the code of their signal: unit, sign and band."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schuler.exceptions import InputError
+from schuler.gnss.observations import Observations
+from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS, wavelengths
+
+_PAUSE_S = 10.0  # over which a change is taken [s]
+_CLEAR = 30.0  # change of a range from epoch to epoch, far beyond the noise of code [m]
+_FEWEST = 6  # changes
+_ENOUGH = 300.0  # typical change times the root of their number: 5 m of noise then move the median by 1.7 % [m]
+_WITHIN = 0.03  # bands 2 and 5 differ by 4 %; noise moves the median of many changes by much less
+
+
+def check_carrier_scale(o: Observations, system: str, signal: str, name: str) -> None:
+    """Refuse carriers that do not change as the code of their satellite does.
+
+    Parameters
+    ----------
+    o : Observations
+    system : str
+        Letter of :data:`schuler.gnss.signals.SYSTEMS`; not GLONASS.
+    signal : str
+        RINEX band and attribute.
+    name : str
+        The receiver, for the error.
+
+    Raises
+    ------
+    InputError
+        If the median change of carriers is not that of pseudoranges, to 3 %. Carriers in metres change by one over the
+        wavelength too fast, those of another band by the ratio of both wavelengths. Logs with few
+        or small changes from one epoch to the next pass.
+    """
+    mine = (o.sat // 100 == SYSTEMS.index(system)) & np.isfinite(o.carrier) & np.isfinite(o.pseudorange)
+    mine &= o.signal == o.signals.index(signal)
+    rows = np.flatnonzero(mine)
+    rows = rows[np.lexsort((o.t[rows], o.sat[rows]))]
+    a, b = rows[:-1], rows[1:]
+    neighbours = (o.sat[a] == o.sat[b]) & (o.t[b] - o.t[a] < _PAUSE_S)
+    a, b = a[neighbours], b[neighbours]
+    code = o.pseudorange[b] - o.pseudorange[a]
+    length = wavelengths(o.sat[a], signal)
+    clear = np.abs(code) > _CLEAR
+    n = int(np.sum(clear))
+    if n < _FEWEST or np.median(np.abs(code[clear])) * np.sqrt(n) < _ENOUGH:
+        return
+    scale = float(np.median((length * (o.carrier[b] - o.carrier[a]))[clear] / code[clear]))
+    if abs(scale - 1.0) <= _WITHIN:
+        return
+    if abs(scale / length[0] - 1.0) < _WITHIN:
+        cause = "carriers in metres"
+    elif abs(scale + 1.0) < _WITHIN:
+        cause = "carriers of the other sign"
+    else:
+        cause = "the carriers of another band"
+    raise InputError(
+        f"{name}: the carrier of {SYSTEM_NAMES[system]} {signal} changes {scale:.3f} times as much as its code; "
+        f"expected 1 with cycles of {100.0 * length[0]:.1f} cm that grow with the range; these look like {cause}"
+    )

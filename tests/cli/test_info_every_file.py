@@ -15,11 +15,10 @@ FILES = sorted(str(p.relative_to(DATA)) for p in DATA.rglob("*") if p.is_file())
 #: What a file is by its name: the first rule that fits.
 RULES = (
     ("no log", r"(^|/)(README|LICENSE)[^/]*$|\.(md|json|tag|gz|yaml)$"),
-    ("orbits", r"\.SP3$"),
     # formats that say all of themselves
     (
         "log",
-        r"\.(obs|rnx|nav|pos|ubx|imu|\d\d[nNoOlLbB])$|/(imu0|state_groundtruth_estimate0)/data\.csv$|/(imu_gpst|vn310-\w+(-after)?)\.csv$|/static_z[^/]*\.csv$",
+        r"\.(obs|rnx|nav|pos|ubx|sp3|imu|\d\d[nNoOlLbB])$|/(imu0|state_groundtruth_estimate0)/data\.csv$|/(imu_gpst|vn310-\w+(-after)?)\.csv$|/static_z[^/]*\.csv$",
     ),
     ("log", r"/(insgpseo_tc\.mat|android_pixel6\.txt)$|oan_phone_drive/.*\.csv$|pyshoe_(more|vicon)/.*\.mat$"),
     # tables and arrays of which only their owner knows what they are
@@ -53,8 +52,6 @@ def test_every_file_opens_or_is_refused_with_the_reason(shared_data, name, capsy
     assert str(shared_data / name) in err
     if kind == "no log":
         assert "this is no log but " in err
-    elif kind == "orbits":
-        assert "orbits in SP3 are not read" in err
     else:
         assert re.search(r"\b(columns|units|variable)='", err), err
 

@@ -97,6 +97,8 @@ def described(recording: Recording) -> dict[str, Any]:
             "kepler": len(broadcast.kepler),
             "glonass": len(broadcast.glonass),
             "satellites": [satellite_name(int(s)) for s in np.unique((*broadcast.kepler.sat, *broadcast.glonass.sat))],
+            "precise_orbits": 0 if broadcast.precise_orbits is None else len(broadcast.precise_orbits.sat),
+            "precise_clocks": 0 if broadcast.precise_clocks is None else len(broadcast.precise_clocks.sat),
             "klobuchar": broadcast.klobuchar_alpha is not None and broadcast.klobuchar_beta is not None,
         }
     if recording.ranges is not None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
+from schuler.gnss.precise import PreciseClocks, PreciseOrbits
 
 
 @dataclass(frozen=True)
@@ -133,6 +134,10 @@ class Ephemerides:
         GPS - UTC as broadcast. [s]
     notes : tuple of str
         Repairs and assumptions of the reader.
+    precise_orbits : PreciseOrbits, optional
+        Used instead of broadcast orbits and clocks; of messages only health and group delays remain.
+    precise_clocks : PreciseClocks, optional
+        Used instead of the clocks of ``precise_orbits``.
     """
 
     kepler: KeplerRecords
@@ -142,6 +147,8 @@ class Ephemerides:
     galileo_ai: tuple[float, float, float] | None = None
     leap_seconds: int | None = None
     notes: tuple[str, ...] = field(default=())
+    precise_orbits: PreciseOrbits | None = None
+    precise_clocks: PreciseClocks | None = None
 
     def merged_with(self, other: Ephemerides) -> Ephemerides:
         """Records of both; constants of this one, and of the other where this has none."""
@@ -153,6 +160,8 @@ class Ephemerides:
             self.galileo_ai or other.galileo_ai,
             self.leap_seconds if self.leap_seconds is not None else other.leap_seconds,
             self.notes + other.notes,
+            _merged(self.precise_orbits, other.precise_orbits),
+            _merged(self.precise_clocks, other.precise_clocks),
         )
 
     def possible(self) -> tuple[Ephemerides, tuple[IntArray, IntArray]]:
@@ -169,6 +178,7 @@ class Ephemerides:
 
 
 T = TypeVar("T", KeplerRecords, GlonassRecords)
+P = TypeVar("P", PreciseOrbits, PreciseClocks)
 
 #: Least and most that a broadcast number may be, its sign apart. [SI]
 _LIMITS = {
@@ -193,6 +203,10 @@ def no_kepler() -> KeplerRecords:
 def no_glonass() -> GlonassRecords:
     """No record at all."""
     return GlonassRecords(**_empty(GlonassRecords))
+
+
+def _merged(a: P | None, b: P | None) -> P | None:
+    return a.merged_with(b) if a is not None and b is not None else a if a is not None else b
 
 
 def _empty(kind: type) -> dict[str, np.ndarray]:

@@ -143,6 +143,7 @@ def prepare_ranges(
         causal=causal,
         max_age_s=max_age_s,
     )
+    notes += _precise_notes(ephemerides)
     flight, measured_range, plausible = _flight_ranges(c.pseudorange, epoch, len(epochs))
     t_sent = transmission_times(ephemerides, c.sat, c.t, flight, record, epoch_gps_s=epoch_gps_s)
     states = states_of_messages(ephemerides, c.sat, t_sent, record, epoch_gps_s=epoch_gps_s)
@@ -218,6 +219,17 @@ def prepare_ranges(
         reason,
         tuple(notes + time_notes),
     )
+
+
+def _precise_notes(ephemerides: Ephemerides) -> list[str]:
+    if ephemerides.precise_orbits is not None:
+        return [
+            "orbits and clocks are precise ones; positions are of centres of mass, up to 3 m above the antennas, which "
+            "goes into the receiver clock but for some decimetres"
+        ]
+    if ephemerides.precise_clocks is not None:
+        return ["precise clocks without precise orbits are not used: give the SP3 file of the same analysis centre"]
+    return []
 
 
 def _systems(systems: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -12,6 +12,7 @@ from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.gnss.ephemerides import Ephemerides, KeplerRecords
 from schuler.gnss.orbits import glonass_states, kepler_states
+from schuler.gnss.precise import PreciseOrbits, precise_clocks, precise_positions, relativistic_clock
 from schuler.gnss.signals import BANDS, SPEED_OF_LIGHT, SYSTEMS
 from schuler.units import HR, MIN
 
@@ -21,7 +22,7 @@ MAX_AGE_S: Mapping[str, float] = MappingProxyType(
 )
 _SENT_BEFORE_TOE_S = MappingProxyType({"G": 2.0 * HR, "J": 1.0 * HR, "I": 1.0 * HR})  # where the file does not say
 _SLACK_S = 1.0  # a time of transmission lies 0.1 s before the round hour of its reception
-_E, _R = SYSTEMS.index("E"), SYSTEMS.index("R")
+_E, _R, _C = (SYSTEMS.index(letter) for letter in "ERC")
 #: 1-sigma of a delay that is not broadcast (differential code biases of satellites scatter by some ns). [m]
 UNKNOWN_DELAY = 1.0
 
@@ -46,7 +47,7 @@ class SatelliteStates:
         As broadcast; NaN where unknown. [m]
     healthy : ndarray of bool, shape (n,)
     has_message : ndarray of bool, shape (n,)
-        A message within its validity was there.
+        A message within its validity was there; with precise orbits, a position and a clock.
     age : ndarray, shape (n,)
         Time asked for minus the reference time of the orbit. [s]
     record : ndarray of int, shape (n,)
@@ -206,7 +207,40 @@ def states_of_messages(
     r_e[m], v_e[m] = glonass_states(g, row, t[m], epoch_gps_s=epoch_gps_s)
     age[m] = t[m] - (g.toe[row] - epoch_gps_s)
     clock[m], clock_rate[m], healthy[m] = g.clock[row] + g.rate[row] * age[m], g.rate[row], g.health[row] == 0
-    return SatelliteStates(r_e, v_e, clock, clock_rate, group_delay, f, accuracy, healthy, has_message, age, record)
+    states = SatelliteStates(r_e, v_e, clock, clock_rate, group_delay, f, accuracy, healthy, has_message, age, record)
+    if ephemerides.precise_orbits is None:
+        return states
+    return _with_precise(states, ephemerides, ephemerides.precise_orbits, sat, t, epoch_gps_s)
+
+
+def _with_precise(
+    states: SatelliteStates,
+    ephemerides: Ephemerides,
+    orbits: PreciseOrbits,
+    sat: IntArray,
+    t: FloatArray,
+    epoch_gps_s: float,
+) -> SatelliteStates:
+    """Precise orbits and clocks in place of broadcast ones, with the messages' health and group delays.
+
+    Precise clocks are those of L1/L2, E1/E5a and B1I/B3I without ionosphere. The first two are what GPS and Galileo's
+    F/NAV broadcast; BeiDou's is brought to that of B3I, which it broadcasts.
+    """
+    r_e, v_e = precise_positions(orbits, sat, t, epoch_gps_s=epoch_gps_s)
+    clock, rate = precise_clocks(orbits, ephemerides.precise_clocks, sat, t, epoch_gps_s=epoch_gps_s)
+    periodic, periodic_rate = relativistic_clock(r_e, v_e)
+    there = np.isfinite(r_e[:, 0]) & np.isfinite(clock)
+    beidou = sat // 100 == _C
+    delay = states.group_delay[:, 0] / (1.0 - _gamma("C", 6, 2))
+    clock = clock + periodic + np.where(beidou & np.isfinite(delay), delay, 0.0)
+    column = np.clip(np.searchsorted(orbits.sat, sat), 0, len(orbits.sat) - 1)
+    own = orbits.sat[column] == sat
+    return replace(
+        states, r_e=np.where(there[:, None], r_e, np.nan), v_e=np.where(there[:, None], v_e, np.nan),
+        clock=np.where(there, clock, np.nan), clock_rate=np.where(there, rate + periodic_rate, np.nan),
+        f_nav=sat // 100 == _E, accuracy=np.where(own, orbits.accuracy[column], np.nan),
+        healthy=there & (states.healthy | ~states.has_message), has_message=there, age=np.where(there, 0.0, np.nan),
+    )  # fmt: skip
 
 
 def transmission_times(
@@ -245,6 +279,9 @@ def transmission_times(
     """
     shown = t_received - pseudorange / SPEED_OF_LIGHT
     m, g = (record >= 0) & (sat // 100 != _R), (record >= 0) & (sat // 100 == _R)
+    if ephemerides.precise_orbits is not None:
+        orbits, clocks = ephemerides.precise_orbits, ephemerides.precise_clocks
+        return shown - precise_clocks(orbits, clocks, sat, shown, epoch_gps_s=epoch_gps_s)[0]
     clock = np.full(len(sat), np.nan)
     clock[m] = _kepler_clock(ephemerides.kepler, record[m], shown[m], epoch_gps_s)[0]
     r = ephemerides.glonass

@@ -285,6 +285,11 @@ class Recording(Displayed):
                 f"  broadcast  {len(self.ephemerides.kepler)} Keplerian and {len(self.ephemerides.glonass)} GLONASS "
                 "messages"
             )
+            for name, table in (
+                ("orbits", self.ephemerides.precise_orbits), ("clocks", self.ephemerides.precise_clocks),
+            ):  # fmt: skip
+                if table is not None:
+                    lines.append(f"  precise    {name} of {len(table.sat)} satellites at {len(table.t)} epochs")
         if self.ranges is not None:
             lines.append(f"  ranges     {len(self.ranges)} of {len(np.unique(self.ranges.sat))} satellites")
         if self.reference is not None:

@@ -236,7 +236,11 @@ def left_out(recording: Recording, path: Path | str, format: str | None = None) 
         writer = registry.find_writer(Path(path), format)
         held = None if writer is None else set(writer[1])
     parts = [name for name in (*SERIES, *SATELLITES) if getattr(recording, name) is not None]
-    return "" if held is None else ", ".join(name for name in parts if name not in held)
+    missing = [] if held is None else [name for name in parts if name not in held]
+    e = recording.ephemerides
+    if e is not None and (e.precise_orbits is not None or e.precise_clocks is not None):
+        missing.append("precise orbits and clocks")  # no format of ours has them; the files themselves do
+    return ", ".join(missing)
 
 
 def _format_of(path: Path, hints: ReadHints) -> ModuleType | None:

@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from schuler.exceptions import FileFormatError, SchulerError
+from schuler.exceptions import SchulerError
+from schuler.gnss.ephemerides import Ephemerides, no_glonass, no_kepler
 from schuler.recording.formats import instinct_csv, nmea, psins, ubx
 from schuler.recording.io.assemble import metadata_of
 from schuler.recording.io.hints import ReadHints
@@ -21,7 +22,7 @@ _NAVIGATION = b"NGHELJ"  # letters of kinds in column 21, see rinex_header.KINDS
 _COMPRESS = b"\x1f\x9d"
 _USED = {"name", "series"}
 _RECEIVER = b"GNSS1::PosLla"
-_NOT_READ = ((re.compile(rb"#[a-d][PV]\d{4} "), "orbits in SP3 are not read, only broadcast ones"),)
+_SP3 = re.compile(rb"#[a-d][PV]\d{4} ")
 #: Arrays of a PSINS file of ranges.
 PSINS_ARRAYS = frozenset({"imu", "obss", "ephs", "t0"})
 
@@ -48,6 +49,8 @@ def rinex_kind(path: Path, head: bytes) -> str | None:
 
 def kinds_of(path: Path, head: bytes) -> tuple[str, ...]:
     """Series that a receiver's file holds by its looks; empty if it is none. No file is read whole for this."""
+    if _precise_kind(path, head) is not None:
+        return ("ephemerides",)
     if (kind := rinex_kind(path, head)) is not None:
         return (kind,)
     if _is_ubx(path, head):
@@ -84,9 +87,8 @@ def read_satellite_file(
     FileFormatError, InputError
         As the readers do, or for hints the file answers itself.
     """
-    for looks, what in _NOT_READ:
-        if looks.match(head):
-            raise FileFormatError(f"{what}: convert it to RINEX, or give a RINEX or u-blox file", path)
+    if (precise := _precise_kind(path, head)) is not None:
+        return _precise(path, hints, precise)
     kind = rinex_kind(path, head)
     if kind == "ephemerides":
         return _navigation(path, hints)
@@ -155,6 +157,29 @@ def _navigation(path: Path, hints: ReadHints) -> Recording:
     times = [*broadcast.kepler.toe[:1], *broadcast.glonass.toe[:1]]
     time = TimeBase("gps", float(times[0] // WEEK_S * WEEK_S) if times else 0.0)
     return Recording(ephemerides=broadcast, metadata=metadata_of(path, hints, time, broadcast.notes))
+
+
+def _precise_kind(path: Path, head: bytes) -> str | None:
+    """``orbits`` for SP3, ``clocks`` for RINEX clocks, packed or not; None for anything else."""
+    from schuler.recording.formats.rinex_clock import looks_like_rinex_clock
+
+    first = _opening(path, head).partition(b"\n")[0]
+    return "orbits" if _SP3.match(first) else "clocks" if looks_like_rinex_clock(first) else None
+
+
+def _precise(path: Path, hints: ReadHints, kind: str) -> Recording:
+    from schuler.recording.formats.rinex_clock import read_rinex_clock
+    from schuler.recording.formats.sp3 import read_sp3
+
+    hints.check_used(path, _USED, "a file of precise orbits or clocks")
+    orbits = read_sp3(path) if kind == "orbits" else None
+    clocks = read_rinex_clock(path) if kind == "clocks" else None
+    (product,) = (x for x in (orbits, clocks) if x is not None)
+    time = TimeBase("gps", float(product.t[0] // WEEK_S * WEEK_S))
+    ephemerides = Ephemerides(
+        no_kepler(), no_glonass(), notes=product.notes, precise_orbits=orbits, precise_clocks=clocks
+    )
+    return Recording(ephemerides=ephemerides, metadata=metadata_of(path, hints, time, product.notes))
 
 
 def _observations(path: Path, hints: ReadHints, glonass_channels: Mapping[int, int] | None) -> Recording:

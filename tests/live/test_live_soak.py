@@ -1,8 +1,13 @@
 """Drives one after the other with faults every few seconds: no exception, bounded memory, and a good end."""
 
+import json
+import subprocess
+import sys
+
 import live_cases as cases
 import numpy as np
 import pytest
+from places import ROOT
 
 from schuler.live import Event, Fix, LiveNavigator
 
@@ -66,3 +71,15 @@ def test_faults_every_few_seconds(tmp_path, seed):
     assert live._collection is None
     assert len(live.events) <= 1000
     assert {e.kind for e in events} >= {"start", "imu", "measurement", "late", "health", "state"}
+
+
+@pytest.mark.campaign
+def test_killed_and_restored(tmp_path):
+    """Six minutes of the soak at 200 Hz: processes that end by kill -9 are followed by others that stay honest."""
+    command = [sys.executable, "-m", "benchmarks.live_soak", "--hours", "0.1", "--folder", tmp_path]
+    subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
+    rows = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
+    squares = 9.0 * np.array([x for row in rows for x in row["nees"]])
+    assert rows[-1]["process"] > 1
+    assert rows[-1]["health"] == "ok"
+    assert 9.0 * 0.2 < squares.mean() < 9.0 + 5.0 * np.sqrt(2.0 * 9.0 / len(squares))  # statistical: 5 standard errors

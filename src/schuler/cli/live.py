@@ -44,6 +44,7 @@ def live(
     calibration: Path | None = None,
     state: File = None,
     state_every: float = 60.0,
+    stood_still: Flag = False,
     geoid_separation: float = 0.0,
     set: Texts = (),
     headless: Flag = False,
@@ -79,6 +80,9 @@ def live(
         File to go on from, if there is one, and in which the run is saved now and then and at its end.
     state_every
         Seconds between two savings of the state: as much is lost at most when the program is killed.
+    stood_still
+        The vehicle has not moved since the state was saved, and its IMU stayed on: go on at its place and attitude
+        after a pause of up to an hour. Without this the run aligns anew then, with the biases of before.
     geoid_separation
         Height of the geoid above the ellipsoid in metres, for the heights of NMEA.
     set
@@ -132,7 +136,7 @@ def live(
                 sink.event(event)
 
         navigator = _restored(
-            state, loaded, kind, (lag, smoother_lag), calibration, clock, publish
+            state, loaded, kind, (lag, smoother_lag), calibration, stood_still, clock, publish
         ) or LiveNavigator.from_config(
             loaded, calibration=calibration, lag_s=lag, smoother_lag_s=smoother_lag, kind=kind, on_event=publish
         )  # fmt: skip
@@ -168,6 +172,7 @@ def _restored(
     kind: Kind,
     lags: tuple[float, float | None],
     calibration: Path | None,
+    stood_still: bool,
     clock: SourceClock,
     publish: Callable[[Event], None],
 ) -> LiveNavigator | None:
@@ -176,7 +181,7 @@ def _restored(
 
     if state is None or not state.is_file():
         return None
-    navigator = LiveNavigator.load(state, calibration=calibration)
+    navigator = LiveNavigator.load(state, calibration=calibration, stood_still=stood_still)
     if (navigator.config, navigator.kind, navigator.lag_s, navigator.smoother_lag_s) != (config, kind, *lags):
         raise InputError(
             f"{state}: the run was saved with another configuration, --lag, --smoother-lag or kind of IMU: give those, "

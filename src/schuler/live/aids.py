@@ -158,6 +158,12 @@ class LiveAids:
         self._motion.drop_before(float(samples.t[-1]) - REMEMBERED_S)
         return made.where(made.t > self.start + 1e-6)
 
+    def resume(self, t: float) -> None:
+        """Go on at a time after a pause at one place, with what was learnt of the noise."""
+        self.start, self.constraints = t, 0
+        self.samples.drop(len(self.samples))
+        self.rests.cursors, self.rests.vetoed = [], False
+
     def document(self) -> dict[str, Any]:
         """What goes on from one message to the next, for files."""
         fixes = [{f.name: getattr(fix, f.name) for f in fields(fix)} for fix in self.fixes]

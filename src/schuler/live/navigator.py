@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from schuler.filtering.states import StateLayout
 from schuler.live.aids import LiveAids
 from schuler.live.checks import check_live, checked, checked_together, name_of
 from schuler.live.collection import JUDGED_S, Collection
+from schuler.live.document import live_document, restore_live
 from schuler.live.health import HealthMonitor
 from schuler.live.messages import (
     Event,
@@ -41,15 +41,13 @@ from schuler.live.replay import ReplayFilter
 from schuler.live.smoothing import smoothed
 from schuler.live.stamps import Stamps
 from schuler.live.start import start
+from schuler.live.warm import LONGEST_S, Kept, stands, stood
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.navigator_file import read_document, write_document
 from schuler.navigation.start.alignment import aligned_sentence
-from schuler.navigation.start.calibration import configured_start
-from schuler.navigation.states import imu_spec
 from schuler.recording.io.checks import MAX_FORCE, MAX_RATE
-from schuler.recording.io.own import time_document, time_from
-from schuler.recording.series import GnssSeries, ImuSeries, Kind
+from schuler.recording.series import GnssSeries, Kind
 from schuler.timebase import TimeBase
 
 _BLOCK_S = 1.0  # samples of so long are filtered together, unless the solution is asked for before [s]
@@ -61,7 +59,6 @@ _AHEAD_S = 60.0  # a measurement stamped later than the newest sample by more is
 _REPEATED_S = 10.0  # events of one sort are said once in so long, with their number [s]
 _KEPT_EVENTS = 1000
 _LIMITS = np.array([MAX_RATE] * 3 + [MAX_FORCE] * 3)
-_NO_SAMPLES = ImuSeries(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
 
 #: Format and version of the files of :meth:`LiveNavigator.save`.
 STATE_FORMAT = "schuler/live/2"
@@ -118,6 +115,7 @@ class LiveNavigator:
         self._span = (-math.inf, -math.inf)  # stamps of samples that may join the queue [s]
         self._waiting: list[tuple[int, Fix | Speed | Heading | Height]] = []  # with the samples queued before each
         self._health: Health = "aligning"
+        self._stood_still = False
         #: Meaning of zero seconds, for whoever knows it; saved with the state.
         self.time: TimeBase | None = None
         self._begin()
@@ -318,7 +316,11 @@ class LiveNavigator:
     @property
     def covariance(self) -> FloatArray:
         """Covariance at its last propagation, navigation errors in north-east-down axes. Shape (n, n)."""
-        state = self._running().state
+        return self._covariance(self._running())
+
+    @staticmethod
+    def _covariance(run: ReplayFilter) -> FloatArray:
+        state = run.state
         T = ecef_from_ned_states(state.navigation.llh, state.layout.size)
         rotated: FloatArray = T.T @ state.covariance_e @ T
         return 0.5 * (rotated + rotated.T)
@@ -341,7 +343,7 @@ class LiveNavigator:
             Its file appears complete or not at all: a power cut leaves the one before.
         """
         self._work()
-        return write_document(path, self._document(), STATE_FORMAT)
+        return write_document(path, live_document(self), STATE_FORMAT)
 
     @classmethod
     def load(
@@ -349,6 +351,7 @@ class LiveNavigator:
         path: Path | str,
         *,
         calibration: CalibrationResult | Path | str | None = None,
+        stood_still: bool = False,
         on_event: Callable[[Event], None] | None = None,
     ) -> LiveNavigator:
         """A live run that :meth:`save` wrote.
@@ -358,6 +361,9 @@ class LiveNavigator:
         path : Path or str
         calibration : CalibrationResult or path, optional
             The one that was given to :meth:`from_config`, if one was.
+        stood_still : bool
+            The vehicle has not moved since, and the IMU stayed on: after a pause of up to an hour the run goes on at
+            its place and attitude, if it stood there. Otherwise it aligns anew, with the biases of before.
         on_event : callable, optional
             As of :meth:`from_config`: files hold no functions.
 
@@ -375,75 +381,12 @@ class LiveNavigator:
                 config, calibration=calibration, lag_s=document["lag_s"], smoother_lag_s=document["smoother_lag_s"],
                 kind=document["kind"], on_event=on_event,
             )  # fmt: skip
-            live._restore(document)
+            restore_live(live, document)
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise FileFormatError(f"holds no live run: {error}", path) from None
+        live._stood_still = stood_still
         live._say("state", f"goes on from the state of {live._newest:.3f} s", "restored")
         return live
-
-    def _document(self) -> dict[str, Any]:
-        """Everything that goes on, as plain data and arrays."""
-        stamps, run = self._stamps, None
-        if self._filter is not None:
-            assert self._preparation is not None
-            assert self._aids is not None
-            assert self._initial is not None
-            nav = self._initial.nav
-            run = {
-                "filter": self._filter.document(),
-                "preparation": self._preparation.document(),
-                "aids": self._aids.document(),
-                "monitor": self._monitor.document(),
-                "initial": {
-                    "t": nav.t, "r_eb_e": nav.r_eb_e, "v_eb_e": nav.v_eb_e, "q_eb": nav.q_eb, "P": self._initial.P,
-                    "parameters": self._initial.parameters,
-                },
-                "judged_at": self._judged_at,
-            }  # fmt: skip
-        return {
-            "config": self.config.model_dump(mode="json", exclude_unset=True),
-            "lag_s": self.lag_s,
-            "smoother_lag_s": self.smoother_lag_s,
-            "kind": self.kind,
-            "time": None if self.time is None else time_document(self.time),
-            "calibration": self._provenance,
-            "temperature": self._temperature,
-            "stamps": [stamps.last, stamps.other, stamps.count],
-            "newest": self._newest,
-            "health": self._health,
-            "collection": None if self._collection is None else self._collection.document(),
-            "run": run,
-        }
-
-    def _restore(self, document: dict[str, Any]) -> None:
-        """Go on from a document of this configuration."""
-        self._stamps.last, self._stamps.other, self._stamps.count = document["stamps"]
-        self._newest, self._health = document["newest"], document["health"]
-        self._provenance, self._temperature = document["calibration"], document["temperature"]
-        self.time = None if document["time"] is None else time_from(document["time"])
-        if document["collection"] is None:
-            self._collection = None
-        elif self._collection is not None:
-            self._collection.restore(document["collection"])
-        run = document["run"]
-        if run is None:
-            return
-        T = None if math.isnan(self._temperature) else np.array([self._temperature])
-        calibrated = configured_start(self.config, replace(_NO_SAMPLES, temperature=T), self._calibration)
-        if (None if calibrated is None else calibrated.provenance) != self._provenance:
-            raise InputError(
-                f"calibration: the saved run was started with {self._provenance}, now it is "
-                f"{None if calibrated is None else calibrated.provenance}; give the same, or start anew"
-            )
-        self._filter = ReplayFilter.restored(run["filter"])
-        interval = self._filter.interval_s
-        self._preparation = SamplePreparation(self.config, self._readings.kind, interval, calibrated)
-        self._preparation.restore(run["preparation"])
-        self._aids = LiveAids.restored(self.config, imu_spec(self.config), run["aids"])
-        i = run["initial"]
-        self._monitor = HealthMonitor.restored(run["monitor"])
-        self._initial = InitialState(NavState(i["t"], i["r_eb_e"], i["v_eb_e"], i["q_eb"]), i["P"], i["parameters"])
-        self._judged_at = run["judged_at"]
 
     # -- inside ---------------------------------------------------------------------------------------------------
 
@@ -457,6 +400,7 @@ class LiveNavigator:
         self._monitor = HealthMonitor()
         self._initial = None
         self._obstacle = ""
+        self._kept: Kept | None = None  # parameters of the run before a pause
         self._provenance = None  # of the calibration
         self._temperature = math.nan  # mean of the samples that the start was made from [degC]
         self._judged_at = -math.inf  # time of the newest look at the health [s]
@@ -500,7 +444,10 @@ class LiveNavigator:
                 self._extend(x)
             if resumed >= len(rows):
                 return
-            self._restart(f"the IMU goes on at {rows[resumed, 0]:.3f} s, which does not continue {self._newest:.3f} s")
+            self._restart(
+                f"the IMU goes on at {rows[resumed, 0]:.3f} s, which does not continue {self._newest:.3f} s",
+                float(rows[resumed, 0]) + self.config.imu.clock_shift_s,
+            )
             rows = rows[resumed:]
 
     def _impossible(self, x: FloatArray) -> BoolArray | None:
@@ -640,7 +587,7 @@ class LiveNavigator:
         try:
             begun = start(
                 collection, self.config, self._calibration, self._readings.kind, self.lag_s, self.smoother_lag_s,
-                self._initial if again else None,
+                self._initial if again else None, self._kept,
             )  # fmt: skip
         except InputError as error:
             if str(error) != self._obstacle and not again:
@@ -661,13 +608,40 @@ class LiveNavigator:
         self._say("start", f"{'the start is revised: ' if again else ''}{sentence}", "aligned")
         self._judge()
 
-    def _restart(self, reason: str) -> None:
-        """Give up the present run and align anew."""
-        if self._filter is not None:
-            self._say("health", f"{self._health} becomes aligning: {reason}; alignment begins anew", "restart")
-        else:
+    def _restart(self, reason: str, goes_on: float = math.nan) -> None:
+        """Give up the present run and begin anew, with what it knew where the IMU goes on after a pause [s]."""
+        run, kept = self._filter, self._kept
+        preparation, aids, health = self._preparation, self._aids, self._health
+        of_calibration = self._provenance, self._temperature
+        if run is not None and health in ("ok", "coasting"):
+            nav, P = run.state.navigation, self._covariance(run)
+            kept = Kept(nav.t, run.state.arrays.est.copy(), P[9:, 9:])
+        if kept is not None and not 0.0 < goes_on - kept.t <= LONGEST_S:
+            kept = None
+        stood_still, self._stood_still = self._stood_still, False
+        if run is None:
             self._say("clock", f"{reason}; collecting begins anew", "restart")
         self._begin()
+        self._kept = kept
+        if run is None:
+            return
+        if stood_still and kept is not None and stands(nav, P):
+            assert preparation is not None
+            assert aids is not None
+            begin = goes_on - (run.interval_s if self._readings.kind == "increment" else 0.0)
+            self._initial = stood(nav, P, kept.parameters, run.layout, begin)
+            self._filter = ReplayFilter(self._initial, run.layout, run.psd, run.options, run.interval_s, run.lag_s)
+            self._preparation = SamplePreparation(
+                self.config, self._readings.kind, run.interval_s, preparation.calibrated
+            )
+            aids.resume(begin)
+            self._aids, self._collection, self._newest = aids, None, goes_on
+            self._provenance, self._temperature = of_calibration
+            self._monitor = HealthMonitor(placed=begin)
+            self._say("health", f"{reason}; it stood still, and goes on where it was", "restart")
+            return
+        addition = ", with the biases of before" if kept is not None else ""
+        self._say("health", f"{health} becomes aligning: {reason}; alignment begins anew{addition}", "restart")
         self._health = "aligning"
 
     def _say(self, kind: EventKind, text: str, sort: str) -> None:

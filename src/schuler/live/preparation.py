@@ -69,7 +69,7 @@ class SamplePreparation:
         self.kind, self.order, self.shift = kind, config.imu.rate_order, config.imu.clock_shift_s
         mount = config.imu.mount_rpy_deg
         self._C_bs = rotation.dcm_from_rpy(np.array(mount) * units.DEG) if any(mount) else None
-        self._calibrated = calibrated
+        self.calibrated = calibrated
         self.recent = RecentSamples(interval_s)
         self.before = np.empty((0, 7))  # the last two samples: time, rate, specific force (SI, corrected)
 
@@ -89,7 +89,7 @@ class SamplePreparation:
         h = self.recent.interval_s
         t = t + self.shift if self.shift else t
         dt = np.diff(t, prepend=self.before[-1, 0] if len(self.before) else t[0] - h) if len(t) else t
-        calibrated = self._calibrated
+        calibrated = self.calibrated
         if calibrated is not None:
             gyro, accel = self._in_si(calibrated, t, dt, gyro, accel, temperature)
         if self._C_bs is not None:

@@ -14,6 +14,7 @@ from schuler.live.aids import LiveAids
 from schuler.live.collection import Collection
 from schuler.live.preparation import PreparedSamples, SamplePreparation
 from schuler.live.replay import ReplayFilter
+from schuler.live.warm import LONGEST_S, Kept, grown, informed
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.run import prepared_run
 from schuler.recording.series import ImuSeries, Kind
@@ -57,6 +58,7 @@ def start(
     lag_s: float,
     smoother_lag_s: float | None,
     before: InitialState | None = None,
+    kept: Kept | None = None,
 ) -> Start | None:
     """Start a run by the alignment of a batch run over what came so far; None if it is the start of before.
 
@@ -72,6 +74,8 @@ def start(
         How far the smoother goes back. [s]
     before : InitialState, optional
         Start of the run so far.
+    kept : Kept, optional
+        Parameters of a run before a pause.
 
     Raises
     ------
@@ -81,6 +85,15 @@ def start(
     forward = config.model_copy(update={"filter": config.filter.model_copy(update={"smooth": False, "tune": False})})
     prepared = prepared_run(collection.recording(), forward, calibration=calibration)
     initial, calibrated, raw = prepared.initial, prepared.calibrated, collection.imu
+    if kept is not None and 0.0 < initial.nav.t - kept.t <= LONGEST_S:
+        blank = InitialState(
+            initial.nav,
+            np.diag(np.r_[np.zeros(9), prepared.layout.initial_variances()]),
+            np.zeros_like(initial.parameters),
+        )
+        blank = blank if calibrated is None else calibrated.put_into(blank)
+        prior = Kept(initial.nav.t, blank.parameters, blank.P[9:, 9:])
+        initial = informed(initial, grown(kept, prepared.layout, initial.nav.t), prior)
     if before is not None and _same(initial, before):
         return None
     interval = float(np.median(prepared.increments.dt))

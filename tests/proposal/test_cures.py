@@ -8,6 +8,8 @@ from schuler.diagnosis.result import Finding
 from schuler.files import read_toml
 from schuler.proposal import tables
 from schuler.proposal.cures import mended, proposed
+from schuler.proposal.files import files_of
+from schuler.recording.io import read
 
 
 @pytest.mark.parametrize(
@@ -40,6 +42,23 @@ def test_what_is_merely_likely_is_not_mended():
 @pytest.mark.parametrize(("step", "unit"), [(0.01, "s"), (10.0, "ms"), (1e4, "us"), (1e7, "ns"), (5.0, "ms")])
 def test_the_step_of_stamps_tells_their_unit(step, unit):
     assert tables.time_unit(step * np.arange(1.0, 51.0)) == (unit, None)
+
+
+@pytest.mark.parametrize(("unit", "second"), [("s", 1.0), ("ms", 1e-3)])
+def test_fixes_and_an_imu_on_unix_time_have_one_clock(tmp_path, unit, second):
+    t = (1.7e9 + 0.01 * np.arange(400)) / second
+    imu = np.column_stack([t, np.tile([0.0, 0.0, -9.8, 0.0, 0.0, 0.0], (400, 1))])
+    fixes = np.column_stack([t[::100], np.tile([47.0, 8.0, 400.0, 1.0, 1.0, 2.0], (4, 1))])
+    for name, rows, header in (
+        ("imu.csv", imu, "timestamp,ax_m_s2,ay_m_s2,az_m_s2,gx_rad_s,gy_rad_s,gz_rad_s"),
+        ("gnss.csv", fixes, "timestamp,lat_deg,lon_deg,height_m,sd_n_m,sd_e_m,sd_d_m"),
+    ):
+        np.savetxt(tmp_path / name, rows, fmt="%.4f", delimiter=",", header=header, comments="")
+    files = files_of([tmp_path], {})
+    assert {part: entry["time"] for part, entry in files.entries.items()} == {"imu": "unix", "gnss": "unix"}
+    recording = read(tmp_path, **files.entries)
+    assert recording.metadata.time.scale == "gps"
+    assert recording.need_gnss().t[0] == pytest.approx(recording.need_imu().t[0], abs=1e-4)  # printed digits
 
 
 @pytest.mark.parametrize(("norm", "unit"), [(9.9, "m/s^2"), (1.02, "g"), (980.0, "mg"), (16384.0, "m/s^2")])

@@ -59,6 +59,14 @@ def test_stated_biases_stay_zero_ones_too():
     assert notes == []
 
 
+def test_a_grade_says_that_the_part_is_unknown_so_its_biases_are_typical_ones():
+    notes = []
+    spec = imu_spec(NavigationConfig.checked({"imu": {"catalogue": "consumer"}}), notes)
+    assert spec.gyro.turn_on_bias == pytest.approx(3.0 * units.DEG)
+    assert spec.accel.turn_on_bias == pytest.approx(50.0 * units.MG)
+    assert len(notes) == 2
+
+
 def test_a_sheet_in_the_configuration_that_leaves_a_bias_out_is_completed_and_a_zero_stays():
     sheet = {"gyro": {"arw_deg_rthr": 0.2}, "accel": {"vrw_m_s_rthr": 0.05}}
     notes = []

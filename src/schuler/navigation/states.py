@@ -18,13 +18,17 @@ def imu_spec(config: NavigationConfig, notes: list[str] | None = None) -> ImuSpe
     """Error budget of the IMU a configuration names or describes; ``notes`` gets what was taken for unstated values.
 
     A turn-on bias that a data sheet leaves out, here or in the catalogue, is not zero: what is typical of the class is
-    taken. One that is stated stays, zero too, and so does the budget of a file.
+    taken, also of a grade ("consumer"), which says that the part is not known. One that is stated stays, zero too, and
+    so do the budget of a file and the set of a simulation by its own name ("flenniken-consumer").
     """
     section = config.imu
     if section.spec is not None:
         return configured_spec(section.spec)
     if section.catalogue is not None:
-        spec, unstated = catalogue.spec(section.catalogue), catalogue.entry(section.catalogue).unstated
+        spec, entry = catalogue.spec(section.catalogue), catalogue.entry(section.catalogue)
+        unstated = entry.unstated
+        if entry.kind == "grade" and catalogue.plain(section.catalogue) != catalogue.plain(entry.name):
+            unstated = tuple(f"{which}.turn_on_bias" for which in ("gyro", "accel"))
     else:
         try:
             gyro, accel = TriadSpec.gyro(**section.gyro), TriadSpec.accelerometer(**section.accel)  # type: ignore[arg-type]

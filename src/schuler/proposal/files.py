@@ -356,7 +356,7 @@ def _table(path: Path, section: str, part: str | None) -> tuple[dict[str, Any] |
         entry["columns"] = match[0]
         decisions.append(Decision(f"{section}.columns", match[0], match[1]))
     if part not in (None, "imu"):
-        return entry, decisions
+        return _clock(path, section)
     names, stated = _layout(path, entry.get("columns")) if path.suffix.lower() not in _ARRAYS else (
         str(entry["columns"]).split(","), set()
     )  # fmt: skip
@@ -391,6 +391,18 @@ def _table(path: Path, section: str, part: str | None) -> tuple[dict[str, Any] |
         entry["units"] = ",".join(f"{group}={unit}" for group, unit in units.items())
         decisions = [replace(d, value=entry["units"]) if d.entry == f"{section}.units" else d for d in decisions]
     return entry, decisions
+
+
+def _clock(path: Path, section: str) -> tuple[dict[str, Any], list[Decision]]:
+    """Hints of a table's clock where its stamps are Unix time, as those of an IMU's beside it are then told."""
+    names, stated = _layout(path, None)
+    t = tables.column(path, names.index("t")) if "t" in names and "t" not in stated else None
+    unit = None if t is None else tables.unix_unit(t)
+    if t is None or unit is None:
+        return {}, []
+    entry = {"time": "unix"} | ({} if unit == "s" else {"units": f"t={unit}"})
+    why = f"stamps of {t[0]:.6g} {unit} are of this century"
+    return entry, [Decision(f"{section}.{name}", value, why) for name, value in entry.items()]
 
 
 def _layout(path: Path, given: str | None) -> tuple[list[str], set[str]]:

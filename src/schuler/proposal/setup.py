@@ -9,6 +9,7 @@ import numpy as np
 
 from schuler.diagnosis.result import Diagnosis
 from schuler.files import merged
+from schuler.navigation.config import ImuSection
 from schuler.navigation.inputs.preparation import PAUSE
 from schuler.proposal.cures import SURE
 from schuler.proposal.decision import Decision
@@ -40,7 +41,7 @@ def certain(recording: Recording, diagnosis: Diagnosis) -> list[Decision]:
     out = []
     pauses = recording.need_imu().gaps(PAUSE)
     longest = float(pauses[:, 1].max()) if len(pauses) else 0.0
-    if 0.5 < longest <= _LONGEST_GAP_S:
+    if ImuSection.model_fields["max_gap_s"].default < longest <= _LONGEST_GAP_S:
         value = float(np.ceil(10.0 * longest) / 10.0)
         out.append(Decision("imu.max_gap_s", value, f"the log pauses for {longest:.2f} s; the filter bridges it"))
     if recording.gnss is None and recording.ranges is None and recording.observations is not None:

@@ -96,6 +96,18 @@ def time_unit(t: FloatArray) -> tuple[str, str | None] | None:
     return None
 
 
+def unix_unit(t: FloatArray) -> str | None:
+    """Unit in which stamps are Unix time of this century, by their size; None if they are none.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        As written.
+    """
+    sizes = [] if not len(t) else [u for u, second in _TIME_UNITS if _UNIX_S[0] <= t[0] * second <= _UNIX_S[1]]
+    return sizes[0] if sizes else None
+
+
 def column(path: Path, index: int) -> FloatArray | None:
     """One column of a text table, at most its first rows. Shape (n,)."""
     values = _numbers(path)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from schuler.exceptions import InputError
-from schuler.filtering.measurements import ACCEPTED, POSITION
+from schuler.filtering.measurements import ACCEPTED, FORCED, POSITION, REJECTED
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.evidence import slow_nis
 from schuler.navigation.evaluation.verdict import Verdict
+from schuler.navigation.inputs.gnss_faults import rejections
 from schuler.navigation.inputs.imu_noise import NOISIER, noise_against_budget
 from schuler.navigation.result import Innovations
 from schuler.navigation.run import navigate
@@ -162,6 +163,29 @@ def test_an_aid_that_never_acted_is_a_remark(recording):
         moving, config(aiding={"barometer": None} | {"fixes": {"t_s": [1.0], "llh_deg": [[47.0, 8.0, 400.0]]}})
     )
     assert any("aiding.fixes never acted" in remark for remark in result.verdict.remarks)
+
+
+@pytest.mark.parametrize(
+    ("factors", "status"),
+    [((8.0, 1.0, 1.0), "ok"), ((32.0, 1.0, 1.0), "doubtful"), ((1.0, 2.0, 1.0), "ok"), ((1.0, 1.0, 4.0), "doubtful")],
+)
+def test_noise_that_the_run_enlarged_and_found_right_is_a_remark(recording, factors, status):
+    none = np.empty(0)
+    enlarged = rejections(none, none, none, np.empty((0, 3, 3)), tuple(f**2 for f in factors))
+    run = navigate(recording, config())
+    verdict = replace(run, notes=(*run.notes, *enlarged, f"{NOISIER}: angular rate 90 times")).verdict
+    assert verdict.status == status
+    assert all(any(note in text for text in (*verdict.remarks, *verdict.reasons)) for note in enlarged)
+
+
+@pytest.mark.parametrize(("rejected", "status"), [(4, "ok"), (30, "doubtful")])
+def test_a_moment_of_rejections_is_a_remark_and_a_tenth_of_the_fixes_is_not(recording, rejected, status):
+    run = navigate(recording, config())
+    inn = run.innovations
+    own = np.flatnonzero((inn.kind == POSITION) & (inn.status == ACCEPTED))[40 : 41 + rejected]
+    changed = inn.status.copy()
+    changed[own[:-1]], changed[own[-1]] = REJECTED, FORCED
+    assert replace(run, innovations=replace(inn, status=changed)).verdict.status == status
 
 
 def test_noise_far_beyond_the_budget_is_noted_and_none_at_its_level(recording):

@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from schuler import frames, rotation, units
+from schuler import earth, frames, rotation, units
 from schuler.exceptions import InputError
+from schuler.navigation.config import AlignmentSection
 from schuler.navigation.evaluation.consistency import chi_square_band, state_errors
 from schuler.navigation.run import navigate
+from schuler.navigation.start.levelling import level_in_motion
 from schuler.navigation.start.rests import rests_before
 from schuler.navigation.start.velocity_fit import velocity_fit, with_velocities
 from schuler.recording.series import GnssSeries, ImuSeries
@@ -254,6 +256,39 @@ def test_velocities_without_a_vertical_one_are_used_for_what_they_say(drive):
     assert result.innovations.rejected() == {"position": 0, "velocity": 0}
     errors = [x.errors(drive.reference).rms_horizontal for x in (result, full)]
     assert errors[0] < 1.1 * errors[1]
+
+
+@pytest.mark.parametrize("k", [0, 1])
+def test_fixes_five_seconds_apart_level_and_the_gyro_bias_is_in_the_claim(k):
+    """Closed form: on a straight with constant acceleration a bias b turns the level by b times the way to the middle.
+
+    Tolerance of discretisation: gravity turns by 1e-4 rad over the way, squares of the turn are left out.
+    """
+    t, a, b = np.arange(0.0, 10.0001, 0.01), 1.5, np.array([2e-3, -3e-3, 0.0])
+    force = np.tile([a, 0.0, -earth.gravity_ned(PLACE[0], PLACE[2])[2]], (len(t), 1))
+    rates = ImuSeries(t, np.tile(b, (len(t), 1)), force)
+    at = np.array([0.0, 5.0, 10.0])
+    v = np.stack([10.0 + a * at, np.zeros(3), np.zeros(3)], axis=1)
+    llh = PLACE + np.outer(10.0 * at + 0.5 * a * at**2, [1.0 / 6.37e6, 0.0, 0.0])
+    gnss = GnssSeries(at, llh, np.tile(np.eye(3), (3, 1, 1)), v, np.tile(1e-4 * np.eye(3), (3, 1, 1)))
+    section = AlignmentSection(tilt_floor_deg=0.01)
+    known = level_in_motion(rates, gnss, k, 0.0, 0.01, (b, 1e-4), section, SPEC)
+    np.testing.assert_allclose(known.rpy_nb, 0.0, atol=4e-4)
+    unknown = level_in_motion(rates, gnss, k, 0.0, 0.01, (np.zeros(3), 5e-3), section, SPEC)
+    np.testing.assert_allclose(unknown.rpy_nb - known.rpy_nb, unknown.psi_gyro @ -b, atol=4e-4)
+    assert abs(unknown.rpy_nb[0]) > 4e-3  # half of five seconds, as far from the fix as the middle is
+    assert unknown.sigma_b_g == 5e-3
+    with pytest.raises(InputError, match="two GNSS velocities at most 15 s apart"):
+        level_in_motion(rates, gnss.where([0]), 0, 0.0, 0.01, (b, 1e-4), section, SPEC)
+
+
+@pytest.mark.parametrize("begin", [40.0, 55.0, 70.0])
+def test_a_run_starts_in_motion_where_fixes_are_five_seconds_apart(drive, begin):
+    part = drive.between(begin, 1e9)
+    rare = replace(part, gnss=part.gnss.where(np.arange(len(part.gnss)) % 5 == 0))
+    result = navigate(rare, config())
+    assert result.verdict.status != "failed"
+    assert horizontal_nees(result, drive.reference) < 4.0  # statistical: few independent errors in so short a run
 
 
 def test_positions_alone_start_a_run(drive):

@@ -17,7 +17,7 @@ from schuler.filtering.measurements import (
     gate_threshold,
 )
 from schuler.navigation.evaluation.evidence import BUDGET, LEAST, Finding, kind_text, of_kind
-from schuler.navigation.inputs.gnss_faults import LARGER
+from schuler.navigation.inputs.gnss_faults import LARGER, enlargement
 
 if TYPE_CHECKING:
     from schuler.navigation.result import NavigationResult
@@ -52,12 +52,14 @@ def causes(result: NavigationResult, findings: list[Finding]) -> list[str]:
     if "no noise" in size:
         explained.append((0.75, _CONTRADICTION))
     for note in (n for n in result.notes if n.startswith(LARGER)):
-        factor = note.partition("up to ")[2].partition(" ")[0]
+        factor = enlargement(note)
         if "GNSS" in note:
-            explained.append((0.55, f"GNSS states accuracies {factor} times too good: gnss.sigma_scale, or the floors"))
+            explained.append(
+                (0.55, f"GNSS states accuracies {factor:g} times too good: gnss.sigma_scale, or the floors")
+            )
             continue
         explained.append((0.55, "the budget of the IMU is too small (imu; filter.tune = true finds one that fits)"))
-        if float(factor) >= _OTHER_MOTION and any(key.startswith("budget b_") for key in size):
+        if factor >= _OTHER_MOTION and any(key.startswith("budget b_") for key in size):
             explained.append((0.7, _CONTRADICTION))
     slow_v = max(size.get(f"slow {code}", 0.0) for code in (VELOCITY, RANGE_RATE))
     slow_r = max(size.get(f"slow {code}", 0.0) for code in (POSITION, PSEUDORANGE))

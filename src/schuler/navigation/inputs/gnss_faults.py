@@ -210,6 +210,11 @@ def _lateness(
     ]
 
 
+def enlargement(note: str) -> float:
+    """Factor on 1-sigma values that a note beginning with :data:`LARGER` states."""
+    return float(note.partition("up to ")[2].partition(" ")[0])
+
+
 def rejections(
     kind: IntArray,
     status: IntArray,

@@ -134,9 +134,9 @@ def align(
     t, llh = float(gnss.t[k]), gnss.llh[k]
     rests = rests_before(rates, gnss, t, spec, section.rest_s)
     rest, level = rest_rate(rests, float(llh[0]), spec), None
+    bias = (np.zeros(3), spec.gyro.turn_on_bias)
     if rest is not None:
         # a calibrated log is levelled and carried as it is; what the rest says of its biases comes after
-        bias = (np.zeros(3), spec.gyro.turn_on_bias)
         if calibration is None and "b_g" in layout:
             sigma_b = float(np.hypot(rest[1], unmodelled_rate(rates, rest[0], spec, layout)))
             rest = bias = weighted_bias(rest[0], sigma_b, layout.models["b_g"].sigma)
@@ -146,12 +146,12 @@ def align(
         if section.method == "given":
             return _given_attitude(t, section, heading, sigma)
         if level is None:
-            return level_in_motion(rates, gnss, k, heading, sigma, section, spec)
+            return level_in_motion(rates, gnss, k, heading, sigma, bias, section, spec)
         at_rest = level.with_heading(heading, sigma, "")
         if t - float(rests.stop[-1]) < 2.0 and rests.confirmed[-1]:
             return at_rest
         try:
-            moving = level_in_motion(rates, gnss, k, heading, sigma, section, spec)
+            moving = level_in_motion(rates, gnss, k, heading, sigma, bias, section, spec)
         except InputError:
             return at_rest
         return moving if tilt(moving) < tilt(at_rest) else at_rest

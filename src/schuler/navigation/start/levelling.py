@@ -17,7 +17,8 @@ from schuler.recording.series import GnssSeries, ImuSeries
 from schuler.sensors.spec import ImuSpec
 
 _SHORT_S = 1.5  # shorter parts are not turned into the axes of one time [s]
-_LONGEST_S = 4.0  # longest time between velocities that level in motion [s]
+_LONGEST_S = 4.0  # longest time between velocities that level in motion, where there are some closer [s]
+_SPARSE_S = 15.0  # and where there are none [s]
 _CARRIED_S = 120.0  # longest time over which the gyroscopes carry an attitude [s]
 
 
@@ -77,7 +78,14 @@ def level_at_rest(
 
 
 def level_in_motion(
-    rates: ImuSeries, gnss: GnssSeries, k: int, heading: float, sigma: float, section: AlignmentSection, spec: ImuSpec
+    rates: ImuSeries,
+    gnss: GnssSeries,
+    k: int,
+    heading: float,
+    sigma: float,
+    bias: tuple[FloatArray, float],
+    section: AlignmentSection,
+    spec: ImuSpec,
 ) -> Alignment:
     """Roll and pitch while moving: the specific force less the acceleration GNSS sees, and the heading given.
 
@@ -90,13 +98,20 @@ def level_in_motion(
         Fix of the start.
     heading, sigma : float
         Heading and its 1-sigma. [rad]
+    bias : (ndarray of shape (3,), float)
+        Gyro bias of the start and its 1-sigma. [rad/s]
     section, spec
         Floor of the tilt, noise and biases.
 
     Raises
     ------
     InputError
-        If the velocities around the fix are more than 2 s apart.
+        If the velocities around the fix are more than 15 s apart.
+
+    Notes
+    -----
+    The force of each sample is turned into the axes of the fix by the gyroscopes. Where velocities are far apart, what
+    their bias leaves in the mean is the turn from the middle of both to the fix, as if levelled there and carried.
     """
     v_n, cov_v_n = gnss.need_velocity()
     t = float(gnss.t[k])
@@ -108,12 +123,20 @@ def level_in_motion(
     i = min(max(j - 1, 0), k, int(np.searchsorted(gnss.t, t - reach)))
     if gnss.t[j] - gnss.t[i] > _LONGEST_S:
         i = max(j - 1, 0)
+    if gnss.t[j] - gnss.t[i] > _LONGEST_S and i < k < j:
+        # fixes are rare: the next or the one before, whichever is closer
+        i, j = (i, k) if gnss.t[k] - gnss.t[i] < gnss.t[j] - gnss.t[k] else (k, j)
     span = float(gnss.t[j] - gnss.t[i])
-    if not 0.0 < span <= _LONGEST_S or np.diff(gnss.t[i : j + 1]).max() > 2.0:
-        raise InputError("levelling in motion needs two GNSS velocities at most 2 s apart where the course is taken")
+    if not 0.0 < span <= _SPARSE_S:
+        raise InputError(
+            f"levelling in motion needs two GNSS velocities at most {_SPARSE_S:g} s apart where the course is taken, "
+            f"and around {t:.1f} s there are none: begin elsewhere, or give the attitude (alignment.rpy_deg)"
+        )
     a_n = (v_n[j] - v_n[i]) / span
     f_n = a_n - earth.gravity_ned(float(gnss.llh[k, 0]), float(gnss.llh[k, 2]))
-    f_b = _mean_force(rates.between(float(gnss.t[i]), float(gnss.t[j])), t, gnss.llh[k])
+    part = rates.between(float(gnss.t[i]), float(gnss.t[j]))
+    far = span > _LONGEST_S  # over less, the gyro bias turns the mean by nothing that counts
+    f_b = _mean_force(replace(part, gyro=part.gyro - bias[0]) if far else part, t, gnss.llh[k])
     s = rotation.dcm_from_rpy(np.array([0.0, 0.0, heading])).T @ f_n  # axes turned to the heading, still level
     # f_b = R_x(roll)' R_y(pitch)' s: pitch from the forward, roll from the cross components
     pitch = np.arctan2(s[0], s[2]) - np.arctan2(f_b[0], -np.sqrt(max(s[0] ** 2 + s[2] ** 2 - f_b[0] ** 2, 0.0)))
@@ -126,9 +149,12 @@ def level_in_motion(
     rpy = np.array([roll, pitch, heading])
     # as at rest: the force is that of the attitude but for its horizontal error
     psi_accel = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) / units.G0 @ rotation.dcm_from_rpy(rpy)
+    carried = t - 0.5 * float(gnss.t[i] + gnss.t[j]) if far else 0.0
+    psi_gyro = -carried * rotation.dcm_from_rpy(rpy)
+    psi_gyro[2] = 0.0  # the heading is not carried
     return Alignment(
-        t, rpy, np.diag([tilt**2, tilt**2, sigma**2]), "levelled in motion", psi_accel=psi_accel,
-        sigma_b_a=spec.accel.turn_on_bias,
+        t, rpy, np.diag([tilt**2, tilt**2, sigma**2]), "levelled in motion", psi_accel=psi_accel, psi_gyro=psi_gyro,
+        sigma_b_a=spec.accel.turn_on_bias, sigma_b_g=bias[1] if far else 0.0,
     )  # fmt: skip
 
 

@@ -7,51 +7,18 @@ import signal
 import subprocess
 import sys
 import time
-import urllib.error
-import urllib.request
 from pathlib import Path
 
 import chromium
 import numpy as np
 import pytest
+from workbench import Server, drag, press, type_into
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 pytest.importorskip("nicegui", reason="the workbench needs the extra studio")
 
 #: Wider than the page, narrower than the page.
 WIDTHS = (1400, 390)
-
-
-class Server:
-    """A server in its process, and the cookie of a visitor."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        command = [sys.executable, "-m", "schuler", "studio", str(folder), "--no-browser", "--quiet"]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder)
-        self.address = self.process.stdout.readline().strip()
-        self.base, self.token = self.address.split("/?token=")
-        self.port = int(self.base.rpartition(":")[2])
-
-    def page(self, path: str, **query: str) -> str:
-        words = "&".join([f"token={self.token}", *(f"{name}={value}" for name, value in query.items())])
-        return f"{self.base}{path}?{words}"
-
-    def ask(self, path, method="GET", data=None, **headers):
-        """Status and body of a request with the cookie."""
-        cookie = {"Cookie": f"schuler_studio_{self.port}={self.token}"}
-        request = urllib.request.Request(self.base + path, data, cookie | headers, method=method)
-        try:
-            with urllib.request.urlopen(request, timeout=60.0) as answer:
-                return answer.status, answer.read()
-        except urllib.error.HTTPError as error:
-            with error:
-                return error.code, error.read()
-
-    def stop(self, how=signal.SIGTERM):
-        self.process.send_signal(how)
-        self.process.wait(30.0)
-        self.process.stdout.close()
 
 
 @pytest.fixture(scope="module")
@@ -71,31 +38,6 @@ def server(town):
     served = Server(town)
     yield served
     served.stop()
-
-
-def press(page, text):
-    """Click the button with this text."""
-    mark = f"[...document.querySelectorAll('button')].find(b => b.textContent.trim() === {json.dumps(text)})"
-    chromium.wait_for(page, mark, 60.0)
-    chromium.run(page, f"{mark}.setAttribute('data-press', '1')")
-    chromium.click(page, "[data-press]")
-    chromium.run(page, "document.querySelector('[data-press]')?.removeAttribute('data-press')")
-
-
-def drag(page, start, stop):
-    """Drag over the timeline from one time to another. [s]"""
-    chromium.wait_for(page, "document.querySelector('.timeline').dataset.latency", 90.0)
-    chromium.centre(page, ".timeline")
-    box = "document.querySelector('.timeline .nsewdrag').getBoundingClientRect()"
-    left, top, width, height = chromium.run(page, f"(r => [r.x, r.y, r.width, r.height])({box})")
-    low, high = map(float, chromium.run(page, "document.querySelector('.timeline').dataset.window").split(","))
-    xs = [left + (t - low) / (high - low) * width for t in np.linspace(start, stop, 12)]
-    y = top + 0.5 * height
-    chromium.mouse(page, "mouseMoved", xs[0], y)
-    chromium.mouse(page, "mousePressed", xs[0], y, button="left", clickCount=1)
-    for x in xs:
-        chromium.mouse(page, "mouseMoved", x, y, button="left", buttons=1)
-    chromium.mouse(page, "mouseReleased", xs[-1], y, button="left", clickCount=1)
 
 
 def navigated(page):
@@ -164,7 +106,7 @@ def test_uploads_arrive_once_and_a_wrong_file_does_not_end_the_server(server, to
 
 
 @chromium.needed
-@pytest.mark.parametrize("path", ["/", "/navigate", "/noise", "/plan", "/runs"])
+@pytest.mark.parametrize("path", ["/", "/navigate", "/noise", "/calibrate", "/coach", "/plan", "/runs"])
 def test_pages_fit_ask_nobody_else_and_say_no_error(server, path):
     for width in WIDTHS:
         with chromium.opened(server.page(path), width, dark=width == 390) as page:
@@ -198,6 +140,12 @@ def test_a_log_is_looked_at(server, town):
         rows = span_statistics(Views().open(town / "town.parquet", {}), start, stop)
         wanted = [[r.samples, r.mean, r.standard_deviation, r.minimum, r.maximum] for r in rows]
         assert [list(map(float, row)) for row in numbers] == wanted
+        for name, panels in (("spectrum", 2), ("spectrogram", 2)):  # of what is visible, once it is unfolded
+            figure = f"document.querySelector('[data-source*=\"/{name}?\"]')"
+            assert not chromium.run(page, f"{figure}.dataset.drawn")
+            chromium.run(page, f"{figure}.closest('details').open = true")
+            chromium.wait_for(page, f"{figure}.querySelectorAll('.js-plotly-plot').length === {panels}", 60.0)
+            assert f"start={start}&stop={stop}" in chromium.run(page, f"{figure}.dataset.drawn")
         assert chromium.errors(page) == ()
 
 
@@ -236,6 +184,35 @@ def test_a_question_that_a_log_leaves_open_is_answered_by_a_button(server, town)
             assert not chromium.run(page, "document.querySelector('.finding.warning button')")
     finally:
         log.unlink()
+
+
+@chromium.needed
+def test_an_outage_is_moved_and_the_cursor_is_on_the_track(server):
+    at = "document.querySelector('.command pre')?.textContent.split('--outage ')[1]"
+    with chromium.opened(server.page("/navigate", log="town.parquet", config="drive.toml"), 1400) as page:
+        drag(page, 130.0, 145.0)
+        chromium.wait_for(page, at, 60.0)
+        start, stop = map(float, chromium.run(page, at).split(":"))
+        drag(page, 138.0, 108.0)  # as a whole
+        chromium.wait_for(page, f"{at} !== '{start:g}:{stop:g}'", 60.0)
+        moved = [float(x) for x in chromium.run(page, at).split(":")]
+        assert np.allclose(moved, (start - 30.0, stop - 30.0), rtol=0.0, atol=0.5)  # pixels
+        drag(page, moved[1], moved[1] + 12.0)  # by its edge
+        chromium.wait_for(page, f"!{at}.endsWith(':{moved[1]:g}')", 60.0)
+        edges = [float(x) for x in chromium.run(page, at).split(":")]
+        assert edges[0] == moved[0]
+        assert edges[1] == pytest.approx(moved[1] + 12.0, abs=0.5)  # pixels
+        chromium.wait_for(page, "document.querySelector('.plan').dataset.curves", 60.0)
+        for _ in range(2):
+            chromium.hover(page, ".timeline .nsewdrag", right=60.0)
+        chromium.wait_for(page, "document.querySelector('.plan').dataset.marked", 60.0)
+        low, high = map(float, chromium.run(page, "document.querySelector('.timeline').dataset.window").split(","))
+        width = chromium.run(page, "document.querySelector('.timeline .nsewdrag').getBoundingClientRect().width")
+        t = 0.5 * (low + high) + 60.0 * (high - low) / width
+        marked = float(chromium.run(page, "document.querySelector('.plan').dataset.marked"))
+        assert marked == pytest.approx(t, abs=1.0)  # fixes are a second apart
+        assert chromium.run(page, "getComputedStyle(document.querySelector('.vehicle')).display") == "block"
+        assert chromium.errors(page) == ()
 
 
 @chromium.needed
@@ -285,15 +262,6 @@ def test_the_noise_of_a_span_is_that_of_the_command(town, tmp_path):
     noise = identify_noise(cut(read(town / "town.parquet"), start, stop))
     assert by_page["axes"] == json.loads(json_text(numbers(noise)))["axes"]
     assert 14.0 < by_page["duration_s"] < 18.0
-
-
-def type_into(page, label, text):
-    """Put a text into the field with this label."""
-    chromium.wait_for(page, f"document.querySelector('input[aria-label=\"{label}\"]')", 60.0)
-    chromium.run(
-        page, f"(field => (field.focus(), field.select()))(document.querySelector('input[aria-label=\"{label}\"]'))"
-    )
-    chromium.call(page.browser, "Input.insertText", page.session, text=text)
 
 
 @chromium.needed

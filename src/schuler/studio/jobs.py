@@ -126,7 +126,7 @@ def job(workspace: Workspace, key: str) -> Job | None:
     fraction = 0.0
     with suppress(OSError, ValueError):
         fraction = float((folder / "progress").read_text(encoding="ascii"))
-    last_line = _last_line(folder / "stderr")
+    last_line = next(reversed(messages(workspace, key)), "")
     state: State
     if _alive(folder / "lock"):
         state = "running"
@@ -139,10 +139,19 @@ def job(workspace: Workspace, key: str) -> Job | None:
     return Job(key, command, out, started, pid, state, fraction, last_line.removeprefix("schuler: "))
 
 
-def latest(workspace: Workspace, command: str, log: str = "") -> Job | None:
-    """The job of a command that was started last, of one log or of any."""
-    started = (one for one in jobs(workspace) if one.command[:1] == (command,))
-    return next((one for one in started if log in ("", one.command[1])), None)
+def latest(workspace: Workspace, *words: str) -> Job | None:
+    """The job started last whose command begins with these words, such as its name and its log; empty ones are any."""
+    first = tuple(word for word in words if word)
+    return next((one for one in jobs(workspace) if one.command[: len(first)] == first), None)
+
+
+def messages(workspace: Workspace, key: str) -> list[str]:
+    """Lines that a job's command has said on stderr so far."""
+    try:
+        text = (_place(workspace) / Path(key).name / "stderr").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return []
+    return text.strip().splitlines()
 
 
 def answer(workspace: Workspace, key: str) -> dict[str, Any]:
@@ -161,6 +170,14 @@ def cancel(workspace: Workspace, key: str) -> None:
         os.kill(current.pid, signal.SIGTERM)
 
 
+def interrupt(workspace: Workspace, key: str) -> None:
+    """What Ctrl-C is in a terminal: a coach ends, and its command goes on with the log so far."""
+    current = job(workspace, key)
+    if current is not None and current.state == "running":
+        with suppress(ProcessLookupError):
+            os.kill(current.pid, signal.SIGINT)
+
+
 def _place(workspace: Workspace) -> Path:
     return workspace.root / JOBS
 
@@ -172,14 +189,6 @@ def _answered(path: Path) -> bool:
     except (OSError, ValueError):
         return False
     return True
-
-
-def _last_line(path: Path) -> str:
-    try:
-        lines = path.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    except OSError:
-        return ""
-    return lines[-1] if lines else ""
 
 
 def _lock(handle: int) -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
+from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import SchulerError, printable
+from schuler.studio.figures import calibration_figure, figure_document, span_figure
 from schuler.studio.signals import COLUMNS, MOST, Views, window
 from schuler.studio.tracks import plan
 from schuler.studio.uploads import receive, target_of
@@ -53,6 +55,13 @@ def add_routes(app: FastAPI, workspace: Workspace, views: Views) -> None:
         wanted = [panel for panel in shown["panels"] if panel["label"].startswith(only)] or shown["panels"][:1]
         return JSONResponse(shown | {"panels": wanted if only else shown["panels"], "span": [first, last]})
 
+    def span_figure_of(key: str, name: str, start: float, stop: float) -> Response:
+        return JSONResponse(figure_document(span_figure(views.get(key), name, start, stop)))
+
+    def calibration_figure_of(name: str, run: str) -> Response:
+        result = CalibrationResult.from_yaml(workspace.inside(run) / "calibration.yaml")
+        return JSONResponse(figure_document(calibration_figure(result, name)))
+
     def track(view: str = "", run: str = "") -> Response:
         recording = views.get(view).recording if view else None
         return JSONResponse(plan(recording, workspace.inside(run) if run else None))
@@ -73,10 +82,12 @@ def add_routes(app: FastAPI, workspace: Workspace, views: Views) -> None:
     from starlette.requests import Request as RequestClass
 
     upload.__annotations__["request"] = RequestClass
-    for function in (asset, signals, track, file, upload):
+    for function in (asset, signals, span_figure_of, calibration_figure_of, track, file, upload):
         function.__annotations__.pop("return")
     app.get("/studio/assets/{name}")(asset)
     app.get("/studio/views/{key}/signals")(signals)
+    app.get("/studio/views/{key}/{name}")(span_figure_of)
+    app.get("/studio/calibrations/{name}")(calibration_figure_of)
     app.get("/studio/track")(track)
     app.get("/studio/files/{name:path}")(file)
     app.put("/studio/uploads/{name}")(upload)

@@ -100,12 +100,41 @@ def budget_arguments(scenario: str, imus: Sequence[str], out: str, changes: Mapp
     return ["budget", scenario, *(word for imu in imus for word in ("--imu", imu)), *settings, "--out", out]
 
 
+def calibrate_arguments(
+    method: str, log: str, config: str, out: str, options: Mapping[str, Any], *, report: bool = False
+) -> list[str]:
+    """Arguments after ``schuler`` that calibrate from a log.
+
+    Parameters
+    ----------
+    method : str
+        ``freepose`` or ``field``.
+    log, out : str
+        From the root of the workspace on.
+    config : str
+        Configuration that says how the log is read; empty if it does so itself.
+    options : mapping
+        Values by the name of the option without its hyphens; True: an option without a value; None: left out.
+    report : bool
+        Whether a report is written, which takes twice the time of the calibration.
+    """
+    arguments = ["calibrate", method, log, *(["--config", config] if config else [])]
+    for name, value in options.items():
+        if value is not None and value != "":
+            text = f"{value:.12g}" if isinstance(value, float) else str(value)
+            arguments += [f"--{name}"] if value is True else [f"--{name}", text]
+    return [*arguments, *([] if report else ["--no-report"]), "--out", out]
+
+
+def option_of(arguments: Sequence[str], name: str) -> str:
+    """Value of an option in a command; empty if it is not there."""
+    return next((value for word, value in pairwise(arguments) if word == f"--{name}"), "")
+
+
 def origin_of(arguments: Sequence[str]) -> tuple[str, str, list[tuple[float, float]]]:
     """Log, configuration and outages of a command that :func:`navigate_arguments` made."""
-    values = list(pairwise(arguments))
-    config = next((value for name, value in values if name == "--config"), "")
-    windows = [value.split(":") for name, value in values if name == "--outage"]
-    return arguments[1], config, [(float(start), float(stop)) for start, stop in windows]
+    windows = [value.split(":") for name, value in pairwise(arguments) if name == "--outage"]
+    return arguments[1], option_of(arguments, "config"), [(float(start), float(stop)) for start, stop in windows]
 
 
 def shell(arguments: Sequence[str]) -> str:

@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from schuler import units
 from schuler.arrays import FloatArray
 from schuler.characterisation.report.panels import beside, decades
 from schuler.characterisation.report.terms import Unit, chosen, quantities, signal_unit
@@ -54,6 +55,29 @@ def log_spectra(imu: ImuSeries) -> dict[str, Curve]:
             s = power_spectrum(columns[first:last, k], rates.rate_hz, segment_s=length / rates.rate_hz)
             spectra[f"{triad}_{letter}"] = _by_decades(s.f, s.psd)
     return spectra
+
+
+def log_spectrum(spectra: Mapping[str, Curve]) -> Figure | None:
+    """Root power spectral density of a log by itself, the axes of a triad in one panel.
+
+    Parameters
+    ----------
+    spectra : mapping of str to (ndarray, ndarray)
+        As of :func:`log_spectra`; None comes of an empty one.
+    """
+    panels = []
+    triads = (("accel", "specific force", "m/s²", 1.0), ("gyro", "angular rate", "deg/s", units.DEG))
+    for triad, words, unit, factor in triads:
+        curves = {k: spectra[f"{triad}_{k}"] for k in "xyz" if f"{triad}_{k}" in spectra}
+        roots = {k: (f[S > 0.0], np.sqrt(S[S > 0.0]) / factor) for k, (f, S) in curves.items() if (S > 0.0).any()}
+        if not roots:
+            continue
+        items = tuple(Line(f, root, f"axis_{k}", k) for k, (f, root) in roots.items())
+        limits = decades(np.concatenate([root for _, root in roots.values()]))
+        label = f"root density [{unit}/√Hz]"
+        panels.append(Panel("frequency [Hz]", label, items, title=words, log=True, log_x=True, y_limits=limits))
+    caption = "Square root of the two-sided density: white noise is a level, a spike is vibration or the mains."
+    return Figure("spectrum", "Spectrum", caption, tuple(panels), linked=False) if panels else None
 
 
 def spectrum(identification: NoiseIdentification, spectra: Mapping[str, Curve], unit: Unit = "datasheet") -> Figure:

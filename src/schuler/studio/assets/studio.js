@@ -1,5 +1,5 @@
 // Charts, uploads and keys of the workbench. An element with data-chart draws itself when it appears on the page, and
-// again when data-source or data-outages change; what is selected goes back as an event.
+// again when data-source or data-windows change; what is selected goes back as an event.
 "use strict";
 (() => {
   const colour = (role, area) =>
@@ -27,7 +27,15 @@
     element.dataset.empty = text;
     element.classList.toggle("empty", Boolean(text));
   }
-  const outages = (element) => JSON.parse(element.dataset.outages || "[]");
+  const windows = (element) => JSON.parse(element.dataset.windows || "[]"); // [start, stop, role]
+  const say = (element, name, detail) => element.dispatchEvent(new CustomEvent(name, { detail }));
+  // one time under the cursor on all charts of the page, null for none
+  const mark = (t) => charts.forEach((chart) => chart.mark && chart.mark(t));
+  function overlay(element, name) {
+    let mine = element.querySelector("." + name);
+    if (!mine) { mine = document.createElement("div"); mine.className = name; element.append(mine); }
+    return mine.style;
+  }
 
   function panelLayout(shown, element) {
     const many = shown.panels.length, gap = many > 1 ? 0.05 : 0;
@@ -45,9 +53,56 @@
         legend.add(curve.name);
       }
     });
-    layout.shapes = outages(element).map(([a, b]) => ({ type: "rect", xref: "x", yref: "paper", x0: a, x1: b, y0: 0, y1: 1,
-      fillcolor: colour("outage", true), line: { width: 0 }, layer: "below" }));
+    layout.shapes = windows(element).map(([a, b, role]) => ({ type: "rect", xref: "x", yref: "paper", x0: a, x1: b, y0: 0, y1: 1,
+      fillcolor: colour(role, true), line: { width: 0 }, layer: "below" }));
     return [data, layout];
+  }
+
+  // A window is dragged as a whole or by an edge; pressed without moving, it is pointed at.
+  function movable(element, state) {
+    const time = (event) => {
+      const x = element._fullLayout.xaxis;
+      return x.p2l(event.clientX - element.getBoundingClientRect().left - x._offset);
+    };
+    const grip = (event) => {
+      if (!element._fullLayout || !event.target.classList.contains("nsewdrag")) return null;
+      const t = time(event), near = Math.abs(element._fullLayout.xaxis.p2l(6) - element._fullLayout.xaxis.p2l(0));
+      const all = windows(element).map(([a, b], index) => ({ index, a, b, t }));
+      for (const w of all) {
+        const edge = Math.abs(t - w.a) < Math.abs(t - w.b) ? "a" : "b";
+        if (Math.abs(t - w[edge]) < Math.min(near, 0.3 * (w.b - w.a))) return { ...w, edge };
+      }
+      return all.find((w) => w.a <= t && t <= w.b) || null;
+    };
+    element.addEventListener("mousemove", (event) => {
+      const held = event.buttons ? null : grip(event);
+      element.classList.toggle("on-edge", Boolean(held && held.edge));
+      element.classList.toggle("on-window", Boolean(held && !held.edge));
+    });
+    element.addEventListener("mousedown", (event) => {
+      const held = event.button === 0 && grip(event);
+      if (!held) return;
+      event.stopPropagation(); // else a new selection begins
+      event.preventDefault();
+      let { a, b } = held, far = false;
+      const [first, last] = state.span;
+      const move = (now) => {
+        far = far || Math.abs(now.clientX - event.clientX) > 3;
+        if (!far) return;
+        const by = time(now) - held.t, least = 0.02 * (held.b - held.a);
+        if (held.edge === "a") a = Math.max(Math.min(held.a + by, b - least), first);
+        else if (held.edge === "b") b = Math.min(Math.max(held.b + by, a + least), last);
+        else { const stay = Math.min(Math.max(by, first - held.a), last - held.b); a = held.a + stay; b = held.b + stay; }
+        Plotly.relayout(element, { [`shapes[${held.index}].x0`]: a, [`shapes[${held.index}].x1`]: b });
+      };
+      const up = () => {
+        removeEventListener("mousemove", move, true);
+        removeEventListener("mouseup", up, true);
+        if (far) say(element, "moved", [held.index, a, b]); else say(element, "point", held.t);
+      };
+      addEventListener("mousemove", move, true);
+      addEventListener("mouseup", up, true);
+    }, true);
   }
 
   function signals(element) {
@@ -72,7 +127,7 @@
         listen();
         element.dataset.latency = Math.round(performance.now() - began);
         element.dataset.window = [shown.start, shown.stop].join(",");
-        element.dispatchEvent(new CustomEvent("window", { detail: [shown.start, shown.stop] }));
+        say(element, "window", [shown.start, shown.stop]);
       } catch (error) { if (turn === state.turn) empty(element, error.message); }
     };
     const go = (start, stop) => {
@@ -92,8 +147,11 @@
         if (!selected || !selected.range) return;
         const range = selected.range.x || Object.entries(selected.range).find(([name]) => name[0] === "x")[1];
         Plotly.relayout(element, { selections: [] });
-        element.dispatchEvent(new CustomEvent("span", { detail: [Math.min(...range), Math.max(...range)] }));
+        say(element, "span", [Math.min(...range), Math.max(...range)]);
       });
+      element.on("plotly_hover", (event) => mark(event.xvals ? event.xvals[0] : event.points[0].x));
+      element.on("plotly_unhover", () => mark(null));
+      if (element.dataset.chart === "timeline") movable(element, state);
     };
     element.tabIndex = 0;
     element.setAttribute("role", "img");
@@ -108,18 +166,25 @@
       };
       if (moves[event.key]) { event.preventDefault(); moves[event.key](); }
     });
-    return { draw, load: () => load() };
+    const markTime = (t) => {
+      if (!element._fullLayout) return;
+      const x = element._fullLayout.xaxis, px = t === null ? -1 : x.l2p(t), look = overlay(element, "cursor-line");
+      look.display = px >= 0 && px <= x._length ? "block" : "none";
+      look.left = x._offset + px + "px";
+    };
+    return { draw, load: () => load(), mark: markTime };
   }
 
   function plan(element) {
-    let shown = null;
+    let shown = null, listening = false;
+    const vehicle = () => shown.curves.find((one) => one.role === "filtered") || shown.curves[0];
     const draw = () => {
       if (!shown) return;
       const data = shown.curves.map((c) => ({ type: "scatter", mode: c.role === "measured" ? "markers" : "lines", name: c.name,
         x: c.east, y: c.north, customdata: c.t, line: { color: colour(c.role), width: c.role === "smoothed" ? 1.2 : 2 },
         marker: { color: colour(c.role), size: 4 }, hovertemplate: `%{customdata:.1f} s<br>%{y:.1f} m north, %{x:.1f} m east<extra>${c.name}</extra>` }));
-      for (const [start, stop] of outages(element)) {
-        const c = shown.curves.find((one) => one.role === "filtered") || shown.curves[0];
+      for (const [start, stop] of windows(element)) {
+        const c = vehicle();
         if (!c) continue;
         const k = c.t.map((t, i) => i).filter((i) => c.t[i] >= start && c.t[i] <= stop);
         data.unshift({ type: "scatter", mode: "lines", x: k.map((i) => c.east[i]), y: k.map((i) => c.north[i]), hoverinfo: "skip",
@@ -127,6 +192,26 @@
       }
       Plotly.react(element, data, { ...base(), dragmode: "pan", hovermode: "closest", xaxis: { ...axis("east [m]"), zeroline: false },
         yaxis: { ...axis("north [m]"), scaleanchor: "x", scaleratio: 1, zeroline: false } }, { ...CONFIG, scrollZoom: true, doubleClick: "reset" });
+      if (listening) return;
+      listening = true;
+      element.on("plotly_hover", (event) => mark(event.points[0].customdata));
+      element.on("plotly_unhover", () => mark(null));
+    };
+    // the vehicle at a time, pointing along its course on the page
+    const markPlace = (t) => {
+      if (!shown || !element._fullLayout || !shown.curves.length) return;
+      const look = overlay(element, "vehicle"), c = vehicle();
+      delete element.dataset.marked;
+      look.display = "none";
+      if (t === null || t === undefined) return;
+      let k = c.t.findIndex((one) => one >= t);
+      k = k < 0 ? c.t.length - 1 : k > 0 && t - c.t[k - 1] < c.t[k] - t ? k - 1 : k;
+      const { xaxis: x, yaxis: y } = element._fullLayout, at = (i) => [x.l2p(c.east[i]), y.l2p(c.north[i])];
+      const [left, top] = at(k), [x0, y0] = at(Math.max(k - 2, 0)), [x1, y1] = at(Math.min(k + 2, c.t.length - 1));
+      if (left < 0 || left > x._length || top < 0 || top > y._length) return;
+      Object.assign(look, { display: "block", left: x._offset + left + "px", top: y._offset + top + "px" });
+      look.transform = `translate(-50%, -50%) rotate(${Math.atan2(x1 - x0, y0 - y1)}rad)`;
+      element.dataset.marked = c.t[k];
     };
     const load = async () => {
       if (!element.dataset.source) return empty(element, element.dataset.without || "");
@@ -138,12 +223,68 @@
       } catch (error) { shown = null; empty(element, error.message); }
     };
     element.setAttribute("role", "img");
+    return { draw, load, mark: markPlace };
+  }
+
+  // A figure of the reports: its panels below each other, colours by name.
+  const coloured = (value) => {
+    if (typeof value === "string") return value.startsWith("--") ? getComputedStyle(document.documentElement).getPropertyValue(value).trim() : value;
+    if (Array.isArray(value)) return typeof value[0] === "object" ? value.map(coloured) : value;
+    if (value && typeof value === "object") return Object.fromEntries(Object.entries(value).map(([k, v]) => [k, coloured(v)]));
+    return value;
+  };
+  function figure(element) {
+    const fold = element.closest("details");
+    let shown = null;
+    const draw = () => {
+      if (!shown) return;
+      element.replaceChildren(...shown.panels.flatMap((panel) => {
+        const head = document.createElement("p"), body = document.createElement("div");
+        head.className = "hint";
+        head.textContent = panel.title;
+        return panel.title ? [head, body] : [body];
+      }));
+      const places = [...element.children].filter((child) => child.tagName === "DIV");
+      shown.panels.forEach((panel, k) => {
+        const layout = coloured(panel.layout), plain = base();
+        const words = (layout.yaxis.ticktext || []).map((word) => word.length);
+        const both = Object.fromEntries(["xaxis", "yaxis"].map((name) => [name, { ...axis(""), ...layout[name],
+          title: { ...axis("").title, ...layout[name].title }, zeroline: false, nticks: layout[name].tickvals ? undefined : 6 }]));
+        const height = layout.yaxis.scaleanchor ? 0.52 * element.clientWidth + 50 : 56 + 175 * panel.height;
+        const names = new Set();
+        const data = coloured(panel.data).map((trace) => {
+          const first = trace.name && !names.has(trace.name);
+          names.add(trace.name);
+          return { ...trace, showlegend: Boolean(first) };
+        });
+        Plotly.react(places[k], data, { ...layout, ...plain, ...both, hovermode: layout.hovermode, height,
+          margin: { ...plain.margin, t: 6, l: Math.max(plain.margin.l, 7 * Math.max(0, ...words) + 12) },
+          showlegend: names.size > 1 || names.has("x"), dragmode: false }, CONFIG);
+      });
+    };
+    const load = async () => {
+      if (!element.dataset.source) { shown = null; element.replaceChildren(); return empty(element, element.dataset.without || ""); }
+      if (fold && !fold.open) return; // loaded when it is opened
+      const source = element.dataset.source;
+      element.classList.add("busy");
+      try {
+        const answer = await json(source);
+        if (source !== element.dataset.source) return;
+        shown = answer;
+        empty(element, shown.panels.length ? "" : "nothing to show");
+        if (shown.panels.length) draw(); else element.replaceChildren();
+        element.dataset.drawn = source;
+      } catch (error) { shown = null; element.replaceChildren(); empty(element, error.message); }
+      element.classList.remove("busy");
+    };
+    if (fold) fold.addEventListener("toggle", () => { if (fold.open && element.dataset.drawn !== element.dataset.source) load(); });
+    element.setAttribute("role", "img");
     return { draw, load };
   }
 
   function appear(element) {
     if (charts.has(element)) return;
-    const chart = element.dataset.chart === "plan" ? plan(element) : signals(element);
+    const chart = ({ plan, figure }[element.dataset.chart] || signals)(element);
     charts.set(element, chart);
     chart.load();
   }
@@ -157,7 +298,7 @@
         if (node.nodeType === 1) [node, ...node.querySelectorAll("*")].filter((e) => e.dataset && e.dataset.chart).forEach(appear);
     }
     for (const element of charts.keys()) if (!element.isConnected) charts.delete(element);
-  }).observe(document.documentElement, { subtree: true, childList: true, attributes: true, attributeFilter: ["data-source", "data-outages"] });
+  }).observe(document.documentElement, { subtree: true, childList: true, attributes: true, attributeFilter: ["data-source", "data-windows"] });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => charts.forEach((chart) => chart.draw()));
 
   // files are sent as they are, one request each; the page hears of each that has arrived

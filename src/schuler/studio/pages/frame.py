@@ -17,11 +17,16 @@ from schuler.proposal import UndecidedError
 from schuler.studio.signals import Views
 from schuler.studio.workspace import Workspace
 
-_LINKS = (("/", "Look"), ("/navigate", "Navigate"), ("/noise", "Noise"), ("/plan", "Plan"), ("/runs", "Runs"))
+_LINKS = (
+    ("/", "Look"), ("/navigate", "Navigate"), ("/noise", "Noise"), ("/calibrate", "Calibrate"), ("/coach", "Coach"),
+    ("/plan", "Plan"), ("/runs", "Runs"),
+)  # fmt: skip
 
 
 def add_pages(workspace: Workspace, views: Views) -> None:
     """Register all pages for a folder."""
+    from schuler.studio.pages.calibrate import calibrate_page
+    from schuler.studio.pages.coach import coach_page
     from schuler.studio.pages.look import look_page
     from schuler.studio.pages.navigate import navigate_page
     from schuler.studio.pages.noise import noise_page
@@ -42,6 +47,16 @@ def add_pages(workspace: Workspace, views: Views) -> None:
     def noise(log: str = "", config: str = "") -> None:
         with frame("Noise", workspace):
             noise_page(workspace, views, log, config)
+
+    @ui.page("/calibrate", title="Calibrate: schuler studio")
+    def calibrate(log: str = "", config: str = "") -> None:
+        with frame("Calibrate", workspace):
+            calibrate_page(workspace, views, log, config)
+
+    @ui.page("/coach", title="Coach: schuler studio")
+    def coach(log: str = "", config: str = "") -> None:
+        with frame("Coach", workspace):
+            coach_page(workspace, log, config)
 
     @ui.page("/plan", title="Plan: schuler studio")
     def plan(mission: str = "") -> None:
@@ -85,6 +100,14 @@ def heading(text: str) -> None:
     html(f"<h2>{escape(text)}</h2>")
 
 
+def name_menu(label: str, names: Sequence[str], value: str, choose: Callable[[str], Any]) -> ui.select:
+    """Menu of files or folders, searched by typing."""
+    return ui.select(
+        list(names), value=value if value in names else None, label=label, with_input=True,
+        on_change=lambda e: choose(e.value or ""),
+    ).props(f'outlined dense aria-label="{label}"')  # fmt: skip
+
+
 def hint(text: str, *, bad: bool = False) -> ui.html:
     """A sentence in small letters; red where something is wrong."""
     return html(f'<p class="hint{" bad" if bad else ""}">{escape(text)}</p>')
@@ -97,13 +120,22 @@ def block(names: str) -> Iterator[ui.element]:
         yield element
 
 
+@contextmanager
+def fold(title: str, *, opened: bool = False) -> Iterator[None]:
+    """Part of a page that is folded and opened by a click on its title."""
+    with ui.element("details").props("open" if opened else "").style("width: 100%"):
+        with ui.element("summary"):  # a child of its own: what stands within another element is no summary
+            html(escape(title)).style("display: inline")
+        yield
+
+
 def button(text: str, action: Any, kind: str = "") -> ui.button:
     """Button in the look of the reports; kind ``main`` of what a page is for, ``grave`` of what cannot be undone."""
     return ui.button(text, on_click=action, color=None).props("unelevated no-caps").classes(kind)
 
 
 def chart(kind: str, *, source: str = "", without: str = "", label: str = "") -> ui.element:
-    """Place of a chart that ``assets/studio.js`` draws from a source: ``signals``, ``timeline`` or ``plan``."""
+    """Place of a chart that ``assets/studio.js`` draws from a source: signals, timeline, plan or figure."""
     element = ui.element("div").classes(f"chart {kind}")
     element.props["data-chart"] = kind
     element.props["data-source"] = source
@@ -112,12 +144,19 @@ def chart(kind: str, *, source: str = "", without: str = "", label: str = "") ->
     return element
 
 
-def show(element: ui.element, *, source: str | None = None, outages: Sequence[Sequence[float]] | None = None) -> None:
-    """Give a chart another source or other outages; it draws itself anew."""
+def place() -> ui.element:
+    """Element over all of the width, to be filled later."""
+    return ui.element("div").style("width: 100%")
+
+
+def show(
+    element: ui.element, *, source: str | None = None, windows: Sequence[tuple[float, float, str]] | None = None
+) -> None:
+    """Give a chart another source or other windows (start, stop, role of the colour); it draws itself anew."""
     if source is not None:
         element.props["data-source"] = source
-    if outages is not None:
-        element.props["data-outages"] = json.dumps([list(window) for window in outages])
+    if windows is not None:
+        element.props["data-windows"] = json.dumps(windows)
     element.update()
 
 

@@ -18,9 +18,12 @@ from schuler.studio.pages.frame import (
     button,
     chart,
     command_box,
+    fold,
     heading,
     hint,
     html,
+    name_menu,
+    place,
     problem,
     question_box,
     show,
@@ -133,6 +136,9 @@ def look_page(workspace: Workspace, views: Views, log: str) -> None:
         state.window = start, stop
         if seen is None:
             return
+        if seen.recording is not None and seen.recording.imu is not None:
+            for name, element in spectra.items():
+                show(element, source=f"/studio/views/{seen.key}/{name}?start={start}&stop={stop}")
         rows = await asyncio.to_thread(span_statistics, seen, start, stop)
         if state.window != (start, stop) or state.view is not seen:
             return
@@ -158,15 +164,13 @@ def look_page(workspace: Workspace, views: Views, log: str) -> None:
                 _findings(state, again)
         source = f"/studio/views/{state.view.key}/signals" if state.view is not None and state.view.channels else ""
         show(signals, source=source)
+        for element in spectra.values():
+            show(element, source="")
 
     with block("cols"):
         with block("col"):
             heading("Log")
-            log_names = logs(workspace)
-            names = ui.select(
-                log_names, value=log if log in log_names else None, label="file or folder", with_input=True,
-                on_change=lambda e: choose(e.value or ""),
-            ).props('outlined dense aria-label="file or folder"')  # fmt: skip
+            names = name_menu("file or folder", logs(workspace), log, choose)
             drop = (
                 ui.html(
                     '<label class="drop">drop files here, or choose<input type="file" multiple></label>', sanitize=False
@@ -178,17 +182,20 @@ def look_page(workspace: Workspace, views: Views, log: str) -> None:
             drop.on("sending", sending, js_handler="(e) => emit(e.detail)")
             drop.on("sent", sent, js_handler="(e) => emit(e.detail)")
             busy = html("")
-            left = ui.element("div").style("width: 100%")
+            left = place()
         with block("col"):
             heading("Signals")
             signals = chart("signals", without="Choose a log on the left.", label="signals over time")
             hint("Drag to zoom, double-click for all; keys: arrows, + and -, 0. Every stretch shows its extremes.")
             signals.on("window", windowed, js_handler="(e) => emit(e.detail)")
-            with ui.element("details").style("width: 100%"):
-                with ui.element("summary"):  # a child of its own: what stands within another element is no summary
-                    html("statistics of the visible span").style("display: inline")
+            with fold("statistics of the visible span"):
                 statistics = ui.element("div").classes("ranking")
-            right = ui.element("div").style("width: 100%")
+            spectra = {}
+            for name in ("spectrum", "spectrogram"):
+                with fold(f"{name} of the visible span"):
+                    without = "An IMU with 64 samples or more in the span has one."
+                    spectra[name] = chart("figure", without=without, label=f"{name} of the visible span")
+            right = place()
     if log:
         ui.timer(0.05, opened, once=True)
 

@@ -22,16 +22,16 @@ from schuler.studio.pages.frame import (
     heading,
     hint,
     html,
+    name_menu,
+    place,
     problem,
     question_box,
     show,
 )
-from schuler.studio.pages.job import job_box
+from schuler.studio.pages.job import POLL_S, JobPanel
 from schuler.studio.pages.outcome import show_outcome
 from schuler.studio.signals import View, Views
 from schuler.studio.workspace import Workspace, configurations, logs, new_configuration_name, new_run_name, run_entry
-
-_POLL_S = 0.4
 
 
 class _Navigate:
@@ -46,15 +46,17 @@ class _Navigate:
         self.outages: list[tuple[float, float]] = []
         self.view: View | None = None
         self.answers: dict[str, Any] = {}
-        self.job, self.out = "", ""
-        self.shown: jobs.Job | None = None
+        self.out = ""
 
     def changes(self) -> dict[str, Any]:
         """Entries of the form that the file has otherwise."""
         return form.changes(self.data, self.texts)
 
     def arguments(self) -> list[str]:
-        """Command of the run."""
+        """Command of the run, its entries checked."""
+        if not (self.log and self.config):
+            raise InputError("choose a log and a configuration first")
+        runner.checked(self.workspace, self.config, self.changes())
         out = new_run_name(self.workspace, self.log)
         return runner.navigate_arguments(self.log, self.config, out, self.changes(), self.outages)
 
@@ -79,7 +81,7 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
             except (SchulerError, OSError) as error:
                 problem(error)
         if state.view is not None and state.view.channels:
-            show(timeline, source=f"/studio/views/{state.view.key}/signals?only=speed", outages=state.outages)
+            show(timeline, source=f"/studio/views/{state.view.key}/signals?only=speed", windows=shaded())
         drawn_plan()
         commanded()
 
@@ -96,9 +98,8 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
         outaged()
 
     async def choose_log(name: str) -> None:
-        state.log, state.answers, state.job, state.out = name, {}, "", ""
-        state.shown = None
-        progress.clear()
+        state.log, state.answers, state.out = name, {}, ""
+        panel.forget()
         result.clear()
         await opened()
 
@@ -155,52 +156,21 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
                 hint("Choose a log and a configuration, or let one be proposed.")
                 return
             try:
-                runner.checked(workspace, state.config, state.changes())
                 command_box(runner.shell(state.arguments()))
             except (SchulerError, OSError) as error:
                 hint(printable(str(error)), bad=True)
 
-    def begin() -> None:
-        try:
-            if not (state.log and state.config):
-                raise InputError("choose a log and a configuration first")
-            workspace.inside(state.log)
-            runner.checked(workspace, state.config, state.changes())
-            arguments = state.arguments()
-            out = arguments[arguments.index("--out") + 1]
-            state.job = jobs.start(workspace, [*arguments, "--json"], out).key
-        except (SchulerError, OSError) as error:
-            problem(error)
-        look()
-
-    def look() -> None:
-        """Say how the run stands; the page of a browser that was closed finds it here too."""
-        job = jobs.job(workspace, state.job) if state.job else jobs.latest(workspace, "navigate", state.log)
-        if job is None:
-            return
-        if job == state.shown:
-            return
-        state.shown = job
-        state.job = job.key
-        job_box(workspace, progress, job, again)
-        if job.state == "done" and job.command[:1] == ("navigate",):
-            state.out = job.out
-            drawn_plan()
-            show_outcome(result, run_entry(workspace, job.out))
-            commanded()
-
-    def again(job: jobs.Job) -> None:
-        try:
-            state.job = jobs.start(workspace, job.command, job.out).key
-        except InputError as error:
-            problem(error)
-        look()
+    def navigated(job: jobs.Job) -> None:
+        state.out = job.out
+        drawn_plan()
+        show_outcome(result, run_entry(workspace, job.out))
+        commanded()  # with the next free name
 
     def drawn_plan() -> None:
         view = "" if state.view is None else f"view={state.view.key}"
         out = f"run={quote(state.out)}" if state.out else ""
         source = "&".join(part for part in (view, out) if part)
-        show(plan, source=f"/studio/track?{source}" if source else "", outages=state.outages)
+        show(plan, source=f"/studio/track?{source}" if source else "", windows=shaded())
 
     def outaged() -> None:
         """Show outages everywhere, in order."""
@@ -213,9 +183,17 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
                     button("remove", lambda w=window: removed(w)).props(
                         f'aria-label="remove the outage from {window[0]:g} s on"'
                     )
-        show(timeline, outages=state.outages)
-        show(plan, outages=state.outages)
+        show(timeline, windows=shaded())
+        show(plan, windows=shaded())
         commanded()
+
+    def shaded() -> list[tuple[float, float, str]]:
+        return [(*window, "outage") for window in state.outages]
+
+    def moved(event: events.GenericEventArguments) -> None:
+        k, start, stop = event.args
+        state.outages[int(k)] = max(round(float(start), 1), 0.0), round(float(stop), 1)
+        outaged()
 
     def removed(window: tuple[float, float]) -> None:
         state.outages.remove(window)
@@ -238,23 +216,14 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
     with block("cols"):
         with block("col"):
             heading("Log and configuration")
-            log_names, files = logs(workspace), configurations(workspace)
-            ui.select(
-                log_names, value=log if log in log_names else None, label="log", with_input=True,
-                on_change=lambda e: choose_log(e.value or ""),
-            ).props('outlined dense aria-label="log"')  # fmt: skip
-            configs = (
-                ui.select(
-                    files, value=config if config in files else None, label="configuration", with_input=True,
-                    on_change=lambda e: choose_config(e.value or ""),
-                ).props('outlined dense aria-label="configuration"').classes("q-mt-sm")
-            )  # fmt: skip
+            name_menu("log", logs(workspace), log, choose_log)
+            configs = name_menu("configuration", configurations(workspace), config, choose_config).classes("q-mt-sm")
             with block("line"):
                 imu = ui.input("IMU, of the catalogue").props("outlined dense").classes("grow")
                 imu.bind_value(state, "imu")
                 button("propose", proposed)
             note = html("")
-            asked = ui.element("div").style("width: 100%")
+            asked = place()
             heading("Entries")
             with block("line"):
                 search = ui.input("search", on_change=entries.refresh).props("outlined dense clearable").classes("grow")
@@ -268,19 +237,26 @@ def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> 
             heading("Timeline")
             timeline = chart("timeline", without="Choose a log on the left.", label="speed over time, outages shaded")
             timeline.on("span", dragged, js_handler="(e) => emit(e.detail)")
-            hint("Drag over a stretch to withhold GNSS there; arrows, + and - move the window.")
-            windows = ui.element("div").style("width: 100%")
+            timeline.on("moved", moved, js_handler="(e) => emit(e.detail)")
+            hint(
+                "Drag over a stretch to withhold GNSS there, drag an outage or its edges to move them; arrows, + and - "
+                "move the window. The marker on the track is where the vehicle was at the cursor."
+            )
+            windows = place()
             with block("line"):
                 from_s = ui.number("outage from [s]").props("outlined dense").style("width: 9rem")
                 to_s = ui.number("to [s]").props("outlined dense").style("width: 9rem")
                 button("add outage", lambda: add(from_s.value, to_s.value))
             heading("Run")
-            command = ui.element("div").style("width: 100%")
+            command = place()
             with block("line"):
-                button("navigate", begin, "main")
-            progress = ui.element("div").style("width: 100%")
-            result = ui.element("div").style("width: 100%")
+                button("navigate", lambda: panel.start(state.arguments), "main")
+            panel: JobPanel = JobPanel(
+                workspace, place(),
+                lambda: jobs.latest(workspace, "navigate", state.log), navigated,
+            )  # fmt: skip
+            result = place()
             heading("Track")
             plan = chart("plan", without="The track of GNSS and solution.", label="track, north over east")
     ui.timer(0.05, loaded, once=True)
-    ui.timer(_POLL_S, look)
+    ui.timer(POLL_S, panel.look)

@@ -10,12 +10,22 @@ from nicegui import events, ui
 
 from schuler.exceptions import InputError, SchulerError
 from schuler.studio import jobs, reading, runner
-from schuler.studio.pages.frame import block, button, chart, command_box, heading, hint, html, problem, show
-from schuler.studio.pages.job import job_box
+from schuler.studio.pages.frame import (
+    block,
+    button,
+    chart,
+    command_box,
+    heading,
+    hint,
+    html,
+    name_menu,
+    place,
+    problem,
+    show,
+)
+from schuler.studio.pages.job import POLL_S, JobPanel
 from schuler.studio.signals import Views
 from schuler.studio.workspace import Workspace, configurations, logs, new_run_name
-
-_POLL_S = 0.4
 
 
 class _Noise:
@@ -24,8 +34,6 @@ class _Noise:
     def __init__(self, log: str, config: str) -> None:
         self.log, self.config = log, config
         self.span: tuple[float, float] | None = None
-        self.job = ""
-        self.shown: jobs.Job | None = None
 
 
 def noise_page(workspace: Workspace, views: Views, log: str, config: str) -> None:
@@ -35,7 +43,7 @@ def noise_page(workspace: Workspace, views: Views, log: str, config: str) -> Non
     async def opened() -> None:
         """Read the log as the configuration says, for its signals."""
         state.span = None
-        show(signals, source="", outages=[])
+        show(signals, source="", windows=[])
         if state.log:
             try:
                 hints = reading.hints_of(workspace.inside(state.config) if state.config else None)
@@ -52,9 +60,9 @@ def noise_page(workspace: Workspace, views: Views, log: str, config: str) -> Non
         commanded()
 
     async def choose_log(name: str) -> None:
-        state.log, state.job, state.shown = name, "", None
+        state.log = name
         hint_of_reading.set_content("")
-        progress.clear()
+        panel.forget()
         result.clear()
         await opened()
 
@@ -64,6 +72,8 @@ def noise_page(workspace: Workspace, views: Views, log: str, config: str) -> Non
         await opened()
 
     def arguments() -> list[str]:
+        if not state.log:
+            raise InputError("choose a log first")
         out = new_run_name(workspace, state.log, "noise")
         return runner.allan_arguments(state.log, state.config, out, state.span)
 
@@ -76,70 +86,49 @@ def noise_page(workspace: Workspace, views: Views, log: str, config: str) -> Non
                 hint("Choose a log of an IMU at rest.")
 
     def dragged(event: events.GenericEventArguments) -> None:
-        start, stop = (round(float(x), 1) for x in event.args)
+        start, stop = (round(float(x), 1) for x in event.args[-2:])  # of one that is moved its number comes first
         chosen((max(start, 0.0), stop) if stop > max(start, 0.0) else None)
 
     def chosen(span: tuple[float, float] | None) -> None:
         state.span = span
-        show(signals, outages=[] if span is None else [span])
+        show(signals, windows=[] if span is None else [(*span, "outage")])
         commanded()
 
-    def begin() -> None:
-        try:
-            if not state.log:
-                raise InputError("choose a log first")
-            words = arguments()
-            state.job = jobs.start(workspace, [*words, "--json"], words[words.index("--out") + 1]).key
-        except (SchulerError, OSError) as error:
-            problem(error)
-        look()
-
-    def again(job: jobs.Job) -> None:
-        try:
-            state.job = jobs.start(workspace, job.command, job.out).key
-        except InputError as error:
-            problem(error)
-        look()
-
-    def look() -> None:
-        """Say how the last identification of the log stands, and show its report."""
-        job = jobs.job(workspace, state.job) if state.job else jobs.latest(workspace, "allan", state.log)
-        if job is None or job == state.shown:
-            return
-        state.shown, state.job = job, job.key
-        job_box(workspace, progress, job, again)
+    def identified(job: jobs.Job) -> None:
+        commanded()  # with the next free name
+        place = f"/studio/files/{quote(job.out)}/noise.html"
         result.clear()
-        if job.state == "done":
-            commanded()  # with the next free name
-            place = f"/studio/files/{quote(job.out)}/noise.html"
-            with result:
-                html(
-                    f'<p><a href="{place}" target="_blank">open the report</a>, in {escape(job.out)} with imu.toml</p>'
-                    f'<iframe class="report" title="noise report" src="{place}"></iframe>'
-                )
+        with result:
+            html(
+                f'<p><a href="{place}" target="_blank">open the report</a>, in {escape(job.out)} with imu.toml</p>'
+                f'<iframe class="report" title="noise report" src="{place}"></iframe>'
+            )
 
-    log_names, files = logs(workspace), ["", *configurations(workspace)]
+    files = ["", *configurations(workspace)]
     heading("Log at rest")
     with block("line"):
-        ui.select(
-            log_names, value=log if log in log_names else None, label="log", with_input=True,
-            on_change=lambda e: choose_log(e.value or ""),
-        ).props('outlined dense aria-label="log"').classes("grow")  # fmt: skip
+        name_menu("log", logs(workspace), log, choose_log).classes("grow")
         ui.select(
             files, value=config if config in files else "", label="read as this configuration says",
             on_change=lambda e: choose_config(e.value or ""),
         ).props('outlined dense aria-label="configuration"').classes("grow")  # fmt: skip
     hint_of_reading = html("")
     signals = chart("timeline", without="Choose a log.", label="signals over time, the chosen span shaded")
-    signals.on("span", dragged, js_handler="(e) => emit(e.detail)")
+    for kind in ("span", "moved"):
+        signals.on(kind, dragged, js_handler="(e) => emit(e.detail)")
     with block("line"):
         hint("Drag over the span that is to be used; without one it is all of the log.").style("width: auto")
         button("all of it", lambda: chosen(None))
     heading("Identification")
-    command = ui.element("div").style("width: 100%")
+    command = place()
     with block("line"):
-        button("identify", begin, "main")
-    progress = ui.element("div").style("width: 100%")
-    result = ui.element("div").style("width: 100%")
+        button("identify", lambda: panel.start(arguments), "main")
+    panel: JobPanel = JobPanel(
+        workspace,
+        place(),
+        lambda: jobs.latest(workspace, "allan", state.log),
+        identified,
+    )
+    result = place()
     ui.timer(0.05, opened, once=True)
-    ui.timer(_POLL_S, look)
+    ui.timer(POLL_S, panel.look)

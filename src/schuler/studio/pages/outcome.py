@@ -1,19 +1,72 @@
-"""What came out of a run: verdict first, then the numbers, then where everything lies."""
+"""What came out of a run or a calibration: verdict first, then the numbers, then where everything lies."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from html import escape
+from pathlib import Path
 from urllib.parse import quote
 
 from nicegui import ui
 
-from schuler.studio.pages.frame import hint, html, table
-from schuler.studio.workspace import RunEntry
+from schuler.calibration.result.result import CalibrationResult
+from schuler.calibration.result.summary import headline, rows, verdicts
+from schuler.exceptions import printable
+from schuler.studio import jobs
+from schuler.studio.pages.frame import chart, fold, hint, html, show, table
+from schuler.studio.workspace import RunEntry, Workspace
 
 _NUMBERS = (
     "rms_horizontal_m", "max_horizontal_m", "rms_horizontal_aided_m", "mean_outage_max_horizontal_m", "rms_vertical_m",
     "rms_velocity_horizontal_m_s", "rms_heading_deg", "rms_tilt_deg", "nees_mean", "nis_mean",
 )  # fmt: skip
+_STATUS = {"ok": "ok", "warning": "doubtful", "refused": "failed"}
+_FILES = ("calibration", "report", "certificate")
+_FIGURES = {
+    "coverage": "directions of the rests",
+    "residuals": "residuals",
+    "correlations": "correlations of the parameters",
+}
+
+
+def show_calibration(
+    workspace: Workspace, job: jobs.Job, rests: Callable[[CalibrationResult], None] | None = None
+) -> None:
+    """Verdict and advice of a calibration, its rests, figures and parameters, links to its files.
+
+    Parameters
+    ----------
+    workspace : Workspace
+    job : Job
+        One that has ended; of a log that was refused there is the verdict alone.
+    rests : callable, optional
+        Draws the table of the rests.
+    """
+    answer = jobs.answer(workspace, job.key)
+    files = [Path(answer["files"][what]).name for what in _FILES if what in answer["files"]]
+    link = f"/studio/files/{quote(job.out)}"
+    links = " · ".join(f'<a href="{link}/{quote(name)}" target="_blank">{escape(name)}</a>' for name in files)
+    refused = answer["status"] == "refused"  # then what lies in the folder is of an earlier fit
+    result = None if refused else CalibrationResult.from_yaml(workspace.inside(job.out) / "calibration.yaml")
+    title = f"{answer['method']} calibration: refused" if result is None else headline(result)
+    sentences = answer["verdicts"] if result is None else verdicts(result)
+    words = "".join(f"<p>{escape(printable(text))}</p>" for text in sentences)
+    html(
+        f'<section class="verdict {_STATUS[answer["status"]]}" aria-label="Verdict"><p><b>{escape(job.out)}: '
+        f"{escape(title)}</b></p>{words or '<p>Nothing speaks against it.</p>'}</section><p>{links}</p>"
+    )
+    if result is None:
+        return
+    if rests is not None:
+        with fold("rests", opened=True):
+            rests(result)
+    for name, label in _FIGURES.items():
+        with fold(label, opened=True):
+            element = chart("figure", without="nothing to show", label=label)
+            show(element, source=f"/studio/calibrations/{name}?run={quote(job.out)}&key={quote(job.key)}")
+    with fold("parameters"):
+        cells = [(name, value, spread, unit) for name, value, spread, unit, *_ in rows(result)]
+        table(("", "value", "1 sigma", "unit"), cells, "data-sheet units")
 
 
 def show_outcome(place: ui.element, entry: RunEntry | None) -> None:

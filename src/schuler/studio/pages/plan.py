@@ -14,11 +14,10 @@ from schuler.exceptions import InputError, SchulerError, printable
 from schuler.sensors import catalogue
 from schuler.studio import form, jobs, runner
 from schuler.studio.pages.entries import entry_fields
-from schuler.studio.pages.frame import block, button, command_box, heading, hint, html, problem, table
-from schuler.studio.pages.job import job_box
+from schuler.studio.pages.frame import block, button, command_box, heading, hint, html, place, problem, table
+from schuler.studio.pages.job import POLL_S, JobPanel
 from schuler.studio.workspace import Workspace, identified_imus, missions, new_run_name, write_mission
 
-_POLL_S = 0.4
 _OUTAGES, _REQUIRE = "gnss.outages_s", "require"
 _PASSES = {True: "yes", False: "no", None: "unknown"}
 
@@ -32,8 +31,6 @@ class _Plan:
         self.data: dict[str, Any] = {}
         self.checksum = ""
         self.texts: dict[str, str] = {}
-        self.job = ""
-        self.shown: jobs.Job | None = None
 
     def changes(self) -> dict[str, Any]:
         """Entries of the form that the file has otherwise."""
@@ -41,6 +38,8 @@ class _Plan:
 
     def arguments(self) -> list[str]:
         """Command of the budget."""
+        if not self.mission:
+            raise InputError("choose a mission first")
         changes = self.changes()
         runner.checked(self.workspace, self.mission, changes, BudgetScenario)
         return runner.budget_arguments(
@@ -68,8 +67,8 @@ def plan_page(workspace: Workspace, mission: str) -> None:
         commanded()
 
     def choose(name: str) -> None:
-        state.mission, state.job, state.shown = name, "", None
-        progress.clear()
+        state.mission = name
+        panel.forget()
         result.clear()
         loaded()
 
@@ -107,35 +106,9 @@ def plan_page(workspace: Workspace, mission: str) -> None:
             except (SchulerError, OSError) as error:
                 hint(printable(str(error)), bad=True)
 
-    def begin() -> None:
-        try:
-            if not state.mission:
-                raise InputError("choose a mission first")
-            words = state.arguments()
-            state.job = jobs.start(workspace, [*words, "--json"], words[words.index("--out") + 1]).key
-        except (SchulerError, OSError) as error:
-            problem(error)
-        look()
-
-    def again(job: jobs.Job) -> None:
-        try:
-            state.job = jobs.start(workspace, job.command, job.out).key
-        except InputError as error:
-            problem(error)
-        look()
-
-    def look() -> None:
-        """Say how the last budget of the mission stands, and show what came out."""
-        if not state.mission:
-            return
-        job = jobs.job(workspace, state.job) if state.job else jobs.latest(workspace, "budget", state.mission)
-        if job is None or job == state.shown:
-            return
-        state.shown, state.job = job, job.key
-        job_box(workspace, progress, job, again)
-        if job.state == "done":
-            commanded()  # with the next free name
-            _outcome(result, job, jobs.answer(workspace, job.key))
+    def worked_out(job: jobs.Job) -> None:
+        commanded()  # with the next free name
+        _outcome(result, job, jobs.answer(workspace, job.key))
 
     @ui.refreshable
     def entries() -> None:
@@ -172,13 +145,16 @@ def plan_page(workspace: Workspace, mission: str) -> None:
                 label="IMU, of the catalogue or identified", on_change=lambda e: choose_imus(e.value),
             ).props('outlined dense use-chips aria-label="IMU"')  # fmt: skip
             hint("Without one, the whole catalogue is ranked by the requirements.")
-            command = ui.element("div").style("width: 100%")
+            command = place()
             with block("line"):
-                button("work out the budget", begin, "main")
-            progress = ui.element("div").style("width: 100%")
-            result = ui.element("div").style("width: 100%")
+                button("work out the budget", lambda: panel.start(state.arguments), "main")
+            panel: JobPanel = JobPanel(
+                workspace, place(),
+                lambda: jobs.latest(workspace, "budget", state.mission) if state.mission else None, worked_out,
+            )  # fmt: skip
+            result = place()
     ui.timer(0.05, loaded, once=True)
-    ui.timer(_POLL_S, look)
+    ui.timer(POLL_S, panel.look)
 
 
 def _outcome(place: ui.element, job: jobs.Job, answer: dict[str, Any]) -> None:

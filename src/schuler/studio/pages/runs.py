@@ -11,7 +11,7 @@ from nicegui import ui
 
 from schuler.exceptions import InputError
 from schuler.studio import jobs
-from schuler.studio.pages.frame import block, button, command_box, heading, hint, html, problem
+from schuler.studio.pages.frame import block, button, command_box, heading, hint, html, place, problem
 from schuler.studio.workspace import RunEntry, Workspace, delete_run, runs
 
 _POLL_S = 0.5
@@ -25,9 +25,9 @@ def runs_page(workspace: Workspace) -> None:
     """Table of runs, and what can be done with one or two of them."""
     chosen: list[str] = []
     heading("Runs in this folder, the latest first")
-    listing = ui.element("div").style("width: 100%")
+    listing = place()
     heading("Two runs against each other")
-    comparison = ui.element("div").style("width: 100%")
+    comparison = place()
 
     def refresh() -> None:
         listing.clear()

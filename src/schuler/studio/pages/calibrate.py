@@ -1,0 +1,295 @@
+"""Calibrate from a log of poses: rests found, accepted, rejected or moved by hand, refitted at once."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from nicegui import events, ui
+
+from schuler.calibration.result.result import CalibrationResult
+from schuler.exceptions import InputError, SchulerError
+from schuler.studio import jobs, reading, runner
+from schuler.studio.pages.frame import (
+    block,
+    button,
+    chart,
+    command_box,
+    heading,
+    hint,
+    html,
+    name_menu,
+    place,
+    problem,
+    show,
+    table,
+)
+from schuler.studio.pages.job import POLL_S, JobPanel
+from schuler.studio.pages.outcome import show_calibration
+from schuler.studio.rests import Rest, placed, read_rests, toggled, write_rests
+from schuler.studio.signals import View, Views
+from schuler.studio.workspace import Workspace, configurations, logs, new_run_name
+
+_METHOD = "freepose"
+_ROLES = {True: "finding", False: "unused"}
+
+
+class _Calibrate:
+    """State of one open page; what is worth keeping is a file."""
+
+    def __init__(self, workspace: Workspace, log: str, config: str) -> None:
+        self.workspace, self.log, self.config = workspace, log, config
+        self.gravity: float | None = None
+        self.latitude: float | None = None
+        self.initial_rest: float | None = None
+        self.serial = ""
+        self.out = ""
+        self.by_hand = False
+        self.stale = False  # changed while a fit was running
+        self.rests: list[Rest] = []
+        self.chosen: int | None = None
+        self.view: View | None = None
+
+    @property
+    def rests_name(self) -> str:
+        """File with the rests of the folder that is written."""
+        return f"{self.out}-rests.csv"
+
+    @property
+    def shift(self) -> float:
+        """Time of the first sample of the IMU on the axis of the chart. [s]"""
+        recording = None if self.view is None else self.view.recording
+        return 0.0 if recording is None or recording.imu is None else float(recording.imu.t[0]) - recording.start
+
+    def arguments(self, **more: Any) -> list[str]:
+        """Command of the calibration; with more options one that writes a report too."""
+        if not self.log:
+            raise InputError("choose a log first")
+        options = {
+            "gravity": self.gravity, "latitude": self.latitude, "initial-rest": self.initial_rest,
+            "intervals": self.rests_name if self.by_hand else None, **more,
+        }  # fmt: skip
+        return runner.calibrate_arguments(_METHOD, self.log, self.config, self.out, options, report=bool(more))
+
+    def resume(self, job: jobs.Job) -> None:
+        """Take folder, options and rests from a command of this page."""
+        numbers = {name: runner.option_of(job.command, name) for name in ("gravity", "latitude", "initial-rest")}
+        self.gravity, self.latitude, self.initial_rest = (float(text) if text else None for text in numbers.values())
+        self.config = runner.option_of(job.command, "config")
+        self.out, self.serial = job.out, runner.option_of(job.command, "serial")
+        rests = runner.option_of(job.command, "intervals")
+        self.by_hand = bool(rests)
+        self.rests = read_rests(self.workspace.inside(rests)) if rests else []
+
+
+def calibrate_page(workspace: Workspace, views: Views, log: str, config: str) -> None:
+    """Log and rests on the left; signals with the rests, command and result on the right."""
+    state = _Calibrate(workspace, log, config)
+    if (last := jobs.latest(workspace, "calibrate", _METHOD, log)) is not None and config in (
+        "",
+        runner.option_of(last.command, "config"),
+    ):
+        state.log = last.command[2]
+        state.resume(last)
+
+    async def opened() -> None:
+        """Read the log as the configuration says, for its signals."""
+        show(signals, source="", windows=[])
+        state.view = None
+        if state.log:
+            try:
+                hints = reading.hints_of(workspace.inside(state.config) if state.config else None)
+                state.view = await asyncio.to_thread(views.open, workspace.inside(state.log), hints)
+                if state.view.channels:
+                    show(signals, source=f"/studio/views/{state.view.key}/signals")
+            except (SchulerError, OSError) as error:
+                problem(error)
+        if not state.out and state.log:
+            state.out = new_run_name(workspace, state.log, "calibration")
+        drawn()
+
+    async def choose_log(name: str) -> None:
+        state.log, state.out, state.rests, state.by_hand, state.chosen = name, "", [], False, None
+        panel.forget()
+        result.clear()
+        await opened()
+
+    async def choose_config(name: str) -> None:
+        state.config = name
+        await opened()
+
+    def calibrate() -> None:
+        """Find the rests anew; what was fitted before stays in its folder."""
+        if state.log and (workspace.root / state.out).exists():
+            state.out = new_run_name(workspace, state.log, "calibration")
+        state.by_hand, state.rests, state.chosen = False, [], None
+        panel.start(state.arguments)
+        drawn()
+
+    def changed(rests: list[Rest], chosen: int | None) -> None:
+        """Fit with these rests."""
+        try:
+            write_rests(workspace.inside(state.rests_name), rests)
+        except (SchulerError, OSError) as error:
+            problem(error)
+            drawn()  # a rest that was dragged goes back
+            return
+        state.rests, state.chosen, state.by_hand, state.stale = rests, chosen, True, True
+        drawn()
+        refit()
+
+    def refit() -> None:
+        """Start the fit that was asked for last, as soon as the one before has ended."""
+        if not state.stale:
+            return
+        current = jobs.job(workspace, panel.key)
+        if current is not None and current.state == "running":
+            jobs.cancel(workspace, current.key)
+            return
+        state.stale = False
+        panel.start(state.arguments)
+
+    def place_rest(k: int | None, start: float | None, stop: float | None) -> None:
+        try:
+            if start is None or stop is None:
+                raise InputError("a rest: expected its start and stop in seconds")
+            rests = placed(state.rests, k, start, stop)
+        except InputError as error:
+            problem(error)
+            drawn()
+            return
+        changed(rests, next(i for i, rest in enumerate(rests) if rest.start == start))
+
+    def toggle(k: int | None) -> None:
+        if k is not None:
+            changed(toggled(state.rests, k), k)
+
+    def pointed(event: events.GenericEventArguments) -> None:
+        t = float(event.args) - state.shift
+        toggle(next((i for i, rest in enumerate(state.rests) if rest.start <= t <= rest.stop), None))
+
+    def moved(event: events.GenericEventArguments) -> None:
+        k, start, stop = event.args
+        before, bounds = state.rests[int(k)], [round(float(t) - state.shift, 3) for t in (start, stop)]
+        # an edge that was not dragged stays at its sample
+        edges = [
+            old if abs(new - old) < 2e-3 else new for old, new in zip((before.start, before.stop), bounds, strict=True)
+        ]
+        place_rest(int(k), max(edges[0], 0.0), edges[1])
+
+    def added(event: events.GenericEventArguments) -> None:
+        start, stop = (round(float(t) - state.shift, 3) for t in event.args)
+        place_rest(None, max(start, 0.0), stop)
+
+    def chosen(k: int | None) -> None:
+        state.chosen = k
+        edge_fields()
+
+    def edge_fields() -> None:
+        rest = None if state.chosen is None else state.rests[state.chosen]
+        number.set_options({i: str(i + 1) for i in range(len(state.rests))}, value=state.chosen)
+        from_s.set_value(None if rest is None else round(rest.start, 3))
+        to_s.set_value(None if rest is None else round(rest.stop, 3))
+        accept.set_text("reject" if rest is None or rest.accepted else "accept")
+
+    def drawn() -> None:
+        """Rests on the chart and in the fields, and the command."""
+        windows = [(r.start + state.shift, r.stop + state.shift, _ROLES[r.accepted]) for r in state.rests]
+        show(signals, windows=windows)
+        edge_fields()
+        command.clear()
+        with command:
+            if state.log:
+                command_box(runner.shell(state.arguments()))
+            else:
+                hint("Choose a log of an IMU that was put down in many poses.")
+
+    def ended(job: jobs.Job) -> None:
+        """Show what came out; of a log that was refused, its rests."""
+        result.clear()
+        try:
+            answer = jobs.answer(workspace, job.key)
+        except (OSError, ValueError):
+            return
+        if not state.by_hand and state.view is not None and state.view.recording is not None:
+            zero = float(state.view.recording.need_imu().t[0])
+            state.rests = [Rest(start - zero, stop - zero) for start, stop in answer["extra"]["intervals"]]
+        drawn()
+        with result:
+            show_calibration(workspace, job, lambda fit: _rest_table(state.rests, fit))
+
+    def look() -> None:
+        if state.view is None and state.log:
+            return  # the rests that were found are drawn on it
+        job = panel.look()
+        if job is not None and job.state == "refused":
+            ended(job)
+        refit()
+
+    def certify() -> None:
+        serial = (
+            {"serial": state.serial, "certificate": f"{state.out}/certificate.html"} if state.serial.strip() else {}
+        )
+        panel.start(lambda: state.arguments(**serial) if serial else state.arguments(report=True))
+
+    with block("cols"):
+        with block("col"):
+            heading("Log of poses")
+            name_menu("log", logs(workspace), state.log, choose_log)
+            name_menu("configuration", ["", *configurations(workspace)], state.config, choose_config).classes("q-mt-sm")
+            with block("line"):
+                for label, name in (("gravity [m/s²]", "gravity"), ("latitude [deg]", "latitude"),
+                                    ("initial rest [s]", "initial_rest")):  # fmt: skip
+                    field = ui.number(label, on_change=lambda: drawn()).props("outlined dense clearable debounce=400")
+                    field.bind_value(state, name).classes("grow")
+            with block("line"):
+                button("calibrate", calibrate, "main")
+            hint("Finds the rests and fits. Every change of a rest then fits again, into the same folder.")
+            heading("Rests")
+            with block("line"):
+                number = ui.select({}, label="rest", on_change=lambda e: chosen(e.value)).props("outlined dense")
+                number.style("width: 6rem")
+                accept = button("reject", lambda: toggle(state.chosen))
+            with block("line"):
+                from_s = ui.number("from [s]").props('outlined dense aria-label="rest from"').style("width: 8rem")
+                to_s = ui.number("to [s]").props('outlined dense aria-label="rest to"').style("width: 8rem")
+                button("set", lambda: place_rest(state.chosen, from_s.value, to_s.value))
+                button("add", lambda: place_rest(None, from_s.value, to_s.value))
+            heading("Certificate")
+            with block("line"):
+                ui.input("serial number").props("outlined dense").classes("grow").bind_value(state, "serial")
+                button("report and certificate", certify)
+            hint("Without a serial number it is the report alone.")
+            html('<p><a href="/coach">coach: turn the unit while the log grows</a></p>')
+        with block("col"):
+            heading("Signals and rests")
+            signals = chart("timeline", without="Choose a log on the left.", label="signals over time, rests shaded")
+            for kind, act in (("point", pointed), ("moved", moved), ("span", added)):
+                signals.on(kind, act, js_handler="(e) => emit(e.detail)")
+            hint(
+                "Yellow: used, grey: rejected. Click a rest to reject or accept it, drag it or its edges to move them, "
+                "drag elsewhere to add one."
+            )
+            heading("Calibration")
+            command = place()
+            panel: JobPanel = JobPanel(
+                workspace, place(),
+                lambda: jobs.latest(workspace, "calibrate", _METHOD, state.log) if state.log else None, ended,
+            )  # fmt: skip
+            result = place()
+    ui.timer(0.05, opened, once=True)
+    ui.timer(POLL_S, look)
+
+
+def _rest_table(rests: list[Rest], fit: CalibrationResult) -> None:
+    """Every rest with what the fit leaves of it; a rejected one has no residual."""
+    residuals = fit.residuals["accel"]
+    left = iter(zip(residuals.value.tolist(), residuals.sigma.tolist(), strict=True))
+    rows = []
+    for k, rest in enumerate(rests, 1):
+        value, sigma = next(left, (None, None)) if rest.accepted else (None, None)
+        sigmas = None if not value or not sigma else value / sigma
+        rows.append((str(k), rest.start, rest.stop, value, sigma, sigmas, "" if rest.accepted else "rejected"))
+    with block("ranking"):
+        heads = ("rest", "from [s]", "to [s]", f"residual [{residuals.unit}]", "1 sigma", "sigmas", "")
+        table(heads, rows, "magnitude of specific force less gravity")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from html import escape
 from typing import Any
 
@@ -37,8 +38,8 @@ class _Coach:
 def coach_page(workspace: Workspace, log: str, config: str) -> None:
     """What is needed on top, advice in large letters, then the calibration."""
     state = _Coach(workspace, log, config)
-    if not log and (last := jobs.latest(workspace, "calibrate", "field")) is not None:
-        state.log, state.config = last.command[2], runner.option_of(last.command, "config")
+    if (last := jobs.latest(workspace, "calibrate", "field", log)) is not None:
+        state.log, state.config = last.command[2], config or runner.option_of(last.command, "config")
         state.imu = runner.option_of(last.command, "imu")
         state.latitude = float(text) if (text := runner.option_of(last.command, "latitude")) else None
     shown: list[CoachState | None] = [None]
@@ -74,11 +75,13 @@ def coach_page(workspace: Workspace, log: str, config: str) -> None:
             return
         shown[0] = now
         advice.clear()
+        small = re.sub(r"\([^()]*\)", r"<small>\g<0></small>", escape(now.move))
+        words = " · ".join([*([now.motion] if now.motion else []), f"{now.percent} %", f"{now.elapsed_s:.0f} s"])
         with advice:
             html(
-                f'<section class="coach {now.motion}" aria-live="polite" aria-label="Advice"><p class="next">'
-                f"{escape(now.move)}</p><p>{escape(now.motion or 'waiting')} · {now.percent} % · {now.elapsed_s:.0f} s"
-                f'</p><progress max="100" value="{now.percent}" aria-label="progress of the calibration"></progress>'
+                f'<section class="coach {now.motion}" aria-live="polite" aria-label="Advice">'
+                f'<p class="next">{small}</p><p>{words}</p>'
+                f'<progress max="100" value="{now.percent}" aria-label="progress of the calibration"></progress>'
                 f'<p class="hint">{escape(now.reason)}</p></section>'
             )
 

@@ -7,7 +7,7 @@ import pytest
 
 from schuler.calibration.freepose.calibrate import calibrate_freepose
 from schuler.calibration.freepose.fleet import calibrate_fleet
-from schuler.calibration.freepose.rests import ENOUGH, MULTIPLES, tedaldi_rests
+from schuler.calibration.freepose.rests import ENOUGH, MULTIPLES, tedaldi_rests, without_held
 from schuler.calibration.freepose.simulation import hand_log, spread_turns
 from schuler.calibration.result.parameters import in_gauge, vector
 from schuler.exceptions import InputError
@@ -256,3 +256,33 @@ def test_a_log_that_never_rests_again_is_refused():
 def test_what_makes_no_sense_is_said(options, message):
     with pytest.raises(InputError, match=message):
         calibrate_freepose(log_of(some_errors()), **{"rests": "tedaldi", **options})
+
+
+# ---------------------------------------------------------------------------------------------- held readings
+
+
+def test_held_readings_are_a_gap_and_no_pose():
+    """A link that stops in a turn holds the last reading: two seconds that vary less than any rest, tilted anyhow."""
+    errors = some_errors()
+    imu = log_of(errors).rates()
+    clean = calibrate_freepose(imu, halves=False)
+    a, b = (
+        int(np.searchsorted(imu.t, s)) for s in (clean.extra["intervals"][7][1] + 0.3, clean.extra["intervals"][8][0])
+    )
+    gyro, accel = imu.gyro.copy(), imu.accel.copy()
+    gyro[a : b + 200], accel[a : b + 200] = gyro[a], accel[a]
+    kept, sentences = without_held(ImuSeries(imu.t, gyro, accel))
+    assert len(kept) == len(imu) - (b + 199 - a)
+    assert f"{imu.t[a]:.1f}..{imu.t[b + 199]:.1f} s" in sentences[0]
+    result = calibrate_freepose(ImuSeries(imu.t, gyro, accel), halves=False)
+    assert sentences[0] in result.verdicts
+    assert not any(start < imu.t[a] < stop for start, stop in result.extra["intervals"])
+    z = (result.values - vector(errors, result.names)) / result.sigma
+    assert np.sqrt(np.mean(z**2)) < 1.7  # statistical: 21 values
+
+
+def test_a_log_without_noise_repeats_in_its_rests_and_is_kept():
+    imu = log_of(some_errors(noise=False)).rates()
+    kept, sentences = without_held(imu)
+    assert kept is imu
+    assert sentences == ()

@@ -11,11 +11,13 @@ import walk_cases as wc
 from schuler import frames
 from schuler.exceptions import ConfigError, InputError
 from schuler.navigation.evaluation.consistency import chi_square_band, nees, state_errors
+from schuler.navigation.foot.alignment import acceleration_sigma
 from schuler.navigation.foot.config import FootConfig
 from schuler.navigation.foot.errors import walk_errors
 from schuler.navigation.foot.run import navigate_foot
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
+from schuler.simulation.gait import walk
 
 PLAIN = {"place": wc.PLACE, "zupt": {"pivot": False}, "filter": {"states": 9}}
 GYRO_N, ACCEL_N = 2e-4, 5e-3  # a good MEMS IMU; the tests' own noise
@@ -70,6 +72,28 @@ def test_a_walk_that_begins_later_starts_at_its_first_rest(square):
     assert result.t[0] == pytest.approx(part.t[np.argmax(resting)], abs=1.5 / wc.RATE)
     assert any("first rests" in note for note in result.notes)
     assert result.distance == pytest.approx(11 * 1.3, abs=1e-3)
+
+
+def test_a_log_that_begins_in_a_run_starts_in_a_stance(square):
+    """No rest is as long as alignment.min_rest_s before the end: a stance of 0.08 s begins the walk, not that end."""
+    motion = walk(wc.ORIGIN, strides=12, rest=0.08, turn=wc.TURNS)
+    part = wc.increments_log(motion).between(5.2, motion.duration)
+    resting = motion.resting(part.t - 0.5 / wc.RATE)
+    result = navigate_foot(part, PLAIN, rest=resting)
+    assert result.t[0] == pytest.approx(part.t[np.argmax(resting)], abs=1.5 / wc.RATE)
+    assert result.distance == pytest.approx(11 * 1.3, abs=1e-3)  # discretisation
+    # what a change of velocity in 0.08 s can hide is claimed: some 3 deg, where a second at rest levels to 0.1 deg
+    tilt = np.sqrt(np.diagonal(result.navigation.covariance[0])[:2])
+    assert np.all(tilt > np.radians(0.5))
+    assert np.sqrt(np.diagonal(navigate_foot(square[1], PLAIN).navigation.covariance[0])[:2]).max() < np.radians(0.3)
+
+
+def test_acceleration_in_a_stance_is_a_change_of_velocity_and_what_gravity_misses():
+    config, t = FootConfig(), 0.005 * np.arange(1, 11)
+    still = ImuSeries(t, np.zeros((10, 3)), np.tile([0.0, 0.0, -9.8], (10, 1)))
+    changing = np.sqrt(2.0) * config.zupt.sigma_m_s / 0.05
+    assert acceleration_sigma(still, config, 9.8) == pytest.approx(changing, rel=1e-12)
+    assert acceleration_sigma(still, config, 10.3) == pytest.approx(np.sqrt(changing**2 + 0.25 - 0.03**2), rel=1e-12)
 
 
 def test_perfect_data_with_the_detector_return_the_walk(square):

@@ -14,7 +14,7 @@ from schuler.calibration.freepose.accel import AccelFit, fit_accelerometers
 from schuler.calibration.freepose.bias import bias_at_rest
 from schuler.calibration.freepose.gyro import GyroFit, fit_gyroscopes, rescaled
 from schuler.calibration.freepose.motion import PLACES, MotionFit, fit_motion
-from schuler.calibration.freepose.rests import MARGINS, Rests, pose_means, tedaldi_rests
+from schuler.calibration.freepose.rests import MARGINS, Rests, pose_means, tedaldi_rests, without_held
 from schuler.calibration.freepose.result import freepose_result, refused_result, undetermined
 from schuler.calibration.freepose.turns import Turns, nominal_scale
 from schuler.calibration.magnetometer.calibrate import estimates_soft_iron, magnetic_means, with_magnetometer
@@ -116,6 +116,8 @@ def calibrate_freepose(
 
     Notes
     -----
+    Readings that no axis changes for 0.2 s were held and are a gap, unless a tenth of the log or more is so.
+
     Rests: variance of both triads over a moving window, relative to that at rest, below a multiple. The multiples of
     the paper, 2 to 10, are tried and the one kept whose poses determine the accelerometers best (smallest determinant
     of the covariance, scatter included). Accelerometers come first, gyroscopes in their axes second; the covariance of
@@ -150,6 +152,7 @@ def calibrate_freepose(
     kernels.prepare_freepose()
     if rests == "tedaldi":  # to be compared with other programs, which have none
         options["g_sensitivity"] = g_sensitivity = bool(g_sensitivity)
+    imu, held = without_held(imu)
     rates, interval = imu.rates(), imu.interval
     names = _parameter_names(bool(g_sensitivity), size_effect, delay)
 
@@ -184,11 +187,13 @@ def calibrate_freepose(
         if np.isfinite(score) and (best is None or score < best[0]):
             best = (score, poses, fit, factor)
     if best is None:
-        return refused_result(largest, None, factors, gravity, rates, names, options)
+        refused = refused_result(largest, None, factors, gravity, rates, names, options)
+        return replace(refused, verdicts=refused.verdicts + held)
     _, poses, accel, factor_a = best
     result = _solved(
         imu, rates, poses, accel, factor_a, factors, gravity, noise, options, field=field_strength, soft_iron=soft_iron
     )
+    result = replace(result, verdicts=result.verdicts + held)
     if not halves or rests == "tedaldi" or result.status == "refused":
         return result
 

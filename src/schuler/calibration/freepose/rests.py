@@ -21,6 +21,9 @@ MARGINS = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
 MULTIPLES = tuple(float(k) for k in range(2, 11))
 #: Fewest rests for a cost: nine parameters fit a smaller number too well.
 ENOUGH = 12
+#: Length from which on readings that do not change at all were held, and the share of a log from which on they are its
+#: own: a log without noise repeats in every rest. [s]
+HELD_S, MOST_HELD = 0.2, 0.1
 # The median of a chi-square with 9 degrees of freedom over its mean: part means of one pose are ten.
 _MEDIAN_9 = 0.927
 
@@ -64,6 +67,47 @@ class Rests:
             self.index[keep], self.accel[keep], self.gyro[keep], self.duration[keep], self.density_a,
             self.density_g, self.margin, self.tried,
         )  # fmt: skip
+
+
+def without_held(imu: ImuSeries) -> tuple[ImuSeries, tuple[str, ...]]:
+    """Log without readings that were held, which look like the best of rests, and a sentence on them.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+        In any unit.
+
+    Returns
+    -------
+    ImuSeries
+        With a gap after the first of every :data:`HELD_S` or more in which no axis changes; the same log where there
+        are none, or where they are :data:`MOST_HELD` of it or more.
+    tuple of str
+        Empty where nothing was left out.
+    """
+    readings = np.concatenate((imu.gyro, imu.accel), axis=1)
+    same = np.zeros(len(imu) + 1, dtype=bool)
+    same[1:-1] = np.all(
+        np.abs(np.diff(readings, axis=0)) <= 1e-9 * np.ptp(readings, axis=0), axis=1
+    )  # but for rounding
+    change = np.diff(same.astype(np.int8))
+    first, last = np.flatnonzero(change == 1) + 1, np.flatnonzero(change == -1) + 1
+    long = (last - first) * imu.interval >= HELD_S
+    first, last = first[long], last[long]
+    count = int((last - first).sum())
+    if not 0 < count < MOST_HELD * len(imu):
+        return imu, ()
+    keep = np.ones(len(imu), dtype=bool)
+    for a, b in zip(first, last, strict=True):
+        keep[a:b] = False
+    temperature, magnetometer = (None if x is None else x[keep] for x in (imu.temperature, imu.magnetometer))
+    places = ", ".join(f"{imu.t[a - 1]:.1f}..{imu.t[b - 1]:.1f} s" for a, b in zip(first[:3], last[:3], strict=True))
+    sentence = (
+        f"No reading changes in {places}{' and later' if len(first) > 3 else ''}: {count} samples were held, not "
+        "measured, and left out like a gap."
+    )
+    return replace(imu, t=imu.t[keep], gyro=imu.gyro[keep], accel=imu.accel[keep], temperature=temperature,
+                   magnetometer=magnetometer), (sentence,)  # fmt: skip
 
 
 def pose_means(rates: ImuSeries, interval: float, index: IntArray, margin: float) -> Rests:

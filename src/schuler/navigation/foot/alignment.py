@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from schuler import units
+from schuler import earth, units
 from schuler.arrays import FloatArray
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout
@@ -55,9 +55,14 @@ def align_foot(
     first = int(np.flatnonzero(rests.stop > begin)[0])
     end = min(float(rests.stop[first]), begin + section.rest_s)
     still = imu.rates().between(begin, end)
+    force, moving = still.accel.mean(axis=0), 0.0
+    if rests.stop[first] - rests.start[first] < section.min_rest_s - 1e-9:  # a stance of a run: direction alone counts
+        gravity = float(np.linalg.norm(earth.gravity_ned(llh[0], llh[2])))
+        moving = acceleration_sigma(still, config, gravity)
+        force = force * gravity / np.linalg.norm(force)
     level = levelling(
-        still.accel, t=begin, sigma_bias=config.sensor.accel_bias_m_s2,
-        sigma_noise=section.tilt_sigma_deg * units.DEG * float(np.linalg.norm(still.accel.mean(axis=0))),
+        force, t=begin, sigma_bias=config.sensor.accel_bias_m_s2,
+        sigma_noise=float(np.hypot(section.tilt_sigma_deg * units.DEG * np.linalg.norm(force), moving)),
     ).with_heading(section.heading_deg * units.DEG, section.heading_sigma_deg * units.DEG, "heading given")  # fmt: skip
     if config.filter.states == 9:  # no bias in the filter: its tilt is part of the noise of levelling
         level = replace(level, sigma_b_a=0.0)
@@ -72,6 +77,31 @@ def align_foot(
         position=np.full(3, config.filter.position_sigma_m),
     ).aligned(level, layout)  # fmt: skip
     return _with_rest_rate(initial, still, layout) if "b_g" in layout else initial
+
+
+def acceleration_sigma(still: ImuSeries, config: FootConfig, gravity: float) -> float:
+    """1-sigma of the mean acceleration of a foot over one of its rests. [m/s^2]
+
+    Parameters
+    ----------
+    still : ImuSeries
+        The samples at rest.
+    config : FootConfig
+        How fast a resting foot may be, and how large accelerometer biases are.
+    gravity : float
+        [m/s^2]
+
+    Returns
+    -------
+    float
+        The change of velocity over the length of the rest, and what the magnitude of the mean specific force misses
+        gravity by beyond a bias.
+    """
+    rate_squared = float(np.mean(np.sum(still.gyro**2, axis=1)))
+    speed = np.hypot(config.zupt.sigma_m_s, config.zupt.roll_m * np.sqrt(rate_squared))
+    changing = np.sqrt(2.0) * speed / (still.t[-1] - still.t[0] + still.interval)
+    missing = (np.linalg.norm(still.accel.mean(axis=0)) - gravity) ** 2 - config.sensor.accel_bias_m_s2**2
+    return float(np.sqrt(changing**2 + max(missing, 0.0)))
 
 
 def _with_rest_rate(initial: InitialState, still: ImuSeries, layout: StateLayout) -> InitialState:

@@ -16,7 +16,7 @@ from schuler.filtering.engine import FilterOptions, Progress, run
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel
-from schuler.navigation.foot.alignment import align_foot
+from schuler.navigation.foot.alignment import acceleration_sigma, align_foot
 from schuler.navigation.foot.config import FootConfig
 from schuler.navigation.foot.motion import in_motion, noise_in_motion
 from schuler.navigation.foot.rests import detect_rests, zero_velocities
@@ -28,6 +28,9 @@ from schuler.recording.series import ImuSeries, Increments
 from schuler.recording.trajectory import FullTrajectory
 from schuler.standstill.gait import stride_period
 from schuler.standstill.intervals import Rests, rests_from_mask
+
+_EARLY_S = 3.0  # a few strides; rests that are long enough are not waited for any longer
+_MOST_OF_GRAVITY = 0.15  # acceleration of a stance that can still be levelled over
 
 
 def navigate_foot(
@@ -101,7 +104,7 @@ def navigate_foot(
     else:
         rests = rests_from_mask(imu.t, rest)
     increments = imu.increments(order=config.sensor.rate_order)
-    begin = _beginning(rests, increments, config, notes)
+    begin = _beginning(imu.rates(), rests, increments, config, gravity, notes)
     increments = increments.between(begin - 1e-9, increments.t[-1])
     layout = foot_layout(config)
     initial = align_foot(imu, rests, begin, llh, layout, config, notes)
@@ -175,9 +178,19 @@ def _check_gaps(imu: ImuSeries, config: FootConfig, notes: list[str]) -> None:
     notes.append(f"{len(gaps)} pauses of the IMU log bridged, the longest {longest[1]:.3f} s at {longest[0]:.3f} s")
 
 
-def _beginning(rests: Rests, increments: Increments, config: FootConfig, notes: list[str]) -> float:
-    """Start of the first rest that is long enough, at the beginning of an interval."""
+def _beginning(
+    imu: ImuSeries, rests: Rests, increments: Increments, config: FootConfig, gravity: float, notes: list[str]
+) -> float:
+    """Start of the first rest that is long enough, at the beginning of an interval.
+
+    A log that begins in a run has but stances: where a long rest comes late, an early stance is taken that levels best.
+    """
     long = np.flatnonzero(rests.stop - rests.start >= config.alignment.min_rest_s - 1e-9)
+    early = np.flatnonzero((rests.start <= increments.start + _EARLY_S) & (np.diff(rests.index)[:, 0] > 2))
+    if len(early) and not (len(long) and long[0] <= early[-1]):
+        sigmas = [acceleration_sigma(imu.between(*rests.t[rests.index[k] - [0, 1]]), config, gravity) for k in early]
+        if min(sigmas) < _MOST_OF_GRAVITY * gravity:
+            long = early[[int(np.argmin(sigmas))]]
     if not len(long):
         raise InputError(
             f"the foot never rests for {config.alignment.min_rest_s} s ({len(rests)} shorter rests; {rests.method}): "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import itertools
 import os
 import signal
@@ -134,6 +135,11 @@ def live(
         def publish(event: Event) -> None:
             for sink in sinks:
                 sink.event(event)
+            if event.kind in ("start", "state"):
+                # everything is loaded now; later collections pass it by, which took tens of milliseconds
+                gc.unfreeze()
+                gc.collect()
+                gc.freeze()
 
         navigator = _restored(
             state, loaded, kind, (lag, smoother_lag), calibration, stood_still, clock, publish

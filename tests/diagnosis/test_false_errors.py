@@ -96,6 +96,19 @@ def test_a_clock_wrong_in_one_half_only_warns(good):
     assert not [f for f in found.errors if f.code == "time_offset"], found.summary()
 
 
+def test_a_second_off_is_a_warning_where_a_body_sways_against_its_course(good):
+    """A hand turns before or after the walker does, by as much as a second: only accelerations would show the clock."""
+    late = drives.with_imu(good, t=good.imu.t + 1.0)
+    assert [f.severity for f in diagnose(late, quick=True).findings if f.code == "time_offset"] == ["error"]
+    phase = np.cumsum(np.random.default_rng(1).uniform(0.5, 2.0, len(good.imu.t))) * good.imu.interval
+    sway = 4.0 * np.stack([np.sin(phase), np.cos(1.3 * phase), 0.0 * phase], axis=1)
+    found = diagnose(drives.with_imu(late, accel=good.imu.accel + sway), quick=True)
+    (offset,) = [f for f in found.findings if f.code == "time_offset"]
+    assert offset.severity == "warning"
+    assert found.estimates["time_offset_sigma_s"] >= 0.4
+    assert "1-sigma 0.4" in offset.text
+
+
 def test_a_shift_with_less_in_common_explains_less(good):
     """Of no shift may the few samples that are left in common be judged by themselves."""
     motion, means = motion_of(good.gnss.t, good.gnss.v_n, 9.81), WindowMeans(good.imu)

@@ -269,9 +269,11 @@ def _offset_finding(
     limit = max(_ALONE if gap is None else _LEAST_OFFSET + 0.25 * abs(gap), 3.0 * sigma)
     if "clock_drift_ppm" in state.estimates:
         limit = max(limit, 0.3)
+    spread = sigma
     if state.lag is not None and state.lag.r2[1:].max() < VEHICLE:
         # a hand turns before or after the walker's course does
-        limit = max(limit, _HAND)
+        limit, spread = max(limit, _HAND), float(np.hypot(sigma, 0.5 * _HAND))
+        state.estimates["time_offset_sigma_s"] = spread
     # just beyond what counts as right a right clock explains as much of necessity, and the offset is as sure as below
     if abs(offset) < limit or (abs(offset) > _RIGHT_S + 3.0 * sigma and lead[0] < 2.0):
         return  # a clock that is right explains as much
@@ -282,7 +284,7 @@ def _offset_finding(
     near = abs(abs(offset) - seconds) < max(0.35, 3.0 * sigma)
     leaps = _leaps(state)
     side = "late" if offset < 0.0 else "early"
-    statement = f"the IMU's clock is {abs(offset):.3f} s {side} against GNSS (1-sigma {sigma:.3f} s)"
+    statement = f"the IMU's clock is {abs(offset):.3f} s {side} against GNSS (1-sigma {spread:.3f} s)"
     fix = f"offset={state.offset + offset:.3f} for the IMU"
     if near and seconds in leaps:
         text = (
@@ -303,9 +305,9 @@ def _offset_finding(
             )
         return
     severity: Severity = "warning"
-    blurred = np.hypot(sigma, _LEAST_OFFSET)  # lever arms and delays look like clocks, too
+    blurred = np.hypot(spread, _LEAST_OFFSET)  # lever arms and delays look like clocks, too
     confidence = float(np.clip(1.0 - np.exp(-0.5 * (offset / blurred) ** 2 / 4.0), 0.3, 0.95))
-    if abs(offset) > _GARBAGE + 2.0 * sigma:
+    if abs(offset) > _GARBAGE + 2.0 * spread:
         severity, confidence = "error", wrong
     if seconds >= 1 and near:
         statement += f", {seconds} whole second{'s' * (seconds != 1)}"

@@ -71,6 +71,7 @@ def test_what_cannot_be_used_is_refused(logs, tmp_path, capsys):
     assert "m from where the base's own ranges" in refused(rover, base, "--base-position", "10,20,30")
     assert "file states none" in refused(rover, base, "--base-position", "header")
     assert "--base-position: expected latitude" in refused(rover, base, "--base-position", "10,20")
+    assert "give an ANTEX file" in refused(rover, base, "--rover-antenna", "TRM59800.00")
     fixes = tmp_path / "fixes.csv"
     fixes.write_text("t,lat,lon,height\n" + "".join(f"{k},47.0,8.0,400\n" for k in range(9)), encoding="utf-8")
     code, _, err = run(capsys, "baseline", fixes, base, "--out", tmp_path / "out")

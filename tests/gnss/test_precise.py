@@ -10,6 +10,7 @@ from sky import HOME, ephemerides, observe
 
 from schuler.exceptions import InputError
 from schuler.gnss import nominal_orbits, prepare_ranges, satellite_states, solve_points
+from schuler.gnss.antennas import Antenna
 from schuler.gnss.ephemerides import Ephemerides, no_glonass, no_kepler
 from schuler.gnss.precise import POINTS, PreciseClocks, PreciseOrbits, neville, precise_clocks, precise_positions
 from schuler.gnss.satellites import group_delays
@@ -119,6 +120,15 @@ def test_states_are_those_of_broadcast_messages():
     assert alone.healthy.all()
     sick = replace(broadcast, kepler=replace(broadcast.kepler, health=np.ones(len(broadcast.kepler), dtype=np.int64)))
     assert not satellite_states(replace(sick, precise_orbits=DAY), sat, times, epoch_gps_s=EPOCH).healthy.any()
+
+
+def test_antennas_are_below_the_centres_of_mass():
+    e = Ephemerides(no_kepler(), no_glonass(), precise_orbits=DAY)
+    flat = {code: np.array([0.0, 0.0, 1.5]) for code in ("G01", "G02")}
+    antenna = Antenna("BLOCK IIF", 1, -np.inf, np.inf, flat, np.zeros(0), np.zeros(0), {})
+    sat, t = np.array([1, 2]), np.full(2, 10_000.0)
+    a, b = (satellite_states(x, sat, t, epoch_gps_s=EPOCH) for x in (e, replace(e, antennas=(antenna,))))
+    np.testing.assert_allclose(np.linalg.norm(a.r_e, axis=1) - np.linalg.norm(b.r_e, axis=1), [1.5, 0.0], atol=1e-6)
 
 
 def test_group_delays_vanish_in_the_pair_of_the_clock():

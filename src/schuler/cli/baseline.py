@@ -39,6 +39,8 @@ def baseline(
     sigma_carrier: float = 0.003,
     ratio: float = 3.0,
     fix: bool = True,
+    rover_antenna: str | None = None,
+    base_antenna: str | None = None,
     out: Folder = None,
     report: bool = True,
     json: Flag = False,
@@ -55,7 +57,8 @@ def baseline(
     base
         Those of the base at the same time.
     nav
-        File with broadcast ephemerides; several allowed. Those in the logs themselves are used too.
+        File with broadcast ephemerides, precise orbits (SP3), clocks or antennas (ANTEX); several allowed. Messages in
+        the logs themselves are used too.
     base_position
         Base antenna: latitude,longitude in degrees and ellipsoidal height in metres; or header, the position in the
         header of the base's RINEX file. Default: the mean of its single points, good to metres: the rover is off by as
@@ -76,6 +79,10 @@ def baseline(
         How many times as far away, in squared norm, the second-best integers must be as the best for a fix.
     fix
         Fix ambiguities to integers; otherwise all is float.
+    rover_antenna
+        Type and radome of the rover's antenna in an ANTEX file among --nav: its phase centres are taken out.
+    base_antenna
+        Those of the base's antenna.
     out
         Folder for rover.pos, baseline.csv and report.html. Default: the rover's name with -baseline.
     report
@@ -83,6 +90,7 @@ def baseline(
     json
         Print one JSON object instead of text.
     """
+    from schuler.gnss.antennas import receiver_antenna
     from schuler.gnss.baseline import solve_baseline
     from schuler.recording.io import write
     from schuler.recording.series import baseline_series
@@ -92,10 +100,14 @@ def baseline(
     measured = _observations(part.of(roving), rover, "rover"), _observations(fixed_station, base, "base")
     messages = _ephemerides((roving, fixed_station), nav)
     base_llh = _base_position(measured[1], base_position)
+    mounted = [
+        None if name is None else receiver_antenna(messages.antennas, name) for name in (rover_antenna, base_antenna)
+    ]
     try:
         solution = solve_baseline(
             *measured, messages, base_llh, static=static, systems=systems, elevation_mask=elevation_mask * units.DEG,
             cn0_mask=cn0_mask, sigma_code=sigma_code, sigma_carrier=sigma_carrier, ratio=ratio, fix=fix,
+            antennas=(mounted[0], mounted[1]),
         )  # fmt: skip
     except InputError as error:
         text = str(error).replace("base_llh:", "--base-position:").replace("[rad, rad, m]", "degrees,degrees,metres")

@@ -15,6 +15,7 @@ from schuler.gnss.differences import SingleDifferences, cycle_slips, single_diff
 from schuler.units import DEG
 
 if TYPE_CHECKING:
+    from schuler.gnss.antennas import Antenna
     from schuler.gnss.ephemerides import Ephemerides
     from schuler.gnss.observations import Observations
 
@@ -40,6 +41,7 @@ def solve_baseline(
     least_success: float = 0.999,
     partial: bool = True,
     fix: bool = True,
+    antennas: tuple[Antenna | None, Antenna | None] = (None, None),
 ) -> BaselineSolution:
     """Position of a rover relative to a base by carrier phases (RTK), epoch by epoch.
 
@@ -67,6 +69,9 @@ def solve_baseline(
         See :func:`schuler.gnss.ambiguities.fix_ambiguities`.
     fix : bool
         Use integers; otherwise the float solution is all there is.
+    antennas : (rover, base) of Antenna, optional
+        Phase centres of the receivers' antennas, which point to north; the baseline is then that of their reference
+        points, as is ``base_llh``. See :func:`schuler.gnss.antennas.receiver_antenna`.
 
     Returns
     -------
@@ -95,7 +100,7 @@ def solve_baseline(
     given = None if base_llh is None else as_floats(base_llh, "base_llh", (3,))
     d = single_differences(
         rover, base, ephemerides, given, systems=systems, elevation_mask=elevation_mask, cn0_mask=cn0_mask,
-        sigma_code=sigma_code, sigma_carrier=sigma_carrier, static=static,
+        sigma_code=sigma_code, sigma_carrier=sigma_carrier, static=static, antennas=antennas,
     )  # fmt: skip
     begins, slipped = cycle_slips(d, static=static)
     k = len(d.t)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.frames import ecef_from_llh, llh_from_ecef
+from schuler.gnss.antennas import Antenna, phase_correction
 from schuler.gnss.baseline_result import SAME_IONOSPHERE
 from schuler.gnss.carrier_scale import check_carrier_scale
 from schuler.gnss.coarse import along_track, directions
@@ -118,12 +119,13 @@ def single_differences(
     sigma_code: float,
     sigma_carrier: float,
     static: bool,
+    antennas: tuple[Antenna | None, Antenna | None] = (None, None),
 ) -> SingleDifferences:
     """Match epochs, satellites and bands of two receivers, and subtract what geometry predicts.
 
     Parameters
     ----------
-    rover, base, ephemerides, base_llh, systems, elevation_mask, cn0_mask, sigma_code, sigma_carrier, static
+    rover, base, ephemerides, base_llh, systems, elevation_mask, cn0_mask, sigma_code, sigma_carrier, static, antennas
         See :func:`schuler.gnss.baseline.solve_baseline`.
 
     Returns
@@ -184,15 +186,19 @@ def single_differences(
     variance = np.zeros(shape)
     gradient = np.full((*shape, 3), np.nan)
     code[e, s], carrier[e, s] = 0.0, 0.0
-    for sign, x, row, time, where in (
-        (1.0, r, i[e], r.stamp[i][e], r_e[e]),
-        (-1.0, b, j[e], b.stamp[j][e] + shift, np.broadcast_to(base_e, (len(e), 3))),
+    for sign, x, row, time, where, antenna in (
+        (1.0, r, i[e], r.stamp[i][e], r_e[e], antennas[0]),
+        (-1.0, b, j[e], b.stamp[j][e] + shift, np.broadcast_to(base_e, (len(e), 3)), antennas[1]),
     ):
         p = x.code[row, s]
         sent = transmission_times(ephemerides, sat[s], time, p, record, epoch_gps_s=rover.epoch_gps_s)
         r_s = states_of_messages(ephemerides, sat[s], sent, record, epoch_gps_s=rover.epoch_gps_s).r_e
         predicted, slope = predicted_ranges(r_s, where)
-        above, _ = directions(where, r_s)
+        above, azimuth = directions(where, r_s)
+        if antenna is not None:
+            correction, note = _phase_centres(antenna, sat, slots.rover, s, above, azimuth)
+            predicted = predicted + correction
+            notes += note
         predicted = predicted + saastamoinen(llh_from_ecef(where), above, rover.epoch_gps_s + time)
         code[e, s] += sign * (p - predicted)
         carrier[e, s] += sign * (cycle[s] * x.carrier[row, s] - predicted)
@@ -212,6 +218,21 @@ def single_differences(
         r.t[i], r_e, base_llh, sat, tuple(str(name[0]) for name in slots.rover), group.astype(np.int64), cycle, code,
         carrier, sigma_code * scale, sigma_carrier * scale, gradient, elevation, notes,
     )  # fmt: skip
+
+
+def _phase_centres(
+    antenna: Antenna, sat: IntArray, signal: StrArray, s: IntArray, elevation: FloatArray, azimuth: FloatArray
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Phase corrections of rows, whose slots are s, and a note on frequencies that the antenna does not have."""
+    out, missing = np.zeros(len(s)), set()
+    for system, band in {
+        (SYSTEMS[one // 100], name[0]) for one, name in zip(sat.tolist(), signal.tolist(), strict=True)
+    }:
+        rows = ((sat // 100 == SYSTEMS.index(system)) & np.char.startswith(signal, band))[s]
+        out[rows], own = phase_correction(antenna, system, band, elevation[rows], azimuth[rows])
+        missing |= set() if own else {f"{system}0{band}"}
+    note = f"antenna {antenna.name}: GPS L1 or L2 stands in for {', '.join(sorted(missing))}"
+    return out, (note,) if missing else ()
 
 
 def cycle_slips(d: SingleDifferences, *, static: bool) -> tuple[BoolArray, BoolArray]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
+from schuler.gnss.antennas import Antenna
 from schuler.gnss.precise import PreciseClocks, PreciseOrbits
 
 
@@ -138,6 +139,8 @@ class Ephemerides:
         Used instead of broadcast orbits and clocks; of messages only health and group delays remain.
     precise_clocks : PreciseClocks, optional
         Used instead of the clocks of ``precise_orbits``.
+    antennas : tuple of Antenna
+        Satellites' antennas, by which precise positions become those of phase centres; receivers' for baselines.
     """
 
     kepler: KeplerRecords
@@ -149,6 +152,7 @@ class Ephemerides:
     notes: tuple[str, ...] = field(default=())
     precise_orbits: PreciseOrbits | None = None
     precise_clocks: PreciseClocks | None = None
+    antennas: tuple[Antenna, ...] = ()
 
     def merged_with(self, other: Ephemerides) -> Ephemerides:
         """Records of both; constants of this one, and of the other where this has none."""
@@ -162,6 +166,7 @@ class Ephemerides:
             self.notes + other.notes,
             _merged(self.precise_orbits, other.precise_orbits),
             _merged(self.precise_clocks, other.precise_clocks),
+            self.antennas + other.antennas,
         )
 
     def possible(self) -> tuple[Ephemerides, tuple[IntArray, IntArray]]:

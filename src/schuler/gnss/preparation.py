@@ -222,6 +222,8 @@ def prepare_ranges(
 
 
 def _precise_notes(ephemerides: Ephemerides) -> list[str]:
+    if ephemerides.precise_orbits is not None and any(a.sat for a in ephemerides.antennas):
+        return ["orbits and clocks are precise ones, of the satellites' antennas"]
     if ephemerides.precise_orbits is not None:
         return [
             "orbits and clocks are precise ones; positions are of centres of mass, up to 3 m above the antennas, which "

@@ -10,6 +10,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
+from schuler.gnss.antennas import satellite_offsets
 from schuler.gnss.ephemerides import Ephemerides, KeplerRecords
 from schuler.gnss.orbits import glonass_states, kepler_states
 from schuler.gnss.precise import PreciseOrbits, precise_clocks, precise_positions, relativistic_clock
@@ -229,6 +230,8 @@ def _with_precise(
     r_e, v_e = precise_positions(orbits, sat, t, epoch_gps_s=epoch_gps_s)
     clock, rate = precise_clocks(orbits, ephemerides.precise_clocks, sat, t, epoch_gps_s=epoch_gps_s)
     periodic, periodic_rate = relativistic_clock(r_e, v_e)
+    if ephemerides.antennas:
+        r_e = r_e + satellite_offsets(ephemerides.antennas, sat, epoch_gps_s + t, r_e)
     there = np.isfinite(r_e[:, 0]) & np.isfinite(clock)
     beidou = sat // 100 == _C
     delay = states.group_delay[:, 0] / (1.0 - _gamma("C", 6, 2))

@@ -18,6 +18,7 @@ from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S, TimeBase
 
 _RINEX, _COMPACT = b"RINEX VERSION / TYPE", b"CRINEX VERS"
+_ANTEX = b"ANTEX VERSION"
 _NAVIGATION = b"NGHELJ"  # letters of kinds in column 21, see rinex_header.KINDS
 _COMPRESS = b"\x1f\x9d"
 _USED = {"name", "series"}
@@ -160,18 +161,24 @@ def _navigation(path: Path, hints: ReadHints) -> Recording:
 
 
 def _precise_kind(path: Path, head: bytes) -> str | None:
-    """``orbits`` for SP3, ``clocks`` for RINEX clocks, packed or not; None for anything else."""
+    """``orbits`` for SP3, ``clocks`` for RINEX clocks, ``antennas`` for ANTEX, packed or not; None otherwise."""
     from schuler.recording.formats.rinex_clock import looks_like_rinex_clock
 
     first = _opening(path, head).partition(b"\n")[0]
+    if first[60:].startswith(_ANTEX):
+        return "antennas"
     return "orbits" if _SP3.match(first) else "clocks" if looks_like_rinex_clock(first) else None
 
 
 def _precise(path: Path, hints: ReadHints, kind: str) -> Recording:
+    from schuler.recording.formats.antex import read_antex
     from schuler.recording.formats.rinex_clock import read_rinex_clock
     from schuler.recording.formats.sp3 import read_sp3
 
-    hints.check_used(path, _USED, "a file of precise orbits or clocks")
+    hints.check_used(path, _USED, "a file of precise orbits, clocks or antennas")
+    if kind == "antennas":
+        antennas = Ephemerides(no_kepler(), no_glonass(), antennas=read_antex(path))
+        return Recording(ephemerides=antennas, metadata=metadata_of(path, hints, TimeBase("gps", 0.0), ()))
     orbits = read_sp3(path) if kind == "orbits" else None
     clocks = read_rinex_clock(path) if kind == "clocks" else None
     (product,) = (x for x in (orbits, clocks) if x is not None)

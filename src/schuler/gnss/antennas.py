@@ -1,0 +1,187 @@
+"""Phase centres of antennas of receivers and satellites, and nominal attitude of satellites."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+import numpy as np
+
+from schuler.arrays import FloatArray, IntArray
+from schuler.exceptions import InputError
+from schuler.gnss.signals import BANDS, SYSTEMS
+
+_NOON_2000_S = 630_763_218.0  # 2000-01-01 12:00 universal time, with the leap seconds since 2017 [s]
+_DAY_S = 86_400.0
+#: Bands of the two signals without ionosphere that precise clocks are of.
+_PAIRS = {"G": "12", "J": "12", "E": "15", "C": "26"}
+
+
+@dataclass(frozen=True)
+class Antenna:
+    """Phase centres of one antenna type, or of one satellite's antenna.
+
+    Attributes
+    ----------
+    name : str
+        Type and radome, such as ``TRM59800.00     SCIT``.
+    sat : int
+        Satellite, see :func:`schuler.gnss.signals.satellite`; 0 of a receiver's antenna.
+    begin, end : float
+        GPS time in which it holds. [s]
+    offset : dict of str to ndarray, shape (3,)
+        Mean phase centre by frequency (``G01``): north, east, up of the antenna's reference point; of a satellite x, y,
+        z of the centre of mass, z to the Earth, y along the axis of the panels. [m]
+    zenith : ndarray, shape (z,)
+        Angles from the zenith, or of a satellite from its z axis. [rad]
+    azimuth : ndarray, shape (a,)
+        Azimuths of the variations; empty where they have none. [rad]
+    variation : dict of str to ndarray, shape (z,) or (a, z)
+        To be added to the range, by frequency. [m]
+    """
+
+    name: str
+    sat: int
+    begin: float
+    end: float
+    offset: dict[str, FloatArray]
+    zenith: FloatArray
+    azimuth: FloatArray
+    variation: dict[str, FloatArray]
+
+
+def receiver_antenna(antennas: tuple[Antenna, ...], name: str) -> Antenna:
+    """Antenna of a receiver by type and radome, blanks and case aside; without a radome that of ``NONE``.
+
+    Raises
+    ------
+    InputError
+        If there is none, with names that are like it.
+    """
+    names = {" ".join(a.name.split()).upper(): a for a in antennas if not a.sat}
+    wanted = " ".join(name.split()).upper()
+    for one in (wanted, f"{wanted} NONE"):
+        if one in names:
+            return names[one]
+    if not names:
+        raise InputError(f"antenna {name!r}: no receiver's antennas are there: give an ANTEX file with the ephemerides")
+    like = get_close_matches(wanted, names, 3, 0.4)
+    raise InputError(
+        f"antenna {name!r}: expected one of the {len(names)} receivers' antennas of the ANTEX file"
+        + (f", such as {', '.join(like)}" if like else ", there is none like it")
+    )
+
+
+def phase_correction(
+    antenna: Antenna, system: str, band: str, elevation: FloatArray, azimuth: FloatArray
+) -> tuple[FloatArray, bool]:
+    """What a receiver's antenna adds to ranges from its reference point.
+
+    Parameters
+    ----------
+    antenna : Antenna
+    system, band : str
+        RINEX letters. Where the antenna has no such frequency, GPS L1 or L2 stands in, whichever is nearer.
+    elevation, azimuth : ndarray, shape (n,)
+        [rad]
+
+    Returns
+    -------
+    correction : ndarray, shape (n,)
+        ``variation - offset . u``, u from receiver to satellite. [m]
+    own : bool
+        Whether the antenna has this frequency.
+
+    Raises
+    ------
+    InputError
+        If the antenna has none of these frequencies.
+
+    References
+    ----------
+    Rothacher and Schmid (2010), ANTEX: The Antenna Exchange Format, version 1.4.
+    """
+    code = f"{system}0{band}"
+    near = "G01" if BANDS[(system, band)] > 1.4e9 else "G02"
+    key = code if code in antenna.offset else near
+    if key not in antenna.offset:
+        raise InputError(f"antenna {antenna.name}: neither {code} nor {near} is in the ANTEX file")
+    u = np.stack((np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)), axis=-1)
+    table, zenith = antenna.variation[key], 0.5 * np.pi - elevation
+    if table.ndim == 1:
+        variation = np.interp(zenith, antenna.zenith, table)
+    else:
+        at = np.interp(np.mod(azimuth, 2.0 * np.pi), antenna.azimuth, np.arange(len(table)))
+        k = np.minimum(at.astype(np.int64), len(table) - 2)
+        by_azimuth = np.stack([np.interp(zenith, antenna.zenith, row) for row in table])
+        n = np.arange(len(zenith))
+        variation = by_azimuth[k, n] + (at - k) * (by_azimuth[k + 1, n] - by_azimuth[k, n])
+    return np.asarray(variation - u @ antenna.offset[key]), key == code
+
+
+def satellite_offsets(antennas: tuple[Antenna, ...], sat: IntArray, t: FloatArray, r_e: FloatArray) -> FloatArray:
+    """Phase centres of satellites' antennas from their centres of mass, Earth-fixed, for both frequencies of a clock.
+
+    Parameters
+    ----------
+    antennas : tuple of Antenna
+    sat : ndarray of int, shape (n,)
+    t : ndarray, shape (n,)
+        GPS time. [s]
+    r_e : ndarray, shape (n, 3)
+        Centres of mass. [m]
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Zero for satellites whose antennas are not there. [m]
+
+    Notes
+    -----
+    Nominal attitude: z to the Earth, y across z and the Sun. In the Earth's shadow satellites turn otherwise, which
+    moves x and y, some decimetres at most.
+    """
+    body = np.zeros((len(sat), 3))
+    for antenna in antennas:
+        letter = SYSTEMS[antenna.sat // 100]
+        if not antenna.sat or letter not in _PAIRS:
+            continue
+        rows = (sat == antenna.sat) & (t >= antenna.begin) & (t <= antenna.end)
+        codes = [f"{letter}0{band}" for band in _PAIRS[letter]]
+        if not rows.any() or not all(code in antenna.offset for code in codes):
+            continue
+        first, second = (BANDS[(letter, band)] ** 2 for band in _PAIRS[letter])
+        a, b = (antenna.offset[code] for code in codes)
+        body[rows] = (first * a - second * b) / (first - second)
+    z = -r_e / np.linalg.norm(r_e, axis=1)[:, None]
+    y = np.cross(z, sun_direction(t))
+    y /= np.linalg.norm(y, axis=1)[:, None]
+    return np.asarray(np.cross(y, z) * body[:, :1] + y * body[:, 1:2] + z * body[:, 2:])
+
+
+def sun_direction(t: FloatArray) -> FloatArray:
+    """Direction to the Sun in Earth-fixed axes, good to 0.05 degrees.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        GPS time since 1980-01-06. [s]
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+
+    References
+    ----------
+    The Astronomical Almanac, section C (low-precision formulas for the Sun) and B (Greenwich sidereal time).
+    """
+    turn = 2.0 * np.pi
+    days = (t - _NOON_2000_S) / _DAY_S
+    anomaly = turn * np.mod(0.9931333 + 0.0027377786 * days, 1.0)
+    longitude = turn * np.mod(0.7790556 + 0.0027379094 * days, 1.0) + 0.033423 * np.sin(anomaly)
+    longitude += 0.000349 * np.sin(2.0 * anomaly)
+    tilt = 0.409088  # of the ecliptic [rad]
+    s = np.stack((np.cos(longitude), np.cos(tilt) * np.sin(longitude), np.sin(tilt) * np.sin(longitude)), axis=-1)
+    angle = turn * np.mod(0.7790572733 + 1.0027379093508 * days, 1.0)
+    c, n = np.cos(angle), np.sin(angle)
+    return np.stack((c * s[:, 0] + n * s[:, 1], -n * s[:, 0] + c * s[:, 1], s[:, 2]), axis=-1)

@@ -1,0 +1,129 @@
+"""Phase centres: files read back, closed forms of offsets and variations, the Sun, satellites' axes, baselines."""
+
+import datetime as dt
+
+import numpy as np
+import pytest
+from antex_text import antex_text
+from receiver_pairs import HOME_LLH, pair
+
+import schuler
+from schuler.exceptions import FileFormatError, InputError
+from schuler.gnss import solve_baseline
+from schuler.gnss.antennas import phase_correction, receiver_antenna, satellite_offsets, sun_direction
+from schuler.gnss.differences import single_differences
+from schuler.recording.formats.antex import read_antex
+from schuler.units import DEG
+
+TILTED = {"G01": ((1.0, -2.0, 80.0), lambda z, a: 0.1 * z + 0.02 * a), "G02": ((0.0, 0.0, 100.0), lambda z, a: 0.0)}
+FLAT = {"G01": ((0.0, 0.0, 50.0), lambda z, a: 0.1 * z)}
+GPS = {"G01": ((400.0, 10.0, 1500.0), lambda z, a: 0.0), "G02": ((400.0, 10.0, 1500.0), lambda z, a: 0.0)}
+TEXT = antex_text(
+    [("TILTED         NONE", "", 5.0, TILTED), ("FLAT           DOME", "", 0.0, FLAT), ("BLOCK IIF", "G01", 0.0, GPS)]
+)
+
+
+@pytest.fixture(scope="module")
+def antennas(tmp_path_factory):
+    path = tmp_path_factory.mktemp("antex") / "own.atx"
+    path.write_text(TEXT)
+    return read_antex(path)
+
+
+def test_what_is_read(antennas):
+    tilted, flat, satellite = antennas
+    assert [a.sat for a in antennas] == [0, 0, 1]
+    np.testing.assert_allclose(tilted.offset["G01"], [0.001, -0.002, 0.08])
+    assert (tilted.variation["G01"].shape, flat.variation["G01"].shape) == ((73, 19), (19,))
+    assert satellite.begin == 1_261_872_000.0  # 2020-01-01
+    assert receiver_antenna(antennas, "tilted") is tilted
+    assert receiver_antenna(antennas, "FLAT  DOME") is flat
+    with pytest.raises(InputError, match=r"expected one of the 2 receivers' antennas .* FLAT DOME"):
+        receiver_antenna(antennas, "FLAT RADM")
+
+
+def test_read_finds_out(antennas, tmp_path):
+    (tmp_path / "own.atx").write_text(TEXT)
+    assert [a.name for a in schuler.read(tmp_path / "own.atx").ephemerides.antennas] == [a.name for a in antennas]
+
+
+def test_corrections_are_those_of_the_formulas(antennas):
+    elevation, azimuth = np.array([90.0, 0.0, 33.3, 47.0]) * DEG, np.array([0.0, 90.0, 200.2, -1.0]) * DEG
+    got, own = phase_correction(antennas[0], "G", "1", elevation, azimuth)
+    u = np.stack((np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)), axis=-1)
+    expected = 0.1 * (90.0 - elevation / DEG) + 0.02 * np.mod(azimuth / DEG, 360.0) - u @ [1.0, -2.0, 80.0]
+    assert own
+    np.testing.assert_allclose(got, 1e-3 * expected, atol=1e-5)  # printed digits: 0.01 mm
+    other, own = phase_correction(antennas[0], "E", "5", elevation, azimuth)
+    assert not own
+    np.testing.assert_allclose(other, -0.1 * np.sin(elevation), atol=1e-12)
+    with pytest.raises(InputError, match="neither E05 nor G02"):
+        phase_correction(antennas[1], "E", "5", elevation, azimuth)
+
+
+def gps(*date):
+    """GPS time of a date of UTC in this decade. [s]"""
+    return (dt.datetime(*date) - dt.datetime(1980, 1, 6)).total_seconds() + 18.0
+
+
+def test_the_sun():
+    """Solstice and equinox of 2021: 23.44 and 0 degrees north; over Greenwich when the equation of time says so."""
+    t = np.array([gps(2021, 6, 21, 3, 32), gps(2021, 3, 20, 9, 37), gps(2021, 3, 20, 12, 7, 26)])
+    s = sun_direction(t)
+    np.testing.assert_allclose(np.linalg.norm(s, axis=1), 1.0, rtol=1e-14)
+    np.testing.assert_allclose(np.arcsin(s[:2, 2]) / DEG, [23.436, 0.0], atol=0.02)  # the formulas' own 0.01
+    assert abs(np.arctan2(s[2, 1], s[2, 0])) / DEG < 0.1
+
+
+def test_satellites_look_at_the_earth(antennas):
+    r = np.array([[26.5e6, 0.0, 0.0], [26.5e6, 0.0, 0.0]])
+    t = np.full(2, 1_303_603_200.0)
+    d = satellite_offsets(antennas, np.array([1, 2]), t, r)
+    assert np.linalg.norm(d[0]) == pytest.approx(np.linalg.norm([0.4, 0.01, 1.5]))
+    assert d[0, 0] == pytest.approx(-1.5)
+    sun = sun_direction(t[:1])[0]
+    across = sun - sun[0] * np.array([1.0, 0.0, 0.0])
+    assert d[0] @ across / np.linalg.norm(across) == pytest.approx(0.4)  # x is on the side of the Sun
+    assert not d[1].any()
+    assert not satellite_offsets(antennas, np.array([1]), np.array([antennas[2].begin - 1.0]), r[:1]).any()
+
+
+def test_a_baseline_is_that_of_the_reference_points(antennas):
+    p = pair(np.random.default_rng(4), lambda _: (40.0, 30.0, -2.0), np.arange(2.0), systems="G", bands=("1C", "2W"))
+    options = {
+        "systems": "G",
+        "elevation_mask": 15.0 * DEG,
+        "cn0_mask": 30.0,
+        "sigma_code": 0.3,
+        "sigma_carrier": 0.003,
+    }
+    plain = single_differences(p.rover, p.base, p.ephemerides, HOME_LLH, static=False, **options)
+    both = single_differences(
+        p.rover, p.base, p.ephemerides, HOME_LLH, static=False, antennas=(antennas[0], None), **options
+    )
+    second = np.array([band == "2" for band in plain.band])
+    np.testing.assert_allclose(  # a metre higher is as much as sin(elevation) less
+        (both.carrier - plain.carrier)[:, second], 0.1 * np.sin(plain.elevation[:, second]), atol=1e-9
+    )
+    s = solve_baseline(p.rover, p.base, p.ephemerides, HOME_LLH, systems="G", antennas=(antennas[0], antennas[0]))
+    np.testing.assert_allclose(s.baseline_n, p.baseline_n, atol=3e-4)  # two of one kind, 50 m apart
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (TEXT[: len(TEXT) // 2], "cut within this antenna"),
+        (TEXT.replace("     80.00", "  80000.00"), "in millimetres"),
+        (TEXT.replace("     80.00", "     8x.00"), "expected 3 numbers"),
+        (TEXT.replace("     0.0  90.0   5.0", "     0.0  90.0   1.0"), "expected 91 numbers"),
+        (TEXT.replace("  2020     1", "  2020    13"), "impossible date"),
+        (TEXT[: TEXT.index("END OF HEADER") + 14], "no antenna"),
+        ("x\n", "expected an ANTEX file"),
+    ],
+    ids=["cut", "unit", "number", "grid", "date", "header", "other"],
+)
+def test_damage_is_refused_with_the_reason(tmp_path, text, message):
+    path = tmp_path / "own.atx"
+    path.write_text(text)
+    with pytest.raises(FileFormatError, match=message):
+        read_antex(path)

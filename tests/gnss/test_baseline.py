@@ -140,6 +140,51 @@ def test_the_first_epoch_on_two_bands_is_fixed_partly_or_all(exact):
     assert np.all(right < 4.5 * sigma)  # statistical
 
 
+@pytest.fixture(scope="module")
+def thinning():
+    """One band; of some fifteen satellites five are left from the eighth epoch on."""
+    p = pair(np.random.default_rng(3), moving, np.arange(16.0), bands=("1C",), systems="GE", each=18)
+    p = p.noisy(np.random.default_rng(5))
+    five = np.unique(p.rover.sat[p.rover.t > 14.0])[:5]
+    return replace(p, rover=p.rover.where(np.isin(p.rover.sat, five) | (p.rover.t < 7.5)))
+
+
+def test_integers_that_are_held_outlast_satellites(thinning):
+    free, held = solve(thinning), solve(thinning, hold=3)
+    assert held.fixed[3:].all()
+    assert free.fixed[8:].sum() < held.fixed[8:].sum()
+    error = held.baseline_n - thinning.baseline_n
+    sigma = np.sqrt(np.diagonal(held.cov_baseline_n, axis1=1, axis2=2))
+    assert np.all(np.abs(error) < 4.5 * sigma)  # statistical, 48 numbers
+    assert sigma[8:].max() < 0.1
+    with pytest.raises(InputError, match="hold"):
+        solve(thinning, hold=-1)
+
+
+def test_integers_that_are_wrong_are_given_up(exact, monkeypatch):
+    """A slip that nobody notices: the epoch has no baseline, and the next begin anew."""
+    p = exact.noisy(np.random.default_rng(6))
+    rover = slipped(p.rover, np.unique(p.rover.sat)[1], 4.5, 2.0, ("1C",))
+
+    def unnoticed(d, *, static):
+        begins = np.zeros(d.carrier.shape, dtype=bool)
+        begins[0] = True
+        return begins, np.zeros_like(begins)
+
+    monkeypatch.setattr("schuler.gnss.baseline.cycle_slips", unnoticed)
+    s = solve(replace(p, rover=rover), hold=2)
+    assert s.ok.tolist() == [True] * 5 + [False] + [True] * 2
+    assert s.fixed[-1]
+    assert np.abs(s.baseline_n - p.baseline_n)[s.fixed].max() < 0.04  # statistical: 5 of the largest sigma
+
+
+def test_a_part_of_the_integers_is_no_fix_by_itself(thinning):
+    """Half of the combinations may leave decimetres: such a position is the better for them, and not called fixed."""
+    s = solve(thinning, least_success=0.9)
+    largest = np.sqrt(np.diagonal(s.cov_baseline_n, axis1=1, axis2=2).max(axis=1))
+    np.testing.assert_array_equal(s.fixed, (s.n_fixed > 0) & (largest < 0.1))
+
+
 def test_time_axes_with_other_zeros_and_a_base_that_misses_epochs(exact):
     b = exact.base.where(exact.base.t > 2.5)
     b = replace(b, t=b.t + 50.0, epoch_gps_s=b.epoch_gps_s - 50.0)

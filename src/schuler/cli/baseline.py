@@ -39,6 +39,7 @@ def baseline(
     sigma_carrier: float = 0.003,
     ratio: float = 3.0,
     fix: bool = True,
+    hold: int = 0,
     rover_antenna: str | None = None,
     base_antenna: str | None = None,
     out: Folder = None,
@@ -79,6 +80,8 @@ def baseline(
         How many times as far away, in squared norm, the second-best integers must be as the best for a fix.
     fix
         Fix ambiguities to integers; otherwise all is float.
+    hold
+        Epochs in a row in which an integer must come out the same to be held from then on; 0: never.
     rover_antenna
         Type and radome of the rover's antenna in an ANTEX file among --nav: its phase centres are taken out.
     base_antenna
@@ -106,7 +109,7 @@ def baseline(
     try:
         solution = solve_baseline(
             *measured, messages, base_llh, static=static, systems=systems, elevation_mask=elevation_mask * units.DEG,
-            cn0_mask=cn0_mask, sigma_code=sigma_code, sigma_carrier=sigma_carrier, ratio=ratio, fix=fix,
+            cn0_mask=cn0_mask, sigma_code=sigma_code, sigma_carrier=sigma_carrier, ratio=ratio, fix=fix, hold=hold,
             antennas=(mounted[0], mounted[1]),
         )  # fmt: skip
     except InputError as error:

@@ -9,9 +9,11 @@ import numpy as np
 
 from schuler import frames
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
+from schuler.exceptions import InputError
 from schuler.gnss.ambiguities import fix_ambiguities
 from schuler.gnss.baseline_result import BaselineSolution
 from schuler.gnss.differences import SingleDifferences, cycle_slips, single_differences
+from schuler.gnss.integrity import thresholds
 from schuler.units import DEG
 
 if TYPE_CHECKING:
@@ -22,6 +24,9 @@ if TYPE_CHECKING:
 _FREE_POSITION = 100.0  # 1-sigma of a position before an epoch's ranges [m]
 _UNSOLVED = 30.0  # 1-sigma of a position that was hardly measured [m]
 _FREE_AMBIGUITY = 100.0  # 1-sigma of an ambiguity before its first phase, about code minus carrier [cycles]
+_FIXED = 0.1  # largest 1-sigma of a position that is called fixed; a part of the integers may leave more [m]
+_HELD = 0.001  # 1-sigma of an integer that is held [cycles]
+_CONTRADICTED = 1e-6  # probability of residuals as large as those by which held integers are given up
 _LEAST_FIXED = 4  # combinations of ambiguities that make a position fixed
 
 
@@ -41,6 +46,7 @@ def solve_baseline(
     least_success: float = 0.999,
     partial: bool = True,
     fix: bool = True,
+    hold: int = 0,
     antennas: tuple[Antenna | None, Antenna | None] = (None, None),
 ) -> BaselineSolution:
     """Position of a rover relative to a base by carrier phases (RTK), epoch by epoch.
@@ -69,6 +75,8 @@ def solve_baseline(
         See :func:`schuler.gnss.ambiguities.fix_ambiguities`.
     fix : bool
         Use integers; otherwise the float solution is all there is.
+    hold : int
+        Epochs in a row in which the integer of an ambiguity must come out the same to be held from then on; 0: never.
     antennas : (rover, base) of Antenna, optional
         Phase centres of the receivers' antennas, which point to north; the baseline is then that of their reference
         points, as is ``base_llh``. See :func:`schuler.gnss.antennas.receiver_antenna`.
@@ -89,8 +97,9 @@ def solve_baseline(
     Measurements are differenced between satellites of a system and band against the highest one, which makes clocks
     and receiver delays vanish; an ambiguity is an integer only as such a difference. Positions have no memory (or,
     static, no process noise), ambiguities are constants until a slip or a pause. Integers are tried anew at each
-    epoch and not held: a wrong fix does not outlive its epoch. Troposphere: Saastamoinen. The ionosphere of both
-    antennas is taken to be the same, good to 10 km.
+    epoch and, unless asked for, not held: a wrong fix does not outlive its epoch. Those that are held are given up
+    where carriers contradict them. A position is called fixed if integers leave it a 1-sigma below 0.1 m. Troposphere:
+    Saastamoinen. The ionosphere of both antennas is taken to be the same, good to 10 km.
 
     References
     ----------
@@ -109,9 +118,13 @@ def solve_baseline(
     quotient, success = np.full((2, k), np.nan)
     n_sat, n_amb, n_fixed = np.zeros((3, k), dtype=np.int64)
     residual_code, residual_carrier = np.full((2, *d.code.shape), np.nan)
+    if hold < 0:
+        raise InputError(f"hold: expected a number of epochs, 0 for never, got {hold}")
+    alike, last = np.zeros(len(d.sat), dtype=np.int64), np.full(len(d.sat), np.nan)
     state = _State(np.zeros(0, dtype=np.int64), np.zeros(3), _FREE_POSITION**2 * np.eye(3))
     start, pairs = np.eye(0), np.zeros((0, 2), dtype=np.int64)
     for i in range(k):
+        alike[begins[i] | ~np.isfinite(d.carrier[i])] = 0
         state = _advance(state, d, i, begins[i], static=static)
         D = _between_satellites(d, i, state.slots)
         state = _update(state, d, i, D)
@@ -136,13 +149,22 @@ def solve_baseline(
                 best, cov_best[i] = _conditioned(state, start[:, len(D) - m :].T @ D, result.integers)
                 r_best[i] = d.r_e[i] + best[:3]
                 n_fixed[i] = m
+            if hold and n_fixed[i] == len(D):
+                alike[state.slots] = np.where(_alike(best[3:], last[state.slots], D), alike[state.slots] + 1, 1)
+                last[state.slots] = best[3:]
+                state = _held(state, best, D, alike[state.slots] >= hold)
         differenced = _pairs(D, state.slots)[:, 0]
         residual_code[i, differenced], residual_carrier[i, differenced] = np.split(y - H @ best, 2)
+        if hold and _contradicted(residual_carrier[i, differenced], d.sigma_carrier[i, state.slots], D):
+            # integers that are held are wrong, and with them the float solution: all begin anew
+            n_fixed[i], r_best[i], r_float[i], cov_best[i], cov_float[i] = 0, *np.full(4, np.nan)
+            begins[i + 1 : i + 2] = np.isfinite(d.carrier[i + 1 : i + 2])
+    sigma_largest = np.where(n_fixed > 0, np.sqrt(np.diagonal(cov_best, axis1=1, axis2=2).max(axis=1)), np.inf)
     C_en, origin = frames.C_en(d.base_llh), frames.ecef_from_llh(d.base_llh)
     return BaselineSolution(
         d.t, (r_best - origin) @ C_en, C_en.T @ cov_best @ C_en, (r_float - origin) @ C_en, C_en.T @ cov_float @ C_en,
-        n_fixed > 0, quotient, success, n_sat, n_amb, n_fixed, d.sat, d.band, residual_code, residual_carrier,
-        d.sigma_code, d.sigma_carrier, slipped, d.base_llh, static, fix, d.notes,
+        sigma_largest < _FIXED, quotient, success, n_sat, n_amb, n_fixed, d.sat, d.band, residual_code,
+        residual_carrier, d.sigma_code, d.sigma_carrier, slipped, d.base_llh, static, fix, d.notes,
     )  # fmt: skip
 
 
@@ -209,6 +231,33 @@ def _double_differences(state: _State, d: SingleDifferences, i: int, D: FloatArr
     H[:, :, :3] = d.gradient[i, slots]
     H[1, :, 3:] = np.diag(d.wavelength[slots])
     return np.concatenate((D @ H[0], D @ H[1])), np.concatenate((D @ d.code[i, slots], D @ d.carrier[i, slots]))
+
+
+def _alike(ambiguities: FloatArray, before: FloatArray, D: FloatArray) -> BoolArray:
+    """Slots whose double difference is that of the epoch before; reference slots are. Shape (slots,)."""
+    same = np.ones(len(before), dtype=bool)
+    change, slot, reference = ambiguities - before, np.argmax(D, axis=1), np.argmin(D, axis=1)
+    same[slot] = np.abs(change[slot] - change[reference]) < 0.5
+    return same
+
+
+def _held(state: _State, best: FloatArray, D: FloatArray, sure: BoolArray) -> _State:
+    """State in which the double differences of slots that are sure are their integers."""
+    T = D[sure[np.argmax(D, axis=1)] & sure[np.argmin(D, axis=1)]]
+    if not len(T):
+        return state
+    A = np.hstack((np.zeros((len(T), 3)), T))
+    R = _HELD**2 * np.eye(len(T))
+    K = np.linalg.solve(A @ state.P @ A.T + R, A @ state.P).T
+    left = np.eye(len(state.x)) - K @ A
+    P = left @ state.P @ left.T + K @ R @ K.T
+    return _State(state.slots, state.x + K @ (np.round(T @ best[3:]) - A @ state.x), 0.5 * (P + P.T))
+
+
+def _contradicted(residual: FloatArray, sigma: FloatArray, D: FloatArray) -> bool:
+    """Whether carrier residuals are far beyond their noise, for as many degrees of freedom as there are differences."""
+    size = residual @ np.linalg.solve((D * sigma**2) @ D.T, residual)
+    return bool(size > thresholds(_CONTRADICTED, np.array([len(D)]))[0])
 
 
 def _pairs(D: FloatArray, slots: IntArray) -> IntArray:

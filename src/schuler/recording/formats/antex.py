@@ -101,7 +101,7 @@ def _antenna(lines: list[str], begin: int, end: int, path: Path) -> Antenna | No
             sat = satellite(serial)
         except InputError as error:
             raise FileFormatError(str(error), path, begin + 2) from None
-    azimuth = DEG * step * np.arange(round(360.0 / step) + 1) if step > 0.0 else np.zeros(0)
+    azimuth = DEG * step * np.arange(round(360.0 / step) + 1 if step > 0.0 else 0, dtype=np.float64)
     return Antenna(name, sat, valid["VALID FROM"], valid["VALID UNTIL"], offset, zenith, azimuth, variation)
 
 

@@ -154,10 +154,13 @@ def unflatten(name: str, flat: Columns, constants: Mapping[str, Any]) -> Observa
         raise ValueError(f"{rows} rows instead of {split} Keplerian and {constants['glonass_rows']} of GLONASS")
     leap = constants["leap_seconds"]
     sizes = {"klobuchar_alpha": 4, "klobuchar_beta": 4, "galileo_ai": 3}
+    tuples: dict[str, Any] = {
+        key: None if constants[key] is None else _tuple(constants[key], n) for key, n in sizes.items()
+    }
     return Ephemerides(
         KeplerRecords(**_join(_KEPLER, {c: values[:split] for c, values in flat.items()})),
         GlonassRecords(**_join(_GLONASS, {c: values[split:] for c, values in flat.items()})),
-        **{key: None if constants[key] is None else _tuple(constants[key], n) for key, n in sizes.items()},
+        **tuples,
         leap_seconds=None if leap is None else int(leap),
         notes=notes,
     )

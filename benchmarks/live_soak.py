@@ -1,8 +1,9 @@
 """Hours of a live run with a fault every minute: memory, honesty outside faults, time of each step.
 
 ``python -m benchmarks.live_soak --hours 24 [--picture docs/images/live_soak.png]``: a simulated vehicle goes round a
-closed course, with a 200 Hz IMU and fixes at 2 Hz whose errors go on from round to round. Every minute something comes
-wrong; some runs end by kill -9, and another process goes on from the state file after a pause.
+course, with a 200 Hz IMU and fixes at 2 Hz whose errors go on from round to round; between two rounds the IMU pauses
+while the vehicle is turned to where it began. Every minute something comes wrong; some runs end by kill -9, and another
+process goes on from the state file after a pause.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from schuler.live import Fix, LiveNavigator
 from schuler.recording import Recording
 from schuler.simulation import simulate
 
-RATE_HZ, BLOCK, SETTLED_S = 200.0, 20, 60.0
+RATE_HZ, BLOCK = 200.0, 20
+SETTLED_S, TURNED_S = 30.0, 2.0  # after a fault or start; between two rounds
 _COURSE = (
     (0.0, 0.0, 12.0),
     (200.0, 0.0, 0.0),
@@ -62,9 +64,10 @@ FAULTS = ("gap", "pause", "none", "huge", "swapped", "repeated", "late", "far", 
 
 @dataclass
 class Progress:
-    """Where the stream is: samples given, offset of the stamps by steps and pauses [s], restarts, newest fault [s]."""
+    """Samples and rounds given, offset of the stamps by steps and pauses [s], processes so far, newest fault [s]."""
 
     given: int = 0
+    rounds: int = 0
     offset_s: float = 0.0
     processes: int = 0
     fault_s: float = 0.0
@@ -150,7 +153,6 @@ def child(folder: Path, seed: int, hours: float, by_one: bool) -> None:
         if (at.given // BLOCK) % int(60.0 * RATE_HZ / BLOCK) == int(30.0 * RATE_HZ / BLOCK):
             fault = str(rng.choice(FAULTS))
             at.fault_s = begin
-        count = BLOCK
         if fault in ("gap", "pause", "kill"):
             at.given += int(rng.uniform(*{"gap": (4, 60), "pause": (400, 12000), "kill": (200, 4000)}[fault]))
         if fault == "step":
@@ -159,6 +161,11 @@ def child(folder: Path, seed: int, hours: float, by_one: bool) -> None:
             where.write_text(json.dumps(vars(at)))
             log.flush()
             os.kill(os.getpid(), signal.SIGKILL)
+        if at.given // stream.n > at.rounds:
+            at.rounds = at.given // stream.n
+            at.offset_s += TURNED_S
+            at.fault_s = begin
+        count = min(BLOCK, stream.n - at.given % stream.n)
         t, gyro, accel = stream.samples(at.given, count)
         end = float(t[-1])
         late = 2.0 if fault == "late" else 0.1
@@ -167,7 +174,9 @@ def child(folder: Path, seed: int, hours: float, by_one: bool) -> None:
             sent = Fix(fix.t + at.offset_s, llh, fix.cov_r_n, fix.v_n, fix.cov_v_n)
             waiting += [(end + late, sent)] * (2 if fault == "repeated" else 1)
         t = t + at.offset_s
-        if fault == "none":
+        if count < BLOCK:
+            fault = ""
+        elif fault == "none":
             gyro[3] = np.nan
         elif fault == "huge":
             accel[5] *= 1e6
@@ -193,10 +202,10 @@ def child(folder: Path, seed: int, hours: float, by_one: bool) -> None:
             for fix in due:
                 live.take(fix)
         at.given += count
-        if (at.given // BLOCK) % int(10.0 * RATE_HZ / BLOCK) == 0:
+        if count == BLOCK and (at.given // BLOCK) % int(10.0 * RATE_HZ / BLOCK) == 0:
             solution = live.solution()
             aligned = -np.inf if solution is None else max(aligned, live.initial.nav.t - at.offset_s)
-            if solution is not None and live.health == "ok" and end - max(aligned, at.fault_s) > SETTLED_S / 2.0:
+            if solution is not None and live.health == "ok" and end - max(aligned, at.fault_s) > SETTLED_S:
                 squares.append(stream.nees(live, end))
         if at.given - minute >= 60.0 * RATE_HZ:
             live.save(state)

@@ -10,7 +10,7 @@ import walk_cases as wc
 
 from schuler import units
 from schuler.navigation.foot.config import SensorSection
-from schuler.navigation.foot.motion import motion_level, noise_in_motion
+from schuler.navigation.foot.motion import motion_level, noise_in_motion, spike_doubts
 from schuler.navigation.foot.run import navigate_foot
 from schuler.recording.formats import matlab
 from schuler.recording.series import ImuSeries
@@ -22,6 +22,20 @@ G = 9.807
 def square():
     motion = wc.square()
     return motion, wc.rates_log(motion)
+
+
+def test_a_spike_of_the_transmission_is_doubted(square):
+    """30 rad/s in one sample of 5 ms turn the attitude by 8.6 deg; two such samples in a row are a motion."""
+    imu = square[1]
+    assert spike_doubts(imu) == []
+    gyro = imu.gyro.copy()
+    gyro[700] += [30.0, 0.0, 0.0]
+    (doubt,) = spike_doubts(replace(imu, gyro=gyro))
+    assert f"first at {imu.t[700]:.3f} s" in doubt
+    assert "8.6 deg" in doubt
+    assert navigate_foot(replace(imu, gyro=gyro), {"place": wc.PLACE}).verdict.status == "doubtful"
+    gyro[701] += [30.0, 0.0, 0.0]
+    assert spike_doubts(replace(imu, gyro=gyro)) == []
 
 
 def test_noise_grows_with_the_motion(square):

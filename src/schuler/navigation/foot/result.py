@@ -43,7 +43,7 @@ class FootResult(Displayed):
     notes : tuple of str
         What was assumed, found and left out.
     doubts : tuple of str
-        What no gait would give, see :meth:`~schuler.navigation.foot.strides.Strides.doubts`.
+        What no gait would give, see :meth:`~schuler.navigation.foot.strides.Strides.doubts`, and spikes of the rates.
     """
 
     navigation: NavigationResult

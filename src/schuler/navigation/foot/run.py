@@ -18,7 +18,7 @@ from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.navigation.foot.alignment import acceleration_sigma, align_foot
 from schuler.navigation.foot.config import FootConfig
-from schuler.navigation.foot.motion import in_motion, noise_in_motion
+from schuler.navigation.foot.motion import in_motion, noise_in_motion, spike_doubts
 from schuler.navigation.foot.rests import detect_rests, zero_velocities
 from schuler.navigation.foot.result import FootResult
 from schuler.navigation.foot.strides import segment
@@ -140,7 +140,8 @@ def navigate_foot(
     )  # fmt: skip
     smoothing = "none" if smoothed is None else config.filter.smooth
     expected = None if stride is None else float(in_motion(imu).sum()) * imu.interval / stride
-    doubts = tuple(strides.doubts(expected, _residual_speeds(filtered, config.stride.min_motion_s)))
+    speeds = _residual_speeds(filtered, config.stride.min_motion_s)
+    doubts = (*spike_doubts(imu), *strides.doubts(expected, speeds))
     return FootResult(filtered, smoothed, smoothing, rests, strides, llh, tuple(notes), doubts)
 
 

@@ -23,6 +23,7 @@ RATE = dim(time=-1, angle=1)
 FORCE = dim(length=1, time=-2)
 ARW = dim(time=Fraction(-1, 2), angle=1)  # rad/sqrt(s), the same as (rad/s)/sqrt(Hz)
 VRW = dim(length=1, time=Fraction(-3, 2))  # (m/s)/sqrt(s)
+FIELD = dim(field=1)
 
 
 @pytest.mark.parametrize(
@@ -65,6 +66,10 @@ SAME = [
     (PI / 180, RATE, ("dps", "°/s", "deg/sec", "degrees/second", "DEG/S", "  deg / s  ")),
     (PI / 180 / 3600, RATE, ("dph", "deg/hr", "deg/hour", "°/h", "arcsec/s")),
     (1e-3, RATE, ("mrad/s",)),
+    (1e-3 * PI / 180, RATE, ("mdps", "mdeg/s")),
+    (PI / 180 / 60, dim(angle=1), ("arcmin",)),
+    (2 * PI, dim(angle=1), ("rev",)),
+    (1e-6, dim(angle=1), ("urad",)),
     (1e-6, RATE, ("µrad/s", "μrad/s")),
     (2 * PI / 60, RATE, ("rev/min",)),
     (G0, FORCE, ("g", "G")),
@@ -72,7 +77,7 @@ SAME = [
     (1e-6 * G0, FORCE, ("µg", "μg", "ug")),
     (1e-5, FORCE, ("mGal",)),
     (1e-2, FORCE, ("Gal", "cm/s²")),
-    (1.0, FORCE, ("m/s^2", "m/s²", "m/s/s", "m*s^-2", "mps2")),
+    (1.0, FORCE, ("m/s^2", "m/s²", "m/s/s", "m*s^-2", "mps2", "m/s2")),
     (1e-3, FORCE, ("mm / s^2",)),
     (0.3048, FORCE, ("ft/s^2",)),
     (1 / 3.6, FORCE, ("km/h/s",)),
@@ -97,6 +102,12 @@ SAME = [
     (1.0, dim(length=1, time=-1), ("mps",)),
     (1e-6, dim(), ("ppm",)),
     (1e-2, dim(), ("%",)),
+    (1.0, FIELD, ("T", "tesla")),
+    (1e-3, FIELD, ("mT",)),
+    (1e-6, FIELD, ("uT", "µT", "microtesla")),
+    (1e-9, FIELD, ("nT",)),
+    (1e-4, FIELD, ("gauss", "Gs")),
+    (1e-7, FIELD, ("mgauss", "milligauss")),
     (1.0, dim(), ("1", "deg^0")),
     (1e-6, dim(temperature=-1), ("ppm/°C",)),
     (1e-3 * G0, dim(length=1, time=-2, temperature=-1), ("mg/degC",)),
@@ -191,6 +202,7 @@ def test_mu_in_both_code_points():
         ("velocity", "kn", 1852 / 3600),
         ("length", "ft", 0.3048),
         ("temperature", "degC", 1.0),
+        ("magnetic flux density", "mg", 1e-7),
         ("ratio", "ppm", 1e-6),
     ],
 )
@@ -218,6 +230,7 @@ def test_a_unit_of_another_quantity_is_refused_with_the_expected_one(quantity):
         ("(deg/s", r"lacks a closing bracket"),
         ("deg/s)", r"unexpected '\)'"),
         ("deg s", r"unexpected 's'"),
+        ("(" * 50, r"the unit '\({40}'\.\.\. nests brackets"),
         ("deg/sqrt(h", "lacks a closing bracket"),
         ("√", "ends too early"),
         ("sqrt(", "ends too early"),

@@ -1,5 +1,6 @@
 """Commands keep the files that exist: others unless forced, inputs always, results may be renewed."""
 
+import re
 import subprocess
 import sys
 
@@ -18,6 +19,15 @@ def log(tmp_path):
     return path
 
 
+@pytest.fixture
+def town(tmp_path_factory):
+    """Scenario of the first leg of the example drive."""
+    text = (EXAMPLES / "town.toml").read_text(encoding="utf-8").replace("[[90.0, 110.0]]", "[]")
+    path = tmp_path_factory.mktemp("scenario") / "town.toml"
+    path.write_text(re.sub(r"  \{ north_m = 350.*?(?=\]\n\n\[imu\])", "", text, flags=re.DOTALL), encoding="utf-8")
+    return path
+
+
 @pytest.mark.parametrize("more", [(), ("--force",)])
 def test_a_log_is_never_replaced_by_what_is_made_of_it(log, capsys, more):
     assert f"{log} was read by this command" in refusal_of_convert(capsys, log, log, *more)
@@ -30,9 +40,9 @@ def refusal_of_convert(capsys, source, target, *more):
     return err.splitlines()[-1]
 
 
-def test_a_companion_that_exists_is_kept_and_nothing_else_is_written(tmp_path, capsys):
-    town = answer(capsys, "simulate", EXAMPLES / "town.toml", "--out", tmp_path / "in" / "town.parquet", "--json")
-    assert town["files"]["written"]
+def test_a_companion_that_exists_is_kept_and_nothing_else_is_written(tmp_path, capsys, town):
+    made = answer(capsys, "simulate", town, "--out", tmp_path / "in" / "town.parquet", "--json")
+    assert made["files"]["written"]
     mine = tmp_path / "t2_gnss.csv"
     mine.write_text("my notes")
     message = refusal(capsys, "convert", tmp_path / "in" / "town.parquet", tmp_path / "t2.csv", "--json")
@@ -57,7 +67,7 @@ def test_a_run_may_be_repeated_into_its_folder(tmp_path, capsys):
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="devices and limits of Linux")
-def test_full_devices_are_one_sentence(log, tmp_path):
+def test_full_devices_are_one_sentence(log, town, tmp_path):
     call = [sys.executable, "-m", "schuler"]
     with open("/dev/full", "w") as full:
         done = subprocess.run(
@@ -65,7 +75,7 @@ def test_full_devices_are_one_sentence(log, tmp_path):
         )
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "cannot be written: No space left on device" in done.stderr
-    small = ["bash", "-c", 'ulimit -f 1; exec "$0" "$@"', *call, "simulate", str(EXAMPLES / "town.toml"), "--out"]
+    small = ["bash", "-c", 'ulimit -f 1; exec "$0" "$@"', *call, "simulate", str(town), "--out"]
     done = subprocess.run([*small, str(tmp_path / "town.csv")], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "town_reference.csv: cannot be written: File too large; nothing was changed" in done.stderr

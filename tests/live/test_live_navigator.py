@@ -252,6 +252,7 @@ def test_raw_samples_are_taken_in_the_units_and_axes_of_the_log(recording):
 
 
 @pytest.mark.realdata
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("late", [0.0, 1.0])
 def test_a_real_drive(shared_data, late):
     """rtkexp_drive, loosely coupled: 9 minutes of MEMS at 100 Hz, stamps of whole milliseconds."""

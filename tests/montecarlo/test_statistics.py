@@ -129,7 +129,7 @@ def test_memory_of_quantiles_does_not_grow_with_the_runs(rng):
     assert sizes[0] < 4000
 
 
-@pytest.mark.parametrize("n", [1, 63, 64, 65, 1000])
+@pytest.mark.parametrize("n", [1, 63, 64, 65, 300, pytest.param(1000, marks=pytest.mark.campaign)])
 def test_any_order_and_any_pieces_give_the_same_bits(rng, n):
     """With failures among them, so that parts of different size are put together, where sums do not commute."""
     x = rng.gamma(2.0, size=(n, 40))

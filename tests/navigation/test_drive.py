@@ -189,7 +189,7 @@ def criterion(recording) -> float:
     return value
 
 
-@pytest.mark.thinned(3)
+@pytest.mark.thinned(5)
 @pytest.mark.parametrize(
     ("section", "key"),
     [

@@ -56,6 +56,7 @@ def live_run(initial, **keywords):
     return Navigator(initial, LAYOUT, *NOISE, interval_s=0.01, **keywords)
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("lost", [1, 10, 50, 100])
 def test_lost_samples_are_bridged_as_in_a_batch_run(town, lost):
     """Largest error against truth after a loss in a turn: within 1.5 of the batch run's, which saw all of the log."""
@@ -106,6 +107,7 @@ def test_pauses_bridged_by_the_caller_are_left_alone(town):
     np.testing.assert_array_equal(live.state.r_eb_e, batch.r[-1])
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("axis", [0, 2])
 def test_one_spike_of_10_m_s_is_no_motion(town, axis):
     """Taken as read it moves the solution by 26 m for ten seconds; without it the log is as good as before."""
@@ -201,8 +203,9 @@ def test_outcomes_are_bounded_and_handed_on(town):
     log, schedule, initial, _ = town
     seen = []
     live = live_run(initial, keep=7, on_outcome=seen.append)
-    fed(live, ImuSeries(log.t, log.dtheta_ib_b, log.dv_ib_b, "increment"), schedule)
-    assert len(seen) == len(schedule)
+    schedule = schedule.where(schedule.t < 15.0)
+    fed(live, ImuSeries(log.t, log.dtheta_ib_b, log.dv_ib_b, "increment"), schedule, slice(0, 1500))
+    assert len(seen) == len(schedule) > 14
     assert len(live.outcomes) == 7
     assert [o.t for o in live.outcomes] == [o.t for o in seen[-7:]]
 
@@ -225,15 +228,15 @@ def test_copies_go_on_bit_for_bit(town, how, delay, tmp_path):
     """Taken between two propagations, with samples and fixes that wait; a pause is bridged from what came before."""
     log, schedule, initial, _ = town
     keep = np.ones(len(log), dtype=bool)
-    keep[2500:2540] = False
+    keep[1000:1040] = False
     imu = ImuSeries(log.t[keep], log.dtheta_ib_b[keep], log.dv_ib_b[keep], "increment")
     live = live_run(initial, delay_s=delay)
-    fed(live, imu, schedule, slice(0, 2007))
+    fed(live, imu, schedule, slice(0, 807))
     other = COPIES[how](live, tmp_path)
     assert [(o.t, o.status, o.nis) for o in other.outcomes] == [(o.t, o.status, o.nis) for o in live.outcomes]
     before = live.state.r_eb_e
     for one in (live, other):
-        for k in range(2007, 4000):
+        for k in range(807, 1200):
             one.imu(imu.t[k], imu.gyro[k], imu.accel[k])
     assert np.linalg.norm(live.state.r_eb_e - before) > 10.0
     for name in ("r_eb_e", "v_eb_e", "q_eb", "t"):

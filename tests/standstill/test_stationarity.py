@@ -7,6 +7,7 @@ import scipy.io
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.standstill.stationarity import static_intervals
+from schuler.standstill.variance_ratio import accel_variance_ratio
 
 G = 9.81
 
@@ -38,6 +39,16 @@ def poses(rng, count=8, rest_s=6.0, turn_s=2.0, rate_hz=100.0, bias=(0.01, -0.02
     gyro = gyro + np.asarray(bias) + 0.003 * rng.standard_normal(gyro.shape)
     accel = accel + 0.02 * rng.standard_normal(gyro.shape)
     return ImuSeries(t, gyro, accel), np.array(rest)
+
+
+def test_the_variance_ratio_is_that_of_the_window_around_each_sample(rng):
+    """Definition, to rounding: ten samples on either side; none at the ends has such a window."""
+    f = rng.standard_normal((300, 3)) * np.linspace(1.0, 3.0, 300)[:, None]
+    ratio, at_rest = accel_variance_ratio(ImuSeries(np.arange(300) * 0.01, 0.0 * f, f), 0.01, 1.0, 0.2)
+    windows = np.lib.stride_tricks.sliding_window_view(f, 21, axis=0).var(axis=-1, ddof=1)
+    np.testing.assert_allclose(at_rest, f[:100].var(axis=0, ddof=1), rtol=1e-12)
+    exact = np.linalg.norm(windows, axis=1) / np.linalg.norm(at_rest)
+    np.testing.assert_allclose(ratio, np.pad(exact, 10, constant_values=np.inf), rtol=1e-9)
 
 
 def check(intervals, rest, window_s):

@@ -117,7 +117,7 @@ def test_increments_are_taken():
     np.testing.assert_allclose(result.values, vector(errors), atol=1e-11)
 
 
-@pytest.mark.thinned(4)
+@pytest.mark.thinned(6)
 @pytest.mark.parametrize(
     "options",
     [

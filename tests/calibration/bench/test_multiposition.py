@@ -120,11 +120,13 @@ def test_derivative_of_the_sensor_model_is_the_numerical_one():
     np.testing.assert_array_equal(J[3, 3:], triad_derivative(x[3:6], x[6:])[0, 0])
 
 
-def test_predicted_covariance_is_the_scatter(rng):
+@pytest.mark.thinned(2)
+@pytest.mark.parametrize("runs", [24, 60])
+def test_predicted_covariance_is_the_scatter(rng, runs):
     """Statistical: normalised errors squared of both triads, gyroscopes on a fast table; chi-square of 18."""
     rate = np.tile((0.73, -0.73), 13)
     nees, outside = [], 0
-    for _ in range(60):
+    for _ in range(runs):
         moving = simulated(rng, rate=rate)
         poses = Poses(simulated(rng).f, moving.omega, moving.sigma_f, moving.sigma_omega, moving.start, moving.stop)
         result = calibrate_multiposition(poses, gravity=G, latitude=LAT, table_rate=rate, gyro_order=9)
@@ -132,7 +134,7 @@ def test_predicted_covariance_is_the_scatter(rng):
         inflation = np.repeat([result.extra[k]["inflation"] for k in ("accel", "gyro")], 9)
         nees.append(error @ np.linalg.solve(result.covariance / np.sqrt(np.outer(inflation, inflation)), error))
         outside += result.status != "ok"
-    low, high = chi2.ppf((0.001, 0.999), 18 * 60)
+    low, high = chi2.ppf((0.001, 0.999), 18 * runs)
     assert low < np.sum(nees) < high
     assert outside <= 8  # two global tests and two outlier tests at 1 % each
 
@@ -266,16 +268,18 @@ def test_inner_product_ties_the_triads_together(rng):
     np.testing.assert_allclose(result.residuals["inner product"].value, 0.0, atol=1e-16)
 
 
-def test_covariance_with_the_rotation(rng):
+@pytest.mark.thinned(2)
+@pytest.mark.parametrize("runs", [16, 40])
+def test_covariance_with_the_rotation(rng, runs):
     """Statistical: chi-square of 21."""
     nees = []
-    for _ in range(40):
+    for _ in range(runs):
         poses = turned(rng, dcm_from_rotvec(TURN), 1.0)
         result = calibrate_multiposition(poses, gravity=G, latitude=LAT, gyro_order=9, between_triads=True)
         error = result.values - full_truth()
         factor = result.variance_of_unit_weight if "both triads together" in words(result) else 1.0
         nees.append(factor * error @ np.linalg.solve(result.covariance, error))
-    low, high = chi2.ppf((0.001, 0.999), 21 * 40)
+    low, high = chi2.ppf((0.001, 0.999), 21 * runs)
     assert low < np.sum(nees) < high
 
 

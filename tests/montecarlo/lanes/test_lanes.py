@@ -476,6 +476,7 @@ def test_drawn_constants_are_the_simulators():
 # -------------------------------------------------------------------------------------------- consistency
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("states", [15, 33])
 def test_scatter_is_what_the_filter_says(states):
     """Biases, scale factors, cross-coupling, start and noise drawn from the filter's own model: 800 runs of 2 min.

@@ -185,8 +185,8 @@ def run_of(seed, motion, ideal, smooth):
     return result, np.concatenate((b_a, b_g))
 
 
-@pytest.mark.thinned(2)
-@pytest.mark.parametrize(("smooth", "runs"), [("none", 60), ("walk", 30)])
+@pytest.mark.thinned(3)
+@pytest.mark.parametrize(("smooth", "runs"), [("none", 30), ("none", 60), ("walk", 30)])
 def test_nees_of_a_walk_is_in_band(square, smooth, runs):
     """NEES over navigation states and biases, at times in swings and at the end."""
     motion, ideal = square

@@ -196,6 +196,7 @@ def stamped(tmp_path, crs, *, tagged=False, shift=0.0, size=400):
     return path
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("tagged", [False, True])
 @pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:3857", "EPSG:32632", "EPSG:25832"])
 def test_a_picture_lies_where_it_belongs(tmp_path, crs, tagged):

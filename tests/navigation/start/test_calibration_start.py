@@ -548,6 +548,7 @@ def at_end_of_outage(result, recording, truth):
 RUNS = 16
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize(("states", "gauge"), [(42, "full"), (39, "upper")])
 def test_a_calibrated_unit_drifts_less_with_consistent_sigmas(mission, states, gauge):
     """Scale factors and cross-coupling of 0.8 %: 30 s without GNSS, with turns; all states honest over the units."""
@@ -618,7 +619,8 @@ def test_fewer_states_are_honest_too(mission):
     assert np.sqrt(np.mean(errors**2)) < 2.0 * sigma.mean()
 
 
-@pytest.mark.parametrize("states", [15, 42])
+@pytest.mark.thinned(2)
+@pytest.mark.parametrize("states", [42, 15])
 def test_alignment_error_is_correlated_with_sensor_errors(mission, states):
     """Attitude from the compensated log at rest, correlated with all parameters: tilt and biases together honest."""
     data = settings(states, alignment={"tilt_floor_deg": 0.0, "sideslip_deg": 0.1})

@@ -77,6 +77,7 @@ def turned_drive(seed, yaw_deg):
     return replace(recording, imu=replace(imu, gyro=imu.gyro @ C, accel=imu.accel @ C))
 
 
+@pytest.mark.thinned(2)
 @pytest.mark.parametrize("yaw_deg", [-4.6, 4.6])
 def test_a_turned_mount_comes_out_within_its_claim(yaw_deg):
     z, heading = [], []

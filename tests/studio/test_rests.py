@@ -7,7 +7,7 @@ from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.studio.rests import Rest, placed, read_rests, toggled, write_rests
 
-RESTS = [Rest(0.0, 1.0 / 3.0), Rest(1.1, 2.7, accepted=False), Rest(3.0, 4.25)]
+RESTS = [Rest(0.0, 1.0 / 3.0), Rest(1.1, 2.7, accepted=False), Rest(22.0 / 7.0, 4.25)]
 
 
 def test_the_command_reads_what_is_accepted_and_the_page_all_to_the_last_digit(tmp_path):
@@ -16,7 +16,7 @@ def test_the_command_reads_what_is_accepted_and_the_page_all_to_the_last_digit(t
     assert read_rests(path) == RESTS
     t = [0.0, 1.0]
     imu = ImuSeries(t, [[0.0] * 3] * 2, [[0.0] * 3] * 2)
-    assert spans_of(path, imu) == [(0.0, 1.0 / 3.0), (3.0, 4.25)]
+    assert spans_of(path, imu) == [(0.0, 1.0 / 3.0), (22.0 / 7.0, 4.25)]
     assert read_rests(tmp_path / "none.csv") == []
 
 

@@ -49,6 +49,7 @@ class _Calibrate:
         self.rests: list[Rest] = []
         self.chosen: int | None = None
         self.view: View | None = None
+        self.opened = False  # whether the log was read, or could not be
 
     @property
     def rests_name(self) -> str:
@@ -95,7 +96,7 @@ def calibrate_page(workspace: Workspace, views: Views, log: str, config: str) ->
     async def opened() -> None:
         """Read the log as the configuration says, for its signals."""
         show(signals, source="", windows=[])
-        state.view = None
+        state.view, state.opened = None, False
         if state.log:
             try:
                 hints = reading.hints_of(workspace.inside(state.config) if state.config else None)
@@ -106,12 +107,16 @@ def calibrate_page(workspace: Workspace, views: Views, log: str, config: str) ->
                 problem(error)
         if not state.out and state.log:
             state.out = new_run_name(workspace, state.log, "calibration")
+        state.opened = True
         drawn()
 
     async def choose_log(name: str) -> None:
         state.log, state.out, state.rests, state.by_hand, state.chosen = name, "", [], False, None
         panel.forget()
         result.clear()
+        if name and (last := jobs.latest(workspace, "calibrate", _METHOD, name)) is not None:
+            state.resume(last)
+            configs.set_value(state.config)
         await opened()
 
     async def choose_config(name: str) -> None:
@@ -219,7 +224,7 @@ def calibrate_page(workspace: Workspace, views: Views, log: str, config: str) ->
             show_calibration(workspace, job, lambda fit: _rest_table(state.rests, fit))
 
     def look() -> None:
-        if state.view is None and state.log:
+        if state.log and not state.opened:
             return  # the rests that were found are drawn on it
         job = panel.look()
         if job is not None and job.state == "refused":
@@ -236,7 +241,8 @@ def calibrate_page(workspace: Workspace, views: Views, log: str, config: str) ->
         with block("col"):
             heading("Log of poses")
             name_menu("log", logs(workspace), state.log, choose_log)
-            name_menu("configuration", ["", *configurations(workspace)], state.config, choose_config).classes("q-mt-sm")
+            configs = name_menu("configuration", ["", *configurations(workspace)], state.config, choose_config)
+            configs.classes("q-mt-sm")
             with block("line"):
                 for label, name in (("gravity [m/s²]", "gravity"), ("latitude [deg]", "latitude"),
                                     ("initial rest [s]", "initial_rest")):  # fmt: skip

@@ -229,7 +229,8 @@ def draw(path: Path, rows: list[dict]) -> None:
     memory, honesty = figure.subplots(2, 1, sharex=True)
     hours = np.array([row["hours"] for row in rows])
     memory.plot(hours, [row["resident_mb"] for row in rows], ".", ms=2)
-    memory.set(ylabel="resident memory [MB]", ylim=(0.0, None))
+    top = 1.2 * max(row["resident_mb"] for row in rows)
+    memory.set(ylabel="resident memory [MB]", ylim=(0.0, top))
     honesty.semilogy(
         np.repeat(hours, [len(row["nees"]) for row in rows]), [x for row in rows for x in row["nees"]], ".", ms=2
     )

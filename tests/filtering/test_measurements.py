@@ -234,7 +234,7 @@ def test_every_kind_has_as_many_components_as_its_rows():
     for kind in kinds:
         rows(kind, nav, np.zeros(M), np.zeros(3), np.array([0.0, 0.0, -9.8]), np.zeros(3), z)
     assert all(ms.DIMENSIONS[kind] == 3 for kind in ms.RESET_KINDS)
-    assert (len(ms.KINDS), len(ms.STATUS)) == (19, 5)
+    assert (len(ms.KINDS), len(ms.STATUS)) == (21, 5)
 
 
 def test_the_antenna_is_at_the_imu_and_the_gate_open_unless_said():

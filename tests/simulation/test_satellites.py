@@ -36,7 +36,7 @@ def made(motion, seed: int = 1, **model):
 def same_rows(part, whole, keep) -> None:
     for f in fields(part.ranges):
         a, b = getattr(part.ranges, f.name), getattr(whole.ranges, f.name)
-        if isinstance(a, np.ndarray):
+        if isinstance(a, np.ndarray) and f.name not in ("carrier_range", "arc"):  # a carrier once hidden begins anew
             np.testing.assert_array_equal(a, b[keep], err_msg=f.name)
 
 

@@ -127,11 +127,9 @@ class FilterState:
         from schuler.filtering.kernels.gate import N_GATE, start_gates
         from schuler.filtering.kernels.sensor_errors import spread_estimates
 
-        n = layout.size
-        if len(initial.P) != n:
-            raise InputError(
-                f"the initial covariance has {len(initial.P)} states, the layout {n}: make both of one layout"
-            )
+        n, m = layout.size, len(initial.P)
+        if m not in (n, layout.without_clones.size):
+            raise InputError(f"the initial covariance has {m} states, the layout {n}: make both of one layout")
         self.layout, self.options = layout, options
         self.model = filter_model(layout, gyro_psd, accel_psd, options.earth_rotation)
         self.settings = Settings(
@@ -146,12 +144,14 @@ class FilterState:
             gap_gyro=float(options.gap_gyro),
             gap_accel=float(options.gap_accel),
         )
-        nav, T = initial.nav, ecef_from_ned_states(initial.nav.llh, n)
+        nav, T = initial.nav, ecef_from_ned_states(initial.nav.llh, m)
         P, P_e = aligned(n, MAX_STATES), T @ initial.P @ T.T
-        P[:, :n] = 0.5 * (P_e + P_e.T)
+        P[:m, :m] = 0.5 * (P_e + P_e.T)
+        est = np.zeros(n - 9)
+        est[: m - 9] = initial.parameters
         self._arrays = FilterArrays(
             nav=np.concatenate((nav.q_eb, nav.v_eb_e, nav.r_eb_e)),
-            est=np.array(initial.parameters, dtype=np.float64),
+            est=est,
             P=P,
             sens=np.zeros(33),
             acc=np.zeros(8),
@@ -359,7 +359,8 @@ def run(
             t=node.t[:a], P=node.P[:a], phi=node.phi[:a], B=node.B[:a], upd=node.upd[:a],
             W=node.W[:u], G=node.G[:u], e=node.e[:u],
             pmod=state.model.dynamics, n_sensor=layout.n_sensor,
-            i_clock=layout["clock"].start if "clock" in layout else -1, omega=state.model.omega,
+            i_clock=layout["clock"].start if "clock" in layout else -1, places=state.model.places,
+            omega=state.model.omega,
         )  # fmt: skip
     o, c = int(cnt[k.CNT_OUT]), int(cnt[k.CNT_REC])
     return ForwardRun(

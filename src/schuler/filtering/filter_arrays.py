@@ -202,6 +202,7 @@ class SmootherNodes(NamedTuple):
     pmod: FloatArray  # (m, 2) dynamics of the parameters, see :class:`Model`
     n_sensor: int
     i_clock: int  # first state of a receiver clock, or -1
+    places: IntArray  # of :class:`Model`
     omega: float
 
 

@@ -7,5 +7,5 @@ N_VALUES = 8
 #: State blocks that measurements ask for; the kernels know them by their place here.
 PLACES = (
     "lever", "mount", "odometer", "lever_v", "clock", "clock_2", "clock_3", "clock_4", "b_heading", "baro", "b_r",
-    "b_v", "delay",
+    "b_v", "delay", "clone_r", "clone_clock",
 )  # fmt: skip

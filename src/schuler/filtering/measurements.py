@@ -16,6 +16,7 @@ from schuler.recording.series import GnssSeries
 POSITION, VELOCITY, ZERO_VELOCITY, LATERAL, VERTICAL, SPEED, ZERO_RATE, PSEUDORANGE, RANGE_RATE = range(1, 10)
 HEADING, HEIGHT, FIX, RESET_POSITION, RESET_VELOCITY, GNSS_HEADING = range(10, 16)
 GRAVITY, GRAVITY_VECTOR, EARTH_RATE, EARTH_RATE_MAGNITUDE = range(16, 20)
+CARRIER_CHANGE, CLONE = range(20, 22)
 #: Names of the kinds, used in results.
 KINDS = {
     POSITION: "position",
@@ -37,11 +38,15 @@ KINDS = {
     GRAVITY_VECTOR: "gravity_vector",
     EARTH_RATE: "earth_rate",
     EARTH_RATE_MAGNITUDE: "earth_rate_magnitude",
+    CARRIER_CHANGE: "carrier_change",
+    CLONE: "clone",
 }
 #: Components of each kind.
 DIMENSIONS = {k: 3 if k in (1, 2, 3, 7, 12, 13, 14, 17) else 1 for k in KINDS}
 #: Kinds that come from satellites and stop in an outage.
-GNSS_KINDS = (POSITION, VELOCITY, PSEUDORANGE, RANGE_RATE, RESET_POSITION, RESET_VELOCITY, GNSS_HEADING)
+GNSS_KINDS = (
+    POSITION, VELOCITY, PSEUDORANGE, RANGE_RATE, RESET_POSITION, RESET_VELOCITY, GNSS_HEADING, CARRIER_CHANGE, CLONE
+)  # fmt: skip
 #: Kinds that are put into the state instead of being weighed: no innovation test, no smoother.
 RESET_KINDS = (RESET_POSITION, RESET_VELOCITY)
 UNUSED, ACCEPTED, REJECTED, FORCED, GATED = 0, 1, 2, 3, 4
@@ -71,7 +76,9 @@ class MeasurementSchedule:
         vehicle [m/s], in the last column the least speed at which it counts; mean raw angular rate at rest [rad/s];
         satellite position [m], pseudorange [m], place of its clock; satellite position, its velocity [m/s], range rate
         [m/s]; heading [rad]; height [m]; mean raw specific force [m/s^2] and rate [rad/s] at rest, gravity [m/s^2] or
-        zero for the ellipsoid's, and 1 for perfect accelerometers.
+        zero for the ellipsoid's, and 1 for perfect accelerometers; satellite position now, change of the carrier
+        phase since, satellite position then [m], time of the clone it refers to [s]. A clone has no values: the filter
+        copies its antenna's position and clock offset into states that keep them.
     R : ndarray, shape (m, 3, 3)
         Covariance, of vectors in north-east-down axes (zero rate: body axes), of single numbers in the first place.
     lever : ndarray, shape (m, 3)

@@ -57,10 +57,15 @@ BLOCKS: MappingProxyType[str, tuple[tuple[int, int, int], ...]] = MappingProxyTy
                 ("b_r", 3),
                 ("b_v", 3),
                 ("delay", 1),
+                ("clone_r", 3),
+                ("clone_clock", 1),
             )
         },
     }
 )
+
+#: Blocks that keep a part of the state as it was at an epoch: the engine's memory, which no result shows.
+CLONES = ("clone_r", "clone_clock")
 
 #: One line on each block, with its unit.
 BLOCK_TEXT: MappingProxyType[str, tuple[str, str]] = MappingProxyType(
@@ -92,6 +97,8 @@ BLOCK_TEXT: MappingProxyType[str, tuple[str, str]] = MappingProxyType(
         "b_r": ("correlated error of GNSS positions, north east down", "m"),
         "b_v": ("correlated error of GNSS velocities, north east down", "m/s"),
         "delay": ("time by which GNSS fixes belong to a later moment than their stamp", "s"),
+        "clone_r": ("position of the antenna at the last epoch of carrier phases, Earth-fixed", "m"),
+        "clone_clock": ("receiver clock offset at the last epoch of carrier phases", "m"),
     }
 )
 
@@ -175,11 +182,15 @@ class StateLayout:
             raise InputError("M_a and M_a6 are two gauges of the same accelerometer cross-coupling: use one of them")
         if ("clock" in self.models) != ("clock_drift" in self.models):
             raise InputError("clock and clock_drift go together: give both or none")
-        # sensor blocks first, then as given, but the drift behind its clock
+        cloned = [name in self.models for name in CLONES]
+        if any(cloned) and not (all(cloned) and "clock" in self.models):
+            raise InputError(f"{' and '.join(CLONES)} go together and with a receiver clock: give all of them or none")
+        # sensor blocks first, then as given, but the drift behind its clock, and clones last
         places = {name: i for i, name in enumerate(self.models)}
         places["clock_drift"] = places.get("clock", 0)
         ordered = sorted(
-            self.models, key=lambda name: (BLOCKS[name][0][0] == _OTHER, places[name], name == "clock_drift")
+            self.models,
+            key=lambda name: (BLOCKS[name][0][0] == _OTHER, name in CLONES, places[name], name == "clock_drift"),
         )
         object.__setattr__(self, "models", {name: self.models[name] for name in ordered})
         slices = {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(NAVIGATION)}
@@ -218,6 +229,13 @@ class StateLayout:
     def blocks(self) -> list[str]:
         """Names of the blocks in order, navigation included."""
         return list(self._slices)
+
+    @property
+    def without_clones(self) -> StateLayout:
+        """The same layout less the clones, which stand last: what a result shows."""
+        if "clone_r" not in self:
+            return self
+        return StateLayout({name: model for name, model in self.models.items() if name not in CLONES})
 
     def table(self) -> IntArray:
         """(m, 3): sensor, axis and regressor of every parameter, as the kernels take it."""

@@ -268,7 +268,7 @@ def cycle_slips(d: SingleDifferences, *, static: bool) -> tuple[BoolArray, BoolA
         clock = np.ones((len(both), 1))
         A = clock if static else np.hstack((d.gradient[k, both], clock))
         sigma = np.hypot(d.sigma_carrier[k, both], d.sigma_carrier[k - 1, both]) + _DRIFT * pause
-        jumped = _outlying(A, d.carrier[k, both] - d.carrier[k - 1, both], sigma, d.wavelength[both])
+        jumped = outlying_phases(A, d.carrier[k, both] - d.carrier[k - 1, both], sigma, d.wavelength[both])
         if jumped is None:
             continue
         begins[k, both[~jumped]] = False
@@ -276,8 +276,15 @@ def cycle_slips(d: SingleDifferences, *, static: bool) -> tuple[BoolArray, BoolA
     return begins, slipped
 
 
-def _outlying(A: FloatArray, y: FloatArray, sigma: FloatArray, cycle: FloatArray) -> BoolArray | None:
-    """Rows of ``y = A x`` that jumped by part of a cycle or more; None where it cannot be told which."""
+def outlying_phases(A: FloatArray, y: FloatArray, sigma: FloatArray, cycle: FloatArray) -> BoolArray | None:
+    """Rows of ``y = A x`` that jumped by part of a cycle or more; None where it cannot be told which.
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, k)
+    y, sigma, cycle : ndarray, shape (n,)
+        Changes of phase, their 1-sigma and the length of a cycle. [m]
+    """
     jumped = np.zeros(len(y), dtype=bool)
     while True:
         rows = np.flatnonzero(~jumped)

@@ -41,6 +41,9 @@ class Observations:
         Approximate Earth-fixed position in the file's header. [m]
     notes : tuple of str
         Repairs and assumptions of the reader.
+    lock : ndarray of int, shape (n,)
+        Loss of lock indicator of the carrier as in RINEX: 1, lock was lost since the epoch before; 2, it may be half a
+        cycle off; 3, both. 0 where nothing is stated.
     """
 
     t: FloatArray
@@ -55,9 +58,12 @@ class Observations:
     glonass_channels: dict[int, int] = field(default_factory=dict)
     position_e: tuple[float, float, float] | None = None
     notes: tuple[str, ...] = ()
+    lock: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
         n = len(self.t)
+        if n and not len(self.lock):
+            object.__setattr__(self, "lock", np.zeros(n, dtype=np.int64))
         for name in ("t", "pseudorange", "range_rate", "carrier", "cn0"):
             value = np.asarray(getattr(self, name), dtype=np.float64)  # NaN means: not measured
             if value.shape != (n,):
@@ -65,7 +71,7 @@ class Observations:
             object.__setattr__(self, name, value)
         if not np.isfinite(self.t).all():
             raise InputError("Observations.t: expected finite times")
-        for name in ("sat", "signal"):
+        for name in ("sat", "signal", "lock"):
             value = np.asarray(getattr(self, name), dtype=np.int64)
             if value.shape != (n,):
                 raise InputError(f"Observations.{name}: expected shape ({n},), got {value.shape}")
@@ -90,6 +96,7 @@ class Observations:
         return Observations(
             self.t[k], self.sat[k], self.signal[k], self.signals, self.pseudorange[k], self.range_rate[k],
             self.carrier[k], self.cn0[k], self.epoch_gps_s, self.glonass_channels, self.position_e, self.notes,
+            self.lock[k],
         )  # fmt: skip
 
     def summary(self) -> str:

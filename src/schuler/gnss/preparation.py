@@ -14,6 +14,7 @@ import numpy as np
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.frames import llh_from_ecef
+from schuler.gnss.carrier import begin_arcs
 from schuler.gnss.coarse import ReceiverPlace, epoch_medians, geometric_ranges, receiver_place
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.ionosphere import ionosphere_free, klobuchar
@@ -150,6 +151,7 @@ def prepare_ranges(
 
     combined, noise_factor, unknown, one_frequency = _without_delays(c, states, free=free)
     corrected = combined + SPEED_OF_LIGHT * states.clock
+    phase = _carrier_ranges(c, {**channels, **observations.glonass_channels}) + SPEED_OF_LIGHT * states.clock
     usable = selected & states.has_message & states.healthy & plausible
     place = receiver_place(
         c.t, corrected, states.r_e, usable, position_e=position_e, header_position_e=observations.position_e
@@ -173,11 +175,12 @@ def prepare_ranges(
     llh = llh_from_ecef(place.r_e) if place.located else np.zeros((len(c.t), 3))
     if ionosphere == "klobuchar" and place.located:
         ionosphere_m, more, share = _klobuchar(ephemerides, llh, place, gps_s, one_frequency)
-        corrected = corrected - ionosphere_m
+        corrected, phase = corrected - ionosphere_m, phase + ionosphere_m
         notes += more
     troposphere_used = troposphere == "saastamoinen" and place.located
     if troposphere_used:
-        corrected = corrected - saastamoinen(llh, place.elevation, gps_s, humidity=humidity, mapping=mapping)
+        delay = saastamoinen(llh, place.elevation, gps_s, humidity=humidity, mapping=mapping)
+        corrected, phase = corrected - delay, phase - delay
 
     sigma_range, sigma_rate = range_sigmas(
         budget,
@@ -218,6 +221,8 @@ def prepare_ranges(
         c.cn0,
         reason,
         tuple(notes + time_notes),
+        phase,
+        begin_arcs(c.sat, phase, c.signal, c.lock),
     )
 
 
@@ -244,8 +249,9 @@ def _systems(systems: str) -> str:
 def _rows(c: ChosenSignals, keep: ArrayLike) -> ChosenSignals:
     k = np.asarray(keep)
     return ChosenSignals(
-        c.t[k], c.sat[k], c.pseudorange[k], c.bands[k], c.frequency_hz[k], c.range_rate[k], c.cn0[k], c.notes
-    )
+        c.t[k], c.sat[k], c.pseudorange[k], c.bands[k], c.frequency_hz[k], c.range_rate[k], c.cn0[k], c.carrier[k],
+        c.signal[k], c.lock[k], c.notes,
+    )  # fmt: skip
 
 
 def _flight_ranges(pseudorange: FloatArray, epoch: IntArray, epochs: int) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -258,6 +264,12 @@ def _flight_ranges(pseudorange: FloatArray, epoch: IntArray, epochs: int) -> tup
     typical = epoch_medians(epoch, np.where(plausible, measured, np.nan), epochs)
     typical = np.where(np.isfinite(typical), typical, _FLIGHT_S * SPEED_OF_LIGHT)
     return np.where(plausible, measured, typical[epoch]), measured, plausible
+
+
+def _carrier_ranges(c: ChosenSignals, channels: Mapping[int, int]) -> FloatArray:
+    """Carrier phases times wavelength; none of GLONASS satellites whose channel is not known. Shape (n,). [m]"""
+    unknown = (c.sat // 100 == SYSTEMS.index("R")) & ~np.isin(c.sat, list(channels))
+    return np.where(unknown, np.nan, c.carrier * SPEED_OF_LIGHT / c.frequency_hz[:, 0])
 
 
 def _radial_speed(states: SatelliteStates, place: ReceiverPlace) -> FloatArray:

@@ -56,6 +56,10 @@ class ChosenSignals:
     range_rate, cn0 : ndarray, shape (n,)
         Values of the most preferred signal that has one, on any band: Doppler shifts need no common delay.
         [m/s], [dB-Hz]
+    carrier : ndarray, shape (n,)
+        Carrier phase of the signal whose pseudorange is on the first band; NaN where not measured. [cycles]
+    signal, lock : ndarray of int, shape (n,)
+        Which signal that is, and its loss of lock indicator, as in the observations; -1, 0 where there is none.
     notes : tuple of str
     """
 
@@ -66,6 +70,9 @@ class ChosenSignals:
     frequency_hz: FloatArray
     range_rate: FloatArray
     cn0: FloatArray
+    carrier: FloatArray
+    signal: IntArray
+    lock: IntArray
     notes: tuple[str, ...]
 
 
@@ -113,7 +120,8 @@ def choose_signals(
     t, sat = o.t[first_seen], pair[:, 1]
     pseudorange, frequency = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
     bands = np.zeros((n, 2), dtype=np.int64)
-    range_rate, cn0 = np.full(n, np.nan), np.full(n, np.nan)
+    range_rate, cn0, carrier = (np.full(n, np.nan) for _ in range(3))
+    signal, lock = np.full(n, -1), np.zeros(n, dtype=np.int64)
     channels = {**(glonass_channels or {}), **o.glonass_channels}
     notes: list[str] = []
     for s in np.unique(sat // 100):
@@ -139,13 +147,14 @@ def choose_signals(
                 pseudorange[row[m], place] = o.pseudorange[m]
                 if place == 0:
                     cn0[row[m]] = o.cn0[m]
+                    carrier[row[m]], signal[row[m]], lock[row[m]] = o.carrier[m], o.signal[m], o.lock[m]
             k = sat // 100 == s
             bands[k, place] = int(band)
             for one in np.unique(sat[k]):
                 frequency[sat == one, place] = frequency_hz(int(one), band, channels.get(int(one), 0))
         if chosen:
             notes.append(f"{SYSTEM_NAMES[letter]}: signals {' and '.join(_names(order, chosen))}")
-    return ChosenSignals(t, sat, pseudorange, bands, frequency, range_rate, cn0, tuple(notes))
+    return ChosenSignals(t, sat, pseudorange, bands, frequency, range_rate, cn0, carrier, signal, lock, tuple(notes))
 
 
 def _names(order: list[str], bands: tuple[str, ...]) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,9 +15,10 @@ from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges, predicted_ranges, predicted_rates
 from schuler.gnss.satellites import satellite_states
-from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS
+from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS, wavelengths
 from schuler.units import DEG
 
+L1_CYCLE = SPEED_OF_LIGHT / 1.57542e9  # of L1 [m]
 _LIGHT_TIME_STEPS = 4  # each gains a factor 1e5
 
 #: Positions and velocities (k, s, 3) of s satellites at times of transmission (k, s).
@@ -61,17 +62,23 @@ class SyntheticRanges:
         -------
         Observations
             One signal for each system (L1 C/A, E1, B1I), of satellites whose clocks and group delays are zero, as in
-            :meth:`schuler.gnss.constellation.CircularOrbits.ephemerides`. No carrier phases. Range rates are as
-            measured, per second of reception (:mod:`schuler.gnss.ranges`).
+            :meth:`schuler.gnss.constellation.CircularOrbits.ephemerides`. Range rates are as
+            measured, per second of reception (:mod:`schuler.gnss.ranges`). Carriers say where lock was lost; GLONASS,
+            whose channels nobody states here, has none.
         """
         r = self.ranges
         stamp = r.t + self.clock[:, 0][self.epoch] / SPEED_OF_LIGHT
         toward, _ = predicted_rates(r.r_sat_e, r.v_sat_e, self.r_e[self.epoch], np.zeros(3))
         beidou = r.sat // 100 == SYSTEMS.index("C")
+        cycle = np.empty(len(r))
+        cycle[beidou], cycle[~beidou] = wavelengths(r.sat[beidou], "2I"), wavelengths(r.sat[~beidou], "1C")
+        lost = np.zeros(len(r), dtype=np.int64)
+        order = np.argsort(r.sat, kind="stable")
+        lost[order[1:]] = (np.diff(r.sat[order]) == 0) & (np.diff(r.arc[order]) != 0)
         return Observations(
             stamp, r.sat, beidou.astype(np.int64), ("1C", "2I"), r.pseudorange,
-            r.range_rate / (1.0 + toward / SPEED_OF_LIGHT), np.full(len(r), np.nan), r.cn0, self.epoch_gps_s,
-            notes=("simulated",),
+            r.range_rate / (1.0 + toward / SPEED_OF_LIGHT), r.carrier_range / cycle, r.cn0, self.epoch_gps_s,
+            notes=("simulated",), lock=lost,
         )  # fmt: skip
 
 
@@ -154,7 +161,8 @@ def synthetic_ranges(
     -----
     Ranges and rates follow :mod:`schuler.gnss.ranges` exactly, travel time solved to rounding. The clock is the
     two-state model of Groves (2013), section 9.4.2, its noise drawn with the exact covariance of a step; the
-    Gauss-Markov processes start in their steady state. A satellite's processes run on while it is not seen.
+    Gauss-Markov processes start in their steady state. A satellite's processes run on while it is not seen. Carriers
+    have the clock, noise and walk of their own, drawn from a generator of theirs, and an ambiguity for each arc.
     """
     t = as_floats(t, "t", (None,))
     r_e, v_e = as_floats(r_e, "r_e", (len(t), 3)), as_floats(v_e, "v_e", (len(t), 3))
@@ -179,7 +187,33 @@ def synthetic_ranges(
         np.maximum(sigma[k, s], 1e-6), np.maximum(sigma_rate[k, s], 1e-6), elevation[k, s], azimuth[k, s],
         _cn0(elevation[k, s]), np.zeros(len(k), dtype=np.int64), ("simulated",),
     )  # fmt: skip
+    own = rng.spawn(1)[0]
+    phase = (rho + _carrier_errors(t, elevation, budget, own))[k, s] + clock[k, group[s]]
+    ranges = with_arcs(replace(ranges, carrier_range=phase), k, own)
     return SyntheticRanges(ranges, clock, drift, k, error[k, s], rate_error[k, s], r_e, epoch_gps_s)
+
+
+def with_arcs(ranges: Ranges, epoch: IntArray, rng: np.random.Generator) -> Ranges:
+    """Ranges whose carriers have a new arc, with another ambiguity, wherever a satellite was not seen before.
+
+    Parameters
+    ----------
+    ranges : Ranges
+    epoch : ndarray of int, shape (n,)
+        Place of each row's epoch among all.
+    rng : numpy.random.Generator
+        Draws whole cycles of L1 up to a million; the first arc of a satellite has some too.
+    """
+    if not len(ranges):
+        return ranges
+    order = np.argsort(ranges.sat, kind="stable")
+    new = np.ones(len(ranges), dtype=bool)
+    new[1:] = (np.diff(ranges.sat[order]) != 0) | (np.diff(epoch[order]) != 1)
+    number = np.cumsum(new) - 1
+    cycles = rng.integers(-1_000_000, 1_000_000, number[-1] + 1)
+    arc, ambiguity = np.empty(len(ranges), dtype=np.int64), np.empty(len(ranges))
+    arc[order], ambiguity[order] = number, L1_CYCLE * cycles[number]
+    return replace(ranges, arc=arc, carrier_range=ranges.carrier_range + ambiguity)
 
 
 def _satellites(satellites: CircularOrbits | tuple[ArrayLike, States], epoch_gps_s: float) -> tuple[IntArray, States]:
@@ -243,6 +277,13 @@ def _errors(
     return error, rate_error, sigma, e.rate_noise * growth
 
 
+def _carrier_errors(t: FloatArray, elevation: FloatArray, e: RangeErrors, rng: np.random.Generator) -> FloatArray:
+    """Noise and random walk of carrier phases. Shape (k, s). [m]"""
+    growth = np.sqrt(0.5 * (1.0 + 1.0 / np.sin(np.maximum(elevation, 1.0 * DEG)) ** 2))
+    steps = rng.standard_normal(elevation.shape) * np.sqrt(np.diff(t, prepend=t[0]))[:, None]
+    return e.carrier * growth * rng.standard_normal(elevation.shape) + e.carrier_walk * np.cumsum(steps, axis=0)
+
+
 def _gauss_markov(t: FloatArray, n: int, tau: float, rng: np.random.Generator) -> FloatArray:
     """Unit variance, correlation ``exp(-|dt| / tau)``. Shape (k, n)."""
     white = rng.standard_normal((len(t), n))
@@ -293,6 +334,9 @@ class RangeErrors:
         0.04 and 0.04 are a temperature-compensated crystal oscillator's (Groves (2013), section 9.4.2).
     offsets : tuple of float
         Clock of each further group less that of the first. [m]
+    carrier, carrier_walk : float
+        Noise of carrier phases, growing as that of ranges [m], and their random walk: satellites' clocks and the
+        atmosphere's change [m/sqrt(s)].
     """
 
     noise: float = 0.5
@@ -306,9 +350,20 @@ class RangeErrors:
     clock_psd: float = 0.04
     drift_psd: float = 0.04
     offsets: tuple[float, ...] = ()
+    carrier: float = 0.002
+    carrier_walk: float = 0.001
 
     def __post_init__(self) -> None:
-        for name in ("noise", "rate_noise", "multipath", "atmosphere", "clock_psd", "drift_psd"):
+        for name in (
+            "noise",
+            "rate_noise",
+            "multipath",
+            "atmosphere",
+            "clock_psd",
+            "drift_psd",
+            "carrier",
+            "carrier_walk",
+        ):
             if not getattr(self, name) >= 0.0:
                 raise InputError(f"{name}: expected 0 or more, got {getattr(self, name)}")
         for name in ("multipath_tau", "atmosphere_tau"):
@@ -317,7 +372,7 @@ class RangeErrors:
 
 
 #: Ranges without any error and a clock that stands at zero.
-EXACT = RangeErrors(0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+EXACT = RangeErrors(0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, (), 0.0, 0.0)
 
 
 @dataclass(frozen=True)

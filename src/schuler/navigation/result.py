@@ -17,7 +17,7 @@ from schuler.filtering.engine import ForwardRun, unpack_symmetric
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.filter_arrays import SmootherNodes
 from schuler.filtering.initial_state import InitialState
-from schuler.filtering.measurements import ACCEPTED, DIMENSIONS, FORCED, GATED, KINDS, REJECTED, STATUS, UNUSED
+from schuler.filtering.measurements import ACCEPTED, CLONE, DIMENSIONS, FORCED, GATED, KINDS, REJECTED, STATUS, UNUSED
 from schuler.filtering.states import BLOCK_TEXT, StateLayout
 from schuler.mechanization.strapdown import NavState
 from schuler.plotting.notebook import Displayed
@@ -163,18 +163,19 @@ class NavigationResult(Displayed):
     def from_run(
         cls, forward: ForwardRun, schedule_t: FloatArray, kinds: IntArray, layout: StateLayout, **rest: Any
     ) -> NavigationResult:
-        """Result object of a forward run; ``rest`` are further fields."""
-        rec = forward.rec_nav
+        """Result object of a forward run, without its clones; ``rest`` are further fields."""
+        rec, shown, given = forward.rec_nav, layout.without_clones, kinds != CLONE
+        n = shown.size
         return cls(
             trajectory=FullTrajectory(forward.t, forward.r, forward.v, forward.q),
             t=forward.rec_t,
             states=FullTrajectory(forward.rec_t, rec[:, 7:10], rec[:, 4:7], rec[:, 0:4]),
-            parameters=forward.rec_est,
-            covariance_e=unpack_symmetric(forward.rec_P, layout.size),
+            parameters=forward.rec_est[:, : n - 9],
+            covariance_e=unpack_symmetric(forward.rec_P[:, : n * (n + 1) // 2], n),
             innovations=Innovations(
                 schedule_t, kinds, forward.status, forward.nis, forward.innovation, np.sqrt(forward.variance)
-            ),
-            layout=layout,
+            ).where(given),
+            layout=shown,
             epochs=forward.epochs,
             propagations=forward.propagations,
             complete=forward.complete,

@@ -240,6 +240,10 @@ class TightSection(Section):
     elevation_mask_deg: float = Field(10.0, description="satellites lower than this are left out")
     cn0_mask_dbhz: float = Field(25.0, description="weaker signals are left out")
     rates: bool = Field(True, description="also use range rates")
+    carrier: Literal["off", "time-differenced"] = Field(
+        "off", description="time-differenced: also use how carrier phases change between epochs"
+    )
+    carrier_sigma_m: Positive = Field(0.003, description="1-sigma of the phase of a strong satellite overhead")
     integrity: bool = Field(True, description="snapshot fault detection and exclusion before the filter")
     min_satellites: Annotated[int, Field(ge=1)] = Field(1, description="epochs with fewer are left out")
     max_satellites: Annotated[int, Field(ge=1)] | None = Field(None, description="cut to the highest ones, for tests")

@@ -49,7 +49,7 @@ def smooth_run(
     assert nodes is not None
     if not keep:
         object.__setattr__(result, "_nodes", None)
-    n, n_nodes = result.layout.size, len(nodes.t)
+    n, shown, n_nodes = nodes.W.shape[2], result.layout.size, len(nodes.t)
     at = np.searchsorted(nodes.t, result.t + 1e-9) - 1  # the last of a time: a covariance enlarged there has two
     record = np.full(n_nodes, -1, dtype=np.int64)
     record[at] = np.arange(len(at))
@@ -70,6 +70,6 @@ def smooth_run(
             states.v_eb_e + dx[:, 3:6],
             rotation.quat_multiply(rotation.quat_from_rotvec(dx[:, 0:3]), states.q_eb),
         ),
-        result.parameters + dx[:, 9:],
-        unpack_symmetric(packed, n),
+        result.parameters + dx[:, 9:shown],
+        unpack_symmetric(packed[:, : shown * (shown + 1) // 2], shown),
     )

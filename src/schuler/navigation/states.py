@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from schuler import units
 from schuler.exceptions import ConfigError
-from schuler.filtering.states import BLOCKS, StateLayout, StateModel, layout_for
+from schuler.filtering.states import BLOCKS, CLONES, StateLayout, StateModel, layout_for
 from schuler.gnss.ranges import Ranges
 from schuler.navigation.config import NavigationConfig
 from schuler.sensors import catalogue
@@ -116,6 +116,8 @@ def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, 
             between_sigma=tight.clock_sigma_m,
             between_noise=tight.system_noise_m,
         )
+        if tight.carrier == "time-differenced":
+            models |= dict.fromkeys(CLONES, StateModel.constant(0.0))
     return models
 
 

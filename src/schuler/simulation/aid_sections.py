@@ -191,6 +191,9 @@ class SatellitesSection(Section):
     faults: tuple[RangeFaultSection, ...] = ()
     clock_jumps_s: tuple[Window, ...] = Field((), description="time and step of the receiver clock, both in seconds")
     clock_shift_s: float = Field(0.0, description="added to the stamps of ranges")
+    carrier_noise_m: NonNegative = Field(0.002, description="white 1-sigma of carrier phases at the zenith")
+    carrier_walk_m: NonNegative = Field(0.001, description="their random walk, m per square root of a second")
+    slips_per_hour: NonNegative = Field(0.0, description="cycle slips of each carrier that nobody states")
 
     @model_validator(mode="after")
     def _right_time(self) -> SatellitesSection:
@@ -203,7 +206,7 @@ class SatellitesSection(Section):
         errors = RangeErrors(
             self.noise_m, self.rate_noise_m_s, self.multipath_m, self.multipath_time_s, self.atmosphere_m,
             self.atmosphere_time_s, self.clock_m, self.clock_drift_m_s, self.clock_noise_m**2,
-            self.clock_drift_noise_m_s**2, self.offsets_m,
+            self.clock_drift_noise_m_s**2, self.offsets_m, self.carrier_noise_m, self.carrier_walk_m,
         )  # fmt: skip
         infinity = float("inf")
         blocked = tuple(
@@ -220,4 +223,5 @@ class SatellitesSection(Section):
             windows=tuple(SkyWindow(w.start_s, w.stop_s, w.satellites) for w in self.windows), outages=self.outages_s,
             faults=tuple(RangeFault(f.satellite, f.start_s, f.stop_s, f.step_m, f.ramp_m_s) for f in self.faults),
             clock_jumps=self.clock_jumps_s, clock_shift=self.clock_shift_s,
+            slips_per_hour=self.slips_per_hour,
         )  # fmt: skip

@@ -14,7 +14,15 @@ from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS, satellite, satellite_name
-from schuler.gnss.synthetic import RangeErrors, Sector, SyntheticRanges, broadcast_satellites, synthetic_ranges
+from schuler.gnss.synthetic import (
+    L1_CYCLE,
+    RangeErrors,
+    Sector,
+    SyntheticRanges,
+    broadcast_satellites,
+    synthetic_ranges,
+    with_arcs,
+)
 from schuler.simulation.motion import Motion
 from schuler.simulation.scalar_aids import outside, times
 from schuler.units import DEG
@@ -94,6 +102,9 @@ class SatelliteModel:
         Steps of the receiver clock, often whole milliseconds. [s], [s]
     clock_shift : float
         Added to every stamp: a receiver whose time is wrong against the IMU's. [s]
+    slips_per_hour : float
+        Cycle slips of each carrier that the receiver does not state: one to five cycles of L1, of either sign, halves
+        among them.
     """
 
     systems: str = "GE"
@@ -108,6 +119,7 @@ class SatelliteModel:
     faults: tuple[RangeFault, ...] = ()
     clock_jumps: tuple[tuple[float, float], ...] = ()
     clock_shift: float = 0.0
+    slips_per_hour: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "lever_arm_b", as_vector3(self.lever_arm_b, "SatelliteModel.lever_arm_b"))
@@ -130,6 +142,8 @@ class SimulatedSatellites(NamedTuple):
         Ranges, receiver clock by epoch, errors by row (faults included).
     faulty : ndarray of bool, shape (n,)
         Rows of satellites that are wrong.
+    slipped : ndarray of bool, shape (n,)
+        Rows before which the carrier slipped.
     t : ndarray, shape (k,)
         True times of the epochs, those without satellites too. [s]
     ephemerides : Ephemerides
@@ -138,6 +152,7 @@ class SimulatedSatellites(NamedTuple):
 
     made: SyntheticRanges
     faulty: BoolArray
+    slipped: BoolArray
     t: FloatArray
     ephemerides: Ephemerides
 
@@ -192,11 +207,14 @@ def simulate_satellites(
         t, r_e, v_e, sky, rng, model.errors, epoch_gps_s=epoch_gps_s, elevation_mask=model.elevation_mask
     )
     made = _selected(made, keep[made.epoch] & _visible(made.ranges, made.epoch, model))
+    own = rng.spawn(1)[0]
+    made = replace(made, ranges=with_arcs(made.ranges, made.epoch, own))
+    made, slipped = _with_slips(made, model, own)
     made, faulty = _with_faults(made, model.faults)
     made = _with_jumps(made, t, model.clock_jumps)
     if model.clock_shift:
         made = replace(made, ranges=replace(made.ranges, t=made.ranges.t + model.clock_shift))
-    return SimulatedSatellites(made, faulty, t, ephemerides)
+    return SimulatedSatellites(made, faulty, slipped, t, ephemerides)
 
 
 def _visible(ranges: Ranges, epoch: IntArray, model: SatelliteModel) -> BoolArray:
@@ -262,12 +280,31 @@ def _with_faults(made: SyntheticRanges, faults: tuple[RangeFault, ...]) -> tuple
     return replace(made, ranges=wrong, error=made.error + range_fault, rate_error=made.rate_error + rate_fault), faulty
 
 
+def _with_slips(
+    made: SyntheticRanges, model: SatelliteModel, rng: np.random.Generator
+) -> tuple[SyntheticRanges, BoolArray]:
+    """Carriers with slips within arcs, which keep their number, and where."""
+    r = made.ranges
+    order = np.argsort(r.sat, kind="stable")
+    within = np.zeros(len(r), dtype=bool)
+    within[order[1:]] = np.diff(r.arc[order]) == 0
+    slipped = within & (rng.random(len(r)) < model.slips_per_hour / (3600.0 * model.rate_hz))
+    half_cycles = np.where(slipped, rng.choice((-1, 1), len(r)) * rng.integers(1, 11, len(r)), 0)
+    total = np.empty(len(r))
+    total[order] = np.cumsum(half_cycles[order])  # what satellites before have in common cancels like an ambiguity
+    carrier_range = r.carrier_range + 0.5 * L1_CYCLE * total
+    return replace(made, ranges=replace(r, carrier_range=carrier_range)), slipped
+
+
 def _with_jumps(made: SyntheticRanges, t: FloatArray, jumps: tuple[tuple[float, float], ...]) -> SyntheticRanges:
-    """Clock steps: in the pseudoranges and in the true clock, not in the range rates."""
+    """Clock steps: in the pseudoranges, the carriers and the true clock, not in the range rates."""
     if not jumps:
         return made
     total = np.zeros(len(t))
     for time, jump in jumps:
         total[t >= time] += SPEED_OF_LIGHT * jump
-    ranges = replace(made.ranges, pseudorange=made.ranges.pseudorange + total[made.epoch])
+    r = made.ranges
+    ranges = replace(
+        r, pseudorange=r.pseudorange + total[made.epoch], carrier_range=r.carrier_range + total[made.epoch]
+    )
     return replace(made, ranges=ranges, clock=made.clock + total[:, None])

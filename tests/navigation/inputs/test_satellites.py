@@ -427,3 +427,27 @@ def test_gaps_in_the_ranges_are_bridged(case, clean):
     error, sigma = case.error_n(result), result.sigma("dr")
     assert np.all(np.abs(error) < 5.0 * sigma)
     assert np.abs(error[result.t > 75.0]).max() < 2.0
+
+
+# --- carrier phases ---------------------------------------------------------------------------------------------------
+
+
+def test_carriers_make_velocity_surer_and_slips_do_no_harm(case, clean):
+    """What is claimed is true of both runs; a slip of a cycle every 20 s is found before the filter."""
+    slips = np.where(clean.sat == clean.sat[0], 0.1903 * np.floor(clean.t / 20.0), 0.0)
+    codes = case.navigated(clean)
+    carriers = case.navigated(clean, carrier="time-differenced")
+    slipped = case.navigated(replace(clean, carrier_range=clean.carrier_range + slips), carrier="time-differenced")
+    assert np.all(carriers.sigma("dv")[-1] < 0.8 * codes.sigma("dv")[-1])
+    assert np.all(np.abs(case.error_n(carriers)[10:]) < 5.0 * carriers.sigma("dr")[10:])
+    moved = slipped.states.v_eb_e - carriers.states.v_eb_e
+    assert np.abs(moved).max() < 0.005
+    assert any("5 of " in note and "cycle slips" in note for note in slipped.notes), slipped.notes
+    assert slipped.innovations.rejected().get("carrier_change", 0) == 0
+    assert carriers.layout.blocks == codes.layout.blocks
+
+
+def test_carriers_that_are_not_there_are_refused(case, clean):
+    bare = replace(clean, carrier_range=np.full(len(clean), np.nan))
+    with pytest.raises(InputError, match="needs carrier phases of a satellite at two epochs in a row"):
+        case.navigated(bare, carrier="time-differenced")

@@ -21,14 +21,17 @@ from schuler.filtering.filter_arrays import (
 )
 from schuler.filtering.kernels.accumulation import parameter_columns, regressor_integrals, store_interval
 from schuler.filtering.kernels.covariance import add_clock_drift, add_half_noise, decay, flush
-from schuler.filtering.kernels.gate import ACCEPTED, FORCED, GATED, R_SCALE, REJECTED, judge
+from schuler.filtering.kernels.gate import ACCEPTED, FORCED, GATED, R_SCALE, REJECTED, USED_AT, judge
 from schuler.filtering.kernels.sensor_errors import compensate, spread_estimates
 from schuler.filtering.kernels.update import (
     AT_CLOCK,
+    CARRIER_CHANGE,
+    CLONE,
     LATERAL,
     RESET_POSITION,
     RESET_VELOCITY,
     SPEED,
+    clone,
     correct,
     innovate,
     measurement_rows,
@@ -40,6 +43,9 @@ from schuler.mechanization.kernels import advance_ecef, cut_interval, fit_interv
 # Running counts: intervals and samples since the last propagation, measurements, records, nodes, updates, outputs,
 # epochs, propagations.
 CNT_PAST, CNT_SINCE, CNT_MEAS, CNT_REC, CNT_NODE, CNT_UPD, CNT_OUT, CNT_EPOCH, CNT_FLUSH, N_CNT = range(10)
+
+
+SAME_TIME_S = 1e-6  # between a clone and the epoch that a change of carrier phase begins at
 
 
 @inlined
@@ -147,6 +153,30 @@ def keep_enlarged(P, nav, acc, B, t, cnt, nodes):
 
 
 @inlined
+def keep_clone(P, nav, acc, L0, L1, L2, B, t, cnt, nodes):
+    """Store a covariance after cloning, as a node of its own whose elapsed time of -1 says what the transition is.
+
+    In place of its sums stand the lever arm in Earth-fixed axes and the attitude.
+    """
+    acc[0], acc[1], acc[2], acc[3] = -1.0, L0, L1, L2
+    for i in range(4):
+        acc[4 + i] = nav[i]
+    keep_enlarged(P, nav, acc, B, t, cnt, nodes)
+    for i in range(8):
+        acc[i] = 0.0
+
+
+@inlined
+def update_clone(j, aiding, state, model, work, nodes):
+    """Clone the state for the carrier phases of the next epoch."""
+    L0, L1, L2 = clone(state.P, state.nav, state.est, aiding.lever[j], model.places, work.H, work.W)
+    state.gates[CLONE, USED_AT] = aiding.t[j]
+    if nodes.t.shape[0] > 0:
+        keep_clone(state.P, state.nav, state.acc, L0, L1, L2, work.B, aiding.t[j], state.counts, nodes)
+    return ACCEPTED
+
+
+@inlined
 def update(j, aiding, state, model, settings, work, nodes):
     """Correct the state by measurement ``j``; returns what became of it."""
     nav, est, P, sens, cnt = state.nav, state.est, state.P, state.sens, state.counts
@@ -154,6 +184,10 @@ def update(j, aiding, state, model, settings, work, nodes):
     slow = nav[4] * nav[4] + nav[5] * nav[5] + nav[6] * nav[6] < z[7] * z[7]
     if aiding.gate[j] < 0.0 or (slow and LATERAL <= kind <= SPEED):
         return GATED
+    if kind == CLONE:
+        return update_clone(j, aiding, state, model, work, nodes)
+    if kind == CARRIER_CHANGE and not abs(state.gates[CLONE, USED_AT] - z[7]) < SAME_TIME_S:
+        return GATED  # of another epoch than the one that is kept
     H, y, W, G, e, S, U = work.H, work.y, work.W, work.G, work.e, work.S, work.U
     d = measurement_rows(
         kind, z, aiding.lever[j], nav, est, work.reg, sens, model.table, model.n_sensor, model.places, model.omega,

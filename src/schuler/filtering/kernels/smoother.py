@@ -26,7 +26,8 @@ import math
 import numpy as np
 
 from schuler.filtering.filter_arrays import SmootherNodes
-from schuler.filtering.kernels.covariance import PAD, padded, transition
+from schuler.filtering.kernels.covariance import PAD, dcm, padded, transition
+from schuler.filtering.kernels.update import AT_CLONE_CLOCK, AT_CLONE_R, AT_LEVER, antenna_rows
 from schuler.jit import inlined, kernel, prepare
 from schuler.mechanization.kernels import half_angle
 
@@ -137,6 +138,61 @@ def root_transition(Y, Phi, D, n, wide, decays, i_clock, T):
                 row[j] *= D[j - 9]
 
 
+@inlined
+def triangularise(Y, v, t, n, wide):
+    """Upper triangular square root with the same ``Y' Y``, in place, by reflections."""
+    for k in range(n):
+        row = Y[k]
+        d = row[k]
+        s = d * d
+        for i in range(k + 1, n):
+            v[i] = Y[i, k]
+            s += v[i] * v[i]
+        if s < 1e-280:
+            continue
+        r = -math.copysign(math.sqrt(s), d)
+        d -= r
+        b = -1.0 / (r * d)
+        for j in range(wide):
+            t[j] = d * row[j]
+        for i in range(k + 1, n):
+            other, x = Y[i], v[i]
+            for j in range(wide):
+                t[j] += x * other[j]
+        for j in range(wide):
+            t[j] *= b
+            row[j] -= d * t[j]
+        for i in range(k + 1, n):
+            other, x = Y[i], v[i]
+            for j in range(wide):
+                other[j] -= x * t[j]
+            other[k] = 0.0
+
+
+@inlined
+def clone_back(phi, places, i_clock, lam, Y, J, v, t, n, wide):
+    """Adjoint and information before a clone: ``T' lam`` and ``Y T``; see ``update.clone`` and ``run.keep_clone``."""
+    first, last = places[AT_CLONE_R], places[AT_CLONE_CLOCK]
+    antenna_rows(phi[1], phi[2], phi[3], dcm(phi[4:8]), places[AT_LEVER], J)
+    for a in range(3):
+        s = lam[first + a]
+        lam[first + a] = 0.0
+        for j in range(n):
+            lam[j] += s * J[a, j]
+    lam[i_clock] += lam[last]
+    lam[last] = 0.0
+    for i in range(n):
+        row = Y[i]
+        for a in range(3):
+            s = row[first + a]
+            row[first + a] = 0.0
+            for j in range(n):
+                row[j] += s * J[a, j]
+        row[i_clock] += row[last]
+        row[last] = 0.0
+    triangularise(Y, v, t, n, wide)
+
+
 @kernel
 def smooth(nodes, record, minus, plus, rec_P):
     """Run backwards over all nodes.
@@ -162,7 +218,7 @@ def smooth(nodes, record, minus, plus, rec_P):
     v, t = np.zeros(n), np.zeros(PAD)
     Phi, A = np.zeros((9, PAD)), np.zeros((9, 9))
     D, acc, nav = np.ones(max(m, 1)), np.zeros(8), np.zeros(10)
-    P, X = np.zeros((n, PAD)), np.zeros((n, PAD))
+    P, X, J = np.zeros((n, PAD)), np.zeros((n, PAD)), np.zeros((3, PAD))
     A[2, 2] = 1.0
     for node in range(n_nodes - 1, -1, -1):
         first = nodes.upd[node - 1] if node > 0 else 0
@@ -209,6 +265,9 @@ def smooth(nodes, record, minus, plus, rec_P):
         if node == 0:
             break
         T = nodes.phi[node, 0]
+        if T < 0.0:
+            clone_back(nodes.phi[node], nodes.places, i_clock, lam, Y, J, v, t, n, wide)
+            continue
         for i in range(8):
             acc[i] = nodes.phi[node, i]
         for i in range(3):
@@ -296,7 +355,7 @@ def prepare_smoother() -> None:
     import numba as nb
 
     f, m, c, i = nb.float64[::1], nb.float64[:, ::1], nb.float64[:, :, ::1], nb.int64[::1]
-    nodes = nb.types.NamedTuple((f, m, m, c, i, c, c, m, m, nb.int64, nb.int64, nb.float64), SmootherNodes)
+    nodes = nb.types.NamedTuple((f, m, m, c, i, c, c, m, m, nb.int64, nb.int64, i, nb.float64), SmootherNodes)
     prepare(
         [
             (smooth, (nodes, i, m, m, m)),

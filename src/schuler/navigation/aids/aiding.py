@@ -12,7 +12,7 @@ from schuler.exceptions import InputError
 from schuler.filtering.measurements import PSEUDORANGE, MeasurementSchedule, gnss_measurements, merged
 from schuler.gnss.ranges import Ranges
 from schuler.navigation.aids.rest import SHAKEN, earth_rates, gravities, rests, zero_rates, zero_velocities
-from schuler.navigation.aids.satellite import range_measurements, resets, thinned
+from schuler.navigation.aids.satellite import carrier_measurements, range_measurements, resets, thinned
 from schuler.navigation.aids.scalar import heading_measurements, height_measurements, known_positions
 from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic, odometer_measurements
 from schuler.navigation.config import GnssSection, NavigationConfig
@@ -152,7 +152,13 @@ def _satellite_parts(sources: Sources, section: GnssSection) -> MeasurementSched
             gate=gate,
         )  # fmt: skip
         own = np.where(ranges.kind == PSEUDORANGE, section.tight.range_sigma_scale, section.tight.rate_sigma_scale)
-        return replace(ranges, R=ranges.R * own[:, None, None] ** 2)
+        ranges = replace(ranges, R=ranges.R * own[:, None, None] ** 2)
+        if section.tight.carrier == "off":
+            return ranges
+        return merged(
+            ranges,
+            carrier_measurements(sources.ranges, section.lever_arm_m, sigma=section.tight.carrier_sigma_m, gate=gate),
+        )
     if sources.gnss is None or section.coupling == "off":
         return MeasurementSchedule.empty()
     if section.coupling == "reset":

@@ -1,4 +1,4 @@
-"""Pseudoranges and range rates for tight coupling, and resets for the uncoupled architecture."""
+"""Pseudoranges, range rates and carrier phases for tight coupling, and resets for the uncoupled architecture."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from schuler import frames
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import (
+    CARRIER_CHANGE,
+    CLONE,
     PSEUDORANGE,
     RANGE_RATE,
     RESET_POSITION,
@@ -16,6 +18,7 @@ from schuler.filtering.measurements import (
     gate_threshold,
     merged,
 )
+from schuler.gnss.carrier import carrier_changes
 from schuler.gnss.ranges import Ranges
 from schuler.recording.series import GnssSeries
 
@@ -72,6 +75,42 @@ def range_measurements(
         z = np.column_stack((r.r_sat_e, r.v_sat_e, r.range_rate))
         parts.append(MeasurementSchedule.of(RANGE_RATE, r.t, z, (sigma_scale * r.sigma_rate) ** 2, lever, threshold))
     return merged(*parts)
+
+
+def carrier_measurements(
+    ranges: Ranges, lever_arm_b: ArrayLike, *, sigma: float, gate: float | None = 0.9999
+) -> MeasurementSchedule:
+    """Changes of carrier phases between epochs, and a clone of the state at each epoch for the next one.
+
+    Parameters
+    ----------
+    ranges : Ranges
+        Corrected; rows with a reason against them are left out.
+    lever_arm_b : array_like, shape (3,)
+        From the IMU to the antenna. [m]
+    sigma : float
+        1-sigma of a phase of a strong satellite overhead. [m]
+    gate : float, optional
+        Probability with which a correct measurement passes.
+
+    Returns
+    -------
+    MeasurementSchedule
+        Clones behind the changes of their epoch. Merged with others of an epoch, they belong behind these.
+
+    Notes
+    -----
+    Two changes in a row share a phase, whose noise enters them with opposite signs. They are taken as independent: what
+    they sum to is then claimed less exact than it is (docs/decisions/0031-cloned-states.md).
+    """
+    lever = as_vector3(lever_arm_b, "lever_arm_b")
+    c, r = carrier_changes(ranges, sigma), ranges
+    z = np.column_stack((r.r_sat_e[c.now], c.change, r.r_sat_e[c.before], r.t[c.before]))
+    of = MeasurementSchedule.of
+    return merged(
+        of(CARRIER_CHANGE, r.t[c.now], z, c.sigma**2, lever, gate_threshold(gate, 1)),
+        of(CLONE, c.epochs, np.zeros(len(c.epochs)), 0.0, lever),
+    )
 
 
 def _check_sigmas(sigma: FloatArray, what: str) -> None:

@@ -12,6 +12,8 @@ from schuler.exceptions import InputError
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import in_windows
 from schuler.filtering.states import StateLayout
+from schuler.gnss.carrier import carrier_changes
+from schuler.gnss.cycle_slips import without_slips
 from schuler.gnss.point import solve_points
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import Ranges
@@ -98,6 +100,8 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
         )
     ranges, solution = without_clock_jumps(ranges, solution, notes)
     ranges = inflated(ranges, config.gnss.correlated)
+    if section.carrier == "time-differenced":
+        ranges = with_whole_arcs(ranges, solution, section.carrier_sigma_m, notes)
     kept = _kept(ranges, section.min_satellites, section.max_satellites)
     ranges = replace(ranges, reason=np.where(ranges.used & ~kept, 8, ranges.reason))
     return ranges, Points(solution, gnss_series(solution))
@@ -219,6 +223,34 @@ def without_clock_jumps(ranges: Ranges, solution: PointSolution, notes: list[str
     ranges = replace(ranges, pseudorange=ranges.pseudorange - sums[np.searchsorted(times, ranges.t, side="right")])
     shifted = solution.clock - sums[np.searchsorted(times, solution.t, side="right")][:, None]
     return ranges, replace(solution, clock=shifted)
+
+
+def with_whole_arcs(ranges: Ranges, solution: PointSolution, sigma: float, notes: list[str]) -> Ranges:
+    """Ranges whose carrier phases have arcs that end at every slip the satellites show among themselves.
+
+    Parameters
+    ----------
+    ranges : Ranges
+    solution : PointSolution
+        Single-point solutions of these ranges: where the antenna is.
+    sigma : float
+        1-sigma of a phase of a strong satellite overhead. [m]
+    notes : list of str
+        Gets what :func:`~schuler.gnss.cycle_slips.without_slips` has to say.
+
+    Raises
+    ------
+    InputError
+        If no satellite has carrier phases at two epochs in a row.
+    """
+    ok = np.flatnonzero(solution.ok)
+    near = np.column_stack([np.interp(ranges.t, solution.t[ok], solution.r_e[ok, i]) for i in range(3)])
+    if not len(carrier_changes(ranges, sigma).now):
+        raise InputError(
+            'gnss.tight.carrier = "time-differenced" needs carrier phases of a satellite at two epochs in a row, and '
+            "there are none: give observations with carriers (RINEX types L), or set it to off"
+        )
+    return without_slips(ranges, near, sigma, notes)
 
 
 def _lasting(level: FloatArray, i: int) -> bool:

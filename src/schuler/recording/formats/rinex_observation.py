@@ -37,6 +37,7 @@ from schuler.timebase import TimeBase
 _BLOCK = 1024  # records at a time, so that the bytes at work stay in the processor's cache
 _FIELD = 16
 _NAME = 3
+_LOCK = 14  # place of the digit in a field
 _A_LINE = 5
 #: Seconds to add to a time scale for GPS time; None for UTC, which needs leap seconds.
 _SCALES: dict[str, float | None] = {
@@ -64,8 +65,8 @@ def read_rinex_observation(path: Path | str, *, glonass_channels: Mapping[int, i
         On GPS time, counted from the start of the week of the first epoch. Times are those of the receiver's clock as
         the file has them: a receiver clock offset in the file is neither added nor taken away, since whoever wrote the
         file has either corrected times and ranges together or neither (noted). Observations of zero are missing ones.
-        Range rate is minus Doppler times wavelength. Digits of loss of lock and signal strength are passed over.
-        Repairs and assumptions are in ``notes``.
+        Range rate is minus Doppler times wavelength. Of loss of lock the digits of carriers are kept, without the bit
+        of anti-spoofing; digits of signal strength are passed over. Repairs and assumptions are in ``notes``.
 
     Raises
     ------
@@ -112,6 +113,7 @@ def read_rinex_observation(path: Path | str, *, glonass_channels: Mapping[int, i
         channels,
         (position[0], position[1], position[2]) if position and any(position) else None,
         tuple(file.notes),
+        rows["lock"].astype(np.int64),
     )
 
 
@@ -177,31 +179,31 @@ def _rows(
         numbers = np.array([signals.setdefault(signal, len(signals)) for signal in of_type.columns], dtype=int)
         for k in range(0, len(of_system) if len(numbers) else 0, _BLOCK):
             records = of_system[k : k + _BLOCK]
-            values = _values(file, epochs.record[records], of_type.codes) / factors
-            values = np.column_stack((values, np.full(len(values), np.nan)))[:, places]  # (n, signals, kinds)
+            values, lock = _values(file, epochs.record[records], of_type.codes)
+            values = np.column_stack((values / factors, np.full(len(values), np.nan)))[:, places]  # (n, signals, kinds)
+            lock = np.column_stack((lock, np.zeros_like(lock[:, :1])))[:, places[:, CODES.index("L")]]
             at, which = np.nonzero(np.isfinite(values).any(axis=2))
-            parts.append(np.column_stack((records[at], numbers[which], values[at, which])))
+            parts.append(np.column_stack((records[at], numbers[which], values[at, which], lock[at, which])))
     if unknown:
         file.notes.append(f"The header has no types of these lines, which were passed over: {', '.join(unknown)}.")
-    table = np.concatenate(parts) if parts else np.zeros((0, 2 + len(CODES)))
+    table = np.concatenate(parts) if parts else np.zeros((0, 3 + len(CODES)))
     table = table[np.argsort(table[:, 0], kind="stable")]
     used, table[:, 1] = np.unique(table[:, 1], return_inverse=True)  # not those of the header that nobody sent
     names = list(signals)
-    return tuple(names[int(k)] for k in used), dict(zip(("record", "signal", *CODES), table.T, strict=True))
+    return tuple(names[int(k)] for k in used), dict(zip(("record", "signal", *CODES, "lock"), table.T, strict=True))
 
 
-def _values(file: RinexFile, at: IntArray, codes: tuple[str, ...]) -> FloatArray:
-    """Observations of records of one system. Shape (n, len(codes)), NaN where there are none."""
+def _values(file: RinexFile, at: IntArray, codes: tuple[str, ...]) -> tuple[FloatArray, IntArray]:
+    """Observations of records of one system, NaN where there are none, and loss of lock. Shapes (n, len(codes))."""
     m = len(codes)
     if file.version >= 3.0:
-        chars = file.columns(at, _NAME, _FIELD * m)
-        values, wrong = observed(chars.reshape(-1, m, _FIELD))
+        chars = file.columns(at, _NAME, _FIELD * m).reshape(-1, m, _FIELD)
     else:
         height = -(-m // _A_LINE)
         lines = (at[:, None] + np.arange(height)).ravel()
-        chars = file.columns(lines, 0, _FIELD * _A_LINE)
-        values, wrong = observed(chars.reshape(-1, height * _A_LINE, _FIELD))
-        values, wrong = values[:, :m], wrong[:, :m]
+        chars = file.columns(lines, 0, _FIELD * _A_LINE).reshape(-1, height * _A_LINE, _FIELD)
+    values, wrong = observed(chars)
+    values, wrong = values[:, :m], wrong[:, :m]
     if wrong.any():
         row, column = (int(k) for k in np.argwhere(wrong)[0])
         line, first = int(at[row]), _NAME + _FIELD * column
@@ -212,7 +214,8 @@ def _values(file: RinexFile, at: IntArray, codes: tuple[str, ...]) -> FloatArray
             f"got {file.text(line)[first : first + 14]!r}; is the line shifted?",
             line,
         )
-    return values
+    digit = chars[:, :m, _LOCK].astype(np.int64) - ord("0")
+    return values, np.where((digit > 0) & (digit < 8), digit & 3, 0)
 
 
 def _scale_factors(file: RinexFile, system: str, of_type: SystemTypes) -> FloatArray:

@@ -438,7 +438,8 @@ def _load_satellites(opening: Opening, name: str) -> own.Columns:
     """Columns of one of our tables of satellite measurements, by the names in its header; NaN is a value here."""
     path, header = opening.table.path, opening.header
     names = [] if header is None else [field.partition("[")[0].strip() for field in header[1]]
-    missing = [column for column in own_satellites.TABLES[name] if column not in names]
+    columns = [c for c in own_satellites.TABLES[name] if c in names or c not in own_satellites.LATER]
+    missing = [column for column in columns if column not in names]
     if missing or len(names) != len(opening.fields):
         what = f"{', '.join(missing)} missing" if missing else f"{len(opening.fields)} fields below them"
         raise FileFormatError(
@@ -446,9 +447,9 @@ def _load_satellites(opening: Opening, name: str) -> own.Columns:
             path,
             None if header is None else header[0],
         )
-    used = [names.index(column) for column in own_satellites.TABLES[name]]
+    used = [names.index(column) for column in columns]
     values, _ = lines.load(opening.table, len(names), used)
-    return {column: values[:, k] for k, column in enumerate(own_satellites.TABLES[name])}
+    return {column: values[:, k] for k, column in enumerate(columns)}
 
 
 def _read_companion(path: Path) -> Recording:

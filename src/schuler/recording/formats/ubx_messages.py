@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from schuler import units
-from schuler.arrays import FloatArray
+from schuler.arrays import FloatArray, IntArray
 from schuler.gnss.ephemerides import Ephemerides, no_glonass, no_kepler
 from schuler.gnss.messages_beidou import ephemerides_of_d1
 from schuler.gnss.messages_galileo import ephemerides_of_inav
@@ -29,9 +29,10 @@ from schuler.timebase import WEEK_S, gps_from_calendar
 
 _NAMES = (
     "prMes", "cpMes", "doMes", "gnssId", "svId", "sigId", "freqId", "cno", "prStd", "doStd", "prValid", "cpValid",
-    "halfCyc",
+    "halfCyc", "locktime",
 )  # fmt: skip
 _GLONASS = 6
+_LONGEST_LOCK_MS = 64_500.0  # UBX-22008968, 3.17.5
 #: gnssId to the system's letter; 4 (IMES) is no satellite.
 SYSTEM_OF_GNSS_ID = MappingProxyType({0: "G", 1: "S", 2: "E", 3: "C", 5: "J", 6: "R", 7: "I"})
 #: (gnssId, sigId) to the RINEX 3 band and attribute. Logs of version 0 (M8) have sigId 0 everywhere.
@@ -130,9 +131,10 @@ def raw_epochs(messages: Iterable[dict[str, Any]]) -> RawEpochs | None:
         cycle[here] = wavelengths(sat[here], name, channels)
     pseudorange = np.where(table["prValid"] == 1, table["prMes"], np.nan)
     carrier = np.where(table["cpValid"] == 1, table["cpMes"], np.nan)
+    lock = _loss_of_lock(t, sat, signal, table["locktime"]) + 2 * (table["halfCyc"] == 0)
     observations = Observations(
         t[keep], sat[keep], signal[keep], signals, pseudorange[keep], (-table["doMes"] * cycle)[keep],
-        carrier[keep], table["cno"][keep], start, channels,
+        carrier[keep], table["cno"][keep], start, channels, lock=lock[keep],
     )  # fmt: skip
     half = int(np.sum(np.isfinite(carrier[keep]) & (table["halfCyc"][keep] == 0)))
     for count, text in (
@@ -149,6 +151,19 @@ def raw_epochs(messages: Iterable[dict[str, Any]]) -> RawEpochs | None:
     sigma_range = 0.01 * 2.0 ** table["prStd"]
     sigma_rate = 0.002 * 2.0 ** table["doStd"] * cycle
     return RawEpochs(observations, sigma_range[keep], sigma_rate[keep], leap)
+
+
+def _loss_of_lock(t: FloatArray, sat: IntArray, signal: IntArray, locktime_ms: FloatArray) -> IntArray:
+    """1 where a carrier has been locked for less time than has passed since its row before. Shape (n,)"""
+    order = np.lexsort((t, signal, sat))
+    same = (np.diff(sat[order]) == 0) & (np.diff(signal[order]) == 0)
+    passed_ms = 1e3 * np.diff(t[order])
+    locked = locktime_ms[order]
+    # the count stops at 64.5 s, and is rounded to milliseconds
+    lost = same & (locked[1:] < np.minimum(passed_ms, _LONGEST_LOCK_MS) - 1.0)
+    lock = np.zeros(len(t), dtype=np.int64)
+    lock[order[1:][lost]] = 1
+    return lock
 
 
 def _identities(table: dict[str, Any], notes: list[str]) -> tuple[Any, Any, tuple[str, ...]]:

@@ -21,7 +21,9 @@ from schuler.recording.recording import Recording
 Columns = dict[str, np.ndarray[Any, np.dtype[Any]]]
 
 #: Columns of whole numbers.
-INTEGERS = frozenset({"sat", "signal", "group", "reason", "health", "issue", "source", "channel"})
+INTEGERS = frozenset({"sat", "signal", "group", "reason", "arc", "lock", "health", "issue", "source", "channel"})
+#: Columns that files of earlier versions do not have.
+LATER = frozenset({"lock", "carrier_range", "arc"})
 _AXES = ("x", "y", "z")
 _WIDTH = MappingProxyType({"group_delay": 2, "r_e": 3, "v_e": 3, "a_e": 3, "r_sat_e": 3, "v_sat_e": 3})
 _CONSTANTS = frozenset({"signals", "groups", "notes", "epoch_gps_s", "glonass_channels", "position_e"})
@@ -33,6 +35,7 @@ _UNIT_OF_FIELD = MappingProxyType(
         **dict.fromkeys(("i0", "omega0", "omega", "m0", "cuc", "cus", "cic", "cis", "elevation", "azimuth"), "rad"),
         **dict.fromkeys(("delta_n", "idot", "omega_dot"), "rad/s"),
         **dict.fromkeys(("crc", "crs", "accuracy", "r_e", "r_sat_e", "pseudorange", "sigma_range"), "m"),
+        "carrier_range": "m",
         **dict.fromkeys(("v_e", "v_sat_e", "range_rate", "sigma_rate"), "m/s"),
         "a_e": "m/s^2",
         "clock": "s",
@@ -180,6 +183,7 @@ def _join(layout: Mapping[str, tuple[str, ...]], flat: Columns) -> dict[str, Any
     return {
         name: flat[names[0]] if len(names) == 1 else np.stack([flat[c] for c in names], axis=1)
         for name, names in layout.items()
+        if name in flat or name not in LATER
     }
 
 

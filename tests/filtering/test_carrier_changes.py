@@ -1,0 +1,275 @@
+"""Changes of carrier phases with a cloned state: rows against a numerical twin, honest forward and backward, slips."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import aided_cases as ac
+import numpy as np
+import pytest
+
+from schuler.exceptions import InputError
+from schuler.filtering import engine
+from schuler.filtering.engine import FilterOptions, run
+from schuler.filtering.measurements import CARRIER_CHANGE, GATED, REJECTED, merged
+from schuler.filtering.states import CLONES, StateLayout, StateModel
+from schuler.gnss.ranges import predicted_ranges
+from schuler.navigation.aids.satellite import carrier_measurements, range_measurements
+from schuler.navigation.evaluation.consistency import chi_square_band, nees
+from schuler.navigation.result import NavigationResult
+
+RUNS = [16, pytest.param(40, marks=pytest.mark.campaign), pytest.param(400, marks=pytest.mark.slow)]
+CLOCK = ("clock", "clock_drift")
+SIGMA, WALK = 0.003, 0.005  # of phases: white [m], random walk [m/sqrt(s)]
+CYCLE = 0.1903
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return ac.Drive.of(ac.town(2.0), 120.0)
+
+
+def cloned(lay: StateLayout) -> StateLayout:
+    """The layout with states for a clone."""
+    return StateLayout({**lay.models, **dict.fromkeys(CLONES, StateModel.constant(0.0))})
+
+
+def with_phases(truth, over, *, walk=WALK, white=0.0):
+    """Ranges with carriers: clock, an ambiguity, and noise whose changes are independent (or not: ``white``)."""
+    ranges = ac.measured(truth, over)
+    epoch = np.searchsorted(truth.drive.fixes_t, over.t)
+    r, _ = (x[epoch] for x in truth.body(truth.drive.at_fixes).point(truth.lever))
+    phase = predicted_ranges(over.r_sat_e, r)[0] + truth.at("clock", over.t)[:, 0] + 1000.0 * CYCLE * over.sat
+    order = np.lexsort((over.t, over.sat))
+    walked = np.empty(len(over))
+    walked[order] = np.cumsum(truth.draws(len(over)))
+    return replace(ranges, carrier_range=phase + walk * walked + white * truth.draws(len(over)))
+
+
+def carriers(over, *, sigma=WALK, gate=None, slips=None, white=0.0, codes=True):
+    """Aid: ranges, and changes of carriers whose 1-sigma is ``sigma``."""
+
+    def aid(truth):
+        ranges = with_phases(truth, over, white=white, walk=0.0 if white else WALK)
+        if slips is not None:
+            ranges = replace(ranges, carrier_range=ranges.carrier_range + slips)
+        changes = carrier_measurements(ranges, ac.LEVER, sigma=SIGMA, gate=gate)
+        R = np.where(changes.kind == CARRIER_CHANGE, sigma**2, 1.0)[:, None, None] * np.eye(3)
+        changes = replace(changes, R=R)
+        return merged(range_measurements(ranges, ac.LEVER, gate=None), changes) if codes else changes
+
+    return aid
+
+
+def rows(nav, est, lay, z, lever):
+    """H and predicted minus measured of one change, by the kernel."""
+    from schuler.filtering.kernels import update as k
+
+    model = engine.filter_model(lay, np.zeros(3), np.zeros(3))
+    H, y, U, sens = np.zeros((3, 64)), np.zeros(3), np.zeros((3, 3)), np.zeros(33)
+    k.measurement_rows(
+        CARRIER_CHANGE, z, lever, nav, est, np.zeros(7), sens, model.table, model.n_sensor, model.places, model.omega,
+        H, y, U,
+    )  # fmt: skip
+    return H[0, : lay.size].copy(), float(y[0])
+
+
+def test_rows_agree_with_differences_of_the_prediction(drive):
+    """Central differences of 1 m and 1 mrad: rounding of ranges of 2e7 m (4e-9 m) over a milliradian."""
+    from schuler.rotation import quat_from_rotvec, quat_multiply
+
+    lay = cloned(ac.layout(*CLOCK, "clock_2", "lever"))
+    over = ac.sky(drive, "GE", 8)
+    a, b = np.flatnonzero(over.sat == over.sat[0])[[3, 4]]
+    s = drive.at_fixes
+    nav = np.concatenate((quat_from_rotvec(np.array([0.3, -0.8, 1.1])), s.v_eb_e[4], s.r_eb_e[4]))
+    est = np.zeros(lay.size - 9)
+    est[lay["clone_r"].start - 9 : lay["clone_r"].stop - 9] = s.r_eb_e[3] + (1.0, 2.0, -1.0)
+    est[lay["clock"].start - 9], est[lay["clone_clock"].start - 9] = 40.0, 12.0
+    est[lay["lever"].start - 9 : lay["lever"].stop - 9] = 0.1, -0.2, 0.3
+    z = np.concatenate((over.r_sat_e[b], [-700.0], over.r_sat_e[a], [3.0]))
+    lever = np.array([0.8, -0.4, -1.2])
+    H, _ = rows(nav, est, lay, z, lever)
+    twin = np.zeros(lay.size)
+    for i in range(lay.size):
+        values = []
+        for sign in (1.0, -1.0):
+            q, x, p = nav[:4], nav.copy(), est.copy()
+            step = sign * (1e-3 if i < 3 else 1.0)
+            if i < 3:
+                x[:4] = quat_multiply(quat_from_rotvec(step * np.eye(3)[i]), q)
+            elif i < 9:
+                x[1 + i] += step
+            else:
+                p[i - 9] += step
+            values.append(rows(x, p, lay, z, lever)[1])
+        twin[i] = (values[0] - values[1]) / (2e-3 if i < 3 else 2.0)
+    np.testing.assert_allclose(H, twin, atol=1e-5)
+    assert np.count_nonzero(H) == 3 + 3 + 3 + 1 + 3 + 1  # attitude, position, lever, clock, and the clone
+
+
+@pytest.mark.parametrize("runs", RUNS)
+@pytest.mark.parametrize("most", [8, 2])
+def test_nees_with_changes_of_carriers(drive, most, runs):
+    """All satellites, or two for a minute; phases walk, so that changes are independent as the filter has them."""
+    t = drive.fixes_t
+    over = ac.sky(drive, "G", np.where((t > 45.0) & (t < 105.0), most, 8))
+    lay = ac.layout(*CLOCK)
+    ac.Campaign.of(drive, lay, [carriers(over)], range(runs), filter_layout=cloned(lay)).check(looks=(10, 30, 70, 100))
+
+
+@pytest.mark.parametrize("runs", RUNS)
+def test_nees_with_an_unknown_lever_arm(drive, runs):
+    lay = ac.layout(*CLOCK, "lever")
+    over = ac.sky(drive, "G", 8)
+    ac.Campaign.of(drive, lay, [carriers(over)], range(runs), filter_layout=cloned(lay)).check(looks=(10, 30, 70, 100))
+
+
+def test_phases_with_white_noise_are_better_than_claimed(drive):
+    """Neighbouring changes share a phase: what the filter leaves out makes it careful, never too sure."""
+    lay = ac.layout(*CLOCK)
+    aid = carriers(ac.sky(drive, "G", 8), white=0.02, sigma=0.02 * np.sqrt(2.0))
+    c = ac.Campaign.of(drive, lay, [aid], range(12), filter_layout=cloned(lay))
+    _, high = chi_square_band(lay.size, 12, 0.9999)
+    assert c.nees[:, 20:].mean() < 1.0
+    assert np.all(c.nees[:, [20, 50, 80]].mean(axis=0) < high)
+
+
+def test_smoothed_solution_is_honest(drive):
+    lay, over = ac.layout(*CLOCK, "lever"), ac.sky(drive, "G", 8)
+    values = []
+    for seed in range(12):
+        one = ac.filtered(drive, lay, [carriers(over)], seed, filter_layout=cloned(lay), smoother=True)
+        smoothed = one.result.smooth()
+        values.append(nees(smoothed, one.truth.reference, one.parameters))
+        assert np.all(smoothed.sigma("dv")[5:-5] < one.result.sigma("dv")[5:-5] * (1.0 + 1e-9))
+    low, high = chi_square_band(lay.size, 12, 0.9999)
+    at = np.array(values)[:, [5, 30, 60, 90, 115]].mean(axis=0)
+    assert np.all((at > low) & (at < high)), (low, at, high)
+
+
+def test_smoother_equals_dense_rauch_tung_striebel(drive):
+    """Corrections and covariances at all nodes, clones among them, by the recursion with inverses (rounding)."""
+    from schuler.filtering.kernels import smoother as k
+    from schuler.filtering.kernels import update as u
+
+    lay = ac.layout(*CLOCK, "lever")
+    used, over = cloned(lay), ac.sky(drive, "G", 5)
+    truth = ac.Truth(drive, lay, np.random.default_rng(3))
+    schedule = carriers(over)(truth)
+    schedule = schedule.where(schedule.t < 12.5)
+    log = truth.log.between(0.0, 12.0)
+    forward = run(log, schedule, ac.initial(truth, used), used, *ac.NOISE, FilterOptions(smoother=True))
+    nodes, n = forward.nodes, used.size
+    minus, plus = np.zeros((2, len(nodes.t), n))
+    packed = np.zeros((len(nodes.t), n * (n + 1) // 2))
+    k.smooth(nodes, np.arange(len(nodes.t)), minus, plus, packed)
+    P = engine.unpack_symmetric(nodes.P, n)
+    clones = np.flatnonzero(nodes.phi[:, 0] < 0.0)
+    assert len(clones) == 11
+    dx, S = np.zeros(n), None
+    for j in range(len(nodes.t) - 1, -1, -1):
+        Pf, gained = P[j].copy(), np.zeros(n)
+        for i in range(nodes.upd[j - 1] if j else 0, nodes.upd[j]):
+            Pf -= nodes.W[i].T @ nodes.W[i]
+            gained += nodes.W[i].T @ nodes.e[i]
+        if S is None:
+            dx, S = np.zeros(n), Pf
+        else:
+            Phi = dense_transition(nodes, j + 1, used, u)
+            gain = Pf @ Phi.T @ np.linalg.pinv(P[j + 1], rcond=1e-13, hermitian=True)
+            dx = gain @ dx
+            S = Pf + gain @ (S - P[j + 1]) @ gain.T
+        scale = np.sqrt(np.maximum(np.diag(Pf), 1e-12))
+        assert np.abs((plus[j] - dx) / scale).max() < 2e-3, j
+        dx = dx - gained
+        smooth = engine.unpack_symmetric(packed[j : j + 1], n)[0]
+        assert np.abs((smooth - S) / np.outer(scale, scale)).max() < 2e-3, j
+
+
+def dense_transition(nodes, j, lay, u):
+    """Phi of node j from what the filter kept of it, of a clone too."""
+    from schuler.filtering.kernels import covariance as k
+
+    n, Phi = lay.size, np.eye(lay.size)
+    if nodes.phi[j, 0] < 0.0:
+        J = np.zeros((3, 64))
+        u.antenna_rows(*nodes.phi[j, 1:4], k.dcm(nodes.phi[j, 4:8].copy()), nodes.places[u.AT_LEVER], J)
+        Phi[lay["clone_r"]] = J[:, :n]
+        Phi[lay["clone_clock"]] = np.eye(n)[lay["clock"]]
+        return Phi
+    A, nav = np.zeros((9, 9)), np.zeros(10)
+    A[2, 2] = 1.0
+    nav[7:10] = nodes.phi[j, 8:11]
+    k.transition(A, nodes.phi[j, :8].copy(), nav, nodes.omega)
+    Phi[:9, :9] = A
+    Phi[:9, 9 : 9 + nodes.n_sensor] = nodes.B[j]
+    Phi[range(9, n), range(9, n)] = np.exp(-nodes.pmod[:, 0] * nodes.phi[j, 0])
+    Phi[nodes.i_clock, nodes.i_clock + 1] = nodes.phi[j, 0]
+    return Phi
+
+
+@pytest.mark.parametrize("runs", RUNS)
+def test_slips_of_either_sign_are_rejected_by_the_inertial_prediction(drive, runs):
+    """Half a cycle and more on one of eight carriers, every seventh second: NEES stays in its band."""
+    over = ac.sky(drive, "G", 8)
+    bad = np.unique(over.sat)[3]
+    mine = np.flatnonzero(over.sat == bad)
+    jump = np.zeros(len(over))
+    size = CYCLE * np.array([0.5, -0.5, 1.0, -1.0, 3.0, -7.0])
+    at = mine[10::7]
+    jump[at] = np.resize(size, len(at))
+    slips = np.zeros(len(over))
+    slips[mine] = np.cumsum(jump[mine])
+    lay = ac.layout(*CLOCK)
+    aid = carriers(over, gate=0.9999, slips=slips)
+    c = ac.Campaign.of(drive, lay, [aid], range(runs), filter_layout=cloned(lay), lockout=0)
+    low, high = chi_square_band(lay.size, runs, 0.9999)
+    seen = c.nees[:, [30, 45, 60, 90, 115]].mean(axis=0)
+    assert np.all((seen > low) & (seen < high)), (low, seen, high)
+    one = ac.filtered(drive, lay, [aid], 0, filter_layout=cloned(lay), lockout=0)
+    changes = one.result.innovations.of("carrier_change")
+    slipped = np.isin(np.round(changes.t, 6), np.round(over.t[at], 6)) & (
+        np.abs(changes.innovation[:, 0]) > 0.25 * CYCLE
+    )
+    assert np.sum(changes.status[slipped] == REJECTED) >= 0.99 * len(at)
+    assert np.mean(changes.status[~slipped] == REJECTED) < 1e-3 * 3
+
+
+def test_a_change_without_its_clone_is_not_used(drive):
+    """An outage takes clones away: the change behind it, which begins within it, must not meet an older clone."""
+    lay = ac.layout(*CLOCK)
+    truth = ac.Truth(drive, lay, np.random.default_rng(5))
+    schedule = carriers(ac.sky(drive, "G", 8))(truth)
+    left = schedule.outside(((40.0, 50.5),))
+    used = cloned(lay)
+    forward = run(truth.log, left, ac.initial(truth, used), used, *ac.NOISE)
+    changes = left.kind == CARRIER_CHANGE
+    first = left.t[changes & (left.t > 50.5)].min()
+    assert np.all(forward.status[changes & (left.t == first)] == GATED)
+    assert np.mean(forward.status[changes] == GATED) < 0.03
+    result = NavigationResult.from_run(forward, left.t, left.kind, used)
+    assert result.layout.blocks == lay.blocks
+    assert "clone" not in result.innovations.counts()
+
+
+def test_velocity_is_better_with_carriers(drive):
+    """RMS between epochs against code and range rates, phases of 3 mm."""
+    lay, over = ac.layout(*CLOCK), ac.sky(drive, "G", 8)
+    rms = {}
+    for name, aid, used in (
+        ("codes", ac.satellites(over), lay),
+        ("carriers", carriers(over, white=SIGMA, sigma=SIGMA * np.sqrt(2.0)), cloned(lay)),
+    ):
+        one = ac.filtered(drive, lay, [aid], 0, filter_layout=used)
+        v = one.result.errors(one.truth.reference).velocity_n
+        rms[name] = float(np.sqrt(np.mean(v[len(v) // 4 :] ** 2)))
+    assert rms["carriers"] < 0.6 * rms["codes"], rms
+
+
+def test_layout_of_a_clone():
+    with pytest.raises(InputError, match="clone_r and clone_clock go together"):
+        StateLayout({"clone_r": StateModel.constant(0.0)})
+    lay = cloned(ac.layout(*CLOCK, "clock_2"))
+    assert lay.blocks[-2:] == list(CLONES)
+    assert lay.without_clones.blocks == ac.layout(*CLOCK, "clock_2").blocks

@@ -87,8 +87,13 @@ def test_csv_keeps_every_digit_of_all_aids(aided, tmp_path):
     assert_same(read(paths[0]), aided, rtol=4e-16)
     lines = paths[6].read_text().splitlines()
     assert lines[0].startswith('# schuler {"format": "schuler/csv/2"')
-    assert lines[1] == "t [s],sat,signal,pseudorange [m],range_rate [m/s],carrier [cycle],cn0 [dB-Hz]"
+    assert lines[1] == "t [s],sat,signal,pseudorange [m],range_rate [m/s],carrier [cycle],cn0 [dB-Hz],lock"
     assert paths[3].read_text().splitlines()[1] == "t [s],heading [deg],sheading [deg]"
+    earlier = [lines[0], *(line.rpartition(",")[0] for line in lines[1:])]  # before there was an indicator of lock
+    paths[6].write_text("\n".join(earlier) + "\n")
+    again = read(paths[0]).observations
+    assert np.array_equal(again.carrier, aided.observations.carrier, equal_nan=True)
+    assert not again.lock.any()
 
 
 def test_what_older_releases_can_read_keeps_its_version(run, tmp_path):

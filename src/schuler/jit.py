@@ -27,6 +27,7 @@ from numba.extending import is_jitted
 _NOTICE_AFTER_S = 1.5
 
 _core: Any = numba.core
+PLAIN: bool = bool(_core.config.DISABLE_JIT)  # NUMBA_DISABLE_JIT=1: kernels as plain Python, to step through
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 # Besides the kernel files: what they take constants from (tests/test_project.py holds them to it).
@@ -61,6 +62,9 @@ def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Callable[...
     numba itself asks only whether the function's own file is newer, and would go on running code into which the old
     version of a helper from another file has been inlined.
     """
+    if PLAIN:
+        cast(Any, function).py_func = function
+        return function
     try:
         compiled: Any = _one_version(numba.njit(cache=True, **options, **_OPTIONS)(function))
     except RuntimeError:  # no folder can be written: a read-only installation and home, a service without a home
@@ -167,8 +171,8 @@ def lane_version(function: Callable[..., Any], **helpers: Callable[..., Any]) ->
     second = types.FunctionType(text.__code__, names, text.__name__, text.__defaults__)
     second.__qualname__ = f"{text.__qualname__}_in_lanes"  # numba names the index on disk by it
     second.__doc__ = text.__doc__
-    same = ("forceinline", "_nrt")
-    return _kept(second, {name: original.targetoptions[name] for name in same if name in original.targetoptions})
+    given = getattr(original, "targetoptions", {})  # none in plain Python
+    return _kept(second, {name: given[name] for name in ("forceinline", "_nrt") if name in given})
 
 
 def _readable_index(load: Callable[[], Any]) -> Any:
@@ -227,7 +231,7 @@ def prepare(kernels: Iterable[tuple[Callable[..., Any], tuple[Any, ...]]]) -> No
     kernels : iterable of (kernel, types)
         The compiled function and the numba types of its arguments.
     """
-    pending = [(k, types) for k, types in kernels if not cast(Any, k).signatures]
+    pending = [(k, types) for k, types in kernels if is_jitted(k) and not cast(Any, k).signatures]
     if not pending:
         return
     notice = threading.Timer(_NOTICE_AFTER_S, _say_compiling)

@@ -11,16 +11,6 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-# kernels as plain Python: a mutant needs no compiling, and leaves nothing in the cache of machine code
-_PLAIN_KERNELS = """
-def _kept(function, options):
-    function.py_func = function
-    return function
-
-
-def prepare(kernels):
-    pass
-"""
 
 
 def prepare() -> None:
@@ -103,7 +93,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         self.replaced: dict[str, str] = {}
 
     def find_spec(self, fullname, path=None, target=None):
-        if fullname != "schuler.jit" and fullname not in self.replaced:
+        if fullname not in self.replaced:
             return None
         file = ROOT / "src" / (fullname.replace(".", "/") + ".py")
         return importlib.util.spec_from_loader(fullname, self, origin=str(file))
@@ -111,10 +101,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
     def exec_module(self, module) -> None:
         file = module.__spec__.origin
         module.__file__ = file
-        source = self.replaced.get(module.__name__) or Path(file).read_text(encoding="utf-8")
-        if module.__name__ == "schuler.jit":
-            source += _PLAIN_KERNELS
-        exec(compile(source, file, "exec"), module.__dict__)
+        exec(compile(self.replaced[module.__name__], file, "exec"), module.__dict__)
 
 
 _FINDER = _Finder()

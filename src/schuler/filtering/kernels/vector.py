@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 import operator
+from typing import Any
 
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba.core import cgutils, types
@@ -24,6 +25,8 @@ from numba.core.imputils import lower_cast
 from numba.core.typeconv.castgraph import Conversion
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
+
+from schuler.jit import PLAIN
 
 LANES = 8
 
@@ -186,7 +189,7 @@ def _borrowed(context, builder, result, pointer, shape):
 
 
 @intrinsic
-def as_lanes(typingctx, array):
+def _borrowed_lanes(typingctx, array):
     """A C-contiguous float64 array of shape (..., LANES) as an array of lanes; the memory is borrowed."""
     result = types.Array(lane, array.ndim - 1, "C", aligned=False)
 
@@ -196,6 +199,14 @@ def as_lanes(typingctx, array):
         return _borrowed(context, builder, result, source.data, shape)
 
     return result(array), codegen
+
+
+def _rows(array):
+    """The array itself: in plain Python a lane is a row of it."""
+    return array
+
+
+as_lanes: Any = _rows if PLAIN else _borrowed_lanes  # random numbers in lanes need the compiler
 
 
 @intrinsic

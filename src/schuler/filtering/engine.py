@@ -355,13 +355,7 @@ def run(
                 "the filter diverged: its attitude turns far more than the gyroscopes' readings do. Check units and "
                 "axes of the log, and that the specification of the IMU allows for its errors"
             )
-        nodes = SmootherNodes(
-            t=node.t[:a], P=node.P[:a], phi=node.phi[:a], B=node.B[:a], upd=node.upd[:a],
-            W=node.W[:u], G=node.G[:u], e=node.e[:u],
-            pmod=state.model.dynamics, n_sensor=layout.n_sensor,
-            i_clock=layout["clock"].start if "clock" in layout else -1, places=state.model.places,
-            omega=state.model.omega,
-        )  # fmt: skip
+        nodes = smoother_nodes(node, a, u, state)
     o, c = int(cnt[k.CNT_OUT]), int(cnt[k.CNT_REC])
     return ForwardRun(
         t=out.t[:o], q=out.q[:o], v=out.v[:o], r=out.r[:o],
@@ -370,6 +364,18 @@ def run(
         variance=_spread(aiding.variance, in_span),
         epochs=int(cnt[k.CNT_EPOCH]), propagations=int(cnt[k.CNT_FLUSH]), complete=complete, nodes=nodes,
         noise_factors=state.noise_factors,
+    )  # fmt: skip
+
+
+def smoother_nodes(node: NodeArrays, nodes: int, updates: int, state: FilterState) -> SmootherNodes:
+    """What the smoother is given of the first nodes and updates that a filter kept."""
+    layout, a, u = state.layout, nodes, updates
+    return SmootherNodes(
+        t=node.t[:a], P=node.P[:a], phi=node.phi[:a], B=node.B[:a], upd=node.upd[:a],
+        W=node.W[:u], G=node.G[:u], e=node.e[:u],
+        pmod=state.model.dynamics, n_sensor=layout.n_sensor,
+        i_clock=layout["clock"].start if "clock" in layout else -1, places=state.model.places,
+        omega=state.model.omega,
     )  # fmt: skip
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from schuler.arrays import FloatArray
-from schuler.filtering.engine import unpack_symmetric
-from schuler.filtering.filter_arrays import NodeArrays, SmootherNodes, TrajectoryArrays
+from schuler.filtering.engine import smoother_nodes, unpack_symmetric
+from schuler.filtering.filter_arrays import NodeArrays, TrajectoryArrays
 from schuler.live.replay import ReplayFilter, copied
 from schuler.mechanization.strapdown import NavState
 
@@ -56,11 +56,7 @@ def smoothed(run: ReplayFilter, lag_s: float) -> tuple[NavState, FloatArray] | N
     node = NodeArrays.of_size(count + 2 * updates + 2, updates, n, n_sensor)
     run.run_again(arrays, first, out, node)
     a, u = int(arrays.counts[forward.CNT_NODE]), int(arrays.counts[forward.CNT_UPD])
-    nodes = SmootherNodes(
-        t=node.t[:a], P=node.P[:a], phi=node.phi[:a], B=node.B[:a], upd=node.upd[:a],
-        W=node.W[:u], G=node.G[:u], e=node.e[:u], pmod=state.model.dynamics, n_sensor=n_sensor,
-        i_clock=state.layout["clock"].start if "clock" in state.layout else -1, omega=state.model.omega,
-    )  # fmt: skip
+    nodes = smoother_nodes(node, a, u, state)
     row = int(np.searchsorted(out.t, at, side="right")) - 1
     k = int(np.searchsorted(nodes.t, out.t[row] + 1e-9)) - 1  # the last of a time, as in a batch run
     record = np.full(a, -1, dtype=np.int64)

@@ -113,7 +113,7 @@ class Recording(Displayed):
     def _need_series(self) -> list[Any]:
         series = self._series()
         if not series:
-            raise InputError(f"{self.metadata.name} holds orbits and clocks of satellites only, which have no start and end")
+            raise InputError(f"{self.metadata.name} holds orbits of satellites only, which have no start and end")
         return series
 
     def _series(self) -> list[Any]:
@@ -246,7 +246,7 @@ class Recording(Displayed):
 
     def summary(self, *, notes: bool = True) -> str:
         """Contents of the recording in a few lines of text; without its notes where a result prints them."""
-        span = f"{self.stop - self.start:.1f} s" if self._series() else "orbits and clocks of satellites only"
+        span = f"{self.stop - self.start:.1f} s" if self._series() else "orbits of satellites only"
         lines = [f"{self.metadata.name}: {span}, {self.metadata.time.describe()}"]
         if self.imu is not None:
             imu = self.imu.rates()

@@ -11,11 +11,12 @@ import pytest
 from schuler.exceptions import InputError
 from schuler.filtering import engine
 from schuler.filtering.engine import FilterOptions, run
-from schuler.filtering.measurements import CARRIER_CHANGE, GATED, REJECTED, merged
+from schuler.filtering.measurements import ACCEPTED, CARRIER_CHANGE, GATED, REJECTED, STATUS, merged
 from schuler.filtering.states import CLONES, StateLayout, StateModel
 from schuler.gnss.ranges import predicted_ranges
 from schuler.navigation.aids.satellite import carrier_measurements, range_measurements
 from schuler.navigation.evaluation.consistency import chi_square_band, nees
+from schuler.navigation.navigator import Navigator
 from schuler.navigation.result import NavigationResult
 
 RUNS = [16, pytest.param(40, marks=pytest.mark.campaign), pytest.param(400, marks=pytest.mark.slow)]
@@ -146,6 +147,28 @@ def test_smoothed_solution_is_honest(drive):
     low, high = chi_square_band(lay.size, 12, 0.9999)
     at = np.array(values)[:, [5, 30, 60, 90, 115]].mean(axis=0)
     assert np.all((at > low) & (at < high)), (low, at, high)
+
+
+def test_live_navigator_gives_the_batch_numbers(drive):
+    """Bit for bit, clones among the measurements that it is given."""
+    lay, options = ac.layout(*CLOCK, "lever"), FilterOptions(covariance_rate_hz=None)
+    truth = ac.Truth(drive, lay, np.random.default_rng(4))
+    log = truth.log.between(0.0, 10.0)
+    schedule = carriers(ac.sky(drive, "G", 6))(truth)
+    schedule = schedule.where(schedule.t < log.t[-1])
+    batch = run(log, schedule, ac.initial(truth), cloned(lay), *ac.NOISE, options)
+    live = Navigator(ac.initial(truth), cloned(lay), *ac.NOISE, interval_s=0.01, options=options)
+    j = 0
+    for k in range(len(log)):
+        due = int(np.searchsorted(schedule.t, log.t[k] + 1e-9, side="right"))
+        if due > j:
+            live.aid(schedule.where(np.arange(j, due)))
+            j = due
+        live.imu(log.t[k], log.dtheta_ib_b[k], log.dv_ib_b[k])
+    np.testing.assert_array_equal(live.state.r_eb_e, batch.r[-1])
+    np.testing.assert_array_equal(live.parameters, batch.rec_est[-1])
+    assert [o.status for o in live.outcomes] == [STATUS[s] for s in batch.status]
+    assert np.sum(batch.status[schedule.kind == CARRIER_CHANGE] == ACCEPTED) > 40
 
 
 def test_smoother_equals_dense_rauch_tung_striebel(drive):

@@ -133,8 +133,9 @@ def test_zero_error_data_stays_at_zero(drive_case):
     T = drive_case.truth
     nav = cases.NavState(0.0, T.r_eb_e[0], T.v_eb_e[0], T.q_eb[0])
     initial = cases.InitialState.from_sigmas(nav, lay, attitude=[0.01] * 3, velocity=[0.1] * 3, position=[1.0] * 3)
-    forward = run(drive_case.increments, gnss_measurements(gnss, cases.LEVER), initial, lay, quiet**2, quiet**2)
-    result = NavigationResult.from_run(forward, gnss.t, np.ones(n, dtype=int), lay)
+    schedule = gnss_measurements(gnss, cases.LEVER)
+    forward = run(drive_case.increments, schedule, initial, lay, quiet**2, quiet**2)
+    result = NavigationResult.from_run(forward, schedule.t, schedule.kind, lay)
     errors = result.errors(drive_case.truth)
     # discretisation: the lever arm's velocity takes the mean rate of an interval, half a sample old
     assert errors.max_horizontal < 5e-3

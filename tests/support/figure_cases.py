@@ -68,6 +68,27 @@ def compared_rests():
     return RestComparison(t, t + 10.0, 9.81, "as stated", f + 0.04, f, none, none, np.full(6, 2e-3), none)
 
 
+def double_differences():
+    """What the figure takes of a baseline: four satellites, one of which slips."""
+    shape = (30, 4)
+    code, carrier = RNG(4).normal(0.0, [[0.4], [0.004]], (2, shape[0] * shape[1])).reshape(2, *shape)
+    slipped = np.zeros(shape, dtype=bool)
+    slipped[12, 2] = True
+    return SimpleNamespace(
+        t=np.arange(30.0), sat=np.array([1, 5, 7, 201]), residual_code=code, residual_carrier=carrier,
+        sigma_code=np.full(shape, 0.4), slipped=slipped, n_ambiguities=np.full(30, 3), n_fixed=np.full(30, 3),
+    )  # fmt: skip
+
+
+def looked_at():
+    """A log of a page, at rest."""
+    from schuler.recording.recording import Metadata, Recording
+    from schuler.recording.series import ImuSeries
+
+    t, noise = np.arange(0.0, 60.0, 0.05), RNG(5).normal(0.0, 1e-3, (2, 1200, 3))
+    return SimpleNamespace(recording=Recording(Metadata("rest"), imu=ImuSeries(t, noise[0], noise[1])))
+
+
 @cache
 def thermal():
     from schuler.calibration.thermal.calibrate import calibrate_thermal
@@ -507,6 +528,7 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
     from schuler.characterisation.report import figures as noise_figures
     from schuler.characterisation.report import panels as noise_panels
     from schuler.characterisation.report import spectra as noise_spectra
+    from schuler.gnss.baseline_report import residual_figure
     from schuler.growth import figures as growth_figures
     from schuler.montecarlo import report as montecarlo_figures
     from schuler.navigation.foot import figures as foot_figures
@@ -517,6 +539,7 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
     from schuler.reproduce.yaman.study import campaign_figures, mode_figures
     from schuler.reproduce.yaman.study import figures as yaman_figures
     from schuler.rotary import report as rotary_figures
+    from schuler.studio import figures as studio_figures
 
     b, c, fp, fo = budget_figures, calibration_panels, field_panels, foot_figures
     r, s = filter_figures, du_figures
@@ -647,8 +670,16 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         "characterisation.report.panels.comparison": lambda: noise_of(noise_panels.comparison),
         "characterisation.report.panels.ratio": lambda: noise_of(noise_panels.ratio),
         "characterisation.report.spectra.spectrum": lambda: noise_of(noise_spectra.spectrum, 2),
+        "characterisation.report.spectra.log_spectrum": lambda: noise_of(noise_spectra.log_spectrum, 2),
         "characterisation.report.spectra.autocorrelation": lambda: noise_of(noise_spectra.autocorrelation, 3),
         "characterisation.report.spectra.signals": lambda: noise_of(noise_spectra.signals, 1),
+        "gnss.baseline_report.residual_figure": lambda: residual_figure(double_differences()),
+        "studio.figures.calibration_figure": lambda: [
+            studio_figures.calibration_figure(calibration(), name) for name in ("coverage", "residuals", "correlations")
+        ],
+        "studio.figures.span_figure": lambda: [
+            studio_figures.span_figure(looked_at(), name, 0.0, 50.0) for name in ("spectrum", "spectrogram")
+        ],
         "observability.report.observability_figure": lambda: observability_figures.observability_figure(unknown()),
         "calibration.report.pose_figure.plan_content": lambda: pose_figure.plan_content(attitude_plan(26), 7),
         "reproduce.flenniken.study.rocket.figures.trajectory_figure": lambda: rocket_figures.trajectory_figure(

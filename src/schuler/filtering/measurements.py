@@ -41,8 +41,8 @@ KINDS = {
     CARRIER_CHANGE: "carrier_change",
     CLONE: "clone",
 }
-#: Components of each kind.
-DIMENSIONS = {k: 3 if k in (1, 2, 3, 7, 12, 13, 14, 17) else 1 for k in KINDS}
+#: Components of each kind; a clone measures nothing.
+DIMENSIONS = {k: 3 if k in (1, 2, 3, 7, 12, 13, 14, 17) else int(k != CLONE) for k in KINDS}
 #: Kinds that come from satellites and stop in an outage.
 GNSS_KINDS = (
     POSITION, VELOCITY, PSEUDORANGE, RANGE_RATE, RESET_POSITION, RESET_VELOCITY, GNSS_HEADING, CARRIER_CHANGE, CLONE

@@ -156,8 +156,9 @@ def test_live_navigator_gives_the_batch_numbers(drive):
     log = truth.log.between(0.0, 10.0)
     schedule = carriers(ac.sky(drive, "G", 6))(truth)
     schedule = schedule.where(schedule.t < log.t[-1])
-    batch = run(log, schedule, ac.initial(truth), cloned(lay), *ac.NOISE, options)
-    live = Navigator(ac.initial(truth), cloned(lay), *ac.NOISE, interval_s=0.01, options=options)
+    start = ac.initial(truth)
+    batch = run(log, schedule, start, cloned(lay), *ac.NOISE, options)
+    live = Navigator(start, cloned(lay), *ac.NOISE, interval_s=0.01, options=options)
     j = 0
     for k in range(len(log)):
         due = int(np.searchsorted(schedule.t, log.t[k] + 1e-9, side="right"))

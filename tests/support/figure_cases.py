@@ -86,7 +86,7 @@ def looked_at():
     from schuler.recording.series import ImuSeries
 
     t, noise = np.arange(0.0, 60.0, 0.05), RNG(5).normal(0.0, 1e-3, (2, 1200, 3))
-    return SimpleNamespace(recording=Recording(Metadata("rest"), imu=ImuSeries(t, noise[0], noise[1])))
+    return SimpleNamespace(recording=Recording(imu=ImuSeries(t, noise[0], noise[1]), metadata=Metadata("rest")))
 
 
 @cache
@@ -670,7 +670,7 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         "characterisation.report.panels.comparison": lambda: noise_of(noise_panels.comparison),
         "characterisation.report.panels.ratio": lambda: noise_of(noise_panels.ratio),
         "characterisation.report.spectra.spectrum": lambda: noise_of(noise_spectra.spectrum, 2),
-        "characterisation.report.spectra.log_spectrum": lambda: noise_of(noise_spectra.log_spectrum, 2),
+        "characterisation.report.spectra.log_spectrum": lambda: noise_spectra.log_spectrum(noise()[2]),
         "characterisation.report.spectra.autocorrelation": lambda: noise_of(noise_spectra.autocorrelation, 3),
         "characterisation.report.spectra.signals": lambda: noise_of(noise_spectra.signals, 1),
         "gnss.baseline_report.residual_figure": lambda: residual_figure(double_differences()),

@@ -28,7 +28,7 @@ def residual_figure(b: BaselineSolution) -> Figure:
         line(b.t, b.n_ambiguities.astype(float), "unused", "ambiguities"),
         line(b.t, b.n_fixed.astype(float), "filtered", "fixed combinations"),
     )
-    panels.append(Panel(TIME, "count", counts))
+    panels.append(Panel(TIME, "combinations [-]", counts))
     names = {one: k for k, one in enumerate(np.unique(b.sat)[::-1].tolist())}
     k, s = np.nonzero(np.isfinite(b.sigma_code))
     where = np.array([names[one] for one in b.sat.tolist()], dtype=float)

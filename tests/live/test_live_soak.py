@@ -64,7 +64,7 @@ def test_faults_every_few_seconds(tmp_path, seed):
     assert live.health == "ok"
     off = np.linalg.norm(cases.position(live.solution()) - recording.reference.r_eb_e[-1])
     assert off < 4.0 * np.linalg.norm(live.solution().sigma_r_n)  # statistical
-    run = live._filter
+    run = live._run.filter
     assert len(run.samples) < 100 * (5 + 2)  # the lag, and what comes between two looks at the health
     assert len(run.snapshots) < 2 * (5 + 2)
     assert len(run.aiding.t) < 20 * (5 + 2)

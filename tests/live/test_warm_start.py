@@ -11,8 +11,10 @@ from schuler import frames, rotation, units
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.live import LiveNavigator
+from schuler.live.navigator import STATE_FORMAT
 from schuler.live.warm import Kept, grown, informed
 from schuler.mechanization.strapdown import NavState
+from schuler.navigation.navigator_file import read_document, write_document
 from schuler.recording import Recording
 from schuler.simulation import simulate
 
@@ -143,6 +145,21 @@ def test_a_state_that_moves_is_not_gone_on_with(ideal, tmp_path):
     cases.fed(live, unit.drive().between(0.0, 25.0))
     assert np.linalg.norm(live.solution().v_eb_n) > 5.0
     other = LiveNavigator.load(live.save(tmp_path / "state"), stood_still=True)
+    later = unit.rest(200.0)
+    other.imu_many(later.t[:100], later.gyro[:100], later.accel[:100])
+    assert other.solution() is None
+    assert "the biases of before" in other.events[-1].text
+
+
+def test_a_doubtful_run_is_not_gone_on_with(ideal, tmp_path):
+    """Doubtful after a first pause, standing at a second: it aligns anew, with the biases of before the first."""
+    unit = Unit(ideal, 0)
+    live = LiveNavigator.from_config(cases.CONFIG, kind="increment")
+    cases.fed(live, unit.drive().between(0.0, 25.0))
+    document = read_document(live.save(tmp_path / "state"), STATE_FORMAT)
+    kept = {"t": 20.0, "parameters": live.parameters, "P": live.covariance[9:, 9:]}
+    path = write_document(tmp_path / "doubtful", {**document, "health": "doubtful", "kept": kept}, STATE_FORMAT)
+    other = LiveNavigator.load(path, stood_still=True)
     later = unit.rest(200.0)
     other.imu_many(later.t[:100], later.gyro[:100], later.accel[:100])
     assert other.solution() is None

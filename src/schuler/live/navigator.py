@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,15 +12,13 @@ import numpy as np
 from schuler.arrays import ArrayLike, BoolArray, FloatArray
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import FileFormatError, InputError
-from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule, merged
 from schuler.filtering.states import StateLayout
 from schuler.live.aids import LiveAids
 from schuler.live.checks import check_live, checked, checked_together, name_of
 from schuler.live.collection import JUDGED_S, Collection
-from schuler.live.document import live_document, restore_live
-from schuler.live.health import HealthMonitor
+from schuler.live.events import EventLog
 from schuler.live.messages import (
     Event,
     EventKind,
@@ -35,29 +32,25 @@ from schuler.live.messages import (
     Solution,
     Speed,
 )
-from schuler.live.preparation import PreparedSamples, SamplePreparation
+from schuler.live.queue import SIZE, Queue
 from schuler.live.readings import imu_readings
-from schuler.live.replay import ReplayFilter
+from schuler.live.run import LiveRun, solution
 from schuler.live.smoothing import smoothed
 from schuler.live.stamps import Stamps
 from schuler.live.start import start
-from schuler.live.warm import LONGEST_S, Kept, stands, stood
-from schuler.mechanization.strapdown import NavState
+from schuler.live.warm import LONGEST_S, Kept, stands
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.navigator_file import read_document, write_document
 from schuler.navigation.start.alignment import aligned_sentence
 from schuler.recording.io.checks import MAX_FORCE, MAX_RATE
+from schuler.recording.io.own import time_document, time_from
 from schuler.recording.series import GnssSeries, Kind
 from schuler.timebase import TimeBase
 
 _BLOCK_S = 1.0  # samples of so long are filtered together, unless the solution is asked for before [s]
 _COLLECTED_S = 0.2  # the same before the start [s]
-_BLOCK = 1000  # of them at most
-_WAITING = 16  # fixes and readings among them at most; fewer than would make a log's contradictions
 _JUDGE_S = 1.0  # how often health is judged [s]
 _AHEAD_S = 60.0  # a measurement stamped later than the newest sample by more is of another clock [s]
-_REPEATED_S = 10.0  # events of one sort are said once in so long, with their number [s]
-_KEPT_EVENTS = 1000
 _LIMITS = np.array([MAX_RATE] * 3 + [MAX_FORCE] * 3)
 
 #: Format and version of the files of :meth:`LiveNavigator.save`.
@@ -81,11 +74,8 @@ class LiveNavigator:
     """
 
     _collection: Collection | None
-    _filter: ReplayFilter | None
-    _preparation: SamplePreparation | None
-    _aids: LiveAids | None
-    _initial: InitialState | None
-    _provenance: dict[str, Any] | None
+    _run: LiveRun | None
+    _kept: Kept | None  # parameters of the run before a pause
 
     def __init__(
         self,
@@ -107,13 +97,8 @@ class LiveNavigator:
         self._readings = imu_readings(config, kind)
         #: Called with every event.
         self.on_event = on_event
-        self._is_si = self._readings.is_si
-        self._events: deque[Event] = deque(maxlen=_KEPT_EVENTS)
-        self._repeated: dict[str, tuple[float, int]] = {}
-        self._queue = np.empty((_BLOCK, 8))  # t, gyro, accel, temperature
-        self._queued = 0
-        self._span = (-math.inf, -math.inf)  # stamps of samples that may join the queue [s]
-        self._waiting: list[tuple[int, Fix | Speed | Heading | Height]] = []  # with the samples queued before each
+        self._events = EventLog()
+        self._queue = Queue()
         self._health: Health = "aligning"
         self._stood_still = False
         #: Meaning of zero seconds, for whoever knows it; saved with the state.
@@ -174,32 +159,20 @@ class LiveNavigator:
         temperature : float
             [degC]
         """
-        k = self._queued
-        if k == 0:
-            self._span = t, t + (_COLLECTED_S if self._filter is None else _BLOCK_S)
-        row = self._queue[k]
-        row[0], row[1:4], row[4:7], row[7] = t, gyro, accel, temperature
-        self._queued = k + 1
-        if k + 1 == _BLOCK or not self._span[0] <= t < self._span[1]:
+        if self._queue.put(t, gyro, accel, temperature, self._span_s):
             self._work()
 
     def imu_many(self, t: ArrayLike, gyro: ArrayLike, accel: ArrayLike, temperature: ArrayLike | None = None) -> None:
         """Take consecutive samples at once; shapes (n,), (n, 3), (n, 3), (n,)."""
         t = np.asarray(t, dtype=np.float64)
-        n = len(t)
-        for first in range(0, n, _BLOCK):
-            part = slice(first, min(first + _BLOCK, n))
-            if self._queued + part.stop - first > _BLOCK:
+        rows = np.empty((len(t), 8))
+        rows[:, 0], rows[:, 1:4], rows[:, 4:7] = t, gyro, accel
+        rows[:, 7] = math.nan if temperature is None else temperature
+        for first in range(0, len(t), SIZE):
+            part = rows[first : first + SIZE]
+            if not self._queue.has_room(len(part)):
                 self._work()
-            k, stop = self._queued, self._queued + part.stop - first
-            rows = self._queue[k:stop]
-            rows[:, 0], rows[:, 1:4], rows[:, 4:7] = t[part], np.asarray(gyro)[part], np.asarray(accel)[part]
-            rows[:, 7] = math.nan if temperature is None else np.asarray(temperature)[part]
-            if k == 0:
-                begin = float(rows[0, 0])
-                self._span = begin, begin + (_COLLECTED_S if self._filter is None else _BLOCK_S)
-            self._queued = stop
-            if stop == _BLOCK or not self._span[0] <= rows[-1, 0] < self._span[1]:
+            if self._queue.put_rows(part, self._span_s):
                 self._work()
 
     def fix(
@@ -239,8 +212,7 @@ class LiveNavigator:
         elif isinstance(message, ImuBlock):
             self.imu_many(message.t, message.gyro, message.accel, message.temperature)
         else:
-            self._waiting.append((self._queued, message))
-            if len(self._waiting) == _WAITING or not self._queued:
+            if self._queue.put_message(message):
                 self._work()
 
     # -- what is asked for ----------------------------------------------------------------------------------------
@@ -251,11 +223,11 @@ class LiveNavigator:
         Sigmas are those of the last propagation of the covariance, a tenth of a second ago at most with the defaults.
         """
         self._work()
-        if self._filter is None:
+        if self._run is None:
             return None
-        self._filter.run()
-        state = self._filter.state
-        return self._solution(state.navigation, state.covariance_e)
+        self._run.filter.run()
+        state = self._run.filter.state
+        return solution(state.navigation, state.covariance_e, self._health)
 
     def smoothed(self) -> Solution | None:
         """Solution ``smoother_lag_s`` before the newest sample, by the batch smoother with all that came so far.
@@ -270,20 +242,11 @@ class LiveNavigator:
         if self.smoother_lag_s is None:
             raise InputError("smoothed: the run has no smoother; make it with smoother_lag_s")
         self._work()
-        if self._filter is None:
+        if self._run is None:
             return None
-        self._filter.run()
-        state = smoothed(self._filter, self.smoother_lag_s)
-        return None if state is None else self._solution(*state, self.smoother_lag_s)
-
-    def _solution(self, nav: NavState, covariance_e: FloatArray, smoother_lag_s: float = 0.0) -> Solution:
-        """A navigation state and its covariance in Earth-fixed axes, as given out."""
-        llh = nav.llh
-        T = ecef_from_ned_states(llh, 9)
-        sigma = np.sqrt(np.maximum(np.einsum("ji,jk,ki->i", T, covariance_e[:9, :9], T), 0.0))
-        return Solution(
-            nav.t, llh, nav.v_eb_n, nav.rpy_nb, sigma[6:9], sigma[3:6], sigma[0:3], self._health, smoother_lag_s
-        )
+        self._run.filter.run()
+        state = smoothed(self._run.filter, self.smoother_lag_s)
+        return None if state is None else solution(*state, self._health, self.smoother_lag_s)
 
     @property
     def health(self) -> Health:
@@ -294,43 +257,36 @@ class LiveNavigator:
     def events(self) -> list[Event]:
         """The newest thousand events."""
         self._work()
-        return list(self._events)
+        return list(self._events.newest)
 
     @property
     def initial(self) -> InitialState | None:
         """Initial state of the run, as aligned; None before."""
         self._work()
-        return self._initial
+        return None if self._run is None else self._run.initial
 
     @property
     def layout(self) -> StateLayout | None:
         """States of the filter; None before the alignment."""
         self._work()
-        return None if self._filter is None else self._filter.layout
+        return None if self._run is None else self._run.filter.layout
 
     @property
     def parameters(self) -> FloatArray:
         """Parameter estimates, order of the layout. Shape (m,)."""
-        return self._running().state.arrays.est.copy()
+        return self._running().filter.state.arrays.est.copy()
 
     @property
     def covariance(self) -> FloatArray:
         """Covariance at its last propagation, navigation errors in north-east-down axes. Shape (n, n)."""
-        return self._covariance(self._running())
+        return self._running().covariance_n
 
-    @staticmethod
-    def _covariance(run: ReplayFilter) -> FloatArray:
-        state = run.state
-        T = ecef_from_ned_states(state.navigation.llh, state.layout.size)
-        rotated: FloatArray = T.T @ state.covariance_e @ T
-        return 0.5 * (rotated + rotated.T)
-
-    def _running(self) -> ReplayFilter:
+    def _running(self) -> LiveRun:
         self._work()
-        if self._filter is None:
+        if self._run is None:
             raise InputError("the run is not aligned yet, so there are no estimates; ask `health` first")
-        self._filter.run()
-        return self._filter
+        self._run.filter.run()
+        return self._run
 
     # -- files ----------------------------------------------------------------------------------------------------
 
@@ -343,7 +299,7 @@ class LiveNavigator:
             Its file appears complete or not at all: a power cut leaves the one before.
         """
         self._work()
-        return write_document(path, live_document(self), STATE_FORMAT)
+        return write_document(path, self._document(), STATE_FORMAT)
 
     @classmethod
     def load(
@@ -381,12 +337,47 @@ class LiveNavigator:
                 config, calibration=calibration, lag_s=document["lag_s"], smoother_lag_s=document["smoother_lag_s"],
                 kind=document["kind"], on_event=on_event,
             )  # fmt: skip
-            restore_live(live, document)
+            live._restore(document)
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise FileFormatError(f"holds no live run: {error}", path) from None
         live._stood_still = stood_still
         live._say("state", f"goes on from the state of {live._newest:.3f} s", "restored")
         return live
+
+    def _document(self) -> dict[str, Any]:
+        """Everything that goes on, as plain data and arrays."""
+        run, stamps = self._run, self._stamps
+        return {
+            "config": self.config.model_dump(mode="json", exclude_unset=True),
+            "lag_s": self.lag_s,
+            "smoother_lag_s": self.smoother_lag_s,
+            "kind": self.kind,
+            "time": None if self.time is None else time_document(self.time),
+            "calibration": None if run is None else run.provenance,
+            "temperature": math.nan if run is None else run.temperature,
+            "stamps": [stamps.last, stamps.other, stamps.count],
+            "newest": self._newest,
+            "health": self._health,
+            "collection": None if self._collection is None else self._collection.document(),
+            "kept": None if self._kept is None else self._kept._asdict(),
+            "run": None if run is None else run.document(),
+        }
+
+    def _restore(self, document: dict[str, Any]) -> None:
+        """Go on from a document of the run's configuration."""
+        self._stamps.last, self._stamps.other, self._stamps.count = document["stamps"]
+        self._newest, self._health = document["newest"], document["health"]
+        self.time = None if document["time"] is None else time_from(document["time"])
+        if document["collection"] is None:
+            self._collection = None
+        elif self._collection is not None:
+            self._collection.restore(document["collection"])
+        self._kept = None if document["kept"] is None else Kept(**document["kept"])
+        run, provenance, temperature = (document[name] for name in ("run", "calibration", "temperature"))
+        if run is not None:
+            self._run = LiveRun.restored(
+                run, provenance, temperature, self.config, self._calibration, self._readings.kind
+            )
 
     # -- inside ---------------------------------------------------------------------------------------------------
 
@@ -394,25 +385,22 @@ class LiveNavigator:
         """Collect anew: nothing is aligned."""
         self._stamps = Stamps(self.config.imu.max_gap_s)
         self._collection = Collection(self.config, self._readings.kind)
-        self._filter = None
-        self._preparation = None
-        self._aids = None
-        self._monitor = HealthMonitor()
-        self._initial = None
+        self._run = None
         self._obstacle = ""
-        self._kept: Kept | None = None  # parameters of the run before a pause
-        self._provenance = None  # of the calibration
-        self._temperature = math.nan  # mean of the samples that the start was made from [degC]
-        self._judged_at = -math.inf  # time of the newest look at the health [s]
+        self._kept = None
         self._newest = math.nan  # time of the newest sample, on the GNSS clock [s]
+
+    @property
+    def _span_s(self) -> float:
+        """Samples of so long are filtered together. [s]"""
+        return _COLLECTED_S if self._run is None else _BLOCK_S
 
     def _work(self) -> None:
         """Take what is in the queue."""
-        if not self._queued and not self._waiting:
+        if not self._queue:
             return
-        rows, waiting = self._queue[: self._queued].copy(), self._waiting
-        self._queued, self._waiting = 0, []
-        if self._filter is not None and self._stamps.continues(rows[:, 0]):
+        rows, waiting = self._queue.empty()
+        if self._run is not None and self._stamps.continues(rows[:, 0]):
             # measurements before the samples they are of: the filter does not go back for them
             newest = float(rows[-1, 0]) + self.config.imu.clock_shift_s if len(rows) else self._newest
             self._measure([message for _, message in waiting], newest)
@@ -429,7 +417,7 @@ class LiveNavigator:
         """Take raw samples: time, rate, specific force, temperature. Shape (n, 8)."""
         while len(rows):
             x = rows
-            if not self._is_si:
+            if not self._readings.is_si:
                 gyro, accel = self._readings.to_si(rows[:, 1:4], rows[:, 4:7])
                 x = np.column_stack((rows[:, 0], gyro, accel, rows[:, 7]))
             bad = self._impossible(x)
@@ -454,7 +442,7 @@ class LiveNavigator:
         """Samples with readings that are none, shape (n,); None if there are none of these."""
         per = 1.0
         if self._readings.kind == "increment":
-            per = 1.0 / (0.01 if self._preparation is None else self._preparation.recent.interval_s)
+            per = 1.0 / (0.01 if self._run is None else self._run.preparation.recent.interval_s)
         with np.errstate(invalid="ignore"):
             good: BoolArray = np.abs(x[:, 1:7]) * per <= _LIMITS
         if good.all():
@@ -467,71 +455,53 @@ class LiveNavigator:
         self._newest = float(x[-1, 0]) + self.config.imu.clock_shift_s
         if self._collection is not None:
             self._collection.extend(t=x[:, 0], gyro=x[:, 1:4], accel=x[:, 4:7], temperature=x[:, 7])
-            if self._filter is None:
+            if self._run is None:
                 self._collection.forget()
                 if self._collection.is_due():
                     self._start()
                 return
-        assert self._filter is not None
-        assert self._preparation is not None
-        samples, sentences = self._preparation.take(x[:, 0], x[:, 1:4], x[:, 4:7], x[:, 7])
+        run = self._run
+        assert run is not None
+        samples, sentences = run.preparation.take(x[:, 0], x[:, 1:4], x[:, 4:7], x[:, 7])
         for sentence in sentences:
             self._say("imu", sentence, "bridged")
-        self._filtered(samples)
-        if self._collection is not None and self._filter is not None:
-            assert self._initial is not None
-            if self._newest > self._initial.nav.t + JUDGED_S:
-                self._start()
-                self._collection = None
+        run.filter.extend(samples)
+        self._aid(run, run.aids.extend(samples))
+        run.filter.run()
+        if run.filter.time >= run.judged_at + _JUDGE_S:
+            self._judge(run)
+        if self._collection is not None and self._run is run and self._newest > run.initial.nav.t + JUDGED_S:
+            self._start()
+            self._collection = None
 
-    def _filtered(self, samples: PreparedSamples) -> None:
-        """Filter samples with what they complete."""
-        run, aids = self._filter, self._aids
-        assert run is not None
-        assert aids is not None
-        run.extend(samples)
-        self._aid(aids.extend(samples))
-        run.run()
-        if run.time >= self._judged_at + _JUDGE_S:
-            self._judge()
-
-    def _aid(self, measurements: MeasurementSchedule) -> None:
-        run = self._filter
-        if run is None or not len(measurements):
+    def _aid(self, run: LiveRun, measurements: MeasurementSchedule) -> None:
+        if not len(measurements):
             return
-        late, repeated = run.aid(measurements)
+        late, repeated = run.filter.aid(measurements)
         if len(repeated):
             self._say("measurement", f"a measurement of {repeated[0]:.3f} s came again", "repeated")
         if len(late):
-            self._say(
-                "late", f"measurements of {late[0]:.3f} s left out, more than lag_s = {run.lag_s:g} s late", "late"
-            )
+            lag_s = run.filter.lag_s
+            self._say("late", f"measurements of {late[0]:.3f} s left out, more than lag_s = {lag_s:g} s late", "late")
 
-    def _judge(self) -> None:
+    def _judge(self, run: LiveRun) -> None:
         """Let go of what is too old, and say when the health changes."""
-        run = self._filter
-        assert run is not None
-        self._judged_at = run.time
-        self._monitor.settle(run.forget())
-        recent = run.judged()
-        health = self._monitor.health(run.time, recent)
-        broken = not np.isfinite(run.state.arrays.nav).all() or bool(np.any(np.diag(run.state.covariance_e)[:9] < 0.0))
-        if broken:
+        health = run.judge()
+        if run.is_broken:
             self._restart("the filter failed: its numbers are none")
-            return
-        if health != self._health:
+        elif health != self._health:
             self._say("health", f"{self._health} becomes {health}", f"health {health}")
             self._health = health
 
     def _measure(self, messages: Sequence[Fix | Speed | Heading | Height], newest: float) -> None:
         """Take fixes and readings that came before a sample of a time, or soon after."""
-        aids, together = self._aids, checked_together(messages)
-        if aids is not None and together is not None and together.t[-1] <= newest + _AHEAD_S:
+        run, together = self._run, checked_together(messages)
+        if run is not None and together is not None and together.t[-1] <= newest + _AHEAD_S:
             fixes = [m for m in messages if isinstance(m, Fix)]
-            if aids.takes_together(fixes):
+            if run.aids.takes_together(fixes):
                 if self._collection is not None:
                     self._collection.messages += fixes
-                self._aid(self._measurements(aids, fixes, together))
+                self._aid(run, self._measurements(run.aids, fixes, together))
                 return
         for message in messages:
             self._measure_one(message, newest)
@@ -554,8 +524,8 @@ class LiveNavigator:
             return
         if self._collection is not None:
             self._collection.add(message)
-        if self._aids is not None:
-            self._aid(self._measurements(self._aids, [message], series))
+        if self._run is not None:
+            self._aid(self._run, self._measurements(self._run.aids, [message], series))
 
     def _measurements(
         self, aids: LiveAids, messages: Sequence[Fix | Speed | Heading | Height], series: GnssSeries | None
@@ -583,14 +553,14 @@ class LiveNavigator:
         """
         collection = self._collection
         assert collection is not None
-        again = self._filter is not None
+        before = self._run
         try:
             begun = start(
                 collection, self.config, self._calibration, self._readings.kind, self.lag_s, self.smoother_lag_s,
-                self._initial if again else None, self._kept,
+                None if before is None else before.initial, self._kept,
             )  # fmt: skip
         except InputError as error:
-            if str(error) != self._obstacle and not again:
+            if str(error) != self._obstacle and before is None:
                 self._obstacle = str(error)
                 self._say("start", f"not aligned yet: {error}", "obstacle")
             return
@@ -598,46 +568,33 @@ class LiveNavigator:
             return
         for sentence in begun.sentences:
             self._say("imu", sentence, "bridged")
-        self._initial, self._provenance, self._temperature = begun.initial, begun.provenance, begun.temperature
-        self._filter, self._preparation, self._aids = begun.filter, begun.preparation, begun.aids
-        self._monitor = HealthMonitor(placed=begun.initial.nav.t)
-        schedules = [self._measurements(begun.aids, [m], checked(m)) for m in collection.messages]
-        self._aid(merged(begun.aids.known_places(), *schedules, begun.aids.extend(begun.samples)))
-        begun.filter.run()
-        sentence = aligned_sentence(begun.initial, "as the batch run does", float(collection.imu["t"][0]))
-        self._say("start", f"{'the start is revised: ' if again else ''}{sentence}", "aligned")
-        self._judge()
+        self._run = run = begun.run
+        schedules = [self._measurements(run.aids, [m], checked(m)) for m in collection.messages]
+        self._aid(run, merged(run.aids.known_places(), *schedules, run.aids.extend(begun.samples)))
+        run.filter.run()
+        sentence = aligned_sentence(run.initial, "as the batch run does", float(collection.imu["t"][0]))
+        self._say("start", f"{'' if before is None else 'the start is revised: '}{sentence}", "aligned")
+        self._judge(run)
 
     def _restart(self, reason: str, goes_on: float = math.nan) -> None:
         """Give up the present run and begin anew, with what it knew where the IMU goes on after a pause [s]."""
-        run, kept = self._filter, self._kept
-        preparation, aids, health = self._preparation, self._aids, self._health
-        of_calibration = self._provenance, self._temperature
+        run, kept, health, stood = self._run, self._kept, self._health, False
         if run is not None and health in ("ok", "coasting"):
-            nav, P = run.state.navigation, self._covariance(run)
-            kept = Kept(nav.t, run.state.arrays.est.copy(), P[9:, 9:])
+            nav, P = run.filter.state.navigation, run.covariance_n
+            stood = self._stood_still and 0.0 < goes_on - nav.t <= LONGEST_S and stands(nav, P)
+            kept = Kept(nav.t, run.filter.state.arrays.est.copy(), P[9:, 9:])
         if kept is not None and not 0.0 < goes_on - kept.t <= LONGEST_S:
             kept = None
-        stood_still, self._stood_still = self._stood_still, False
+        self._stood_still = False
         if run is None:
             self._say("clock", f"{reason}; collecting begins anew", "restart")
         self._begin()
         self._kept = kept
         if run is None:
             return
-        if stood_still and kept is not None and stands(nav, P):
-            assert preparation is not None
-            assert aids is not None
-            begin = goes_on - (run.interval_s if self._readings.kind == "increment" else 0.0)
-            self._initial = stood(nav, P, kept.parameters, run.layout, begin)
-            self._filter = ReplayFilter(self._initial, run.layout, run.psd, run.options, run.interval_s, run.lag_s)
-            self._preparation = SamplePreparation(
-                self.config, self._readings.kind, run.interval_s, preparation.calibrated
-            )
-            aids.resume(begin)
-            self._aids, self._collection, self._newest = aids, None, goes_on
-            self._provenance, self._temperature = of_calibration
-            self._monitor = HealthMonitor(placed=begin)
+        if stood:
+            self._run = run.after_rest(self.config, self._readings.kind, goes_on)
+            self._collection, self._newest = None, goes_on
             self._say("health", f"{reason}; it stood still, and goes on where it was", "restart")
             return
         addition = ", with the biases of before" if kept is not None else ""
@@ -646,15 +603,6 @@ class LiveNavigator:
 
     def _say(self, kind: EventKind, text: str, sort: str) -> None:
         """Say an event; one of a sort that was said just now is counted, and the number said with the next."""
-        now = self._newest
-        last, count = self._repeated.get(sort, (-math.inf, 0))
-        if abs(now - last) < _REPEATED_S and kind in ("imu", "measurement", "late", "clock"):
-            self._repeated[sort] = (last, count + 1)
-            return
-        if len(self._repeated) > _KEPT_EVENTS:
-            self._repeated.clear()
-        self._repeated[sort] = (now, 0)
-        event = Event(now, kind, text + (f" ({count} more like the last one since)" if count else ""))
-        self._events.append(event)
-        if self.on_event is not None:
+        event = self._events.add(self._newest, kind, text, sort)
+        if event is not None and self.on_event is not None:
             self.on_event(event)

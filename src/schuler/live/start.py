@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,8 +11,10 @@ from schuler.calibration.result.result import CalibrationResult
 from schuler.filtering.initial_state import InitialState
 from schuler.live.aids import LiveAids
 from schuler.live.collection import Collection
+from schuler.live.health import HealthMonitor
 from schuler.live.preparation import PreparedSamples, SamplePreparation
 from schuler.live.replay import ReplayFilter
+from schuler.live.run import LiveRun
 from schuler.live.warm import LONGEST_S, Kept, grown, informed
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.run import prepared_run
@@ -26,26 +27,14 @@ class Start:
 
     Attributes
     ----------
-    initial : InitialState
-    provenance : dict, optional
-        Of the calibration.
-    temperature : float
-        Mean of the samples collected, NaN if they have none. [degC]
-    filter : ReplayFilter
-    preparation : SamplePreparation
-    aids : LiveAids
+    run : LiveRun
     samples : PreparedSamples
         Those collected; the filter has not run over them.
     sentences : tuple of str
         On what of them was bridged.
     """
 
-    initial: InitialState
-    provenance: dict[str, Any] | None
-    temperature: float
-    filter: ReplayFilter
-    preparation: SamplePreparation
-    aids: LiveAids
+    run: LiveRun
     samples: PreparedSamples
     sentences: tuple[str, ...]
 
@@ -100,16 +89,17 @@ def start(
     preparation = SamplePreparation(config, kind, interval, calibrated)
     samples, sentences = preparation.take(raw["t"], raw["gyro"], raw["accel"], raw["temperature"])
     options = replace(prepared.options, smoother=False, gap_s=None, gap_gyro=0.0, gap_accel=0.0)
-    run = ReplayFilter(initial, prepared.layout, prepared.psd, options, interval, lag_s)
+    replay = ReplayFilter(initial, prepared.layout, prepared.psd, options, interval, lag_s)
     if smoother_lag_s is not None:
-        run.lag_s = max(lag_s, smoother_lag_s + 2.0 * run.propagation_s)
-    run.extend(samples)
+        replay.lag_s = max(lag_s, smoother_lag_s + 2.0 * replay.propagation_s)
+    replay.extend(samples)
     imu = ImuSeries(samples.t, samples.rate, samples.force)
     aids = LiveAids(config, prepared.spec, initial.nav.t, collection.origin, imu, interval)
-    return Start(
-        initial, None if calibrated is None else calibrated.provenance, float(np.mean(raw["temperature"])), run,
-        preparation, aids, samples, tuple(sentences),
+    run = LiveRun(
+        initial, None if calibrated is None else calibrated.provenance, float(np.mean(raw["temperature"])), replay,
+        preparation, aids, HealthMonitor(placed=initial.nav.t),
     )  # fmt: skip
+    return Start(run, samples, tuple(sentences))
 
 
 def _same(a: InitialState, b: InitialState) -> bool:

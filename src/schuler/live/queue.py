@@ -1,0 +1,65 @@
+"""Samples and messages of a stream that wait to be filtered together."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from schuler.arrays import ArrayLike, FloatArray
+from schuler.live.messages import Fix, Heading, Height, Speed
+
+SIZE = 1000  # samples at most
+_MESSAGES = 16  # fixes and readings among them at most; fewer than would make a log's contradictions
+
+
+class Queue:
+    """Samples in a row, and the messages that came between them.
+
+    Attributes
+    ----------
+    messages : list of (int, message)
+        Fixes and readings, each with the number of samples that came before.
+    """
+
+    def __init__(self) -> None:
+        self.messages: list[tuple[int, Fix | Speed | Heading | Height]] = []
+        self._rows = np.empty((SIZE, 8))  # t, gyro, accel, temperature
+        self._count = 0
+        self._span = (-math.inf, -math.inf)  # stamps of samples that may join [s]
+
+    def __bool__(self) -> bool:
+        return bool(self._count or self.messages)
+
+    def put(self, t: float, gyro: ArrayLike, accel: ArrayLike, temperature: float, span_s: float) -> bool:
+        """Put one sample at the end; whether it is the last of a span, so that they are to be filtered now."""
+        k = self._count
+        if k == 0:
+            self._span = t, t + span_s
+        row = self._rows[k]
+        row[0], row[1:4], row[4:7], row[7] = t, gyro, accel, temperature
+        self._count = k + 1
+        return k + 1 == SIZE or not self._span[0] <= t < self._span[1]
+
+    def has_room(self, count: int) -> bool:
+        """Whether so many samples find a place."""
+        return self._count + count <= SIZE
+
+    def put_rows(self, rows: FloatArray, span_s: float) -> bool:
+        """Put samples in a row at the end, shape (n, 8): time, rate, specific force, temperature; as :meth:`put`."""
+        if not self._count:
+            self._span = float(rows[0, 0]), float(rows[0, 0]) + span_s
+        stop = self._count + len(rows)
+        self._rows[self._count : stop], self._count = rows, stop
+        return stop == SIZE or not self._span[0] <= rows[-1, 0] < self._span[1]
+
+    def put_message(self, message: Fix | Speed | Heading | Height) -> bool:
+        """Put a fix or a reading; whether they are to be taken now."""
+        self.messages.append((self._count, message))
+        return len(self.messages) == _MESSAGES or not self._count
+
+    def empty(self) -> tuple[FloatArray, list[tuple[int, Fix | Speed | Heading | Height]]]:
+        """Take everything out: samples, shape (n, 8), time, rates, forces, temperature; and messages."""
+        rows, messages = self._rows[: self._count].copy(), self.messages
+        self._count, self.messages = 0, []
+        return rows, messages

@@ -1,0 +1,163 @@
+"""A live run once it is aligned: filter, prepared samples, aids and health, and their document for files."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.calibration.result.result import CalibrationResult
+from schuler.exceptions import InputError
+from schuler.filtering.error_model import ecef_from_ned_states
+from schuler.filtering.initial_state import InitialState
+from schuler.live.aids import LiveAids
+from schuler.live.health import HealthMonitor
+from schuler.live.messages import Health, Solution
+from schuler.live.preparation import SamplePreparation
+from schuler.live.replay import ReplayFilter
+from schuler.live.warm import stood
+from schuler.mechanization.strapdown import NavState
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.start.calibration import configured_start
+from schuler.navigation.states import imu_spec
+from schuler.recording.series import ImuSeries, Kind
+
+_NO_SAMPLES = ImuSeries(np.zeros(1), np.zeros((1, 3)), np.zeros((1, 3)))
+
+
+@dataclass
+class LiveRun:
+    """Everything of a live run that begins with its alignment.
+
+    Attributes
+    ----------
+    initial : InitialState
+    provenance : dict, optional
+        Of the calibration.
+    temperature : float
+        Mean of the samples that the start was made from, NaN if they have none. [degC]
+    filter : ReplayFilter
+    preparation : SamplePreparation
+    aids : LiveAids
+    monitor : HealthMonitor
+    judged_at : float
+        Time of the newest look at the health. [s]
+    """
+
+    initial: InitialState
+    provenance: dict[str, Any] | None
+    temperature: float
+    filter: ReplayFilter
+    preparation: SamplePreparation
+    aids: LiveAids
+    monitor: HealthMonitor
+    judged_at: float = -math.inf
+
+    @property
+    def covariance_n(self) -> FloatArray:
+        """Covariance at its last propagation, navigation errors in north-east-down axes. Shape (n, n)."""
+        state = self.filter.state
+        T = ecef_from_ned_states(state.navigation.llh, state.layout.size)
+        rotated: FloatArray = T.T @ state.covariance_e @ T
+        return 0.5 * (rotated + rotated.T)
+
+    @property
+    def is_broken(self) -> bool:
+        """Whether the numbers of the filter are none: not finite, or variances below zero."""
+        state = self.filter.state
+        return not np.isfinite(state.arrays.nav).all() or bool(np.any(np.diag(state.covariance_e)[:9] < 0.0))
+
+    def judge(self) -> Health:
+        """Let go of what is too old; health now."""
+        run = self.filter
+        self.judged_at = run.time
+        self.monitor.settle(run.forget())
+        return self.monitor.health(run.time, run.judged())
+
+    def after_rest(self, config: NavigationConfig, kind: Kind, t: float) -> LiveRun:
+        """The run of a vehicle that has stood since, from a later time on; parameters and covariance grown. [s]"""
+        run = self.filter
+        begin = t - (run.interval_s if kind == "increment" else 0.0)
+        initial = stood(run.state.navigation, self.covariance_n, run.state.arrays.est.copy(), run.layout, begin)
+        self.aids.resume(begin)
+        return replace(
+            self,
+            initial=initial,
+            filter=ReplayFilter(initial, run.layout, run.psd, run.options, run.interval_s, run.lag_s),
+            preparation=SamplePreparation(config, kind, run.interval_s, self.preparation.calibrated),
+            monitor=HealthMonitor(placed=begin),
+            judged_at=-math.inf,
+        )
+
+    def document(self) -> dict[str, Any]:
+        """What goes on, for files; the calibration's provenance and temperature aside."""
+        nav = self.initial.nav
+        return {
+            "filter": self.filter.document(),
+            "preparation": self.preparation.document(),
+            "aids": self.aids.document(),
+            "monitor": self.monitor.document(),
+            "initial": {
+                "t": nav.t, "r_eb_e": nav.r_eb_e, "v_eb_e": nav.v_eb_e, "q_eb": nav.q_eb, "P": self.initial.P,
+                "parameters": self.initial.parameters,
+            },
+            "judged_at": self.judged_at,
+        }  # fmt: skip
+
+    @classmethod
+    def restored(
+        cls,
+        document: dict[str, Any],
+        provenance: dict[str, Any] | None,
+        temperature: float,
+        config: NavigationConfig,
+        calibration: CalibrationResult | Path | str | None,
+        kind: Kind,
+    ) -> LiveRun:
+        """The run of a :meth:`document`.
+
+        Parameters
+        ----------
+        document : dict
+        provenance : dict, optional
+            Of the calibration that it was started with.
+        temperature : float
+            [degC]
+        config : NavigationConfig
+        calibration : CalibrationResult or path, optional
+            Given beside the configuration.
+        kind : {"rate", "increment"}
+
+        Raises
+        ------
+        InputError
+            If the calibration is another one.
+        """
+        T = None if math.isnan(temperature) else np.array([temperature])
+        calibrated = configured_start(config, replace(_NO_SAMPLES, temperature=T), calibration)
+        given = None if calibrated is None else calibrated.provenance
+        if given != provenance:
+            raise InputError(
+                f"calibration: the saved run was started with {provenance}, now it is {given}; give the same, or start "
+                "anew"
+            )
+        run, i = ReplayFilter.restored(document["filter"]), document["initial"]
+        preparation = SamplePreparation(config, kind, run.interval_s, calibrated)
+        preparation.restore(document["preparation"])
+        return cls(
+            InitialState(NavState(i["t"], i["r_eb_e"], i["v_eb_e"], i["q_eb"]), i["P"], i["parameters"]),
+            provenance, temperature, run, preparation, LiveAids.restored(config, imu_spec(config), document["aids"]),
+            HealthMonitor.restored(document["monitor"]), document["judged_at"],
+        )  # fmt: skip
+
+
+def solution(nav: NavState, covariance_e: FloatArray, health: Health, smoother_lag_s: float = 0.0) -> Solution:
+    """Solution of a navigation state and its covariance in Earth-fixed axes. Shape (n, n)."""
+    llh = nav.llh
+    T = ecef_from_ned_states(llh, 9)
+    sigma = np.sqrt(np.maximum(np.einsum("ji,jk,ki->i", T, covariance_e[:9, :9], T), 0.0))
+    return Solution(nav.t, llh, nav.v_eb_n, nav.rpy_nb, sigma[6:9], sigma[3:6], sigma[0:3], health, smoother_lag_s)

@@ -17,7 +17,7 @@ from schuler.proposal.decision import Decision, UndecidedError
 from schuler.recording.formats import registry, rtklib, text
 from schuler.recording.io import columns, dispatch, lines
 from schuler.recording.io.folder import recognised
-from schuler.recording.io.hint_texts import SATELLITES, SERIES
+from schuler.recording.io.hint_texts import SATELLITES
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.series import GnssSeries
 from schuler.units import factor_for
@@ -449,13 +449,3 @@ def _nothing(log: Path, names: list[str]) -> InputError:
         f"{log}: no log of an IMU is recognised among {shown or 'no files'}: name the file and its columns, "
         "--set recording.imu.file=NAME --set recording.imu.columns='\"t,ax,ay,az,gx,gy,gz\"'"
     )
-
-
-def parts_of(entries: Mapping[str, Any]) -> list[str]:
-    """Parts that entries of a folder name.
-
-    Parameters
-    ----------
-    entries : mapping
-    """
-    return [part for part in (*SERIES, *SATELLITES) if part in entries]

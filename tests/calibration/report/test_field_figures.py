@@ -14,7 +14,7 @@ from schuler.calibration.field.calibration import calibrate_field
 from schuler.calibration.field.options import FieldOptions
 from schuler.calibration.report import document as calibration_document
 from schuler.calibration.report import field_panels
-from schuler.calibration.report.field_figures import field_figure, save_field_figures
+from schuler.calibration.report.field_figures import field_figure
 from schuler.calibration.report.figures import save_calibration_figures
 from schuler.calibration.result.parameters import in_gauge, vector
 from schuler.calibration.result.sheet import sheet
@@ -185,21 +185,15 @@ def test_one_figure_by_name(found, errors):
 
 @pytest.mark.campaign
 def test_files_of_all_figures_and_the_same_bytes(found, tmp_path):
-    paths = save_field_figures(found, tmp_path / "a", ("svg",))
-    assert [p.stem for p in paths] == ["field_convergence", "field_estimates", "field_rests", "field_innovations"]
-    for path in paths:
-        assert ET.parse(path).getroot().tag.endswith("svg")
-    again = save_field_figures(found, tmp_path / "b", ("svg",))
-    assert all(a.read_bytes() == b.read_bytes() for a, b in zip(paths, again, strict=True))
-    with pytest.raises(InputError, match="expected png, svg or pdf, got 'gif'"):
-        save_field_figures(found, tmp_path, ("gif",))
-
-
-@pytest.mark.campaign
-def test_they_are_saved_with_those_of_every_calibration(found, tmp_path):
-    stems = [p.stem for p in save_calibration_figures(found.calibration, tmp_path, ("svg",), field=found)]
+    first, again = (
+        save_calibration_figures(found.calibration, tmp_path / name, ("svg",), field=found) for name in "ab"
+    )
+    stems = [p.stem for p in first]
     assert stems[:4] == ["residuals", "coverage", "before_after", "parameters"]
     assert stems[-4:] == ["field_convergence", "field_estimates", "field_rests", "field_innovations"]
+    for path in first:
+        assert ET.parse(path).getroot().tag.endswith("svg")
+    assert all(a.read_bytes() == b.read_bytes() for a, b in zip(first, again, strict=True))
 
 
 def test_the_page_has_a_section_on_how_it_came_about(found, errors, tmp_path):

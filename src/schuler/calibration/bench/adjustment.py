@@ -72,11 +72,6 @@ class Adjustment:
         return np.asarray(np.sqrt(np.diag(self.cofactor)))
 
     @property
-    def posterior_sigma(self) -> FloatArray:
-        """1 sigma scaled with the root of the variance of unit weight, as Hayal prints it (3.37). Shape (9,)."""
-        return np.asarray(self.sigma * np.sqrt(self.variance_of_unit_weight))
-
-    @property
     def chi_square(self) -> float:
         """``e' P e``, prior included: chi-square with ``freedom`` degrees of freedom if noise and model are right."""
         return self.variance_of_unit_weight * self.freedom if self.freedom else 0.0

@@ -27,9 +27,6 @@ from schuler.calibration.result.parameters import BIAS_G, MATRIX_G
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.rotation import dcm_from_rotvec, rotvec_from_dcm, skew
 
-#: Names of the three angles: rotation vector from the accelerometers' axes to the gyroscopes' own.
-TURNS = ("turn_x", "turn_y", "turn_z")
-
 
 @dataclass(frozen=True, eq=False)
 class TriadPair:

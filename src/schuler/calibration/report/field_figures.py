@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from schuler.calibration.field.calibration import FieldCalibration
 from schuler.calibration.report.field_panels import Truth, field_panels
 from schuler.exceptions import InputError
 from schuler.plotting import figure as content
-from schuler.plotting.drawing import draw, save_all
+from schuler.plotting.drawing import draw
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,37 +54,3 @@ def field_content(
     if which not in figures:
         raise InputError(f"which: expected one of what there is ({', '.join(figures) or 'nothing'}), got {which!r}")
     return figures[which]
-
-
-def save_field_figures(
-    result: FieldCalibration,
-    folder: Path | str,
-    formats: Sequence[str] = ("png", "svg"),
-    *,
-    truth: Truth | None = None,
-) -> list[Path]:
-    """Write every figure of how a field calibration came about.
-
-    Parameters
-    ----------
-    found : FieldCalibration
-    folder : Path or str
-        Made if missing; files of the same name are replaced.
-    formats : sequence of str
-        ``png``, ``svg``, ``pdf``.
-    truth : ImuErrors or mapping of str to float, optional
-        True errors.
-
-    Returns
-    -------
-    list of Path
-        ``field_convergence``, ``field_estimates``, ``field_rests``, ``field_innovations`` in each format.
-
-    Raises
-    ------
-    InputError
-        If a format is unknown.
-    MissingExtraError
-        If matplotlib is not installed (extra ``plot``).
-    """
-    return save_all(field_panels(result, truth), folder, formats)

@@ -94,7 +94,7 @@ def save_calibration_figures(
     list of Path
         ``residuals``, ``coverage``, ``before_after``, ``parameters``, with a thermal calibration ``temperature``, with
         advice ``next_pose`` (how the unit lies in it), in each format; with ``field`` also those of
-        :func:`schuler.calibration.report.field_figures.save_field_figures`; the same bytes for the same input.
+        :func:`schuler.calibration.report.field_panels.field_panels`; the same bytes for the same input.
 
     Raises
     ------

@@ -16,7 +16,6 @@ from schuler.recording.recording import Recording
 from schuler.recording.series import QUALITY, GnssSeries, positive_definite
 from schuler.recording.trajectory import Trajectory
 
-_BLOCK = 8192  # rows whose temporaries stay in the cache
 _MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
 
 

@@ -1,11 +1,9 @@
 from .grade_comparison import Overlay as Overlay
 from .grade_comparison import overlay as overlay
-from .tables import positions as positions
 from .tables import sensitivity_table as sensitivity_table
 
 __all__ = [
     "Overlay",
     "overlay",
-    "positions",
     "sensitivity_table",
 ]

@@ -15,33 +15,23 @@ from .generator import gendata as gendata
 from .generator import velocity_from_samples as velocity_from_samples
 from .sign_sets import SignStudy as SignStudy
 from .sign_sets import sign_study as sign_study
-from .tuning import Factors as Factors
-from .tuning import TuningResult as TuningResult
-from .tuning import tune as tune
-from .tuning_runners import figure_eight_runner as figure_eight_runner
-from .tuning_runners import recording_runners as recording_runners
 
 __all__ = [
     "BiasStudy",
     "CoincidenceStudy",
-    "Factors",
     "FigureEight",
     "FigureEightResult",
     "SignStudy",
-    "TuningResult",
     "bias_study",
     "coincidence_study",
     "compare_scheduling",
     "corrected_log",
     "corrected_track",
     "figure_eight",
-    "figure_eight_runner",
     "flat_navigation",
     "gendata",
     "mean_removed",
     "moving_mean_removed",
-    "recording_runners",
     "sign_study",
-    "tune",
     "velocity_from_samples",
 ]

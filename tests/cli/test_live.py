@@ -113,6 +113,21 @@ def test_a_replayed_log_is_the_batch_run(log, tmp_path, capsys):
     np.testing.assert_allclose(frames.ecef_from_llh(fixes.llh), table.r_eb_e, atol=1e-3)  # printed digits
 
 
+def test_a_run_recorded_as_mcap_is_navigated_again(log, tmp_path, capsys):
+    """Input and solution in one file: the batch run of the file is the live run."""
+    pytest.importorskip("mcap")
+    folder, config, _ = log
+    out, path = tmp_path / "live.jsonl", tmp_path / "live.mcap"
+    code, _, err = run(
+        capsys, "live", f"replay:{folder}?speed=0", "--config", config, "--out", f"mcap:{path}", "--out", f"json:{out}"
+    )
+    assert code == 0, err
+    assert "left out of mcap" not in err
+    again = schuler.navigate(schuler.read(path), write_text(tmp_path / "drive.toml", CONFIG.partition("[recording")[0]))
+    assert compare(read_lines(out), again.trajectory) > 100
+    assert run(capsys, "live", f"replay:{folder}", "--config", config, "--out", f"mcap:{path}")[0] == 2
+
+
 def test_a_second_run_into_a_folder_adds_to_it(log, tmp_path, capsys):
     for _ in range(2):
         assert run(capsys, "live", f"replay:{log[0]}?speed=0", "--config", log[1], "--record", tmp_path)[0] == 0

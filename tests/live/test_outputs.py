@@ -90,6 +90,43 @@ def test_udp_with_and_without_a_listener():
     outlet.close()
 
 
+def wait_for(condition):
+    began = time.monotonic()
+    while not condition():
+        assert time.monotonic() - began < 10.0
+        time.sleep(0.01)
+
+
+def test_clients_of_a_websocket_come_and_go_and_slow_ones_are_let_go(monkeypatch):
+    connect = pytest.importorskip("websockets.sync.client").connect
+    monkeypatch.setattr("schuler.live.outlets._WAITING", 20)
+    monkeypatch.setattr("schuler.live.outlets.CLOSED_S", 0.2)
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        port = s.getsockname()[1]
+    outlet = open_outlet(f"ws://:{port}")
+    outlet.write("before anybody\n")
+    with (
+        socket.create_connection(("127.0.0.1", port)),  # says nothing
+        connect(f"ws://127.0.0.1:{port}") as reader,
+        connect(f"ws://127.0.0.1:{port}", max_queue=1, close_timeout=0.1),  # reads nothing
+    ):
+        wait_for(lambda: len(outlet._waiting) == 2)
+        outlet.write("hello\n")
+        assert reader.recv(timeout=10.0) == "hello\n"
+        began = time.monotonic()
+        for _ in range(200):
+            outlet.write("x" * 100_000 + "\n")
+            assert len(reader.recv(timeout=10.0)) == 100_001
+        assert time.monotonic() - began < 10.0
+        wait_for(lambda: len(outlet._waiting) == 1)
+        with pytest.raises(InputError, match="cannot listen there"):
+            open_outlet(f"ws://:{port}")
+        outlet.write("last\n")
+        assert reader.recv(timeout=10.0) == "last\n"
+        outlet.close()
+
+
 def test_clients_come_and_go_and_slow_ones_are_let_go():
     with socket.socket() as s:
         s.bind(("127.0.0.1", 0))

@@ -25,11 +25,12 @@ EXTRAS = {
     "data": "Parquet files",
     "fetch": "public recordings (schuler fetch)",
     "symbolic": "formulas of schuler observability --symbolic",
-    "ros": "ROS 1 and ROS 2 bags, MCAP with their messages",
+    "ros": "ROS 1 and ROS 2 bags, MCAP with their messages, MCAP of live runs",
     "px4": "PX4 logs (.ulg)",
     "hdf5": "MATLAB 7.3, HDF5 and netCDF files",
     "frames": "tables as pandas, polars and xarray",
     "live": "serial lines, WebSockets and MQTT as sources of schuler live",
+    "foxglove": "Foxglove as a display of schuler live",
     "studio": "the workbench in the browser (schuler studio)",
     "cluster": "Monte Carlo on a Dask cluster",
 }

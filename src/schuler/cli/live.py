@@ -8,7 +8,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from schuler.live.clock import SourceClock
     from schuler.live.messages import Event, Health, Solution
     from schuler.live.navigator import LiveNavigator
+    from schuler.live.publishing import Publisher
     from schuler.navigation.config import NavigationConfig
     from schuler.recording.series import Kind
 
@@ -65,7 +66,8 @@ def live(
         TOML file, as of schuler navigate; its [recording] section describes lines of text.
     out
         Where solutions go: FORMAT:PLACE with json or nmea and - (stdout), a file that is appended to,
-        udp://HOST:PORT, or tcp://HOST:PORT for clients to connect to; may be given several times.
+        udp://HOST:PORT, or tcp://HOST:PORT or ws://HOST:PORT for clients to connect to; with all input, too:
+        mcap:FILE, or foxglove:ws://HOST:PORT for Foxglove to connect to. May be given several times.
     record
         Folder for solution.parquet (then solution-2.parquet, ...) and the bytes of each source as they came.
     output_rate
@@ -95,6 +97,7 @@ def live(
     """
     from schuler.live.clock import SourceClock
     from schuler.live.navigator import LiveNavigator
+    from schuler.live.publishing import FORMATS, open_publisher
     from schuler.live.session import run_session
     from schuler.live.sinks import SolutionTable, open_line_sink
     from schuler.live.sources import parse_source
@@ -115,10 +118,15 @@ def live(
     with ExitStack() as held:
         sinks: list[Any] = []
         smoothed_sinks: list[Any] = []
+        publishers: list[Publisher] = []
         for text in out:
-            sinks.append(open_line_sink(text, clock, geoid_separation))
+            if text.partition(":")[0] in FORMATS:
+                publishers.append(open_publisher(text, clock, lambda: kind))
+                sinks.append(publishers[-1])
+            else:
+                sinks.append(open_line_sink(text, clock, geoid_separation))
             held.callback(sinks[-1].close)
-            if smoother_lag is not None and text.startswith("json:"):  # NMEA has no word for what is no longer so
+            if smoother_lag is not None and not text.startswith("nmea:"):  # it has no word for what is no longer so
                 smoothed_sinks.append(sinks[-1])
         tables = {} if record is None else {"solution": SolutionTable(_free_name(record), clock)}
         sinks += tables.values()
@@ -126,7 +134,8 @@ def live(
             tables["smoothed"] = SolutionTable(_free_name(record, "smoothed"), clock, smoothed=True)
             smoothed_sinks.append(tables["smoothed"])
         sources, kind = connect(
-            addresses, loaded.recording, clock, replayed=lambda log: _read(log, config), kept_in=_keeper(record, held),
+            addresses, loaded.recording, clock, replayed=lambda log: _read(log, config),
+            kept_in=_keeper(record, held, publishers),
         )  # fmt: skip
         stop = held.enter_context(_stopped_by_signals())
         status = held.enter_context(_status_line(not headless))
@@ -155,8 +164,12 @@ def live(
         summary = run_session(
             sources, navigator, clock, sinks, smoothed_sinks=smoothed_sinks, stop=stop, rate_hz=output_rate,
             every_s=state_every, on_interval=save, on_idle=lambda solution: status.draw(solution, navigator.health),
+            on_message=[publisher.message for publisher in publishers],
         )  # fmt: skip
         last = navigator.solution()
+        lost = sum(publisher.lost for publisher in publishers)
+        if lost:
+            say(f"{lost} messages were left out of mcap or foxglove, which did not follow", "warning")
         files = {name: path for name, table in tables.items() if (path := table.close()) is not None}
     numbers = {
         "health": navigator.health, "messages": dict(summary.messages), "solutions": summary.solutions,
@@ -211,22 +224,29 @@ def _free_name(folder: Path, table: str = "solution") -> Path:
     return next(path for path in names if not path.exists())
 
 
-def _keeper(folder: Path | None, held: ExitStack) -> Callable[[int, Address], Callable[[bytes], None] | None]:
-    """Functions that append the bytes of each source to a file of its own; what was written stays after a kill."""
+def _keeper(
+    folder: Path | None, held: ExitStack, publishers: Sequence[Publisher]
+) -> Callable[[int, Address], Callable[[bytes], None] | None]:
+    """Functions that keep the bytes of each source: in a file, which stays after a kill, and on its topic."""
 
     def keep(k: int, address: Address) -> Callable[[bytes], None] | None:
-        if folder is None:
+        if folder is None and not publishers:
             return None
-        suffix = _SUFFIX.get(address.options.get("format", ""), "bin")
-        path = folder / f"source-{k + 1}.{suffix}"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
-        held.callback(os.close, handle)
+        handle: int | None = None
+        if folder is not None:
+            suffix = _SUFFIX.get(address.options.get("format", ""), "bin")
+            path = folder / f"source-{k + 1}.{suffix}"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+            held.callback(os.close, handle)
 
-        def append(data: bytes) -> None:
-            os.write(handle, data)
+        def take(data: bytes) -> None:
+            if handle is not None:
+                os.write(handle, data)
+            for publisher in publishers:
+                publisher.raw(k, data)
 
-        return append
+        return take
 
     return keep
 

@@ -1,18 +1,23 @@
-"""Where lines go: standard output, a file, UDP, clients of a TCP port. None of them ever holds up the filter."""
+"""Where lines go: standard output, a file, UDP, clients of a TCP port or WebSocket. None ever holds up the filter."""
 
 from __future__ import annotations
 
 import os
+import queue
 import socket
 import sys
+import threading
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
-from schuler.exceptions import InputError
+from schuler.exceptions import InputError, MissingExtraError
 from schuler.live.address import parse_address
 
-_SCHEMES: dict[str, tuple[str, ...]] = {"udp": (), "tcp": ()}
+_SCHEMES: dict[str, tuple[str, ...]] = {"udp": (), "tcp": (), "ws": ()}
+CLOSED_S = 2.0  # longest wait for clients at the end [s]
+_WAITING = 1000  # lines that wait for a client of a WebSocket before it is let go
 
 
 class Outlet(Protocol):
@@ -33,22 +38,33 @@ def open_outlet(place: str) -> Outlet:
     Parameters
     ----------
     place : str
-        ``-``, ``udp://HOST:PORT``, ``tcp://HOST:PORT`` (this machine's own address, loopback if left out, to which
-        clients connect), or the name of a file, to which lines are appended.
+        ``-``, ``udp://HOST:PORT``, ``tcp://HOST:PORT`` or ``ws://HOST:PORT`` (this machine's own address, loopback if
+        left out, to which clients connect), or the name of a file, to which lines are appended.
 
     Raises
     ------
     InputError
         If the address is wrong or taken, or the file is a folder.
+    MissingExtraError
+        For a WebSocket without websockets (extra ``live``).
     """
     if place == "-":
         return _StandardOutput()
-    if not place.startswith(("udp:", "tcp:")):
+    if not place.startswith(("udp:", "tcp:", "ws:")):
         return _File(Path(place))
     address = parse_address(place, _SCHEMES, tuple(_SCHEMES))
     if address.scheme == "udp":
         return _Datagrams(address.host, address.port)
+    if address.scheme == "ws":
+        return _WebSocketClients(address.host, address.port)
     return _Clients(address.host, address.port)
+
+
+def end_within(end: Callable[[], None], longest_s: float = CLOSED_S) -> None:
+    """Let a server end, and go on if it still waits for clients that say nothing after so long. [s]"""
+    ending = threading.Thread(target=end, daemon=True)
+    ending.start()
+    ending.join(longest_s)
 
 
 class _StandardOutput:
@@ -120,3 +136,59 @@ class _Clients:
     def close(self) -> None:
         for held in (*self._clients, self._server):
             held.close()
+
+
+class _WebSocketClients:
+    """Clients of a WebSocket, each in a thread of its own; one that does not read what it gets is let go."""
+
+    def __init__(self, host: str, port: int) -> None:
+        try:
+            from websockets.sync.server import serve
+        except ImportError as error:
+            raise MissingExtraError("websockets", "live", "serving a WebSocket") from error
+        self._waiting: dict[Any, queue.Queue[str | None]] = {}
+        self._lock = threading.Lock()
+        try:
+            self._server = serve(
+                self._send, host, port, compression=None, open_timeout=CLOSED_S, close_timeout=CLOSED_S
+            )
+        except OSError as error:
+            raise InputError(f"ws://{host}:{port}: cannot listen there: {error.strerror}; name another port") from None
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+
+    def write(self, lines: str) -> None:
+        with self._lock:
+            clients = list(self._waiting.items())
+        for client, waiting in clients:
+            try:
+                waiting.put_nowait(lines)
+            except queue.Full:
+                self._let_go(client)
+
+    def close(self) -> None:
+        with self._lock:
+            clients = list(self._waiting.items())
+        for client, waiting in clients:
+            try:
+                waiting.put_nowait(None)
+            except queue.Full:
+                self._let_go(client)
+        end_within(self._server.shutdown)
+
+    def _send(self, client: Any) -> None:
+        from websockets.exceptions import ConnectionClosed
+
+        waiting: queue.Queue[str | None] = queue.Queue(_WAITING)
+        with self._lock:
+            self._waiting[client] = waiting
+        with suppress(ConnectionClosed, OSError):
+            for lines in iter(waiting.get, None):
+                client.send(lines)
+        with self._lock:
+            self._waiting.pop(client, None)
+
+    def _let_go(self, client: Any) -> None:
+        with self._lock:
+            self._waiting.pop(client, None)
+        with suppress(OSError):
+            client.socket.shutdown(socket.SHUT_RDWR)  # wakes the thread that waits for it

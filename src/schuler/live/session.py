@@ -112,6 +112,7 @@ def run_session(
     sinks: Sequence[Sink],
     *,
     smoothed_sinks: Sequence[Sink] = (),
+    on_message: Sequence[Callable[[Message], None]] = (),
     stop: threading.Event,
     rate_hz: float = 10.0,
     every_s: float = 60.0,
@@ -130,6 +131,8 @@ def run_session(
     sinks : sequence of Sink
     smoothed_sinks : sequence of Sink
         Take the smoothed solution whenever ``sinks`` take the newest one, if the navigator has a smoother.
+    on_message : sequence of callable
+        Called with every message before the navigator takes it.
     stop : Event
         Ends the run when it is set.
     rate_hz : float
@@ -167,6 +170,8 @@ def run_session(
     def take(messages: Sequence[Message]) -> None:
         for message in messages:
             summary.messages[type(message).__name__] += 1
+            for call in on_message:
+                call(message)
             if isinstance(message, ImuSample):
                 navigator.take(message)
                 show(message.t)

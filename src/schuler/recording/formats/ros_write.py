@@ -9,20 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from schuler import files, frames, rotation, units
+from schuler import files, frames, rotation
 from schuler.exceptions import InputError
 from schuler.recording.formats.registry import needs
+from schuler.recording.formats.ros_fields import fix_fields, imu_fields, odometry_fields, speed_fields, velocity_fields
 from schuler.recording.formats.ros_messages import encode
 from schuler.recording.formats.ros_recording import OWN_FORMAT, OWN_TOPIC, TOPICS
-from schuler.recording.formats.ros_tables import ENU, FLU
+from schuler.recording.formats.ros_stamps import unix_ns
 from schuler.recording.recording import Recording
-from schuler.timebase import UNIX_TO_GPS_S, calendar, gps_from_calendar, leap_days
 
 #: Parts of a recording that are written.
 HELD = ("imu", "gnss", "reference", "odometer")
-_STATUS = {1: 2, 2: 2, 3: 1, 4: 2, 5: 0, 6: 0, 7: 0}  # NavSatStatus of our qualities
-_NS = 1_000_000_000
-_MOST_NS = 9.2e18  # of 63 bits [ns]
 _Bag = list[tuple[str, str, np.ndarray[Any, np.dtype[np.int64]], list[bytes]]]
 
 
@@ -113,48 +110,34 @@ def _write(recording: Recording, path: Path, storage: str) -> None:
 
 def _messages(recording: Recording) -> _Bag:
     """Topic, type, stamps and serialised messages of everything that is written."""
-    unix = _UnixTime(recording)
+    base, name = recording.metadata.time, recording.metadata.name
     bag: _Bag = []
 
     def add(part: str, kind: str, t: Any, values: dict[str, Any], frame: str, **texts: str) -> None:
-        ns = unix.of(np.asarray(t))
+        ns = unix_ns(np.asarray(t), base, name)
         bag.append((TOPICS[part], kind, ns, encode(kind, ns, values, {"header.frame_id": frame, **texts})))
 
     if recording.imu is not None:
         imu, t = recording.imu.rates(), recording.imu.t
         if recording.imu.kind == "increment":
             t = t - 0.5 * recording.imu.increments().dt  # where a mean rate is the rate but for terms of second order
-        values: dict[str, Any] = {"orientation_covariance.0": -1.0, "orientation.w": 1.0}  # -1: there is no orientation
-        values |= _fields("angular_velocity", imu.gyro @ FLU) | _fields("linear_acceleration", imu.accel @ FLU)
-        add("imu", "sensor_msgs/Imu", t, values, "imu_link")
+        add("imu", "sensor_msgs/Imu", t, imu_fields(imu.gyro, imu.accel), "imu_link")
     if (gnss := recording.gnss) is not None:
         quality = np.zeros(len(gnss), dtype=int) if gnss.quality is None else gnss.quality
-        values = {
-            "status.status": [_STATUS.get(int(q), 0) for q in quality], "status.service": 1,
-            "latitude": gnss.llh[:, 0] / units.DEG, "longitude": gnss.llh[:, 1] / units.DEG, "altitude": gnss.llh[:, 2],
-            "position_covariance_type": 3, **_matrix("position_covariance", ENU @ gnss.cov_r_n @ ENU),
-        }  # fmt: skip
-        add("gnss", "sensor_msgs/NavSatFix", gnss.t, values, "gnss_link")
+        add("gnss", "sensor_msgs/NavSatFix", gnss.t, fix_fields(gnss.llh, gnss.cov_r_n, quality), "gnss_link")
         if gnss.v_n is not None and gnss.cov_v_n is not None:
-            cov = np.zeros((len(gnss), 6, 6))
-            cov[:, :3, :3] = ENU @ gnss.cov_v_n @ ENU
-            values = _fields("twist.twist.linear", gnss.v_n @ ENU) | _matrix("twist.covariance", cov)
+            values = velocity_fields(gnss.v_n, gnss.cov_v_n)
             add("velocity", "geometry_msgs/TwistWithCovarianceStamped", gnss.t, values, "enu")
     if (odometer := recording.odometer) is not None:
-        values = {"twist.twist.linear.x": odometer.speed, "twist.covariance.0": odometer.sigma**2}
+        values = speed_fields(odometer.speed, odometer.sigma)
         add("odometer", "geometry_msgs/TwistWithCovarianceStamped", odometer.t, values, "base_link")
     origin = None
     if (reference := recording.reference) is not None:
         origin = reference.llh[0]
         C_ne = frames.C_en(origin).T
-        values = _fields("pose.pose.position", frames.ned_from_ecef(reference.r_eb_e, origin) @ ENU)
-        if reference.q_eb is not None:
-            C_nb = C_ne @ rotation.dcm_from_quat(reference.q_eb)
-            q = rotation.quat_from_dcm(ENU @ C_nb @ FLU)
-            values |= {f"pose.pose.orientation.{axis}": q[:, k] for k, axis in enumerate("wxyz")}
-            if reference.v_eb_e is not None:
-                v_b = np.einsum("nji,jk,nk->ni", C_nb, C_ne, reference.v_eb_e)
-                values |= _fields("twist.twist.linear", v_b @ FLU)
+        C_nb = None if reference.q_eb is None else C_ne @ rotation.dcm_from_quat(reference.q_eb)
+        v_n = None if reference.v_eb_e is None else reference.v_eb_e @ C_ne.T
+        values = odometry_fields(frames.ned_from_ecef(reference.r_eb_e, origin), C_nb, v_n)
         add("reference", "nav_msgs/Odometry", reference.t, values, "map", child_frame_id="imu_link")
     if not bag:
         raise InputError(f"{recording.metadata.name} has none of: {', '.join(HELD)}")
@@ -166,43 +149,3 @@ def _messages(recording: Recording) -> _Bag:
     texts = {"data": json.dumps(document)}
     bag.append((OWN_TOPIC, "std_msgs/String", first, encode("std_msgs/String", first, {}, texts)))
     return bag
-
-
-class _UnixTime:
-    """Unix nanoseconds of the times of a recording, or its own clock's if that is all it has."""
-
-    def __init__(self, recording: Recording) -> None:
-        base = recording.metadata.time
-        self.name, self.shift, self.gps = recording.metadata.name, 0, base.scale == "gps"
-        if base.scale != "local":
-            self.shift = round((base.epoch_gps_s + UNIX_TO_GPS_S) * 1e3) * 1_000_000
-
-    def of(self, t: Any) -> np.ndarray[Any, np.dtype[np.int64]]:
-        """Nanoseconds. Shape (n,)."""
-        ns = np.round(t * 1e9)
-        if np.abs(ns).max(initial=0.0) + abs(self.shift) > _MOST_NS:
-            raise InputError(f"{self.name}: stamps of ROS end in the year 2262, got {np.abs(t).max():.6g} s")
-        ns = ns.astype(np.int64) + self.shift
-        if self.gps:
-            import datetime as dt
-
-            days = leap_days(calendar(float(ns.max()) / _NS - UNIX_TO_GPS_S).date())
-            steps = [
-                round(gps_from_calendar(dt.datetime(*day)) + count + UNIX_TO_GPS_S) * _NS
-                for count, day in enumerate(days, 1)
-            ]
-            ns = ns - np.searchsorted(steps, ns, side="right") * _NS
-        if ns.min() < 0:
-            raise InputError(
-                f"{self.name}: stamps of ROS are not negative, got {ns.min() / _NS:.3f} s; shift the recording"
-            )
-        return np.asarray(ns, dtype=np.int64)
-
-
-def _fields(stem: str, vectors: Any) -> dict[str, Any]:
-    return {f"{stem}.{axis}": vectors[:, k] for k, axis in enumerate("xyz")}
-
-
-def _matrix(stem: str, matrices: Any) -> dict[str, Any]:
-    n = matrices.shape[1]
-    return {f"{stem}.{k}": matrices[:, k // n, k % n] for k in range(n * n)}

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.request
 from contextlib import ExitStack, nullcontext
 
 import numpy as np
@@ -21,6 +22,7 @@ import schuler
 from schuler import frames
 from schuler.cli import main
 from schuler.files import write_text
+from schuler.live import LiveNavigator
 from schuler.navigation.config import NavigationConfig
 
 CONFIG = """
@@ -236,12 +238,13 @@ def run_with(stop, arguments):
 
 
 def test_standard_input_and_a_signal(log, tmp_path, ports):
-    """A program of its own, ended by SIGTERM: its files are complete."""
+    """A program of its own, ended by SIGTERM: its files are complete, its state is saved, its health was told."""
     folder, config, trajectory = log
     out = tmp_path / "live.jsonl"
     program = subprocess.Popen(
         [sys.executable, "-m", "schuler", "live", "stdin:?part=imu", f"udp://:{ports[0]}?part=gnss", "--config", config,
-         "--out", f"json:{out}", "--record", tmp_path / "run", "--headless"],
+         "--out", f"json:{out}", "--record", tmp_path / "run", "--headless", "--health", f":{ports[1]}", "--state",
+         tmp_path / "drive.state"],
         stdin=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, "PYTHONWARNINGS": "ignore"},
     )  # fmt: skip
     try:
@@ -255,6 +258,8 @@ def test_standard_input_and_a_signal(log, tmp_path, ports):
                 os.write(program.stdin.fileno(), data)
 
             Sender(folder, send, lambda d: s.sendto(d, ("127.0.0.1", ports[0])), out).run()
+        with urllib.request.urlopen(f"http://127.0.0.1:{ports[1]}", timeout=LONGEST_S) as answer:
+            told = json.load(answer)
         program.send_signal(signal.SIGTERM)
         assert program.wait(LONGEST_S) == 0
     finally:
@@ -262,6 +267,10 @@ def test_standard_input_and_a_signal(log, tmp_path, ports):
         program.communicate()
     assert compare(read_lines(out), trajectory, in_time=False) > 100
     assert len(schuler.read(tmp_path / "run" / "solution.parquet").reference.t) > 100
+    saved, last = LiveNavigator.load(tmp_path / "drive.state"), read_lines(out)[-1]
+    assert saved.health == told["health"] == "ok"
+    assert saved.solution().t == pytest.approx(last["t_s"], abs=0.1)  # an output's interval
+    assert 0.0 < told["sigma_horizontal_m"] < 1.0
 
 
 def test_a_run_that_ends_goes_on_from_its_state(log, tmp_path, capsys):

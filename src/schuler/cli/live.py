@@ -50,6 +50,7 @@ def live(
     geoid_separation: float = 0.0,
     set: Texts = (),
     headless: Flag = False,
+    health: str | None = None,
     json: Flag = False,
 ) -> int:
     """Navigate streams as they come: serial lines, UDP, TCP, WebSockets, MQTT, stdin, or a log at its pace.
@@ -92,10 +93,14 @@ def live(
         Any entry of the configuration: SECTION.KEY=VALUE; may be given several times.
     headless
         Without a status line, for services.
+    health
+        HOST:PORT (:PORT is of 127.0.0.1) at which HTTP answers with the health of the run as JSON: 200, or 503 after a
+        failure or ten seconds without a sample.
     json
         Print one JSON object instead of text.
     """
     from schuler.live.clock import SourceClock
+    from schuler.live.endpoint import HealthEndpoint, HealthReport, Watchdog
     from schuler.live.navigator import LiveNavigator
     from schuler.live.publishing import FORMATS, open_publisher
     from schuler.live.session import run_session
@@ -161,11 +166,22 @@ def live(
                 navigator.time = clock.base
                 navigator.save(state)
 
+        report = HealthReport(lambda: navigator.health)
+        if health is not None:
+            held.callback(HealthEndpoint(health, report).close)
+        sinks.append(report)
+        watchdog = Watchdog()
+
+        def idle(solution: Solution | None) -> None:
+            status.draw(solution, navigator.health)
+            watchdog.alive()
+
         summary = run_session(
             sources, navigator, clock, sinks, smoothed_sinks=smoothed_sinks, stop=stop, rate_hz=output_rate,
-            every_s=state_every, on_interval=save, on_idle=lambda solution: status.draw(solution, navigator.health),
-            on_message=[publisher.message for publisher in publishers],
+            every_s=state_every, on_interval=save, on_idle=idle,
+            on_message=[taker.message for taker in (*publishers, report)],
         )  # fmt: skip
+        watchdog.notify("STOPPING=1")
         last = navigator.solution()
         lost = sum(publisher.lost for publisher in publishers)
         if lost:

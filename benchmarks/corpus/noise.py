@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from schuler.characterisation.allan import allan_deviation
+from schuler.characterisation.nonstationarity import allow_for, level_scatter
 from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.recording.io import read
 
@@ -27,7 +28,10 @@ def halves(data: Path, reader: Callable[[Path], Signals]) -> dict[str, Any]:
     n = len(x) // 2
     d, sigma, own, theirs = [], [], [], []
     for axis in range(x.shape[1]):
-        curves = [allan_deviation(part, rate_hz, confidence=_CONFIDENCE) for part in (x[:n, axis], x[n : 2 * n, axis])]
+        parts = (x[:n, axis], x[n : 2 * n, axis])
+        curves = [allan_deviation(part, rate_hz, confidence=_CONFIDENCE) for part in parts]
+        # as `schuler allan` bounds a curve: each half allows for what changes between its own parts
+        curves = [allow_for(c, level_scatter(part, c)) for c, part in zip(curves, parts, strict=True)]
         d.append(np.log(curves[0].deviation / curves[1].deviation))
         sigma.append(np.hypot(*(0.5 * np.log(c.high / c.low) for c in curves)))
         if importlib.util.find_spec("allantools") is not None:

@@ -24,6 +24,9 @@ from .manual import allan_valley as allan_valley
 from .manual import correlation_time as correlation_time
 from .manual import identify_manually as identify_manually
 from .manual import low_passed as low_passed
+from .nonstationarity import LevelScatter as LevelScatter
+from .nonstationarity import allow_for as allow_for
+from .nonstationarity import level_scatter as level_scatter
 from .outliers import without_outliers as without_outliers
 from .report.document import noise_report as noise_report
 from .report.figures import allan_figure as allan_figure
@@ -61,6 +64,7 @@ __all__ = [
     "Estimate",
     "Finding",
     "FiniteRecord",
+    "LevelScatter",
     "Line",
     "ManualNoise",
     "NoiseIdentification",
@@ -71,6 +75,7 @@ __all__ = [
     "allan_deviation",
     "allan_figure",
     "allan_valley",
+    "allow_for",
     "autocorrelation",
     "check_static_imu",
     "check_static_log",
@@ -87,6 +92,7 @@ __all__ = [
     "identify_manually",
     "identify_noise",
     "length_needed",
+    "level_scatter",
     "level_shifts",
     "log_spectra",
     "low_passed",

@@ -68,7 +68,8 @@ def allan_deviation(
     Returns
     -------
     AllanCurve
-        ``low``, ``high`` and ``edf`` hold for normal noise. Below 20 degrees of freedom the bounds come from the true
+        ``low``, ``high`` and ``edf`` hold for normal noise whose level stays the same; :mod:`.nonstationarity` tells
+        whether it does, and widens them. Below 20 degrees of freedom the bounds come from the true
         distribution of the estimate; there they are narrower than chi-square with ``edf``.
 
     Raises

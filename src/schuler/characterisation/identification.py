@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from importlib import metadata
 from typing import Any, Literal
 
@@ -13,6 +14,7 @@ from schuler.characterisation.counting import Lattice, counted, counted_model, p
 from schuler.characterisation.fitting import NoFitError, Weights
 from schuler.characterisation.health import FEWEST, check_static_imu
 from schuler.characterisation.moments import Moments
+from schuler.characterisation.nonstationarity import LevelScatter, allow_for, level_scatter, scatter_findings
 from schuler.characterisation.records import (
     AxisSignal,
     axis_findings,
@@ -101,7 +103,8 @@ def identify_noise(
 
     Notes
     -----
-    The bounds of the curve are recomputed for the identified model. The budget is fitted to the mean Allan variance of
+    The bounds of the curve are recomputed for the identified model, and allow for a level that changes in the longest
+    recording (:mod:`.nonstationarity`). The budget is fitted to the mean Allan variance of
     a triad's axes, with at most one Gauss-Markov term; its turn-on bias is the size of the mean that the log shows,
     which for gyroscopes includes Earth rate and for accelerometers is the departure of the mean from 9.80665 m/s^2.
     Three recordings and more are switch-ons of their own: ``turn_on`` has the mean of each axis and its spread, and
@@ -272,7 +275,7 @@ def _axis_noise(
     unit = "rad/s" if axis.startswith("gyro") else "m/s^2"
     main = max(signals, key=lambda s: len(s.x))
     duration = float(data.lengths.sum() * data.dt)
-    curve = with_bounds(pooled, data, model)
+    curve, changed = _level_allowed(with_bounds(pooled, data, model), main, data)
     estimates = estimates_of(selection, unit)
     wider = np.array([selection.spreads[name].sigma for name in fit.names]) / fit.sigma
     steady = longest_run(main)
@@ -285,6 +288,7 @@ def _axis_noise(
     remarks += fit_findings(
         axis, selection, data.dt, duration, "the measured spectrum" if pulses is None else "of counted pulses"
     )
+    remarks += scatter_findings(axis, changed, len(main.x) / main.rate_hz)
     remarks += _trends(axis, steady, findings)
     replaced = sum(s.replaced for s in signals)
     if replaced:
@@ -317,6 +321,13 @@ def _axis_noise(
         method={"gmwm": "generalised method of wavelet moments", "allan": "weighted fit to the Allan curve"}[method],
         findings=tuple(remarks),
     )
+
+
+def _level_allowed(curve: AllanCurve, longest: AxisSignal, data: Moments) -> tuple[AllanCurve, LevelScatter]:
+    """The curve with bounds that allow for a level that changes in the longest recording, and that change."""
+    own = replace(curve, edf=curve.edf * min(1.0, len(longest.x) / float(data.lengths.sum())))
+    changed = level_scatter(longest.x, own)
+    return allow_for(curve, changed), changed
 
 
 def _mean(steady: AxisSignal, unit: str) -> Estimate:

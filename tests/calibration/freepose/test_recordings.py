@@ -237,12 +237,16 @@ def mikoff(shared_data, request):
 
 
 def test_halves_of_mikoff_agree(mikoff):
-    """Odd against even rests, no block widened: rms differences up to 1.4 claimed sigmas."""
+    """Odd against even rests, no block widened: rms differences up to 1.4 claimed sigmas; of b_g, three numbers whose
+    common drift is taken out of the claim, within what chance gives in 95 % of logs."""
     result = calibrate_freepose(mikoff)
     halves = result.extra["halves"]
     assert halves["verdict"]["status"] == "ok"
     assert halves["widened"] == {}
-    assert max(z for blocks in halves["splits"].values() for z in blocks.values()) < 1.4
+    for name, blocks in halves["splits"].items():
+        low, high = halves["expected"][name]["b_g"]
+        assert low < blocks["b_g"] < high
+        assert max(z for block, z in blocks.items() if block != "b_g") < 1.4
 
 
 def test_accelerometers_alone(mikoff):

@@ -46,6 +46,21 @@ def test_a_block_that_does_not_hold_is_widened_by_what_it_is_off():
     assert any(line.startswith("halves: doubtful") for line in out.summary().splitlines())
 
 
+def test_an_error_that_both_halves_share_is_not_in_their_difference():
+    """Closed form: of two claims of sigma^2 = 4, three shared, the difference has 2, not 8; never more than both."""
+    z = np.zeros(12)
+    z[:3] = 2.0 * np.sqrt(2.0)
+    pair = {"odd and even rests": (result(z / 2.0, 2e-3), result(np.zeros(12), 2e-3))}
+    shared = {"odd and even rests": dict.fromkeys(NAMES[:3], 2e-6)}
+    whole = result(np.zeros(12))
+    rms = [checked(whole, pair, stated=by).extra["halves"]["splits"]["odd and even rests"] for by in (None, shared)]
+    assert rms[0]["b_g"] == pytest.approx(1.0, abs=0.01)
+    assert rms[1]["b_g"] == pytest.approx(2.0, abs=0.01)
+    assert rms[0]["M_g"] == rms[1]["M_g"] == 0.0
+    large = {"odd and even rests": dict.fromkeys(NAMES[:3], 1.0)}
+    assert checked(whole, pair, stated=large).extra["halves"]["splits"]["odd and even rests"] == rms[0]
+
+
 def test_halves_without_anything_in_common_fail():
     out = checked(result(np.zeros(12)), {"halves": (result(np.full(12, 50.0)), result(np.zeros(12)))})
     assert out.extra["halves"]["verdict"]["status"] == "failed"

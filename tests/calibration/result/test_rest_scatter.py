@@ -32,6 +32,24 @@ def test_sigma_of_the_mean_holds_whatever_the_scatter(n, scatter):
     assert np.sqrt(np.mean(np.square(z))) > 0.6
 
 
+@pytest.mark.parametrize(
+    ("tau", "logs"), [(15.0, 25), *(pytest.param(t, 150, marks=pytest.mark.campaign) for t in (0.0, 60.0, 400.0))]
+)
+def test_the_difference_of_interleaved_rests_scatters_as_stated(tau, logs):
+    """Statistical: rms of odd less even over its sigma is 1, by two constants with one scatter, whatever its memory."""
+    rng = np.random.default_rng(8)
+    t, z = 5.5 * np.arange(24), []
+    odd = np.arange(24) % 2 == 0
+    memory = np.exp(-np.abs(t[:, None] - t) / tau) if tau else np.eye(24)
+    root = np.linalg.cholesky(memory + 1e-9 * np.eye(24))
+    for _ in range(logs):
+        means = root @ rng.standard_normal((24, 3)) + 0.3 * rng.standard_normal((24, 3))
+        fit = rest_scatter(t, means, np.full((24, 3), 0.3), np.column_stack((odd, ~odd)).astype(float))
+        variance = fit.covariance[:, 0, 0] + fit.covariance[:, 1, 1] - 2.0 * fit.covariance[:, 0, 1]
+        z.append((fit.values[0] - fit.values[1]) / np.sqrt(variance))
+    assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=0.15 if logs > 100 else 0.3)
+
+
 def test_equal_readings_have_the_sigma_of_white_noise(rng):
     """Closed form for no scatter at all: 1/sqrt(n), and a tenth for what small a scatter could hide."""
     t, _, white, _ = rests(rng)

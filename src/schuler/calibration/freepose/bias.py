@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schuler.arrays import FloatArray
+from schuler.arrays import BoolArray, FloatArray
 from schuler.calibration.freepose.rests import Rests
 from schuler.calibration.result.rest_causes import RestCause, rest_causes
 from schuler.calibration.result.rest_scatter import RestScatter, rest_scatter
@@ -61,8 +61,7 @@ def bias_at_rest(
     -------
     RestBias
     """
-    t = 0.5 * (rates.t[rests.index[:, 0]] + rates.t[rests.index[:, 1] - 1])
-    white = rests.density_g / np.sqrt(rests.duration)[:, None]
+    t, white = _times_and_noise(rates, rests)
     scatter = rest_scatter(t, rests.gyro, white)
     T = rates.temperature
     warm = None if T is None else np.array([T[a:b].mean() for a, b in rests.index])
@@ -79,3 +78,20 @@ def bias_at_rest(
     n = int(np.searchsorted(rates.t, rates.t[0] + initial_rest_s))
     sigma = np.hypot(rests.density_g / np.sqrt(n * rates.interval), constant.sigma)
     return RestBias(rates.gyro[:n].mean(axis=0), sigma, n * rates.interval, by_force, scatter, causes)
+
+
+def bias_difference(rates: ImuSeries, rests: Rests, first: BoolArray) -> FloatArray:
+    """Variance of the difference between the biases of some rests and of the others. Shape (3,), units of the log^2.
+
+    ``first`` (n,) says which. One scatter for all rests, with two constants: where the two are mixed in time, what
+    drifts slowly is common to them and no part of it.
+    """
+    t, white = _times_and_noise(rates, rests)
+    P = rest_scatter(t, rests.gyro, white, np.column_stack((first, ~first)).astype(np.float64)).covariance
+    return np.asarray(P[:, 0, 0] + P[:, 1, 1] - 2.0 * P[:, 0, 1])
+
+
+def _times_and_noise(rates: ImuSeries, rests: Rests) -> tuple[FloatArray, FloatArray]:
+    """Middles of the rests (n,) [s] and 1 sigma of their mean rates by white noise (n, 3), in units of the log."""
+    t = 0.5 * (rates.t[rests.index[:, 0]] + rates.t[rests.index[:, 1] - 1])
+    return np.asarray(t), np.asarray(rests.density_g / np.sqrt(rests.duration)[:, None])

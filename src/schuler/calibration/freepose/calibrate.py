@@ -11,7 +11,7 @@ import numpy as np
 from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.calibration.freepose import accel as freepose_accel
 from schuler.calibration.freepose.accel import AccelFit, fit_accelerometers
-from schuler.calibration.freepose.bias import bias_at_rest
+from schuler.calibration.freepose.bias import bias_at_rest, bias_difference
 from schuler.calibration.freepose.gyro import GyroFit, fit_gyroscopes, rescaled
 from schuler.calibration.freepose.motion import PLACES, MotionFit, fit_motion
 from schuler.calibration.freepose.rests import MARGINS, Rests, pose_means, tedaldi_rests, without_held
@@ -222,7 +222,11 @@ def calibrate_freepose(
         thirds = [tried(part, [[i for i in every if i % 3 != k]]) for k in range(3)]
         pairs = without_thirds(result, [part[0] for part in thirds if part])
     needs = f"not compared: it takes twelve rests, eighteen are good, with poses all round; there are {len(every)}"
-    return checked(result, pairs, causes=causes, needs=needs)
+    apart = {}
+    if gyro_bias == "rest" and initial_rest_s is None and SENSITIVITY[0] not in result.names:
+        variance = result.nominal[1] ** 2 * bias_difference(rates, poses, np.arange(len(poses)) % 2 == 0)
+        apart = {"odd and even rests": dict(zip(BIAS_G, variance.tolist(), strict=True))}
+    return checked(result, pairs, causes=causes, needs=needs, stated=apart)
 
 
 def _solved(

@@ -44,14 +44,25 @@ class Split:
     expected: dict[str, tuple[float, float]] = field(default_factory=dict)
 
 
-def split(name: str, a: CalibrationResult, b: CalibrationResult, skip: Sequence[str] = ()) -> Split | None:
-    """Compare two parts of a log that share no reading; None if one is refused or nothing is determined in both."""
+def split(
+    name: str,
+    a: CalibrationResult,
+    b: CalibrationResult,
+    skip: Sequence[str] = (),
+    stated: Mapping[str, float] | None = None,
+) -> Split | None:
+    """Compare two parts of a log that share no reading; None if one is refused or nothing is determined in both.
+
+    ``stated`` has variances of differences, by parameter, where both parts share an error: what drifts alike in odd and
+    even rests is in both claims and not in the difference. Larger ones than both claims together do not count.
+    """
     from scipy.stats import chi2
 
     if "refused" in (a.status, b.status):
         return None
     difference = compare(a, b)
     sigma = difference.sigma
+    own = np.sqrt([min((stated or {}).get(n, np.inf), s**2) for n, s in zip(difference.names, sigma, strict=True)])
     good = np.isfinite(sigma) & (sigma > 0.0)
     rms: dict[str, float] = {}
     p: dict[str, float] = {}
@@ -62,7 +73,7 @@ def split(name: str, a: CalibrationResult, b: CalibrationResult, skip: Sequence[
         at = np.array([i for i, n in enumerate(difference.names) if block_of(n) == block and good[i]], dtype=int)
         if not len(at):
             continue
-        z = difference.z[at]
+        z = difference.difference[at] / own[at]
         R = difference.covariance[np.ix_(at, at)] / np.outer(sigma[at], sigma[at])
         values, Q = np.linalg.eigh(R)
         keep = values > 1e-6
@@ -112,6 +123,7 @@ def checked(
     causes: Sequence[str] = (),
     needs: str = "",
     skip: Sequence[str] = (),
+    stated: Mapping[str, Mapping[str, float]] | None = None,
 ) -> CalibrationResult:
     """A result with its claims held against halves of its log, and widened where they do not hold.
 
@@ -127,6 +139,8 @@ def checked(
         What a log would need for halves, where no part could be calibrated.
     skip : sequence of str
         Blocks that are not compared, because the parts share readings.
+    stated : mapping of str to (mapping of str to float), optional
+        Variances of differences by split and parameter, see :func:`split`.
 
     Returns
     -------
@@ -144,7 +158,9 @@ def checked(
     if result.status == "refused":
         return result
     splits = [
-        s for name, pair in parts.items() if pair is not None and (s := split(name, pair[0], pair[1], skip)) is not None
+        s
+        for name, pair in parts.items()
+        if pair is not None and (s := split(name, *pair, skip, (stated or {}).get(name))) is not None
     ]
     if not splits:
         note = {"splits": {}, "widened": {}, "note": needs} if needs else None

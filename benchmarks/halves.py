@@ -57,7 +57,7 @@ def random_halves(imu: ImuSeries, gravity: float, splits: int, seed: int = 0) ->
         if not force:
             variance = complete.nominal[1] ** 2 * bias_difference(rates, rests, first)
             stated = dict(zip(BIAS_G, variance.tolist(), strict=True))
-        of_split = split("random", *pair, (), stated)
+        of_split = split("random", pair[0], pair[1], (), stated)
         for block, z in ({} if of_split is None else of_split.rms).items():
             rms.setdefault(block, []).append(z)
     return rms

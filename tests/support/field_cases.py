@@ -115,7 +115,7 @@ def log_of(scene: Scene, errors: ImuErrors, rng: np.random.Generator | None = No
 def calibrated(
     scene: Scene, imu: ImuSeries, spec: ImuSpec, options: FieldOptions | None = None, **more
 ) -> FieldCalibration:
-    more = {"heading": (0.0, 1.0 * DEG), "rests": scene.rests(imu)} | more
+    more = {"heading": (0.0, 1.0 * DEG), "rests": scene.rests(imu), "halves": False} | more
     return calibrate_field(imu, spec, latitude=LLH[0], height=LLH[2], options=options, **more)
 
 

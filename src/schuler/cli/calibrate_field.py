@@ -45,7 +45,7 @@ def field(
     min_rest: float = 2.0,
     intervals: Path | None = None,
     history: Literal["csv", "parquet"] = "csv",
-    halves: Flag = False,
+    halves: bool = True,
     options: CalibrationOptions = _OPTIONS,
 ) -> int:
     """Turned by hand between rests, no fixture: everything from gravity and the Earth's rate, by a 39-state filter.
@@ -77,7 +77,7 @@ def field(
     history
         Format of the file with estimates and uncertainties over the log.
     halves
-        Calibrate both halves of the rests too and widen what they contradict; for gyroscopes too weak for Earth rate.
+        Calibrate both halves of sixteen rests and more too, and widen what they contradict.
     """
     began = clock.perf_counter()
     options.output.check()

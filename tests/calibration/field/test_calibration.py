@@ -352,3 +352,28 @@ def test_local_gravity_scales_the_accelerometers():
                       gravity=1.001 * 9.798539).calibration  # fmt: skip
     for name in ("M_a_xx", "M_a_yy", "M_a_zz"):
         assert more[name][0] - plain[name][0] == pytest.approx(-1e-3, abs=3e-5)
+
+
+@pytest.mark.parametrize("runs", [1, pytest.param(30, marks=pytest.mark.campaign)])
+def test_halves_agree_by_default_with_the_heading_of_the_complete_log(runs):
+    """Statistical: no log is doubted, and root mean squares are those of right claims; the heading is not given."""
+    scene, squares = thesis(), []
+    for seed in range(runs):
+        errors, rng, _ = drawn(AUTOMOTIVE, 1000 + seed)
+        result = calibrated(scene, log_of(scene, errors, rng), AUTOMOTIVE, heading=None, halves=True).calibration
+        halves = result.extra["halves"]
+        assert halves["verdict"]["status"] == "ok"
+        squares += [z**2 for z in halves["splits"]["first and second half"].values()]
+    assert 0.6 < np.sqrt(np.mean(squares)) < 1.5
+
+
+def test_a_bias_that_jumps_between_the_halves_is_found_by_default():
+    """A gyroscope that is another one from the middle on: five claims of b_g or more."""
+    scene = thesis()
+    errors, rng, heading = drawn(AUTOMOTIVE, 7)
+    imu = log_of(scene, errors, rng)
+    late = imu.t > imu.t[len(imu.t) // 2]
+    jumped = replace(imu, gyro=imu.gyro + np.outer(late, np.full(3, 3e-3 * imu.interval)))
+    result = calibrated(scene, jumped, AUTOMOTIVE, heading=heading, halves=True).calibration
+    assert result.status == "warning"
+    assert result.extra["halves"]["widened"]["b_g"] > 2.0

@@ -15,6 +15,7 @@ from schuler.calibration.field.problem import Problem
 from schuler.filtering.engine import unpack_symmetric
 from schuler.filtering.error_model import sensor_matrices
 from schuler.frames import wrap_angle
+from schuler.rotation import dcm_from_quat, dcm_from_rpy
 
 _STARTS = 8  # headings tried
 _NEAR = 0.3  # 1-sigma of the heading about each of them [rad]
@@ -101,6 +102,22 @@ def search_heading(
     for _ in range(2):
         best = next_pass(near, blocks, best, False)
     return best
+
+
+def heading_at(problem: Problem, last: Pass, time: float) -> tuple[float, float, float]:
+    """Heading that goes with the levelled roll and pitch at a time, its 1-sigma, and the pitch. [rad]
+
+    Roll and pitch are those of :func:`level_attitude`, with which the heading of an upright x axis is nearly arbitrary.
+    """
+    k = int(np.clip(np.searchsorted(last.run.rec_t, time), 0, len(last.run.rec_t) - 1))
+    C_en = frames.C_en(problem.llh)
+    C_nb = C_en.T @ dcm_from_quat(last.run.rec_nav[k, :4])
+    f = -C_nb[2]
+    level = np.array([np.arctan2(-f[1], -f[2]), np.arctan2(f[0], np.hypot(f[1], f[2])), 0.0])
+    turn = C_nb @ dcm_from_rpy(level).T
+    P = unpack_symmetric(last.run.rec_P[k : k + 1], problem.layout.size)[0, :3, :3]
+    variance = max(float(C_en[:, 2] @ P @ C_en[:, 2]), 0.0)
+    return float(np.arctan2(turn[1, 0], turn[0, 0])), float(np.sqrt(variance)), float(level[1])
 
 
 def smoothed_heading(problem: Problem, last: Pass) -> tuple[float, float]:

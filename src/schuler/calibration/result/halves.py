@@ -160,7 +160,7 @@ def checked(
     splits = [
         s
         for name, pair in parts.items()
-        if pair is not None and (s := split(name, *pair, skip, (stated or {}).get(name))) is not None
+        if pair is not None and (s := split(name, pair[0], pair[1], skip, (stated or {}).get(name))) is not None
     ]
     if not splits:
         note = {"splits": {}, "widened": {}, "note": needs} if needs else None

@@ -101,7 +101,7 @@ def _fig_5_15(effort: Effort) -> Outcome:
         deflections.append(
             calibrate_field(
                 own.imu, job.spec, latitude=job.place[0], height=job.place[2], gravity=local,
-                heading=(float(job.routine.rpy_nb[2]), job.heading_sigma), rests=rests,
+                heading=(float(job.routine.rpy_nb[2]), job.heading_sigma), rests=rests, halves=False,
             ).calibration
         )  # fmt: skip
     moved = [deflections[1][f"M_a_{a}{a}"][0] - deflections[0][f"M_a_{a}{a}"][0] for a in "xyz"]

@@ -131,7 +131,7 @@ def calibrated(job: FieldJob, imu: ImuSeries, heading: float) -> FieldCalibratio
         rests = given_rests(imu, job.routine.rests + np.array([_EDGE_S, -_EDGE_S]))
     return calibrate_field(
         imu, job.spec, latitude=job.place[0], height=job.place[2], heading=(heading, job.heading_sigma),
-        options=job.options, rests=rests,
+        options=job.options, rests=rests, halves=False,
     )  # fmt: skip
 
 

@@ -184,7 +184,7 @@ def calibrate_unit(
     heading = float(scene.truth.rpy_nb[0, 2] + _HEADING_SIGMA * rng.standard_normal())
     fit = calibrate_field(
         without_offset(imu, offset), stated_spec(), latitude=float(ELMADAG[0]), height=float(ELMADAG[2]),
-        heading=(heading, _HEADING_SIGMA), options=options,
+        heading=(heading, _HEADING_SIGMA), options=options, halves=False,
     )  # fmt: skip
     return CalibratedUnit(unit, fit, offset)
 

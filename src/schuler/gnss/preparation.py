@@ -223,6 +223,7 @@ def prepare_ranges(
         tuple(notes + time_notes),
         phase,
         begin_arcs(c.sat, phase, c.signal, c.lock),
+        np.where(np.isfinite(phase), SPEED_OF_LIGHT / c.frequency_hz[:, 0], np.nan),
     )
 
 

@@ -75,6 +75,8 @@ class Ranges:
         constant of each arc, and a hundred times less noise. NaN where there is none. [m]
     arc : ndarray of int, shape (n,)
         Carrier phases of a satellite with equal numbers share their constant: no cycle slip lies between.
+    wavelength : ndarray, shape (n,)
+        Of the carrier. NaN where it is not known, and where the constant is no whole number of cycles. [m]
     """
 
     t: FloatArray
@@ -94,6 +96,7 @@ class Ranges:
     notes: tuple[str, ...] = ()
     carrier_range: FloatArray = field(default_factory=lambda: np.zeros(0))
     arc: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    wavelength: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         n = len(self.t)
@@ -101,6 +104,8 @@ class Ranges:
             object.__setattr__(self, "carrier_range", np.full(n, np.nan))
         if n and not len(self.arc):
             object.__setattr__(self, "arc", np.zeros(n, dtype=np.int64))
+        if n and not len(self.wavelength):
+            object.__setattr__(self, "wavelength", np.full(n, np.nan))
         for f in fields(self):
             if f.name in ("groups", "notes"):
                 continue

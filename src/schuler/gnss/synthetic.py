@@ -189,7 +189,7 @@ def synthetic_ranges(
     )  # fmt: skip
     own = rng.spawn(1)[0]
     phase = (rho + _carrier_errors(t, elevation, budget, own))[k, s] + clock[k, group[s]]
-    ranges = with_arcs(replace(ranges, carrier_range=phase), k, own)
+    ranges = with_arcs(replace(ranges, carrier_range=phase, wavelength=np.full(len(k), L1_CYCLE)), k, own)
     return SyntheticRanges(ranges, clock, drift, k, error[k, s], rate_error[k, s], r_e, epoch_gps_s)
 
 

@@ -6,6 +6,7 @@ Every key that carries a number names its unit. Unknown keys are errors, with th
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -247,7 +248,7 @@ class NavigationConfig(Config):
 
     @classmethod
     def load(cls, path: Path | str, changes: Sequence[tuple[str, Any]] = ()) -> NavigationConfig:
-        """Checked configuration of a TOML file; its folder anchors ``imu.spec`` and ``imu.calibration``.
+        """Checked configuration of a TOML file, whose folder the files it names are relative to.
 
         Parameters
         ----------
@@ -264,8 +265,11 @@ class NavigationConfig(Config):
 
 def _anchored(data: dict[str, Any], path: Path) -> dict[str, Any]:
     """Entries whose file names are relative to the file they were read from."""
-    data = anchored(data, path)
-    imu = data.get("imu")
-    if not isinstance(imu, dict) or not isinstance(imu.get("calibration"), str):
-        return data
-    return {**data, "imu": {**imu, "calibration": str(path.resolve().parent / imu["calibration"])}}
+    folder, data = path.resolve().parent, deepcopy(anchored(data, path))
+    for *sections, entry in (("imu", "calibration"), ("gnss", "tight", "base", "observations")):
+        place: Any = data
+        for name in sections:
+            place = place.get(name) if isinstance(place, dict) else None
+        if isinstance(place, dict) and isinstance(place.get(entry), str):
+            place[entry] = str(folder / place[entry])
+    return data

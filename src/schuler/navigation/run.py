@@ -14,6 +14,8 @@ from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import ConfigError
 from schuler.filtering.engine import Progress
 from schuler.filtering.initial_state import InitialState
+from schuler.gnss.observations import Observations
+from schuler.gnss.ranges import Ranges
 from schuler.navigation.aids.aiding import Sources, aiding_schedule
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.gnss_faults import rejections
@@ -25,6 +27,7 @@ from schuler.navigation.inputs.preparation import (
     prepared_imu,
     with_late_velocities,
 )
+from schuler.navigation.inputs.rtk import ranges_with_base, with_integers
 from schuler.navigation.inputs.satellites import satellites, with_clocks
 from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.result import NavigationResult
@@ -52,6 +55,7 @@ def navigate(
     *,
     initial: InitialState | None = None,
     calibration: CalibrationResult | Path | str | None = None,
+    base: Observations | Ranges | None = None,
     progress: Progress | None = None,
 ) -> NavigationResult:
     """Navigate a recording: align, filter, and keep what a smoother needs if the configuration asks for one.
@@ -68,6 +72,8 @@ def navigate(
         Calibration of this unit, instead of ``imu.calibration`` of the configuration: the sensor states start from its
         values and covariance, errors that the filter does not estimate are taken out of the log; see
         :func:`~schuler.navigation.start.calibration.calibration_start`.
+    base : Observations or Ranges, optional
+        Base station for ``gnss.tight.carrier = "rtk"``, instead of the file in ``gnss.tight.base``.
     progress : callable, optional
         Called with the fraction done.
 
@@ -93,19 +99,19 @@ def navigate(
     """
     config = NavigationConfig.checked(config)
     started = time.perf_counter()
-    prepared = prepared_run(recording, config, initial=initial, calibration=calibration)
+    prepared = prepared_run(recording, config, initial=initial, calibration=calibration, base=base)
     tuned: list[str] = []
     asked = config.filter.tune
     if asked is True or (asked == "auto" and contradicted(prepared)):
         if asked == "auto" and config.noise_is_stated:
             tuned = [STATED_NOISE]
         else:
-            config, prepared, tuned = _tuned(recording, config, prepared, initial, calibration)
+            config, prepared, tuned = _tuned(recording, config, prepared, initial, calibration, base)
             if initial is None and config.gnss.coupling == "loose" and not config.lever_is_stated:
                 other = with_lever(config)
-                free = prepared_run(recording, other, initial=initial, calibration=calibration)
+                free = prepared_run(recording, other, initial=initial, calibration=calibration, base=base)
                 if has_lever(prepared, free):
-                    config, prepared, again = _tuned(recording, other, free, initial, calibration)
+                    config, prepared, again = _tuned(recording, other, free, initial, calibration, base)
                     tuned += [LEVER_ESTIMATED, *again]
     noisy = noise_against_budget(prepared.imu, prepared.spec)  # before the run takes memory
     forward = prepared.run(progress=progress)
@@ -138,12 +144,13 @@ def _tuned(
     prepared: PreparedRun,
     initial: InitialState | None,
     calibration: CalibrationResult | Path | str | None,
+    base: Observations | Ranges | None,
 ) -> tuple[NavigationConfig, PreparedRun, list[str]]:
     """Configuration and run with tuned noise, and sentences on it; as they are if that is no better."""
     tuning = tune(prepared, aligned=initial is None)
     if tuning.better:
         config = tuned_configuration(config, tuning)
-        prepared = prepared_run(recording, config, initial=initial, calibration=calibration)
+        prepared = prepared_run(recording, config, initial=initial, calibration=calibration, base=base)
     return config, prepared, tuning.sentences()
 
 
@@ -153,6 +160,7 @@ def prepared_run(
     *,
     initial: InitialState | None = None,
     calibration: CalibrationResult | Path | str | None = None,
+    base: Observations | Ranges | None = None,
 ) -> PreparedRun:
     """Everything a run of the filter needs: series made ready, aligned start, schedule; see :func:`navigate`."""
     _check_earth_rotation(recording, config)
@@ -160,9 +168,13 @@ def prepared_run(
     spec = imu_spec(config, notes)
     calibrated = configured_start(config, recording.need_imu(), calibration)
     imu = prepared_imu(recording.need_imu(), config, notes, calibrated)
-    ranges, points = None, None
+    ranges, points, relative = None, None, None
     if config.gnss.coupling == "tight":
         ranges, points = satellites(recording, config, notes)
+        if config.gnss.tight.carrier == "rtk":
+            near_e = np.mean(points.solution.r_e[points.solution.ok], axis=0)
+            relative = ranges_with_base(recording, ranges, near_e, config, base, notes)
+            ranges = relative.ranges
     gnss = recording.gnss if points is None else points.gnss
     gnss = None if gnss is None else prepared_gnss(gnss, config, notes, imu if initial is None else None)
     layout = state_layout(config, spec, ranges)
@@ -207,7 +219,8 @@ def prepared_run(
         judged, method, sentences = judged_start(aligned, prepared, finish)
         notes += [*sentences, aligned_sentence(judged, method, float(imu.t[0]))]
         prepared = replace(prepared, initial=finish(judged))
-    return replace(prepared, notes=tuple(notes))
+    prepared = replace(prepared, notes=tuple(notes))
+    return prepared if relative is None else with_integers(prepared, relative, config)
 
 
 def tune_noise(

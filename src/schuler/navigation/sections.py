@@ -231,6 +231,20 @@ class AidingSection(Section):
         return self
 
 
+class BaseSection(Section):
+    """Base station that carrier phases are differenced against."""
+
+    observations: str | None = Field(None, description="log of the base with carriers, relative to this file")
+    llh_deg: Triple | None = Field(
+        None,
+        description="its antenna: latitude, longitude [deg], ellipsoidal height [m]; its single points if left out",
+    )
+    code_sigma_m: Positive = Field(0.3, description="1-sigma of a strong satellite's code overhead, of one receiver")
+    ratio: Annotated[float, Field(ge=1)] = Field(
+        3.0, description="least quotient of the second-best integers' norm and the best's"
+    )
+
+
 class TightSection(Section):
     """Raw satellite measurements: which are used, how they are corrected, the receiver's clock."""
 
@@ -240,10 +254,12 @@ class TightSection(Section):
     elevation_mask_deg: float = Field(10.0, description="satellites lower than this are left out")
     cn0_mask_dbhz: float = Field(25.0, description="weaker signals are left out")
     rates: bool = Field(True, description="also use range rates")
-    carrier: Literal["off", "time-differenced"] = Field(
-        "off", description="time-differenced: also use how carrier phases change between epochs"
+    carrier: Literal["off", "time-differenced", "rtk"] = Field(
+        "off",
+        description="time-differenced: also use how carrier phases change between epochs; rtk: against a base, too",
     )
     carrier_sigma_m: Positive = Field(0.003, description="1-sigma of the phase of a strong satellite overhead")
+    base: BaseSection = Field(BaseSection(), description="for carrier = rtk")
     integrity: bool = Field(True, description="snapshot fault detection and exclusion before the filter")
     min_satellites: Annotated[int, Field(ge=1)] = Field(1, description="epochs with fewer are left out")
     max_satellites: Annotated[int, Field(ge=1)] | None = Field(None, description="cut to the highest ones, for tests")

@@ -116,7 +116,7 @@ def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, 
             between_sigma=tight.clock_sigma_m,
             between_noise=tight.system_noise_m,
         )
-        if tight.carrier == "time-differenced":
+        if tight.carrier != "off":
             models |= dict.fromkeys(CLONES, StateModel.constant(0.0))
     return models
 

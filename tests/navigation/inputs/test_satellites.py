@@ -86,13 +86,15 @@ class Case:
         time = Metadata(time=TimeBase("gps", EPOCH))
         return Recording(imu=self.imu, ranges=ranges, reference=self.truth, metadata=time, **more)
 
-    def navigated(self, ranges=None, parts=None, **tight):
+    def navigated(self, ranges=None, parts=None, base=None, base_station=None, **tight):
+        if base_station is not None:
+            tight["base"] = {"llh_deg": base_station, "code_sigma_m": 0.5}
         config = {
             "imu": {"catalogue": IMU},
             "gnss": {"coupling": "tight", "lever_arm_m": tuple(LEVER), "tight": {**CLOCK, **tight}},
             "filter": {"smooth": False},
         }
-        return navigate(self.recording(ranges, **(parts or {})), NavigationConfig.parse(config))
+        return navigate(self.recording(ranges, **(parts or {})), NavigationConfig.parse(config), base=base)
 
     def error_n(self, result) -> np.ndarray:
         """Position error north, east, down at the records."""
@@ -451,3 +453,23 @@ def test_carriers_that_are_not_there_are_refused(case, clean):
     bare = replace(clean, carrier_range=np.full(len(clean), np.nan))
     with pytest.raises(InputError, match="needs carrier phases of a satellite at two epochs in a row"):
         case.navigated(bare, carrier="time-differenced")
+
+
+def test_a_base_makes_it_centimetres(case):
+    """The whole way: aligned from single points, 20 s without satellites, integers fixed again."""
+    budget = replace(BUDGET, carrier_walk=0.0)  # the base shares it
+    k, rng = len(case.t), np.random.default_rng(8)
+    base_e = frames.ecef_from_llh(ORIGIN) + 200.0
+    at_rest = np.tile(base_e, (k, 1)), np.zeros((k, 3))
+    base = synthetic_ranges(case.t, *at_rest, case.orbits, rng, budget, epoch_gps_s=EPOCH, elevation_mask=0.2).ranges
+    rover = synthetic_ranges(
+        case.t, case.r, case.v, case.orbits, np.random.default_rng(9), budget, epoch_gps_s=EPOCH, elevation_mask=0.2
+    )
+    gone = rover.ranges.where((rover.ranges.t < 60.0) | (rover.ranges.t >= 80.0))
+    llh = tuple(frames.llh_from_ecef(base_e) * (180.0 / np.pi, 180.0 / np.pi, 1.0))
+    result = case.navigated(gone, base=base, carrier="rtk", base_station=llh)
+    error = np.linalg.norm(case.error_n(result), axis=1)
+    assert np.all(error[(result.t > 50.0) & (result.t < 60.0)] < 0.06)
+    assert np.all(error[(result.t > 100.0) & (result.t < 119.5)] < 0.06)
+    assert np.all(np.abs(case.error_n(result)[10:]) < 5.0 * result.sigma("dr")[10:])
+    assert not result.innovations.rejected()["position"]

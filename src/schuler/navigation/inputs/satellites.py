@@ -100,7 +100,7 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
         )
     ranges, solution = without_clock_jumps(ranges, solution, notes)
     ranges = inflated(ranges, config.gnss.correlated)
-    if section.carrier == "time-differenced":
+    if section.carrier != "off":
         ranges = with_whole_arcs(ranges, solution, section.carrier_sigma_m, notes)
     kept = _kept(ranges, section.min_satellites, section.max_satellites)
     ranges = replace(ranges, reason=np.where(ranges.used & ~kept, 8, ranges.reason))
@@ -247,8 +247,8 @@ def with_whole_arcs(ranges: Ranges, solution: PointSolution, sigma: float, notes
     near = np.column_stack([np.interp(ranges.t, solution.t[ok], solution.r_e[ok, i]) for i in range(3)])
     if not len(carrier_changes(ranges, sigma).now):
         raise InputError(
-            'gnss.tight.carrier = "time-differenced" needs carrier phases of a satellite at two epochs in a row, and '
-            "there are none: give observations with carriers (RINEX types L), or set it to off"
+            'gnss.tight.carrier = "time-differenced" or "rtk" needs carrier phases of a satellite at two epochs in a '
+            "row, and there are none: give observations with carriers (RINEX types L), or set it to off"
         )
     return without_slips(ranges, near, sigma, notes)
 

@@ -23,7 +23,7 @@ Columns = dict[str, np.ndarray[Any, np.dtype[Any]]]
 #: Columns of whole numbers.
 INTEGERS = frozenset({"sat", "signal", "group", "reason", "arc", "lock", "health", "issue", "source", "channel"})
 #: Columns that files of earlier versions do not have.
-LATER = frozenset({"lock", "carrier_range", "arc"})
+LATER = frozenset({"lock", "carrier_range", "arc", "wavelength"})
 _AXES = ("x", "y", "z")
 _WIDTH = MappingProxyType({"group_delay": 2, "r_e": 3, "v_e": 3, "a_e": 3, "r_sat_e": 3, "v_sat_e": 3})
 _CONSTANTS = frozenset({"signals", "groups", "notes", "epoch_gps_s", "glonass_channels", "position_e"})
@@ -35,7 +35,7 @@ _UNIT_OF_FIELD = MappingProxyType(
         **dict.fromkeys(("i0", "omega0", "omega", "m0", "cuc", "cus", "cic", "cis", "elevation", "azimuth"), "rad"),
         **dict.fromkeys(("delta_n", "idot", "omega_dot"), "rad/s"),
         **dict.fromkeys(("crc", "crs", "accuracy", "r_e", "r_sat_e", "pseudorange", "sigma_range"), "m"),
-        "carrier_range": "m",
+        **dict.fromkeys(("carrier_range", "wavelength"), "m"),
         **dict.fromkeys(("v_e", "v_sat_e", "range_rate", "sigma_rate"), "m/s"),
         "a_e": "m/s^2",
         "clock": "s",

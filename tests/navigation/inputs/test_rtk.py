@@ -1,0 +1,211 @@
+"""Carriers against a base inside the filter: integers right, covariances honest, outages bridged, base errors said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import aided_cases as ac
+import numpy as np
+import pytest
+import rtk_cases as rc
+from receiver_pairs import HOME_LLH, pair
+from sky import HOME
+
+from schuler.exceptions import InputError
+from schuler.filtering.measurements import CARRIER_CHANGE, POSITION
+from schuler.frames import C_en
+from schuler.gnss.preparation import prepare_ranges
+from schuler.gnss.ranges import predicted_ranges
+from schuler.gnss.synthetic import L1_CYCLE
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.evaluation.consistency import chi_square_band
+from schuler.navigation.inputs.rtk import ranges_with_base, with_integers
+from schuler.navigation.result import NavigationResult
+from schuler.recording.recording import Metadata, Recording
+
+RUNS = [2, pytest.param(40, marks=pytest.mark.campaign), pytest.param(400, marks=pytest.mark.slow)]
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return rc.drive(60.0)
+
+
+@pytest.fixture(scope="module")
+def sky(drive):
+    return ac.sky(drive, "GE", 12)
+
+
+@pytest.fixture(scope="module")
+def clean(drive, sky):
+    return rc.run(drive, sky, 1)
+
+
+@pytest.mark.parametrize("runs", RUNS)
+def test_integers_are_right_and_errors_as_claimed(drive, sky, runs):
+    """Twelve satellites but for ten seconds without any, after which integers are new.
+
+    NEES stays below the upper bound of its band; before the fix it may be below the lower one, since white phases make
+    changes better than claimed (decision 31). The fixes by themselves are chi-square with three degrees.
+    """
+    over = sky.where(~((sky.t > 35.0) & (sky.t < 45.0)))
+    made = [rc.run(drive, over, seed) for seed in range(runs)]
+    values = np.array([one.nees for one in made])
+    at = values[:, [5, 25, 34, 40, 44, 50, 58]].mean(axis=0)
+    low, high = chi_square_band(rc.LAYOUT.size, runs, 0.9999)
+    assert np.all(at < high), (at.round(2), high)
+    assert np.all(at > 0.8 * low), (at.round(2), low)
+    nis = np.concatenate([one.fix_nis for one in made])
+    assert nis.max() < 30.0  # a wrong integer of 19 cm makes hundreds
+    low, high = chi_square_band(3 * len(nis), 1, 0.9999)
+    assert low < nis.mean() / 3.0 < high
+
+
+def test_positions_are_centimetres_once_integers_are_held(clean):
+    assert clean.t_fix[0] < 30.0
+    assert np.all(clean.error[clean.result.t > clean.t_fix[0] + 1.0] < 0.06)
+    assert clean.fix_error.max() < 0.05
+
+
+def test_a_phase_is_counted_once(clean):
+    """Where a satellite's carrier is in the fix of an epoch its change up to there is not used beside it."""
+    s = clean.prepared.schedule
+    fixes, changes = s.t[s.kind == POSITION], s.t[s.kind == CARRIER_CHANGE]
+    full = fixes[np.array([np.sqrt(R.diagonal().max()) < 0.1 for R in s.R[s.kind == POSITION]])]
+    assert len(full) > 30
+    counts = [int(np.sum(np.abs(changes - t) < 1e-6)) for t in full[5:]]
+    assert max(counts) <= 2  # a satellite that is not yet held
+    assert np.sum(changes < fixes[0]) > 50
+
+
+def test_integers_are_data_for_every_later_run(clean):
+    """The schedule has them, so that a second run and the smoother need no base."""
+    again = clean.prepared.run()
+    np.testing.assert_array_equal(again.r[-1], clean.result.trajectory.r_eb_e[-1])
+    assert "integers of carrier phases against the base are held at" in clean.prepared.notes[-1]
+
+
+def test_smoothed_errors_are_centimetres_throughout(drive, sky):
+    """Fixes reach back to the start, over the stretch in which integers were not yet fixed."""
+    one = rc.run(drive, sky, 2, smoother=True)
+    smoothed: NavigationResult = one.result.smooth()
+    at = one.truth.reference.at(smoothed.t)
+    error = np.linalg.norm(smoothed.states.r_eb_e - at.r_eb_e, axis=1)
+    assert one.error[5] > 0.1
+    assert np.all(error[3:-3] < 0.06)
+
+
+@pytest.mark.parametrize("cycles", [1.0, -0.5, 7.0])
+def test_a_slip_begins_a_new_integer(drive, sky, cycles):
+    """One carrier of twelve slips, unsaid, at 40 s: found before the filter, and the fix goes on without it."""
+    sat = np.unique(sky.sat)[2]
+    one = rc.run(drive, sky, 4, slips=np.where((sky.sat == sat) & (sky.t > 40.0), cycles * L1_CYCLE, 0.0))
+    assert np.all(one.error[one.result.t > one.t_fix[0] + 1.0] < 0.06)
+    assert one.fix_nis.max() < 30.0
+
+
+def test_an_outage_of_the_configuration_ends_integers(clean):
+    """Integers of before it are forgotten, as those of a receiver that really lost its satellites."""
+    prepared = replace(clean.prepared, windows=((45.0, 50.0),))
+    s = prepared.schedule
+    bare = s.where(s.kind != POSITION).outside(prepared.windows)
+    again = with_integers(replace(prepared, schedule=bare), clean.base, rc.CONFIG)
+    fixes = again.schedule.t[again.schedule.kind == POSITION]
+    assert fixes[0] < 45.0
+    assert not np.any((fixes >= 45.0) & (fixes < 51.5))  # confirmed in three epochs
+
+
+# --- the base -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def two():
+    """Two receivers for ten minutes at a baseline of some hundred metres, exact."""
+    return pair(np.random.default_rng(3), lambda t: (100.0, -200.0, 5.0), np.arange(0.0, 600.0, 60.0), bands=("1C",))
+
+
+def corrected(two, base=None, notes=None, rover=None, **entries):
+    """Ranges of the rover with a base."""
+    rover = two.rover if rover is None else rover
+    llh = tuple(HOME_LLH * (180 / np.pi, 180 / np.pi, 1.0))
+    config = NavigationConfig.parse(
+        {
+            "imu": {"catalogue": "HG1700-flenniken"},
+            "gnss": {"coupling": "tight", "tight": {"carrier": "rtk", "base": {"llh_deg": llh, **entries}}},
+        }
+    )
+    recording = Recording(observations=rover, ephemerides=two.ephemerides, metadata=Metadata())
+    ranges = prepare_ranges(rover, two.ephemerides, systems="GEC")
+    return ranges_with_base(
+        recording, ranges, HOME, config, two.base if base is None else base, [] if notes is None else notes
+    )
+
+
+def test_corrected_ranges_hold_only_geometry_and_clocks(two):
+    """Of both receivers' exact measurements nothing is left but a clock, and whole cycles of carriers. Rounding."""
+    both = corrected(two)
+    c, r = both.carriers, both.ranges
+    place = HOME + C_en(HOME_LLH) @ (100.0, -200.0, 5.0)
+    left = r.pseudorange[c.row] - predicted_ranges(r.r_sat_e[c.row], place)[0]
+    cycles = (c.carrier - predicted_ranges(r.r_sat_e[c.row], place)[0]) / c.wavelength
+    for t in np.unique(r.t[c.row]):
+        for kind in np.unique(c.kind):
+            mine = np.flatnonzero((r.t[c.row] == t) & (c.kind == kind))
+            np.testing.assert_allclose(left[mine], left[mine[0]], atol=0.003)  # atmosphere at two places
+            between = cycles[mine] - cycles[mine[0]]
+            np.testing.assert_allclose(between, np.round(between), atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "entries", "message"),
+    [
+        (lambda o: o.where(o.t < 290.0), {}, "base: no epoch in common: rover .* give a base log of that time"),
+        (lambda o: replace(o, epoch_gps_s=o.epoch_gps_s - 604800.0), {}, "no range of the base is usable"),
+        (lambda o: replace(o, carrier=np.full(len(o), np.nan)), {}, "no satellite whose carrier phase both receivers"),
+        (
+            lambda o: o,
+            {"llh_deg": (47.0, 8.5, 400.0)},
+            "m from where the base's own ranges place it; expected latitude",
+        ),
+    ],
+)
+def test_bases_that_do_not_serve_are_errors(two, spoil, entries, message):
+    late = two.rover.where(two.rover.t > 290.0)
+    with pytest.raises(InputError, match=message):
+        corrected(two, spoil(two.base), rover=late, **entries)
+
+
+def test_a_base_is_asked_for_and_its_carriers_are_checked(two):
+    recording = Recording(observations=two.rover, ephemerides=two.ephemerides, metadata=Metadata())
+    ranges = prepare_ranges(two.rover, two.ephemerides, systems="GEC")
+    with pytest.raises(InputError, match=r"needs a base station: name its log in gnss\.tight\.base\.observations"):
+        ranges_with_base(recording, ranges, HOME, rc.CONFIG, None, [])
+    often = pair(np.random.default_rng(3), lambda t: (100.0, -200.0, 5.0), np.arange(0.0, 30.0, 5.0), bands=("1C",))
+    metres = replace(often.base, carrier=often.base.carrier * 0.1903)
+    with pytest.raises(InputError, match=r"gnss\.tight\.base: the carrier of .* look like carriers in metres"):
+        corrected(often, metres)
+    with pytest.raises(InputError, match="it has prepared ranges only"):
+        ranges_with_base(Recording(ranges=ranges, metadata=Metadata()), ranges, HOME, rc.CONFIG, two.base, [])
+
+
+def test_codes_without_the_base_are_left_out_and_a_far_base_is_said(two):
+    half = two.base.where(two.base.t < 290.0)
+    notes: list[str] = []
+    both = corrected(two, half, notes)
+    late = both.ranges.t > 299.0
+    assert np.all(np.isnan(both.ranges.pseudorange[late]))
+    assert np.isfinite(both.ranges.pseudorange[~late & both.ranges.used]).all()
+    assert any("pseudoranges have none of the base beside them: left out" in n for n in notes)
+    away: list[str] = []
+    recording = Recording(observations=two.rover, ephemerides=two.ephemerides, metadata=Metadata())
+    ranges = prepare_ranges(two.rover, two.ephemerides, systems="GEC")
+    ranges_with_base(recording, ranges, HOME + np.array([0.0, 0.0, 3e4]), rc.CONFIG, two.base, away)
+    assert any("the base is 30 km away: beyond 10 km the ionosphere" in n for n in away)
+    assert any("base position: the mean of its single points" in n for n in away)
+
+
+def test_a_base_in_a_file_is_relative_to_the_configuration(tmp_path):
+    text = '[imu]\ncatalogue = "HG1700-flenniken"\n[gnss]\ncoupling = "tight"\n[gnss.tight]\ncarrier = "rtk"\n'
+    (tmp_path / "run.toml").write_text(text + '[gnss.tight.base]\nobservations = "base.obs"\n')
+    config = NavigationConfig.load(tmp_path / "run.toml")
+    assert config.gnss.tight.base.observations == str(tmp_path / "base.obs")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.gnss.integers import HeldIntegers, Measured, fix_epoch
+from schuler.gnss.integers import HeldIntegers, Measured, _covariance, _float, fix_epoch
 
 CYCLE = 0.1903
 CODE, PHASE = 0.5, 0.003
@@ -135,3 +135,21 @@ def test_wrong_fixes_are_as_rare_as_claimed(rng, skies):
             wrong += any(len(np.unique(off[kind == i])) > 1 for i in (0, 1))
     assert accepted > skies // 3
     assert wrong == 0
+
+
+def test_float_ambiguities_are_those_of_one_least_squares(rng):
+    """Twin: offset with its prior and an unknown for each free difference, all carriers at once. Rounding."""
+    u = sky(rng, 8)
+    member, reference = np.array([1, 2, 3, 5, 6, 7]), np.array([0, 0, 0, 4, 4, 4])
+    sigma, held = rng.uniform(0.002, 0.02, 8), np.array([True, False, True, False, True, False])
+    G, R = u[member] - u[reference], _covariance(sigma, member, reference)
+    P, d, y = np.diag([0.3, 0.2, 0.5]) ** 2, rng.standard_normal(3), rng.standard_normal(6)
+    a, Q = _float(y, G, R, d, P, held)
+    A = np.hstack((G, np.eye(6)[:, ~held]))
+    prior = np.zeros((6, 6))
+    prior[:3, :3] = np.linalg.inv(P)
+    W = np.linalg.inv(R)
+    cov = np.linalg.inv(A.T @ W @ A + prior)
+    x = cov @ (A.T @ W @ y + prior @ np.concatenate((d, np.zeros(3))))
+    np.testing.assert_allclose(a, x[3:], rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(Q, cov[3:, 3:], rtol=1e-6)

@@ -132,25 +132,18 @@ def fix_epoch(
 
     number = np.array([held.number.get(s, 0) for s in e.sat.tolist()], dtype=np.float64)
     h, f = np.flatnonzero(both), np.flatnonzero(~both)
+    y = carrier - both * e.wavelength[member] * (number[member] - number[reference])
     if len(h):
-        y = carrier[h] - e.wavelength[member[h]] * (number[member[h]] - number[reference[h]])
-        v = y - G[h] @ d
-        S = G[h] @ P @ G[h].T + R[np.ix_(h, h)]
+        v, S = y[h] - G[h] @ d, G[h] @ P @ G[h].T + R[np.ix_(h, h)]
         if v @ np.linalg.solve(S, v) > thresholds(_CONTRADICTED, np.array([len(h)]))[0]:
             held.forget()
             held.contradicted += 1
             return None
-        d, P = _updated(d, P, G[h], y, R[np.ix_(h, h)])
-        across = np.linalg.solve(R[np.ix_(h, h)], R[np.ix_(h, f)]).T
-        carrier_f, G_f = carrier[f] - across @ y, G[f] - across @ G[h]
-        R_f = R[np.ix_(f, f)] - across @ R[np.ix_(h, f)]
-    else:
-        carrier_f, G_f, R_f = carrier[f], G[f], R[np.ix_(f, f)]
     if len(f):
         cycle = e.wavelength[member[f]]
-        a = (carrier_f - G_f @ d) / cycle
-        Q = (G_f @ P @ G_f.T + R_f) / np.outer(cycle, cycle)
-        chosen, integers = _fixed(a, 0.5 * (Q + Q.T), np.diag(R_f) / cycle**2, len(h), ratio, least_success)
+        a, Q = _float(y, G, R, d, P, both)
+        noise = np.diag(R)[f] / cycle**2
+        chosen, integers = _fixed(a / cycle, Q / np.outer(cycle, cycle), noise, len(h), ratio, least_success)
         _remember(held, e, member[f], reference[f], chosen, integers)
     return _position(e, held)
 
@@ -186,6 +179,24 @@ def _updated(
     left = np.eye(3) - K @ G
     P = left @ P @ left.T + K @ R @ K.T
     return d + K @ (y - G @ d), 0.5 * (P + P.T)
+
+
+def _float(
+    y: FloatArray, G: FloatArray, R: FloatArray, d: FloatArray, P: FloatArray, held: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Ambiguities of the double differences that are not held, given those that are, and their covariance. [m], [m^2]
+
+    Differences of a kind share the noise of their reference, which is taken out of the free ones as far as the held
+    ones tell it.
+    """
+    h, f = np.flatnonzero(held), np.flatnonzero(~held)
+    y_f, G_f, R_f = y[f], G[f], R[np.ix_(f, f)]
+    if len(h):
+        d, P = _updated(d, P, G[h], y[h], R[np.ix_(h, h)])
+        across = np.linalg.solve(R[np.ix_(h, h)], R[np.ix_(h, f)]).T
+        y_f, G_f, R_f = y_f - across @ y[h], G_f - across @ G[h], R_f - across @ R[np.ix_(h, f)]
+    Q = G_f @ P @ G_f.T + R_f
+    return y_f - G_f @ d, 0.5 * (Q + Q.T)
 
 
 def _fixed(

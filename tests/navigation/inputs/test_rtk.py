@@ -12,14 +12,15 @@ from receiver_pairs import HOME_LLH, pair
 from sky import HOME
 
 from schuler.exceptions import InputError
-from schuler.filtering.measurements import CARRIER_CHANGE, POSITION
+from schuler.filtering.engine import FilterOptions, FilterState
+from schuler.filtering.measurements import CARRIER_CHANGE, POSITION, MeasurementSchedule
 from schuler.frames import C_en
 from schuler.gnss.preparation import prepare_ranges
 from schuler.gnss.ranges import predicted_ranges
 from schuler.gnss.synthetic import L1_CYCLE
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.consistency import chi_square_band
-from schuler.navigation.inputs.rtk import ranges_with_base, with_integers
+from schuler.navigation.inputs.rtk import _predicted, ranges_with_base, with_integers
 from schuler.navigation.result import NavigationResult
 from schuler.recording.recording import Metadata, Recording
 
@@ -113,6 +114,41 @@ def test_an_outage_of_the_configuration_ends_integers(clean):
     fixes = again.schedule.t[again.schedule.kind == POSITION]
     assert fixes[0] < 45.0
     assert not np.any((fixes >= 45.0) & (fixes < 51.5))  # confirmed in three epochs
+
+
+def test_the_predicted_antenna_is_the_filters(drive):
+    """Against a filter that propagates at every sample: 90 ms after the last propagation, 3 ms after a sample."""
+    from schuler.filtering.filter_arrays import Aiding, ImuStream, NodeArrays, RecordArrays, TrajectoryArrays
+    from schuler.filtering.kernels import run as k
+
+    truth = ac.Truth(drive, rc.LAYOUT, np.random.default_rng(2))
+    start, log = ac.initial(truth, rc.CLONED), truth.log
+    n = rc.CLONED.size
+    seen = []
+    for rate, at in ((10.0, log.t[118] + 0.003), (None, log.t[118] + 0.003)):
+        state = FilterState(start, rc.CLONED, *ac.NOISE, FilterOptions(covariance_rate_hz=rate), 0.01)
+        stream = ImuStream(
+            *(np.ascontiguousarray(x[:119]) for x in (log.dtheta_ib_b, log.dv_ib_b, log.dt, log.t)), False
+        )
+        nothing = (
+            TrajectoryArrays.of_size(0),
+            RecordArrays.of_size(0, n),
+            NodeArrays.of_size(0, 0, n, rc.CLONED.n_sensor),
+        )
+        k.run_filter(
+            stream,
+            Aiding.of(MeasurementSchedule.empty()),
+            state.arrays,
+            state.model,
+            state.settings,
+            state.work,
+            *nothing,
+        )
+        seen.append((float(state.arrays.acc[0]), *_predicted(state, rc.CLONED, ac.LEVER, at)))
+    (age, r, P), (_, r_now, P_now) = seen
+    assert age > 0.08
+    np.testing.assert_allclose(r, r_now, atol=1e-6)
+    np.testing.assert_allclose(P, P_now, rtol=1e-3)
 
 
 # --- the base -------------------------------------------------------------------------------------------------------

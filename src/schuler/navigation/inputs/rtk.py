@@ -203,7 +203,7 @@ def with_integers(prepared: PreparedRun, base: BaseCarriers, config: NavigationC
         TrajectoryArrays.of_size(0), RecordArrays.of_size(0, n), NodeArrays.of_size(0, 0, n, prepared.layout.n_sensor)
     )  # fmt: skip
     i = prepared.increments
-    samples = [np.ascontiguousarray(x) for x in (i.dtheta_ib_b, i.dv_ib_b, i.dt, i.t)]
+    dtheta, dv, dt, times = (np.ascontiguousarray(x) for x in (i.dtheta_ib_b, i.dv_ib_b, i.dt, i.t))
     ends = np.searchsorted(i.t, epochs - 1e-9)  # the sample in which an epoch lies
     lever = np.array(config.gnss.lever_arm_m)
     changes = np.flatnonzero(np.isin(schedule.kind, (CARRIER_CHANGE,)))
@@ -212,7 +212,7 @@ def with_integers(prepared: PreparedRun, base: BaseCarriers, config: NavigationC
     for e, end in enumerate(ends.tolist()):
         if end > first:
             part = slice(first, end)
-            stream = ImuStream(*(x[part] for x in samples), False)
+            stream = ImuStream(dtheta[part], dv[part], dt[part], times[part], False)
             k.run_filter(stream, aiding, state.arrays, state.model, state.settings, state.work, *nothing)
             first = end
         if e and aiding.status[at[e - 1]] == REJECTED:

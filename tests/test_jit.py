@@ -271,3 +271,33 @@ def test_a_full_disk_costs_only_the_compilation(doubled, monkeypatch, capsys):
     monkeypatch.setattr(caching.IndexDataCacheFile, "_save_data", full)
     assert doubled()(2.0) == 4.0
     assert "cannot be kept (No space left on device)" in capsys.readouterr().err
+
+
+def test_what_users_compile_is_compiled_as_numba_does():
+    """The quicker compilation ends with each kernel, also where one cannot be compiled."""
+    import numba.core.codegen
+    from numba.core.types.functions import BaseFunction
+
+    def parts():
+        return numba.core.codegen.create_pass_builder, BaseFunction.get_call_type
+
+    before = parts()
+    inside = []
+
+    @jit.kernel
+    def doubled(x):
+        return 2.0 * x
+
+    with jit._quick_compilation():
+        inside.append(parts())
+    assert not set(inside[0]) & set(before)
+    assert doubled(1.5) == 3.0
+    assert parts() == before
+
+    @jit.kernel
+    def impossible(x):
+        return x.nothing
+
+    with pytest.raises(numba.core.errors.TypingError):
+        impossible(1.5)
+    assert parts() == before

@@ -243,6 +243,7 @@ def real_log(path, seconds=900.0, seed=1, spoil=None):
 
 
 @needs_identify
+@pytest.mark.campaign
 def test_budget_of_the_real_command(tmp_path, capsys):
     """The file that is written holds the numbers of the JSON, and they are those put in."""
     from schuler.sensors.spec_file import read_spec

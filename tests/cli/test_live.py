@@ -204,6 +204,7 @@ def imu_stream(kind, port, held):
 
 
 @pytest.mark.parametrize("kind", ["udp", "tcp", "serial"])
+@pytest.mark.thinned(3)
 def test_streams_are_the_batch_run(log, tmp_path, ports, kind):
     folder, config, trajectory = log
     out, codes, stop = tmp_path / "live.jsonl", [], threading.Event()
@@ -301,6 +302,7 @@ def test_a_run_that_ends_goes_on_from_its_state(log, tmp_path, capsys):
     ("format", "packets"),
     [("vectornav", vectornav_log()), ("novatel", novatel_log()), ("sbf", sbf_log())],
 )
+@pytest.mark.thinned(2)
 def test_a_binary_stream_is_the_batch_run_of_its_file(tmp_path, capsys, monkeypatch, format, packets):
     """IMU and fixes from one wire, rates or increments as the format has them."""
     (tmp_path / "unit.bin").write_bytes(b"".join(packets))

@@ -143,6 +143,7 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.thinned(2)
 def test_c_judges_faults_as_the_filter_does(tmp_path, fault):
     """The rules of the innovation test, each by a fault that calls it."""
     log, schedule, initial = run_of(LAYOUTS["15"], 90.0, vehicle=False)
@@ -210,6 +211,7 @@ def test_c_carries_pauses_and_uneven_steps(tmp_path):
     c_programs.replay(c_programs.program(written(tmp_path, LAYOUTS["33"], uneven, schedule, initial, options)))
 
 
+@pytest.mark.campaign
 def test_no_undefined_behaviour_and_no_memory_beside_its_own(tmp_path):
     """Address and undefined-behaviour sanitisers over a replay with every block and every aid."""
     log, schedule, initial = run_of(LAYOUTS["all"])

@@ -97,6 +97,7 @@ def test_planar_monte_carlo_meets_the_closed_forms(grade, start):
 
 
 @pytest.mark.parametrize("grade", ["consumer", "tactical"])
+@pytest.mark.thinned(2)
 def test_upright_monte_carlo_meets_the_closed_forms(grade):
     """North with gravity; as printed, upwards what gravity alone adds; without gravity as in the plane. 4 errors."""
     imu = spec(f"flenniken-{grade}")
@@ -127,6 +128,7 @@ def test_moving_platform_errs_across_its_acceleration():
 
 
 @pytest.mark.parametrize("grade", ["consumer", "tactical"])
+@pytest.mark.thinned(2)
 def test_six_sensors_at_rest(grade):
     """Flenniken, chapter 5: closed form and its own Monte Carlo; 1500 runs, four standard errors and 1 %."""
     with_g = spatial_bounds(spec(f"flenniken-{grade}"), 60.0, rate_hz=10.0, runs=1500, seed=9)

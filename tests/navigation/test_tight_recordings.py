@@ -238,6 +238,7 @@ def test_the_spline_is_the_simulators_path(spirent, shared_data):
 @pytest.mark.parametrize(
     ("name", "level", "height"), [("none_tropo-none", 0.02, 0.03), ("Klob_tropo-Saast", 0.04, 0.25)]
 )
+@pytest.mark.thinned(2)
 def test_spirent_with_a_perfect_imu(spirent, name, level, height):
     """What is left is the models': nothing without an atmosphere, its mapping with one."""
     result, e = spirent.run(name, ImuErrors.none(), 0, noise=False)
@@ -273,6 +274,7 @@ def test_spirent_finds_injected_biases(spirent, name, sign):
 
 @pytest.mark.parametrize("runs", [6, pytest.param(40, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", list(SETS))
+@pytest.mark.thinned(2)
 def test_spirent_nees_is_in_band(spirent, name, runs):
     """NEES of position, velocity and attitude with the catalogue's errors and white noise as the budget has it.
 
@@ -342,6 +344,7 @@ def test_a_vehicle_in_wrong_axes_starts_from_accelerations(vehicle):
 
 @pytest.mark.parametrize("variant", ["", "_noDoppler", "_psrGaps"])
 @pytest.mark.parametrize("systems", ["GREC", "GE"])
+@pytest.mark.thinned(3)
 def test_a_roof_stays_put(shared_data, variant, systems):
     """33 s of IMU within 61 s of ranges, a pause of 0.29 s in the IMU log, heading unknown.
 

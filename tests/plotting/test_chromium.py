@@ -169,6 +169,7 @@ def check_window(page):
     assert chromium.run(page, "document.documentElement.scrollWidth") <= 700
 
 
+@pytest.mark.thinned(4)
 def test_report_answers_at_a_desk(report):
     kind, path = report
     with chromium.opened(path, 1280) as page:
@@ -181,6 +182,7 @@ def test_report_answers_at_a_desk(report):
         assert chromium.requests(page) == ()
 
 
+@pytest.mark.thinned(4)
 def test_report_fits_a_phone(report):
     with chromium.opened(report[1], 390) as page:
         check_page(page)

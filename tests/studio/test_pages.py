@@ -107,6 +107,7 @@ def test_uploads_arrive_once_and_a_wrong_file_does_not_end_the_server(server, to
 
 @chromium.needed
 @pytest.mark.parametrize("path", ["/", "/navigate", "/noise", "/calibrate", "/coach", "/plan", "/runs"])
+@pytest.mark.thinned(3)
 def test_pages_fit_ask_nobody_else_and_say_no_error(server, path):
     for width in WIDTHS:
         with chromium.opened(server.page(path), width, dark=width == 390) as page:

@@ -86,6 +86,7 @@ def mis_stated(recording, imu=1.0, gnss=1.0):
 
 
 @pytest.mark.parametrize(("imu", "gnss"), [(10.0, 1.0), (0.1, 1.0), (1.0, 10.0), (1.0, 0.1)])
+@pytest.mark.thinned(2)
 def test_noise_mis_stated_by_ten_is_found_and_the_fixes_fit_again(recording, imu, gnss):
     log, wrong = mis_stated(recording, imu, gnss)
     as_stated = navigate(log, wrong.untuned())
@@ -205,6 +206,7 @@ def test_a_slow_error_of_fixes_is_recognised_and_gets_its_states(seed, tau):
 
 
 @pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.thinned(2)
 def test_white_errors_of_fixes_are_not_taken_for_slow_ones(seed):
     found = tune(prepared_run(recorded(seed), config()))
     assert found.slow == {}
@@ -233,6 +235,7 @@ def test_a_given_start_is_tuned_without_states_it_does_not_have():
 
 
 @pytest.mark.parametrize("lever", [(0.6, -0.4, -0.8), (-0.7, 0.5, 0.3)])
+@pytest.mark.thinned(2)
 def test_a_lever_arm_that_nobody_stated_is_estimated(lever):
     imu = {"gyro": {**IMU["gyro"], "arw_deg_rthr": 0.3}, "accel": {**IMU["accel"], "vrw_m_s_rthr": 0.1}}
     log = recorded(1, imu, BLOCKS, lever_arm_m=list(lever), sigma_position_m=[0.02, 0.02, 0.04])
@@ -246,6 +249,7 @@ def test_a_lever_arm_that_nobody_stated_is_estimated(lever):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.thinned(2)
 def test_an_antenna_at_the_imu_stays_there(seed):
     log, wrong = mis_stated(recorded(seed, points=BLOCKS, sigma_position_m=[0.02, 0.02, 0.04]), imu=10.0)
     result = navigate(log, wrong)

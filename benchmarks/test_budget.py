@@ -7,8 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from schuler.budget import BudgetScenario, catalogue_specs, choose_imu, linear_covariance, prepare_budget
-from schuler.budget import requirements as requirement
+from schuler.budget import (
+    BudgetScenario,
+    catalogue_specs,
+    choose_imu,
+    linear_covariance,
+    prepare_budget,
+    requirement,
+)
 from schuler.budget.scenario import true_schedule
 from schuler.budget.sources import filter_layout
 from schuler.filtering.engine import FilterOptions, run

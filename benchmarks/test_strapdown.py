@@ -13,8 +13,9 @@ from schuler.mechanization.strapdown import mechanize
 @pytest.mark.parametrize("frame", ["ecef", "ned"])
 def test_mechanize(benchmark, million, start, frame):
     mechanize(million.between(0.0, 1.0), start, frame=frame)
-    benchmark.extra_info["epochs"] = len(million)
-    benchmark.pedantic(mechanize, args=(million, start), kwargs={"frame": frame}, rounds=7)
+    log = million.between(0.0, 5000.0)  # later the drift of the repeated log comes to a pole, refused by frame="ned"
+    benchmark.extra_info["epochs"] = len(log)
+    benchmark.pedantic(mechanize, args=(log, start), kwargs={"frame": frame}, rounds=7)
 
 
 @pytest.mark.benchmark(group="strapdown")

@@ -22,6 +22,7 @@ from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.navigation.inputs.rtk import _predicted, ranges_with_base, with_integers
 from schuler.navigation.result import NavigationResult
+from schuler.navigation.tuning.noise import terms_of
 from schuler.recording.recording import Metadata, Recording
 
 RUNS = [2, pytest.param(40, marks=pytest.mark.campaign), pytest.param(400, marks=pytest.mark.slow)]
@@ -84,6 +85,12 @@ def test_integers_are_data_for_every_later_run(clean):
     again = clean.prepared.run()
     np.testing.assert_array_equal(again.r[-1], clean.result.trajectory.r_eb_e[-1])
     assert "integers of carrier phases against the base are held at" in clean.prepared.notes[-1]
+
+
+def test_tuning_leaves_positions_by_carriers_alone(clean):
+    terms = terms_of(replace(clean.prepared, ranges=clean.base.ranges))
+    assert "pseudorange" in terms
+    assert not {"position", "height"} & set(terms)
 
 
 def test_smoothed_errors_are_centimetres_throughout(drive, sky):

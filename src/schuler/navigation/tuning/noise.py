@@ -48,6 +48,8 @@ def terms_of(prepared: PreparedRun) -> tuple[str, ...]:
     present = [name for name, (triad, _) in WHITE.items() if prepared.psd[triad].max() > 0.0]
     present += [name for name in _WANDER if wandering(prepared.layout, name) is not None]
     for name, (kind, components) in _MEASURED.items():
+        if kind == POSITION and prepared.ranges is not None:
+            continue  # by carriers with held integers: a factor by component would turn the directions they measure
         column = int(np.argmax(components))
         if np.any((schedule.kind == kind) & (sigma[:, column] < _UNSTATED)):
             present.append(name)

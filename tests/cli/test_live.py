@@ -17,6 +17,7 @@ import pytest
 from command import refusal, run
 from format_drives import drive
 from tests.live.test_decoders import novatel_log, sbf_log, vectornav_log
+from tests.recording.test_format_sbg import log_of as sbg_log
 
 import schuler
 from schuler import frames
@@ -300,14 +301,19 @@ def test_a_run_that_ends_goes_on_from_its_state(log, tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("format", "packets"),
-    [("vectornav", vectornav_log()), ("novatel", novatel_log()), ("sbf", sbf_log())],
+    [("vectornav", vectornav_log()), ("novatel", novatel_log()), ("sbf", sbf_log()), ("sbg", None)],
 )
 @pytest.mark.thinned(2)
 def test_a_binary_stream_is_the_batch_run_of_its_file(tmp_path, capsys, monkeypatch, format, packets):
     """IMU and fixes from one wire, rates or increments as the format has them."""
-    (tmp_path / "unit.bin").write_bytes(b"".join(packets))
-    config = write_text(tmp_path / "drive.toml", CONFIG.partition("[recording.imu]")[0])
-    recording = schuler.read(tmp_path / "unit.bin")
+    text, hints = CONFIG.partition("[recording.imu]")[0], {}
+    if packets is None:
+        sbg_log(drive(25.0, 50.0), tmp_path / "unit.bin")
+        text, hints = text + '[recording]\ntime = "local"\n', {"time": "local"}
+    else:
+        (tmp_path / "unit.bin").write_bytes(b"".join(packets))
+    config = write_text(tmp_path / "drive.toml", text)
+    recording = schuler.read(tmp_path / "unit.bin", **hints)
     trajectory = schuler.navigate(recording, config).trajectory
     out = tmp_path / "live.jsonl"
     with (tmp_path / "unit.bin").open("rb") as file:

@@ -216,7 +216,7 @@ def test_weeks_of_a_stream_are_counted_on():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({}, "format of a stream: 'xsens' is not known"),
+        ({}, "format of a stream: 'rinex' is not known"),
         ({"columns": "t,ax,ay,az,gx,gy,gz"}, "the unit of ax is not known"),
         ({"columns": "ax,ay,az,gx,gy,gz", "units": "g,deg/s"}, "there is no time"),
         ({"columns": "t,ax,ay,az", "units": "g,deg/s"}, "gx, gy, gz missing"),
@@ -225,7 +225,7 @@ def test_weeks_of_a_stream_are_counted_on():
 )
 def test_what_is_not_described_is_refused(options, message):
     with pytest.raises(InputError, match=message):
-        decoder(SourceClock(), ReadHints.of(**options), format=None if options else "xsens")
+        decoder(SourceClock(), ReadHints.of(**options), format=None if options else "rinex")
 
 
 def same_samples(messages, imu):

@@ -10,11 +10,13 @@ from schuler.live.decoders.base import Decoder
 from schuler.live.decoders.nmea import NmeaDecoder
 from schuler.live.decoders.novatel import NovatelDecoder
 from schuler.live.decoders.sbf import SbfDecoder
+from schuler.live.decoders.sbg import SbgDecoder
 from schuler.live.decoders.text import TextDecoder
 from schuler.live.decoders.ubx import UbxDecoder
 from schuler.live.decoders.vectornav import VectorNavDecoder
+from schuler.live.decoders.xsens import XsensDecoder
 from schuler.live.messages import Message
-from schuler.recording.formats import novatel_frames, sbf_blocks, vectornav_packets
+from schuler.recording.formats import novatel_frames, sbf_blocks, sbg, vectornav_packets, xsens_messages
 from schuler.recording.formats.nmea import looks_like_nmea
 from schuler.recording.formats.ubx import looks_like_ubx
 from schuler.recording.io.columns import check_known
@@ -22,13 +24,15 @@ from schuler.recording.io.hints import ReadHints
 from schuler.recording.series import Kind
 
 #: Formats of streams.
-FORMATS = ("text", "nmea", "ubx", "novatel", "sbf", "vectornav")
+FORMATS = ("text", "nmea", "ubx", "novatel", "sbf", "vectornav", "sbg", "xsens")
 #: Binary formats that are told by their first bytes, u-blox first; lines of NMEA may stand between their messages.
 _BINARY: dict[str, Callable[[bytes], bool]] = {
     "ubx": looks_like_ubx,
     "novatel": novatel_frames.looks_like,
     "sbf": sbf_blocks.looks_like,
     "vectornav": vectornav_packets.looks_like,
+    "sbg": sbg.looks_like,
+    "xsens": xsens_messages.looks_like,  # last: its checksum is one byte
 }
 _SYNCS = (b"\xb5\x62", novatel_frames.SYNC, sbf_blocks.SYNC)  # of formats that are sent beside NMEA
 _ENOUGH = 1 << 16  # bytes after which a stream that looks like nothing is not kept
@@ -67,6 +71,8 @@ def decoder(
         "novatel": lambda: NovatelDecoder(clock, hints, announced=format is not None),
         "sbf": lambda: SbfDecoder(clock, hints),
         "vectornav": lambda: VectorNavDecoder(clock, hints, announced=format is not None),
+        "sbg": lambda: SbgDecoder(clock, hints),
+        "xsens": lambda: XsensDecoder(clock, hints, announced=format is not None),
     }
     if format is None and hints.columns is not None:
         format = "text"

@@ -35,9 +35,9 @@ from schuler.recording.io.streams import Stream, stream_of
 from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S, TimeBase, gps_from_calendar
 
-_HINTS = {"axes", "streams", "time"}
-_ORDERS = {"imu": ("IMU_SHORT", "IMU_DATA"), "gnss": ("GPS1_POS", "GPS2_POS"), "reference": ("EKF_NAV",)}
-_PARTS = {name: part for part, names in _ORDERS.items() for name in names}
+HINTS = {"axes", "streams", "time"}
+ORDERS = {"imu": ("IMU_SHORT", "IMU_DATA"), "gnss": ("GPS1_POS", "GPS2_POS"), "reference": ("EKF_NAV",)}
+_PARTS = {name: part for part, names in ORDERS.items() for name in names}
 _STATUS, _TYPE_SHIFT = 0x3F, 6  # of a fix: zero is computed; its type
 # RTKLIB's quality of a fix: single, pseudorange-differential, SBAS, float, fixed, PPP
 _QUALITY = {1: 5, 2: 5, 3: 4, 4: 3, 5: 4, 6: 2, 7: 1, 8: 6, 9: 6}
@@ -47,9 +47,9 @@ _UTC_SHIFT, _UTC_MASK = 6, 0xF  # of the status of UTC_TIME: 0 invalid, 1 leap s
 _UTC_VALID = 2
 _NAVIGATES, _MODE = 4, 0xF  # of an EKF status: position, velocity and attitude are there
 _MS = 1e-3
-_SYNC = b"\xff\x5a"
+SYNC = b"\xff\x5a"
 _END = 0x33
-_HEAD, _TAIL = 6, 3  # sync, number, class, length; CRC and the last byte
+HEAD, _TAIL = 6, 3  # sync, number, class, length; CRC and the last byte
 _LOGS = 0  # class of measurements and solutions
 _LONGEST = 4086
 _MIRRORED = bytes(int(f"{k:08b}"[::-1], 2) for k in range(256))
@@ -70,8 +70,8 @@ LAYOUTS: dict[str, tuple[int, str]] = {
     "IMU_SHORT": (44, "u4 t,u2 status,i4 ax,i4 ay,i4 az,i4 gx,i4 gy,i4 gz,i2 temp"),
 }
 _BY_NUMBER = {number: name for name, (number, _) in LAYOUTS.items()}
-_US = 1e-6
-_WRAP = 2.0**32 * _US  # of the stamps, 71.6 minutes [s]
+US = 1e-6  # of stamps [s]
+WRAP = 2.0**32 * US  # of the stamps, 71.6 minutes [s]
 
 
 def sniff(head: bytes, path: Path) -> bool:
@@ -111,12 +111,12 @@ def read(path: Path, hints: ReadHints) -> Recording:
     FileFormatError, InputError
         If the log is damaged or holds none of these.
     """
-    parts.check_hints(path, hints, _HINTS, "an SBG log")
+    parts.check_hints(path, hints, HINTS, "an SBG log")
     if hints.time not in (None, "gps", "local"):
         raise InputError(f"time: an SBG log has time='gps' (by UTC_TIME) or 'local', got {hints.time!r}")
     log = load(path)
     notes, chosen, streams = list(log.notes), parse_streams(hints.streams), _streams(log)
-    taken = {part: preferred(streams, part, chosen, order, notes) for part, order in _ORDERS.items()}
+    taken = {part: preferred(streams, part, chosen, order, notes) for part, order in ORDERS.items()}
     if hints.series is not None:
         taken = {part: name if part == hints.series else None for part, name in taken.items()}
     line = None if hints.time == "local" else _line(log, notes)
@@ -127,7 +127,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     for part, name in taken.items():
         if name is None:
             continue
-        rows = _usable(part, name, log.columns[name], notes)
+        rows = usable(part, name, log.columns[name], notes)
         rows = pick(rows, parts.later(rows["t"], name, path, notes))
         if part == "reference":
             rows = _with_attitude(log, rows, notes)
@@ -135,9 +135,9 @@ def read(path: Path, hints: ReadHints) -> Recording:
             continue
         t = rows["t"] if line is None else line.seconds(rows["t"], epoch)
         if part == "imu":
-            tables[part] = _imu(name, t, rows, notes)
+            tables[part] = imu_table(name, t, rows, notes)
         elif part == "gnss":
-            tables[part] = _gnss(log, name, t, rows, notes, dated=line is not None)
+            tables[part] = gnss_table(log, name, t, rows, notes, dated=line is not None)
         else:
             tables[part] = _reference(t, rows, notes)
     if not tables:
@@ -152,8 +152,16 @@ def _line(log: Frames, notes: list[str]) -> ClockLine | None:
     utc = log.columns.get("UTC_TIME")
     if utc is None:
         return None
+    line = clock_line(*utc_pairs(utc)[1:])
+    if line is not None:
+        notes.append(line.note("the unit's clock", "UTC_TIME"))
+    return line
+
+
+def utc_pairs(utc: Columns) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Places of valid UTC_TIME, times of the unit's clock, GPS times since 1980 in whole seconds and the rest. [s]"""
     valid = utc["status"].astype(np.int64) >> _UTC_SHIFT & _UTC_MASK == _UTC_VALID
-    t, whole, rest = [], [], []
+    place, t, whole, rest = [], [], [], []
     for k in np.flatnonzero(valid):
         try:
             day = dt.datetime(int(utc["year"][k]), int(utc["month"][k]), int(utc["day"][k]))
@@ -163,16 +171,14 @@ def _line(log: Frames, notes: list[str]) -> ClockLine | None:
         moment = gps_from_calendar(day) + second
         leaps = round((utc["tow"][k] * _MS - moment - utc["nano"][k] * 1e-9) % WEEK_S)
         if moment > 0.0 and leaps <= 60 and utc["nano"][k] < 1e9:
+            place.append(float(utc["place"][k]))
             t.append(float(utc["t"][k]))
             whole.append(moment + leaps)
             rest.append(utc["nano"][k] * 1e-9)
-    line = clock_line(np.array(t), np.array(whole), np.array(rest))
-    if line is not None:
-        notes.append(line.note("the unit's clock", "UTC_TIME"))
-    return line
+    return np.array(place), np.array(t), np.array(whole), np.array(rest)
 
 
-def _usable(part: str, name: str, rows: Columns, notes: list[str]) -> Columns:
+def usable(part: str, name: str, rows: Columns, notes: list[str]) -> Columns:
     """Rows of a log that hold a solution."""
     if part == "imu":
         return rows
@@ -186,7 +192,8 @@ def _usable(part: str, name: str, rows: Columns, notes: list[str]) -> Columns:
     return pick(rows, good)
 
 
-def _imu(name: str, t: FloatArray, rows: Columns, notes: list[str]) -> Table:
+def imu_table(name: str, t: FloatArray, rows: Columns, notes: list[str]) -> Table:
+    """Samples of IMU_SHORT or IMU_DATA in SI at times. [s]"""
     accel = np.stack([rows[f"a{axis}"] for axis in "xyz"], axis=1)
     gyro = np.stack([rows[f"g{axis}"] for axis in "xyz"], axis=1)
     temp = rows["temp"]
@@ -204,7 +211,8 @@ def _imu(name: str, t: FloatArray, rows: Columns, notes: list[str]) -> Table:
     return Table(values | {f"g{axis}": gyro[:, k] for k, axis in enumerate("xyz")})
 
 
-def _gnss(log: Frames, name: str, t: FloatArray, rows: Columns, notes: list[str], *, dated: bool) -> Table:
+def gnss_table(log: Frames, name: str, t: FloatArray, rows: Columns, notes: list[str], *, dated: bool) -> Table:
+    """Fixes of a log of positions, with the velocities of their time of week; dated ones at that time. [s]"""
     if dated:  # the fix has its own time of week, to a millisecond; the clock tells the week
         sow = rows["tow"] * _MS
         t = sow + WEEK_S * np.round((t - sow) / WEEK_S)
@@ -308,28 +316,42 @@ def crc(body: bytes) -> int:
     return int(f"{binascii.crc_hqx(body.translate(_MIRRORED), 0):016b}"[::-1], 2)
 
 
-def _stop(data: bytes, at: int) -> int | None:
-    """Byte behind a frame with a right CRC that starts here; ``None`` if there is none."""
-    if at + _HEAD > len(data):
+def stop_of(data: bytes, at: int) -> int | None:
+    """Byte behind a frame that may start here, by the length it says; ``None`` if none can."""
+    if at + HEAD > len(data):
         return None
     length = int.from_bytes(data[at + 4 : at + 6], "little")
-    stop = at + _HEAD + length + _TAIL
-    if length > _LONGEST or stop > len(data) or data[stop - 1] != _END:
-        return None
-    right = crc(data[at + 2 : stop - _TAIL]) == int.from_bytes(data[stop - 3 : stop - 1], "little")
-    return stop if right else None
+    return None if length > _LONGEST else at + HEAD + length + _TAIL
+
+
+def is_right(data: bytes, at: int, stop: int) -> bool:
+    """Whether a frame has the last byte and the CRC that it must have."""
+    if data[stop - 1] != _END:
+        return False
+    return crc(data[at + 2 : stop - _TAIL]) == int.from_bytes(data[stop - 3 : stop - 1], "little")
+
+
+def _stop(data: bytes, at: int) -> int | None:
+    """Byte behind a frame with a right CRC that starts here; ``None`` if there is none."""
+    stop = stop_of(data, at)
+    return stop if stop is not None and stop <= len(data) and is_right(data, at, stop) else None
+
+
+def name_of(data: bytes, at: int) -> str | None:
+    """Log of the frame that starts here; ``None`` if it is none of those that are read."""
+    return _BY_NUMBER.get(data[at + 2]) if data[at + 3] == _LOGS else None
 
 
 def looks_like(head: bytes) -> bool:
     """Whether there are two frames with right CRCs among the first bytes of a file."""
     seen = 0
-    at = head.find(_SYNC)
+    at = head.find(SYNC)
     while at >= 0:
         stop = _stop(head, at)
         seen += stop is not None
         if seen == 2:
             return True
-        at = head.find(_SYNC, at + 2 if stop is None else stop)
+        at = head.find(SYNC, at + 2 if stop is None else stop)
     return False
 
 
@@ -345,20 +367,20 @@ def load(path: Path) -> Frames:
     places: dict[str, list[tuple[int, int]]] = {}
     others: dict[str, int] = {}
     taken = 0
-    at = data.find(_SYNC)
+    at = data.find(SYNC)
     while at >= 0:
         stop = _stop(data, at)
         if stop is None:
-            at = data.find(_SYNC, at + 2)
+            at = data.find(SYNC, at + 2)
             continue
         taken += stop - at
-        name = _BY_NUMBER.get(data[at + 2]) if data[at + 3] == _LOGS else None
+        name = name_of(data, at)
         if name is None:
             other = f"log {data[at + 2]} of class {data[at + 3]}"
             others[other] = others.get(other, 0) + 1
         else:
-            places.setdefault(name, []).append((at + _HEAD, stop - _TAIL))
-        at = data.find(_SYNC, stop)
+            places.setdefault(name, []).append((at, stop))
+        at = data.find(SYNC, stop)
     if not taken:
         raise FileFormatError(
             "expected frames of sbgECom with a right CRC, found none: the file is damaged or of another kind (text of "
@@ -368,12 +390,28 @@ def load(path: Path) -> Frames:
     notes = []
     if len(data) - taken > 16:
         notes.append(f"{len(data) - taken} of {len(data)} bytes belong to no frame with a right CRC.")
+    columns = fields_of(data, places, notes)
+    _count_on(columns)
+    return Frames(path, columns, others, notes)
+
+
+def fields_of(data: bytes, places: dict[str, list[tuple[int, int]]], notes: list[str]) -> dict[str, Columns]:
+    """Fields of frames by log as they stand, and the place of each frame.
+
+    Parameters
+    ----------
+    data : bytes
+    places : dict of str to list
+        First byte of each frame and the byte behind it.
+    notes : list of str
+        Takes what was left out.
+    """
     buffer = np.frombuffer(data, dtype=np.uint8)
-    columns: dict[str, dict[str, FloatArray]] = {}
+    columns: dict[str, Columns] = {}
     for name, spans in places.items():
         fields = [field.split() for field in LAYOUTS[name][1].split(",")]
         dtype = np.dtype([(label, f"<{kind}") for kind, label in fields])
-        first, stop_at = np.array(spans, dtype=np.int64).T
+        first, stop_at = np.array(spans, dtype=np.int64).T + np.array([[HEAD], [-_TAIL]])
         whole = stop_at - first >= dtype.itemsize
         if not whole.all():
             notes.append(f"{name}: {int((~whole).sum())} frames are shorter than this log is and were left out.")
@@ -381,8 +419,7 @@ def load(path: Path) -> Frames:
             rows = buffer[first[whole][:, None] + np.arange(dtype.itemsize)].view(dtype)[:, 0]
             columns[name] = {label: floats(rows[label]) for _, label in fields}
             columns[name]["place"] = first[whole].astype(np.float64)
-    _count_on(columns)
-    return Frames(path, columns, others, notes)
+    return columns
 
 
 def _count_on(columns: dict[str, dict[str, FloatArray]]) -> None:
@@ -390,9 +427,9 @@ def _count_on(columns: dict[str, dict[str, FloatArray]]) -> None:
     if not columns:
         return
     place = np.concatenate([rows["place"] for rows in columns.values()])
-    t = np.concatenate([rows["t"] for rows in columns.values()]) * _US
+    t = np.concatenate([rows["t"] for rows in columns.values()]) * US
     order = np.argsort(place, kind="stable")
-    t[order] = unwrapped(t[order], _WRAP)
+    t[order] = unwrapped(t[order], WRAP)
     first = 0
     for rows in columns.values():
         rows["t"] = t[first : first + len(rows["t"])]

@@ -28,8 +28,9 @@ from schuler.recording.io.streams import Stream, stream_of
 from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S, TimeBase
 
-_HINTS = {"axes", "streams", "time", "rate"}
-_IMUS = {"delta": ("dv", "dq"), "rates": ("a", "g"), "hr": ("hra", "hrg")}
+HINTS = {"axes", "streams", "time", "rate"}
+#: IMU outputs of a sensor: items of the specific force and of the angular rate.
+IMUS = {"delta": ("dv", "dq"), "rates": ("a", "g"), "hr": ("hra", "hrg")}
 _SOLUTION = ("q", "latlon", "h", "v")
 # from the axes of a solution to north, east, down
 _TO_NED = {
@@ -56,8 +57,8 @@ def contents(path: Path) -> list[Stream]:
             return []
     packets = load(path, [])
     made = []
-    for name, items in (*_IMUS.items(), ("solution", _SOLUTION)):
-        rows = _joined(packets, items)
+    for name, items in (*IMUS.items(), ("solution", _SOLUTION)):
+        rows = joined(packets, items)
         if rows is not None:
             part = "reference" if name == "solution" else "imu"
             made.append(stream_of(name, ", ".join(items), rows.get("t", np.empty(0)), part))
@@ -90,7 +91,7 @@ def read(path: Path, hints: ReadHints) -> Recording:
     FileFormatError, InputError
         If the log is damaged, or holds no IMU, or no time and no ``rate`` is given.
     """
-    parts.check_hints(path, hints, _HINTS, "an Xsens log")
+    parts.check_hints(path, hints, HINTS, "an Xsens log")
     if hints.time not in (None, "gps", "local"):
         raise InputError(f"time: an Xsens log has time='gps' (by its UTC) or 'local', got {hints.time!r}")
     with path.open("rb") as stream:
@@ -99,20 +100,20 @@ def read(path: Path, hints: ReadHints) -> Recording:
     notes: list[str] = []
     packets, chosen = load(path, notes), parse_streams(hints.streams)
     requested = chosen.get("imu", "")
-    if requested and requested not in _IMUS:
-        raise InputError(f"streams: imu of an Xsens log is one of {', '.join(_IMUS)} or none, got {requested!r}")
+    if requested and requested not in IMUS:
+        raise InputError(f"streams: imu of an Xsens log is one of {', '.join(IMUS)} or none, got {requested!r}")
     columns_of: dict[str, dict[str, FloatArray]] = {}
     kind = ""
     if not ("imu" in chosen and requested is None) and hints.series in (None, "imu"):
-        for kind in (requested,) if requested else _IMUS:
-            rows = _joined(packets, _IMUS[kind])
+        for kind in (requested,) if requested else IMUS:
+            rows = joined(packets, IMUS[kind])
             if rows is not None:
                 columns_of["imu"] = rows
                 break
         else:
             if requested:
                 raise InputError(f"streams: the log has no IMU output {requested!r}")
-    solution = _joined(packets, _SOLUTION) if hints.series in (None, "reference") else None
+    solution = joined(packets, _SOLUTION) if hints.series in (None, "reference") else None
     if solution is not None and not ("reference" in chosen and chosen["reference"] is None):
         columns_of["reference"] = solution
     fixes = fixes_of(packets) if hints.series in (None, "gnss") and chosen.get("gnss", "") is not None else []
@@ -138,12 +139,12 @@ def read(path: Path, hints: ReadHints) -> Recording:
         t, rows = t[keep], {name: values[keep] for name, values in rows.items()}
         if line is not None:
             t = line.seconds(t, shift)
-        tables[part] = _imu(t, rows, kind, notes) if part == "imu" else _reference(t, rows, packets, hints, notes)
+        tables[part] = imu_table(t, rows, kind, notes) if part == "imu" else _reference(t, rows, packets, hints, notes)
     made = parts.assemble(path, tables, replace(hints, rate=None), base, notes)
     return replace(made, metadata=replace(made.metadata, options=hints.given()))
 
 
-def _joined(packets: list[Packets], items: tuple[str, ...]) -> dict[str, FloatArray] | None:
+def joined(packets: list[Packets], items: tuple[str, ...]) -> dict[str, FloatArray] | None:
     """Packets that have all of these items, in order of the file, with their times; ``None`` if none has."""
     having = [p for p in packets if all(item in p.numbers for item in items)]
     if not having:
@@ -181,8 +182,9 @@ def _times(path: Path, rows: dict[str, FloatArray], hints: ReadHints, notes: lis
     return np.asarray((count - count[0]) / hints.rate)
 
 
-def _imu(t: FloatArray, rows: dict[str, FloatArray], kind: str, notes: list[str]) -> Table:
-    force, turn = (rows[item] for item in _IMUS[kind])
+def imu_table(t: FloatArray, rows: dict[str, FloatArray], kind: str, notes: list[str]) -> Table:
+    """Samples of one of :data:`IMUS` at times. [s]"""
+    force, turn = (rows[item] for item in IMUS[kind])
     if kind == "delta":
         norm = np.linalg.norm(turn, axis=1)
         if (bad := np.flatnonzero(~(np.abs(norm - 1.0) < 1e-2))).size:

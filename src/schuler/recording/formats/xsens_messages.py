@@ -21,6 +21,8 @@ from schuler.recording.series import GnssSeries
 from schuler.timebase import gps_from_unix
 
 _START = 0xFA
+SYNC = bytes([_START])
+HEADER = 7  # bytes after which the length of any message is known
 _MASTER = 0xFF
 _MTDATA2 = 0x36
 _LONG = 0xFF  # of the length: it follows in two bytes
@@ -70,8 +72,8 @@ class Packets:
     systems: dict[str, str]
 
 
-def _whole(data: bytes, at: int) -> tuple[int, int] | None:
-    """First byte of the payload and byte behind the checksum of a message that starts here; ``None`` if none does."""
+def span_of(data: bytes, at: int) -> tuple[int, int] | None:
+    """First byte of the payload and byte behind a message that may start here, by its length; ``None`` if none can."""
     if at + 5 > len(data) or data[at + 1] != _MASTER:
         return None
     first, length = at + 4, data[at + 3]
@@ -79,8 +81,29 @@ def _whole(data: bytes, at: int) -> tuple[int, int] | None:
         if at + 7 > len(data):
             return None
         first, length = at + 6, int.from_bytes(data[at + 4 : at + 6], "big")
-    stop = first + length + 1
-    return (first, stop) if stop <= len(data) and sum(data[at + 1 : stop]) & 0xFF == 0 else None
+    return first, first + length + 1
+
+
+def stop_of(data: bytes, at: int) -> int | None:
+    """Byte behind a message that may start here; ``None`` if none can."""
+    span = span_of(data, at)
+    return None if span is None else span[1]
+
+
+def is_right(data: bytes, at: int, stop: int) -> bool:
+    """Whether a message has the checksum that it must have."""
+    return sum(data[at + 1 : stop]) & 0xFF == 0
+
+
+def is_data(message: bytes) -> bool:
+    """Whether a message is MTData2."""
+    return message[2] == _MTDATA2
+
+
+def _whole(data: bytes, at: int) -> tuple[int, int] | None:
+    """First byte of the payload and byte behind the checksum of a message that starts here; ``None`` if none does."""
+    span = span_of(data, at)
+    return span if span is not None and span[1] <= len(data) and is_right(data, at, span[1]) else None
 
 
 def looks_like(head: bytes) -> bool:
@@ -148,6 +171,27 @@ def load(path: Path, notes: list[str]) -> list[Packets]:
         )
     if len(data) - taken > 16:
         notes.append(f"{len(data) - taken} of {len(data)} bytes belong to no message with a right checksum.")
+    made, strange = packets_of(data, by_length)
+    if strange:
+        notes.append(f"{strange} messages whose items do not fill them were left out.")
+    return made
+
+
+def packets_of(data: bytes, by_length: dict[int, list[int]]) -> tuple[list[Packets], int]:
+    """Decode MTData2 messages, by layout.
+
+    Parameters
+    ----------
+    data : bytes
+    by_length : dict of int to list of int
+        First bytes of the payloads of each length.
+
+    Returns
+    -------
+    packets : list of Packets
+    strange : int
+        Number of messages whose items do not fill them.
+    """
     buffer = np.frombuffer(data, dtype=np.uint8)
     made = []
     strange = 0
@@ -167,9 +211,7 @@ def load(path: Path, notes: list[str]) -> list[Packets]:
             made.append(_decode(buffer, rest[same], items))
             rest = rest[~same]
         strange += len(rest)
-    if strange:
-        notes.append(f"{strange} messages whose items do not fill them were left out.")
-    return made
+    return made, strange
 
 
 def _decode(
@@ -221,6 +263,26 @@ def _numbers(
 
 def utc_line(packets: list[Packets], notes: list[str]) -> ClockLine | None:
     """Relation of the sensor's clock to GPS time by the UTC in its packets; ``None`` without."""
+    t, unix = utc_pairs(packets)[1:]
+    if len(t) < 2:
+        return None
+    t = unwrapped(t, 2.0**32 * TICK)
+    try:
+        gps = gps_from_unix(unix[:, 0])
+    except InputError as error:
+        notes.append(f"UTC of the packets was not used: {error}")
+        return None
+    line = clock_line(t, gps, unix[:, 1])
+    if line is not None:
+        notes.append(line.note("SampleTimeFine", "the packets' UTC"))
+    return line
+
+
+def utc_pairs(packets: list[Packets]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Places of packets with valid UTC in order, SampleTimeFine as it stands, and Unix time in two parts.
+
+    Shapes (n,), (n,) [s], (n, 2) [s].
+    """
     clock, utc = [], []
     for p in packets:
         if "utc" not in p.fields or "fine" not in p.fields:
@@ -231,19 +293,8 @@ def utc_line(packets: list[Packets], notes: list[str]) -> ClockLine | None:
         utc.append(_unix(f, good))
     pairs = np.concatenate(clock) if clock else np.empty((0, 2))
     unix = np.concatenate(utc) if utc else np.empty((0, 2))
-    if len(pairs) < 2:
-        return None
     order = np.argsort(pairs[:, 0], kind="stable")
-    t, unix = unwrapped(pairs[order, 1], 2.0**32 * TICK), unix[order]
-    try:
-        gps = gps_from_unix(unix[:, 0])
-    except InputError as error:
-        notes.append(f"UTC of the packets was not used: {error}")
-        return None
-    line = clock_line(t, gps, unix[:, 1])
-    if line is not None:
-        notes.append(line.note("SampleTimeFine", "the packets' UTC"))
-    return line
+    return pairs[order, 0], pairs[order, 1], unix[order]
 
 
 def _valid_utc(f: dict[str, FloatArray]) -> BoolArray:

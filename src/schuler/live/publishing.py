@@ -157,7 +157,7 @@ class McapFile:
         if path.exists():
             raise InputError(f"{path} exists: expected the name of a new MCAP file; name another, or remove it")
         self._file = path.open("xb")
-        self._writer = Writer(self._file, compression=CompressionType.LZ4)
+        self._writer: Any = Writer(self._file, compression=CompressionType.LZ4)
         self._writer.start(profile="ros2", library="schuler")
         self._channels: dict[str, int] = {}
 

@@ -137,7 +137,13 @@ class Topics:
             return
         if not self._begun:
             self._begun = True
-            document = {"format": OWN_FORMAT, "time": base.scale, "name": "live", "origin": None, "notes": []}
+            document: dict[str, Any] = {
+                "format": OWN_FORMAT,
+                "time": base.scale,
+                "name": "live",
+                "origin": None,
+                "notes": [],
+            }
             text = {"data": json.dumps(document)}
             yield Post(OWN_TOPIC, int(ns[0]), encode(KINDS[OWN_TOPIC], ns[:1], {}, text)[0])
         if isinstance(item, Solution):
@@ -189,8 +195,8 @@ def odometry_of(solution: Solution, origin: FloatArray) -> Fields:
     C_on = frames.C_en(origin).T @ frames.C_en(solution.llh)
     C_ob = (C_on @ rotation.dcm_from_rpy(solution.rpy_nb))[None]
     sigmas = (solution.sigma_r_n, solution.sigma_psi_n, solution.sigma_v_n)
-    covariances = ((C_on * sigma**2 @ C_on.T)[None] for sigma in sigmas)
-    return odometry_fields(r, C_ob, (C_on @ solution.v_eb_n)[None]) | odometry_covariances(*covariances, C_ob)
+    cov_r, cov_psi, cov_v = ((C_on * sigma**2 @ C_on.T)[None] for sigma in sigmas)
+    return odometry_fields(r, C_ob, (C_on @ solution.v_eb_n)[None]) | odometry_covariances(cov_r, cov_psi, cov_v, C_ob)
 
 
 def _measurement(item: Fix | Speed | Heading | Height, ns: Any) -> Iterator[Post]:

@@ -100,8 +100,8 @@ class SbgDecoder:
         block: ImuBlock | None = None
         imu = self._name("imu", columns)
         if imu is not None and imu in columns and timed[imu][1].any():
-            at, known = timed[imu]
-            block = samples(sbg.imu_table(imu, at[known], pick(columns[imu], known), []), self._hints)
+            at, good = timed[imu]
+            block = samples(sbg.imu_table(imu, at[good], pick(columns[imu], good), []), self._hints)
         return in_order(self._fixes(columns, timed), block)
 
     def _columns(self, frames: list[bytes]) -> dict[str, Columns]:
@@ -163,8 +163,8 @@ class SbgDecoder:
                 made += self._complete(row)
                 continue
             made += self._complete(None)
-            at, known = timed[log]
-            if not known[k]:
+            at, good = timed[log]
+            if not good[k]:
                 continue
             row["t"] = at[k : k + 1]
             row = sbg.usable("gnss", name, row, [])

@@ -8,7 +8,8 @@ import walk_cases as wc
 
 from schuler.exceptions import InputError
 from schuler.navigation.foot.config import DetectorSection
-from schuler.navigation.foot.rests import detect_rests
+from schuler.navigation.foot.rests import detect_rests, in_swings
+from schuler.standstill.intervals import rests_from_mask
 
 
 def test_hysteresis_keeps_a_rest_until_the_higher_threshold():
@@ -85,3 +86,25 @@ def test_what_the_noise_needs():
         detect_rests(imu, DetectorSection(threshold="noise"), gravity=9.807)
     with pytest.raises(InputError, match="too short"):
         detect_rests(imu.between(0.0, 0.5), DetectorSection(threshold="noise"), gravity=9.807)
+
+
+@pytest.mark.parametrize(
+    ("at", "length", "expected"),
+    [
+        (0.45, 0.03, [1]),  # in the middle of a swing of 0.8 s
+        (0.12, 0.03, []),  # a part of the stance before
+        (0.45, 0.2, []),  # too long for a swing
+    ],
+)
+def test_a_moment_in_a_swing_is_no_stance(at, length, expected):
+    """Stances of 0.2 s around a swing of 0.8 s in a gait of 1 s, and one more rest."""
+    t = np.arange(0.0, 1.2, 0.005)
+    mask = (t < 0.1) | (t >= 0.9) | ((t >= at) & (t < at + length))
+    assert in_swings(rests_from_mask(t, mask), 1.0).tolist() == expected
+
+
+def test_two_swings_have_a_stance_between():
+    t = np.arange(0.0, 2.2, 0.005)
+    mask = (t < 0.1) | (t >= 1.9) | ((t >= 1.0) & (t < 1.03))
+    assert in_swings(rests_from_mask(t, mask), 1.0).tolist() == []
+    assert in_swings(rests_from_mask(t, t < 0.1), 1.0).tolist() == []

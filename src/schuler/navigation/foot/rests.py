@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from schuler import units
-from schuler.arrays import BoolArray, FloatArray
+from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import MeasurementSchedule, zero_velocity
 from schuler.navigation.foot.config import DetectorSection, FootConfig
@@ -17,6 +17,8 @@ from schuler.standstill.gait import gait_threshold, stride_period
 from schuler.standstill.intervals import Rests, rests_from_mask
 from schuler.standstill.thresholds import below_with_hysteresis, elapsed_time_threshold, threshold
 
+_SHORT_S = 0.05  # a rest that a swing can hold
+_APART = 0.2  # of a stride, at which another rest is no part of the same stance
 _NO_GAIT_S = 1.5  # mean of the statistic where the log shows no stride
 
 #: Names used for foot-mounted detectors, and those of :mod:`schuler.standstill.detectors`.
@@ -101,10 +103,41 @@ def detect_rests(
         method = f"{section.threshold:g}"
     if at_rest is None:
         at_rest = below_with_hysteresis(value, limit, section.leave)
-    return rests_from_mask(
+    rests = rests_from_mask(
         imu.t, at_rest, min_rest_s=shortest, bridge_s=section.bridge_s, statistic=value, threshold=limit,
         method=f"{section.kind} over {section.window:g} s, threshold {method}",
     )  # fmt: skip
+    if section.threshold != "motion" or stride is None:
+        return rests
+    mask = rests.mask.copy()
+    for k in in_swings(rests, stride):
+        mask[rests.index[k, 0] : rests.index[k, 1]] = False
+    return rests_from_mask(imu.t, mask, statistic=value, threshold=limit, method=rests.method)
+
+
+def in_swings(rests: Rests, stride_s: float) -> IntArray:
+    """Which rests lie in the middle of a swing: moments in which rate and force happen to look like a stance.
+
+    From the stance before to the stance after passes less time than a stride takes, and neither is near: a foot that
+    comes to rest in between would have had to swing twice.
+
+    Parameters
+    ----------
+    rests : Rests
+    stride_s : float
+        Time from stride to stride. [s]
+
+    Returns
+    -------
+    ndarray of int
+        Indices of rests.
+    """
+    start, stop = rests.start, rests.stop
+    before, after = start[1:-1] - stop[:-2], start[2:] - stop[1:-1]
+    short = stop[1:-1] - start[1:-1] < _SHORT_S
+    apart = np.minimum(before, after) > _APART * stride_s
+    within: IntArray = 1 + np.flatnonzero(short & apart & (start[2:] - stop[:-2] < stride_s))
+    return within
 
 
 def _moments_at_start(rates: ImuSeries, rest_s: float) -> tuple[FloatArray, FloatArray, FloatArray, float]:

@@ -17,6 +17,7 @@ from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.navigation.foot.alignment import acceleration_sigma, align_foot
+from schuler.navigation.foot.clipping import clip_noise, clip_sentences, gyro_clips, restored
 from schuler.navigation.foot.config import FootConfig
 from schuler.navigation.foot.motion import in_motion, noise_in_motion, spike_doubts
 from schuler.navigation.foot.rests import detect_rests, zero_velocities
@@ -94,6 +95,10 @@ def navigate_foot(
     notes = list(recording.metadata.notes)
     imu = recording.need_imu()
     _check_gaps(imu, config, notes)
+    clips = gyro_clips(imu)
+    spikes, (clip_notes, clip_doubts) = spike_doubts(imu), clip_sentences(imu, clips)
+    imu = restored(imu, clips)
+    notes += clip_notes
     llh = np.array([config.place.lat_deg * units.DEG, config.place.lon_deg * units.DEG, config.place.height_m])
     gravity = float(np.linalg.norm(earth.gravity_ned(llh[0], llh[2])))
     stride = stride_period(imu)
@@ -113,7 +118,7 @@ def navigate_foot(
     schedule = zero_velocities(imu, rests, config)
     gyro_psd, accel_psd, note = noise_in_motion(imu, config.sensor, gravity)
     notes += [note] if note else []
-    psd = gyro_psd, accel_psd
+    psd = gyro_psd + clip_noise(imu, clips), accel_psd
     options = FilterOptions(
         covariance_rate_hz=config.filter.covariance_rate_hz, record_s=config.filter.record_s,
         smoother=config.filter.smooth != "none",
@@ -141,7 +146,7 @@ def navigate_foot(
     smoothing = "none" if smoothed is None else config.filter.smooth
     expected = None if stride is None else float(in_motion(imu).sum()) * imu.interval / stride
     speeds = _residual_speeds(filtered, config.stride.min_motion_s)
-    doubts = (*spike_doubts(imu), *strides.doubts(expected, speeds))
+    doubts = (*spikes, *clip_doubts, *strides.doubts(expected, speeds))
     return FootResult(filtered, smoothed, smoothing, rests, strides, llh, tuple(notes), doubts)
 
 

@@ -283,3 +283,15 @@ def test_summary_and_recording(square):
     assert "resting point" in text
     assert result.zero_velocities == len(result.navigation.innovations)
     assert len(result.position_n()) == len(result.t) == len(result.rests.mask)
+
+
+def test_gyro_biases_that_the_strides_contradict_are_allowed_for(square):
+    """Two deg/s on every axis and no rest long enough to see them at: the budget grows to them, and the run says so."""
+    motion, imu = square
+    begin = int(np.flatnonzero(~motion.resting(imu.t - 0.5 / wc.RATE))[0]) - round(0.15 * wc.RATE)
+    late = ImuSeries(imu.t[begin:], imu.gyro[begin:] + np.radians(2.0) / wc.RATE, imu.accel[begin:], imu.kind)
+    result = navigate_foot(late, {"place": wc.PLACE})
+    assert any("the strides contradict gyro biases of 0.1 deg/s" in note for note in result.notes)
+    bias, sigma = np.degrees(result.best.parameter("b_g")[-1]), np.degrees(result.best.sigma("b_g")[-1])
+    assert np.all(np.abs(bias - 2.0) < 3.0 * sigma)  # statistical, and what the sampling of the swings adds
+    assert not any("contradict" in note for note in navigate_foot(imu, {"place": wc.PLACE}).notes)

@@ -12,7 +12,7 @@ from benchmarks.corpus.foot import llio
 from schuler import units
 from schuler.navigation.foot.clipping import clip_sentences, gyro_clips
 from schuler.navigation.foot.config import SensorSection
-from schuler.navigation.foot.motion import motion_level, noise_in_motion, spike_doubts
+from schuler.navigation.foot.motion import in_motion, motion_level, noise_in_motion, spike_doubts
 from schuler.navigation.foot.run import navigate_foot
 from schuler.recording.formats import matlab
 from schuler.recording.series import ImuSeries
@@ -101,6 +101,21 @@ def test_a_stride_of_metres_is_doubted(square):
     assert strides.doubts(None) == []
     assert "length of 5.2" in replace(strides, length=4.0 * strides.length).doubts(None)[0]
     assert "clearance" in replace(strides, clearance=10.0 * strides.clearance + 0.3).doubts(None)[0]
+
+
+def test_one_who_stands_for_most_of_the_log_walks_in_the_rest_of_it(square):
+    """A minute of standing before the walk is no motion, and does not count as missed strides."""
+    _, imu = square
+    still = imu.gyro[:20].mean(axis=0), imu.accel[:20].mean(axis=0)
+    n = 12_000
+    t = np.concatenate((imu.t, imu.t[-1] + imu.interval * np.arange(1, n + 1)))
+    longer = ImuSeries(
+        t, *(np.vstack((x, np.tile(s, (n, 1)))) for x, s in zip((imu.gyro, imu.accel), still, strict=True)), imu.kind
+    )
+    moving = in_motion(longer)
+    assert moving[len(imu) + 400 :].sum() == 0
+    assert abs(int(moving.sum()) - int(in_motion(imu).sum())) < 300
+    assert motion_level(longer, G) == pytest.approx(motion_level(imu, G), rel=0.1)
 
 
 def test_velocity_left_at_stances_is_doubted(square):

@@ -17,6 +17,7 @@ from schuler.recording.series import ImuSeries
 from schuler.standstill.intervals import Rests
 
 _SWAY_S = 0.1  # a foot that stands sways for about as long in one direction
+_STILL, _MOST_OF_GRAVITY = 0.04, 0.25  # of gravity: missed by no foot that stands, and by more than a stance of a run
 _LEAST_BLOCKS = 4  # of that length, for a scatter
 
 
@@ -56,8 +57,10 @@ def align_foot(
     end = min(float(rests.stop[first]), begin + section.rest_s)
     still = imu.rates().between(begin, end)
     force, moving = still.accel.mean(axis=0), 0.0
-    if rests.stop[first] - rests.start[first] < section.min_rest_s - 1e-9:  # a stance of a run: direction alone counts
-        gravity = float(np.linalg.norm(earth.gravity_ned(llh[0], llh[2])))
+    gravity = float(np.linalg.norm(earth.gravity_ned(llh[0], llh[2])))
+    brief = rests.stop[first] - rests.start[first] < section.min_rest_s - 1e-9
+    off = abs(np.linalg.norm(force) / gravity - 1.0)
+    if brief or _STILL < off < _MOST_OF_GRAVITY:  # a stance of a run: direction alone counts
         moving = acceleration_sigma(still, config, gravity)
         force = force * gravity / np.linalg.norm(force)
     level = levelling(

@@ -22,7 +22,8 @@ def in_motion(imu: ImuSeries) -> BoolArray:
     """Samples of a log in which the foot walks: its mean squared rate over a stride is not far below the usual."""
     rate = np.linalg.norm(imu.rates().gyro, axis=1)
     mean = moving_moments(rate**2, int(np.clip(round(_CYCLE_S / imu.interval), 1, len(imu))))[0]
-    moving: BoolArray = mean >= 0.1 * np.median(mean)
+    walking = mean >= 0.1 * np.quantile(mean, 0.9)  # one who stands for most of the log walks in the rest of it
+    moving: BoolArray = mean >= 0.1 * np.median(mean[walking])
     return moving
 
 

@@ -31,6 +31,7 @@ from schuler.standstill.gait import stride_period
 from schuler.standstill.intervals import Rests, rests_from_mask
 
 _EARLY_S = 3.0  # a few strides; rests that are long enough are not waited for any longer
+_MOST_OF_BIAS_SIGMA = 4.0  # 3.6 at most on walks of unbiased gyroscopes, 4.1 and more where errors were ten claims
 _MOST_OF_GRAVITY = 0.15  # acceleration of a stance that can still be levelled over
 
 
@@ -132,6 +133,14 @@ def navigate_foot(
             raise KeyboardInterrupt  # stopped before there was anything to keep
         filtered = NavigationResult.from_run(forward, schedule.t, schedule.kind, layout)
         smoothed = filtered.smooth() if options.smoother and filtered.complete else None
+    if (wider := _bias_needed(filtered, initial, config)) is not None:
+        sensor = config.sensor.model_copy(update={"gyro_bias_deg_s": wider})
+        again = navigate_foot(source, config.model_copy(update={"sensor": sensor}), rest=rest, progress=progress)
+        text = (
+            f"the strides contradict gyro biases of {config.sensor.gyro_bias_deg_s:.2g} deg/s (1 sigma): navigated "
+            f"again with sensor.gyro_bias_deg_s = {wider:.2g}, the largest that came out"
+        )
+        return replace(again, notes=(*again.notes, text))
     best = filtered if smoothed is None else smoothed
     if not filtered.complete:
         notes.append(f"interrupted at {filtered.trajectory.t[-1]:.2f} s; the solution ends there")
@@ -148,6 +157,21 @@ def navigate_foot(
     speeds = _residual_speeds(filtered, config.stride.min_motion_s)
     doubts = (*spikes, *clip_doubts, *strides.doubts(expected, speeds))
     return FootResult(filtered, smoothed, smoothing, rests, strides, llh, tuple(notes), doubts)
+
+
+def _bias_needed(filtered: NavigationResult, initial: InitialState, config: FootConfig) -> float | None:
+    """1-sigma of gyro biases that the biases found ask for, where those of the start contradict them. [deg/s]
+
+    The bias about the vertical is hardly seen: that of the others tells how large it may be.
+    """
+    if "b_g" not in filtered.layout or not filtered.complete:
+        return None
+    part = filtered.layout["b_g"]
+    before, sigma = initial.parameters[part.start - 9 : part.stop - 9], np.sqrt(np.diag(initial.P)[part])
+    after = filtered.parameter("b_g")[-1]
+    largest = float(np.abs(after).max()) / units.DEG
+    contradicts = float(np.max(np.abs(after - before) / sigma)) > _MOST_OF_BIAS_SIGMA
+    return largest if contradicts and largest > 2.0 * config.sensor.gyro_bias_deg_s else None
 
 
 def _residual_speeds(filtered: NavigationResult, min_motion_s: float) -> FloatArray:

@@ -147,6 +147,8 @@ NUMBERS = {
     ("LSM6DSO", "accel"): {"random_walk": 70e-6 * G, "turn_on_bias": 0.02 * G},
     ("STIM300", "gyro"): {"random_walk": 0.15 * DEG / 60, "bias_instability": 0.5 * DEG / 3600},
     ("STIM300", "accel"): {"random_walk": 0.06 / 60, "turn_on_bias": 0.75e-3 * G},
+    ("MTi-3", "gyro"): {"random_walk": 0.007 * DEG, "bias_instability": 10 * DEG / 3600, "range": 2000 * DEG},
+    ("MTi-3", "accel"): {"random_walk": 120e-6 * G, "bias_instability": 30e-6 * G, "range": 16 * G},
     ("VN-100", "gyro"): {"random_walk": 0.0035 * DEG, "bias_instability": 10 * DEG / 3600},
     ("VN-100", "accel"): {"random_walk": 140e-6 * G, "bias_instability": 40e-6 * G},
 }  # fmt: skip

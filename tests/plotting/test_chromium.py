@@ -87,8 +87,16 @@ def book(folder, request):
     return write_book([Reproduction("du", (result,), Effort())], folder / "r.html")
 
 
+def history(folder, request):
+    from schuler.calibration import history_of
+
+    return history_of(cases.module("calibration/result/test_unit_history.py").unit(1, shift=8.0)).report(
+        folder / "r.html"
+    )
+
+
 KINDS = {f.__name__: f for f in (
-    navigation, noise, calibration, diagnosis, budget, observability, rotary, montecarlo, book
+    navigation, noise, calibration, diagnosis, budget, observability, rotary, montecarlo, book, history
 )}  # fmt: skip
 
 

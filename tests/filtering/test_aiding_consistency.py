@@ -10,6 +10,7 @@ from dataclasses import replace
 import aided_cases as ac
 import numpy as np
 import pytest
+from filter_cases import stream
 
 from schuler import earth
 from schuler.filtering import engine
@@ -199,13 +200,7 @@ def test_live_navigator_gives_the_batch_numbers_for_every_kind(drive, reset):
     start, options = ac.initial(truth), FilterOptions(covariance_rate_hz=None)
     batch = run(log, schedule, start, truth.layout, *ac.NOISE, options)
     live = Navigator(start, truth.layout, *ac.NOISE, interval_s=0.01, options=options)
-    j = 0
-    for k in range(len(log)):
-        due = int(np.searchsorted(schedule.t, log.t[k] + 1e-9, side="right"))
-        if due > j:
-            live.aid(schedule.where(np.arange(j, due)))
-            j = due
-        live.imu(log.t[k], log.dtheta_ib_b[k], log.dv_ib_b[k])
+    stream(live, log, schedule)
     np.testing.assert_array_equal(live.state.r_eb_e, batch.r[-1])
     np.testing.assert_array_equal(live.parameters, batch.rec_est[-1])
     np.testing.assert_array_equal([o.nis for o in live.outcomes], batch.nis)

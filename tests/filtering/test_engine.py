@@ -103,12 +103,7 @@ def test_live_navigator_gives_the_batch_numbers(drive_case):
     log, schedule, initial, lay = setup(drive_case)
     batch = run(log, schedule, initial, lay, *NOISE)
     live = Navigator(initial, lay, *NOISE, interval_s=0.01)
-    j = 0
-    for k in range(len(log)):
-        while j < len(schedule) and schedule.t[j] <= log.t[k]:
-            live.aid(schedule.where([j]))
-            j += 1
-        live.imu(log.t[k], log.dtheta_ib_b[k], log.dv_ib_b[k])
+    cases.stream(live, log, schedule)
     np.testing.assert_array_equal(live.state.r_eb_e, batch.r[-1])
     np.testing.assert_array_equal(live.parameters, batch.rec_est[-1])
     assert len(live.outcomes) == len(schedule)
@@ -123,12 +118,7 @@ def test_late_measurements_fit_a_navigator_that_waits(drive_case):
     schedule = schedule.where(schedule.t < 19.0)
     batch = run(log, schedule, initial, lay, *NOISE)
     live = Navigator(initial, lay, *NOISE, interval_s=0.01, delay_s=0.25)
-    j = 0
-    for k in range(len(log)):
-        while j < len(schedule) and schedule.t[j] + 0.2 <= log.t[k]:
-            live.aid(schedule.where([j]))
-            j += 1
-        live.imu(log.t[k], log.dtheta_ib_b[k], log.dv_ib_b[k])
+    cases.stream(live, log, schedule, late_s=0.2)
     assert live.state.t == pytest.approx(log.t[-1] - 0.25, abs=0.011)
     ahead = live.predicted
     assert ahead.t == log.t[-1]

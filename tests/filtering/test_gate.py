@@ -147,12 +147,7 @@ def test_live_navigator_readmits_as_the_batch_run(drive_case):
     batch = run(log, schedule, initial, LAYOUT, *NOISE)
     assert (batch.status == FORCED).any()
     live = Navigator(initial, LAYOUT, *NOISE, interval_s=0.01)
-    j = 0
-    for k in range(len(log)):
-        while j < len(schedule) and schedule.t[j] <= log.t[k]:
-            live.aid(schedule.where([j]))
-            j += 1
-        live.imu(log.t[k], log.dtheta_ib_b[k], log.dv_ib_b[k])
+    cases.stream(live, log, schedule)
     np.testing.assert_array_equal(live.state.r_eb_e, batch.r[-1])
     np.testing.assert_array_equal(live.parameters, batch.rec_est[-1])
     np.testing.assert_array_equal([o.nis for o in live.outcomes], batch.nis)

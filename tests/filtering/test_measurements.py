@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from filter_cases import moved
 
 from schuler import earth, frames, rotation
 from schuler.exceptions import InputError
@@ -45,14 +46,6 @@ def somewhere(rng):
     llh = np.array([rng.uniform(-1.2, 1.2), rng.uniform(-3, 3), 200.0])
     C_eb = frames.C_en(llh) @ rotation.dcm_from_rpy(rng.uniform(-1, 1, 3))
     return np.concatenate((rotation.quat_from_dcm(C_eb), rng.normal(size=3) * 20, frames.ecef_from_llh(llh)))
-
-
-def moved(nav, dx):
-    n = nav.copy()
-    n[:4] = rotation.quat_multiply(rotation.quat_from_rotvec(dx[:3]), nav[:4])
-    n[4:7] += dx[3:6]
-    n[7:10] += dx[6:9]
-    return n
 
 
 @pytest.mark.parametrize("seed", range(4))

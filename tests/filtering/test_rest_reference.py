@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from filter_cases import moved
 
 from schuler import earth, frames, rotation
 from schuler.filtering import measurements as ms
@@ -70,14 +71,6 @@ def resting(lay: StateLayout, rng: np.random.Generator, sign: float):
     f, w = -C_nb.T @ earth.gravity_ned(llh[0], llh[2]), C_nb.T @ earth.earth_rate_ned(llh[0])
     z = np.concatenate((b_a + f + M_a @ f, b_g + w + M_g @ w + G_g @ f))
     return llh, C_nb, nav, est, z
-
-
-def moved(nav, dx):
-    n = nav.copy()
-    n[:4] = rotation.quat_multiply(rotation.quat_from_rotvec(dx[:3]), nav[:4])
-    n[4:7] += dx[3:6]
-    n[7:10] += dx[6:9]
-    return n
 
 
 def numerical(kind, nav, est, z, lay, steps):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import filter_cases as cases
 import numpy as np
 import pytest
+from dense_filter import dense_smoother, dense_transition
 from places import ROOT
 
 from schuler import frames, rotation
@@ -33,21 +34,6 @@ def after_drift(case, lay):
     return NavigationResult.from_run(forward, schedule.t, schedule.kind, lay)
 
 
-def dense_transition(nodes, j, n):
-    """Phi of node j from what the filter kept of it."""
-    from schuler.filtering.kernels import covariance as k
-
-    A, nav = np.zeros((9, 9)), np.zeros(10)
-    A[2, 2] = 1.0
-    nav[7:10] = nodes.phi[j, 8:11]
-    k.transition(A, nodes.phi[j, :8].copy(), nav, nodes.omega)
-    Phi = np.eye(n)
-    Phi[:9, :9] = A
-    Phi[:9, 9 : 9 + nodes.n_sensor] = nodes.B[j]
-    Phi[range(9, n), range(9, n)] = np.exp(-nodes.pmod[:, 0] * nodes.phi[j, 0])
-    return Phi
-
-
 @pytest.mark.parametrize("readmitted", [False, True])
 def test_smoother_equals_dense_rauch_tung_striebel(drive_case, readmitted):
     """State corrections and covariances at all nodes, by the recursion with inverses; also where P was enlarged."""
@@ -61,21 +47,8 @@ def test_smoother_equals_dense_rauch_tung_striebel(drive_case, readmitted):
     n = lay.size
     result = after_drift(drive_case, lay) if readmitted else cases.filtered(drive_case, lay, 1, smoother=True)[0]
     nodes = result._nodes
-    K = len(nodes.t)
     assert np.any(np.diff(nodes.t) == 0.0) == readmitted
-    P_minus = unpack_symmetric(nodes.P, n)
-    P_plus, inj = P_minus.copy(), np.zeros((K, n))
-    for j in range(K):
-        for u in range(nodes.upd[j - 1] if j else 0, nodes.upd[j]):
-            P_plus[j] -= nodes.W[u].T @ nodes.W[u]
-            inj[j] += nodes.W[u].T @ nodes.e[u]
-    plus, P_s = np.zeros((K, n)), P_plus.copy()
-    for j in range(K - 2, -1, -1):
-        Phi = dense_transition(nodes, j + 1, n)
-        D = np.sqrt(np.diag(P_minus[j + 1]))
-        G = P_plus[j] @ Phi.T @ (np.linalg.inv(P_minus[j + 1] / np.outer(D, D)) / np.outer(D, D))
-        plus[j] = G @ (plus[j + 1] - inj[j + 1])
-        P_s[j] = P_plus[j] + G @ (P_s[j + 1] - P_minus[j + 1]) @ G.T
+    plus, P_s = dense_smoother(nodes, n)
     smoothed = result.smooth()
     at = np.searchsorted(nodes.t, result.t + 1e-9) - 1
     sigma = np.sqrt(np.einsum("kii->ki", P_s))[at]

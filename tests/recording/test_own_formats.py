@@ -37,6 +37,18 @@ def assert_same_satellites(back: Recording, run: Recording) -> None:
         same(getattr(back, part), getattr(run, part), part)
 
 
+def redescribe(path, change):
+    """Change the description that a Parquet file carries, and nothing else."""
+    with pq.ParquetFile(path) as file:
+        groups = [file.read_row_group(k) for k in range(file.num_row_groups)]
+    document = json.loads(groups[0].schema.metadata[b"schuler"])
+    change(document)
+    schema = groups[0].schema.with_metadata({"schuler": json.dumps(document)})
+    with pq.ParquetWriter(path, schema) as writer:
+        for group in groups:
+            writer.write_table(group.cast(schema))
+
+
 def assert_same(back: Recording, run: Recording, rtol: float = 0.0) -> None:
     assert {f.name for f in fields(Recording)} == {
         "imu", "gnss", "odometer", "reference", "metadata", "heading", "height", "observations", "ephemerides", "ranges"
@@ -145,14 +157,7 @@ def test_parts_without_rows_come_back_empty(aided, tmp_path, suffix):
 )
 def test_damaged_satellite_parts_are_explained(aided, tmp_path, change, message):
     [path] = write(aided, tmp_path / "run.parquet")
-    with pq.ParquetFile(path) as file:
-        groups = [file.read_row_group(k) for k in range(file.num_row_groups)]
-    document = json.loads(groups[0].schema.metadata[b"schuler"])
-    change(document)
-    schema = groups[0].schema.with_metadata({"schuler": json.dumps(document)})
-    with pq.ParquetWriter(path, schema) as writer:
-        for group in groups:
-            writer.write_table(group.cast(schema))
+    redescribe(path, change)
     with pytest.raises(FileFormatError, match=message):
         read(path)
 
@@ -301,14 +306,7 @@ def test_a_broken_description_of_a_csv_names_its_line(run, tmp_path):
 )
 def test_damaged_descriptions_of_a_parquet_file_are_explained(run, tmp_path, change, message):
     [path] = write(run, tmp_path / "run.parquet")
-    with pq.ParquetFile(path) as file:
-        groups = [file.read_row_group(k) for k in range(file.num_row_groups)]
-    document = json.loads(groups[0].schema.metadata[b"schuler"])
-    change(document)
-    schema = groups[0].schema.with_metadata({"schuler": json.dumps(document)})
-    with pq.ParquetWriter(path, schema) as writer:
-        for group in groups:
-            writer.write_table(group.cast(schema))
+    redescribe(path, change)
     with pytest.raises(FileFormatError, match=message):
         read(path)
 

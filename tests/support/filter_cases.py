@@ -9,9 +9,10 @@ import numpy as np
 from schuler import frames, rotation
 from schuler.filtering.engine import FilterOptions, run
 from schuler.filtering.initial_state import InitialState
-from schuler.filtering.measurements import gnss_measurements
+from schuler.filtering.measurements import MeasurementSchedule, gnss_measurements
 from schuler.filtering.states import StateLayout, StateModel
 from schuler.mechanization.strapdown import NavState
+from schuler.navigation.navigator import Navigator
 from schuler.navigation.result import NavigationResult
 from schuler.recording.series import GnssSeries, Increments
 from schuler.recording.trajectory import Trajectory
@@ -166,3 +167,23 @@ def filtered(case: Case, lay: StateLayout, seed: int, **options) -> tuple[Naviga
     result = NavigationResult.from_run(forward, schedule.t, schedule.kind, lay, lever_arm_b=nominal)
     at = np.searchsorted(log.t, result.t - 1e-9) + 1
     return result, history[at]
+
+
+def stream(live: Navigator, log: Increments, schedule: MeasurementSchedule, late_s: float = 0.0) -> None:
+    """Feed a navigator sample by sample; each measurement comes so long after its time."""
+    arrival, first = schedule.t + late_s, 0
+    for k in range(len(log)):
+        due = int(np.searchsorted(arrival, log.t[k] + 1e-9, side="right"))
+        if due > first:
+            live.aid(schedule.where(np.arange(first, due)))
+            first = due
+        live.imu(log.t[k], log.dtheta_ib_b[k], log.dv_ib_b[k])
+
+
+def moved(nav, dx):
+    """The state of a kernel (10,) with an error (9,) added: attitude, velocity, position."""
+    n = nav.copy()
+    n[:4] = rotation.quat_multiply(rotation.quat_from_rotvec(dx[:3]), nav[:4])
+    n[4:7] += dx[3:6]
+    n[7:10] += dx[6:9]
+    return n

@@ -1,4 +1,4 @@
-"""How uncertain a mission will be, which error is to blame, which IMU is good enough: linear covariance, no data."""
+"""Uncertainty of a mission, the errors to blame, the IMUs that are good enough: linear covariance, no data."""
 
 import lazy_loader
 

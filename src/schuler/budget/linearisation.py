@@ -175,7 +175,6 @@ def linearise(
     schedule: MeasurementSchedule,
     truth: FullTrajectory,
     *,
-    others: dict[str, StateModel] | None = None,
     rate_hz: float = 2.0,
     earth_rotation: bool = True,
 ) -> Linearised:
@@ -189,8 +188,6 @@ def linearise(
         Measurements that agree with the truth; their covariances are kept, gates are not asked.
     truth : FullTrajectory
         True motion with velocity and attitude, its first sample at the start of the increments.
-    others : dict of str to StateModel, optional
-        State blocks of the aids (lever arm, clock, ...).
     rate_hz : float
         Rate of the nodes; updates always have one of their own.
     earth_rotation : bool
@@ -206,8 +203,7 @@ def linearise(
         raise InputError("truth: expected a trajectory with velocity and attitude, got one without")
     if np.isin(schedule.kind, RESET_KINDS).any():
         raise InputError("resets have no memory: a linear covariance needs measurements that are weighed")
-    models = {name: StateModel.constant(0.0) for name in SENSOR_BLOCKS}
-    layout = StateLayout(models | {n: StateModel.constant(0.0) for n in others or {}})
+    layout = StateLayout({name: StateModel.constant(0.0) for name in SENSOR_BLOCKS})
     unit = np.broadcast_to(np.eye(3), schedule.R.shape).copy()
     used = replace(schedule, R=unit, gate=np.where(schedule.gate < 0.0, schedule.gate, np.inf))
     options = FilterOptions(

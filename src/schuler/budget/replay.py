@@ -119,7 +119,6 @@ def replay_noise(
     axis: int | None = None,
     driven: int | None = None,
     measured: BoolArray | None = None,
-    R: FloatArray | None = None,
 ) -> FloatArray:
     """Covariance of the true navigation error from one kind of noise, the filter's gains given. Shape (r, 9, 9).
 
@@ -139,8 +138,6 @@ def replay_noise(
         Covariance of the true errors at the start, north, east, down; zero by default.
     measured : ndarray of bool, shape (u,), optional
         Updates whose noise counts; none by default.
-    R : ndarray, shape (u, 3, 3), optional
-        True covariances; those of the run by default.
     """
     from schuler.budget import _replay_kernels as k
 
@@ -152,8 +149,7 @@ def replay_noise(
         C[:, :n] = T @ C0 @ T.T
     noise = np.zeros((len(run.H), 3, 3))
     if measured is not None:
-        true = run.R if R is None else R
-        noise[measured] = true[measured]
+        noise[measured] = run.R[measured]
     if axis is not None and gyro_psd > 0.0 and accel_psd > 0.0:
         raise InputError("axis: expected white noise of one triad, got that of both; replay them one after the other")
     model = _model(run, layout, gyro_psd, accel_psd)

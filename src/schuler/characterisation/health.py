@@ -200,13 +200,13 @@ def length_needed(tau_s: float, relative_sigma: float = 0.25) -> float:
     return float(tau_s * 0.4 * (edf + sqrt(edf**2 + 15.0 * edf)))
 
 
-def gaps(t: ArrayLike, factor: float = 1.5) -> list[Finding]:
-    """Pauses longer than ``factor`` sample intervals, the longest first; one more sentence for the rest of them."""
+def gaps(t: ArrayLike) -> list[Finding]:
+    """Pauses longer than one and a half sample intervals, the longest first; one more sentence for the rest of them."""
     time = check_times(t, "t")
     step = np.diff(time)
     if not len(step):
         return []
-    where = np.flatnonzero(step > factor * np.median(step))
+    where = np.flatnonzero(step > 1.5 * np.median(step))
     where = where[np.argsort(-step[where], kind="stable")]
     findings = [
         finding_at(

@@ -37,8 +37,9 @@ def resolution(x: ArrayLike) -> float | None:
     return float(np.median(d / multiple)) if np.mean(on_grid) > 0.95 else None
 
 
-def _pieces(x: FloatArray, number: int = 16, length: int = 4096) -> FloatArray:
+def _pieces(x: FloatArray, number: int = 16) -> FloatArray:
     """Pieces spread over a log, one after the other; all of a short one. Sorting millions of readings takes seconds."""
+    length = 4096
     if len(x) <= number * length:
         return x
     first = np.linspace(0, len(x) - length, number).astype(np.int64)

@@ -14,6 +14,7 @@ from schuler.diagnosis.result import Finding
 
 _LETTERS = {(0, 1): "F", (0, -1): "B", (1, 1): "R", (1, -1): "L", (2, 1): "D", (2, -1): "U"}
 _NAMES = ("x", "y", "z")
+_STRENGTH = 8.0  # misfit of an axis pointing at right angles to where it should, for good evidence
 SIGNIFICANT = 9.0  # squared ratio of a direction to its 1-sigma, to be worth judging
 
 
@@ -71,7 +72,7 @@ def guesses() -> list[Guess]:
     return out
 
 
-def judge(ev: AxesEvidence, gyro_factor: float, *, vehicle: bool, strength: float = 8.0) -> tuple[Guess, list[Guess]]:
+def judge(ev: AxesEvidence, gyro_factor: float, *, vehicle: bool) -> tuple[Guess, list[Guess]]:
     """The best explanation and its rivals within one unit of cost.
 
     Parameters
@@ -81,14 +82,12 @@ def judge(ev: AxesEvidence, gyro_factor: float, *, vehicle: bool, strength: floa
         Makes the gyro's numbers SI.
     forward_known : bool
         Whether the way the body moves is its forward axis (a vehicle); if not, only down is judged.
-    strength : float
-        Misfit of an axis pointing at right angles to where it should, for good evidence.
     """
     best: list[Guess] = []
     e = ev.e / max(float(np.linalg.norm(ev.e)), 1e-12)
-    weight_e = strength * _trust(float(np.linalg.norm(ev.e)), ev.e_sigma)
+    weight_e = _STRENGTH * _trust(float(np.linalg.norm(ev.e)), ev.e_sigma)
     weights = [
-        strength * _trust(float(np.linalg.norm(ev.B[:, k])), ev.sigma[k]) * (vehicle or k == 2) for k in range(3)
+        _STRENGTH * _trust(float(np.linalg.norm(ev.B[:, k])), ev.sigma[k]) * (vehicle or k == 2) for k in range(3)
     ]
     tilt = ev.tilt / max(gyro_factor, 1e-12)
     tilt_sigma = ev.tilt_sigma / max(gyro_factor, 1e-12)

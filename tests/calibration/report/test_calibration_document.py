@@ -12,7 +12,6 @@ from html_pages import Page
 from matplotlib.figure import Figure as MplFigure
 
 from schuler.calibration.design.plans import ATTITUDES, words_of
-from schuler.calibration.report import document as calibration_document
 from schuler.calibration.report import panels as calibration_panels
 from schuler.calibration.report.document import calibration_report
 from schuler.calibration.report.figures import calibration_figure, next_direction, save_calibration_figures
@@ -20,12 +19,7 @@ from schuler.calibration.result.result import CalibrationResult, Residuals, resu
 from schuler.exceptions import InputError
 from schuler.plotting.figure import Band, Bars, Line, Markers, Text
 
-
-@pytest.fixture(scope="module", autouse=True)
-def small_script():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibration_document, "plotly_script", lambda: "/* plotly */")
-        yield
+pytestmark = pytest.mark.usefixtures("small_script")
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure as MplFigure
 
 from schuler.calibration.field.calibration import calibrate_field
 from schuler.calibration.field.options import FieldOptions
-from schuler.calibration.report import document as calibration_document
 from schuler.calibration.report import field_panels
 from schuler.calibration.report.field_figures import field_figure
 from schuler.calibration.report.figures import save_calibration_figures
@@ -30,11 +29,7 @@ LLH = np.array([39.92 * DEG, 33.2 * DEG, 1000.0])
 SPEC = catalogue.spec("yaman-automotive")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def small_script():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibration_document, "plotly_script", lambda: "/* plotly */")
-        yield
+pytestmark = pytest.mark.usefixtures("small_script")
 
 
 @pytest.fixture(scope="module")

@@ -220,6 +220,22 @@ def test_ramp_with_known_noise_has_the_stated_covariance(shape):
     assert alarms <= 4
 
 
+def ramps_with_unknown_noise(T, process, runs, rng):
+    """RMS of the normalised errors of so many logs, and the number of hystereses found that are not there."""
+    n, sigma = len(T), 1e-4
+    at = np.array([-10.0, 10.0, 25.0, 40.0, 60.0])
+    z, alarms = [], 0
+    for _ in range(runs):
+        drift = np.zeros((n, 6)) if process is None else process.sample((n, 6), 1.0, rng)
+        Y = curve(T)[:, None] + drift + sigma * rng.standard_normal((n, 6))
+        result = calibrate_thermal(log(T, Y[:, :3], Y[:, 3:]), f_ib_b=np.zeros(3))
+        for name, mean in zip((*BIAS_G, *BIAS_A), drift.mean(axis=0), strict=True):
+            value, one = thermal_value(result, name, at)
+            z.append((value - curve(at) - mean) / one)
+            alarms += thermal(result)["hysteresis"][name]["found"]
+    return float(np.sqrt(np.mean(np.square(z)))), alarms
+
+
 @pytest.mark.parametrize(
     ("slow", "runs"),
     [
@@ -232,20 +248,10 @@ def test_ramp_with_unknown_noise_covers(slow, runs):
     alarms of hysteresis (nominal 0.1 %, documented as up to 3 %)."""
     from schuler.sensors.noise import GaussMarkov, RandomWalk
 
-    n, sigma = 1500, 1e-4
-    T, rng = three_ways(n), np.random.default_rng(12)
+    T, rng = three_ways(1500), np.random.default_rng(12)
     process = {"none": None, "correlated": GaussMarkov(2e-5, 60.0), "random walk": RandomWalk(1e-6)}[slow]
-    at = np.array([-10.0, 10.0, 25.0, 40.0, 60.0])
-    z, alarms = [], 0
-    for _ in range(runs):
-        drift = np.zeros((n, 6)) if process is None else process.sample((n, 6), 1.0, rng)
-        Y = curve(T)[:, None] + drift + sigma * rng.standard_normal((n, 6))
-        result = calibrate_thermal(log(T, Y[:, :3], Y[:, 3:]), f_ib_b=np.zeros(3))
-        for name, mean in zip((*BIAS_G, *BIAS_A), drift.mean(axis=0), strict=True):
-            value, one = thermal_value(result, name, at)
-            z.append((value - curve(at) - mean) / one)
-            alarms += thermal(result)["hysteresis"][name]["found"]
-    assert 0.45 < np.sqrt(np.mean(np.square(z))) < 1.5
+    rms, alarms = ramps_with_unknown_noise(T, process, runs, rng)
+    assert 0.45 < rms < 1.5
     assert alarms <= max(0.05 * 6 * runs, 1.0)
 
 
@@ -568,17 +574,9 @@ def test_figure_has_every_parameter(tmp_path):
 @pytest.mark.parametrize("slow", [0.0, 5e-7, 5e-6])
 def test_full_campaign_of_ramps_with_unknown_noise(shape, slow):
     """200 logs: RMS of the normalised error between 0.5 and 1.4, false hysteresis in 8 % at most (statistical)."""
-    n, sigma = 3000, 1e-4
-    T, rng = shape(n), np.random.default_rng(21)
-    at = np.array([-10.0, 10.0, 25.0, 40.0, 60.0])
-    z, alarms, runs = [], 0, 200
-    for _ in range(runs):
-        drift = slow * np.cumsum(rng.standard_normal((n, 6)), axis=0)
-        Y = curve(T)[:, None] + drift + sigma * rng.standard_normal((n, 6))
-        result = calibrate_thermal(log(T, Y[:, :3], Y[:, 3:]), f_ib_b=np.zeros(3))
-        for name, mean in zip((*BIAS_G, *BIAS_A), drift.mean(axis=0), strict=True):
-            value, one = thermal_value(result, name, at)
-            z.append((value - curve(at) - mean) / one)
-            alarms += thermal(result)["hysteresis"][name]["found"]
-    assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.4
-    assert alarms < 0.08 * 6 * runs
+    from schuler.sensors.noise import RandomWalk
+
+    process = RandomWalk(slow) if slow else None
+    rms, alarms = ramps_with_unknown_noise(shape(3000), process, 200, np.random.default_rng(21))
+    assert 0.5 < rms < 1.4
+    assert alarms < 0.08 * 6 * 200

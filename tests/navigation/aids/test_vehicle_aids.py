@@ -72,21 +72,15 @@ def test_turns_stop_the_lateral_one_only(sign):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_hard_cornering_stops_the_lateral_one_only(sign):
-    s = non_holonomic(log(across=between(8.0, 12.0, sign * 6.0)), rate_hz=10.0)
-    t, good = met(s, LATERAL)
+@pytest.mark.parametrize(
+    ("along", "force", "stopped", "other"), [("across", 6.0, LATERAL, VERTICAL), ("along", 5.0, VERTICAL, LATERAL)]
+)
+def test_hard_cornering_and_braking_stop_one_only(along, force, stopped, other, sign):
+    s = non_holonomic(log(**{along: between(8.0, 12.0, sign * force)}), rate_hz=10.0)
+    t, good = met(s, stopped)
     assert good[(t < 7.7) | (t > 12.3)].all()
     assert not good[(t > 8.3) & (t < 11.7)].any()
-    assert met(s, VERTICAL)[1].all()
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_braking_stops_the_vertical_one_only(sign):
-    s = non_holonomic(log(along=between(8.0, 12.0, sign * 5.0)), rate_hz=10.0)
-    t, good = met(s, VERTICAL)
-    assert good[(t < 7.7) | (t > 12.3)].all()
-    assert not good[(t > 8.3) & (t < 11.7)].any()
-    assert met(s, LATERAL)[1].all()
+    assert met(s, other)[1].all()
 
 
 def test_a_tilted_sensor_is_no_manoeuvre():

@@ -1,4 +1,4 @@
-"""How many parameters the readings of a triad justify: 3, 6 and 9 side by side."""
+"""Number of parameters that the readings of a triad justify: 3, 6 and 9 side by side."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from schuler.arrays import ArrayLike
 from schuler.calibration.bench.adjustment import Adjustment
 from schuler.calibration.bench.gauss_helmert import Order, adjust
 from schuler.calibration.bench.sensor_geometry import PARAMETERS
+
+_ORDERS: tuple[Order, ...] = (3, 6, 9)
+_REJECT = 0.01  # probability below which an order is said not to fit, or to be beaten
 
 
 @dataclass(frozen=True)
@@ -47,21 +50,15 @@ def order_tests(
     Y: ArrayLike,
     sigma: ArrayLike,
     rho: ArrayLike,
-    orders: Sequence[Order] = (3, 6, 9),
     *,
     fixed: Mapping[str, float] | None = None,
-    reject: float = 0.01,
 ) -> tuple[OrderTest, ...]:
-    """Adjust with several orders and compare.
+    """Adjust with 3, 6 and 9 parameters and compare.
 
     Parameters
     ----------
     Y, sigma, rho, fixed
         See :func:`schuler.calibration.bench.gauss_helmert.adjust`.
-    orders : sequence of {3, 6, 9}
-        Rising.
-    reject : float
-        Probability below which the largest order is said not to fit.
 
     Returns
     -------
@@ -74,7 +71,7 @@ def order_tests(
 
     tests: list[OrderTest] = []
     fits: list[tuple[Order, Adjustment]] = []
-    for order in orders:
+    for order in _ORDERS:
         if any(name not in (fixed or {}) for name in PARAMETERS[:order]):
             fit = adjust(Y, sigma, rho, order, fixed=fixed)
             more_than_before = not fits or fit.free.sum() > fits[-1][1].free.sum()
@@ -83,7 +80,7 @@ def order_tests(
     if not fits:
         return ()
     last = fits[-1][1]
-    noise_unknown = last.freedom > 0 and p_of(last) < reject
+    noise_unknown = last.freedom > 0 and p_of(last) < _REJECT
     for i, (order, fit) in enumerate(fits):
         p = float("nan")
         if i:
@@ -100,10 +97,10 @@ def order_tests(
     return tuple(tests)
 
 
-def recommended(tests: Sequence[OrderTest], reject: float = 0.01) -> OrderTest:
-    """The smallest order that no larger one beats significantly, each step at the level ``reject``."""
+def recommended(tests: Sequence[OrderTest]) -> OrderTest:
+    """The smallest order that no larger one beats significantly."""
     best = tests[0]
     for test in tests[1:]:
-        if test.p_previous < reject:
+        if test.p_previous < _REJECT:
             best = test
     return best

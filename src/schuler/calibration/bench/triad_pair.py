@@ -27,6 +27,8 @@ from schuler.calibration.result.parameters import BIAS_G, MATRIX_G
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.rotation import dcm_from_rotvec, rotvec_from_dcm, skew
 
+_ITERATIONS = 50  # at most
+
 
 @dataclass(frozen=True, eq=False)
 class TriadPair:
@@ -131,7 +133,6 @@ def adjust_pair(
     gyro: FloatArray,
     free: BoolArray,
     prior: Mapping[int, tuple[float, float]] | None = None,
-    max_iterations: int = 50,
 ) -> TriadPair:
     """Both triads and the rotation between them, from estimates of each alone.
 
@@ -149,7 +150,6 @@ def adjust_pair(
         What to estimate besides the rotation.
     prior : mapping of index to (value, sigma), optional
         By index in the 18 parameters.
-    max_iterations : int
 
     Returns
     -------
@@ -169,7 +169,7 @@ def adjust_pair(
     rows = np.zeros((len(priors), 21))
     rows[np.arange(len(priors)), priors] = 1.0 / spread
     converged = False
-    for _ in range(max_iterations):
+    for _ in range(_ITERATIONS):
         h, A, B = pair_conditions(Y + e, x, C, squares)
         A, B = A * used[:, :, None], B * used[:, :, None]
         w = h * used - np.einsum("nij,nj->ni", B, e)

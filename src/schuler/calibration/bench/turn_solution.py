@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,6 +37,24 @@ ADVICE = {
     "M_g": "turn about each of the three axes of the unit, best both ways",
     "G_g": "add poses at rest on all six faces, or turn about each axis with its upper end up and with it down",
 }
+
+
+class _Rest(NamedTuple):
+    """Poses on faces: what the gyroscopes read there, the accelerometers' fit if there is one, and what to say."""
+
+    poses: Poses
+    faces: Faces
+    readings: GyroReadings
+    accel: LinearFit | None
+    residuals: Residuals | None
+    level_sigma: float
+    remarks: list[str]
+    warnings: list[str]
+
+    @property
+    def temperature(self) -> float | None:
+        """Mean temperature. [degC]"""
+        return None if self.poses.temperature is None else float(self.poses.temperature.mean())
 
 
 def solve_turns(
@@ -113,41 +131,26 @@ def solve_turns(
         "axis_n": None if axis_n is None else np.asarray(axis_n).tolist(),
         "accel": None if accel is None else accel.provenance,
     }  # fmt: skip
+    remarks, warnings = list(notes), []
+    also = dict(extra or {})
+    at_rest: _Rest | None = None
+    if poses is not None and len(poses):
+        at_rest = _at_rest(
+            poses, gravity, latitude, all_headings, heading_sigma=heading_sigma, level_sigma=level_sigma, bias=bias,
+            instability=instability, wanted=accel is None, required=accel_wanted,
+        )  # fmt: skip
+        remarks += at_rest.remarks
+        warnings += at_rest.warnings
+        if at_rest.accel is not None:
+            also["level_sigma"] = at_rest.level_sigma
     fits: dict[str, LinearFit] = {}
     residuals: dict[str, Residuals] = {}
-    remarks, warnings, parts = list(notes), [], []
-    used, faces = None, None
-    also = dict(extra or {})
-    if poses is not None and len(poses):
-        faces = faces_of(poses)
-        warnings += tilted(poses, faces)
-        k = np.flatnonzero(faces.usable)
-        used, faces = poses.of(k), Faces(faces.axis[k], faces.sign[k], faces.tilt[k], faces.usable[k])
-        headings = None if headings is None else np.asarray(headings)[k]
-        parts.append(
-            readings_at_rest(
-                used, faces, gravity * faces.up, latitude=latitude, headings=headings,
-                heading_sigma=heading_sigma, instability=instability[0],
-            )
-        )  # fmt: skip
-        a, rows, level = fit_faces(used, faces, gravity, bias=bias, level_sigma=level_sigma, instability=instability[1])
-        if accel is None and (accel_wanted or not a.confounded):
-            fits["accel"] = a
-            sigma = np.sqrt(face_variance(used, faces, gravity, level, instability[1]))
-            labels = pose_labels(used, faces)
-            residuals["accel"] = axis_residuals(labels, a, rows, used.f - gravity * faces.up, sigma, "m/s^2", faces.up)
-            remarks += describe_level(level) if level_sigma is None else []
-            also["level_sigma"] = level
-            if faces.missing:
-                warnings.append(f"only {6 - len(faces.missing)} of the six faces: {', '.join(faces.missing)} missing")
-        elif accel is None:
-            remarks.append("the accelerometers are not calibrated: not at rest on " + ", ".join(faces.missing))
+    if at_rest is not None and at_rest.accel is not None and at_rest.residuals is not None:
+        fits["accel"], residuals["accel"] = at_rest.accel, at_rest.residuals
     stated = {name: 0.0 if value is None else value for name, value in sigmas.items()}
     if None in sigmas.values():
         by_hand = float(also.get("level_sigma") or 0.0)
-        stated |= {
-            name: by_hand * (np.sqrt(2.0) if name == "angle_sigma" else 1.0) for name, v in sigmas.items() if v is None
-        }
+        stated |= _as_level(sigmas, by_hand)
         also |= stated
         if by_hand:
             remarks.append(
@@ -158,9 +161,9 @@ def solve_turns(
         turns, force_in_turns(turns, fits.get("accel"), accel), gravity=gravity, latitude=latitude, axis_n=axis_n,
         instability=instability[0], **stated,
     )  # fmt: skip
-    readings = GyroReadings.joined([*parts, turning])
-    if fit is not None and used is not None and faces is not None:
-        fits["gyro"] = fit(readings, used, faces, turns)
+    readings = GyroReadings.joined([turning] if at_rest is None else [at_rest.readings, turning])
+    if fit is not None and at_rest is not None:
+        fits["gyro"] = fit(readings, at_rest.poses, at_rest.faces, turns)
         rows_g: IntArray = np.arange(3 * len(readings))
     else:
         fits["gyro"], rows_g = gyro_fit(
@@ -176,7 +179,7 @@ def solve_turns(
     result = bench_result(
         method, fits, advice=ADVICE, warnings=[*warnings, *doubts], notes=remarks, residuals=residuals, options=options,
         names=LINEAR if "accel" in fits else BIAS_G + MATRIX_G + SENSITIVITY,
-        temperature=None if used is None or used.temperature is None else float(used.temperature.mean()),
+        temperature=None if at_rest is None else at_rest.temperature,
         extra=also, **rest,
     )  # fmt: skip
     if not halves or poses is None or not len(poses):
@@ -209,3 +212,37 @@ def force_in_turns(turns: Turns, fit: LinearFit | None, accel: CalibrationResult
     else:
         return turns.f
     return np.asarray(np.linalg.solve(np.eye(3) + M, (turns.f - b).T).T)
+
+
+def _at_rest(
+    poses: Poses, gravity: float, latitude: float | None, headings: ArrayLike | None, *, heading_sigma: float,
+    level_sigma: float | None, bias: Bias, instability: tuple[float, float], wanted: bool, required: bool,
+) -> _Rest:  # fmt: skip
+    """Use the poses that lie on faces; the accelerometers are fitted where wanted, if determined or required."""
+    faces = faces_of(poses)
+    warnings, remarks = tilted(poses, faces), []
+    k = np.flatnonzero(faces.usable)
+    used, faces = poses.of(k), Faces(faces.axis[k], faces.sign[k], faces.tilt[k], faces.usable[k])
+    readings = readings_at_rest(
+        used, faces, gravity * faces.up, latitude=latitude,
+        headings=None if headings is None else np.asarray(headings)[k], heading_sigma=heading_sigma,
+        instability=instability[0],
+    )  # fmt: skip
+    fit, rows, level = fit_faces(used, faces, gravity, bias=bias, level_sigma=level_sigma, instability=instability[1])
+    residuals = None
+    if wanted and (required or not fit.confounded):
+        sigma = np.sqrt(face_variance(used, faces, gravity, level, instability[1]))
+        residuals = axis_residuals(
+            pose_labels(used, faces), fit, rows, used.f - gravity * faces.up, sigma, "m/s^2", faces.up
+        )
+        remarks += describe_level(level) if level_sigma is None else []
+        if faces.missing:
+            warnings.append(f"only {6 - len(faces.missing)} of the six faces: {', '.join(faces.missing)} missing")
+    elif wanted:
+        remarks.append("the accelerometers are not calibrated: not at rest on " + ", ".join(faces.missing))
+    return _Rest(used, faces, readings, None if residuals is None else fit, residuals, level, remarks, warnings)
+
+
+def _as_level(sigmas: Mapping[str, float | None], by_hand: float) -> dict[str, float]:
+    """Sigmas of turns that nobody states: as level as the faces are; an angle is between two of them. [rad]"""
+    return {name: by_hand * (np.sqrt(2.0) if name == "angle_sigma" else 1.0) for name, v in sigmas.items() if v is None}

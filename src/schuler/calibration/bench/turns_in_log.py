@@ -13,20 +13,16 @@ from schuler.calibration.bench.turns import Turns, turns_of
 from schuler.calibration.result.parameters import AXES
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
-from schuler.standstill.stationarity import StaticIntervals, static_intervals
+from schuler.standstill.stationarity import static_intervals
 from schuler.units import DEG, G0
 
 #: A turn may differ from its nominal angle by this share, and turn about other axes by this share.
 TOLERANCE = 0.2
+_POSE_S = 1.0  # shortest pose [s]
 
 
 def ferraris_sections(
-    imu: ImuSeries,
-    at_rest: StaticIntervals | None = None,
-    *,
-    turn_angle: float = 2.0 * np.pi,
-    gravity: float = G0,
-    min_s: float = 1.0,
+    imu: ImuSeries, *, turn_angle: float = 2.0 * np.pi, gravity: float = G0
 ) -> tuple[list[tuple[float, float]], list[tuple[float, float]], FloatArray, tuple[str, ...]]:
     """Poses on faces, and turns between them, of a session without labels.
 
@@ -34,14 +30,10 @@ def ferraris_sections(
     ----------
     imu : ImuSeries
         Rates. [rad/s], [m/s^2]
-    at_rest : StaticIntervals, optional
-        None: found.
     turn_angle : float
         Magnitude of the angle of each turn. [rad]
     gravity : float
         [m/s^2]
-    min_s : float
-        Shortest pose. [s]
 
     Returns
     -------
@@ -62,12 +54,11 @@ def ferraris_sections(
     A turn is what lies between two neighbouring intervals at rest on the same face if the integral of the rate, less
     the bias of these two, is ``turn_angle`` within 20 % about one axis and less than 20 % of it about the others.
     """
-    if at_rest is None:
-        at_rest = static_intervals(imu, window_s=min(0.5, min_s), min_s=min_s, gravity=gravity)
+    at_rest = static_intervals(imu, window_s=0.5, min_s=_POSE_S, gravity=gravity)
     if len(at_rest) < 2:
         raise InputError(
             f"imu: expected intervals at rest before and after each turn, found {len(at_rest)}; hold still for "
-            f"{min_s:g} s between movements, or give sections"
+            f"{_POSE_S:g} s between movements, or give sections"
         )
     spans = [(float(a), float(b)) for a, b in zip(at_rest.start, at_rest.stop, strict=True)]
     poses = poses_of(imu, spans, gravity=gravity)

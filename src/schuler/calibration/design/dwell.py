@@ -1,4 +1,4 @@
-"""How long to dwell in each static pose."""
+"""Time to dwell in each static pose."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ENOUGH = 1.1  # staying longer is not worth it once the mean is this near to it
 
 @dataclass(frozen=True)
 class Dwell:
-    """How long to stay in each pose.
+    """Time to stay in each pose.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ def dwell_time(
     sensor: Sensor = "accel",
     reference: float = G0,
 ) -> Dwell:
-    """How long to stay in each pose.
+    """Time to stay in each pose.
 
     Parameters
     ----------

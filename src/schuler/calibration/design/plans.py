@@ -76,7 +76,7 @@ class Plan:
 
     @cached_property
     def rank(self) -> int:
-        """How many of nine parameters, or combinations of them, the poses determine without any scatter."""
+        """Number of the nine parameters, or combinations of them, that the poses determine without any scatter."""
         return int(np.linalg.matrix_rank(design_matrix(self.directions)))
 
     @property

@@ -1,4 +1,4 @@
-"""How good a calibration will be before it is made: predicted uncertainty, and the pose that helps most next."""
+"""Uncertainty of a calibration before it is made, and the pose that helps most next."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def prior_of(spec: ImuSpec | TriadSpec, parameters: int = 9, *, sensor: Sensor =
 def relative_uncertainty(
     directions: ArrayLike, sigma: ArrayLike, prior_sigma: Mapping[str, float], *, reference: float = G0
 ) -> dict[str, float]:
-    """How much of what was unknown is still unknown: 1 is nothing learnt, 0 is found out.
+    """Share of what was unknown that still is: 1 is nothing learnt, 0 is found out.
 
     Parameters
     ----------

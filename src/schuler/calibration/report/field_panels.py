@@ -1,4 +1,4 @@
-"""What is plotted of a field calibration: estimates and uncertainties over the log, its rests, its innovations."""
+"""Panels of a field calibration: estimates and uncertainties over the log, its rests, its innovations."""
 
 from __future__ import annotations
 

@@ -84,14 +84,13 @@ def split(
     return Split(name, rms, p, expected) if rms else None
 
 
-def rms_interval(eigenvalues: FloatArray, level: float = 0.95) -> tuple[float, float]:
-    """Interval of the root mean square of correlated standard normal numbers.
+def rms_interval(eigenvalues: FloatArray) -> tuple[float, float]:
+    """Interval of 95 % of the root mean square of correlated standard normal numbers.
 
     Parameters
     ----------
     eigenvalues : ndarray, shape (n,)
         Of their correlation matrix.
-    level : float
 
     Returns
     -------
@@ -107,7 +106,7 @@ def rms_interval(eigenvalues: FloatArray, level: float = 0.95) -> tuple[float, f
 
     weights = np.maximum(eigenvalues, 0.0)
     freedom = float(weights.sum() ** 2 / np.square(weights).sum())
-    low, high = chi2.ppf([0.5 - 0.5 * level, 0.5 + 0.5 * level], freedom) / freedom
+    low, high = chi2.ppf([0.025, 0.975], freedom) / freedom
     return float(np.sqrt(low)), float(np.sqrt(high))
 
 

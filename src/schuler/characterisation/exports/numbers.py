@@ -253,7 +253,7 @@ def _refusals(result: NoiseIdentification, sensor: str) -> str:
     return "; ".join(sorted(texts)) or "no white noise in their models"
 
 
-def comments(n: Numbers, program: str, mark: str = "#", extra: Mapping[str, str] | None = None) -> str:
+def comments(n: Numbers, program: str, extra: Mapping[str, str] | None = None) -> str:
     """Head of an exported file: what it is for, where the numbers come from, what was done to them."""
     factor = n.common
     inflated = (
@@ -264,7 +264,7 @@ def comments(n: Numbers, program: str, mark: str = "#", extra: Mapping[str, str]
     for title, sensor in (("gyroscope", n.gyro), ("accelerometer", n.accel)):
         lines += [f"{title}: {note}" for note in sensor.notes]
     lines += [f"{key}: {text}" for key, text in (extra or {}).items()]
-    return "".join(f"{mark} {' '.join(line.split())}\n" for line in lines)
+    return "".join(f"# {' '.join(line.split())}\n" for line in lines)
 
 
 def held_to(value: float, low: float, high: float) -> str:

@@ -92,9 +92,9 @@ def quantity(axis: AxisNoise, letter: str) -> Quantity:
     return quantities(triad_of(axis))[letter]
 
 
-def signal_unit(axis: AxisNoise, unit: Unit, letter: str = "x") -> tuple[str, float]:
+def signal_unit(axis: AxisNoise, unit: Unit) -> tuple[str, float]:
     """Unit in which the signal is shown and SI units in it."""
-    q = quantity(axis, letter)
+    q = quantity(axis, "x")
     return (q.si, 1.0) if unit == "si" else (q.sheet, q.factor)
 
 

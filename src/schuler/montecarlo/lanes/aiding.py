@@ -132,9 +132,9 @@ def true_gnss(
     return together(*(LaneAiding(p, x) for p, x in zip(parts, sigmas, strict=True))).without(model.outages)
 
 
-def true_rests(t: ArrayLike, sigma: float, *, gate: float | None = None) -> LaneAiding:
+def true_rests(t: ArrayLike, sigma: float) -> LaneAiding:
     """Zero velocity at times at which the IMU truly rests; nothing is added. See ``measurements.zero_velocity``."""
-    schedule = zero_velocity(t, sigma, gate=gate)
+    schedule = zero_velocity(t, sigma)
     return LaneAiding(schedule, np.zeros((len(schedule), 3)))
 
 

@@ -350,22 +350,25 @@ def along_across(errors: TrajectoryErrors, reference: Trajectory) -> tuple[Float
     return e[:, 0] * u[:, 0] + e[:, 1] * u[:, 1], e[:, 1] * u[:, 0] - e[:, 0] * u[:, 1]
 
 
-def relative_errors(errors: TrajectoryErrors, reference: Trajectory, length: float = PIECE) -> FloatArray:
-    """Change of the horizontal error over pieces of the reference's way, one from every epoch. Shape (k,). [m]
+def relative_errors(errors: TrajectoryErrors, reference: Trajectory) -> FloatArray:
+    """Change of the horizontal error over pieces of the reference's way, :data:`PIECE` long, one from every epoch.
 
     Parameters
     ----------
     errors : TrajectoryErrors
     reference : Trajectory
         At the same times.
-    length : float
-        Of the pieces. [m]
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        [m]
     """
     steps = np.linalg.norm(np.diff(_north_east(reference), axis=0), axis=1)
     way = np.concatenate(([0.0], np.cumsum(steps)))
-    begin = np.flatnonzero(way + length <= way[-1])
+    begin = np.flatnonzero(way + PIECE <= way[-1])
     e = errors.position_n[:, :2]
-    after = np.column_stack([np.interp(way[begin] + length, way, e[:, i]) for i in range(2)])
+    after = np.column_stack([np.interp(way[begin] + PIECE, way, e[:, i]) for i in range(2)])
     return np.asarray(np.linalg.norm(after - e[begin], axis=1))
 
 

@@ -27,6 +27,7 @@ PAUSE = 2.5
 _NO_POSITION = 1e3  # horizontal 1-sigma beyond which a fix tells no position [m]
 _LARGEST_HEIGHT = 1e4  # 1-sigma of a fix's height, of which a receiver may know nothing [m]
 _LARGEST_VELOCITY = 1e3  # [m/s]
+_PIECES = 2000  # of a log, spread evenly, that tell the error of bridging
 _JITTER = 0.2  # robust spread of the stamps that is noted, share of the sample interval
 
 
@@ -125,7 +126,7 @@ def bridged(imu: ImuSeries) -> float:
     return float(gaps[:, 1].max()) if len(gaps) else 0.0
 
 
-def bridging_noise(imu: ImuSeries, length: float, most: int = 2000) -> tuple[float, float]:
+def bridging_noise(imu: ImuSeries, length: float) -> tuple[float, float]:
     """Error of bridging a pause of the log, from bridging pieces of the log without a pause.
 
     Parameters
@@ -133,8 +134,6 @@ def bridging_noise(imu: ImuSeries, length: float, most: int = 2000) -> tuple[flo
     imu : ImuSeries
     length : float
         Length of the pause. [s]
-    most : int
-        Number of pieces, spread evenly.
 
     Returns
     -------
@@ -156,7 +155,7 @@ def bridging_noise(imu: ImuSeries, length: float, most: int = 2000) -> tuple[flo
             "bad a bridge of that length is: the stamps are hardly those of the samples. Look at them (check), or "
             "leave the time column out (column '-') and give the rate"
         )
-    first = first[np.linspace(0, len(first) - 1, min(most, len(first))).astype(np.int64)]
+    first = first[np.linspace(0, len(first) - 1, min(_PIECES, len(first))).astype(np.int64)]
     errors = []
     for x in rates:
         total = np.concatenate((np.zeros((1, 3)), np.cumsum(x, axis=0)))

@@ -300,10 +300,8 @@ class Subject:
         return offered.t, r, offered.status
 
 
-def inside_shares(
-    t: FloatArray, error: FloatArray, t_sigma: FloatArray, sigma: FloatArray, times: float = 3.0
-) -> FloatArray:
-    """Shares of the errors of each component that lie within so many sigmas.
+def inside_shares(t: FloatArray, error: FloatArray, t_sigma: FloatArray, sigma: FloatArray) -> FloatArray:
+    """Shares of the errors of each component that lie within three sigmas.
 
     Parameters
     ----------
@@ -313,7 +311,6 @@ def inside_shares(
     t_sigma : ndarray, shape (k,)
         Records; errors before the first and after the last are left out.
     sigma : ndarray, shape (k, c)
-    times : float
 
     Returns
     -------
@@ -333,7 +330,7 @@ def inside_shares(
     left = np.clip(np.searchsorted(t_sigma, t + 1e-9, side="right") - 1, 0, len(t_sigma) - 1)
     share = np.full(error.shape[1], np.nan)
     for i, (e, s) in enumerate(zip(error.T, sigma.T, strict=True)):
-        bound = times * np.maximum(s[left], s[right])
+        bound = 3.0 * np.maximum(s[left], s[right])
         compared = np.count_nonzero(np.isfinite(e) & np.isfinite(bound))
         if compared:
             share[i] = np.count_nonzero(np.abs(e) <= bound) / compared

@@ -210,10 +210,10 @@ def _header(raw: bytes, starts: IntArray, ends: IntArray, path: Path) -> tuple[d
     raise FileFormatError(f"the header has no {_END!r}: the file is cut off or not RINEX", path, len(starts))
 
 
-def header_numbers(file: RinexFile, label: str, width: int, count: int, first: int = 0) -> tuple[float, ...] | None:
+def header_numbers(file: RinexFile, label: str, width: int, count: int) -> tuple[float, ...] | None:
     """Numbers in equal columns of a header line, None if the line is missing or any number is."""
     text = file.first_text(label)
-    return None if text is None else numbers_in(text, width, count, first)
+    return None if text is None else numbers_in(text, width, count)
 
 
 def numbers_in(text: str, width: int, count: int, first: int = 0) -> tuple[float, ...] | None:

@@ -15,7 +15,7 @@ from schuler.recording.io import lines
 from schuler.recording.io.lines import TextTable
 
 
-def open_table(path: Path, widths: Collection[int], what: str, delimiter: str = " ", comment: str = "#") -> TextTable:
+def open_table(path: Path, widths: Collection[int], what: str, delimiter: str = " ") -> TextTable:
     """The table of a file from its first row of numbers on.
 
     Parameters
@@ -25,7 +25,7 @@ def open_table(path: Path, widths: Collection[int], what: str, delimiter: str = 
         Numbers of columns the format may have.
     what : str
         Contents of a row, for messages.
-    delimiter, comment : str
+    delimiter : str
         See :class:`schuler.recording.io.lines.TextTable`.
 
     Raises
@@ -34,13 +34,13 @@ def open_table(path: Path, widths: Collection[int], what: str, delimiter: str = 
         If there is no row of numbers, or it has another number of columns.
     """
     encoding = lines.encoding_of(lines.check_file(path), path)
-    table = TextTable(path, 1, delimiter, comment, encoding)
+    table = TextTable(path, 1, delimiter, encoding=encoding)
     for number, fields in itertools.islice(table.rows(), 200):
         if all(map(lines.is_value, fields)):
             if len(fields) not in widths:
                 counts = " or ".join(map(str, sorted(widths)))
                 raise FileFormatError(f"expected {counts} columns ({what}), got {len(fields)}", path, number)
-            return TextTable(path, number, delimiter, comment, encoding)
+            return TextTable(path, number, delimiter, encoding=encoding)
     raise FileFormatError(f"there are no rows of numbers ({what})", path)
 
 

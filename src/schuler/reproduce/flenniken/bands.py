@@ -46,10 +46,10 @@ def deviation(
     )  # fmt: skip
 
 
-def share(name: str, claim: str, ours: float, n: int, *, least: float, reference: Reference = "thesis") -> Cell:
+def share(name: str, claim: str, ours: float, n: int, *, least: float) -> Cell:
     """A share of n logs that is to be ``least`` or more, less four standard errors of a binomial number."""
     low = least - ERRORS * sqrt(least * (1.0 - least) / n)
-    return claimed(name, claim, ours, low=low, tolerance="statistical", reference=reference)
+    return claimed(name, claim, ours, low=low, tolerance="statistical")
 
 
 def read_off(name: str, printed: str, ours: float, unit: str) -> Cell:

@@ -151,18 +151,17 @@ class SchemeSearch:
             (f"{self.evaluations} schemes evaluated, seed {self.seed}",), self.complete,
         )  # fmt: skip
 
-    def front_table(self, by: str = "travel", worth: float = 0.01) -> ResultTable:
-        """Front of error against motion: of those within one step of error the one with the least motion.
+    def front_table(self, worth: float = 0.01) -> ResultTable:
+        """Front of error against travel: of those within one step of error the one with the least motion.
 
         Parameters
         ----------
-        by : {"travel", "reversals"}
         worth : float
             Relative step of error that is worth a line.
         """
         kept: list[Candidate] = []
         first = 0.0
-        for c in self.front(by):
+        for c in self.front():
             if kept and c.error <= (1.0 + worth) * first:
                 kept[-1] = c
             else:

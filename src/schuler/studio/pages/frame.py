@@ -134,11 +134,11 @@ def button(text: str, action: Any, kind: str = "") -> ui.button:
     return ui.button(text, on_click=action, color=None).props("unelevated no-caps").classes(kind)
 
 
-def chart(kind: str, *, source: str = "", without: str = "", label: str = "") -> ui.element:
+def chart(kind: str, *, without: str = "", label: str = "") -> ui.element:
     """Place of a chart that ``assets/studio.js`` draws from a source: signals, timeline, plan or figure."""
     element = ui.element("div").classes(f"chart {kind}")
     element.props["data-chart"] = kind
-    element.props["data-source"] = source
+    element.props["data-source"] = ""
     element.props["data-without"] = without
     element.props["aria-label"] = label
     return element

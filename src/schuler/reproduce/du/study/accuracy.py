@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from schuler.plotting.table import ResultTable
 from schuler.reproduce.du.study import tables as thesis
 from schuler.reproduce.du.study.imus import Emulation, emulation
 from schuler.reproduce.du.study.trial import Trial, calibration_run, whole_turns
-from schuler.units import DEG, DEG_PER_HR, PPM
+from schuler.units import DEG, DEG_PER_HR, MIN, PPM
 
 
 @dataclass(frozen=True)
@@ -176,10 +176,7 @@ def calibration_trials(
     rate_deg_s: float = 20.0,
     runs: int = 500,
     seed: int = 0,
-    rest_s: float = 60.0,
-    turning_s: float = 60.0,
     workers: int | None = None,
-    progress: Callable[[float], None] | None = None,
 ) -> CalibrationTrials:
     """Calibrate an emulated IMU many times, and compare with the prediction.
 
@@ -188,14 +185,13 @@ def calibration_trials(
     imu : {"NAV440", "MTi-G"} or Emulation
     rate_deg_s : float
         [deg/s]
-    runs, seed, workers, progress
+    runs, seed, workers
         See :func:`schuler.reproduce.du.study.static.static_test`.
-    rest_s, turning_s : float
-        The latter is lengthened to whole revolutions. [s]
 
     Returns
     -------
     CalibrationTrials
+        Of a minute at rest, and whole revolutions of a minute or more.
 
     Raises
     ------
@@ -205,17 +201,15 @@ def calibration_trials(
     unit = emulation(imu) if isinstance(imu, str) else imu
     if not rate_deg_s or runs < 2:
         raise InputError(f"expected a rate other than zero and two runs or more, got {rate_deg_s} deg/s, {runs}")
-    turning = whole_turns(rate_deg_s * DEG, turning_s)
-    start = float(np.ceil(rest_s + turning))
+    turning = whole_turns(rate_deg_s * DEG, MIN)
     trial = Trial(
-        imu=unit, rate=rate_deg_s * DEG, rest_s=rest_s, turning_s=turning_s, start_s=start, duration_s=1.0
+        imu=unit, rate=rate_deg_s * DEG, rest_s=MIN, turning_s=MIN, start_s=float(np.ceil(MIN + turning)),
+        duration_s=1.0,
     )  # fmt: skip
-    trials = campaign(
-        calibration_run, trial, runs, seed=seed, workers=workers, keep=True, progress=progress
-    )  # fmt: skip
+    trials = campaign(calibration_run, trial, runs, seed=seed, workers=workers, keep=True)
     if not trials.complete:
         raise InputError("interrupted before all runs were done")
-    predicted = predicted_accuracy(unit.gyro_random_walk, rate_deg_s * DEG, rest_s=rest_s, turning_s=turning)
+    predicted = predicted_accuracy(unit.gyro_random_walk, rate_deg_s * DEG, rest_s=MIN, turning_s=turning)
     return CalibrationTrials(unit, predicted, {k: trials.column(k) for k in ("bias", "response", "at_rate")})
 
 

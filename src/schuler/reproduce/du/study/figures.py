@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from schuler.reproduce.du.study.kinematic import KinematicTest
     from schuler.reproduce.du.study.outages import RotaryComparison
     from schuler.reproduce.du.study.static import StaticTest
-    from schuler.rotary.du_axes import DuAxis
     from schuler.rotary.free_navigation import ErrorHistory
     from schuler.rotary.modulated_errors import Modulation
     from schuler.simulation.motion import Motion
@@ -35,21 +34,16 @@ _WAYS = {"conventional": ("mean", "conventional"), "I": ("smoothed", "strategy I
 _NAMES = {"conventional": ("mean", "conventional"), "rotary": ("filtered", "rotary"), **_WAYS}
 
 
-def chapter3_figure(
-    simulation: Chapter3, axes: Sequence[DuAxis | None] | None = None, *, bias: Chapter3 | None = None
-) -> Figure:
+def chapter3_figure(simulation: Chapter3, *, bias: Chapter3 | None = None) -> Figure:
     """Attitude errors about E, N, U (pitch, roll, azimuth at rest) and velocity errors, schemes overlaid.
 
     Parameters
     ----------
     simulation : Chapter3
-    axes : sequence of {"X", "Y", "Z", None}, optional
-        Schemes to show; default all.
     bias : Chapter3, optional
         Its conventional run is drawn as a reference, as figures 3.7 to 3.10 of the thesis do.
     """
-    chosen = simulation.runs if axes is None else axes
-    runs = {_SCHEMES[axis]: simulation.runs[axis] for axis in chosen}
+    runs = {_SCHEMES[axis]: run for axis, run in simulation.runs.items()}
     if bias is not None:
         runs[("reference", "conventional, biases only")] = bias.runs[None]
     walk = simulation.random_walk
@@ -170,7 +164,7 @@ _SIDES = (("conventional", "mean", "reference_band"), ("rotary", "filtered", "si
 
 
 def modulated_biases(
-    modulations: Mapping[str, Modulation], *, scale: float = DEG_PER_HR, unit: str = "deg/h"
+    modulations: Mapping[str, Modulation],
 ) -> Figure:
     """A bias in navigation axes and its mean from the start, for several vehicles.
 
@@ -178,19 +172,16 @@ def modulated_biases(
     ----------
     modulations : mapping of str to Modulation
         By label, up to four.
-    scale : float
-        Size of the unit.
-    unit : str
     """
     panels = []
     for what, words in (("bias_n", ""), ("mean_n", "mean ")):
         for k, axis in enumerate(("north", "east", "down")):
             items = tuple(
-                content.line(m.t, getattr(m, what)[:, k] / scale, role, label)
+                content.line(m.t, getattr(m, what)[:, k] / DEG_PER_HR, role, label)
                 for (label, m), role in zip(modulations.items(), _ROLES, strict=False)
             )
             limits = content.view([item.y for item in items], least=1.0)
-            panels.append(Panel("time [s]", f"{words}{axis} [{unit}]", items, y_limits=limits))
+            panels.append(Panel("time [s]", f"{words}{axis} [deg/h]", items, y_limits=limits))
     caption = (
         "Below the mean since the start, which is what navigation feels. It goes to zero only if the IMU turns in "
         "navigation axes."
@@ -227,13 +218,12 @@ def drive_figure(motion: Motion, title: str) -> Figure:
     )
 
 
-def drive_attitude(of: RotaryComparison, run: int = 0) -> Figure:
-    """Errors of roll, pitch and azimuth over a drive, one run, with the 1-sigma that the filters claim.
+def drive_attitude(of: RotaryComparison) -> Figure:
+    """Errors of roll, pitch and azimuth over a drive, the first run, with the 1-sigma that the filters claim.
 
     Parameters
     ----------
     of : RotaryComparison
-    run : int
     """
     panels = []
     for label, part in (("roll", 0), ("pitch", 1), ("azimuth", 2)):
@@ -242,7 +232,7 @@ def drive_attitude(of: RotaryComparison, run: int = 0) -> Figure:
         for name, role, band in _SIDES:
             runs = getattr(of, name)
             c, s = np.cos(runs.yaw), np.sin(runs.yaw)
-            e, sigma = runs.records.error[run] / DEG, runs.records.sigma[run] / DEG
+            e, sigma = runs.records.error[0] / DEG, runs.records.sigma[0] / DEG
             error = (c * e[:, 0] + s * e[:, 1], c * e[:, 1] - s * e[:, 0], e[:, 2])[part]
             claimed = (np.hypot(c * sigma[:, 0], s * sigma[:, 1]), np.hypot(c * sigma[:, 1], s * sigma[:, 0]),
                        sigma[:, 2])[part]  # fmt: skip

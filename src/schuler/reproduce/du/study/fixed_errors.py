@@ -29,6 +29,7 @@ _ENTRY = {"bias": "du-bias", "gyro bias": "du-bias", "scale factor": "du-scale",
 #: One unit of the anchors' last printed digit. [deg], [m/s], [m]; installation has a digit of attitude more.
 _DIGIT = {"attitude": 0.01, "velocity": 0.1, "position": 1.0}
 _BAND = 0.02
+_RATE = 10.0 * DEG  # counter-clockwise about Du's axis [rad/s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +101,6 @@ def chapter3(
     case: Case,
     *,
     axes: Sequence[DuAxis | None] = SCHEMES,
-    rate_deg_s: float = 10.0,
     duration_s: float = 300.0,
     noise: bool = False,
     seed: int = 0,
@@ -114,8 +114,6 @@ def chapter3(
         Gyroscopes and accelerometers, 30 deg/h and 0.2 m/s^2; gyroscopes alone; 3000 ppm; 0.1 deg. Gyroscopes only for
         the last two. Equal and positive on all axes (all six elements) of Du's.
     axes : sequence of {"X", "Y", "Z", None}
-    rate_deg_s : float
-        Positive is counter-clockwise about Du's axis. [deg/s]
     duration_s : float
         [s]
     noise : bool
@@ -141,10 +139,10 @@ def chapter3(
     errors = case_errors(case, noise=noise)
     runs: dict[DuAxis | None, ErrorHistory] = {}
     for axis in axes:
-        schedule = fixed() if axis is None else continuous(du_axis(axis), rate_deg_s * DEG)
+        schedule = fixed() if axis is None else continuous(du_axis(axis), _RATE)
         rng = np.random.default_rng(seed)
         runs[axis] = static_run(schedule, errors, duration=duration_s, rate_hz=rate_hz, rng=rng)
-    return Chapter3(case, rate_deg_s * DEG, noise, runs)
+    return Chapter3(case, _RATE, noise, runs)
 
 
 def case_errors(case: Case, *, noise: bool = False) -> ImuErrors:

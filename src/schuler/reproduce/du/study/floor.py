@@ -61,7 +61,7 @@ def noise_floor(random_walk: float, duration: float, *, gravity: float = G0) -> 
     )
 
 
-def noise_growth(random_walk: float, t: ArrayLike, *, gravity: float = G0) -> tuple[FloatArray, FloatArray, FloatArray]:
+def noise_growth(random_walk: float, t: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Error growth by white noise of the gyroscopes, from a perfect start, flat Earth.
 
     Parameters
@@ -70,8 +70,6 @@ def noise_growth(random_walk: float, t: ArrayLike, *, gravity: float = G0) -> tu
         Angle random walk N. [rad/sqrt(s)]
     t : array_like, shape (n,)
         [s]
-    gravity : float
-        [m/s^2]
 
     Returns
     -------
@@ -84,7 +82,7 @@ def noise_growth(random_walk: float, t: ArrayLike, *, gravity: float = G0) -> tu
     Integrals of angle random walk over a flat Earth, for the tests of Du (2015), section 4.1.
     """
     t = np.maximum(np.asarray(t, dtype=np.float64), 0.0)
-    g_n = gravity * random_walk
+    g_n = G0 * random_walk
     return (
         np.asarray(random_walk * np.sqrt(t)), np.asarray(g_n * np.sqrt(t**3 / 3.0)),
         np.asarray(g_n * np.sqrt(t**5 / 20.0)),

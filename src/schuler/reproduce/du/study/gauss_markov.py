@@ -159,15 +159,13 @@ def fit_bias(signals: ArrayLike, rate_hz: float, *, longest_s: float | None = No
     )  # fmt: skip
 
 
-def static_models(imu: ImuSeries, *, longest_s: float | None = None) -> StaticModels:
+def static_models(imu: ImuSeries) -> StaticModels:
     """Models of both triads from a log at rest, with the platform standing still.
 
     Parameters
     ----------
     imu : ImuSeries
         IMU axes, evenly sampled, without gaps.
-    longest_s : float, optional
-        See :func:`fit_bias`. [s]
 
     Raises
     ------
@@ -182,10 +180,7 @@ def static_models(imu: ImuSeries, *, longest_s: float | None = None) -> StaticMo
     if len(imu.gaps()):
         raise InputError("the log has gaps; take a part without, the autocorrelation needs even samples")
     rates = imu.rates()
-    return StaticModels(
-        fit_bias(rates.gyro, rates.rate_hz, longest_s=longest_s),
-        fit_bias(rates.accel, rates.rate_hz, longest_s=longest_s),
-    )
+    return StaticModels(fit_bias(rates.gyro, rates.rate_hz), fit_bias(rates.accel, rates.rate_hz))
 
 
 def _fit(x: FloatArray, rate: float, longest: float) -> tuple[float, float, float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -161,7 +160,6 @@ def kinematic_test(
     seed: int = 0,
     initial_attitude_deg: float = _TENTH / DEG,
     workers: int | None = None,
-    progress: Callable[[float], None] | None = None,
 ) -> KinematicTest:
     """Many free-inertial runs of a drive with a conventional and a rotating IMU.
 
@@ -175,8 +173,6 @@ def kinematic_test(
     initial_attitude_deg : float
         1-sigma about each axis. The thesis takes the attitude from another INS; from its outages follows a
         tenth of a degree. No rotation takes it off, and how much rotation is worth depends on it. [deg]
-    progress : callable, optional
-        Called with the fraction done.
 
     Returns
     -------
@@ -209,9 +205,8 @@ def kinematic_test(
     }  # fmt: skip
     trials = (Trial(rest_s=5.0 * units.MIN, **common), Trial(rate=rate_deg_s * DEG, **common))
     drives = []
-    for case, trial in enumerate(trials):
-        done = None if progress is None else _share(progress, case)
-        part = campaign(trial_run, trial, runs, seed=seed, workers=workers, keep=True, progress=done)
+    for trial in trials:
+        part = campaign(trial_run, trial, runs, seed=seed, workers=workers, keep=True)
         if not part.complete:
             raise InputError("interrupted before both ways were done: nothing to compare")
         drives.append(part.column("II" if trial.rate else "conventional"))
@@ -250,7 +245,3 @@ def claims(tests: list[KinematicTest]) -> ResultTable:
             "of rest for the conventional IMU, the scale factor for the rotating one)",
         ),
     )  # fmt: skip
-
-
-def _share(progress: Callable[[float], None], case: int) -> Callable[[float], None]:
-    return lambda share: progress(0.5 * (case + share))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal
@@ -225,20 +224,19 @@ def lever_study(
     *,
     seed: int = 0,
     workers: int | None = None,
-    progress: Callable[[float], None] | None = None,
 ) -> LeverStudy:
     """Run a case many times, in threads.
 
     Parameters
     ----------
     case : LeverCase
-    runs, seed, workers, progress
+    runs, seed, workers
         See :func:`schuler.montecarlo.campaign`.
 
     References
     ----------
     Du (2015) has neither lever arm: antenna and IMU are taken to be at one place, the accelerometers on the axis.
     """
-    done = campaign(lever_run, case, runs, seed=seed, workers=workers, keep=True, progress=progress)
+    done = campaign(lever_run, case, runs, seed=seed, workers=workers, keep=True)
     values = {name: np.asarray(done.column(name)) for name in _COLUMNS}
     return LeverStudy(case, len(values["nis"]), values)

@@ -164,18 +164,18 @@ def improvement(
     )  # fmt: skip
 
 
-def mean_interval(x: FloatArray, *, probability: float = 0.95) -> tuple[float, float, float]:
-    """Mean over runs (n,) and its interval from the standard error."""
+def mean_interval(x: FloatArray) -> tuple[float, float, float]:
+    """Mean over runs (n,) and its 95 % interval from the standard error."""
     from scipy.special import ndtri
 
     if len(x) < 2:
         raise InputError(f"expected two runs or more for an interval, got {len(x)}")
-    half = float(ndtri(0.5 + 0.5 * probability)) * float(np.std(x, ddof=1)) / float(np.sqrt(len(x)))
+    half = float(ndtri(0.975)) * float(np.std(x, ddof=1)) / float(np.sqrt(len(x)))
     mean = float(np.mean(x))
     return mean, mean - half, mean + half
 
 
-def share_below(values: FloatArray, printed: float, *, resamples: int = _RESAMPLES, seed: int = 0) -> float:
+def share_below(values: FloatArray, printed: float) -> float:
     """Percentile of a printed mean: share of means of as many single runs of ours that are no larger.
 
     Parameters
@@ -184,9 +184,9 @@ def share_below(values: FloatArray, printed: float, *, resamples: int = _RESAMPL
         n runs of each case; the printed value is a mean over the cases, one run each.
     printed : float
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     cases, n = values.shape
-    drawn = values[np.arange(cases), rng.integers(n, size=(resamples, cases))]
+    drawn = values[np.arange(cases), rng.integers(n, size=(_RESAMPLES, cases))]
     return float(np.mean(drawn.mean(axis=1) <= printed))
 
 

@@ -21,7 +21,6 @@ from schuler.reproduce.du.study.imus import FilterImu
 from schuler.reproduce.du.study.integrated import IntegratedDrive, rotary_schedule
 from schuler.reproduce.du.study.metrics import Improvement, improvement
 from schuler.reproduce.du.study.tables import CONTINUOUS, OUTAGES, Integrated
-from schuler.rotary.schedule import Schedule
 from schuler.units import DEG
 
 #: Columns of :meth:`DriveRuns.rms`, and the size of their units.
@@ -233,11 +232,9 @@ def rotary_comparison(
     imu: FilterImu,
     runs: int = 200,
     *,
-    schedule: Schedule | None = None,
     drive: IntegratedDrive | None = None,
     outages: Sequence[tuple[float, float]] | None = None,
     seed: int = 0,
-    progress: Callable[[float], None] | None = None,
 ) -> RotaryComparison:
     """Run a drive with a conventional and with a rotating IMU.
 
@@ -245,16 +242,13 @@ def rotary_comparison(
     ----------
     imu : FilterImu
     runs : int
-    schedule : Schedule, optional
-        Default Du's: continuous about the vertical at the recommended rate.
     drive : IntegratedDrive, optional
-        Everything else; its IMU and schedule are replaced.
+        Everything but its IMU and schedule, which are replaced: Du's is continuous about the vertical at the
+        recommended rate.
     outages : sequence of (start, stop), optional
         Instead of the drive's; empty for GNSS all the time. [s]
     seed : int
         Run k of both has the same sensor errors, noise and start.
-    progress : callable, optional
-        Called with the fraction done.
 
     References
     ----------
@@ -263,10 +257,7 @@ def rotary_comparison(
     given = IntegratedDrive(imu) if drive is None else replace(drive, imu=imu)
     if outages is not None:
         given = replace(given, outages=tuple(outages))
-    both = []
-    for k, turning in enumerate((None, schedule or rotary_schedule(imu))):
-        part = None if progress is None else (lambda done, k=k: progress(0.5 * (k + done)))
-        both.append(DriveRuns.of(replace(given, schedule=turning), runs, seed=seed, progress=part))
+    both = (DriveRuns.of(replace(given, schedule=turning), runs, seed=seed) for turning in (None, rotary_schedule(imu)))
     return RotaryComparison(imu, *both)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -155,13 +155,13 @@ class StaticTest:
                 histories[name] = error_history(solved, ideal(trial).vehicle)
         return histories
 
-    def plot_run(self, rate: float, run: int = 0) -> Figure:
-        """Attitude and velocity errors of one run over time, conventional and both strategies (matplotlib)."""
+    def plot_run(self, rate: float) -> Figure:
+        """Attitude and velocity errors of the first run over time, conventional and both strategies (matplotlib)."""
         from schuler.plotting.drawing import draw
         from schuler.reproduce.du.study.figures import history_figure
 
-        title = f"{self.imu.name} at rest, {rate / DEG:g} deg/s, run {run}"
-        return draw(history_figure(self.histories(rate, run), title, random_walk=self.imu.gyro_random_walk))
+        title = f"{self.imu.name} at rest, {rate / DEG:g} deg/s, run 0"
+        return draw(history_figure(self.histories(rate, 0), title, random_walk=self.imu.gyro_random_walk))
 
     def _cases(self) -> list[tuple[str, float]]:
         return [("conventional", 0.0)] + [(s, float(w)) for s in self.rotary for w in self.rates]
@@ -184,7 +184,6 @@ def static_test(
     seed: int = 0,
     duration_s: float = 300.0,
     workers: int | None = None,
-    progress: Callable[[float], None] | None = None,
 ) -> StaticTest:
     """Many free-inertial runs at rest of a conventional and a rotating IMU.
 
@@ -200,8 +199,6 @@ def static_test(
         Length of each run. [s]
     workers : int, optional
         Threads; default one a processor.
-    progress : callable, optional
-        Called with the fraction done.
 
     Returns
     -------
@@ -227,21 +224,17 @@ def static_test(
     rates = np.array(rates_deg_s, dtype=np.float64) * DEG
     if rates.ndim != 1 or not len(rates) or np.any(rates == 0.0):
         raise InputError(f"rates_deg_s: expected rates other than zero, got {rates_deg_s!r}")
-    cases = len(rates) + 1
 
-    def done(case: int) -> Callable[[float], None] | None:
-        return None if progress is None else lambda share: progress((case + share) / cases)
-
-    def run(rate: float, case: int) -> Any:
+    def run(rate: float) -> Any:
         trial = Trial(imu=unit, rate=rate, duration_s=duration_s)
-        return campaign(trial_run, trial, runs, seed=seed, workers=workers, keep=True, progress=done(case))
+        return campaign(trial_run, trial, runs, seed=seed, workers=workers, keep=True)
 
-    first = run(0.0, 0)
+    first = run(0.0)
     if not first.complete:
         raise InputError("interrupted before the conventional runs were done: nothing to compare with")
     columns: dict[str, list[FloatArray]] = {"I": [], "II": []}
-    for case, rate in enumerate(rates, start=1):
-        part = run(float(rate), case)
+    for rate in rates:
+        part = run(float(rate))
         if not part.complete:
             break
         for strategy, values in columns.items():

@@ -99,9 +99,9 @@ def improvements(test: StaticTest) -> ResultTable:
     )  # fmt: skip
 
 
-def in_band(ours: float, printed: tuple[float, float], band: float = _BAND) -> bool:
+def in_band(ours: float, printed: tuple[float, float]) -> bool:
     """Whether a mean lies within the check's range widened by 10 %."""
-    return printed[0] * (1.0 - band) <= ours <= printed[1] * (1.0 + band)
+    return printed[0] * (1.0 - _BAND) <= ours <= printed[1] * (1.0 + _BAND)
 
 
 def reason(imu: str, strategy: str, quantity: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -65,7 +65,6 @@ def zupt_scenario(
     errors: LaneErrors | None = None,
     *,
     noisy: bool = False,
-    nees: tuple[str, ...] = ("all",),
 ) -> LaneScenario:
     """Runs of the filter of a case.
 
@@ -77,8 +76,6 @@ def zupt_scenario(
         Default: what the filter believes, drawn anew in every run.
     noisy : bool
         Add to the zero velocities what the filter believes of them, for tests of consistency; a table is truly at rest.
-    nees : tuple of str
-        See :class:`~schuler.montecarlo.lanes.scenario.LaneScenario`.
     """
     ideal, layout = case.ideal(), imu.layout
     if errors is None:
@@ -88,7 +85,7 @@ def zupt_scenario(
     if noisy:
         rests = LaneAiding(rests.schedule, np.full((len(rests), 3), SIGMA_ZUPT))
     return LaneScenario(
-        ideal, errors, rests, layout, table_start(ideal, layout), *imu.psd, FilterOptions(record_s=1.0), nees,
+        ideal, errors, rests, layout, table_start(ideal, layout), *imu.psd, FilterOptions(record_s=1.0), ("all",),
     )  # fmt: skip
 
 
@@ -159,7 +156,6 @@ def zupt_runs(
     runs: int = 48,
     *,
     seed: int = 0,
-    progress: Callable[[float], None] | None = None,
 ) -> ZuptRun:
     """Runs of one row of tables 5.3 to 5.14.
 
@@ -169,7 +165,7 @@ def zupt_runs(
     test : {"Y", "Z"}
     tilt_deg : float or None
         None for the conventional IMU.
-    runs, seed, progress
+    runs, seed
         See :func:`schuler.montecarlo.lanes.run.run_lanes`.
 
     Raises
@@ -184,7 +180,7 @@ def zupt_runs(
     errors = table_unit(unit, test)
     ideal = case.ideal()
     lanes = LaneErrors.of_imu(errors, ideal.rate_hz, len(ideal.gyro))
-    records = run_lanes(zupt_scenario(unit, case, lanes), runs, seed=seed, progress=progress)
+    records = run_lanes(zupt_scenario(unit, case, lanes), runs, seed=seed)
     good = ~records.diverged
     if not good.any():
         raise InputError(f"all {runs} runs of {imu}, {case.name} diverged")
@@ -264,14 +260,13 @@ def zupt_emulation(
     *,
     runs: int = 48,
     seed: int = 0,
-    progress: Callable[[float], None] | None = None,
 ) -> ZuptEmulation:
     """All rows of tables 5.3 to 5.14, or some; on Ctrl-C those that were finished.
 
     Parameters
     ----------
     rows : sequence of (imu, test, tilt), optional
-    runs, seed, progress
+    runs, seed
         See :func:`zupt_runs`.
     """
     wanted: list[Any] = list(MEASURED) if rows is None else list(rows)
@@ -279,8 +274,6 @@ def zupt_emulation(
     try:
         for imu, test, tilt in wanted:
             done.append(zupt_runs(imu, test, tilt, runs, seed=seed))
-            if progress is not None:
-                progress(len(done) / len(wanted))
     except KeyboardInterrupt:
         return ZuptEmulation(tuple(done), complete=False)
     return ZuptEmulation(tuple(done))

@@ -127,8 +127,8 @@ def expected_at_rest(llh: ArrayLike, C_nb: ArrayLike | None = None) -> tuple[Flo
 
 
 def corrected_log(
-    imu: ImuSeries, strategy: Strategy, start: float, stop: float, llh: ArrayLike, C_nb: ArrayLike | None = None,
-    *, window_s: float = 1.0, check_rest: bool = True,
+    imu: ImuSeries, strategy: Strategy, start: float, stop: float, llh: ArrayLike,
+    *, check_rest: bool = True,
 ) -> ImuSeries:  # fmt: skip
     """A stretch of a log, corrected.
 
@@ -141,10 +141,8 @@ def corrected_log(
         One of :data:`STRATEGIES`.
     start, stop : float
         [s]
-    llh, C_nb
-        See :func:`expected_at_rest`.
-    window_s : float
-        Length of the moving means. [s]
+    llh
+        See :func:`expected_at_rest`; level, heading north.
     check_rest : bool
         Refuse a stretch that is not at rest, by the detector of :mod:`schuler.standstill.stationarity`, which
         needs a log of ten seconds or more.
@@ -175,7 +173,7 @@ def corrected_log(
                 "moving mean would take true motion out with the bias. Choose a stretch at rest, or navigate with "
                 "bias states and zero-velocity updates"
             )
-    omega, f = expected_at_rest(llh, C_nb)
+    omega, f = expected_at_rest(llh)
     columns = []
     for x, past, expected in ((part.gyro, rates.gyro[before], omega), (part.accel, rates.accel[before], f)):
         if strategy == "none":
@@ -188,7 +186,7 @@ def corrected_log(
                 raise InputError(f"the log begins less than {length:.1f} s before {start:.1f} s: no stretch before")
             columns.append(mean_removed(x, earlier, expected))
         else:
-            w = max(1, round(window_s * rates.rate_hz))
+            w = max(1, round(rates.rate_hz))  # moving means of a second
             columns.append(
                 moving_mean_removed(
                     x, w, expected, blocks=strategy.endswith("blocks"), before=past if len(past) >= w else None
@@ -280,7 +278,7 @@ class BiasStudy(TabularResult):
 
 
 def bias_study(
-    runs: int = 400, seed: int = 1, *, length_s: float = 20.0, llh: ArrayLike = ESIEE, progress: Progress | None = None
+    runs: int = 400, seed: int = 1, *, length_s: float = 20.0, progress: Progress | None = None
 ) -> BiasStudy:
     """Simulate logs at rest with constant biases and white noise, correct, integrate.
 
@@ -291,7 +289,6 @@ def bias_study(
         Run k is child k of it.
     length_s : float
         [s]
-    llh : array_like, shape (3,)
     progress : callable, optional
 
     Returns
@@ -304,7 +301,7 @@ def bias_study(
     Closed forms for accelerometer noise N alone, error at the end after T: uncorrected ``N sqrt(T^3 / 3)``; mean of the
     same stretch ``N sqrt(T^3 / 12)``; mean of as long a stretch before ``N sqrt(7 T^3 / 12)``.
     """
-    place = as_floats(llh, "llh", (3,))
+    place = as_floats(ESIEE, "llh", (3,))
     n = round(length_s / IMU_INTERVAL_S)
     begin, span = IMU_INTERVAL_S * n, IMU_INTERVAL_S * n
     end_errors: dict[str, list[FloatArray]] = {name: [] for name in STRATEGIES}

@@ -28,27 +28,26 @@ Progress = Callable[[float], None]
 
 #: Position errors of an independent simulation at 50 s and at the end of the outage, by update interval. [s]: [m], [m]
 CHECK = {0.3: (0.50, 4.1), 0.1: (0.31, 3.6)}
+_RESOLUTION_S = 1e-6
 
 
-def common_interval(first_s: float, second_s: float, *, resolution_s: float = 1e-6) -> float:
+def common_interval(first_s: float, second_s: float) -> float:
     """Least common multiple of two intervals: 0.3 s for 6 ms and 0.1 s. [s]
 
     Parameters
     ----------
     first_s, second_s : float
-        [s]
-    resolution_s : float
-        Intervals are taken as multiples of it. [s]
+        Taken as multiples of a microsecond. [s]
 
     Raises
     ------
     InputError
         If an interval is not positive.
     """
-    steps = [round(x / resolution_s) for x in (first_s, second_s)]
+    steps = [round(x / _RESOLUTION_S) for x in (first_s, second_s)]
     if min(steps) < 1:
-        raise InputError(f"expected intervals of at least {resolution_s} s, got {first_s} and {second_s}")
-    return float(Fraction(steps[0] // gcd(*steps) * steps[1]) * Fraction(resolution_s).limit_denominator(10**12))
+        raise InputError(f"expected intervals of at least {_RESOLUTION_S} s, got {first_s} and {second_s}")
+    return float(Fraction(steps[0] // gcd(*steps) * steps[1]) * Fraction(_RESOLUTION_S).limit_denominator(10**12))
 
 
 def coincident_fixes(gnss: GnssSeries, imu_t: Any, *, tolerance_s: float = 1e-4) -> GnssSeries:
@@ -80,17 +79,16 @@ def coincident_fixes(gnss: GnssSeries, imu_t: Any, *, tolerance_s: float = 1e-4)
 
 
 def compare_scheduling(
-    recording: Recording, config: NavigationConfig | dict[str, Any] | Path | str, *, tolerance_s: float = 1e-4,
-    outages: dict[str, tuple[tuple[float, float], ...]] | None = None,
-) -> tuple[Comparison, Comparison]:  # fmt: skip
+    recording: Recording, config: NavigationConfig | dict[str, Any] | Path | str
+) -> tuple[Comparison, Comparison]:
     """A recording with the fixes that coincide with IMU samples, and with all of them, loosely coupled.
 
     Returns
     -------
     coincidence, asynchronous : Comparison
-        Comparisons of one row for each set of outages.
+        Of one row each.
     """
-    gnss = coincident_fixes(recording.need_gnss(), recording.need_imu().t, tolerance_s=tolerance_s)
+    gnss = coincident_fixes(recording.need_gnss(), recording.need_imu().t)
     name = recording.metadata.name
     parts = (
         replace(
@@ -100,7 +98,7 @@ def compare_scheduling(
             recording, metadata=replace(recording.metadata, name=f"{name}, all {len(recording.need_gnss())} fixes")
         ),
     )
-    first, second = (compare_architectures(p, config, modes=("loose",), outages=outages) for p in parts)
+    first, second = (compare_architectures(p, config, modes=("loose",)) for p in parts)
     return first, second
 
 
@@ -129,29 +127,19 @@ class CoincidenceStudy(TabularResult):
         )
 
 
-def coincidence_study(
-    runs: int = 40, seed: int = 1, case: FigureEight | None = None, progress: Progress | None = None
-) -> CoincidenceStudy:
+def coincidence_study(runs: int = 40, *, case: FigureEight | None = None) -> CoincidenceStudy:
     """Monte Carlo of both schedules.
 
     Parameters
     ----------
-    runs, seed
+    runs : int
         See :func:`~schuler.reproduce.stefanisko.study.campaign.figure_eight`; both schedules share IMU errors and
         the fixes they have in common.
     case : FigureEight, optional
-    progress : callable, optional
 
     References
     ----------
     Stefanisko (2015), chapter 5.
     """
     base = case or FigureEight()
-
-    def half(offset: float) -> Progress | None:
-        return None if progress is None else lambda done: progress(offset + 0.5 * done)
-
-    return CoincidenceStudy(
-        figure_eight(replace(base, update_s=0.3), runs, seed, half(0.0)),
-        figure_eight(replace(base, update_s=0.1), runs, seed, half(0.5)),
-    )
+    return CoincidenceStudy(*(figure_eight(replace(base, update_s=interval), runs) for interval in (0.3, 0.1)))

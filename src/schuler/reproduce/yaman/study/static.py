@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 Progress = Callable[[float], None]
 Part: TypeAlias = Literal["horizontal", "vertical", "all"]
 
+_LEVEL_S = 10.0  # levelling before free navigation
 _PARTS: dict[Part, slice] = {"horizontal": slice(0, 2), "vertical": slice(2, 3), "all": slice(0, 3)}
 
 
@@ -260,10 +261,6 @@ def static_drift(
 def rest_drift(
     errors: ImuErrors,
     seconds: float = 60.0,
-    *,
-    level_s: float = 10.0,
-    rate_hz: float = 100.0,
-    place: tuple[float, float, float] = PLACE,
 ) -> FloatArray:
     """Position error of free navigation at rest and level.
 
@@ -271,11 +268,8 @@ def rest_drift(
     ----------
     errors : ImuErrors
         Constant; noise, if there is any, is drawn from a fixed seed.
-    seconds, level_s : float
-        Free navigation; levelling by the mean specific force before it. [s]
-    rate_hz : float
-    place : (float, float, float)
-        Latitude, longitude [rad], height [m].
+    seconds : float
+        Free navigation; levelling by the mean specific force over ten seconds before it. [s]
 
     Returns
     -------
@@ -285,7 +279,7 @@ def rest_drift(
     Raises
     ------
     InputError
-        If a time is not positive.
+        If the time is not positive.
 
     Notes
     -----
@@ -296,11 +290,11 @@ def rest_drift(
     ----------
     Yaman (2017), section 6.2.1: roll and pitch by levelling, heading as told (here north).
     """
-    if not (seconds > 0.0 and level_s > 0.0):
-        raise InputError(f"rest_drift: expected positive times, got {seconds!r} s after {level_s!r} s of levelling")
-    llh = np.array(place)
-    ideal = ideal_imu(RoutineMotion(Routine((Rest(level_s + seconds),)), llh), rate_hz)
+    if not seconds > 0.0:
+        raise InputError(f"rest_drift: expected a positive time, got {seconds!r} s")
+    llh = np.array(PLACE)
+    ideal = ideal_imu(RoutineMotion(Routine((Rest(_LEVEL_S + seconds),)), llh), 100.0)
     imu = simulate_imu(ideal, errors, np.random.default_rng(0)).imu
-    nav = levelled(imu, llh, 0.0, level_s)
+    nav = levelled(imu, llh, 0.0, _LEVEL_S)
     track = mechanize(imu.increments().between(nav.t, np.inf), nav)
     return np.asarray((track.r_eb_e[-1] - frames.ecef_from_llh(llh)) @ frames.C_en(llh))

@@ -16,7 +16,6 @@ import numpy as np
 from schuler import earth
 from schuler.arrays import FloatArray
 from schuler.calibration.field.calibration import FieldCalibration, calibrate_field
-from schuler.calibration.field.options import FieldOptions
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
 from schuler.recording.recording import Metadata, Recording
@@ -166,9 +165,7 @@ def routine_scene(routine: Routine, rate_hz: float = 100.0) -> IdealImu:
     return ideal_imu(RoutineMotion(routine, ELMADAG), rate_hz)
 
 
-def calibrate_unit(
-    unit: FieldUnit, scene: IdealImu, rng: np.random.Generator, *, options: FieldOptions | None = None
-) -> CalibratedUnit:
+def calibrate_unit(unit: FieldUnit, scene: IdealImu, rng: np.random.Generator) -> CalibratedUnit:
     """Turn the unit by hand and calibrate it; heading known to one degree.
 
     Parameters
@@ -177,14 +174,13 @@ def calibrate_unit(
     scene : IdealImu
         Of :func:`routine_scene`.
     rng : numpy.random.Generator
-    options : FieldOptions, optional
     """
     imu = simulate_imu(scene, unit.field, rng).imu
     offset = imu.rates().between(0.0, BOOT_S).gyro.mean(axis=0)
     heading = float(scene.truth.rpy_nb[0, 2] + _HEADING_SIGMA * rng.standard_normal())
     fit = calibrate_field(
         without_offset(imu, offset), stated_spec(), latitude=float(ELMADAG[0]), height=float(ELMADAG[2]),
-        heading=(heading, _HEADING_SIGMA), options=options, halves=False,
+        heading=(heading, _HEADING_SIGMA), halves=False,
     )  # fmt: skip
     return CalibratedUnit(unit, fit, offset)
 
@@ -238,9 +234,9 @@ def without_offset(imu: ImuSeries, offset: FloatArray) -> ImuSeries:
     return replace(imu, gyro=imu.gyro - offset * (imu.interval if imu.kind == "increment" else 1.0))
 
 
-def mean_at_rest(imu: ImuSeries, stop: float = START_S) -> FloatArray:
+def mean_at_rest(imu: ImuSeries) -> FloatArray:
     """Mean rate of the log's beginning, shape (3,). [rad/s]"""
-    return np.asarray(imu.rates().between(0.0, stop).gyro.mean(axis=0))
+    return np.asarray(imu.rates().between(0.0, START_S).gyro.mean(axis=0))
 
 
 def remaining(calibrated: CalibratedUnit, imu: ImuSeries, *, raw: bool) -> tuple[float, float]:

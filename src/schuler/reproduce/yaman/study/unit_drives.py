@@ -36,7 +36,6 @@ from schuler.reproduce.yaman.study.unit import (
     routine_scene,
 )
 from schuler.simulation.routine import thesis_routine
-from schuler.simulation.steps import Routine
 from schuler.units import DEG, MG, UG
 
 if TYPE_CHECKING:
@@ -157,10 +156,7 @@ def field_drives(
     turn_on: TurnOn = "repeatability",
     against: Literal["full", "truth"] = "full",
     seed: int = 1,
-    rate_hz: float = 100.0,
-    routine: Routine | None = None,
     share: float = 1.0,
-    progress: Progress | None = None,
 ) -> FieldDrives:
     """Draw units, calibrate each with its routine, drive it, and navigate in the nine modes.
 
@@ -175,13 +171,8 @@ def field_drives(
         What errors are measured against; ``full`` is the source's: the calibrated IMU with full GPS.
     seed : int
         Units, their noise and the drives' GNSS are the same whatever the other arguments.
-    rate_hz : float
-        Rate of the IMU; a scene has its own.
-    routine : Routine, optional
-        The source's by default.
     share : float
         How bad the units are, see :meth:`FieldUnit.draw`; what is told of raw ones does not depend on it.
-    progress : callable, optional
 
     Returns
     -------
@@ -196,21 +187,19 @@ def field_drives(
         raise InputError(f"against: expected 'full' or 'truth', got {against!r}")
     if units < 1:
         raise InputError(f"units: expected one or more, got {units!r}")
-    scene = drive if isinstance(drive, DriveScene) else DriveScene.of(drive, rate_hz)
-    turned = routine_scene(routine or thesis_routine(), scene.ideal.rate_hz)
+    scene = drive if isinstance(drive, DriveScene) else DriveScene.of(drive, 100.0)
+    turned = routine_scene(thesis_routine(), scene.ideal.rate_hz)
     rms: list[FloatArray] = []
     residual: list[FloatArray] = []
     complete = True
     try:
-        for k, child in enumerate(np.random.SeedSequence(seed).spawn(units)):
+        for child in np.random.SeedSequence(seed).spawn(units):
             of_unit, of_routine, of_drive = (np.random.default_rng(s) for s in child.spawn(3))
             calibrated = calibrate_unit(FieldUnit.draw(of_unit, turn_on, share=share), turned, of_routine)
             logs = drive_logs(scene, calibrated, of_drive)
             levels = np.array([remaining(calibrated, logs.raw.need_imu(), raw=raw) for raw in (True, False)])
             rms.append(nine_modes(logs, levels, against=against))
             residual.append(levels)
-            if progress is not None:
-                progress((k + 1) / units)
     except KeyboardInterrupt:
         complete = False
     return FieldDrives(

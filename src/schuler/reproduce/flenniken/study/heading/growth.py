@@ -54,10 +54,8 @@ class HeadingBound:
         return draw(bound_figure(self))
 
 
-def heading_bound(
-    model: LinearModel, sigma_fix: float, *, period: float = 1.0, duration: float = 900.0
-) -> HeadingBound:
-    """Covariance of a heading filter with a fix each period, and of free integration with the same start.
+def heading_bound(model: LinearModel, sigma_fix: float, *, duration: float = 900.0) -> HeadingBound:
+    """Covariance of a heading filter with a fix each second, and of free integration with the same start.
 
     Parameters
     ----------
@@ -65,8 +63,6 @@ def heading_bound(
         Heading first.
     sigma_fix : float
         1-sigma of a heading fix. [rad]
-    period : float
-        [s]
     duration : float
         [s]
 
@@ -75,10 +71,10 @@ def heading_bound(
     Flenniken (2005), section 4.2, figures 4.1 and 4.2; its sigma and rate of the fixes are not printed, 0.2 deg at 1 Hz
     fits the bounds it quotes.
     """
-    d = model.discrete(period)
+    d = model.discrete(1.0)
     R = np.array([[sigma_fix**2]])
-    prior, posterior = steady_covariance(model, R, period)
-    count = round(duration / period)
+    prior, posterior = steady_covariance(model, R, 1.0)
+    count = round(duration)
     aided, free = np.empty(count), np.empty(count)
     P, F = model.P0.copy(), model.P0.copy()
     for k in range(count):
@@ -87,7 +83,7 @@ def heading_bound(
         A = np.eye(len(P)) - K @ model.C
         P = A @ P @ A.T + K @ R @ K.T
         aided[k], free[k] = np.sqrt(P[0, 0]), np.sqrt(F[0, 0])
-    t = period * np.arange(1, count + 1)
+    t = np.arange(1.0, count + 1.0)
     final = float(np.sqrt(posterior[0, 0]))
     off = np.flatnonzero(np.abs(aided / final - 1.0) > 0.05)
     settled = float(t[off[-1]]) if len(off) else 0.0

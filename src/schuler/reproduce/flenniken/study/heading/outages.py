@@ -24,6 +24,11 @@ from schuler.reproduce.flenniken.study.heading.runs import FilterRuns, run_filte
 from schuler.reproduce.flenniken.study.tables import AFTER_S, OUTAGE_DEG
 from schuler.units import DEG
 
+_RATE_HZ = 10.0  # of the sensors
+_HEADING = 0.6  # known to the filter of position [rad]
+_SIGMA_VELOCITY, _SIGMA_POSITION = 0.05, 1.0  # of its fixes [m/s], [m]
+_SIGMA_CONSTANT = 0.2  # what it believes of the constant bias at first [m/s^2]
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -121,24 +126,18 @@ def heading_outages(
     *,
     runs: int = 4000,
     seed: int = 0,
-    rate_hz: float = 10.0,
     start_s: float = 180.0,
     outage_s: float = 240.0,
-    constant: float = 1.0 * DEG,
 ) -> HeadingOutages:
-    """Monte Carlo of the four filters under three truths: a wandering bias, a constant one, both.
+    """Monte Carlo of the four filters under three truths: a wandering bias, a constant one of 1 deg/s, both.
 
     Parameters
     ----------
     spec : ImuSpec
         Its gyroscope's noise and in-run bias.
     runs, seed : int
-    rate_hz : float
-        Rate of the gyroscope.
     start_s, outage_s : float
         [s]
-    constant : float
-        [rad/s]
 
     References
     ----------
@@ -149,11 +148,11 @@ def heading_outages(
         raise InputError(f"{spec.name}: expected noise and an in-run bias with its correlation time of the gyroscope")
     truths = {
         "wandering": BiasTruth(N, sigma, tau),
-        "constant": BiasTruth(N, constant=constant),
-        "constant and wandering": BiasTruth(N, sigma, tau, constant),
+        "constant": BiasTruth(N, constant=DEG),
+        "constant and wandering": BiasTruth(N, sigma, tau, DEG),
     }
     filters = outage_filters(N, sigma, tau)
-    step, count = 1.0 / rate_hz, round((start_s + outage_s) * rate_hz)
+    step, count = 1.0 / _RATE_HZ, round((start_s + outage_s) * _RATE_HZ)
     t = step * np.arange(1, count + 1)
     fix = (np.abs(t / FIX_PERIOD_S - np.round(t / FIX_PERIOD_S)) < 0.25 * step) & (t <= start_s + 1e-9)
     late = t > start_s + 1e-9
@@ -244,11 +243,6 @@ class PositionOutage:
 def position_outage(
     truth: BiasTruth,
     *,
-    heading: float = 0.6,
-    sigma_velocity: float = 0.05,
-    sigma_position: float = 1.0,
-    sigma_constant: float = 0.2,
-    rate_hz: float = 10.0,
     start_s: float = 300.0,
     outage_s: float = 60.0,
     runs: int = 1000,
@@ -260,13 +254,8 @@ def position_outage(
     ----------
     truth : BiasTruth
         True bias of the accelerometer. [m/s^2]
-    heading : float
-        Known to the filter. [rad]
-    sigma_velocity, sigma_position : float
-        1-sigma of a fix. [m/s], [m]
-    sigma_constant : float
-        What the filter believes of the constant bias at first. [m/s^2]
-    rate_hz, start_s, outage_s : float
+    start_s, outage_s : float
+        [s]
     runs, seed : int
 
     References
@@ -274,13 +263,13 @@ def position_outage(
     Flenniken (2005), section 4.6, which has no numbers; separate sigmas for velocity and position, the source has one.
     """
     model = position_filter(
-        truth.N, truth.sigma, truth.tau, heading, sigma_constant=sigma_constant, sigma_velocity=sigma_velocity,
-        sigma_position=sigma_position,
+        truth.N, truth.sigma, truth.tau, _HEADING, sigma_constant=_SIGMA_CONSTANT, sigma_velocity=_SIGMA_VELOCITY,
+        sigma_position=_SIGMA_POSITION,
     )  # fmt: skip
-    step, count = 1.0 / rate_hz, round((start_s + outage_s) * rate_hz)
+    step, count = 1.0 / _RATE_HZ, round((start_s + outage_s) * _RATE_HZ)
     rng = np.random.default_rng(seed)
     increments, bias = gyro_readings(truth, step, count, runs, rng)
-    sigma = np.array([sigma_velocity, sigma_velocity, sigma_position, sigma_position])
+    sigma = np.array([_SIGMA_VELOCITY, _SIGMA_VELOCITY, _SIGMA_POSITION, _SIGMA_POSITION])
     fixes = sigma[:, None] * rng.standard_normal((count, 4, runs))
     t = step * np.arange(1, count + 1)
     fix = (np.abs(t - np.round(t)) < 0.25 * step) & (t <= start_s + 1e-9)

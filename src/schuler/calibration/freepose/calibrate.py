@@ -8,11 +8,12 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from schuler.arrays import ArrayLike, FloatArray, as_floats
+from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.calibration.freepose import accel as freepose_accel
 from schuler.calibration.freepose.accel import AccelFit, fit_accelerometers
 from schuler.calibration.freepose.bias import bias_at_rest, bias_difference
 from schuler.calibration.freepose.gyro import GyroFit, fit_gyroscopes, rescaled
+from schuler.calibration.freepose.lost_rates import lost_rates
 from schuler.calibration.freepose.motion import PLACES, MotionFit, fit_motion
 from schuler.calibration.freepose.rests import MARGINS, Rests, pose_means, tedaldi_rests, without_held
 from schuler.calibration.freepose.result import freepose_result, refused_result, undetermined
@@ -33,6 +34,7 @@ Search: TypeAlias = Literal["auto", "tedaldi"]
 FEWEST = 9
 #: Largest number of undetermined accelerometer parameters of a result that is not refused.
 MOST_UNDETERMINED = 3
+_FEWEST_TURNS = 6  # good ones left, of which others with lost rates are left out
 #: Fewest poses beyond nine of a result with an undetermined parameter that is not refused.
 REDUNDANCY = 3
 
@@ -154,6 +156,8 @@ def calibrate_freepose(
         options["g_sensitivity"] = g_sensitivity = bool(g_sensitivity)
     imu, held = without_held(imu)
     rates, interval = imu.rates(), imu.interval
+    lost, said = lost_rates(rates.t, rates.gyro)
+    held += said
     names = _parameter_names(bool(g_sensitivity), size_effect, delay)
 
     # 1. Rests, and the accelerometers from them.
@@ -191,7 +195,18 @@ def calibrate_freepose(
         return replace(refused, verdicts=refused.verdicts + held)
     _, poses, accel, factor_a = best
     result = _solved(
-        imu, rates, poses, accel, factor_a, factors, gravity, noise, options, field=field_strength, soft_iron=soft_iron
+        imu,
+        rates,
+        poses,
+        accel,
+        factor_a,
+        factors,
+        gravity,
+        noise,
+        options,
+        lost=lost,
+        field=field_strength,
+        soft_iron=soft_iron,
     )
     result = replace(result, verdicts=result.verdicts + held)
     if not halves or rests == "tedaldi" or result.status == "refused":
@@ -208,12 +223,15 @@ def calibrate_freepose(
         sigma = _sigma_f(some, noise, factor_a)
         fit = fit_accelerometers(factor_a * some.accel, sigma, gravity, robust=robust, start=accel.p)
         return _solved(
-            imu, rates, some, fit, factor_a, result.nominal, gravity, noise, of_part, field=field_strength,
-            soft_iron=estimates_soft_iron(result), start=start,
+            imu, rates, some, fit, factor_a, result.nominal, gravity, noise, of_part, lost=lost,
+            field=field_strength, soft_iron=estimates_soft_iron(result), start=start,
         )  # fmt: skip
 
     every = list(range(len(poses)))
-    causes = result.extra.get("bias_causes", [])
+    causes = [
+        *(["rates were lost in turns: clipped, or spikes"] if len(lost) else []),
+        *result.extra.get("bias_causes", []),
+    ]
     pairs = {
         name: tried(part, (every[a], every[b])) if len(every) >= 2 * FEWEST else None
         for name, (a, b) in halves_of(len(every)).items()
@@ -240,6 +258,7 @@ def _solved(
     noise: tuple[ArrayLike, ArrayLike] | None,
     options: dict[str, Any],
     *,
+    lost: IntArray,
     field: float | None,
     soft_iron: bool | None,
     start: FloatArray | None = None,
@@ -249,7 +268,7 @@ def _solved(
     if len(weak) > MOST_UNDETERMINED or (weak and len(rests) < FEWEST + REDUNDANCY):
         names = _parameter_names(bool(options["g_sensitivity"]), options["size_effect"], options["delay"])
         return refused_result(rests, accel, factors or (factor_a, 1.0), gravity, rates, names, options)
-    result = _with_gyroscopes(imu, rates, rests, accel, factor_a, factors, gravity, noise, options, start)
+    result = _with_gyroscopes(imu, rates, rests, accel, factor_a, factors, gravity, noise, options, start, lost)
     if (magnetic := magnetic_means(rates, rests.index)) is not None:
         labels = result.residuals["accel"].label
         result = with_magnetometer(result, rests.accel, *magnetic, labels, field=field, soft_iron=soft_iron)
@@ -267,11 +286,12 @@ def _with_gyroscopes(
     noise: tuple[ArrayLike, ArrayLike] | None,
     options: dict[str, Any],
     start: FloatArray | None,
+    lost: IntArray,
 ) -> CalibrationResult:
     """Second step: gyroscopes in the axes of the calibrated accelerometers, and the result."""
     # a small weight is a larger noise
     sigma_f = np.sqrt((_sigma_f(rests, noise, factor_a) ** 2 + accel.spread**2) / accel.weight[:, None])
-    turns = _turns(imu.kind, rates, rests, accel, factor_a)
+    turns = _turns(imu.kind, rates, rests, accel, factor_a, lost)
     raw_bias = rests.duration @ rests.gyro / rests.duration.sum()
     gyro: GyroFit | None = None
     factor_g = 1.0 if factors is None else factors[1]
@@ -409,14 +429,18 @@ def _log_determinant(fit: AccelFit) -> float:
     return float("inf") if sign <= 0 else float(-value - 2.0 * np.log(d).sum())
 
 
-def _turns(kind: str, rates: ImuSeries, rests: Rests, accel: AccelFit, factor: float) -> Turns:
-    """The log between the poses; turns across a gap of the log are left out."""
+def _turns(kind: str, rates: ImuSeries, rests: Rests, accel: AccelFit, factor: float, lost: IntArray) -> Turns:
+    """The log between the poses; turns across a gap of the log are left out, and with lost rates if enough remain."""
     B = np.linalg.inv(accel.R)
     f = (factor * rests.accel - accel.p[:3]) @ B.T
     spans = np.stack((rests.index[:-1, 1] - 1, rests.index[1:, 0]), axis=1)
     complete = np.ones(len(spans), dtype=bool)
     for gap in log_gaps(rates.t, rates.interval):
         complete &= ~((spans[:, 0] <= gap) & (gap < spans[:, 1]))
+    spoiled = np.searchsorted(lost, spans[:, 1]) > np.searchsorted(lost, spans[:, 0])
+    good = complete & ~spoiled
+    if 2 * good.sum() >= complete.sum() and good.sum() >= _FEWEST_TURNS:
+        complete = good
     pair = np.stack((np.arange(len(spans)), np.arange(1, len(spans) + 1)), axis=1)
     up = np.asarray(f / np.linalg.norm(f, axis=1, keepdims=True), dtype=np.float64)
     return Turns(

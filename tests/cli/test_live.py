@@ -2,7 +2,9 @@
 
 import json
 import os
+import queue
 import select
+import shutil
 import signal
 import socket
 import subprocess
@@ -200,11 +202,70 @@ def imu_stream(kind, port, held):
     if kind == "udp":
         sender = held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         return f"udp://:{port}", lambda: lambda data: sender.sendto(data, ("127.0.0.1", port))
+    if kind == "ws":
+        return f"ws://127.0.0.1:{port}/imu", websocket_stream(port, held)
+    if kind == "mosquitto":
+        return f"mqtt://127.0.0.1:{port}/imu", mosquitto_stream(port, held)
     server = held.enter_context(socket.create_server(("127.0.0.1", port)))
+    if kind == "mqtt":
+        pytest.importorskip("paho.mqtt")
+        return f"mqtt://127.0.0.1:{port}/imu", lambda: subscribed(held.enter_context(server.accept()[0]))
     return f"tcp://:{port}", lambda: held.enter_context(server.accept()[0]).sendall
 
 
-@pytest.mark.parametrize("kind", ["udp", "tcp", "serial"])
+def websocket_stream(port, held):
+    """Server of a WebSocket in a thread; returns a function that waits for its client."""
+    serve = pytest.importorskip("websockets.sync.server").serve
+    clients, ended = queue.Queue(), threading.Event()
+
+    def handle(connection):
+        clients.put(connection)
+        ended.wait(LONGEST_S)
+
+    server = serve(handle, "127.0.0.1", port)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    held.callback(thread.join, LONGEST_S)
+    held.callback(server.shutdown)
+    held.callback(ended.set)
+    return lambda: clients.get(timeout=LONGEST_S).send
+
+
+def subscribed(client):
+    """A broker of MQTT 3.1.1 for one client that subscribes to one topic; returns what publishes there."""
+    client.recv(1000)  # CONNECT
+    client.sendall(b"\x20\x02\x00\x00")
+    packet = client.recv(1000)  # SUBSCRIBE: type, length, identifier (2), length of the topic (2), topic, quality
+    client.sendall(b"\x90\x03" + packet[2:4] + b"\x00")
+
+    def publish(payload):
+        body = packet[4:-1] + payload
+        client.sendall(bytes((0x30, len(body) % 128 | 0x80, len(body) // 128)) + body)
+
+    return publish
+
+
+def mosquitto_stream(port, held):
+    """The broker of Debian, and another client that publishes."""
+    if shutil.which("mosquitto") is None:
+        pytest.skip("mosquitto is not installed")
+    client_module = pytest.importorskip("paho.mqtt.client")
+    broker = subprocess.Popen(["mosquitto", "-p", str(port)], stderr=subprocess.DEVNULL)
+    held.callback(broker.wait, LONGEST_S)
+    held.callback(broker.terminate)
+
+    def connect():
+        client = client_module.Client(client_module.CallbackAPIVersion.VERSION2)
+        client.connect("127.0.0.1", port)
+        client.loop_start()
+        held.callback(client.loop_stop)
+        time.sleep(2.0)  # the subscriber connects again every second
+        return lambda row: client.publish("imu", row)
+
+    return connect
+
+
+@pytest.mark.parametrize("kind", ["udp", "tcp", "serial", "ws", "mqtt", "mosquitto"])
 @pytest.mark.thinned(3)
 def test_streams_are_the_batch_run(log, tmp_path, ports, kind):
     folder, config, trajectory = log

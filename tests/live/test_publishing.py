@@ -8,7 +8,6 @@ import struct
 import threading
 import time
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from schuler import frames
 from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
 from schuler.live.messages import Event, Heading, Height, Speed
-from schuler.live.outlets import end_within
 from schuler.live.playback import messages
 from schuler.live.publishing import FoxgloveServer, McapFile, Publisher, open_publisher
 from schuler.live.topics import Topics, odometry_of
@@ -249,7 +247,7 @@ def test_foxglove_reads_the_run(port):
 
 def test_foxglove_clients_that_say_or_read_nothing_hold_up_nothing(port, monkeypatch):
     pytest.importorskip("foxglove")
-    monkeypatch.setattr("schuler.live.publishing.end_within", partial(end_within, longest_s=0.1))
+    monkeypatch.setattr("schuler.live.outlets.CLOSED_S", 0.1)
     run = drive(8.0)
     publisher = Publisher(FoxgloveServer(port=port), SourceClock(run.metadata.time), lambda: "rate")
     with socket.create_connection(("127.0.0.1", port)), client(port):

@@ -60,11 +60,11 @@ def open_outlet(place: str) -> Outlet:
     return _Clients(address.host, address.port)
 
 
-def end_within(end: Callable[[], None], longest_s: float = CLOSED_S) -> None:
-    """Let a server end, and go on if it still waits for clients that say nothing after so long. [s]"""
+def end_soon(end: Callable[[], None]) -> None:
+    """Let a server end, and go on if it still waits for clients that say nothing after :data:`CLOSED_S`."""
     ending = threading.Thread(target=end, daemon=True)
     ending.start()
-    ending.join(longest_s)
+    ending.join(CLOSED_S)
 
 
 class _StandardOutput:
@@ -173,7 +173,7 @@ class _WebSocketClients:
                 waiting.put_nowait(None)
             except queue.Full:
                 self._let_go(client)
-        end_within(self._server.shutdown)
+        end_soon(self._server.shutdown)
 
     def _send(self, client: Any) -> None:
         from websockets.exceptions import ConnectionClosed

@@ -19,7 +19,7 @@ from schuler.exceptions import InputError, MissingExtraError
 from schuler.live.address import LOOPBACK, parse_address
 from schuler.live.clock import SourceClock
 from schuler.live.messages import Event, Message, Solution
-from schuler.live.outlets import end_within
+from schuler.live.outlets import end_soon
 from schuler.live.topics import JSON_TYPES, KINDS, RAW, Bytes, Item, Post, Topics
 from schuler.recording.series import Kind
 
@@ -221,7 +221,7 @@ class FoxgloveServer:
         """See :class:`Station`."""
         for channel in self._channels.values():
             channel.close()
-        end_within(self._server.stop)
+        end_soon(self._server.stop)
 
     def _channel(self, topic: str, kind: str) -> Any:
         name, encoding, text = schema_of(kind)

@@ -13,6 +13,10 @@ from schuler.gnss.ranges import Ranges, predicted_ranges
 from schuler.gnss.signals import SYSTEMS
 from schuler.gnss.weighting import noise_scale
 
+#: 1-sigma of a strong satellite's code overhead, where nothing else is known. [m]
+LEAST_CODE = 0.3
+_ROUNDS = 20  # in which means of arcs and epochs settle to a percent of the noise
+_ENOUGH = 100  # degrees of freedom that tell a standard deviation to 7 %
 _TOGETHER_S = 0.02  # between receptions of one epoch: each receiver's satellites are taken at its own time [s]
 
 
@@ -49,7 +53,7 @@ class RelativeCarriers:
 
 
 def relative_ranges(
-    rover: Ranges, base: Ranges, base_e: FloatArray, *, sigma_code: float, sigma_carrier: float
+    rover: Ranges, base: Ranges, base_e: FloatArray, *, sigma_code: float | None, sigma_carrier: float
 ) -> tuple[Ranges, RelativeCarriers]:
     """Pseudoranges of a rover corrected by a base, and carriers whose differences have whole ambiguities.
 
@@ -61,7 +65,7 @@ def relative_ranges(
         Base antenna, Earth-fixed. [m]
     sigma_code, sigma_carrier : float
         1-sigma of one receiver's measurement of a strong satellite overhead; it grows as
-        :func:`schuler.gnss.weighting.noise_scale`. [m]
+        :func:`schuler.gnss.weighting.noise_scale`. None takes that of codes from :func:`code_noise`. [m]
 
     Returns
     -------
@@ -106,10 +110,6 @@ def relative_ranges(
     mean = np.bincount(group, missed) / np.bincount(group)
     pseudorange = np.full(len(rover), np.nan)
     pseudorange[row] = rover.pseudorange[row] - missed + mean[group]
-    sigma = rover.sigma_range.copy()
-    sigma[row] = sigma_code * scale
-    ranges = replace(rover, pseudorange=pseudorange, sigma_range=sigma)
-
     phases = np.isfinite(rover.carrier_range[row] + base.carrier_range[partner])
     same = np.abs(rover.wavelength[row] - base.wavelength[partner]) < 1e-9  # NaN is not the same
     same &= rover.sat[row] // 100 != SYSTEMS.index("R")  # whose satellites differ in frequency
@@ -119,14 +119,52 @@ def relative_ranges(
             "base: no satellite whose carrier phase both receivers measured at one time on one frequency; carriers "
             "need signals of one band (GPS L1 with L1), GLONASS has none"
         )
-    row, partner = row[keep], partner[keep]
+    everything, row, partner = row, row[keep], partner[keep]
     arc = _common_arcs(rover, base, row, partner, sigma_carrier)
     wavelength = rover.wavelength[row]
     kinds = np.stack((rover.sat[row] // 100, np.round(wavelength * 1e6).astype(np.int64)), axis=1)
     _, kind = np.unique(kinds, axis=0, return_inverse=True)
     carrier = rover.carrier_range[row] - base.carrier_range[partner] + distance[keep]
     code = rover.pseudorange[row] - missed[keep]
-    return ranges, RelativeCarriers(row, carrier, code, sigma_carrier * scale[keep], arc, kind.ravel(), wavelength)
+    carriers = RelativeCarriers(row, carrier, code, sigma_carrier * scale[keep], arc, kind.ravel(), wavelength)
+    if sigma_code is None:
+        sigma_code = code_noise(carriers, rover.t[row], rover.sat[row], scale[keep])
+    sigma = rover.sigma_range.copy()
+    sigma[everything] = sigma_code * scale
+    return replace(rover, pseudorange=pseudorange, sigma_range=sigma), carriers
+
+
+def code_noise(c: RelativeCarriers, t: FloatArray, sat: IntArray, scale: FloatArray) -> float:
+    """Noise and multipath of codes by their carriers, 1-sigma of one receiver and a strong satellite overhead. [m]
+
+    Parameters
+    ----------
+    c : RelativeCarriers
+    t, sat, scale : ndarray, shape (m,)
+        Time [s], satellite and noise relative to a strong satellite overhead, of both receivers, of each row.
+
+    Returns
+    -------
+    float
+        At least 0.3 m, which stands where arcs are too short to tell.
+
+    Notes
+    -----
+    Code less carrier is a constant in an arc and one number of a kind at an epoch, beside noise: both means are taken
+    off, one after the other until nothing is left. Multipath that lasts as long as an arc is in its mean, and does not
+    show.
+    """
+    x, w = c.code - c.carrier, 1.0 / scale**2
+    _, arc = np.unique(np.stack((sat, c.arc), axis=1), axis=0, return_inverse=True)
+    _, epoch = np.unique(np.stack((np.searchsorted(np.unique(t), t), c.kind), axis=1), axis=0, return_inverse=True)
+    arc, epoch = arc.ravel(), epoch.ravel()
+    for _ in range(_ROUNDS):
+        for group in (arc, epoch):
+            x = x - (np.bincount(group, w * x) / np.bincount(group, w))[group]
+    freedom = len(x) - (arc.max() + 1) - (epoch.max() + 1)
+    if freedom < _ENOUGH:
+        return LEAST_CODE
+    return float(max(LEAST_CODE, np.sqrt(np.sum(w * x**2) / freedom)))
 
 
 def _common_arcs(rover: Ranges, base: Ranges, row: IntArray, partner: IntArray, sigma: float) -> IntArray:

@@ -239,7 +239,10 @@ class BaseSection(Section):
         None,
         description="its antenna: latitude, longitude [deg], ellipsoidal height [m]; its single points if left out",
     )
-    code_sigma_m: Positive = Field(0.3, description="1-sigma of a strong satellite's code overhead, of one receiver")
+    code_sigma_m: Positive | None = Field(
+        None,
+        description="1-sigma of a strong satellite's code overhead, of one receiver; code less carrier if left out",
+    )
     ratio: Annotated[float, Field(ge=1)] = Field(
         3.0, description="least quotient of the second-best integers' norm and the best's"
     )

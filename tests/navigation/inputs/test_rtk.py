@@ -17,6 +17,7 @@ from schuler.filtering.measurements import CARRIER_CHANGE, POSITION, Measurement
 from schuler.frames import C_en
 from schuler.gnss.preparation import prepare_ranges
 from schuler.gnss.ranges import predicted_ranges
+from schuler.gnss.relative import LEAST_CODE, relative_ranges
 from schuler.gnss.synthetic import L1_CYCLE
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.consistency import chi_square_band
@@ -197,6 +198,21 @@ def test_corrected_ranges_hold_only_geometry_and_clocks(two):
             np.testing.assert_allclose(left[mine], left[mine[0]], atol=0.003)  # atmosphere at two places
             between = cycles[mine] - cycles[mine[0]]
             np.testing.assert_allclose(between, np.round(between), atol=0.02)
+
+
+@pytest.mark.parametrize("sigma", [0.6, 1.2])
+def test_code_noise_is_that_of_code_less_carrier(drive, sigma):
+    """Of white noise, both receivers, six thousand differences: 4 standard errors."""
+    t = drive.fixes_t
+    base_e = drive.at_fixes.r_eb_e[0]
+    two = [rc.base_station(t, base_e + 100.0 * k, np.random.default_rng(k), sigma / rc.CODE) for k in range(2)]
+    ranges, carriers = relative_ranges(*two, base_e + 100.0, sigma_code=None, sigma_carrier=rc.PHASE)
+    scale = carriers.sigma / rc.PHASE
+    claimed = ranges.sigma_range[carriers.row] / scale
+    np.testing.assert_allclose(claimed, sigma, rtol=4.0 / np.sqrt(2.0 * len(scale)))
+    few = [r.where(r.t < 3.0) for r in two]
+    ranges, carriers = relative_ranges(*few, base_e + 100.0, sigma_code=None, sigma_carrier=rc.PHASE)
+    np.testing.assert_allclose(ranges.sigma_range[carriers.row], LEAST_CODE * carriers.sigma / rc.PHASE)
 
 
 @pytest.mark.parametrize(

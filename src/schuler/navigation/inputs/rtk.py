@@ -207,6 +207,7 @@ def with_integers(prepared: PreparedRun, base: BaseCarriers, config: NavigationC
     ends = np.searchsorted(i.t, epochs - 1e-9)  # the sample in which an epoch lies
     lever = np.array(config.gnss.lever_arm_m)
     changes = np.flatnonzero(np.isin(schedule.kind, (CARRIER_CHANGE,)))
+    scale = config.gnss.sigma_scale * tight.range_sigma_scale
     held, gate = HeldIntegers(), gate_threshold(_gate(config.gnss.gate), 3)
     fixed, refused, first = np.zeros(len(epochs), dtype=bool), 0, 0
     for e, end in enumerate(ends.tolist()):
@@ -222,7 +223,7 @@ def with_integers(prepared: PreparedRun, base: BaseCarriers, config: NavigationC
             held.forget()
         r_e, P = _predicted(state, prepared.layout, lever, epochs[e])
         mine = rows[epoch == e] if len(epochs) < 2 else rows[np.searchsorted(epoch, e) : np.searchsorted(epoch, e + 1)]
-        fix = fix_epoch(_measured(ranges, carriers, mine, r_e), P, held, ratio=tight.base.ratio)
+        fix = fix_epoch(_measured(ranges, carriers, mine, r_e, scale), P, held, ratio=tight.base.ratio)
         if fix is None:
             continue
         fixed[e] = float(np.diag(fix.cov).max()) < 0.1**2
@@ -285,13 +286,13 @@ def _predicted(state: FilterState, layout: StateLayout, lever: FloatArray, t: fl
     return nav.r_eb_e + since * nav.v_eb_e + L, J @ state.covariance_e @ J.T
 
 
-def _measured(ranges: Ranges, c: RelativeCarriers, rows: IntArray, r_e: FloatArray) -> Measured:
+def _measured(ranges: Ranges, c: RelativeCarriers, rows: IntArray, r_e: FloatArray, scale: float) -> Measured:
     """What an epoch's carriers and codes differ by from their prediction."""
     k = c.row[rows]
     distance, gradient = predicted_ranges(ranges.r_sat_e[k], r_e)
     return Measured(
         ranges.sat[k], c.arc[rows], c.kind[rows], c.carrier[rows] - distance, c.code[rows] - distance,
-        c.sigma[rows], ranges.sigma_range[k], c.wavelength[rows], ranges.elevation[k], gradient,
+        c.sigma[rows], scale * ranges.sigma_range[k], c.wavelength[rows], ranges.elevation[k], gradient,
     )  # fmt: skip
 
 

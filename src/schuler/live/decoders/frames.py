@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
+
+from schuler.live.messages import Message
 
 _LONGEST = 1 << 14  # bytes of a frame; a header that says more is taken for damage, not waited for
 
@@ -74,3 +77,29 @@ def whole_frames(
     if strange := at - taken:
         left_out["bytes that belong to no message with a right checksum"] += strange
     return frames, data[at:]
+
+
+class FrameDecoder:
+    """Decoder of a stream of frames: a format has its framing, and makes messages of whole frames."""
+
+    framing: ClassVar[Framing]
+    left_out: Counter[str]
+    _rest = b""
+
+    def feed(self, data: bytes, arrival: float) -> list[Message]:
+        """See :class:`~schuler.live.decoders.base.Decoder`."""
+        frames, self._rest = whole_frames(self._rest + data, self.framing, self.left_out)
+        return self._messages(frames)
+
+    def pause(self) -> list[Message]:
+        """See :class:`~schuler.live.decoders.base.Decoder`."""
+        return []
+
+    def finish(self) -> list[Message]:
+        """See :class:`~schuler.live.decoders.base.Decoder`."""
+        frames, self._rest = whole_frames(self._rest, self.framing, self.left_out, final=True)
+        return [*self._messages(frames), *self.pause()]
+
+    def _messages(self, frames: list[bytes]) -> list[Message]:
+        """Messages of whole frames."""
+        raise NotImplementedError

@@ -10,7 +10,7 @@ import numpy as np
 from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
 from schuler.live.decoders.base import fix_of, heading_of, in_order, samples, wanted
-from schuler.live.decoders.frames import Framing, whole_frames
+from schuler.live.decoders.frames import FrameDecoder, Framing, whole_frames
 from schuler.live.messages import Fix, Heading, ImuBlock, Message
 from schuler.recording.formats import novatel, novatel_frames
 from schuler.recording.formats.novatel_frames import ImuType, Messages
@@ -33,7 +33,7 @@ _WITHOUT = 3  # positions without a velocity, after which they do not wait for o
 _LONGEST_S = 2.5  # and time after which one does not wait [s]
 
 
-class NovatelDecoder:
+class NovatelDecoder(FrameDecoder):
     """Fixes, headings and samples of binary messages, see :mod:`schuler.recording.formats.novatel`.
 
     A position waits for the first velocity that is not before it, since velocities have a latency: it gets what is
@@ -54,6 +54,8 @@ class NovatelDecoder:
         If a hint means nothing here.
     """
 
+    framing = _FRAMING
+
     def __init__(self, clock: SourceClock, hints: ReadHints, *, announced: bool = True) -> None:
         parts.check_hints(_PATH, hints, novatel.HINTS, "a stream of NovAtel messages")
         self.left_out: Counter[str] = Counter()
@@ -65,7 +67,7 @@ class NovatelDecoder:
             for part, names in messages_of.items()
             if (name := chosen.get(part)) is not None
         }
-        self._clock, self._hints, self._announced, self._rest = clock, hints, announced, b""
+        self._clock, self._hints, self._announced = clock, hints, announced
         self._counts = self._named.get("imu")
         self._config: Columns = {}
         self._imu_type: ImuType | None = None
@@ -78,18 +80,13 @@ class NovatelDecoder:
         if hints.scale is not None:
             novatel.counts_of(_log({}), "", {}, hints)
 
-    def feed(self, data: bytes, arrival: float) -> list[Message]:
-        """See :class:`~schuler.live.decoders.base.Decoder`."""
-        frames, self._rest = whole_frames(self._rest + data, _FRAMING, self.left_out)
-        return self._messages(frames)
-
     def pause(self) -> list[Message]:
         """See :class:`~schuler.live.decoders.base.Decoder`; positions go on waiting where velocities come."""
         return [] if self._velocities else [*self._ready(at_once=True)]
 
     def finish(self) -> list[Message]:
         """See :class:`~schuler.live.decoders.base.Decoder`."""
-        frames, self._rest = whole_frames(self._rest, _FRAMING, self.left_out, final=True)
+        frames, self._rest = whole_frames(self._rest, self.framing, self.left_out, final=True)
         return [*self._messages(frames, final=True), *self._ready(at_once=True)]
 
     @np.errstate(invalid="ignore", over="ignore")  # what is no number is refused, or for the navigator to leave out

@@ -12,7 +12,7 @@ from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
 from schuler.live.decoders.base import fix_of, heading_of, in_order, samples, wanted
-from schuler.live.decoders.frames import Framing, whole_frames
+from schuler.live.decoders.frames import FrameDecoder, Framing
 from schuler.live.messages import Fix, Heading, ImuBlock, Message
 from schuler.recording.formats import sbf, sbf_blocks
 from schuler.recording.formats.sbf_blocks import Blocks
@@ -42,7 +42,7 @@ class _Epoch:
     given: bool = True
 
 
-class SbfDecoder:
+class SbfDecoder(FrameDecoder):
     """Fixes, headings and samples of blocks, see :mod:`schuler.recording.formats.sbf`.
 
     An epoch is complete when it has all kinds of blocks that came before, when the next one begins, or when the
@@ -60,28 +60,20 @@ class SbfDecoder:
         If a hint means nothing here.
     """
 
+    framing = _FRAMING
+
     def __init__(self, clock: SourceClock, hints: ReadHints) -> None:
         parts.check_hints(_PATH, hints, sbf.HINTS, "a stream of SBF blocks")
         self.left_out: Counter[str] = Counter()
         self.kind: Kind | None = "rate" if wanted(hints, "imu") else None
-        self._clock, self._hints, self._rest = clock, hints, b""
+        self._clock, self._hints = clock, hints
         self._epochs = {part: _Epoch() for part in _OF_PART if wanted(hints, part)}
         self._last = dict.fromkeys(self._epochs, -np.inf)
         self._lone: list[bytes] = []
 
-    def feed(self, data: bytes, arrival: float) -> list[Message]:
-        """See :class:`~schuler.live.decoders.base.Decoder`."""
-        frames, self._rest = whole_frames(self._rest + data, _FRAMING, self.left_out)
-        return self._messages(frames)
-
     def pause(self) -> list[Message]:
         """See :class:`~schuler.live.decoders.base.Decoder`."""
         return [measurement for part in self._epochs for measurement in self._complete(part)]
-
-    def finish(self) -> list[Message]:
-        """See :class:`~schuler.live.decoders.base.Decoder`."""
-        frames, self._rest = whole_frames(self._rest, _FRAMING, self.left_out, final=True)
-        return [*self._messages(frames), *self.pause()]
 
     @np.errstate(invalid="ignore", over="ignore")  # what is no number is refused, or for the navigator to leave out
     def _messages(self, frames: list[bytes]) -> list[Message]:

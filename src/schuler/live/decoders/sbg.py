@@ -12,7 +12,7 @@ from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
 from schuler.live.decoders import sensor_clock
 from schuler.live.decoders.base import fix_of, in_order, samples, wanted
-from schuler.live.decoders.frames import Framing, whole_frames
+from schuler.live.decoders.frames import FrameDecoder, Framing
 from schuler.live.messages import Fix, ImuBlock, Message
 from schuler.recording.formats import sbg
 from schuler.recording.io import parts
@@ -27,7 +27,7 @@ _ALONE = 20  # frames of a log that come alone before it is taken in place of a 
 _LEARNT = 3  # fixes after which it is known whether velocities come, too
 
 
-class SbgDecoder:
+class SbgDecoder(FrameDecoder):
     """Samples and fixes of logs, see :mod:`schuler.recording.formats.sbg`.
 
     A fix waits for the velocity of its time where velocities come. On GPS time what comes before the second UTC_TIME
@@ -45,6 +45,8 @@ class SbgDecoder:
         If a hint means nothing here.
     """
 
+    framing = _FRAMING
+
     def __init__(self, clock: SourceClock, hints: ReadHints) -> None:
         parts.check_hints(_PATH, hints, sbg.HINTS, "a stream of an SBG unit")
         if hints.time not in (None, "gps", "local"):
@@ -58,7 +60,7 @@ class SbgDecoder:
                 )
         self.left_out: Counter[str] = Counter()
         self.kind: Kind | None = "rate" if wanted(hints, "imu") else None
-        self._hints, self._rest, self._bytes = hints, b"", 0
+        self._hints, self._bytes = hints, 0
         self._wanted = [part for part in ("imu", "gnss") if wanted(hints, part)]
         self._taken = {part: chosen.get(part) for part in self._wanted}
         self._counter = sensor_clock.Counter(sbg.WRAP)
@@ -66,19 +68,9 @@ class SbgDecoder:
         self._position: Columns | None = None
         self._moves, self._fixes_count = False, 0
 
-    def feed(self, data: bytes, arrival: float) -> list[Message]:
-        """See :class:`~schuler.live.decoders.base.Decoder`."""
-        frames, self._rest = whole_frames(self._rest + data, _FRAMING, self.left_out)
-        return self._messages(frames)
-
     def pause(self) -> list[Message]:
         """See :class:`~schuler.live.decoders.base.Decoder`."""
         return list(self._complete(None))
-
-    def finish(self) -> list[Message]:
-        """See :class:`~schuler.live.decoders.base.Decoder`."""
-        frames, self._rest = whole_frames(self._rest, _FRAMING, self.left_out, final=True)
-        return [*self._messages(frames), *self.pause()]
 
     @np.errstate(invalid="ignore", over="ignore")  # what is no number is refused, or for the navigator to leave out
     def _messages(self, frames: list[bytes]) -> list[Message]:

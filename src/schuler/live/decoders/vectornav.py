@@ -11,7 +11,7 @@ from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
 from schuler.live.decoders.base import fix_of, in_order, samples, wanted
-from schuler.live.decoders.frames import Framing, whole_frames
+from schuler.live.decoders.frames import FrameDecoder, Framing
 from schuler.live.messages import Fix, ImuBlock, Message
 from schuler.recording.formats import vectornav, vectornav_packets
 from schuler.recording.io import parts
@@ -27,7 +27,7 @@ _FRAMING = Framing(
 _ALONE = 100  # kinds of packets of which one came, by chance most of them
 
 
-class VectorNavDecoder:
+class VectorNavDecoder(FrameDecoder):
     """Samples and fixes of binary packets, see :mod:`schuler.recording.formats.vectornav`.
 
     A kind of packet counts from its second one on, which the first waits for: a checksum of 16 bits is right by chance
@@ -47,6 +47,8 @@ class VectorNavDecoder:
         If a hint means nothing here.
     """
 
+    framing = _FRAMING
+
     def __init__(self, clock: SourceClock, hints: ReadHints, *, announced: bool = True) -> None:
         parts.check_hints(Path("VectorNav"), hints, vectornav.HINTS - {"rate"}, "a stream of VectorNav packets")
         if hints.time not in (None, "gps", "local"):
@@ -62,25 +64,10 @@ class VectorNavDecoder:
         if wanted(hints, "imu"):
             self.kind = "increment" if self._outputs == "delta" else "rate"
         self._clock, self._hints, self._announced = clock, hints, announced
-        self._rest = b""
         self._alone: dict[bytes, bytes] = {}
         self._known: set[bytes] = set()
         self._of_part: dict[str, bytes] = {}
         self._before: Columns = {}
-
-    def feed(self, data: bytes, arrival: float) -> list[Message]:
-        """See :class:`~schuler.live.decoders.base.Decoder`."""
-        frames, self._rest = whole_frames(self._rest + data, _FRAMING, self.left_out)
-        return self._messages(frames)
-
-    def pause(self) -> list[Message]:
-        """See :class:`~schuler.live.decoders.base.Decoder`."""
-        return []
-
-    def finish(self) -> list[Message]:
-        """See :class:`~schuler.live.decoders.base.Decoder`."""
-        frames, self._rest = whole_frames(self._rest, _FRAMING, self.left_out, final=True)
-        return self._messages(frames)
 
     def _messages(self, frames: list[bytes]) -> list[Message]:
         kinds: dict[bytes, list[bytes]] = {}

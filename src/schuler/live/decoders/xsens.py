@@ -11,7 +11,7 @@ from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
 from schuler.live.decoders import sensor_clock
 from schuler.live.decoders.base import fix_of, in_order, samples, wanted
-from schuler.live.decoders.frames import Framing, whole_frames
+from schuler.live.decoders.frames import FrameDecoder, Framing
 from schuler.live.messages import Fix, ImuBlock, Message
 from schuler.recording.formats import ubx_messages, xsens, xsens_messages
 from schuler.recording.formats.xsens_messages import TICK, Packets
@@ -28,7 +28,7 @@ _PATH = Path("Xsens")
 _PERIOD = 2.0**32 * TICK
 
 
-class XsensDecoder:
+class XsensDecoder(FrameDecoder):
     """Samples and fixes of MTData2, see :mod:`schuler.recording.formats.xsens`.
 
     On GPS time what comes before the second UTC is left out.
@@ -46,6 +46,8 @@ class XsensDecoder:
     InputError
         If a hint means nothing here.
     """
+
+    framing = _FRAMING
 
     def __init__(self, clock: SourceClock, hints: ReadHints, *, announced: bool = True) -> None:
         parts.check_hints(_PATH, hints, xsens.HINTS - {"rate"}, "a stream of an Xsens sensor")
@@ -65,27 +67,13 @@ class XsensDecoder:
         if output == "delta" and not announced:
             self._outputs = []
             self.left_out["streams of increments of an IMU (say format=xsens)"] += 1
-        self._hints, self._rest, self._bytes = hints, b"", 0
+        self._hints, self._bytes = hints, 0
         self._clock = sensor_clock.SensorClock(clock, hints.time == "local")
         self._axis = clock
         self._counters = {what: sensor_clock.Counter(_PERIOD) for what in ("imu", "utc")}
         self._dated, self._temperature = False, np.nan
         self._itow: int | None = None
         self._last = -np.inf
-
-    def feed(self, data: bytes, arrival: float) -> list[Message]:
-        """See :class:`~schuler.live.decoders.base.Decoder`."""
-        frames, self._rest = whole_frames(self._rest + data, _FRAMING, self.left_out)
-        return self._messages(frames)
-
-    def pause(self) -> list[Message]:
-        """See :class:`~schuler.live.decoders.base.Decoder`."""
-        return []
-
-    def finish(self) -> list[Message]:
-        """See :class:`~schuler.live.decoders.base.Decoder`."""
-        frames, self._rest = whole_frames(self._rest, _FRAMING, self.left_out, final=True)
-        return self._messages(frames)
 
     @np.errstate(invalid="ignore", over="ignore")  # what is no number is refused, or for the navigator to leave out
     def _messages(self, frames: list[bytes]) -> list[Message]:

@@ -121,6 +121,8 @@ def test_sigmas_after_a_pause_are_honest(ideal, tmp_path, stood, pause_s, seeds)
             live.imu_many(imu.t[:500], imu.gyro[:500], imu.accel[:500])
             k = -1
             assert live.solution() is not None, live.events[-1]
+            # twenty samples tell that the log goes on; the increment of the twentieth counts from where it begins
+            assert live.initial.nav.t == pytest.approx(imu.t[18], abs=1e-6)
         else:
             part = unit.drive(shift)
             stop = shift + 30.0

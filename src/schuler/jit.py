@@ -136,11 +136,11 @@ def _quick_compilation() -> Iterator[None]:
     def call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
         if kws:
             return resolve(self, context, args, kws)
-        known = self.__dict__.setdefault("_signatures_of_operands", {})
+        resolved = self.__dict__.setdefault("_signatures_of_operands", {})
         key = (context, tuple(args))
-        if key not in known:
-            known[key] = resolve(self, context, args, kws)
-        return known[key]
+        if key not in resolved:
+            resolved[key] = resolve(self, context, args, kws)
+        return resolved[key]
 
     with _core.compiler_lock.global_compiler_lock:
         builder = getattr(codegen, "create_pass_builder", None)  # a numba that has none unrolls

@@ -156,8 +156,8 @@ def calibrate_freepose(
         options["g_sensitivity"] = g_sensitivity = bool(g_sensitivity)
     imu, held = without_held(imu)
     rates, interval = imu.rates(), imu.interval
-    lost, said = lost_rates(rates.t, rates.gyro)
-    held += said
+    lost, sentences = lost_rates(rates.t, rates.gyro)
+    held += sentences
     names = _parameter_names(bool(g_sensitivity), size_effect, delay)
 
     # 1. Rests, and the accelerometers from them.

@@ -311,6 +311,43 @@ def test_a_mission_with_another_imu_and_outage_is_that_of_the_command(tmp_path):
 
 @chromium.needed
 @pytest.mark.campaign
+def test_a_campaign_that_is_killed_goes_on_and_ends_as_the_command_does(tmp_path):
+    from schuler.studio import jobs
+    from schuler.studio.workspace import Workspace
+
+    folder = Workspace(tmp_path.resolve())
+    served = Server(tmp_path)
+    try:
+        with chromium.opened(served.page("/plan"), 1400) as page:
+            press(page, "new campaign")
+            type_into(page, "runs", "24")
+            shown = "[...document.querySelectorAll('.command pre')].at(-1)?.textContent"
+            chromium.wait_for(page, f"{shown}?.includes('--runs 24')", 60.0)
+            words = shlex.split(chromium.run(page, shown))
+            press(page, "simulate")
+            store = tmp_path / words[words.index("--store") + 1]
+            chromium.wait_for(page, "+document.querySelector('progress')?.value > 0", 120.0)
+            os.kill(jobs.jobs(folder)[0].pid, signal.SIGKILL)
+            chromium.wait_for(page, "document.querySelector('.bad')?.textContent.includes('runs that were')", 60.0)
+            assert any(store.iterdir())
+            press(page, "start again")
+            chromium.wait_for(page, "document.querySelector('.verdict b')", 240.0)
+            verdict = chromium.run(page, "document.querySelector('.verdict').textContent")
+            assert (chromium.errors(page), chromium.requests(page)) == ((), ())
+    finally:
+        served.stop()
+    by_page = jobs.answer(folder, jobs.latest(folder, "montecarlo").key)
+    assert by_page["resumed"] > 0
+    for option in ("--store", "--out"):
+        words[words.index(option) + 1] = f"again{option}"
+    run = [sys.executable, "-m", *words, "--json"]
+    numbers = json.loads(subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=True).stdout)
+    assert by_page["rms"] == numbers["rms"]  # runs that were kept and those made after
+    assert numbers["verdict"] in verdict
+
+
+@chromium.needed
+@pytest.mark.campaign
 def test_a_worker_and_a_server_that_are_killed(town):
     from schuler.studio import jobs
     from schuler.studio.workspace import Workspace

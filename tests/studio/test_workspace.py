@@ -18,6 +18,7 @@ from schuler.studio.workspace import (
     missions,
     new_run_name,
     runs,
+    studies,
     workspace_of,
     write_mission,
 )
@@ -136,3 +137,15 @@ def test_missions_are_what_a_budget_can_be_made_of(folder):
     noise.mkdir()
     (noise / "imu.toml").write_text("")
     assert identified_imus(folder) == ["rest-noise-1/imu.toml"]
+
+
+def test_studies_are_what_monte_carlo_and_platforms_can_be_made_of(folder):
+    before = studies(folder)
+    assert set(before.values()) <= {"montecarlo"}
+    names = [write_mission(folder, kind) for kind in ("campaign", "rotary", "mission")]
+    assert names == ["campaign.toml", "rotary.toml", "mission.toml"]
+    assert studies(folder) == {**before, "campaign.toml": "montecarlo", "rotary.toml": "rotary"}
+    for name, example in (("campaign", "montecarlo_hour"), ("rotary", "rotary_static")):
+        assert (folder.root / f"{name}.toml").read_text() == (EXAMPLES / f"{example}.toml").read_text()
+    (folder.root / "town.toml").write_text((EXAMPLES / "town.toml").read_text())
+    assert studies(folder)["town.toml"] == "montecarlo"

@@ -100,6 +100,34 @@ def budget_arguments(scenario: str, imus: Sequence[str], out: str, changes: Mapp
     return ["budget", scenario, *(word for imu in imus for word in ("--imu", imu)), *settings, "--out", out]
 
 
+def study_arguments(kind: str, scenario: str, out: str, runs: int | None, *, search: bool = False) -> list[str]:
+    """Arguments after ``schuler`` that simulate a mission many times.
+
+    Parameters
+    ----------
+    kind : {"montecarlo", "rotary"}
+        As :func:`schuler.studio.workspace.studies` says of the scenario.
+    scenario, out : str
+        From the root of the workspace on. Runs of a campaign are kept in a store beside ``out`` as they finish, and
+        the same command goes on with it.
+    runs : int or None
+        None: as the scenario says.
+    search : bool
+        Whether the best schedule of a platform is looked for.
+
+    Raises
+    ------
+    InputError
+        If the number of runs is not one.
+    """
+    if runs is not None and runs < 1:
+        raise InputError(f"runs: expected 1 or more, got {runs}")
+    number = [] if runs is None else ["--runs", str(runs)]
+    if kind == "montecarlo":
+        return [kind, scenario, *number, "--store", f"{out}-store", "--resume", "--out", out]
+    return [kind, scenario, *number, *(["--search"] if search else []), "--out", out]
+
+
 def calibrate_arguments(
     method: str, log: str, config: str, out: str, options: Mapping[str, Any], *, report: bool = False
 ) -> list[str]:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from schuler.exceptions import InputError, SchulerError
 from schuler.files import LISTED, read_toml, write_text
@@ -113,6 +113,30 @@ def missions(workspace: Workspace) -> list[str]:
     return names
 
 
+def studies(workspace: Workspace) -> dict[str, str]:
+    """Configurations of missions that are simulated many times, and the command that does it, by name.
+
+    ``montecarlo`` for campaigns and for drives as ``schuler simulate`` takes them, ``rotary`` for IMUs on a platform.
+    """
+    from schuler.montecarlo.job import CampaignFile
+    from schuler.rotary.search.scenario import RotaryScenario
+    from schuler.simulation.scenario import Scenario
+
+    kinds = (
+        ("montecarlo", {"simulation"}, CampaignFile), ("rotary", {"motion", "rotary"}, RotaryScenario),
+        ("montecarlo", {"motion", "imu"}, Scenario),
+    )  # fmt: skip
+    named: dict[str, str] = {}
+    for name in configurations(workspace):
+        with suppress(SchulerError):
+            entries = read_toml(workspace.inside(name)).keys()
+            for command, needed, model in kinds:
+                if needed <= entries <= model.model_fields.keys():
+                    named[name] = command
+                    break
+    return named
+
+
 def identified_imus(workspace: Workspace) -> list[str]:
     """Names of the budgets of IMUs that ``schuler allan`` wrote, in folders of runs too."""
     return sorted(
@@ -120,10 +144,14 @@ def identified_imus(workspace: Workspace) -> list[str]:
     )
 
 
-def write_mission(workspace: Workspace) -> str:
-    """Write the mission to start from, a minute without GNSS in a town, under a free name; the name."""
-    name = _free_name(workspace, "mission")
-    text = (resources.files("schuler.studio") / "assets" / "mission.toml").read_text(encoding="utf-8")
+def write_mission(workspace: Workspace, kind: Literal["mission", "campaign", "rotary"] = "mission") -> str:
+    """Write what to start from under a free name, and return the name.
+
+    ``mission`` is a minute without GNSS in a town, for budgets; ``campaign`` an hour of driving, for Monte Carlo;
+    ``rotary`` five minutes at rest on a platform that turns.
+    """
+    name = _free_name(workspace, kind)
+    text = (resources.files("schuler.studio") / "assets" / f"{kind}.toml").read_text(encoding="utf-8")
     write_text(workspace.inside(name), text, at_once=True)
     return name
 

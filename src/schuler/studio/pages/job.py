@@ -14,10 +14,7 @@ from schuler.studio.pages.frame import button, html, problem
 from schuler.studio.workspace import Workspace
 
 POLL_S = 0.4
-_ENDED = {
-    "killed": "its process was ended from outside; nothing half-written is left",
-    "cancelled": "cancelled; nothing is left of it",
-}
+_ENDED = {"killed": "its process was ended from outside", "cancelled": "cancelled"}
 
 
 @dataclass
@@ -35,6 +32,8 @@ class JobPanel:
         Called with the job when it is done.
     key : str
         Of the job that is watched; empty: the latest.
+    left : str
+        What there is of a job that did not end by itself.
     """
 
     workspace: Workspace
@@ -42,6 +41,7 @@ class JobPanel:
     latest: Callable[[], jobs.Job | None]
     ended: Callable[[jobs.Job], None]
     key: str = ""
+    left: str = "nothing half-written is left"
     _shown: jobs.Job | None = None
 
     def start(self, arguments: Callable[[], Sequence[str]]) -> None:
@@ -87,6 +87,6 @@ class JobPanel:
                 )
                 button("cancel", lambda: jobs.cancel(self.workspace, job.key))
             elif job.state != "done":
-                words = printable(_ENDED.get(job.state, job.message))
+                words = f"{_ENDED[job.state]}; {self.left}" if job.state in _ENDED else printable(job.message)
                 html(f'<p class="hint bad">{escape(job.out)}: {escape(job.state)}: {escape(words)}</p>')
                 button("start again", lambda: self._again(job))

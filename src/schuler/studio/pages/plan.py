@@ -16,6 +16,7 @@ from schuler.studio import form, jobs, runner
 from schuler.studio.pages.entries import entry_fields
 from schuler.studio.pages.frame import block, button, command_box, heading, hint, html, place, problem, table
 from schuler.studio.pages.job import POLL_S, JobPanel
+from schuler.studio.pages.studies import studies_part
 from schuler.studio.workspace import Workspace, identified_imus, missions, new_run_name, write_mission
 
 _OUTAGES, _REQUIRE = "gnss.outages_s", "require"
@@ -153,6 +154,8 @@ def plan_page(workspace: Workspace, mission: str) -> None:
                 lambda: jobs.latest(workspace, "budget", state.mission) if state.mission else None, worked_out,
             )  # fmt: skip
             result = place()
+    heading("Many runs, and IMUs that turn")
+    studies_part(workspace)
     ui.timer(0.05, loaded, once=True)
     ui.timer(POLL_S, panel.look)
 

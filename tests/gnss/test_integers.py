@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schuler.gnss.integers import HeldIntegers, Measured, _covariance, _float, fix_epoch
+from schuler.gnss.ambiguities import decorrelate, success_rate
+from schuler.gnss.integers import HeldIntegers, Measured, _covariance, _float, _largest_success, fix_epoch
 
 CYCLE = 0.1903
 CODE, PHASE = 0.5, 0.003
@@ -135,6 +136,16 @@ def test_wrong_fixes_are_as_rare_as_claimed(rng, skies):
             wrong += any(len(np.unique(off[kind == i])) > 1 for i in (0, 1))
     assert accepted > skies // 3
     assert wrong == 0
+
+
+def test_no_decorrelation_succeeds_more_often_than_the_determinant_allows(rng):
+    """And one that makes all variances equal just as often."""
+    for n in (1, 4, 9):
+        for _ in range(20):
+            A = rng.standard_normal((n, n)) * rng.uniform(0.02, 0.5)
+            Q = A @ A.T + 1e-4 * np.eye(n)
+            assert success_rate(decorrelate(Q)[2]) <= _largest_success(Q) * (1.0 + 1e-12)
+        assert _largest_success(0.04 * np.eye(n)) == pytest.approx(success_rate(np.full(n, 0.04)), rel=1e-12)
 
 
 def test_float_ambiguities_are_those_of_one_least_squares(rng):

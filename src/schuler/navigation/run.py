@@ -37,6 +37,7 @@ from schuler.navigation.start.heading import judged_start
 from schuler.navigation.states import imu_spec, state_layout
 from schuler.navigation.tuning.entries import tuned_configuration
 from schuler.navigation.tuning.lever import LEVER_ESTIMATED, has_lever, with_lever
+from schuler.navigation.tuning.start import unless_refuted
 from schuler.navigation.tuning.tuning import Tuning, contradicted, tune
 from schuler.recording.io.own import time_document
 from schuler.recording.recording import Recording
@@ -106,6 +107,7 @@ def navigate(
         if asked == "auto" and config.noise_is_stated:
             tuned = [STATED_NOISE]
         else:
+            stated = config
             config, prepared, tuned = _tuned(recording, config, prepared, initial, calibration, base)
             if initial is None and config.gnss.coupling == "loose" and not config.lever_is_stated:
                 other = with_lever(config)
@@ -113,6 +115,9 @@ def navigate(
                 if has_lever(prepared, free):
                     config, prepared, again = _tuned(recording, other, free, initial, calibration, base)
                     tuned += [LEVER_ESTIMATED, *again]
+            if initial is None and config is not stated and config.alignment.method != "given":
+                prepared, refuted = unless_refuted(prepared)
+                tuned += refuted
     noisy = noise_against_budget(prepared.imu, prepared.spec)  # before the run takes memory
     forward = prepared.run(progress=progress)
     if forward.epochs == 0 or not len(forward.rec_t):

@@ -170,7 +170,7 @@ def _sizes(result: NavigationResult) -> Iterator[Finding]:
             yield Finding(grave, text, f"nis {code}", mean)
         if code in (POSITION, VELOCITY, FIX, PSEUDORANGE, RANGE_RATE):
             series = _by_satellite(result, code) if code in (PSEUDORANGE, RANGE_RATE) else [accepted]
-            values = [_normalised(part) for part in series]
+            values = [_normalised(_second_by_second(part)) for part in series]
             least = _SLOW.get(code, _SLOW_ELSE)
             worst = max((slow_nis(values, length, least) for length in _LENGTHS), key=lambda pair: pair[0] / pair[1])
             if worst[0] > worst[1]:
@@ -186,6 +186,12 @@ def _mean_with_error(values: FloatArray) -> tuple[float, float]:
     blocks = np.array_split(values, min(20, len(values)))
     means = np.array([b.mean() for b in blocks])
     return float(values.mean()), float(means.std(ddof=1) / np.sqrt(len(means)))
+
+
+def _second_by_second(inn: Innovations) -> Innovations:
+    """One innovation of a kind for each second: errors of a receiver within a second are alike."""
+    second = np.floor(inn.t + 1e-6)
+    return inn.where(np.append(True, np.diff(second) > 0.0)[: len(second)])
 
 
 def _normalised(inn: Innovations) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -32,6 +32,10 @@ _DECIDED = 20.0 * units.DEG  # spread of the headings that remain likely
 _CONVICTS = 10.0  # difference of log-likelihoods that overrules a course: chi-square of 20, one degree of freedom
 _CLEARLY = 0.4  # and its mean squares are so much smaller: errors of scale no state has turn headings by less
 _ELSEWHERE = 45.0 * units.DEG  # a course this far off is looked for
+# Factors on the IMU's white noise that headings are also tried with, where none fits the noise as stated: errors too
+# large for it break the filter down at headings that are right as well, and the likeliest is then a matter of chance.
+_NOISIER = (4.0, 16.0)
+_FITS = 1.5  # mean normalised innovation squared of a heading that fits
 # Headings beside one that is given.
 _BESIDE = np.array([0.0, 20.0, -20.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0]) * units.DEG
 
@@ -103,19 +107,21 @@ def judged_start(
     Notes
     -----
     A heading from the course is tried against others: a vehicle that started backwards, sideways, or an IMU mounted
-    across is found by its accelerations, which fixes show in north and east. Log-likelihoods are divided by the mean
-    normalised innovation squared of the best run where that is above one, so that noise stated too small does not
-    convict. A given heading stays, with a note where another is as much likelier. Where nothing is known, headings of a
-    full circle are tried over one, two and four minutes; those that remain likely make the heading and its uncertainty,
-    as a Gaussian sum would.
+    across is found by its accelerations, which fixes show in north and east. Headings of a circle are compared at the
+    IMU noise that is likeliest for each (profile likelihood) where none fits the noise as stated. Log-likelihoods are
+    divided by the mean normalised innovation squared of the best run where that is above one, so that noise stated too
+    small does not convict. A given heading stays, with a note where another is as much likelier. Where nothing is
+    known, headings of a full circle are tried over one, two and four minutes; those that remain likely make the heading
+    and its uncertainty, as a Gaussian sum would.
     """
     method = start.method
-    tried = partial(_relative, start, lambda state, span: log_likelihood(prepared, finish(state), span))
+    runs = [lambda state, span, run=run: log_likelihood(run, finish(state), span) for run in _noisier(prepared)]
+    tried, stated = partial(_relative, start, runs), partial(_relative, start, runs[:1])
     if start.source == "gyrocompass" or not np.isin(prepared.schedule.kind, _JUDGED).any():
         return _as_it_is(start), method, []
     if start.source == "course" and start.sigma < _WIDTH:
         apart = np.arange(0.0, 2.0 * np.pi - 1e-9, _ELSEWHERE)
-        relative, squares = tried(apart, [start.sigma, *[_WIDTH * 2.0] * (len(apart) - 1)], _SPANS_S[0])
+        relative, squares = stated(apart, [start.sigma, *[_WIDTH * 2.0] * (len(apart) - 1)], _SPANS_S[0])
         best = int(np.argmax(relative))
         if relative[0] > relative[best] - _CONVICTS or squares[best] > _CLEARLY * squares[0]:
             return start.initial, method, []
@@ -185,29 +191,35 @@ def _undecided(start: Start, span: float) -> tuple[InitialState, str, list[str]]
 
 def _relative(
     start: Start,
-    trial: Callable[[InitialState, float], tuple[float, float]],
+    trials: Sequence[Callable[[InitialState, float], tuple[float, float]]],
     apart: FloatArray,
     sigmas: list[float],
     span: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Log-likelihoods of headings so far from the start's, less the largest, where noise is as large as it shows.
 
-    And the mean squares of their innovations. Shapes (n,).
+    And the mean squares of their innovations. Shapes (n,). Each of the later trials only where no heading fits before.
     """
-    results = []
-    for angle, sigma in zip(apart, sigmas, strict=True):
-        try:
-            initial = (
-                start.initial
-                if angle == 0.0 and sigma == start.sigma
-                else start.at_heading(start.heading + float(angle), sigma)
-            )
-            results.append(trial(initial, span))
-        except InputError:
-            results.append((-np.inf, np.inf))
-    likelihood = np.array([r[0] for r in results])
-    squares = np.array([r[1] for r in results])
+    likelihood, squares = np.full(len(apart), -np.inf), np.full(len(apart), np.inf)
+    for trial in trials:
+        for i, (angle, sigma) in enumerate(zip(apart, sigmas, strict=True)):
+            as_it_is = angle == 0.0 and sigma == start.sigma
+            try:
+                initial = start.initial if as_it_is else start.at_heading(start.heading + float(angle), sigma)
+                result = trial(initial, span)
+            except InputError:
+                continue
+            if result[0] > likelihood[i]:
+                likelihood[i], squares[i] = result
+        best = int(np.argmax(likelihood))
+        if squares[best] < _FITS:
+            break
     if not np.isfinite(likelihood).any():
         return np.zeros(len(apart)), squares
-    best = int(np.argmax(likelihood))
     return (likelihood - likelihood[best]) / max(squares[best], 1.0), squares
+
+
+def _noisier(prepared: PreparedRun) -> list[PreparedRun]:
+    """The run as it is, and with white noise of its IMU multiplied."""
+    gyro, accel = prepared.psd
+    return [prepared, *(replace(prepared, psd=(gyro * factor**2, accel * factor**2)) for factor in _NOISIER)]

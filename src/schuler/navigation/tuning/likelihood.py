@@ -156,10 +156,10 @@ def trials(
             continue
         sets = sets if phases is None else min(sets, phases)
         for phase in range(sets):
-            chosen = given & ((schedule.t <= warm) | _thinned(schedule, given, warm, horizon, phase / sets, spacing))
+            chosen = given & ((schedule.t <= warm) | thinned(schedule, given, warm, horizon, phase / sets, spacing))
             held = np.zeros(len(schedule), dtype=bool)
             if judging is not None:
-                held = judging & (schedule.t > warm) & _thinned(schedule, judging, warm, 1.0, 0.0, spacing)
+                held = judging & (schedule.t > warm) & thinned(schedule, judging, warm, 1.0, 0.0, spacing)
             use = np.flatnonzero(~fix | chosen | held)
             judge = (held if judging is not None else chosen & (schedule.t > warm))[use]
             runs.append(Trial(horizon, 1.0 / sets, use, held[use], judge))
@@ -179,7 +179,7 @@ def spacing_of(schedule: MeasurementSchedule, given: BoolArray) -> float:
     return float(np.median(np.diff(t))) if len(t) > 1 else np.inf
 
 
-def _thinned(
+def thinned(
     schedule: MeasurementSchedule, given: BoolArray, start: float, span: float, phase: float, spacing: float
 ) -> BoolArray:
     """The first epoch of each kind in every cell of ``span`` seconds; all if they are no closer."""

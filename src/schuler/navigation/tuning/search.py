@@ -166,12 +166,18 @@ def block_count(t: FloatArray) -> int:
     return int(np.clip(np.ptp(t) / _BLOCK_S, 4, 30))
 
 
-def block_scatter(values: FloatArray, t: FloatArray) -> FloatArray:
-    """Covariance of sums over a log from the sums over its stretches, shape (n, n) of values of shape (n, k)."""
+def block_sums(values: FloatArray, t: FloatArray) -> FloatArray:
+    """Sums over the stretches of a log, shape (n, blocks) of values of shape (n, k)."""
     span = float(np.ptp(t))
     count = block_count(t)
     block = np.minimum((count * (t - t.min()) / max(span, 1e-9)).astype(np.int64), count - 1)
-    sums = np.stack([np.bincount(block, row, minlength=count) for row in values])
-    sums -= sums.mean(axis=1, keepdims=True)
+    return np.stack([np.bincount(block, row, minlength=count) for row in values])
+
+
+def block_scatter(values: FloatArray, t: FloatArray) -> FloatArray:
+    """Covariance of sums over a log from the sums over its stretches, shape (n, n) of values of shape (n, k)."""
+    sums = block_sums(values, t)
+    count = sums.shape[1]
+    sums = sums - sums.mean(axis=1, keepdims=True)
     scatter: FloatArray = sums @ sums.T * count / (count - 1)
     return scatter

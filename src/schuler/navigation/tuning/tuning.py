@@ -23,8 +23,9 @@ from schuler.navigation.tuning.noise import (
     with_factors,
     with_wander,
 )
-from schuler.navigation.tuning.search import Fit, block_scatter, fit
+from schuler.navigation.tuning.search import Fit, block_scatter, block_sums, fit
 from schuler.navigation.tuning.slow import CLEARLY, candidates, range_factor, with_slow_error
+from schuler.navigation.tuning.start import with_smoothed_start
 
 _LONGEST = 900.0  # of the log that is used [s]
 _FEWEST = 20  # epochs of fixes in each half
@@ -32,7 +33,7 @@ _OUTLIER = 25.0  # normalised innovation squared per component beyond which a fi
 _SURE = 2.0  # standard errors by which held-back fixes have to be likelier
 _T95 = 1.96
 _CONSISTENT = (0.7, 1.4)  # mean normalised innovation squared of a run that is left as it is
-_LEAST_GAIN = 8.0  # of log likelihood for further states: chi-square of 16
+_LEAST_GAIN = 8.0  # of log likelihood for other noise or further states: chi-square of 16
 _STILL = 0.5  # GNSS speed of what may stand [m/s]
 _CERTAIN = 3.0  # standard errors beyond that
 _JUDGES = 8  # fixes of a kind and spacing that judge
@@ -175,12 +176,16 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
     -----
     Factors are chosen on every other fix by the likelihood of innovations over 1, 4 and 15 s
     (:mod:`~schuler.navigation.tuning.likelihood`) and checked on the fixes between, which are predicted and not used.
-    If these are likelier by two standard errors, all fixes refine the factors. The intervals hold the difference
-    between both choices. A slow error of positions is taken where fixes held back are likelier with it by three;
-    sigmas of pseudoranges whose innovations stay with a satellite are enlarged first
-    (:func:`~schuler.navigation.tuning.slow.range_factor`) and then left.
+    If these are likelier by 8, and by two standard errors or so that their mean normalised innovation squared is within
+    0.7 to 1.4 now where it was not, all fixes refine the factors. The intervals hold the difference between both
+    choices. A slow error of positions is taken where fixes held back are likelier with it by three; sigmas of
+    pseudoranges whose innovations stay with a satellite are enlarged first
+    (:func:`~schuler.navigation.tuning.slow.range_factor`) and then left. All runs begin smoothed
+    (:func:`~schuler.navigation.tuning.start.with_smoothed_start`).
     """
     prepared = _first_part(with_wander(prepared))
+    if np.any(_fixes(prepared)):
+        prepared = with_smoothed_start(prepared)
     terms = terms_of(prepared)
     fixes = _fixes(prepared)
     one, other = halves(prepared.schedule, fixes)
@@ -208,7 +213,8 @@ def tune(prepared: PreparedRun, *, aligned: bool = True) -> Tuning:
             model, half, after = other_model
             terms, slow = (*terms, SLOW), True
     gain, gain_sigma = _gain(before, after)
-    better = gain > _SURE * gain_sigma and _largest_white(half.factors) <= _MOST
+    proven = _proven(before, after) or (gain > _LEAST_GAIN and _contradict(before) and not _contradict(after))
+    better = proven and _largest_white(half.factors) <= _MOST
     final = half
     if better:
         everything = residuals_of(trials(model, fixes & ~outlying))
@@ -347,15 +353,16 @@ def likelier(prepared: PreparedRun, other: PreparedRun) -> bool:
 
     Notes
     -----
-    By two standard errors, which stretches of the log give.
+    By two standard errors, which stretches of the log give; both runs begin smoothed.
     """
-    prepared, other = _first_part(prepared), _first_part(other)
+    prepared, other = (with_smoothed_start(_first_part(run)) for run in (prepared, other))
+    later = max(prepared.initial.nav.t, other.initial.nav.t)
+    prepared, other = (replace(run, schedule=run.schedule.where(run.schedule.t > later)) for run in (prepared, other))
     tests = trials(prepared, *halves(prepared.schedule, _fixes(prepared)), phases=1)
     if not tests:
         return False
     judged = residuals_of(tests)
-    gain, sigma = _gain(judged(prepared), judged(other))
-    return gain > _SURE * sigma
+    return _proven(judged(prepared), judged(other))
 
 
 def _fixes(prepared: PreparedRun) -> BoolArray:
@@ -393,6 +400,24 @@ def _gain(before: Residuals, after: Residuals) -> tuple[float, float]:
     """Log likelihood won, and its 1-sigma from the scatter over stretches of the log."""
     won = before.scores() - after.scores()
     return float(won.sum()), float(np.sqrt(block_scatter(won[None, :], before.t)[0, 0]))
+
+
+def _proven(before: Residuals, after: Residuals) -> bool:
+    """Whether fixes are likelier by 8 and two standard errors: of the sum over all stretches of the log, or of votes.
+
+    A log likelihood won mostly in one stretch has a standard error as large as itself, though all stretches win: each
+    has a vote too, whole where it wins or loses 8.
+    """
+    won = block_sums((before.scores() - after.scores())[None, :], before.t)[0]
+    votes = np.clip(won / _LEAST_GAIN, -1.0, 1.0)
+    n = len(won)
+    sure = any(x.sum() > _SURE * np.sqrt(n) * x.std(ddof=1) for x in (won, votes))
+    return bool(won.sum() > _LEAST_GAIN and sure)
+
+
+def _contradict(residuals: Residuals) -> bool:
+    """Whether the mean normalised innovation squared of a kind of fixes is not that of right noise."""
+    return any(not _CONSISTENT[0] <= nis <= _CONSISTENT[1] for nis in residuals.nis().values())
 
 
 def _intervals(final: Fit, half: Fit) -> dict[str, tuple[float, float]]:

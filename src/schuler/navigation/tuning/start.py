@@ -1,0 +1,136 @@
+"""Start of a run whose noise is tuned: smoothed, so that no filter has to find its attitude from a wrong one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from schuler.arrays import BoolArray, FloatArray
+from schuler.filtering.initial_state import InitialState
+from schuler.filtering.measurements import MeasurementSchedule
+from schuler.mechanization.strapdown import NavState
+from schuler.navigation.prepared import PreparedRun
+from schuler.navigation.result import NavigationResult
+from schuler.navigation.start.heading import log_likelihood
+from schuler.navigation.tuning.likelihood import residuals_of, spacing_of, thinned, trials
+from schuler.navigation.tuning.noise import TUNING_KINDS, WHITE, with_factors
+
+_SPAN_S = 120.0  # of the log that places the start
+_JUDGED_S = 60.0  # and that refutes one
+_WIDER = 5.0  # factor on the smoothed 1-sigma, since fixes that are judged later are in it
+_SCALES = (1.0, 4.0, 16.0)  # factors on the IMU's white noise, of which the likeliest smooths
+_REFUTED = 25.0  # log likelihood that a start loses: half a chi-square of 50, where right starts of 21 states lose 10
+
+
+def with_smoothed_start(prepared: PreparedRun, *, narrow: bool = True) -> PreparedRun:
+    """The run from its first record on, with the smoothed state there.
+
+    Parameters
+    ----------
+    prepared : PreparedRun
+    narrow : bool
+        Whether its covariance is that of the start combined with five times the smoothed 1-sigma; else the start's.
+
+    Returns
+    -------
+    PreparedRun
+        As it was where fixes are not likelier with the smoothed start, and where ranges are the measurements, whose
+        noise leaves errors of the start small.
+
+    Notes
+    -----
+    A filter that finds its attitude from fixes of a centimetre linearises about a wrong one, and what it makes of that
+    changes at random with the noise that is being judged: likelihoods jump (a car, heading off by 10 deg, positions of
+    6 mm: by 60 between factors of 1.1 and 1.2), and the largest is a matter of chance. Linearised about a state that is
+    nearly right they are smooth, as in an iterated Kalman filter (Bell, Cathey (1993), IEEE Trans. Autom. Control
+    38(2)).
+    """
+    if prepared.ranges is not None or prepared.layout.size != prepared.layout.without_clones.size:
+        return prepared
+    tests = trials(prepared, _fixes(prepared.schedule), phases=1)
+    if not tests:
+        return prepared
+    judge = residuals_of(tests)
+    noisy = [with_factors(prepared, dict.fromkeys(WHITE, scale)) for scale in _SCALES]
+    losses = [float(judge(run).scores().sum()) for run in noisy]
+    best = int(np.argmin(np.nan_to_num(losses, nan=np.inf)))
+    t = prepared.initial.nav.t
+    schedule = prepared.schedule.where(prepared.schedule.t <= t + _SPAN_S)
+    first = replace(
+        noisy[best],
+        increments=prepared.increments.between(t - 1e-9, t + _SPAN_S),
+        schedule=replace(schedule, gate=np.where(_fixes(schedule), np.inf, schedule.gate)),
+        options=replace(prepared.options, lockout=0, adaptive=False, smoother=True, record_s=0.05, output_rate_hz=1.0),
+    )
+    forward = NavigationResult.from_run(first.run(), schedule.t, schedule.kind, prepared.layout)
+    smoothed = forward.smooth(keep=False)
+    s = smoothed.states
+    if not np.isfinite(s.r_eb_e[0]).all() or not np.isfinite(smoothed.covariance_e[0]).all():
+        return prepared
+    nav = NavState(float(s.t[0]), s.r_eb_e[0], s.v_eb_e[0], s.q_eb[0])
+    P = _combined(prepared.initial.P, _WIDER**2 * smoothed.covariance[0]) if narrow else prepared.initial.P
+    other = replace(
+        prepared,
+        initial=InitialState(nav, P, smoothed.parameters[0]),
+        increments=prepared.increments.between(nav.t - 1e-9, prepared.increments.t[-1]),
+        schedule=prepared.schedule.where(prepared.schedule.t > nav.t),
+    )
+    judge = residuals_of(trials(other, _fixes(other.schedule), phases=1))
+    loss = float(judge(with_factors(other, dict.fromkeys(WHITE, _SCALES[best]))).scores().sum())
+    return other if loss < losses[best] else prepared
+
+
+def unless_refuted(prepared: PreparedRun) -> tuple[PreparedRun, list[str]]:
+    """The run, from the smoothed state with the covariance of its start if the fixes of the first minute refute that.
+
+    Parameters
+    ----------
+    prepared : PreparedRun
+        Its noise tuned.
+
+    Returns
+    -------
+    PreparedRun
+    notes : list of str
+        A sentence on a start that was refuted.
+
+    Notes
+    -----
+    A start that is right for its covariance loses half a chi-square of as many degrees of freedom as the filter has
+    states against the best one. One that loses far more is wrong (the course of a multicopter is not its heading), or
+    too uncertain for the filter to be linear (a gyroscope biased by degrees per second).
+    """
+    other = with_smoothed_start(prepared, narrow=False)
+    schedule, fixes = other.schedule, _fixes(other.schedule)
+    # errors of fixes that come faster are alike
+    kept = thinned(schedule, fixes, other.initial.nav.t, 1.0, 0.0, spacing_of(schedule, fixes))
+    schedule = schedule.where(~fixes | kept)
+    gain = (
+        log_likelihood(replace(other, schedule=schedule), other.initial, _JUDGED_S)[0]
+        - log_likelihood(replace(prepared, schedule=schedule), prepared.initial, _JUDGED_S)[0]
+    )
+    if not gain > _REFUTED:
+        return prepared, []
+    sentence = (
+        f"fixes of the first {_JUDGED_S:.0f} s refute the start (log likelihood {gain:+.0f} with another): the run "
+        f"begins with attitude, velocity and sensor errors that the first {_SPAN_S:.0f} s support, smoothed, as "
+        "uncertain as before"
+    )
+    return other, [sentence]
+
+
+def _combined(P: FloatArray, other: FloatArray) -> FloatArray:
+    """Covariance of the mean of two independent estimates; what is fixed in the first stays fixed."""
+    sigma = np.sqrt(np.diag(P))
+    free = sigma > 0.0
+    scale = np.outer(sigma[free], sigma[free])
+    A, B = P[np.ix_(free, free)] / scale, other[np.ix_(free, free)] / scale
+    combined = np.zeros_like(P)
+    combined[np.ix_(free, free)] = A @ np.linalg.solve(A + B, B) * scale
+    return 0.5 * (combined + combined.T)
+
+
+def _fixes(schedule: MeasurementSchedule) -> BoolArray:
+    """Which measurements tune."""
+    return np.isin(schedule.kind, TUNING_KINDS) & (schedule.gate > 0.0)

@@ -284,13 +284,15 @@ def test_what_users_compile_is_compiled_as_numba_does():
     before = parts()
     inside = []
 
-    @jit.kernel
+    @jit.over_states
     def doubled(x):
         return 2.0 * x
 
-    with jit._quick_compilation():
-        inside.append(parts())
+    for unrolled in (False, True):
+        with jit._quick_compilation(unrolled):
+            inside.append(parts())
     assert not set(inside[0]) & set(before)
+    assert (inside[1][0] is before[0], inside[1][1] is before[1]) == (True, False)
     assert doubled(1.5) == 3.0
     assert parts() == before
 

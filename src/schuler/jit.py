@@ -44,13 +44,22 @@ def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     return _kept(function, {})
 
 
+def over_states(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Like :func:`kernel` for functions whose hot loops run over states, a number LLVM does not know.
+
+    Such loops are not unrolled: unrolling them is half of the time it takes to compile the filter, and makes it slower,
+    by a fifth where the covariance is propagated at every sample.
+    """
+    return _kept(function, {}, unrolled=False)
+
+
 def borrowing(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Like :func:`kernel` for functions that work on their caller's arrays alone: no reference is counted.
+    """Like :func:`over_states` for functions that work on their caller's arrays alone: no reference is counted.
 
     Counting costs an atomic operation whenever an array or a row of one gets a name, a quarter of the filter's time.
     Such a function must neither make an array (that does not compile) nor return one.
     """
-    return _kept(function, {"_nrt": False})
+    return _kept(function, {"_nrt": False}, unrolled=False)
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -58,7 +67,7 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
     return _kept(function, {"_nrt": False, "forceinline": True})
 
 
-def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Callable[..., Any]:
+def _kept(function: Callable[..., Any], options: dict[str, Any], *, unrolled: bool = True) -> Callable[..., Any]:
     """Compiled function whose machine code on disk is used only while no kernel source has changed.
 
     numba itself asks only whether the function's own file is newer, and would go on running code into which the old
@@ -68,10 +77,10 @@ def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Callable[...
         cast(Any, function).py_func = function
         return function
     try:
-        compiled: Any = _one_version(numba.njit(cache=True, **options, **_OPTIONS)(function))
+        compiled: Any = _one_version(numba.njit(cache=True, **options, **_OPTIONS)(function), unrolled)
     except RuntimeError:  # no folder can be written: a read-only installation and home, a service without a home
         _say_not_kept("there is no folder to write to")
-        return cast(Callable[..., Any], _one_version(numba.njit(**options, **_OPTIONS)(function)))
+        return cast(Callable[..., Any], _one_version(numba.njit(**options, **_OPTIONS)(function), unrolled))
     try:
         file = compiled._cache._cache_file
         file._source_stamp = (file._source_stamp, sources_digest())
@@ -80,11 +89,11 @@ def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Callable[...
         cache.load_overload = functools.partial(_loaded, cache.load_overload, Path(file._index_path))
         cache.save_overload = functools.partial(_saved, cache.save_overload)
     except AttributeError:  # a numba that keeps it elsewhere: better to compile at every start than to run old code
-        compiled = _one_version(numba.njit(**options, **_OPTIONS)(function))
+        compiled = _one_version(numba.njit(**options, **_OPTIONS)(function), unrolled)
     return cast(Callable[..., Any], compiled)
 
 
-def _one_version(compiled: Any) -> Any:
+def _one_version(compiled: Any, unrolled: bool) -> Any:
     """The same dispatcher, which gives other kernels one uncompiled part a signature instead of a function of its own.
 
     numba turns every helper of a kernel into machine code, with wrappers to call it from Python, although its callers
@@ -115,7 +124,7 @@ def _one_version(compiled: Any) -> Any:
         return part[1] if part else whole(sig)
 
     def compile_quickly(sig: Any) -> Any:
-        with _quick_compilation():
+        with _quick_compilation(unrolled):
             return compile_whole(sig)
 
     compiled.get_call_template, compiled.get_overload = get_call_template, get_overload
@@ -124,11 +133,10 @@ def _one_version(compiled: Any) -> Any:
 
 
 @contextlib.contextmanager
-def _quick_compilation() -> Iterator[None]:
-    """Compile without unrolled loops, and look the type of an operation up once for each types of its operands.
+def _quick_compilation(unrolled: bool) -> Iterator[None]:
+    """Look the type of an operation up once for each types of its operands; without unrolled loops if that is wanted.
 
-    Together half of the time that the filter takes to compile. Its loops run over states, a number LLVM does not know:
-    unrolled, they are 40 % of the time, and 10 to 30 % slower with a covariance at every sample.
+    numba tries every implementation of ``a * b`` wherever it stands, which is a tenth of the time the filter takes.
     """
     functions, codegen = cast(Any, numba.types.functions.BaseFunction), cast(Any, numba.core.codegen)
     resolve = functions.get_call_type
@@ -143,7 +151,7 @@ def _quick_compilation() -> Iterator[None]:
         return resolved[key]
 
     with _core.compiler_lock.global_compiler_lock:
-        builder = getattr(codegen, "create_pass_builder", None)  # a numba that has none unrolls
+        builder = None if unrolled else getattr(codegen, "create_pass_builder", None)  # a numba without it unrolls
         functions.get_call_type = call_type
         if builder is not None:
             codegen.create_pass_builder = _passes_without_unrolling

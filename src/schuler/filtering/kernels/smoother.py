@@ -28,7 +28,7 @@ import numpy as np
 from schuler.filtering.filter_arrays import SmootherNodes
 from schuler.filtering.kernels.covariance import PAD, dcm, padded, transition
 from schuler.filtering.kernels.update import AT_CLONE_CLOCK, AT_CLONE_R, AT_LEVER, antenna_rows
-from schuler.jit import inlined, kernel, prepare
+from schuler.jit import inlined, kernel, over_states, prepare
 from schuler.mechanization.kernels import half_angle
 
 
@@ -193,7 +193,7 @@ def clone_back(phi, places, i_clock, lam, Y, J, v, t, n, wide):
     triangularise(Y, v, t, n, wide)
 
 
-@kernel
+@over_states
 def smooth(nodes, record, minus, plus, rec_P):
     """Run backwards over all nodes.
 

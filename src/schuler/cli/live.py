@@ -68,7 +68,8 @@ def live(
     out
         Where solutions go: FORMAT:PLACE with json or nmea and - (stdout), a file that is appended to,
         udp://HOST:PORT, or tcp://HOST:PORT or ws://HOST:PORT for clients to connect to; with all input, too:
-        mcap:FILE, or foxglove:ws://HOST:PORT for Foxglove to connect to. May be given several times.
+        mcap:FILE, or foxglove:ws://HOST:PORT for Foxglove to connect to; mavlink:udp://HOST:PORT for autopilots. May
+        be given several times.
     record
         Folder for solution.parquet (then solution-2.parquet, ...) and the bytes of each source as they came.
     output_rate
@@ -88,7 +89,7 @@ def live(
         The vehicle has not moved since the state was saved, and its IMU stayed on: go on at its place and attitude
         after a pause of up to an hour. Without this the run aligns anew then, with the biases of before.
     geoid_separation
-        Height of the geoid above the ellipsoid in metres, for the heights of NMEA.
+        Height of the geoid above the ellipsoid in metres, for the heights of NMEA and MAVLink.
     set
         Any entry of the configuration: SECTION.KEY=VALUE; may be given several times.
     headless
@@ -101,6 +102,7 @@ def live(
     """
     from schuler.live.clock import SourceClock
     from schuler.live.endpoint import HealthEndpoint, HealthReport, Watchdog
+    from schuler.live.mavlink import MavlinkSink
     from schuler.live.navigator import LiveNavigator
     from schuler.live.publishing import FORMATS, open_publisher
     from schuler.live.session import run_session
@@ -128,10 +130,13 @@ def live(
             if text.partition(":")[0] in FORMATS:
                 publishers.append(open_publisher(text, clock, lambda: kind))
                 sinks.append(publishers[-1])
+            elif text.startswith("mavlink:"):
+                sinks.append(MavlinkSink(text.removeprefix("mavlink:"), clock, geoid_separation))
             else:
                 sinks.append(open_line_sink(text, clock, geoid_separation))
             held.callback(sinks[-1].close)
-            if smoother_lag is not None and not text.startswith("nmea:"):  # it has no word for what is no longer so
+            # NMEA and MAVLink have no word for what is no longer so
+            if smoother_lag is not None and not text.startswith(("nmea:", "mavlink:")):
                 smoothed_sinks.append(sinks[-1])
         tables = {} if record is None else {"solution": SolutionTable(_free_name(record), clock)}
         sinks += tables.values()

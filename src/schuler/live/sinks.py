@@ -69,7 +69,8 @@ def open_line_sink(text: str, clock: SourceClock, geoid_separation: float = 0.0)
     if not colon or not place or format not in FORMATS:
         raise InputError(
             f"--out {text}: expected FORMAT:PLACE with one of {', '.join(FORMATS)} and -, a file, udp://HOST:PORT, "
-            "tcp://HOST:PORT or ws://HOST:PORT, such as nmea:udp://:10110; or mcap:FILE, foxglove:ws://HOST:PORT"
+            "tcp://HOST:PORT or ws://HOST:PORT, such as nmea:udp://:10110; or mcap:FILE, "
+            "foxglove:ws://HOST:PORT, mavlink:udp://HOST:PORT"
         )
     return LineSink(format, open_outlet(place), clock, geoid_separation)
 

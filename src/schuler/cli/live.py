@@ -184,7 +184,7 @@ def live(
         summary = run_session(
             sources, navigator, clock, sinks, smoothed_sinks=smoothed_sinks, stop=stop, rate_hz=output_rate,
             every_s=state_every, on_interval=save, on_idle=idle,
-            on_message=[taker.message for taker in (*publishers, report)],
+            on_message=[*(publisher.message for publisher in publishers), report.message],
         )  # fmt: skip
         watchdog.notify("STOPPING=1")
         last = navigator.solution()

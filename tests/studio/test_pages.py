@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from workbench import Server, drag, press, type_into
 
+from schuler.files import LISTED
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 pytest.importorskip("nicegui", reason="the workbench needs the extra studio")
 
@@ -231,6 +233,31 @@ def test_a_run_with_an_outage_that_is_drawn_has_the_numbers_of_the_command(serve
     status, report = server.ask(f"/studio/files/{out}/report.html")
     assert status == 200
     assert b"</html>" in report
+
+
+@chromium.needed
+def test_two_runs_are_compared_and_one_is_deleted_after_a_question(server, town):
+    for name in ("first", "second"):
+        (town / name).mkdir()
+        (town / name / "metrics.json").write_text('{"rms_horizontal_m": 1.5}')
+        (town / name / "run.json").write_text('{"log": "town.parquet"}')
+        (town / name / LISTED).write_text('{"files": {"metrics.json": [], "run.json": []}}')
+    with chromium.opened(server.page("/runs"), 1400) as page:
+        for name in ("first", "second"):
+            chromium.wait_for(page, f"document.querySelector('[aria-label=\"compare {name}\"]')", 60.0)
+            chromium.click(page, f'[aria-label="compare {name}"]')
+        chromium.wait_for(page, "document.querySelector('.command pre')?.textContent.includes('compare first second')")
+        press(page, "compare")
+        chromium.wait_for(page, "document.querySelector('.hint.bad')?.textContent.startsWith('refused: first')", 60.0)
+        for name, answer in (("first", 0), ("second", 1)):  # keep, delete: a dialog on its way in is no place to aim at
+            chromium.click(page, f'[aria-label="delete {name}"]')
+            asked = f"[...document.querySelectorAll('.q-dialog')].find(d => d.innerText.includes('Delete {name}'))"
+            chromium.wait_for(page, asked, 20.0)
+            chromium.run(page, f"{asked}.querySelectorAll('button')[{answer}].click()")
+            chromium.wait_for(page, "!document.querySelector('.q-dialog')", 20.0)
+        chromium.wait_for(page, "!document.body.innerText.includes('second town')", 20.0)
+        assert chromium.errors(page) == ()
+    assert [(town / name).is_dir() for name in ("first", "second")] == [True, False]
 
 
 @chromium.needed

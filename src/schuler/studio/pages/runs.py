@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import shlex
 import time
+from collections.abc import Callable
+from functools import partial
 from html import escape
 from urllib.parse import quote
 
@@ -37,94 +39,100 @@ def runs_page(workspace: Workspace) -> None:
             if not listed:
                 hint("None yet: Navigate makes one, and so does schuler navigate --out FOLDER in this folder.")
             for run in listed:
-                _row(run)
+                _row(run, chosen, compared, partial(_ask, workspace, run.name, refresh))
         compared()
 
-    def _row(run: RunEntry) -> None:
-        with block("finding " + {"failed": "error", "doubtful": "warning"}.get(run.status, "")):
-            when = time.strftime("%Y-%m-%d %H:%M", time.localtime(run.changed))
-            log = str(run.document.get("log", "")).rpartition("/")[2]
-            html(
-                f'<p><b>{escape(run.name)}</b> <span class="status-{escape(run.status)}">{escape(run.status)}</span> '
-                f'<span class="hint">{escape(log)}, {when}</span></p><p>{_sentence(run)}</p>'
+    def compared() -> None:
+        comparison.clear()
+        with comparison:
+            if len(chosen) == 2:
+                _compare(workspace, chosen, compared)
+            else:
+                hint("Choose two of the list: the second is compared with the first.")
+
+    refresh()
+
+
+def _row(run: RunEntry, chosen: list[str], compared: Callable[[], None], ask: Callable[[], None]) -> None:
+    """A run with its verdict and files; it can be chosen for a comparison, and deleted."""
+
+    def choose(on: bool) -> None:
+        if on and run.name not in chosen:
+            chosen.append(run.name)
+        elif not on and run.name in chosen:
+            chosen.remove(run.name)
+        compared()
+
+    with block("finding " + {"failed": "error", "doubtful": "warning"}.get(run.status, "")):
+        when = time.strftime("%Y-%m-%d %H:%M", time.localtime(run.changed))
+        log, name, status = str(run.document.get("log", "")).rpartition("/")[2], escape(run.name), escape(run.status)
+        html(
+            f'<p><b>{name}</b> <span class="status-{status}">{status}</span> '
+            f'<span class="hint">{escape(log)}, {when}</span></p><p>{_sentence(run)}</p>'
+        )
+        with block("line"):
+            ui.checkbox("compare", value=run.name in chosen, on_change=lambda e: choose(e.value)).props(
+                f'aria-label="compare {name}"'
             )
-            with block("line"):
-                ui.checkbox(
-                    "compare", value=run.name in chosen, on_change=lambda e, name=run.name: choose(name, e.value)
-                ).props(f'aria-label="compare {escape(run.name)}"')
-                if "report.html" in run.files:
-                    html(f'<a href="/studio/files/{quote(run.name)}/report.html" target="_blank">report</a>').style(
-                        "width: auto"
-                    )
-                html(f'<a href="/studio/files/{quote(run.name)}/metrics.json" target="_blank">metrics.json</a>').style(
+            files = {"report": "report.html"} if "report.html" in run.files else {}
+            for text, file in {**files, "metrics.json": "metrics.json"}.items():
+                html(f'<a href="/studio/files/{quote(run.name)}/{file}" target="_blank">{text}</a>').style(
                     "width: auto"
                 )
-                button("delete", lambda name=run.name: ask(name), "grave").props(
-                    f'aria-label="delete {escape(run.name)}"'
-                )
+            button("delete", ask, "grave").props(f'aria-label="delete {name}"')
 
-    def choose(name: str, on: bool) -> None:
-        if on and name not in chosen:
-            chosen.append(name)
-        elif not on and name in chosen:
-            chosen.remove(name)
-        compared()
 
-    def ask(name: str) -> None:
-        with ui.dialog() as dialog, ui.card():
-            html(f"<p>Delete <b>{escape(name)}</b> and all its files? This cannot be undone.</p>")
-            with block("line"):
-                button("keep", dialog.close)
-                button("delete", lambda: delete(name, dialog), "grave")
-        dialog.open()
+def _ask(workspace: Workspace, name: str, deleted: Callable[[], None]) -> None:
+    """Ask whether a run is to be deleted, and delete it."""
 
-    def delete(name: str, dialog: ui.dialog) -> None:
+    def delete() -> None:
         dialog.close()
         try:
             delete_run(workspace, name)
         except InputError as error:
             problem(error)
-        refresh()
+        deleted()
 
-    def compared() -> None:
-        comparison.clear()
-        with comparison:
-            if len(chosen) != 2:
-                hint("Choose two of the list: the second is compared with the first.")
+    with ui.dialog() as dialog, ui.card():
+        html(f"<p>Delete <b>{escape(name)}</b> and all its files? This cannot be undone.</p>")
+        with block("line"):
+            button("keep", dialog.close)
+            button("delete", delete, "grave")
+    dialog.open()
+
+
+def _compare(workspace: Workspace, names: list[str], compared: Callable[[], None]) -> None:
+    """Command that compares two runs, its page if there is one, else a button that starts it."""
+    out = f"{'-'.join(name.replace('/', '_') for name in names)}-comparison"
+    arguments = ["compare", *names, "--out", out]
+    command_box(shlex.join(["schuler", *arguments]))
+    if (workspace.root / out / "runs.html").is_file():
+        html(f'<p><a href="/studio/files/{quote(out)}/runs.html" target="_blank">open the comparison</a></p>')
+        html(f'<iframe class="report" title="comparison" src="/studio/files/{quote(out)}/runs.html"></iframe>')
+        return
+    state = hint("")
+
+    def begin() -> None:
+        try:
+            job = jobs.start(workspace, [*arguments, "--json"], out)
+        except InputError as error:
+            problem(error)
+            return
+
+        def look() -> None:
+            current = jobs.job(workspace, job.key)
+            if current is None or current.state == "running":
+                state.set_content('<p class="hint">comparing ...</p>')
                 return
-            out = f"{'-'.join(name.replace('/', '_') for name in chosen)}-comparison"
-            arguments = ["compare", *chosen, "--out", out]
-            command_box(shlex.join(["schuler", *arguments]))
-            place = workspace.root / out
-            if (place / "runs.html").is_file():
-                html(f'<p><a href="/studio/files/{quote(out)}/runs.html" target="_blank">open the comparison</a></p>')
-                html(f'<iframe class="report" title="comparison" src="/studio/files/{quote(out)}/runs.html"></iframe>')
-                return
-            state = hint("")
+            timer.cancel()
+            if current.state == "done":
+                compared()
+            else:
+                state.set_content(f'<p class="hint bad">{escape(current.state)}: {escape(current.message)}</p>')
 
-            def begin() -> None:
-                try:
-                    job = jobs.start(workspace, [*arguments, "--json"], out)
-                except InputError as error:
-                    problem(error)
-                    return
+        timer = ui.timer(_POLL_S, look)
 
-                def look() -> None:
-                    current = jobs.job(workspace, job.key)
-                    if current is None or current.state == "running":
-                        state.set_content('<p class="hint">comparing ...</p>')
-                        return
-                    timer.cancel()
-                    if current.state == "done":
-                        compared()
-                    else:
-                        state.set_content(f'<p class="hint bad">{escape(current.state)}: {escape(current.message)}</p>')
-
-                timer = ui.timer(_POLL_S, look)
-
-            button("compare", begin, "main")
-
-    refresh()
+    button("compare", begin, "main")
 
 
 def _sentence(run: RunEntry) -> str:

@@ -8,6 +8,7 @@ from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 from format_drives import drive
 from places import ROOT
 
@@ -175,6 +176,13 @@ def test_parameters_are_the_configuration(tmp_path):
         RosRun(CONFIG | {"filter.stats": 15})
     with pytest.raises(InputError, match="output_rate_hz"):
         RosRun(CONFIG | {"output_rate_hz": 0.0})
+
+
+def test_the_parameters_of_the_launch_file_are_right():
+    document = yaml.safe_load((PACKAGE / "config" / "live.yaml").read_text())
+    run = RosRun(document["live"]["ros__parameters"])
+    assert run.options["output_rate_hz"] == 50.0
+    assert run.navigator.config.imu.catalogue == "MTi-G-710"
 
 
 def test_columns_are_those_of_the_bag(bag):

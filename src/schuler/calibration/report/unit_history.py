@@ -45,7 +45,8 @@ def history_report(history: UnitHistory, path: Path | str) -> Path:
         Section("calibrations", "The calibrations", (_calibrations(history),)),
     ]
     text = whole_page(
-        f"unit {history.serial}" if history.serial else "unit", "calibration history", f"{history.dates[0]} to {history.dates[-1]}",
+        f"unit {history.serial}" if history.serial else "unit", "calibration history",
+        f"{history.dates[0]} to {history.dates[-1]}",
         history.sentences(), _CONVENTIONS, sections, plotly_script(),
         tone="doubtful" if history.changed else "", leading=leading,
     )  # fmt: skip

@@ -112,6 +112,15 @@ def test_a_consistent_run_stays_exactly_as_it_is(recording):
     assert not contradicted(prepared)
 
 
+def test_noise_that_is_wrong_in_one_stretch_contradicts(recording):
+    """Stretches that differ are no excuse where all of the log is clearly off."""
+    imu = recording.need_imu()
+    shaken = (imu.t > 60.0) & (imu.t < 85.0)
+    noise = 8.0 * np.sqrt(imu.interval) * IMU["accel"]["vrw_m_s_rthr"] / 60.0  # of increments
+    shake = np.where(shaken[:, None], noise * np.random.default_rng(2).standard_normal(imu.accel.shape), 0.0)
+    assert contradicted(prepared_run(replace(recording, imu=replace(imu, accel=imu.accel + shake)), config()))
+
+
 def test_noise_stated_by_hand_stays_and_a_part_by_name_is_tuned(recording):
     log, wrong = mis_stated(recording, gnss=0.1)
     own = navigate(log, NavigationConfig.checked({"imu": wrong.imu.model_dump(include={"gyro", "accel"})}))

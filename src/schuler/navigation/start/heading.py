@@ -32,9 +32,10 @@ _DECIDED = 20.0 * units.DEG  # spread of the headings that remain likely
 _CONVICTS = 10.0  # difference of log-likelihoods that overrules a course: chi-square of 20, one degree of freedom
 _CLEARLY = 0.4  # and its mean squares are so much smaller: errors of scale no state has turn headings by less
 _ELSEWHERE = 45.0 * units.DEG  # a course this far off is looked for
-# Factors on the IMU's white noise that headings are also tried with, where none fits the noise as stated: errors too
-# large for it break the filter down at headings that are right as well, and the likeliest is then a matter of chance.
-_NOISIER = (4.0, 16.0)
+# Factors on the 1-sigma of the IMU's white noise and of fixes that headings are also tried with, where none fits the
+# noise as stated: errors too large for it break the filter down at headings that are right as well, and the likeliest
+# is then a matter of chance.
+_NOISIER = ((4.0, 1.0), (16.0, 1.0), (4.0, 4.0), (16.0, 4.0))
 _FITS = 1.5  # mean normalised innovation squared of a heading that fits
 # Headings beside one that is given.
 _BESIDE = np.array([0.0, 20.0, -20.0, 45.0, -45.0, 90.0, -90.0, 135.0, -135.0, 180.0]) * units.DEG
@@ -220,6 +221,17 @@ def _relative(
 
 
 def _noisier(prepared: PreparedRun) -> list[PreparedRun]:
-    """The run as it is, and with white noise of its IMU multiplied."""
-    gyro, accel = prepared.psd
-    return [prepared, *(replace(prepared, psd=(gyro * factor**2, accel * factor**2)) for factor in _NOISIER)]
+    """The run as it is, and with noise of its IMU and fixes multiplied."""
+    (gyro, accel), schedule = prepared.psd, prepared.schedule
+    fix = np.isin(schedule.kind, _JUDGED)[:, None, None]
+    return [
+        prepared,
+        *(
+            replace(
+                prepared,
+                psd=(gyro * imu**2, accel * imu**2),
+                schedule=replace(schedule, R=np.where(fix, schedule.R * gnss**2, schedule.R)),
+            )
+            for imu, gnss in _NOISIER
+        ),
+    ]

@@ -34,6 +34,7 @@ _SURE = 2.0  # standard errors by which held-back fixes have to be likelier
 _T95 = 1.96
 _CONSISTENT = (0.7, 1.4)  # mean normalised innovation squared of a run that is left as it is
 _LEAST_GAIN = 8.0  # of log likelihood for other noise or further states: chi-square of 16
+_CLEARLY_OFF = (0.5, 2.0)  # the same, beyond which stretches that differ are no excuse
 _STILL = 0.5  # GNSS speed of what may stand [m/s]
 _CERTAIN = 3.0  # standard errors beyond that
 _JUDGES = 8  # fixes of a kind and spacing that judge
@@ -301,9 +302,9 @@ def contradicted(prepared: PreparedRun) -> bool:
     Fixes are thinned to 1, 4 and 15 s (:mod:`~schuler.navigation.tuning.likelihood`): noise that is right at the rate
     of the fixes may be wrong in an outage. Of each kind and spacing the mean normalised innovation squared, outliers
     capped, is outside 0.7 to 1.4 by three standard errors, which stretches of the log give (innovations are correlated
-    in time where the noise is wrong). A run with too few fixes to tune is left, and one of pseudoranges without range
-    rates: a slow error that stays on its satellite looks like small noise there (a parked VN-200, 33 s of code: sigmas
-    were halved and the position was three of them off).
+    in time where the noise is wrong), or outside 0.5 to 2 by three of chi-square. A run with too few fixes to tune is
+    left, and one of pseudoranges without range rates: a slow error that stays on its satellite looks like small noise
+    there (a parked VN-200, 33 s of code: sigmas were halved and the position was three of them off).
     """
     if prepared.ranges is not None and not np.any(prepared.schedule.kind == RANGE_RATE):
         return False
@@ -325,7 +326,10 @@ def contradicted(prepared: PreparedRun) -> bool:
                 continue
             mean = float(squares[mine].sum()) / n
             off = squares[mine].sum(axis=1) - mean * counted[mine].sum(axis=1)
-            error = float(np.hypot(np.sqrt(block_scatter(off[None, :], seen.t[mine])[0, 0]) / n, np.sqrt(2.0 / n)))
+            chance = float(np.sqrt(2.0 / n))
+            if mean - _CERTAIN * chance > _CLEARLY_OFF[1] or mean + _CERTAIN * chance < _CLEARLY_OFF[0]:
+                return True
+            error = float(np.hypot(np.sqrt(block_scatter(off[None, :], seen.t[mine])[0, 0]) / n, chance))
             if mean - _CERTAIN * error > _CONSISTENT[1] or mean + _CERTAIN * error < _CONSISTENT[0]:
                 return True
     return False

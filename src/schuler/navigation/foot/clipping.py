@@ -122,7 +122,7 @@ def clip_sentences(imu: ImuSeries, clips: Clips) -> tuple[list[str], list[str]]:
         texts.append(
             f"gyroscope {'xyz'[axis]} stays at its largest rate ({np.abs(rates[:, axis]).max() / units.DEG:.0f} deg/s) "
             f"in {int(of_axis.sum())} places, the first at {imu.t[clips.index[of_axis][0, 0]]:.3f} s: clipped; about "
-            f"{hidden / units.DEG:.2g} deg hidden there were put back by the slopes of the flanks, with an uncertainty "
+            f"{hidden / units.DEG:.3g} deg hidden there were put back by the slopes of the flanks, with an uncertainty "
             f"of {100.0 * _SHARE:.0f} %"
         )
     doubtful = float(np.abs(clips.angle).sum()) > _DOUBTFUL_RAD

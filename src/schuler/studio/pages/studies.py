@@ -76,7 +76,7 @@ def studies_part(workspace: Workspace) -> None:
     with block("line"):
         menu = ui.select(list(kinds), value=chosen or None, label="scenario", on_change=choose)
         menu.props('outlined dense aria-label="scenario"').classes("grow")
-        number = ui.number("runs, else as the scenario says", min=1, precision=0, on_change=commanded)
+        number = ui.number("runs, else the file's", min=1, precision=0, on_change=commanded)
         number.props('outlined dense clearable aria-label="runs"').style("width: 15rem")
         search = ui.checkbox("look for the best schedule", on_change=commanded)
     with block("line"):

@@ -52,3 +52,25 @@ def test_what_is_no_run_is_refused(tmp_path, capsys):
     assert "expected a folder of schuler navigate with run.json" in refusal(capsys, "rerun", tmp_path)
     (tmp_path / "run.json").write_text("{}")
     assert "expected a run of format schuler/run/1" in refusal(capsys, "rerun", tmp_path)
+
+
+def test_a_calibration_and_a_base_station_are_inputs(town, tmp_path):
+    """Besides the files of the log; what the configuration does not name is none."""
+    from schuler.navigation.config import NavigationConfig
+    from schuler.navigation.repetition import input_checksums
+
+    recording = io.read(town)
+    log = recording.metadata.sources
+    assert list(log) == ["town.parquet"]
+    for name in ("imu.yaml", "base.obs"):
+        (tmp_path / name).write_text(name)
+    named = {
+        "imu": {"catalogue": "MPU-6000", "calibration": str(tmp_path / "imu.yaml")},
+        "gnss": {"tight": {"base": {"observations": str(tmp_path / "base.obs")}}},
+    }
+    assert input_checksums(recording, NavigationConfig.checked({"imu": {"catalogue": "MPU-6000"}})) == log
+    before = input_checksums(recording, NavigationConfig.checked(named))
+    assert list(before) == ["town.parquet", "imu.yaml", "base.obs"]
+    (tmp_path / "base.obs").write_text("another day")
+    after = input_checksums(recording, NavigationConfig.checked(named))
+    assert [name for name in before if before[name] != after[name]] == ["base.obs"]

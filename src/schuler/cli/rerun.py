@@ -84,14 +84,14 @@ def write_run(
     ``metrics.json`` has the numbers without times, ``resolved.toml`` every entry of the configuration that was used,
     ``run.json`` the same with the log, its checksums and the version, and ``run.log`` what was printed.
     """
-    from schuler.navigation.repetition import FORMAT, metrics_text
+    from schuler.navigation.repetition import FORMAT, input_checksums, metrics_text
     from schuler.proposal.toml import toml_of
 
     entries = config.model_dump(mode="json", exclude_unset=True)
     head = f"# Configuration of this run, options of the command line included; schuler rerun {folder} repeats it.\n"
     document = {
         "format": FORMAT, "schuler": version("schuler"), "log": str(log.resolve()),
-        "sources": dict(recording.metadata.sources), "part": [part.start, part.stop], "unchecked": unchecked,
+        "sources": input_checksums(recording, config), "part": [part.start, part.stop], "unchecked": unchecked,
         "config": entries,
     }  # fmt: skip
     files = {

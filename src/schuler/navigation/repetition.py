@@ -12,7 +12,7 @@ from typing import Any
 
 from schuler.diagnosis.admission import checked
 from schuler.exceptions import FileFormatError, InputError
-from schuler.files import json_text, read_toml
+from schuler.files import json_text, read_toml, sha256
 from schuler.filtering.engine import Progress
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.evaluated import EvaluatedRun, evaluate_run
@@ -128,7 +128,7 @@ class Repetition(Displayed):
     @cached_property
     def changed_inputs(self) -> list[str]:
         """Files that are others than then, in words."""
-        return _changed(self.before.sources, self.recording.metadata.sources)
+        return _changed(self.before.sources, input_checksums(self.recording, self.config))
 
     @property
     def notes(self) -> list[str]:
@@ -213,6 +213,13 @@ def _document(path: Path) -> dict[str, Any]:
     if not (path.parent / "metrics.json").is_file():
         raise FileFormatError("expected metrics.json beside it, got none", path)
     return data
+
+
+def input_checksums(recording: Recording, config: NavigationConfig) -> dict[str, str]:
+    """SHA-256 of the files that a run is made from, by name: of the log, a calibration, and a base station."""
+    named = (config.imu.calibration, config.gnss.tight.base.observations)
+    files = [Path(file) for file in named if file is not None]
+    return {**recording.metadata.sources, **{file.name: sha256(file) for file in files if file.is_file()}}
 
 
 def _changed(then: Mapping[str, str], now: Mapping[str, str]) -> list[str]:

@@ -352,8 +352,8 @@ def test_calls_that_cannot_be_taken_are_refused_and_change_nothing(tmp_path):
 def test_an_hour_of_a_car(tmp_path):
     """Double: 2e-9 sigma at every second of an hour. Single: 0.1 sigma in the root mean square.
 
-    Rounding: the last place of an Earth-fixed coordinate, 9.3e-10 m, is 1e-9 sigma of a position here, and gains carry it
-    into all states; which products are fused decides where it falls (4.6e-10 and 1.04e-9 were seen).
+    Rounding: the last place of an Earth-fixed coordinate, 9.3e-10 m, is 1e-9 sigma of a position here, and gains carry
+    it into all states; which products are fused decides where it falls (4.6e-10 and 1.04e-9 were seen).
     """
     layout = LAYOUTS["15"]
     log, schedule, initial = run_of(layout, 3600.0)

@@ -1,5 +1,8 @@
 """Closed forms of error growth against quadrature, Monte Carlo, exact covariance recursions, and each other."""
 
+from fractions import Fraction
+from math import factorial
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -273,6 +276,29 @@ def test_vertical_channel():
         assert_allclose(vertical("accel noise", t, 1e-3), np.sqrt([P[0, 0], P[1, 1]]), rtol=1e-6)
     growth_rate = np.log(vertical("accel bias", 6000.0, 1.0)[1] / vertical("accel bias", 5430.0, 1.0)[1])
     assert abs(float(growth_rate) - 1.0) < 0.01
+
+
+@pytest.mark.parametrize("x", [1e-4, 0.01, 0.049, 0.051, 0.2])
+def test_short_times_lose_no_digits(x):
+    """Closed forms cancel there: against their power series in rational numbers, on both sides of the change of forms.
+
+    Rounding and the series' own rest: 1e-9 of the 1-sigma, less beyond the change (cancellation of x^2, 1e-16 / x^2).
+    """
+    w = np.sqrt(G0 / RADIUS)
+    t, z = x / w, Fraction(x)
+
+    def series(sign, term):
+        return float(sum(Fraction(sign) ** k * term(k) for k in range(1, 14)))
+
+    late = series(-1, lambda k: -(z ** (2 * k + 1)) / factorial(2 * k + 1)) / w  # t - sin(w t) / w
+    # the integral of sin^2: half of t, less a quarter of sin(2 x) / w
+    squares = series(-1, lambda k: -(2 ** (2 * k + 1) * z ** (2 * k + 1)) / (4 * factorial(2 * k + 1))) / w
+    assert_allclose(horizontal("gyro bias", t, 1.0)[1], RADIUS * late, rtol=1e-9)
+    assert_allclose(horizontal("accel noise", t, 1.0)[1], np.sqrt(squares) / w, rtol=1e-9)
+    k, y = np.sqrt(2.0) * w, np.sqrt(2.0) * x
+    z = Fraction(float(y))
+    squares = series(1, lambda k: (2 ** (2 * k + 1) * z ** (2 * k + 1)) / (4 * factorial(2 * k + 1))) / k
+    assert_allclose(vertical("accel noise", t, 1.0)[1], np.sqrt(squares) / k, rtol=1e-9)
 
 
 def test_exact_table():

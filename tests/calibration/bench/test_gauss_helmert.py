@@ -118,6 +118,29 @@ def test_units_do_not_matter(rng):
     np.testing.assert_allclose(small.cofactor, one.cofactor * np.outer(unit, unit), rtol=1e-8)
     np.testing.assert_allclose(small.normal, one.normal / np.outer(unit, unit), rtol=1e-8, atol=1e-6 * one.normal.max())
     assert small.condition == pytest.approx(one.condition, rel=1e-8)
+    np.testing.assert_allclose(small.misclosure, one.misclosure * 1e-6, rtol=1e-6, atol=1e-18)
+    np.testing.assert_allclose(small.misclosure_sigma, one.misclosure_sigma * 1e-6, rtol=1e-8)
+
+
+def test_units_of_priors_and_held_biases_do_not_matter(rng):
+    Y = readings(scattered(rng), 1.0, LARGE) + 1e-3 * rng.standard_normal((26, 3))
+    b_x, b_y = PARAMETERS[:2]
+    one = adjust(Y, 1e-3, 1.0, prior={b_x: (0.31, 5e-4)}, fixed={b_y: -0.41})
+    small = adjust(Y * 1e-6, 1e-9, 1e-6, prior={b_x: (0.31e-6, 5e-10)}, fixed={b_y: -0.41e-6})
+    unit = np.array([1e-6] * 3 + [1.0] * 6)
+    np.testing.assert_allclose(small.values, one.values * unit, rtol=1e-9)
+    np.testing.assert_allclose(small.sigma, one.sigma * unit, rtol=1e-8)
+    assert one.values[1] == -0.41
+    assert abs(one.values[0] - 0.31) < abs(adjust(Y, 1e-3, 1.0, fixed={b_y: -0.41}).values[0] - 0.31)
+
+
+def test_misclosures_and_condition_by_their_definitions():
+    """Readings without errors: a misclosure has the readings' sigma times the root of its redundancy."""
+    fit = adjust(5.0 * ATTITUDES, 2e-3, 5.0)
+    np.testing.assert_allclose(fit.misclosure_sigma, 2e-3 * np.sqrt(fit.redundancy), rtol=1e-9)
+    d = np.sqrt(np.diag(fit.normal))
+    values = np.linalg.eigvalsh(fit.normal / np.outer(d, d))
+    assert fit.condition == pytest.approx(values[-1] / values[0], rel=1e-6)
 
 
 def test_adjusted_readings_fulfil_the_conditions_and_corrections_are_the_smallest(rng):
@@ -249,6 +272,7 @@ def test_what_poses_determine(rng, poses, rank, lost, noise):
     assert fit.null_space.shape[1] == 9 - rank
     assert fit.freedom == len(poses) - rank
     assert np.isinf(fit.sigma[fit.undetermined]).all()
+    assert not fit.cofactor[np.ix_(fit.undetermined, ~fit.undetermined)].any()
     assert np.isfinite(fit.sigma[~fit.undetermined]).all()
     assert np.isinf(fit.condition) == (rank < 9)
     assert fit.converged

@@ -82,3 +82,28 @@ for _line, _last, _others in (
 ):
     for _other in _others:
         _same("mechanization.kernels", _line, {_last: _other}, "1e-8 of the last term of a series is below rounding")
+_same(
+    "growth.schuler_loop",
+    "half = 2.0 * np.sin(0.5 * w * t) ** 2  # 1 - cos without cancellation",
+    {"np.sin(0.5": "np.sin( -0.5"},
+    "a sine is squared",
+)
+_same(
+    "calibration.bench.gauss_helmert",
+    "values = np.array([prior[name][0] if name in prior else 0.0 for name in PARAMETERS])",
+    {"else 0.0": "else 1.0"},
+    "values without a finite sigma are not read",
+)
+_same(
+    "calibration.bench.gauss_helmert",
+    "lost = (np.abs(null) > 1e-2).any(axis=1)",
+    {"> 1e-2": ">= 1e-2"},
+    "a computed part of a direction is never a hundredth to the last bit",
+)
+_same(
+    "calibration.bench.gauss_helmert",
+    "if free[:3].all():",
+    {"[:3]": "[: 4]"},
+    "where the iteration begins, not where it ends",
+)
+_same("calibration.bench.gauss_helmert", "max_iterations: int = 100,", {"100": "101"}, "what converges does in ten")

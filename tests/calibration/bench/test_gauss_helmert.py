@@ -379,6 +379,11 @@ def test_ellipsoid_start_says_when_it_cannot():
         ellipsoid_start(ATTITUDES, np.linspace(1.0, 2.0, 26))
 
 
+def test_a_sigma_that_is_not_positive_is_named():
+    with pytest.raises(InputError, match=r"sigma: expected positive numbers .*, got shape \(3,\), smallest -2"):
+        adjust(ATTITUDES, [1.0, -2.0, 1.0], 1.0)
+
+
 def test_a_prior_that_is_wrong_shows_in_the_unit_weight(rng):
     """Data that know better: three sigmas of prior misfit are nine of chi-square, one more degree of freedom."""
     Y = readings(scattered(rng), 1.0, LARGE)

@@ -157,6 +157,14 @@ class _WebSocketClients:
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     def write(self, lines: str) -> None:
+        self._hand_out(lines)
+
+    def close(self) -> None:
+        self._hand_out(None)
+        end_soon(self._server.shutdown)
+
+    def _hand_out(self, lines: str | None) -> None:
+        """Lines, or that there are no more, to every client; one whose queue is full is let go."""
         with self._lock:
             clients = list(self._waiting.items())
         for client, waiting in clients:
@@ -164,16 +172,6 @@ class _WebSocketClients:
                 waiting.put_nowait(lines)
             except queue.Full:
                 self._let_go(client)
-
-    def close(self) -> None:
-        with self._lock:
-            clients = list(self._waiting.items())
-        for client, waiting in clients:
-            try:
-                waiting.put_nowait(None)
-            except queue.Full:
-                self._let_go(client)
-        end_soon(self._server.shutdown)
 
     def _send(self, client: Any) -> None:
         from websockets.exceptions import ConnectionClosed

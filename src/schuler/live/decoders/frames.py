@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -79,7 +80,7 @@ def whole_frames(
     return frames, data[at:]
 
 
-class FrameDecoder:
+class FrameDecoder(ABC):
     """Decoder of a stream of frames: a format has its framing, and makes messages of whole frames."""
 
     framing: ClassVar[Framing]
@@ -100,6 +101,6 @@ class FrameDecoder:
         frames, self._rest = whole_frames(self._rest, self.framing, self.left_out, final=True)
         return [*self._messages(frames), *self.pause()]
 
+    @abstractmethod
     def _messages(self, frames: list[bytes]) -> list[Message]:
         """Messages of whole frames."""
-        raise NotImplementedError

@@ -118,6 +118,39 @@ def test_a_filter_runs_in_plain_python(capsys, monkeypatch):
     np.testing.assert_allclose(np.array(done.stdout.split(), dtype=np.float64), compiled, rtol=1e-8, atol=1e-15)
 
 
+TWO = """
+import numba as nb
+from schuler.jit import kernel, prepare
+
+@kernel
+def first(x):
+    return x + 1.0
+
+@kernel
+def second(x):
+    return x + 2.0
+
+def prepare_first(beside):
+    prepare([(first, (nb.float64,))], beside=beside)
+
+def prepare_second():
+    prepare([(second, (nb.float64,))])
+"""
+
+
+@pytest.mark.parametrize(("beside", "hits"), [("two:prepare_second", 1), ("two:prepare_third", 0)])
+def test_what_comes_next_is_compiled_in_another_process(tmp_path, beside, hits):
+    """It is waited for and loaded; where that process fails, the kernel is compiled here."""
+    (tmp_path / "two.py").write_text(TWO)
+    script = (
+        "import os; os.cpu_count = lambda: 2\n"
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
+        f"import two; two.prepare_first({beside!r}); two.prepare_second()\n"
+        f"assert two.second(1.0) == 3.0 and sum(two.second.stats.cache_hits.values()) == {hits}"
+    )
+    in_a_process(["-c", script], tmp_path, 300.0)
+
+
 # ------------------------------------------------------------------------------- numbers and lanes, one cache
 
 NUMBERS = """

@@ -61,7 +61,7 @@ def _claims(z: np.ndarray, nees: float, claimed: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _turned(track: np.ndarray, points: np.ndarray, stride: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def turned_onto(track: np.ndarray, points: np.ndarray, stride: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Track at the strides turned (and mirrored, if that fits better) about the first point onto ground points."""
     at = track[stride] - track[stride[0]]
     fits = []
@@ -90,7 +90,7 @@ def llio(data: Path, file: str) -> dict[str, Any]:
     for name, smoothed in (("error", False), ("smoothed", True)):
         path = result.position_n(smoothed=smoothed)[:, :2]
         k = np.clip(np.searchsorted(result.t, series.t[stride] - 1e-9), 0, len(path) - 1)
-        e, C = _turned(path, points, k)
+        e, C = turned_onto(path, points, k)
         row[name] = float(np.sqrt(np.mean(np.sum(e**2, axis=1))))
     solution = result.best
     at = np.clip(np.searchsorted(solution.t, series.t[stride] - 1e-9), 0, len(solution.t) - 1)
@@ -100,7 +100,7 @@ def llio(data: Path, file: str) -> dict[str, Any]:
     squared = np.einsum("ni,ni->n", e, np.linalg.solve(P, e[:, :, None])[:, :, 0]) / 2.0
     z = e / np.sqrt(np.einsum("nii->ni", P))
     row |= _claims(z, float(squared.mean()), float(np.sqrt(np.mean(np.einsum("nii->n", P)))))
-    theirs, _ = _turned(np.asarray(held["pyshoeTrajectory"], dtype=float), points, stride)
+    theirs, _ = turned_onto(np.asarray(held["pyshoeTrajectory"], dtype=float), points, stride)
     peer = float(np.sqrt(np.mean(np.sum(theirs**2, axis=1))))
     return row | {"peer": "authors' LSTM track", "peer_error": peer, "ratio": row["smoothed"] / peer}
 

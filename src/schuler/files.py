@@ -13,6 +13,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -336,6 +337,17 @@ def _put_in_place(run: _Outputs) -> None:
     for target, (temporary, _) in run.waiting.items():
         if not any(top in target.parents for top in run.made):
             os.replace(temporary, target)
+
+
+@cache
+def package_version() -> str:
+    """Version of this package, for the provenance of results; reading it takes as long as fitting accelerometers."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("schuler")
+    except PackageNotFoundError:
+        return "not installed"
 
 
 def sha256(path: Path | str) -> str:

@@ -4,10 +4,12 @@ import os
 import re
 import threading
 import time
+import tty
 from pathlib import Path
 
 import numpy as np
 import pytest
+from workbench import write_all
 
 from schuler import earth, rotation
 from schuler.calibration.field.options import CoachOptions
@@ -205,3 +207,52 @@ def test_errors(tmp_path):
     path.write_text(text_of(LOG[:20]))
     with pytest.raises(InputError, match="columns"):
         coached(path, follow=True, idle_s=0.1)
+
+
+def test_a_serial_line(tmp_path):
+    """What is coached along a serial line is what is coached along a file of the same samples."""
+    pytest.importorskip("serial")
+    rows = LOG[::5]  # 10 Hz is enough to see who rests
+    file = tmp_path / "hand.csv"
+    file.write_text(HEADER + text_of(rows))
+    os.utime(file, (0, 0))
+    by_file, stated = coached(file)
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    lines: list[str] = []
+
+    def send():
+        while not any("connected" in line for line in lines):  # what came before it is opened is dropped
+            time.sleep(0.01)
+        for row in rows:
+            write_all(master, text_of([row]).encode())
+        time.sleep(0.5)
+        os.close(slave)
+        os.close(master)
+
+    thread = threading.Thread(target=send)
+    try:
+        address = Path(f"serial:{os.ttyname(slave)}?retry=0&format=text")
+        thread.start()
+        recording = run_coach(address, SPEC, latitude=LAT, out=lines.append, keep=tmp_path / "kept.txt")
+    finally:
+        thread.join()
+    by_wire, imu = recording.need_imu(), by_file.need_imu()
+    assert np.array_equal(by_wire.t - by_wire.t[0], imu.t - imu.t[0])
+    assert np.array_equal(by_wire.gyro, imu.gyro)
+    assert np.array_equal(by_wire.accel, imu.accel)
+    assert advice_in(lines) == advice_in(stated)
+    assert (tmp_path / "kept.txt").read_text().count("\n") == len(rows)
+
+
+@pytest.mark.parametrize(
+    ("address", "reason"),
+    [
+        ("serial:/dev/null?speed=1", "option"),
+        ("udp://:0", "port"),
+        ("serial:/dev/null?format=text&units=parsec", "units"),
+    ],
+)
+def test_addresses_that_are_none(tmp_path, address, reason):
+    with pytest.raises(InputError, match=reason):
+        run_coach(Path(address), SPEC, latitude=LAT, out=lambda _: None, keep=tmp_path / "kept.txt")

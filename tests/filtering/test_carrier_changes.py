@@ -296,4 +296,4 @@ def test_layout_of_a_clone():
         StateLayout({"clone_r": StateModel.constant(0.0)})
     lay = cloned(ac.layout(*CLOCK, "clock_2"))
     assert lay.blocks[-2:] == list(CLONES)
-    assert lay.without_clones.blocks == ac.layout(*CLOCK, "clock_2").blocks
+    assert lay.visible.blocks == ac.layout(*CLOCK, "clock_2").blocks

@@ -15,7 +15,10 @@ from schuler.recording.series import GnssSeries
 
 SENSORS = ("b_a", "b_g", "S_a", "S_g", "M_a6", "M_g", "G_g")
 LAYOUT = StateLayout({n: StateModel.constant(1.0) for n in (*SENSORS, "lever", "b_r", "b_v", "delay")})
-AIDS = ("lever", "lever_v", "mount", "odometer", "clock", "clock_drift", "clock_2", "b_heading", "baro")
+AIDS = (
+    "lever", "lever_v", "mount", "odometer", "clock", "clock_drift", "clock_2", "b_heading", "baro", "multipath_1",
+    "multipath_2",
+)  # fmt: skip
 AIDED = StateLayout({n: StateModel.constant(1.0) for n in ("b_a", "b_g", "S_a", "S_g", "M_a", "M_g", "G_g", *AIDS)})
 M = LAYOUT.size - 9
 
@@ -113,7 +116,7 @@ def test_rows_of_aids_are_the_jacobian_of_the_prediction(kind, seed):
     to_sat = up + rng.normal(size=3) * 0.5
     satellite = nav[7:10] + 2.2e7 * to_sat / np.linalg.norm(to_sat)
     z = {
-        ms.PSEUDORANGE: [*satellite, 2.2e7, seed % 2],
+        ms.PSEUDORANGE: [*satellite, 2.2e7, seed % 2, seed % 3, 1.7],
         ms.RANGE_RATE: [*satellite, *(rng.normal(size=3) * 3e3), 100.0],
         ms.ZERO_RATE: omega,
     }.get(kind, [0.1])

@@ -333,6 +333,8 @@ def test_as_a_gnss_series():
     assert series.v_n == pytest.approx(np.einsum("kij,kj->ki", C_ne, points.v_e[points.ok]), abs=1e-12)
     traces = np.trace(points.cov_r_e[points.ok], axis1=1, axis2=2)
     assert np.trace(series.cov_r_n, axis1=1, axis2=2) == pytest.approx(traces, rel=1e-12)
+    dop = np.column_stack((points.dilution.hdop, points.dilution.vdop))
+    np.testing.assert_array_equal(series.dop, dop[points.ok])
     # vertical is the weak direction
     assert np.all(series.cov_r_n[:, 2, 2] > series.cov_r_n[:, 0, 0])
 

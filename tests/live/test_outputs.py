@@ -100,7 +100,7 @@ def wait_for(condition):
 def test_clients_of_a_websocket_come_and_go_and_slow_ones_are_let_go(monkeypatch):
     connect = pytest.importorskip("websockets.sync.client").connect
     monkeypatch.setattr("schuler.live.outlets._WAITING", 20)
-    monkeypatch.setattr("schuler.live.outlets.CLOSED_S", 0.2)
+    monkeypatch.setattr("schuler.live.outlets.CLOSED_S", 1.5)  # a handshake takes long on a busy machine
     with socket.socket() as s:
         s.bind(("127.0.0.1", 0))
         port = s.getsockname()[1]

@@ -161,7 +161,7 @@ def test_a_store_of_something_else_is_refused(undisturbed, runs, options, messag
 
 
 def test_a_store_of_another_version_is_refused(undisturbed, runs, monkeypatch):
-    monkeypatch.setattr("schuler.montecarlo.store.metadata.version", lambda name: "9.9")
+    monkeypatch.setattr("schuler.montecarlo.store.package_version", lambda: "9.9")
     with pytest.raises(InputError, match=r"of another version of schuler \(.*; this one is 9.9\)"):
         campaign(runs.fails, {"mean": 2.0}, 300, seed=5, workers=1, store=undisturbed)
 

@@ -198,6 +198,32 @@ def test_a_filter_whose_covariance_is_none_stops(town):
         live.imu(0.01, np.zeros(3), np.array([0.0, 0.0, -0.098]))
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.255])
+@pytest.mark.parametrize("off", [-1.0, -0.01, 0.0, 0.01, 1.0])
+@pytest.mark.parametrize("kind", ["position", "velocity"])
+def test_a_measurement_is_compared_with_the_state_of_its_stamp(delay, off, kind):
+    """Place or velocity of a time, stamped otherwise: the innovation is what changed in between."""
+    motion = cases.drive(1.0)
+    log = cases.Case.of(motion, 14.0).increments
+    begin = motion.state(np.array([0.0]))
+    nav = NavState(0.0, begin.r_eb_e[0], begin.v_eb_e[0], begin.q_eb[0])
+    sigmas = {name: np.full(3, sigma) for name, sigma in (("attitude", 0.01), ("velocity", 0.1), ("position", 1.0))}
+    live, t = live_run(InitialState.from_sigmas(nav, LAYOUT, **sigmas), delay_s=delay), 12.0037  # between two samples
+    true, stamped = (motion.state(np.array([x])) for x in (t, t + off))
+    for k, end in enumerate(log.t):
+        if k == 1050:
+            made = position(t + off, true.llh[0], [1.0] * 3, gate=None)
+            live.aid(made if kind == "position" else velocity(t + off, true.v_eb_n[0], [0.1] * 3, gate=None))
+        live.imu(end, log.dtheta_ib_b[k], log.dv_ib_b[k])
+    live.finish()
+    (outcome,) = live.outcomes
+    assert outcome.t == t + off
+    name = "r_eb_e" if kind == "position" else "v_eb_n"
+    changed = np.linalg.norm(getattr(stamped, name) - getattr(true, name))
+    assert np.linalg.norm(outcome.innovation) == pytest.approx(changed, abs=2e-3)  # discretisation of twelve seconds
+    assert changed >= 50.0 * 2e-3 * abs(off)
+
+
 def test_outcomes_are_bounded_and_handed_on(town):
     """Memory is flat: the newest are kept, a function sees all."""
     log, schedule, initial, _ = town

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -222,6 +223,12 @@ def spirent(shared_data):
     return Spirent(ideal, truth, skies, ranges)
 
 
+@pytest.fixture(scope="module")
+def perfect(spirent):
+    """Navigation with a perfect IMU under a sky by its name, once: result and errors of position. [m]"""
+    return functools.cache(lambda name: spirent.run(name, ImuErrors.none(), 0, noise=False))
+
+
 def test_the_spline_is_the_simulators_path(spirent, shared_data):
     """Between the nodes it was laid through, every half second: the file's own rows.
 
@@ -239,9 +246,9 @@ def test_the_spline_is_the_simulators_path(spirent, shared_data):
     ("name", "level", "height"), [("none_tropo-none", 0.02, 0.03), ("Klob_tropo-Saast", 0.04, 0.25)]
 )
 @pytest.mark.thinned(2)
-def test_spirent_with_a_perfect_imu(spirent, name, level, height):
+def test_spirent_with_a_perfect_imu(perfect, name, level, height):
     """What is left is the models': nothing without an atmosphere, its mapping with one."""
-    result, e = spirent.run(name, ImuErrors.none(), 0, noise=False)
+    result, e = perfect(name)
     rms = np.sqrt(np.mean(e**2, axis=0))
     assert rms[:2].max() < level  # 6 mm and 24 mm seen
     assert rms[2] < height  # 10 mm and 0.17 m seen
@@ -292,9 +299,9 @@ def test_spirent_nees_is_in_band(spirent, name, runs):
     assert np.all(nees < 8.0)
 
 
-def test_spirent_satellites_rise_and_set_without_a_jump(spirent):
+def test_spirent_satellites_rise_and_set_without_a_jump(spirent, perfect):
     """G13 stops at 10:05, G08 at 10:07:28, G17 begins at 10:03; the reference time of the messages stays one."""
-    _, e = spirent.run("none_tropo-none", ImuErrors.none(), 0, noise=False)
+    _, e = perfect("none_tropo-none")
     step = np.abs(np.diff(e, axis=0))
     assert step.max() < 0.01
     r = spirent.ranges["none_tropo-none"]

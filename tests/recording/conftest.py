@@ -86,8 +86,10 @@ def run(rng) -> Recording:
 
 @pytest.fixture
 def aided(run, rng) -> Recording:
-    """The same with a heading, a height and all satellite parts, numbers not round and some not measured."""
+    """The same with a heading, a height, dilutions and all satellite parts, numbers not round, some not measured."""
     t = run.imu.t
+    dop = np.random.default_rng(3).uniform(0.5, 9.0, (len(run.gnss), 2))
+    dop[2], dop[5, 1] = np.nan, np.nan
     n, m = 60, 45
     holes = np.where(rng.uniform(size=(3, n)) < 0.2, np.nan, 1.0)
     observations = Observations(
@@ -110,6 +112,7 @@ def aided(run, rng) -> Recording:
     )  # fmt: skip
     return replace(
         run,
+        gnss=replace(run.gnss, dop=dop),
         heading=ScalarSeries(t[::7], rng.uniform(-3.1, 3.1, len(t[::7])), rng.uniform(0.01, 0.1, len(t[::7]))),
         height=ScalarSeries(t[::9], rng.uniform(200, 300, len(t[::9])), rng.uniform(0.1, 1.0, len(t[::9]))),
         observations=observations,

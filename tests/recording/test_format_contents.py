@@ -46,6 +46,7 @@ def test_a_real_drive_survives_every_format(shared_data, tmp_path):
              "axes": "BRU"},
         gnss={"file": "gnss_1934_sf.pos", "height": "msl", "geoid_separation": -16.8},
     )  # fmt: skip
+    run = run.between(run.start + 100.0, run.start + 250.0)
     inc = run.imu.increments()
     schuler.write(run, tmp_path / "a.nc")
     schuler.write(run, tmp_path / "kf", format="kf_gins")

@@ -221,6 +221,23 @@ def test_second_antenna_and_answers_are_not_taken(tmp_path):
     np.testing.assert_allclose(read(path).gnss.llh[:, 0], 48.0 * units.DEG, rtol=1e-15)
 
 
+PRINTED = {  # one count, m/s and rad, in decimals from the manual's table of raw scale factors (OEM7, RAWIMUSX)
+    "HG1700_AG58": (2.27093e-9, 1.16415e-10), "HG1700_AG62": (4.54187e-9, 1.16415e-10),
+    "HG1900_CA50": (2.27093e-9, 1.16415e-10), "HG1930_CA50": (2.27093e-9, 1.16415e-10),
+    "HG4930_AN01": (1.86265e-9, 1.16415e-10), "HG4930_AN04": (1.86265e-9, 1.16415e-10),
+    "LN200": (6.10352e-5, 1.90735e-6), "ISA100C": (2e-8, 1e-9), "LITEF_MICROIMU": (2e-8, 1e-9),
+    "IMAR_FSAS": (1.52588e-6, 1.89379e-9), "KVH_1750": (1.52588e-6, 1.08507e-7),
+    "ADIS16488": (9.31323e-8, 5.85167e-9), "STIM300": (2.38419e-7, 8.32236e-9),
+}  # fmt: skip
+
+
+def test_one_count_is_what_the_manual_prints():
+    """Six printed digits."""
+    kinds = {kind.name: kind for kind in IMU_TYPES.values()}
+    for name, one in PRINTED.items():
+        assert (kinds[name].accel, kinds[name].gyro) == pytest.approx(one, rel=5e-6), name
+
+
 def test_week_rollover(run, tmp_path):
     """Samples go on over the end of a week."""
     counts = counts_of(run)[:200]

@@ -71,6 +71,7 @@ def test_pysbf2_reads_the_encoder(run, tmp_path):
     with path.open("ab") as stream:
         stream.write(sbf.attitude(WEEK, ms(run.gnss.t[-1]), 77.5, 1.5, 0.0))
         stream.write(sbf.attitude_covariance(WEEK, ms(run.gnss.t[-1]), 0.25))
+        stream.write(sbf.dilution(WEEK, ms(run.gnss.t[-1]), 85, 143))
     with path.open("rb") as stream:
         seen = {}
         for _, message in pysbf2.SBFReader(stream):
@@ -86,8 +87,22 @@ def test_pysbf2_reads_the_encoder(run, tmp_path):
     assert moved.Cov_VnVn == pytest.approx(back.gnss.cov_v_n[3, 0, 0], rel=1e-6)
     attitude = seen["AttEuler"][0]
     assert attitude.Heading * units.DEG == pytest.approx(back.heading.value[0])
+    dilution = seen["DOP"][0]
+    np.testing.assert_allclose(back.gnss.dop[-1], (dilution.HDOP, dilution.VDOP), rtol=1e-15)  # rounding
     assert seen["AttCovEuler"][0].Cov_HeadHead == pytest.approx(0.25)
     assert back.heading.sigma[0] == pytest.approx(0.5 * units.DEG)
+
+
+def test_dilutions_go_to_the_fix_of_their_time(tmp_path):
+    """Hundredths; 0 is none, as is a fix without a block of its time, and a block without a fix is of no use."""
+    fixes = [sbf.pvt(WEEK, 1000 * k, (0.84, 0.15, 400.0), (1, 2, 3), accuracy=(200, 400)) for k in range(1, 5)]
+    blocks = [sbf.dilution(WEEK, *row) for row in ((3000, 0, 180), (1000, 85, 143), (9000, 1, 1), (4000, 92, 0))]
+    (tmp_path / "a.sbf").write_bytes(b"".join(fixes + blocks))
+    nan = np.nan
+    expected = [[0.85, 1.43], [nan, nan], [nan, 1.8], [0.92, nan]]
+    np.testing.assert_allclose(read(tmp_path / "a.sbf").gnss.dop, expected, rtol=1e-15)  # rounding
+    (tmp_path / "b.sbf").write_bytes(b"".join(fixes))
+    assert read(tmp_path / "b.sbf").gnss.dop is None
 
 
 def test_accuracy_without_covariances(tmp_path):

@@ -26,8 +26,8 @@ def run():
     return drive(rate=50.0)
 
 
-def log_of(run, path, *, start=7.0, utc=True, quaternions=False, drift=0.0):
-    """A drive; the unit's clock starts at ``start`` and runs ``drift`` fast."""
+def log_of(run, path, *, start=7.0, utc=True, quaternions=False, drift=0.0, late=0.08):
+    """A drive; the unit's clock starts at ``start`` and runs ``drift`` fast, fixes are stamped ``late`` by it."""
     t0 = run.imu.t[0]
 
     def own(t):
@@ -49,8 +49,8 @@ def log_of(run, path, *, start=7.0, utc=True, quaternions=False, drift=0.0):
                 out.append(encode_sbg.utc(own(t), *utc_of(t), tow))
             sigma = np.sqrt(np.diag(g.cov_r_n[fix]))
             llh = (*(g.llh[fix, :2] / units.DEG), g.llh[fix, 2] - UNDULATION)
-            out.append(encode_sbg.gps_pos(own(t) + 0.08, tow, llh, UNDULATION, sigma))
-            out.append(encode_sbg.gps_vel(own(t) + 0.09, tow, g.v_n[fix], (0.05, 0.05, 0.05)))
+            out.append(encode_sbg.gps_pos(own(t) + late, tow, llh, UNDULATION, sigma))
+            out.append(encode_sbg.gps_vel(own(t) + late + 0.01, tow, g.v_n[fix], (0.05, 0.05, 0.05)))
     path.write_bytes(b"".join(out))
     return path
 
@@ -78,6 +78,12 @@ def test_whole_log_comes_back(run, tmp_path, quaternions):
     assert set(back.gnss.quality) == {1}
     every = type(run.reference)(*(getattr(run.reference, n)[::5] for n in ("t", "r_eb_e", "v_eb_e", "q_eb")))
     same_trajectory(back.reference, every, t=1.1e-6, r=1e-8, v=1e-6, q=3e-7)
+
+
+def test_fixes_that_the_clock_stamps_early_are_of_the_same_week(run, tmp_path):
+    """The clock is the unit's own: a fix may seem to arrive before its time of week."""
+    back = read(log_of(run, tmp_path / "log.bin", late=-0.001))
+    np.testing.assert_allclose(back.gnss.t, run.gnss.t, rtol=0.0, atol=1e-9)  # rounding
 
 
 def test_clock_of_the_unit(run, tmp_path):

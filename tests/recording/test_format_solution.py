@@ -1,5 +1,7 @@
 """Navigation results read as references and converted to other formats."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from format_drives import WEEK, drive, same_trajectory
@@ -33,6 +35,16 @@ def test_a_solution_becomes_a_reference(tmp_path):
     assert back.metadata.time == run.metadata.time
     same_trajectory(back.reference, run.reference, t=0.0, r=0.0, v=1e-12, q=1e-15)
     assert read(path).metadata.time.scale == "local"
+
+
+def test_printed_quaternions_are_of_norm_1_again(tmp_path):
+    """Four digits leave the norm 1e-4 off; rounding to 1e-12 is all that may be left of it."""
+    run = drive()
+    exact = run.reference.q_eb
+    run = replace(run, reference=replace(run.reference, q_eb=np.round(exact, 4)))
+    back = read(solution(tmp_path / "solution.parquet", run)).reference.q_eb
+    np.testing.assert_allclose(np.linalg.norm(back, axis=1), 1.0, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(back, exact, rtol=0.0, atol=2e-4)
 
 
 def test_a_time_base_in_the_file_counts(tmp_path):

@@ -50,7 +50,19 @@ def test_gpx_speed_course_and_dilution(tmp_path):
     back = read(path)
     np.testing.assert_allclose(back.gnss.v_n[:, 0], 11.1)
     np.testing.assert_allclose(np.sqrt(back.gnss.cov_r_n[:, 0, 0]), 5.0 * 2.0 / np.sqrt(2.0))
+    np.testing.assert_array_equal(back.gnss.dop, [[2.0, np.nan]] * 20)
     assert read(path, sigma="3,3,5").gnss.cov_r_n[0, 0, 0] == pytest.approx(9.0)
+
+
+def test_gpx_keeps_dilutions(tmp_path):
+    """Round trip, in hundredths; a point whose VDOP is not known has none, in a track without any there are none."""
+    run = replace(drive(), reference=None)
+    dop = np.column_stack((np.linspace(0.6, 4.0, len(run.gnss)), np.linspace(1.0, 9.0, len(run.gnss)))).round(2)
+    dop[3, 1] = np.nan
+    gpx.write(replace(run, gnss=replace(run.gnss, dop=dop)), tmp_path / "a.gpx")
+    np.testing.assert_array_equal(read(tmp_path / "a.gpx").gnss.dop, dop)
+    gpx.write(run, tmp_path / "b.gpx")
+    assert read(tmp_path / "b.gpx").gnss.dop is None
 
 
 def test_what_is_no_log_of_fixes_is_refused(tmp_path):

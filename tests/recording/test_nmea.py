@@ -86,6 +86,13 @@ def test_without_gst_they_are_a_rule_of_thumb_and_say_so(log):
     np.testing.assert_allclose(sigmas(read_nmea(log(rmc(), gga(), gst(lat="0.0"))))[0, 0], h, rtol=1e-14)
 
 
+def test_dilutions_are_those_stated_not_those_guessed(log):
+    """HDOP of GGA, VDOP of GSA; an epoch without GSA has no VDOP, 99.99 and an empty field are none."""
+    pieces = [rmc(), gga(hdop="0.8"), gsa("1.9"), gga("173022.00"), gga("173023.00", hdop="99.99"), gsa("99.99")]
+    np.testing.assert_array_equal(read_nmea(log(*pieces)).gnss.dop, [[0.8, 1.9], [0.8, np.nan], [np.nan, np.nan]])
+    assert read_nmea(log(rmc(), gga(hdop="")), ReadHints(sigma="3,3,6")).gnss.dop is None
+
+
 def test_the_hint_sigma_replaces_the_rule_but_not_gst(log):
     hints = ReadHints(sigma="3,3,6,0.2,0.2,0.4")
     r = read_nmea(log(rmc(), gga(), rmc("173022.00"), gga("173022.00"), gst("173022.00")), hints)

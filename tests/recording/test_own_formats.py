@@ -56,7 +56,7 @@ def assert_same(back: Recording, run: Recording, rtol: float = 0.0) -> None:
     assert_same_satellites(back, run)
     for series, names in (
         ("imu", ("t", "gyro", "accel", "temperature", "magnetometer")),
-        ("gnss", ("t", "llh", "cov_r_n", "v_n", "cov_v_n", "quality", "n_satellites", "received")),
+        ("gnss", ("t", "llh", "cov_r_n", "v_n", "cov_v_n", "quality", "n_satellites", "received", "dop")),
         ("odometer", ("t", "speed", "sigma")),
         ("heading", ("t", "value", "sigma")),
         ("height", ("t", "value", "sigma")),
@@ -200,7 +200,7 @@ def test_shifting_and_merging_move_every_part(aided):
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_parts_of_a_recording_are_kept_as_they_are(run, tmp_path, suffix):
-    gnss = replace(run.gnss, v_n=None, cov_v_n=None, quality=None, n_satellites=None, received=None)
+    gnss = replace(run.gnss, v_n=None, cov_v_n=None, quality=None, n_satellites=None, received=None, dop=None)
     imu = ImuSeries(run.imu.t, run.imu.gyro, run.imu.accel, "increment")
     reference = replace(run.reference, v_eb_e=None, q_eb=None, _cache={})
     local = replace(run.metadata, time=TimeBase())

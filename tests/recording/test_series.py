@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from schuler import frames, rotation
+from schuler.cli.convert import described
 from schuler.exceptions import InputError
 from schuler.recording import trajectory as trajectory_module
 from schuler.recording.recording import Metadata, Recording
-from schuler.recording.series import GnssSeries, ImuSeries, Increments, OdometerSeries
+from schuler.recording.series import GnssSeries, ImuSeries, Increments, OdometerSeries, stated_dilution
 from schuler.recording.trajectory import FullTrajectory, Trajectory
 from schuler.timebase import TimeBase
 
@@ -238,6 +239,38 @@ def test_summary_names_every_series():
         assert part in text
     turned = whole.rotated(rotation.dcm_from_rpy([0.0, 0.0, 1.0]), "axes turned by 1 rad")
     assert turned.metadata.notes[-1] == "axes turned by 1 rad"
+
+
+def test_dilutions_are_kept_cut_and_summed_up():
+    """Epochs keep theirs; medians pass over what is not known; a part in which none is known has none."""
+    nan = np.nan
+    dop = np.array([[0.8, 1.5], [0.9, nan], [1.2, 2.5], [nan, nan], [nan, nan]])
+    whole = gnss(dop=dop, n_satellites=[9, 10, 11, 12, 13])
+    np.testing.assert_array_equal(whole.where([0, 2]).dop, dop[[0, 2]])
+    np.testing.assert_array_equal(whole.between(1.0, 3.0).dop, dop[1:4])
+    assert whole.between(3.0, 4.0).dop is None
+    assert whole.median_dop() == {"HDOP": 0.9, "VDOP": 2.0}
+    log = Recording(gnss=whole, metadata=Metadata("town"))
+    assert "        11 satellites, HDOP 0.9, VDOP 2 (median)" in log.summary().splitlines()
+    np.testing.assert_array_equal(log.shifted(5.0).gnss.dop, dop)
+    numbers = described(log)["gnss"]
+    assert (numbers["median_hdop"], numbers["median_vdop"]) == (0.9, 2.0)
+    assert gnss().median_dop() == {}
+    assert "median_hdop" not in described(replace(log, gnss=gnss()))["gnss"]
+
+
+def test_what_is_no_dilution():
+    """Zero, 99.99 and more, infinity and what is no number are not known to a reader; a series refuses them."""
+    stated = stated_dilution([0.7, 0.0, 99.99, np.inf, -1.0], [nan := np.nan, 1.2, 655.35, 9999.0, nan])
+    np.testing.assert_array_equal(stated, [[0.7, nan], [nan, 1.2], [nan, nan], [nan, nan], [nan, nan]])
+    np.testing.assert_array_equal(stated_dilution(None, [1.5]), [[nan, 1.5]])
+    assert stated_dilution(None, None) is None
+    assert stated_dilution([99.99], [0.0]) is None
+    for bad in (0.0, 99.0, -1.0, np.inf):
+        with pytest.raises(InputError, match=r"GnssSeries\.dop: expected numbers above 0 and below 99"):
+            gnss(dop=np.full((5, 2), bad))
+    with pytest.raises(InputError, match=r"GnssSeries\.dop: expected shape \(5, 2\)"):
+        gnss(dop=np.ones(5))
 
 
 def test_an_increment_after_a_pause_is_stretched_over_it_only_if_samples_were_lost():

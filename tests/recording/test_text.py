@@ -448,6 +448,17 @@ def test_gnss_tables_are_read(table, fixes):
     np.testing.assert_array_equal(gnss.n_satellites, 12)
 
 
+def test_dilutions_of_a_table_may_be_missing(table, fixes):
+    """Zero, 99.99 and NaN are none; a stream of the columns of others that has none at all has no dilutions."""
+    rows = np.column_stack((fixes, (0.8, 0.0, 99.99, np.nan, 1.2), (1.5, 1.6, 1.7, 1.8, 0.0)))
+    nan = np.nan
+    expected = [[0.8, 1.5], [nan, 1.6], [nan, 1.7], [nan, 1.8], [1.2, nan]]
+    np.testing.assert_array_equal(read(table(rows, header=f"{GNSS},HDOP,VDOP")).gnss.dop, expected)
+    one = read(table(np.column_stack((fixes, np.full(5, 0.9))), header=f"{GNSS},hdop")).gnss
+    np.testing.assert_array_equal(one.dop, [[0.9, nan]] * 5)
+    assert read(table(np.column_stack((fixes, np.full(5, 99.9))), header=f"{GNSS},hdop")).gnss.dop is None
+
+
 def test_times_of_delivery_are_on_the_time_base_of_the_fixes(table, fixes):
     rows = np.column_stack((fixes[:, :4], fixes[:, 0] + 0.08))
     rows[:, [0, 4]] += 604_798.5

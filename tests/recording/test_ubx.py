@@ -178,6 +178,28 @@ def test_a_solution_in_si_on_gps_time(log):
     assert (gnss.quality[0], gnss.n_satellites[0]) == (5, 25)
 
 
+def nav_dop(itow: int, horizontal: int, vertical: int) -> bytes:
+    """In hundredths: geometric, position, time, vertical, horizontal, northing, easting (UBX-22008968, 3.15.5)."""
+    return frame(0x0104, struct.pack("<I7H", itow, 321, 234, 111, vertical, horizontal, 77, 88))
+
+
+def test_dilutions_of_nav_dop_go_to_the_solution_of_their_time(log):
+    """In whatever order they come; without one, and where it says 99.99, they are not known."""
+    seconds = [{"itow": 408_640_000 + 1000 * k, "when": (2025, 8, 28, 17, 30, 22 + k)} for k in range(4)]
+    path = log(
+        nav_dop(408_640_000, 85, 143), pvt(**seconds[0]), pvt(**seconds[1]), pvt(**seconds[2]),
+        nav_dop(408_642_000, 9999, 151), pvt(**seconds[3]), nav_dop(408_643_000, 64, 9999), nav_dop(408_649_000, 1, 1),
+        frame(0x0104, bytes(17)),
+    )  # fmt: skip
+    log_ = read_ubx(path)
+    nan = np.nan
+    np.testing.assert_allclose(log_.gnss.dop, [[0.85, 1.43], [nan, nan], [nan, 1.51], [0.64, nan]], rtol=1e-15)
+    assert "1 frames were not of the length their contents call for and were left out." in log_.notes
+    assert read_ubx(log(pvt())).gnss.dop is None
+    with pytest.raises(FileFormatError, match="found 1 frames of other kinds"):
+        read_ubx(log(nav_dop(408_640_000, 85, 143)))
+
+
 def test_times_carry_nanoseconds_and_need_no_table_of_leap_seconds(log):
     # UTC of the epoch is a little before the second; time of week is rounded
     gnss = read_ubx(log(pvt(nano=-450_000), pvt(itow=408_640_250, nano=249_550_000))).gnss

@@ -1,15 +1,20 @@
 """Calibration on the page: a rest rejected by hand on a real log, and the coach on a log that grows."""
 
 import json
+import os
 import shlex
 import subprocess
 import sys
 import time
+import tty
 
 import chromium
 import numpy as np
 import pytest
-from workbench import Server, drag, press, type_into
+from workbench import Server, drag, press, type_into, write_all
+
+from schuler.studio import jobs
+from schuler.studio.workspace import Workspace
 
 pytest.importorskip("nicegui", reason="the workbench needs the extra studio")
 
@@ -28,8 +33,6 @@ COMMAND = "document.querySelector('.command pre')?.textContent"
 
 def calibrated(folder, page, seen=()):
     """Wait for a calibration that was not seen before; its job and what it printed."""
-    from schuler.studio import jobs
-
     until = time.monotonic() + 120.0
     while (job := jobs.latest(folder, "calibrate")) is None or job.key in seen or job.state != "done":
         assert time.monotonic() < until
@@ -38,12 +41,23 @@ def calibrated(folder, page, seen=()):
     return job, jobs.answer(folder, job.key)
 
 
+def certified(folder, page, seen):
+    """Type a serial number and press for a certificate: linked on the page, with the number and the results in it."""
+    type_into(page, "serial number", "XS-0042")
+    press(page, "report and certificate")
+    job, _ = calibrated(folder, page, seen)
+    assert job.command[job.command.index("--serial") + 1] == "XS-0042"
+    text = (folder.root / job.out / "certificate.html").read_text()
+    assert "XS-0042" in text
+    links = chromium.run(page, "[...document.querySelectorAll('a')].map(a => a.textContent)")
+    assert {"certificate.html", "calibration.html"} <= set(links)
+
+
 @chromium.needed
 @pytest.mark.campaign
 @pytest.mark.realdata
 def test_a_rest_rejected_by_hand_is_that_of_the_command(shared_data, tmp_path):
     from schuler.studio.rests import read_rests
-    from schuler.studio.workspace import Workspace
 
     (tmp_path / "xsens").mkdir()
     for name in ("xsens_acc.mat", "xsens_gyro.mat"):
@@ -65,8 +79,9 @@ def test_a_rest_rejected_by_hand_is_that_of_the_command(shared_data, tmp_path):
             second, _ = calibrated(folder, page, {first.key})
             assert chromium.run(page, drawn)[13][2] == "unused"
             drag(page, spans[0, 1] - 0.3, spans[0, 1] - 20.0)  # its last 20 s are left out
-            _, by_page = calibrated(folder, page, {first.key, second.key})
+            third, by_page = calibrated(folder, page, {first.key, second.key})
             command = chromium.run(page, COMMAND)
+            certified(folder, page, {first.key, second.key, third.key})
             row = "[...document.querySelectorAll('tbody tr')].find(r => r.cells[0].textContent === '14').textContent"
             assert "rejected" in chromium.run(page, row)
             assert (chromium.errors(page), chromium.requests(page)) == ((), ())
@@ -92,9 +107,6 @@ def test_a_rest_rejected_by_hand_is_that_of_the_command(shared_data, tmp_path):
 @chromium.needed
 @pytest.mark.campaign
 def test_the_coach_follows_a_log_that_grows(tmp_path):
-    from schuler.studio import jobs
-    from schuler.studio.workspace import Workspace
-
     rng = np.random.default_rng(4)
     t = np.arange(1, 801) / 50.0
     readings = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -9.8]) + rng.standard_normal((800, 6)) * np.repeat((1e-4, 1e-3), 3)
@@ -129,3 +141,45 @@ def test_the_coach_follows_a_log_that_grows(tmp_path):
     answer = jobs.answer(folder, job.key)
     assert (answer["method"], answer["status"]) == ("field", "refused")
     assert any("interrupted" in line for line in jobs.messages(folder, job.key))
+
+
+@chromium.needed
+@pytest.mark.campaign
+def test_the_coach_follows_a_serial_port(tmp_path):
+    """A pseudo-terminal in the place of the port: advice on a phone, and the samples kept in the folder of the run."""
+    pytest.importorskip("serial")
+    rng = np.random.default_rng(4)
+    t = np.arange(1, 801) / 50.0
+    readings = np.array([0.0, 0.0, 0.0, 0.0, 0.0, -9.8]) + rng.standard_normal((800, 6)) * np.repeat((1e-4, 1e-3), 3)
+    rows = [",".join(f"{v:.9g}" for v in row) + "\n" for row in np.column_stack((t, readings))]
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    folder, served = Workspace(tmp_path.resolve()), Server(tmp_path)
+    advice = "document.querySelector('.coach .next')?.textContent"
+    try:
+        with chromium.opened(served.page("/coach"), 390) as page:
+            type_into(page, "port", f"serial:{os.ttyname(slave)}?format=text")
+            type_into(page, "IMU", "yaman-automotive")
+            item = "[...document.querySelectorAll('.q-item')].find(i => i.textContent.includes('yaman-automotive'))"
+            chromium.wait_for(page, item, 60.0)
+            chromium.run(page, f"{item}.click()")
+            type_into(page, "latitude", "39.9")
+            chromium.wait_for(page, f"{COMMAND}?.includes('serial:') && {COMMAND}.includes('--latitude 39.9')", 60.0)
+            press(page, "coach me")
+            until = time.monotonic() + 60.0
+            while not any("connected" in line for job in jobs.jobs(folder) for line in jobs.messages(folder, job.key)):
+                assert time.monotonic() < until
+                chromium.settle(page)
+            for row in rows:
+                write_all(master, row.encode())
+            chromium.wait_for(page, f"{advice}?.startsWith('turn ')", 60.0)
+            press(page, "enough: calibrate")
+            chromium.wait_for(page, "document.querySelector('.verdict.failed')", 180.0)  # one rest is not enough
+            assert (chromium.errors(page), chromium.requests(page)) == ((), ())
+            assert chromium.overflow(page) <= 0.0
+    finally:
+        served.stop()
+        os.close(master)
+        os.close(slave)
+    kept = np.loadtxt(tmp_path / jobs.jobs(folder)[0].out / "field-log.txt", delimiter=",")
+    assert np.array_equal(kept, np.loadtxt(rows, delimiter=","))

@@ -26,12 +26,16 @@ WIDTHS = (1400, 390)
 @pytest.fixture(scope="module")
 def town(tmp_path_factory):
     """Folder with a simulated drive and its configuration."""
-    from schuler.recording.io import write
+    from schuler.recording.io import read, write
     from schuler.simulation import simulate
 
     folder = tmp_path_factory.mktemp("town")
     write(simulate(EXAMPLES / "town.toml"), folder / "town.parquet")
     (folder / "drive.toml").write_text((EXAMPLES / "town_navigation.toml").read_text())
+    fixes = np.degrees(read(folder / "town.parquet").gnss.llh[::10, 1::-1]).tolist()
+    line = {"type": "LineString", "coordinates": fixes}
+    road = {"type": "Feature", "properties": {"highway": "primary"}, "geometry": line}
+    (folder / "roads.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [road]}))
     return folder
 
 
@@ -189,6 +193,46 @@ def test_a_question_that_a_log_leaves_open_is_answered_by_a_button(server, town)
         log.unlink()
 
 
+def choose(page, label, text):
+    """Choose an entry of the menu with this label."""
+    chromium.wait_for(page, f"document.querySelector('input[aria-label=\"{label}\"]')", 60.0)
+    chromium.run(page, "document.querySelectorAll('details').forEach(d => d.open = true)")
+    chromium.click(page, f'.q-field:has(input[aria-label="{label}"]) .q-field__control')
+    item = f"[...document.querySelectorAll('.q-item')].find(i => i.innerText.trim() === {json.dumps(text)})"
+    chromium.wait_for(page, item, 60.0)
+    chromium.run(page, f"{item}.click()")
+
+
+@chromium.needed
+@pytest.mark.campaign
+def test_columns_units_and_axes_are_chosen_by_menus(server, town):
+    """A log whose words nobody knows, gravity up and in g: the findings follow every choice."""
+    rng = np.random.default_rng(5)
+    rates, force = rng.standard_normal((3000, 3)) * 0.3, rng.standard_normal((3000, 3)) * 1e-3 + (0.0, 0.0, 1.0)
+    table = np.column_stack((np.arange(3000) / 100.0, rates, force))
+    log, names = town / "words.csv", ("t", "gx", "gy", "gz", "ax", "ay", "az")
+    np.savetxt(log, table, delimiter=",", fmt="%.6f", header="a,b,c,d,e,f,g", comments="")
+    command = "document.querySelector('.command pre')?.textContent"
+    try:
+        with chromium.opened(server.page("/", log="words.csv"), 1400) as page:
+            chromium.wait_for(page, "document.querySelector('input[aria-label=\"column 1\"]')", 60.0)
+            for label, text, word in (
+                *((f"column {k + 1}", name, f"{name}," if k < 6 else "ax,ay,az") for k, name in enumerate(names)),
+                ("unit of accel", "g", "accel=g"),
+                ("unit of gyro", "deg/s", "gyro=deg/s"),
+                ("axes", "FLU", "--axes FLU"),
+            ):
+                choose(page, label, text)
+                chromium.wait_for(page, f"{command}?.includes({json.dumps(word)})", 60.0)
+            chromium.wait_for(page, "document.querySelector('.signals').dataset.latency", 60.0)
+            down = "document.querySelector('.signals').data.find(c => c.name === 'z').y[9]"
+            chromium.wait_for(page, f"Math.abs({down} + 9.80665) < 0.05", 60.0)
+            assert chromium.overflow(page) <= 0.0
+            assert (chromium.errors(page), chromium.requests(page)) == ((), ())
+    finally:
+        log.unlink()
+
+
 @chromium.needed
 def test_an_outage_is_moved_and_the_cursor_is_on_the_track(server):
     at = "document.querySelector('.command pre')?.textContent.split('--outage ')[1]"
@@ -224,7 +268,12 @@ def test_a_run_with_an_outage_that_is_drawn_has_the_numbers_of_the_command(serve
         drag(page, 130.0, 145.0)
         chromium.wait_for(page, "document.querySelector('.command pre').textContent.includes('--outage 1')")
         command, out, rows = navigated(page)
-        chromium.wait_for(page, "document.querySelector('.plan').dataset.curves === 'GNSS,filtered,smoothed'")
+        plan = "document.querySelector('.plan')"
+        chromium.wait_for(page, f"{plan}.dataset.curves === 'GNSS,filtered,smoothed'")
+        drawn = len(chromium.run(page, f"{plan}.data.map(c => c.name)"))
+        choose(page, "map", "roads.geojson")
+        chromium.wait_for(page, f"{plan}.dataset.mapped === 'roads.geojson'", 60.0)
+        assert chromium.run(page, f"{plan}.data.length") == drawn + 1
         assert (chromium.errors(page), chromium.requests(page)) == ((), ())
     the_same_by_command(town, command, out, rows)
     with chromium.opened(server.page("/runs"), 1400) as page:
@@ -259,6 +308,36 @@ def test_two_runs_are_compared_and_one_is_deleted_after_a_question(server, town)
     assert [(town / name).is_dir() for name in ("first", "second")] == [True, False]
 
 
+def the_allan_curve_answers(page):
+    """A term is switched off, a line of slope -1/2 is shown, dragged to half of its level, and typed."""
+    drawn = "document.querySelector('.chart.allan').dataset.drawn"
+    chromium.wait_for(page, f"{drawn}?.split(',').includes('N')", 60.0)
+    boxes = "[...document.querySelectorAll('.chart.allan label')]"
+    chromium.run(page, f"{boxes}.find(l => l.textContent.trim() === 'N').click()")
+    assert "N" not in chromium.run(page, drawn).split(",")
+    chromium.run(page, f"{boxes}.findLast(l => l.textContent.trim() === 'N').click()")
+    assert "N" in chromium.run(page, drawn).split(",")
+    field = "+document.querySelector('.allan input.level[data-letter=N]').value"
+    before = chromium.run(page, field)
+    chromium.centre(page, ".chart.allan .nsewdrag")
+    line = """(() => {
+        const e = document.querySelector('.chart.allan .js-plotly-plot'), f = e._fullLayout;
+        const b = e.getBoundingClientRect(), c = e.data.find(d => d.meta === 'N'), k = 80;
+        const at = v => f.yaxis.l2p(Math.log10(v)) + b.top + f.yaxis._offset;
+        return [f.xaxis.l2p(Math.log10(c.x[k])) + b.left + f.xaxis._offset, at(c.y[k]), at(c.y[k] / 2)];
+    })()"""
+    x, y, lower = chromium.run(page, line)
+    chromium.mouse(page, "mouseMoved", x, y)
+    chromium.mouse(page, "mousePressed", x, y, button="left", clickCount=1)
+    chromium.mouse(page, "mouseMoved", x, lower, button="left", buttons=1)
+    chromium.mouse(page, "mouseReleased", x, lower, button="left", clickCount=1)
+    assert chromium.run(page, field) == pytest.approx(0.5 * before, rel=0.03)  # a pixel
+    typed = "Object.assign(document.querySelector('.allan input.level[data-letter=N]'), {value: '0.25'})"
+    chromium.run(page, f"{typed}.dispatchEvent(new Event('change'))")
+    named = "document.querySelector('.chart.allan .js-plotly-plot').data.find(d => d.meta === 'N').name"
+    assert chromium.run(page, named).startswith("N 0.25 ")
+
+
 @chromium.needed
 @pytest.mark.campaign
 def test_the_noise_of_a_span_is_that_of_the_command(town, tmp_path):
@@ -280,6 +359,7 @@ def test_the_noise_of_a_span_is_that_of_the_command(town, tmp_path):
             command = chromium.run(page, "document.querySelector('.command pre').textContent")
             press(page, "identify")
             chromium.wait_for(page, "document.querySelector('iframe.report')", 120.0)
+            the_allan_curve_answers(page)
             assert (chromium.errors(page), chromium.requests(page)) == ((), ())
     finally:
         served.stop()
@@ -333,6 +413,28 @@ def test_a_mission_with_another_imu_and_outage_is_that_of_the_command(tmp_path):
     assert {budget["total"], *budget["by_group"].values()} <= set(map(float, values))
     assert all(text in verdict for text in numbers["sentences"])
     assert (tmp_path / out / "report.html").read_bytes() == (tmp_path / "again" / "report.html").read_bytes()
+
+
+@chromium.needed
+@pytest.mark.campaign
+def test_the_platform_turns_and_the_menu_of_imus_closes(server, town):
+    (town / "platform.toml").write_text((EXAMPLES / "rotary_static.toml").read_text())
+    try:
+        with chromium.opened(server.page("/plan"), 1400) as page:
+            at = "+document.querySelector('.platform').dataset.t"
+            chromium.wait_for(page, f"document.querySelector('.platform svg polygon') && {at} > 0.2", 60.0)
+            press(page, "stop")
+            stopped = chromium.run(page, at)
+            chromium.settle(page)
+            assert chromium.run(page, at) == stopped
+            type_into(page, "IMU", "MTi-G-710")
+            item = "[...document.querySelectorAll('.q-item')].find(i => i.textContent.includes('MTi-G-710'))"
+            chromium.wait_for(page, item, 60.0)
+            chromium.run(page, f"{item}.click()")
+            chromium.wait_for(page, "!document.querySelector('.q-menu')", 30.0)
+            assert chromium.errors(page) == ()
+    finally:
+        (town / "platform.toml").unlink()
 
 
 @chromium.needed

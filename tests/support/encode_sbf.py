@@ -33,6 +33,11 @@ def covariance(number, week, ms, nn, ee, uu, ne, nu, eu, mode=4):
     return block(number, week, ms, struct.pack("<BB10f", mode, 0, nn, ee, uu, 1.0, ne, nu, 0.0, eu, 0.0, 0.0))
 
 
+def dilution(week, ms, horizontal, vertical):
+    """In hundredths, 0 for none; position and time before, protection levels behind."""
+    return block(4001, week, ms, struct.pack("<BBHHHHff", 17, 0, 150, 80, horizontal, vertical, 5.0, 8.0))
+
+
 def attitude(week, ms, heading, pitch, roll, mode=2):
     return block(5938, week, ms, struct.pack("<BBHHffffff", 17, 0, mode, 0, heading, pitch, roll, 0.0, 0.0, 0.0))
 

@@ -462,7 +462,8 @@ def _solutions(run: Callable[[str], Any]) -> dict[str, Callable]:
 
     def rated_fixes():
         n = len(run("full").gnss)
-        return replace(run("full").gnss, quality=np.arange(n) % 3 + 1, n_satellites=9 + np.arange(n) % 4)
+        dop = np.outer(1.0 + 0.2 * np.sin(0.1 * np.arange(n)), (0.8, 1.4))
+        return replace(run("full").gnss, quality=np.arange(n) % 3 + 1, n_satellites=9 + np.arange(n) % 4, dop=dop)
 
     full = lambda **over: subject(run("full"), **over)  # noqa: E731
     return {

@@ -1,6 +1,7 @@
 """The workbench for tests: a server in its process, and what a person does on its pages in Chromium."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -76,3 +77,9 @@ def type_into(page, label, text):
         page, f"(field => (field.focus(), field.select()))(document.querySelector('input[aria-label=\"{label}\"]'))"
     )
     chromium.call(page.browser, "Input.insertText", page.session, text=text)
+
+
+def write_all(number, data):
+    """Write to a descriptor all of it: a pseudo-terminal takes what it has room for."""
+    while data:
+        data = data[os.write(number, data) :]

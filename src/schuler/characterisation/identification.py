@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from importlib import metadata
 from typing import Any, Literal
 
 import numpy as np
@@ -37,6 +36,7 @@ from schuler.characterisation.spectrum import CleanSpectrum, Line, clean_spectru
 from schuler.characterisation.trends import mean_with_sigma, temperature_trend, warm_up
 from schuler.characterisation.turn_on import TurnOn, turn_on_bias
 from schuler.exceptions import InputError
+from schuler.files import package_version
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.sensors.noise import (
@@ -158,7 +158,7 @@ def identify_noise(
     records = [r for r in several if isinstance(r, Recording)]
     notes = tuple(n for r in records for n in r.metadata.notes) + _budget_notes(spec, axes, turn_on)
     provenance: dict[str, Any] = {
-        "schuler": metadata.version("schuler"),
+        "schuler": package_version(),
         "method": method,
         "robust": robust,
         "models": "default" if models is None else list(models),

@@ -155,22 +155,8 @@ def identify_manually(
     ----------
     Flenniken (2005), sections 2.3 to 2.5, appendices A and D.
     """
-    x = as_floats(x, "x", (None,))
-    if not (isfinite(rate_hz) and rate_hz > 0.0):
-        raise InputError(f"rate_hz: expected a positive number, got {rate_hz!r}")
-    if rate_hz < 1.0:
-        raise InputError(f"rate_hz: expected 1 Hz or more, since N is read at 1 s of averaging; got {rate_hz!r}")
-    if not (isfinite(cutoff_hz) and 0.0 < cutoff_hz < 0.5 * rate_hz):
-        raise InputError(f"cutoff_hz: expected less than half the sampling rate of {rate_hz:g} Hz, got {cutoff_hz!r}")
-    if not (isfinite(warmup_s) and warmup_s >= 0.0):
-        raise InputError(f"warmup_s: expected seconds, not negative, got {warmup_s!r}")
-    x = x[round(warmup_s * rate_hz) :]
+    x = _after_warm_up(as_floats(x, "x", (None,)), rate_hz, cutoff_hz, warmup_s)
     duration = len(x) / rate_hz
-    if duration < (needed := max(10.0 / cutoff_hz, 10.0)):
-        raise InputError(
-            f"expected a record of at least {needed:g} s after the warm-up (ten times 1/cutoff_hz, and 10 s), got "
-            f"{duration:g} s; record longer or raise cutoff_hz"
-        )
     N = _at_one_second(x, rate_hz, unit)
     mean = float(x.mean())
     slow = low_passed(x - mean, rate_hz, cutoff_hz, order, zero_phase)
@@ -188,6 +174,41 @@ def identify_manually(
     )  # fmt: skip
     spread = 0.304 * tau * (expected.tau_ratio[2] - expected.tau_ratio[0])  # 90 % are 3.29 sigma
     error = s * expected.mean_sigma
+    return ManualNoise(
+        N, sigma_b, Estimate(tau, spread, low, high, "s"), median,
+        Estimate(mean, error, mean - 1.96 * error, mean + 1.96 * error, unit), expected, left, cutoff_hz, duration,
+        unit, tuple(_findings(s, left, tau, high, cutoff_hz, duration, unit)),
+    )  # fmt: skip
+
+
+def _after_warm_up(x: FloatArray, rate_hz: float, cutoff_hz: float, warmup_s: float) -> FloatArray:
+    """Record without its warm-up, long enough for the filter."""
+    if not (isfinite(rate_hz) and rate_hz > 0.0):
+        raise InputError(f"rate_hz: expected a positive number, got {rate_hz!r}")
+    if rate_hz < 1.0:
+        raise InputError(f"rate_hz: expected 1 Hz or more, since N is read at 1 s of averaging; got {rate_hz!r}")
+    if not (isfinite(cutoff_hz) and 0.0 < cutoff_hz < 0.5 * rate_hz):
+        raise InputError(f"cutoff_hz: expected less than half the sampling rate of {rate_hz:g} Hz, got {cutoff_hz!r}")
+    if not (isfinite(warmup_s) and warmup_s >= 0.0):
+        raise InputError(f"warmup_s: expected seconds, not negative, got {warmup_s!r}")
+    x = x[round(warmup_s * rate_hz) :]
+    duration = len(x) / rate_hz
+    if duration < (needed := max(10.0 / cutoff_hz, 10.0)):
+        raise InputError(
+            f"expected a record of at least {needed:g} s after the warm-up (ten times 1/cutoff_hz, and 10 s), got "
+            f"{duration:g} s; record longer or raise cutoff_hz"
+        )
+    return x
+
+
+def _findings(
+    s: float, left: float, tau: float, high: float, cutoff_hz: float, duration: float, unit: str
+) -> list[Finding]:
+    """Findings on a bias buried in what is left of white noise, as fast as the filter, or slower than the record.
+
+    ``s`` and ``left`` are 1-sigma of the filtered signal and of its white noise [x], ``high`` is the upper end of the
+    interval of tau [s].
+    """
     findings = []
     if s**2 < 2.0 * left**2:
         findings.append(
@@ -214,11 +235,7 @@ def identify_manually(
                 f"{20.0 * tau:.2g} s",
             )
         )
-    return ManualNoise(
-        N, sigma_b, Estimate(tau, spread, low, high, "s"), median,
-        Estimate(mean, error, mean - 1.96 * error, mean + 1.96 * error, unit), expected, left, cutoff_hz, duration,
-        unit, tuple(findings),
-    )  # fmt: skip
+    return findings
 
 
 def low_passed(x: ArrayLike, rate_hz: float, cutoff_hz: float, order: int = 2, zero_phase: bool = True) -> FloatArray:

@@ -99,8 +99,10 @@ def baseline(
     from schuler.recording.series import baseline_series
 
     began = time.perf_counter()
-    roving, fixed_station = read_log(rover, None), read_log(base, None)
-    measured = _observations(part.of(roving), rover, "rover"), _observations(fixed_station, base, "base")
+    roving = read_log(rover, None)
+    measured_rover = _observations(part.of(roving), rover, "rover")
+    fixed_station = _station(base, measured_rover)
+    measured = measured_rover, _observations(fixed_station, base, "base")
     messages = _ephemerides((roving, fixed_station), nav)
     base_llh = _base_position(measured[1], base_position)
     mounted = [
@@ -135,11 +137,22 @@ def baseline(
     return int(solution.verdict.status == "failed")
 
 
+def _station(base: Path, rover: Observations) -> Recording:
+    """Log of the base; a stream of RTCM 3, which says the time of week only, is of the rover's week."""
+    from schuler.recording.formats.rtcm import is_rtcm
+    from schuler.recording.io import read
+    from schuler.timebase import WEEK_S
+
+    if not is_rtcm(base):
+        return read_log(base, None)
+    return read(base, time=f"gps-tow:{int((rover.epoch_gps_s + float(rover.t[0])) // WEEK_S)}")
+
+
 def _observations(recording: Recording, path: Path, name: str) -> Observations:
     o = recording.observations
     if o is None or not len(o):
         raise InputError(
-            f"{path}: expected raw measurements of the {name} (RINEX observations, u-blox RXM-RAWX), got "
+            f"{path}: expected raw measurements of the {name} (RINEX observations, u-blox RXM-RAWX, RTCM 3), got "
             f"{recording.summary(notes=False).splitlines()[0]}"
         )
     return o

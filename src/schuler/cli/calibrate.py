@@ -281,7 +281,7 @@ def ferraris(
     named = None if sections is None else sections_of(sections, imu)
     result = calibrate_ferraris(
         imu, named, turn_angle=turn_angle * u.DEG, gravity=options.site.g, g_sensitivity=g_sensitivity,
-        latitude=options.site.lat, noise=options.sensor.noise,
+        latitude=options.site.lat, noise=options.sensor.noise, field_strength=options.site.field,
     )  # fmt: skip
     return finish(result, log, [recording], options.output, began, site=options.site)
 

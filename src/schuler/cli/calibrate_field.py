@@ -54,7 +54,8 @@ def field(
     ----------
     log
         File or folder of a log of rests and turns, see docs/field-routine.md, raw counts too (--units counts,counts);
-        with --coach also one that is still being written, or - for lines on stdin.
+        with --coach also one that is still being written, - for lines on stdin, or the address of a source of schuler
+        live, such as serial:/dev/ttyUSB0?baud=115200.
     heading
         Of the first rest and its 1-sigma in degrees, such as 90,2. Default: found from the Earth's rate.
     coach
@@ -95,7 +96,7 @@ def field(
             raise InputError("--prior: expected a calibration of a log in SI with --coach, got one of a log in counts")
     gravity = None if options.site.gravity is None else options.site.g
     if coach:
-        from schuler.cli.calibrate_field_coach import run_coach
+        from schuler.cli.calibrate_field_coach import is_stream, run_coach
 
         if options.site.lat is None:
             raise InputError("--latitude: expected degrees with --coach, gravity and the Earth's rate depend on it")
@@ -106,7 +107,7 @@ def field(
             options=field_options, prior=earlier, inspect=options.checking.stop,
         )  # fmt: skip
         recording = options.checking.passed(recording)
-        log = Path(recording.metadata.name) if str(log) == "-" else log
+        log = Path(recording.metadata.name) if is_stream(log) else log
     elif str(log) == "-":
         raise InputError("-: lines on stdin are for the coach, add --coach; otherwise expected a file or folder")
     else:

@@ -1,13 +1,18 @@
-"""The coach of ``schuler calibrate field --coach`` in a terminal: reads a log while it is written, says what to do."""
+"""The coach of ``schuler calibrate field --coach`` in a terminal: reads a log while it is written, says what to do.
+
+What comes over a serial line or a network is decoded as ``schuler live`` does and kept as a log that grows.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -15,15 +20,17 @@ import numpy as np
 
 from schuler.cli.calibrate_options import counted
 from schuler.cli.output import say
-from schuler.cli.reading import Reading
+from schuler.cli.reading import Reading, recording_section
 from schuler.exceptions import InputError, SchulerError
 from schuler.recording.recording import Recording
 
 if TYPE_CHECKING:
     from schuler.calibration.field.coaching import Coach
+    from schuler.live.messages import Message
     from schuler.sensors.spec import ImuSpec
 
 _COLUMNS, _UNITS = "t,gx,gy,gz,ax,ay,az", "m/s^2,rad/s"  # of lines on stdin that nothing is said about
+_KEPT = Reading(columns=_COLUMNS, units=_UNITS, delimiter="comma")  # samples of a source, forward, right, down
 _BINARY = (".parquet", ".npy", ".npz", ".mat", ".ubx")
 _RECENT_S = 10.0  # a file that was written to so lately is still being written
 _POLL_S = 0.25
@@ -59,7 +66,9 @@ def run_coach(
     ----------
     log : Path
         A finished file or folder, a text file that grows, or ``-`` for lines on stdin: time, angular rate, specific
-        force (``t gx gy gz ax ay az`` in SI, forward-right-down), or as ``reading`` says.
+        force (``t gx gy gz ax ay az`` in SI, forward-right-down), or as ``reading`` says. Or the address of a source of
+        :mod:`schuler.live.sources`, such as ``serial:/dev/ttyUSB0?baud=115200``, in any format that has a decoder;
+        lines of numbers as those of stdin.
     spec, latitude, height, gravity, heading
         As of :class:`schuler.calibration.field.coaching.Coach`. SI, radians.
     reading : Reading, optional
@@ -71,8 +80,8 @@ def run_coach(
     idle_s : float
         A file that has not grown for so long is taken as finished. [s]
     keep : Path, optional
-        Where lines of stdin are kept while they come; a number is added if there is such a file. Default:
-        ``field-log.txt``.
+        Where lines of stdin, or samples of a source in SI, are kept while they come; a number is added if there is
+        such a file. Default: ``field-log.txt``.
     stdin : binary file, optional
         In place of the process's own.
     out : callable
@@ -94,15 +103,14 @@ def run_coach(
     """
     from schuler.calibration.field.coaching import Coach
 
-    piped = str(log) == "-"
-    reading = reading or Reading()
+    reading, piped = reading or Reading(), is_stream(log)
+    pipe: _Pipe | _Wire | None = None
     if piped:
-        log = _unused(keep or Path("field-log.txt"))
-        log.parent.mkdir(parents=True, exist_ok=True)
-        out(f"lines of stdin are kept in {log}")
-        reading = _of_stdin(reading)
+        came, log = log, _unused(keep or Path("field-log.txt"))
+        pipe = _Pipe(log, stdin) if str(came) == "-" else _Wire(str(came), log, reading, out)
+        out(f"{'lines of stdin' if str(came) == '-' else 'samples'} are kept in {log}")
+        reading = _of_stdin(reading) if str(came) == "-" else replace(_KEPT, allow=reading.allow)
     following = _grows(log) if follow is None and not piped else piped or bool(follow)
-    pipe = _Pipe(log, stdin) if piped else None
     source = _Source(log, reading, following)
     lines = _CoachLines(out, bell)
     coach: Coach | None = None
@@ -111,6 +119,9 @@ def run_coach(
     try:
         while True:
             ended = pipe is None or pipe.ended  # asked before reading: what came until then is read below
+            if isinstance(pipe, _Wire):
+                pipe.check()
+                source.reading = replace(source.reading, kind=pipe.kind)
             if source.newer():
                 imu = source.recording().need_imu()
                 if inspect is not None and not inspected and (not following or imu.t[-1] - imu.t[0] > _FIRST_LOOK_S):
@@ -135,6 +146,8 @@ def run_coach(
                 time.sleep(max(_POLL_S, 2.0 * source.took_s))
     except KeyboardInterrupt:
         out("interrupted: calibrating with the log so far")
+    if isinstance(pipe, _Wire):
+        pipe.stop()
     with suppress(KeyboardInterrupt, SchulerError):
         source.newer()  # what came in the meantime
     recording = source.recording()
@@ -185,7 +198,7 @@ class _Source:
     """
 
     def __init__(self, log: Path, reading: Reading, growing: bool) -> None:
-        self._log, self._reading, self._growing = log, reading, growing
+        self._log, self.reading, self._growing = log, reading, growing
         self._recording: Recording | None = None
         self._size, self._grown = -1, time.monotonic()
         self._error: SchulerError | None = None
@@ -205,7 +218,7 @@ class _Source:
         if not self._growing:
             first = self._recording is None
             if first:
-                self._recording = self._reading.read(self._log, uncalibrated=True)
+                self._recording = self.reading.read(self._log, uncalibrated=True)
             return first
         size = self._log.stat().st_size if self._log.exists() else 0
         if size <= max(self._size, 0):
@@ -219,7 +232,7 @@ class _Source:
             with tempfile.TemporaryDirectory() as folder:
                 copy = Path(folder) / self._log.name
                 copy.write_bytes(text)
-                self._recording = self._reading.read(copy, uncalibrated=True, proposing=False)
+                self._recording = self.reading.read(copy, uncalibrated=True, proposing=False)
         except SchulerError as error:
             if lines > _YOUNG:
                 raise
@@ -257,6 +270,82 @@ class _Pipe:
         self.ended = True
 
 
+class _Wire:
+    """Samples of a source of ``schuler live``, kept in a file as lines in SI as they come."""
+
+    def __init__(self, address: str, path: Path, reading: Reading, notify: Say) -> None:
+        from schuler.live.clock import SourceClock
+        from schuler.live.decoders.detection import decoder
+        from schuler.live.sources import DATAGRAMS, parse_source
+        from schuler.live.wiring import hints_of
+
+        network = re.sub(r"^(udp|tcp|ws|mqtt):/(?=[^/])", r"\1://", address)  # a path has no double slash
+        self._address = parse_source(network)
+        form = self._address.options.get("format", reading.format)
+        reading = _of_stdin(reading) if form == "text" else reading
+        section = {**recording_section(reading.config), **{k: v for k, v in reading.given.items() if k != "format"}}
+        self._decoder = decoder(
+            SourceClock(), hints_of(self._address, section, alone=True), format=form,
+            by_arrival=self._address.options.get("stamp") == "arrival", whole=self._address.scheme in DATAGRAMS,
+        )  # fmt: skip
+        self.ended = False
+        self._error: SchulerError | None = None
+        self._notify, self._stop = notify, threading.Event()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._file = path.open("a", encoding="ascii")
+        self._thread = threading.Thread(target=self._copy, daemon=True)
+        self._thread.start()
+
+    @property
+    def kind(self) -> str | None:
+        """Kind of the samples, once it shows."""
+        return self._decoder.kind
+
+    def check(self) -> None:
+        """Raise what ended the source, such as a device that is no serial line."""
+        if self._error is not None:
+            raise self._error
+
+    def stop(self) -> None:
+        self._stop.set()
+        self._thread.join(5.0)
+
+    def _copy(self) -> None:
+        from schuler.live.session import gps_now
+        from schuler.live.sources import chunks
+
+        try:
+            with self._file:
+                for piece in chunks(self._address, self._stop, self._say):
+                    self._keep(self._decoder.feed(piece, gps_now()) if piece else self._decoder.pause())
+                self._keep(self._decoder.finish())
+        except SchulerError as error:
+            self._error = error
+        self.ended = True
+
+    def _say(self, text: str) -> None:
+        self._notify(f"{self._address.text}: {text}")
+
+    def _keep(self, messages: Sequence[Message]) -> None:
+        from schuler.live.messages import ImuBlock, ImuSample
+
+        for message in messages:
+            if isinstance(message, (ImuSample, ImuBlock)):
+                rows = np.column_stack(
+                    (np.atleast_1d(message.t), np.atleast_2d(message.gyro), np.atleast_2d(message.accel))
+                )
+                self._file.writelines(",".join(map(repr, row)) + "\n" for row in rows.tolist())
+        self._file.flush()
+
+
+def is_stream(log: Path) -> bool:
+    """Whether a log is no file: lines on stdin, or the address of a source of ``schuler live``."""
+    from schuler.live.sources import SCHEMES
+
+    scheme, colon, _ = str(log).partition(":")
+    return str(log) == "-" or (bool(colon) and scheme in SCHEMES and scheme != "replay" and not log.exists())
+
+
 def _need_units(recording: Recording) -> None:
     """Factors of counts are found from turns that are over; who is coached has none yet."""
     if counted(recording):
@@ -267,8 +356,6 @@ def _need_units(recording: Recording) -> None:
 
 
 def _of_stdin(reading: Reading) -> Reading:
-    from dataclasses import replace
-
     if reading.columns is None and reading.config is None:
         reading = replace(reading, columns=_COLUMNS)
     return reading if reading.units or reading.config else replace(reading, units=_UNITS)

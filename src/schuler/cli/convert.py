@@ -79,6 +79,7 @@ def described(recording: Recording) -> dict[str, Any]:
             "velocity": recording.gnss.v_n is not None,
             "median_sigma_horizontal_m": float(np.median(np.hypot(sigma[:, 0], sigma[:, 1]))),
             "median_sigma_vertical_m": float(np.median(sigma[:, 2])),
+            **{f"median_{name.lower()}": value for name, value in recording.gnss.median_dop().items()},
         }
     if recording.odometer is not None:
         data["odometer"] = {"samples": len(recording.odometer)}

@@ -74,7 +74,7 @@ def navigate(
     without
         Switch a configured aid off; may be given several times.
     background
-        Map under the track: GeoJSON, GeoTIFF, or a picture with a world file; see docs/reports.md.
+        Map under the track: GeoJSON, GeoTIFF, MBTiles, or a picture with a world file; see docs/reports.md.
     set
         Any entry of the configuration: SECTION.KEY=VALUE in TOML's spelling, such as filter.states=21; may be given
         several times.

@@ -100,11 +100,11 @@ def overlaps(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> bool:
 
 
 def find_clock(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> WindowMeans:
-    """Offset and drift of the IMU's clock: findings, ``work.lag``, estimates.
+    """Offset and drift of the IMU's clock: findings, ``state.lag``, estimates.
 
     Parameters
     ----------
-    work : Work
+    state : DiagnosisState
         Is added to.
     imu : ImuSeries
     motion : Motion
@@ -120,20 +120,7 @@ def find_clock(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> WindowM
     lag = _likeliest(means, motion)
     span = float(motion.t[-1] - motion.t[0])
     middle = float(motion.t[motion.moving].mean())
-    drift, drift_sigma = 0.0, lag.drift_sigma
-    even = means, lag
-    for _ in range(3):
-        if not (abs(lag.drift) * span > 0.15 and abs(lag.drift) > 4.0 * lag.drift_sigma):
-            break
-        drift += lag.drift
-        bent = imu.t + drift * (imu.t - middle)
-        if np.any(np.diff(bent) <= 0.0):
-            break
-        means = WindowMeans(replace(imu, t=bent))
-        lag = find_lag(means, motion)
-        drift_sigma = lag.drift_sigma
-    if drift and lag.evidence < even[1].evidence + _DISTINCT:
-        drift, (means, lag) = 0.0, even  # a clock of the right rate explains as much
+    means, lag, drift, drift_sigma = _drift(imu, means, lag, motion)
     state.curves["lag"] = lag.curve
     ahead = 0.0
     if lag.matched and lag.r2[1:].min() > VEHICLE:
@@ -172,27 +159,54 @@ def find_clock(state: DiagnosisState, imu: ImuSeries, motion: Motion) -> WindowM
     evidence |= {"lead_log_likelihood": lead}
     _offset_finding(state, offset, sigma, gap, lead, evidence)
     if gap is not None and abs(gap) > 0.1:
-        text = (
-            f"velocities are {abs(gap):.3f} s {'late' if gap < 0.0 else 'early'} against positions by the "
-            f"IMU's motion: they "
-            "were filtered or are means over an interval"
-        )
-        state.findings.append(Finding("gnss_delay", "note", text, 0.7, "", {"gap_s": gap}, "gnss"))
+        state.findings.append(_delay_finding(gap))
     total = abs(drift) * span
     if total > 0.25 and abs(drift) > 5.0 * drift_sigma:
-        text = (
-            f"the IMU's clock runs {1e6 * -drift:+.0f} ppm fast against GNSS, {total:.3g} s over this log: its "
-            f"stamps, or "
-            "the stated rate, are not those of the samples"
-        )
-        rate, _ = counted_rate(imu.t)
-        fix = "stamps of a disciplined clock"
-        if rate is not None:
-            fix = f"rate={rate / (1.0 + drift):.6g} (if the log has no stamps), or {fix}"
-        state.findings.append(
-            Finding("clock_drift", "warning", text, 0.9, fix, {"drift": drift, "sigma": drift_sigma, "total_s": total})
-        )
+        state.findings.append(_drift_finding(imu, drift, drift_sigma, total))
     return means
+
+
+def _drift(imu: ImuSeries, means: WindowMeans, lag: Lag, motion: Motion) -> tuple[WindowMeans, Lag, float, float]:
+    """Means and lag with the clock's drift taken out, the drift and its 1-sigma [s/s]; zero if it explains no more."""
+    span = float(motion.t[-1] - motion.t[0])
+    middle = float(motion.t[motion.moving].mean())
+    drift, drift_sigma = 0.0, lag.drift_sigma
+    even = means, lag
+    for _ in range(3):
+        if not (abs(lag.drift) * span > 0.15 and abs(lag.drift) > 4.0 * lag.drift_sigma):
+            break
+        drift += lag.drift
+        bent = imu.t + drift * (imu.t - middle)
+        if np.any(np.diff(bent) <= 0.0):
+            break
+        means = WindowMeans(replace(imu, t=bent))
+        lag = find_lag(means, motion)
+        drift_sigma = lag.drift_sigma
+    if drift and lag.evidence < even[1].evidence + _DISTINCT:
+        return *even, 0.0, drift_sigma  # a clock of the right rate explains as much
+    return means, lag, drift, drift_sigma
+
+
+def _delay_finding(gap: float) -> Finding:
+    """Velocities late or early against positions. [s]"""
+    text = (
+        f"velocities are {abs(gap):.3f} s {'late' if gap < 0.0 else 'early'} against positions by the IMU's motion: "
+        "they were filtered or are means over an interval"
+    )
+    return Finding("gnss_delay", "note", text, 0.7, "", {"gap_s": gap}, "gnss")
+
+
+def _drift_finding(imu: ImuSeries, drift: float, sigma: float, total: float) -> Finding:
+    """A clock of another rate than GNSS time: drift and 1-sigma [s/s], what it amounts to over the log [s]."""
+    text = (
+        f"the IMU's clock runs {1e6 * -drift:+.0f} ppm fast against GNSS, {total:.3g} s over this log: its stamps, or "
+        "the stated rate, are not those of the samples"
+    )
+    rate, _ = counted_rate(imu.t)
+    fix = "stamps of a disciplined clock"
+    if rate is not None:
+        fix = f"rate={rate / (1.0 + drift):.6g} (if the log has no stamps), or {fix}"
+    return Finding("clock_drift", "warning", text, 0.9, fix, {"drift": drift, "sigma": sigma, "total_s": total})
 
 
 def _likeliest(means: WindowMeans, motion: Motion) -> Lag:

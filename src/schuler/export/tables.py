@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from importlib import metadata
 
 import numpy as np
 
 from schuler.export.design import FilterDesign
+from schuler.files import package_version
 from schuler.filtering.limits import PLACES
 
 
@@ -91,7 +91,7 @@ _GUARD = ("#ifndef SCHULER_CONFIG_H", "#define SCHULER_CONFIG_H", "", "#include 
 
 
 def _title(what: str) -> str:
-    return f"/* {what} of one configuration, written by schuler {metadata.version('schuler')}. */"
+    return f"/* {what} of one configuration, written by schuler {package_version()}. */"
 
 
 def _flag(value: bool) -> str:

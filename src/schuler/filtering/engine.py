@@ -128,7 +128,7 @@ class FilterState:
         from schuler.filtering.kernels.sensor_errors import spread_estimates
 
         n, m = layout.size, len(initial.P)
-        if m not in (n, layout.without_clones.size):
+        if m not in (n, layout.visible.size):
             raise InputError(f"the initial covariance has {m} states, the layout {n}: make both of one layout")
         self.layout, self.options = layout, options
         self.model = filter_model(layout, gyro_psd, accel_psd, options.earth_rotation)
@@ -147,6 +147,7 @@ class FilterState:
         nav, T = initial.nav, ecef_from_ned_states(initial.nav.llh, m)
         P, P_e = aligned(n, MAX_STATES), T @ initial.P @ T.T
         P[:m, :m] = 0.5 * (P_e + P_e.T)
+        P[range(m, n), range(m, n)] = layout.initial_variances()[m - 9 :]
         est = np.zeros(n - 9)
         est[: m - 9] = initial.parameters
         self._arrays = FilterArrays(

@@ -16,6 +16,7 @@ import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
+from schuler.filtering.limits import MOST_CHANNELS
 from schuler.sensors.spec import allan_minimum
 
 if TYPE_CHECKING:
@@ -57,12 +58,15 @@ BLOCKS: MappingProxyType[str, tuple[tuple[int, int, int], ...]] = MappingProxyTy
                 ("b_r", 3),
                 ("b_v", 3),
                 ("delay", 1),
+                *((f"multipath_{i}", 1) for i in range(1, MOST_CHANNELS + 1)),
                 ("clone_r", 3),
                 ("clone_clock", 1),
             )
         },
     }
 )
+#: Slow errors of single satellites' ranges, channel by channel.
+CHANNELS = tuple(f"multipath_{i}" for i in range(1, MOST_CHANNELS + 1))
 
 #: Blocks that keep a part of the state as it was at an epoch: the engine's memory, which no result shows.
 CLONES = ("clone_r", "clone_clock")
@@ -97,6 +101,7 @@ BLOCK_TEXT: MappingProxyType[str, tuple[str, str]] = MappingProxyType(
         "b_r": ("correlated error of GNSS positions, north east down", "m"),
         "b_v": ("correlated error of GNSS velocities, north east down", "m/s"),
         "delay": ("time by which GNSS fixes belong to a later moment than their stamp", "s"),
+        **dict.fromkeys(CHANNELS, ("slow error of one satellite's ranges, overhead", "m")),
         "clone_r": ("position of the antenna at the last epoch of carrier phases, Earth-fixed", "m"),
         "clone_clock": ("receiver clock offset at the last epoch of carrier phases", "m"),
     }
@@ -178,6 +183,9 @@ class StateLayout:
         unknown = [name for name in self.models if name not in BLOCKS]
         if unknown:
             raise InputError(f"unknown state block {unknown[0]!r}; known are {', '.join(BLOCKS)}")
+        channels = [name for name in self.models if name in CHANNELS]
+        if channels != list(CHANNELS[: len(channels)]):
+            raise InputError(f"channels of slow errors are numbered from 1 without a gap, got {', '.join(channels)}")
         if "M_a" in self.models and "M_a6" in self.models:
             raise InputError("M_a and M_a6 are two gauges of the same accelerometer cross-coupling: use one of them")
         if ("clock" in self.models) != ("clock_drift" in self.models):
@@ -185,12 +193,18 @@ class StateLayout:
         cloned = [name in self.models for name in CLONES]
         if any(cloned) and not (all(cloned) and "clock" in self.models):
             raise InputError(f"{' and '.join(CLONES)} go together and with a receiver clock: give all of them or none")
-        # sensor blocks first, then as given, but the drift behind its clock, and clones last
+        # sensor blocks first, then as given, but the drift behind its clock, and channels and clones last
         places = {name: i for i, name in enumerate(self.models)}
         places["clock_drift"] = places.get("clock", 0)
         ordered = sorted(
             self.models,
-            key=lambda name: (BLOCKS[name][0][0] == _OTHER, name in CLONES, places[name], name == "clock_drift"),
+            key=lambda name: (
+                BLOCKS[name][0][0] == _OTHER,
+                name in CLONES,
+                name in CHANNELS,
+                places[name],
+                name == "clock_drift",
+            ),
         )
         object.__setattr__(self, "models", {name: self.models[name] for name in ordered})
         slices = {name: slice(3 * i, 3 * i + 3) for i, name in enumerate(NAVIGATION)}
@@ -231,11 +245,12 @@ class StateLayout:
         return list(self._slices)
 
     @property
-    def without_clones(self) -> StateLayout:
-        """The same layout less the clones, which stand last: what a result shows."""
-        if "clone_r" not in self:
+    def visible(self) -> StateLayout:
+        """The same layout less channels and clones, which stand last: what a result shows."""
+        hidden = {*CHANNELS, *CLONES}
+        if hidden.isdisjoint(self.models):
             return self
-        return StateLayout({name: model for name, model in self.models.items() if name not in CLONES})
+        return StateLayout({name: model for name, model in self.models.items() if name not in hidden})
 
     def table(self) -> IntArray:
         """(m, 3): sensor, axis and regressor of every parameter, as the kernels take it."""

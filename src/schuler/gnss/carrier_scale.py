@@ -15,6 +15,22 @@ _ENOUGH = 300.0  # typical change times the root of their number: 5 m of noise t
 _WITHIN = 0.03  # bands 2 and 5 differ by 4 %; noise moves the median of many changes by much less
 
 
+def check_carriers(o: Observations, systems: str, name: str) -> None:
+    """Refuse carriers of any signal of these systems as :func:`check_carrier_scale` does; GLONASS's are not used.
+
+    Parameters
+    ----------
+    o : Observations
+    systems : str
+        Letters of the systems used.
+    name : str
+        The receiver, for the error.
+    """
+    for system in systems.replace("R", ""):
+        for signal in o.signals:
+            check_carrier_scale(o, system, signal, name)
+
+
 def check_carrier_scale(o: Observations, system: str, signal: str, name: str) -> None:
     """Refuse carriers that do not change as the code of their satellite does.
 

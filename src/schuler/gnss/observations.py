@@ -44,6 +44,8 @@ class Observations:
     lock : ndarray of int, shape (n,)
         Loss of lock indicator of the carrier as in RINEX: 1, lock was lost since the epoch before; 2, it may be half a
         cycle off; 3, both. 0 where nothing is stated.
+    station_e : tuple of float, optional
+        Antenna of a base station as it states it, good to centimetres; Earth-fixed. [m]
     """
 
     t: FloatArray
@@ -59,6 +61,7 @@ class Observations:
     position_e: tuple[float, float, float] | None = None
     notes: tuple[str, ...] = ()
     lock: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    station_e: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         n = len(self.t)
@@ -96,7 +99,7 @@ class Observations:
         return Observations(
             self.t[k], self.sat[k], self.signal[k], self.signals, self.pseudorange[k], self.range_rate[k],
             self.carrier[k], self.cn0[k], self.epoch_gps_s, self.glonass_channels, self.position_e, self.notes,
-            self.lock[k],
+            self.lock[k], self.station_e,
         )  # fmt: skip
 
     def summary(self) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -119,112 +119,141 @@ def prepare_ranges(
     atmosphere's rate of change (about 1 mm/s) is left in.
     """
     letters = _systems(systems)
+    _check_models(ionosphere, troposphere)
     budget = weighting if isinstance(weighting, Weighting) else Weighting(scheme=weighting)
-    if ionosphere not in ("klobuchar", "free", "none"):
-        raise InputError(f"ionosphere: expected klobuchar, free or none, got {ionosphere!r}")
-    if troposphere not in ("saastamoinen", "none"):
-        raise InputError(f"troposphere: expected saastamoinen or none, got {troposphere!r}")
-    free = ionosphere == "free"
     channels = dict(zip(ephemerides.glonass.sat.tolist(), ephemerides.glonass.channel.tolist(), strict=True))
+    free = ionosphere == "free"
     c = choose_signals(observations, signals=signals, pairs=free, systems=letters, glonass_channels=channels)
     selected = np.isin(c.sat // 100, [SYSTEMS.index(x) for x in letters])
     measured = np.isfinite(c.pseudorange).any(axis=1) | np.isfinite(c.range_rate) | ~selected
-    c = _rows(c, measured)
-    selected = selected[measured]
-    notes = list(c.notes)
+    c, selected = _rows(c, measured), selected[measured]
     epoch_gps_s, epochs = observations.epoch_gps_s, np.unique(c.t)
     epoch = np.searchsorted(epochs, c.t)
-
-    record = choose_messages(
-        ephemerides,
-        c.sat,
-        c.t - _FLIGHT_S,
-        epoch_gps_s=epoch_gps_s,
-        f_nav=(c.bands == 5).any(axis=1),
-        causal=causal,
-        max_age_s=max_age_s,
-    )
-    notes += _precise_notes(ephemerides)
-    flight, measured_range, plausible = _flight_ranges(c.pseudorange, epoch, len(epochs))
-    t_sent = transmission_times(ephemerides, c.sat, c.t, flight, record, epoch_gps_s=epoch_gps_s)
-    states = states_of_messages(ephemerides, c.sat, t_sent, record, epoch_gps_s=epoch_gps_s)
-
-    combined, noise_factor, unknown, one_frequency = _without_delays(c, states, free=free)
+    sent = _sent(c, ephemerides, epoch, epoch_gps_s, causal=causal, max_age_s=max_age_s)
+    states = sent.states
+    combined, noise_factor, unknown = _without_delays(c, states, free=free)
     corrected = combined + SPEED_OF_LIGHT * states.clock
     phase = _carrier_ranges(c, {**channels, **observations.glonass_channels}) + SPEED_OF_LIGHT * states.clock
-    usable = selected & states.has_message & states.healthy & plausible
+    usable = selected & states.has_message & states.healthy & sent.plausible
     place = receiver_place(
         c.t, corrected, states.r_e, usable, position_e=position_e, header_position_e=observations.position_e
     )
-    notes += place.notes
-
-    steps, clock = np.zeros(len(epochs), dtype=np.int64), np.zeros(len(epochs))
-    rate = c.range_rate + SPEED_OF_LIGHT * states.clock_rate
-    if place.located:
-        toward = _radial_speed(states, place)
-        rate = rate + toward * c.range_rate / SPEED_OF_LIGHT
-        residual = corrected - geometric_ranges(states.r_e, place.r_e)
-        clock = epoch_medians(epoch, np.where(usable, residual, np.nan), len(epochs))
-        plausible &= ~_outlying(residual, clock, epoch, usable)
-        drift = epoch_medians(epoch, np.where(usable, rate - toward, np.nan), len(epochs))
-        steps, irregular = millisecond_steps(epochs, clock, drift)
-        notes += _clock_notes(epochs, steps, irregular)
-
-    ionosphere_m, share = np.zeros(len(c.t)), 1.0
-    gps_s = epoch_gps_s + c.t
-    llh = llh_from_ecef(place.r_e) if place.located else np.zeros((len(c.t), 3))
-    if ionosphere == "klobuchar" and place.located:
-        ionosphere_m, more, share = _klobuchar(ephemerides, llh, place, gps_s, one_frequency)
-        corrected, phase = corrected - ionosphere_m, phase + ionosphere_m
-        notes += more
-    troposphere_used = troposphere == "saastamoinen" and place.located
-    if troposphere_used:
-        delay = saastamoinen(llh, place.elevation, gps_s, humidity=humidity, mapping=mapping)
-        corrected, phase = corrected - delay, phase - delay
-
-    sigma_range, sigma_rate = range_sigmas(
-        budget,
-        c.sat,
-        place.elevation,
-        c.cn0,
-        accuracy=states.accuracy,
-        ionosphere=np.nan_to_num(ionosphere_m) * share,
-        troposphere=troposphere_used,
-        noise_factor=np.nan_to_num(noise_factor, nan=1.0),
-        unknown_delay=unknown,
+    clock = _receiver_clock(c, corrected, states, place, epochs, epoch, usable)
+    air = _atmosphere(
+        ephemerides, place, epoch_gps_s + c.t, c.frequency_hz[:, 0], ionosphere, troposphere, mapping, humidity
     )
+    corrected = corrected - air.ionosphere - air.troposphere
+    phase = phase + air.ionosphere - air.troposphere
+    sigma_range, sigma_rate = range_sigmas(
+        budget, c.sat, place.elevation, c.cn0, accuracy=states.accuracy,
+        ionosphere=np.nan_to_num(air.ionosphere) * air.share, troposphere=troposphere != "none" and place.located,
+        noise_factor=np.nan_to_num(noise_factor, nan=1.0), unknown_delay=unknown,
+    )  # fmt: skip
     reason = np.zeros(len(c.t), dtype=np.int64)
     for number, when in (
         (4, c.cn0 < cn0_mask),
         (3, place.elevation < elevation_mask),
-        (5, ~plausible & np.isfinite(measured_range)),
+        (5, ~(sent.plausible & ~clock.outlying) & np.isfinite(sent.measured)),
         (2, ~states.healthy),
         (1, ~states.has_message),
         (7, ~selected),
     ):  # the last one that holds is the one to report
         reason[when] = number
-    t, time_notes = _received(epochs, clock)
+    t, time_notes = _received(epochs, clock.offset)
     group, groups = _clocks(c.sat, reason != 7)
+    notes = (*c.notes, *_precise_notes(ephemerides), *place.notes, *clock.notes, *air.notes, *time_notes)
     return Ranges(
-        t[epoch],
-        c.sat,
-        group,
-        groups,
-        states.r_e,
-        states.v_e,
-        corrected - steps[epoch] * MILLISECOND,
-        rate,
-        sigma_range,
-        sigma_rate,
-        place.elevation,
-        place.azimuth,
-        c.cn0,
-        reason,
-        tuple(notes + time_notes),
-        phase,
+        t[epoch], c.sat, group, groups, states.r_e, states.v_e, corrected - clock.steps[epoch] * MILLISECOND,
+        clock.rate, sigma_range, sigma_rate, place.elevation, place.azimuth, c.cn0, reason, notes, phase,
         begin_arcs(c.sat, phase, c.signal, c.lock),
         np.where(np.isfinite(phase), SPEED_OF_LIGHT / c.frequency_hz[:, 0], np.nan),
-    )
+    )  # fmt: skip
+
+
+class _Sent(NamedTuple):
+    """Satellites as they sent what was measured, the measured range, and whether it can be one. (n,)"""
+
+    states: SatelliteStates
+    measured: FloatArray
+    plausible: BoolArray
+
+
+class _ReceiverClock(NamedTuple):
+    """Range rates (n,) [m/s], outlying ranges (n,), the clock (k,) [m] and its whole milliseconds (k,), by epoch."""
+
+    rate: FloatArray
+    outlying: BoolArray
+    offset: FloatArray
+    steps: IntArray
+    notes: list[str]
+
+
+class _Atmosphere(NamedTuple):
+    """Delays of the code (n,) [m], and what share of the ionosphere's usual uncertainty the model has."""
+
+    ionosphere: FloatArray
+    troposphere: FloatArray
+    share: float
+    notes: list[str]
+
+
+def _check_models(ionosphere: str, troposphere: str) -> None:
+    if ionosphere not in ("klobuchar", "free", "none"):
+        raise InputError(f"ionosphere: expected klobuchar, free or none, got {ionosphere!r}")
+    if troposphere not in ("saastamoinen", "none"):
+        raise InputError(f"troposphere: expected saastamoinen or none, got {troposphere!r}")
+
+
+def _sent(
+    c: ChosenSignals, ephemerides: Ephemerides, epoch: IntArray, epoch_gps_s: float, *, causal: bool,
+    max_age_s: Mapping[str, float] | None,
+) -> _Sent:  # fmt: skip
+    """Choose each row's message and place its satellite at the time of transmission."""
+    record = choose_messages(
+        ephemerides, c.sat, c.t - _FLIGHT_S, epoch_gps_s=epoch_gps_s, f_nav=(c.bands == 5).any(axis=1), causal=causal,
+        max_age_s=max_age_s,
+    )  # fmt: skip
+    flight, measured, plausible = _flight_ranges(c.pseudorange, epoch, int(epoch.max(initial=-1)) + 1)
+    t_sent = transmission_times(ephemerides, c.sat, c.t, flight, record, epoch_gps_s=epoch_gps_s)
+    states = states_of_messages(ephemerides, c.sat, t_sent, record, epoch_gps_s=epoch_gps_s)
+    return _Sent(states, measured, plausible)
+
+
+def _receiver_clock(
+    c: ChosenSignals, corrected: FloatArray, states: SatelliteStates, place: ReceiverPlace, epochs: FloatArray,
+    epoch: IntArray, usable: BoolArray,
+) -> _ReceiverClock:  # fmt: skip
+    """Range rates of satellites, and the clock that the ranges of an epoch have in common, if the place is known."""
+    n, k = len(c.t), len(epochs)
+    rate = c.range_rate + SPEED_OF_LIGHT * states.clock_rate
+    if not place.located:
+        return _ReceiverClock(rate, np.zeros(n, dtype=np.bool_), np.zeros(k), np.zeros(k, dtype=np.int64), [])
+    toward = _radial_speed(states, place)
+    rate = rate + toward * c.range_rate / SPEED_OF_LIGHT
+    residual = corrected - geometric_ranges(states.r_e, place.r_e)
+    clock = epoch_medians(epoch, np.where(usable, residual, np.nan), k)
+    drift = epoch_medians(epoch, np.where(usable, rate - toward, np.nan), k)
+    steps, irregular = millisecond_steps(epochs, clock, drift)
+    outlying = _outlying(residual, clock, epoch, usable)
+    return _ReceiverClock(rate, outlying, clock, steps, list(_clock_notes(epochs, steps, irregular)))
+
+
+def _atmosphere(
+    ephemerides: Ephemerides, place: ReceiverPlace, gps_s: FloatArray, frequency_hz: FloatArray,
+    ionosphere: Ionosphere, troposphere: Troposphere, mapping: TroposphereMapping, humidity: float,
+) -> _Atmosphere:  # fmt: skip
+    """Delays of the models, zero where the place is not known."""
+    none = np.zeros(len(gps_s))
+    if not place.located:
+        return _Atmosphere(none, none, 1.0, [])
+    llh = llh_from_ecef(place.r_e)
+    delay, notes, share = none, list[str](), 1.0
+    if ionosphere == "klobuchar":
+        delay, notes, share = _klobuchar(ephemerides, llh, place, gps_s, frequency_hz)
+    wet = none
+    if troposphere == "saastamoinen":
+        wet = saastamoinen(llh, place.elevation, gps_s, humidity=humidity, mapping=mapping)
+    return _Atmosphere(delay, wet, share, notes)
 
 
 def _precise_notes(ephemerides: Ephemerides) -> list[str]:
@@ -289,13 +318,13 @@ def _outlying(residual: FloatArray, clock: FloatArray, epoch: IntArray, usable: 
 
 def _without_delays(
     c: ChosenSignals, states: SatelliteStates, *, free: bool
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Pseudoranges with group delays taken out: combined, noise factor, 1-sigma of unknown delays, frequency."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Pseudoranges with group delays taken out: combined, noise factor, 1-sigma of unknown delays."""
     delays, knowns = zip(*(group_delays(states, c.sat, c.bands[:, i]) for i in range(2)), strict=True)
     first = c.pseudorange[:, 0] - SPEED_OF_LIGHT * delays[0]
     unknown_first = np.where(knowns[0] | ~states.has_message | (c.sat // 100 == SYSTEMS.index("R")), 0.0, UNKNOWN_DELAY)
     if not free:
-        return first, np.ones(len(c.t)), unknown_first, c.frequency_hz[:, 0]
+        return first, np.ones(len(c.t)), unknown_first
     second = c.pseudorange[:, 1] - SPEED_OF_LIGHT * delays[1]
     pair = (c.bands > 0).all(axis=1)
     combined, factor = np.full(len(c.t), np.nan), np.ones(len(c.t))
@@ -307,7 +336,7 @@ def _without_delays(
     share = np.ones(len(c.t))
     share[pair] = f1**2 / (f1**2 - f2**2)
     factor = np.where(np.isfinite(factor), factor, np.sqrt(share**2 + (share - 1.0) ** 2))
-    return combined, factor, np.hypot(share * unknown_first, (share - 1.0) * unknown_second), c.frequency_hz[:, 0]
+    return combined, factor, np.hypot(share * unknown_first, (share - 1.0) * unknown_second)
 
 
 def _klobuchar(

@@ -6,6 +6,7 @@ What a log's aids take from all of it, these take from what came so far; everyth
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
@@ -17,8 +18,8 @@ from schuler.exceptions import InputError
 from schuler.filtering.measurements import MeasurementSchedule, merged
 from schuler.live.columns import Columns
 from schuler.live.messages import Fix, Heading, Height, Speed
-from schuler.live.preparation import PreparedSamples
 from schuler.live.rests import RestMeasurements
+from schuler.live.weighing import Weighing
 from schuler.navigation.aids.aiding import Sources, aiding_schedule, no_slip_options
 from schuler.navigation.aids.vehicle import SMOOTHING_S, no_slip
 from schuler.navigation.config import NavigationConfig
@@ -71,6 +72,7 @@ class LiveAids:
             for name in ("odometer", "heading", "barometer", "fixes")
         }
         self.rests = RestMeasurements(aiding, spec, imu)
+        self._weighed: Weighing | None = None
         self._motion = Columns(t=0, force=2)  # smoothed specific force across and along
         self.constraints = 0  # times of the non-holonomic constraints that are done
         if aiding.non_holonomic is not None and imu is not None:
@@ -117,6 +119,34 @@ class LiveAids:
         schedule, _ = aiding_schedule(Sources(_NO_IMU, series), self._of_fixes, self.spec, self.start, self.origin)
         return with_late_velocities(schedule, self.config.gnss.velocity_delay_s, self.start, [])
 
+    def usual_fix(self, fix: Fix) -> MeasurementSchedule | None:
+        """Position and velocity of a fix in one compiled call, if it is as usual; otherwise None and nothing is taken.
+
+        Usual is a fix later than the one before and elsewhere, of finite numbers and covariances, by a configuration
+        that takes every one of them at its stamp. The numbers are those of :meth:`fix`.
+        """
+        gnss, before = self.config.gnss, self.fixes[-1] if self.fixes else None
+        if gnss.coupling != "loose" or gnss.every_s or gnss.velocity_delay_s or fix.t <= self.start + 1e-6:
+            return None
+        if before is None or not before.t < fix.t or (before.llh == fix.llh).all():
+            return None
+        if (gnss.quality is not None and fix.quality not in gnss.quality) or (fix.v_n is None) != (fix.cov_v_n is None):
+            return None
+        if self.rests.wanted and fix.v_n is None:
+            return None
+        if self._weighed is None:
+            self._weighed = Weighing(gnss)
+        schedule = self._weighed.schedule(fix)
+        if schedule is None:
+            return None
+        self.fixes.append(fix)
+        del self.fixes[:-_HELD_FIXES]
+        self.last_used["gnss"] = fix.t
+        if self.rests.wanted and fix.v_n is not None and fix.cov_v_n is not None:
+            speed, variance = math.hypot(fix.v_n[0], fix.v_n[1]), max(fix.cov_v_n[0, 0], fix.cov_v_n[1, 1])
+            self.rests.see_speed(fix.t, speed, math.sqrt(variance))
+        return schedule
+
     def takes_together(self, fixes: Sequence[Fix]) -> bool:
         """Whether fixes in order of time, each at another place than the one before, may be taken at once."""
         before = self.fixes[-1] if self.fixes else None
@@ -146,16 +176,19 @@ class LiveAids:
         sigma = _sigma(message, stated, "sigma_m of aiding.barometer")
         return self._of("barometer", Sources(_NO_IMU, height=ScalarSeries(t, np.array([message.value]), sigma)))
 
-    def extend(self, samples: PreparedSamples) -> MeasurementSchedule:
-        """Take samples; the constraints and measurements at rest that they complete."""
-        if not len(samples):
+    @property
+    def watches(self) -> bool:
+        """Whether anything is measured by the samples themselves."""
+        return self.config.aiding.non_holonomic is not None or self.rests.wanted
+
+    def extend(self, t: FloatArray, rate: FloatArray, force: FloatArray) -> MeasurementSchedule:
+        """Take samples; the constraints and measurements at rest that they complete. Shapes (n,), (n, 3), (n, 3)."""
+        if not len(t) or not self.watches:
             return _none()
-        if self.config.aiding.non_holonomic is None and not self.rests.wanted:
-            return _none()
-        self.samples.append(t=samples.t, rate=samples.rate, force=samples.force)
+        self.samples.append(t=t, rate=rate, force=force)
         made = merged(self._constraints(), self.rests.extend(self.samples))
-        self.samples.drop_before(float(samples.t[-1]) - REMEMBERED_S)
-        self._motion.drop_before(float(samples.t[-1]) - REMEMBERED_S)
+        self.samples.drop_before(float(t[-1]) - REMEMBERED_S)
+        self._motion.drop_before(float(t[-1]) - REMEMBERED_S)
         return made.where(made.t > self.start + 1e-6)
 
     def resume(self, t: float) -> None:

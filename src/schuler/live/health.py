@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from schuler.arrays import FloatArray
 from schuler.filtering.measurements import ACCEPTED, DIMENSIONS, FIX, FORCED, GNSS_KINDS, POSITION, REJECTED
 from schuler.live.columns import Columns
 from schuler.live.messages import Health
@@ -18,10 +17,11 @@ _REJECTED = (0.2, 0.8)  # share of rejected ones: doubtful, failed
 _NIS = (3.0, 10.0)  # mean normalised square of those that were used
 _COASTING_S = 3.0  # without a position, and three times as long as they usually take [s]
 _PLACING = (POSITION, FIX)
-# by kind: number of components, whether it places the vehicle, whether its innovations are judged
-_DIMENSION = np.ones(max(DIMENSIONS) + 1)
-_DIMENSION[list(DIMENSIONS)] = list(DIMENSIONS.values())
-_PLACES, _JUDGED = (np.isin(np.arange(len(_DIMENSION)), kinds) for kinds in (_PLACING, (*GNSS_KINDS, FIX)))
+# by kind: whether its innovations are judged, whether it places the vehicle, number of components
+_SORTS = np.ones((max(DIMENSIONS) + 1, 3))
+_SORTS[:, 0], _SORTS[:, 1] = (np.isin(np.arange(len(_SORTS)), kinds) for kinds in ((*GNSS_KINDS, FIX), _PLACING))
+_SETTLED = _SORTS.copy()  # these have their squares by component
+_SORTS[list(DIMENSIONS), 2] = list(DIMENSIONS.values())
 
 
 class HealthMonitor:
@@ -38,12 +38,20 @@ class HealthMonitor:
     def __init__(self, placed: float = -np.inf, usual_s: float = 1.0) -> None:
         self.placed, self.usual_s = placed, usual_s
         # measurements that cannot change any more, with the normalised innovation squared per component
-        self.settled = Columns(t=0, kind=0, status=0, nis=0)
+        self.settled = Columns(("kind", "status"), t=0, kind=0, status=0, nis=0)
+        self._used = np.empty(256)  # times of positions
+        self._sums = np.empty(6)
+        from schuler.jit import direct
+        from schuler.live import _kernels
+
+        _kernels.prepare_live()
+        self._count, self._usual_step = direct(_kernels.count_innovations), direct(_kernels.usual_step)
 
     def settle(self, judged: Judged) -> None:
         """Remember measurements that left the replay window."""
         if len(judged.t):
-            self.settled.append(**_rows(judged))
+            nis = judged.nis / _SORTS[judged.kind, 2]
+            self.settled.append(t=judged.t, kind=judged.kind, status=judged.status, nis=nis)
 
     def health(self, t: float, recent: Judged) -> Health:
         """Health at a time.
@@ -61,25 +69,25 @@ class HealthMonitor:
         those used are more than threefold off, ``doubtful`` above a fifth or where one was taken against the gate;
         ``coasting`` while none places the vehicle.
         """
-        self.settled.drop_before(t - _SPAN_S)
-        rows = {name: np.concatenate((self.settled[name], column)) for name, column in _rows(recent).items()}
-        newest = int(np.searchsorted(rows["t"], t - _SPAN_S))
-        at, kind, status, nis = (column[newest:] for column in rows.values())
-        accepted, forced, rejected = (status == s for s in (ACCEPTED, FORCED, REJECTED))
-        placing = (accepted | forced) & _PLACES[kind.astype(np.int64)]
-        used = at[placing]
-        if len(used) > 2:
-            self.usual_s = float(np.median(np.diff(used)))
-        self.placed = max(self.placed, float(used.max(initial=-np.inf)))
-        tested = _JUDGED[kind.astype(np.int64)]
-        count = int(np.sum(tested & (accepted | forced | rejected)))
-        share = float(np.sum(tested & rejected)) / max(count, 1)
-        passed = nis[tested & accepted]
-        square = float(passed.mean()) if len(passed) else 0.0
+        since, old, sums = t - _SPAN_S, self.settled, self._sums
+        old.drop_before(since)
+        if len(old) + len(recent.t) > len(self._used):
+            self._used = np.empty(2 * (len(old) + len(recent.t)))
+        sums[:] = 0.0
+        statuses = ACCEPTED, FORCED, REJECTED
+        for rows, sorts in ((Judged(*(old[name] for name in Judged._fields)), _SETTLED), (recent, _SORTS)):
+            self._count(*rows, since, sorts, *statuses, sums, self._used)
+        count, rejected, squares, passed, forced, n = sums.tolist()
+        used = self._used[: int(n)]
+        if n > 2:
+            self.usual_s = float(self._usual_step(used))
+        if n:
+            self.placed = max(self.placed, float(used[-1]))
+        share, square = rejected / max(count, 1.0), squares / max(passed, 1.0)
         enough = count >= _FEWEST
         if enough and (share > _REJECTED[1] or square > _NIS[1]):
             return "failed"
-        if (enough and (share > _REJECTED[0] or square > _NIS[0])) or bool(np.any(tested & forced)):
+        if (enough and (share > _REJECTED[0] or square > _NIS[0])) or forced > 0.0:
             return "doubtful"
         if t - self.placed > max(_COASTING_S, 3.0 * self.usual_s):
             return "coasting"
@@ -95,9 +103,3 @@ class HealthMonitor:
         monitor = cls(document["placed"], document["usual_s"])
         monitor.settled.restore(document["settled"])
         return monitor
-
-
-def _rows(judged: Judged) -> dict[str, FloatArray]:
-    kind = judged.kind.astype(np.float64)
-    nis = judged.nis / _DIMENSION[judged.kind]
-    return {"t": judged.t, "kind": kind, "status": judged.status.astype(np.float64), "nis": nis}

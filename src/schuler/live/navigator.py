@@ -165,15 +165,19 @@ class LiveNavigator:
     def imu_many(self, t: ArrayLike, gyro: ArrayLike, accel: ArrayLike, temperature: ArrayLike | None = None) -> None:
         """Take consecutive samples at once; shapes (n,), (n, 3), (n, 3), (n,)."""
         t = np.asarray(t, dtype=np.float64)
-        rows = np.empty((len(t), 8))
-        rows[:, 0], rows[:, 1:4], rows[:, 4:7] = t, gyro, accel
-        rows[:, 7] = math.nan if temperature is None else temperature
-        for first in range(0, len(t), SIZE):
-            part = rows[first : first + SIZE]
-            if not self._queue.has_room(len(part)):
+        queue, n = self._queue, len(t)
+        T: ArrayLike = math.nan if temperature is None else temperature
+        if 0 < n <= SIZE:
+            if not queue.has_room(n):
                 self._work()
-            if self._queue.put_rows(part, self._span_s):
+            if queue.put_rows(t, gyro, accel, T, self._span_s):
                 self._work()
+            return
+        columns = np.asarray(gyro), np.asarray(accel), np.broadcast_to(np.asarray(T), n)
+        for first in range(0, n, SIZE):
+            part = slice(first, first + SIZE)
+            g, a, T = (x[part] for x in columns)
+            self.imu_many(t[part], g, a, T)
 
     def fix(
         self,
@@ -226,8 +230,8 @@ class LiveNavigator:
         if self._run is None:
             return None
         self._run.filter.run()
-        state = self._run.filter.state
-        return solution(state.navigation, state.covariance_e, self._health)
+        arrays = self._run.filter.state.arrays
+        return solution(float(arrays.times[0]), arrays.nav, arrays.P, self._health)
 
     def smoothed(self) -> Solution | None:
         """Solution ``smoother_lag_s`` before the newest sample, by the batch smoother with all that came so far.
@@ -246,7 +250,11 @@ class LiveNavigator:
             return None
         self._run.filter.run()
         state = smoothed(self._run.filter, self.smoother_lag_s)
-        return None if state is None else solution(*state, self._health, self.smoother_lag_s)
+        if state is None:
+            return None
+        nav, P = state
+        at = np.concatenate((nav.q_eb, nav.v_eb_e, nav.r_eb_e))
+        return solution(nav.t, at, P, self._health, self.smoother_lag_s)
 
     @property
     def health(self) -> Health:
@@ -400,6 +408,8 @@ class LiveNavigator:
         if not self._queue:
             return
         rows, waiting = self._queue.empty()
+        if self._run is not None and self._collection is None and self._take_usual(self._run, rows, waiting):
+            return
         if self._run is not None and self._stamps.continues(rows[:, 0]):
             # measurements before the samples they are of: the filter does not go back for them
             newest = float(rows[-1, 0]) + self.config.imu.clock_shift_s if len(rows) else self._newest
@@ -412,6 +422,36 @@ class LiveNavigator:
             self._measure([message], self._newest)
             first = count
         self._take(rows[first:])
+
+    def _take_usual(
+        self, run: LiveRun, rows: FloatArray, waiting: Sequence[tuple[int, Fix | Speed | Heading | Height]]
+    ) -> bool:
+        """Take samples and the messages among them by compiled functions; False, with nothing taken, if one is unusual.
+
+        Measurements are put in first, so that the filter does not go back for them.
+        """
+        n, columns = len(rows), run.filter.samples
+        if not n or not run.preparation.take_usual(rows, self._stamps.last, self._readings, columns):
+            return False
+        self._stamps.advance(float(rows[-1, 0]))
+        self._newest = float(rows[-1, 0]) + self.config.imu.clock_shift_s
+        for _, message in waiting:
+            made = run.aids.usual_fix(message) if isinstance(message, Fix) and message.t <= self._newest else None
+            if made is None:
+                self._measure([message], self._newest)
+            else:
+                self._aid(run, made)
+        if run.aids.watches:
+            t, x = columns["t"][-n:], run.preparation.motion(n)
+            self._aid(run, run.aids.extend(t, x[:, :3], x[:, 3:]))
+        self._filter(run)
+        return True
+
+    def _filter(self, run: LiveRun) -> None:
+        """Filter up to the newest sample, and judge the run now and then."""
+        run.filter.run()
+        if run.filter.time >= run.judged_at + _JUDGE_S:
+            self._judge(run)
 
     def _take(self, rows: FloatArray) -> None:
         """Take raw samples: time, rate, specific force, temperature. Shape (n, 8)."""
@@ -466,10 +506,8 @@ class LiveNavigator:
         for sentence in sentences:
             self._say("imu", sentence, "bridged")
         run.filter.extend(samples)
-        self._aid(run, run.aids.extend(samples))
-        run.filter.run()
-        if run.filter.time >= run.judged_at + _JUDGE_S:
-            self._judge(run)
+        self._aid(run, run.aids.extend(samples.t, samples.rate, samples.force))
+        self._filter(run)
         if self._collection is not None and self._run is run and self._newest > run.initial.nav.t + JUDGED_S:
             self._start()
             self._collection = None
@@ -570,7 +608,14 @@ class LiveNavigator:
             self._say("imu", sentence, "bridged")
         self._run = run = begun.run
         schedules = [self._measurements(run.aids, [m], checked(m)) for m in collection.messages]
-        self._aid(run, merged(run.aids.known_places(), *schedules, run.aids.extend(begun.samples)))
+        self._aid(
+            run,
+            merged(
+                run.aids.known_places(),
+                *schedules,
+                run.aids.extend(begun.samples.t, begun.samples.rate, begun.samples.force),
+            ),
+        )
         run.filter.run()
         sentence = aligned_sentence(run.initial, "as the batch run does", float(collection.imu["t"][0]))
         self._say("start", f"{'' if before is None else 'the start is revised: '}{sentence}", "aligned")

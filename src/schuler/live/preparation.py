@@ -6,6 +6,7 @@ Block by block the same steps as :func:`schuler.navigation.inputs.preparation.pr
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,9 +15,14 @@ import numpy as np
 from schuler import rotation, units
 from schuler.arrays import BoolArray, FloatArray
 from schuler.calibration.thermal.correction import compensate_thermal
+from schuler.live.columns import Columns
+from schuler.live.queue import SIZE
+from schuler.live.readings import Readings
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.recent_samples import RecentSamples
+from schuler.navigation.inputs.preparation import MISSING
+from schuler.navigation.recent_samples import SPIKE, RecentSamples
 from schuler.navigation.start.calibration import CalibrationStart
+from schuler.recording.io.checks import MAX_FORCE, MAX_RATE
 from schuler.recording.series import ImuSeries, Kind
 from schuler.sensors.increments import integrate_rates
 
@@ -72,6 +78,45 @@ class SamplePreparation:
         self.calibrated = calibrated
         self.recent = RecentSamples(interval_s)
         self.before = np.empty((0, 7))  # the last two samples: time, rate, specific force (SI, corrected)
+        self._max_gap_s = config.imu.max_gap_s
+        self._usual: Callable[[FloatArray, float, Columns, int], bool] | None = None
+        self._x = np.empty((SIZE, 6))
+
+    def take_usual(self, rows: FloatArray, last: float, readings: Readings, columns: Columns) -> bool:
+        """Raw samples made ready in one compiled call and appended to columns, if all of them are as usual.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (n, 8)
+            Time, rate, specific force, temperature, in units and axes of the sensor.
+        last : float
+            Stamp of the sample before them. [s]
+        readings : Readings
+            Conversion to SI, always the same.
+        columns : Columns
+            ``t``, ``dt``, ``dtheta``, ``dv``, ``unknown``.
+
+        Returns
+        -------
+        bool
+            False, with nothing taken, where a sample is late, repeated or beyond what moves, at the beginning of a run,
+            with a calibration and with parabolas through rates: that is for :meth:`take`.
+        """
+        n = len(rows)
+        if len(self.before) < 2 or self.calibrated is not None or self.order == 3 or n > SIZE:
+            return False
+        if self._usual is None:
+            self._usual = self._compiled(readings)
+        place = columns.room(n)
+        if not self._usual(rows, last, columns, place):
+            return False
+        columns.grow(n)
+        self.recent.count += n
+        return True
+
+    def motion(self, count: int) -> FloatArray:
+        """Rate and specific force of the samples that :meth:`take_usual` took last. Shape (n, 6)."""
+        return self._x[:count]
 
     def take(
         self, t: FloatArray, gyro: FloatArray, accel: FloatArray, temperature: FloatArray
@@ -98,7 +143,7 @@ class SamplePreparation:
             dtheta, dv, unknown, sentences = self.recent.checked_block(t, dt, gyro, accel)
             if calibrated is not None:
                 dtheta, dv = calibrated.correction.apply(dtheta, dv, dt[:, None])
-            self.before = np.column_stack((t, dtheta, dv))[-2:]
+            self.before = np.vstack((self.before, np.column_stack((t, dtheta, dv))))[-2:]
             rate, force = dtheta / dt[:, None], dv / dt[:, None]
             return PreparedSamples(t, dt, dtheta, dv, unknown, rate, force), sentences
         if calibrated is not None:
@@ -125,9 +170,38 @@ class SamplePreparation:
 
     def restore(self, document: dict[str, Any]) -> None:
         """Go on from a :meth:`document`."""
-        self.before = document["before"]
+        self.before = np.array(document["before"])
         for name, value in document["recent"].items():
             getattr(self.recent, name)[...] = value
+
+    def _compiled(self, readings: Readings) -> Callable[[FloatArray, float, Columns, int], bool]:
+        """The compiled function for usual samples with everything that it needs."""
+        from schuler.jit import direct
+        from schuler.live import _kernels
+
+        _kernels.prepare_live()
+        recent, mounted = self.recent, self._C_bs is not None
+        factors = np.concatenate((readings.gyro, readings.accel))
+        axes = np.ascontiguousarray(np.stack((readings.C_bs, self._C_bs if self._C_bs is not None else np.eye(3))))
+        numbers = np.array(
+            [
+                self.shift, recent.interval_s, self._max_gap_s, MISSING, MAX_RATE, MAX_FORCE, *SPIKE, recent.keep,
+                self.kind == "rate", self.order, readings.is_si, mounted, 0.0,
+            ]
+        )  # fmt: skip
+        take_samples = direct(_kernels.take_samples)
+
+        def take(rows: FloatArray, last: float, columns: Columns, place: int) -> bool:
+            numbers[-1] = recent.count[0]
+            m = columns.memory
+            return bool(
+                take_samples(
+                    rows, last, numbers, factors, axes, self.before, recent.rows, recent.largest, m["t"], m["dt"],
+                    m["dtheta"], m["dv"], m["unknown"], place, self._x,
+                )
+            )  # fmt: skip
+
+        return take
 
     def _in_si(
         self, calibrated: CalibrationStart, t: FloatArray, dt: FloatArray, gyro: FloatArray, accel: FloatArray,

@@ -45,13 +45,15 @@ class Queue:
         """Whether so many samples find a place."""
         return self._count + count <= SIZE
 
-    def put_rows(self, rows: FloatArray, span_s: float) -> bool:
-        """Put samples in a row at the end, shape (n, 8): time, rate, specific force, temperature; as :meth:`put`."""
+    def put_rows(self, t: FloatArray, gyro: ArrayLike, accel: ArrayLike, temperature: ArrayLike, span_s: float) -> bool:
+        """Put samples in a row at the end, shapes (n,), (n, 3), (n, 3), () or (n,); as :meth:`put`."""
+        stop = self._count + len(t)
+        rows = self._rows[self._count : stop]
+        rows[:, 0], rows[:, 1:4], rows[:, 4:7], rows[:, 7] = t, gyro, accel, temperature
         if not self._count:
-            self._span = float(rows[0, 0]), float(rows[0, 0]) + span_s
-        stop = self._count + len(rows)
-        self._rows[self._count : stop], self._count = rows, stop
-        return stop == SIZE or not self._span[0] <= rows[-1, 0] < self._span[1]
+            self._span = float(t[0]), float(t[0]) + span_s
+        self._count = stop
+        return stop == SIZE or not self._span[0] <= t[-1] < self._span[1]
 
     def put_message(self, message: Fix | Speed | Heading | Height) -> bool:
         """Put a fix or a reading; whether they are to be taken now."""

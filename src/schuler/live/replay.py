@@ -21,6 +21,7 @@ from schuler.filtering.filter_arrays import (
     TrajectoryArrays,
 )
 from schuler.filtering.initial_state import InitialState
+from schuler.filtering.limits import N_VALUES
 from schuler.filtering.measurements import (
     EARTH_RATE,
     FIX,
@@ -45,6 +46,7 @@ from schuler.live.preparation import PreparedSamples
 from schuler.mechanization.strapdown import NavState
 
 SNAPSHOT_S = 0.5  # between two stored states: as much is run again at most beside what a measurement is late [s]
+_NONE = np.empty(0)
 _SAME = 1e-9  # measurements so close to a sample belong to its interval, as in the kernel [s]
 
 # Order of measurements of one time, that of :func:`schuler.navigation.aids.aiding.aiding_schedule`.
@@ -96,16 +98,28 @@ class ReplayFilter:
         self.interval_s, self.lag_s = interval_s, lag_s
         self.state = FilterState(initial, layout, *psd, options, interval_s)
         self.samples = Columns(t=0, dt=0, dtheta=3, dv=3, unknown=2)
-        self.aiding = Aiding.of(MeasurementSchedule.empty())
+        self.bridged_at = -np.inf  # end of the newest interval that bridges a pause [s]
+        self._measurements = Columns(
+            ("kind", "status"), t=0, kind=0, z=N_VALUES, R=9, lever=3, gate=0, status=0, nis=0, innovation=3, variance=3
+        )
         self.snapshots: deque[FilterArrays] = deque([copied(self.state.arrays)])
         n = layout.size
         # one record that is not read: a batch run propagates its covariance for records, and so does this one
         self._out = TrajectoryArrays.of_size(0), RecordArrays.of_size(1, n), NodeArrays.of_size(0, 0, n, 0)
+        from schuler.filtering.kernels import run as k
+        from schuler.jit import direct
+
+        self._run_filter, self._n_measured = direct(k.run_filter), k.CNT_MEAS
 
     @property
     def time(self) -> float:
         """Time of the state. [s]"""
         return float(self.state.arrays.times[0])
+
+    @property
+    def aiding(self) -> Aiding:
+        """Measurements of the replay window in order of time, views."""
+        return self._aiding(0)
 
     @property
     def oldest(self) -> float:
@@ -125,6 +139,9 @@ class ReplayFilter:
             t=samples.t[part], dt=samples.dt[part], dtheta=samples.dtheta[part], dv=samples.dv[part],
             unknown=samples.unknown[part],
         )  # fmt: skip
+        bridged = np.flatnonzero(samples.unknown[part].any(axis=1))
+        if len(bridged):
+            self.bridged_at = float(samples.t[part][bridged[-1]])
 
     def aid(self, measurements: MeasurementSchedule) -> tuple[FloatArray, FloatArray]:
         """Put measurements in, each at its own time.
@@ -134,6 +151,13 @@ class ReplayFilter:
         late, repeated : ndarray
             Times of those left out that came too late, and of those whose kind is there already at their time. [s]
         """
+        if self._goes_on(measurements):
+            m = measurements
+            self._measurements.append(
+                t=m.t, kind=m.kind, z=m.z, R=m.R.reshape(-1, 9), lever=m.lever, gate=m.gate, status=0, nis=np.nan,
+                innovation=np.nan, variance=np.nan,
+            )  # fmt: skip
+            return _NONE, _NONE
         late = measurements.t <= self.oldest + 1e-6
         used, repeated = measurements.where(~late) if late.any() else measurements, np.empty(0)
         if len(used):
@@ -146,19 +170,24 @@ class ReplayFilter:
             if again.any():
                 repeated = t[order[1:][again]]
                 order = order[np.concatenate(([True], ~again))]
-            self.aiding = Aiding._make(np.ascontiguousarray(x[order]) for x in both)
+            self._take(Aiding._make(np.ascontiguousarray(x[order]) for x in both))
         return measurements.t[late], repeated
 
     def run(self) -> None:
         """Filter up to the newest sample."""
         t, arrays = self.samples["t"], self.state.arrays
-        first, n = int(np.searchsorted(t, self.time, side="right")), len(t)
+        n = len(t)
+        if not n or t[-1] <= arrays.times[0]:
+            return
+        first = int(t.searchsorted(arrays.times[0], side="right"))
+        due = float(self.snapshots[-1].times[0]) + SNAPSHOT_S
         while first < n:
-            stop = self._piece(first, float(self.snapshots[-1].times[0]) + SNAPSHOT_S)
+            stop = self._piece(first, due)
             self._call(arrays, self.state.settings, slice(first, stop), False, self._out)
             first = stop
-            if self.time >= float(self.snapshots[-1].times[0]) + SNAPSHOT_S - 1e-9:
+            if arrays.times[0] >= due - 1e-9:
                 self.snapshots.append(copied(arrays))
+                due = float(arrays.times[0]) + SNAPSHOT_S
 
     def run_again(self, arrays: FilterArrays, first: int, trajectory: TrajectoryArrays, nodes: NodeArrays) -> None:
         """Carry another state, that of a sample's beginning, to the newest sample, with all that a log's run keeps."""
@@ -174,17 +203,15 @@ class ReplayFilter:
         while len(self.snapshots) > 1 and float(self.snapshots[1].times[0]) <= self.time - self.lag_s:
             self.snapshots.popleft()
         self.samples.drop_before(self.oldest)
-        old = int(np.searchsorted(self.aiding.t, self.oldest + _SAME, side="right"))
-        a = self.aiding
-        judged = Judged(a.t[:old].copy(), a.kind[:old].copy(), a.status[:old].copy(), a.nis[:old].copy())
-        if old:
-            self.aiding = Aiding._make(x[old:].copy() for x in a)
+        old = int(self._measurements["t"].searchsorted(self.oldest + _SAME, side="right"))
+        judged = Judged(*(self._measurements[name][:old].copy() for name in Judged._fields))
+        self._measurements.drop(old)
         return judged
 
     def judged(self) -> Judged:
         """The measurements that were worked off and may still be run again."""
-        a, done = self.aiding, int(np.searchsorted(self.aiding.t, self.time + _SAME, side="right"))
-        return Judged(a.t[:done], a.kind[:done], a.status[:done], a.nis[:done])
+        done = int(self._measurements["t"].searchsorted(self.time + _SAME, side="right"))
+        return Judged(*(self._measurements[name][:done] for name in Judged._fields))
 
     def document(self) -> dict[str, Any]:
         """State, stored states, samples and measurements of the replay window, for files."""
@@ -221,8 +248,27 @@ class ReplayFilter:
             array[...] = document["state"][name]
         run.snapshots = deque(FilterArrays(**stored) for stored in document["snapshots"])
         run.samples.restore(document["samples"])
-        run.aiding = Aiding(**document["aiding"])
+        bridged = np.flatnonzero(run.samples["unknown"].any(axis=1))
+        run.bridged_at = float(run.samples["t"][bridged[-1]]) if len(bridged) else -np.inf
+        run._take(Aiding(**document["aiding"]))
         return run
+
+    def _aiding(self, first: int) -> Aiding:
+        """Measurements from one on."""
+        return Aiding(*(self._measurements[name][first:] for name in Aiding._fields))
+
+    def _take(self, aiding: Aiding) -> None:
+        """Take measurements in place of those that there are."""
+        self._measurements.drop(len(self._measurements))
+        self._measurements.append(**aiding._asdict())
+
+    def _goes_on(self, measurements: MeasurementSchedule) -> bool:
+        """Whether measurements come after all others and after the state, each kind once a time and in its order."""
+        t, stored = measurements.t.tolist(), self._measurements["t"]
+        if not t or t[0] <= self.time + _SAME or (len(stored) and t[0] <= stored[-1]):
+            return False
+        rank = _RANK[measurements.kind].tolist()
+        return all(t[i] < t[i + 1] or (t[i] == t[i + 1] and rank[i] < rank[i + 1]) for i in range(len(t) - 1))
 
     def _call(
         self,
@@ -233,23 +279,22 @@ class ReplayFilter:
         out: tuple[TrajectoryArrays, RecordArrays, NodeArrays],
     ) -> None:
         """Filter samples that are a bridged pause, or without one, in one call of the kernel."""
-        from schuler.filtering.kernels import run as k
-
         x, state = self.samples, self.state
-        unknown = x["unknown"][rows.start]
-        if unknown.any():
+        if x["t"][rows.start] <= self.bridged_at and (unknown := x["unknown"][rows.start]).any():
             settings = settings._replace(gap_s=0.0, gap_gyro=float(unknown[0]), gap_accel=float(unknown[1]))
         stream = ImuStream(x["dtheta"][rows], x["dv"][rows], x["dt"][rows], x["t"][rows], ends)
-        j = int(np.searchsorted(self.aiding.t, arrays.times[0] + _SAME, side="right"))
-        aiding = Aiding._make(a[j:] for a in self.aiding)
-        arrays.counts[k.CNT_MEAS] = 0
-        k.run_filter(stream, aiding, arrays, state.model, settings, state.work, *out)
+        j = int(self._measurements["t"].searchsorted(arrays.times[0] + _SAME, side="right"))
+        arrays.counts[self._n_measured] = 0
+        self._run_filter(stream, self._aiding(j), arrays, state.model, settings, state.work, *out)
 
     def _piece(self, first: int, due: float) -> int:
         """End of the samples that one call of the kernel takes: to the next state to be stored, or bridged pause."""
-        t, unknown = self.samples["t"], self.samples["unknown"]
-        stop = min(int(np.searchsorted(t, due - 1e-9)) + 1, len(t))
+        t = self.samples["t"]
+        stop = min(int(t.searchsorted(due - 1e-9)) + 1, len(t)) if t[-1] > due - 1e-9 else len(t)
         stop = max(stop, first + 1)
+        if t[first] > self.bridged_at:
+            return stop
+        unknown = self.samples["unknown"]
         bridged = np.flatnonzero(unknown[first:stop, 0] + unknown[first:stop, 1] > 0.0)
         if not len(bridged):
             return stop

@@ -69,6 +69,11 @@ class RestMeasurements:
         fast = t[speed > self.section.max_speed_m_s + 3.0 * sigma]
         self.fast = sorted({*self.fast, *fast.tolist()})[-200:]
 
+    def see_speed(self, t: float, speed: float, sigma: float) -> None:
+        """Remember the horizontal speed of a fix and its 1-sigma, as :meth:`see` would."""
+        if speed > self.section.max_speed_m_s + 3.0 * sigma:
+            self.fast = [*self.fast[-199:], t]
+
     def extend(self, samples: Columns) -> MeasurementSchedule:
         """Measurements that the newest samples complete."""
         if not self._aids:

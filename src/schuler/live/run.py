@@ -68,8 +68,8 @@ class LiveRun:
     @property
     def is_broken(self) -> bool:
         """Whether the numbers of the filter are none: not finite, or variances below zero."""
-        state = self.filter.state
-        return not np.isfinite(state.arrays.nav).all() or bool(np.any(np.diag(state.covariance_e)[:9] < 0.0))
+        arrays = self.filter.state.arrays
+        return not math.isfinite(sum(arrays.nav.tolist())) or min(arrays.P.diagonal()[:9].tolist()) < 0.0
 
     def judge(self) -> Health:
         """Let go of what is too old; health now."""
@@ -155,9 +155,26 @@ class LiveRun:
         )  # fmt: skip
 
 
-def solution(nav: NavState, covariance_e: FloatArray, health: Health, smoother_lag_s: float = 0.0) -> Solution:
-    """Solution of a navigation state and its covariance in Earth-fixed axes. Shape (n, n)."""
-    llh = nav.llh
-    T = ecef_from_ned_states(llh, 9)
-    sigma = np.sqrt(np.maximum(np.einsum("ji,jk,ki->i", T, covariance_e[:9, :9], T), 0.0))
-    return Solution(nav.t, llh, nav.v_eb_n, nav.rpy_nb, sigma[6:9], sigma[3:6], sigma[0:3], health, smoother_lag_s)
+def solution(
+    t: float, nav: FloatArray, covariance_e: FloatArray, health: Health, smoother_lag_s: float = 0.0
+) -> Solution:
+    """Solution of a navigation state and its covariance in Earth-fixed axes.
+
+    Parameters
+    ----------
+    t : float
+        [s]
+    nav : ndarray, shape (10,)
+        Attitude, velocity, position, Earth-fixed.
+    covariance_e : ndarray, shape (n, >= n)
+        Attitude, velocity, position first.
+    health : str
+    smoother_lag_s : float
+        [s]
+    """
+    from schuler.live import _kernels
+
+    out = np.empty((6, 3))
+    _kernels.geodetic_solution(nav, covariance_e, out)
+    llh, v_n, rpy, *sigma = out
+    return Solution(t, llh, v_n, rpy, sigma[0], sigma[1], sigma[2], health, smoother_lag_s)

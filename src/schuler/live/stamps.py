@@ -37,6 +37,10 @@ class Stamps:
         first = float(t[0]) - self.last
         return 0.0 < first <= self.max_gap_s and bool((step > 0.0).all() and (step <= self.max_gap_s).all())
 
+    def advance(self, t: float) -> None:
+        """Remember the last of samples that continue."""
+        self.last, self.count = t, 0
+
     def judge(self, t: FloatArray) -> tuple[BoolArray, str, int]:
         """Samples to be taken.
 

@@ -11,14 +11,13 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from schuler.exceptions import FileFormatError, InputError
-from schuler.files import write_text
+from schuler.files import package_version, write_text
 from schuler.montecarlo.part_file import FORMAT, document_of, pieces, pyarrow_needed, writer
 from schuler.montecarlo.rows import Rows
 
@@ -254,6 +253,6 @@ def identity_of(function: str, scenario: str, seed: int, about: Any) -> dict[str
         "function": function,
         "scenario": scenario,
         "seed": seed,
-        "schuler": metadata.version("schuler"),
+        "schuler": package_version(),
         "about": about,
     }

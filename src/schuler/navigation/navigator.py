@@ -114,6 +114,10 @@ class Navigator:
         self._out = (
             TrajectoryArrays.of_size(0), RecordArrays.of_size(0, n), NodeArrays.of_size(0, 0, n, layout.n_sensor),
         )  # fmt: skip
+        from schuler.filtering.kernels import run as k
+        from schuler.jit import direct
+
+        self._run_filter, self._n_measured = direct(k.run_filter), k.CNT_MEAS
 
     def imu(self, t: float, dtheta_ib_b: ArrayLike, dv_ib_b: ArrayLike) -> None:
         """Take one IMU sample.
@@ -290,8 +294,6 @@ class Navigator:
         return s[0:3], s[3:6], (s[6:15].reshape(3, 3), s[15:24].reshape(3, 3), s[24:33].reshape(3, 3))
 
     def _step(self, sample: Sample) -> None:
-        from schuler.filtering.kernels import run as k
-
         stream, f, t = self._in, self._filter, sample.t
         stream.dtheta[0], stream.dv[0], stream.dt[0], stream.t[0] = sample.dtheta, sample.dv, sample.dt, t
         if len(self._pending) and self._pending.t[0] <= t + 1e-9:
@@ -303,8 +305,8 @@ class Navigator:
         settings = f.settings
         if sample.gyro > 0.0 or sample.accel > 0.0:
             settings = settings._replace(gap_s=0.0, gap_gyro=sample.gyro, gap_accel=sample.accel)
-        f.arrays.counts[k.CNT_MEAS] = 0
-        k.run_filter(stream, aiding, f.arrays, f.model, settings, f.work, *self._out)
+        f.arrays.counts[self._n_measured] = 0
+        self._run_filter(stream, aiding, f.arrays, f.model, settings, f.work, *self._out)
         if taken is not None:
             for i in range(len(taken)):
                 self._judge(

@@ -19,8 +19,8 @@ _MOST = 20_000  # samples
 _FOR_INTERVAL = 100  # samples whose median spacing is the sample interval
 _FEWEST = 10  # samples from which their own motion says how bad a bridge is
 _UNKNOWN = (0.3, 3.0)  # 1-sigma of a bridge before that: what vehicles do [rad/s], [m/s^2]
-# A single sample beyond both is no motion: far beyond what was so far, and what vehicles bear for less than a sample.
-_SPIKE = (20.0, 20.0 * G0)  # [rad/s], [m/s^2]
+#: A single sample beyond both is no motion: far beyond what was so far, and what vehicles bear for less than a sample.
+SPIKE = (20.0, 20.0 * G0)  # [rad/s], [m/s^2]
 _TIMES = 4.0  # the largest so far, forgotten over ...
 _FORGOTTEN_S = 10.0  # ... [s]
 
@@ -47,6 +47,7 @@ class RecentSamples:
 
     def __init__(self, interval_s: float) -> None:
         self.interval_s = interval_s
+        self.keep = math.exp(-interval_s / _FORGOTTEN_S)  # of the largest from one sample to the next
         self.rows = np.zeros((min(max(round(SPAN_S / interval_s), 2 * _FEWEST), _MOST), 8))  # t, dt, dtheta, dv
         self.largest = np.zeros(3)  # rate, specific force; whether the last sample was a spike
         self.count = np.zeros(1, dtype=np.int64)
@@ -105,7 +106,7 @@ class RecentSamples:
         n, unknown = len(t), np.zeros((len(t), 2))
         length = np.maximum(dt, self.interval_s)
         rate, force = np.abs(dtheta).max(axis=1) / length, np.abs(dv).max(axis=1) / length
-        usual = np.all(dt <= MISSING * self.interval_s) and rate.max() <= _SPIKE[0] and force.max() <= _SPIKE[1]
+        usual = np.all(dt <= MISSING * self.interval_s) and rate.max() <= SPIKE[0] and force.max() <= SPIKE[1]
         if not usual:
             dtheta, dv, sentences = dtheta.copy(), dv.copy(), []
             for i in range(n):
@@ -116,9 +117,9 @@ class RecentSamples:
         kept = slice(max(n - len(self.rows), 0), n)
         rows = (self.count[0] + np.arange(n)[kept]) % len(self.rows)
         self.rows[rows] = np.column_stack((t, dt, dtheta, dv))[kept]
-        keep = math.exp(-self.interval_s / _FORGOTTEN_S) ** np.arange(n - 1, -1, -1)
+        keep = self.keep ** np.arange(n - 1, -1, -1)
         for i, x in enumerate((rate, force)):
-            self.largest[i] = max(float(np.max(keep * x)), float(keep[0]) * self.largest[i])
+            self.largest[i] = max(float(np.max(keep * x)), float(keep[0]) * self.keep * self.largest[i])
         self.largest[2] = 0.0
         self.count += n
         return dtheta, dv, unknown, []
@@ -126,7 +127,7 @@ class RecentSamples:
     def is_spike(self, rate: float, force: float) -> bool:
         """Whether a single reading of so large components is no motion, after those so far. [rad/s], [m/s^2]"""
         return bool(self.count[0] >= _FEWEST) and any(
-            x > _SPIKE[i] and x > _TIMES * self.largest[i] for i, x in enumerate((rate, force))
+            x > SPIKE[i] and x > _TIMES * self.largest[i] for i, x in enumerate((rate, force))
         )
 
     def _bridged(self, sample: Sample) -> tuple[Sample, str]:
@@ -167,9 +168,9 @@ class RecentSamples:
 
     def _without_spike(self, sample: Sample, rate: float, force: float) -> tuple[Sample, str]:
         """A sample with the rate before it in place of a reading that is no motion, uncertain by the difference."""
-        keep = math.exp(-self.interval_s / _FORGOTTEN_S)
+        keep = self.keep
         spikes = [
-            self.count[0] >= _FEWEST and self.largest[2] == 0.0 and x > _SPIKE[i] and x > _TIMES * self.largest[i]
+            self.count[0] >= _FEWEST and self.largest[2] == 0.0 and x > SPIKE[i] and x > _TIMES * self.largest[i]
             for i, x in enumerate((rate, force))
         ]
         self.largest[2] = float(any(spikes))

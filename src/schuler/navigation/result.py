@@ -163,8 +163,8 @@ class NavigationResult(Displayed):
     def from_run(
         cls, forward: ForwardRun, schedule_t: FloatArray, kinds: IntArray, layout: StateLayout, **rest: Any
     ) -> NavigationResult:
-        """Result object of a forward run, without its clones; ``rest`` are further fields."""
-        rec, shown, given = forward.rec_nav, layout.without_clones, kinds != CLONE
+        """Result object of a forward run, without its channels and clones; ``rest`` are further fields."""
+        rec, shown, given = forward.rec_nav, layout.visible, kinds != CLONE
         n = shown.size
         return cls(
             trajectory=FullTrajectory(forward.t, forward.r, forward.v, forward.q),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import ConfigError
+from schuler.files import package_version
 from schuler.filtering.engine import Progress
 from schuler.filtering.initial_state import InitialState
 from schuler.gnss.observations import Observations
@@ -33,7 +33,8 @@ from schuler.navigation.prepared import PreparedRun
 from schuler.navigation.result import NavigationResult
 from schuler.navigation.start.alignment import advance_to_log_start, align, aligned_sentence, with_mount_in_heading
 from schuler.navigation.start.calibration import CalibrationStart, configured_start
-from schuler.navigation.start.heading import judged_start
+from schuler.navigation.start.carried import carried_starts
+from schuler.navigation.start.heading import judged_start, likeliest_start
 from schuler.navigation.states import imu_spec, state_layout
 from schuler.navigation.tuning.entries import tuned_configuration
 from schuler.navigation.tuning.lever import LEVER_ESTIMATED, has_lever, with_lever
@@ -186,7 +187,7 @@ def prepared_run(
     start, delay = recording.start, config.gnss.velocity_delay_s
     windows = config.outages.resolve(start, recording.stop if gnss is None else float(gnss.t[-1]))
     increments = imu.increments(order=config.imu.rate_order)
-    aligned = None
+    aligned, fixes = None, None
     if initial is None:
         fixes = None if gnss is None else current_velocities(gnss, delay)
         aligned = align(imu, fixes, config, spec, layout, windows, notes, calibrated)
@@ -222,6 +223,9 @@ def prepared_run(
             return advance_to_log_start(state, increments)
 
         judged, method, sentences = judged_start(aligned, prepared, finish)
+        if judged is aligned.initial and fixes is not None:
+            carried = carried_starts(aligned, prepared, fixes, config)
+            judged, method = likeliest_start(aligned, carried, prepared, finish)
         notes += [*sentences, aligned_sentence(judged, method, float(imu.t[0]))]
         prepared = replace(prepared, initial=finish(judged))
     prepared = replace(prepared, notes=tuple(notes))
@@ -273,7 +277,7 @@ def _provenance(
 ) -> dict[str, Any]:
     """Versions, options and hashes of everything that a result was made from."""
     return {
-        "schuler": metadata.version("schuler"),
+        "schuler": package_version(),
         "config": config.model_dump(mode="json", exclude_defaults=True),
         "sources": recording.metadata.sources,
         "recording": recording.metadata.name,

@@ -12,6 +12,7 @@ from pydantic._internal._model_construction import ModelMetaclass
 
 from schuler.exceptions import ConfigError, sentences
 from schuler.files import read_toml
+from schuler.gnss.slow_errors import SlowRangeError
 
 Triple = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0)]
@@ -278,9 +279,14 @@ class TightSection(Section):
 
 
 class CorrelatedSection(Section):
-    """Slow errors of GNSS solutions as Gauss-Markov states, beside the white error the receiver states."""
+    """Slow errors of GNSS as Gauss-Markov states beside the white error: of solutions, or of each satellite."""
 
     position_sigma_m: NonNegative = Field(0.0, description="1-sigma of the slow position error; 0: none")
     position_tau_s: Positive = Field(100.0, description="its correlation time")
     velocity_sigma_m_s: NonNegative = Field(0.0, description="1-sigma of the slow velocity error; 0: none")
     velocity_tau_s: Positive = Field(20.0, description="its correlation time")
+
+    @property
+    def of_ranges(self) -> SlowRangeError:
+        """Slow error of pseudoranges in tight coupling."""
+        return SlowRangeError(self.position_sigma_m, self.position_tau_s)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from schuler import units
 from schuler.exceptions import ConfigError
-from schuler.filtering.states import BLOCKS, CLONES, StateLayout, StateModel, layout_for
+from schuler.filtering.limits import MAX_STATES, MOST_CHANNELS
+from schuler.filtering.states import BLOCKS, CHANNELS, CLONES, NAVIGATION, StateLayout, StateModel, layout_for
 from schuler.gnss.ranges import Ranges
+from schuler.gnss.slow_errors import slow_channels
 from schuler.navigation.config import NavigationConfig
 from schuler.sensors import catalogue
 from schuler.sensors.sheets import AccelerometerSheet, GyroSheet, sheet_keys
@@ -69,7 +71,9 @@ def _block_models(config: NavigationConfig, spec: ImuSpec, ranges: Ranges | None
         models = {name: budgeted.get(name) or required.get(name) or given[name] for name in states}
     else:
         models = layout_for(spec, states).models
-    return {**models, **required, **given}
+    models = {**models, **required, **given}
+    room = MAX_STATES - len(NAVIGATION) * 3 - sum(len(BLOCKS[name]) for name in models if name not in CHANNELS)
+    return {name: model for name, model in models.items() if name not in CHANNELS[max(room, 0) :]}
 
 
 def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, StateModel]:
@@ -116,6 +120,10 @@ def aiding_models(config: NavigationConfig, ranges: Ranges | None) -> dict[str, 
             between_sigma=tight.clock_sigma_m,
             between_noise=tight.system_noise_m,
         )
+        if slow.position_sigma_m > 0.0:
+            channels = slow_channels(ranges, slow.position_tau_s, MOST_CHANNELS).max(initial=0)
+            model = StateModel.gauss_markov(slow.position_sigma_m, slow.position_tau_s)
+            models |= dict.fromkeys(CHANNELS[:channels], model)
         if tight.carrier != "off":
             models |= dict.fromkeys(CLONES, StateModel.constant(0.0))
     return models

@@ -11,9 +11,10 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from importlib import metadata, resources
+from importlib import resources
 from typing import Literal, TypeAlias
 
+from schuler.files import package_version
 from schuler.plotting.figure import Figure
 from schuler.plotting.interactive import css_name, packed, panel_data
 from schuler.plotting.parts import figure_html
@@ -116,7 +117,7 @@ def whole_page(
 <meta charset="utf-8">
 <meta http-equiv="Content-Security-Policy" content="{POLICY}">
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="generator" content="schuler {escape(metadata.version("schuler"))}">
+<meta name="generator" content="schuler {escape(package_version())}">
 <title>{escape(title)}: {escape(kind)}</title>
 <link rel="icon" href="data:,">
 <style>

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from html import escape
-from importlib import metadata
 from typing import Any
 
 import numpy as np
 
+from schuler.files import package_version
 from schuler.plotting.figure import TIME, Figure, Line
 from schuler.plotting.interactive import css_name
 from schuler.plotting.style import style
@@ -117,7 +117,7 @@ def provenance_rows(provenance: dict[str, Any]) -> list[tuple[str, str]]:
     """Path and text of everything a result says it was made from, but for what differs from run to run."""
     rows = [(k, v) for k, v in _flat(provenance) if k.rsplit(".", 1)[-1] not in _UNREPEATABLE]
     if "schuler" not in provenance:
-        rows.insert(0, ("schuler", metadata.version("schuler")))
+        rows.insert(0, ("schuler", package_version()))
     return rows
 
 

@@ -270,6 +270,10 @@ class Recording(Displayed):
                 f"{np.median(np.hypot(sigma[:, 0], sigma[:, 1])):.3f} m horizontal, "
                 f"{np.median(sigma[:, 2]):.3f} m vertical" + ("" if self.gnss.v_n is not None else "; no velocity")
             )
+            view = [] if self.gnss.n_satellites is None else [f"{np.median(self.gnss.n_satellites):.0f} satellites"]
+            view += [f"{name} {value:.2g}" for name, value in self.gnss.median_dop().items()]
+            if view:
+                lines.append(f"        {', '.join(view)} (median)")
         if self.odometer is not None:
             lines.append(
                 f"  odometer   {len(self.odometer)} samples, up to {np.abs(self.odometer.speed).max():.1f} m/s"

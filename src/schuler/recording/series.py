@@ -28,6 +28,7 @@ Kind = Literal["rate", "increment"]
 #: GNSS solution quality, RTKLIB's numbers.
 QUALITY = {1: "fixed", 2: "float", 3: "sbas", 4: "dgps", 5: "single", 6: "ppp", 7: "dead reckoning"}
 _FIXED, _FLOAT, _SINGLE = 1, 2, 5  # of QUALITY
+_NO_DILUTION = 99.0  # receivers that know no dilution write 99.99, or zero [-]
 _NEAR = 1e-6  # far above rounding [-]
 _BLOCK = 8192  # rows whose temporaries stay in the cache
 
@@ -229,6 +230,9 @@ class GnssSeries(Displayed):
     n_satellites : ndarray of int, shape (n,), optional
     received : ndarray, shape (n,), optional
         When the solution was delivered, for live replay. [s]
+    dop : ndarray, shape (n, 2), optional
+        Dilution of precision, horizontal and vertical, above 0 and below 99; NaN where it is not known, ``None`` if it
+        never is. See :func:`stated_dilution`.
     """
 
     t: FloatArray
@@ -239,6 +243,7 @@ class GnssSeries(Displayed):
     quality: IntArray | None = None
     n_satellites: IntArray | None = None
     received: FloatArray | None = None
+    dop: FloatArray | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", check_times(self.t, "GnssSeries.t"))
@@ -263,6 +268,16 @@ class GnssSeries(Displayed):
                 if value.shape != (n,):
                     raise InputError(f"GnssSeries.{name}: expected shape ({n},), got {value.shape}")
                 object.__setattr__(self, name, value)
+        if self.dop is not None:
+            dop = np.ascontiguousarray(self.dop, dtype=np.float64)
+            if dop.shape != (n, 2):
+                raise InputError(f"GnssSeries.dop: expected shape ({n}, 2), horizontal and vertical, got {dop.shape}")
+            if len(bad := dop[(dop <= 0.0) | (dop >= _NO_DILUTION)]):
+                raise InputError(
+                    f"GnssSeries.dop: expected numbers above 0 and below {_NO_DILUTION:g}, NaN where it is not known, "
+                    f"got {bad[0]:g}; stated_dilution makes them of what receivers write"
+                )
+            object.__setattr__(self, "dop", dop if np.isfinite(dop).any() else None)
 
     def __len__(self) -> int:
         return len(self.t)
@@ -276,12 +291,17 @@ class GnssSeries(Displayed):
             raise InputError("this GNSS series has no velocity, which is needed here")
         return self.v_n, self.cov_v_n
 
+    def median_dop(self) -> dict[str, float]:
+        """Medians of the dilutions of precision that are known, by ``"HDOP"`` and ``"VDOP"``."""
+        columns = zip(("HDOP", "VDOP"), () if self.dop is None else self.dop.T, strict=False)
+        return {name: float(np.nanmedian(x)) for name, x in columns if np.isfinite(x).any()}
+
     def where(self, keep: ArrayLike) -> GnssSeries:
         """The epochs selected by a boolean array or an index array."""
         k = np.asarray(keep)
         pick = {
             name: None if getattr(self, name) is None else getattr(self, name)[k]
-            for name in ("v_n", "cov_v_n", "quality", "n_satellites", "received")
+            for name in ("v_n", "cov_v_n", "quality", "n_satellites", "received", "dop")
         }
         return GnssSeries(self.t[k], self.llh[k], self.cov_r_n[k], **pick)
 
@@ -433,14 +453,35 @@ class ScalarSeries(Displayed):
         return f"{len(self)} samples{_extent(self.t)}"
 
 
+def stated_dilution(horizontal: ArrayLike | None, vertical: ArrayLike | None) -> FloatArray | None:
+    """Dilution of precision as receivers state it, for :attr:`GnssSeries.dop`.
+
+    Parameters
+    ----------
+    horizontal, vertical : array_like, shape (n,), optional
+        HDOP and VDOP; zero, 99 and more (99.99 of u-blox, 655.35) and what is no number stand for one not known.
+
+    Returns
+    -------
+    ndarray, shape (n, 2), or None
+        NaN where one is not known; ``None`` if none is, ever.
+    """
+    given = [None if x is None else np.asarray(x, dtype=np.float64) for x in (horizontal, vertical)]
+    shape = next((x.shape for x in given if x is not None), (0,))
+    dop = np.stack([np.full(shape, np.nan) if x is None else x for x in given], axis=-1)
+    stated = (dop > 0.0) & (dop < _NO_DILUTION)
+    return np.where(stated, dop, np.nan) if stated.any() else None
+
+
 def gnss_series(points: PointSolution) -> GnssSeries:
     """The epochs with a usable position, and velocity if all of them have one.
 
     Returns
     -------
     GnssSeries
-        Covariances are the formal ones, from the standard deviations of the ranges. Velocities are left out as a whole
-        if fewer than half of the epochs have one; else the epochs without one are left out.
+        With the dilutions of the points. Covariances are the formal ones, from the standard deviations of the ranges.
+        Velocities are left out as a whole if fewer than half of the epochs have one; else the epochs without one are
+        left out.
 
     Raises
     ------
@@ -469,6 +510,7 @@ def gnss_series(points: PointSolution) -> GnssSeries:
         to_n(points.cov_v_e[keep]) if with_velocity else None,
         np.full(int(keep.sum()), _SINGLE),
         points.n_used[keep],
+        dop=stated_dilution(points.dilution.hdop[keep], points.dilution.vdop[keep]),
     )
 
 

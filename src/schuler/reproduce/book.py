@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
-from importlib import metadata
 from pathlib import Path
 
-from schuler.files import write_text
+from schuler.files import package_version, write_text
 from schuler.plotting import parts
 from schuler.plotting.page import Block, Section, plotly_script, whole_page
 from schuler.reproduce.cells import Cell
@@ -48,7 +47,7 @@ def write_book(reproductions: Sequence[Reproduction], path: Path | str) -> Path:
             name = _section_name(one.thesis, result)
             sections.append(Section(name, f"{heading}{result.item.id}, {result.item.title}", _blocks(name, result)))
     rows = [
-        ("schuler", metadata.version("schuler")),
+        ("schuler", package_version()),
         *((one.thesis, f"{'quick' if one.effort.quick else 'full'}, seed {one.effort.seed}") for one in reproductions),
     ]
     table = parts.table("What this page is made from", ("entry", "value"), rows, numbers=False)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from schuler import rotation
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import ConfigError
+from schuler.files import package_version
 from schuler.filtering.engine import run
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule
@@ -127,9 +127,7 @@ def navigate_rotary(
     windows = config.outages.resolve(origin, recording.stop if gnss is None else float(gnss.t[-1]))
     if initial is None:
         fixes = None if gnss is None else current_velocities(gnss, delay)
-        initial = aligned_vehicle(
-            body_log, increments, fixes, turning, config, spec, layout, windows, notes
-        )  # fmt: skip
+        initial = aligned_vehicle(body_log, increments, fixes, turning, config, spec, layout, windows, notes)
     elif calibrated is not None:
         initial = calibrated.put_into(initial)
     increments = increments.between(initial.nav.t - 1e-9, increments.t[-1])
@@ -166,13 +164,7 @@ def navigate_rotary(
         lever_arm_b=np.array(config.gnss.lever_arm_m),
         provenance={
             **_provenance(recording, config, spec),
-            "platform": {
-                "from": type(platform).__name__,
-                "name": getattr(platform, "name", ""),
-                "axes": np.asarray(platform.axes).tolist(),
-                "zero_s": turning.zero_s,
-                "offset_m": lever.tolist(),
-            },
+            "platform": _platform_document(platform, turning.zero_s, lever),
             **({} if calibrated is None else {"calibration": calibrated.provenance}),
             "elapsed_s": time.perf_counter() - began,
         },
@@ -196,10 +188,21 @@ def _measurements(
     return with_late_velocities(schedule.outside(windows), config.gnss.velocity_delay_s, start, notes)
 
 
+def _platform_document(platform: Platform, zero_s: float, offset_m: FloatArray) -> dict[str, Any]:
+    """Platform and place of the IMU on it, for the provenance of a solution."""
+    return {
+        "from": type(platform).__name__,
+        "name": getattr(platform, "name", ""),
+        "axes": np.asarray(platform.axes).tolist(),
+        "zero_s": zero_s,
+        "offset_m": offset_m.tolist(),
+    }
+
+
 def _provenance(recording: Recording, config: NavigationConfig, spec: ImuSpec) -> dict[str, Any]:
     """Recording, configuration and IMU that a solution is made from."""
     return {
-        "schuler": metadata.version("schuler"),
+        "schuler": package_version(),
         "config": config.model_dump(mode="json", exclude_defaults=True),
         "sources": recording.metadata.sources,
         "recording": recording.metadata.name,

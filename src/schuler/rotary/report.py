@@ -41,7 +41,7 @@ def scheme_figure(schedule: Schedule, duration: float, name: str = "scheme") -> 
     name : str
         Name of the figure.
     """
-    end = _cycle(schedule, duration)
+    end = cycle(schedule, duration)
     t = np.linspace(0.0, end, _POINTS)
     C = schedule.C_bs(t)
     items: list[Item] = _sphere()
@@ -237,7 +237,7 @@ def _sphere() -> list[Item]:
     return items
 
 
-def _cycle(schedule: Schedule, duration: float) -> float:
+def cycle(schedule: Schedule, duration: float) -> float:
     """Time of one cycle, or in which an endless rotation makes one turn. [s]"""
     ends = [p.cycle[1] for p in schedule.profiles if p.cycle is not None]
     if len(ends) == len(schedule.profiles):

@@ -46,7 +46,7 @@ def threshold(kind: Kind, window: int, false_alarm: float = 1e-3) -> float:
     ----------
     Skog et al. (2010), eqs. (10)-(18), for the statistics; the degrees of freedom follow from them.
     """
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
     W = int(window)
     if W < 2:
@@ -54,8 +54,8 @@ def threshold(kind: Kind, window: int, false_alarm: float = 1e-3) -> float:
     p = _probability(false_alarm, "false_alarm")
     if kind in ("moving deviation", "printed"):
         axes = 6 if kind == "moving deviation" else 2
-        return float(chi2.isf(-np.expm1(np.log1p(-p) / axes), W - 1) / W)
-    return float(chi2.isf(p, _freedom(kind, W)) / W)
+        return float(chdtri(W - 1, -np.expm1(np.log1p(-p) / axes)) / W)
+    return float(chdtri(_freedom(kind, W), p) / W)
 
 
 def threshold_from_rest(
@@ -139,19 +139,21 @@ def noise_at_rest(imu: ImuSeries, window_s: float = 1.0, share: float = 0.1) -> 
 
 
 def _quiet_deviation(x: FloatArray, W: int, share: float, name: str) -> float:
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     variance = np.sort(x[: len(x) // W * W].reshape(-1, W).var(axis=1, ddof=1))
     low = float(np.median(variance[: max(1, round(share * len(variance)))]))
-    level = np.unique(x)
-    if len(level) == 1:
-        raise InputError(f"{name}: expected noise, but the axis always reads {level[0]:.6g}; is it connected?")
+    step = np.diff(np.sort(x))
+    step = step[step > 0.0]
+    if not len(step):
+        raise InputError(f"{name}: expected noise, but the axis always reads {x[0]:.6g}; is it connected?")
     # smallest step between readings: tiny for unrounded numbers, then no restriction
-    rounding = float(np.diff(level).min()) ** 2 / 12.0
+    rounding = float(step.min()) ** 2 / 12.0
     rest, at_rest = max(low, rounding), share
+    high = 2.0 * gammaincinv(0.5 * (W - 1), 0.99) / (W - 1)  # quantiles of chi-square variables over their mean
     for _ in range(20):
-        rest = max(low / (chi2.ppf(min(0.5, 0.5 * share / at_rest), W - 1) / (W - 1)), rounding)
-        limit = rest * chi2.ppf(0.99, W - 1) / (W - 1)
+        rest = max(low / (2.0 * gammaincinv(0.5 * (W - 1), min(0.5, 0.5 * share / at_rest)) / (W - 1)), rounding)
+        limit = rest * high
         at_rest = max(share, np.count_nonzero(variance <= limit) / len(variance) / 0.99)
     return float(np.sqrt(rest))
 

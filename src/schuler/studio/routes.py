@@ -5,9 +5,15 @@ from __future__ import annotations
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from schuler.calibration.result.result import CalibrationResult
-from schuler.exceptions import SchulerError, printable
+from schuler.exceptions import InputError, SchulerError, printable
+from schuler.studio import jobs
+from schuler.studio.allan import allan_document
 from schuler.studio.figures import calibration_figure, figure_document, span_figure
+from schuler.studio.maps import backdrop_of, map_document
+from schuler.studio.platform import platform_document
 from schuler.studio.signals import COLUMNS, MOST, Views, window
 from schuler.studio.tracks import plan
 from schuler.studio.uploads import receive, target_of
@@ -62,9 +68,32 @@ def add_routes(app: FastAPI, workspace: Workspace, views: Views) -> None:
         result = CalibrationResult.from_yaml(workspace.inside(run) / "calibration.yaml")
         return JSONResponse(figure_document(calibration_figure(result, name)))
 
-    def track(view: str = "", run: str = "") -> Response:
+    def curves(view: str, run: str, other: str) -> dict[str, Any]:
         recording = views.get(view).recording if view else None
-        return JSONResponse(plan(recording, workspace.inside(run) if run else None))
+        return plan(recording, *(workspace.inside(name) if name else None for name in (run, other)))
+
+    def track(view: str = "", run: str = "", other: str = "") -> Response:
+        return JSONResponse(curves(view, run, other))
+
+    def background(view: str = "", run: str = "", other: str = "", name: str = "") -> Response:
+        drawn = curves(view, run, other)
+        if drawn["origin"] is None:
+            raise InputError("map: expected a track, there is none yet")
+        north, east = (np.concatenate([c[axis] for c in drawn["curves"]]) for axis in ("north", "east"))
+        return JSONResponse(map_document(backdrop_of(workspace, name), np.array(drawn["origin"]), north, east))
+
+    def noise(key: str, axis: str, sheet: str = "") -> Response:
+        try:
+            answer = jobs.answer(workspace, key)
+        except (OSError, ValueError):
+            raise InputError("this identification is no longer kept: start it again") from None
+        return JSONResponse(allan_document(answer, axis, sheet))
+
+    def platform(name: str) -> Response:
+        from schuler.rotary.search.scenario import RotaryScenario
+
+        scenario = RotaryScenario.load(workspace.inside(name))
+        return JSONResponse(platform_document(scenario.rotary.schedule.build(), scenario.motion.build().duration))
 
     def file(name: str) -> Response:
         path = workspace.inside(name)
@@ -82,12 +111,26 @@ def add_routes(app: FastAPI, workspace: Workspace, views: Views) -> None:
     from starlette.requests import Request as RequestClass
 
     upload.__annotations__["request"] = RequestClass
-    for function in (asset, signals, span_figure_of, calibration_figure_of, track, file, upload):
+    for function in (
+        asset,
+        signals,
+        span_figure_of,
+        calibration_figure_of,
+        track,
+        background,
+        noise,
+        platform,
+        file,
+        upload,
+    ):
         function.__annotations__.pop("return")
     app.get("/studio/assets/{name}")(asset)
     app.get("/studio/views/{key}/signals")(signals)
     app.get("/studio/views/{key}/{name}")(span_figure_of)
     app.get("/studio/calibrations/{name}")(calibration_figure_of)
     app.get("/studio/track")(track)
+    app.get("/studio/noise")(noise)
+    app.get("/studio/platform")(platform)
+    app.get("/studio/map")(background)
     app.get("/studio/files/{name:path}")(file)
     app.put("/studio/uploads/{name}")(upload)

@@ -59,7 +59,9 @@ def navigate_arguments(
     return arguments
 
 
-def allan_arguments(log: str, config: str, out: str, span: tuple[float, float] | None) -> list[str]:
+def allan_arguments(
+    log: str, config: str, out: str, span: tuple[float, float] | None, exports: Sequence[str] = ()
+) -> list[str]:
     """Arguments after ``schuler`` that identify the noise of a log.
 
     Parameters
@@ -70,11 +72,13 @@ def allan_arguments(log: str, config: str, out: str, span: tuple[float, float] |
         Configuration that says how the log is read; empty if it does so itself.
     span : (start, stop) or None
         Part of the log that is used. [s]
+    exports : sequence of str
+        Programs that files are written for.
     """
     arguments = ["allan", log, *(["--config", config] if config else [])]
     if span is not None:
         arguments += ["--from", seconds(span[0]), "--to", seconds(span[1])]
-    return [*arguments, "--out", out]
+    return [*arguments, *(word for name in exports for word in ("--export", name)), "--out", out]
 
 
 def budget_arguments(scenario: str, imus: Sequence[str], out: str, changes: Mapping[str, Any]) -> list[str]:

@@ -16,20 +16,21 @@ _MOST = 4000  # points of a curve
 _SOLUTIONS = (("solution.parquet", "filtered"), ("smoothed.parquet", "smoothed"))
 
 
-def plan(recording: Recording | None, run: Path | None = None) -> dict[str, Any]:
-    """Curves of a log's fixes and of a run's solutions.
+def plan(recording: Recording | None, run: Path | None = None, other: Path | None = None) -> dict[str, Any]:
+    """Curves of a log's fixes and of the solutions of a run, or of two.
 
     Parameters
     ----------
     recording : Recording, optional
         Its first fix is the origin; without fixes it is the first point of the run.
-    run : Path, optional
-        Folder of a run; it needs pyarrow (extra ``data``) and tables of the solution.
+    run, other : Path, optional
+        Folders of runs; they need pyarrow (extra ``data``) and tables of the solution.
 
     Returns
     -------
     dict
-        ``curves`` of ``t`` from the start of the recording [s], ``north`` and ``east`` [m]; ``note``: what is missing.
+        ``curves`` of ``t`` from the start of the recording [s], ``north`` and ``east`` [m]; ``note``: what is missing;
+        ``origin``: latitude, longitude [rad], height [m], None without a curve.
     """
     curves: list[dict[str, Any]] = []
     origin: FloatArray | None = None
@@ -38,14 +39,18 @@ def plan(recording: Recording | None, run: Path | None = None) -> dict[str, Any]
         g = recording.gnss
         origin = g.llh[0]
         curves.append(_curve("GNSS", "measured", g.t - recording.start, frames.ecef_from_llh(g.llh), origin))
-    files = [] if run is None else [(run / name, role) for name, role in _SOLUTIONS if (run / name).is_file()]
-    for path, role in files:
+    files = [] if run is None else [(run / name, role, role) for name, role in _SOLUTIONS if (run / name).is_file()]
+    if other is not None:  # the best of what it has
+        best = [(other / name, "case_2", f"{other.name}: {label}") for name, label in _SOLUTIONS]
+        files += [entry for entry in best if entry[0].is_file()][-1:]
+    for path, role, name in files:
         T = read_run(path).trajectory
         origin = frames.llh_from_ecef(T.r_eb_e[0]) if origin is None else origin
         zero = float(T.t[0]) if zero is None else zero
-        curves.append(_curve(role, role, T.t - zero, T.r_eb_e, origin))
+        curves.append(_curve(name, role, T.t - zero, T.r_eb_e, origin))
     missing = run is not None and not files
-    return {"curves": curves, "note": "this run has no table of its solution (extra data)" if missing else ""}
+    note = "this run has no table of its solution (extra data)" if missing else ""
+    return {"curves": curves, "note": note, "origin": None if origin is None else origin.tolist()}
 
 
 def _curve(name: str, role: str, t: FloatArray, r_eb_e: FloatArray, origin: FloatArray) -> dict[str, Any]:

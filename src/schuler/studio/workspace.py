@@ -22,7 +22,10 @@ _MOST = 2000  # files and folders that are looked at
 _NO_LOGS = frozenset((
     ".toml", ".html", ".htm", ".json", ".md", ".rst", ".png", ".svg", ".jpg", ".pdf", ".kml", ".geojson", ".py",
     ".ipynb", ".tag", ".yml", ".yaml", ".m", ".css", ".js", ".zip",
+    ".mbtiles", ".tif", ".tiff", ".jpeg", ".pgw", ".jgw", ".wld", ".prj",
 ))  # fmt: skip
+_MAPS = frozenset((".geojson", ".tif", ".tiff", ".mbtiles"))
+_WORLDS = {".png": ".pgw", ".jpg": ".jgw"}  # files that say where a picture is
 _TEXTS = frozenset({"README", "LICENSE", "LICENCE", "COPYING", "NOTICE"})
 
 
@@ -97,6 +100,17 @@ def configurations(workspace: Workspace) -> list[str]:
         if not (folder / "run.json").is_file()
         for f in files
         if f.endswith(".toml")
+    )
+
+
+def maps(workspace: Workspace) -> list[str]:
+    """Names of the files that may be a map: GeoJSON, GeoTIFF, MBTiles, pictures with a world file; none of runs."""
+    return sorted(
+        workspace.name(folder / f)
+        for folder, files in _folders(workspace.root)
+        if not (folder / "run.json").is_file()
+        for f in files
+        if Path(f).suffix.lower() in _MAPS or Path(f).with_suffix(_WORLDS.get(Path(f).suffix, ".none")).name in files
     )
 
 

@@ -225,7 +225,7 @@ def test_predicted_covariance_is_the_scatter(options, rng):
             poses.start, poses.stop,
         )  # fmt: skip
         passed = {**options, "headings": stated} if options.get("headings") else options
-        results.append(calibrate_sixposition(poses, gravity=G, **passed))
+        results.append(calibrate_sixposition(poses, gravity=G, halves=False, **passed))
     assert_covariance(results, vector(errors))
 
 
@@ -234,12 +234,13 @@ def test_level_is_found_from_residuals(rng):
     found = []
     for _ in range(60):
         tilt = 3e-3 * rng.standard_normal((6, 3))
-        result = calibrate_sixposition(poses_from(unit(), f=G * (UP + np.cross(tilt, UP)), rng=rng), gravity=G)
+        poses = poses_from(unit(), f=G * (UP + np.cross(tilt, UP)), rng=rng)
+        result = calibrate_sixposition(poses, gravity=G, halves=False)
         found.append(result.extra["level_sigma"])
     assert np.mean(np.square(found)) == pytest.approx(9e-6, rel=5.0 * np.sqrt(2.0 / 6.0 / 60.0))
     assert any("the fixture was taken to be level to" in v for v in result.verdicts)
     # and noise by itself is not taken for tilt
-    quiet = [calibrate_sixposition(poses_from(unit(), rng=rng), gravity=G) for _ in range(100)]
+    quiet = [calibrate_sixposition(poses_from(unit(), rng=rng), gravity=G, halves=False) for _ in range(100)]
     assert sum(r.extra["level_sigma"] > 0.0 for r in quiet) <= 2
     assert np.mean([r.residuals["accel"].rms for r in quiet]) == pytest.approx(1e-3 * np.sqrt(6 / 18), rel=0.2)
 

@@ -7,13 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from schuler.calibration.bench.ferraris import SECTIONS, calibrate_ferraris
 from schuler.calibration.bench.multiposition import calibrate_multiposition
 from schuler.calibration.bench.poses import poses_of
 from schuler.calibration.freepose.calibrate import calibrate_freepose
 from schuler.calibration.freepose.simulation import hand_log, spread_turns
-from schuler.calibration.magnetometer.fit import fit_magnetometer
+from schuler.calibration.magnetometer.fit import _SYMMETRIC, _jacobian, _moved, _residuals, _State, fit_magnetometer
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
+from schuler.recording.series import ImuSeries
 from schuler.rotation import dcm_from_quat, dcm_from_rotvec
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.noise import NoiseModel, White
@@ -119,6 +121,59 @@ def test_poses_of_one_side_are_refused():
     y = np.einsum("nji,j->ni", R, FIELD_N) @ (S @ C).T + b + MAG_NOISE * rng.standard_normal((12, 3))
     with pytest.raises(InputError, match="all sides"):
         fit_magnetometer(R[:, 2, :], y, np.full(12, 1e-8))
+
+
+def test_poses_that_no_one_field_fits_name_that_as_the_reason():
+    """All sides were turned up; iron beside every pose leaves nothing to fit."""
+    rng = np.random.default_rng(10)
+    b, S, C = sensor(rng)
+    down, y = means(rng, 20, b, S, C, noise=0.7 * FIELD)
+    with pytest.raises(InputError, match="no one field fits all poses"):
+        fit_magnetometer(down, y, np.full(20, 1e-8))
+
+
+def test_an_axis_that_reads_nothing_is_named():
+    rng = np.random.default_rng(11)
+    b, S, C = sensor(rng)
+    down, y = means(rng, 20, b, S, C)
+    y[:, 1] = 1e-8 * rng.standard_normal(20)
+    with pytest.raises(InputError, match="axis y reads the same"):
+        fit_magnetometer(down, y, np.full(20, 1e-8))
+
+
+@pytest.mark.parametrize("strength", [None, 1.0])
+@pytest.mark.parametrize("soft", [True, False])
+def test_the_jacobian_is_that_of_the_residuals(strength, soft):
+    rng = np.random.default_rng(12)
+    down, y = means(rng, 9, *sensor(rng), noise=0.01 * FIELD)
+    y = y / FIELD
+    last = 6 if strength else 5
+    basis = _SYMMETRIC[:last] if soft else _SYMMETRIC[5:last]
+    b, S, C = sensor(rng)
+    state = _State(b / FIELD, S, C, strength or 0.9, 0.7)
+    p = 7 + len(basis) + (strength is None)
+    J, h = _jacobian(state, down, y, basis, p), 1e-6
+    steps = h * np.eye(p)
+    twin = [
+        (_residuals(_moved(state, e, basis), down, y) - _residuals(_moved(state, -e, basis), down, y)) for e in steps
+    ]
+    np.testing.assert_allclose(J, np.stack([d.ravel() for d in twin], axis=1) / (2.0 * h), atol=1e-8)  # discretisation
+
+
+def test_errors_of_both_signs_have_a_nees_of_one():
+    """Hard iron, soft iron and alignment of either sign and 25 poses; noise as stated."""
+    squared, n, runs = [], 25, 16
+    for k in range(runs):
+        rng = np.random.default_rng([13, k])
+        hard, soft, turn = (np.sign((k >> i & 1) - 0.5) for i in range(3))
+        S = np.eye(3) + 0.05 * soft * np.array([[1.0, 0.4, -0.6], [0.4, -1.5, 0.8], [-0.6, 0.8, 0.5]])
+        truth = 30e-6 * hard * np.array([1.0, -0.5, 0.7]), S, dcm_from_rotvec(0.1 * turn * np.array([1.0, 2.0, -1.0]))
+        down, y = means(rng, n, *truth, noise=MAG_NOISE)
+        fit = fit_magnetometer(down, y, np.full(n, MAG_NOISE), field=FIELD)
+        e = np.concatenate((fit.b - truth[0], (fit.S @ fit.C - truth[1] @ truth[2]).ravel()))
+        squared.append(e @ np.linalg.solve(fit.covariance, e))
+    # chi-square of 12 each; claims follow the scatter of the poses: 4 standard errors, that widens them by 10 %
+    assert abs(np.mean(squared) / 12.0 - 1.0) < 4.0 * 1.1 * np.sqrt(2.0 / (12.0 * runs)), np.mean(squared) / 12.0
 
 
 def coverage(runs, n, soft=True, field=None):
@@ -234,3 +289,42 @@ def test_a_still_magnetometer_is_left_out_with_a_sentence(nine_axes):
     result = calibrate_freepose(log, halves=False)
     assert not [n for n in result.names if n[2] == "m"]
     assert any("magnetometer is not calibrated" in v for v in result.verdicts)
+
+
+def test_a_field_that_no_pose_shares_is_a_warning(nine_axes):
+    log, rng = nine_axes[0], np.random.default_rng(14)
+    disturbed = log.magnetometer.copy()
+    for part in np.array_split(np.arange(len(log)), 60):
+        disturbed[part] += FIELD * rng.standard_normal(3)
+    result = calibrate_freepose(replace(log, magnetometer=disturbed), halves=False)
+    assert result.status == "warning"
+    assert any("magnetometer is not calibrated: no one field" in v for v in result.verdicts)
+
+
+def test_faces_and_turns_calibrate_it_too():
+    """Six faces as of Ferraris: hard iron and alignment, of which faces alone leave a second one."""
+    rng, hz = np.random.default_rng(15), 50.0
+    sections, omega, f, m = {}, [], [], []
+    C = dcm_from_rotvec([0.02, -0.03, 0.05])
+    b = np.array([12e-6, -8e-6, 5e-6])
+    for k, name in enumerate(SECTIONS):
+        axis, turning = np.eye(3)["xyz".index(name[0])], name.endswith("rot")
+        up = -axis if name.endswith("a") else axis
+        n = 200
+        rate = np.outer(np.full(n, 2.0 * np.pi / (n / hz)) if turning else np.zeros(n), axis)
+        level = np.cross(up, np.roll(axis, 1))
+        heading = rng.uniform(0.0, 2.0 * np.pi)
+        north = np.cos(heading) * level + np.sin(heading) * np.cross(up, level)
+        omega.append(rate)
+        f.append(np.tile(G0 * up, (n, 1)))
+        m.append(np.tile(FIELD * (np.cos(DIP) * north - np.sin(DIP) * up) @ C.T + b, (n, 1)))
+        sections[name] = (k * n / hz, ((k + 1) * n - 1) / hz)
+    shape = (len(SECTIONS) * 200, 3)
+    noisy = [np.concatenate(x) + s * rng.standard_normal(shape) for x, s in ((omega, 1e-4), (f, 1e-3), (m, 1e-7))]
+    log = ImuSeries(np.arange(shape[0]) / hz, noisy[0], noisy[1] / 0.01, magnetometer=noisy[2])  # forces in counts
+    result = calibrate_ferraris(log, sections, nominal=(0.01, 1.0), field_strength=FIELD)
+    values, P = magnetic(result)
+    assert not result.extra["magnetometer"]["soft_iron_estimated"]
+    assert (np.abs(values[:3] - b) < 4.5 * np.sqrt(np.diag(P)[:3])).all()  # statistical
+    assert (np.abs(values[3:] - (C - np.eye(3)).ravel()) < 4.5 * np.sqrt(np.diag(P)[3:]) + 1e-3).all()  # and the faces'
+    assert np.sqrt(np.diag(P)).max() < 0.01

@@ -19,6 +19,7 @@ from schuler.calibration.thermal.calibrate import (
     thermal_correction,
     thermal_value,
 )
+from schuler.calibration.thermal.noise import mixtures
 from schuler.exceptions import InputError
 from schuler.recording.series import ImuSeries
 from schuler.units import G0
@@ -253,6 +254,16 @@ def test_ramp_with_unknown_noise_covers(slow, runs):
     rms, alarms = ramps_with_unknown_noise(T, process, runs, rng)
     assert 0.45 < rms < 1.5
     assert alarms <= max(0.05 * 6 * runs, 1.0)
+
+
+def test_each_noise_tried_is_whitened_by_its_own_whitener():
+    """``W R W^T = I`` and the determinant, for white noise and every mixture. Rounding, times a condition of 1e4."""
+    for mixture in mixtures(40):
+        R = np.zeros((40, 40))
+        mixture.add_to(R, 2.0)
+        np.testing.assert_allclose(mixture.W @ R @ mixture.W.T, 2.0 * np.eye(40), atol=1e-10)
+        assert np.linalg.slogdet(R / 2.0)[1] == pytest.approx(mixture.logdet, abs=1e-9)
+        assert np.trace(R) == pytest.approx(80.0, rel=1e-12)
 
 
 def test_soak_has_the_stated_covariance():

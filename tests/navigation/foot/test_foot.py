@@ -285,13 +285,47 @@ def test_summary_and_recording(square):
     assert len(result.position_n()) == len(result.t) == len(result.rests.mask)
 
 
-def test_gyro_biases_that_the_strides_contradict_are_allowed_for(square):
-    """Two deg/s on every axis and no rest long enough to see them at: the budget grows to them, and the run says so."""
+def begun_in_a_swing(square, bias_deg_s, *, stands):
+    """The walk from shortly before its first swing, of a unit with gyro biases, with or without its last rest."""
     motion, imu = square
-    begin = int(np.flatnonzero(~motion.resting(imu.t - 0.5 / wc.RATE))[0]) - round(0.15 * wc.RATE)
-    late = ImuSeries(imu.t[begin:], imu.gyro[begin:] + np.radians(2.0) / wc.RATE, imu.accel[begin:], imu.kind)
+    moving = np.flatnonzero(~motion.resting(imu.t - 0.5 / wc.RATE))
+    keep = slice(moving[0] - round(0.15 * wc.RATE), None if stands else moving[-1] + round(0.2 * wc.RATE))
+    gyro = imu.gyro[keep] + np.radians(bias_deg_s) / wc.RATE
+    return ImuSeries(imu.t[keep], gyro, imu.accel[keep], imu.kind)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_gyro_biases_that_the_strides_contradict_are_allowed_for(square, sign):
+    """Two deg/s on every axis and no rest long enough to see them at: the budget grows to them, the run is doubted."""
+    late = begun_in_a_swing(square, 2.0 * sign, stands=False)
     result = navigate_foot(late, {"place": wc.PLACE})
     assert any("the strides contradict gyro biases of 0.1 deg/s" in note for note in result.notes)
+    assert "the foot never stands for 1 s" in result.verdict.reasons[0]
     bias, sigma = np.degrees(result.best.parameter("b_g")[-1]), np.degrees(result.best.sigma("b_g")[-1])
-    assert np.all(np.abs(bias - 2.0) < 3.0 * sigma)  # statistical, and what the sampling of the swings adds
-    assert not any("contradict" in note for note in navigate_foot(imu, {"place": wc.PLACE}).notes)
+    # statistical, and what the sampling of the swings adds; the bias about the vertical, hardly seen, is the doubt
+    assert np.all((np.abs(bias - 2.0 * sign) < 3.0 * sigma)[:2])
+    usual = navigate_foot(square[1], {"place": wc.PLACE})
+    assert usual.verdict.status == "ok"
+    assert not any("contradict" in note for note in usual.notes)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_walk_begun_in_a_swing_takes_its_gyro_biases_from_the_rest_at_its_end(square, sign):
+    """Twenty sigmas of the configured bias: a rest of a second counts alone."""
+    bias = sign * np.array([2.0, -1.0, 1.5])
+    result = navigate_foot(begun_in_a_swing(square, bias, stands=True), {"place": wc.PLACE})
+    assert result.verdict.status == "ok"
+    # but for the rotation of the Earth, 0.004 deg/s
+    np.testing.assert_allclose(np.degrees(result.navigation.parameter("b_g")[0]), bias, atol=0.01)
+
+
+def test_a_log_without_a_rest_that_tells_gyro_biases_is_doubted(square):
+    """Stances of 0.3 s are too short for a scatter."""
+    motion, imu = square
+    rest = motion.resting(imu.t)
+    brief = rest & ~np.roll(rest, round(0.3 * wc.RATE))
+    verdict = navigate_foot(imu, {"place": wc.PLACE}, rest=brief).verdict
+    assert verdict.status == "doubtful"
+    assert "no rest tells the gyro biases" in verdict.reasons[0]
+    without = {"place": wc.PLACE, "filter": {"states": 9}}
+    assert navigate_foot(imu, without, rest=brief).verdict.status == "ok"  # none to tell

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import aided_cases as ac
+import encode_rtcm as enc
 import numpy as np
 import pytest
 import rtk_cases as rc
@@ -268,3 +269,32 @@ def test_a_base_in_a_file_is_relative_to_the_configuration(tmp_path):
     (tmp_path / "run.toml").write_text(text + '[gnss.tight.base]\nobservations = "base.obs"\n')
     config = NavigationConfig.load(tmp_path / "run.toml")
     assert config.gnss.tight.base.observations == str(tmp_path / "base.obs")
+
+
+def test_a_base_as_a_stream_of_messages(two, tmp_path):
+    """RTCM 3 says the time of week, the rover the week; the place is the station's own."""
+    pytest.importorskip("pyrtcm")
+    still = replace(two.base, range_rate=np.zeros(len(two.base)), cn0=np.round(two.base.cn0))
+    frames = [
+        enc.msm(still, s, t) for t in np.unique(still.t) for s in "GEC" if (still.sat // 100 == "GRECJ".index(s)).any()
+    ]
+    file = tmp_path / "base.rtcm3"
+    file.write_bytes(enc.station(HOME) + b"".join(frames))
+    notes = []
+    config = NavigationConfig.parse(
+        {
+            "imu": {"catalogue": "HG1700-flenniken"},
+            "gnss": {"coupling": "tight", "tight": {"carrier": "rtk", "base": {"observations": str(file)}}},
+        }
+    )
+    ranges = prepare_ranges(two.rover, two.ephemerides, systems="GEC")
+    recording = Recording(observations=two.rover, ephemerides=two.ephemerides, metadata=Metadata())
+    streamed = ranges_with_base(recording, ranges, HOME, config, None, notes)
+    assert "base position: as the station states it" in notes
+    same = corrected(two, still)
+    assert len(streamed.carriers.row) == len(same.carriers.row) > 50
+    # a carrier of 2^-31 ms, and epochs in whole milliseconds at ranges that change by 800 m/s: 0.3 ms of them
+    np.testing.assert_allclose(streamed.ranges.pseudorange, same.ranges.pseudorange, atol=0.3)
+    file.write_bytes(enc.station(HOME + 500.0) + b"".join(frames))
+    with pytest.raises(InputError, match=r"as its messages state it: 8.. m from where the base's own ranges place it"):
+        ranges_with_base(recording, ranges, HOME, config, None, [])

@@ -13,11 +13,13 @@ import pytest
 from schuler import frames
 from schuler.exceptions import InputError
 from schuler.filtering.initial_state import InitialState
-from schuler.filtering.states import StateLayout, StateModel
+from schuler.filtering.limits import MAX_STATES
+from schuler.filtering.states import CHANNELS, StateLayout, StateModel
 from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.ephemerides import Ephemerides, no_glonass
 from schuler.gnss.point import solve_points
 from schuler.gnss.signals import SPEED_OF_LIGHT
+from schuler.gnss.slow_errors import slow_channels
 from schuler.gnss.synthetic import RangeErrors, Sector, synthetic_ranges
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.aids.satellite import range_measurements
@@ -37,6 +39,7 @@ from schuler.navigation.inputs.satellites import (
 )
 from schuler.navigation.run import navigate
 from schuler.navigation.sections import CorrelatedSection
+from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.recording import Metadata, Recording
 from schuler.recording.series import gnss_series
 from schuler.sensors import catalogue
@@ -253,18 +256,10 @@ def test_a_bad_epoch_and_a_calm_clock_are_no_jumps(clean):
     assert not notes
 
 
-def test_inflation_is_the_long_average_of_gauss_markov_noise(clean):
-    """Closed form: the variance of the mean of n samples tends to s^2 (1 + a) / (1 - a) / n."""
-    r = inflated(clean, CorrelatedSection(position_sigma_m=2.0, position_tau_s=30.0))
-    n, a = 20_000, np.exp(-0.5 / 30.0)
-    j = np.arange(1, n)
-    variance = 4.0 * (1.0 + 2.0 * np.sum((1.0 - j / n) * a**j)) / n
-    added = r.sigma_range**2 - clean.sigma_range**2
-    np.testing.assert_allclose(added / n, variance, rtol=1e-2)  # the ends of a finite mean, tau / (n dt)
-    np.testing.assert_array_equal(r.sigma_rate, clean.sigma_rate)
+def test_range_rates_are_inflated_to_the_long_average_of_gauss_markov_noise(clean):
     rates = inflated(clean, CorrelatedSection(velocity_sigma_m_s=0.1, velocity_tau_s=5.0))
     np.testing.assert_allclose(rates.sigma_rate**2 - clean.sigma_rate**2, 0.01 / np.tanh(0.05), rtol=1e-9)
-    np.testing.assert_array_equal(rates.sigma_range, clean.sigma_range)
+    assert inflated(clean, CorrelatedSection(position_sigma_m=2.0)) is clean  # states of the filter
 
 
 def test_satellites_are_cut_within_windows_only(clean):
@@ -296,10 +291,35 @@ def test_the_clocks_of_the_start(case, clean):
         assert p[lay["clock_2"].start - 9] == pytest.approx(15.0, abs=1.5)
 
 
+@pytest.mark.parametrize(
+    ("factor", "cause"), [(0.190294, "carriers in metres"), (1.2833, "of another band"), (-1.0, "sign")]
+)
+def test_carriers_of_another_unit_or_band_are_refused(case, factor, cause):
+    logged = case.made().observations()
+    messages = case.orbits.ephemerides(EPOCH - 60.0, EPOCH + 180.0)
+    tight = {"carrier": "time-differenced", "systems": "GE"}
+    config = NavigationConfig.parse({"imu": {"catalogue": IMU}, "gnss": {"coupling": "tight", "tight": tight}})
+
+    def recording(log):
+        return Recording(observations=log, ephemerides=messages, metadata=Metadata(time=TimeBase("gps", EPOCH)))
+
+    satellites(recording(logged), config, [])
+    with pytest.raises(InputError, match=f"rover: the carrier of GPS 1C changes .* look like .*{cause}"):
+        satellites(recording(replace(logged, carrier=factor * logged.carrier)), config, [])
+
+
 def test_what_is_missing_is_named(case, clean):
     config = NavigationConfig.parse({"imu": {"catalogue": IMU}, "gnss": {"coupling": "tight"}})
     with pytest.raises(InputError, match="there are no observations"):
         satellites(case.recording(), config, [])
+    logged = case.made().observations()
+    alone = Recording(observations=logged, metadata=Metadata())
+    with pytest.raises(InputError, match=r"there are no ephemerides: give a RINEX or UBX file"):
+        satellites(alone, config, [])
+    messages = case.orbits.ephemerides(EPOCH - 60.0, EPOCH + 180.0)
+    other_week = replace(alone, ephemerides=messages, observations=replace(logged, epoch_gps_s=EPOCH - 604_800.0))
+    with pytest.raises(InputError, match="no range is usable: check systems, masks, ephemerides"):
+        satellites(other_week, config, [])
     with pytest.raises(InputError, match="no range is usable"):
         satellites(case.recording(replace(clean, reason=np.full(len(clean), 2))), config, [])
     with pytest.raises(InputError, match="at most 3 satellites were usable"):
@@ -332,6 +352,25 @@ def test_a_clean_run(case, clean):
     at = np.interp(result.t, case.t, truth.clock[:, 0])
     inside = (result.t > result.t[5]) & (result.t < case.t[-1])
     assert np.abs(clock - at)[inside].max() < 5.0 * result.sigma("clock").max()
+
+
+def test_satellites_beyond_the_room_for_states_count_as_white_noise(case, clean):
+    """With all errors of the IMU estimated only some satellites have a state for their slow error."""
+    config = {
+        "imu": {"catalogue": IMU},
+        "gnss": {
+            "coupling": "tight", "lever_arm_m": tuple(LEVER), "lever_sigma_m": 0.1, "tight": CLOCK,
+            "correlated": {"position_sigma_m": 0.5, "position_tau_s": 30.0},
+        },
+        "filter": {"smooth": False, "states": ("b_a", "b_g", "b_a_run", "b_g_run", "S_a", "S_g", "M_a6", "M_g", "G_g")},
+    }  # fmt: skip
+    config["filter"]["models"] = {name: {"sigma": 1e-3} for name in config["filter"]["states"]}
+    parsed = NavigationConfig.parse(config)
+    layout = state_layout(parsed, imu_spec(parsed), clean)
+    assert layout.size == MAX_STATES
+    assert layout.visible.size == MAX_STATES - sum(name in layout for name in CHANNELS)
+    assert slow_channels(clean, 30.0, len(CHANNELS)).max() > sum(name in layout for name in CHANNELS)
+    sound(case, navigate(case.recording(clean), parsed))
 
 
 @pytest.mark.parametrize("metres", [-3e5, 70.0])

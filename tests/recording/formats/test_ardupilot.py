@@ -77,6 +77,7 @@ def test_values_and_times(tmp_path):
     np.testing.assert_allclose(np.sqrt(np.diagonal(gnss.cov_v_n[0])), (0.25, 0.25, 0.25), rtol=1e-12)
     assert set(gnss.quality) == {1}
     assert set(gnss.n_satellites) == {17}
+    np.testing.assert_allclose(gnss.dop, [[0.8, 1.1]] * 100, rtol=1e-15)  # HDop of GPS, VDop of GPA; rounding
     assert any("fastest message counts as not delayed" in note for note in recording.metadata.notes)
 
 

@@ -31,7 +31,7 @@ TOPICS = {
     "sensor_gps": "uint64_t timestamp;uint64_t timestamp_sample;double latitude_deg;double longitude_deg;"
     "double altitude_msl_m;double altitude_ellipsoid_m;float s_variance_m_s;uint8_t fix_type;float eph;float epv;"
     "float vel_n_m_s;float vel_e_m_s;float vel_d_m_s;bool vel_ned_valid;int32_t timestamp_time_relative;"
-    "uint64_t time_utc_usec;uint8_t satellites_used",
+    "uint64_t time_utc_usec;uint8_t satellites_used;float hdop;float vdop",
     "vehicle_gps_position": "uint64_t timestamp;uint64_t time_utc_usec;int32_t lat;int32_t lon;int32_t alt;"
     "int32_t alt_ellipsoid;float s_variance_m_s;float eph;float epv;float vel_n_m_s;float vel_e_m_s;float vel_d_m_s;"
     "int32_t timestamp_time_relative;uint8_t fix_type;bool vel_ned_valid;uint8_t satellites_used",
@@ -93,7 +93,7 @@ def flight(
                 "altitude_msl_m": 412.0,
                 "altitude_ellipsoid_m": h,
             }
-            timed.append((t, "sensor_gps", common | new | {"timestamp_sample": us(t)}))
+            timed.append((t, "sensor_gps", common | new | {"timestamp_sample": us(t), "hdop": 0.75, "vdop": 1.25}))
         if "vehicle_gps_position" in gps:
             old = {"lat": 470_000_000 + 10 * k, "lon": 80_000_000, "alt": 412_000, "alt_ellipsoid": round(h * 1000)}
             timed.append((t, "vehicle_gps_position", common | old))
@@ -127,6 +127,10 @@ def test_values_and_times(tmp_path, topic):
     np.testing.assert_allclose(np.sqrt(np.diagonal(gnss.cov_v_n[0])), 0.25, rtol=1e-7)
     assert set(gnss.quality) == {5}
     assert set(gnss.n_satellites) == {17}
+    if topic == "sensor_gps":
+        np.testing.assert_array_equal(gnss.dop, [[0.75, 1.25]] * len(gnss))  # exact in float32
+    else:  # of a firmware that does not log them
+        assert gnss.dop is None
 
 
 def test_samples_without_a_specific_force_are_left_out(tmp_path):

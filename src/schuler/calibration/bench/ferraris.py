@@ -15,6 +15,7 @@ from schuler.calibration.bench.linear_fit import LinearFit, from_gain
 from schuler.calibration.bench.poses import Poses, poses_of
 from schuler.calibration.bench.turn_solution import solve_turns
 from schuler.calibration.bench.turns import Turns, turns_of
+from schuler.calibration.magnetometer.calibrate import with_poses
 from schuler.calibration.result.parameters import AXES
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError
@@ -42,6 +43,8 @@ def calibrate_ferraris(
     angle_sigma: float | None = None,
     axis_sigma: float | None = None,
     instability: tuple[float, float] = (0.0, 0.0),
+    field_strength: float | None = None,
+    soft_iron: bool | None = None,
 ) -> CalibrationResult:
     """Calibrate from six faces and three turns.
 
@@ -78,6 +81,10 @@ def calibrate_ferraris(
         level they are (``level_sigma``), times sqrt(2) for the angle, whose both ends are put down by hand. [rad]
     instability : (float, float)
         How much the biases of gyroscope [rad/s] and accelerometer [m/s^2] change from section to section, 1 sigma.
+    field_strength : float, optional
+        Strength of the local magnetic field, for the scale of a magnetometer. None: relative. [T]
+    soft_iron : bool, optional
+        Estimate the soft iron of a magnetometer. None: with nine poses or more.
 
     Returns
     -------
@@ -125,7 +132,7 @@ def calibrate_ferraris(
                 f"{len(turns)} turns; use 'weighted'"
             )
         fit = _closed_form
-    return solve_turns(
+    result = solve_turns(
         "ferraris", turns, poses, gravity=gravity, g_sensitivity=g_sensitivity, latitude=latitude, headings=None,
         axis_n=None, accel=None, accel_wanted=True, bias=bias, level_sigma=level_sigma, heading_sigma=0.0,
         sigmas={"angle_sigma": angle_sigma, "axis_sigma": axis_sigma}, instability=instability, fit=fit, notes=notes,
@@ -135,6 +142,7 @@ def calibrate_ferraris(
             "sections": {"rest": [list(s) for s in rest_spans], "turns": [list(s) for s in turn_spans]},
         },
     )  # fmt: skip
+    return with_poses(result, replace(poses, f=poses.f / nominal[0]), field_strength, soft_iron)
 
 
 def _noise(poses: Poses) -> FloatArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from schuler.calibration.bench.linear_fit import LinearFit, describe_confounded
 from schuler.calibration.result.parameters import LINEAR
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.earth import WGS84
+from schuler.files import package_version
 from schuler.units import DEG, DEG_PER_HR
 
 
@@ -85,7 +85,7 @@ def bench_result(
         freedom=freedom,
         residuals=dict(residuals),
         next_pose=how[0] if open_ends and how else next_pose,
-        provenance={"schuler": version("schuler"), "method": method, "options": dict(options)},
+        provenance={"schuler": package_version(), "method": method, "options": dict(options)},
         **rest,
     )
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from importlib import metadata
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -24,6 +23,7 @@ from schuler.calibration.magnetometer.calibrate import estimates_soft_iron, with
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.earth import WGS84
 from schuler.exceptions import InputError
+from schuler.files import package_version
 from schuler.sensors.spec import ImuSpec
 
 GyroOrder: TypeAlias = Literal[0, 3, 6, 9, "auto"]
@@ -119,20 +119,7 @@ def calibrate_multiposition(
     n = len(poses)
     if n == 0:
         raise InputError("poses: expected some, got none; put the unit down for some seconds in each pose")
-    if not 9.0 < gravity < 10.5:
-        raise InputError(f"gravity: expected local gravity in m/s^2, such as 9.81, got {gravity!r}")
-    if accel_order not in (0, 3, 6, 9) or gyro_order not in (0, 3, 6, 9, "auto") or accel_order == gyro_order == 0:
-        raise InputError(
-            f"accel_order, gyro_order: expected 9, 6, 3 or 0, not both 0, or gyro_order = 'auto', got {accel_order!r}, "
-            f"{gyro_order!r}"
-        )
-    if use_prior and prior_spec is None:
-        raise InputError("use_prior: expected a data sheet in prior_spec, got None")
-    if between_triads and (latitude is None or not (accel_order and gyro_order)):
-        raise InputError(
-            f"between_triads: expected a latitude and both triads, got latitude = {latitude!r}, accel_order = "
-            f"{accel_order}, gyro_order = {gyro_order!r}"
-        )
+    _check_arguments(gravity, latitude, accel_order, gyro_order, prior_spec, use_prior, between_triads)
     rate = None if table_rate is None else np.broadcast_to(as_floats(table_rate, "table_rate"), (n,))
     rho = _gyro_reference(n, latitude, rate)
     held = _held(fixed)
@@ -168,7 +155,7 @@ def calibrate_multiposition(
     result = replace(
         result,
         temperature=None if poses.temperature is None else float(poses.temperature.mean()),
-        provenance={"schuler": metadata.version("schuler"), "method": "multiposition", "options": options},
+        provenance={"schuler": package_version(), "method": "multiposition", "options": options},
     )
     result = with_poses(result, poses, field_strength, soft_iron)
     if not halves:
@@ -183,6 +170,26 @@ def calibrate_multiposition(
         )  # fmt: skip
 
     return halved(result, poses, part)
+
+
+def _check_arguments(
+    gravity: float, latitude: float | None, accel_order: int, gyro_order: GyroOrder, prior_spec: ImuSpec | None,
+    use_prior: bool, between_triads: bool,
+) -> None:  # fmt: skip
+    if not 9.0 < gravity < 10.5:
+        raise InputError(f"gravity: expected local gravity in m/s^2, such as 9.81, got {gravity!r}")
+    if accel_order not in (0, 3, 6, 9) or gyro_order not in (0, 3, 6, 9, "auto") or accel_order == gyro_order == 0:
+        raise InputError(
+            f"accel_order, gyro_order: expected 9, 6, 3 or 0, not both 0, or gyro_order = 'auto', got {accel_order!r}, "
+            f"{gyro_order!r}"
+        )
+    if use_prior and prior_spec is None:
+        raise InputError("use_prior: expected a data sheet in prior_spec, got None")
+    if between_triads and (latitude is None or not (accel_order and gyro_order)):
+        raise InputError(
+            f"between_triads: expected a latitude and both triads, got latitude = {latitude!r}, accel_order = "
+            f"{accel_order}, gyro_order = {gyro_order!r}"
+        )
 
 
 def _gyro_reference(n: int, latitude: float | None, rate: FloatArray | None) -> FloatArray:

@@ -7,25 +7,17 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from schuler.arrays import ArrayLike, IntArray, as_floats
-from schuler.calibration.bench.faces import (
-    Bias,
-    Faces,
-    checked_latitude,
-    face_variance,
-    faces_of,
-    fit_faces,
-    pose_labels,
-    tilted,
-)
-from schuler.calibration.bench.gyro_readings import gyro_fit, readings_at_rest
+from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
+from schuler.calibration.bench.faces import Bias, Faces, checked_latitude, fit_faces
+from schuler.calibration.bench.gyro_readings import gyro_fit
 from schuler.calibration.bench.halves import halved
-from schuler.calibration.bench.joint_result import axis_residuals, bench_result, describe_earth_rate, describe_level
+from schuler.calibration.bench.joint_result import axis_residuals, bench_result, describe_earth_rate
 from schuler.calibration.bench.linear_fit import LinearFit
 from schuler.calibration.bench.poses import Poses
+from schuler.calibration.bench.poses_on_faces import PosesOnFaces, fit_poses_on_faces
 from schuler.calibration.magnetometer.calibrate import estimates_soft_iron, with_poses
 from schuler.calibration.result.parameters import AXES, BIAS_A, BIAS_G, MATRIX_A, MATRIX_G, SENSITIVITY
-from schuler.calibration.result.result import CalibrationResult
+from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.earth import WGS84
 from schuler.exceptions import InputError
 from schuler.units import DEG, G0, PPM
@@ -130,45 +122,22 @@ def calibrate_sixposition(
     mode, notes = _gyro_mode(poses, gyro, improved, latitude, headings)
     if headings is not None:
         headings = as_floats(headings, "headings", (len(poses),))
-    all_headings = headings
     options = {
         "gravity": gravity, "improved": improved, "latitude": latitude, "bias": bias, "level_sigma": level_sigma,
         "heading_sigma": heading_sigma, "gyro": mode, "instability": list(instability),
         "headings": None if headings is None else headings.tolist(),
     }  # fmt: skip
-    all_faces = faces_of(poses, faces)
-    warnings = tilted(poses, all_faces)
-    k = np.flatnonzero(all_faces.usable)
-    used = Faces(all_faces.axis[k], all_faces.sign[k], all_faces.tilt[k], all_faces.usable[k])
-    rest = poses.of(k)
-    fit, rows, level = fit_faces(
-        rest, used, gravity, improved=improved, bias=bias, level_sigma=level_sigma, instability=instability[1]
+    at_rest = fit_poses_on_faces(
+        poses, gravity, names=faces, improved=improved, bias=bias, level_sigma=level_sigma, instability=instability[1]
     )
-    notes += describe_level(level) if level_sigma is None else []
-    missing = used.missing
-    if missing:
-        warnings.append(f"only {6 - len(missing)} of the six faces: {', '.join(missing)} missing")
+    warnings = at_rest.tilted + at_rest.missing
+    notes += at_rest.level
+    missing = at_rest.faces.missing
     if not improved:
-        warnings += _cosine(rest, used, gravity, fit)
-    up = used.up
-    fits = {"accel": fit}
-    labels = pose_labels(rest, used)
-    sigma_f = np.sqrt(face_variance(rest, used, gravity, level, instability[1]))
-    residuals = {"accel": axis_residuals(labels, fit, rows, rest.f - gravity * up, sigma_f, "m/s^2", up)}
+        warnings += _cosine(at_rest.poses, at_rest.faces, gravity, at_rest.accel)
+    fits, residuals = {"accel": at_rest.accel}, {"accel": at_rest.residuals}
     if mode != "none":
-        at_rest = readings_at_rest(
-            rest, used, gravity * up, latitude=latitude, headings=None if headings is None else headings[k],
-            heading_sigma=heading_sigma, instability=instability[0],
-        )  # fmt: skip
-        fits["gyro"], rows_g = gyro_fit(
-            at_rest,
-            response=mode in ("vertical", "response"),
-            g_sensitivity=mode == "g-sensitivity",
-            own_axis_only=mode == "vertical",
-        )
-        residuals["gyro"] = axis_residuals(
-            labels, fits["gyro"], rows_g, at_rest.measured - at_rest.reference, at_rest.sigma, "rad/s", up
-        )
+        fits["gyro"], residuals["gyro"] = _gyro(at_rest, mode, latitude, headings, heading_sigma, instability[0])
         if latitude is None:
             notes.append(describe_earth_rate(mode == "g-sensitivity"))
         warnings += _too_weak(fits["gyro"])
@@ -184,22 +153,40 @@ def calibrate_sixposition(
         },
         warnings=warnings, notes=notes, residuals=residuals, options=options, names=asked,
         next_pose=here if missing else "",
-        temperature=None if rest.temperature is None else float(rest.temperature.mean()),
-        extra={"faces": list(used.names), "level_sigma": level},
+        temperature=at_rest.temperature,
+        extra={"faces": list(at_rest.faces.names), "level_sigma": at_rest.level_sigma},
     )  # fmt: skip
-    result = with_poses(result, rest, field_strength, soft_iron)
+    result = with_poses(result, at_rest.poses, field_strength, soft_iron)
     if not halves:
         return result
 
     def part(some: Poses, k: IntArray) -> CalibrationResult:
         return calibrate_sixposition(
-            some, gravity=gravity, improved=improved, latitude=latitude, bias=bias, level_sigma=level,
-            headings=None if all_headings is None else all_headings[k], heading_sigma=heading_sigma, gyro=mode,
-            instability=instability, faces=None if faces is None else [faces[int(i)] for i in k], halves=False,
+            some, gravity=gravity, improved=improved, latitude=latitude, bias=bias,
+            level_sigma=at_rest.level_sigma, headings=None if headings is None else headings[k],
+            heading_sigma=heading_sigma, gyro=mode, instability=instability,
+            faces=None if faces is None else [faces[int(i)] for i in k], halves=False,
             field_strength=field_strength, soft_iron=estimates_soft_iron(result),
         )  # fmt: skip
 
     return halved(result, poses, part)
+
+
+def _gyro(
+    at_rest: PosesOnFaces, mode: Gyro, latitude: float | None, headings: FloatArray | None, heading_sigma: float,
+    instability: float,
+) -> tuple[LinearFit, Residuals]:  # fmt: skip
+    """Fit of the gyroscopes to their readings on the faces, and its residuals."""
+    readings = at_rest.readings(latitude, headings, heading_sigma, instability)
+    fit, rows = gyro_fit(
+        readings,
+        response=mode in ("vertical", "response"),
+        g_sensitivity=mode == "g-sensitivity",
+        own_axis_only=mode == "vertical",
+    )
+    return fit, axis_residuals(
+        readings.label, fit, rows, readings.measured - readings.reference, readings.sigma, "rad/s", at_rest.faces.up
+    )
 
 
 def _gyro_mode(

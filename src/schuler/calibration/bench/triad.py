@@ -173,27 +173,36 @@ def calibrate_triad(
     inflation, global_p = 1.0, p_of(fit)
     if fit.freedom > 0 and global_p < REJECT:
         inflation = fit.variance_of_unit_weight
-    values, J = to_model(fit.values)
-    stated = np.where(undetermined, 0.0, 1.0)
-    covariance = (J * stated) @ np.where(np.isfinite(fit.cofactor), fit.cofactor, 0.0) @ (J * stated).T * inflation
-    lost_rows = (np.abs(J[:, undetermined]) > 1e-3).any(axis=1)
-    covariance[lost_rows, :] = covariance[:, lost_rows] = 0.0
-    covariance[lost_rows, lost_rows] = np.inf
-    if not fit.converged:
-        values = np.where(lost_rows, 0.0, values)
-    held_rows = np.asarray(~(np.abs(J[:, fit.free]) > 0.0).any(axis=1))
+    values, covariance, held_rows = _as_model(fit, undetermined, inflation)
     advice = ""
     if serious or (fit.freedom < ENOUGH_FREEDOM and not prior):
-        wanted = next_directions(u, fit.free, max(ENOUGH_FREEDOM + int(fit.free.sum()) - len(Y), 1))
-        up = "" if which == "a" else " (up stands for along the reference rate)"
-        advice = f"{who}{up}: " + "; then ".join(words_of(d) for d in wanted[:ADVISED])
-        if len(wanted) > ADVISED:
-            advice += f"; then {len(wanted) - ADVISED} more"
+        advice = _poses_to_add(which, fit, u)
     return TriadCalibration(
         triad_names(which), values, covariance, held_rows, _prior_sigma(which, sheet), prior, fit,
         "refused" if serious else "warning" if suspicious else "ok", (*serious, *suspicious, *remark),
         _residuals(fit, Y, rho, labels, unit, u), advice, _extra(fit, chosen, inflation, tests),
     )  # fmt: skip
+
+
+def _as_model(fit: Adjustment, undetermined: BoolArray, inflation: float) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Estimate as bias and ``I + M``, its covariance, infinite where undetermined, and which elements were held."""
+    values, J = to_model(fit.values)
+    stated = np.where(undetermined, 0.0, 1.0)
+    covariance = (J * stated) @ np.where(np.isfinite(fit.cofactor), fit.cofactor, 0.0) @ (J * stated).T * inflation
+    lost = (np.abs(J[:, undetermined]) > 1e-3).any(axis=1)
+    covariance[lost, :] = covariance[:, lost] = 0.0
+    covariance[lost, lost] = np.inf
+    if not fit.converged:
+        values = np.where(lost, 0.0, values)
+    return values, covariance, np.asarray(~(np.abs(J[:, fit.free]) > 0.0).any(axis=1))
+
+
+def _poses_to_add(which: Letter, fit: Adjustment, u: FloatArray) -> str:
+    """Sentence on the directions that would determine most beside those measured, u."""
+    wanted = next_directions(u, fit.free, max(ENOUGH_FREEDOM + int(fit.free.sum()) - len(u), 1))
+    up = "" if which == "a" else " (up stands for along the reference rate)"
+    advice = f"{_WHO[which]}{up}: " + "; then ".join(words_of(d) for d in wanted[:ADVISED])
+    return advice + (f"; then {len(wanted) - ADVISED} more" if len(wanted) > ADVISED else "")
 
 
 def _directions(Y: FloatArray, fit: Adjustment) -> FloatArray:

@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
-from schuler.calibration.bench.faces import (
-    Bias,
-    Faces,
-    checked_latitude,
-    face_variance,
-    faces_of,
-    fit_faces,
-    pose_labels,
-    tilted,
-)
-from schuler.calibration.bench.gyro_readings import GyroReadings, gyro_fit, readings_at_rest
+from schuler.calibration.bench.faces import Bias, Faces, checked_latitude
+from schuler.calibration.bench.gyro_readings import GyroReadings, gyro_fit
 from schuler.calibration.bench.halves import halved
-from schuler.calibration.bench.joint_result import axis_residuals, bench_result, describe_earth_rate, describe_level
+from schuler.calibration.bench.joint_result import axis_residuals, bench_result, describe_earth_rate
 from schuler.calibration.bench.linear_fit import LinearFit
 from schuler.calibration.bench.poses import Poses
+from schuler.calibration.bench.poses_on_faces import PosesOnFaces, fit_poses_on_faces
 from schuler.calibration.bench.turns import Turns, readings_of_turns
 from schuler.calibration.result.parameters import BIAS_A, BIAS_G, LINEAR, MATRIX_A, MATRIX_G, SENSITIVITY
 from schuler.calibration.result.result import CalibrationResult, Residuals
@@ -37,24 +29,6 @@ ADVICE = {
     "M_g": "turn about each of the three axes of the unit, best both ways",
     "G_g": "add poses at rest on all six faces, or turn about each axis with its upper end up and with it down",
 }
-
-
-class _Rest(NamedTuple):
-    """Poses on faces: what the gyroscopes read there, the accelerometers' fit if there is one, and what to say."""
-
-    poses: Poses
-    faces: Faces
-    readings: GyroReadings
-    accel: LinearFit | None
-    residuals: Residuals | None
-    level_sigma: float
-    remarks: list[str]
-    warnings: list[str]
-
-    @property
-    def temperature(self) -> float | None:
-        """Mean temperature. [degC]"""
-        return None if self.poses.temperature is None else float(self.poses.temperature.mean())
 
 
 def solve_turns(
@@ -133,35 +107,33 @@ def solve_turns(
     }  # fmt: skip
     remarks, warnings = list(notes), []
     also = dict(extra or {})
-    at_rest: _Rest | None = None
-    if poses is not None and len(poses):
-        at_rest = _at_rest(
-            poses, gravity, latitude, all_headings, heading_sigma=heading_sigma, level_sigma=level_sigma, bias=bias,
-            instability=instability, wanted=accel is None, required=accel_wanted,
-        )  # fmt: skip
-        remarks += at_rest.remarks
-        warnings += at_rest.warnings
-        if at_rest.accel is not None:
-            also["level_sigma"] = at_rest.level_sigma
     fits: dict[str, LinearFit] = {}
     residuals: dict[str, Residuals] = {}
-    if at_rest is not None and at_rest.accel is not None and at_rest.residuals is not None:
-        fits["accel"], residuals["accel"] = at_rest.accel, at_rest.residuals
+    at_rest: PosesOnFaces | None = None
+    if poses is not None and len(poses):
+        at_rest = fit_poses_on_faces(poses, gravity, bias=bias, level_sigma=level_sigma, instability=instability[1])
+        warnings += at_rest.tilted
+        if accel is None and (accel_wanted or not at_rest.accel.confounded):
+            fits["accel"], residuals["accel"] = at_rest.accel, at_rest.residuals
+            also["level_sigma"] = at_rest.level_sigma
+            remarks += at_rest.level
+            warnings += at_rest.missing
+        elif accel is None:
+            remarks.append("the accelerometers are not calibrated: not at rest on " + ", ".join(at_rest.faces.missing))
     stated = {name: 0.0 if value is None else value for name, value in sigmas.items()}
     if None in sigmas.values():
         by_hand = float(also.get("level_sigma") or 0.0)
         stated |= _as_level(sigmas, by_hand)
         also |= stated
-        if by_hand:
-            remarks.append(
-                f"turns are whole to {np.sqrt(2.0) * by_hand / DEG:.2g} deg and their axes true to {by_hand / DEG:.2g} "
-                "deg, as the faces are level; state angle_sigma and axis_sigma if a fixture does better"
-            )
-    turning, doubts = readings_of_turns(
+        remarks += _describe_level_of_turns(by_hand)
+    readings, doubts = readings_of_turns(
         turns, force_in_turns(turns, fits.get("accel"), accel), gravity=gravity, latitude=latitude, axis_n=axis_n,
         instability=instability[0], **stated,
     )  # fmt: skip
-    readings = GyroReadings.joined([turning] if at_rest is None else [at_rest.readings, turning])
+    if at_rest is not None:
+        readings = GyroReadings.joined(
+            [at_rest.readings(latitude, all_headings, heading_sigma, instability[0]), readings]
+        )
     if fit is not None and at_rest is not None:
         fits["gyro"] = fit(readings, at_rest.poses, at_rest.faces, turns)
         rows_g: IntArray = np.arange(3 * len(readings))
@@ -171,11 +143,7 @@ def solve_turns(
         )
     if latitude is None:
         remarks.append(describe_earth_rate(g_sensitivity))
-    length = np.maximum(np.linalg.norm(readings.reference, axis=1, keepdims=True), 1e-30)
-    residuals["gyro"] = axis_residuals(
-        readings.label, fits["gyro"], rows_g, readings.measured - readings.reference, readings.sigma, "rad/s",
-        readings.reference / length,
-    )  # fmt: skip
+    residuals["gyro"] = _residuals_of_rates(readings, fits["gyro"], rows_g)
     result = bench_result(
         method, fits, advice=ADVICE, warnings=[*warnings, *doubts], notes=remarks, residuals=residuals, options=options,
         names=LINEAR if "accel" in fits else BIAS_G + MATRIX_G + SENSITIVITY,
@@ -214,35 +182,25 @@ def force_in_turns(turns: Turns, fit: LinearFit | None, accel: CalibrationResult
     return np.asarray(np.linalg.solve(np.eye(3) + M, (turns.f - b).T).T)
 
 
-def _at_rest(
-    poses: Poses, gravity: float, latitude: float | None, headings: ArrayLike | None, *, heading_sigma: float,
-    level_sigma: float | None, bias: Bias, instability: tuple[float, float], wanted: bool, required: bool,
-) -> _Rest:  # fmt: skip
-    """Use the poses that lie on faces; the accelerometers are fitted where wanted, if determined or required."""
-    faces = faces_of(poses)
-    warnings, remarks = tilted(poses, faces), []
-    k = np.flatnonzero(faces.usable)
-    used, faces = poses.of(k), Faces(faces.axis[k], faces.sign[k], faces.tilt[k], faces.usable[k])
-    readings = readings_at_rest(
-        used, faces, gravity * faces.up, latitude=latitude,
-        headings=None if headings is None else np.asarray(headings)[k], heading_sigma=heading_sigma,
-        instability=instability[0],
-    )  # fmt: skip
-    fit, rows, level = fit_faces(used, faces, gravity, bias=bias, level_sigma=level_sigma, instability=instability[1])
-    residuals = None
-    if wanted and (required or not fit.confounded):
-        sigma = np.sqrt(face_variance(used, faces, gravity, level, instability[1]))
-        residuals = axis_residuals(
-            pose_labels(used, faces), fit, rows, used.f - gravity * faces.up, sigma, "m/s^2", faces.up
-        )
-        remarks += describe_level(level) if level_sigma is None else []
-        if faces.missing:
-            warnings.append(f"only {6 - len(faces.missing)} of the six faces: {', '.join(faces.missing)} missing")
-    elif wanted:
-        remarks.append("the accelerometers are not calibrated: not at rest on " + ", ".join(faces.missing))
-    return _Rest(used, faces, readings, None if residuals is None else fit, residuals, level, remarks, warnings)
-
-
 def _as_level(sigmas: Mapping[str, float | None], by_hand: float) -> dict[str, float]:
     """Sigmas of turns that nobody states: as level as the faces are; an angle is between two of them. [rad]"""
     return {name: by_hand * (np.sqrt(2.0) if name == "angle_sigma" else 1.0) for name, v in sigmas.items() if v is None}
+
+
+def _describe_level_of_turns(by_hand: float) -> list[str]:
+    """Note on turns that are as level as the faces; none where these are level."""
+    if not by_hand:
+        return []
+    return [
+        f"turns are whole to {np.sqrt(2.0) * by_hand / DEG:.2g} deg and their axes true to {by_hand / DEG:.2g} "
+        "deg, as the faces are level; state angle_sigma and axis_sigma if a fixture does better"
+    ]
+
+
+def _residuals_of_rates(readings: GyroReadings, fit: LinearFit, rows: IntArray) -> Residuals:
+    """Residuals of the gyroscopes, each with the direction of the rate that it should have read."""
+    length = np.maximum(np.linalg.norm(readings.reference, axis=1, keepdims=True), 1e-30)
+    return axis_residuals(
+        readings.label, fit, rows, readings.measured - readings.reference, readings.sigma, "rad/s",
+        readings.reference / length,
+    )  # fmt: skip

@@ -229,7 +229,59 @@ def calibrate_field(
         best = search_heading(problem, blocks, rpy, np.inf if heading is None else heading[1], near)
     else:  # a single pass is that of the thesis, from the prior itself
         best = first_pass(problem, blocks, rpy) if options.passes > 1 else filter_pass(problem, rpy)
-    passes, names = [best.values], parameter_names(layout)
+    problem, best, passes, scales = _relinearised(problem, blocks, rests, options, best, heading_given, progress)
+    if progress is not None:
+        progress(1.0)
+    complete = _field_result(imu, spec, problem, best, passes, blocks, rests, scales, options, heading_given, swaying)
+    if not halves or options.passes < 2 or len(rests) < 2 * _REST_HALF:
+        return complete
+
+    def part(which: slice) -> CalibrationResult:
+        a, b = rests.index[which][0, 0], rests.index[which][-1, 1]
+        some = imu.between(float(imu.t[a]), float(imu.t[b - 1]))
+        spans = [(float(imu.t[i]), float(imu.t[j - 1])) for i, j in rests.index[which]]
+        result = calibrate_field(
+            some, spec, latitude=latitude, height=height, gravity=gravity, heading=headings[a],
+            options=options, prior=prior, rests=given_rests(some, spans), halves=False,
+            linearised_at=complete.calibration,
+        ).calibration  # fmt: skip
+        return _without_prior(result)
+
+    # half a log finds a wrong heading now and then: it begins with that of the complete one, in a pose that has one
+    second, heading_there = _second_start(problem, best, rests)
+    headings = {rests.index[0, 0]: heading, rests.index[second, 0]: heading_there}
+    if not heading_given:
+        headings[rests.index[0, 0]] = smoothed_heading(problem, best)
+    parts = tried(part, (slice(0, len(rests) // 2), slice(second, None)))
+    calibration = checked(
+        complete.calibration, {"first and second half": parts}, needs="not compared: a half is refused"
+    )
+    return replace(complete, calibration=calibration)
+
+
+def _relinearised(
+    problem: Problem,
+    blocks: Blocks,
+    rests: StaticIntervals,
+    options: FieldOptions,
+    best: Pass,
+    heading_given: bool,
+    progress: Progress | None,
+) -> tuple[Problem, Pass, FloatArray, dict[str, float]]:
+    """Passes, each linearised at the one before, until the parameters settle.
+
+    Returns
+    -------
+    problem : Problem
+        With the variances that the residuals of the rests ask for.
+    best : Pass
+        The last one.
+    passes : ndarray, shape (n, k)
+        Parameters after each.
+    scales : dict of str to float
+        Factors of variances, by kind of measurement.
+    """
+    passes, names = [best.values], parameter_names(problem.layout)
     scales: dict[str, float] = {}
     tested = False
     while len(passes) < options.passes:
@@ -249,42 +301,32 @@ def calibrate_field(
                 continue
         if change < options.settled:
             break
-    if progress is not None:
-        progress(1.0)
-    complete = _field_result(
-        imu, spec, problem, best, np.array(passes), blocks, rests, scales, options, heading_given, swaying
-    )
-    if not halves or options.passes < 2 or len(rests) < 2 * _REST_HALF:
-        return complete
+    return problem, best, np.array(passes), scales
 
-    def part(which: slice) -> CalibrationResult:
-        a, b = rests.index[which][0, 0], rests.index[which][-1, 1]
-        some = imu.between(float(imu.t[a]), float(imu.t[b - 1]))
-        spans = [(float(imu.t[i]), float(imu.t[j - 1])) for i, j in rests.index[which]]
-        result = calibrate_field(
-            some, spec, latitude=latitude, height=height, gravity=gravity, heading=headings[a],
-            options=options, prior=prior, rests=given_rests(some, spans), halves=False,
-            linearised_at=complete.calibration,
-        ).calibration  # fmt: skip
-        prior_sigma = np.array([result.prior_sigma[n] for n in result.names])
-        P = result.covariance.copy()
-        vague = result.sigma > LARGEST_SHARE * prior_sigma  # what the prior still says is common to both
-        P[vague, vague] = np.inf
-        return replace(result, covariance=P)
 
-    # half a log finds a wrong heading now and then: it begins with that of the complete one, in a pose that has one
-    middle, starts = len(rests) // 2, {}
-    for k in range(middle, middle + _REST_HALF // 2):
-        starts[k] = heading_at(problem, best, float(rests.start[k]))
+def _without_prior(result: CalibrationResult) -> CalibrationResult:
+    """Calibration with infinite variance where the prior still contributes, which both halves have in common."""
+    vague = result.sigma > LARGEST_SHARE * np.array([result.prior_sigma[n] for n in result.names])
+    P = result.covariance.copy()
+    P[vague, vague] = np.inf
+    return replace(result, covariance=P)
+
+
+def _is_positive_definite(P: FloatArray) -> bool:
+    """Whether a covariance is one, whatever the units of its parameters: rounding that wins in a filter ends there."""
+    diagonal = np.diag(P)
+    if not (np.isfinite(P).all() and (diagonal > 0.0).all()):
+        return False
+    weights = 1.0 / np.sqrt(diagonal)
+    return bool(np.linalg.eigvalsh(P * np.outer(weights, weights))[0] > 0.0)
+
+
+def _second_start(problem: Problem, best: Pass, rests: StaticIntervals) -> tuple[int, tuple[float, float]]:
+    """First rest of the second half in a pose that has a heading, with that heading and its 1-sigma. [rad]"""
+    middle = len(rests) // 2
+    starts = {k: heading_at(problem, best, float(rests.start[k])) for k in range(middle, middle + _REST_HALF // 2)}
     second = min(starts, key=lambda k: (abs(starts[k][2]) > _UPRIGHT, k))
-    headings = {rests.index[0, 0]: heading, rests.index[second, 0]: starts[second][:2]}
-    if not heading_given:
-        headings[rests.index[0, 0]] = smoothed_heading(problem, best)
-    parts = tried(part, (slice(0, middle), slice(second, None)))
-    calibration = checked(
-        complete.calibration, {"first and second half": parts}, needs="not compared: a half is refused"
-    )
-    return replace(complete, calibration=calibration)
+    return second, starts[second][:2]
 
 
 def _field_result(
@@ -302,15 +344,15 @@ def _field_result(
 ) -> FieldCalibration:
     """Result, verdicts and history of the last pass."""
     names = parameter_names(problem.layout)
-    sigma = np.sqrt(np.maximum(np.diag(last.covariance), 0.0))
-    if not (np.isfinite(last.covariance).all() and np.isfinite(last.values).all() and (sigma > 0.0).all()):
+    if not (np.isfinite(last.values).all() and _is_positive_definite(last.covariance)):
         raise InputError(
             f"the filter diverged: the log does not fit the specification {spec.name}. Check units and axes of the "
             "log, and that the uncertainties of the specification allow for the errors of the IMU"
         )
     history = parameter_history(problem, last, names)
     prior_sigma = dict(zip(names, np.sqrt(problem.layout.initial_variances()).tolist(), strict=True))
-    weights = 1.0 / np.sqrt(np.diag(last.covariance))
+    sigma = np.sqrt(np.diag(last.covariance))
+    weights = 1.0 / sigma
     normal = np.linalg.inv(last.covariance * np.outer(weights, weights))
     d = np.sqrt(np.diag(normal))
     condition = float(np.linalg.cond(normal / np.outer(d, d)))

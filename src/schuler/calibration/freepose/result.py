@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-from importlib.metadata import version
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +19,7 @@ from schuler.calibration.freepose.turns import Turns, direction_noise, vertical_
 from schuler.calibration.freepose.weights import largest_reduced_chi2, pseudo_inverse
 from schuler.calibration.result.parameters import LINEAR
 from schuler.calibration.result.result import CalibrationResult, Residuals, Status
+from schuler.files import package_version
 from schuler.recording.series import ImuSeries
 from schuler.rotation import rotvec_from_dcm
 from schuler.units import DEG_PER_HR
@@ -33,14 +32,8 @@ MISFIT = 0.2
 ON, OFF = "g_sensitivity=True", "g_sensitivity=False"
 
 
-@cache
-def _version() -> str:
-    """Version of the package; reading it takes as long as fitting the accelerometers."""
-    return version("schuler")
-
-
 def _provenance(options: dict[str, Any]) -> dict[str, Any]:
-    return {"schuler": _version(), "method": "freepose", "options": options}
+    return {"schuler": package_version(), "method": "freepose", "options": options}
 
 
 def _temperature(imu: ImuSeries) -> float | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
-from schuler.calibration.magnetometer.fit import FEWEST, FEWEST_SOFT_IRON, MagneticFit, fit_magnetometer
+from schuler.calibration.magnetometer.fit import FEWEST, FEWEST_SOFT_IRON, UNEVEN, MagneticFit, fit_magnetometer
 from schuler.calibration.result.parameters import BIAS_M, MATRIX_M
 from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.exceptions import InputError
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 TYPICAL = 50e-6
 # larger readings are counts: no magnet a compass survives [T]
 _LARGEST = 0.1
-# a scatter of this much of the field is another field from pose to pose, beyond twice this nothing is [-]
-_UNEVEN = 0.03
 
 
 def magnetic_means(imu: ImuSeries, index: IntArray | Sequence[tuple[int, int]]) -> tuple[FloatArray, FloatArray] | None:
@@ -89,8 +87,8 @@ def with_magnetometer(
     -------
     CalibrationResult
         With ``b_m`` (hard iron) and ``M_m`` (soft iron, scale and alignment) of ``y = b_m + (I + M_m) m_b``,
-        ``extra["magnetometer"]`` and residuals. As it was, with a verdict that says why, if the magnetometer cannot be
-        calibrated.
+        ``extra["magnetometer"]`` and residuals. As it was, ``warning`` and with a verdict that says why, if the
+        magnetometer cannot be calibrated.
 
     Notes
     -----
@@ -117,14 +115,15 @@ def with_magnetometer(
         if not np.isfinite(fit.covariance).all():
             raise InputError("the poses do not determine it")
     except (InputError, np.linalg.LinAlgError) as error:
-        return replace(result, verdicts=(*result.verdicts, f"The magnetometer is not calibrated: {error}."))
+        sentence = f"The magnetometer is not calibrated: {error}."
+        return replace(result, verdicts=(*result.verdicts, sentence), status="warning")
     names = (*BIAS_M, *MATRIX_M)
     k = len(result.names)
     covariance = np.zeros((k + 12, k + 12))
     covariance[:k, :k], covariance[k:, k:] = result.covariance, fit.covariance
     values = np.concatenate((result.values, fit.b, (fit.S @ fit.C - np.eye(3)).ravel()))
     sentences = _verdicts(fit, labels, field is None, soft)
-    doubtful = fit.spread > _UNEVEN * fit.field[0] or fit.ambiguous is not None
+    doubtful = fit.spread > UNEVEN * fit.field[0] or fit.ambiguous is not None
     residuals = Residuals(
         tuple(labels), np.linalg.norm(fit.residual, axis=1), np.sqrt(2.0) * fit.sigma, "T", None, None
     )  # fmt: skip
@@ -207,7 +206,7 @@ def _verdicts(fit: MagneticFit, labels: Sequence[str], relative: bool, soft: boo
             f"Magnetometer: {', '.join(labels[int(k)] for k in np.flatnonzero(~fit.used))} left out, another field "
             "than in the other poses: iron nearby, or a current."
         )
-    if fit.spread > _UNEVEN * fit.field[0]:
+    if fit.spread > UNEVEN * fit.field[0]:
         out.append(
             f"Magnetometer: the field differs by {100.0 * fit.spread / fit.field[0]:.2g} % from pose to pose, which is "
             "in the uncertainties; calibrate in one spot, away from steel and currents."

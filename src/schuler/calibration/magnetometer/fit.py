@@ -14,6 +14,10 @@ from schuler.rotation import dcm_from_quat, dcm_from_rotvec, rotvec_from_dcm
 FEWEST, FEWEST_SOFT_IRON = 6, 9
 #: 1 sigma beyond which hard iron is not determined, of the field; the same of a matrix element.
 USELESS = 0.1
+#: Scatter between poses, of the field, from which on it is another field from pose to pose. [-]
+UNEVEN = 0.03
+# range of an axis that is turned in no pose, of the median size of the readings
+_STILL = 0.02
 # improbability of a pose, over their number, from which on it is left out; most of them that are
 _OUTLIER, _MOST_OUTLIERS = 1e-3, 0.2
 # another minimum is as good below this quantile of F; not another below this angle [rad]; start not worth a fit beyond
@@ -138,6 +142,10 @@ def fit_magnetometer(
     size = float(np.median(np.linalg.norm(readings - readings.mean(axis=0), axis=1)))
     if not size > 0.0:
         raise InputError("expected readings that differ between poses, got the same in all: the sensor is stuck")
+    if (still := np.flatnonzero(np.ptp(readings, axis=0) < _STILL * size)).size:
+        raise InputError(
+            f"axis {'xyz'[still[0]]} reads the same in all poses: turn all sides up and down, or the sensor is stuck"
+        )
     y, w = readings / size, np.maximum(sigma / size, 1e-12)
     strength = None if field is None else field / size
     used = np.ones(n, dtype=bool)
@@ -160,6 +168,11 @@ def fit_magnetometer(
     to_bM, to_S = _derivatives(state, basis, P.shape[0])
     covariance = to_bM @ P @ to_bM.T
     if np.sqrt(np.diag(covariance)).max() > USELESS * max(1.0, state.field):
+        if spread > UNEVEN * state.field:
+            raise InputError(
+                f"no one field fits all poses, they scatter by {100.0 * spread / state.field:.2g} % of it: iron or a "
+                "current nearby, or readings beyond the range; calibrate in one spot, away from both"
+            )
         raise InputError("the poses hardly determine hard iron, soft iron and alignment: turn all sides up and down")
     scale = np.concatenate((np.full(3, size), np.ones(9)))
     turn = P[3 + len(basis) : 6 + len(basis), 3 + len(basis) : 6 + len(basis)]

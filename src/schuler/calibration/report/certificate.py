@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from html import escape
-from importlib import metadata, resources
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from schuler.calibration.result.session import Session, session_of
 from schuler.calibration.result.sheet import sheet
 from schuler.calibration.result.summary import unit_weight_probability, verdicts
 from schuler.exceptions import InputError
-from schuler.files import write_text
+from schuler.files import package_version, write_text
 from schuler.plotting.style import PAGE_LIGHT, STYLES
 from schuler.units import DEG
 
@@ -85,7 +85,7 @@ def calibration_certificate(result: CalibrationResult, path: Path | str) -> Path
 
 def certificate_text(result: CalibrationResult, session: Session) -> str:
     """HTML of :func:`calibration_certificate`; it loads nothing from anywhere."""
-    version = str(result.provenance.get("schuler", metadata.version("schuler")))
+    version = str(result.provenance.get("schuler", package_version()))
     style = (resources.files("schuler.plotting") / "assets" / "certificate.css").read_text(encoding="utf-8").strip()
     foot = f"{session.serial}, {session.date or 'undated'}; calibration {description(result)['sha256'][:12]}"
     quoted = foot.replace("\\", "").replace('"', "'").replace("<", "").replace("\n", " ")

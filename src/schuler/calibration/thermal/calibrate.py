@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib.metadata import version
 from typing import Literal
 
 from schuler.arrays import ArrayLike, as_vector3
@@ -18,6 +17,7 @@ from schuler.calibration.thermal.by_ramp import calibrate_ramp
 from schuler.calibration.thermal.by_soak import calibrate_soak
 from schuler.calibration.thermal.correction import compensate_thermal, thermal_correction, thermal_value
 from schuler.exceptions import InputError
+from schuler.files import package_version
 from schuler.recording.series import ImuSeries
 from schuler.units import G0
 
@@ -109,7 +109,7 @@ def calibrate_thermal(
         "degree": degree, "reference_temperature": reference_temperature, "table_step": table_step, "scale": scale,
         "f_ib_b": None if f_ib_b is None else as_vector3(f_ib_b, "f_ib_b").tolist(), "gravity": gravity,
     }  # fmt: skip
-    source = {"schuler": version("schuler"), "method": "thermal", "options": options}
+    source = {"schuler": package_version(), "method": "thermal", "options": options}
     if noise is not None and not isinstance(imu, ImuSeries):
         raise InputError("noise: the poses of a soak carry their own uncertainties; give it to poses_of")
     if isinstance(imu, ImuSeries):

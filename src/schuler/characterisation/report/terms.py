@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal, TypeAlias
@@ -15,7 +15,7 @@ from schuler.arrays import ArrayLike, FloatArray, as_floats
 from schuler.characterisation.result import AXES, AxisNoise, Estimate, NoiseIdentification
 from schuler.exceptions import InputError
 from schuler.sensors.noise import GaussMarkov
-from schuler.sensors.spec import allan_minimum
+from schuler.sensors.spec import TriadSpec, allan_minimum
 
 #: Title of each triad.
 TRIADS = {"gyro": "gyroscope", "accel": "accelerometer"}
@@ -73,6 +73,18 @@ FIELDS = MappingProxyType(
         "quantisation": "Q",
         "in_run_bias": "sigma",
         "turn_on_bias": "sample",
+    }
+)
+
+
+#: Of each term of a log-log Allan plot: slope, and Allan deviation at 1 s of a coefficient of one.
+SLOPES = MappingProxyType(
+    {
+        "Q": (-1.0, math.sqrt(3.0)),
+        "N": (-0.5, 1.0),
+        "B": (0.0, allan_minimum(1.0)),
+        "K": (0.5, 1.0 / math.sqrt(3.0)),
+        "R": (1.0, 1.0 / math.sqrt(2.0)),
     }
 )
 
@@ -136,11 +148,29 @@ def gauss_markov_label(axis: AxisNoise, k: int) -> str:
 
 
 def term_variances(axis: AxisNoise, tau: ArrayLike) -> dict[str, FloatArray]:
-    """Allan variance of each fitted term by label.
+    """Allan variance of each fitted term by label, see :func:`allan_variances`."""
+    values = {letter: estimate.value for letter, estimate in axis.terms.items()}
+    return allan_variances(values, [(sigma.value, time.value) for sigma, time in axis.gauss_markov], tau)
+
+
+def sheet_variances(spec: TriadSpec, tau: ArrayLike) -> dict[str, FloatArray]:
+    """Allan variance of each noise of a specification by label, see :func:`allan_variances`."""
+    letters = {letter: float(getattr(spec, name)) for name, letter in FIELDS.items() if letter in SLOPES}
+    in_run = [(spec.in_run_bias, spec.in_run_time)] if spec.in_run_bias > 0.0 else []
+    return allan_variances({letter: value for letter, value in letters.items() if value > 0.0}, in_run, tau)
+
+
+def allan_variances(
+    terms: Mapping[str, float], gauss_markov: Sequence[tuple[float, float]], tau: ArrayLike
+) -> dict[str, FloatArray]:
+    """Allan variance of each term of a noise model by label.
 
     Parameters
     ----------
-    axis : AxisNoise
+    terms : mapping of str to float
+        Coefficients Q, N, B, K, R; those left out are none. SI
+    gauss_markov : sequence of (sigma, time)
+        [x], [s]
     tau : array_like, shape (k,)
         Averaging times. [s]
 
@@ -155,17 +185,14 @@ def term_variances(axis: AxisNoise, tau: ArrayLike) -> dict[str, FloatArray]:
     IEEE Std 952, annex C; Gauss-Markov: :class:`~schuler.sensors.noise.GaussMarkov`.
     """
     tau = np.atleast_1d(as_floats(tau, "tau"))
-    shapes: dict[str, Callable[[float], FloatArray]] = {
-        "Q": lambda Q: 3.0 * (Q / tau) ** 2,
-        "N": lambda N: N**2 / tau,
-        "B": lambda B: np.full_like(tau, allan_minimum(B) ** 2),
-        "K": lambda K: K**2 * tau / 3.0,
-        "R": lambda R: 0.5 * (R * tau) ** 2,
+    curves = {
+        letter: (terms[letter] * factor) ** 2 * tau ** (2.0 * slope)
+        for letter, (slope, factor) in SLOPES.items()
+        if letter in terms
     }
-    curves = {letter: shape(axis.terms[letter].value) for letter, shape in shapes.items() if letter in axis.terms}
-    for k, (sigma, time) in enumerate(axis.gauss_markov):
-        if sigma.value > 0.0:
-            curves[gauss_markov_label(axis, k)] = GaussMarkov(sigma.value, time.value).allan_variance(tau)
+    for k, (sigma, time) in enumerate(gauss_markov):
+        if sigma > 0.0:
+            curves["GM" if len(gauss_markov) == 1 else f"GM{k + 1}"] = GaussMarkov(sigma, time).allan_variance(tau)
     return curves
 
 

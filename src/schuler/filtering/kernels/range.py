@@ -44,6 +44,14 @@ def pseudorange(z, L0, L1, L2, nav, est, i_clock, other, i_lever, omega, H, y):
 
 
 @inlined
+def multipath(z, est, i_first, H, y):
+    """Add the slow error of the satellite's channel to row 0: ``z[5]`` channel, from 1; ``z[6]`` its scale."""
+    i = i_first + int(z[5]) - 1
+    H[0, i] = z[6]
+    y[0] += z[6] * est[i - 9]
+
+
+@inlined
 def range_rate(z, L0, L1, L2, M0, M1, M2, w0, w1, w2, nav, est, i_clock, i_lever, omega, H, y):
     """Rate of the above; ``M = C (omega_ib x l)``, ``w`` the rate itself; ``z`` = satellite 3, its velocity 3, rate.
 

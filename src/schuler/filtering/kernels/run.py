@@ -360,5 +360,6 @@ def prepare_filter() -> None:
                 ),
             ),
             (spread_estimates, (f, km, i, c, f)),
-        ]
+        ],
+        beside="schuler.filtering.kernels.smoother:prepare_smoother",
     )

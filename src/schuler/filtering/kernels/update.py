@@ -6,7 +6,7 @@ import math
 
 from schuler.earth import WGS84
 from schuler.filtering.kernels.covariance import PAD, dcm, padded
-from schuler.filtering.kernels.range import carrier_change, pseudorange, range_rate
+from schuler.filtering.kernels.range import carrier_change, multipath, pseudorange, range_rate
 from schuler.filtering.kernels.rest import earth_rate, gravity_magnitude, gravity_vector
 from schuler.filtering.kernels.vehicle import heading, height, rate_columns, vehicle_velocity, zero_rate
 from schuler.jit import borrowing, inlined
@@ -41,8 +41,8 @@ CLONE = 21
 
 (
     AT_LEVER, AT_MOUNT, AT_ODOMETER, AT_LEVER_V, AT_CLOCK, AT_CLOCK_2, AT_CLOCK_3, AT_CLOCK_4, AT_HEADING, AT_BARO,
-    AT_B_R, AT_B_V, AT_DELAY, AT_CLONE_R, AT_CLONE_CLOCK,
-) = range(15)  # order of limits.PLACES  # fmt: skip
+    AT_B_R, AT_B_V, AT_DELAY, AT_CLONE_R, AT_CLONE_CLOCK, AT_MULTIPATH,
+) = range(16)  # order of limits.PLACES  # fmt: skip
 
 
 @inlined
@@ -206,7 +206,10 @@ def pseudorange_row(z, lever, nav, est, at, omega, H, y):
     L0, L1, L2 = turned_by(dcm(nav), l0, l1, l2)
     group = int(z[4])
     i_group = at[AT_CLOCK + group] if 0 < group < 4 else -1
-    return pseudorange(z, L0, L1, L2, nav, est, at[AT_CLOCK], i_group, at[AT_LEVER], omega, H, y)
+    pseudorange(z, L0, L1, L2, nav, est, at[AT_CLOCK], i_group, at[AT_LEVER], omega, H, y)
+    if at[AT_MULTIPATH] >= 0 and z[5] > 0.0:
+        multipath(z, est, at[AT_MULTIPATH], H, y)
+    return 1
 
 
 @inlined

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 
 from schuler.live.clock import SourceClock
+from schuler.live.decoders import mavlink
 from schuler.live.decoders.base import Decoder
 from schuler.live.decoders.nmea import NmeaDecoder
 from schuler.live.decoders.novatel import NovatelDecoder
@@ -24,7 +25,7 @@ from schuler.recording.io.hints import ReadHints
 from schuler.recording.series import Kind
 
 #: Formats of streams.
-FORMATS = ("text", "nmea", "ubx", "novatel", "sbf", "vectornav", "sbg", "xsens")
+FORMATS = ("text", "nmea", "ubx", "novatel", "sbf", "vectornav", "sbg", "xsens", "mavlink")
 #: Binary formats that are told by their first bytes, u-blox first; lines of NMEA may stand between their messages.
 _BINARY: dict[str, Callable[[bytes], bool]] = {
     "ubx": looks_like_ubx,
@@ -32,6 +33,7 @@ _BINARY: dict[str, Callable[[bytes], bool]] = {
     "sbf": sbf_blocks.looks_like,
     "vectornav": vectornav_packets.looks_like,
     "sbg": sbg.looks_like,
+    "mavlink": mavlink.looks_like,
     "xsens": xsens_messages.looks_like,  # last: its checksum is one byte
 }
 _SYNCS = (b"\xb5\x62", novatel_frames.SYNC, sbf_blocks.SYNC)  # of formats that are sent beside NMEA
@@ -72,6 +74,7 @@ def decoder(
         "sbf": lambda: SbfDecoder(clock, hints),
         "vectornav": lambda: VectorNavDecoder(clock, hints, announced=format is not None),
         "sbg": lambda: SbgDecoder(clock, hints),
+        "mavlink": lambda: mavlink.MavlinkDecoder(clock, hints),
         "xsens": lambda: XsensDecoder(clock, hints, announced=format is not None),
     }
     if format is None and hints.columns is not None:

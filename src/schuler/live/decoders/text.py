@@ -195,7 +195,7 @@ def _columns_in_order(hints: ReadHints) -> tuple[list[ColumnSpec | None], bool]:
     specs, more = parsed
     if any(spec is not None and spec.source is not None for spec in specs):
         raise InputError(f"columns: a stream has no header: name its columns in their order, got {hints.columns!r}")
-    useless = (*columns.MAG, "received")
+    useless = (*columns.MAG, "received", *columns.DILUTION)
     return [None if spec is None or spec.name in useless else spec for spec in specs], more
 
 

@@ -10,13 +10,15 @@ import numpy as np
 from schuler import units
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import PSEUDORANGE, MeasurementSchedule, gnss_measurements, merged
+from schuler.filtering.states import CHANNELS
 from schuler.gnss.ranges import Ranges
 from schuler.navigation.aids.rest import SHAKEN, earth_rates, gravities, rests, zero_rates, zero_velocities
 from schuler.navigation.aids.satellite import carrier_measurements, range_measurements, resets, thinned
 from schuler.navigation.aids.scalar import heading_measurements, height_measurements, known_positions
 from schuler.navigation.aids.vehicle import VehicleConditions, non_holonomic, odometer_measurements
-from schuler.navigation.config import GnssSection, NavigationConfig
+from schuler.navigation.config import NavigationConfig
 from schuler.navigation.sections import AidingSection, NonHolonomicSection
+from schuler.navigation.states import state_layout
 from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
 from schuler.sensors.spec import ImuSpec
 from schuler.standstill.stationarity import StaticIntervals
@@ -63,7 +65,7 @@ def aiding_schedule(
         If an aid is configured whose series the recording does not have.
     """
     aiding, notes = config.aiding, []
-    parts = [_satellite_parts(sources, config.gnss)]
+    parts = [_satellite_parts(sources, config, spec)]
     if aiding.non_holonomic is not None:
         parts.append(_vehicle_part(sources.imu, aiding, start))
     if aiding.odometer is not None:
@@ -142,14 +144,16 @@ def rest_measurements(
     return parts
 
 
-def _satellite_parts(sources: Sources, section: GnssSection) -> MeasurementSchedule:
+def _satellite_parts(sources: Sources, config: NavigationConfig, spec: ImuSpec) -> MeasurementSchedule:
+    section = config.gnss
     gate = _gate(section.gate)
     if section.coupling == "tight":
         if sources.ranges is None:
             raise InputError("gnss.coupling is tight, but there are no ranges")
+        layout = state_layout(config, spec, sources.ranges)
         ranges = range_measurements(
             sources.ranges, section.lever_arm_m, use_rates=section.tight.rates, sigma_scale=section.sigma_scale,
-            gate=gate,
+            gate=gate, slow=section.correlated.of_ranges, channels=sum(name in layout for name in CHANNELS),
         )  # fmt: skip
         own = np.where(ranges.kind == PSEUDORANGE, section.tight.range_sigma_scale, section.tight.rate_sigma_scale)
         ranges = replace(ranges, R=ranges.R * own[:, None, None] ** 2)

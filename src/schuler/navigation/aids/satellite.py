@@ -7,6 +7,7 @@ import numpy as np
 from schuler import frames
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
 from schuler.exceptions import InputError
+from schuler.filtering.limits import MOST_CHANNELS
 from schuler.filtering.measurements import (
     CARRIER_CHANGE,
     CLONE,
@@ -20,6 +21,7 @@ from schuler.filtering.measurements import (
 )
 from schuler.gnss.carrier import carrier_changes
 from schuler.gnss.ranges import Ranges
+from schuler.gnss.slow_errors import SlowRangeError, slow_channels, slow_sigmas
 from schuler.recording.series import GnssSeries
 
 _MOST_CLOCKS = 4
@@ -32,6 +34,8 @@ def range_measurements(
     use_rates: bool = True,
     sigma_scale: float = 1.0,
     gate: float | None = 0.9999,
+    slow: SlowRangeError | None = None,
+    channels: int = MOST_CHANNELS,
 ) -> MeasurementSchedule:
     """Pseudorange and range rate of every satellite to be used.
 
@@ -47,6 +51,11 @@ def range_measurements(
         Factor on all 1-sigma values.
     gate : float, optional
         Probability with which a correct measurement passes: innovation fault detection satellite by satellite.
+    slow : SlowRangeError, optional
+        Error that stays with a satellite, a state of the filter; where there are more satellites than channels, white
+        noise as large stands for it.
+    channels : int
+        Number of satellites at a time for which the filter has such a state.
 
     Raises
     ------
@@ -66,8 +75,12 @@ def range_measurements(
     r = ranges.where(ranges.used & np.isfinite(ranges.pseudorange) & np.isfinite(ranges.r_sat_e).all(axis=1))
     _check_sigmas(r.sigma_range, "ranges")
     if len(r):
-        z = np.column_stack((r.r_sat_e, r.pseudorange, r.group))
-        parts.append(MeasurementSchedule.of(PSEUDORANGE, r.t, z, (sigma_scale * r.sigma_range) ** 2, lever, threshold))
+        z, variance = np.column_stack((r.r_sat_e, r.pseudorange, r.group)), (sigma_scale * r.sigma_range) ** 2
+        if slow is not None and slow.sigma > 0.0:
+            channel = slow_channels(r, slow.tau, channels)
+            z = np.column_stack((z, channel, slow.scale(r)))
+            variance = variance + np.where(channel > 0, 0.0, slow_sigmas(r, slow) ** 2)
+        parts.append(MeasurementSchedule.of(PSEUDORANGE, r.t, z, variance, lever, threshold))
     placed = np.isfinite(ranges.r_sat_e).all(axis=1) & np.isfinite(ranges.v_sat_e).all(axis=1)
     r = ranges.where(ranges.used & np.isfinite(ranges.range_rate) & placed)
     if use_rates and len(r):

@@ -13,12 +13,14 @@ from schuler.filtering.states import StateLayout
 from schuler.mechanization.alignment import levelling
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.foot.config import FootConfig
+from schuler.navigation.start.rest_bias import with_bias
 from schuler.recording.series import ImuSeries
 from schuler.standstill.intervals import Rests
 
 _SWAY_S = 0.1  # a foot that stands sways for about as long in one direction
 _STILL, _MOST_OF_GRAVITY = 0.04, 0.25  # of gravity: missed by no foot that stands, and by more than a stance of a run
 _LEAST_BLOCKS = 4  # of that length, for a scatter
+_MOST_OF_BIAS = 4.0  # 1 sigmas of the biases believed in and of sway
 
 
 def align_foot(
@@ -79,7 +81,7 @@ def align_foot(
         nav, layout, attitude=np.zeros(3), velocity=np.full(3, config.zupt.sigma_m_s),
         position=np.full(3, config.filter.position_sigma_m),
     ).aligned(level, layout)  # fmt: skip
-    return _with_rest_rate(initial, still, layout) if "b_g" in layout else initial
+    return _with_rest_rate(initial, imu, rests, still, layout, config) if "b_g" in layout else initial
 
 
 def acceleration_sigma(still: ImuSeries, config: FootConfig, gravity: float) -> float:
@@ -107,21 +109,29 @@ def acceleration_sigma(still: ImuSeries, config: FootConfig, gravity: float) -> 
     return float(np.sqrt(changing**2 + max(missing, 0.0)))
 
 
-def _with_rest_rate(initial: InitialState, still: ImuSeries, layout: StateLayout) -> InitialState:
-    """Initial state after a measurement of the gyro biases: the mean rate at rest, which is the bias but for sway.
+def _with_rest_rate(
+    initial: InitialState, imu: ImuSeries, rests: Rests, still: ImuSeries, layout: StateLayout, config: FootConfig
+) -> InitialState:
+    """Initial state with gyro biases as configured and the mean rate of a rest, which is the bias but for sway.
 
-    Each axis on its own; Earth rate is a tenth of the sway of the stillest foot.
+    The first rest, ``still``, or the longest of the log where that is brief. A brief one that contradicts the biases
+    believed in is the stance of a walk, which rolls on at 1 to 10 deg/s; a long one counts alone then. Earth rate is a
+    tenth of the sway of the stillest foot.
     """
+    long_s = config.alignment.rest_s - 2.0 * imu.interval
+    k = int(np.argmax(rests.stop - rests.start))
+    if still.t[-1] - still.t[0] < min(long_s, rests.stop[k] - rests.start[k] - imu.interval):
+        still = imu.rates().between(float(rests.start[k]), float(rests.stop[k]))
     block = max(round(_SWAY_S / still.interval), 1)
     count = len(still) // block
     if count < _LEAST_BLOCKS:
         return initial
     means = still.gyro[: count * block].reshape(count, block, 3).mean(axis=1)
-    noise = float(means.var(axis=0, ddof=1).mean()) / count
-    part = layout["b_g"]
-    prior = initial.P[part, part]
-    gain = prior @ np.linalg.inv(prior + noise * np.eye(3))
-    P, parameters = initial.P.copy(), initial.parameters.copy()
-    P[part, part] = prior - gain @ prior
-    parameters[part.start - 9 : part.stop - 9] = gain @ means.mean(axis=0)
-    return InitialState(initial.nav, P, parameters)
+    sway, rate = float(np.sqrt(means.var(axis=0, ddof=1).mean() / count)), means.mean(axis=0)
+    sigma = config.sensor.gyro_bias_deg_s * units.DEG
+    if still.t[-1] - still.t[0] < long_s:
+        sway = max(sway, float(np.linalg.norm(rate)) / 3.0)
+    elif float(np.abs(rate).max()) > _MOST_OF_BIAS * np.hypot(sigma, sway):
+        return with_bias(initial, layout, rate, sway)
+    gain = sigma**2 / (sigma**2 + sway**2)
+    return with_bias(initial, layout, gain * rate, float(np.sqrt(gain)) * sway)

@@ -32,6 +32,8 @@ from schuler.standstill.intervals import Rests, rests_from_mask
 
 _EARLY_S = 3.0  # a few strides; rests that are long enough are not waited for any longer
 _MOST_OF_BIAS_SIGMA = 4.0  # 3.6 at most on walks of unbiased gyroscopes, 4.1 and more where errors were ten claims
+_UNTOLD = 0.9  # of the variance of gyro biases that rests leave: 0.87 at most where one told them, chosen on half
+_FEW_STRIDES = 6
 _MOST_OF_GRAVITY = 0.15  # acceleration of a stance that can still be levelled over
 
 
@@ -140,7 +142,7 @@ def navigate_foot(
             f"the strides contradict gyro biases of {config.sensor.gyro_bias_deg_s:.2g} deg/s (1 sigma): navigated "
             f"again with sensor.gyro_bias_deg_s = {wider:.2g}, the largest that came out"
         )
-        return replace(again, notes=(*again.notes, text))
+        return replace(again, notes=(*again.notes, text), doubts=(*_bias_doubts(text, rests, config), *again.doubts))
     best = filtered if smoothed is None else smoothed
     if not filtered.complete:
         notes.append(f"interrupted at {filtered.trajectory.t[-1]:.2f} s; the solution ends there")
@@ -155,8 +157,11 @@ def navigate_foot(
     smoothing = "none" if smoothed is None else config.filter.smooth
     expected = None if stride is None else float(in_motion(imu).sum()) * imu.interval / stride
     speeds = _residual_speeds(filtered, config.stride.min_motion_s)
-    doubts = (*spikes, *clip_doubts, *strides.doubts(expected, speeds))
-    return FootResult(filtered, smoothed, smoothing, rests, strides, llh, tuple(notes), doubts)
+    doubts = [*spikes, *clip_doubts, *strides.doubts(expected, speeds)]
+    if _bias_untold(initial, layout, config) and strides.walking.sum() >= _FEW_STRIDES:
+        text = f"no rest tells the gyro biases, taken as {config.sensor.gyro_bias_deg_s:.2g} deg/s (1 sigma)"
+        doubts += _bias_doubts(text, rests, config)
+    return FootResult(filtered, smoothed, smoothing, rests, strides, llh, tuple(notes), tuple(doubts))
 
 
 def _bias_needed(filtered: NavigationResult, initial: InitialState, config: FootConfig) -> float | None:
@@ -172,6 +177,29 @@ def _bias_needed(filtered: NavigationResult, initial: InitialState, config: Foot
     largest = float(np.abs(after).max()) / units.DEG
     contradicts = float(np.max(np.abs(after - before) / sigma)) > _MOST_OF_BIAS_SIGMA
     return largest if contradicts and largest > 2.0 * config.sensor.gyro_bias_deg_s else None
+
+
+def _bias_untold(initial: InitialState, layout: StateLayout, config: FootConfig) -> bool:
+    """Whether the rests of the log leave the gyro biases as uncertain as the configuration has them."""
+    if "b_g" not in layout:
+        return False
+    variance = float(np.diag(initial.P)[layout["b_g"]].max())
+    return variance > _UNTOLD * (config.sensor.gyro_bias_deg_s * units.DEG) ** 2
+
+
+def _bias_doubts(text: str, rests: Rests, config: FootConfig) -> list[str]:
+    """Sentence on gyro biases that strides alone tell; none where the foot stood somewhere.
+
+    Strides show a bias about the vertical by where a swing ends sideways, as misalignments do in every stride alike:
+    the filter is surer of it than it can be.
+    """
+    rest_s = config.alignment.rest_s
+    if len(rests) and float(np.max(rests.stop - rests.start)) >= rest_s - 1e-9:
+        return []
+    return [
+        f"{text}, and the foot never stands for {rest_s:g} s: the heading drifts by more than is claimed; let it stand "
+        "before or after the walk"
+    ]
 
 
 def _residual_speeds(filtered: NavigationResult, min_motion_s: float) -> FloatArray:

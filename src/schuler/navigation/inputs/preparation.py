@@ -24,9 +24,12 @@ from schuler.recording.series import GnssSeries, ImuSeries
 MISSING = 1.5
 #: A longer step of the stamps is a pause. [sample intervals]
 PAUSE = 2.5
-_NO_POSITION = 1e3  # horizontal 1-sigma beyond which a fix tells no position [m]
-_LARGEST_HEIGHT = 1e4  # 1-sigma of a fix's height, of which a receiver may know nothing [m]
-_LARGEST_VELOCITY = 1e3  # [m/s]
+#: Horizontal 1-sigma beyond which a fix tells no position. [m]
+NO_POSITION = 1e3
+#: Largest 1-sigma of a fix's height, of which a receiver may know nothing. [m]
+LARGEST_HEIGHT = 1e4
+#: Largest 1-sigma of a velocity. [m/s]
+LARGEST_VELOCITY = 1e3
 _PIECES = 2000  # of a log, spread evenly, that tell the error of bridging
 _JITTER = 0.2  # robust spread of the stamps that is noted, share of the sample interval
 
@@ -262,23 +265,23 @@ def _stating_something(gnss: GnssSeries, notes: list[str]) -> GnssSeries:
     Receivers write sigmas such as 2**32 mm for a position that they do not have.
     """
     sigma = np.sqrt(np.einsum("nii->ni", gnss.cov_r_n))
-    empty = sigma[:, :2].max(axis=1) > _NO_POSITION
+    empty = sigma[:, :2].max(axis=1) > NO_POSITION
     if empty.all():
         raise InputError(
-            f"all GNSS fixes state a horizontal 1-sigma above {_NO_POSITION:g} m, at least {sigma[:, :2].min():.4g}: "
+            f"all GNSS fixes state a horizontal 1-sigma above {NO_POSITION:g} m, at least {sigma[:, :2].min():.4g}: "
             "is its unit right? A receiver that reports no accuracy needs one given (option sigma)"
         )
     if empty.any():
         notes.append(
-            f"{int(empty.sum())} GNSS fixes left out that state a horizontal 1-sigma above {_NO_POSITION:g} m, the "
+            f"{int(empty.sum())} GNSS fixes left out that state a horizontal 1-sigma above {NO_POSITION:g} m, the "
             f"first at {gnss.t[empty][0]:.3f} s"
         )
         gnss = gnss.where(~empty)
-    cov_r_n, high = _bounded(gnss.cov_r_n, _LARGEST_HEIGHT)
-    cov_v_n, fast = (None, 0) if gnss.cov_v_n is None else _bounded(gnss.cov_v_n, _LARGEST_VELOCITY)
+    cov_r_n, high = _bounded(gnss.cov_r_n, LARGEST_HEIGHT)
+    cov_v_n, fast = (None, 0) if gnss.cov_v_n is None else _bounded(gnss.cov_v_n, LARGEST_VELOCITY)
     for count, what, limit in (
-        (high, "height", f"{_LARGEST_HEIGHT:g} m"),
-        (fast, "velocity", f"{_LARGEST_VELOCITY:g} m/s"),
+        (high, "height", f"{LARGEST_HEIGHT:g} m"),
+        (fast, "velocity", f"{LARGEST_VELOCITY:g} m/s"),
     ):
         if count:
             notes.append(f"at {count} GNSS fixes the 1-sigma of {what} was larger than {limit}, and is taken as that")

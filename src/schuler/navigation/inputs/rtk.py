@@ -24,7 +24,7 @@ from schuler.filtering.measurements import (
 )
 from schuler.filtering.states import StateLayout
 from schuler.gnss.baseline_result import SAME_IONOSPHERE
-from schuler.gnss.carrier_scale import check_carrier_scale
+from schuler.gnss.carrier_scale import check_carriers
 from schuler.gnss.cycle_slips import without_slips
 from schuler.gnss.integers import CarrierFix, HeldIntegers, Measured, fix_epoch
 from schuler.gnss.observations import Observations
@@ -32,6 +32,7 @@ from schuler.gnss.point import solve_points
 from schuler.gnss.preparation import prepare_ranges
 from schuler.gnss.ranges import Ranges, predicted_ranges
 from schuler.gnss.relative import RelativeCarriers, relative_ranges
+from schuler.gnss.slow_errors import slow_sigmas
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.satellites import inflated
 from schuler.navigation.prepared import PreparedRun
@@ -82,27 +83,30 @@ def ranges_with_base(
     tight = config.gnss.tight
     section = tight.base
     if base is None:
-        base = _read_base(section.observations)
+        base = _read_base(section.observations, recording)
+    stated_e, entry = None, "gnss.tight.base.llh_deg"
     if isinstance(base, Observations):
-        for name, log in (("gnss.tight.base", base), ("rover", recording.observations)):
-            if log is not None:
-                _check_carriers(log, tight.systems, name)
+        stated_e = base.station_e
+        check_carriers(base, tight.systems, "gnss.tight.base")
         base = _prepared_base(base, recording, config)
     points = solve_points(base)
     if not points.ok.any():
         raise InputError(f"gnss.tight.base: no single point of the base could be solved: {points.summary()}")
     mean_e = points.r_e[points.ok].mean(axis=0)
-    if section.llh_deg is None:
+    if section.llh_deg is None and stated_e is not None:
+        base_e, entry = np.array(stated_e), "gnss.tight.base, as its messages state it"
+        notes.append("base position: as the station states it")
+    elif section.llh_deg is None:
         base_e = mean_e
         notes.append("base position: the mean of its single points, good to metres; the solution is off by as much")
     else:
         base_e = frames.ecef_from_llh(np.array(section.llh_deg) * (units.DEG, units.DEG, 1.0))
-        off = float(np.linalg.norm(mean_e - base_e))
-        if off > _BASE_OFF:
-            raise InputError(
-                f"gnss.tight.base.llh_deg: {off:.0f} m from where the base's own ranges place it; expected latitude "
-                "and longitude in degrees and the ellipsoidal height of its antenna in metres"
-            )
+    off = float(np.linalg.norm(mean_e - base_e))
+    if off > _BASE_OFF:
+        raise InputError(
+            f"{entry}: {off:.0f} m from where the base's own ranges place it; expected latitude "
+            "and longitude in degrees and the ellipsoidal height of its antenna in metres"
+        )
     far = float(np.linalg.norm(near_e - base_e))
     if far > SAME_IONOSPHERE:
         notes.append(
@@ -120,25 +124,25 @@ def ranges_with_base(
     return BaseCarriers(inflated(corrected, config.gnss.correlated), carriers)
 
 
-def _read_base(file: str | None) -> Observations:
+def _read_base(file: str | None, recording: Recording) -> Observations:
     if file is None:
         raise InputError(
             'gnss.tight.carrier = "rtk" needs a base station: name its log in gnss.tight.base.observations, or set '
             'carrier to "time-differenced", which needs none'
         )
+    from schuler.recording.formats.rtcm import is_rtcm, read_rtcm
     from schuler.recording.io.dispatch import read
 
-    observations = read(Path(file)).observations
+    observations: Observations | None
+    if is_rtcm(Path(file)):  # its messages say the time of week, the rover which week
+        rover = recording.observations
+        near = None if rover is None or not len(rover) else rover.epoch_gps_s + float(rover.t[0])
+        observations = read_rtcm(file, near).observations
+    else:
+        observations = read(Path(file)).observations
     if observations is None:
         raise InputError(f"gnss.tight.base.observations: no raw measurements in {file}; give a RINEX or UBX log")
     return observations
-
-
-def _check_carriers(log: Observations, systems: str, name: str) -> None:
-    """Refuse carriers in metres, of the other sign or of another band; GLONASS's are not used."""
-    for system in systems.replace("R", ""):
-        for signal in log.signals:
-            check_carrier_scale(log, system, signal, name)
 
 
 def _prepared_base(base: Observations, recording: Recording, config: NavigationConfig) -> Ranges:
@@ -207,7 +211,9 @@ def with_integers(prepared: PreparedRun, base: BaseCarriers, config: NavigationC
     ends = np.searchsorted(i.t, epochs - 1e-9)  # the sample in which an epoch lies
     lever = np.array(config.gnss.lever_arm_m)
     changes = np.flatnonzero(np.isin(schedule.kind, (CARRIER_CHANGE,)))
-    scale = config.gnss.sigma_scale * tight.range_sigma_scale
+    # a slow error is in the prediction, too, of which it is not independent: it counts as often as it is new
+    white = config.gnss.sigma_scale * tight.range_sigma_scale * ranges.sigma_range
+    sigma_range = np.hypot(white, slow_sigmas(ranges, config.gnss.correlated.of_ranges))
     held, gate = HeldIntegers(), gate_threshold(_gate(config.gnss.gate), 3)
     fixed, refused, first = np.zeros(len(epochs), dtype=bool), 0, 0
     for e, end in enumerate(ends.tolist()):
@@ -223,7 +229,7 @@ def with_integers(prepared: PreparedRun, base: BaseCarriers, config: NavigationC
             held.forget()
         r_e, P = _predicted(state, prepared.layout, lever, epochs[e])
         mine = rows[epoch == e] if len(epochs) < 2 else rows[np.searchsorted(epoch, e) : np.searchsorted(epoch, e + 1)]
-        fix = fix_epoch(_measured(ranges, carriers, mine, r_e, scale), P, held, ratio=tight.base.ratio)
+        fix = fix_epoch(_measured(ranges, carriers, mine, r_e, sigma_range), P, held, ratio=tight.base.ratio)
         if fix is None:
             continue
         fixed[e] = float(np.diag(fix.cov).max()) < 0.1**2
@@ -286,13 +292,15 @@ def _predicted(state: FilterState, layout: StateLayout, lever: FloatArray, t: fl
     return nav.r_eb_e + since * nav.v_eb_e + L, J @ state.covariance_e @ J.T
 
 
-def _measured(ranges: Ranges, c: RelativeCarriers, rows: IntArray, r_e: FloatArray, scale: float) -> Measured:
+def _measured(
+    ranges: Ranges, c: RelativeCarriers, rows: IntArray, r_e: FloatArray, sigma_range: FloatArray
+) -> Measured:
     """What an epoch's carriers and codes differ by from their prediction."""
     k = c.row[rows]
     distance, gradient = predicted_ranges(ranges.r_sat_e[k], r_e)
     return Measured(
         ranges.sat[k], c.arc[rows], c.kind[rows], c.carrier[rows] - distance, c.code[rows] - distance,
-        c.sigma[rows], scale * ranges.sigma_range[k], c.wavelength[rows], ranges.elevation[k], gradient,
+        c.sigma[rows], sigma_range[k], c.wavelength[rows], ranges.elevation[k], gradient,
     )  # fmt: skip
 
 

@@ -11,8 +11,9 @@ from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import in_windows
-from schuler.filtering.states import StateLayout
+from schuler.filtering.states import CHANNELS, StateLayout
 from schuler.gnss.carrier import carrier_changes
+from schuler.gnss.carrier_scale import check_carriers
 from schuler.gnss.cycle_slips import without_slips
 from schuler.gnss.point import solve_points
 from schuler.gnss.point_result import PointSolution
@@ -28,6 +29,7 @@ _EXCLUDED = 6  # schuler.gnss.ranges.REASONS
 _SMALLEST_JUMP = 20.0  # of a receiver clock; what is less is its noise, which the clock states follow [m]
 _CLEAR_JUMP = 10.0  # times the usual scatter from epoch to epoch
 _LONGEST_GAP_S = 10.0  # over which a clock is expected to run on
+_START_SIGMA = 10.0  # of a position that ranges are to find anew [m]
 _LASTING = 4  # epochs after which a jump must still be there; a bad solution is not
 
 
@@ -61,7 +63,8 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
     Raises
     ------
     InputError
-        If there is nothing to work with, or no epoch has enough satellites to start from.
+        If there is nothing to work with, no epoch has enough satellites to start from, or carriers that are asked for
+        do not change as their codes do.
     """
     section = config.gnss.tight
     ranges = recording.ranges
@@ -74,6 +77,8 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
             )
         from schuler.gnss.preparation import prepare_ranges
 
+        if section.carrier != "off":
+            check_carriers(recording.observations, section.systems, "rover")
         ranges = prepare_ranges(
             recording.observations,
             recording.ephemerides,
@@ -260,31 +265,21 @@ def _lasting(level: FloatArray, i: int) -> bool:
 
 
 def inflated(ranges: Ranges, slow: CorrelatedSection) -> Ranges:
-    """Ranges with standard deviations that count slow errors as often as they are new.
+    """Ranges with standard deviations of range rates that count slow errors as often as they are new.
 
-    A Gauss-Markov error of 1-sigma ``s`` and correlation time ``tau``, sampled every ``dt``, weighs on a long average
-    like white noise of variance ``s^2 (1 + a) / (1 - a)``, ``a = exp(-dt / tau)``; that variance is added. States for
-    every satellite would be the exact way, and three times as many states.
+    Those of pseudoranges are states (:mod:`schuler.gnss.slow_errors`).
 
     Parameters
     ----------
     ranges : Ranges
     slow : CorrelatedSection
-        ``position_sigma_m`` and ``_tau_s`` of ranges, ``velocity_sigma_m_s`` and ``_tau_s`` of range rates.
+        ``velocity_sigma_m_s`` and ``_tau_s``.
     """
     t = np.unique(ranges.t)
-    if len(t) < 2:
+    if len(t) < 2 or slow.velocity_sigma_m_s == 0.0:
         return ranges
-    step = float(np.median(np.diff(t)))
-
-    def added(sigma: FloatArray, s: float, tau: float) -> FloatArray:
-        return np.asarray(np.sqrt(sigma**2 + s**2 / np.tanh(0.5 * step / tau)))
-
-    return replace(
-        ranges,
-        sigma_range=added(ranges.sigma_range, slow.position_sigma_m, slow.position_tau_s),
-        sigma_rate=added(ranges.sigma_rate, slow.velocity_sigma_m_s, slow.velocity_tau_s),
-    )
+    weight = np.tanh(0.5 * float(np.median(np.diff(t))) / slow.velocity_tau_s)
+    return replace(ranges, sigma_rate=np.sqrt(ranges.sigma_rate**2 + slow.velocity_sigma_m_s**2 / weight))
 
 
 def limited(
@@ -328,6 +323,8 @@ def _rank(ranges: Ranges, used: BoolArray) -> IntArray:
 def with_clocks(initial: InitialState, points: Points, layout: StateLayout) -> InitialState:
     """The initial state with the receiver clocks of the nearest solved epoch.
 
+    Where slow errors of ranges are states, the position of a fix has these errors in it: it is left to the next ranges.
+
     Parameters
     ----------
     initial : InitialState
@@ -353,4 +350,8 @@ def with_clocks(initial: InitialState, points: Points, layout: StateLayout) -> I
     for name, value in values.items():
         if name in layout:
             estimates[layout[name].start - 9] = value
-    return InitialState(initial.nav, initial.P, estimates)
+    P = initial.P
+    if CHANNELS[0] in layout:
+        P = P.copy()
+        P[range(6, 9), range(6, 9)] += _START_SIGMA**2
+    return InitialState(initial.nav, P, estimates)

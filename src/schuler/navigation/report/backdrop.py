@@ -1,4 +1,4 @@
-"""A map behind the track, from a file of the user's own: roads as GeoJSON, or a georeferenced picture. No network.
+"""A map behind the track, of the user's own: roads as GeoJSON, a georeferenced picture, or tiles. No network.
 
 Without one the track is drawn over lines of round latitude and longitude.
 """
@@ -16,13 +16,15 @@ from schuler.exceptions import InputError
 from schuler.plotting.figure import ByteArray, Item, Line, Markers, Picture, Text
 from schuler.plotting.geojson import read_geojson
 from schuler.plotting.georeference import Georeference, read_picture
+from schuler.plotting.tiles import Tiles, mosaic, read_mbtiles
 
 _VECTOR = (".geojson", ".json")
 _PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 _EXPECTED = (
     "expected a GeoJSON file (.geojson, longitude and latitude in degrees), or a picture with its world file beside it "
-    "(.png with .pgw, .jpg with .jgw) or a GeoTIFF"
+    "(.png with .pgw, .jpg with .jgw), a GeoTIFF, or raster tiles (.mbtiles)"
 )
+_TILES = ".mbtiles"
 _PIXELS = 1000  # across the picture that is drawn
 _MARGIN = 1.3  # how far beyond the panel's limits a map is drawn: axes of equal scale may show more than their limits
 _STEPS = (1.0, 2.0, 5.0, 10.0)
@@ -43,6 +45,7 @@ class Backdrop:
     pixels : ndarray of uint8, shape (h, w, 4), optional
     georeference : Georeference, optional
         Where the pixels are.
+    tiles : Tiles, optional
     """
 
     name: str
@@ -50,6 +53,7 @@ class Backdrop:
     shapes: tuple[tuple[str, FloatArray], ...] = field(default=(), repr=False)
     pixels: ByteArray | None = field(default=None, repr=False)
     georeference: Georeference | None = None
+    tiles: Tiles | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,7 @@ def read_backdrop(path: Path | str) -> Backdrop:
     path : Path or str
         GeoJSON (RFC 7946: degrees in WGS 84, longitude first), or a picture: PNG or JPEG with a world file (``.pgw``,
         ``.jgw``, ``.wld``, or the full name with a ``w``), or GeoTIFF. Pictures in longitude and latitude, Web
-        Mercator or UTM.
+        Mercator or UTM. MBTiles of pictures.
 
     Raises
     ------
@@ -99,6 +103,9 @@ def read_backdrop(path: Path | str) -> Backdrop:
     if suffix in _PICTURES:
         pixels, georeference = read_picture(path)
         return Backdrop(path.name, pixels=pixels, georeference=georeference)
+    if suffix == _TILES:
+        tiles = read_mbtiles(path)
+        return Backdrop(path.name, tiles.credit, tiles=tiles)
     raise InputError(f"background: {_EXPECTED}; got {path.name}")
 
 
@@ -113,6 +120,10 @@ def backdrop_items(backdrop: Backdrop, window: Window) -> list[Item]:
     if backdrop.pixels is not None and backdrop.georeference is not None:
         return [_picture(backdrop.pixels, backdrop.georeference, window, backdrop.name)]
     west, east, south, north = window.box()
+    if backdrop.tiles is not None:
+        corners = _llh(np.array([[e, n] for e in (west, east) for n in (south, north)]), window.origin_llh)
+        pixels, georeference = mosaic(backdrop.tiles, corners[:, 1], corners[:, 0], _PIXELS)
+        return [_picture(pixels, georeference, window, backdrop.name)]
     parts: dict[str, list[FloatArray]] = {}
     for role, lonlat in backdrop.shapes:
         en = _east_north(lonlat, window.origin_llh)

@@ -1,11 +1,12 @@
-"""GNSS fixes as their receiver stated them: type, satellites, uncertainty."""
+"""GNSS fixes as their receiver stated them: type, satellites, dilution of precision, uncertainty."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from schuler.arrays import FloatArray
 from schuler.navigation.report.subject import Subject
-from schuler.plotting.figure import TIME, Figure, Item, Markers, Panel, line, view
+from schuler.plotting.figure import TIME, Figure, Markers, Panel, line, view
 from schuler.recording.series import QUALITY
 
 # best first, upwards in the figure
@@ -13,7 +14,7 @@ _BEST = ("fixed", "float", "ppp", "dgps", "sbas", "single", "dead reckoning")
 
 
 def stated(subject: Subject) -> Figure | None:
-    """Type, number of satellites and 1-sigma of the fixes; None without fixes."""
+    """Type, number of satellites, dilutions of precision and 1-sigma of the fixes; None without fixes."""
     gnss = subject.gnss
     if gnss is None or not len(gnss):
         return None
@@ -37,20 +38,24 @@ def stated(subject: Subject) -> Figure | None:
                 TIME, "satellites [-]", (line(t, n, "filtered"),), x_limits=subject.span, y_limits=view([n], least=2.0)
             )
         )
+    if gnss.dop is not None:
+        panels.append(_horizontal_and_vertical(subject, "DOP [-]", gnss.dop, least=1.0))
     variance = np.einsum("nii->ni", gnss.cov_r_n)
-    sigmas = {"horizontal": np.sqrt(variance[:, 0] + variance[:, 1]), "vertical": np.sqrt(variance[:, 2])}
-    curves: list[Item] = [
-        line(t, s, role, name) for (name, s), role in zip(sigmas.items(), ("case_1", "case_2"), strict=True)
-    ]
-    values = np.concatenate(list(sigmas.values()))
-    wide = float(values.max()) > 50.0 * float(np.median(values))
-    panels.append(
-        Panel(
-            TIME, "stated 1-sigma [m]", tuple(curves), x_limits=subject.span, log=wide,
-            y_limits=None if wide else view([values]),
-        )
-    )  # fmt: skip
+    sigma = np.sqrt(np.stack((variance[:, 0] + variance[:, 1], variance[:, 2]), axis=-1))
+    panels.append(_horizontal_and_vertical(subject, "stated 1-sigma [m]", sigma))
     caption = (
         "Fixes as the receiver stated them, before the filter judged them: see the innovations for what they are worth."
     )
     return Figure("fixes", "GNSS fixes", caption, tuple(panels))
+
+
+def _horizontal_and_vertical(subject: Subject, title: str, values: FloatArray, least: float = 0.0) -> Panel:
+    """Two curves over the fixes, NaN left out; a logarithmic axis where one peak would flatten all the rest. (n, 2)"""
+    assert subject.gnss is not None
+    finite = values[np.isfinite(values)]
+    wide = float(finite.max()) > 50.0 * float(np.median(finite))
+    t = subject.seconds(subject.gnss.t)
+    parts = zip(values.T, ("case_1", "case_2"), ("horizontal", "vertical"), strict=True)
+    curves = tuple(line(t, x, role, name) for x, role, name in parts if np.isfinite(x).any())
+    limits = None if wide else view([finite], least=least)
+    return Panel(TIME, title, curves, x_limits=subject.span, log=wide, y_limits=limits)

@@ -19,14 +19,13 @@ from schuler.navigation.config import AlignmentSection, NavigationConfig
 from schuler.navigation.start.calibration import CalibrationStart
 from schuler.navigation.start.levelling import level_at_rest, level_in_motion, tilt
 from schuler.navigation.start.rest_bias import (
+    bias_of_rests,
     rest_rate,
     rest_sentences,
-    unmodelled_rate,
     updated_with_rest_rate,
-    weighted_bias,
     with_bias,
 )
-from schuler.navigation.start.rests import rests_before
+from schuler.navigation.start.rests import StartRests, rests_before
 from schuler.navigation.start.velocity_fit import with_velocities
 from schuler.recording.series import GnssSeries, ImuSeries, Increments
 from schuler.sensors.spec import ImuSpec
@@ -52,6 +51,8 @@ class Start:
         How attitude and heading were found, a phrase.
     obstacle : str
         Why there is no heading, a sentence; empty where there is one.
+    rests : StartRests, optional
+        Rests before it.
     """
 
     initial: InitialState
@@ -61,6 +62,7 @@ class Start:
     at_heading: Callable[[float, float], InitialState]
     method: str
     obstacle: str = ""
+    rests: StartRests | None = None
 
 
 def align(
@@ -138,8 +140,7 @@ def align(
     if rest is not None:
         # a calibrated log is levelled and carried as it is; what the rest says of its biases comes after
         if calibration is None and "b_g" in layout:
-            sigma_b = float(np.hypot(rest[1], unmodelled_rate(rates, rest[0], spec, layout)))
-            rest = bias = weighted_bias(rest[0], sigma_b, layout.models["b_g"].sigma)
+            rest = bias = bias_of_rests(rests, float(llh[0]), rates, spec, layout) or rest
         level = level_at_rest(rates, rests, bias, t, llh, section, spec)
 
     def attitude(heading: float, sigma: float) -> Alignment:
@@ -164,7 +165,7 @@ def align(
     if rest is not None and "b_g" in layout:
         notes += rest_sentences(initial, layout, rests, *rest, calibration is not None)
     method = first.method.removesuffix(", ") + phrase
-    return Start(initial, source, heading, sigma, at_heading, method, obstacle)
+    return Start(initial, source, heading, sigma, at_heading, method, obstacle, rests)
 
 
 def aligned_sentence(initial: InitialState, method: str, origin: float) -> str:
@@ -257,23 +258,39 @@ def _start_from_fix(
         if rest is not None and "b_g" in layout:
             start = with_bias(start, layout, *rest)
         start = start.aligned(alignment, layout)
-    # the antenna is at the fix, so dr + dpsi x (C l) is the fix's error: dr = error + [C l x] dpsi; what is
-    # estimated of the fix's own faults (lever arm, slow error, time offset) is in that error, with the sign turned
-    T = np.eye(layout.size)
-    T[6:9, 0:3] = rotation.skew(arm_n)
-    for rows, name, column in (
-        (slice(6, 9), "lever", -C_nb),
-        (slice(6, 9), "b_r", -np.eye(3)),
-        (slice(3, 6), "b_v", -np.eye(3)),
-        (slice(6, 9), "delay", -v[:, None]),
-        (slice(3, 6), "delay", -_acceleration(gnss, k)[:, None]),
-    ):
+    T = position_error_of_fix(layout, C_nb, lever, v)
+    for name, column in (("b_v", -np.eye(3)), ("delay", -_acceleration(gnss, k)[:, None])):
         if name in layout:
-            T[rows, layout[name]] = column
+            T[3:6, layout[name]] = column
     start = InitialState(nav, T @ start.P @ T.T, start.parameters)
     if rest is None or calibration is None or "b_g" not in layout:
         return start
     return updated_with_rest_rate(start, layout, alignment.C_nb, *rest)
+
+
+def position_error_of_fix(layout: StateLayout, C_nb: FloatArray, lever: FloatArray, v_n: FloatArray) -> FloatArray:
+    """Matrix that makes of a fix's error, in place of the position's, the error of an IMU placed by it. Shape (n, n).
+
+    Parameters
+    ----------
+    layout : StateLayout
+    C_nb : ndarray, shape (3, 3)
+    lever : ndarray, shape (3,)
+        From the IMU to the antenna, body axes. [m]
+    v_n : ndarray, shape (3,)
+        [m/s]
+
+    Notes
+    -----
+    The antenna is at the fix, so ``dr + dpsi x (C l)`` is the fix's error: ``dr = error + [C l x] dpsi``; what is
+    estimated of the fix's own faults (lever arm, slow error, time offset) is in that error, with the sign turned.
+    """
+    T = np.eye(layout.size)
+    T[6:9, 0:3] = rotation.skew(C_nb @ lever)
+    for name, column in (("lever", -C_nb), ("b_r", -np.eye(3)), ("delay", -v_n[:, None])):
+        if name in layout:
+            T[6:9, layout[name]] = column
+    return T
 
 
 def _acceleration(gnss: GnssSeries, k: int) -> FloatArray:

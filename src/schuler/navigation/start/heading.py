@@ -31,6 +31,7 @@ _LOOSE = 45.0 * units.DEG  # 1-sigma with which a doubtful course counts among t
 _DECIDED = 20.0 * units.DEG  # spread of the headings that remain likely
 _CONVICTS = 10.0  # difference of log-likelihoods that overrules a course: chi-square of 20, one degree of freedom
 _CLEARLY = 0.4  # and its mean squares are so much smaller: errors of scale no state has turn headings by less
+_CARRIED = 2.0  # difference of log-likelihoods by which a start has to be likelier than one that a rest gave
 _ELSEWHERE = 45.0 * units.DEG  # a course this far off is looked for
 # Factors on the 1-sigma of the IMU's white noise and of fixes that headings are also tried with, where none fits the
 # noise as stated: errors too large for it break the filter down at headings that are right as well, and the likeliest
@@ -157,6 +158,35 @@ def judged_start(
     elif start.source != "none":
         sentence += f"; the {'course' if start.source == 'course' else 'one given'} is {off:.0f} deg off it"
     return start.at_heading(heading, sigma), f"{method.split(', heading')[0]}, heading from accelerations", [sentence]
+
+
+def likeliest_start(
+    start: Start,
+    carried: Sequence[InitialState],
+    prepared: PreparedRun,
+    finish: Callable[[InitialState], InitialState],
+) -> tuple[InitialState, str]:
+    """The likeliest by the first minute of a start at its fix and those carried from a rest, and its method.
+
+    One that a rest gave has more in it, and stays where the fixes do not tell the two apart.
+
+    Parameters
+    ----------
+    start : Start
+    carried : sequence of InitialState
+        See :func:`~schuler.navigation.start.carried.carried_starts`.
+    prepared, finish
+        As for :func:`judged_start`.
+    """
+    if not carried:
+        return start.initial, start.method
+    states = [start.initial, *carried]
+    likelihood = np.array([log_likelihood(prepared, finish(state), _SPANS_S[0])[0] for state in states])
+    best = int(np.argmax(likelihood + _CARRIED * (np.arange(len(states)) > 0)))
+    if best == 0:
+        return start.initial, start.method
+    heading = start.method.partition(", heading")
+    return states[best], f"attitude and velocity carried from a rest{heading[1]}{heading[2]}"
 
 
 def _contradiction(apart: float) -> str:

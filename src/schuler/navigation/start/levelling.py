@@ -19,7 +19,7 @@ from schuler.sensors.spec import ImuSpec
 _SHORT_S = 1.5  # shorter parts are not turned into the axes of one time [s]
 _LONGEST_S = 4.0  # longest time between velocities that level in motion, where there are some closer [s]
 _SPARSE_S = 15.0  # and where there are none [s]
-_CARRIED_S = 120.0  # longest time over which the gyroscopes carry an attitude [s]
+CARRIED_S = 120.0  # longest time over which the gyroscopes carry an attitude [s]
 
 
 def level_at_rest(
@@ -59,7 +59,7 @@ def level_at_rest(
     ago = t - rests.stop
     spread = np.hypot(rests.sigma_force / units.G0, np.hypot(spec.gyro.random_walk * np.sqrt(ago), bias[1] * ago))
     best = len(rests) - 1 - int(np.argmin(spread[::-1]))
-    if ago[best] > _CARRIED_S:
+    if ago[best] > CARRIED_S:
         return None
     noise = float(np.hypot(rests.sigma_force[best], section.tilt_floor_deg * units.DEG * units.G0))
     end = float(rests.stop[best])

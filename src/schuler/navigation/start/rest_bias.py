@@ -69,6 +69,20 @@ def weighted_bias(rate: FloatArray, sigma: float, prior: float) -> tuple[FloatAr
     return gain * rate, float(np.sqrt(gain)) * sigma
 
 
+def bias_of_rests(
+    rests: StartRests, lat: float, rates: ImuSeries, spec: ImuSpec, layout: StateLayout
+) -> tuple[FloatArray, float] | None:
+    """Gyro bias of a start, shape (3,), and its 1-sigma: of rests and budget, each by its weight; None without rest.
+
+    What no state of the filter is for, in motion, is in the 1-sigma. [rad/s]
+    """
+    rest = rest_rate(rests, lat, spec)
+    if rest is None:
+        return None
+    sigma = float(np.hypot(rest[1], unmodelled_rate(rates, rest[0], spec, layout)))
+    return weighted_bias(rest[0], sigma, layout.models["b_g"].sigma)
+
+
 def with_bias(initial: InitialState, layout: StateLayout, bias: FloatArray, sigma: float) -> InitialState:
     """Initial state with gyro biases and their 1-sigma, uncorrelated with anything yet."""
     estimates, P = initial.parameters.copy(), initial.P.copy()

@@ -41,6 +41,8 @@ class StartRests:
         acceleration. Biases are not in it. [rad/s], [m/s^2]
     confirmed : ndarray of bool, shape (k,)
         Whether GNSS saw it stand still.
+    noise_rate, noise_force : ndarray, shape (k,)
+        The same 1-sigma of what certainly is a rest: without motion that looks like one.
     outside : float
         Largest mean rate of a rest confirmed by GNSS that the error budget has no room for, else 0. [rad/s]
     """
@@ -52,6 +54,8 @@ class StartRests:
     sigma_rate: FloatArray
     sigma_force: FloatArray
     confirmed: BoolArray
+    noise_rate: FloatArray
+    noise_force: FloatArray
     outside: float = 0.0
 
     def __len__(self) -> int:
@@ -61,6 +65,15 @@ class StartRests:
     def duration(self) -> float:
         """Length of all together. [s]"""
         return float(np.sum(self.stop - self.start))
+
+    def confirm(self, index: int) -> StartRests:
+        """One of the rests taken as sure, with those that GNSS confirms; others that only the IMU shows are out."""
+        sure = self.confirmed.copy()
+        sure[index] = True
+        return StartRests(
+            self.start[sure], self.stop[sure], self.rate[sure], self.force[sure], self.noise_rate[sure],
+            self.noise_force[sure], sure[sure], self.noise_rate[sure], self.noise_force[sure], self.outside,
+        )  # fmt: skip
 
     def mean_rate(self) -> tuple[FloatArray, float]:
         """Weighted mean rate of all rests, shape (3,), and its 1-sigma with the scatter between them. [rad/s]"""
@@ -115,7 +128,7 @@ def rests_before(
     and a change of speed of 20 m/s over the stretch are in the claimed sigma.
     """
     none = np.empty(0)
-    nothing = StartRests(none, none, np.empty((0, 3)), np.empty((0, 3)), none, none, np.empty(0, bool))
+    nothing = StartRests(none, none, np.empty((0, 3)), np.empty((0, 3)), none, none, np.empty(0, bool), none, none)
     blocks = _blocks(rates)
     if longest <= 0.0 or len(blocks.start) < _SHORTEST:
         return nothing
@@ -140,11 +153,13 @@ def rests_before(
             vibration = [float(x[span].std(axis=0).max()) / np.sqrt(last - first) for x in (blocks.rate, blocks.force)]
             sigma_rate = max(spec.gyro.random_walk / np.sqrt(T), vibration[0])
             sigma_force = max(spec.accel.random_walk / np.sqrt(T), vibration[1])
+            noise = sigma_rate, sigma_force
             if not confirmed:
                 share = motion.share(T, until - float(rates.t[0]))
                 sigma_rate = float(np.hypot(sigma_rate, np.sqrt(share) * motion.turn))
                 sigma_force = float(np.hypot(sigma_force, np.sqrt(share) * _CHANGE_OF_SPEED / T))
-            rests.append((blocks.start[first], blocks.stop[last - 1], rate, force, sigma_rate, sigma_force, confirmed))
+            span_s = float(blocks.start[first]), float(blocks.stop[last - 1])
+            rests.append((*span_s, rate, force, sigma_rate, sigma_force, confirmed, *noise))
     kept, total = [], 0.0
     for rest in reversed(rests):
         if total < longest:
@@ -154,8 +169,9 @@ def rests_before(
         return nothing
     columns = [np.array(x) for x in zip(*kept[::-1], strict=True)]
     return StartRests(
-        columns[0], columns[1], columns[2], columns[3], columns[4], columns[5], columns[6].astype(bool), outside
-    )
+        columns[0], columns[1], columns[2], columns[3], columns[4], columns[5], columns[6].astype(bool),
+        columns[7], columns[8], outside,
+    )  # fmt: skip
 
 
 def _bias_sigma(triad: TriadSpec) -> float:

@@ -46,7 +46,7 @@ def with_smoothed_start(prepared: PreparedRun, *, narrow: bool = True) -> Prepar
     nearly right they are smooth, as in an iterated Kalman filter (Bell, Cathey (1993), IEEE Trans. Autom. Control
     38(2)).
     """
-    if prepared.ranges is not None or prepared.layout.size != prepared.layout.without_clones.size:
+    if prepared.ranges is not None or prepared.layout.size != prepared.layout.visible.size:
         return prepared
     tests = trials(prepared, _fixes(prepared.schedule), phases=1)
     if not tests:

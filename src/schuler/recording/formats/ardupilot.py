@@ -237,6 +237,8 @@ def gnss_table(log: DataFlash, name: str, hints: ReadHints, notes: list[str]) ->
     }
     if "NSats" in gps:
         values["ns"] = gps["NSats"]
+    dilutions = {"hdop": gps.get("HDop"), "vdop": accuracy.get("VDop")}
+    values |= {column: dop for column, dop in dilutions.items() if dop is not None}
     if {"HAcc", "VAcc", "SAcc"} <= set(accuracy):
         values |= {"sn": accuracy["HAcc"], "se": accuracy["HAcc"], "sd": accuracy["VAcc"]}
         values |= {f"sv{axis}": accuracy["SAcc"].copy() for axis in "ned"}

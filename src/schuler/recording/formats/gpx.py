@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler import files, units
 from schuler.exceptions import FileFormatError, InputError
-from schuler.recording.io import lines, track_points
+from schuler.recording.io import columns, lines, track_points
 from schuler.recording.io.clock import to_unix
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.track_points import Point
@@ -100,7 +100,7 @@ def write(
     Notes
     -----
     Degrees have nine decimals (0.1 mm), heights and seconds three. Times are UTC, and left out on a local clock. Fixes
-    carry their kind and number of satellites.
+    carry their kind, number of satellites and dilutions of precision.
     """
     if series not in (None, "gnss", "reference"):
         raise InputError(f"series: expected gnss or reference, got {series!r}")
@@ -148,6 +148,9 @@ def _tags(recording: Recording) -> list[str] | None:
         quality = [f"<fix>{_FIX[q]}</fix>" if q in _FIX else "" for q in gnss.quality.tolist()]
     if gnss.n_satellites is not None:
         quality = [f"{a}<sat>{n}</sat>" for a, n in zip(quality, gnss.n_satellites.tolist(), strict=True)]
+    for column, name in enumerate(columns.DILUTION if gnss.dop is not None else ()):
+        dop = np.asarray(gnss.dop)[:, column].tolist()
+        quality = [f"{a}<{name}>{d:.2f}</{name}>" if d > 0.0 else a for a, d in zip(quality, dop, strict=True)]
     return quality
 
 

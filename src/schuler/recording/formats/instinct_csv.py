@@ -42,8 +42,9 @@ _FIX = (
     "GNSS1::PosU::D [m]", "GNSS1::VelU [m/s]",
 )  # fmt: skip
 _RAW = ("GNSS1::RawMeas::Tow [s]", "GNSS1::RawMeas::Week", "GNSS1::RawMeas::Satellites")
-#: VectorNav's kinds of fix to RTKLIB's numbers; 0 none, 1 time only and 2 two-dimensional are no fixes here.
 _MOST_SATELLITES, _MOST_SIGMA = 1e4, 1e10  # beyond any receiver's; 2**32 mm stands for "unknown" [1], [m]
+_LARGEST = 1e30  # of any column: what is larger is damage, and products of it overflow
+#: VectorNav's kinds of fix to RTKLIB's numbers; 0 none, 1 time only and 2 two-dimensional are no fixes here.
 _QUALITY = MappingProxyType({3: 5, 4: 3, 5: 5, 7: 2, 8: 1})
 _SYSTEMS = MappingProxyType({0: "G", 1: "S", 2: "E", 3: "C", 5: "J", 6: "R"})
 #: System, band and channel to RINEX signals, as far as recordings confirm them by the ratio of carrier to pseudorange.
@@ -201,12 +202,12 @@ def _numbers(path: Path, header: list[str], rows: list[list[str]], names: Sequen
         values = np.array([[_number(row[k]) for k in places] for row in rows])
     except ValueError:
         values = np.full((1, 1), np.nan)
-    if np.isfinite(values).all():
+    if (np.abs(values) < _LARGEST).all():
         return values
     for number, row in enumerate(rows, 2):
         for name, k in zip(names, places, strict=True):
             try:
-                good = bool(np.isfinite(_number(row[k])))
+                good = abs(_number(row[k])) < _LARGEST
             except ValueError:
                 good = False
             if not good:

@@ -28,7 +28,7 @@ from schuler.recording.io.lines import check_file
 from schuler.recording.io.over_ground import NO_VELOCITY, NO_VERTICAL_RATE
 from schuler.recording.io.raw import HUGE
 from schuler.recording.recording import Recording
-from schuler.recording.series import GnssSeries
+from schuler.recording.series import GnssSeries, stated_dilution
 from schuler.timebase import UNIX_TO_GPS_S, TimeBase, gps_from_calendar, gps_from_unix
 
 #: 1-sigma of a range by GGA's quality, which HDOP and VDOP multiply: single, differential, precise, fixed, float,
@@ -169,7 +169,7 @@ def series_of(
     gga = [e.sentences["GGA"] for e in kept]
     series = GnssSeries(
         t, llh, cov_r_n, v_n, cov_v_n, np.array([_QUALITY[m.quality] for m in gga]),
-        np.array([int(_number(m.numSV)) for m in gga]),
+        np.array([int(_number(m.numSV)) for m in gga]), dop=stated_dilution(*np.array([_stated(e) for e in kept]).T),
     )  # fmt: skip
     return series, base
 
@@ -315,9 +315,13 @@ def _position_covariance(path: Path, kept: list[Epoch], hints: ReadHints, notes:
 
 def _dilutions(e: Epoch) -> tuple[float, float]:
     """HDOP and VDOP of an epoch, the latter guessed from the former where there is no GSA; 0 if unknown."""
-    horizontal = _number(e.sentences["GGA"].HDOP)
-    vertical = _number(e.sentences["GSA"].VDOP) if "GSA" in e.sentences else 0.0
+    horizontal, vertical = _stated(e)
     return horizontal, vertical if vertical > 0.0 else _VERTICAL * horizontal
+
+
+def _stated(e: Epoch) -> tuple[float, float]:
+    """HDOP and VDOP of an epoch as GGA and GSA state them; 0 if unknown."""
+    return _number(e.sentences["GGA"].HDOP), _number(e.sentences["GSA"].VDOP) if "GSA" in e.sentences else 0.0
 
 
 def _velocities(kept: list[Epoch], hints: ReadHints, notes: list[str]) -> tuple[FloatArray | None, FloatArray | None]:

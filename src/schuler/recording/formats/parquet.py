@@ -16,7 +16,7 @@ import numpy as np
 
 from schuler import files
 from schuler.exceptions import FileFormatError, InputError, MissingExtraError, SchulerError
-from schuler.files import hashed
+from schuler.files import hashed, package_version
 from schuler.recording.io import columns, own, own_satellites
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.own import Columns
@@ -167,7 +167,7 @@ def write_table(path: Path | str, columns: _Columns | Iterable[_Columns], meta: 
     _, pq = _pyarrow("writing Parquet")
     if "format" not in meta:
         raise InputError("write_table: expected at least one column, and a format name in meta")
-    document = own.to_json({"package": f"schuler {own.package_version()}", **meta})
+    document = own.to_json({"package": f"schuler {package_version()}", **meta})
     parts = iter([columns] if isinstance(columns, Mapping) else columns)
     table = _arrow_table(next(parts, {}), document)
     repeating = [n for n in table.column_names if _repeats(table.column(n))]

@@ -101,7 +101,8 @@ def read(path: Path, hints: ReadHints) -> Recording:
         if sheet is not None and columns is not None:
             values = _values(sheet, path)
             finite = np.isfinite(values[:, [0, *columns]]).all(axis=1)
-            raw[name] = values[finite, 0], values[finite][:, columns]
+            if finite.any():
+                raw[name] = values[finite, 0], values[finite][:, columns]
     if ("accel" in raw) != ("gyro" in raw):
         notes.append("There is only one of accelerometer (with gravity) and gyroscope: no IMU.")
         raw = {}

@@ -64,7 +64,8 @@ def sniff(head: bytes, path: Path) -> bool:
     by_name = variables(path)
     if "trj" in by_name:
         return {"imu", "avp"} <= set(by_name["trj"].fields)
-    return all(name in by_name and by_name[name].shape[-1] in _WIDTHS[name] for name in ("imu", "avp"))
+    shapes = {name: by_name[name].shape for name in ("imu", "avp") if name in by_name}
+    return len(shapes) == 2 and all(len(shape) == 2 and shape[1] in _WIDTHS[name] for name, shape in shapes.items())
 
 
 def holds(path: Path) -> tuple[str, ...]:

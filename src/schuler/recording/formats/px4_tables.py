@@ -10,7 +10,7 @@ import numpy as np
 from schuler import rotation, units
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
-from schuler.recording.io import parts
+from schuler.recording.io import columns, parts
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.parts import Table
 from schuler.timebase import UNIX_TO_GPS_S, gps_from_unix
@@ -167,6 +167,7 @@ def gnss_table(path: Path, log: Log, name: str, hints: ReadHints, notes: list[st
         )
     if "satellites_used" in data:
         values["ns"] = field_of(path, data, "satellites_used", name)[keep]
+    values |= {column: field_of(path, data, column, name)[keep] for column in columns.DILUTION if column in data}
     notes.append(
         f"gnss: {name}; eph is taken as 1-sigma of north and of east, s_variance_m_s as that of each velocity."
     )

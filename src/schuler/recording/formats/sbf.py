@@ -13,7 +13,7 @@ from schuler import units
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import FileFormatError
 from schuler.recording.formats.sbf_blocks import NOT_USED, Blocks, inertial, load, looks_like, sensor
-from schuler.recording.io import parts
+from schuler.recording.io import columns, parts
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.parts import Table
@@ -232,6 +232,10 @@ def gnss_table(log: Blocks, t: FloatArray, rows: Columns, hints: ReadHints, note
     }
     values |= {name: sigma[:, k] for k, name in enumerate(("sn", "se", "sd"))}
     values |= {name: cross[:, k] for k, name in enumerate(("cne", "cnd", "ced"))}
+    dop = log.columns("DOP")
+    if len(dop["week"]):
+        match = same_time(_key(rows), _key(dop))
+        values |= {name: np.where(match >= 0, 0.01 * dop[name][match], np.nan) for name in columns.DILUTION}
     notes.append("gnss: PVTGeodetic, of the antenna or marker the receiver is set to; heights are ellipsoidal.")
     return Table(values | _velocity(log, rows, hints, notes))
 

@@ -1,7 +1,7 @@
 """Blocks of the Septentrio Binary Format: found by their CRC, and their fields as columns.
 
-Layouts: Septentrio, "SBF Reference Guide" (block header, PVTGeodetic, PosCovGeodetic, VelCovGeodetic, AttEuler,
-AttCovEuler, INSNavGeod, ExtSensorMeas).
+Layouts: Septentrio, "SBF Reference Guide" (block header, PVTGeodetic, DOP, PosCovGeodetic, VelCovGeodetic,
+AttEuler, AttCovEuler, INSNavGeod, ExtSensorMeas).
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ LAYOUTS: dict[str, tuple[int, str]] = {
         "u1 mode,u1 error,f8 lat,f8 lon,f8 h,f4 undulation,f4 vn,f4 ve,f4 vu,f4 course,f8 clock,f4 drift,"
         "u1 system,u1 datum,u1 satellites",
     ),
+    "DOP": (4001, "u1 satellites,u1 reserved,u2 pdop,u2 tdop,u2 hdop,u2 vdop"),
     "PosCovGeodetic": (5906, _COVARIANCE),
     "VelCovGeodetic": (5908, _COVARIANCE),
     "AttEuler": (5938, "u1 satellites,u1 error,u2 mode,u2 reserved,f4 heading,f4 pitch,f4 roll"),

@@ -1,7 +1,8 @@
 """Logs of u-blox receivers (``.ubx``): raw measurements, broadcast ephemerides and the receiver's own solutions.
 
-Three messages matter: RXM-RAWX, RXM-SFRBX and NAV-PVT. pyubx2 decodes them at about fifty times real time for a log of
-4 Hz and 72 measurements an epoch (docs/gnss-receivers.md), which is fast enough to have no decoder of our own.
+Four messages matter: RXM-RAWX, RXM-SFRBX, NAV-PVT and, for its dilutions, NAV-DOP. pyubx2 decodes them at about fifty
+times real time for a log of 4 Hz and 72 measurements an epoch (docs/gnss-receivers.md), which is fast enough to have no
+decoder of our own.
 
 pyubx2 reads frames too, but believes a length once it has seen the two bytes that start one: a single wrong byte there
 swallows up to 65 kB of good frames, and what was lost is not counted. So the frames are found here and it decodes them.
@@ -28,7 +29,7 @@ from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries
 from schuler.timebase import WEEK_S, TimeBase
 
-RAWX, SFRBX, PVT = 0x0215, 0x0213, 0x0107
+RAWX, SFRBX, PVT, DOP = 0x0215, 0x0213, 0x0107, 0x0104
 _SENSORS = (0x1002, 0x1003)  # ESF-MEAS, ESF-RAW
 _USED = {"name", "series"}
 SYNC = b"\xb5\x62"
@@ -47,7 +48,7 @@ class UbxLog:
     ephemerides : Ephemerides
         Empty if the log has no RXM-SFRBX.
     gnss : GnssSeries, optional
-        Solutions of NAV-PVT; ``None`` if the log has none with a fix.
+        Solutions of NAV-PVT, with dilutions of NAV-DOP; ``None`` if the log has none with a fix.
     time : TimeBase
         GPS time from the start of the first epoch's week.
     sigma_range, sigma_rate : ndarray, shape (n,)
@@ -97,7 +98,7 @@ def read_ubx(path: Path | str) -> UbxLog:
     check_file(path)
     frames = find_frames(path.read_bytes())
     decode, notes = decoder(), frames.notes()
-    by_kind: dict[int, list[tuple[int, dict[str, Any]]]] = {RAWX: [], SFRBX: [], PVT: []}
+    by_kind: dict[int, list[tuple[int, dict[str, Any]]]] = {RAWX: [], SFRBX: [], PVT: [], DOP: []}
     unreadable = 0
     for order, (kind, first, stop) in enumerate(frames.spans):
         if kind not in by_kind:
@@ -116,6 +117,7 @@ def read_ubx(path: Path | str) -> UbxLog:
         )
     if unreadable:
         notes.append(f"{unreadable} frames were not of the length their contents call for and were left out.")
+    dop = {m["iTOW"]: (m["hDOP"], m["vDOP"]) for _, m in by_kind.pop(DOP)}
     if not any(by_kind.values()):
         raise FileFormatError(
             f"expected u-blox messages RXM-RAWX, RXM-SFRBX or NAV-PVT, found {len(frames.spans)} frames of other kinds "
@@ -124,7 +126,7 @@ def read_ubx(path: Path | str) -> UbxLog:
         )
     raw = ubx_messages.raw_epochs(m for _, m in by_kind[RAWX])
     start = None if raw is None else raw.observations.epoch_gps_s
-    gnss, pvt_start, more = ubx_messages.solutions((m for _, m in by_kind[PVT]), start)
+    gnss, pvt_start, more = ubx_messages.solutions((m for _, m in by_kind[PVT]), start, dop)
     start = pvt_start if start is None else start
     notes += list(raw.observations.notes if raw is not None else ()) + more
     ephemerides = _ephemerides(by_kind)
@@ -150,12 +152,12 @@ def read_ubx(path: Path | str) -> UbxLog:
 
 
 def _is_whole(kind: int, payload: bytes) -> bool:
-    """Whether a payload is as long as its counter says (UBX-22008968, 3.15.14, 3.17.5, 3.17.9); polls have none."""
+    """Whether a payload is as long as its counter says (UBX-22008968, 3.15.5, 3.15.14, 3.17.5, 3.17.9); no poll is."""
     if kind == RAWX:
         return len(payload) >= 16 + 32 * (payload[11] if len(payload) > 11 else 0)
     if kind == SFRBX:
         return len(payload) >= 8 + 4 * (payload[4] if len(payload) > 4 else 0)
-    return len(payload) >= 84  # 92 since protocol 15
+    return len(payload) >= (18 if kind == DOP else 84)  # 92 since protocol 15
 
 
 def read_ubx_recording(path: Path, hints: ReadHints) -> Recording:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import datetime as dt
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -24,7 +24,7 @@ from schuler.gnss.messages_glonass import ephemerides_of_strings
 from schuler.gnss.messages_gps import ephemerides_of_lnav
 from schuler.gnss.observations import Observations
 from schuler.gnss.signals import SYSTEM_NAMES, SYSTEMS, wavelengths
-from schuler.recording.series import GnssSeries
+from schuler.recording.series import GnssSeries, stated_dilution
 from schuler.timebase import WEEK_S, gps_from_calendar
 
 _NAMES = (
@@ -104,8 +104,8 @@ def raw_epochs(messages: Iterable[dict[str, Any]]) -> RawEpochs | None:
         if m["leapSec"]:
             leap = int(m["leapS"])
         resets += m["clkReset"]
-        # before it knows the time a receiver says week 0
-        if n == 0 or m["week"] == 0 or not np.isfinite(gps_s):
+        # before it knows the time a receiver says week 0; beyond a week is damage
+        if n == 0 or m["week"] == 0 or not 0.0 <= m["rcvTow"] <= WEEK_S:
             empty += 1
             continue
         if gps_s <= last:
@@ -233,7 +233,9 @@ def solution_times(messages: Sequence[dict[str, Any]]) -> FloatArray:
 
 
 def solutions(
-    messages: Iterable[dict[str, Any]], start: float | None = None
+    messages: Iterable[dict[str, Any]],
+    start: float | None = None,
+    dop: Mapping[int, tuple[float, float]] | None = None,
 ) -> tuple[GnssSeries | None, float, list[str]]:
     """GNSS series of decoded NAV-PVT messages.
 
@@ -243,6 +245,8 @@ def solutions(
         Fields of each message by pyubx2's names, in order of the log.
     start : float, optional
         GPS time of zero seconds, default the start of the first epoch's week. [s]
+    dop : mapping of int to (float, float), optional
+        HDOP and VDOP of NAV-DOP by the time of week of their epoch. [ms]
 
     Returns
     -------
@@ -298,6 +302,7 @@ def solutions(
     series = GnssSeries(
         (parts[keep, 0] - start) + parts[keep, 1], llh, cov_r, v_n, cov_v, np.array([_quality(m) for m in kept]),
         np.array([m["numSV"] for m in kept]),
+        dop=stated_dilution(*np.array([(dop or {}).get(m["iTOW"], (0.0, 0.0)) for m in kept]).T),
     )  # fmt: skip
     return series, start, notes
 

@@ -32,6 +32,8 @@ VELOCITY, ECEF_VELOCITY = ("vn", "ve", "vd"), ("vx", "vy", "vz")
 SIGMA, VELOCITY_SIGMA = ("sn", "se", "sd"), ("svn", "sve", "svd")
 CROSS, VELOCITY_CROSS = ("cne", "cnd", "ced"), ("cvne", "cvnd", "cved")
 EULER, QUATERNION = ("roll", "pitch", "yaw"), ("qw", "qx", "qy", "qz")
+#: Dilution of precision, horizontal and vertical; NaN where it is not known.
+DILUTION = ("hdop", "vdop")
 
 #: Column name to its group; ``None`` where the column has no unit or, for covariances, only the SI one.
 GROUP: dict[str, str | None] = {
@@ -48,7 +50,7 @@ GROUP: dict[str, str | None] = {
     **dict.fromkeys(("h", "sh"), "length"),
     **dict.fromkeys((*SIGMA, *ECEF, *LOCAL), "length"),
     **dict.fromkeys((*VELOCITY, *VELOCITY_SIGMA, *ECEF_VELOCITY, "speed", "sspeed"), "velocity"),
-    **dict.fromkeys((*CROSS, *VELOCITY_CROSS, *QUATERNION, "q", "ns"), None),
+    **dict.fromkeys((*CROSS, *VELOCITY_CROSS, *QUATERNION, "q", "ns", *DILUTION), None),
 }
 SKIPS = ("-", "_")
 #: Columns whose sign a ``-`` before the name changes.
@@ -177,6 +179,7 @@ BELONGS = {
         "q",
         "ns",
         "received",
+        *DILUTION,
         *OVER_GROUND,
     },
     "odometer": {"t", "speed", "sspeed"},

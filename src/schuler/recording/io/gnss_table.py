@@ -13,7 +13,7 @@ from schuler.recording.io import columns, over_ground
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import Raw
 from schuler.recording.recording import Recording
-from schuler.recording.series import QUALITY, GnssSeries, positive_definite
+from schuler.recording.series import QUALITY, GnssSeries, positive_definite, stated_dilution
 from schuler.recording.trajectory import Trajectory
 
 _MANY = 20_000  # samples from which loading compiled code is worth its fraction of a second
@@ -67,7 +67,8 @@ def gnss_series(raw: Raw, hints: ReadHints, t: FloatArray) -> GnssSeries:
         if len(bad):
             meanings = ", ".join(f"{k} {v}" for k, v in QUALITY.items())
             raise raw.fault(f"expected a quality q of {meanings}, got {quality[bad[0]]}: skip the column", int(bad[0]))
-    return GnssSeries(t, llh, cov_r_n, v_n, cov_v_n, quality, _integers(raw, "ns"), raw.values.get("received"))
+    dop = stated_dilution(*(raw.values.get(name) for name in columns.DILUTION))
+    return GnssSeries(t, llh, cov_r_n, v_n, cov_v_n, quality, _integers(raw, "ns"), raw.values.get("received"), dop)
 
 
 def _over_ground(raw: Raw, hints: ReadHints, t: FloatArray, llh: FloatArray) -> bool:
@@ -174,9 +175,12 @@ def reference_path(raw: Raw, hints: ReadHints, t: FloatArray) -> Trajectory:
         v = raw.stack(columns.ECEF_VELOCITY) if raw.has(columns.ECEF_VELOCITY) else None
         q = raw.stack(columns.QUATERNION) if raw.has(columns.QUATERNION) else None
         if q is not None:
-            bad = np.flatnonzero(np.abs(np.sqrt(np.einsum("ni,ni->n", q, q)) - 1.0) > 1e-3)
+            norm = np.sqrt(np.einsum("ni,ni->n", q, q))
+            bad = np.flatnonzero(np.abs(norm - 1.0) > 1e-3)
             if len(bad):
                 raise raw.fault("qw, qx, qy, qz: expected a unit quaternion, scalar first", int(bad[0]))
+            rounded = np.abs(norm - 1.0) > 1e-12  # printed to some digits; what is exact stays as it is
+            q = np.where(rounded[:, None], q / norm[:, None], q)
         return Trajectory(t, raw.stack(columns.ECEF), v, q)
     llh = _geodetic(raw, hints)
     v_n = raw.stack(columns.VELOCITY) if raw.has(columns.VELOCITY) else None

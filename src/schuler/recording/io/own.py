@@ -12,11 +12,12 @@ import numpy as np
 from schuler import files
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
+from schuler.files import package_version
 from schuler.recording.io import columns, own_satellites
 from schuler.recording.io.hint_texts import SERIES
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Metadata, Recording
-from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries
+from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, ScalarSeries, stated_dilution
 from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 
@@ -52,20 +53,11 @@ JOINED = (
 _BLOCK = 8192  # rows of a few columns, which fit into a cache
 
 
-def package_version() -> str:
-    """Version of this package, for the provenance of files."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version("schuler")
-    except PackageNotFoundError:
-        return "not installed"
-
-
 def version(recording: Recording) -> int:
-    """Version of our formats that a recording needs: 2 with a heading, height, satellites or magnetometer, else 1."""
+    """Version of our formats that a recording needs: 2 with satellites, heading, height, magnetometer, DOP; else 1."""
     second = any(getattr(recording, name) is not None for name in _SECOND)
-    return 2 if second or (recording.imu is not None and recording.imu.magnetometer is not None) else 1
+    second |= recording.imu is not None and recording.imu.magnetometer is not None
+    return 2 if second or (recording.gnss is not None and recording.gnss.dop is not None) else 1
 
 
 def rows(table: Columns) -> int:
@@ -88,7 +80,7 @@ def flatten(recording: Recording) -> dict[str, Columns]:
             table |= {**_split(columns.VELOCITY, gnss.v_n), **_split_cov("cv", gnss.cov_v_n)}
         optional = {"q": gnss.quality, "ns": gnss.n_satellites, "received": gnss.received}
         table |= {name: values for name, values in optional.items() if values is not None}
-        flat["gnss"] = table
+        flat["gnss"] = table if gnss.dop is None else table | _split(columns.DILUTION, gnss.dop)
     if (odometer := recording.odometer) is not None:
         flat["odometer"] = {"t": odometer.t, "speed": odometer.speed, "sspeed": odometer.sigma}
     if (heading := recording.heading) is not None:
@@ -129,6 +121,7 @@ def unflatten(
             flat.get("q"),
             flat.get("ns"),
             flat.get("received"),
+            stated_dilution(*(flat.get(name) for name in columns.DILUTION)),
         )
     if name == "odometer":
         return OdometerSeries(flat["t"], flat["speed"], flat["sspeed"])

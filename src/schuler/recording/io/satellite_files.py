@@ -11,7 +11,7 @@ from pathlib import Path
 
 from schuler.exceptions import SchulerError
 from schuler.gnss.ephemerides import Ephemerides, no_glonass, no_kepler
-from schuler.recording.formats import instinct_csv, nmea, psins, ubx
+from schuler.recording.formats import instinct_csv, nmea, psins, rtcm, ubx
 from schuler.recording.io.assemble import metadata_of
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Recording
@@ -58,6 +58,8 @@ def kinds_of(path: Path, head: bytes) -> tuple[str, ...]:
         messages = {span[0] for span in ubx.find_frames(head).spans}
         held = [name for name, code in (("gnss", ubx.PVT), ("observations", ubx.RAWX)) if code in messages]
         return tuple(held) or ("observations",)
+    if rtcm.is_rtcm(path):
+        return ("observations",)
     if _is_nmea(path, head):
         return ("gnss",)
     if psins.looks_like_psins_imu(head):
@@ -97,6 +99,8 @@ def read_satellite_file(
         return _observations(path, hints, glonass_channels)
     if _is_ubx(path, head):  # before NMEA, whose sentences may stand between its frames
         return ubx.read_ubx_recording(path, hints)
+    if rtcm.is_rtcm(path):
+        return rtcm.read_rtcm_recording(path, hints)
     if _is_nmea(path, head):
         return nmea.read_nmea(path, hints)
     if hints.columns is not None:  # the tables below can also be read column by column

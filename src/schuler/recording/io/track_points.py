@@ -12,7 +12,7 @@ import numpy as np
 
 from schuler import units
 from schuler.exceptions import FileFormatError
-from schuler.recording.io import clock, dates, lines, parts
+from schuler.recording.io import clock, columns, dates, lines, parts
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.over_ground import velocities
 from schuler.recording.io.parts import Table
@@ -77,7 +77,7 @@ def elements(path: Path, ends: Iterable[str]) -> Iterator[tuple[str, ElementTree
             if name in wanted:
                 yield name, element
                 element.clear()
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, LookupError, ValueError) as error:  # the last two: a declared encoding of no name
         raise FileFormatError(f"it is not complete XML ({error}): it is damaged or was cut off", path) from error
 
 
@@ -152,6 +152,7 @@ def recording_of(path: Path, points: list[Point], hints: ReadHints, what: str) -
         notes.append("Points without a height: heights are zero" + (
             f" with a 1-sigma of {_NO_HEIGHT:g} m." if hints.sigmas is None else "."
         ))  # fmt: skip
+    values |= dict(zip(columns.DILUTION, rows[5:7], strict=True))
     if np.isfinite(rows[3]).any():
         speed = np.where(rows[3] >= 0.0, rows[3], np.nan)
         values |= velocities(t, (lat, lon), speed, rows[4] * units.DEG, (None, None), notes)

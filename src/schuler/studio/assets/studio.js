@@ -176,7 +176,13 @@
   }
 
   function plan(element) {
-    let shown = null, listening = false;
+    let shown = null, listening = false, map = null, turn = 0;
+    const extent = () => ["east", "north"].map((name) => {
+      let low = Infinity, high = -Infinity;
+      for (const c of shown.curves) for (const v of c[name]) { low = Math.min(low, v); high = Math.max(high, v); }
+      const spare = 0.06 * (high - low) + 5;
+      return [low - spare, high + spare];
+    });
     const vehicle = () => shown.curves.find((one) => one.role === "filtered") || shown.curves[0];
     const draw = () => {
       if (!shown) return;
@@ -190,8 +196,18 @@
         data.unshift({ type: "scatter", mode: "lines", x: k.map((i) => c.east[i]), y: k.map((i) => c.north[i]), hoverinfo: "skip",
           showlegend: false, line: { color: colour("outage", true), width: 12 } });
       }
-      Plotly.react(element, data, { ...base(), dragmode: "pan", hovermode: "closest", xaxis: { ...axis("east [m]"), zeroline: false },
-        yaxis: { ...axis("north [m]"), scaleanchor: "x", scaleratio: 1, zeroline: false } }, { ...CONFIG, scrollZoom: true, doubleClick: "reset" });
+      const extra = {}, ranges = extent(); // of the track: a map goes beyond it
+      if (map) {
+        data.unshift(...map.lines.map((one) => ({ type: "scatter", mode: "lines", x: one.x, y: one.y, hoverinfo: "skip", showlegend: false,
+          line: { color: colour(one.role), width: one.role === "road_major" ? 3 : 1.4 } })));
+        const p = map.picture;
+        if (p) extra.images = [{ source: p.address, xref: "x", yref: "y", x: p.left, y: p.top, sizex: p.right - p.left, sizey: p.top - p.bottom,
+          sizing: "stretch", layer: "below", opacity: 0.75 }];
+        if (map.credit) extra.annotations = [{ text: map.credit.replaceAll("<", "&lt;"), xref: "paper", yref: "paper", x: 1, y: 0, xanchor: "right",
+          yanchor: "bottom", showarrow: false, font: { size: 10 }, bgcolor: colour("ground"), opacity: 0.85 }];
+      }
+      Plotly.react(element, data, { ...base(), ...extra, dragmode: "pan", hovermode: "closest", xaxis: { ...axis("east [m]"), zeroline: false, range: ranges[0] },
+        yaxis: { ...axis("north [m]"), scaleanchor: "x", scaleratio: 1, zeroline: false, range: ranges[1] } }, { ...CONFIG, scrollZoom: true, doubleClick: "reset" });
       if (listening) return;
       listening = true;
       element.on("plotly_hover", (event) => mark(event.points[0].customdata));
@@ -220,10 +236,28 @@
         empty(element, shown.curves.length ? "" : shown.note || "no positions to draw");
         if (shown.curves.length) draw();
         element.dataset.curves = shown.curves.map((c) => c.name).join(",");
+        loadMap();
       } catch (error) { shown = null; empty(element, error.message); }
     };
+    const loadMap = async () => {
+      const name = element.dataset.map, mine = ++turn;
+      let problem = "", drawn = null;
+      if (name && shown && shown.curves.length) {
+        element.classList.add("busy");
+        try {
+          const place = new URL(element.dataset.source.replace("/studio/track", "/studio/map"), location.href);
+          place.searchParams.set("name", name);
+          drawn = await json(place);
+        } catch (error) { problem = error.message; }
+        if (mine !== turn) return;
+        element.classList.remove("busy");
+      }
+      if (map || drawn) { map = drawn; draw(); }
+      element.dataset.mapped = drawn ? name : "";
+      if (problem) say(element, "refused", problem);
+    };
     element.setAttribute("role", "img");
-    return { draw, load, mark: markPlace };
+    return { draw, load, loadMap, mark: markPlace };
   }
 
   // A figure of the reports: its panels below each other, colours by name.
@@ -282,9 +316,170 @@
     return { draw, load };
   }
 
+  // An Allan curve: terms of the model are switched, lines of a slope are dragged or typed, at any place of the line.
+  function allan(element) {
+    let shown = null, body = null;
+    const off = new Set(), lines = new Set(), levels = new Map();
+    const box = (text, on, change) => {
+      const label = document.createElement("label"), input = document.createElement("input");
+      Object.assign(input, { type: "checkbox", checked: on });
+      input.addEventListener("change", () => { change(input.checked); draw(); });
+      label.append(input, " " + text);
+      return label;
+    };
+    const value = (slope) => +(levels.get(slope.letter) * slope.scale).toPrecision(4);
+    const controls = () => {
+      const terms = document.createElement("div"), slopes = document.createElement("div");
+      terms.className = slopes.className = "line switches";
+      terms.append("model:", ...Object.keys(shown.terms).map((name) => box(name, !off.has(name), (on) => (on ? off.delete(name) : off.add(name)))));
+      slopes.append("lines:", ...shown.slopes.map((slope) => {
+        const both = document.createElement("span"), field = document.createElement("input");
+        field.className = "level";
+        field.dataset.letter = slope.letter;
+        field.value = value(slope);
+        field.setAttribute("aria-label", `${slope.name} [${slope.unit}]`);
+        field.title = `${slope.name} [${slope.unit}]`;
+        field.addEventListener("change", () => {
+          const typed = parseFloat(field.value) / slope.scale;
+          if (typed > 0) { levels.set(slope.letter, typed); lines.add(slope.letter); both.querySelector("input").checked = true; }
+          draw();
+        });
+        both.append(box(slope.letter, lines.has(slope.letter), (on) => (on ? lines.add(slope.letter) : lines.delete(slope.letter))), field,
+          " " + slope.unit);
+        return both;
+      }));
+      body = document.createElement("div");
+      element.replaceChildren(terms, slopes, body);
+    };
+    const curve = (x, y, name, look, more) => ({ type: "scatter", mode: "lines", x, y, name, line: look, hovertemplate: "%{y:.4~g}<extra>" + name + "</extra>", ...more });
+    const draw = () => {
+      if (!shown) return;
+      const kept = Object.entries(shown.terms).filter(([name]) => !off.has(name));
+      const data = [curve(shown.tau, shown.high, "", { width: 0 }, { showlegend: false, hoverinfo: "skip" }),
+        curve(shown.tau, shown.low, "95 % band", { width: 0 }, { fill: "tonexty", fillcolor: colour("allan_band", true) || colour("filtered", true), hoverinfo: "skip" }),
+        ...kept.map(([name, v]) => curve(shown.grid, v.map(Math.sqrt), name, { color: colour("term"), width: 1 }, { showlegend: false })),
+        curve(shown.tau, shown.adev, "measured", { color: colour("allan"), width: 2 }),
+        curve(shown.grid, shown.grid.map((_, k) => Math.sqrt(kept.reduce((sum, [, v]) => sum + v[k], 0)) || null), "model", { color: colour("model"), width: 1.6, dash: "dash" })];
+      if (shown.sheet) data.push(curve(shown.grid, shown.sheet, shown.sheet_name + ", data sheet", { color: colour("case_2"), width: 1.6 }));
+      for (const slope of shown.slopes) if (lines.has(slope.letter))
+        data.push(curve(shown.grid, shown.grid.map((t) => levels.get(slope.letter) * t ** slope.exponent), `${slope.letter} ${value(slope)} ${slope.unit}`,
+          { color: colour("ink"), width: 1.6, dash: "dot" }, { meta: slope.letter }));
+      const positive = [...shown.adev, ...shown.low, ...shown.high].filter((v) => v > 0).map(Math.log10);
+      const layout = { ...base(), height: 420, dragmode: false, hovermode: "closest",
+        xaxis: { ...axis("averaging time [s]"), type: "log", zeroline: false }, yaxis: { ...axis(`Allan deviation [${shown.unit}]`), type: "log", zeroline: false,
+          range: [Math.min(...positive) - 0.25, Math.max(...positive) + 0.25] } };
+      Plotly.react(body, data, layout, CONFIG);
+      element.dataset.drawn = [...kept.map(([name]) => name), ...lines, shown.sheet ? "sheet" : ""].join(",");
+    };
+    // a line follows the pointer, its slope stays
+    const held = (event) => {
+      const plot = body && body._fullLayout;
+      if (!plot || !event.target.classList.contains("nsewdrag")) return null;
+      const box = body.getBoundingClientRect(), t = 10 ** plot.xaxis.p2l(event.clientX - box.left - plot.xaxis._offset);
+      const level = (y) => 10 ** plot.yaxis.p2l(y - box.top - plot.yaxis._offset);
+      const near = shown.slopes.filter((s) => lines.has(s.letter)).map((s) => [Math.abs(plot.yaxis.l2p(Math.log10(levels.get(s.letter) * t ** s.exponent)) -
+        (event.clientY - box.top - plot.yaxis._offset)), s]).sort((a, b) => a[0] - b[0])[0];
+      return near && near[0] < 12 ? { slope: near[1], t, level } : null;
+    };
+    element.addEventListener("mousemove", (event) => element.classList.toggle("on-line", Boolean(!event.buttons && held(event))));
+    element.addEventListener("mousedown", (event) => {
+      const grip = event.button === 0 && held(event);
+      if (!grip) return;
+      event.stopPropagation();
+      event.preventDefault();
+      const move = (now) => {
+        levels.set(grip.slope.letter, grip.level(now.clientY) / grip.t ** grip.slope.exponent);
+        element.querySelector(`[data-letter=${grip.slope.letter}]`).value = value(grip.slope);
+        draw();
+      };
+      const up = () => { removeEventListener("mousemove", move, true); removeEventListener("mouseup", up, true); };
+      addEventListener("mousemove", move, true);
+      addEventListener("mouseup", up, true);
+    }, true);
+    const load = async () => {
+      if (!element.dataset.source) { shown = null; element.replaceChildren(); return; }
+      try {
+        const before = shown && shown.axis;
+        shown = await json(element.dataset.source);
+        if (before !== shown.axis) { off.clear(); shown.slopes.forEach((s) => levels.set(s.letter, s.level)); }
+        controls();
+        empty(element, "");
+        draw();
+      } catch (error) { shown = null; element.replaceChildren(); empty(element, error.message); }
+    };
+    return { draw, load };
+  }
+
+  // The IMU as a box on its platform, turning; the button stops it, and it stands still for who wants no motion.
+  function platform(element) {
+    const size = 300, svg = (name, more) => {
+      const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+      for (const [key, value] of Object.entries(more)) made.setAttribute(key, value);
+      return made;
+    };
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => [k & 1 ? 0.5 : -0.5, k & 2 ? 0.32 : -0.32, k & 4 ? 0.2 : -0.2]);
+    const sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+    let shown = null, picture = null, turning = !matchMedia("(prefers-reduced-motion: reduce)").matches, at = 0, last = null;
+    const seen = (v) => [0, 1, 2].map((k) => v[0] * shown.view[0][k] + v[1] * shown.view[1][k] + v[2] * shown.view[2][k]);
+    const page = (v) => { const p = seen(v); return [size / 2 + 95 * p[0], size / 2 - 95 * p[1], p[2]]; };
+    const line = (a, b, role, width, more) => svg("line", { x1: a[0], y1: a[1], x2: b[0], y2: b[1], stroke: colour(role), "stroke-width": width, ...more });
+    const word = (p, text, role) => { const made = svg("text", { x: p[0], y: p[1], fill: colour(role), "font-size": 12, "text-anchor": "middle" }); made.textContent = text; return made; };
+    const draw = () => {
+      if (!shown || !picture) return;
+      const k = Math.min(Math.floor(at * shown.t.length), shown.t.length - 1), C = shown.C[k];
+      const turned = (v) => [0, 1, 2].map((i) => C[3 * i] * v[0] + C[3 * i + 1] * v[1] + C[3 * i + 2] * v[2]);
+      const centre = page([0, 0, 0]), parts = [];
+      ["forward", "right", "down"].forEach((name, i) => {
+        const end = page([0, 1, 2].map((j) => (i === j ? 1.15 : 0)));
+        parts.push(line(centre, end, "rule", 1), word(page([0, 1, 2].map((j) => (i === j ? 1.3 : 0))), name, "muted"));
+      });
+      shown.axes[k].forEach((u, i) => parts.push(line(page(u.map((x) => -1.2 * x)), page(u.map((x) => 1.2 * x)), "reference", 2, { "stroke-dasharray": "7 4" }),
+        word(page(u.map((x) => 1.32 * x)), "axis " + i, "reference")));
+      const points = corners.map((c) => page(turned(c)));
+      const faces = sides.map((side) => [side.reduce((sum, c) => sum + points[c][2], 0), side]).sort((a, b) => a[0] - b[0]);
+      for (const [, side] of faces)
+        parts.push(svg("polygon", { points: side.map((c) => points[c].slice(0, 2).join(",")).join(" "), fill: colour("raised"), stroke: colour("ink"), "fill-opacity": 0.9 }));
+      ["x", "y", "z"].forEach((name, i) => {
+        const tip = turned([0, 1, 2].map((j) => (i === j ? 0.95 : 0)));
+        const look = seen(tip)[2] < 0 ? { "stroke-opacity": 0.45 } : {};
+        parts.push(line(centre, page(tip), "axis-" + name, 3, look), word(page(tip.map((x) => 1.12 * x)), name, "axis-" + name));
+      });
+      picture.replaceChildren(...parts);
+      element.dataset.t = shown.t[k];
+      element.querySelector("output").value = `${shown.t[k].toFixed(1)} s of ${shown.t.at(-1).toFixed(1)} s`;
+    };
+    const step = (now) => {
+      if (!element.isConnected) return;
+      if (turning && shown && last !== null) { at = (at + (now - last) / 12000) % 1; draw(); }
+      last = now;
+      requestAnimationFrame(step);
+    };
+    const load = async () => {
+      element.replaceChildren();
+      if (!element.dataset.source) { shown = null; return; }
+      try {
+        shown = await json(element.dataset.source);
+        empty(element, "");
+        picture = svg("svg", { viewBox: `0 0 ${size} ${size}`, role: "img", "aria-label": "the IMU on its platform" });
+        const row = document.createElement("div"), button = document.createElement("button");
+        row.className = "line";
+        button.className = "q-btn";
+        button.type = "button";
+        const named = () => { button.textContent = turning ? "stop" : "turn"; };
+        button.addEventListener("click", () => { turning = !turning; named(); });
+        named();
+        row.append(button, document.createElement("output"));
+        element.append(picture, row);
+        draw();
+        if (last === null) requestAnimationFrame(step);
+      } catch (error) { shown = null; empty(element, error.message); }
+    };
+    return { draw, load };
+  }
+
   function appear(element) {
     if (charts.has(element)) return;
-    const chart = ({ plan, figure }[element.dataset.chart] || signals)(element);
+    const chart = ({ plan, figure, allan, platform }[element.dataset.chart] || signals)(element);
     charts.set(element, chart);
     chart.load();
   }
@@ -292,13 +487,14 @@
     for (const change of changes) {
       if (change.type === "attributes" && charts.has(change.target)) {
         if (change.attributeName === "data-source") charts.get(change.target).load();
+        else if (change.attributeName === "data-map") charts.get(change.target).loadMap();
         else charts.get(change.target).draw();
       }
       for (const node of change.addedNodes)
         if (node.nodeType === 1) [node, ...node.querySelectorAll("*")].filter((e) => e.dataset && e.dataset.chart).forEach(appear);
     }
     for (const element of charts.keys()) if (!element.isConnected) charts.delete(element);
-  }).observe(document.documentElement, { subtree: true, childList: true, attributes: true, attributeFilter: ["data-source", "data-windows"] });
+  }).observe(document.documentElement, { subtree: true, childList: true, attributes: true, attributeFilter: ["data-source", "data-windows", "data-map"] });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => charts.forEach((chart) => chart.draw()));
 
   // files are sent as they are, one request each; the page hears of each that has arrived

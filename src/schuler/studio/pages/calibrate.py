@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from typing import Any
 
 from nicegui import events, ui
@@ -37,8 +38,9 @@ _ROLES = {True: "finding", False: "unused"}
 class _Calibrate:
     """State of one open page; what is worth keeping is a file."""
 
-    def __init__(self, workspace: Workspace, log: str, config: str) -> None:
-        self.workspace, self.log, self.config = workspace, log, config
+    def __init__(self, workspace: Workspace, views: Views, log: str, config: str) -> None:
+        self.workspace, self.views, self.log, self.config = workspace, views, log, config
+        self.redraw: Callable[[], None] = lambda: None  # of the chart
         self.gravity: float | None = None
         self.latitude: float | None = None
         self.initial_rest: float | None = None
@@ -85,7 +87,7 @@ class _Calibrate:
 
 def calibrate_page(workspace: Workspace, views: Views, log: str, config: str) -> None:
     """Log and rests on the left; signals with the rests, command and result on the right."""
-    state = _Calibrate(workspace, log, config)
+    state = _Calibrate(workspace, views, log, config)
     if (last := jobs.latest(workspace, "calibrate", _METHOD, log)) is not None and config in (
         "",
         runner.option_of(last.command, "config"),
@@ -94,26 +96,12 @@ def calibrate_page(workspace: Workspace, views: Views, log: str, config: str) ->
         state.resume(last)
 
     async def opened() -> None:
-        """Read the log as the configuration says, for its signals."""
-        show(signals, source="", windows=[])
-        state.view, state.opened = None, False
-        if state.log:
-            try:
-                hints = reading.hints_of(workspace.inside(state.config) if state.config else None)
-                state.view = await asyncio.to_thread(views.open, workspace.inside(state.log), hints)
-                if state.view.channels:
-                    show(signals, source=f"/studio/views/{state.view.key}/signals")
-            except (SchulerError, OSError) as error:
-                problem(error)
-        if not state.out and state.log:
-            state.out = new_run_name(workspace, state.log, "calibration")
-        state.opened = True
+        await rests.open()
         drawn()
 
     async def choose_log(name: str) -> None:
         state.log, state.out, state.rests, state.by_hand, state.chosen = name, "", [], False, None
-        panel.forget()
-        result.clear()
+        fit.forget()
         if name and (last := jobs.latest(workspace, "calibrate", _METHOD, name)) is not None:
             state.resume(last)
             configs.set_value(state.config)
@@ -123,125 +111,31 @@ def calibrate_page(workspace: Workspace, views: Views, log: str, config: str) ->
         state.config = name
         await opened()
 
-    def calibrate() -> None:
-        """Find the rests anew; what was fitted before stays in its folder."""
-        if state.log and (workspace.root / state.out).exists():
-            state.out = new_run_name(workspace, state.log, "calibration")
-        state.by_hand, state.rests, state.chosen = False, [], None
-        panel.start(state.arguments)
-        drawn()
+    def drawn() -> None:
+        """Rests on the chart and in the fields, and the command."""
+        rests.draw()
+        fields.draw()
+        fit.commanded()
 
-    def changed(rests: list[Rest], chosen: int | None) -> None:
+    def changed(changed_rests: list[Rest], chosen: int | None) -> None:
         """Fit with these rests."""
         try:
-            write_rests(workspace.inside(state.rests_name), rests)
+            write_rests(workspace.inside(state.rests_name), changed_rests)
         except (SchulerError, OSError) as error:
             problem(error)
             drawn()  # a rest that was dragged goes back
             return
-        state.rests, state.chosen, state.by_hand, state.stale = rests, chosen, True, True
+        state.rests, state.chosen, state.by_hand, state.stale = changed_rests, chosen, True, True
         drawn()
-        refit()
-
-    def refit() -> None:
-        """Start the fit that was asked for last, as soon as the one before has ended."""
-        if not state.stale:
-            return
-        current = jobs.job(workspace, panel.key)
-        if current is not None and current.state == "running":
-            jobs.cancel(workspace, current.key)
-            return
-        state.stale = False
-        panel.start(state.arguments)
-
-    def place_rest(k: int | None, start: float | None, stop: float | None) -> None:
-        try:
-            if start is None or stop is None:
-                raise InputError("a rest: expected its start and stop in seconds")
-            rests = placed(state.rests, k, start, stop)
-        except InputError as error:
-            problem(error)
-            drawn()
-            return
-        changed(rests, next(i for i, rest in enumerate(rests) if rest.start == start))
-
-    def toggle(k: int | None) -> None:
-        if k is not None:
-            changed(toggled(state.rests, k), k)
-
-    def pointed(event: events.GenericEventArguments) -> None:
-        t = float(event.args) - state.shift
-        toggle(next((i for i, rest in enumerate(state.rests) if rest.start <= t <= rest.stop), None))
-
-    def moved(event: events.GenericEventArguments) -> None:
-        k, start, stop = event.args
-        before, bounds = state.rests[int(k)], [round(float(t) - state.shift, 3) for t in (start, stop)]
-        # an edge that was not dragged stays at its sample
-        edges = [
-            old if abs(new - old) < 2e-3 else new for old, new in zip((before.start, before.stop), bounds, strict=True)
-        ]
-        place_rest(int(k), max(edges[0], 0.0), edges[1])
-
-    def added(event: events.GenericEventArguments) -> None:
-        start, stop = (round(float(t) - state.shift, 3) for t in event.args)
-        place_rest(None, max(start, 0.0), stop)
-
-    def chosen(k: int | None) -> None:
-        state.chosen = k
-        edge_fields()
-
-    def edge_fields() -> None:
-        rest = None if state.chosen is None else state.rests[state.chosen]
-        number.set_options({i: str(i + 1) for i in range(len(state.rests))}, value=state.chosen)
-        from_s.set_value(None if rest is None else round(rest.start, 3))
-        to_s.set_value(None if rest is None else round(rest.stop, 3))
-        accept.set_text("reject" if rest is None or rest.accepted else "accept")
-
-    def drawn() -> None:
-        """Rests on the chart and in the fields, and the command."""
-        windows = [(r.start + state.shift, r.stop + state.shift, _ROLES[r.accepted]) for r in state.rests]
-        show(signals, windows=windows)
-        edge_fields()
-        command.clear()
-        with command:
-            if state.log:
-                command_box(runner.shell(state.arguments()))
-            else:
-                hint("Choose a log of an IMU that was put down in many poses.")
-
-    def ended(job: jobs.Job) -> None:
-        """Show what came out; of a log that was refused, its rests."""
-        result.clear()
-        try:
-            answer = jobs.answer(workspace, job.key)
-        except (OSError, ValueError):
-            return
-        if not state.by_hand and state.view is not None and state.view.recording is not None:
-            zero = float(state.view.recording.need_imu().t[0])
-            state.rests = [Rest(start - zero, stop - zero) for start, stop in answer["extra"]["intervals"]]
-        drawn()
-        with result:
-            show_calibration(workspace, job, lambda fit: _rest_table(state.rests, fit))
-
-    def look() -> None:
-        if state.log and not state.opened:
-            return  # the rests that were found are drawn on it
-        job = panel.look()
-        if job is not None and job.state == "refused":
-            ended(job)
-        refit()
-
-    def certify() -> None:
-        serial = (
-            {"serial": state.serial, "certificate": f"{state.out}/certificate.html"} if state.serial.strip() else {}
-        )
-        panel.start(lambda: state.arguments(**serial) if serial else state.arguments(report=True))
+        fit.again()
 
     with block("cols"):
         with block("col"):
             heading("Log of poses")
             name_menu("log", logs(workspace), state.log, choose_log)
-            configs = name_menu("configuration", ["", *configurations(workspace)], state.config, choose_config)
+            configs: ui.select = name_menu(
+                "configuration", ["", *configurations(workspace)], state.config, choose_config
+            )
             configs.classes("q-mt-sm")
             with block("line"):
                 for label, name in (("gravity [m/s²]", "gravity"), ("latitude [deg]", "latitude"),
@@ -249,42 +143,228 @@ def calibrate_page(workspace: Workspace, views: Views, log: str, config: str) ->
                     field = ui.number(label, on_change=lambda: drawn()).props("outlined dense clearable debounce=400")
                     field.bind_value(state, name).classes("grow")
             with block("line"):
-                button("calibrate", calibrate, "main")
+                button("calibrate", lambda: fit.anew(), "main")
             hint("Finds the rests and fits. Every change of a rest then fits again, into the same folder.")
-            heading("Rests")
-            with block("line"):
-                number = ui.select({}, label="rest", on_change=lambda e: chosen(e.value)).props("outlined dense")
-                number.style("width: 6rem")
-                accept = button("reject", lambda: toggle(state.chosen))
-            with block("line"):
-                from_s = ui.number("from [s]").props('outlined dense aria-label="rest from"').style("width: 8rem")
-                to_s = ui.number("to [s]").props('outlined dense aria-label="rest to"').style("width: 8rem")
-                button("set", lambda: place_rest(state.chosen, from_s.value, to_s.value))
-                button("add", lambda: place_rest(None, from_s.value, to_s.value))
+            fields: _RestFields = _RestFields(state, changed)
             heading("Certificate")
             with block("line"):
                 ui.input("serial number").props("outlined dense").classes("grow").bind_value(state, "serial")
-                button("report and certificate", certify)
+                button("report and certificate", lambda: fit.certify())
             hint("Without a serial number it is the report alone.")
             html('<p><a href="/coach">coach: turn the unit while the log grows</a></p>')
         with block("col"):
-            heading("Signals and rests")
-            signals = chart("timeline", without="Choose a log on the left.", label="signals over time, rests shaded")
-            for kind, act in (("point", pointed), ("moved", moved), ("span", added)):
-                signals.on(kind, act, js_handler="(e) => emit(e.detail)")
-            hint(
-                "Yellow: used, grey: rejected. Click a rest to reject or accept it, drag it or its edges to move them, "
-                "drag elsewhere to add one."
-            )
-            heading("Calibration")
-            command = place()
-            panel: JobPanel = JobPanel(
-                workspace, place(),
-                lambda: jobs.latest(workspace, "calibrate", _METHOD, state.log) if state.log else None, ended,
-            )  # fmt: skip
-            result = place()
+            rests: _RestChart = _RestChart(state, fields)
+            fit: _Fit = _Fit(state, drawn)
     ui.timer(0.05, opened, once=True)
-    ui.timer(POLL_S, look)
+    ui.timer(POLL_S, fit.look)
+
+
+class _RestFields:
+    """The rest that is chosen: its number, edges, accepted or rejected; changes without a mouse.
+
+    Parameters
+    ----------
+    state : _Calibrate
+    changed : callable
+        Called with all rests and the one that is chosen.
+    """
+
+    def __init__(self, state: _Calibrate, changed: Callable[[list[Rest], int | None], None]) -> None:
+        self._state, self._changed = state, changed
+        heading("Rests")
+        with block("line"):
+            self._number = ui.select({}, label="rest", on_change=lambda e: self._choose(e.value))
+            self._number.props("outlined dense").style("width: 6rem")
+            self._accept = button("reject", lambda: self.toggle(state.chosen))
+        with block("line"):
+            self._from = ui.number("from [s]").props('outlined dense aria-label="rest from"').style("width: 8rem")
+            self._to = ui.number("to [s]").props('outlined dense aria-label="rest to"').style("width: 8rem")
+            button("set", lambda: self.place(state.chosen, self._from.value, self._to.value))
+            button("add", lambda: self.place(None, self._from.value, self._to.value))
+
+    def draw(self) -> None:
+        """The chosen rest in the fields."""
+        state = self._state
+        rest = None if state.chosen is None else state.rests[state.chosen]
+        self._number.set_options({i: str(i + 1) for i in range(len(state.rests))}, value=state.chosen)
+        self._from.set_value(None if rest is None else round(rest.start, 3))
+        self._to.set_value(None if rest is None else round(rest.stop, 3))
+        self._accept.set_text("reject" if rest is None or rest.accepted else "accept")
+
+    def toggle(self, k: int | None) -> None:
+        """Accept or reject a rest."""
+        if k is not None:
+            self._changed(toggled(self._state.rests, k), k)
+
+    def place(self, k: int | None, start: float | None, stop: float | None) -> None:
+        """Move a rest, or add one."""
+        state = self._state
+        try:
+            if start is None or stop is None:
+                raise InputError("a rest: expected its start and stop in seconds")
+            rests = placed(state.rests, k, start, stop)
+        except InputError as error:
+            problem(error)
+            state.redraw()
+            return
+        self._changed(rests, next(i for i, rest in enumerate(rests) if rest.start == start))
+
+    def _choose(self, k: int | None) -> None:
+        self._state.chosen = k
+        self.draw()
+
+
+class _RestChart:
+    """Signals with the rests on them: clicked, dragged, added.
+
+    Parameters
+    ----------
+    state : _Calibrate
+    fields : _RestFields
+        Which carries changes out.
+    """
+
+    def __init__(self, state: _Calibrate, fields: _RestFields) -> None:
+        self._state, self._fields = state, fields
+        heading("Signals and rests")
+        self._chart = chart("timeline", without="Choose a log on the left.", label="signals over time, rests shaded")
+        for kind, act in (("point", self._pointed), ("moved", self._moved), ("span", self._added)):
+            self._chart.on(kind, act, js_handler="(e) => emit(e.detail)")
+        hint(
+            "Yellow: used, grey: rejected. Click a rest to reject or accept it, drag it or its edges to move them, "
+            "drag elsewhere to add one."
+        )
+        state.redraw = self.draw
+
+    async def open(self) -> None:
+        """Read the log as the configuration says, for its signals."""
+        state = self._state
+        show(self._chart, source="", windows=[])
+        state.view, state.opened = None, False
+        if state.log:
+            try:
+                hints = reading.hints_of(state.workspace.inside(state.config) if state.config else None)
+                state.view = await asyncio.to_thread(state.views.open, state.workspace.inside(state.log), hints)
+                if state.view.channels:
+                    show(self._chart, source=f"/studio/views/{state.view.key}/signals")
+            except (SchulerError, OSError) as error:
+                problem(error)
+        if not state.out and state.log:
+            state.out = new_run_name(state.workspace, state.log, "calibration")
+        state.opened = True
+
+    def draw(self) -> None:
+        """The rests as they are; one that was dragged to where it cannot be goes back."""
+        shift = self._state.shift
+        windows = [(r.start + shift, r.stop + shift, _ROLES[r.accepted]) for r in self._state.rests]
+        show(self._chart, windows=windows)
+
+    def _pointed(self, event: events.GenericEventArguments) -> None:
+        t = float(event.args) - self._state.shift
+        self._fields.toggle(next((i for i, r in enumerate(self._state.rests) if r.start <= t <= r.stop), None))
+
+    def _moved(self, event: events.GenericEventArguments) -> None:
+        k, start, stop = event.args
+        before = self._state.rests[int(k)]
+        bounds = [round(float(t) - self._state.shift, 3) for t in (start, stop)]
+        # an edge that was not dragged stays at its sample
+        edges = [
+            old if abs(new - old) < 2e-3 else new for old, new in zip((before.start, before.stop), bounds, strict=True)
+        ]
+        self._fields.place(int(k), max(edges[0], 0.0), edges[1])
+
+    def _added(self, event: events.GenericEventArguments) -> None:
+        start, stop = (round(float(t) - self._state.shift, 3) for t in event.args)
+        self._fields.place(None, max(start, 0.0), stop)
+
+
+class _Fit:
+    """The command, its job, and what came out.
+
+    Parameters
+    ----------
+    state : _Calibrate
+    drawn : callable
+        Shows other rests.
+    """
+
+    def __init__(self, state: _Calibrate, drawn: Callable[[], None]) -> None:
+        self._state, self._drawn = state, drawn
+        heading("Calibration")
+        self._command = place()
+        self._panel: JobPanel = JobPanel(state.workspace, place(), self._latest, self._ended)
+        self._result = place()
+
+    def forget(self) -> None:
+        """Show nothing; the page is about another log."""
+        self._panel.forget()
+        self._result.clear()
+
+    def commanded(self) -> None:
+        """Show the command."""
+        self._command.clear()
+        with self._command:
+            if self._state.log:
+                command_box(runner.shell(self._state.arguments()))
+            else:
+                hint("Choose a log of an IMU that was put down in many poses.")
+
+    def anew(self) -> None:
+        """Find the rests anew; what was fitted before stays in its folder."""
+        state = self._state
+        if state.log and (state.workspace.root / state.out).exists():
+            state.out = new_run_name(state.workspace, state.log, "calibration")
+        state.by_hand, state.rests, state.chosen = False, [], None
+        self._panel.start(state.arguments)
+        self._drawn()
+
+    def again(self) -> None:
+        """Start the fit that was asked for last, as soon as the one before has ended."""
+        state = self._state
+        if not state.stale:
+            return
+        current = jobs.job(state.workspace, self._panel.key)
+        if current is not None and current.state == "running":
+            jobs.cancel(state.workspace, current.key)
+            return
+        state.stale = False
+        self._panel.start(state.arguments)
+
+    def certify(self) -> None:
+        """Run again with the report and, given a serial number, the certificate."""
+        state = self._state
+        serial = (
+            {"serial": state.serial, "certificate": f"{state.out}/certificate.html"} if state.serial.strip() else {}
+        )
+        self._panel.start(lambda: state.arguments(**serial) if serial else state.arguments(report=True))
+
+    def look(self) -> None:
+        """Follow the job."""
+        if self._state.log and not self._state.opened:
+            return  # the rests that were found are drawn on it
+        job = self._panel.look()
+        if job is not None and job.state == "refused":
+            self._ended(job)
+        self.again()
+
+    def _latest(self) -> jobs.Job | None:
+        state = self._state
+        return jobs.latest(state.workspace, "calibrate", _METHOD, state.log) if state.log else None
+
+    def _ended(self, job: jobs.Job) -> None:
+        """Show what came out; of a log that was refused, its rests."""
+        state = self._state
+        self._result.clear()
+        try:
+            answer = jobs.answer(state.workspace, job.key)
+        except (OSError, ValueError):
+            return
+        if not state.by_hand and state.view is not None and state.view.recording is not None:
+            zero = float(state.view.recording.need_imu().t[0])
+            state.rests = [Rest(start - zero, stop - zero) for start, stop in answer["extra"]["intervals"]]
+        self._drawn()
+        with self._result:
+            show_calibration(state.workspace, job, lambda fit: _rest_table(state.rests, fit))
 
 
 def _rest_table(rests: list[Rest], fit: CalibrationResult) -> None:

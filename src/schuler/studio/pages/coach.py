@@ -9,6 +9,7 @@ from typing import Any
 from nicegui import ui
 
 from schuler.exceptions import InputError, printable
+from schuler.live.sources import SCHEMES, parse_source
 from schuler.sensors import catalogue
 from schuler.studio import jobs, runner
 from schuler.studio.coaching import CoachState, coach_state
@@ -29,10 +30,27 @@ class _Coach:
     def arguments(self) -> list[str]:
         """Command of the coach."""
         if not self.log or not self.imu or self.latitude is None:
-            raise InputError("choose the log that grows, the IMU and the latitude first")
-        out = new_run_name(self.workspace, self.log, "calibration")
+            raise InputError("choose the log that grows or a serial port, the IMU and the latitude first")
+        if is_source(self.log):
+            parse_source(self.log)
+        out = new_run_name(self.workspace, "field" if is_source(self.log) else self.log, "calibration")
         options: dict[str, Any] = {"imu": self.imu, "latitude": self.latitude, "coach": True}
         return runner.calibrate_arguments("field", self.log, self.config, out, options, report=True)
+
+
+def is_source(log: str) -> bool:
+    """Whether a log is the address of a source of ``schuler live``, such as a serial port."""
+    scheme, colon, _ = log.partition(":")
+    return bool(colon) and scheme in SCHEMES
+
+
+def serial_ports() -> list[str]:
+    """Addresses of the serial ports of this machine, of lines of numbers; empty without pyserial (extra ``live``)."""
+    try:
+        from serial.tools.list_ports import comports
+    except ImportError:
+        return []
+    return [f"serial:{port.device}?baud=115200&format=text" for port in comports()]
 
 
 def coach_page(workspace: Workspace, log: str, config: str) -> None:
@@ -55,6 +73,10 @@ def coach_page(workspace: Workspace, log: str, config: str) -> None:
     def chosen(name: str, value: Any) -> None:
         setattr(state, name, value or None if name == "latitude" else value or "")
         if name == "log":
+            other = log_menu if is_source(state.log) else port
+            if state.log and other.value:
+                other.set_value(None)  # one of the two
+                state.log = value
             panel.forget()
             advice.clear()
             result.clear()
@@ -87,7 +109,14 @@ def coach_page(workspace: Workspace, log: str, config: str) -> None:
 
     heading("Coach")
     with block("line"):
-        name_menu("log that grows", logs(workspace), state.log, lambda v: chosen("log", v)).classes("grow")
+        log_menu = name_menu("log that grows", logs(workspace), state.log, lambda v: chosen("log", v) if v else None)
+        log_menu.classes("grow")
+        port = ui.input(
+            "or a port", value=state.log if is_source(state.log) else "", autocomplete=serial_ports(),
+            placeholder="serial:/dev/ttyUSB0?baud=115200&format=text",
+            on_change=lambda e: chosen("log", e.value) if e.value else None,
+        )  # fmt: skip
+        port.props('outlined dense debounce=400 aria-label="port"').classes("grow")
         name_menu(
             "configuration", ["", *configurations(workspace)], state.config, lambda v: chosen("config", v)
         ).classes("grow")
@@ -100,7 +129,11 @@ def coach_page(workspace: Workspace, log: str, config: str) -> None:
     with block("line"):
         button("coach me", lambda: panel.start(state.arguments), "main")
         button("enough: calibrate", lambda: jobs.interrupt(workspace, panel.key))
-    hint("The log: a text file that is being written. Advice follows it line by line until nothing is left to do.")
+    hint(
+        "The log: a text file that is being written, or a port: serial:, udp://, tcp://, ws:// and mqtt://, as of "
+        "schuler live. format=text: lines t gx gy gz ax ay az in rad/s and m/s², or columns=... and units=...; "
+        "without, the binary formats of receivers and IMUs. Advice goes on until nothing is left to do."
+    )
     advice = place()
     panel: JobPanel = JobPanel(
         workspace, place(),

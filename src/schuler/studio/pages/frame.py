@@ -6,12 +6,12 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from html import escape
-from importlib import metadata
 from typing import Any
 
 from nicegui import ui
 
 from schuler.exceptions import printable
+from schuler.files import package_version
 from schuler.plotting.page import style_sheet
 from schuler.proposal import UndecidedError
 from schuler.studio.signals import Views
@@ -72,7 +72,7 @@ def add_pages(workspace: Workspace, views: Views) -> None:
 @contextmanager
 def frame(name: str, workspace: Workspace) -> Iterator[None]:
     """Head of a page with the links to the others."""
-    version = metadata.version("schuler")
+    version = package_version()
     ui.add_head_html(
         f"<style>{style_sheet()}</style>"
         f'<link rel="stylesheet" href="/studio/assets/studio.css?{version}">'
@@ -150,9 +150,15 @@ def place() -> ui.element:
 
 
 def show(
-    element: ui.element, *, source: str | None = None, windows: Sequence[tuple[float, float, str]] | None = None
+    element: ui.element,
+    *,
+    source: str | None = None,
+    windows: Sequence[tuple[float, float, str]] | None = None,
+    map_name: str | None = None,
 ) -> None:
-    """Give a chart another source or other windows (start, stop, role of the colour); it draws itself anew."""
+    """Give a chart another source, other windows (start, stop, role of the colour) or map; it draws itself anew."""
+    if map_name is not None:
+        element.props["data-map"] = map_name
     if source is not None:
         element.props["data-source"] = source
     if windows is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -80,7 +81,7 @@ class JobPanel:
         self.place.clear()
         with self.place:
             if job.state == "running":
-                word = "working" if job.fraction > 0.0 else "reading and checking"
+                word = f"working, {remaining(job, time.time())}" if job.fraction > 0.0 else "reading and checking"
                 html(
                     f'<p class="hint">{escape(job.out)}: {word}</p><progress max="1" value="{job.fraction:.3f}" '
                     f'aria-label="progress of the run"></progress>'
@@ -90,3 +91,17 @@ class JobPanel:
                 words = f"{_ENDED[job.state]}; {self.left}" if job.state in _ENDED else printable(job.message)
                 html(f'<p class="hint bad">{escape(job.out)}: {escape(job.state)}: {escape(words)}</p>')
                 button("start again", lambda: self._again(job))
+
+
+def remaining(job: jobs.Job, now: float) -> str:
+    """Time until a job ends at the pace so far, in words.
+
+    Parameters
+    ----------
+    job : Job
+        One that runs, a part of its work done.
+    now : float
+        Unix time. [s]
+    """
+    seconds = max(now - job.started, 0.0) * (1.0 - job.fraction) / job.fraction
+    return f"about {seconds:.0f} s to go" if seconds < 90.0 else f"about {seconds / 60.0:.0f} min to go"

@@ -3,240 +3,175 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from html import escape
 from typing import Any
-from urllib.parse import quote
 
 from nicegui import events, ui
 
-from schuler.exceptions import InputError, SchulerError, printable
-from schuler.proposal import Decision, UndecidedError
-from schuler.recording.io.hints import ReadHints
+from schuler.exceptions import printable
 from schuler.studio import reading
 from schuler.studio.pages.frame import (
     block,
     button,
     chart,
-    command_box,
     fold,
     heading,
     hint,
     html,
     name_menu,
     place,
-    problem,
     question_box,
     show,
     table,
 )
+from schuler.studio.pages.hints import LogReading, how_it_is_read
 from schuler.studio.signals import View, Views
 from schuler.studio.statistics import span_statistics
-from schuler.studio.workspace import Workspace, configurations, logs
+from schuler.studio.workspace import Workspace, logs
 
-
-class _Look:
-    """State of one open page: log, hints, what came of them."""
-
-    def __init__(self, workspace: Workspace, views: Views, log: str) -> None:
-        self.workspace, self.views = workspace, views
-        self.log, self.hints = log, dict[str, Any]()
-        self.view: View | None = None
-        self.decisions: list[Decision] = []
-        self.question: UndecidedError | None = None
-        self.target = "drive.toml"
-        self.window = (0.0, 0.0)
+_SPECTRA = ("spectrum", "spectrogram")
 
 
 def look_page(workspace: Workspace, views: Views, log: str) -> None:
     """Files on the left with how they are read; signals and findings on the right."""
-    state = _Look(workspace, views, log)
+    state = LogReading(workspace, views, log)
 
     async def opened() -> None:
         """Read and check the log with the hints, propose them where it cannot be read without."""
-        if not state.log:
-            return
-        busy.set_content('<p class="hint">reading and checking ...</p>')
-        state.question, state.view = None, None
-        try:
-            path = workspace.inside(state.log)
-            state.view = await asyncio.to_thread(views.open, path, state.hints)
-            if not state.hints and (not state.view.channels or path.is_dir()):
-                state.hints, state.decisions = await asyncio.to_thread(reading.completed, path, state.hints)
-                state.view = await asyncio.to_thread(views.open, path, state.hints)
-        except UndecidedError as question:
-            state.question = question
-        except (SchulerError, OSError) as error:
-            if state.view is None:  # else its findings say why it cannot be read
-                problem(error)
-        busy.set_content("")
-        drawn()
+        if state.log:
+            busy.set_content('<p class="hint">reading and checking ...</p>')
+            await state.open()
+            busy.set_content("")
+            drawn()
 
     async def again(hints: dict[str, Any]) -> None:
         state.hints = hints
         await opened()
 
     async def choose(name: str) -> None:
-        state.log, state.hints, state.decisions = name, {}, []
+        state.choose(name)
         await opened()
 
     async def answer(entries: dict[str, Any]) -> None:
-        state.hints = reading.answered(state.hints, entries)
-        try:
-            path = workspace.inside(state.log)
-            state.hints, more = await asyncio.to_thread(reading.completed, path, state.hints)
-            state.decisions += more
-        except UndecidedError as question:
-            state.question = question
+        if await state.answer(entries):
+            await opened()
+        else:
             drawn()
-            return
-        except SchulerError as error:
-            problem(error)
-        await opened()
-
-    async def load(name: str) -> None:
-        try:
-            await again(reading.hints_of(workspace.inside(name) if name else None))
-        except SchulerError as error:
-            problem(error)
-
-    async def edit(name: str, text: str) -> None:
-        try:
-            hints = reading.edited(state.hints, name, text)
-        except InputError as error:
-            problem(error)
-            return
-        await again(hints)
-
-    def save() -> None:
-        try:
-            if not state.target.endswith(".toml"):
-                raise InputError(f"{state.target}: expected the name of a .toml file")
-            assert state.view is not None
-            path = reading.save(workspace.inside(state.target), state.hints, state.view.diagnosis)
-            ui.notify(f"written: {path.name}")
-        except SchulerError as error:
-            problem(error)
-
-    def sending(event: events.GenericEventArguments) -> None:
-        busy.set_content(f'<p class="hint">receiving {escape(str(event.args))} ...</p>')
-
-    async def sent(event: events.GenericEventArguments) -> None:
-        name, refused = (str(part) for part in event.args)
-        busy.set_content("")
-        if refused:
-            ui.notify(printable(refused), type="negative", multi_line=True, timeout=12000, close_button="close")
-            return
-        names.set_options(logs(workspace))
-        if not state.log:
-            names.set_value(name)
-
-    async def windowed(event: events.GenericEventArguments) -> None:
-        """Statistics of what is visible; of several windows in a row, of the last."""
-        seen, (start, stop) = state.view, (float(x) for x in event.args)
-        state.window = start, stop
-        if seen is None:
-            return
-        if seen.recording is not None and seen.recording.imu is not None:
-            for name, element in spectra.items():
-                show(element, source=f"/studio/views/{seen.key}/{name}?start={start}&stop={stop}")
-        rows = await asyncio.to_thread(span_statistics, seen, start, stop)
-        if state.window != (start, stop) or state.view is not seen:
-            return
-        statistics.clear()
-        with statistics:
-            table(
-                ("", "samples", "mean", "standard deviation", "smallest", "largest"),
-                [(f"{r.panel}: {r.name}", r.samples, r.mean, r.standard_deviation, r.minimum, r.maximum) for r in rows],
-                f"from {start:.3f} to {stop:.3f} s",
-            )
 
     def drawn() -> None:
         left.clear()
-        statistics.clear()
         right.clear()
         with left:
-            _how(state, again=load, edit=edit, save=save)
+            how_it_is_read(state, again)
         with right:
             if state.question is not None:
                 heading("A question")
                 question_box(state.question, answer)
             if state.view is not None:
                 _findings(state, again)
-        source = f"/studio/views/{state.view.key}/signals" if state.view is not None and state.view.channels else ""
-        show(signals, source=source)
-        for element in spectra.values():
-            show(element, source="")
+        spans.forget()
+        show(signals, source=state.signals)
+
+    def received(name: str) -> None:
+        names.set_options(logs(workspace))
+        if not state.log:
+            names.set_value(name)
 
     with block("cols"):
         with block("col"):
             heading("Log")
             names = name_menu("file or folder", logs(workspace), log, choose)
-            drop = (
-                ui.html(
-                    '<label class="drop">drop files here, or choose<input type="file" multiple></label>', sanitize=False
-                )
-                .style("width: 100%")
-                .classes("q-mt-sm")
-            )
-            # the events come from the label within: they are sent on by its parent
-            drop.on("sending", sending, js_handler="(e) => emit(e.detail)")
-            drop.on("sent", sent, js_handler="(e) => emit(e.detail)")
-            busy = html("")
+            busy = drop_area(received)
             left = place()
         with block("col"):
             heading("Signals")
             signals = chart("signals", without="Choose a log on the left.", label="signals over time")
             hint("Drag to zoom, double-click for all; keys: arrows, + and -, 0. Every stretch shows its extremes.")
-            signals.on("window", windowed, js_handler="(e) => emit(e.detail)")
-            with fold("statistics of the visible span"):
-                statistics = ui.element("div").classes("ranking")
-            spectra = {}
-            for name in ("spectrum", "spectrogram"):
-                with fold(f"{name} of the visible span"):
-                    without = "An IMU with 64 samples or more in the span has one."
-                    spectra[name] = chart("figure", without=without, label=f"{name} of the visible span")
+            spans = VisibleSpan(lambda: state.view)
+            signals.on("window", spans.windowed, js_handler="(e) => emit(e.detail)")
             right = place()
     if log:
         ui.timer(0.05, opened, once=True)
 
 
-def _how(state: _Look, *, again: Any, edit: Any, save: Any) -> None:
-    """How the log is read, each hint in a field."""
-    heading("How it is read")
-    files = ["", *configurations(state.workspace)]
-    ui.select(files, value="", label="take from a configuration", on_change=lambda e: again(e.value)).props(
-        "outlined dense"
-    )
-    if not state.hints:
-        hint("The file says itself how it is read.")
-    for name, value in reading.listed(state.hints):
-        field = ui.input(name, value=str(value)).props("outlined dense").classes("q-mt-sm")
-        field.on("keydown.enter", lambda _, f=field, n=name: edit(n, f.value))
-        field.on("blur", lambda _, f=field, n=name, v=str(value): edit(n, f.value) if f.value != v else None)
-    parts = [name for name, value in state.hints.items() if isinstance(value, dict)]
-    all_names = (
-        [f"{part}.{key}" for part in parts for key in ReadHints.__dataclass_fields__]
-        if parts
-        else list(ReadHints.__dataclass_fields__)
-    )
-    with block("line"):
-        other = ui.select(all_names, label="another hint", with_input=True).props("outlined dense").classes("grow")
-        value = ui.input("value").props("outlined dense").classes("grow")
-        button("set", lambda: edit(other.value, value.value) if other.value else None)
-    for decision in state.decisions:
-        hint(f"{decision.entry} = {decision.value}: {decision.evidence}")
-    if state.view is not None:
-        heading("Keep it")
-        with block("line"):
-            target = ui.input("configuration").props("outlined dense").classes("grow")
-            target.bind_value(state, "target")
-            button("save", save, "main")
-        command_box(reading.check_command(state.log, state.hints, state.target))
-        place = f"/navigate?log={quote(state.log)}&config={quote(state.target)}"
-        html(f'<p><a href="{escape(place)}">navigate this log</a></p>')
+def drop_area(received: Callable[[str], None]) -> ui.html:
+    """Where files are dropped or chosen; the line below it, which says what is being done.
+
+    Parameters
+    ----------
+    received : callable
+        Called with the name of each file that has arrived.
+    """
+
+    def sending(event: events.GenericEventArguments) -> None:
+        busy.set_content(f'<p class="hint">receiving {escape(str(event.args))} ...</p>')
+
+    def sent(event: events.GenericEventArguments) -> None:
+        name, refused = (str(part) for part in event.args)
+        busy.set_content("")
+        if refused:
+            ui.notify(printable(refused), type="negative", multi_line=True, timeout=12000, close_button="close")
+            return
+        received(name)
+
+    label = '<label class="drop">drop files here, or choose<input type="file" multiple></label>'
+    drop = ui.html(label, sanitize=False).style("width: 100%").classes("q-mt-sm")
+    # the events come from the label within: they are sent on by its parent
+    drop.on("sending", sending, js_handler="(e) => emit(e.detail)")
+    drop.on("sent", sent, js_handler="(e) => emit(e.detail)")
+    busy = html("")
+    return busy
 
 
-def _findings(state: _Look, again: Any) -> None:
+class VisibleSpan:
+    """What follows the window of the chart: statistics, spectrum and spectrogram, each folded.
+
+    Parameters
+    ----------
+    view : callable
+        The log that is open, None without.
+    """
+
+    def __init__(self, view: Callable[[], View | None]) -> None:
+        self._view = view
+        self._window = (0.0, 0.0)
+        with fold("statistics of the visible span"):
+            self._statistics = ui.element("div").classes("ranking")
+        self._spectra: dict[str, ui.element] = {}
+        for name in _SPECTRA:
+            with fold(f"{name} of the visible span"):
+                without = "An IMU with 64 samples or more in the span has one."
+                self._spectra[name] = chart("figure", without=without, label=f"{name} of the visible span")
+
+    async def windowed(self, event: events.GenericEventArguments) -> None:
+        """Statistics of what is visible; of several windows in a row, of the last."""
+        seen, (start, stop) = self._view(), (float(x) for x in event.args)
+        self._window = start, stop
+        if seen is None:
+            return
+        if seen.recording is not None and seen.recording.imu is not None:
+            for name, element in self._spectra.items():
+                show(element, source=f"/studio/views/{seen.key}/{name}?start={start}&stop={stop}")
+        rows = await asyncio.to_thread(span_statistics, seen, start, stop)
+        if self._window != (start, stop) or self._view() is not seen:
+            return
+        self._statistics.clear()
+        with self._statistics:
+            table(
+                ("", "samples", "mean", "standard deviation", "smallest", "largest"),
+                [(f"{r.panel}: {r.name}", r.samples, r.mean, r.standard_deviation, r.minimum, r.maximum) for r in rows],
+                f"from {start:.3f} to {stop:.3f} s",
+            )
+
+    def forget(self) -> None:
+        """Show nothing until a window comes."""
+        self._statistics.clear()
+        for element in self._spectra.values():
+            show(element, source="")
+
+
+def _findings(state: LogReading, again: Any) -> None:
     """What is in the log, and what is wrong with it."""
     assert state.view is not None
     diagnosis = state.view.diagnosis
@@ -249,7 +184,7 @@ def _findings(state: _Look, again: Any) -> None:
                 f"<p><b>{finding.severity} {escape(finding.code)}</b> ({escape(finding.part)}, "
                 f"{100.0 * finding.confidence:.0f} %)</p><p>{escape(printable(finding.text))}</p>"
             )
-            cure = reading.cure_of(state.workspace.inside(state.log), finding, state.hints)
+            cure = reading.cure_of(state.path, finding, state.hints)
             if cure is not None:
                 with block("line"):
                     button(f"mend: {cure.words}", lambda h=cure.hints: again(h), "main")

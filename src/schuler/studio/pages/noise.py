@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import asyncio
 from html import escape
+from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 from nicegui import events, ui
 
+from schuler.characterisation.exports.programs import EXPORTS
 from schuler.exceptions import InputError, SchulerError
+from schuler.sensors import catalogue
 from schuler.studio import jobs, reading, runner
 from schuler.studio.pages.frame import (
     block,
@@ -34,6 +38,7 @@ class _Noise:
     def __init__(self, log: str, config: str) -> None:
         self.log, self.config = log, config
         self.span: tuple[float, float] | None = None
+        self.exports: list[str] = []
 
 
 def noise_page(workspace: Workspace, views: Views, log: str, config: str) -> None:
@@ -75,7 +80,7 @@ def noise_page(workspace: Workspace, views: Views, log: str, config: str) -> Non
         if not state.log:
             raise InputError("choose a log first")
         out = new_run_name(workspace, state.log, "noise")
-        return runner.allan_arguments(state.log, state.config, out, state.span)
+        return runner.allan_arguments(state.log, state.config, out, state.span, state.exports)
 
     def commanded() -> None:
         command.clear()
@@ -96,13 +101,14 @@ def noise_page(workspace: Workspace, views: Views, log: str, config: str) -> Non
 
     def identified(job: jobs.Job) -> None:
         commanded()  # with the next free name
-        place = f"/studio/files/{quote(job.out)}/noise.html"
         result.clear()
         with result:
-            html(
-                f'<p><a href="{place}" target="_blank">open the report</a>, in {escape(job.out)} with imu.toml</p>'
-                f'<iframe class="report" title="noise report" src="{place}"></iframe>'
-            )
+            _curves(job, jobs.answer(workspace, job.key))
+
+    def export(names: list[str]) -> None:
+        state.exports = list(names)
+        exports.run_method("hidePopup")
+        commanded()
 
     files = ["", *configurations(workspace)]
     heading("Log at rest")
@@ -123,6 +129,11 @@ def noise_page(workspace: Workspace, views: Views, log: str, config: str) -> Non
     command = place()
     with block("line"):
         button("identify", lambda: panel.start(arguments), "main")
+        exports = ui.select(
+            {name: f"{name}: {one.description}" for name, one in EXPORTS.items() if name != "schuler"}, value=[],
+            multiple=True, label="and write files for", on_change=lambda e: export(e.value),
+        )  # fmt: skip
+        exports.props('outlined dense use-chips aria-label="export"').classes("grow")
     panel: JobPanel = JobPanel(
         workspace,
         place(),
@@ -132,3 +143,32 @@ def noise_page(workspace: Workspace, views: Views, log: str, config: str) -> Non
     result = place()
     ui.timer(0.05, opened, once=True)
     ui.timer(POLL_S, panel.look)
+
+
+def _curves(job: jobs.Job, answer: dict[str, Any]) -> None:
+    """Allan curve of an axis, with terms, lines and a data sheet; files; the report."""
+    axes = [name for name, entry in answer["axes"].items() if not entry["refused"]]
+
+    def draw() -> None:
+        sheet_name = f"&sheet={quote(sheet.value)}" if sheet.value else ""
+        show(curve, source=f"/studio/noise?key={quote(job.key)}&axis={quote(axis.value)}{sheet_name}")
+
+    heading("Allan curve")
+    with block("line"):
+        axis = ui.select(axes, value=axes[0], label="axis", on_change=draw).props('outlined dense aria-label="axis"')
+        axis.style("width: 9rem")
+        sheet = ui.select(
+            {"": "none", **{name: name for name in catalogue.names()}}, value="", label="beside the data sheet of",
+            with_input=True, on_change=draw,
+        )  # fmt: skip
+        sheet.props('outlined dense aria-label="data sheet"').classes("grow")
+    curve = chart("allan", label="Allan deviation over averaging time")
+    hint("Switch terms of the model off and on; a line of a slope is dragged up and down, or its coefficient typed.")
+    draw()
+    folder = f"/studio/files/{quote(job.out)}"
+    names = [Path(path).name for what, path in answer["files"].items() if what == "budget" or what in EXPORTS]
+    links = ", ".join(f'<a href="{folder}/{quote(name)}" download>{escape(name)}</a>' for name in names)
+    html(
+        f'<p>{links}; <a href="{folder}/noise.html" target="_blank">open the report</a>, all in {escape(job.out)}</p>'
+        f'<iframe class="report" title="noise report" src="{folder}/noise.html"></iframe>'
+    )

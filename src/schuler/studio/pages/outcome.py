@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from html import escape
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 from nicegui import ui
@@ -69,8 +70,8 @@ def show_calibration(
         table(("", "value", "1 sigma", "unit"), cells, "data-sheet units")
 
 
-def show_outcome(place: ui.element, entry: RunEntry | None) -> None:
-    """Verdict first, then numbers, the report and where everything lies."""
+def show_outcome(place: ui.element, entry: RunEntry | None, other: RunEntry | None = None) -> None:
+    """Verdict first, then numbers, the report and where everything lies; beside them the numbers of another run."""
     place.clear()
     with place:
         if entry is None:
@@ -84,12 +85,17 @@ def show_outcome(place: ui.element, entry: RunEntry | None) -> None:
             f"{escape(entry.status)}</b></p>{sentences}</section>"
         )
         smoothed = entry.metrics.get("smoothed") or {}
-        rows = [
+        rows: list[tuple[Any, ...]] = [
             (name, entry.metrics.get(name), smoothed.get(name))
             for name in _NUMBERS
             if entry.metrics.get(name) is not None or smoothed.get(name) is not None
         ]
-        table(("", "filtered", "smoothed"), rows, f"against {entry.metrics.get('reference')}")
+        heads: tuple[str, ...] = ("", "filtered", "smoothed")
+        if other is not None:
+            beside = other.metrics.get("smoothed") or {}
+            rows = [(*row, other.metrics.get(row[0]), beside.get(row[0])) for row in rows]
+            heads += (f"{other.name}: filtered", f"{other.name}: smoothed")
+        table(heads, rows, f"against {entry.metrics.get('reference')}")
         after = {o.get("start_s"): o for o in smoothed.get("outages") or []}
         keys = ("start_s", "stop_s", "max_horizontal_m", "end_horizontal_m")
         outages = [
@@ -103,3 +109,6 @@ def show_outcome(place: ui.element, entry: RunEntry | None) -> None:
         links = " · ".join(f'<a href="{link}/{name}" target="_blank">{name}</a>' for name in names)
         notes = "".join(f'<p class="hint">{escape(str(note))}</p>' for note in entry.metrics.get("notes") or [])
         html(f"<p>{links}</p><details><summary>notes of the run</summary>{notes}</details>")
+        if "report.html" in entry.files:
+            with fold("errors, innovations, parameters with their sigmas: the report"):
+                html(f'<iframe class="report" title="report" loading="lazy" src="{link}/report.html"></iframe>')

@@ -84,6 +84,7 @@ def plan_page(workspace: Workspace, mission: str) -> None:
 
     def choose_imus(chosen: list[str]) -> None:
         state.imus = list(chosen)
+        imus.run_method("hidePopup")  # a menu of several stays open otherwise, over the button below
         commanded()
 
     def save() -> None:
@@ -141,7 +142,7 @@ def plan_page(workspace: Workspace, mission: str) -> None:
                 button("load again", loaded)
         with block("col"):
             heading("IMU")
-            ui.select(
+            imus = ui.select(
                 [*identified_imus(workspace), *catalogue.names()], value=[], multiple=True, with_input=True,
                 label="IMU, of the catalogue or identified", on_change=lambda e: choose_imus(e.value),
             ).props('outlined dense use-chips aria-label="IMU"')  # fmt: skip

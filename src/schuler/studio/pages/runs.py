@@ -27,6 +27,9 @@ def runs_page(workspace: Workspace) -> None:
     """Table of runs, and what can be done with one or two of them."""
     chosen: list[str] = []
     heading("Runs in this folder, the latest first")
+    with block("line"):
+        words = ui.input("filter: words of name, log, verdict", on_change=lambda: refresh())
+        words.props('outlined dense clearable debounce=200 aria-label="filter"').classes("grow")
     listing = place()
     heading("Two runs against each other")
     comparison = place()
@@ -38,7 +41,10 @@ def runs_page(workspace: Workspace) -> None:
         with listing:
             if not listed:
                 hint("None yet: Navigate makes one, and so does schuler navigate --out FOLDER in this folder.")
-            for run in listed:
+            matching = [run for run in listed if matches(run, words.value or "")]
+            if listed and not matching:
+                hint(f"None of the {len(listed)} runs has all of these words.")
+            for run in matching:
                 _row(run, chosen, compared, partial(_ask, workspace, run.name, refresh))
         compared()
 
@@ -51,6 +57,12 @@ def runs_page(workspace: Workspace) -> None:
                 hint("Choose two of the list: the second is compared with the first.")
 
     refresh()
+
+
+def matches(run: RunEntry, words: str) -> bool:
+    """Whether a run has all of these words in its name, the name of its log or its verdict."""
+    text = f"{run.name} {run.document.get('log', '')} {run.status}".lower()
+    return all(word in text for word in words.lower().split())
 
 
 def _row(run: RunEntry, chosen: list[str], compared: Callable[[], None], ask: Callable[[], None]) -> None:

@@ -10,7 +10,18 @@ from nicegui import ui
 
 from schuler.exceptions import InputError, printable
 from schuler.studio import jobs, runner
-from schuler.studio.pages.frame import block, button, command_box, hint, html, place, problem, table
+from schuler.studio.pages.frame import (
+    block,
+    button,
+    chart,
+    command_box,
+    hint,
+    html,
+    place,
+    problem,
+    show,
+    table,
+)
 from schuler.studio.pages.job import POLL_S, JobPanel
 from schuler.studio.workspace import Workspace, new_run_name, studies, write_mission
 
@@ -39,6 +50,8 @@ def studies_part(workspace: Workspace) -> None:
         """Show the command, or what is wrong with it."""
         kind = kinds.get(menu.value or "", "montecarlo")
         search.set_visibility(kind == "rotary")
+        turning.set_visibility(kind == "rotary")
+        show(turning, source=f"/studio/platform?name={quote(menu.value)}" if kind == "rotary" else "")
         panel.left = _LEFT[kind]
         command.clear()
         with command:
@@ -82,6 +95,7 @@ def studies_part(workspace: Workspace) -> None:
     with block("line"):
         button("new campaign", lambda: written("campaign"))
         button("new platform", lambda: written("rotary"))
+    turning = chart("platform", label="the IMU on its platform")
     command = place()
     with block("line"):
         button("simulate", lambda: panel.start(arguments), "main")

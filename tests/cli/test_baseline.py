@@ -8,6 +8,7 @@ from command import answer, refusal, run
 from receiver_pairs import HOME_LLH, pair
 
 import schuler
+from schuler.frames import C_en, ecef_from_llh
 from schuler.recording import Recording
 from schuler.recording.io import write
 from schuler.recording.recording import Metadata
@@ -52,6 +53,21 @@ def test_a_base_without_a_position_is_where_its_points_are(logs, tmp_path, capsy
     assert "mean of its single points" in err
 
 
+def test_marks_and_the_header_of_the_base(logs, tmp_path, capsys):
+    """The header's position is the mark's: with the height it is the antenna's, with --marks both ends are marks."""
+    save, _, _, p = logs
+    mark_e = ecef_from_llh(HOME_LLH) - C_en(HOME_LLH) @ (0.0, 0.0, -2.0)
+    low = save("low", replace(p.rover, eccentricity_n=(0.0, 0.0, -0.5), antenna="A NONE"))
+    high = save("high", replace(p.base, eccentricity_n=(0.0, 0.0, -2.0), position_e=tuple(mark_e), antenna="B NONE"))
+    options = ("--base-position", "header", "--no-report", "--json", "--out", tmp_path / "out")
+    data = answer(capsys, "baseline", low, high, *options)
+    np.testing.assert_allclose(data["last_baseline_ned_m"], p.baseline_n[-1], atol=3e-4)  # see tests/gnss
+    assert any("antennas differ, A NONE and B NONE" in note for note in data["notes"])
+    data = answer(capsys, "baseline", low, high, "--marks", *options)
+    np.testing.assert_allclose(data["last_baseline_ned_m"], p.baseline_n[-1] + (0.0, 0.0, -1.5), atol=3e-4)
+    assert any("base: antenna 2.0000 m above its mark" in note for note in data["notes"])
+
+
 def test_what_cannot_be_used_is_refused(logs, tmp_path, capsys):
     save, rover, base, p = logs
 
@@ -71,6 +87,7 @@ def test_what_cannot_be_used_is_refused(logs, tmp_path, capsys):
     assert "m from where the base's own ranges" in refused(rover, base, "--base-position", "10,20,30")
     assert "file states none" in refused(rover, base, "--base-position", "header")
     assert "--base-position: expected latitude" in refused(rover, base, "--base-position", "10,20")
+    assert "the rover's log does not state its antenna's height" in refused(rover, base, "--marks")
     assert "give an ANTEX file" in refused(rover, base, "--rover-antenna", "TRM59800.00")
     fixes = tmp_path / "fixes.csv"
     fixes.write_text("t,lat,lon,height\n" + "".join(f"{k},47.0,8.0,400\n" for k in range(9)), encoding="utf-8")

@@ -9,8 +9,17 @@ from receiver_pairs import HOME_LLH, pair
 
 import schuler
 from schuler.exceptions import FileFormatError, InputError
-from schuler.gnss import solve_baseline
-from schuler.gnss.antennas import phase_correction, receiver_antenna, satellite_offsets, sun_direction
+from schuler.frames import C_en, ecef_from_llh, llh_from_ecef
+from schuler.gnss import prepare_ranges, solve_baseline
+from schuler.gnss.antennas import (
+    antenna_of,
+    antenna_pair,
+    phase_correction,
+    phase_delays,
+    receiver_antenna,
+    satellite_offsets,
+    sun_direction,
+)
 from schuler.gnss.differences import single_differences
 from schuler.recording.formats.antex import read_antex
 from schuler.units import DEG
@@ -127,3 +136,65 @@ def test_damage_is_refused_with_the_reason(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(FileFormatError, match=message):
         read_antex(path)
+
+
+def test_antennas_are_those_that_logs_state_unless_told(antennas):
+    notes = []
+    assert antenna_of(antennas, "tilted", None, "rover", notes) is antennas[0]
+    assert antenna_of(antennas, "tilted", "none", "rover", notes) is None
+    assert antenna_of((), "tilted", None, "rover", notes) is None
+    assert not notes
+    assert antenna_of(antennas, "TILTED NONE", "FLAT DOME", "rover", notes) is antennas[1]
+    assert antenna_of(antennas, "LEIAR25", None, "base", notes) is None
+    assert "antenna FLAT DOME is used, although its log states TILTED NONE" in notes[0]
+    assert "base: antenna LEIAR25 of its log is not in the ANTEX file" in notes[1]
+    with pytest.raises(InputError, match="none like it"):
+        antenna_of(antennas, "", "XXXXXXXX", "rover", notes)
+
+
+def test_one_end_alone_is_not_corrected_unasked(antennas):
+    notes = []
+    assert antenna_pair(antennas, ("TILTED", "FLAT DOME"), (None, None), notes) == antennas[:2]
+    assert not notes
+    assert antenna_pair(antennas, ("TILTED", ""), (None, None), notes) == (None, None)
+    assert "taken out of neither receiver" in notes[0]
+    assert antenna_pair(antennas, ("TILTED", ""), ("FLAT DOME", None), notes) == (antennas[1], None)
+    assert "base's phase centre is not taken out" in notes[-1]
+    notes.clear()
+    assert antenna_pair((), ("TILTED NONE", "TILTED"), (None, None), notes) == (None, None)
+    assert not notes  # no radome is NONE
+    antenna_pair((), ("TILTED", "FLAT DOME"), (None, None), notes)
+    assert "antennas differ, TILTED and FLAT DOME" in notes[0]
+
+
+@pytest.mark.parametrize("ionosphere", ["none", "free"])
+def test_points_are_those_of_the_reference_point(antennas, ionosphere):
+    """Ranges lengthened by the antenna's formula, and taken back; 1 mm: the coarse place is some metres off."""
+    p = pair(np.random.default_rng(4), lambda _: (0.0, 0.0, 0.0), np.arange(2.0), systems="G", bands=("1C", "2W"))
+    options = {"ionosphere": ionosphere, "troposphere": "none", "systems": "G", "elevation_mask": 0.0}
+    plain = prepare_ranges(p.base, p.ephemerides, **options)
+    behind = prepare_ranges(p.base, p.ephemerides, antenna=antennas[0], **options)
+    first, second = (phase_correction(antennas[0], "G", band, plain.elevation, plain.azimuth)[0] for band in ("1", "2"))
+    a, b = 1575.42**2, 1227.60**2
+    expected = first if ionosphere == "none" else (a * first - b * second) / (a - b)
+    np.testing.assert_allclose(plain.pseudorange - behind.pseudorange, expected, atol=1e-8)  # rounding of 2e7 m
+    np.testing.assert_allclose(plain.carrier_range - behind.carrier_range, first, atol=1e-8)
+
+
+def test_glonass_has_its_own_frequencies_or_those_next_to_them(antennas):
+    notes = []
+    sat, band, up = np.array([101, 101]), np.array([1, 2]), np.full(2, 0.5 * np.pi)
+    got = phase_delays(antennas[0], sat, band, up, np.zeros(2), notes)
+    np.testing.assert_allclose(got, [-0.08, -0.1], atol=1e-12)
+    assert notes == ["antenna TILTED         NONE: GPS L1 or L2 stands in for R01, R02"]
+
+
+def test_a_baseline_from_mark_to_mark():
+    """Antennas over marks at both ends: the marks' baseline is that of the antennas less what is above them."""
+    p = pair(np.random.default_rng(4), lambda _: (40.0, 30.0, -2.0), np.arange(2.0), systems="GE", each=14)
+    over = np.array([[0.3, -0.2, -1.5], [0.0, 0.1, -2.0]])
+    mark_e = ecef_from_llh(HOME_LLH) - C_en(HOME_LLH) @ over[1]
+    s = solve_baseline(p.rover, p.base, p.ephemerides, llh_from_ecef(mark_e), systems="GE", eccentricities_n=over)
+    np.testing.assert_allclose(s.baseline_n, p.baseline_n - over[0] + over[1], atol=3e-4)  # see test_baseline
+    antenna_e = ecef_from_llh(HOME_LLH) + C_en(HOME_LLH) @ p.baseline_n[-1]
+    np.testing.assert_allclose(s.r_e[-1], antenna_e - C_en(HOME_LLH) @ over[0], atol=4e-4)

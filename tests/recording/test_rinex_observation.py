@@ -36,6 +36,8 @@ V3 = (
         "by hand|PGM / RUN BY / DATE",
         "Gr\xf6\xdfe, in no stated encoding|COMMENT",
         "  4157161.1260   671329.1980  4774767.0310|APPROX POSITION XYZ",
+        "1441031193          TRM59800.00     SCIT|ANT # / TYPE",
+        "        1.5200        0.0010       -0.0020|ANTENNA: DELTA H/E/N",
         "G   14 C1C L1C D1C S1C C2W L2W D2W S2W C5Q L5Q D5Q S5Q X1  |SYS / # / OBS TYPES".replace("X1 ", "C1W"),
         "       L1W|SYS / # / OBS TYPES",
         "R    4 C1C L1C D1C S1C|SYS / # / OBS TYPES",
@@ -139,6 +141,7 @@ def test_version_3(read):
     assert obs.signals == ("1C", "2W")  # and not 5Q, of which there is nothing
     assert obs.epoch_gps_s == gps_from_calendar(dt.datetime(2023, 1, 8))
     assert obs.position_e == (4157161.126, 671329.198, 4774767.031)
+    assert (obs.antenna, obs.eccentricity_n) == ("TRM59800.00 SCIT", (-0.002, 0.001, -1.52))
     assert obs.glonass_channels == {satellite("R05"): 1, satellite("R24"): -7}
     notes = " ".join(obs.notes)
     assert "1 power failures" in notes
@@ -167,7 +170,7 @@ def test_version_2(read):
         (t + 24.0, "G12", "1C", 23629347.0, None, None, None),
     ]
     assert len({name for _, name, *_ in table}) == 13
-    assert obs.position_e is None
+    assert (obs.position_e, obs.antenna, obs.eccentricity_n) == (None, "", None)
     notes = " ".join(obs.notes)
     assert "1 blocks of header lines" in notes
     assert "1 external events" in notes

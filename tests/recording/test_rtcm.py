@@ -102,6 +102,15 @@ def test_observations_come_back_to_half_a_digit(tmp_path, two, kind, code, carri
         assert kept.observations.station_e == o.station_e
 
 
+def test_the_antenna_and_its_height_are_read_and_kept(tmp_path, two):
+    frames = [*enc.mounted(HOME, 1.5432, "TRM59800.00     SCIT"), *stream(two.base)[1:3]]
+    o = read(saved(tmp_path, frames), two.base).observations
+    assert (o.antenna, o.eccentricity_n) == ("TRM59800.00 SCIT", (0.0, 0.0, -1.5432))
+    np.testing.assert_allclose(o.station_e, HOME, atol=5.1e-5)  # half of 0.1 mm
+    kept = schuler.read(schuler.write(Recording(observations=o, metadata=Metadata()), tmp_path / "base.parquet")[0])
+    assert (kept.observations.antenna, kept.observations.eccentricity_n) == (o.antenna, o.eccentricity_n)
+
+
 def test_a_lock_time_shorter_than_the_interval_ends_an_arc(tmp_path, two):
     """DF407 of 600 is 50 s and more, of 63 only 63 ms; DF402 of 4 is 256 to 512 ms."""
     t = np.unique(two.base.t)[:4]

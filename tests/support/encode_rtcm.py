@@ -50,6 +50,16 @@ def station(r_e: np.ndarray) -> bytes:
     return b.put(r_e[1], 38, 1e-4).put(0, 2).put(r_e[2], 38, 1e-4).frame()
 
 
+def mounted(r_e: np.ndarray, height: float, antenna: str) -> list[bytes]:
+    """1006: antenna reference point and its height; 1033: type of the antenna, without what else it has."""
+    b = Bits().put(1006, 12).put(7, 12).put(0, 6).put(7, 4).put(r_e[0], 38, 1e-4).put(0, 2)
+    b.put(r_e[1], 38, 1e-4).put(0, 2).put(r_e[2], 38, 1e-4).put(height, 16, 1e-4)
+    name = Bits().put(1033, 12).put(7, 12).put(len(antenna), 8)
+    for letter in antenna:
+        name.put(ord(letter), 8)
+    return [b.frame(), name.put(0, 8).put(0, 8).put(0, 8).put(0, 8).put(0, 8).frame()]
+
+
 def msm(log: Any, letter: str, t: float, kind: int = 7, lock: int = 600, last: bool = True) -> bytes:
     """Multi-signal message of one system at one epoch; ``lock`` is the indicator of every carrier."""
     rows = np.flatnonzero((log.t == t) & (log.sat // 100 == SYSTEMS.index(letter)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,7 @@ from schuler.exceptions import InputError
 from schuler.recording.recording import Metadata, Recording
 
 if TYPE_CHECKING:
+    from schuler.arrays import FloatArray
     from schuler.gnss.ephemerides import Ephemerides
     from schuler.gnss.observations import Observations
 
@@ -42,6 +44,7 @@ def baseline(
     hold: int = 0,
     rover_antenna: str | None = None,
     base_antenna: str | None = None,
+    marks: Flag = False,
     out: Folder = None,
     report: bool = True,
     json: Flag = False,
@@ -62,8 +65,8 @@ def baseline(
         the logs themselves are used too.
     base_position
         Base antenna: latitude,longitude in degrees and ellipsoidal height in metres; or header, the position in the
-        header of the base's RINEX file. Default: the mean of its single points, good to metres: the rover is off by as
-        much, the baseline is not.
+        header of the base's RINEX file, with the height of the antenna above it. Default: the mean of its single
+        points, good to metres: the rover is off by as much, the baseline is not.
     static
         The rover does not move.
     systems
@@ -83,9 +86,13 @@ def baseline(
     hold
         Epochs in a row in which an integer must come out the same to be held from then on; 0: never.
     rover_antenna
-        Type and radome of the rover's antenna in an ANTEX file among --nav: its phase centres are taken out.
+        Type and radome of the rover's antenna in an ANTEX file among --nav: its phase centres are taken out. Default:
+        as the header of the log states, if the file has both antennas; none: they are not taken out.
     base_antenna
         Those of the base's antenna.
+    marks
+        From mark to mark: heights and eccentricities of the antennas, as the logs state them, are taken off, and
+        --base-position is the base's mark.
     out
         Folder for rover.pos, baseline.csv and report.html. Default: the rover's name with -baseline.
     report
@@ -93,7 +100,7 @@ def baseline(
     json
         Print one JSON object instead of text.
     """
-    from schuler.gnss.antennas import receiver_antenna
+    from schuler.gnss.antennas import antenna_pair
     from schuler.gnss.baseline import solve_baseline
     from schuler.recording.io import write
     from schuler.recording.series import baseline_series
@@ -104,16 +111,19 @@ def baseline(
     fixed_station = _station(base, measured_rover)
     measured = measured_rover, _observations(fixed_station, base, "base")
     messages = _ephemerides((roving, fixed_station), nav)
-    base_llh = _base_position(measured[1], base_position)
-    mounted = [
-        None if name is None else receiver_antenna(messages.antennas, name) for name in (rover_antenna, base_antenna)
-    ]
+    base_llh = _base_position(measured[1], base_position, marks=marks)
+    notes: list[str] = []
+    antennas = antenna_pair(
+        messages.antennas, (measured[0].antenna, measured[1].antenna), (rover_antenna, base_antenna), notes
+    )
+    eccentricities_n = _eccentricities(measured, notes) if marks else None
     try:
         solution = solve_baseline(
             *measured, messages, base_llh, static=static, systems=systems, elevation_mask=elevation_mask * units.DEG,
             cn0_mask=cn0_mask, sigma_code=sigma_code, sigma_carrier=sigma_carrier, ratio=ratio, fix=fix, hold=hold,
-            antennas=(mounted[0], mounted[1]),
+            antennas=antennas, eccentricities_n=eccentricities_n,
         )  # fmt: skip
+        solution = replace(solution, notes=(*solution.notes, *notes))
     except InputError as error:
         text = str(error).replace("base_llh:", "--base-position:").replace("[rad, rad, m]", "degrees,degrees,metres")
         raise InputError(text) from None
@@ -175,14 +185,35 @@ def _ephemerides(recordings: tuple[Recording, ...], nav: tuple[Path, ...]) -> Ep
     return first
 
 
-def _base_position(base: Observations, given: str | None) -> tuple[float, ...] | None:
-    """Base antenna [rad, rad, m]; None if it is to be found from the base's own ranges."""
+def _eccentricities(measured: tuple[Observations, Observations], notes: list[str]) -> FloatArray:
+    """Antennas of rover and base from their marks as the logs state them. Shape (2, 3). [m]"""
+    out = np.zeros((2, 3))
+    for k, (o, name) in enumerate(zip(measured, ("rover", "base"), strict=True)):
+        if o.eccentricity_n is None:
+            raise InputError(
+                f"--marks: the {name}'s log does not state its antenna's height (RINEX: ANTENNA: DELTA H/E/N); without "
+                "--marks the baseline is from antenna to antenna"
+            )
+        out[k] = o.eccentricity_n
+        north, east, down = o.eccentricity_n
+        notes.append(f"{name}: antenna {-down:.4f} m above its mark, {north:.4f} m north, {east:.4f} m east of it")
+    return out
+
+
+def _base_position(base: Observations, given: str | None, *, marks: bool) -> tuple[float, ...] | None:
+    """Base antenna, or its mark [rad, rad, m]; None if it is to be found from the base's own ranges."""
     from schuler.recording.io.hint_texts import parse_origin
 
     if given == _HEADER:
         if base.position_e is None or np.linalg.norm(base.position_e) < _BELOW_GROUND:
             raise InputError("--base-position header: the base's file states none; give latitude,longitude,height")
-        return tuple(frames.llh_from_ecef(base.position_e).tolist())
+        # RINEX states the mark, RTCM 3 the antenna
+        at_antenna = base.station_e is not None
+        place_e = np.array(base.station_e if base.station_e is not None else base.position_e)
+        if at_antenna is marks and base.eccentricity_n is not None:
+            to_antenna_e = frames.C_en(frames.llh_from_ecef(place_e)) @ base.eccentricity_n
+            place_e = place_e - to_antenna_e if marks else place_e + to_antenna_e
+        return tuple(frames.llh_from_ecef(place_e).tolist())
     try:
         return parse_origin(given)
     except InputError as error:

@@ -9,7 +9,7 @@ import numpy as np
 
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.gnss.signals import BANDS, SYSTEMS
+from schuler.gnss.signals import BANDS, GLONASS_BANDS, SYSTEMS
 
 _NOON_2000_S = 630_763_218.0  # 2000-01-01 12:00 universal time, with the leap seconds since 2017 [s]
 _DAY_S = 86_400.0
@@ -72,6 +72,103 @@ def receiver_antenna(antennas: tuple[Antenna, ...], name: str) -> Antenna:
     )
 
 
+def antenna_of(
+    antennas: tuple[Antenna, ...], stated: str, given: str | None, receiver: str, notes: list[str]
+) -> Antenna | None:
+    """Antenna of a receiver: the one that is given, else the one its log states, if an ANTEX file is there.
+
+    Parameters
+    ----------
+    antennas : tuple of Antenna
+        Of the ephemerides.
+    stated : str
+        As in :class:`schuler.gnss.observations.Observations`.
+    given : str, optional
+        Type and radome; ``none``: phase centres are not taken out.
+    receiver : str
+        ``rover`` or ``base``, for the notes.
+    notes : list of str
+        Gets a sentence where the two differ, or where the one stated is not in the file.
+
+    Raises
+    ------
+    InputError
+        As :func:`receiver_antenna`, for the one that is given.
+    """
+    if given is not None and given.strip().lower() == "none":
+        return None
+    if given is not None:
+        if stated and not _alike(stated, given):
+            notes.append(f"{receiver}: antenna {given} is used, although its log states {stated}")
+        return receiver_antenna(antennas, given)
+    if not stated or all(a.sat for a in antennas):
+        return None
+    try:
+        return receiver_antenna(antennas, stated)
+    except InputError:
+        notes.append(
+            f"{receiver}: antenna {stated} of its log is not in the ANTEX file: its phase centre is not taken out"
+        )
+        return None
+
+
+def antenna_pair(
+    antennas: tuple[Antenna, ...], stated: tuple[str, str], given: tuple[str | None, str | None], notes: list[str]
+) -> tuple[Antenna | None, Antenna | None]:
+    """Antennas of rover and base, see :func:`antenna_of`; neither where one is not known and none is given.
+
+    A phase centre is some centimetres above its reference point: taken out at one end alone it would shift the baseline
+    by as much, where antennas of one type cancel. Antennas that differ and are not corrected are noted.
+    """
+    rover, base = (
+        antenna_of(antennas, s, g, name, notes) for s, g, name in zip(stated, given, ("rover", "base"), strict=True)
+    )
+    if (rover is None) != (base is None):
+        if given == (None, None):
+            rover, base = None, None
+            notes.append("phase centres are taken out of neither receiver, since one of the antennas is not known")
+        else:
+            without = "rover" if rover is None else "base"
+            notes.append(f"the {without}'s phase centre is not taken out: the height is off by it, some centimetres")
+    if rover is None and base is None and all(stated) and not _alike(*stated):
+        notes.append(
+            f"antennas differ, {stated[0]} and {stated[1]}, and their phase centres are not taken out: heights are off "
+            "by centimetres; give an ANTEX file that has both"
+        )
+    return rover, base
+
+
+def _alike(a: str, b: str) -> bool:
+    """Whether two names are of one antenna; no radome is ``NONE``."""
+    one, other = (" ".join(name.split()).upper().removesuffix(" NONE") for name in (a, b))
+    return one == other
+
+
+def phase_delays(
+    antenna: Antenna, sat: IntArray, band: IntArray, elevation: FloatArray, azimuth: FloatArray, notes: list[str]
+) -> FloatArray:
+    """Phase corrections of many satellites, zero where the band is 0. Shape (n,). [m]
+
+    Parameters
+    ----------
+    antenna : Antenna
+    sat, band : ndarray of int, shape (n,)
+    elevation, azimuth : ndarray, shape (n,)
+        [rad]
+    notes : list of str
+        Gets a sentence on frequencies that the antenna does not have.
+    """
+    out, missing = np.zeros(len(sat)), set()
+    kinds = np.where(band > 0, 10 * (sat // 100) + band, -1)
+    for kind in np.unique(kinds[kinds >= 0]).tolist():
+        rows, system, one = kinds == kind, SYSTEMS[kind // 10], str(kind % 10)
+        out[rows], own = phase_correction(antenna, system, one, elevation[rows], azimuth[rows])
+        missing |= set() if own else {f"{system}0{one}"}
+    if missing:
+        notes.append(f"antenna {antenna.name}: GPS L1 or L2 stands in for {', '.join(sorted(missing))}")
+    return out
+
+
 def phase_correction(
     antenna: Antenna, system: str, band: str, elevation: FloatArray, azimuth: FloatArray
 ) -> tuple[FloatArray, bool]:
@@ -102,7 +199,8 @@ def phase_correction(
     Rothacher and Schmid (2010), ANTEX: The Antenna Exchange Format, version 1.4.
     """
     code = f"{system}0{band}"
-    near = "G01" if BANDS[(system, band)] > 1.4e9 else "G02"
+    frequency = GLONASS_BANDS[band][0] if system == "R" and band in GLONASS_BANDS else BANDS[(system, band)]
+    near = "G01" if frequency > 1.4e9 else "G02"
     key = code if code in antenna.offset else near
     if key not in antenna.offset:
         raise InputError(f"antenna {antenna.name}: neither {code} nor {near} is in the ANTEX file")

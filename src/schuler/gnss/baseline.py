@@ -48,6 +48,7 @@ def solve_baseline(
     fix: bool = True,
     hold: int = 0,
     antennas: tuple[Antenna | None, Antenna | None] = (None, None),
+    eccentricities_n: ArrayLike | None = None,
 ) -> BaselineSolution:
     """Position of a rover relative to a base by carrier phases (RTK), epoch by epoch.
 
@@ -79,7 +80,10 @@ def solve_baseline(
         Epochs in a row in which the integer of an ambiguity must come out the same to be held from then on; 0: never.
     antennas : (rover, base) of Antenna, optional
         Phase centres of the receivers' antennas, which point to north; the baseline is then that of their reference
-        points, as is ``base_llh``. See :func:`schuler.gnss.antennas.receiver_antenna`.
+        points, as is ``base_llh``. See :func:`schuler.gnss.antennas.antenna_pair`.
+    eccentricities_n : array_like, shape (2, 3), optional
+        Antenna reference points of rover and base from the marks of their stations, north, east, down: the baseline,
+        and ``base_llh``, are then those of the marks. [m]
 
     Returns
     -------
@@ -107,9 +111,13 @@ def solve_baseline(
     section 10.2.
     """
     given = None if base_llh is None else as_floats(base_llh, "base_llh", (3,))
+    to_antenna = (
+        np.zeros((2, 3)) if eccentricities_n is None else as_floats(eccentricities_n, "eccentricities_n", (2, 3))
+    )
     d = single_differences(
         rover, base, ephemerides, given, systems=systems, elevation_mask=elevation_mask, cn0_mask=cn0_mask,
         sigma_code=sigma_code, sigma_carrier=sigma_carrier, static=static, antennas=antennas,
+        base_eccentricity_n=to_antenna[1],
     )  # fmt: skip
     begins, slipped = cycle_slips(d, static=static)
     k = len(d.t)
@@ -160,7 +168,8 @@ def solve_baseline(
             n_fixed[i], r_best[i], r_float[i], cov_best[i], cov_float[i] = 0, *np.full(4, np.nan)
             begins[i + 1 : i + 2] = np.isfinite(d.carrier[i + 1 : i + 2])
     sigma_largest = np.where(n_fixed > 0, np.sqrt(np.diagonal(cov_best, axis1=1, axis2=2).max(axis=1)), np.inf)
-    C_en, origin = frames.C_en(d.base_llh), frames.ecef_from_llh(d.base_llh)
+    C_en = frames.C_en(d.base_llh)
+    origin = frames.ecef_from_llh(d.base_llh) + frames.C_en(frames.llh_from_ecef(d.r_e)) @ to_antenna[0]
     return BaselineSolution(
         d.t, (r_best - origin) @ C_en, C_en.T @ cov_best @ C_en, (r_float - origin) @ C_en, C_en.T @ cov_float @ C_en,
         sigma_largest < _FIXED, quotient, success, n_sat, n_amb, n_fixed, d.sat, d.band, residual_code,

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.frames import ecef_from_llh, llh_from_ecef
-from schuler.gnss.antennas import Antenna, phase_correction
+from schuler.frames import C_en, ecef_from_llh, llh_from_ecef
+from schuler.gnss.antennas import Antenna, phase_delays
 from schuler.gnss.baseline_result import SAME_IONOSPHERE
 from schuler.gnss.carrier_scale import check_carrier_scale
 from schuler.gnss.coarse import along_track, directions
@@ -51,7 +51,7 @@ class SingleDifferences:
     r_e : ndarray, shape (k, 3)
         Approximate rover antenna, Earth-fixed. [m]
     base_llh : ndarray, shape (3,)
-        Base antenna. [rad, rad, m]
+        Base antenna, or its mark. [rad, rad, m]
     sat : ndarray of int, shape (s,)
     band : tuple of str
         RINEX band of each slot.
@@ -120,6 +120,7 @@ def single_differences(
     sigma_carrier: float,
     static: bool,
     antennas: tuple[Antenna | None, Antenna | None] = (None, None),
+    base_eccentricity_n: FloatArray | None = None,
 ) -> SingleDifferences:
     """Match epochs, satellites and bands of two receivers, and subtract what geometry predicts.
 
@@ -127,6 +128,8 @@ def single_differences(
     ----------
     rover, base, ephemerides, base_llh, systems, elevation_mask, cn0_mask, sigma_code, sigma_carrier, static, antennas
         See :func:`schuler.gnss.baseline.solve_baseline`.
+    base_eccentricity_n : ndarray, shape (3,), optional
+        Base antenna from ``base_llh``: north, east, down. [m]
 
     Returns
     -------
@@ -156,10 +159,12 @@ def single_differences(
     b = _receiver(
         base, ephemerides, sat, slots.base, "base", systems=systems, elevation_mask=elevation_mask, cn0_mask=cn0_mask
     )
+    above = np.zeros(3) if base_eccentricity_n is None else base_eccentricity_n
     if base_llh is None:
-        base_llh = llh_from_ecef(b.r_e.mean(axis=0))
+        mean_e = b.r_e.mean(axis=0)
+        base_llh = llh_from_ecef(mean_e - C_en(llh_from_ecef(mean_e)) @ above)
         notes += ("base position: the mean of its single points, good to metres; the rover is off by as much",)
-    base_e = ecef_from_llh(base_llh)
+    base_e = ecef_from_llh(base_llh) + C_en(base_llh) @ above
     off = float(np.median(np.linalg.norm(b.r_e - base_e, axis=1)))
     if off > _BASE_OFF:
         raise InputError(f"base_llh: {off:.0f} m from where the base's own ranges place it; expected [rad, rad, m]")
@@ -176,7 +181,8 @@ def single_differences(
     e, s = np.nonzero(measured)
     if not len(e):
         raise InputError("no satellite whose code and carrier both receivers measured at one epoch")
-    cycle = np.array([wavelengths([one], band)[0] for one, band in zip(sat, slots.rover, strict=True)])
+    cycle = np.array([wavelengths([one], name)[0] for one, name in zip(sat, slots.rover, strict=True)])
+    band = np.array([int(name[0]) for name in slots.rover])
     record = choose_messages(
         ephemerides, sat[s], r.stamp[i][e] - _FLIGHT_S, epoch_gps_s=rover.epoch_gps_s,
         f_nav=np.char.startswith(slots.rover[s], "5"),
@@ -196,9 +202,9 @@ def single_differences(
         predicted, slope = predicted_ranges(r_s, where)
         above, azimuth = directions(where, r_s)
         if antenna is not None:
-            correction, note = _phase_centres(antenna, sat, slots.rover, s, above, azimuth)
-            predicted = predicted + correction
-            notes += note
+            stand_ins: list[str] = []
+            predicted = predicted + phase_delays(antenna, sat[s], band[s], above, azimuth, stand_ins)
+            notes += tuple(stand_ins)
         predicted = predicted + saastamoinen(llh_from_ecef(where), above, rover.epoch_gps_s + time)
         code[e, s] += sign * (p - predicted)
         carrier[e, s] += sign * (cycle[s] * x.carrier[row, s] - predicted)
@@ -218,21 +224,6 @@ def single_differences(
         r.t[i], r_e, base_llh, sat, tuple(str(name[0]) for name in slots.rover), group.astype(np.int64), cycle, code,
         carrier, sigma_code * scale, sigma_carrier * scale, gradient, elevation, notes,
     )  # fmt: skip
-
-
-def _phase_centres(
-    antenna: Antenna, sat: IntArray, signal: StrArray, s: IntArray, elevation: FloatArray, azimuth: FloatArray
-) -> tuple[FloatArray, tuple[str, ...]]:
-    """Phase corrections of rows, whose slots are s, and a note on frequencies that the antenna does not have."""
-    out, missing = np.zeros(len(s)), set()
-    for system, band in {
-        (SYSTEMS[one // 100], name[0]) for one, name in zip(sat.tolist(), signal.tolist(), strict=True)
-    }:
-        rows = ((sat // 100 == SYSTEMS.index(system)) & np.char.startswith(signal, band))[s]
-        out[rows], own = phase_correction(antenna, system, band, elevation[rows], azimuth[rows])
-        missing |= set() if own else {f"{system}0{band}"}
-    note = f"antenna {antenna.name}: GPS L1 or L2 stands in for {', '.join(sorted(missing))}"
-    return out, (note,) if missing else ()
 
 
 def cycle_slips(d: SingleDifferences, *, static: bool) -> tuple[BoolArray, BoolArray]:

@@ -46,6 +46,10 @@ class Observations:
         cycle off; 3, both. 0 where nothing is stated.
     station_e : tuple of float, optional
         Antenna of a base station as it states it, good to centimetres; Earth-fixed. [m]
+    antenna : str
+        Type and radome as the log states them, such as ``TRM59800.00     SCIT``; empty where it does not.
+    eccentricity_n : tuple of float, optional
+        Antenna reference point from the station's mark as the log states it: north, east, down. [m]
     """
 
     t: FloatArray
@@ -62,6 +66,8 @@ class Observations:
     notes: tuple[str, ...] = ()
     lock: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     station_e: tuple[float, float, float] | None = None
+    antenna: str = ""
+    eccentricity_n: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         n = len(self.t)
@@ -99,7 +105,7 @@ class Observations:
         return Observations(
             self.t[k], self.sat[k], self.signal[k], self.signals, self.pseudorange[k], self.range_rate[k],
             self.carrier[k], self.cn0[k], self.epoch_gps_s, self.glonass_channels, self.position_e, self.notes,
-            self.lock[k], self.station_e,
+            self.lock[k], self.station_e, self.antenna, self.eccentricity_n,
         )  # fmt: skip
 
     def summary(self) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.frames import llh_from_ecef
+from schuler.gnss.antennas import Antenna, phase_delays
 from schuler.gnss.carrier import begin_arcs
 from schuler.gnss.coarse import ReceiverPlace, epoch_medians, geometric_ranges, receiver_place
 from schuler.gnss.ephemerides import Ephemerides
@@ -68,6 +69,7 @@ def prepare_ranges(
     weighting: Weighting | Scheme = "elevation+cn0",
     causal: bool = False,
     max_age_s: Mapping[str, float] | None = None,
+    antenna: Antenna | None = None,
 ) -> Ranges:
     """Ranges with the satellite's clock, its group delay and the atmosphere taken out, and how uncertain they are.
 
@@ -98,6 +100,9 @@ def prepare_ranges(
         Use no broadcast message before it was sent.
     max_age_s : mapping of str to float, optional
         See :func:`schuler.gnss.satellites.choose_messages`.
+    antenna : Antenna, optional
+        The receiver's, upright and pointing to north: ranges and carriers become those of its reference point. See
+        :func:`schuler.gnss.antennas.antenna_of`.
 
     Returns
     -------
@@ -142,8 +147,9 @@ def prepare_ranges(
     air = _atmosphere(
         ephemerides, place, epoch_gps_s + c.t, c.frequency_hz[:, 0], ionosphere, troposphere, mapping, humidity
     )
-    corrected = corrected - air.ionosphere - air.troposphere
-    phase = phase + air.ionosphere - air.troposphere
+    centre, first_centre = _phase_centres(antenna, c, place, air.notes, free=free)
+    corrected = corrected - air.ionosphere - air.troposphere - centre
+    phase = phase + air.ionosphere - air.troposphere - first_centre
     sigma_range, sigma_rate = range_sigmas(
         budget, c.sat, place.elevation, c.cn0, accuracy=states.accuracy,
         ionosphere=np.nan_to_num(air.ionosphere) * air.share, troposphere=troposphere != "none" and place.located,
@@ -254,6 +260,21 @@ def _atmosphere(
     if troposphere == "saastamoinen":
         wet = saastamoinen(llh, place.elevation, gps_s, humidity=humidity, mapping=mapping)
     return _Atmosphere(delay, wet, share, notes)
+
+
+def _phase_centres(
+    antenna: Antenna | None, c: ChosenSignals, place: ReceiverPlace, notes: list[str], *, free: bool
+) -> tuple[FloatArray, FloatArray]:
+    """What the receiver's antenna adds to ranges, and to carriers on the first band. Shapes (n,), (n,). [m]"""
+    none = np.zeros(len(c.t))
+    if antenna is None or not place.located:
+        return none, none
+    first = phase_delays(antenna, c.sat, c.bands[:, 0], place.elevation, place.azimuth, notes)
+    if not free:
+        return first, first
+    second = phase_delays(antenna, c.sat, c.bands[:, 1], place.elevation, place.azimuth, notes)
+    f1, f2 = c.frequency_hz.T
+    return np.where(np.isfinite(f2), first + f2**2 / (f1**2 - f2**2) * (first - second), first), first
 
 
 def _precise_notes(ephemerides: Ephemerides) -> list[str]:

@@ -240,6 +240,8 @@ class BaseSection(Section):
         None,
         description="its antenna: latitude, longitude [deg], ellipsoidal height [m]; its single points if left out",
     )
+    mark: bool = Field(False, description="llh_deg is the station's mark: its log states how high the antenna is")
+    antenna: str | None = Field(None, description="as gnss.tight.antenna, of the base")
     code_sigma_m: Positive | None = Field(
         None,
         description="1-sigma of a strong satellite's code overhead, of one receiver; code less carrier if left out",
@@ -258,6 +260,10 @@ class TightSection(Section):
     elevation_mask_deg: float = Field(10.0, description="satellites lower than this are left out")
     cn0_mask_dbhz: float = Field(25.0, description="weaker signals are left out")
     rates: bool = Field(True, description="also use range rates")
+    antenna: str | None = Field(
+        None,
+        description="type and radome in an ANTEX file of the ephemerides; as the log states if left out; or none",
+    )
     carrier: Literal["off", "time-differenced", "rtk"] = Field(
         "off",
         description="time-differenced: also use how carrier phases change between epochs; rtk: against a base, too",

@@ -9,13 +9,14 @@ import encode_rtcm as enc
 import numpy as np
 import pytest
 import rtk_cases as rc
+from antex_text import antex_text
 from receiver_pairs import HOME_LLH, pair
 from sky import HOME
 
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, FilterState
 from schuler.filtering.measurements import CARRIER_CHANGE, POSITION, MeasurementSchedule
-from schuler.frames import C_en
+from schuler.frames import C_en, llh_from_ecef
 from schuler.gnss.preparation import prepare_ranges
 from schuler.gnss.ranges import predicted_ranges
 from schuler.gnss.relative import LEAST_CODE, relative_ranges
@@ -25,6 +26,7 @@ from schuler.navigation.evaluation.consistency import chi_square_band
 from schuler.navigation.inputs.rtk import _predicted, ranges_with_base, with_integers
 from schuler.navigation.result import NavigationResult
 from schuler.navigation.tuning.noise import terms_of
+from schuler.recording.formats.antex import read_antex
 from schuler.recording.recording import Metadata, Recording
 
 RUNS = [2, pytest.param(40, marks=pytest.mark.campaign), pytest.param(400, marks=pytest.mark.slow)]
@@ -262,6 +264,31 @@ def test_codes_without_the_base_are_left_out_and_a_far_base_is_said(two):
     ranges_with_base(recording, ranges, HOME + np.array([0.0, 0.0, 3e4]), rc.CONFIG, two.base, away)
     assert any("the base is 30 km away: beyond 10 km the ionosphere" in n for n in away)
     assert any("base position: the mean of its single points" in n for n in away)
+
+
+def test_a_mark_and_phase_centres_of_the_base(two, tmp_path):
+    """A base given by its mark, corrected for its antenna: the same carriers, but for what the antenna adds."""
+    (tmp_path / "own.atx").write_text(
+        antex_text([("HIGH NONE", "", 0.0, {"G01": ((0.0, 0.0, 80.0), lambda z, a: 0.0)})])
+    )
+    with_antennas = replace(two, ephemerides=replace(two.ephemerides, antennas=read_antex(tmp_path / "own.atx")))
+    stated = replace(two.base, antenna="HIGH", eccentricity_n=(0.1, 0.0, -2.0))
+    mark = np.array(llh_from_ecef(HOME - C_en(HOME_LLH) @ (0.1, 0.0, -2.0))) * (180 / np.pi, 180 / np.pi, 1.0)
+    notes = []
+    plain = corrected(two, stated)
+    got = corrected(with_antennas, stated, notes, llh_deg=tuple(mark), mark=True)
+    added = plain.carriers.carrier - got.carriers.carrier  # the base is 80 mm sin(elevation) farther from its point
+    np.testing.assert_allclose(added, 0.08 * np.sin(plain.ranges.elevation[plain.carriers.row]), atol=1e-4)  # 300 m
+    text = "; ".join(notes)
+    assert "2.0000 m above the mark" in text
+    assert "the rover's antenna is not known" in text
+    silent = []
+    corrected(with_antennas, stated, silent, antenna="none")
+    assert not any("antenna" in n for n in silent)
+    with pytest.raises(InputError, match="does not state its antenna's height"):
+        corrected(two, mark=True)
+    with pytest.raises(InputError, match="expected one of the 1 receivers' antennas"):
+        corrected(with_antennas, stated, antenna="LOW")
 
 
 def test_a_base_in_a_file_is_relative_to_the_configuration(tmp_path):

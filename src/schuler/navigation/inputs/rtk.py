@@ -23,6 +23,7 @@ from schuler.filtering.measurements import (
     merged,
 )
 from schuler.filtering.states import StateLayout
+from schuler.gnss.antennas import antenna_of
 from schuler.gnss.baseline_result import SAME_IONOSPHERE
 from schuler.gnss.carrier_scale import check_carriers
 from schuler.gnss.cycle_slips import without_slips
@@ -84,11 +85,11 @@ def ranges_with_base(
     section = tight.base
     if base is None:
         base = _read_base(section.observations, recording)
-    stated_e, entry = None, "gnss.tight.base.llh_deg"
+    stated_e, eccentricity_n, entry = None, None, "gnss.tight.base.llh_deg"
     if isinstance(base, Observations):
-        stated_e = base.station_e
+        stated_e, eccentricity_n = base.station_e, base.eccentricity_n
         check_carriers(base, tight.systems, "gnss.tight.base")
-        base = _prepared_base(base, recording, config)
+        base = _prepared_base(base, recording, config, notes)
     points = solve_points(base)
     if not points.ok.any():
         raise InputError(f"gnss.tight.base: no single point of the base could be solved: {points.summary()}")
@@ -100,7 +101,10 @@ def ranges_with_base(
         base_e = mean_e
         notes.append("base position: the mean of its single points, good to metres; the solution is off by as much")
     else:
-        base_e = frames.ecef_from_llh(np.array(section.llh_deg) * (units.DEG, units.DEG, 1.0))
+        llh = np.array(section.llh_deg) * (units.DEG, units.DEG, 1.0)
+        base_e = frames.ecef_from_llh(llh)
+        if section.mark:
+            base_e = base_e + frames.C_en(llh) @ _eccentricity(eccentricity_n, notes)
     off = float(np.linalg.norm(mean_e - base_e))
     if off > _BASE_OFF:
         raise InputError(
@@ -124,6 +128,16 @@ def ranges_with_base(
     return BaseCarriers(inflated(corrected, config.gnss.correlated), carriers)
 
 
+def _eccentricity(stated_n: tuple[float, float, float] | None, notes: list[str]) -> FloatArray:
+    if stated_n is None:
+        raise InputError(
+            "gnss.tight.base.mark: the base's log does not state its antenna's height (RINEX: ANTENNA: DELTA H/E/N); "
+            "give the antenna's own position in gnss.tight.base.llh_deg, and set mark to false"
+        )
+    notes.append(f"base: its antenna is {-stated_n[2]:.4f} m above the mark, as its log states")
+    return np.array(stated_n)
+
+
 def _read_base(file: str | None, recording: Recording) -> Observations:
     if file is None:
         raise InputError(
@@ -145,7 +159,7 @@ def _read_base(file: str | None, recording: Recording) -> Observations:
     return observations
 
 
-def _prepared_base(base: Observations, recording: Recording, config: NavigationConfig) -> Ranges:
+def _prepared_base(base: Observations, recording: Recording, config: NavigationConfig, notes: list[str]) -> Ranges:
     if recording.observations is None or recording.ephemerides is None:
         raise InputError(
             "gnss.tight.base: observations of a base need observations and ephemerides of the recording; it has "
@@ -153,9 +167,18 @@ def _prepared_base(base: Observations, recording: Recording, config: NavigationC
         )
     shift = base.epoch_gps_s - recording.observations.epoch_gps_s
     tight = config.gnss.tight
+    antennas = recording.ephemerides.antennas
+    rover = antenna_of(antennas, recording.observations.antenna, tight.antenna, "rover", [])
+    antenna = antenna_of(antennas, base.antenna, tight.base.antenna, "base", notes)
+    if (rover is None) != (antenna is None):
+        unknown, entry = ("rover", "gnss.tight.antenna") if rover is None else ("base", "gnss.tight.base.antenna")
+        notes.append(
+            f"the {unknown}'s antenna is not known, and its phase centre not taken out: the height is off by it, some "
+            f'centimetres; name it in {entry}, or set both entries to "none" where antennas are of one type'
+        )
     ranges = prepare_ranges(
         base, recording.ephemerides, systems=tight.systems, ionosphere=tight.ionosphere, troposphere=tight.troposphere,
-        elevation_mask=tight.elevation_mask_deg * units.DEG, cn0_mask=tight.cn0_mask_dbhz,
+        elevation_mask=tight.elevation_mask_deg * units.DEG, cn0_mask=tight.cn0_mask_dbhz, antenna=antenna,
     )  # fmt: skip
     if not ranges.used.any():
         raise InputError(

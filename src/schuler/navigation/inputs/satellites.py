@@ -75,6 +75,7 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
                 f'gnss.coupling = "tight" needs raw satellite measurements and ephemerides; there are no {missing}: '
                 "give a RINEX or UBX file (docs/gnss-files.md), or couple loosely"
             )
+        from schuler.gnss.antennas import antenna_of
         from schuler.gnss.preparation import prepare_ranges
 
         if section.carrier != "off":
@@ -87,6 +88,9 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
             troposphere=section.troposphere,
             elevation_mask=section.elevation_mask_deg * units.DEG,
             cn0_mask=section.cn0_mask_dbhz,
+            antenna=antenna_of(
+                recording.ephemerides.antennas, recording.observations.antenna, section.antenna, "rover", notes
+            ),
         )
         notes += ranges.notes
     ranges = within_log(ranges, recording, config.imu.clock_shift_s)

@@ -100,6 +100,7 @@ def read_rinex_observation(path: Path | str, *, glonass_channels: Mapping[int, i
     range_rate = -rows["D"] * _wavelengths(file, sat, signal, signals, channels, np.isfinite(rows["D"]))
     _note_clock(file, epochs)
     position = header_numbers(file, "APPROX POSITION XYZ", 14, 3)
+    mounted = header_numbers(file, "ANTENNA: DELTA H/E/N", 14, 3)
     return Observations(
         t[epochs.epoch[record]],
         sat,
@@ -114,6 +115,8 @@ def read_rinex_observation(path: Path | str, *, glonass_channels: Mapping[int, i
         (position[0], position[1], position[2]) if position and any(position) else None,
         tuple(file.notes),
         rows["lock"].astype(np.int64),
+        antenna=" ".join((file.first_text("ANT # / TYPE") or "")[20:40].split()),
+        eccentricity_n=(mounted[2], mounted[1], -mounted[0]) if mounted and np.isfinite(mounted).all() else None,
     )
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,7 @@ _MS = 1e-3 * SPEED_OF_LIGHT  # [m]
 _SYSTEMS = {"107": ("G", "DF004", 0.0), "109": ("E", "DF248", 0.0), "112": ("C", "DF427", 14.0)}
 _SYSTEMS |= {"111": ("J", "DF428", 0.0)}
 _ANTENNA = ("1005", "1006")
+_TYPES = ("1007", "1008", "1033")  # of antennas
 _NO_FINE = {"DF400": -(2.0**-10), "DF401": -(2.0**-8), "DF405": -(2.0**-10), "DF406": -(2.0**-8), "DF404": -1.6384}
 _GPS_ERA = 2048  # of ten bits of the week, until November 2038
 _GALILEO_FIRST, _BEIDOU_FIRST = 1024, 1356  # weeks at which their counts began
@@ -104,7 +105,7 @@ class RtcmLog:
     Attributes
     ----------
     observations : Observations
-        With the station's place as ``station_e``, if it was sent.
+        With the station's place as ``station_e``, its antenna and the height of that above the mark, if they were sent.
     ephemerides : Ephemerides
         Empty if none were sent.
     time : TimeBase
@@ -218,7 +219,10 @@ def read_rtcm(path: Path | str, near_gps_s: float | None = None) -> RtcmLog:
     unread = {k: n for k, n in kinds.items() if not _is_observed(k) and k not in (*_ANTENNA, *_ROWS)}
     if unread:
         notes.append("messages not read: " + ", ".join(f"{n} of {kind}" for kind, n in sorted(unread.items())) + ".")
-    observations = _observations([m for m in messages if _is_observed(m.identity)], week, _station(messages))
+    observed = [m for m in messages if _is_observed(m.identity)]
+    observations = replace(
+        _observations(observed, week, _station(messages)), antenna=_antenna(messages), eccentricity_n=_height(messages)
+    )
     return RtcmLog(observations, broadcast, TimeBase("gps", observations.epoch_gps_s), tuple(notes))
 
 
@@ -278,6 +282,20 @@ def _station(messages: list[Any]) -> tuple[float, float, float] | None:
     """Antenna reference point of the last 1005 or 1006. [m]"""
     places = [(m.DF025, m.DF026, m.DF027) for m in messages if m.identity in _ANTENNA]
     return places[-1] if places and any(places[-1]) else None
+
+
+def _height(messages: list[Any]) -> tuple[float, float, float] | None:
+    """Antenna reference point from the mark by the last 1006: north, east, down. [m]"""
+    heights = [round(float(m.DF028), 4) for m in messages if m.identity == "1006"]
+    return (0.0, 0.0, -heights[-1]) if heights else None
+
+
+def _antenna(messages: list[Any]) -> str:
+    """Type and radome of the antenna by the last message that states it."""
+    stated = [m for m in messages if m.identity in _TYPES and m.DF029]
+    if not stated:
+        return ""
+    return " ".join("".join(getattr(stated[-1], f"DF030_{k + 1:02d}") for k in range(stated[-1].DF029)).split())
 
 
 def _observations(messages: list[Any], near_gps_s: float, station_e: tuple[float, float, float] | None) -> Observations:

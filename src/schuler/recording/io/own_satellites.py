@@ -26,7 +26,8 @@ INTEGERS = frozenset({"sat", "signal", "group", "reason", "arc", "lock", "health
 LATER = frozenset({"lock", "carrier_range", "arc", "wavelength"})
 _AXES = ("x", "y", "z")
 _WIDTH = MappingProxyType({"group_delay": 2, "r_e": 3, "v_e": 3, "a_e": 3, "r_sat_e": 3, "v_sat_e": 3})
-_CONSTANTS = frozenset({"signals", "groups", "notes", "epoch_gps_s", "glonass_channels", "position_e", "station_e"})
+_PLACES = ("position_e", "station_e", "eccentricity_n")
+_CONSTANTS = frozenset({"signals", "groups", "notes", "epoch_gps_s", "glonass_channels", "antenna", *_PLACES})
 _UNIT_OF_FIELD = MappingProxyType(
     {
         **dict.fromkeys(("t", "toe", "toc", "sent", "af0", "group_delay"), "s"),
@@ -106,8 +107,8 @@ def constants(recording: Recording) -> dict[str, Any]:
             "signals": list(o.signals),
             "epoch_gps_s": o.epoch_gps_s,
             "glonass_channels": {str(sat): int(channel) for sat, channel in o.glonass_channels.items()},
-            "position_e": None if o.position_e is None else [float(x) for x in o.position_e],
-            "station_e": None if o.station_e is None else [float(x) for x in o.station_e],
+            **{name: _listed(getattr(o, name)) for name in _PLACES},
+            "antenna": o.antenna,
             "notes": list(o.notes),
         }
     if (r := recording.ranges) is not None:
@@ -141,14 +142,16 @@ def unflatten(name: str, flat: Columns, constants: Mapping[str, Any]) -> Observa
     """
     notes = tuple(str(note) for note in constants["notes"])
     if name == "observations":
-        position, station = constants["position_e"], constants.get("station_e")
+        constants["position_e"]  # the others came later
+        places: dict[str, Any] = {name: constants.get(name) for name in _PLACES}
+        places = {name: None if place is None else _tuple(place, 3) for name, place in places.items()}
         return Observations(
             **_join(_layout(Observations), flat),
             signals=tuple(str(s) for s in constants["signals"]),
             epoch_gps_s=float(constants["epoch_gps_s"]),
             glonass_channels={int(sat): int(channel) for sat, channel in constants["glonass_channels"].items()},
-            position_e=None if position is None else _tuple(position, 3),
-            station_e=None if station is None else _tuple(station, 3),
+            **places,
+            antenna=str(constants.get("antenna", "")),
             notes=notes,
         )
     if name == "ranges":

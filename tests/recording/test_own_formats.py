@@ -279,6 +279,21 @@ def test_damaged_descriptions_of_a_csv_are_explained(run, tmp_path, change, mess
         read(path)
 
 
+@pytest.mark.parametrize("name", ["run.csv", "run.parquet", "run.nc"])
+def test_attitudes_of_another_norm_are_refused_and_rounded_ones_made_whole(run, tmp_path, name):
+    """What is printed to six digits has a norm that is 1 to 1e-6; a damaged number has another."""
+
+    def written(scale):
+        reference = replace(run.reference, q_eb=run.reference.q_eb * scale)
+        return write(replace(run, reference=reference), tmp_path / name)[0]
+
+    rounded = read(written(1.0 + 3e-7)).reference
+    # rounding of a square root and a division
+    np.testing.assert_allclose(np.linalg.norm(rounded.q_eb, axis=1), 1.0, atol=4e-16)
+    with pytest.raises(FileFormatError, match=r"expected a unit quaternion, got norm 1\.02"):
+        read(written(1.02))
+
+
 def test_a_broken_description_of_a_csv_names_its_line(run, tmp_path):
     path = write(run, tmp_path / "run.csv")[0]
     text = path.read_text()

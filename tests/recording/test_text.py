@@ -567,7 +567,7 @@ def test_a_reference_is_a_trajectory(table, fixes):
     np.testing.assert_allclose(np.rad2deg(r.reference.llh[:, :2]), rows[:, 1:3], atol=1e-12)
     assert r.gnss is None
     bad = table([(0, 6.4e6, 0, 0, 1, 1, 0, 0)], header="t,x,y,z,qw,qx,qy,qz")
-    with pytest.raises(FileFormatError, match=at(bad, 2) + "qw, qx, qy, qz: expected a unit quaternion"):
+    with pytest.raises(FileFormatError, match=at(bad, 2) + "qw, qx, qy, qz: expected a unit quaternion, got norm"):
         read(bad)
 
 

@@ -114,7 +114,8 @@ def _log_ratio(y: FloatArray, x: FloatArray, M: FloatArray, over: FloatArray) ->
     gain = [np.sqrt(abs(float(np.linalg.det(F @ F.T)))) if F.size == 4 else float(F[0, 0] ** 2) for F in (M, over)]
     tiny = 1e-12 * float(np.mean(y**2)) + 1e-300
     ratio = np.log((power[1] + tiny) / (power[0] + tiny))
-    scaled = ratio + np.log(gain[0] / gain[1])
+    with np.errstate(divide="ignore"):  # a matrix of no gain leads nothing
+        scaled = ratio + np.log(gain[0] / gain[1])
     # neighbouring displacements share a position
     return float(0.5 * 0.5 * y.shape[1] * len(y) * min(ratio, scaled))
 

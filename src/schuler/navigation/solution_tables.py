@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +15,6 @@ from schuler.navigation.result import Innovations, NavigationResult
 from schuler.recording.io.own import Columns
 from schuler.recording.tables.tables import Tables
 from schuler.recording.trajectory import FullTrajectory, Trajectory
-
-if TYPE_CHECKING:
-    from schuler.navigation.result import NavigationResult
-
 
 SOLUTION_FORMAT = "schuler/solution/1"
 

@@ -339,6 +339,26 @@ def test_poses_become_a_reference_when_the_origin_is_said(tmp_path):
         read(path, streams="imu=/pose")
 
 
+def test_a_damaged_pose_is_refused_without_a_warning(tmp_path):
+    pose = {"pose.position.x": np.where(np.arange(40) == 7, np.inf, 10.0), "pose.orientation.w": 1.0}
+    path = bag_of(tmp_path, {"/pose": ("geometry_msgs/PoseStamped", NS, pose, "map")})
+    with pytest.raises(FileFormatError, match="row 8"):
+        read(path, streams="reference=/pose", origin="48,11,560")
+    shutil.rmtree(path)
+    pose = {"pose.orientation.w": np.where(np.arange(40) == 7, 1.3, 1.0)}
+    path = bag_of(tmp_path, {"/pose": ("geometry_msgs/PoseStamped", NS, pose, "map")})
+    with pytest.raises(FileFormatError, match=r"reference 8: expected a unit quaternion, got norm 1\.3; is the topic"):
+        read(path, streams="reference=/pose", origin="48,11,560")
+
+
+def test_a_topic_whose_messages_are_all_lost_is_left_out(tmp_path):
+    fix = {**FIX, "latitude": 48.0 + 1e-6 * np.arange(40)}
+    topics = {"/fix": ("sensor_msgs/NavSatFix", NS, fix, "gps"), "/imu": ("sensor_msgs/Imu", NS[:0], REST, "imu")}
+    recording = read(bag_of(tmp_path, topics))
+    assert recording.imu is None
+    assert len(recording.gnss) == 40
+
+
 def test_a_twist_as_odometer(tmp_path):
     twist = {"twist.linear.x": np.linspace(0, 5, 40)}
     topics = {"/imu": ("sensor_msgs/Imu", NS, REST, "imu"), "/wheel": ("geometry_msgs/TwistStamped", NS, twist, "base")}

@@ -16,6 +16,7 @@ from schuler import rotation, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
 from schuler.recording.io import parts
+from schuler.recording.io.checks import unit_quaternions
 from schuler.recording.io.clock import from_gps
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
@@ -156,10 +157,7 @@ def _poses(folder: Path, notes: list[str], sources: list[Path]) -> Table:
         values |= dict(zip(("vx", "vy", "vz"), v.T, strict=True))
     q = _load(folder / "frame_orientations", sources) if (folder / "frame_orientations").is_file() else None
     if q is not None and q.shape == (len(t), 4) and v is not None and v.shape == r.shape:
-        norm = np.linalg.norm(q, axis=1)
-        if not np.all(np.abs(norm - 1.0) < 1e-2):
-            raise FileFormatError("frame_orientations: expected unit quaternions", folder)
-        q = q / norm[:, None]
+        q = unit_quaternions(q, lambda row, text: FileFormatError(f"frame_orientations {row + 1}: {text}", folder))
         # documented as Earth-fixed to camera, used as camera to Earth-fixed: a car drives forward
         both = (rotation.quat_conjugate(q), q)
         forward = [float(rotation.rotate(turn, v)[:, 0].sum()) for turn in both]

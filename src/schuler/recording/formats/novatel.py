@@ -320,6 +320,9 @@ def _velocity(
     t_v = weeks_to_seconds(rows["header_week"], rows["header_sow"], first) - rows["latency"]
     later = parts.later(t_v, f"{name} without its latency", log.path, notes)
     rows, t_v = pick(rows, later), t_v[later]
+    if not len(t_v):
+        notes.append(f"{name} has no velocity at a time that is a number.")
+        return {}
     track = rows["track"] * units.DEG
     v = np.stack((rows["speed"] * np.cos(track), rows["speed"] * np.sin(track), -rows["up"]), axis=1)
     velocity, near = velocity_at(t, t_v, v, _FARTHEST)

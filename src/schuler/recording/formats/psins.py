@@ -197,8 +197,8 @@ def read_psins_imu(path: Path | str, hints: ReadHints | None = None) -> Recordin
     t, base = stamps(start + np.arange(1, n + 1) * interval_ms * 1e-3 + hints.offset, hints.time, fault, notes)
     notes += checks.timing_notes(t)
     C_bs = axes_matrix(axes)
-    imu = ImuSeries(t, dtheta @ C_bs.T, dv @ C_bs.T, "increment")
-    with np.errstate(over="ignore"):  # of impossible weights; what overflows is no gravity
+    with np.errstate(over="ignore", invalid="ignore"):  # of impossible weights; what overflows is no gravity
+        imu = ImuSeries(t, dtheta @ C_bs.T, dv @ C_bs.T, "increment")
         level = float(np.linalg.norm(imu.rates().accel.mean(axis=0)))
     if abs(level / gravity - 1.0) > checks.NORM_TOLERANCE and not hints.allows("norm"):
         raise FileFormatError(

@@ -11,6 +11,7 @@ from schuler import rotation, units
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import FileFormatError
 from schuler.recording.io import columns, parts
+from schuler.recording.io.checks import unit_quaternions
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.parts import Table
 from schuler.timebase import UNIX_TO_GPS_S, gps_from_unix
@@ -246,12 +247,11 @@ def reference_table(path: Path, log: Log, name: str, hints: ReadHints, notes: li
         return None
     if attitude is not None:
         q = np.stack([field_of(path, attitude, f"q[{k}]", "vehicle_attitude")[keep_a] for k in range(4)], axis=1)
-        norm = np.linalg.norm(q, axis=1)
-        if not (np.abs(norm - 1.0) <= 1e-3).all():
-            raise FileFormatError(
-                "vehicle_attitude: expected unit quaternions; streams='reference=none' leaves it out", path
-            )
-        rpy = rotation.rpy_from_quat(rotation.interpolate_quat(t[keep], t_a[keep_a], q / norm[:, None]))
+        leave = "streams='reference=none' leaves it out"
+        q = unit_quaternions(
+            q, lambda row, text: FileFormatError(f"vehicle_attitude {row + 1}: {text}; {leave}", path), 1e-3
+        )
+        rpy = rotation.rpy_from_quat(rotation.interpolate_quat(t[keep], t_a[keep_a], q))
         values |= {field: rpy[:, k] for k, field in enumerate(("roll", "pitch", "yaw"))}
     if local is not None:
         for field, source in (("vn", "vx"), ("ve", "vy"), ("vd", "vz")):

@@ -142,6 +142,9 @@ def recording_of(
         if stream is None:
             continue
         messages = by_name[stream.name].decoded(path)
+        if not len(messages.stamp_ns):
+            notes.append(f"{part}: {stream.name} has no message that could be read; it was left out.")
+            continue
         frame = "/".join(messages.texts.get("header.frame_id", []))
         notes.append(f"{part}: {stream.name} ({stream.kind}{f', frame {frame}' if frame else ''}).")
         taken[part] = messages

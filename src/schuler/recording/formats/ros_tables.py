@@ -11,6 +11,7 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError
 from schuler.recording.formats.ros_messages import Messages
 from schuler.recording.io import parts
+from schuler.recording.io.checks import unit_quaternions
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.parts import Table
 
@@ -167,17 +168,18 @@ def reference_table(
         stem = "pose.pose" if "pose.pose.position.x" in m.values else "pose"
         place, turn = f"{stem}.position", f"{stem}.orientation"
     C_en = frames.C_en(np.array(origin))
-    r_e = frames.ecef_from_ned(m.stack(place)[keep] @ ENU, np.array(origin))
+    with np.errstate(invalid="ignore", over="ignore"):  # of damaged numbers, which are refused as positions
+        r_e = frames.ecef_from_ned(m.stack(place)[keep] @ ENU, np.array(origin))
     values = {"t": t[keep], **{axis: r_e[:, k] for k, axis in enumerate("xyz")}}
     q = m.stack(turn, ("w", "x", "y", "z"))[keep]
-    norm = np.linalg.norm(np.clip(q, -2.0, 2.0), axis=1)  # of damaged numbers as well
     notes.append("reference: the local frame is taken as east, north, up of the origin (REP 103).")
-    if norm.max(initial=0.0) == 0.0:
+    if not q.any():
         notes.append("reference: the poses have no orientation.")
-    elif not (np.abs(norm - 1.0) <= 1e-3).all():
-        raise FileFormatError("reference: expected unit quaternions; is the topic of poses?", path)
     else:
-        C_nb = ENU @ rotation.dcm_from_quat(q / norm[:, None]) @ FLU
+        q = unit_quaternions(
+            q, lambda row, text: FileFormatError(f"reference {row + 1}: {text}; is the topic of poses?", path), 1e-3
+        )
+        C_nb = ENU @ rotation.dcm_from_quat(q) @ FLU
         q_eb = rotation.quat_from_dcm(C_en @ C_nb)
         values |= {name: q_eb[:, k] for k, name in enumerate(("qw", "qx", "qy", "qz"))}
         if "twist.twist.linear.x" in m.values:

@@ -17,6 +17,7 @@ from schuler import rotation, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.io import parts
+from schuler.recording.io.checks import unit_quaternions
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.parts import Table
@@ -270,12 +271,8 @@ def _with_attitude(log: Frames, rows: Columns, notes: list[str]) -> Columns:
     if name == "EKF_EULER":
         return rows | {angle: attitude[angle][match] for angle in ("roll", "pitch", "yaw")}
     q = np.stack([attitude[part][match] for part in ("qw", "qx", "qy", "qz")], axis=1)
-    norm = np.linalg.norm(q, axis=1)
-    if (bad := np.flatnonzero(~(np.abs(norm - 1.0) < 1e-2))).size:
-        raise FileFormatError(
-            f"EKF_QUAT {bad[0] + 1}: expected a unit quaternion, got norm {norm[bad[0]]:.4g}", log.path
-        )
-    angles = rotation.rpy_from_quat(q / norm[:, None])
+    q = unit_quaternions(q, lambda row, text: FileFormatError(f"EKF_QUAT {row + 1}: {text}", log.path))
+    angles = rotation.rpy_from_quat(q)
     return rows | {angle: angles[:, k] for k, angle in enumerate(("roll", "pitch", "yaw"))}
 
 

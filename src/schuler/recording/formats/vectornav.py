@@ -16,6 +16,7 @@ from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.formats import vectornav_csv
 from schuler.recording.formats.vectornav_packets import Packets, load, looks_like
 from schuler.recording.io import parts
+from schuler.recording.io.checks import unit_quaternions
 from schuler.recording.io.hint_texts import parse_streams
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.parts import Table
@@ -354,13 +355,8 @@ def reference_table(t: FloatArray, rows: Columns, notes: list[str]) -> Table:
         values |= {name: rows[name] * units.DEG for name in ("roll", "pitch", "yaw")}
     elif "qw" in rows:
         q = np.stack([rows[name] for name in ("qw", "qx", "qy", "qz")], axis=1)
-        norm = np.linalg.norm(q, axis=1)
-        bad = ~(np.abs(norm - 1.0) < 1e-2)
-        q = np.where(bad[:, None], (1.0, 0.0, 0.0, 0.0), q / np.where(bad, 1.0, norm)[:, None])
-        if bad.any():
-            raise FileFormatError(
-                f"{int(bad.sum())} attitudes are no unit quaternions; streams='reference=none' leaves them"
-            )
+        leave = "streams='reference=none' leaves it out"
+        q = unit_quaternions(q, lambda row, text: FileFormatError(f"attitude {row + 1}: {text}; {leave}"))
         angles = rotation.rpy_from_quat(q)
         values |= {name: angles[:, k] for k, name in enumerate(("roll", "pitch", "yaw"))}
     own = ""

@@ -11,6 +11,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from schuler import units
 from schuler.exceptions import FileFormatError
 from schuler.recording.formats.vectornav_packets import Columns, Packets
@@ -127,8 +129,9 @@ def load(path: Path, *, allow_truncated: bool) -> Packets:
     for k, (name, (_, factor)) in enumerate(header.columns.items()):
         column = values[:, k] * factor
         if name in ("startup", "gps", "tow"):
-            rows[f"{name}_s"] = column // 1e9
-            rows[f"{name}_rest"] = column % 1e9 * 1e-9
+            with np.errstate(invalid="ignore"):  # of infinite stamps, which are refused as times
+                rows[f"{name}_s"] = column // 1e9
+                rows[f"{name}_rest"] = column % 1e9 * 1e-9
         else:
             rows[name] = column
     if "tow_s" in rows and "week" in rows:  # has more digits than nanoseconds since 1980 in float64

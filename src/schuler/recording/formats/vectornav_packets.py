@@ -207,9 +207,11 @@ def load(path: Path) -> Packets:
         try:
             if len(texts) != len(labels):
                 raise ValueError
-            rows.setdefault(name, []).append([_number(label, t) for label, t in zip(labels, texts, strict=True)])
+            row = [_number(label, t) for label, t in zip(labels, texts, strict=True)]
         except ValueError:
             failed += 1
+            continue
+        rows.setdefault(name, []).append(row)
     for name, table in rows.items():
         columns[f"VN{name}"] = dict(zip(LINES[name].split(), np.array(table).T.copy(), strict=True))
     if failed:

@@ -19,6 +19,7 @@ from schuler.exceptions import FileFormatError, InputError
 from schuler.recording.formats import ubx_messages
 from schuler.recording.formats.xsens_messages import TICK, Packets, fixes_of, gnss_table, load, looks_like, utc_line
 from schuler.recording.io import lines, parts
+from schuler.recording.io.checks import unit_quaternions
 from schuler.recording.io.hint_texts import axes_matrix, parse_streams
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import TextTable
@@ -186,10 +187,8 @@ def imu_table(t: FloatArray, rows: dict[str, FloatArray], kind: str, notes: list
     """Samples of one of :data:`IMUS` at times. [s]"""
     force, turn = (rows[item] for item in IMUS[kind])
     if kind == "delta":
-        norm = np.linalg.norm(turn, axis=1)
-        if (bad := np.flatnonzero(~(np.abs(norm - 1.0) < 1e-2))).size:
-            raise FileFormatError(f"DeltaQ {bad[0] + 1}: expected a unit quaternion, got norm {norm[bad[0]]:.4g}")
-        turn = rotation.rotvec_from_quat(turn / norm[:, None])
+        turn = unit_quaternions(turn, lambda row, text: FileFormatError(f"DeltaQ {row + 1}: {text}"))
+        turn = rotation.rotvec_from_quat(turn)
         notes.append("imu: DeltaV and DeltaQ (as rotation vectors), increments over the interval before each packet.")
     else:
         notes.append(
@@ -212,11 +211,9 @@ def _reference(
     """The sensor's own solution, from its axes (ENU, NED or NWU) to north, east, down."""
     first = next(p for p in packets if all(item in p.numbers for item in _SOLUTION))
     axes, axes_v = first.systems["q"] or "ENU", first.systems["v"] or "ENU"
-    norm = np.linalg.norm(rows["q"], axis=1)
-    if (bad := np.flatnonzero(~(np.abs(norm - 1.0) < 1e-2))).size:
-        raise FileFormatError(f"attitude {bad[0] + 1}: expected a unit quaternion, got norm {norm[bad[0]]:.4g}")
+    q = unit_quaternions(rows["q"], lambda row, text: FileFormatError(f"attitude {row + 1}: {text}"))
     C_bs = axes_matrix(hints.axes or "FLU")
-    C_nb = _TO_NED[axes] @ rotation.dcm_from_quat(rows["q"] / norm[:, None]) @ C_bs.T
+    C_nb = _TO_NED[axes] @ rotation.dcm_from_quat(q) @ C_bs.T
     angles = rotation.rpy_from_quat(rotation.quat_from_dcm(C_nb))
     v = rows["v"] @ _TO_NED[axes_v].T
     values = {"t": t, "lat": rows["latlon"][:, 0] * units.DEG, "lon": rows["latlon"][:, 1] * units.DEG}

@@ -6,6 +6,8 @@ gives it away wherever the sensor rests for a second, whatever its attitude.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from schuler import units
@@ -45,6 +47,35 @@ def too_large(values: FloatArray, limit: float) -> int | None:
     if not largest(values) > limit:
         return None
     return int(np.flatnonzero(np.any(np.abs(values) > limit, axis=1))[0])
+
+
+def unit_quaternions(q: FloatArray, refused: Callable[[int, str], Exception], tolerance: float = 1e-2) -> FloatArray:
+    """Quaternions of norm 1: those that were printed to some digits are divided by their norm, exact ones stay.
+
+    Parameters
+    ----------
+    q : ndarray, shape (n, 4)
+        As read.
+    refused : callable
+        Exception of a row and a sentence on it.
+    tolerance : float
+        Most that a norm may differ from 1.
+
+    Returns
+    -------
+    ndarray, shape (n, 4)
+
+    Raises
+    ------
+    Exception
+        What ``refused`` makes of the first row of another norm.
+    """
+    norm = np.linalg.norm(np.clip(q, -2.0, 2.0), axis=1)  # damaged numbers do not overflow
+    bad = np.flatnonzero(~(np.abs(norm - 1.0) <= tolerance))
+    if len(bad):
+        raise refused(int(bad[0]), f"expected a unit quaternion, got norm {norm[bad[0]]:.4g}")
+    rounded = np.abs(norm - 1.0) > 1e-12
+    return np.where(rounded[:, None], q / norm[:, None], q)
 
 
 def largest(values: FloatArray) -> float:

@@ -158,7 +158,7 @@ def check_known(word: str, choices: Iterable[str], what: str) -> str:
     if word in choices:
         return word
     near = difflib.get_close_matches(word, choices, n=1)
-    suggestion = f"; did you mean {near[0]!r}?" if near else ""
+    suggestion = f"; did you mean {near[0]!r}?" if near else "."
     raise InputError(f"{what}: {word!r} is not known{suggestion} Known are: {', '.join(choices)}")
 
 

@@ -10,6 +10,7 @@ from schuler import frames, rotation, units
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.recording.io import columns, over_ground
+from schuler.recording.io.checks import unit_quaternions
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.raw import Raw
 from schuler.recording.recording import Recording
@@ -175,12 +176,9 @@ def reference_path(raw: Raw, hints: ReadHints, t: FloatArray) -> Trajectory:
         v = raw.stack(columns.ECEF_VELOCITY) if raw.has(columns.ECEF_VELOCITY) else None
         q = raw.stack(columns.QUATERNION) if raw.has(columns.QUATERNION) else None
         if q is not None:
-            norm = np.sqrt(np.einsum("ni,ni->n", q, q))
-            bad = np.flatnonzero(np.abs(norm - 1.0) > 1e-3)
-            if len(bad):
-                raise raw.fault("qw, qx, qy, qz: expected a unit quaternion, scalar first", int(bad[0]))
-            rounded = np.abs(norm - 1.0) > 1e-12  # printed to some digits; what is exact stays as it is
-            q = np.where(rounded[:, None], q / norm[:, None], q)
+            q = unit_quaternions(
+                q, lambda row, text: raw.fault(f"qw, qx, qy, qz: {text}, scalar first", row), tolerance=1e-3
+            )
         return Trajectory(t, raw.stack(columns.ECEF), v, q)
     llh = _geodetic(raw, hints)
     v_n = raw.stack(columns.VELOCITY) if raw.has(columns.VELOCITY) else None

@@ -14,6 +14,7 @@ from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.files import package_version
 from schuler.recording.io import columns, own_satellites
+from schuler.recording.io.checks import unit_quaternions
 from schuler.recording.io.hint_texts import SERIES
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.recording import Metadata, Recording
@@ -134,9 +135,16 @@ def unflatten(
             flat["t"],
             _join(columns.ECEF, flat),
             _join(columns.ECEF_VELOCITY, flat) if "vx" in flat else None,
-            _join(columns.QUATERNION, flat) if "qw" in flat else None,
+            _attitude(flat) if "qw" in flat else None,
         )
     raise KeyError(name)
+
+
+def _attitude(flat: Columns) -> FloatArray:
+    """Quaternions of the reference. Shape (n, 4)."""
+    return unit_quaternions(
+        _join(columns.QUATERNION, flat), lambda row, text: InputError(f"row {row + 1}, qw, qx, qy, qz: {text}"), 1e-3
+    )
 
 
 def satellite_parts(

@@ -92,3 +92,15 @@ def test_gpx_segments_points_and_sea_level(tmp_path):
     with pytest.raises(InputError):
         write(replace(cut, gnss=None), tmp_path / "b.gpx", series="gnss")
     assert not (tmp_path / "b.gpx").exists()
+
+
+def test_a_track_with_a_place_that_is_no_number_is_refused_without_a_warning(tmp_path):
+    points = "".join(
+        f'<trkpt lat="{48.0 + 1e-4 * k if k != 16 else "1e999"}" lon="11.5"><ele>500</ele>'
+        f"<time>2024-02-08T00:00:{k:02d}Z</time><speed>11.1</speed><course>0</course></trkpt>"
+        for k in range(30)
+    )
+    path = tmp_path / "a.gpx"
+    path.write_text(f'<gpx xmlns="http://www.topografix.com/GPX/1/0"><trk><trkseg>{points}</trkseg></trk></gpx>')
+    with pytest.raises(FileFormatError, match="row 17: lat is inf"):
+        read(path, sigma="1,1,1")

@@ -169,7 +169,11 @@ def _matrix(data: memoryview, order: str, depth: int, names: Collection[str] | N
     dtype = _STORED.get(kind)
     if dtype is None or len(stored) != count * np.dtype(dtype).itemsize:
         raise ValueError(f"{name or 'an array'} claims the shape {shape} in {len(stored)} bytes")
-    values = np.frombuffer(stored, dtype=order + dtype).astype(_CLASSES[what])
+    try:
+        with np.errstate(invalid="raise"):
+            values = np.frombuffer(stored, dtype=order + dtype).astype(_CLASSES[what])
+    except FloatingPointError as error:
+        raise ValueError(f"{name or 'an array'} claims whole numbers and holds others") from error
     return name, None if flag & _COMPLEX else values.reshape(shape, order="F")
 
 

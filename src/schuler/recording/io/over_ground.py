@@ -105,8 +105,12 @@ def velocity_scatter(t: FloatArray, lat: FloatArray, lon: FloatArray, speed: Flo
     pair = (dt > 0.0) & (dt < _LONGEST)
     if pair.sum() < _ENOUGH:
         return float("nan")
-    meridian, normal = earth.radii_of_curvature(lat[:-1])
-    step = np.stack((meridian * np.diff(lat), normal * np.cos(lat[:-1]) * np.diff(np.unwrap(lon))))
-    v = np.stack((speed * np.cos(course), speed * np.sin(course)))
-    off = (step[:, pair] / dt[pair]) - 0.5 * (v[:, 1:] + v[:, :-1])[:, pair]
+    with np.errstate(invalid="ignore"):  # of damaged numbers, which are refused with their row
+        meridian, normal = earth.radii_of_curvature(lat[:-1])
+        step = np.stack((meridian * np.diff(lat), normal * np.cos(lat[:-1]) * np.diff(np.unwrap(lon))))
+        v = np.stack((speed * np.cos(course), speed * np.sin(course)))
+        off = (step[:, pair] / dt[pair]) - 0.5 * (v[:, 1:] + v[:, :-1])[:, pair]
+    off = off[np.isfinite(off)]
+    if not len(off):
+        return float("nan")
     return max(_LEAST, _TO_SIGMA * float(np.median(np.abs(off))))

@@ -342,7 +342,7 @@ def poses(
     /,
     *,
     table_columns: str | None = None,
-    table_units: str = "m/s2,rad/s",
+    table_units: str | None = None,
     site: Site = _SITE,
     output: Output = _OUTPUT,
 ) -> int:
@@ -352,16 +352,17 @@ def poses(
     ----------
     table
         CSV file. Nine poses of any direction or six faces for accelerometers; gyroscopes at rest for their bias; one
-        axis and a column reference for bias and scale factor.
+        axis and a column reference for bias and scale factor; a magnetometer beside accelerometers.
     table_columns
-        Such as ax,ay,az,gx,gy,gz or ax,reference; - skips one. Default: the first line.
+        Such as ax,ay,az,gx,gy,gz or ax,reference; - skips one. Default: the first line, named as in logs.
     table_units
-        Of accelerometers (m/s2, g, mg) and gyroscopes (rad/s, deg/s, deg/h).
+        Of accelerometers and gyroscopes, such as g,deg/s or gyro=deg/h. Default: those of the first line, as in
+        "ax [mg]", else m/s2,rad/s.
     """
     from schuler.calibration.bench.pose_table import calibrate_poses, read_pose_table
 
     began = clock.perf_counter()
     output.check()
-    accel, _, gyro = table_units.partition(",")
-    means = read_pose_table(table, table_columns, (accel, gyro or "rad/s"))
-    return finish(calibrate_poses(means, gravity=site.g), table, [], output, began, site=site)
+    means = read_pose_table(table, table_columns, table_units)
+    result = calibrate_poses(means, gravity=site.g, field_strength=site.field)
+    return finish(result, table, [], output, began, site=site)

@@ -128,7 +128,7 @@ def field(
     with progress("calibrating") as bar:
         calibration = calibrate_field(
             imu, spec, latitude=latitude, height=height, gravity=gravity, heading=start, options=field_options,
-            prior=earlier, rests=rests, progress=bar, halves=halves,
+            prior=earlier, rests=rests, progress=bar, halves=halves, field_strength=options.site.field,
         )  # fmt: skip
     if factors is not None:
         calibration = _in_counts(calibration, factors)
@@ -197,7 +197,7 @@ def _factors(
 
 def _in_counts(calibration: FieldCalibration, factors: CountFactors) -> FieldCalibration:
     """Result and history of a log that was brought to SI, as those of the log."""
-    shift = np.array([factors.shift.get(name, 0.0) for name in calibration.calibration.names])
+    shift = np.array([factors.shift.get(name, 0.0) for name in calibration.history.names])
     return replace(
         calibration,
         calibration=factors.in_counts(calibration.calibration),

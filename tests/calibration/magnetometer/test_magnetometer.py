@@ -275,13 +275,15 @@ def test_counts_are_calibrated_like_tesla(nine_axes, calibrated):
     )
 
 
-def test_poses_of_a_bench_calibrate_it_too(nine_axes, calibrated):
+def test_poses_of_a_bench_calibrate_it_too(nine_axes, calibrated, tmp_path):
     result = calibrate_multiposition(
         poses_of(nine_axes[0].rates()), gravity=G0, gyro_order=0, field_strength=FIELD
     )  # fmt: skip
     one, two = calibrated.in_gauge("lower"), result
     for name in ("b_m_x", "b_m_y", "b_m_z", "M_m_xx", "M_m_xy", "M_m_zz"):
         assert abs(one[name][0] - two[name][0]) < 3.0 * one[name][1]  # nearly the same readings
+    again = CalibrationResult.from_yaml(two.to_yaml(tmp_path / "unit.yaml"))
+    np.testing.assert_array_equal(again.history, two.history)
 
 
 def test_a_still_magnetometer_is_left_out_with_a_sentence(nine_axes):

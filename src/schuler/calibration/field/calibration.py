@@ -26,6 +26,7 @@ from schuler.calibration.field.noise_inflation import scale_variances, variance_
 from schuler.calibration.field.options import FieldOptions
 from schuler.calibration.field.problem import GIVEN_HEADING, Problem, field_layout, field_problem, parameter_names
 from schuler.calibration.field.verdicts import field_verdicts, rest_residuals
+from schuler.calibration.magnetometer.calibrate import estimates_soft_iron, magnetic_means, with_magnetometer
 from schuler.calibration.result.halves import checked, tried
 from schuler.calibration.result.parameters import LINEAR
 from schuler.calibration.result.result import CalibrationResult, Residuals
@@ -100,7 +101,8 @@ class FieldCalibration(Displayed):
         """Largest change of a parameter in the last pass, over its sigma; NaN after a single pass. [-]"""
         if len(self.passes) < 2:
             return float("nan")
-        return float(np.max(np.abs(self.passes[-1] - self.passes[-2]) / self.calibration.sigma))
+        sigma = self.calibration.sigma[: self.passes.shape[1]]  # a magnetometer comes after what the filter estimates
+        return float(np.max(np.abs(self.passes[-1] - self.passes[-2]) / sigma))
 
     def _headline(self) -> str:
         return f"{self.calibration._headline()}; {self.rests.summary().partition(chr(10))[0]}"
@@ -141,8 +143,10 @@ def calibrate_field(
     progress: Progress | None = None,
     halves: bool = True,
     linearised_at: CalibrationResult | None = None,
+    field_strength: float | None = None,
+    soft_iron: bool | None = None,
 ) -> FieldCalibration:
-    """Calibrate both triads from a log of rests and turns by hand.
+    """Calibrate both triads, and a magnetometer of the log, from rests and turns by hand.
 
     Parameters
     ----------
@@ -170,6 +174,10 @@ def calibrate_field(
         begins with the heading that the complete log has there. It takes a tenth to three quarters of the time again.
     linearised_at : CalibrationResult, optional
         Parameters the first pass is linearised at, instead of the prior: those of a log this one is a part of.
+    field_strength : float, optional
+        Strength of the local magnetic field, for the scale of a magnetometer. None: relative. [T]
+    soft_iron : bool, optional
+        Estimate the soft iron of a magnetometer. None: with nine rests or more.
 
     Returns
     -------
@@ -233,6 +241,8 @@ def calibrate_field(
     if progress is not None:
         progress(1.0)
     complete = _field_result(imu, spec, problem, best, passes, blocks, rests, scales, options, heading_given, swaying)
+    six_axes = complete.calibration
+    complete = replace(complete, calibration=_with_magnetometer(six_axes, imu, rests, field_strength, soft_iron))
     if not halves or options.passes < 2 or len(rests) < 2 * _REST_HALF:
         return complete
 
@@ -243,7 +253,8 @@ def calibrate_field(
         result = calibrate_field(
             some, spec, latitude=latitude, height=height, gravity=gravity, heading=headings[a],
             options=options, prior=prior, rests=given_rests(some, spans), halves=False,
-            linearised_at=complete.calibration,
+            linearised_at=six_axes, field_strength=field_strength,
+            soft_iron=estimates_soft_iron(complete.calibration),
         ).calibration  # fmt: skip
         return _without_prior(result)
 
@@ -306,7 +317,7 @@ def _relinearised(
 
 def _without_prior(result: CalibrationResult) -> CalibrationResult:
     """Calibration with infinite variance where the prior still contributes, which both halves have in common."""
-    vague = result.sigma > LARGEST_SHARE * np.array([result.prior_sigma[n] for n in result.names])
+    vague = result.sigma > LARGEST_SHARE * np.array([result.prior_sigma.get(n, np.inf) for n in result.names])
     P = result.covariance.copy()
     P[vague, vague] = np.inf
     return replace(result, covariance=P)
@@ -379,6 +390,17 @@ def _field_result(
     nis = {kind: (total / count if count else float("nan"), count) for kind, (total, count) in last.nis.items()}
     innovations = innovations_by_kind(problem.schedule, last.run)
     return FieldCalibration(result, history, passes, rests, nis, heading, innovations)
+
+
+def _with_magnetometer(
+    result: CalibrationResult, imu: ImuSeries, rests: StaticIntervals, field: float | None, soft_iron: bool | None
+) -> CalibrationResult:
+    """The magnetometer of the log in the same rests; the result as it was without one, or without accelerometers."""
+    magnetic = magnetic_means(imu, rests.index)
+    if magnetic is None or "M_a_xx" not in result.parameters:
+        return result
+    labels = result.residuals["accel"].label
+    return with_magnetometer(result, rests.means(imu)[1], *magnetic, labels, field=field, soft_iron=soft_iron)
 
 
 def _options_as_dict(options: FieldOptions) -> dict[str, Any]:

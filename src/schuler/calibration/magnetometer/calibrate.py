@@ -122,13 +122,16 @@ def with_magnetometer(
     covariance = np.zeros((k + 12, k + 12))
     covariance[:k, :k], covariance[k:, k:] = result.covariance, fit.covariance
     values = np.concatenate((result.values, fit.b, (fit.S @ fit.C - np.eye(3)).ravel()))
+    history = result.history
+    if history is not None:  # what is solved once does not move from iteration to iteration
+        history = np.hstack((history, np.tile(values[k:], (len(history), 1))))
     sentences = _verdicts(fit, labels, field is None, soft)
     doubtful = fit.spread > UNEVEN * fit.field[0] or fit.ambiguous is not None
     residuals = Residuals(
         tuple(labels), np.linalg.norm(fit.residual, axis=1), np.sqrt(2.0) * fit.sigma, "T", None, None
     )  # fmt: skip
     return replace(
-        result, names=(*result.names, *names), values=values, covariance=covariance,
+        result, names=(*result.names, *names), values=values, covariance=covariance, history=history,
         residuals={**result.residuals, "magnetometer": residuals}, verdicts=(*result.verdicts, *sentences),
         status="warning" if doubtful else result.status,
         extra=result.extra | {"magnetometer": _facts(fit, labels, factor, field, soft)},

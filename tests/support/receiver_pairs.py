@@ -53,14 +53,15 @@ def pair(rng, baseline_n, t, bands=("1C", "2W"), systems="GEC", each=18) -> Pair
 
 
 def _with_carriers(o: Observations, rng) -> Observations:
-    carrier = o.pseudorange / _cycles(o)
+    carrier = o.pseudorange / cycles_of(o)
     for sat in np.unique(o.sat):
         for signal in range(len(o.signals)):
             carrier[(o.sat == sat) & (o.signal == signal)] += rng.integers(-1000, 1000)
     return replace(o, carrier=carrier)
 
 
-def _cycles(o: Observations) -> np.ndarray:
+def cycles_of(o: Observations) -> np.ndarray:
+    """Wavelength of each row. Shape (n,). [m]"""
     out = np.full(len(o), np.nan)
     for k, name in enumerate(o.signals):
         for system in np.unique(o.sat[o.signal == k] // 100):
@@ -76,5 +77,5 @@ def _noisy(o: Observations, rng, sigma_code: float, sigma_carrier: float) -> Obs
     return replace(
         o,
         pseudorange=o.pseudorange + sigma_code * code,
-        carrier=o.carrier + sigma_carrier * carrier / _cycles(o),
+        carrier=o.carrier + sigma_carrier * carrier / cycles_of(o),
     )

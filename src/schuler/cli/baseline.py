@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
@@ -45,6 +45,7 @@ def baseline(
     rover_antenna: str | None = None,
     base_antenna: str | None = None,
     marks: Flag = False,
+    ionosphere: Literal["same", "free"] = "same",
     out: Folder = None,
     report: bool = True,
     json: Flag = False,
@@ -93,6 +94,9 @@ def baseline(
     marks
         From mark to mark: heights and eccentricities of the antennas, as the logs state them, are taken off, and
         --base-position is the base's mark.
+    ionosphere
+        same: above both antennas, good to 10 km; free: taken out by two bands, whose wide lanes are fixed first. Noise
+        is then three times as large, and a fix takes minutes.
     out
         Folder for rover.pos, baseline.csv and report.html. Default: the rover's name with -baseline.
     report
@@ -121,7 +125,7 @@ def baseline(
         solution = solve_baseline(
             *measured, messages, base_llh, static=static, systems=systems, elevation_mask=elevation_mask * units.DEG,
             cn0_mask=cn0_mask, sigma_code=sigma_code, sigma_carrier=sigma_carrier, ratio=ratio, fix=fix, hold=hold,
-            antennas=antennas, eccentricities_n=eccentricities_n,
+            antennas=antennas, eccentricities_n=eccentricities_n, ionosphere=ionosphere,
         )  # fmt: skip
         solution = replace(solution, notes=(*solution.notes, *notes))
     except InputError as error:

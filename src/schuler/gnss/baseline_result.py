@@ -65,6 +65,8 @@ class BaselineSolution:
     integers : bool
         Whether ambiguities were to be fixed.
     notes : tuple of str
+    ionosphere : {"same", "free"}
+        Above both antennas the same, or taken out by two bands.
     """
 
     t: FloatArray
@@ -89,6 +91,7 @@ class BaselineSolution:
     static: bool
     integers: bool
     notes: tuple[str, ...] = ()
+    ionosphere: str = "same"
 
     def __len__(self) -> int:
         return len(self.t)
@@ -143,9 +146,9 @@ class BaselineSolution:
         if self.length > _ANOTHER_SKY:
             reasons.append(f"the base is {self.length / 1e3:.0f} km away: both receivers are under different skies")
             causes.append("a base too far away, or a wrong one: take one within 10 km")
-        elif self.length > SAME_IONOSPHERE:
+        elif self.length > SAME_IONOSPHERE and self.ionosphere == "same":
             reasons.append(f"the base is {self.length / 1e3:.0f} km away, and both ionospheres are taken to be one")
-            causes.append("ionosphere: take a base within 10 km")
+            causes.append("ionosphere: take a base within 10 km, or two bands with --ionosphere free")
         if self.integers and 1.0 - self.fix_share > _MOST_FLOAT:
             reasons.append(
                 f"{100.0 * (1.0 - self.fix_share):.0f} % of the epochs have no fix: float is good to decimetres"

@@ -12,7 +12,6 @@ from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.frames import C_en, ecef_from_llh, llh_from_ecef
 from schuler.gnss.antennas import Antenna, phase_delays
-from schuler.gnss.baseline_result import SAME_IONOSPHERE
 from schuler.gnss.carrier_scale import check_carrier_scale
 from schuler.gnss.coarse import along_track, directions
 from schuler.gnss.ephemerides import Ephemerides
@@ -159,12 +158,12 @@ def single_differences(
     b = _receiver(
         base, ephemerides, sat, slots.base, "base", systems=systems, elevation_mask=elevation_mask, cn0_mask=cn0_mask
     )
-    above = np.zeros(3) if base_eccentricity_n is None else base_eccentricity_n
+    to_antenna = np.zeros(3) if base_eccentricity_n is None else base_eccentricity_n
     if base_llh is None:
         mean_e = b.r_e.mean(axis=0)
-        base_llh = llh_from_ecef(mean_e - C_en(llh_from_ecef(mean_e)) @ above)
+        base_llh = llh_from_ecef(mean_e - C_en(llh_from_ecef(mean_e)) @ to_antenna)
         notes += ("base position: the mean of its single points, good to metres; the rover is off by as much",)
-    base_e = ecef_from_llh(base_llh) + C_en(base_llh) @ above
+    base_e = ecef_from_llh(base_llh) + C_en(base_llh) @ to_antenna
     off = float(np.median(np.linalg.norm(b.r_e - base_e, axis=1)))
     if off > _BASE_OFF:
         raise InputError(f"base_llh: {off:.0f} m from where the base's own ranges place it; expected [rad, rad, m]")
@@ -211,9 +210,6 @@ def single_differences(
         variance[e, s] += noise_scale(above, x.cn0[row, s], "elevation+cn0") ** 2
         if sign > 0.0:
             gradient[e, s], elevation[e, s] = slope, above
-    length = float(np.median(np.linalg.norm(r_e - base_e, axis=1)))
-    if length > SAME_IONOSPHERE:
-        notes += (f"baseline of {length / 1e3:.0f} km: both antennas' ionospheres differ; expect few or wrong fixes",)
     if len(i) < len(r.stamp):
         notes += (f"{len(r.stamp) - len(i)} of {len(r.stamp)} epochs of the rover have none of the base",)
     scale = np.sqrt(np.where(measured, variance, np.nan))

@@ -120,7 +120,10 @@ def link_epochs(p: Padded, t: FloatArray, sat: IntArray, cn0: FloatArray, start:
             rate_weight = p.has_rate * (square / (square + (z * p.w_rate) ** 2)) ** 2
             noise = noise.learned(y, direct, z, rate_weight)
             if widened == 1.0:
-                lasting, lasting_rate = _lasting(sat, y * p.w, direct), _lasting(sat, z * p.w_rate, rate_weight)
+                lasting, lasting_rate = (
+                    lasting_factor(sat, y * p.w, direct),
+                    lasting_factor(sat, z * p.w_rate, rate_weight),
+                )
         of_range = (A, y, direct * (p.w / noise.factor) ** 2 / lasting)
         of_rate = (B, z, rate_weight * (p.w_rate / noise.rate_factor) ** 2 / lasting_rate)
         normal, beside, right = _normal((of_range, of_rate), x, F, information)
@@ -240,8 +243,11 @@ def _diagonal_blocks(N: FloatArray, beside: FloatArray) -> FloatArray:
     return P
 
 
-def _lasting(sat: IntArray, v: FloatArray, w: FloatArray) -> float:
-    """``1 + 2 sum rho_j`` over the correlations of satellites' residuals j epochs apart, while there are any."""
+def lasting_factor(sat: IntArray, v: FloatArray, w: FloatArray) -> float:
+    """``1 + 2 sum rho_j`` over the correlations of satellites' residuals j epochs apart, while there are any.
+
+    By which the variance of a mean of them is larger than if they were independent. Shapes (k, m) of all three.
+    """
     k, place = np.nonzero(w > 0.0)
     sats, row = np.unique(sat[k, place], return_inverse=True)
     r, a = np.zeros((2, len(sats), len(v)))

@@ -8,7 +8,7 @@ import pytest
 from schuler.gnss.ambiguities import decorrelate, success_rate
 from schuler.gnss.integers import HeldIntegers, Measured, _covariance, _float, _largest_success, fix_epoch
 
-CYCLE = 0.1903
+CYCLE, CYCLE_2 = 0.1903, 0.2442
 CODE, PHASE = 0.5, 0.003
 
 
@@ -136,6 +136,40 @@ def test_wrong_fixes_are_as_rare_as_claimed(rng, skies):
             wrong += any(len(np.unique(off[kind == i])) > 1 for i in (0, 1))
     assert accepted > skies // 3
     assert wrong == 0
+
+
+def two_bands(rng, directions, cycles, d) -> Measured:
+    """Measurements as of :func:`epoch` on L1 and L2, one system."""
+    bands = [epoch(rng, directions, c, d, kinds=1) for c in cycles]
+    joined = {name: np.concatenate([getattr(e, name) for e in bands]) for name in bands[0].__dataclass_fields__}
+    second = np.repeat([0, 1], len(directions))
+    ratio = 1.0 + second * (CYCLE_2 / CYCLE - 1.0)
+    true = np.concatenate([e.carrier for e in bands]) + CYCLE * (ratio - 1.0) * np.concatenate(cycles)
+    joined |= {"sat": joined["sat"] + 1000 * second, "kind": second, "carrier": true, "wavelength": CYCLE * ratio}
+    return Measured(**joined)
+
+
+@pytest.mark.parametrize("skies", [15, pytest.param(1000, marks=pytest.mark.campaign)])
+def test_two_bands_fix_few_satellites(skies):
+    """Six satellites, a prediction of half a metre, ten epochs: two bands fix nearly all skies, one band a part."""
+    rng, share, wrong = np.random.default_rng(3), [0, 0], 0
+    for _ in range(skies):
+        u, d = sky(rng, 6), 0.5 * rng.standard_normal(3)
+        cycles = rng.integers(-500, 500, (2, 6))
+        for bands in (1, 2):
+            held = HeldIntegers()
+            for _ in range(10):
+                e = two_bands(rng, u, cycles, d) if bands == 2 else epoch(rng, u, cycles[0], d, kinds=1)
+                fix = fix_epoch(e, 0.5**2 * np.eye(3), held)
+            off = [
+                held.number[int(s)] - n for s, n in zip(e.sat, cycles.ravel(), strict=False) if int(s) in held.number
+            ]
+            share[bands - 1] += fix is not None
+            if fix is not None:
+                wrong += len(set(off[:6])) > 1 or len(set(off[6:])) > 1
+    assert share[1] > 0.9 * skies
+    assert share[0] < 0.8 * share[1]
+    assert wrong <= 1e-3 * sum(share) + 3.0 * np.sqrt(1e-3 * sum(share))  # three standard errors above the claim
 
 
 def test_no_decorrelation_succeeds_more_often_than_the_determinant_allows(rng):

@@ -22,7 +22,9 @@ class Measured:
 
     Attributes
     ----------
-    sat, arc, kind : ndarray of int, shape (m,)
+    sat : ndarray of int, shape (m,)
+        A number for each satellite and band.
+    arc, kind : ndarray of int, shape (m,)
         As in :class:`schuler.gnss.relative.RelativeCarriers`.
     carrier, code : ndarray, shape (m,)
         Measured minus predicted, receiver clocks in them. [m]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from schuler.gnss.weighting import noise_scale
 LEAST_CODE = 0.3
 _ROUNDS = 20  # in which means of arcs and epochs settle to a percent of the noise
 _ENOUGH = 100  # degrees of freedom that tell a standard deviation to 7 %
+_SLIP_CYCLES, _SLIP_SIGMAS = 0.3, 5.0  # of the difference of two bands; half a cycle is the smallest slip
 _TOGETHER_S = 0.02  # between receptions of one epoch: each receiver's satellites are taken at its own time [s]
 
 
@@ -41,6 +42,8 @@ class RelativeCarriers:
         Satellites of one system and wavelength, whose clocks and delays are common.
     wavelength : ndarray, shape (m,)
         [m]
+    sigma_code : ndarray, shape (m,)
+        1-sigma of the code, of both receivers. [m]
     """
 
     row: IntArray
@@ -50,6 +53,7 @@ class RelativeCarriers:
     arc: IntArray
     kind: IntArray
     wavelength: FloatArray
+    sigma_code: FloatArray
 
 
 def relative_ranges(
@@ -126,12 +130,53 @@ def relative_ranges(
     _, kind = np.unique(kinds, axis=0, return_inverse=True)
     carrier = rover.carrier_range[row] - base.carrier_range[partner] + distance[keep]
     code = rover.pseudorange[row] - missed[keep]
-    carriers = RelativeCarriers(row, carrier, code, sigma_carrier * scale[keep], arc, kind.ravel(), wavelength)
+    carriers = RelativeCarriers(
+        row, carrier, code, sigma_carrier * scale[keep], arc, kind.ravel(), wavelength, np.full(len(row), np.nan)
+    )
     if sigma_code is None:
         sigma_code = code_noise(carriers, rover.t[row], rover.sat[row], scale[keep])
     sigma = rover.sigma_range.copy()
     sigma[everything] = sigma_code * scale
+    carriers = replace(carriers, sigma_code=sigma_code * scale[keep])
     return replace(rover, pseudorange=pseudorange, sigma_range=sigma), carriers
+
+
+def with_second_band(
+    first: RelativeCarriers, second: RelativeCarriers, row: IntArray, sat: IntArray
+) -> RelativeCarriers:
+    """Carriers of two bands, whose integers are searched together.
+
+    Parameters
+    ----------
+    first, second : RelativeCarriers
+    row : ndarray of int, shape (m,)
+        Row of the first band's ranges for each of the second; -1 where there is none.
+    sat : ndarray of int, shape (n,)
+        Satellites of the first band's ranges.
+
+    Returns
+    -------
+    RelativeCarriers
+        In order of time. Those of the second band where the first has one, too: its arcs end where the first's do, and
+        where the difference of both bands, in which geometry and clocks cancel, jumps by 0.3 cycles and five sigma.
+    """
+    place = np.minimum(np.searchsorted(first.row, row), len(first.row) - 1)
+    kept = np.flatnonzero((row >= 0) & (first.row[place] == row))
+    by_sat = kept[np.lexsort((row[kept], sat[row[kept]]))]
+    one, x = place[by_sat], first.carrier[place[by_sat]] - second.carrier[by_sat]
+    noise = np.hypot(first.sigma[one], second.sigma[by_sat])
+    jumped = np.abs(np.diff(x)) > np.maximum(
+        _SLIP_CYCLES * second.wavelength[by_sat[1:]], _SLIP_SIGMAS * np.hypot(noise[1:], noise[:-1])
+    )
+    begins = jumped | (np.diff(first.arc[one]) != 0) | (np.diff(second.arc[by_sat]) != 0)
+    begins |= np.diff(sat[row[by_sat]]) != 0
+    arc = np.concatenate(([0], np.cumsum(begins)))
+    joined = {f.name: np.concatenate((getattr(first, f.name), getattr(second, f.name)[by_sat])) for f in fields(first)}
+    joined["row"] = np.concatenate((first.row, row[by_sat]))
+    joined["arc"] = np.concatenate((first.arc, arc[: len(by_sat)]))
+    joined["kind"] = np.concatenate((first.kind, int(first.kind.max()) + 1 + second.kind[by_sat]))
+    order = np.argsort(joined["row"], kind="stable")
+    return RelativeCarriers(**{name: values[order] for name, values in joined.items()})
 
 
 def code_noise(c: RelativeCarriers, t: FloatArray, sat: IntArray, scale: FloatArray) -> float:

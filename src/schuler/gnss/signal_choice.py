@@ -11,7 +11,8 @@ import numpy as np
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.gnss.observations import Observations
-from schuler.gnss.signals import BANDS, GLONASS_BANDS, SYSTEM_NAMES, SYSTEMS, frequency_hz
+from schuler.gnss.ranges import Ranges
+from schuler.gnss.signals import BANDS, GLONASS_BANDS, SPEED_OF_LIGHT, SYSTEM_NAMES, SYSTEMS, frequency_hz
 
 #: Signals by system in order of preference, as RINEX 3 has them.
 SIGNALS: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -155,6 +156,39 @@ def choose_signals(
         if chosen:
             notes.append(f"{SYSTEM_NAMES[letter]}: signals {' and '.join(_names(order, chosen))}")
     return ChosenSignals(t, sat, pseudorange, bands, frequency, range_rate, cn0, carrier, signal, lock, tuple(notes))
+
+
+def second_band(ranges: Ranges, receivers: tuple[Observations, ...], systems: str) -> dict[str, tuple[str, ...]]:
+    """Signals by system on a band beside that of the ranges, on which all receivers have carriers.
+
+    Parameters
+    ----------
+    ranges : Ranges
+        Their wavelengths say which band they are of.
+    receivers : tuple of Observations
+    systems : str
+        Letters; GLONASS, whose satellites differ in frequency, has none.
+    """
+    chosen: dict[str, tuple[str, ...]] = {}
+    for letter in (x for x in systems if x != "R" and x in SIGNALS):
+        mine = np.isfinite(ranges.wavelength) & (ranges.sat // 100 == SYSTEMS.index(letter))
+        if not mine.any():
+            continue
+        own = SPEED_OF_LIGHT / float(np.median(ranges.wavelength[mine]))
+        counts: dict[str, int] = {}
+        for band in dict.fromkeys(name[0] for name in SIGNALS[letter]):
+            if abs(BANDS[(letter, band)] - own) > 1.0:
+                counts[band] = min(_carriers(o, letter, band) for o in receivers)
+        best = max(counts, key=lambda band: counts[band], default="")
+        if counts.get(best, 0):
+            chosen[letter] = tuple(name for name in SIGNALS[letter] if name[0] == best)
+    return chosen
+
+
+def _carriers(o: Observations, letter: str, band: str) -> int:
+    places = [k for k, name in enumerate(o.signals) if name[0] == band]
+    mine = (o.sat // 100 == SYSTEMS.index(letter)) & np.isin(o.signal, places)
+    return int(np.count_nonzero(mine & np.isfinite(o.carrier) & np.isfinite(o.pseudorange)))
 
 
 def _names(order: list[str], bands: tuple[str, ...]) -> list[str]:

@@ -203,6 +203,58 @@ def test_corrected_ranges_hold_only_geometry_and_clocks(two):
             np.testing.assert_allclose(between, np.round(between), atol=0.02)
 
 
+@pytest.fixture(scope="module")
+def two_bands():
+    """The same two receivers on two bands, at 1 Hz."""
+    t, bands = np.arange(0.0, 12.0), ("1C", "2W", "5Q")
+    return pair(np.random.default_rng(3), lambda t: (100.0, -200.0, 5.0), t, bands=bands, systems="GE")
+
+
+def test_a_second_band_is_searched_beside_the_first(two_bands):
+    """Whole cycles of its own wavelength, kinds of their own, on rows of the first; the first as it was."""
+    notes = []
+    both = corrected(two_bands, notes=notes)
+    first_only = replace(two_bands, base=l1_of(two_bands.base), rover=l1_of(two_bands.rover))
+    one = corrected(first_only)
+    assert "integers of two bands are searched together: beside the ranges' own G 2; E 5" in notes
+    c = both.carriers
+    second = c.kind > one.carriers.kind.max()
+    np.testing.assert_array_equal(c.carrier[~second], one.carriers.carrier)
+    np.testing.assert_array_equal(np.sort(c.row[second]), one.carriers.row)
+    assert np.all(np.diff(c.row) >= 0)
+    np.testing.assert_allclose(np.unique(c.wavelength[second].round(4)), [0.2442, 0.2548])
+    place = HOME + C_en(HOME_LLH) @ (100.0, -200.0, 5.0)
+    cycles = (c.carrier - predicted_ranges(both.ranges.r_sat_e[c.row], place)[0]) / c.wavelength
+    for t in np.unique(both.ranges.t[c.row]):
+        for kind in np.unique(c.kind):
+            mine = np.flatnonzero((both.ranges.t[c.row] == t) & (c.kind == kind))
+            between = cycles[mine] - cycles[mine[0]]
+            np.testing.assert_allclose(between, np.round(between), atol=0.02)
+    for kind in np.unique(c.kind):  # no slip: one arc a satellite
+        mine = c.kind == kind
+        assert len(np.unique(c.arc[mine] * 1000 + both.ranges.sat[c.row[mine]])) == len(
+            np.unique(both.ranges.sat[c.row[mine]])
+        )
+
+
+@pytest.mark.parametrize("cycles", [0.5, -1.0])
+def test_a_slip_of_either_band_ends_the_arc_of_the_second(two_bands, cycles):
+    """The difference of the bands does not tell which; the first's own slips are found among its satellites, before."""
+    o = two_bands.rover
+    sat = int(np.unique(o.sat)[1])
+    for band in ("2W", "1C"):
+        late = (o.sat == sat) & (o.signal == o.signals.index(band)) & (o.t > 5.5)
+        both = corrected(two_bands, rover=replace(o, carrier=o.carrier + cycles * late))
+        c = both.carriers
+        mine = both.ranges.sat[c.row] == sat
+        kinds = np.unique(c.kind[mine])
+        assert [len(np.unique(c.arc[mine & (c.kind == kind)])) for kind in kinds] == [1, 2]
+
+
+def l1_of(o):
+    return o.where(o.signal == o.signals.index("1C"))
+
+
 @pytest.mark.parametrize("sigma", [0.6, 1.2])
 def test_code_noise_is_that_of_code_less_carrier(drive, sigma):
     """Of white noise, both receivers, six thousand differences: 4 standard errors."""

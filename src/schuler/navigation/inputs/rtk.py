@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from schuler.filtering.measurements import (
     merged,
 )
 from schuler.filtering.states import StateLayout
-from schuler.gnss.antennas import antenna_of
+from schuler.gnss.antennas import Antenna, antenna_of
 from schuler.gnss.baseline_result import SAME_IONOSPHERE
 from schuler.gnss.carrier_scale import check_carriers
 from schuler.gnss.cycle_slips import without_slips
@@ -32,7 +33,8 @@ from schuler.gnss.observations import Observations
 from schuler.gnss.point import solve_points
 from schuler.gnss.preparation import prepare_ranges
 from schuler.gnss.ranges import Ranges, predicted_ranges
-from schuler.gnss.relative import RelativeCarriers, relative_ranges
+from schuler.gnss.relative import RelativeCarriers, relative_ranges, with_second_band
+from schuler.gnss.signal_choice import second_band
 from schuler.gnss.slow_errors import slow_sigmas
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.satellites import inflated
@@ -40,6 +42,7 @@ from schuler.navigation.prepared import PreparedRun
 from schuler.recording.recording import Recording
 
 _BASE_OFF = 200.0  # of the stated base from its own single points [m]
+_SAME_EPOCH_S = 1e-3  # between times of two bands, each corrected by its own clock [s]
 _UNUSED = -1.0  # gate of a row that is not used
 
 
@@ -86,6 +89,7 @@ def ranges_with_base(
     if base is None:
         base = _read_base(section.observations, recording)
     stated_e, eccentricity_n, entry = None, None, "gnss.tight.base.llh_deg"
+    logged = base if isinstance(base, Observations) else None
     if isinstance(base, Observations):
         stated_e, eccentricity_n = base.station_e, base.eccentricity_n
         check_carriers(base, tight.systems, "gnss.tight.base")
@@ -121,6 +125,8 @@ def ranges_with_base(
     corrected, carriers = relative_ranges(
         ranges, base, base_e, sigma_code=section.code_sigma_m, sigma_carrier=tight.carrier_sigma_m
     )
+    if logged is not None:
+        carriers = _with_second_band(recording, ranges, carriers, logged, base_e, config, notes)
     measured = ranges.used & np.isfinite(ranges.pseudorange)
     alone = int(np.sum(measured & ~np.isfinite(corrected.pseudorange)))
     if alone:
@@ -165,7 +171,6 @@ def _prepared_base(base: Observations, recording: Recording, config: NavigationC
             "gnss.tight.base: observations of a base need observations and ephemerides of the recording; it has "
             "prepared ranges only"
         )
-    shift = base.epoch_gps_s - recording.observations.epoch_gps_s
     tight = config.gnss.tight
     antennas = recording.ephemerides.antennas
     rover = antenna_of(antennas, recording.observations.antenna, tight.antenna, "rover", [])
@@ -176,16 +181,73 @@ def _prepared_base(base: Observations, recording: Recording, config: NavigationC
             f"the {unknown}'s antenna is not known, and its phase centre not taken out: the height is off by it, some "
             f'centimetres; name it in {entry}, or set both entries to "none" where antennas are of one type'
         )
-    ranges = prepare_ranges(
-        base, recording.ephemerides, systems=tight.systems, ionosphere=tight.ionosphere, troposphere=tight.troposphere,
-        elevation_mask=tight.elevation_mask_deg * units.DEG, cn0_mask=tight.cn0_mask_dbhz, antenna=antenna,
-    )  # fmt: skip
+    ranges = _on_rover_time(base, recording, config, antenna)
     if not ranges.used.any():
         raise InputError(
             "gnss.tight.base: no range of the base is usable; are the recording's ephemerides of its day? "
             f"{'; '.join(ranges.notes)}"
         )
-    return replace(ranges, t=ranges.t + shift)
+    return ranges
+
+
+def _on_rover_time(
+    o: Observations, recording: Recording, config: NavigationConfig, antenna: Antenna | None,
+    signals: Mapping[str, tuple[str, ...]] | None = None,
+) -> Ranges:  # fmt: skip
+    """Ranges of a receiver, prepared as the rover's are and on its axis of time; of some signals only."""
+    rover, ephemerides, tight = recording.observations, recording.ephemerides, config.gnss.tight
+    if rover is None or ephemerides is None:
+        raise InputError("gnss.tight.base: the recording has no observations or no ephemerides")
+    ranges = prepare_ranges(
+        o, ephemerides, signals=signals, systems="".join(signals) if signals else tight.systems,
+        ionosphere="none" if signals and tight.ionosphere == "free" else tight.ionosphere,
+        troposphere=tight.troposphere, elevation_mask=tight.elevation_mask_deg * units.DEG,
+        cn0_mask=tight.cn0_mask_dbhz, antenna=antenna,
+    )  # fmt: skip
+    return replace(ranges, t=ranges.t + (o.epoch_gps_s - rover.epoch_gps_s))
+
+
+def _with_second_band(
+    recording: Recording, ranges: Ranges, carriers: RelativeCarriers, base: Observations, base_e: FloatArray,
+    config: NavigationConfig, notes: list[str],
+) -> RelativeCarriers:  # fmt: skip
+    """Carriers of a second band beside the first, where both receivers have one."""
+    rover, ephemerides, tight = recording.observations, recording.ephemerides, config.gnss.tight
+    if rover is None or ephemerides is None:
+        return carriers
+    signals = second_band(ranges, (rover, base), tight.systems)
+    if not signals:
+        return carriers
+    ours, theirs = (
+        _on_rover_time(o, recording, config, antenna_of(ephemerides.antennas, o.antenna, given, name, []), signals)
+        for o, given, name in ((rover, tight.antenna, "rover"), (base, tight.base.antenna, "base"))
+    )
+    try:
+        other, second = relative_ranges(
+            ours, theirs, base_e, sigma_code=tight.base.code_sigma_m, sigma_carrier=tight.carrier_sigma_m
+        )
+    except InputError:
+        notes.append("no carrier on a second band in both receivers at one time: integers of one band")
+        return carriers
+    row = _same_rows(ranges, other.t[second.row], other.sat[second.row])
+    both = with_second_band(carriers, second, row, ranges.sat)
+    used = "; ".join(f"{letter} {names[0][0]}" for letter, names in signals.items())
+    notes.append(f"integers of two bands are searched together: beside the ranges' own {used}")
+    return both
+
+
+def _same_rows(ranges: Ranges, t: FloatArray, sat: IntArray) -> IntArray:
+    """Rows in use of these satellites at these times, -1 where there is none. Shape (m,)."""
+    epochs = np.unique(ranges.t)
+    last = len(epochs) - 1
+    place = np.minimum(np.searchsorted(epochs, t), last)
+    place -= np.abs(epochs[np.maximum(place - 1, 0)] - t) < np.abs(epochs[place] - t)
+    key = np.searchsorted(epochs, ranges.t) * 1000 + ranges.sat
+    order = np.argsort(key, kind="stable")
+    at = np.minimum(np.searchsorted(key[order], place * 1000 + sat), len(key) - 1)
+    row = order[at]
+    present = (key[row] == place * 1000 + sat) & (np.abs(epochs[place] - t) < _SAME_EPOCH_S) & ranges.used[row]
+    return np.where(present, row, -1)
 
 
 def with_integers(prepared: PreparedRun, base: BaseCarriers, config: NavigationConfig) -> PreparedRun:
@@ -235,8 +297,8 @@ def with_integers(prepared: PreparedRun, base: BaseCarriers, config: NavigationC
     lever = np.array(config.gnss.lever_arm_m)
     changes = np.flatnonzero(np.isin(schedule.kind, (CARRIER_CHANGE,)))
     # a slow error is in the prediction, too, of which it is not independent: it counts as often as it is new
-    white = config.gnss.sigma_scale * tight.range_sigma_scale * ranges.sigma_range
-    sigma_range = np.hypot(white, slow_sigmas(ranges, config.gnss.correlated.of_ranges))
+    white = config.gnss.sigma_scale * tight.range_sigma_scale * carriers.sigma_code
+    sigma_code = np.hypot(white, slow_sigmas(ranges, config.gnss.correlated.of_ranges)[carriers.row])
     held, gate = HeldIntegers(), gate_threshold(_gate(config.gnss.gate), 3)
     fixed, refused, first = np.zeros(len(epochs), dtype=bool), 0, 0
     for e, end in enumerate(ends.tolist()):
@@ -252,7 +314,7 @@ def with_integers(prepared: PreparedRun, base: BaseCarriers, config: NavigationC
             held.forget()
         r_e, P = _predicted(state, prepared.layout, lever, epochs[e])
         mine = rows[epoch == e] if len(epochs) < 2 else rows[np.searchsorted(epoch, e) : np.searchsorted(epoch, e + 1)]
-        fix = fix_epoch(_measured(ranges, carriers, mine, r_e, sigma_range), P, held, ratio=tight.base.ratio)
+        fix = fix_epoch(_measured(ranges, carriers, mine, r_e, sigma_code), P, held, ratio=tight.base.ratio)
         if fix is None:
             continue
         fixed[e] = float(np.diag(fix.cov).max()) < 0.1**2
@@ -315,15 +377,13 @@ def _predicted(state: FilterState, layout: StateLayout, lever: FloatArray, t: fl
     return nav.r_eb_e + since * nav.v_eb_e + L, J @ state.covariance_e @ J.T
 
 
-def _measured(
-    ranges: Ranges, c: RelativeCarriers, rows: IntArray, r_e: FloatArray, sigma_range: FloatArray
-) -> Measured:
+def _measured(ranges: Ranges, c: RelativeCarriers, rows: IntArray, r_e: FloatArray, sigma_code: FloatArray) -> Measured:
     """What an epoch's carriers and codes differ by from their prediction."""
     k = c.row[rows]
     distance, gradient = predicted_ranges(ranges.r_sat_e[k], r_e)
     return Measured(
-        ranges.sat[k], c.arc[rows], c.kind[rows], c.carrier[rows] - distance, c.code[rows] - distance,
-        c.sigma[rows], sigma_range[k], c.wavelength[rows], ranges.elevation[k], gradient,
+        1000 * c.kind[rows] + ranges.sat[k], c.arc[rows], c.kind[rows], c.carrier[rows] - distance,
+        c.code[rows] - distance, c.sigma[rows], sigma_code[rows], c.wavelength[rows], ranges.elevation[k], gradient,
     )  # fmt: skip
 
 

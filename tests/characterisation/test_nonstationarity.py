@@ -38,18 +38,20 @@ WANDERING = White(1.0) + RandomWalk(0.05)
     ],
 )
 def test_stationary_noise_keeps_its_bounds(model, logs):
-    """Statistical, neighbours depend on each other: 1 % of averaging times are wider, 1 % of logs have a finding."""
+    """Statistical, neighbours depend on each other: 10 % of averaging times are wider, 1 % of logs have a finding."""
     rng = np.random.default_rng(3)
-    wider, findings = [], []
+    improbable, wider, findings = [], [], []
     for _ in range(logs):
         curve, scatter = of(model.sample(8192, 1.0 / RATE, rng))
-        wider.append(scatter.probability < 0.01)
+        improbable.append(scatter.probability < 0.01)
+        wider.append(scatter.sigma > 0.0)
         findings += scatter_findings("gyro_x", scatter, 81.92)
         bounded = allow_for(curve, scatter)
         same = scatter.sigma == 0.0
         np.testing.assert_array_equal(bounded.low[same], curve.low[same])
         np.testing.assert_array_equal(bounded.high[same], curve.high[same])
-    assert np.mean(wider) < (0.02 if logs > 100 else 0.06)
+    assert np.mean(improbable) < (0.02 if logs > 100 else 0.06)
+    assert np.mean(wider) < (0.12 if logs > 100 else 0.2)
     assert len(findings) < (12 if logs > 100 else 2)
 
 
@@ -84,6 +86,22 @@ def test_a_burst_is_named_with_its_place_and_its_times():
     assert [f.severity for f in scatter_findings("accel_y", of(weak)[1], 327.68)] == ["note"]
 
 
+def test_halves_and_quarters_tell_of_averaging_times_that_eighths_do_not_hold():
+    """A random walk ten times as steep in the first half; freedom in closed form, of one, three and seven squares."""
+    rng = np.random.default_rng(8)
+    n = 16384
+    x = np.cumsum(np.where(np.arange(n) < n // 2, 0.3, 0.03) * rng.standard_normal(n)) + rng.standard_normal(n)
+    curve, scatter = of(x)
+    m = np.round(curve.tau * RATE)
+    for least, most, freedom in ((0, n / 48, 9 / 1.75), (n / 48, n / 24, 4 / 1.5), (n / 24, n, 1.0)):
+        at = (m > least) & (m <= most)
+        np.testing.assert_allclose(scatter.freedom[at], freedom, rtol=1e-12)
+        assert (scatter.sigma[at] > 0.1).any()
+    longest = (m > n / 48) & (m <= n / 12)
+    assert np.isnan(scatter.probability[longest]).all()  # of a finding, which names an eighth
+    assert np.all(allow_for(curve, scatter).high[longest] > 1.5 * curve.high[longest])
+
+
 def test_gaps_and_short_logs_are_not_judged_where_they_cannot_be():
     rng = np.random.default_rng(7)
     _, scatter = of(rng.standard_normal(40))
@@ -96,5 +114,5 @@ def test_gaps_and_short_logs_are_not_judged_where_they_cannot_be():
     assert np.isnan(scatter.probability).all()
     x[4100:6140] = rng.standard_normal(2040)  # now four samples at each of its ends are missing
     _, scatter = of(x)
-    assert np.isfinite(scatter.probability[:3]).all()
-    assert not scatter.sigma.any()
+    assert (scatter.probability[:3] > 1e-3).all()  # by chance
+    assert scatter.sigma.max() < 0.05

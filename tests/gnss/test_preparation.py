@@ -277,7 +277,7 @@ def test_no_observation_at_all(sky, plain):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"ionosphere": "nequick"}, "klobuchar, free or none"),
+        ({"ionosphere": "nequick"}, "klobuchar, maps, free or none"),
         ({"troposphere": "hopfield"}, "saastamoinen or none"),
         ({"systems": "GX"}, "systems: expected letters"),
         ({"systems": ""}, "systems: expected letters"),

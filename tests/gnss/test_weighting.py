@@ -41,7 +41,7 @@ def test_sigmas_grow_towards_the_horizon_and_with_weakness():
 def test_the_parts_add_in_squares():
     w = Weighting("equal", code=0.4, rate=0.03, ionosphere_share=0.5, zenith_troposphere=0.1)
     sigma, rate = range_sigmas(
-        w, [1], [30.0 * DEG], [45.0], accuracy=2.0, ionosphere=3.0, noise_factor=2.5, unknown_delay=1.0
+        w, [1], [30.0 * DEG], [45.0], accuracy=2.0, ionosphere=1.5, noise_factor=2.5, unknown_delay=1.0
     )
     parts = [0.4 * 2.5, SIGNAL_IN_SPACE["G"], 1.5, 0.1 / 0.5, 1.0]
     assert sigma[0] == pytest.approx(np.sqrt(np.sum(np.square(parts))), rel=1e-14)

@@ -10,6 +10,7 @@ import numpy as np
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.gnss.antennas import Antenna
+from schuler.gnss.ionosphere_maps import IonosphereMaps
 from schuler.gnss.precise import PreciseClocks, PreciseOrbits
 
 
@@ -141,6 +142,7 @@ class Ephemerides:
         Used instead of the clocks of ``precise_orbits``.
     antennas : tuple of Antenna
         Satellites' antennas, by which precise positions become those of phase centres; receivers' for baselines.
+    ionosphere_maps : IonosphereMaps, optional
     """
 
     kepler: KeplerRecords
@@ -153,6 +155,7 @@ class Ephemerides:
     precise_orbits: PreciseOrbits | None = None
     precise_clocks: PreciseClocks | None = None
     antennas: tuple[Antenna, ...] = ()
+    ionosphere_maps: IonosphereMaps | None = None
 
     def merged_with(self, other: Ephemerides) -> Ephemerides:
         """Records of both; constants of this one, and of the other where this has none."""
@@ -167,6 +170,7 @@ class Ephemerides:
             _merged(self.precise_orbits, other.precise_orbits),
             _merged(self.precise_clocks, other.precise_clocks),
             self.antennas + other.antennas,
+            _merged(self.ionosphere_maps, other.ionosphere_maps),
         )
 
     def possible(self) -> tuple[Ephemerides, tuple[IntArray, IntArray]]:
@@ -183,7 +187,7 @@ class Ephemerides:
 
 
 T = TypeVar("T", KeplerRecords, GlonassRecords)
-P = TypeVar("P", PreciseOrbits, PreciseClocks)
+P = TypeVar("P", PreciseOrbits, PreciseClocks, IonosphereMaps)
 
 #: Least and most that a broadcast number may be, its sign apart. [SI]
 _LIMITS = {

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from schuler.gnss.carrier import begin_arcs
 from schuler.gnss.coarse import ReceiverPlace, epoch_medians, geometric_ranges, receiver_place
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.ionosphere import ionosphere_free, klobuchar
+from schuler.gnss.ionosphere_maps import map_delays
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
 from schuler.gnss.satellites import (
@@ -34,9 +35,10 @@ from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS
 from schuler.gnss.troposphere import Mapping as TroposphereMapping
 from schuler.gnss.troposphere import saastamoinen
 from schuler.gnss.weighting import Scheme, Weighting, range_sigmas
+from schuler.timebase import calendar
 from schuler.units import DEG
 
-Ionosphere = Literal["klobuchar", "free", "none"]
+Ionosphere = Literal["klobuchar", "maps", "free", "none"]
 Troposphere = Literal["saastamoinen", "none"]
 
 #: Coefficients broadcast on 2021-04-28, a quiet Sun, for messages that have none.
@@ -85,8 +87,9 @@ def prepare_ranges(
         Preferred signals by system, see :func:`schuler.gnss.signal_choice.choose_signals`.
     systems : str
         Letters of the systems to use.
-    ionosphere : {"klobuchar", "free", "none"}
-        Model with GPS's coefficients for all systems and frequencies; combination of two frequencies; nothing.
+    ionosphere : {"klobuchar", "maps", "free", "none"}
+        Model with GPS's coefficients for all systems and frequencies; maps of the ephemerides, and that model where
+        they have no value; combination of two frequencies; nothing.
     troposphere : {"saastamoinen", "none"}
     mapping, humidity
         See :func:`schuler.gnss.troposphere.saastamoinen`.
@@ -145,14 +148,15 @@ def prepare_ranges(
     )
     clock = _receiver_clock(c, corrected, states, place, epochs, epoch, usable)
     air = _atmosphere(
-        ephemerides, place, epoch_gps_s + c.t, c.frequency_hz[:, 0], ionosphere, troposphere, mapping, humidity
-    )
+        ephemerides, place, epoch_gps_s + c.t, c.frequency_hz[:, 0], ionosphere, troposphere, mapping, humidity,
+        budget.ionosphere_share,
+    )  # fmt: skip
     centre, first_centre = _phase_centres(antenna, c, place, air.notes, free=free)
     corrected = corrected - air.ionosphere - air.troposphere - centre
     phase = phase + air.ionosphere - air.troposphere - first_centre
     sigma_range, sigma_rate = range_sigmas(
         budget, c.sat, place.elevation, c.cn0, accuracy=states.accuracy,
-        ionosphere=np.nan_to_num(air.ionosphere) * air.share, troposphere=troposphere != "none" and place.located,
+        ionosphere=np.nan_to_num(air.ionosphere_sigma), troposphere=troposphere != "none" and place.located,
         noise_factor=np.nan_to_num(noise_factor, nan=1.0), unknown_delay=unknown,
     )  # fmt: skip
     reason = np.zeros(len(c.t), dtype=np.int64)
@@ -195,17 +199,17 @@ class _ReceiverClock(NamedTuple):
 
 
 class _Atmosphere(NamedTuple):
-    """Delays of the code (n,) [m], and what share of the ionosphere's usual uncertainty the model has."""
+    """Delays of the code (n,), and 1-sigma of what the ionosphere's model leaves (n,). [m]"""
 
     ionosphere: FloatArray
     troposphere: FloatArray
-    share: float
+    ionosphere_sigma: FloatArray
     notes: list[str]
 
 
 def _check_models(ionosphere: str, troposphere: str) -> None:
-    if ionosphere not in ("klobuchar", "free", "none"):
-        raise InputError(f"ionosphere: expected klobuchar, free or none, got {ionosphere!r}")
+    if ionosphere not in get_args(Ionosphere):
+        raise InputError(f"ionosphere: expected klobuchar, maps, free or none, got {ionosphere!r}")
     if troposphere not in ("saastamoinen", "none"):
         raise InputError(f"troposphere: expected saastamoinen or none, got {troposphere!r}")
 
@@ -246,20 +250,23 @@ def _receiver_clock(
 
 def _atmosphere(
     ephemerides: Ephemerides, place: ReceiverPlace, gps_s: FloatArray, frequency_hz: FloatArray,
-    ionosphere: Ionosphere, troposphere: Troposphere, mapping: TroposphereMapping, humidity: float,
+    ionosphere: Ionosphere, troposphere: Troposphere, mapping: TroposphereMapping, humidity: float, remains: float,
 ) -> _Atmosphere:  # fmt: skip
     """Delays of the models, zero where the place is not known."""
     none = np.zeros(len(gps_s))
     if not place.located:
-        return _Atmosphere(none, none, 1.0, [])
+        return _Atmosphere(none, none, none, [])
     llh = llh_from_ecef(place.r_e)
-    delay, notes, share = none, list[str](), 1.0
+    delay, notes, sigma = none, list[str](), none
     if ionosphere == "klobuchar":
         delay, notes, share = _klobuchar(ephemerides, llh, place, gps_s, frequency_hz)
+        sigma = remains * share * delay
+    elif ionosphere == "maps":
+        delay, sigma, notes = _by_maps(ephemerides, llh, place, gps_s, frequency_hz, remains)
     wet = none
     if troposphere == "saastamoinen":
         wet = saastamoinen(llh, place.elevation, gps_s, humidity=humidity, mapping=mapping)
-    return _Atmosphere(delay, wet, share, notes)
+    return _Atmosphere(delay, wet, sigma, notes)
 
 
 def _phase_centres(
@@ -370,6 +377,35 @@ def _klobuchar(
             "the messages have no Klobuchar coefficients: those of 2021-04-28 stand in, at twice the usual uncertainty"
         )
     return klobuchar(alpha, beta, llh, place.elevation, place.azimuth, gps_s, frequency_hz), notes, share
+
+
+def _by_maps(
+    ephemerides: Ephemerides, llh: FloatArray, place: ReceiverPlace, gps_s: FloatArray, frequency_hz: FloatArray,
+    remains: float,
+) -> tuple[FloatArray, FloatArray, list[str]]:  # fmt: skip
+    """Delays by maps and their 1-sigma, by Klobuchar's model where maps have no value. (n,), (n,) [m]"""
+    maps = ephemerides.ionosphere_maps
+    if maps is None:
+        raise InputError(
+            'ionosphere: "maps" needs an IONEX file among the ephemerides, and there is none; give one of the day, or '
+            'take "klobuchar"'
+        )
+    delay, sigma = map_delays(maps, llh, place.elevation, place.azimuth, gps_s, frequency_hz)
+    outside = ~np.isfinite(delay)
+    if not outside.any():
+        return delay, sigma, []
+    if outside.all():
+        raise InputError(
+            f"ionosphere: the maps are of {_date(maps.t[0])} to {_date(maps.t[-1])} GPS, or have no value there; the "
+            f"observations begin at {_date(gps_s[0])}; give the IONEX file of that day"
+        )
+    model, notes, share = _klobuchar(ephemerides, llh, place, gps_s, frequency_hz)
+    notes.append(f"{int(outside.sum())} of {len(delay)} ranges are outside of the ionosphere's maps: Klobuchar's model")
+    return np.where(outside, model, delay), np.where(outside, remains * share * model, sigma), notes
+
+
+def _date(gps_s: float) -> str:
+    return f"{calendar(float(gps_s)):%Y-%m-%d %H:%M}"
 
 
 def _clock_notes(epochs: FloatArray, steps: IntArray, irregular: IntArray) -> list[str]:

@@ -111,7 +111,7 @@ def range_sigmas(
     accuracy : array_like, shape () or (n,)
         Signal-in-space accuracy as broadcast; NaN where unknown. [m]
     ionosphere : array_like, shape () or (n,)
-        Delay that was taken out by a model; zero where none was. [m]
+        1-sigma of what a model of its delay leaves; zero where none was taken out. [m]
     troposphere : bool
         A model of it was taken out.
     noise_factor : array_like, shape () or (n,)
@@ -141,7 +141,7 @@ def range_sigmas(
     usual = np.array([SIGNAL_IN_SPACE[s] for s in SYSTEMS])[np.asarray(sat, dtype=np.int64) // 100]
     claimed = np.nan_to_num(np.asarray(accuracy, dtype=np.float64), nan=0.0) / _ACCURACY_IS
     variance = (weighting.code * scale * np.asarray(noise_factor)) ** 2 + np.maximum(usual, claimed) ** 2
-    variance = variance + (weighting.ionosphere_share * np.asarray(ionosphere)) ** 2 + np.asarray(unknown_delay) ** 2
+    variance = variance + np.asarray(ionosphere) ** 2 + np.asarray(unknown_delay) ** 2
     if troposphere:
         variance = variance + (weighting.zenith_troposphere / np.sin(np.maximum(elevation, _LOWEST))) ** 2
     return np.sqrt(variance), np.asarray(weighting.rate * scale)

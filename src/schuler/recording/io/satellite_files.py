@@ -18,7 +18,7 @@ from schuler.recording.recording import Recording
 from schuler.timebase import WEEK_S, TimeBase
 
 _RINEX, _COMPACT = b"RINEX VERSION / TYPE", b"CRINEX VERS"
-_ANTEX = b"ANTEX VERSION"
+_ANTEX, _IONEX = b"ANTEX VERSION", b"IONEX VERSION"
 _NAVIGATION = b"NGHELJ"  # letters of kinds in column 21, see rinex_header.KINDS
 _COMPRESS = b"\x1f\x9d"
 _USED = {"name", "series"}
@@ -165,24 +165,32 @@ def _navigation(path: Path, hints: ReadHints) -> Recording:
 
 
 def _precise_kind(path: Path, head: bytes) -> str | None:
-    """``orbits`` for SP3, ``clocks`` for RINEX clocks, ``antennas`` for ANTEX, packed or not; None otherwise."""
+    """``orbits`` for SP3, ``clocks`` for RINEX clocks, ``antennas`` for ANTEX, ``maps`` for IONEX, packed or not."""
     from schuler.recording.formats.rinex_clock import looks_like_rinex_clock
 
     first = _opening(path, head).partition(b"\n")[0]
     if first[60:].startswith(_ANTEX):
         return "antennas"
+    if first[60:].startswith(_IONEX):
+        return "maps"
     return "orbits" if _SP3.match(first) else "clocks" if looks_like_rinex_clock(first) else None
 
 
 def _precise(path: Path, hints: ReadHints, kind: str) -> Recording:
     from schuler.recording.formats.antex import read_antex
+    from schuler.recording.formats.ionex import read_ionex
     from schuler.recording.formats.rinex_clock import read_rinex_clock
     from schuler.recording.formats.sp3 import read_sp3
 
-    hints.check_used(path, _USED, "a file of precise orbits, clocks or antennas")
+    hints.check_used(path, _USED, "a file of precise orbits, clocks, antennas or of the ionosphere")
     if kind == "antennas":
         antennas = Ephemerides(no_kepler(), no_glonass(), antennas=read_antex(path))
         return Recording(ephemerides=antennas, metadata=metadata_of(path, hints, TimeBase("gps", 0.0), ()))
+    if kind == "maps":
+        maps = read_ionex(path)
+        time = TimeBase("gps", float(maps.t[0] // WEEK_S * WEEK_S))
+        ephemerides = Ephemerides(no_kepler(), no_glonass(), notes=maps.notes, ionosphere_maps=maps)
+        return Recording(ephemerides=ephemerides, metadata=metadata_of(path, hints, time, maps.notes))
     orbits = read_sp3(path) if kind == "orbits" else None
     clocks = read_rinex_clock(path) if kind == "clocks" else None
     (product,) = (x for x in (orbits, clocks) if x is not None)

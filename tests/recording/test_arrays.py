@@ -118,6 +118,17 @@ def test_a_single_array(tmp_path, still):
         read(path, columns=COLUMNS, **SI)
 
 
+@pytest.mark.skipif(np.finfo(np.longdouble).max == np.finfo(np.float64).max, reason="no wider floats on this machine")
+def test_numbers_beyond_double_precision_are_refused_with_their_row(tmp_path, still):
+    wide = still.astype(np.longdouble)
+    np.save(tmp_path / "wide.npy", wide)
+    check(read(tmp_path / "wide.npy", columns=COLUMNS, **SI), still)
+    wide[4, 2] = np.longdouble("1e400")
+    np.save(tmp_path / "wide.npy", wide)
+    with pytest.raises(FileFormatError, match="row 5"):
+        read(tmp_path / "wide.npy", columns=COLUMNS, **SI)
+
+
 def test_matlab_text_is_read_as_text(tmp_path, still):
     path = tmp_path / "log.mat"
     np.savetxt(path, still, fmt="%16.8e")

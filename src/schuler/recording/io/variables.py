@@ -46,6 +46,11 @@ def recording_of_arrays(path: Path, arrays: Arrays, hints: ReadHints, notes: lis
         If arrays are missing, ambiguous or of the wrong shape; the message lists what is in the file.
     """
     arrays = {name: a for name, a in arrays.items() if a.dtype.kind in "fiu" and 1 <= a.ndim <= 2 and a.size > 0}
+    with np.errstate(over="ignore"):  # infinite is refused with its row
+        wide = {
+            name: a.astype(np.float64) for name, a in arrays.items() if a.dtype.kind == "f" and a.dtype.itemsize > 8
+        }
+    arrays |= wide
     if not arrays:
         raise FileFormatError("there are no arrays of real numbers with one or two axes in the file", path)
     parsed = parse_columns(hints.columns)

@@ -36,7 +36,14 @@ PLAIN: bool = bool(_core.config.DISABLE_JIT)  # NUMBA_DISABLE_JIT=1: kernels as 
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
 
 # Besides the kernel files: what they take constants from (tests/test_project.py holds them to it).
-SOURCES = ("jit.py", "earth.py", "filtering/limits.py", "filtering/filter_arrays.py", "budget/nodes.py")
+SOURCES = (
+    "jit.py",
+    "earth.py",
+    "filtering/limits.py",
+    "filtering/filter_arrays.py",
+    "budget/nodes.py",
+    "montecarlo/lanes/lane_arrays.py",
+)
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -41,11 +41,16 @@ def normalised(P, dx, first, last, L, z):
 
 
 @kernel
-def note(
-    r, truth, C, nav_f, dx_f, dx, nav, est, true, P, process, wander, blocks, L, z, rec_error, rec_sigma, rec_nees
-):  # fmt: skip
-    """Record ``r``: errors and sigmas (navigation in north, east, down of the true position) and NEES of blocks."""
-    q0, q1, q2, q3 = truth[0], truth[1], truth[2], truth[3]
+def note(r, truth, nav_f, dx_f, state, true, process, wander, work, records):
+    """Record ``r``: errors and sigmas (navigation in north, east, down of the true position) and NEES of blocks.
+
+    ``nav_f`` and ``dx_f`` are ``state.nav`` and ``work.dx`` as plain numbers.
+    """
+    nav, est, P = state
+    dx, C, blocks = work.dx, truth.C_en[r], truth.blocks
+    error, sigma = records.error[r], records.sigma[r]
+    true_nav = truth.nav[r]
+    q0, q1, q2, q3 = true_nav[0], true_nav[1], true_nav[2], true_nav[3]
     for j in range(LANES):  # dq = q_hat q*, its rotation vector
         a, b, c, d = nav_f[0, j], nav_f[1, j], nav_f[2, j], nav_f[3, j]
         w = a * q0 + b * q1 + c * q2 + d * q3
@@ -60,7 +65,7 @@ def note(
         g = 2.0 * math.atan2(s, w) / s if s > 1e-12 else 2.0
         dx_f[0, j], dx_f[1, j], dx_f[2, j] = g * x, g * y, g * v
     for i in range(6):
-        dx[3 + i] = nav[4 + i] - truth[4 + i]
+        dx[3 + i] = nav[4 + i] - true_nav[4 + i]
     m = est.shape[0]
     for k in range(m):
         dx[9 + k] = est[k] - true[k]
@@ -70,15 +75,15 @@ def note(
             for i in range(3):
                 dx[9 + at + i] -= wander[3 * p + i]
     for b in range(blocks.shape[0]):
-        rec_nees[r, b] = normalised(P, dx, blocks[b, 0], blocks[b, 1], L, z)
+        records.nees[r, b] = normalised(P, dx, blocks[b, 0], blocks[b, 1], work.L, work.zn)
     for o in (0, 3, 6):
         for i in range(3):
             c0, c1, c2 = C[i], C[3 + i], C[6 + i]  # column i of C_en
-            rec_error[r, o + i] = c0 * dx[o] + c1 * dx[o + 1] + c2 * dx[o + 2]
-            rec_sigma[r, o + i] = math.sqrt(
+            error[o + i] = c0 * dx[o] + c1 * dx[o + 1] + c2 * dx[o + 2]
+            sigma[o + i] = math.sqrt(
                 c0 * c0 * P[o, o] + c1 * c1 * P[o + 1, o + 1] + c2 * c2 * P[o + 2, o + 2]
                 + 2.0 * (c0 * c1 * P[o + 1, o] + c0 * c2 * P[o + 2, o] + c1 * c2 * P[o + 2, o + 1])
             )  # fmt: skip
     for k in range(m):
-        rec_error[r, 9 + k] = dx[9 + k]
-        rec_sigma[r, 9 + k] = math.sqrt(P[9 + k, 9 + k])
+        error[9 + k] = dx[9 + k]
+        sigma[9 + k] = math.sqrt(P[9 + k, 9 + k])

@@ -23,6 +23,15 @@ from schuler.exceptions import InputError
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.filter_arrays import aligned
 from schuler.montecarlo.lanes.aiding import LaneAiding
+from schuler.montecarlo.lanes.lane_arrays import (
+    LaneErrors,
+    LaneFixes,
+    LaneLog,
+    LaneModel,
+    LaneRecordArrays,
+    LaneState,
+    LaneTruth,
+)
 from schuler.montecarlo.lanes.records import LaneRecords, LaneStatistics
 from schuler.montecarlo.lanes.replay import Replay, replay, through_engine
 from schuler.montecarlo.lanes.scenario import LARGEST_TURN, LaneScenario, draw_run
@@ -138,23 +147,19 @@ class _Prepared:
         blocks = np.array([scenario.states(name) for name in scenario.nees], dtype=np.int64).reshape(-1, 2)
         driven = 3 * int(np.sum(self.table[:, 2] > 0.0))
         self.rows = k.work_rows(n, every, driven)
-        icfg = np.zeros(k.N_ICFG, dtype=np.int64)
-        icfg[k.ICFG_EVERY] = every
-        icfg[k.ICFG_MATRIX] = int(any(name[0] in "SMG" for name in layout.models))
-        icfg[k.ICFG_CROSS] = int("G_g" in layout)
-        icfg[k.ICFG_LOCKOUT] = options.lockout
         omega = earth.WGS84.omega_ie if options.earth_rotation else 0.0
         psd = np.concatenate((np.asarray(scenario.gyro_psd), np.asarray(scenario.accel_psd)))
-        shared: tuple[Any, ...] = (
-            ideal.gyro, ideal.accel, t, h, plan, s.t, s.kind, s.z, aiding.sigma, aiding.axes().reshape(M, 9),
-            s.R.reshape(M, 9), s.lever, s.gate,
-        )  # fmt: skip
-        self.log = tuple(np.ascontiguousarray(x) if isinstance(x, np.ndarray) else x for x in shared)
+        whole = np.ascontiguousarray
+        self.log = LaneLog(whole(ideal.gyro), whole(ideal.accel), whole(t), h, plan)
+        fixes = (s.t, s.kind, s.z, aiding.sigma, aiding.axes().reshape(M, 9), s.R.reshape(M, 9), s.lever, s.gate)
+        self.fixes = LaneFixes(*(whole(x) for x in fixes))
         self.white = scenario.errors.white * np.sqrt(h)
-        self.model = (layout.table(), layout.dynamics(), psd, omega)
-        self.icfg = icfg
+        matrix = any(name[0] in "SMG" for name in layout.models)
+        self.model = LaneModel(
+            layout.table(), layout.dynamics(), psd, omega, every, options.lockout, matrix, "G_g" in layout
+        )
         r = truth.r_eb_e[at + 1]
-        self.truth = (
+        self.truth = LaneTruth(
             np.concatenate((truth.q_eb[at + 1], truth.v_eb_e[at + 1], r), axis=1),
             np.ascontiguousarray(frames.C_en(frames.llh_from_ecef(r)).reshape(-1, 9)),
             blocks,
@@ -177,18 +182,21 @@ class _Prepared:
             (_lanes([d.starts.ravel() for d in filled]), _lanes([d.slopes.ravel() for d in filled]))
         )
         constants = _lanes([d.constants for d in filled])
-        icfg = self.icfg.copy()
-        icfg[k.ICFG_RESPONSE] = int(np.any(constants[6:]))
+        streams = np.ascontiguousarray(np.stack([d.streams for d in filled], axis=1))
+        errors = LaneErrors(
+            constants, self.white, self.table, wander, _lanes([d.parameters for d in filled]), streams,
+            bool(np.any(constants[6:])),
+        )  # fmt: skip
+        start = LaneState(
+            _lanes(nav), _lanes([d.initial.parameters for d in filled]), _lanes(list(0.5 * (P + np.swapaxes(P, 1, 2))))
+        )
         records = len(self.t)
         error, sigma = aligned(records, n, LANES), aligned(records, n, LANES)
         nees, counts = aligned(records, len(scenario.nees), LANES), aligned(k.N_COUNTS, LANES)
-        wanted = k.run_lanes(
-            *self.log, constants, self.white, self.table, wander, _lanes([d.parameters for d in filled]),
-            np.ascontiguousarray(np.stack([d.streams for d in filled], axis=1)), _lanes(nav),
-            _lanes([d.initial.parameters for d in filled]), _lanes(list(0.5 * (P + np.swapaxes(P, 1, 2)))),
-            *self.model, icfg, *self.truth, aligned(self.rows, LANES), error, sigma, nees, counts,
+        k.run_lanes(
+            self.log, self.fixes, errors, start, self.model, self.truth, aligned(self.rows, LANES),
+            LaneRecordArrays(error, sigma, nees, counts),
         )  # fmt: skip
-        assert wanted == 0, f"{self.rows} rows of workspace, {wanted} wanted"
         kept = len(numbers)
         for lane in np.flatnonzero(counts[7, :kept] > 0.0):
             through_engine(scenario, int(numbers[lane]), seed, error, sigma, nees, counts, int(lane))
@@ -198,7 +206,7 @@ class _Prepared:
         with np.errstate(invalid="ignore"):
             nis = np.where(taken > 0.0, sums[:, 0] / (3.0 * np.maximum(taken, 1.0)), np.nan).T
         finite = np.isfinite(error).all(axis=(1, 2)) & np.isfinite(sigma).all(axis=(1, 2))
-        degrees = {name: stop - start for name, (start, stop) in zip(scenario.nees, self.truth[2], strict=True)}
+        degrees = {name: stop - start for name, (start, stop) in zip(scenario.nees, self.truth.blocks, strict=True)}
         return LaneRecords(
             t=self.t, runs=np.asarray(numbers, dtype=np.int64), error=error, sigma=sigma,
             nees={name: nees[:, :, i] / degrees[name] for i, name in enumerate(scenario.nees)}, nis=nis,

@@ -13,9 +13,12 @@ from messy_folders import nmea as nmea_lines
 
 from schuler import read
 from schuler.exceptions import InputError
+from schuler.gnss.observations import joined_observations
 from schuler.live.clock import SourceClock
 from schuler.live.decoders.detection import decoder
-from schuler.live.messages import Fix, Heading, ImuBlock, ImuSample, Speed
+from schuler.live.messages import Broadcast, Fix, Heading, ImuBlock, ImuSample, SatelliteEpoch, Speed
+from schuler.live.satellites import LiveSatellites
+from schuler.navigation.config import NavigationConfig
 from schuler.recording.formats.novatel_frames import IMU_TYPES
 from schuler.recording.io import ReadHints
 
@@ -157,6 +160,35 @@ def test_garbage_is_counted_and_the_stream_goes_on():
     assert [m.t for m in messages] == list(range(50))
     assert sum(stream.left_out.values()) >= 150
     assert len(stream.left_out) <= 3
+
+
+@pytest.mark.realdata
+def test_raw_measurements_of_ubx_in_pieces_are_those_of_the_file(shared_data, tmp_path):
+    """The beginning of a walk: every epoch to the last bit, and every ephemeris that the log has by then."""
+    pytest.importorskip("pyubx2")
+    data = (shared_data / "rtkexp_walk" / "gnss_1730.ubx").read_bytes()[:300_000]
+    (tmp_path / "walk.ubx").write_bytes(data)
+    log, clock = read(tmp_path / "walk.ubx"), SourceClock()
+    made = fed(decoder(clock, ReadHints(), format="ubx", raw=True), data, 3)
+    epochs = [m.measured for m in made if isinstance(m, SatelliteEpoch)]
+    o = joined_observations(epochs)
+    assert clock.base == log.metadata.time
+    assert len(epochs) == len(log.observations.epochs)
+    np.testing.assert_array_equal([o.signals[k] for k in o.signal],
+                                  [log.observations.signals[k] for k in log.observations.signal])  # fmt: skip
+    for name in ("t", "sat", "pseudorange", "range_rate", "carrier", "cn0"):
+        np.testing.assert_array_equal(getattr(o, name), getattr(log.observations, name))
+    satellites = LiveSatellites(NavigationConfig.checked({"imu": {"catalogue": "MTi-G-710"}}))
+    for message in made:
+        if isinstance(message, Broadcast):
+            satellites.learn(message.ephemerides)
+    for name in ("kepler", "glonass"):
+        mine, whole = getattr(satellites.ephemerides, name), getattr(log.ephemerides, name)
+        missing = set(whole.sat.tolist()) - set(mine.sat.tolist())
+        assert set(mine.sat.tolist()) <= set(whole.sat.tolist())
+        assert len(missing) <= 2  # whose last subframe came within the last six seconds
+        for k, sat in enumerate(mine.sat):
+            assert np.any((whole.sat == sat) & (whole.toe == mine.toe[k]))
 
 
 @pytest.mark.parametrize("kind", ["nmea", "ubx"])

@@ -222,7 +222,7 @@ def test_memory_does_not_grow_with_time(recording):
 @pytest.mark.parametrize(
     ("change", "entry"),
     [
-        ({"gnss": {"coupling": "tight"}}, "gnss.coupling"),
+        ({"gnss": {"coupling": "reset"}}, "gnss.coupling"),
         ({"filter": {"tune": True}}, "filter.tune"),
         ({"outages": {"windows_s": [[1.0, 2.0]]}}, "outages"),
         ({"recording": {"imu": {"units": "furlong,deg/s"}}}, "recording"),

@@ -145,7 +145,7 @@ def live(
             smoothed_sinks.append(tables["smoothed"])
         sources, kind = connect(
             addresses, loaded.recording, clock, replayed=lambda log: _read(log, config),
-            kept_in=_keeper(record, held, publishers),
+            kept_in=_keeper(record, held, publishers), raw=loaded.gnss.coupling == "tight",
         )  # fmt: skip
         stop = held.enter_context(_stopped_by_signals())
         status = held.enter_context(_status_line(not headless))

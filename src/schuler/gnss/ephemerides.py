@@ -185,6 +185,12 @@ class Ephemerides:
         kept = replace(self, kepler=_where(self.kepler, orbits), glonass=_where(self.glonass, states))
         return kept, (self.kepler.sat[~orbits], self.glonass.sat[~states])
 
+    def distinct(self, age_s: float = np.inf) -> Ephemerides:
+        """Broadcast messages up to an age before the newest, each once: the one that came last. [s]"""
+        newest = max(self.kepler.toe.max(initial=-np.inf), self.glonass.toe.max(initial=-np.inf))
+        since = newest - age_s
+        return replace(self, kepler=_distinct(self.kepler, since), glonass=_distinct(self.glonass, since))
+
 
 T = TypeVar("T", KeplerRecords, GlonassRecords)
 P = TypeVar("P", PreciseOrbits, PreciseClocks, IonosphereMaps)
@@ -238,6 +244,16 @@ def _possible(records: KeplerRecords | GlonassRecords) -> BoolArray:
 
 def _where(records: T, keep: BoolArray) -> T:
     return type(records)(**{f.name: getattr(records, f.name)[keep] for f in fields(records)})
+
+
+def _distinct(records: T, since: float) -> T:
+    """Messages from a reference time on, by satellite, reference times and contents of the clock, the last of each."""
+    names = ("sat", "toe", "toc", "issue", "source", "af0", "health", "clock")
+    keys = np.column_stack([getattr(records, name) for name in names if hasattr(records, name)])[::-1]
+    _, first = np.unique(keys, axis=0, return_index=True)
+    keep = np.zeros(len(records), dtype=np.bool_)
+    keep[len(records) - 1 - first] = True
+    return _where(records, keep & (records.toe >= since))
 
 
 def _checked(records: KeplerRecords | GlonassRecords) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -118,3 +120,28 @@ class Observations:
         ]
         span = f"{epochs[0]:.1f} to {epochs[-1]:.1f} s" if len(epochs) else "no time"
         return f"{len(epochs)} epochs, {span}; satellites: {', '.join(counts)}; signals: {', '.join(self.signals)}"
+
+
+def joined_observations(parts: Sequence[Observations]) -> Observations:
+    """Consecutive observations of one receiver and one time axis as one; without their notes.
+
+    Parameters
+    ----------
+    parts : sequence of Observations
+        At least one, in order of time.
+    """
+    signals = tuple(sorted({name for part in parts for name in part.signals}))
+    rows: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("t", "sat", "pseudorange", "range_rate", "carrier", "cn0", "lock")
+    }
+    place = [np.array([signals.index(name) for name in part.signals], dtype=np.int64)[part.signal] for part in parts]
+    channels = {sat: channel for part in parts for sat, channel in part.glonass_channels.items()}
+    return Observations(
+        signal=np.concatenate(place),
+        signals=signals,
+        epoch_gps_s=parts[0].epoch_gps_s,
+        glonass_channels=channels,
+        position_e=parts[-1].position_e,
+        **rows,
+    )

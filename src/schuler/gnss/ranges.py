@@ -12,15 +12,17 @@ second of transmission: the rate a receiver measures is ``1 + u . v_s / c`` time
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.earth import WGS84
 from schuler.exceptions import InputError
-from schuler.gnss.signals import SPEED_OF_LIGHT
+from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS
 
 #: Why a range is not used; 0 is used.
 REASONS = MappingProxyType(
@@ -136,6 +138,27 @@ class Ranges:
                 for f in fields(self)
             }
         )
+
+
+def joined_ranges(parts: Sequence[Ranges]) -> Ranges:
+    """Consecutive ranges as one, with the clocks of all of them; without their notes.
+
+    Parameters
+    ----------
+    parts : sequence of Ranges
+        At least one, in order of time. Clocks that are not the same in all are in the order of their systems.
+    """
+    groups = tuple(dict.fromkeys(name for part in parts for name in part.groups))
+    if any(part.groups != groups for part in parts) and all(name in SYSTEMS for name in groups):
+        groups = tuple(sorted(groups, key=SYSTEMS.index))
+    rows: dict[str, Any] = {
+        f.name: np.concatenate([getattr(part, f.name) for part in parts])
+        for f in fields(Ranges)
+        if f.name not in ("group", "groups", "notes")
+    }
+    # rows of systems not asked for have the place of a clock without being of it, and may be all there are
+    place = [np.array([groups.index(name) for name in part.groups] or [0])[part.group] for part in parts]
+    return Ranges(group=np.concatenate(place), groups=groups, **rows)
 
 
 def sagnac(r_sat_e: FloatArray, r_e: FloatArray, omega_ie: float) -> FloatArray:

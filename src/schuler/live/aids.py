@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.filtering.measurements import MeasurementSchedule, merged
+from schuler.gnss.ranges import Ranges
 from schuler.live.columns import Columns
 from schuler.live.messages import Fix, Heading, Height, Speed
 from schuler.live.rests import RestMeasurements
@@ -49,6 +50,8 @@ class LiveAids:
         Samples so far, as the aids take them, to learn from.
     interval_s : float
         Sample interval. [s]
+    clocks : tuple of str
+        Receiver clocks that are states, in the order of these, for ranges.
     """
 
     def __init__(
@@ -59,8 +62,10 @@ class LiveAids:
         origin: float,
         imu: ImuSeries | None,
         interval_s: float,
+        clocks: tuple[str, ...] = (),
     ) -> None:
         self.config, self.spec, self.start, self.origin, self.interval_s = config, spec, start, origin, interval_s
+        self.clocks = clocks
         self.samples = Columns(t=0, rate=3, force=3)
         self.fixes: list[Fix] = []  # the newest
         self.last_used: dict[str, float] = {}  # times of the readings that are thinned out [s]
@@ -105,7 +110,7 @@ class LiveAids:
         del self.fixes[:-_HELD_FIXES]
         if self.rests.wanted:
             self.rests.see(series if series.v_n is not None else series_of(_ordered(self.fixes)))
-        if self.config.gnss.coupling == "off":
+        if self.config.gnss.coupling != "loose":
             return _none()
         if before is not None and before.t < t and np.array_equal(before.llh, fixes[0].llh):
             if held(series_of(_ordered(self.fixes)))[0][-1]:
@@ -118,6 +123,28 @@ class LiveAids:
             return _none()
         schedule, _ = aiding_schedule(Sources(_NO_IMU, series), self._of_fixes, self.spec, self.start, self.origin)
         return with_late_velocities(schedule, self.config.gnss.velocity_delay_s, self.start, [])
+
+    def ranges(self, ranges: Ranges, notes: list[str]) -> MeasurementSchedule:
+        """Pseudoranges and range rates of satellites.
+
+        Parameters
+        ----------
+        ranges : Ranges
+            Prepared. Those of a clock that is no state are left out.
+        notes : list of str
+            Gets a sentence on these.
+        """
+        states = np.array([self.clocks.index(name) if name in self.clocks else -1 for name in ranges.groups] or [-1])
+        clock = states[ranges.group]
+        without = ranges.used & (clock < 0)
+        if without.any():
+            missing = ", ".join(name for name in ranges.groups if name not in self.clocks)
+            notes.append(f"ranges of {missing} are left out: when the run started, there were none of this clock")
+        of_state = replace(ranges.where(clock >= 0), group=clock[clock >= 0], groups=self.clocks)
+        schedule, _ = aiding_schedule(
+            Sources(_NO_IMU, ranges=of_state), self._of_fixes, self.spec, self.start, self.origin
+        )
+        return schedule
 
     def usual_fix(self, fix: Fix) -> MeasurementSchedule | None:
         """Position and velocity of a fix in one compiled call, if it is as usual; otherwise None and nothing is taken.
@@ -201,7 +228,8 @@ class LiveAids:
         """What goes on from one message to the next, for files."""
         fixes = [{f.name: getattr(fix, f.name) for f in fields(fix)} for fix in self.fixes]
         return {
-            "start": self.start, "origin": self.origin, "interval_s": self.interval_s, "fixes": fixes,
+            "start": self.start, "origin": self.origin, "interval_s": self.interval_s, "clocks": list(self.clocks),
+            "fixes": fixes,
             "samples": self.samples.document(), "motion": self._motion.document(), "constraints": self.constraints,
             "last_used": dict(self.last_used), "rests": self.rests.document(),
         }  # fmt: skip
@@ -210,7 +238,7 @@ class LiveAids:
     def restored(cls, config: NavigationConfig, spec: ImuSpec, document: dict[str, Any]) -> LiveAids:
         """The aids of a :meth:`document`."""
         d = document
-        aids = cls(config, spec, d["start"], d["origin"], None, d["interval_s"])
+        aids = cls(config, spec, d["start"], d["origin"], None, d["interval_s"], tuple(d["clocks"]))
         aids.fixes = [Fix(**fix) for fix in d["fixes"]]
         aids.samples.restore(d["samples"])
         aids._motion.restore(d["motion"])

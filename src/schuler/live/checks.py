@@ -10,7 +10,7 @@ import numpy as np
 
 from schuler.exceptions import ConfigError, InputError
 from schuler.live.aids import series_of
-from schuler.live.messages import Fix, Heading, Height, Speed
+from schuler.live.messages import Fix, Heading, Height, Measurement, SatelliteEpoch, Speed
 from schuler.navigation.config import NavigationConfig
 from schuler.recording.series import GnssSeries
 
@@ -23,9 +23,25 @@ def check_live(config: NavigationConfig) -> None:
     ConfigError
         Naming the entry.
     """
-    if config.gnss.coupling not in ("loose", "off"):
+    if config.gnss.coupling not in ("loose", "tight", "off"):
         raise ConfigError(
-            f'gnss.coupling: expected "loose" or "off" for a live run, got "{config.gnss.coupling}"; navigate the log'
+            f'gnss.coupling: expected "loose", "tight" or "off" for a live run, got "{config.gnss.coupling}"; navigate '
+            "the log"
+        )
+    if config.gnss.coupling == "tight" and config.gnss.tight.carrier != "off":
+        raise ConfigError(
+            f'gnss.tight.carrier: expected "off" for a live run, got "{config.gnss.tight.carrier}": it takes ranges '
+            "and range rates; navigate the log"
+        )
+    antenna = config.gnss.tight.antenna
+    if config.gnss.coupling == "tight" and antenna is not None and antenna.strip().lower() != "none":
+        raise ConfigError(
+            f'gnss.tight.antenna: a live run takes out no phase centres, and got "{antenna}"; leave it out'
+        )
+    if config.gnss.coupling == "tight" and config.gnss.correlated.position_sigma_m > 0.0:
+        raise ConfigError(
+            "gnss.correlated.position_sigma_m: a live run has no states of slow errors of single satellites; leave it "
+            "out, and enlarge gnss.tight.range_sigma_scale"
         )
     if config.filter.tune is True:
         raise ConfigError(
@@ -56,7 +72,7 @@ def checked(message: Fix | Speed | Heading | Height) -> GnssSeries | None:
     return None
 
 
-def checked_together(messages: Sequence[Fix | Speed | Heading | Height]) -> GnssSeries | None:
+def checked_together(messages: Sequence[Measurement]) -> GnssSeries | None:
     """Fixes of a kind in order of time as one series, or None where each message is to be looked at by itself."""
     if len(messages) < 2 or not all(isinstance(m, Fix) for m in messages):
         return None
@@ -72,6 +88,6 @@ def checked_together(messages: Sequence[Fix | Speed | Heading | Height]) -> Gnss
     return None if np.any(np.all(series.llh[1:] == series.llh[:-1], axis=1)) else series
 
 
-def name_of(message: Fix | Speed | Heading | Height) -> str:
+def name_of(message: Fix | Speed | Heading | Height | SatelliteEpoch) -> str:
     """Kind of a message, in a sentence."""
-    return type(message).__name__.lower()
+    return "satellite epoch" if isinstance(message, SatelliteEpoch) else type(message).__name__.lower()

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from schuler.exceptions import InputError
+from schuler.gnss.ranges import Ranges
 from schuler.live.aids import series_of
 from schuler.live.columns import Columns
 from schuler.live.messages import Fix, Heading, Height, Speed
@@ -112,8 +113,13 @@ class Collection:
         ]
         self.next_trial, self.origin, self._patience = (document[n] for n in ("next_trial", "origin", "patience"))
 
-    def recording(self) -> Recording:
+    def recording(self, ranges: Ranges | None = None) -> Recording:
         """The messages so far.
+
+        Parameters
+        ----------
+        ranges : Ranges, optional
+            Those of tight coupling, in place of the fixes.
 
         Raises
         ------
@@ -134,10 +140,11 @@ class Collection:
             _ordered(m for m in self.messages if isinstance(m, kind)) for kind in (Speed, Heading, Height)
         )
         return Recording(
-            imu, gnss,
+            imu, gnss if ranges is None else None,
             OdometerSeries(*_columns(speeds, "speed")) if speeds else None,
             heading=ScalarSeries(*_columns(headings, "value")) if headings else None,
             height=ScalarSeries(*_columns(heights, "value")) if heights else None,
+            ranges=ranges,
             # a stream does not say on what Earth it was simulated: on that of the configuration
             metadata=Metadata(options={"scenario": {"motion": {"earth_rotation": self._config.filter.earth_rotation}}}),
         )  # fmt: skip

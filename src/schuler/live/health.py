@@ -6,7 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from schuler.filtering.measurements import ACCEPTED, DIMENSIONS, FIX, FORCED, GNSS_KINDS, POSITION, REJECTED
+from schuler.filtering.measurements import (
+    ACCEPTED,
+    DIMENSIONS,
+    FIX,
+    FORCED,
+    GNSS_KINDS,
+    POSITION,
+    PSEUDORANGE,
+    REJECTED,
+)
 from schuler.live.columns import Columns
 from schuler.live.messages import Health
 from schuler.live.replay import Judged
@@ -16,7 +25,8 @@ _FEWEST = 10  # innovations that say something
 _REJECTED = (0.2, 0.8)  # share of rejected ones: doubtful, failed
 _NIS = (3.0, 10.0)  # mean normalised square of those that were used
 _COASTING_S = 3.0  # without a position, and three times as long as they usually take [s]
-_PLACING = (POSITION, FIX)
+_PLACING = (POSITION, FIX, PSEUDORANGE)
+_RANGES = 4  # of one time that place the vehicle
 # by kind: whether its innovations are judged, whether it places the vehicle, number of components
 _SORTS = np.ones((max(DIMENSIONS) + 1, 3))
 _SORTS[:, 0], _SORTS[:, 1] = (np.isin(np.arange(len(_SORTS)), kinds) for kinds in ((*GNSS_KINDS, FIX), _PLACING))
@@ -33,10 +43,12 @@ class HealthMonitor:
         Time of the newest position that was used. [s]
     usual_s : float
         Usual time from one position to the next. [s]
+    by_ranges : bool
+        Positions come as ranges, four of one time.
     """
 
-    def __init__(self, placed: float = -np.inf, usual_s: float = 1.0) -> None:
-        self.placed, self.usual_s = placed, usual_s
+    def __init__(self, placed: float = -np.inf, usual_s: float = 1.0, by_ranges: bool = False) -> None:
+        self.placed, self.usual_s, self.by_ranges = placed, usual_s, by_ranges
         # measurements that cannot change any more, with the normalised innovation squared per component
         self.settled = Columns(("kind", "status"), t=0, kind=0, status=0, nis=0)
         self._used = np.empty(256)  # times of positions
@@ -79,6 +91,10 @@ class HealthMonitor:
             self._count(*rows, since, sorts, *statuses, sums, self._used)
         count, rejected, squares, passed, forced, n = sums.tolist()
         used = self._used[: int(n)]
+        if self.by_ranges:
+            times, count_of = np.unique(used, return_counts=True)
+            used = times[count_of >= _RANGES]
+            n = len(used)
         if n > 2:
             self.usual_s = float(self._usual_step(used))
         if n:
@@ -95,11 +111,14 @@ class HealthMonitor:
 
     def document(self) -> dict[str, Any]:
         """What goes on, for files."""
-        return {"placed": self.placed, "usual_s": self.usual_s, "settled": self.settled.document()}
+        return {
+            "placed": self.placed, "usual_s": self.usual_s, "by_ranges": self.by_ranges,
+            "settled": self.settled.document(),
+        }  # fmt: skip
 
     @classmethod
     def restored(cls, document: dict[str, Any]) -> HealthMonitor:
         """The monitor of a :meth:`document`."""
-        monitor = cls(document["placed"], document["usual_s"])
+        monitor = cls(document["placed"], document["usual_s"], document["by_ranges"])
         monitor.settled.restore(document["settled"])
         return monitor

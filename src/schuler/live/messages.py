@@ -6,12 +6,16 @@ Messages are not checked when made: a stream goes on whatever comes, and what is
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
+from schuler.gnss.ephemerides import Ephemerides
+from schuler.gnss.observations import Observations
+from schuler.gnss.ranges import Ranges
 
 #: State of a live solution, from none to none any more.
 Health = Literal["aligning", "ok", "coasting", "doubtful", "failed"]
@@ -190,8 +194,44 @@ class Height:
     sigma: float | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class SatelliteEpoch:
+    """Measurements of one epoch of a receiver, for tight coupling.
+
+    Attributes
+    ----------
+    measured : Observations or Ranges
+        Rows of one time. Raw measurements need :class:`Broadcast` messages that came before.
+    """
+
+    measured: Observations | Ranges
+
+    @property
+    def t(self) -> float:
+        """Time of reception; NaN without rows. [s]"""
+        return float(self.measured.t[0]) if len(self.measured) else math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class Broadcast:
+    """Navigation messages of satellites, received by the measuring receiver or from elsewhere.
+
+    Attributes
+    ----------
+    t : float
+        Time of reception, of no consequence. [s]
+    ephemerides : Ephemerides
+        Precise products in it are not used: a stream has none.
+    """
+
+    t: float
+    ephemerides: Ephemerides
+
+
+#: Measurements of a receiver or sensor, and what belongs to them.
+Measurement = Fix | Speed | Heading | Height | SatelliteEpoch | Broadcast
 #: What a navigator takes.
-Message = ImuSample | ImuBlock | Fix | Speed | Heading | Height
+Message = ImuSample | ImuBlock | Measurement
 
 
 @dataclass(frozen=True, slots=True)

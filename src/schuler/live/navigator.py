@@ -15,11 +15,13 @@ from schuler.exceptions import FileFormatError, InputError
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import MeasurementSchedule, merged
 from schuler.filtering.states import StateLayout
-from schuler.live.aids import LiveAids
+from schuler.gnss.ranges import Ranges
+from schuler.live.aids import LiveAids, series_of
 from schuler.live.checks import check_live, checked, checked_together, name_of
 from schuler.live.collection import JUDGED_S, Collection
 from schuler.live.events import EventLog
 from schuler.live.messages import (
+    Broadcast,
     Event,
     EventKind,
     Fix,
@@ -28,13 +30,16 @@ from schuler.live.messages import (
     Height,
     ImuBlock,
     ImuSample,
+    Measurement,
     Message,
+    SatelliteEpoch,
     Solution,
     Speed,
 )
 from schuler.live.queue import SIZE, Queue
 from schuler.live.readings import imu_readings
 from schuler.live.run import LiveRun, solution
+from schuler.live.satellites import LiveSatellites
 from schuler.live.smoothing import smoothed
 from schuler.live.stamps import Stamps
 from schuler.live.start import start
@@ -54,7 +59,7 @@ _AHEAD_S = 60.0  # a measurement stamped later than the newest sample by more is
 _LIMITS = np.array([MAX_RATE] * 3 + [MAX_FORCE] * 3)
 
 #: Format and version of the files of :meth:`LiveNavigator.save`.
-STATE_FORMAT = "schuler/live/2"
+STATE_FORMAT = "schuler/live/3"
 
 
 class LiveNavigator:
@@ -99,6 +104,7 @@ class LiveNavigator:
         self.on_event = on_event
         self._events = EventLog()
         self._queue = Queue()
+        self._satellites = LiveSatellites(config) if config.gnss.coupling == "tight" else None
         self._health: Health = "aligning"
         self._stood_still = False
         #: Meaning of zero seconds, for whoever knows it; saved with the state.
@@ -121,7 +127,8 @@ class LiveNavigator:
         Parameters
         ----------
         config : NavigationConfig, dict, or path of a TOML file
-            Loose coupling, or GNSS for the alignment only. Noise is not tuned live: give what ``schuler tune`` found.
+            Loose or tight coupling, or GNSS for the alignment only. Noise is not tuned live: give what ``schuler
+            tune`` found.
         calibration : CalibrationResult or path, optional
             Calibration of this unit, instead of ``imu.calibration`` of the configuration.
         lag_s : float
@@ -215,9 +222,14 @@ class LiveNavigator:
             self.imu(message.t, message.gyro, message.accel, temperature)
         elif isinstance(message, ImuBlock):
             self.imu_many(message.t, message.gyro, message.accel, message.temperature)
-        else:
-            if self._queue.put_message(message):
-                self._work()
+        elif self._is_of_use(message) and self._queue.put_message(message):
+            self._work()
+
+    def _is_of_use(self, message: Measurement) -> bool:
+        """Whether the coupling is by such messages: a tight one by ranges, the others by fixes."""
+        if self._satellites is None:
+            return not isinstance(message, SatelliteEpoch | Broadcast)
+        return not isinstance(message, Fix)
 
     # -- what is asked for ----------------------------------------------------------------------------------------
 
@@ -368,6 +380,7 @@ class LiveNavigator:
             "health": self._health,
             "collection": None if self._collection is None else self._collection.document(),
             "kept": None if self._kept is None else self._kept._asdict(),
+            "satellites": None if self._satellites is None else self._satellites.document(),
             "run": None if run is None else run.document(),
         }
 
@@ -381,6 +394,8 @@ class LiveNavigator:
         elif self._collection is not None:
             self._collection.restore(document["collection"])
         self._kept = None if document["kept"] is None else Kept(**document["kept"])
+        if self._satellites is not None:
+            self._satellites.restore(document["satellites"])
         run, provenance, temperature = (document[name] for name in ("run", "calibration", "temperature"))
         if run is not None:
             self._run = LiveRun.restored(
@@ -423,9 +438,7 @@ class LiveNavigator:
             first = count
         self._take(rows[first:])
 
-    def _take_usual(
-        self, run: LiveRun, rows: FloatArray, waiting: Sequence[tuple[int, Fix | Speed | Heading | Height]]
-    ) -> bool:
+    def _take_usual(self, run: LiveRun, rows: FloatArray, waiting: Sequence[tuple[int, Measurement]]) -> bool:
         """Take samples and the messages among them by compiled functions; False, with nothing taken, if one is unusual.
 
         Measurements are put in first, so that the filter does not go back for them.
@@ -497,6 +510,8 @@ class LiveNavigator:
             self._collection.extend(t=x[:, 0], gyro=x[:, 1:4], accel=x[:, 4:7], temperature=x[:, 7])
             if self._run is None:
                 self._collection.forget()
+                if self._satellites is not None:
+                    self._satellites.forget(float(self._collection.imu["t"][0]) - 1.0)
                 if self._collection.is_due():
                     self._start()
                 return
@@ -531,8 +546,8 @@ class LiveNavigator:
             self._say("health", f"{self._health} becomes {health}", f"health {health}")
             self._health = health
 
-    def _measure(self, messages: Sequence[Fix | Speed | Heading | Height], newest: float) -> None:
-        """Take fixes and readings that came before a sample of a time, or soon after."""
+    def _measure(self, messages: Sequence[Measurement], newest: float) -> None:
+        """Take fixes, ranges and readings that came before a sample of a time, or soon after."""
         run, together = self._run, checked_together(messages)
         if run is not None and together is not None and together.t[-1] <= newest + _AHEAD_S:
             fixes = [m for m in messages if isinstance(m, Fix)]
@@ -542,9 +557,29 @@ class LiveNavigator:
                 self._aid(run, self._measurements(run.aids, fixes, together))
                 return
         for message in messages:
-            self._measure_one(message, newest)
+            if isinstance(message, Broadcast):
+                if self._satellites is not None:
+                    self._satellites.learn(message.ephemerides)
+            elif self._is_ahead(message, newest):
+                continue
+            elif isinstance(message, SatelliteEpoch):
+                self._measure_ranges(message)
+            else:
+                self._measure_one(message)
 
-    def _measure_one(self, message: Fix | Speed | Heading | Height, newest: float) -> None:
+    def _is_ahead(self, message: Fix | Speed | Heading | Height | SatelliteEpoch, newest: float) -> bool:
+        """Whether a measurement is of another clock than the samples, which is said."""
+        if not message.t > newest + _AHEAD_S:
+            return False
+        self._say(
+            "clock",
+            f"a {name_of(message)} of {message.t:.3f} s is left out: it is ahead of the IMU by more than "
+            f"{_AHEAD_S:g} s, so one of the clocks has another zero",
+            "ahead",
+        )
+        return True
+
+    def _measure_one(self, message: Fix | Speed | Heading | Height) -> None:
         """Take a fix or reading."""
         try:
             series = checked(message)
@@ -552,18 +587,37 @@ class LiveNavigator:
             text = f"a {name_of(message)} is left out: {error}"
             self._say("measurement", text, f"{name_of(message)} {str(error)[:40]}")
             return
-        if message.t > newest + _AHEAD_S:
-            self._say(
-                "clock",
-                f"a {name_of(message)} of {message.t:.3f} s is left out: it is ahead of the IMU by more than "
-                f"{_AHEAD_S:g} s, so one of the clocks has another zero",
-                "ahead",
-            )
-            return
         if self._collection is not None:
             self._collection.add(message)
         if self._run is not None:
             self._aid(self._run, self._measurements(self._run.aids, [message], series))
+
+    def _measure_ranges(self, message: SatelliteEpoch) -> None:
+        """Take the ranges of an epoch."""
+        satellites, run = self._satellites, self._run
+        assert satellites is not None
+        try:
+            epoch, sentences = satellites.take(message)
+        except InputError as error:
+            self._say("measurement", f"a {name_of(message)} of {message.t:.3f} s is left out: {error}", str(error)[:40])
+            return
+        for sentence in sentences:
+            self._say("measurement", sentence, "ranges")
+        if epoch.fix is not None and self._collection is not None:
+            self._collection.add(epoch.fix)
+        satellites.forget(-math.inf if self._collection is not None else epoch.t)
+        if run is not None:
+            if epoch.fix is not None:  # it tells rests
+                self._measurements(run.aids, [epoch.fix], series_of([epoch.fix]))
+            self._aid(run, self._ranges(run.aids, epoch.usable))
+
+    def _ranges(self, aids: LiveAids, ranges: Ranges | None) -> MeasurementSchedule:
+        """Measurements of ranges; what is none is said."""
+        notes: list[str] = []
+        made = MeasurementSchedule.empty() if ranges is None or not len(ranges) else aids.ranges(ranges, notes)
+        for note in notes:
+            self._say("measurement", note, note[:20])
+        return made
 
     def _measurements(
         self, aids: LiveAids, messages: Sequence[Fix | Speed | Heading | Height], series: GnssSeries | None
@@ -591,11 +645,13 @@ class LiveNavigator:
         """
         collection = self._collection
         assert collection is not None
-        before = self._run
+        before, satellites = self._run, self._satellites
+        oldest = float(collection.imu["t"][0]) - 1.0
         try:
             begun = start(
                 collection, self.config, self._calibration, self._readings.kind, self.lag_s, self.smoother_lag_s,
                 None if before is None else before.initial, self._kept,
+                None if satellites is None else satellites.ranges(oldest),
             )  # fmt: skip
         except InputError as error:
             if str(error) != self._obstacle and before is None:
@@ -613,6 +669,7 @@ class LiveNavigator:
             merged(
                 run.aids.known_places(),
                 *schedules,
+                self._ranges(run.aids, None if satellites is None else satellites.ranges(oldest, usable=True)),
                 run.aids.extend(begun.samples.t, begun.samples.rate, begun.samples.force),
             ),
         )
@@ -626,14 +683,17 @@ class LiveNavigator:
         run, kept, health, stood = self._run, self._kept, self._health, False
         if run is not None and health in ("ok", "coasting"):
             nav, P = run.filter.state.navigation, run.covariance_n
-            stood = self._stood_still and 0.0 < goes_on - nav.t <= LONGEST_S and stands(nav, P)
-            kept = Kept(nav.t, run.filter.state.arrays.est.copy(), P[9:, 9:])
+            # the clock of a receiver is another one after a pause: only an alignment finds it
+            stood = self._stood_still and self._satellites is None and 0.0 < goes_on - nav.t <= LONGEST_S
+            stood, kept = stood and stands(nav, P), run.kept
         if kept is not None and not 0.0 < goes_on - kept.t <= LONGEST_S:
             kept = None
         self._stood_still = False
         if run is None:
             self._say("clock", f"{reason}; collecting begins anew", "restart")
         self._begin()
+        if self._satellites is not None:
+            self._satellites.epochs = []
         self._kept = kept
         if run is None:
             return

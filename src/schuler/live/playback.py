@@ -5,13 +5,14 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
 from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
 from schuler.live.decoders.base import fixes
-from schuler.live.messages import Heading, Height, ImuBlock, Message, Speed
+from schuler.live.messages import Broadcast, Heading, Height, ImuBlock, Message, SatelliteEpoch, Speed
 from schuler.recording.recording import Recording
 
 _PIECE_S = 0.02  # samples of an IMU come together as far as this, in time of the machine [s]
@@ -53,6 +54,14 @@ def messages(recording: Recording, piece_s: float = _LARGEST_S) -> Iterator[tupl
         if series is not None:
             rows = zip(series.t.tolist(), series.value.tolist(), series.sigma.tolist(), strict=True)
             slow += [(row[0], kind(*row)) for row in rows]
+    measured = recording.observations if recording.ranges is None else recording.ranges
+    if measured is not None:
+        edges = np.flatnonzero(np.diff(measured.t, prepend=-np.inf, append=np.inf))
+        rows_of = [np.arange(a, b) for a, b in pairwise(edges.tolist())]
+        slow += [(float(measured.t[k[0]]), SatelliteEpoch(measured.where(k))) for k in rows_of]
+    if recording.ephemerides is not None:
+        # they count from when each was sent, by what it says
+        slow.insert(0, (float(imu.t[0]), Broadcast(float(imu.t[0]), recording.ephemerides)))
     slow.sort(key=lambda pair: pair[0])
     at = 0
     for t, message in [*slow, (np.inf, None)]:

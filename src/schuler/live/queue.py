@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from schuler.arrays import ArrayLike, FloatArray
-from schuler.live.messages import Fix, Heading, Height, Speed
+from schuler.live.messages import Measurement
 
 SIZE = 1000  # samples at most
 _MESSAGES = 16  # fixes and readings among them at most; fewer than would make a log's contradictions
@@ -23,7 +23,7 @@ class Queue:
     """
 
     def __init__(self) -> None:
-        self.messages: list[tuple[int, Fix | Speed | Heading | Height]] = []
+        self.messages: list[tuple[int, Measurement]] = []
         self._rows = np.empty((SIZE, 8))  # t, gyro, accel, temperature
         self._count = 0
         self._span = (-math.inf, -math.inf)  # stamps of samples that may join [s]
@@ -55,12 +55,12 @@ class Queue:
         self._count = stop
         return stop == SIZE or not self._span[0] <= t[-1] < self._span[1]
 
-    def put_message(self, message: Fix | Speed | Heading | Height) -> bool:
+    def put_message(self, message: Measurement) -> bool:
         """Put a fix or a reading; whether they are to be taken now."""
         self.messages.append((self._count, message))
         return len(self.messages) == _MESSAGES or not self._count
 
-    def empty(self) -> tuple[FloatArray, list[tuple[int, Fix | Speed | Heading | Height]]]:
+    def empty(self) -> tuple[FloatArray, list[tuple[int, Measurement]]]:
         """Take everything out: samples, shape (n, 8), time, rates, forces, temperature; and messages."""
         rows, messages = self._rows[: self._count].copy(), self.messages
         self._count, self.messages = 0, []

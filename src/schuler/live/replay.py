@@ -33,6 +33,8 @@ from schuler.filtering.measurements import (
     KINDS,
     LATERAL,
     POSITION,
+    PSEUDORANGE,
+    RANGE_RATE,
     SPEED,
     VELOCITY,
     VERTICAL,
@@ -51,9 +53,10 @@ _SAME = 1e-9  # measurements so close to a sample belong to its interval, as in 
 
 # Order of measurements of one time, that of :func:`schuler.navigation.aids.aiding.aiding_schedule`.
 _ORDER = (
-    POSITION, VELOCITY, LATERAL, VERTICAL, SPEED, HEADING, GNSS_HEADING, HEIGHT, FIX, ZERO_VELOCITY, ZERO_RATE,
-    EARTH_RATE, GRAVITY, GRAVITY_VECTOR,
+    POSITION, VELOCITY, PSEUDORANGE, RANGE_RATE, LATERAL, VERTICAL, SPEED, HEADING, GNSS_HEADING, HEIGHT, FIX,
+    ZERO_VELOCITY, ZERO_RATE, EARTH_RATE, GRAVITY, GRAVITY_VECTOR,
 )  # fmt: skip
+_MANY = (PSEUDORANGE, RANGE_RATE)  # of one time, whose epochs are told apart before
 _RANK = np.zeros(max(KINDS) + 1, dtype=np.int64)
 _RANK[list(_ORDER)] = np.arange(len(_ORDER))
 
@@ -166,7 +169,7 @@ class ReplayFilter:
             both = [np.concatenate(pair) for pair in zip(self.aiding, Aiding.of(used), strict=True)]
             t, kind = both[0], both[1]
             order = np.lexsort((_RANK[kind], t))
-            again = (np.diff(t[order]) == 0.0) & (np.diff(kind[order]) == 0)
+            again = (np.diff(t[order]) == 0.0) & (np.diff(kind[order]) == 0) & ~np.isin(kind[order[1:]], _MANY)
             if again.any():
                 repeated = t[order[1:][again]]
                 order = order[np.concatenate(([True], ~again))]
@@ -263,12 +266,16 @@ class ReplayFilter:
         self._measurements.append(**aiding._asdict())
 
     def _goes_on(self, measurements: MeasurementSchedule) -> bool:
-        """Whether measurements come after all others and after the state, each kind once a time and in its order."""
+        """Whether measurements come after all others and after the state, each kind in its order and none again."""
         t, stored = measurements.t.tolist(), self._measurements["t"]
         if not t or t[0] <= self.time + _SAME or (len(stored) and t[0] <= stored[-1]):
             return False
+        kind = measurements.kind.tolist()
         rank = _RANK[measurements.kind].tolist()
-        return all(t[i] < t[i + 1] or (t[i] == t[i + 1] and rank[i] < rank[i + 1]) for i in range(len(t) - 1))
+        return all(
+            t[i] < t[i + 1] or (t[i] == t[i + 1] and (rank[i] < rank[i + 1] or kind[i] == kind[i + 1] in _MANY))
+            for i in range(len(t) - 1)
+        )
 
     def _call(
         self,

@@ -19,7 +19,7 @@ from schuler.live.health import HealthMonitor
 from schuler.live.messages import Health, Solution
 from schuler.live.preparation import SamplePreparation
 from schuler.live.replay import ReplayFilter
-from schuler.live.warm import stood
+from schuler.live.warm import Kept, stood
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.start.calibration import configured_start
@@ -71,6 +71,14 @@ class LiveRun:
         arrays = self.filter.state.arrays
         return not math.isfinite(sum(arrays.nav.tolist())) or min(arrays.P.diagonal()[:9].tolist()) < 0.0
 
+    @property
+    def kept(self) -> Kept:
+        """What outlasts a pause: parameters, but for the clock of a receiver and those behind it."""
+        run = self.filter
+        m = (run.layout["clock"].start if "clock" in run.layout else run.layout.size) - 9
+        P = self.covariance_n[9 : 9 + m, 9 : 9 + m]
+        return Kept(run.state.navigation.t, run.state.arrays.est[:m].copy(), P)
+
     def judge(self) -> Health:
         """Let go of what is too old; health now."""
         run = self.filter
@@ -89,7 +97,7 @@ class LiveRun:
             initial=initial,
             filter=ReplayFilter(initial, run.layout, run.psd, run.options, run.interval_s, run.lag_s),
             preparation=SamplePreparation(config, kind, run.interval_s, self.preparation.calibrated),
-            monitor=HealthMonitor(placed=begin),
+            monitor=HealthMonitor(placed=begin, by_ranges=self.monitor.by_ranges),
             judged_at=-math.inf,
         )
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from schuler.calibration.result.result import CalibrationResult
 from schuler.filtering.initial_state import InitialState
+from schuler.gnss.ranges import Ranges
 from schuler.live.aids import LiveAids
 from schuler.live.collection import Collection
 from schuler.live.health import HealthMonitor
@@ -48,6 +49,7 @@ def start(
     smoother_lag_s: float | None,
     before: InitialState | None = None,
     kept: Kept | None = None,
+    ranges: Ranges | None = None,
 ) -> Start | None:
     """Start a run by the alignment of a batch run over what came so far; None if it is the start of before.
 
@@ -65,6 +67,8 @@ def start(
         Start of the run so far.
     kept : Kept, optional
         Parameters of a run before a pause.
+    ranges : Ranges, optional
+        Those of tight coupling, corrected.
 
     Raises
     ------
@@ -72,7 +76,7 @@ def start(
         If what came does not align.
     """
     forward = config.model_copy(update={"filter": config.filter.model_copy(update={"smooth": False, "tune": False})})
-    prepared = prepared_run(collection.recording(), forward, calibration=calibration)
+    prepared = prepared_run(collection.recording(ranges), forward, calibration=calibration)
     initial, calibrated, raw = prepared.initial, prepared.calibrated, collection.imu
     if kept is not None and 0.0 < initial.nav.t - kept.t <= LONGEST_S:
         blank = InitialState(
@@ -81,7 +85,8 @@ def start(
             np.zeros_like(initial.parameters),
         )
         blank = blank if calibrated is None else calibrated.put_into(blank)
-        prior = Kept(initial.nav.t, blank.parameters, blank.P[9:, 9:])
+        m = len(kept.parameters)
+        prior = Kept(initial.nav.t, blank.parameters[:m], blank.P[9 : 9 + m, 9 : 9 + m])
         initial = informed(initial, grown(kept, prepared.layout, initial.nav.t), prior)
     if before is not None and _same(initial, before):
         return None
@@ -93,11 +98,12 @@ def start(
     if smoother_lag_s is not None:
         replay.lag_s = max(lag_s, smoother_lag_s + 2.0 * replay.propagation_s)
     replay.extend(samples)
+    clocks = () if prepared.ranges is None else prepared.ranges.groups
     imu = ImuSeries(samples.t, samples.rate, samples.force)
-    aids = LiveAids(config, prepared.spec, initial.nav.t, collection.origin, imu, interval)
+    aids = LiveAids(config, prepared.spec, initial.nav.t, collection.origin, imu, interval, clocks)
     run = LiveRun(
         initial, None if calibrated is None else calibrated.provenance, float(np.mean(raw["temperature"])), replay,
-        preparation, aids, HealthMonitor(placed=initial.nav.t),
+        preparation, aids, HealthMonitor(placed=initial.nav.t, by_ranges=bool(clocks)),
     )  # fmt: skip
     return Start(run, samples, tuple(sentences))
 

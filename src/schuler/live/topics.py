@@ -13,7 +13,19 @@ import numpy as np
 from schuler import frames, rotation
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
-from schuler.live.messages import Event, Fix, Heading, Height, ImuBlock, ImuSample, Message, Solution, Speed
+from schuler.live.messages import (
+    Broadcast,
+    Event,
+    Fix,
+    Heading,
+    Height,
+    ImuBlock,
+    ImuSample,
+    Message,
+    SatelliteEpoch,
+    Solution,
+    Speed,
+)
 from schuler.live.sentences import columns_of, json_of
 from schuler.recording.formats.ros_fields import (
     Fields,
@@ -150,7 +162,7 @@ class Topics:
             yield from self._solution(item, ns, base)
         elif isinstance(item, ImuSample | ImuBlock):
             yield from self._imu(item, t, ns)
-        else:
+        elif not isinstance(item, SatelliteEpoch | Broadcast):  # their bytes are there
             yield from _measurement(item, ns)
 
     def _imu(self, item: ImuSample | ImuBlock, t: FloatArray, ns: Any) -> Iterator[Post]:

@@ -35,11 +35,11 @@ def grown(kept: Kept, layout: StateLayout, t: float) -> Kept:
     ----------
     kept : Kept
     layout : StateLayout
-        Of a run without a receiver's clock.
+        Its first parameters are those kept, without a receiver's clock.
     t : float
         [s]
     """
-    beta, noise = layout.dynamics().T
+    beta, noise = layout.dynamics()[: len(kept.parameters)].T
     D, T = np.exp(-beta * (t - kept.t)), t - kept.t
     # integral of the driving noise through the decay: q (1 - D^2) / (2 beta), and q T without decay
     Q = noise * np.where(beta > 0.0, -np.expm1(-2.0 * beta * T) / np.where(beta > 0.0, 2.0 * beta, 1.0), T)
@@ -56,7 +56,7 @@ def informed(initial: InitialState, kept: Kept, prior: Kept) -> InitialState:
     kept : Kept
         At the time of the start.
     prior : Kept
-        What every start knows, and what therefore is in both.
+        What every start knows of the same parameters, and what therefore is in both.
 
     Notes
     -----
@@ -74,7 +74,7 @@ def informed(initial: InitialState, kept: Kept, prior: Kept) -> InitialState:
     H[:, 9 + at] = rows
     S = H @ initial.P @ H.T + np.diag(R)
     K = np.linalg.solve(S, H @ initial.P).T
-    dx = K @ (y / (1.0 - s) - rows @ (initial.parameters - prior.parameters)[at])
+    dx = K @ (y / (1.0 - s) - rows @ (initial.parameters[: len(prior.parameters)] - prior.parameters)[at])
     A = np.eye(len(initial.P)) - K @ H
     P = A @ initial.P @ A.T + (K * R) @ K.T
     nav = initial.nav

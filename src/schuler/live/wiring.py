@@ -31,6 +31,7 @@ def connect(
     *,
     replayed: Callable[[Path], Recording],
     kept_in: Callable[[int, Address], Callable[[bytes], None] | None],
+    raw: bool = False,
 ) -> tuple[list[Source], Kind]:
     """Sources of a run, ready to be opened.
 
@@ -45,6 +46,8 @@ def connect(
         Reads a log.
     kept_in : callable
         Function that keeps the bytes of the k-th source, or None.
+    raw : bool
+        Raw measurements of satellites are wanted, for tight coupling, and no solutions.
 
     Returns
     -------
@@ -68,7 +71,7 @@ def connect(
         hints = hints_of(address, section, alone=len(addresses) == 1)
         decoded = decoder(
             clock, hints, format=address.options.get("format"), by_arrival=_by_arrival(address),
-            whole=address.scheme in DATAGRAMS,
+            whole=address.scheme in DATAGRAMS, raw=raw,
         )  # fmt: skip
         if decoded.kind is not None:
             kinds.add(decoded.kind)

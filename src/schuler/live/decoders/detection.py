@@ -47,6 +47,7 @@ def decoder(
     format: str | None = None,
     by_arrival: bool = False,
     whole: bool = False,
+    raw: bool = False,
 ) -> Decoder:
     """Decoder of a stream.
 
@@ -60,6 +61,8 @@ def decoder(
         One of :data:`FORMATS`; by what comes if left out.
     by_arrival, whole : bool
         See :class:`~schuler.live.decoders.text.TextDecoder`.
+    raw : bool
+        Raw measurements of satellites in place of solutions, from formats that have both.
 
     Raises
     ------
@@ -69,7 +72,7 @@ def decoder(
     makers: dict[str, Callable[[], Decoder]] = {
         "text": lambda: TextDecoder(clock, hints, by_arrival=by_arrival, whole=whole),
         "nmea": lambda: NmeaDecoder(clock, hints),
-        "ubx": lambda: UbxDecoder(clock),
+        "ubx": lambda: UbxDecoder(clock, raw=raw),
         "novatel": lambda: NovatelDecoder(clock, hints, announced=format is not None),
         "sbf": lambda: SbfDecoder(clock, hints),
         "vectornav": lambda: VectorNavDecoder(clock, hints, announced=format is not None),

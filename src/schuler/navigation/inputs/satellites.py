@@ -12,15 +12,18 @@ from schuler.exceptions import InputError
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import in_windows
 from schuler.filtering.states import CHANNELS, StateLayout
+from schuler.gnss.antennas import Antenna
 from schuler.gnss.carrier import carrier_changes
 from schuler.gnss.carrier_scale import check_carriers
 from schuler.gnss.cycle_slips import without_slips
+from schuler.gnss.ephemerides import Ephemerides
+from schuler.gnss.observations import Observations
 from schuler.gnss.point import solve_points
 from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import Ranges
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.satellite_noise import inflate_sigmas
-from schuler.navigation.sections import CorrelatedSection
+from schuler.navigation.sections import CorrelatedSection, TightSection
 from schuler.recording.recording import Recording
 from schuler.recording.series import GnssSeries, gnss_series
 
@@ -76,44 +79,76 @@ def satellites(recording: Recording, config: NavigationConfig, notes: list[str])
                 "give a RINEX or UBX file (docs/gnss-files.md), or couple loosely"
             )
         from schuler.gnss.antennas import antenna_of
-        from schuler.gnss.preparation import prepare_ranges
 
         if section.carrier != "off":
             check_carriers(recording.observations, section.systems, "rover")
-        ranges = prepare_ranges(
-            recording.observations,
-            recording.ephemerides,
-            systems=section.systems,
-            ionosphere=section.ionosphere,
-            troposphere=section.troposphere,
-            elevation_mask=section.elevation_mask_deg * units.DEG,
-            cn0_mask=section.cn0_mask_dbhz,
-            antenna=antenna_of(
-                recording.ephemerides.antennas, recording.observations.antenna, section.antenna, "rover", notes
-            ),
+        antenna = antenna_of(
+            recording.ephemerides.antennas, recording.observations.antenna, section.antenna, "rover", notes
         )
+        ranges = corrected_ranges(recording.observations, recording.ephemerides, section, antenna=antenna)
         notes += ranges.notes
     ranges = within_log(ranges, recording, config.imu.clock_shift_s)
     if not ranges.used.any():
         raise InputError("no range is usable: check systems, masks, ephemerides and the times of both files")
-    ranges = with_sigmas(once_each(ranges, notes), notes)
-    if section.integrity:
-        ranges, solution = inflate_sigmas(ranges, notes)
-        ranges = without_faults(ranges, solution, notes)
-    else:
-        solution = solve_points(ranges, integrity=None)
+    ranges, solution = screened(ranges, config, notes)
     if not solution.ok.any():
         raise InputError(
             "no epoch has a single-point solution to start from: "
             f"at most {int(solution.n_used.max())} satellites were usable; check systems, masks and ephemerides"
         )
-    ranges, solution = without_clock_jumps(ranges, solution, notes)
-    ranges = inflated(ranges, config.gnss.correlated)
     if section.carrier != "off":
         ranges = with_whole_arcs(ranges, solution, section.carrier_sigma_m, notes)
     kept = _kept(ranges, section.min_satellites, section.max_satellites)
     ranges = replace(ranges, reason=np.where(ranges.used & ~kept, 8, ranges.reason))
     return ranges, Points(solution, gnss_series(solution))
+
+
+def corrected_ranges(
+    observations: Observations, ephemerides: Ephemerides, section: TightSection, *, causal: bool = False,
+    position_e: FloatArray | None = None, antenna: Antenna | None = None,
+) -> Ranges:  # fmt: skip
+    """Ranges of raw measurements by a configuration; see :func:`schuler.gnss.preparation.prepare_ranges`."""
+    from schuler.gnss.preparation import prepare_ranges
+
+    return prepare_ranges(
+        observations,
+        ephemerides,
+        position_e=position_e,
+        systems=section.systems,
+        ionosphere=section.ionosphere,
+        troposphere=section.troposphere,
+        elevation_mask=section.elevation_mask_deg * units.DEG,
+        cn0_mask=section.cn0_mask_dbhz,
+        causal=causal,
+        antenna=antenna,
+    )
+
+
+def screened(ranges: Ranges, config: NavigationConfig, notes: list[str]) -> tuple[Ranges, PointSolution]:
+    """Ranges without repetitions, snapshot faults and jumps of the receiver clock, with standard deviations to use.
+
+    Parameters
+    ----------
+    ranges : Ranges
+    config : NavigationConfig
+        ``gnss.tight.integrity`` and ``gnss.correlated``.
+    notes : list of str
+        Gets sentences on what was left out or changed.
+
+    Returns
+    -------
+    ranges : Ranges
+    solution : PointSolution
+        Their single points, some of which may have failed.
+    """
+    ranges = with_sigmas(once_each(ranges, notes), notes)
+    if config.gnss.tight.integrity:
+        ranges, solution = inflate_sigmas(ranges, notes)
+        ranges = without_faults(ranges, solution, notes)
+    else:
+        solution = solve_points(ranges, integrity=None)
+    ranges, solution = without_clock_jumps(ranges, solution, notes)
+    return inflated(ranges, config.gnss.correlated), solution
 
 
 def within_log(ranges: Ranges, recording: Recording, clock_shift_s: float = 0.0) -> Ranges:

@@ -104,7 +104,7 @@ def read_ubx(path: Path | str) -> UbxLog:
         if kind not in by_kind:
             continue
         try:
-            if not _is_whole(kind, frames.data[first + 6 : stop - 2]):
+            if not is_whole(kind, frames.data[first + 6 : stop - 2]):
                 raise ValueError("shorter than its contents")
             by_kind[kind].append((order, decode(frames.data[first:stop])))
         # a payload of another length than its counter says; pyubx2 does not list its errors
@@ -151,7 +151,7 @@ def read_ubx(path: Path | str) -> UbxLog:
     )
 
 
-def _is_whole(kind: int, payload: bytes) -> bool:
+def is_whole(kind: int, payload: bytes) -> bool:
     """Whether a payload is as long as its counter says (UBX-22008968, 3.15.5, 3.15.14, 3.17.5, 3.17.9); no poll is."""
     if kind == RAWX:
         return len(payload) >= 16 + 32 * (payload[11] if len(payload) > 11 else 0)

@@ -1,0 +1,191 @@
+"""A live run by ranges has the numbers of a batch run; epochs of raw measurements are corrected as those of a log."""
+
+from dataclasses import replace
+
+import live_cases as cases
+import numpy as np
+import pytest
+from places import EXAMPLES
+
+from schuler.exceptions import ConfigError
+from schuler.gnss.preparation import MILLISECOND
+from schuler.gnss.ranges import joined_ranges
+from schuler.live import LiveNavigator, SatelliteEpoch
+from schuler.live.playback import messages
+from schuler.live.satellites import LiveSatellites
+from schuler.navigation.config import NavigationConfig
+from schuler.navigation.inputs.satellites import satellites
+from schuler.navigation.run import navigate
+from schuler.recording.io import read
+from schuler.simulation import simulate
+
+ROUNDING = 1e-8  # geodetic coordinates and sums over blocks of other lengths [m]
+SCENARIO = {
+    **{name: part for name, part in cases.SCENARIO.items() if name != "gnss"},
+    "satellites": {
+        "systems": "GE", "rate_hz": 1.0, "noise_m": 0.5, "rate_noise_m_s": 0.05, "multipath_m": 0.0,
+        "clock_m": 3000.0, "clock_drift_m_s": 30.0, "offsets_m": [12.0], "lever_arm_m": [0.6, -0.2, -1.1],
+    },
+}  # fmt: skip
+CONFIG = {
+    **cases.CONFIG,
+    "gnss": {"coupling": "tight", "lever_arm_m": [0.6, -0.2, -1.1]},
+}
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return simulate(SCENARIO)
+
+
+@pytest.fixture(scope="module")
+def psins(shared_data):
+    return read(shared_data / "psins_tc" / "insgpseo_tc.mat")
+
+
+def epochs(measured):
+    return [SatelliteEpoch(measured.where(measured.t == t)) for t in np.unique(measured.t)]
+
+
+def fed(live, recording, late=0.0, start=-np.inf, stop=np.inf):
+    """Times and Earth-fixed positions once a second, with epochs so late."""
+    stream = [(t + (late if isinstance(m, SatelliteEpoch) else 0.0), m) for t, m in messages(recording, 0.2)]
+    rows, due = [], -np.inf
+    for t, message in sorted(stream, key=lambda pair: pair[0]):
+        if not start < t <= stop:
+            continue
+        live.take(message)
+        if t >= due and (solution := live.solution()) is not None:
+            rows.append((solution.t, *cases.position(solution)))
+            due = t + 1.0
+    solution = live.solution()
+    return np.array([*rows, (solution.t, *cases.position(solution))])
+
+
+def distances(rows, result):
+    tr = result.trajectory
+    return np.linalg.norm(tr.r_eb_e[np.searchsorted(tr.t, rows[:, 0] - 1e-6)] - rows[:, 1:], axis=1)
+
+
+@pytest.mark.parametrize("late", [0.0, pytest.param(1.5, marks=pytest.mark.campaign)])
+def test_ranges_give_the_batch_run(recording, late):
+    """In time to rounding; late ones after the replay."""
+    live = LiveNavigator.from_config(CONFIG, kind=recording.imu.kind)
+    rows = fed(live, recording, late)
+    same = distances(rows, navigate(recording, CONFIG, initial=live.initial))
+    settled = rows[:, 0] > live.initial.nav.t + 61.0
+    assert settled.sum() > 20
+    assert same[-1] < ROUNDING
+    assert (same[settled].max() < ROUNDING) == (late == 0.0)
+    assert live.health == "ok"
+    assert live.layout.size == 15 + 3  # clock, drift, Galileo's clock
+
+
+def test_a_restart_goes_on_to_the_same_last_bit(recording, tmp_path):
+    """While it collects, and with late epochs under way."""
+    live = LiveNavigator.from_config(CONFIG, kind=recording.imu.kind)
+    part = recording.between(0.0, 45.0)
+    fed(live, part, 0.3, stop=40.0)
+    other = LiveNavigator.load(live.save(tmp_path / "state"))
+    ends = [fed(run, part, 0.3, start=40.0) for run in (live, other)]
+    np.testing.assert_array_equal(ends[0][-1], ends[1][-1])
+    assert live.save(tmp_path / "one").read_bytes() == other.save(tmp_path / "two").read_bytes()
+
+
+def test_what_comes_wrong_is_said(recording):
+    live = LiveNavigator.from_config(CONFIG, kind=recording.imu.kind)
+    fed(live, recording.between(0.0, 30.0))
+    before = live.covariance
+    first, last = (epochs(recording.ranges)[k] for k in (20, 30))
+    live.take(first)  # a second time
+    live.take(SatelliteEpoch(last.measured.where([])))
+    live.take(SatelliteEpoch(replace(last.measured, t=last.measured.t + 1e4)))
+    np.testing.assert_array_equal(live.covariance, before)
+    said = [e.text for e in live.events[-3:]]
+    assert "came before" in said[0]
+    assert "got none" in said[1]
+    assert "another zero" in said[2]
+
+
+def test_a_fault_and_a_jump_of_the_clock_are_found_as_in_a_log(recording):
+    """The same numbers as in the log, once five epochs have shown that the jump lasts."""
+    ranges, config = recording.ranges, NavigationConfig.checked(CONFIG)
+    times = np.unique(ranges.t)
+    jump, fault = times[50], (ranges.t == times[40]) & (ranges.sat == ranges.sat[ranges.t == times[40]][0])
+    bad = replace(ranges, pseudorange=ranges.pseudorange + 150.0 * (ranges.t >= jump) + 300.0 * fault)
+    live, usable, notes = LiveSatellites(config), [], []
+    for epoch in epochs(bad):
+        taken, sentences = live.take(epoch)
+        usable.append(taken.usable)
+        notes += sentences
+    log, _ = satellites(replace(recording, ranges=bad), config, [])
+    log = log.where(log.used)
+    made = joined_ranges(usable)
+    made = made.where(made.used)
+    assert not np.any((made.t == times[40]) & (made.sat == ranges.sat[fault][0]))
+    for t in times[[30, 45, 50, 60, 90]]:
+        a, b = log.where(log.t == t), made.where(made.t == t)
+        np.testing.assert_array_equal(a.sat, b.sat)
+        np.testing.assert_allclose(a.pseudorange, b.pseudorange, rtol=0.0, atol=1e-6)  # rounding of 2e7 m
+    assert sum("jumped by +15" in note for note in notes) == 1
+    assert any("excluded by fault detection" in note for note in notes)
+
+
+@pytest.mark.realdata
+def test_raw_epochs_are_corrected_as_in_a_log(psins):
+    """The receiver's place is known to 100 m in both; a step of a millisecond is taken out of both."""
+    config = NavigationConfig.checked({"imu": {"catalogue": "MTi-G-710"}, "gnss": {"coupling": "tight"}})
+    o = psins.observations.where(psins.observations.t >= psins.imu.t[0])
+    o = replace(o, pseudorange=o.pseudorange + MILLISECOND * (o.t >= np.unique(o.t)[60]))
+    log, _ = satellites(replace(psins, observations=o), config, [])
+    live = LiveSatellites(config)
+    live.learn(psins.ephemerides)
+    live.learn(psins.ephemerides)
+    assert len(live.ephemerides.kepler) == len(psins.ephemerides.distinct().kepler)
+    taken = [live.take(epoch) for epoch in epochs(o)[:90]]
+    assert not any(notes for _, notes in taken)  # milliseconds are no jump
+    made = joined_ranges([epoch.usable for epoch, _ in taken])
+    log = log.where(log.used & (log.t <= made.t[-1]))
+    made = made.where(made.used)
+    np.testing.assert_array_equal(made.sat, log.sat)
+    np.testing.assert_allclose(made.pseudorange, log.pseudorange, rtol=0.0, atol=0.02)  # atmosphere at 100 m off
+    np.testing.assert_allclose(made.t, log.t, rtol=0.0, atol=2e-6)  # places make microseconds round otherwise
+
+
+@pytest.mark.realdata
+@pytest.mark.campaign
+def test_a_stream_of_raw_measurements_gives_the_batch_run(psins):
+    config = NavigationConfig.load(EXAMPLES / "psins_tc.toml", [("filter.smooth", False), ("filter.tune", False)])
+    live = LiveNavigator.from_config(config, kind=psins.imu.kind)
+    rows = fed(live, psins)
+    same = distances(rows, navigate(psins, config, initial=live.initial))
+    assert same[rows[:, 0] > live.initial.nav.t + 61.0].max() < 1e-3  # as above; seen 3e-4
+
+
+def test_what_a_live_run_has_not_is_refused():
+    carrier, antenna = {"tight": {"carrier": "time-differenced"}}, {"tight": {"antenna": "TRM57971.00"}}
+    for entry in (carrier, antenna, {"correlated": {"position_sigma_m": 1.0}}):
+        with pytest.raises(ConfigError, match="a live run"):
+            LiveNavigator.from_config({**CONFIG, "gnss": {**CONFIG["gnss"], **entry}})
+
+
+def test_messages_of_the_other_coupling_are_ignored(recording):
+    loose = LiveNavigator.from_config(cases.CONFIG)
+    loose.take(epochs(recording.ranges)[0])
+    assert loose.events == []
+
+
+def test_after_a_pause_biases_are_kept_and_the_clock_is_not(recording):
+    """The receiver has set its clock by 500 km in the meantime; the run aligns anew and goes where the log goes."""
+    live = LiveNavigator.from_config(CONFIG, kind=recording.imu.kind)
+    fed(live, recording.between(0.0, 45.0))
+    before = live.parameters[:3]
+    later = recording.ranges.t > 50.0
+    moved = replace(recording.ranges, pseudorange=recording.ranges.pseudorange + 5e5 * later)
+    rows = fed(live, replace(recording, ranges=moved), start=50.0)
+    truth = recording.reference.r_eb_e[np.searchsorted(recording.reference.t, rows[-1, 0] - 1e-6)]
+    assert np.linalg.norm(rows[-1, 1:] - truth) < 5.0  # statistical: ranges of 0.5 m
+    assert live.health == "ok"
+    assert any("with the biases of before" in e.text for e in live.events)
+    sigma = np.sqrt(np.diag(live.initial.P)[9:12])
+    assert np.all(np.abs(live.initial.parameters[:3] - before) < 5.0 * sigma + 1e-4)

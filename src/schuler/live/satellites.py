@@ -179,9 +179,9 @@ class LiveSatellites:
         if not before:
             return epoch
         # steps of whole milliseconds are taken out from the first of these epochs on, which had some before
-        first, known = ranges.where(ranges.t == ranges.t[0]), before[0]
-        _, i, j = np.intersect1d(first.sat, known.ranges.sat, return_indices=True)
-        moved = first.pseudorange[i] - known.ranges.pseudorange[j] - known.step
+        first, reference = ranges.where(ranges.t == ranges.t[0]), before[0]
+        _, i, j = np.intersect1d(first.sat, reference.ranges.sat, return_indices=True)
+        moved = first.pseudorange[i] - reference.ranges.pseudorange[j] - reference.step
         moved = moved[np.isfinite(moved)]
         taken_out = MILLISECOND * np.round(np.median(moved) / MILLISECOND) if len(moved) else 0.0
         return replace(epoch, pseudorange=epoch.pseudorange - taken_out)

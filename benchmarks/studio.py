@@ -1,4 +1,4 @@
-"""The workbench: first paint of its pages, time of a zoom with long logs, memory of server and page.
+"""The workbench: first paint of its pages, time of a zoom with long logs, memory, and the time of a minute's run.
 
 ``python -m benchmarks.studio [--samples 1e7,1e8]`` prints a table. Chromium draws at 1400 px; a zoom is from the
 key that asks for it to the chart that was drawn. Six signals share the samples.
@@ -13,6 +13,7 @@ import sys
 import tempfile
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +22,14 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 import chromium
 
 from schuler.diagnosis.result import Diagnosis
-from schuler.studio import server
+from schuler.recording.io import write
+from schuler.simulation import simulate
+from schuler.studio import jobs, server
 from schuler.studio.pyramid import pyramid
 from schuler.studio.signals import Channel, View, Views, window
 from schuler.studio.workspace import Workspace
 
+_EXAMPLES = Path(__file__).parents[1] / "examples"
 _PAGES = ("/", "/navigate", "/noise", "/calibrate", "/coach", "/plan", "/runs")
 _RATE_HZ = 200.0
 _ZOOMS = 12
@@ -100,6 +104,26 @@ def zooms(address: str, samples: int) -> None:
     views.kept.clear()
 
 
+def runs(workspace: Workspace) -> None:
+    """Print the time of runs of a minute's drive with report, from the press of the button to the job that is done."""
+    root, town = workspace.root, simulate(_EXAMPLES / "town.toml")
+    start = town.start + 60.0
+    minute = replace(town, imu=town.need_imu().between(start, start + 60.0))
+    write(minute, root / "minute.parquet")
+    (root / "minute.toml").write_text((_EXAMPLES / "town_navigation.toml").read_text())
+    times = []
+    for k in range(5):
+        words = ["navigate", "minute.parquet", "--config", "minute.toml", "--out", f"run{k}", "--json"]
+        began = time.perf_counter()
+        key = jobs.start(workspace, words, f"run{k}").key
+        while (job := jobs.job(workspace, key)) is not None and job.state == "running":
+            time.sleep(0.005)
+        assert job is not None
+        assert job.state == "done", job
+        times.append(time.perf_counter() - began)
+    print(f"run of a minute: first {times[0]:.2f} s, then median {np.median(times[1:]):.2f} s", flush=True)
+
+
 views = Views()
 
 
@@ -120,6 +144,7 @@ def main() -> None:
         threading.Thread(target=server.serve, args=(workspace,), kwargs={"ready": answer}, daemon=True).start()
         ready.wait(60.0)
         base, _, token = addresses[0].partition("/?")
+        runs(workspace)
         first_paints({path: f"{base}{path}?{token}" for path in _PAGES})
         for count in samples:
             zooms(f"{base}/?{token}", count)

@@ -59,7 +59,7 @@ def test_degrees_taken_for_radians_stop_it(imu, write, capsys):
     code, out, err = calibrated(capsys, "freepose", log)
     assert (code, out) == (2, "")
     assert err.startswith("schuler: hand is not what it is said to be. gyro_unit: ")
-    assert "units='...,deg/s'" in err
+    assert "--units ...,deg/s" in err
     assert err.rstrip().endswith("to go on nevertheless say --unchecked")
 
 

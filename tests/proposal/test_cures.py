@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 from command import run
+from messy_folders import over_ground, simulated, two_sensors_and_gpx
 
+import schuler
 from schuler.diagnosis.result import Finding
 from schuler.files import read_toml
 from schuler.proposal import tables
@@ -80,3 +82,47 @@ def test_check_writes_cures_into_a_configuration_and_keeps_the_rest(tmp_path, ca
     assert written["recording"]["imu"]["axes"] == "RUB"
     assert written["imu"] == {"catalogue": "MPU-6000"}
     assert target.read_text(encoding="utf-8").startswith("# mine")
+
+
+def test_a_folder_without_accuracies_is_recognised_checked_and_proposed(tmp_path, capsys):
+    """Tables as people make them: an IMU without units, fixes and wheel speeds without accuracies."""
+    _, recording = simulated(duration=60.0)
+    imu, g = recording.imu, recording.gnss
+    speed, course = over_ground(recording)
+    tables = {
+        "imu.csv": ("time,ax,ay,az,gx,gy,gz", np.column_stack((imu.t, imu.accel, imu.gyro))),
+        "gps.csv": (
+            "time,lat,lon,height,speed,course",
+            np.column_stack((g.t, np.degrees(g.llh[:, :2]), g.llh[:, 2], speed, course)),
+        ),
+        "fixes.csv": (
+            "time,lat,lon,height,vn,ve,vd",
+            np.column_stack((g.t, np.degrees(g.llh[:, :2]), g.llh[:, 2], g.v_n)),
+        ),
+        "wheels.csv": ("time,speed", np.column_stack((g.t, speed))),
+    }
+    for name, (head, rows) in tables.items():
+        np.savetxt(tmp_path / name, rows, delimiter=",", fmt="%.9f", header=head, comments="")
+    code, _, err = run(capsys, "info", tmp_path / "gps.csv")
+    assert code == 2
+    assert "say --sigma N,E,D [m]" in err  # as the command has it
+    assert run(capsys, "check", tmp_path / "gps.csv")[0] == 0
+    with_velocities = files_of([tmp_path / "fixes.csv"], {})
+    assert with_velocities.entries["sigma"] == "5,5,7.5,0.1,0.1,0.1"
+    (tmp_path / "fixes.csv").unlink()
+    code, out, err = run(capsys, "check", tmp_path)
+    assert code == 0, out
+    assert "recording.gnss.sigma = 5,5,7.5: no column states an accuracy" in err
+    assert "recording.odometer.sigma_speed = 0.1" in err
+    proposal = schuler.propose(tmp_path, imu="MPU-6000", trials=False)
+    assert proposal.recording.need_gnss().cov_r_n[0, 0, 0] == 25.0
+    assert proposal.recording.odometer.sigma[0] == 0.1
+
+
+def test_check_recognises_the_files_of_two_sensors(tmp_path, capsys):
+    _, recording = simulated(duration=60.0)
+    two_sensors_and_gpx(recording, tmp_path)
+    code, out, err = run(capsys, "check", tmp_path)
+    assert code == 0, out
+    assert "recording.accel.file = accel.csv: its header states g" in err
+    assert 'axes = "RUB" in [recording.imu]' in out

@@ -244,5 +244,8 @@ def test_csv_refused(tmp_path):
     with pytest.raises(FileFormatError, match=r"vn\.csv:1: UncompAccX \[g\]: expected m/s\^2"):
         read(path)
     vectornav = registry.module("vectornav")
-    for line in (b"t,ax,ay,az,gx,gy,gz\n", b"time,accel_x,accel_y,accel_z,gyro_x,gyro_y,gyro_z\n1,2,3,4,5,6,7\n"):
+    for line in (
+        b"t,ax,ay,az,gx,gy,gz\n", b"time,accel_x,accel_y,accel_z,gyro_x,gyro_y,gyro_z\n1,2,3,4,5,6,7\n",
+        b"timestamp,acc_x [g],acc_y [g],acc_z [g],gyr_x [dps],gyr_y [dps],gyr_z [dps]\n",
+    ):  # fmt: skip
         assert not vectornav.sniff(line, path)

@@ -53,6 +53,29 @@ def certified(folder, page, seen):
     assert {"certificate.html", "calibration.html"} <= set(links)
 
 
+def the_sphere_turns(page, directions):
+    """Dragged to the right and turned by a key; a rest that is pointed at says what is left of it."""
+    sphere = "document.querySelector('.chart.sphere')"
+    chromium.wait_for(page, f"{sphere}.dataset.view", 60.0)
+    marks = f"{sphere}.querySelectorAll('circle[r=\"5\"]')"
+    assert chromium.run(page, f"{marks}.length") == directions
+    view = f"{sphere}.dataset.view.split(',').map(Number)"
+    yaw, pitch = chromium.run(page, view)
+    x, y = chromium.centre(page, ".chart.sphere svg")
+    radius = chromium.run(page, f"{sphere}.querySelector('svg').getBoundingClientRect().width") * 130 / 320
+    chromium.mouse(page, "mouseMoved", x, y)
+    chromium.mouse(page, "mousePressed", x, y, button="left", clickCount=1)
+    chromium.mouse(page, "mouseMoved", x + 60.0, y, button="left", buttons=1)
+    chromium.mouse(page, "mouseReleased", x + 60.0, y, button="left", clickCount=1)
+    assert chromium.run(page, view) == pytest.approx([yaw - 60.0 / radius, pitch], abs=2e-4)  # printed digits
+    key = "new KeyboardEvent('keydown', {key: 'ArrowUp', bubbles: true})"
+    chromium.run(page, f"{sphere}.querySelector('svg').dispatchEvent({key})")
+    assert chromium.run(page, view)[1] == pytest.approx(pitch - 0.1, abs=2e-4)
+    chromium.run(page, f"[...{marks}].at(-1).setAttribute('id', 'nearest')")  # drawn last
+    chromium.hover(page, "#nearest")
+    assert " sigma" in chromium.run(page, f"{sphere}.querySelector('output').value")
+
+
 @chromium.needed
 @pytest.mark.campaign
 @pytest.mark.realdata
@@ -75,6 +98,7 @@ def test_a_rest_rejected_by_hand_is_that_of_the_command(shared_data, tmp_path):
             drawn = "JSON.parse(document.querySelector('.timeline').dataset.windows)"
             windows = chromium.run(page, drawn)
             assert np.allclose([w[:2] for w in windows], spans, rtol=0.0, atol=1e-9)  # rounding
+            the_sphere_turns(page, 2 * len(spans) - 1)  # rests, and the turns between them
             drag(page, *[spans[13].mean()] * 2)
             second, _ = calibrated(folder, page, {first.key})
             assert chromium.run(page, drawn)[13][2] == "unused"

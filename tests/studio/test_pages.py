@@ -274,6 +274,16 @@ def test_a_run_with_an_outage_that_is_drawn_has_the_numbers_of_the_command(serve
         choose(page, "map", "roads.geojson")
         chromium.wait_for(page, f"{plan}.dataset.mapped === 'roads.geojson'", 60.0)
         assert chromium.run(page, f"{plan}.data.length") == drawn + 1
+        press(page, "remove")
+        _, second, _ = navigated(page)
+        choose(page, "against run", out)
+        heads = "[...document.querySelectorAll('th')].map(h => h.textContent)"
+        chromium.wait_for(page, f"{heads}.includes('{out}: smoothed')", 60.0)
+        row = "[...document.querySelectorAll('tbody tr')].find(r => r.cells[0].textContent === 'rms_horizontal_m')"
+        values = chromium.run(page, f"[...{row}.cells].slice(1).map(c => +c.querySelector('data').value)")
+        metrics = [json.loads((town / name / "metrics.json").read_text()) for name in (second, out)]
+        assert values == [v for m in metrics for v in (m["rms_horizontal_m"], m["smoothed"]["rms_horizontal_m"])]
+        chromium.wait_for(page, f"{plan}.dataset.curves.includes('{out}')", 60.0)
         assert (chromium.errors(page), chromium.requests(page)) == ((), ())
     the_same_by_command(town, command, out, rows)
     with chromium.opened(server.page("/runs"), 1400) as page:
@@ -295,6 +305,14 @@ def test_two_runs_are_compared_and_one_is_deleted_after_a_question(server, town)
             chromium.wait_for(page, f"document.querySelector('[aria-label=\"compare {name}\"]')", 60.0)
             chromium.click(page, f'[aria-label="compare {name}"]')
         chromium.wait_for(page, "document.querySelector('.command pre')?.textContent.includes('compare first second')")
+        listed = "[...document.querySelectorAll('.finding b')].map(b => b.textContent).sort().join()"
+        before = chromium.run(page, listed)
+        type_into(page, "filter", "TOWN second")
+        chromium.wait_for(page, f"{listed} === 'second'", 20.0)
+        type_into(page, "filter", "second nowhere")
+        chromium.wait_for(page, "document.body.innerText.includes('runs has all of these words')", 20.0)
+        type_into(page, "filter", " ")
+        chromium.wait_for(page, f"{listed} === {json.dumps(before)}", 20.0)
         press(page, "compare")
         chromium.wait_for(page, "document.querySelector('.hint.bad')?.textContent.startsWith('refused: first')", 60.0)
         for name, answer in (("first", 0), ("second", 1)):  # keep, delete: a dialog on its way in is no place to aim at
@@ -356,15 +374,22 @@ def test_the_noise_of_a_span_is_that_of_the_command(town, tmp_path):
         with chromium.opened(served.page("/noise", log="town.parquet"), 1400) as page:
             drag(page, 2.0, 18.0)
             chromium.wait_for(page, "document.querySelector('.command pre').textContent.includes('--from')")
+            choose(page, "and write files for", "kalibr: Kalibr imu.yaml")
+            chromium.wait_for(page, "document.querySelector('.command pre').textContent.includes('--export kalibr')")
+            chromium.wait_for(page, "!document.querySelector('.q-menu')", 30.0)  # or it covers the button
             command = chromium.run(page, "document.querySelector('.command pre').textContent")
             press(page, "identify")
             chromium.wait_for(page, "document.querySelector('iframe.report')", 120.0)
             the_allan_curve_answers(page)
+            links = chromium.run(page, "[...document.querySelectorAll('a[download]')].map(a => a.getAttribute('href'))")
+            for link in links:
+                assert served.ask(link)[0] == 200
             assert (chromium.errors(page), chromium.requests(page)) == ((), ())
     finally:
         served.stop()
     folder = Workspace(tmp_path.resolve())
     by_page = jobs.answer(folder, jobs.latest(folder, "allan").key)
+    assert {Path(link).name for link in links} == {Path(by_page["files"][what]).name for what in ("budget", "kalibr")}
     start, stop = (float(command.split(f"{option} ")[1].split()[0]) for option in ("--from", "--to"))
     noise = identify_noise(cut(read(town / "town.parquet"), start, stop))
     assert by_page["axes"] == json.loads(json_text(numbers(noise)))["axes"]

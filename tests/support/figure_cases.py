@@ -676,7 +676,7 @@ def cases(run: Callable[[str], Any]) -> dict[str, Callable]:
         "characterisation.report.spectra.signals": lambda: noise_of(noise_spectra.signals, 1),
         "gnss.baseline_report.residual_figure": lambda: residual_figure(double_differences()),
         "studio.figures.calibration_figure": lambda: [
-            studio_figures.calibration_figure(calibration(), name) for name in ("coverage", "residuals", "correlations")
+            studio_figures.calibration_figure(calibration(), name) for name in ("residuals", "correlations")
         ],
         "studio.figures.span_figure": lambda: [
             studio_figures.span_figure(looked_at(), name, 0.0, 50.0) for name in ("spectrum", "spectrogram")

@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         complain(f"{' '.join(str(error).split())}  (see schuler --help)")
         return 2
     except SchulerError as error:
-        complain(printable(str(error)))
+        complain(printable(_in_options(str(error), given)))
         return 2
     except BrokenPipeError:
         return 1
@@ -44,6 +44,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         complain("interrupted")
         return 1
     return result if isinstance(result, int) else 0
+
+
+def _in_options(text: str, arguments: Sequence[str]) -> str:
+    """A message with hints on reading in the spelling of commands that have them as options, of Python for others."""
+    from schuler.cli.app import HINTED
+
+    if not arguments or arguments[0] not in HINTED:
+        return text
+    from schuler.diagnosis.result import as_options
+
+    return as_options(text)
 
 
 def _of_the_system(error: OSError) -> str:

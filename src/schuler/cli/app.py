@@ -192,6 +192,8 @@ METHODS = {
 _ELSEWHERE = {"field": "schuler.cli.calibrate_field:field"}
 
 
+#: Commands that take hints on how a log is read as options.
+HINTED = ("info", "check", "convert", "allan", "calibrate", "apply", "foot")
 #: Commands that write no file.
 _READ_ONLY = ("info", "catalogue", "explain", "doctor", "completion")
 

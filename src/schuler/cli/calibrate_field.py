@@ -12,10 +12,11 @@ from cyclopts import Parameter
 
 from schuler import units as u
 from schuler.arrays import FloatArray
-from schuler.cli.calibrate_options import CalibrationOptions, Output, Sensor, Site, counted, numbers_of, spans_of
+from schuler.cli.calibrate_options import CalibrationOptions, Output, Sensor, Site, numbers_of, spans_of
 from schuler.cli.calibrate_output import finish
 from schuler.cli.output import Flag, progress
 from schuler.exceptions import InputError
+from schuler.recording.io.hint_texts import triads_in_counts
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 
@@ -182,7 +183,7 @@ def _factors(
     """What makes a log in counts SI: of the earlier calibration, or found; None for a log in SI."""
     from schuler.calibration.bench.counts import count_factors, factors_of
 
-    triads = counted(recording)
+    triads = triads_in_counts(recording.metadata.notes)
     if earlier is not None and earlier.nominal != (1.0, 1.0):
         return factors_of(earlier)
     if not triads:

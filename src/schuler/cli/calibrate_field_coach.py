@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
-from schuler.cli.calibrate_options import counted
 from schuler.cli.output import say
 from schuler.cli.reading import Reading, recording_section
 from schuler.exceptions import InputError, SchulerError
+from schuler.recording.io.hint_texts import triads_in_counts
 from schuler.recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -348,7 +348,7 @@ def is_stream(log: Path) -> bool:
 
 def _need_units(recording: Recording) -> None:
     """Factors of counts are found from turns that are over; who is coached has none yet."""
-    if counted(recording):
+    if triads_in_counts(recording.metadata.notes):
         raise InputError(
             "--coach: expected a log in known units, got raw counts; say what a count is with --scale, such as "
             "accel=0.0006,gyro=0.001 of the units stated with --units, or calibrate the finished log without --coach"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,6 @@ from schuler import units as u
 from schuler.cli.output import File, Flag, Folder, progress
 from schuler.cli.reading import Checking, Reading
 from schuler.exceptions import InputError
-from schuler.recording.io.hint_texts import COUNTS_NOTE
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 
@@ -25,7 +23,6 @@ if TYPE_CHECKING:
     from schuler.sensors.spec import ImuSpec
 
 _READING, _CHECKING = Reading(), Checking()
-_TRIADS: tuple[Triad, ...] = ("accel", "gyro")
 
 
 @Parameter(name="*")
@@ -206,13 +203,6 @@ class CalibrationOptions:
 def spans_of(path: Path, imu: ImuSeries) -> list[tuple[float, float]]:
     """Rests of a CSV file with lines START,STOP in seconds from the start of the log, in the time of the log."""
     return [(start, stop) for _, start, stop in _table(path, imu, named=False)]
-
-
-def counted(recording: Recording) -> tuple[Triad, ...]:
-    """Which triads of a log are in converter counts, as was said on reading it."""
-    notes = recording.metadata.notes
-    sentences = [n.partition(f": {COUNTS_NOTE}")[0].rpartition(": ")[2] for n in notes if COUNTS_NOTE in n]
-    return tuple(name for name in _TRIADS if any(re.search(rf"\b{name}\b", words) for words in sentences))
 
 
 def sections_of(path: Path, imu: ImuSeries) -> dict[str, tuple[float, float]]:

@@ -15,6 +15,7 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.plotting.notebook import Displayed
+from schuler.recording.io.hints import ReadHints
 
 Severity: TypeAlias = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
@@ -257,8 +258,18 @@ class Diagnosis(Displayed):
         for severity in SEVERITIES:
             for f in (f for f in self.findings if f.severity == severity):
                 sure = "" if severity == "note" else _likelihood(f)
+                unread = f.code in ("unreadable", "refused")  # the reader's words, which say what to do
+                seen = (
+                    f.text
+                    if not unread
+                    else as_options(f.text)
+                    if command
+                    else as_entries(f.text)
+                    if folder
+                    else f.text
+                )
                 lines += textwrap.wrap(
-                    f"{severity} {f.code}{sure}: {f.text}", 110, initial_indent="  ", subsequent_indent="      "
+                    f"{severity} {f.code}{sure}: {seen}", 110, initial_indent="  ", subsequent_indent="      "
                 )
                 if f.fix:
                     fix = as_options(f.fix) if command else as_entries(f.fix, f.part) if folder else f.fix
@@ -321,10 +332,12 @@ def as_options(fix: str) -> str:
     Parameters
     ----------
     fix : str
-        Of a :class:`Finding`.
+        Of a :class:`Finding`, or a sentence with hints in it.
     """
 
     def option(match: re.Match[str]) -> str:
+        if match[1] not in ReadHints.__dataclass_fields__:
+            return match[0]
         name, value = match[1].replace("_", "-"), match[2]
         if value.startswith("'"):
             plain = value.strip("'")
@@ -334,7 +347,7 @@ def as_options(fix: str) -> str:
     return _ENTRY.sub(option, fix)
 
 
-def as_entries(fix: str, part: str) -> str:
+def as_entries(fix: str, part: str = "") -> str:
     """What mends a log in the spelling of a configuration: ``axes='BRU'`` is ``axes = "BRU" in [recording.imu]``.
 
     Parameters
@@ -342,10 +355,10 @@ def as_entries(fix: str, part: str) -> str:
     fix : str
         Of a :class:`Finding`.
     part : str
-        Series it is about.
+        Series it is about, if its section is to be named.
     """
     spelt, count = _ENTRY.subn(lambda match: f"{match[1]} = {match[2].replace(chr(39), chr(34))}", fix)
-    return f"{spelt.removesuffix(' for the IMU')} in [recording.{part}]" if count else fix
+    return f"{spelt.removesuffix(' for the IMU')} in [recording.{part}]" if count and part else spelt
 
 
 def _likelihood(f: Finding) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.proposal import arrays, tables
 from schuler.proposal.decision import Decision, UndecidedError
-from schuler.recording.formats import registry, rtklib, text
+from schuler.recording.formats import nmea, registry, rtklib, text
 from schuler.recording.io import columns, dispatch, lines
 from schuler.recording.io.folder import recognised
 from schuler.recording.io.hint_texts import SATELLITES
@@ -29,6 +29,7 @@ _NO_LOGS = (".md", ".json", ".yaml", ".yml", ".toml", ".html", ".tag", ".png", "
 _COMMON_S, _SLACK_M, _RADIUS_M = 10.0, 0.3, 6.371e6
 _ARRAYS = (".npy", ".npz", ".mat")
 HALVES = ("accel", "gyro")
+_SPEED_SIGMA = 0.1  # of wheels that do not say theirs [m/s]
 _CLAIM, _LEAST_CLAIM_M = 3.0, 0.02  # 1-sigma of positions over their scatter, in which slow errors do not show
 #: Origin of a local frame that nobody stated: gravity is within 0.03 m/s^2 of that anywhere at sea level.
 SOMEWHERE = "45,0,0"
@@ -356,7 +357,9 @@ def _table(path: Path, section: str, part: str | None) -> tuple[dict[str, Any] |
         entry["columns"] = match[0]
         decisions.append(Decision(f"{section}.columns", match[0], match[1]))
     if part not in (None, "imu"):
-        return _clock(path, section)
+        entry, decisions = _clock(path, section)
+        accuracy, more = ({}, []) if section.endswith("reference") else _accuracy(path, section, part)
+        return entry | accuracy, decisions + more
     names, stated = _layout(path, entry.get("columns")) if path.suffix.lower() not in _ARRAYS else (
         str(entry["columns"]).split(","), set()
     )  # fmt: skip
@@ -403,6 +406,24 @@ def _clock(path: Path, section: str) -> tuple[dict[str, Any], list[Decision]]:
     entry = {"time": "unix"} | ({} if unit == "s" else {"units": f"t={unit}"})
     why = f"stamps of {t[0]:.6g} {unit} are of this century"
     return entry, [Decision(f"{section}.{name}", value, why) for name, value in entry.items()]
+
+
+def _accuracy(path: Path, section: str, part: str) -> tuple[dict[str, Any], list[Decision]]:
+    """Accuracy of a table's fixes or speeds where no column states it: rules of thumb, as for NMEA without GST."""
+    names, _ = _layout(path, None)
+    if part == "odometer" and "speed" in names and "sspeed" not in names:
+        why = f"no column states an accuracy; {_SPEED_SIGMA:g} m/s is typical of wheels"
+        return {"sigma_speed": _SPEED_SIGMA}, [Decision(f"{section}.sigma_speed", _SPEED_SIGMA, why)]
+    missing = part == "gnss" and names and not set(columns.SIGMA) <= set(names)
+    if not missing or not {"lat", "n", "x"} & set(names):
+        return {}, []
+    level = nmea.RANGE_ERROR[1]
+    numbers = [level, level, nmea.VERTICAL * level]
+    if set(columns.VELOCITY[:2]) <= set(names) and not set(columns.VELOCITY_SIGMA[:2]) <= set(names):
+        numbers += [nmea.RATE_ERROR] * 3
+    sigma = ",".join(f"{number:g}" for number in numbers)
+    why = "no column states an accuracy; that of a receiver by itself, from which filter.tune finds the log's own"
+    return {"sigma": sigma}, [Decision(f"{section}.sigma", sigma, why)]
 
 
 def _layout(path: Path, given: str | None) -> tuple[list[str], set[str]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from schuler.exceptions import InputError
 from schuler.plotting.drawing import draw
 from schuler.plotting.figure import TIME, Figure, Item, Panel, Span, line, markers, sampled, view
 from schuler.plotting.heat import RISING, time_map
+from schuler.recording.io.hint_texts import COUNTS, triads_in_counts
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 _COLUMNS, _ROWS = 480, 96  # of a spectrogram
 _SHORTEST = 16  # samples in a stretch whose spectrum is worth drawing
+#: Unit of each triad in pictures, and that unit in SI.
+SHOWN_UNITS = {"accel": ("m/s²", 1.0), "gyro": ("deg/s", units.DEG)}
 
 
 def log_figure(
@@ -48,12 +51,17 @@ def log_figure(
     return draw(log_content(recording, rests=rests), ax)
 
 
+def shown_units(recording: Recording) -> dict[str, tuple[str, float]]:
+    """Unit of each triad of a recording in pictures, and its value in the unit of the series; counts stay counts."""
+    return SHOWN_UNITS | dict.fromkeys(triads_in_counts(recording.metadata.notes), (COUNTS, 1.0))
+
+
 def log_content(
     recording: Recording, *, rests: Sequence[tuple[float, float]] = (), start: float | None = None
 ) -> Figure:
     """Description of :func:`log_figure`; ``start`` is the time called zero, that of the recording by default. [s]"""
     zero = recording.start if start is None else start
-    panels = [] if recording.imu is None else imu_panels(recording.imu, zero, rests)
+    panels = [] if recording.imu is None else imu_panels(recording.imu, zero, rests, shown_units(recording))
     for label, items, curves in _motion(recording, zero):
         panels.append(Panel(TIME, label, tuple(items), y_limits=view(curves)))
     if not panels:
@@ -64,14 +72,22 @@ def log_content(
     return Figure("log", "The log", caption, tuple(panels))
 
 
-def imu_panels(imu: ImuSeries, zero: float, rests: Sequence[tuple[float, float]] = ()) -> list[Panel]:
+def imu_panels(
+    imu: ImuSeries,
+    zero: float,
+    rests: Sequence[tuple[float, float]] = (),
+    shown: Mapping[str, tuple[str, float]] = SHOWN_UNITS,
+) -> list[Panel]:
     """Specific force and angular rate of every sample, rests shaded."""
     accel, gyro, dt = _readings(imu)
     t = imu.t - zero
     shaded: list[Item] = [Span(a - zero, b - zero, "finding", "at rest") for a, b in rests]
     limits = (float(t[0]), float(t[-1])) if len(t) > 1 else None
     panels = []
-    for label, triad, unit in (("specific force [m/s²]", accel, 1.0), ("angular rate [deg/s]", gyro, units.DEG)):
+    for words, triad, (name, unit) in (
+        ("specific force", accel, shown["accel"]),
+        ("angular rate", gyro, shown["gyro"]),
+    ):
 
         def values(k: int, triad: FloatArray = triad, unit: float = unit) -> FloatArray:
             column: FloatArray = triad[:, k] if dt is None else triad[:, k] / dt
@@ -79,8 +95,11 @@ def imu_panels(imu: ImuSeries, zero: float, rests: Sequence[tuple[float, float]]
 
         curves = [sampled(t, partial(values, k), f"axis_{axis}", axis) for k, axis in enumerate("xyz")]
         panels.append(
-            Panel(TIME, label, (*shaded, *curves), x_limits=limits, y_limits=view([c.y for c in curves]), height=1.2)
-        )
+            Panel(
+                TIME, f"{words} [{name}]", (*shaded, *curves), x_limits=limits, y_limits=view([c.y for c in curves]),
+                height=1.2,
+            )
+        )  # fmt: skip
     return panels
 
 
@@ -92,7 +111,9 @@ def _readings(imu: ImuSeries) -> tuple[FloatArray, FloatArray, FloatArray | None
     return inc.dv_ib_b, inc.dtheta_ib_b, inc.dt
 
 
-def spectrogram_content(imu: ImuSeries, zero: float) -> Figure | None:
+def spectrogram_content(
+    imu: ImuSeries, zero: float, shown: Mapping[str, tuple[str, float]] = SHOWN_UNITS
+) -> Figure | None:
     """Density of specific force and angular rate over time and frequency; None for a log too short to have any.
 
     Notes
@@ -106,8 +127,8 @@ def spectrogram_content(imu: ImuSeries, zero: float) -> Figure | None:
     panels = []
     spans = (float(t[0]) - zero, float(t[-1]) - zero), (0.0, 0.5 * imu.rate_hz)
     accel, gyro, dt = _readings(imu)
-    triads = (("specific force", accel, 1.0, "m/s²"), ("angular rate", gyro, units.DEG, "deg/s"))
-    for triad, columns, scale, unit in triads:
+    triads = (("specific force", accel, shown["accel"]), ("angular rate", gyro, shown["gyro"]))
+    for triad, columns, (unit, scale) in triads:
         root = np.sqrt(_spectrogram(columns, dt, scale, imu.rate_hz))
         low, high = np.quantile(root, (0.01, 0.999))
         if not 0.0 < low < high:  # a log in steps so coarse that nothing moves

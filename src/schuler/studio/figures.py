@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from schuler.calibration.report.panels import correlation_map, coverage, residuals
+import numpy as np
+
+from schuler import units
+from schuler.calibration.report.panels import OUTLIER, correlation_map, largest_gap, residuals
 from schuler.calibration.result.result import CalibrationResult
 from schuler.characterisation.report.spectra import log_spectra, log_spectrum
 from schuler.exceptions import InputError
 from schuler.plotting.figure import Figure
 from schuler.plotting.interactive import panel_data
-from schuler.recording.figures import spectrogram_content
+from schuler.recording.figures import shown_units, spectrogram_content
 from schuler.studio.signals import View
 
-_CALIBRATION = {"coverage": coverage, "residuals": residuals, "correlations": correlation_map}
+_ROLES = ("filtered", "smoothed", "case_2")  # of poses, turns and what else has directions
+_CALIBRATION = {"residuals": residuals, "correlations": correlation_map}
 
 
 def figure_document(figure: Figure | None) -> dict[str, Any]:
@@ -30,7 +34,7 @@ def calibration_figure(result: CalibrationResult, name: str) -> Figure | None:
     Parameters
     ----------
     result : CalibrationResult
-    name : {"coverage", "residuals", "correlations"}
+    name : {"residuals", "correlations"}
 
     Raises
     ------
@@ -40,6 +44,37 @@ def calibration_figure(result: CalibrationResult, name: str) -> Figure | None:
     if name not in _CALIBRATION:
         raise InputError(f"expected a figure out of {', '.join(_CALIBRATION)}, got {name!r}")
     return _CALIBRATION[name](result)
+
+
+def sphere_document(result: CalibrationResult) -> dict[str, Any]:
+    """Directions of a calibration's poses on a sphere for the script of the page, with what the fit leaves of each.
+
+    Parameters
+    ----------
+    result : CalibrationResult
+
+    Returns
+    -------
+    dict
+        ``poses``, each with ``v``: where the reference pointed, a unit vector in body axes, ``role``: its colour, and
+        ``text``; ``gap``: the middle of the largest region without poses likewise. Without poses that have directions
+        there are none.
+    """
+    poses: list[dict[str, Any]] = []
+    shown = {name: r for name, r in result.residuals.items() if r.direction is not None and len(r.direction)}
+    for (name, r), usual in zip(shown.items(), _ROLES, strict=False):
+        assert r.direction is not None
+        for k, v in enumerate(r.direction):
+            value, sigma = float(r.value[k]), float(r.sigma[k])
+            role = usual if abs(value) <= OUTLIER * sigma else "rejected"
+            sigmas = f", {value / sigma:+.1f} sigma" if sigma > 0.0 else ""
+            text = f"{r.label[k]}, {name}: {value:+.3g} {r.unit}{sigmas}"
+            poses.append({"v": v.tolist(), "role": role, "text": text})
+    if not poses:
+        return {"poses": []}
+    angle, where = largest_gap(np.array([pose["v"] for pose in poses]))
+    text = f"middle of the largest gap, {angle / units.DEG:.0f} degrees from the nearest pose"
+    return {"poses": poses, "gap": {"v": where.tolist(), "role": "unused", "text": text}}
 
 
 def span_figure(seen: View, name: str, start: float, stop: float) -> Figure | None:
@@ -65,4 +100,5 @@ def span_figure(seen: View, name: str, start: float, stop: float) -> Figure | No
     imu = seen.recording.imu.between(zero + start, zero + stop)
     if len(imu) < 64:
         return None
-    return spectrogram_content(imu, zero) if name == "spectrogram" else log_spectrum(log_spectra(imu))
+    shown = shown_units(seen.recording)
+    return spectrogram_content(imu, zero, shown) if name == "spectrogram" else log_spectrum(log_spectra(imu), shown)

@@ -23,6 +23,7 @@ from typing import Any, Literal, TypeAlias
 
 from schuler.exceptions import InputError
 from schuler.files import write_text
+from schuler.studio import worker
 from schuler.studio.workspace import JOBS, Workspace
 
 #: Name of the variable with the file that a command's progress is written to.
@@ -30,6 +31,9 @@ PROGRESS = "SCHULER_PROGRESS"
 State: TypeAlias = Literal["running", "done", "refused", "cancelled", "killed"]
 _KEPT = 30  # jobs that have ended
 _children: dict[str, subprocess.Popen[bytes]] = {}  # of this server, so that those that have ended are reaped
+#: Commands whose answer is waited for: they go to the worker, the others to processes of their own.
+_WAITED_FOR = ("navigate", "calibrate", "allan", "budget", "compare")
+_workers: dict[Path, tuple[worker.Worker, Path]] = {}  # by root, with the lock of the last job
 
 
 @dataclass(frozen=True)
@@ -88,11 +92,7 @@ def start(workspace: Workspace, command: Sequence[str], out: str) -> Job:
     try:
         _lock(held)
         with (folder / "stdout").open("wb") as out_file, (folder / "stderr").open("wb") as err_file:
-            process = subprocess.Popen(  # noqa: S603 - our own command, its arguments as a list
-                [sys.executable, "-m", "schuler", *command], cwd=workspace.root, stdin=subprocess.DEVNULL,
-                stdout=out_file, stderr=err_file, start_new_session=True, pass_fds=(held,),
-                env={**os.environ, PROGRESS: str(folder / "progress"), "NO_COLOR": "1"},
-            )  # fmt: skip
+            process = _process(workspace, folder, command, held, out_file.fileno(), err_file.fileno())
     finally:
         os.close(held)  # the lock is the process's from now on
     _children[key] = process
@@ -102,6 +102,35 @@ def start(workspace: Workspace, command: Sequence[str], out: str) -> Job:
     current = job(workspace, key)
     assert current is not None
     return current
+
+
+def prepare(workspace: Workspace) -> None:
+    """Start the worker of a folder, unless it is there: a page is open that will want it."""
+    kept = _workers.get(workspace.root)
+    if kept is None or kept[0].process.poll() is not None:
+        if kept is not None:
+            kept[0].orders.close()
+        _workers[workspace.root] = worker.started(workspace.root), workspace.root / JOBS / "none"
+
+
+def _process(
+    workspace: Workspace, folder: Path, command: Sequence[str], held: int, out: int, err: int
+) -> subprocess.Popen[bytes]:
+    """Process that carries out a command: the worker, if the command is one for it and it has nothing to do."""
+    progress = folder / "progress"
+    if command[0] in _WAITED_FOR and "--coach" not in command:
+        prepare(workspace)
+        kept, lock = _workers[workspace.root]
+        if not _alive(lock):
+            with suppress(OSError):  # it has ended meanwhile
+                kept.send(command, progress, held, out, err)
+                _workers[workspace.root] = kept, folder / "lock"
+                return kept.process
+    return subprocess.Popen(  # noqa: S603 - our own command, its arguments as a list
+        [sys.executable, "-m", "schuler", *command], cwd=workspace.root, stdin=subprocess.DEVNULL,
+        stdout=out, stderr=err, start_new_session=True, pass_fds=(held,),
+        env={**os.environ, PROGRESS: str(progress), "NO_COLOR": "1"},
+    )  # fmt: skip
 
 
 def jobs(workspace: Workspace) -> list[Job]:

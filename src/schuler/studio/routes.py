@@ -11,7 +11,7 @@ from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError, SchulerError, printable
 from schuler.studio import jobs
 from schuler.studio.allan import allan_document
-from schuler.studio.figures import calibration_figure, figure_document, span_figure
+from schuler.studio.figures import calibration_figure, figure_document, span_figure, sphere_document
 from schuler.studio.maps import backdrop_of, map_document
 from schuler.studio.platform import platform_document
 from schuler.studio.signals import COLUMNS, MOST, Views, window
@@ -68,6 +68,9 @@ def add_routes(app: FastAPI, workspace: Workspace, views: Views) -> None:
         result = CalibrationResult.from_yaml(workspace.inside(run) / "calibration.yaml")
         return JSONResponse(figure_document(calibration_figure(result, name)))
 
+    def sphere(run: str) -> Response:
+        return JSONResponse(sphere_document(CalibrationResult.from_yaml(workspace.inside(run) / "calibration.yaml")))
+
     def curves(view: str, run: str, other: str) -> dict[str, Any]:
         recording = views.get(view).recording if view else None
         return plan(recording, *(workspace.inside(name) if name else None for name in (run, other)))
@@ -116,6 +119,7 @@ def add_routes(app: FastAPI, workspace: Workspace, views: Views) -> None:
         signals,
         span_figure_of,
         calibration_figure_of,
+        sphere,
         track,
         background,
         noise,
@@ -127,6 +131,7 @@ def add_routes(app: FastAPI, workspace: Workspace, views: Views) -> None:
     app.get("/studio/assets/{name}")(asset)
     app.get("/studio/views/{key}/signals")(signals)
     app.get("/studio/views/{key}/{name}")(span_figure_of)
+    app.get("/studio/calibrations/sphere")(sphere)
     app.get("/studio/calibrations/{name}")(calibration_figure_of)
     app.get("/studio/track")(track)
     app.get("/studio/noise")(noise)

@@ -18,6 +18,7 @@ from schuler.diagnosis.log import diagnose_log, read_leniently
 from schuler.diagnosis.result import Diagnosis
 from schuler.exceptions import InputError
 from schuler.plotting.figure import TIME
+from schuler.recording.figures import shown_units
 from schuler.recording.recording import Recording
 from schuler.studio.pyramid import Pyramid, envelope, pyramid
 
@@ -131,11 +132,11 @@ def channels(recording: Recording) -> list[Channel]:
             out.append(Channel(panel, name, role, t - zero, pyramid(np.ascontiguousarray(y, dtype=np.float64))))
 
     if recording.imu is not None:
-        imu = recording.imu.rates()
-        for i, axis in enumerate("xyz"):
-            put("specific force [m/s²]", axis, _AXES[i], imu.t, imu.accel[:, i])
-        for i, axis in enumerate("xyz"):
-            put("angular rate [deg/s]", axis, _AXES[i], imu.t, imu.gyro[:, i] / units.DEG)
+        imu, shown = recording.imu.rates(), shown_units(recording)
+        for words, triad, values in (("specific force", "accel", imu.accel), ("angular rate", "gyro", imu.gyro)):
+            unit, factor = shown[triad]
+            for i, axis in enumerate("xyz"):
+                put(f"{words} [{unit}]", axis, _AXES[i], imu.t, values[:, i] / factor)
         if imu.temperature is not None:
             put("temperature [°C]", "IMU", "heating", imu.t, imu.temperature)
     if recording.gnss is not None and len(recording.gnss.t):

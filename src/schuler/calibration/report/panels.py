@@ -11,7 +11,7 @@ from schuler.plotting.figure import Band, Bars, Figure, Item, Line, Markers, Pan
 from schuler.plotting.heat import SIGNED, colours, frame, key
 from schuler.units import DEG
 
-_OUTLIER = 3.0  # residuals beyond so many sigma are marked
+OUTLIER = 3.0  # residuals beyond so many sigma are marked
 _GRID = 2000  # places asked for their distance to the nearest pose: every 2.5 degrees
 _ROLES = ("filtered", "read_off", "smoothed")  # one may lie on the other: dots, rings, dots
 
@@ -205,10 +205,10 @@ def _residuals_panel(name: str, r: Residuals) -> Panel:
         low, high = -k * r.sigma, k * r.sigma
         items.append(Band(*_boxes(x, low, high), "expected", f"{k:.0f} sigma"))
     items.append(level((0.4, n + 0.6), 0.0, "level"))
-    far = np.abs(r.value) > _OUTLIER * r.sigma
+    far = np.abs(r.value) > OUTLIER * r.sigma
     items.append(Markers(x[~far], r.value[~far], "filtered", "residual"))
     if far.any():
-        items.append(Markers(x[far], r.value[far], "rejected", f"beyond {_OUTLIER:.0f} sigma"))
+        items.append(Markers(x[far], r.value[far], "rejected", f"beyond {OUTLIER:.0f} sigma"))
     title = f"{name}: rms {r.rms:.3g} {r.unit}"
     return Panel("number [-]", f"residual [{r.unit}]", tuple(items), title=title, x_limits=(0.4, n + 0.6))
 

@@ -7,13 +7,13 @@ from typing import TypeAlias
 
 import numpy as np
 
-from schuler import units
 from schuler.arrays import FloatArray
 from schuler.characterisation.report.panels import beside, decades
 from schuler.characterisation.report.terms import Unit, chosen, quantities, signal_unit
 from schuler.characterisation.result import Finding, NoiseIdentification
 from schuler.characterisation.spectrum import power_spectrum
 from schuler.plotting.figure import Figure, Item, Line, Panel, Span, line, thin
+from schuler.recording.figures import SHOWN_UNITS
 from schuler.recording.series import ImuSeries
 from schuler.sensors.noise import GaussMarkov
 
@@ -57,17 +57,19 @@ def log_spectra(imu: ImuSeries) -> dict[str, Curve]:
     return spectra
 
 
-def log_spectrum(spectra: Mapping[str, Curve]) -> Figure | None:
+def log_spectrum(spectra: Mapping[str, Curve], shown: Mapping[str, tuple[str, float]] = SHOWN_UNITS) -> Figure | None:
     """Root power spectral density of a log by itself, the axes of a triad in one panel.
 
     Parameters
     ----------
     spectra : mapping of str to (ndarray, ndarray)
         As of :func:`log_spectra`; None comes of an empty one.
+    shown : mapping
+        Unit of each triad, and its value in that of the series, see :func:`~schuler.recording.figures.shown_units`.
     """
     panels = []
-    triads = (("accel", "specific force", "m/s²", 1.0), ("gyro", "angular rate", "deg/s", units.DEG))
-    for triad, words, unit, factor in triads:
+    for triad, words in (("accel", "specific force"), ("gyro", "angular rate")):
+        unit, factor = shown[triad]
         curves = {k: spectra[f"{triad}_{k}"] for k in "xyz" if f"{triad}_{k}" in spectra}
         roots = {k: (f[S > 0.0], np.sqrt(S[S > 0.0]) / factor) for k, (f, S) in curves.items() if (S > 0.0).any()}
         if not roots:

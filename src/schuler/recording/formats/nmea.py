@@ -36,7 +36,7 @@ from schuler.timebase import UNIX_TO_GPS_S, TimeBase, gps_from_calendar, gps_fro
 RANGE_ERROR = MappingProxyType({1: 5.0, 2: 2.0, 3: 3.0, 4: 0.02, 5: 0.4, 6: 20.0})
 #: 1-sigma of a range rate, which HDOP (at least 1) multiplies. [m/s]
 RATE_ERROR = 0.1
-_VERTICAL = 1.5  # VDOP over HDOP where there is no GSA; typical of an open sky
+VERTICAL = 1.5  # VDOP over HDOP where there is no GSA; typical of an open sky
 _QUALITY = {1: 5, 2: 4, 3: 5, 4: 1, 5: 2, 6: 7}  # to RTKLIB's numbers; 7 (typed in) and 8 (simulator) are no fixes
 
 _SENTENCE = re.compile(rb"\$([A-Z]{2})(GGA|RMC|GST|VTG|GSA|ZDA)(,[^$*\r\n]*)\*([0-9A-Fa-f]{2})")
@@ -316,7 +316,7 @@ def _position_covariance(path: Path, kept: list[Epoch], hints: ReadHints, notes:
 def _dilutions(e: Epoch) -> tuple[float, float]:
     """HDOP and VDOP of an epoch, the latter guessed from the former where there is no GSA; 0 if unknown."""
     horizontal, vertical = _stated(e)
-    return horizontal, vertical if vertical > 0.0 else _VERTICAL * horizontal
+    return horizontal, vertical if vertical > 0.0 else VERTICAL * horizontal
 
 
 def _stated(e: Epoch) -> tuple[float, float]:

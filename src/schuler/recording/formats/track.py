@@ -6,6 +6,7 @@ import datetime as dt
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 from xml.etree import ElementTree
@@ -309,12 +310,12 @@ def _cut(points: Sequence[list[float]]) -> Iterator[list[list[float]]]:
 
 def _utc_texts(t: FloatArray, base: TimeBase) -> list[str]:
     """UTC of times on the GPS scale, to the millisecond."""
-    texts = []
+    texts, leap = [], cache(leap_seconds)  # one day has thousands of times
     for seconds in t.tolist():
         moment = calendar(base.epoch_gps_s + seconds)
-        utc = moment - dt.timedelta(seconds=leap_seconds(moment.date()))
+        utc = moment - dt.timedelta(seconds=leap(moment.date()))
         if utc.date() != moment.date():
-            utc = moment - dt.timedelta(seconds=leap_seconds(utc.date()))
+            utc = moment - dt.timedelta(seconds=leap(utc.date()))
         texts.append(f"{utc.isoformat(timespec='milliseconds')}Z")
     return texts
 

@@ -7,6 +7,7 @@ They become the columns that packets have, see ``vectornav_packets``.
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,14 +68,14 @@ class _Header:
 
 
 def looks_like(head: bytes) -> bool:
-    """Whether the first line names outputs of a VectorNav sensor: its clock since startup, or uncompensated triads."""
+    """Whether the first line names outputs of a VectorNav sensor: its clock since startup, or uncompensated triads.
+
+    Their units are looked at when the table is read.
+    """
     if b"\x00" in head[:4000] or b"Time::GpsTow [ns]" in head[:4000]:  # INSTINCT has a reader of its own
         return False
     first = head[:4000].removeprefix(b"\xef\xbb\xbf").partition(b"\n")[0].decode("latin-1")
-    try:
-        header = _header(first)
-    except ValueError:
-        return True  # with a unit that is refused when the file is read
+    header = _header(first, any_unit=True)
     triads = [{f"{kind}_{letter}{axis}" for letter in "ag" for axis in "xyz"} for kind in ("raw", "comp")]
     names = set(header.columns)
     return (
@@ -84,8 +85,8 @@ def looks_like(head: bytes) -> bool:
     )
 
 
-def _header(first: str) -> _Header:
-    """Columns of a line of names. Raises ValueError for a unit that the sensor's outputs do not have."""
+def _header(first: str, *, any_unit: bool = False) -> _Header:
+    """Columns of a line of names. Raises ValueError for a unit that the sensor's outputs do not have, unless told."""
     delimiter = max(",;\t", key=first.count)
     columns: dict[str, tuple[int, float]] = {}
     fields = first.rstrip("\r\n").split(delimiter)
@@ -100,9 +101,9 @@ def _header(first: str) -> _Header:
             continue
         name, kind = _KNOWN[whole]
         unit = match.group(2).strip().lower()
-        if unit not in _UNITS[kind]:
+        if unit not in _UNITS[kind] and not any_unit:
             raise ValueError(f"{field.strip()}: expected {' or '.join(u for u in _UNITS[kind] if u)}")
-        columns.setdefault(name, (place, _UNITS[kind][unit]))
+        columns.setdefault(name, (place, _UNITS[kind].get(unit, math.nan)))
     return _Header(delimiter, len(fields), columns)
 
 

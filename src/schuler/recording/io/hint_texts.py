@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -87,6 +88,13 @@ def parse_columns(text: str | None) -> tuple[list[ColumnSpec | None], bool] | No
     if not names:
         raise InputError(f"columns: {text!r} names no column")
     return specs, rest
+
+
+def triads_in_counts(notes: Iterable[str]) -> tuple[Literal["accel", "gyro"], ...]:
+    """Triads of a log that are in converter counts, by the notes that were made on reading it."""
+    sentences = [n.partition(f": {COUNTS_NOTE}")[0].rpartition(": ")[2] for n in notes if COUNTS_NOTE in n]
+    triads: tuple[Literal["accel", "gyro"], ...] = ("accel", "gyro")
+    return tuple(name for name in triads if any(re.search(rf"\b{name}\b", words) for words in sentences))
 
 
 def parse_units(text: str | None, kind: str = "rate") -> dict[str, str]:

@@ -477,9 +477,82 @@
     return { draw, load };
   }
 
+  // Directions on a sphere that is dragged or turned by arrow keys; what is behind is pale, what is pointed at is said.
+  function sphere(element) {
+    const size = 320, radius = 130, LINES = 24;
+    let shown = null, yaw = 0.6, pitch = 0.35, picture = null, said = null;
+    const seen = ([x, y, z]) => { // right, up, towards the viewer
+      const right = -x * Math.sin(yaw) + y * Math.cos(yaw), ahead = x * Math.cos(yaw) + y * Math.sin(yaw);
+      return [right, z * Math.cos(pitch) - ahead * Math.sin(pitch), ahead * Math.cos(pitch) + z * Math.sin(pitch)];
+    };
+    const place = (v) => { const p = seen(v); return [size / 2 + radius * p[0], size / 2 - radius * p[1], p[2]]; };
+    const svg = (name, more, text) => {
+      const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+      for (const [key, value] of Object.entries(more)) made.setAttribute(key, value);
+      if (text) made.textContent = text;
+      return made;
+    };
+    const ball = (latitude, longitude) => [Math.cos(latitude) * Math.cos(longitude), Math.cos(latitude) * Math.sin(longitude), Math.sin(latitude)];
+    const turn = (k) => (2 * Math.PI * k) / LINES;
+    const circles = [-60, -30, 0, 30, 60].map((d) => [...Array(LINES + 1).keys()].map((k) => ball((d * Math.PI) / 180, turn(k))))
+      .concat([0, 60, 120].map((d) => [...Array(LINES + 1).keys()].map((k) => ball(turn(k), (d * Math.PI) / 180))));
+    const draw = () => {
+      if (!shown || !picture) return;
+      const parts = [svg("circle", { cx: size / 2, cy: size / 2, r: radius, fill: colour("raised"), stroke: colour("rule") })];
+      for (const points of circles)
+        for (let k = 1; k < points.length; k++) {
+          const [a, b] = [place(points[k - 1]), place(points[k])];
+          parts.push(svg("line", { x1: a[0], y1: a[1], x2: b[0], y2: b[1], stroke: colour("rule"), "stroke-opacity": a[2] + b[2] < 0 ? 0.3 : 0.9 }));
+        }
+      ["x", "y", "z"].forEach((name, i) => [1, -1].forEach((sign) => {
+        const p = place([0, 1, 2].map((j) => (i === j ? 1.13 * sign : 0)));
+        parts.push(svg("text", { x: p[0], y: p[1] + 4, fill: colour("axis-" + name), "fill-opacity": p[2] < 0 ? 0.45 : 1, "font-size": 13, "text-anchor": "middle" }, (sign > 0 ? "+" : "-") + name));
+      }));
+      const marks = [...shown.poses, shown.gap].map((one) => ({ one, p: place(one.v) })).sort((a, b) => a.p[2] - b.p[2]);
+      for (const { one, p } of marks) {
+        const gap = one === shown.gap, look = gap ? { fill: "none", stroke: colour("ink"), "stroke-dasharray": "3 2" } : { fill: colour(one.role) };
+        const made = svg("circle", { cx: p[0], cy: p[1], r: gap ? 9 : 5, "fill-opacity": p[2] < 0 ? 0.3 : 1, "stroke-opacity": p[2] < 0 ? 0.3 : 1, "pointer-events": "all", ...look });
+        made.addEventListener("pointerenter", () => { said.value = one.text; });
+        parts.push(made);
+      }
+      picture.replaceChildren(...parts);
+      element.dataset.view = [yaw, pitch].map((angle) => angle.toFixed(4)).join(",");
+    };
+    const turned = (right, up) => { yaw -= right; pitch = Math.min(Math.max(pitch + up, -Math.PI / 2), Math.PI / 2); draw(); };
+    const grip = (event) => {
+      let last = [event.clientX, event.clientY];
+      const scale = picture.getBoundingClientRect().width * (radius / size);
+      const move = (now) => { turned((now.clientX - last[0]) / scale, (now.clientY - last[1]) / scale); last = [now.clientX, now.clientY]; };
+      const up = () => { removeEventListener("pointermove", move); removeEventListener("pointerup", up); removeEventListener("pointercancel", up); };
+      addEventListener("pointermove", move);
+      addEventListener("pointerup", up);
+      addEventListener("pointercancel", up);
+    };
+    const load = async () => {
+      element.replaceChildren();
+      if (!element.dataset.source) { shown = null; return; }
+      try {
+        shown = await json(element.dataset.source);
+        empty(element, shown.poses.length ? "" : element.dataset.without || "");
+        if (!shown.poses.length) { shown = null; return; }
+        picture = svg("svg", { viewBox: `0 0 ${size} ${size}`, role: "img", tabindex: 0, "aria-label": element.getAttribute("aria-label") });
+        picture.addEventListener("pointerdown", grip);
+        picture.addEventListener("keydown", (event) => {
+          const by = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key];
+          if (by) { event.preventDefault(); turned(...by); }
+        });
+        said = document.createElement("output");
+        said.value = shown.gap.text;
+        element.append(picture, said);
+        draw();
+      } catch (error) { shown = null; empty(element, error.message); }
+    };
+    return { draw, load };
+  }
+
   function appear(element) {
     if (charts.has(element)) return;
-    const chart = ({ plan, figure, allan, platform }[element.dataset.chart] || signals)(element);
+    const chart = ({ plan, figure, allan, platform, sphere }[element.dataset.chart] || signals)(element);
     charts.set(element, chart);
     chart.load();
   }

@@ -87,6 +87,7 @@ class _Calibrate:
 
 def calibrate_page(workspace: Workspace, views: Views, log: str, config: str) -> None:
     """Log and rests on the left; signals with the rests, command and result on the right."""
+    jobs.prepare(workspace)
     state = _Calibrate(workspace, views, log, config)
     if (last := jobs.latest(workspace, "calibrate", _METHOD, log)) is not None and config in (
         "",

@@ -78,6 +78,7 @@ class _Navigate:
 
 def navigate_page(workspace: Workspace, views: Views, log: str, config: str) -> None:
     """Log, configuration and form on the left; timeline, run and result on the right."""
+    jobs.prepare(workspace)
     state = _Navigate(workspace, views, log, config)
     if not log and not config and (last := jobs.latest(workspace, "navigate")) is not None:
         state.log, state.config, state.outages = runner.origin_of(last.command)  # a page that was closed, say

@@ -133,7 +133,7 @@ def noise_page(workspace: Workspace, views: Views, log: str, config: str) -> Non
             {name: f"{name}: {one.description}" for name, one in EXPORTS.items() if name != "schuler"}, value=[],
             multiple=True, label="and write files for", on_change=lambda e: export(e.value),
         )  # fmt: skip
-        exports.props('outlined dense use-chips aria-label="export"').classes("grow")
+        exports.props("outlined dense use-chips").classes("grow")
     panel: JobPanel = JobPanel(
         workspace,
         place(),

@@ -23,11 +23,7 @@ _NUMBERS = (
 )  # fmt: skip
 _STATUS = {"ok": "ok", "warning": "doubtful", "refused": "failed"}
 _FILES = ("calibration", "report", "certificate")
-_FIGURES = {
-    "coverage": "directions of the rests",
-    "residuals": "residuals",
-    "correlations": "correlations of the parameters",
-}
+_FIGURES = {"residuals": "residuals", "correlations": "correlations of the parameters"}
 
 
 def show_calibration(
@@ -61,10 +57,18 @@ def show_calibration(
     if rests is not None:
         with fold("rests", opened=True):
             rests(result)
+    source = f"?run={quote(job.out)}&key={quote(job.key)}"
+    with fold("directions", opened=True):
+        label = "directions of poses and turns in body axes, on a sphere"
+        show(chart("sphere", without="nothing to show", label=label), source=f"/studio/calibrations/sphere{source}")
+        hint(
+            "Where gravity pointed at rest, and the axes of turns. Drag the sphere or use the arrow keys; point at one "
+            "for what the fit leaves of it."
+        )
     for name, label in _FIGURES.items():
         with fold(label, opened=True):
             element = chart("figure", without="nothing to show", label=label)
-            show(element, source=f"/studio/calibrations/{name}?run={quote(job.out)}&key={quote(job.key)}")
+            show(element, source=f"/studio/calibrations/{name}{source}")
     with fold("parameters"):
         cells = [(name, value, spread, unit) for name, value, spread, unit, *_ in rows(result)]
         table(("", "value", "1 sigma", "unit"), cells, "data-sheet units")

@@ -114,7 +114,7 @@ def test_a_fault_and_a_jump_of_the_clock_are_found_as_in_a_log(recording):
     jump, fault = times[50], (ranges.t == times[40]) & (ranges.sat == ranges.sat[ranges.t == times[40]][0])
     bad = replace(ranges, pseudorange=ranges.pseudorange + 150.0 * (ranges.t >= jump) + 300.0 * fault)
     live, usable, notes = LiveSatellites(config), [], []
-    for epoch in epochs(bad):
+    for epoch in epochs(bad)[:70]:
         taken, sentences = live.take(epoch)
         usable.append(taken.usable)
         notes += sentences
@@ -123,7 +123,7 @@ def test_a_fault_and_a_jump_of_the_clock_are_found_as_in_a_log(recording):
     made = joined_ranges(usable)
     made = made.where(made.used)
     assert not np.any((made.t == times[40]) & (made.sat == ranges.sat[fault][0]))
-    for t in times[[30, 45, 50, 60, 90]]:
+    for t in times[[30, 45, 50, 55, 69]]:
         a, b = log.where(log.t == t), made.where(made.t == t)
         np.testing.assert_array_equal(a.sat, b.sat)
         np.testing.assert_allclose(a.pseudorange, b.pseudorange, rtol=0.0, atol=1e-6)  # rounding of 2e7 m
@@ -175,6 +175,7 @@ def test_messages_of_the_other_coupling_are_ignored(recording):
     assert loose.events == []
 
 
+@pytest.mark.campaign
 def test_after_a_pause_biases_are_kept_and_the_clock_is_not(recording):
     """The receiver has set its clock by 500 km in the meantime; the run aligns anew and goes where the log goes."""
     live = LiveNavigator.from_config(CONFIG, kind=recording.imu.kind)

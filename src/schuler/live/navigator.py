@@ -56,6 +56,7 @@ _BLOCK_S = 1.0  # samples of so long are filtered together, unless the solution 
 _COLLECTED_S = 0.2  # the same before the start [s]
 _JUDGE_S = 1.0  # how often health is judged [s]
 _AHEAD_S = 60.0  # a measurement stamped later than the newest sample by more is of another clock [s]
+_AHEAD_STEPPED_S = 1.0  # the same after a step back, when those of the clock before are still under way [s]
 _LIMITS = np.array([MAX_RATE] * 3 + [MAX_FORCE] * 3)
 
 #: Format and version of the files of :meth:`LiveNavigator.save`.
@@ -107,6 +108,7 @@ class LiveNavigator:
         self._satellites = LiveSatellites(config) if config.gnss.coupling == "tight" else None
         self._health: Health = "aligning"
         self._stood_still = False
+        self._stepped_until = -math.inf  # end of the lag after a step back of the clock [s]
         #: Meaning of zero seconds, for whoever knows it; saved with the state.
         self.time: TimeBase | None = None
         self._begin()
@@ -377,6 +379,7 @@ class LiveNavigator:
             "temperature": math.nan if run is None else run.temperature,
             "stamps": [stamps.last, stamps.other, stamps.count],
             "newest": self._newest,
+            "stepped_until": self._stepped_until,
             "health": self._health,
             "collection": None if self._collection is None else self._collection.document(),
             "kept": None if self._kept is None else self._kept._asdict(),
@@ -388,6 +391,7 @@ class LiveNavigator:
         """Go on from a document of the run's configuration."""
         self._stamps.last, self._stamps.other, self._stamps.count = document["stamps"]
         self._newest, self._health = document["newest"], document["health"]
+        self._stepped_until = document["stepped_until"]
         self.time = None if document["time"] is None else time_from(document["time"])
         if document["collection"] is None:
             self._collection = None
@@ -569,6 +573,10 @@ class LiveNavigator:
 
     def _is_ahead(self, message: Fix | Speed | Heading | Height | SatelliteEpoch, newest: float) -> bool:
         """Whether a measurement is of another clock than the samples, which is said."""
+        if newest < self._stepped_until and message.t > newest + _AHEAD_STEPPED_S:
+            text = f"a {name_of(message)} of {message.t:.3f} s is left out: it is of the clock before its step back"
+            self._say("clock", text, "stepped")
+            return True
         if not message.t > newest + _AHEAD_S:
             return False
         self._say(
@@ -689,6 +697,7 @@ class LiveNavigator:
         if kept is not None and not 0.0 < goes_on - kept.t <= LONGEST_S:
             kept = None
         self._stood_still = False
+        self._stepped_until = goes_on + self.lag_s if goes_on < self._newest else -math.inf
         if run is None:
             self._say("clock", f"{reason}; collecting begins anew", "restart")
         self._begin()

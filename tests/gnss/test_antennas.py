@@ -1,6 +1,4 @@
-"""Phase centres: files read back, closed forms of offsets and variations, the Sun, satellites' axes, baselines."""
-
-import datetime as dt
+"""Phase centres: files read back, closed forms of offsets and variations, satellites' axes, baselines."""
 
 import numpy as np
 import pytest
@@ -18,9 +16,9 @@ from schuler.gnss.antennas import (
     phase_delays,
     receiver_antenna,
     satellite_offsets,
-    sun_direction,
 )
 from schuler.gnss.differences import single_differences
+from schuler.gnss.sun_and_moon import sun_direction
 from schuler.recording.formats.antex import read_antex
 from schuler.units import DEG
 
@@ -68,20 +66,6 @@ def test_corrections_are_those_of_the_formulas(antennas):
     np.testing.assert_allclose(other, -0.1 * np.sin(elevation), atol=1e-12)
     with pytest.raises(InputError, match="neither E05 nor G02"):
         phase_correction(antennas[1], "E", "5", elevation, azimuth)
-
-
-def gps(*date):
-    """GPS time of a date of UTC in this decade. [s]"""
-    return (dt.datetime(*date) - dt.datetime(1980, 1, 6)).total_seconds() + 18.0
-
-
-def test_the_sun():
-    """Solstice and equinox of 2021: 23.44 and 0 degrees north; over Greenwich when the equation of time says so."""
-    t = np.array([gps(2021, 6, 21, 3, 32), gps(2021, 3, 20, 9, 37), gps(2021, 3, 20, 12, 7, 26)])
-    s = sun_direction(t)
-    np.testing.assert_allclose(np.linalg.norm(s, axis=1), 1.0, rtol=1e-14)
-    np.testing.assert_allclose(np.arcsin(s[:2, 2]) / DEG, [23.436, 0.0], atol=0.02)  # the formulas' own 0.01
-    assert abs(np.arctan2(s[2, 1], s[2, 0])) / DEG < 0.1
 
 
 def test_satellites_look_at_the_earth(antennas):

@@ -6,7 +6,8 @@ from sky import HOME, ephemerides, observe
 
 from schuler.frames import C_en, ecef_from_llh, llh_from_ecef
 from schuler.gnss.coarse import coarse_track, directions, epoch_medians, geometric_ranges
-from schuler.gnss.preparation import MILLISECOND, millisecond_steps, prepare_ranges
+from schuler.gnss.preparation import prepare_ranges
+from schuler.gnss.receiver_clock import MILLISECOND, millisecond_steps
 
 
 def sats_above(n, rng):

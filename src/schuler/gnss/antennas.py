@@ -10,9 +10,8 @@ import numpy as np
 from schuler.arrays import FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.gnss.signals import BANDS, GLONASS_BANDS, SYSTEMS
+from schuler.gnss.sun_and_moon import sun_direction
 
-_NOON_2000_S = 630_763_218.0  # 2000-01-01 12:00 universal time, with the leap seconds since 2017 [s]
-_DAY_S = 86_400.0
 #: Bands of the two signals without ionosphere that precise clocks are of.
 _PAIRS = {"G": "12", "J": "12", "E": "15", "C": "26"}
 
@@ -255,31 +254,3 @@ def satellite_offsets(antennas: tuple[Antenna, ...], sat: IntArray, t: FloatArra
     y = np.cross(z, sun_direction(t))
     y /= np.linalg.norm(y, axis=1)[:, None]
     return np.asarray(np.cross(y, z) * body[:, :1] + y * body[:, 1:2] + z * body[:, 2:])
-
-
-def sun_direction(t: FloatArray) -> FloatArray:
-    """Direction to the Sun in Earth-fixed axes, good to 0.05 degrees.
-
-    Parameters
-    ----------
-    t : ndarray, shape (n,)
-        GPS time since 1980-01-06. [s]
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
-
-    References
-    ----------
-    The Astronomical Almanac, section C (low-precision formulas for the Sun) and B (Greenwich sidereal time).
-    """
-    turn = 2.0 * np.pi
-    days = (t - _NOON_2000_S) / _DAY_S
-    anomaly = turn * np.mod(0.9931333 + 0.0027377786 * days, 1.0)
-    longitude = turn * np.mod(0.7790556 + 0.0027379094 * days, 1.0) + 0.033423 * np.sin(anomaly)
-    longitude += 0.000349 * np.sin(2.0 * anomaly)
-    tilt = 0.409088  # of the ecliptic [rad]
-    s = np.stack((np.cos(longitude), np.cos(tilt) * np.sin(longitude), np.sin(tilt) * np.sin(longitude)), axis=-1)
-    angle = turn * np.mod(0.7790572733 + 1.0027379093508 * days, 1.0)
-    c, n = np.cos(angle), np.sin(angle)
-    return np.stack((c * s[:, 0] + n * s[:, 1], -n * s[:, 0] + c * s[:, 1], s[:, 2]), axis=-1)

@@ -1,27 +1,23 @@
-"""From a receiver's raw measurements and broadcast messages to ranges ready for positioning.
-
-Receiver clocks that are set by whole milliseconds are found, with where it happened and by how much.
-"""
+"""From a receiver's raw measurements and broadcast messages to ranges ready for positioning."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import pairwise
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
-from schuler.frames import llh_from_ecef
 from schuler.gnss.antennas import Antenna, phase_delays
+from schuler.gnss.atmosphere import Ionosphere, Troposphere, atmosphere, check_models
 from schuler.gnss.carrier import begin_arcs
-from schuler.gnss.coarse import ReceiverPlace, epoch_medians, geometric_ranges, receiver_place
+from schuler.gnss.coarse import ReceiverPlace, epoch_medians, receiver_place
 from schuler.gnss.ephemerides import Ephemerides
-from schuler.gnss.ionosphere import ionosphere_free, klobuchar
-from schuler.gnss.ionosphere_maps import map_delays
+from schuler.gnss.ionosphere import ionosphere_free
 from schuler.gnss.observations import Observations
 from schuler.gnss.ranges import Ranges
+from schuler.gnss.receiver_clock import MILLISECOND, receiver_clock, reception_times
 from schuler.gnss.satellites import (
     UNKNOWN_DELAY,
     SatelliteStates,
@@ -32,27 +28,13 @@ from schuler.gnss.satellites import (
 )
 from schuler.gnss.signal_choice import ChosenSignals, choose_signals
 from schuler.gnss.signals import SPEED_OF_LIGHT, SYSTEMS
+from schuler.gnss.sun_and_moon import solid_tide
 from schuler.gnss.troposphere import Mapping as TroposphereMapping
-from schuler.gnss.troposphere import saastamoinen
 from schuler.gnss.weighting import Scheme, Weighting, range_sigmas
-from schuler.timebase import calendar
 from schuler.units import DEG
-
-Ionosphere = Literal["klobuchar", "maps", "free", "none"]
-Troposphere = Literal["saastamoinen", "none"]
-
-#: Coefficients broadcast on 2021-04-28, a quiet Sun, for messages that have none.
-STAND_IN_ALPHA = (9.313e-9, 1.490e-8, -5.960e-8, -1.192e-7)
-STAND_IN_BETA = (8.806e4, 4.915e4, -1.311e5, -3.277e5)
 
 _SHORTEST, _LONGEST = 1.0e7, 1.0e8  # pseudoranges; a receiver clock may be off by a tenth of a second [m]
 _FLIGHT_S = 0.08  # for a choice of the message before anything is known [s]
-_IMPLAUSIBLE = 10_000.0  # from the median of its epoch; the coarse position is much better than that [m]
-_RESOLUTION_S = 1e-6  # times are corrected in steps of this, so that a disciplined receiver's stay as they are [s]
-MILLISECOND = 1e-3 * SPEED_OF_LIGHT  # [m]
-LONGEST_GAP_S = 60.0
-_FASTEST = 3e4  # [m/s]
-_CLEAR = 0.1  # a step is a whole number of milliseconds if it is as near as this to one [ms]
 
 
 def prepare_ranges(
@@ -127,7 +109,7 @@ def prepare_ranges(
     atmosphere's rate of change (about 1 mm/s) is left in.
     """
     letters = _systems(systems)
-    _check_models(ionosphere, troposphere)
+    check_models(ionosphere, troposphere)
     budget = weighting if isinstance(weighting, Weighting) else Weighting(scheme=weighting)
     channels = dict(zip(ephemerides.glonass.sat.tolist(), ephemerides.glonass.channel.tolist(), strict=True))
     free = ionosphere == "free"
@@ -146,14 +128,15 @@ def prepare_ranges(
     place = receiver_place(
         c.t, corrected, states.r_e, usable, position_e=position_e, header_position_e=observations.position_e
     )
-    clock = _receiver_clock(c, corrected, states, place, epochs, epoch, usable)
-    air = _atmosphere(
+    clock = receiver_clock(c.range_rate, corrected, states, place, epochs, epoch, usable)
+    air = atmosphere(
         ephemerides, place, epoch_gps_s + c.t, c.frequency_hz[:, 0], ionosphere, troposphere, mapping, humidity,
         budget.ionosphere_share,
     )  # fmt: skip
     centre, first_centre = _phase_centres(antenna, c, place, air.notes, free=free)
-    corrected = corrected - air.ionosphere - air.troposphere - centre
-    phase = phase + air.ionosphere - air.troposphere - first_centre
+    tide = _tides(ephemerides, states, place, epoch_gps_s + c.t, air.notes)
+    corrected = corrected - air.ionosphere - air.troposphere - centre - tide
+    phase = phase + air.ionosphere - air.troposphere - first_centre - tide
     sigma_range, sigma_rate = range_sigmas(
         budget, c.sat, place.elevation, c.cn0, accuracy=states.accuracy,
         ionosphere=np.nan_to_num(air.ionosphere_sigma), troposphere=troposphere != "none" and place.located,
@@ -169,7 +152,7 @@ def prepare_ranges(
         (7, ~selected),
     ):  # the last one that holds is the one to report
         reason[when] = number
-    t, time_notes = _received(epochs, clock.offset)
+    t, time_notes = reception_times(epochs, clock.offset)
     group, groups = _clocks(c.sat, reason != 7)
     notes = (*c.notes, *_precise_notes(ephemerides), *place.notes, *clock.notes, *air.notes, *time_notes)
     return Ranges(
@@ -188,32 +171,6 @@ class _Sent(NamedTuple):
     plausible: BoolArray
 
 
-class _ReceiverClock(NamedTuple):
-    """Range rates (n,) [m/s], outlying ranges (n,), the clock (k,) [m] and its whole milliseconds (k,), by epoch."""
-
-    rate: FloatArray
-    outlying: BoolArray
-    offset: FloatArray
-    steps: IntArray
-    notes: list[str]
-
-
-class _Atmosphere(NamedTuple):
-    """Delays of the code (n,), and 1-sigma of what the ionosphere's model leaves (n,). [m]"""
-
-    ionosphere: FloatArray
-    troposphere: FloatArray
-    ionosphere_sigma: FloatArray
-    notes: list[str]
-
-
-def _check_models(ionosphere: str, troposphere: str) -> None:
-    if ionosphere not in get_args(Ionosphere):
-        raise InputError(f"ionosphere: expected klobuchar, maps, free or none, got {ionosphere!r}")
-    if troposphere not in ("saastamoinen", "none"):
-        raise InputError(f"troposphere: expected saastamoinen or none, got {troposphere!r}")
-
-
 def _sent(
     c: ChosenSignals, ephemerides: Ephemerides, epoch: IntArray, epoch_gps_s: float, *, causal: bool,
     max_age_s: Mapping[str, float] | None,
@@ -229,46 +186,6 @@ def _sent(
     return _Sent(states, measured, plausible)
 
 
-def _receiver_clock(
-    c: ChosenSignals, corrected: FloatArray, states: SatelliteStates, place: ReceiverPlace, epochs: FloatArray,
-    epoch: IntArray, usable: BoolArray,
-) -> _ReceiverClock:  # fmt: skip
-    """Range rates of satellites, and the clock that the ranges of an epoch have in common, if the place is known."""
-    n, k = len(c.t), len(epochs)
-    rate = c.range_rate + SPEED_OF_LIGHT * states.clock_rate
-    if not place.located:
-        return _ReceiverClock(rate, np.zeros(n, dtype=np.bool_), np.zeros(k), np.zeros(k, dtype=np.int64), [])
-    toward = _radial_speed(states, place)
-    rate = rate + toward * c.range_rate / SPEED_OF_LIGHT
-    residual = corrected - geometric_ranges(states.r_e, place.r_e)
-    clock = epoch_medians(epoch, np.where(usable, residual, np.nan), k)
-    drift = epoch_medians(epoch, np.where(usable, rate - toward, np.nan), k)
-    steps, irregular = millisecond_steps(epochs, clock, drift)
-    outlying = _outlying(residual, clock, epoch, usable)
-    return _ReceiverClock(rate, outlying, clock, steps, list(_clock_notes(epochs, steps, irregular)))
-
-
-def _atmosphere(
-    ephemerides: Ephemerides, place: ReceiverPlace, gps_s: FloatArray, frequency_hz: FloatArray,
-    ionosphere: Ionosphere, troposphere: Troposphere, mapping: TroposphereMapping, humidity: float, remains: float,
-) -> _Atmosphere:  # fmt: skip
-    """Delays of the models, zero where the place is not known."""
-    none = np.zeros(len(gps_s))
-    if not place.located:
-        return _Atmosphere(none, none, none, [])
-    llh = llh_from_ecef(place.r_e)
-    delay, notes, sigma = none, list[str](), none
-    if ionosphere == "klobuchar":
-        delay, notes, share = _klobuchar(ephemerides, llh, place, gps_s, frequency_hz)
-        sigma = remains * share * delay
-    elif ionosphere == "maps":
-        delay, sigma, notes = _by_maps(ephemerides, llh, place, gps_s, frequency_hz, remains)
-    wet = none
-    if troposphere == "saastamoinen":
-        wet = saastamoinen(llh, place.elevation, gps_s, humidity=humidity, mapping=mapping)
-    return _Atmosphere(delay, wet, sigma, notes)
-
-
 def _phase_centres(
     antenna: Antenna | None, c: ChosenSignals, place: ReceiverPlace, notes: list[str], *, free: bool
 ) -> tuple[FloatArray, FloatArray]:
@@ -282,6 +199,19 @@ def _phase_centres(
     second = phase_delays(antenna, c.sat, c.bands[:, 1], place.elevation, place.azimuth, notes)
     f1, f2 = c.frequency_hz.T
     return np.where(np.isfinite(f2), first + f2**2 / (f1**2 - f2**2) * (first - second), first), first
+
+
+def _tides(
+    ephemerides: Ephemerides, states: SatelliteStates, place: ReceiverPlace, gps_s: FloatArray, notes: list[str]
+) -> FloatArray:
+    """What tides of the solid Earth add to ranges; nothing beside broadcast orbits, which err by metres. (n,) [m]"""
+    if ephemerides.precise_orbits is None or not place.located:
+        return np.zeros(len(gps_s))
+    r_e = np.broadcast_to(place.r_e, (len(gps_s), 3))
+    to_sat = states.r_e - r_e
+    to_sat /= np.linalg.norm(to_sat, axis=1)[:, None]
+    notes.append("tides of the solid Earth are taken out: positions are those of the ground at rest")
+    return np.asarray(-np.sum(to_sat * solid_tide(r_e, gps_s), axis=1))
 
 
 def _precise_notes(ephemerides: Ephemerides) -> list[str]:
@@ -330,20 +260,6 @@ def _carrier_ranges(c: ChosenSignals, channels: Mapping[int, int]) -> FloatArray
     return np.where(unknown, np.nan, c.carrier * SPEED_OF_LIGHT / c.frequency_hz[:, 0])
 
 
-def _radial_speed(states: SatelliteStates, place: ReceiverPlace) -> FloatArray:
-    """Velocity of the satellites along the line of sight, away from the receiver: ``u . v_sat``. Shape (n,). [m/s]"""
-    to_sat = states.r_e - place.r_e
-    to_sat /= np.linalg.norm(to_sat, axis=1)[:, None]
-    return np.asarray(np.sum(to_sat * states.v_e, axis=1))
-
-
-def _outlying(residual: FloatArray, clock: FloatArray, epoch: IntArray, usable: BoolArray) -> BoolArray:
-    """Residuals far from the clock of their epoch, where four or more tell it. Shape (n,)."""
-    alone = usable & np.isfinite(residual)
-    off = np.abs(residual - clock[epoch]) > _IMPLAUSIBLE
-    return np.asarray(alone & off & (np.bincount(epoch[alone], minlength=len(clock))[epoch] >= 4))
-
-
 def _without_delays(
     c: ChosenSignals, states: SatelliteStates, *, free: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -367,124 +283,9 @@ def _without_delays(
     return combined, factor, np.hypot(share * unknown_first, (share - 1.0) * unknown_second)
 
 
-def _klobuchar(
-    ephemerides: Ephemerides, llh: FloatArray, place: ReceiverPlace, gps_s: FloatArray, frequency_hz: FloatArray
-) -> tuple[FloatArray, list[str], float]:
-    alpha, beta, notes, share = ephemerides.klobuchar_alpha, ephemerides.klobuchar_beta, [], 1.0
-    if alpha is None or beta is None:
-        alpha, beta, share = STAND_IN_ALPHA, STAND_IN_BETA, 2.0
-        notes.append(
-            "the messages have no Klobuchar coefficients: those of 2021-04-28 stand in, at twice the usual uncertainty"
-        )
-    return klobuchar(alpha, beta, llh, place.elevation, place.azimuth, gps_s, frequency_hz), notes, share
-
-
-def _by_maps(
-    ephemerides: Ephemerides, llh: FloatArray, place: ReceiverPlace, gps_s: FloatArray, frequency_hz: FloatArray,
-    remains: float,
-) -> tuple[FloatArray, FloatArray, list[str]]:  # fmt: skip
-    """Delays by maps and their 1-sigma, by Klobuchar's model where maps have no value. (n,), (n,) [m]"""
-    maps = ephemerides.ionosphere_maps
-    if maps is None:
-        raise InputError(
-            'ionosphere: "maps" needs an IONEX file among the ephemerides, and there is none; give one of the day, or '
-            'take "klobuchar"'
-        )
-    delay, sigma = map_delays(maps, llh, place.elevation, place.azimuth, gps_s, frequency_hz)
-    outside = ~np.isfinite(delay)
-    if not outside.any():
-        return delay, sigma, []
-    if outside.all():
-        raise InputError(
-            f"ionosphere: the maps are of {_date(maps.t[0])} to {_date(maps.t[-1])} GPS, or have no value there; the "
-            f"observations begin at {_date(gps_s[0])}; give the IONEX file of that day"
-        )
-    model, notes, share = _klobuchar(ephemerides, llh, place, gps_s, frequency_hz)
-    notes.append(f"{int(outside.sum())} of {len(delay)} ranges are outside of the ionosphere's maps: Klobuchar's model")
-    return np.where(outside, model, delay), np.where(outside, remains * share * model, sigma), notes
-
-
-def _date(gps_s: float) -> str:
-    return f"{calendar(float(gps_s)):%Y-%m-%d %H:%M}"
-
-
-def _clock_notes(epochs: FloatArray, steps: IntArray, irregular: IntArray) -> list[str]:
-    notes = []
-    jumps = np.flatnonzero(np.diff(steps))
-    if len(jumps):
-        first = jumps[0]
-        notes.append(
-            f"the receiver set its clock by whole milliseconds {len(jumps)} times, first by "
-            f"{steps[first + 1] - steps[first]:+d} ms at {epochs[first + 1]:.3f} s: taken out"
-        )
-    if len(irregular):
-        notes.append(
-            f"the receiver clock moved by more than 0.1 ms, but no whole milliseconds, {len(irregular)} times, first "
-            f"at {epochs[irregular[0]]:.3f} s: left as it is"
-        )
-    return notes
-
-
-def _received(epochs: FloatArray, clock: FloatArray) -> tuple[FloatArray, list[str]]:
-    """Times of reception, corrected by the receiver clock [m]; an epoch without one takes that of the epoch before."""
-    with_clock = np.flatnonzero(np.isfinite(clock))
-    if not len(with_clock):
-        return epochs, []
-    last = with_clock[np.maximum(np.searchsorted(with_clock, np.arange(len(epochs)), side="right") - 1, 0)]
-    t = epochs - np.round(clock[last] / SPEED_OF_LIGHT / _RESOLUTION_S) * _RESOLUTION_S
-    if np.any(np.diff(t) <= 0.0):
-        return epochs, ["times corrected by the receiver clock would not increase: left as they are"]
-    return t, []
-
-
 def _clocks(sat: IntArray, selected: BoolArray) -> tuple[IntArray, tuple[str, ...]]:
     """Place of each satellite's clock, and the clocks' names; zero for systems not asked for."""
     gps, qzss = SYSTEMS.index("G"), SYSTEMS.index("J")
     owner = np.where(sat // 100 == qzss, gps, sat // 100)
     present = np.unique(owner[selected])
     return np.where(selected, np.searchsorted(present, owner), 0), tuple(SYSTEMS[i] for i in present)
-
-
-def millisecond_steps(t: FloatArray, clock: FloatArray, drift: FloatArray) -> tuple[IntArray, IntArray]:
-    """Whole milliseconds by which a receiver clock has been set since the first epoch.
-
-    Parameters
-    ----------
-    t : ndarray, shape (k,)
-        Epochs. [s]
-    clock : ndarray, shape (k,)
-        Receiver clock at each, NaN where unknown; errors of 10 km do not matter. [m]
-    drift : ndarray, shape (k,)
-        Its rate from Doppler shifts. Where it is NaN, or beyond 100 ppm (a step between two measurements), the rate of
-        the previous interval without a step is used. [m/s]
-
-    Returns
-    -------
-    steps : ndarray of int, shape (k,)
-        To be subtracted from the clock, in milliseconds, to make it continuous.
-    irregular : ndarray of int
-        Epochs at which the clock moved by more than 0.1 ms that is no whole number of milliseconds; left as it is.
-
-    Notes
-    -----
-    Nothing is looked for across gaps of more than a minute, where a drift alone can make a millisecond.
-    """
-    steps = np.zeros(len(t), dtype=np.int64)
-    irregular = []
-    with_clock = np.flatnonzero(np.isfinite(clock))
-    usual = 0.0
-    for a, b in pairwise(with_clock.tolist()):
-        dt, moved = t[b] - t[a], clock[b] - clock[a]
-        if not 0.0 < dt <= LONGEST_GAP_S:
-            continue
-        rates = drift[[a, b]]
-        rates = rates[np.abs(rates) < _FASTEST]
-        unexpected = (moved - (rates.mean() if len(rates) else usual) * dt) / MILLISECOND
-        whole = int(np.round(unexpected))
-        if abs(unexpected - whole) > _CLEAR:
-            irregular.append(int(b))
-        elif whole:
-            steps[b:] += whole
-        else:
-            usual = moved / dt
-    return steps, np.array(irregular, dtype=np.int64)

@@ -1,0 +1,103 @@
+"""Delays of ranges by ionosphere and troposphere, by the models that are chosen."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+
+from schuler.arrays import FloatArray
+from schuler.exceptions import InputError
+from schuler.frames import llh_from_ecef
+from schuler.gnss.coarse import ReceiverPlace
+from schuler.gnss.ephemerides import Ephemerides
+from schuler.gnss.ionosphere import klobuchar
+from schuler.gnss.ionosphere_maps import map_delays
+from schuler.gnss.troposphere import Mapping, saastamoinen
+from schuler.timebase import calendar
+
+Ionosphere = Literal["klobuchar", "maps", "free", "none"]
+Troposphere = Literal["saastamoinen", "none"]
+
+#: Coefficients broadcast on 2021-04-28, a quiet Sun, for messages that have none.
+STAND_IN_ALPHA = (9.313e-9, 1.490e-8, -5.960e-8, -1.192e-7)
+STAND_IN_BETA = (8.806e4, 4.915e4, -1.311e5, -3.277e5)
+
+
+class Atmosphere(NamedTuple):
+    """Delays of the code (n,), and 1-sigma of what the ionosphere's model leaves (n,). [m]"""
+
+    ionosphere: FloatArray
+    troposphere: FloatArray
+    ionosphere_sigma: FloatArray
+    notes: list[str]
+
+
+def check_models(ionosphere: str, troposphere: str) -> None:
+    """Refuse models that there are not."""
+    if ionosphere not in get_args(Ionosphere):
+        raise InputError(f"ionosphere: expected klobuchar, maps, free or none, got {ionosphere!r}")
+    if troposphere not in ("saastamoinen", "none"):
+        raise InputError(f"troposphere: expected saastamoinen or none, got {troposphere!r}")
+
+
+def atmosphere(
+    ephemerides: Ephemerides, place: ReceiverPlace, gps_s: FloatArray, frequency_hz: FloatArray,
+    ionosphere: Ionosphere, troposphere: Troposphere, mapping: Mapping, humidity: float, remains: float,
+) -> Atmosphere:  # fmt: skip
+    """Delays of the models, zero where the place is not known."""
+    none = np.zeros(len(gps_s))
+    if not place.located:
+        return Atmosphere(none, none, none, [])
+    llh = llh_from_ecef(place.r_e)
+    delay, notes, sigma = none, list[str](), none
+    if ionosphere == "klobuchar":
+        delay, notes, share = _klobuchar(ephemerides, llh, place, gps_s, frequency_hz)
+        sigma = remains * share * delay
+    elif ionosphere == "maps":
+        delay, sigma, notes = _by_maps(ephemerides, llh, place, gps_s, frequency_hz, remains)
+    wet = none
+    if troposphere == "saastamoinen":
+        wet = saastamoinen(llh, place.elevation, gps_s, humidity=humidity, mapping=mapping)
+    return Atmosphere(delay, wet, sigma, notes)
+
+
+def _klobuchar(
+    ephemerides: Ephemerides, llh: FloatArray, place: ReceiverPlace, gps_s: FloatArray, frequency_hz: FloatArray
+) -> tuple[FloatArray, list[str], float]:
+    alpha, beta, notes, share = ephemerides.klobuchar_alpha, ephemerides.klobuchar_beta, [], 1.0
+    if alpha is None or beta is None:
+        alpha, beta, share = STAND_IN_ALPHA, STAND_IN_BETA, 2.0
+        notes.append(
+            "the messages have no Klobuchar coefficients: those of 2021-04-28 stand in, at twice the usual uncertainty"
+        )
+    return klobuchar(alpha, beta, llh, place.elevation, place.azimuth, gps_s, frequency_hz), notes, share
+
+
+def _by_maps(
+    ephemerides: Ephemerides, llh: FloatArray, place: ReceiverPlace, gps_s: FloatArray, frequency_hz: FloatArray,
+    remains: float,
+) -> tuple[FloatArray, FloatArray, list[str]]:  # fmt: skip
+    """Delays by maps and their 1-sigma, by Klobuchar's model where maps have no value. (n,), (n,) [m]"""
+    maps = ephemerides.ionosphere_maps
+    if maps is None:
+        raise InputError(
+            'ionosphere: "maps" needs an IONEX file among the ephemerides, and there is none; give one of the day, or '
+            'take "klobuchar"'
+        )
+    delay, sigma = map_delays(maps, llh, place.elevation, place.azimuth, gps_s, frequency_hz)
+    outside = ~np.isfinite(delay)
+    if not outside.any():
+        return delay, sigma, []
+    if outside.all():
+        raise InputError(
+            f"ionosphere: the maps are of {_date(maps.t[0])} to {_date(maps.t[-1])} GPS, or have no value there; the "
+            f"observations begin at {_date(gps_s[0])}; give the IONEX file of that day"
+        )
+    model, notes, share = _klobuchar(ephemerides, llh, place, gps_s, frequency_hz)
+    notes.append(f"{int(outside.sum())} of {len(delay)} ranges are outside of the ionosphere's maps: Klobuchar's model")
+    return np.where(outside, model, delay), np.where(outside, remains * share * model, sigma), notes
+
+
+def _date(gps_s: float) -> str:
+    return f"{calendar(float(gps_s)):%Y-%m-%d %H:%M}"

@@ -102,7 +102,7 @@ def test_records_give_the_spread_that_was_put_in():
     assert np.all(found.within[:3] > 5e-4 / np.sqrt(200.0))
 
 
-def test_a_budget_of_several_switch_ons_has_their_spread_and_not_their_mean():
+def test_a_budget_of_several_switch_ons_has_their_spread_and_not_their_mean(tmp_path):
     """Closed form: root mean square over the axes of the sample deviation and of the uncertainty of the mean."""
     rng = np.random.default_rng(31)
     turn_on = np.array([46.0, -30.0, 20.0]) + rng.uniform(-8.0, 8.0, (3, 3))  # deg/h
@@ -117,6 +117,8 @@ def test_a_budget_of_several_switch_ons_has_their_spread_and_not_their_mean():
     found = several.turn_on["gyro_x"]
     assert found.mean[0] / DEG_PER_HR == pytest.approx(turn_on[:, 0].mean(), rel=1e-3)
     assert "gyro_x over 3 switch-ons [deg/h]: mean" in several.summary()
+    page = several.report(tmp_path / "noise.html").read_text(encoding="utf-8")
+    assert f"{found.mean[0] / DEG_PER_HR:.4g} (" in page.partition("Switch-ons</h2>")[2]
     assert fewer.turn_on == {}
     assert fewer.spec.gyro.turn_on_bias > 20.0 * DEG_PER_HR
 

@@ -156,7 +156,8 @@ def identify_noise(
     if progress is not None:
         progress(1.0)
     records = [r for r in several if isinstance(r, Recording)]
-    notes = tuple(n for r in records for n in r.metadata.notes) + _budget_notes(spec, axes, turn_on)
+    # what is true of every log is said once
+    notes = tuple(dict.fromkeys(n for r in records for n in r.metadata.notes)) + _budget_notes(spec, axes, turn_on)
     provenance: dict[str, Any] = {
         "schuler": package_version(),
         "method": method,

@@ -16,6 +16,7 @@ from schuler.characterisation.report.text import (
     read_off_rows,
     rounded,
     span,
+    turn_on_rows,
     verdict,
 )
 from schuler.characterisation.result import AxisNoise, Estimate, NoiseIdentification
@@ -82,6 +83,7 @@ def noise_report(
         Section("signal", "Spectrum and log", tuple(f for f in figures if not f.name.startswith("allan"))),
         Section("reading", "Read off and fitted", (_read_off(axes),)),
         Section("models", "Models tried", (_candidates(axes),)),
+        Section("turn-on", "Switch-ons", (_turn_on(identification),)),
         Section("budget", "Budget", (_budget(identification),)),
         Section("notes", "Notes", (parts.notes(identification.notes),)),
         Section("provenance", "Provenance", (_provenance(identification, recording_summary),)),
@@ -167,6 +169,17 @@ def _candidates(axes: list[AxisNoise]) -> str:
         "<p>The chosen model stands first. A misfit near the freedom (averaging times less parameters) means that the "
         "model explains the curve. The last column is what speaks against the others: a superfluous parameter alone "
         "makes about 4.</p>\n" + "\n".join(tables)
+    )
+
+
+def _turn_on(identification: NoiseIdentification) -> str:
+    rows = turn_on_rows(identification)
+    if not rows:
+        return ""
+    return (
+        "<p>The mean is what a calibration takes off, with Earth rate or gravity in it; the spread is what is left at "
+        "the next switch-on, the turn-on bias of gyroscopes in the budget.</p>\n"
+        + parts.table("", ("axis, records", "mean, 95 % interval", "spread, 95 % interval"), rows)
     )
 
 

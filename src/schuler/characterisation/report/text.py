@@ -59,26 +59,26 @@ def summary(identification: NoiseIdentification) -> str:
     for name, several in identification.refused.items():
         lines += [f"  refused, {located(name, f)}" for f in several]
     lines += [f"  {line}" for line in _of_each_kind(findings(identification))]
-    lines += turn_on_lines(identification)
+    lines += [f"  {axis}: mean {mean}, spread {spread}" for axis, mean, spread in turn_on_rows(identification)]
     if identification.spec is not None:
         lines.append(identification.spec.summary())
     lines += [f"  - {note}" for note in identification.notes]
     return "\n".join(lines)
 
 
-def turn_on_lines(identification: NoiseIdentification) -> list[str]:
-    """Mean over the recordings and spread from one switch-on to the next, an axis a line; empty of few recordings."""
-    lines = []
+def turn_on_rows(identification: NoiseIdentification) -> list[tuple[str, str, str]]:
+    """Axis and number of recordings, their mean, and the spread from one switch-on to the next; of three and more."""
+    rows = []
     for name, t in identification.turn_on.items():
         q = quantity(identification.axes[name], "x")
         mean, low, high, sigma, least, most = (
             float(v[0]) / q.factor for v in (t.mean, t.mean_low, t.mean_high, t.sigma, t.low, t.high)
         )
-        lines.append(
-            f"  {name} over {t.records} switch-ons [{q.sheet}]: mean {mean:.4g} ({low:.4g} to {high:.4g}), spread "
-            f"{sigma:.3g} ({least:.3g} to {most:.3g})"
-        )
-    return lines
+        rows.append((
+            f"{name} over {t.records} switch-ons [{q.sheet}]", f"{mean:.4g} ({low:.4g} to {high:.4g})",
+            f"{sigma:.3g} ({least:.3g} to {most:.3g})",
+        ))  # fmt: skip
+    return rows
 
 
 def _of_each_kind(several: Sequence[tuple[str, Finding]]) -> list[str]:

@@ -163,8 +163,8 @@ def test_a_stream_of_raw_measurements_gives_the_batch_run(psins):
 
 
 def test_what_a_live_run_has_not_is_refused():
-    carrier, antenna = {"tight": {"carrier": "time-differenced"}}, {"tight": {"antenna": "TRM57971.00"}}
-    for entry in (carrier, antenna, {"correlated": {"position_sigma_m": 1.0}}):
+    tight = ({"carrier": "time-differenced"}, {"antenna": "TRM57971.00"}, {"ionosphere": "maps"})
+    for entry in (*({"tight": part} for part in tight), {"correlated": {"position_sigma_m": 1.0}}):
         with pytest.raises(ConfigError, match="a live run"):
             LiveNavigator.from_config({**CONFIG, "gnss": {**CONFIG["gnss"], **entry}})
 

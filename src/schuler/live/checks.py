@@ -28,21 +28,8 @@ def check_live(config: NavigationConfig) -> None:
             f'gnss.coupling: expected "loose", "tight" or "off" for a live run, got "{config.gnss.coupling}"; navigate '
             "the log"
         )
-    if config.gnss.coupling == "tight" and config.gnss.tight.carrier != "off":
-        raise ConfigError(
-            f'gnss.tight.carrier: expected "off" for a live run, got "{config.gnss.tight.carrier}": it takes ranges '
-            "and range rates; navigate the log"
-        )
-    antenna = config.gnss.tight.antenna
-    if config.gnss.coupling == "tight" and antenna is not None and antenna.strip().lower() != "none":
-        raise ConfigError(
-            f'gnss.tight.antenna: a live run takes out no phase centres, and got "{antenna}"; leave it out'
-        )
-    if config.gnss.coupling == "tight" and config.gnss.correlated.position_sigma_m > 0.0:
-        raise ConfigError(
-            "gnss.correlated.position_sigma_m: a live run has no states of slow errors of single satellites; leave it "
-            "out, and enlarge gnss.tight.range_sigma_scale"
-        )
+    if config.gnss.coupling == "tight":
+        _check_ranges(config)
     if config.filter.tune is True:
         raise ConfigError(
             "filter.tune: a live run cannot tune its noise; put what `schuler tune` finds on a log into the "
@@ -50,6 +37,27 @@ def check_live(config: NavigationConfig) -> None:
         )
     if config.outages.windows_s or config.outages.every_s is not None:
         raise ConfigError("outages: a live run withholds no fixes; leave the section out, or the fixes")
+
+
+def _check_ranges(config: NavigationConfig) -> None:
+    """Check that tight coupling asks for nothing that a stream of ranges has not."""
+    tight = config.gnss.tight
+    if tight.carrier != "off":
+        raise ConfigError(
+            f'gnss.tight.carrier: expected "off" for a live run, got "{tight.carrier}": it takes ranges '
+            "and range rates; navigate the log"
+        )
+    if tight.ionosphere == "maps":
+        raise ConfigError('gnss.tight.ionosphere: a live run has no maps; expected "klobuchar", "free" or "none"')
+    if tight.antenna is not None and tight.antenna.strip().lower() != "none":
+        raise ConfigError(
+            f'gnss.tight.antenna: a live run takes out no phase centres, and got "{tight.antenna}"; leave it out'
+        )
+    if config.gnss.correlated.position_sigma_m > 0.0:
+        raise ConfigError(
+            "gnss.correlated.position_sigma_m: a live run has no states of slow errors of single satellites; leave it "
+            "out, and enlarge gnss.tight.range_sigma_scale"
+        )
 
 
 def checked(message: Fix | Speed | Heading | Height) -> GnssSeries | None:

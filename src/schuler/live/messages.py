@@ -221,7 +221,7 @@ class Broadcast:
     t : float
         Time of reception, of no consequence. [s]
     ephemerides : Ephemerides
-        Precise products in it are not used: a stream has none.
+        Broadcast orbits, clocks and coefficients of GPS's ionosphere are used, precise products are not.
     """
 
     t: float

@@ -80,7 +80,8 @@ class LiveSatellites:
 
     def learn(self, ephemerides: Ephemerides) -> None:
         """Take navigation messages, the newest of a kind in place of the one before."""
-        new = replace(ephemerides, precise_orbits=None, precise_clocks=None, antennas=(), notes=())
+        e = ephemerides  # without what is computed after the fact
+        new = Ephemerides(e.kepler, e.glonass, e.klobuchar_alpha, e.klobuchar_beta)
         both = self.ephemerides.merged_with(new)
         self.ephemerides = replace(
             both.distinct(_KEPT_S),

@@ -39,7 +39,7 @@ from schuler.navigation.states import imu_spec, state_layout
 from schuler.navigation.tuning.entries import tuned_configuration
 from schuler.navigation.tuning.lever import LEVER_ESTIMATED, has_lever, with_lever
 from schuler.navigation.tuning.start import unless_refuted
-from schuler.navigation.tuning.tuning import Tuning, contradicted, tune
+from schuler.navigation.tuning.tuning import Tuning, contradicted, too_few, tune
 from schuler.recording.io.own import time_document
 from schuler.recording.recording import Recording
 from schuler.sensors.spec import ImuSpec
@@ -103,12 +103,11 @@ def navigate(
     started = time.perf_counter()
     prepared = prepared_run(recording, config, initial=initial, calibration=calibration, base=base)
     tuned: list[str] = []
-    asked = config.filter.tune
+    asked, own_start = config.filter.tune, initial is None and config.alignment.method != "given"
     if asked is True or (asked == "auto" and contradicted(prepared)):
         if asked == "auto" and config.noise_is_stated:
             tuned = [STATED_NOISE]
         else:
-            stated = config
             config, prepared, tuned = _tuned(recording, config, prepared, initial, calibration, base)
             if initial is None and config.gnss.coupling == "loose" and not config.lever_is_stated:
                 other = with_lever(config)
@@ -116,9 +115,11 @@ def navigate(
                 if has_lever(prepared, free):
                     config, prepared, again = _tuned(recording, other, free, initial, calibration, base)
                     tuned += [LEVER_ESTIMATED, *again]
-            if initial is None and config is not stated and config.alignment.method != "given":
+            if own_start:
                 prepared, refuted = unless_refuted(prepared)
                 tuned += refuted
+    elif asked == "auto" and own_start and not config.noise_is_stated and too_few(prepared):
+        prepared, tuned = unless_refuted(prepared)
     noisy = noise_against_budget(prepared.imu, prepared.spec)  # before the run takes memory
     forward = prepared.run(progress=progress)
     if forward.epochs == 0 or not len(forward.rec_t):

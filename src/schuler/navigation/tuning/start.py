@@ -20,17 +20,19 @@ _SPAN_S = 120.0  # of the log that places the start
 _JUDGED_S = 60.0  # and that refutes one
 _WIDER = 5.0  # factor on the smoothed 1-sigma, since fixes that are judged later are in it
 _SCALES = (1.0, 4.0, 16.0)  # factors on the IMU's white noise, of which the likeliest smooths
-_REFUTED = 25.0  # log likelihood that a start loses: half a chi-square of 50, where right starts of 21 states lose 10
+# Log likelihood that a start loses beyond what its uncertainty costs: half a chi-square of 50, where right starts of 21
+# states lose 10.
+_REFUTED = 25.0
 
 
-def with_smoothed_start(prepared: PreparedRun, *, narrow: bool = True) -> PreparedRun:
+def with_smoothed_start(prepared: PreparedRun) -> PreparedRun:
     """The run from its first record on, with the smoothed state there.
+
+    Its covariance is that of the start combined with five times the smoothed 1-sigma.
 
     Parameters
     ----------
     prepared : PreparedRun
-    narrow : bool
-        Whether its covariance is that of the start combined with five times the smoothed 1-sigma; else the start's.
 
     Returns
     -------
@@ -69,7 +71,7 @@ def with_smoothed_start(prepared: PreparedRun, *, narrow: bool = True) -> Prepar
     if not np.isfinite(s.r_eb_e[0]).all() or not np.isfinite(smoothed.covariance_e[0]).all():
         return prepared
     nav = NavState(float(s.t[0]), s.r_eb_e[0], s.v_eb_e[0], s.q_eb[0])
-    P = _combined(prepared.initial.P, _WIDER**2 * smoothed.covariance[0]) if narrow else prepared.initial.P
+    P = _combined(prepared.initial.P, _WIDER**2 * smoothed.covariance[0])
     other = replace(
         prepared,
         initial=InitialState(nav, P, smoothed.parameters[0]),
@@ -82,12 +84,12 @@ def with_smoothed_start(prepared: PreparedRun, *, narrow: bool = True) -> Prepar
 
 
 def unless_refuted(prepared: PreparedRun) -> tuple[PreparedRun, list[str]]:
-    """The run, from the smoothed state with the covariance of its start if the fixes of the first minute refute that.
+    """The run, from its smoothed start if the fixes of the first minute refute the one it has.
 
     Parameters
     ----------
     prepared : PreparedRun
-        Its noise tuned.
+        Its noise tuned, or as configured.
 
     Returns
     -------
@@ -97,27 +99,54 @@ def unless_refuted(prepared: PreparedRun) -> tuple[PreparedRun, list[str]]:
 
     Notes
     -----
-    A start that is right for its covariance loses half a chi-square of as many degrees of freedom as the filter has
-    states against the best one. One that loses far more is wrong (the course of a multicopter is not its heading), or
-    too uncertain for the filter to be linear (a gyroscope biased by degrees per second).
+    Fixes are likelier from a smoothed start always, since it knows them: by :func:`_expected_gain`, and half a
+    chi-square of as many degrees of freedom as the filter has states. A start that loses far more is wrong (the course
+    of a multicopter is not its heading), or too uncertain for the filter to be linear (a gyroscope biased by degrees
+    per second). Noise that is too small for the log does not refute: log likelihoods are divided by the mean normalised
+    innovation squared from the smoothed start where that is above one.
     """
-    other = with_smoothed_start(prepared, narrow=False)
+    other = with_smoothed_start(prepared)
+    if other is prepared:
+        return prepared, []
     schedule, fixes = other.schedule, _fixes(other.schedule)
     # errors of fixes that come faster are alike
     kept = thinned(schedule, fixes, other.initial.nav.t, 1.0, 0.0, spacing_of(schedule, fixes))
     schedule = schedule.where(~fixes | kept)
-    gain = (
-        log_likelihood(replace(other, schedule=schedule), other.initial, _JUDGED_S)[0]
-        - log_likelihood(replace(prepared, schedule=schedule), prepared.initial, _JUDGED_S)[0]
-    )
-    if not gain > _REFUTED:
+    likelihood, squares = log_likelihood(replace(other, schedule=schedule), other.initial, _JUDGED_S)
+    before, _ = log_likelihood(replace(prepared, schedule=schedule), prepared.initial, _JUDGED_S)
+    gain = (likelihood - before) / max(squares, 1.0)
+    if not gain > _REFUTED + _expected_gain(prepared.initial.P, other.initial.P):
         return prepared, []
     sentence = (
         f"fixes of the first {_JUDGED_S:.0f} s refute the start (log likelihood {gain:+.0f} with another): the run "
-        f"begins with attitude, velocity and sensor errors that the first {_SPAN_S:.0f} s support, smoothed, as "
-        "uncertain as before"
+        f"begins with attitude, velocity and sensor errors that the first {_SPAN_S:.0f} s support, smoothed, "
+        f"{_WIDER:g} times as uncertain as smoothing leaves them"
     )
     return other, [sentence]
+
+
+def _expected_gain(P: FloatArray, narrow: FloatArray) -> float:
+    """Log likelihood that fixes gain in the mean when a right start of covariance P is replaced by the smoothed one.
+
+    Parameters
+    ----------
+    P, narrow : ndarray, shape (n, n)
+        Covariances of the start and of :func:`with_smoothed_start`.
+
+    Notes
+    -----
+    Fixes of information ``L`` have the evidence ``-ln det(I + P L) / 2``, less the start's normalised error squared,
+    beside the likelihood of the best state. ``L`` follows from ``narrow^-1 = P^-1 + (P^-1 + L) / 25``; in the axes in
+    which both covariances are diagonal ``P narrow^-1`` is ``k`` and ``P L`` is ``25 (k - 1) - 1``.
+    """
+    import scipy.linalg
+
+    sigma = np.sqrt(np.diag(P))
+    free = sigma > 0.0
+    scale = np.outer(sigma[free], sigma[free])
+    k = scipy.linalg.eigh(P[np.ix_(free, free)] / scale, narrow[np.ix_(free, free)] / scale, eigvals_only=True)
+    information = np.maximum(_WIDER**2 * (k - 1.0) - 1.0, 0.0)
+    return float(0.5 * np.sum(np.log1p(information) - np.log1p(information / k)))
 
 
 def _combined(P: FloatArray, other: FloatArray) -> FloatArray:

@@ -309,9 +309,9 @@ def contradicted(prepared: PreparedRun) -> bool:
     if prepared.ranges is not None and not np.any(prepared.schedule.kind == RANGE_RATE):
         return False
     prepared = _first_part(prepared)
-    fixes = _fixes(prepared)
-    if int(epochs(prepared.schedule.where(fixes))[1].max(initial=0)) < 2 * _FEWEST:
+    if too_few(prepared):
         return False
+    fixes = _fixes(prepared)
     judge = residuals_of(trials(prepared, fixes, phases=1))
     seen = judge(prepared)
     if prepared.ranges is not None and (_other_noise(prepared, judge, seen) or range_factor(prepared)[0] > 1.0):
@@ -333,6 +333,11 @@ def contradicted(prepared: PreparedRun) -> bool:
             if mean - _CERTAIN * error > _CONSISTENT[1] or mean + _CERTAIN * error < _CONSISTENT[0]:
                 return True
     return False
+
+
+def too_few(prepared: PreparedRun) -> bool:
+    """Whether a run has too few fixes to tune its noise."""
+    return int(epochs(prepared.schedule.where(_fixes(prepared)))[1].max(initial=0)) < 2 * _FEWEST
 
 
 def _other_noise(prepared: PreparedRun, judge: Callable[[PreparedRun], Residuals], seen: Residuals) -> bool:

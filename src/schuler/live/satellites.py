@@ -15,8 +15,8 @@ from schuler.gnss.coarse import epoch_medians
 from schuler.gnss.ephemerides import Ephemerides, GlonassRecords, KeplerRecords, no_glonass, no_kepler
 from schuler.gnss.observations import Observations, joined_observations
 from schuler.gnss.point_result import PointSolution
-from schuler.gnss.preparation import MILLISECOND
 from schuler.gnss.ranges import Ranges, joined_ranges
+from schuler.gnss.receiver_clock import MILLISECOND
 from schuler.live.decoders.base import fixes
 from schuler.live.messages import Fix, SatelliteEpoch
 from schuler.navigation.config import NavigationConfig

@@ -151,8 +151,10 @@ class _Prepared:
         psd = np.concatenate((np.asarray(scenario.gyro_psd), np.asarray(scenario.accel_psd)))
         whole = np.ascontiguousarray
         self.log = LaneLog(whole(ideal.gyro), whole(ideal.accel), whole(t), h, plan)
-        fixes = (s.t, s.kind, s.z, aiding.sigma, aiding.axes().reshape(M, 9), s.R.reshape(M, 9), s.lever, s.gate)
-        self.fixes = LaneFixes(*(whole(x) for x in fixes))
+        self.fixes = LaneFixes(
+            whole(s.t), whole(s.kind), whole(s.z), whole(aiding.sigma), whole(aiding.axes().reshape(M, 9)),
+            whole(s.R.reshape(M, 9)), whole(s.lever), whole(s.gate),
+        )  # fmt: skip
         self.white = scenario.errors.white * np.sqrt(h)
         matrix = any(name[0] in "SMG" for name in layout.models)
         self.model = LaneModel(

@@ -46,6 +46,10 @@ class OverwriteError(InputError):
     """A file that exists and is kept."""
 
 
+class DivergenceError(InputError):
+    """A filter whose estimates or covariance broke down on the input."""
+
+
 class FileFormatError(InputError):
     """A file whose contents cannot be read as what they were said to be.
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from schuler import earth
 from schuler.arrays import ArrayLike, FloatArray, as_vector3
-from schuler.exceptions import InputError
+from schuler.exceptions import DivergenceError, InputError
 from schuler.filtering.error_model import ecef_from_ned_states
 from schuler.filtering.filter_arrays import (
     Aiding,
@@ -352,7 +352,7 @@ def run(
     if options.smoother and complete:
         a, u = int(cnt[k.CNT_NODE]), int(cnt[k.CNT_UPD])
         if a <= int(cnt[k.CNT_FLUSH]):
-            raise InputError(
+            raise DivergenceError(
                 "the filter diverged: its attitude turns far more than the gyroscopes' readings do. Check units and "
                 "axes of the log, and that the specification of the IMU allows for its errors"
             )

@@ -1,11 +1,13 @@
 """Hayal's outage study, emulated: honest, and as large as an independent prototype; the source's are out of reach."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from schuler.exceptions import InputError
+from schuler.exceptions import DivergenceError, InputError
+from schuler.navigation.evaluation import outages
 from schuler.navigation.states import imu_spec, state_layout
 from schuler.reproduce.hayal.study.outages import outage_grid
 from schuler.reproduce.hayal.study.tables import LENGTHS, PROTOTYPE, PUBLISHED, SEEDINGS
@@ -101,6 +103,33 @@ def test_interruption_keeps_what_was_finished(walk):
     result = outage_grid(walk, imus=("HG1700",), draws=1, outages=2, progress=stop)
     assert list(result.statistics) == [("HG1700", "Original")]
     assert not result.complete
+
+
+def test_a_filter_that_diverges_is_counted_and_its_error_is_infinite(walk, monkeypatch):
+    """Of three draws the covariance of the second breaks down from the middle on."""
+    runs = []
+    navigate = outages.navigate
+
+    def breaking(recording, config, **options):
+        result = navigate(recording, config, **options)
+        runs.append(result)
+        if len(runs) != 2:
+            return result
+        covariance = result.covariance_e.copy()
+        covariance[len(covariance) // 2 :, 9, 9] = -1e-4
+        return replace(result, covariance_e=covariance)
+
+    monkeypatch.setattr(outages, "navigate", breaking)
+    result = outage_grid(walk, imus=("HG1700",), seedings=("Original",), draws=3, outages=2)
+    assert result.diverged == {("HG1700", "Original"): 1}
+    assert len(result.statistics["HG1700", "Original"]) == 4
+    assert result.total("HG1700", "Original", 2.0) == np.inf
+    del runs[1:]
+    config = cart_config("HG1700", 0.0, wander=False)
+    recording, errors, rng = cart_recording(walk, "HG1700", 1, 0, wander=False)
+    start = seeded_start(recording, config, errors, "Original", CalibrationSigma.of("HG1700"), rng)
+    with pytest.raises(DivergenceError, match=r"diverged with GNSS, before \d+\.\d s"):
+        outages.outage_statistics(recording, config, lengths=LENGTHS, starts=[60.0, 200.0], initial=start)
 
 
 def test_what_cannot_be_done_is_said(walk):

@@ -11,7 +11,7 @@ import numpy as np
 
 from schuler import frames
 from schuler.arrays import ArrayLike, FloatArray, as_floats
-from schuler.exceptions import InputError
+from schuler.exceptions import DivergenceError, InputError
 from schuler.filtering.engine import FilterOptions, run
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.measurements import GNSS_KINDS, MeasurementSchedule
@@ -205,6 +205,8 @@ def outage_statistics(
     ------
     InputError
         If lengths are no multiples of the step, or the recording is too short for one outage.
+    DivergenceError
+        If the covariance of the aided run breaks down before an outage.
 
     Notes
     -----
@@ -247,6 +249,14 @@ def outage_statistics(
         )
     records = np.unique(np.searchsorted(base.t, times + 1e-9, side="right") - 1)
     records = records[records >= 0]
+    broken = np.flatnonzero(~(np.einsum("kii->ki", base.covariance_e[records]) >= 0.0).all(axis=1))
+    if len(broken):
+        t = float(base.t[records[broken[0]]]) - origin
+        raise DivergenceError(
+            f"the run diverged with GNSS, before {t:.1f} s: its covariance is none any more, so that no outage can "
+            "begin from it. Check the verdict of a run without outages, and whether the initial uncertainties are "
+            "small enough for a linear filter (scale factors far below 1)"
+        )
     age = step_s * np.arange(round(longest / step_s) + 1.0)
     unaided = _unaided_log(recording, config, base, step_s)
     errors, covariances, starts_done = [], [], []

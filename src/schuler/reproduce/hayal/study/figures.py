@@ -145,6 +145,7 @@ def short_outage_figure(
         x = np.arange(1.0, len(cases) + 1.0)
         theirs = np.array([printed[k] / original[0] for k in cases])
         mine = np.array([ours.get(k, np.nan) / original[1] for k in cases])
+        mine[~np.isfinite(mine)] = np.nan  # a filter diverged: no point
         half = 2.0 * standard_error
         items = (
             Band(x, mine * (1.0 - half), mine * (1.0 + half), "sigma", "two standard errors"),

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from schuler.exceptions import InputError
+from schuler.exceptions import DivergenceError, InputError
 from schuler.navigation.evaluation.outages import OutageStatistics, outage_statistics
 from schuler.plotting.table import ResultTable, TabularResult
 from schuler.reproduce.hayal.study.tables import IMUS, LENGTHS, PROTOTYPE, PUBLISHED, SEEDINGS
@@ -35,17 +35,22 @@ class OutageGrid(TabularResult):
     Attributes
     ----------
     statistics : dict of (imu, seeding) to OutageStatistics
-        All draws together.
+        All draws together, of which the filter did not diverge.
     sigma : dict of str to CalibrationSigma
+    diverged : dict of (imu, seeding) to int
+        Draws of which it did.
     complete : bool
     """
 
     statistics: dict[tuple[str, str], OutageStatistics]
     sigma: dict[str, CalibrationSigma]
+    diverged: dict[tuple[str, str], int]
     complete: bool = True
 
     def total(self, imu: str, seeding: str, length: float) -> float:
-        """Hayal's total sigma at the end of outages. [m]"""
+        """Hayal's total sigma at the end of outages; infinite if a filter diverged. [m]"""
+        if self.diverged.get((imu, seeding)):
+            return np.inf
         return float(np.linalg.norm(self.statistics[imu, seeding].sigma(length)))
 
     def table(self) -> ResultTable:
@@ -132,6 +137,7 @@ def outage_grid(
     last = walk.ideal.t[-1] - max(LENGTHS) - 2.0
     starts = np.linspace(min(120.0, 0.5 * last), last, outages)
     parts: dict[tuple[str, str], list[OutageStatistics]] = {}
+    diverged: dict[tuple[str, str], int] = {}
     complete = True
     cases = [(imu, seeding, child) for imu in imus for seeding in seedings
              for child in range(draws)]  # fmt: skip
@@ -140,10 +146,14 @@ def outage_grid(
             config = cart_config(imu, gnss_every_s, wander)
             recording, errors, rng = cart_recording(walk, imu, seed, draw, wander)
             initial = seeded_start(recording, config, errors, seeding, seeds[imu], rng)
-            statistics = outage_statistics(recording, config, lengths=LENGTHS, starts=starts, initial=initial)
-            if not statistics.complete:
-                raise KeyboardInterrupt
-            parts.setdefault((imu, seeding), []).append(statistics)
+            try:
+                statistics = outage_statistics(recording, config, lengths=LENGTHS, starts=starts, initial=initial)
+            except DivergenceError:
+                diverged[imu, seeding] = diverged.get((imu, seeding), 0) + 1
+            else:
+                if not statistics.complete:
+                    raise KeyboardInterrupt
+                parts.setdefault((imu, seeding), []).append(statistics)
             if progress is not None:
                 progress((n + 1) / len(cases))
     except KeyboardInterrupt:
@@ -158,4 +168,4 @@ def outage_grid(
         )
         for key, several in parts.items()
     }
-    return OutageGrid(together, seeds, complete)
+    return OutageGrid(together, seeds, diverged, complete)

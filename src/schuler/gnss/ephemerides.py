@@ -10,6 +10,7 @@ import numpy as np
 from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.exceptions import InputError
 from schuler.gnss.antennas import Antenna
+from schuler.gnss.code_biases import CodeBiases
 from schuler.gnss.ionosphere_maps import IonosphereMaps
 from schuler.gnss.precise import PreciseClocks, PreciseOrbits
 
@@ -143,6 +144,8 @@ class Ephemerides:
     antennas : tuple of Antenna
         Satellites' antennas, by which precise positions become those of phase centres; receivers' for baselines.
     ionosphere_maps : IonosphereMaps, optional
+    code_biases : CodeBiases, optional
+        Instead of group delays, beside precise clocks.
     """
 
     kepler: KeplerRecords
@@ -156,6 +159,7 @@ class Ephemerides:
     precise_clocks: PreciseClocks | None = None
     antennas: tuple[Antenna, ...] = ()
     ionosphere_maps: IonosphereMaps | None = None
+    code_biases: CodeBiases | None = None
 
     def merged_with(self, other: Ephemerides) -> Ephemerides:
         """Records of both; constants of this one, and of the other where this has none."""
@@ -171,6 +175,7 @@ class Ephemerides:
             _merged(self.precise_clocks, other.precise_clocks),
             self.antennas + other.antennas,
             _merged(self.ionosphere_maps, other.ionosphere_maps),
+            _merged(self.code_biases, other.code_biases),
         )
 
     def possible(self) -> tuple[Ephemerides, tuple[IntArray, IntArray]]:
@@ -193,7 +198,7 @@ class Ephemerides:
 
 
 T = TypeVar("T", KeplerRecords, GlonassRecords)
-P = TypeVar("P", PreciseOrbits, PreciseClocks, IonosphereMaps)
+P = TypeVar("P", PreciseOrbits, PreciseClocks, IonosphereMaps, CodeBiases)
 
 #: Least and most that a broadcast number may be, its sign apart. [SI]
 _LIMITS = {

@@ -13,6 +13,7 @@ from schuler.gnss.antennas import Antenna, phase_delays
 from schuler.gnss.atmosphere import Ionosphere, Troposphere, atmosphere, check_models
 from schuler.gnss.carrier import begin_arcs
 from schuler.gnss.coarse import ReceiverPlace, epoch_medians, receiver_place
+from schuler.gnss.code_biases import biases_at
 from schuler.gnss.ephemerides import Ephemerides
 from schuler.gnss.ionosphere import ionosphere_free
 from schuler.gnss.observations import Observations
@@ -121,7 +122,8 @@ def prepare_ranges(
     epoch = np.searchsorted(epochs, c.t)
     sent = _sent(c, ephemerides, epoch, epoch_gps_s, causal=causal, max_age_s=max_age_s)
     states = sent.states
-    combined, noise_factor, unknown = _without_delays(c, states, free=free)
+    biases, bias_notes = _biases(c, observations.signals, ephemerides, epoch_gps_s)
+    combined, noise_factor, unknown = _without_delays(c, states, biases, free=free)
     corrected = combined + SPEED_OF_LIGHT * states.clock
     phase = _carrier_ranges(c, {**channels, **observations.glonass_channels}) + SPEED_OF_LIGHT * states.clock
     usable = selected & states.has_message & states.healthy & sent.plausible
@@ -154,7 +156,7 @@ def prepare_ranges(
         reason[when] = number
     t, time_notes = reception_times(epochs, clock.offset)
     group, groups = _clocks(c.sat, reason != 7)
-    notes = (*c.notes, *_precise_notes(ephemerides), *place.notes, *clock.notes, *air.notes, *time_notes)
+    notes = (*c.notes, *_precise_notes(ephemerides), *bias_notes, *place.notes, *clock.notes, *air.notes, *time_notes)
     return Ranges(
         t[epoch], c.sat, group, groups, states.r_e, states.v_e, corrected - clock.steps[epoch] * MILLISECOND,
         clock.rate, sigma_range, sigma_rate, place.elevation, place.azimuth, c.cn0, reason, notes, phase,
@@ -238,7 +240,7 @@ def _rows(c: ChosenSignals, keep: ArrayLike) -> ChosenSignals:
     k = np.asarray(keep)
     return ChosenSignals(
         c.t[k], c.sat[k], c.pseudorange[k], c.bands[k], c.frequency_hz[k], c.range_rate[k], c.cn0[k], c.carrier[k],
-        c.signal[k], c.lock[k], c.notes,
+        c.signal[k], c.lock[k], c.second[k], c.notes,
     )  # fmt: skip
 
 
@@ -260,11 +262,33 @@ def _carrier_ranges(c: ChosenSignals, channels: Mapping[int, int]) -> FloatArray
     return np.where(unknown, np.nan, c.carrier * SPEED_OF_LIGHT / c.frequency_hz[:, 0])
 
 
+def _biases(
+    c: ChosenSignals, names: tuple[str, ...], ephemerides: Ephemerides, epoch_gps_s: float
+) -> tuple[FloatArray, list[str]]:
+    """Biases of both pseudoranges that a file states, which belong to precise clocks. Shape (n, 2). [s]"""
+    out, table = np.full((len(c.t), 2), np.nan), ephemerides.code_biases
+    if table is None:
+        return out, []
+    if ephemerides.precise_orbits is None:
+        return out, ["code biases are not used: they belong to precise clocks, give the SP3 file of their centre"]
+    name = np.array([*names, ""])
+    for k, signal in enumerate((c.signal, c.second)):
+        out[:, k] = biases_at(table, c.sat, name[signal], epoch_gps_s + c.t)
+    measured = np.isfinite(c.pseudorange)
+    without = int((measured & np.isnan(out)).sum())
+    return out, [
+        f"code biases are those of the file for {int(measured.sum()) - without} pseudoranges"
+        + (f", {without} have none in it" if without else "")
+    ]
+
+
 def _without_delays(
-    c: ChosenSignals, states: SatelliteStates, *, free: bool
+    c: ChosenSignals, states: SatelliteStates, biases: FloatArray, *, free: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Pseudoranges with group delays taken out: combined, noise factor, 1-sigma of unknown delays."""
-    delays, knowns = zip(*(group_delays(states, c.sat, c.bands[:, i]) for i in range(2)), strict=True)
+    broadcast, given = zip(*(group_delays(states, c.sat, c.bands[:, i]) for i in range(2)), strict=True)
+    stated = np.isfinite(biases.T)
+    delays, knowns = np.where(stated, biases.T, broadcast), np.array(given) | stated
     first = c.pseudorange[:, 0] - SPEED_OF_LIGHT * delays[0]
     unknown_first = np.where(knowns[0] | ~states.has_message | (c.sat // 100 == SYSTEMS.index("R")), 0.0, UNKNOWN_DELAY)
     if not free:

@@ -61,6 +61,8 @@ class ChosenSignals:
         Carrier phase of the signal whose pseudorange is on the first band; NaN where not measured. [cycles]
     signal, lock : ndarray of int, shape (n,)
         Which signal that is, and its loss of lock indicator, as in the observations; -1, 0 where there is none.
+    second : ndarray of int, shape (n,)
+        Which signal the pseudorange on the second band is; -1 where there is none.
     notes : tuple of str
     """
 
@@ -74,6 +76,7 @@ class ChosenSignals:
     carrier: FloatArray
     signal: IntArray
     lock: IntArray
+    second: IntArray
     notes: tuple[str, ...]
 
 
@@ -122,7 +125,7 @@ def choose_signals(
     pseudorange, frequency = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
     bands = np.zeros((n, 2), dtype=np.int64)
     range_rate, cn0, carrier = (np.full(n, np.nan) for _ in range(3))
-    signal, lock = np.full(n, -1), np.zeros(n, dtype=np.int64)
+    (signal, second), lock = np.full((2, n), -1), np.zeros(n, dtype=np.int64)
     channels = {**(glonass_channels or {}), **o.glonass_channels}
     notes: list[str] = []
     for s in np.unique(sat // 100):
@@ -149,13 +152,17 @@ def choose_signals(
                 if place == 0:
                     cn0[row[m]] = o.cn0[m]
                     carrier[row[m]], signal[row[m]], lock[row[m]] = o.carrier[m], o.signal[m], o.lock[m]
+                else:
+                    second[row[m]] = o.signal[m]
             k = sat // 100 == s
             bands[k, place] = int(band)
             for one in np.unique(sat[k]):
                 frequency[sat == one, place] = frequency_hz(int(one), band, channels.get(int(one), 0))
         if chosen:
             notes.append(f"{SYSTEM_NAMES[letter]}: signals {' and '.join(_names(order, chosen))}")
-    return ChosenSignals(t, sat, pseudorange, bands, frequency, range_rate, cn0, carrier, signal, lock, tuple(notes))
+    return ChosenSignals(
+        t, sat, pseudorange, bands, frequency, range_rate, cn0, carrier, signal, lock, second, tuple(notes)
+    )
 
 
 def second_band(ranges: Ranges, receivers: tuple[Observations, ...], systems: str) -> dict[str, tuple[str, ...]]:

@@ -10,7 +10,7 @@ from schuler.gnss.constellation import nominal_orbits
 from schuler.gnss.detours import RangeNoise
 from schuler.gnss.epoch_fits import Padded
 from schuler.gnss.integrity import Integrity
-from schuler.gnss.linked import _diagonal_blocks, _lasting, _solved, link_epochs
+from schuler.gnss.linked import _diagonal_blocks, _solved, lasting_factor, link_epochs
 from schuler.gnss.point import solve_points
 from schuler.gnss.preparation import prepare_ranges
 from schuler.gnss.protection_errors import stanford
@@ -246,8 +246,8 @@ def test_lasting_errors_count_as_fewer():
     for k in range(1, n):
         v[k] = rho * v[k - 1] + np.sqrt(1.0 - rho**2) * v[k]
     sat = np.broadcast_to(np.arange(m), (n, m))
-    assert _lasting(sat, v, np.ones((n, m))) == pytest.approx((1.0 + rho) / (1.0 - rho), rel=0.15)
-    assert _lasting(sat, rng.normal(size=(n, m)), np.ones((n, m))) == 1.0
+    assert lasting_factor(sat, v, np.ones((n, m))) == pytest.approx((1.0 + rho) / (1.0 - rho), rel=0.15)
+    assert lasting_factor(sat, rng.normal(size=(n, m)), np.ones((n, m))) == 1.0
 
 
 # -------------------------------------------------------------------------------------------------- detours

@@ -53,12 +53,12 @@ def certified(folder, page, seen):
     assert {"certificate.html", "calibration.html"} <= set(links)
 
 
-def the_sphere_turns(page, directions):
+def the_sphere_turns(page, rests):
     """Dragged to the right and turned by a key; a rest that is pointed at says what is left of it."""
     sphere = "document.querySelector('.chart.sphere')"
     chromium.wait_for(page, f"{sphere}.dataset.view", 60.0)
-    marks = f"{sphere}.querySelectorAll('circle[r=\"5\"]')"
-    assert chromium.run(page, f"{marks}.length") == directions
+    marks = f"{sphere}.querySelectorAll('circle[r=\"4\"]')"
+    assert chromium.run(page, f"{marks}.length") == rests
     view = f"{sphere}.dataset.view.split(',').map(Number)"
     yaw, pitch = chromium.run(page, view)
     x, y = chromium.centre(page, ".chart.sphere svg")
@@ -98,7 +98,7 @@ def test_a_rest_rejected_by_hand_is_that_of_the_command(shared_data, tmp_path):
             drawn = "JSON.parse(document.querySelector('.timeline').dataset.windows)"
             windows = chromium.run(page, drawn)
             assert np.allclose([w[:2] for w in windows], spans, rtol=0.0, atol=1e-9)  # rounding
-            the_sphere_turns(page, 2 * len(spans) - 1)  # rests, and the turns between them
+            the_sphere_turns(page, len(spans))
             drag(page, *[spans[13].mean()] * 2)
             second, _ = calibrated(folder, page, {first.key})
             assert chromium.run(page, drawn)[13][2] == "unused"

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from workbench import Server, drag, press, type_into
 
-from schuler.files import LISTED
+from schuler.files import LISTED, read_toml
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 pytest.importorskip("nicegui", reason="the workbench needs the extra studio")
@@ -55,6 +55,12 @@ def navigated(page):
     cell = "(c => c.querySelector('data')?.value ?? c.textContent)"
     rows = chromium.run(page, f"[...document.querySelectorAll('tbody tr')].map(r => [...r.cells].map({cell}))")
     return command, out, rows
+
+
+def words_after(command, option):
+    """Value of an option in a command as it is shown."""
+    words = shlex.split(command)
+    return words[words.index(option) + 1]
 
 
 def the_same_by_command(folder, command, out, rows):
@@ -531,9 +537,11 @@ def test_a_worker_and_a_server_that_are_killed(town):
 @pytest.mark.campaign
 @pytest.mark.realdata
 def test_the_files_of_a_drive_dropped_read_navigated(shared_data, tmp_path):
-    """Files dropped, their clocks and axes proposed, a configuration of the examples, an outage of 15 s drawn."""
+    """Files dropped, two of an IMU: which is meant is asked. Clock and axes are proposed, 15 s without GNSS drawn."""
     files = [shared_data / "rtkexp_drive" / name for name in ("imu_1934.csv", "gnss_1934_sf.pos")]
-    (tmp_path / "drive.toml").write_text((EXAMPLES / "rtkexp_drive.toml").read_text())
+    (tmp_path / "copy").mkdir()
+    files.append(tmp_path / "copy" / "imu_again.csv")
+    files[-1].write_bytes(files[0].read_bytes())
     served = Server(tmp_path)
     try:
         with chromium.opened(served.page("/"), 1400) as page:
@@ -552,14 +560,21 @@ def test_the_files_of_a_drive_dropped_read_navigated(shared_data, tmp_path):
         for path in files:
             assert (tmp_path / path.name).read_bytes() == path.read_bytes()
         with chromium.opened(served.page("/", log="."), 1400) as page:
-            chromium.wait_for(page, "document.querySelector('.signals').dataset.latency", 120.0)
+            chromium.wait_for(page, "document.querySelector('.finding.warning')", 60.0)
+            press(page, "imu_1934.csv")
+            chromium.wait_for(page, "document.body.textContent.includes('recording.imu.axes')", 240.0)
             text = chromium.run(page, "document.body.textContent")
             assert "recording.imu.time = gps-tow:2374" in text
             assert "recording.imu.axes = BRU" in text
-        with chromium.opened(served.page("/navigate", log=".", config="drive.toml"), 1400) as page:
+        with chromium.opened(served.page("/navigate", log="."), 1400) as page:
+            press(page, "propose")
+            chromium.wait_for(page, "document.querySelector('.finding.warning')", 60.0)
+            press(page, "imu_1934.csv")
+            chromium.wait_for(page, "document.querySelector('.command pre')?.textContent.includes('--config')", 400.0)
             drag(page, 120.0, 135.0)
             chromium.wait_for(page, "document.querySelector('.command pre').textContent.includes('--outage 1')")
             command, out, rows = navigated(page)
+        assert read_toml(tmp_path / words_after(command, "--config"))["recording"]["imu"]["file"] == "imu_1934.csv"
         the_same_by_command(tmp_path, command, out, rows)
     finally:
         served.stop()

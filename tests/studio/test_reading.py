@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from messy_folders import simulated, text_and_nmea
 
 from schuler.diagnosis import diagnose_log
 from schuler.exceptions import InputError
 from schuler.navigation.config import NavigationConfig
+from schuler.proposal import UndecidedError
 from schuler.recording.io import read
 from schuler.studio import reading
 from schuler.studio.signals import Views, window
@@ -34,6 +36,19 @@ def test_the_cure_of_a_finding_mends_it(log):
     assert HINTS["units"] == "accel=m/s^2,gyro=deg/s"  # the page's own hints stay
     assert all(f.code != "accel_unit" for f in diagnose_log(log, **cure.hints).findings)
     assert reading.cure_of(log, finding, cure.hints) is None
+
+
+def test_the_answer_which_file_is_meant_leaves_the_others_of_the_folder(tmp_path):
+    """Two IMUs beside fixes: after the answer columns, unit and fixes are recognised as without the other IMU."""
+    _, recording = simulated(duration=60.0)
+    text_and_nmea(recording, tmp_path)
+    alone, _ = reading.completed(tmp_path, {})
+    (tmp_path / "second.log").write_bytes((tmp_path / "board.log").read_bytes())
+    with pytest.raises(UndecidedError, match="2 files hold an IMU") as question:
+        reading.completed(tmp_path, {})
+    _, entries = next(choice for choice in question.value.choices if choice[0] == "board.log")
+    assert reading.completed(tmp_path, reading.answered({}, entries))[0] == alone
+    assert set(alone) == {"imu", "gnss"}
 
 
 def test_saved_hints_read_alike_and_the_rest_of_the_file_stays(log, tmp_path):

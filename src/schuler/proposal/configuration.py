@@ -170,7 +170,7 @@ def propose(
 
 
 def propose_reading(
-    log: Path, entries: Mapping[str, Any], stated: Mapping[str, Any] | None = None
+    log: Path, entries: Mapping[str, Any], stated: Mapping[str, Any] | None = None, *, complete: bool = True
 ) -> tuple[dict[str, Any], list[Decision]]:
     """Propose how a log is read: hints with every sure cure in them, and the decisions.
 
@@ -181,13 +181,15 @@ def propose_reading(
         Hints so far, right or wrong; for a folder without any its files are recognised.
     stated : mapping, optional
         Those of them that stand, whatever the log says.
+    complete : bool
+        Files that the hints name are all there are; otherwise the others of a folder are looked for.
 
     Raises
     ------
     UndecidedError, InputError
         As :func:`propose` does.
     """
-    files = files_of([log], entries, complete=True)
+    files = files_of([log], entries, complete=complete)
     _cured(files, stated or {})
     return files.entries, files.decisions
 

@@ -16,7 +16,6 @@ from schuler.plotting.interactive import panel_data
 from schuler.recording.figures import shown_units, spectrogram_content
 from schuler.studio.signals import View
 
-_ROLES = ("filtered", "smoothed", "case_2")  # of poses, turns and what else has directions
 _CALIBRATION = {"residuals": residuals, "correlations": correlation_map}
 
 
@@ -56,20 +55,20 @@ def sphere_document(result: CalibrationResult) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``poses``, each with ``v``: where the reference pointed, a unit vector in body axes, ``role``: its colour, and
-        ``text``; ``gap``: the middle of the largest region without poses likewise. Without poses that have directions
-        there are none.
+        ``poses``, each with ``v``: where the reference pointed, a unit vector in body axes, ``role``: its colour,
+        ``ring``: whether it is of the second condition, such as turns, and ``text``; ``gap``: the middle of the largest
+        region without poses likewise. Without poses that have directions there are none.
     """
     poses: list[dict[str, Any]] = []
     shown = {name: r for name, r in result.residuals.items() if r.direction is not None and len(r.direction)}
-    for (name, r), usual in zip(shown.items(), _ROLES, strict=False):
+    for i, (name, r) in enumerate(shown.items()):
         assert r.direction is not None
         for k, v in enumerate(r.direction):
             value, sigma = float(r.value[k]), float(r.sigma[k])
-            role = usual if abs(value) <= OUTLIER * sigma else "rejected"
+            role = "rejected" if abs(value) > OUTLIER * sigma else "filtered" if i == 0 else "read_off"
             sigmas = f", {value / sigma:+.1f} sigma" if sigma > 0.0 else ""
             text = f"{r.label[k]}, {name}: {value:+.3g} {r.unit}{sigmas}"
-            poses.append({"v": v.tolist(), "role": role, "text": text})
+            poses.append({"v": v.tolist(), "role": role, "ring": i > 0, "text": text})
     if not poses:
         return {"poses": []}
     angle, where = largest_gap(np.array([pose["v"] for pose in poses]))

@@ -53,8 +53,8 @@ def cure_of(log: Path, finding: Finding, hints: Mapping[str, Any]) -> Cure | Non
     return Cure(", ".join(f"{name} = {value}" for name, value in new.items()), files.entries)
 
 
-def completed(log: Path, hints: Mapping[str, Any]) -> tuple[dict[str, Any], list[Decision]]:
-    """Hints with what the header and the physics of the log tell, and why.
+def completed(log: Path, answers: Mapping[str, Any]) -> tuple[dict[str, Any], list[Decision]]:
+    """Answers to questions, and what the header and the physics of the log tell beside them, with the evidence.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def completed(log: Path, hints: Mapping[str, Any]) -> tuple[dict[str, Any], list
     InputError
         If it is no log.
     """
-    return propose_reading(log, _copied(hints), _copied(hints))
+    return propose_reading(log, _copied(answers), _copied(answers), complete=False)
 
 
 def answered(hints: Mapping[str, Any], entries: Mapping[str, Any]) -> dict[str, Any]:

@@ -39,7 +39,7 @@
 
   function panelLayout(shown, element) {
     const many = shown.panels.length, gap = many > 1 ? 0.05 : 0;
-    const layout = { ...base(), hovermode: "x", height: 40 + Math.max(130 * many, 190), xaxis: { ...axis(shown.time), range: [shown.start, shown.stop], anchor: "y" + (many > 1 ? many : "") },
+    const layout = { ...base(), hovermode: "x", height: 40 + Math.max(145 * many, 190), xaxis: { ...axis(shown.time), range: [shown.start, shown.stop], anchor: "y" + (many > 1 ? many : "") },
       dragmode: element.dataset.chart === "timeline" ? "select" : "zoom", selectdirection: "h" };
     const data = [], legend = new Set();
     shown.panels.forEach((panel, k) => {
@@ -510,8 +510,9 @@
       }));
       const marks = [...shown.poses, shown.gap].map((one) => ({ one, p: place(one.v) })).sort((a, b) => a.p[2] - b.p[2]);
       for (const { one, p } of marks) {
-        const gap = one === shown.gap, look = gap ? { fill: "none", stroke: colour("ink"), "stroke-dasharray": "3 2" } : { fill: colour(one.role) };
-        const made = svg("circle", { cx: p[0], cy: p[1], r: gap ? 9 : 5, "fill-opacity": p[2] < 0 ? 0.3 : 1, "stroke-opacity": p[2] < 0 ? 0.3 : 1, "pointer-events": "all", ...look });
+        const gap = one === shown.gap, stroke = colour(gap ? "ink" : one.role);
+        const look = gap ? { fill: "none", stroke, "stroke-dasharray": "3 2" } : one.ring ? { fill: "none", stroke, "stroke-width": 2 } : { fill: stroke };
+        const made = svg("circle", { cx: p[0], cy: p[1], r: gap ? 11 : one.ring ? 7 : 4, "fill-opacity": p[2] < 0 ? 0.3 : 1, "stroke-opacity": p[2] < 0 ? 0.3 : 1, "pointer-events": one.ring ? "stroke" : "all", ...look });
         made.addEventListener("pointerenter", () => { said.value = one.text; });
         parts.push(made);
       }

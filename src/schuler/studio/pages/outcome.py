@@ -59,11 +59,11 @@ def show_calibration(
             rests(result)
     source = f"?run={quote(job.out)}&key={quote(job.key)}"
     with fold("directions", opened=True):
-        label = "directions of poses and turns in body axes, on a sphere"
+        label = "directions of rests and turns in body axes, on a sphere"
         show(chart("sphere", without="nothing to show", label=label), source=f"/studio/calibrations/sphere{source}")
         hint(
-            "Where gravity pointed at rest, and the axes of turns. Drag the sphere or use the arrow keys; point at one "
-            "for what the fit leaves of it."
+            "Dots: which way was up in each rest; rings: at the end of each turn. Drag the sphere or use the arrow "
+            "keys; point at one for what the fit leaves of it."
         )
     for name, label in _FIGURES.items():
         with fold(label, opened=True):

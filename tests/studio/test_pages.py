@@ -571,6 +571,8 @@ def test_the_files_of_a_drive_dropped_read_navigated(shared_data, tmp_path):
             chromium.wait_for(page, "document.querySelector('.finding.warning')", 60.0)
             press(page, "imu_1934.csv")
             chromium.wait_for(page, "document.querySelector('.command pre')?.textContent.includes('--config')", 400.0)
+            proposed = words_after(chromium.run(page, "document.querySelector('.command pre').textContent"), "--config")
+        with chromium.opened(served.page("/navigate", log=".", config=proposed), 1400) as page:
             drag(page, 120.0, 135.0)
             chromium.wait_for(page, "document.querySelector('.command pre').textContent.includes('--outage 1')")
             command, out, rows = navigated(page)

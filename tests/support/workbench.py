@@ -57,7 +57,6 @@ def press(page, text):
 def drag(page, start, stop):
     """Drag over the timeline from one time to another, or press it where both are the same. [s]"""
     chromium.wait_for(page, "document.querySelector('.timeline').dataset.latency", 90.0)
-    chromium.wait_for(page, "document.querySelector('.timeline .nsewdrag')", 90.0)  # another log is on its way
     chromium.centre(page, ".timeline")
     box = "document.querySelector('.timeline .nsewdrag').getBoundingClientRect()"
     left, top, width, height = chromium.run(page, f"(r => [r.x, r.y, r.width, r.height])({box})")

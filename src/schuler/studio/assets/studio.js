@@ -113,6 +113,7 @@
       Plotly.react(element, data, layout, CONFIG);
     };
     const load = async (start, stop) => {
+      delete element.dataset.latency; // until it is drawn
       if (!element.dataset.source) return empty(element, element.dataset.without || "");
       const turn = ++state.turn, began = performance.now();
       const place = new URL(element.dataset.source, location.href);

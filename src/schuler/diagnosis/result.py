@@ -258,16 +258,9 @@ class Diagnosis(Displayed):
         for severity in SEVERITIES:
             for f in (f for f in self.findings if f.severity == severity):
                 sure = "" if severity == "note" else _likelihood(f)
-                unread = f.code in ("unreadable", "refused")  # the reader's words, which say what to do
-                seen = (
-                    f.text
-                    if not unread
-                    else as_options(f.text)
-                    if command
-                    else as_entries(f.text)
-                    if folder
-                    else f.text
-                )
+                seen = f.text
+                if f.code in ("unreadable", "refused"):  # the reader's words, which say what to do
+                    seen = as_options(seen) if command else as_entries(seen) if folder else seen
                 lines += textwrap.wrap(
                     f"{severity} {f.code}{sure}: {seen}", 110, initial_indent="  ", subsequent_indent="      "
                 )

@@ -53,7 +53,7 @@ def test_every_file_opens_or_is_refused_with_the_reason(shared_data, name, capsy
     if kind == "no log":
         assert "this is no log but " in err
     else:
-        assert re.search(r"\b(columns|units|variable)='", err), err
+        assert re.search(r"--(columns|units|variable) ", err), err
 
 
 #: Logs that need hints, with those of their READMEs.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -168,46 +169,15 @@ def calibrate_freepose(
         ]
     else:
         candidates = _candidate_rests(rates, interval, intervals, initial_rest_s, window_s, min_s)
-    best: tuple[float, Rests, AccelFit, float] | None = None
-    largest: Rests | None = None
-    last: tuple[AccelFit, float] | None = None
-    p0: FloatArray | None
-    for poses in candidates:
-        if largest is None or len(poses) > len(largest):
-            largest = poses
-        if len(poses) < FEWEST:
-            continue
-        near = last is not None and last[0].converged and last[0].spread == 0.0
-        if near and last is not None:  # nearly the same poses as before
-            p0, factor = last[0].p, last[1]
-        else:
-            factor, p0 = freepose_accel.accel_start(poses.accel, gravity, None if factors is None else factors[0])
-        if p0 is None:
-            continue
-        sigma = _sigma_f(poses, noise, factor)
-        fit = fit_accelerometers(factor * poses.accel, sigma, gravity, robust=robust, start=p0, near=near)
-        last = (fit, factor)
-        score = _log_determinant(fit)
-        if np.isfinite(score) and (best is None or score < best[0]):
-            best = (score, poses, fit, factor)
+    best, largest = _accelerometers(candidates, gravity, None if factors is None else factors[0], noise, robust)
     if best is None:
         refused = refused_result(largest, None, factors, gravity, rates, names, options)
         return replace(refused, verdicts=refused.verdicts + held)
-    _, poses, accel, factor_a = best
-    result = _solved(
-        imu,
-        rates,
-        poses,
-        accel,
-        factor_a,
-        factors,
-        gravity,
-        noise,
-        options,
-        lost=lost,
-        field=field_strength,
-        soft_iron=soft_iron,
-    )
+
+    # 2. All else in their axes.
+    poses, accel, factor_a = best
+    solved = partial(_solved, imu, rates, gravity=gravity, noise=noise, lost=lost, field=field_strength)
+    result = solved(poses, accel, factor_a, factors, options=options, soft_iron=soft_iron)
     result = replace(result, verdicts=result.verdicts + held)
     if not halves or rests == "tedaldi" or result.status == "refused":
         return result
@@ -222,28 +192,82 @@ def calibrate_freepose(
             return refused_result(some, None, result.nominal, gravity, rates, names, of_part)
         sigma = _sigma_f(some, noise, factor_a)
         fit = fit_accelerometers(factor_a * some.accel, sigma, gravity, robust=robust, start=accel.p)
-        return _solved(
-            imu, rates, some, fit, factor_a, result.nominal, gravity, noise, of_part, lost=lost,
-            field=field_strength, soft_iron=estimates_soft_iron(result), start=start,
-        )  # fmt: skip
+        return solved(
+            some, fit, factor_a, result.nominal, options=of_part, soft_iron=estimates_soft_iron(result), start=start
+        )
 
-    every = list(range(len(poses)))
+    apart = {}
+    if gyro_bias == "rest" and initial_rest_s is None and SENSITIVITY[0] not in result.names:
+        variance = result.nominal[1] ** 2 * bias_difference(rates, poses, np.arange(len(poses)) % 2 == 0)
+        apart = {"odd and even rests": dict(zip(BIAS_G, variance.tolist(), strict=True))}
+    return _held_against_parts(result, len(poses), part, apart, lost)
+
+
+def _accelerometers(
+    candidates: Iterable[Rests],
+    gravity: float,
+    nominal: float | None,
+    noise: tuple[ArrayLike, ArrayLike] | None,
+    robust: bool,
+) -> tuple[tuple[Rests, AccelFit, float] | None, Rests | None]:
+    """First step: of several sets of rests the one that determines the accelerometers best.
+
+    Returns
+    -------
+    tuple of (Rests, AccelFit, float), or None
+        That set, the fit and the nominal scale factor; None if no set has enough poses on an ellipsoid.
+    Rests or None
+        The set of most rests.
+    """
+    best: tuple[Rests, AccelFit, float] | None = None
+    largest: Rests | None = None
+    last: tuple[AccelFit, float] | None = None
+    lowest = np.inf
+    p0: FloatArray | None
+    for poses in candidates:
+        if largest is None or len(poses) > len(largest):
+            largest = poses
+        if len(poses) < FEWEST:
+            continue
+        near = last is not None and last[0].converged and last[0].spread == 0.0
+        if near and last is not None:  # nearly the same poses as before
+            p0, factor = last[0].p, last[1]
+        else:
+            factor, p0 = freepose_accel.accel_start(poses.accel, gravity, nominal)
+        if p0 is None:
+            continue
+        sigma = _sigma_f(poses, noise, factor)
+        fit = fit_accelerometers(factor * poses.accel, sigma, gravity, robust=robust, start=p0, near=near)
+        last = (fit, factor)
+        score = _log_determinant(fit)
+        if np.isfinite(score) and score < lowest:
+            best, lowest = (poses, fit, factor), score
+    return best, largest
+
+
+def _held_against_parts(
+    result: CalibrationResult,
+    n: int,
+    part: Callable[[list[int]], CalibrationResult],
+    apart: dict[str, dict[str, float]],
+    lost: IntArray,
+) -> CalibrationResult:
+    """Third step: the claims held against halves of the n rests, or against thirds left out where halves are too few.
+
+    ``apart`` are variances of differences between halves that are known otherwise; ``lost`` are samples that were lost.
+    """
+    every = list(range(n))
     causes = [
         *(["rates were lost in turns: clipped, or spikes"] if len(lost) else []),
         *result.extra.get("bias_causes", []),
     ]
     pairs = {
-        name: tried(part, (every[a], every[b])) if len(every) >= 2 * FEWEST else None
-        for name, (a, b) in halves_of(len(every)).items()
+        name: tried(part, (every[a], every[b])) if n >= 2 * FEWEST else None for name, (a, b) in halves_of(n).items()
     }
-    if not any(pairs.values()) and len(every) >= FEWEST + REDUNDANCY:
+    if not any(pairs.values()) and n >= FEWEST + REDUNDANCY:
         thirds = [tried(part, [[i for i in every if i % 3 != k]]) for k in range(3)]
-        pairs = without_thirds(result, [part[0] for part in thirds if part])
-    needs = f"not compared: it takes twelve rests, eighteen are good, with poses all round; there are {len(every)}"
-    apart = {}
-    if gyro_bias == "rest" and initial_rest_s is None and SENSITIVITY[0] not in result.names:
-        variance = result.nominal[1] ** 2 * bias_difference(rates, poses, np.arange(len(poses)) % 2 == 0)
-        apart = {"odd and even rests": dict(zip(BIAS_G, variance.tolist(), strict=True))}
+        pairs = without_thirds(result, [of_two[0] for of_two in thirds if of_two])
+    needs = f"not compared: it takes twelve rests, eighteen are good, with poses all round; there are {n}"
     return checked(result, pairs, causes=causes, needs=needs, stated=apart)
 
 

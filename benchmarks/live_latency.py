@@ -1,9 +1,10 @@
-"""Time of each step of a live run at 200 Hz: one sample, and the solution with it.
+"""Time of each step of a live run at 200 Hz: one sample, and the solution with it; time of a sample in blocks.
 
-``python -m benchmarks.live_latency --minutes 60 [--aids] [--fast] [--picture docs/images/live_latency.png]``: a
-simulated car on a course, fixes at 2 Hz that come 0.1 s late, 15 states. Steps count from the moment on when the start
+``python -m benchmarks.live_latency --minutes 60 [--aids] [--fast] [--blocks] [--picture FILE]``: a simulated car on a
+course, fixes at 2 Hz that come 0.1 s late, 15 states. Steps count from the moment on when the start
 is settled. Each has its time by the clock, which holds what other programs of the machine took, and that of the
-processor; garbage collections are timed by themselves. In real time, or with ``--fast`` without waiting.
+processor; garbage collections are timed by themselves. In real time, or with ``--fast`` without waiting. ``--blocks``
+prints the processor's time a sample instead, by one and in blocks, with and without solutions.
 """
 
 from __future__ import annotations
@@ -77,15 +78,46 @@ def steps(recording: Recording, minutes: float, aids: bool, fast: bool) -> tuple
     return taken / 1e6, own / 1e6, pauses
 
 
+def time_a_sample(recording: Recording, block: int, asked: int) -> float:
+    """Processor's time a sample of samples given ``block`` together, fixes at 1 Hz in time. [us]
+
+    The solution is asked for every ``asked`` samples, never if that is 0.
+    """
+    imu, g = recording.need_imu(), recording.need_gnss()
+    v_n, cov_v_n = g.need_velocity()
+    live = LiveNavigator.from_config({k: v for k, v in CONFIG.items() if k != "aiding"}, kind=imu.kind)
+    n, k, began, first = len(imu.t), 0, 0.0, 0
+    for i in range(0, n, block):
+        if not first and i > 3.0 * SETTLED_S * RATE_HZ:
+            first, began = i, time.process_time()
+        while k < len(g.t) and g.t[k] <= imu.t[min(i + block, n) - 1]:
+            live.fix(g.t[k], g.llh[k], g.cov_r_n[k], v_n[k], cov_v_n[k])
+            k += 2
+        if block == 1:
+            live.imu(imu.t[i], imu.gyro[i], imu.accel[i])
+        else:
+            live.imu_many(imu.t[i : i + block], imu.gyro[i : i + block], imu.accel[i : i + block])
+        if asked and i % asked == 0:
+            live.solution()
+    live.solution()
+    return 1e6 * (time.process_time() - began) / (n - first)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--aids", action="store_true")
     parser.add_argument("--fast", action="store_true")
+    parser.add_argument("--blocks", action="store_true")
     parser.add_argument("--picture", type=Path)
     options = parser.parse_args()
     curves: dict[str, np.ndarray] = {}
     recording = drive(options.minutes)
+    if options.blocks:
+        for block, asked in ((1, 0), (20, 0), (100, 0), (1, 20), (20, 20)):
+            each = min(time_a_sample(recording, block, asked) for _ in range(3))
+            print(f"blocks of {block}, solution every {asked or 'no'} samples: {each:.2f} us a sample", flush=True)
+        return
     for aids in (False, True) if options.aids else (False,):
         name = "GNSS, zero velocity, wheels" if aids else "GNSS"
         taken, own, pauses = steps(recording, options.minutes, aids, options.fast)

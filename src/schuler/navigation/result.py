@@ -166,15 +166,17 @@ class NavigationResult(Displayed):
         """Result object of a forward run, without its channels and clones; ``rest`` are further fields."""
         rec, shown, given = forward.rec_nav, layout.visible, kinds != CLONE
         n = shown.size
+        with np.errstate(invalid="ignore"):  # of a covariance that broke down; the verdict says so
+            sigma = np.sqrt(forward.variance)
         return cls(
             trajectory=FullTrajectory(forward.t, forward.r, forward.v, forward.q),
             t=forward.rec_t,
             states=FullTrajectory(forward.rec_t, rec[:, 7:10], rec[:, 4:7], rec[:, 0:4]),
             parameters=forward.rec_est[:, : n - 9],
             covariance_e=unpack_symmetric(forward.rec_P[:, : n * (n + 1) // 2], n),
-            innovations=Innovations(
-                schedule_t, kinds, forward.status, forward.nis, forward.innovation, np.sqrt(forward.variance)
-            ).where(given),
+            innovations=Innovations(schedule_t, kinds, forward.status, forward.nis, forward.innovation, sigma).where(
+                given
+            ),
             layout=shown,
             epochs=forward.epochs,
             propagations=forward.propagations,

@@ -132,7 +132,7 @@ def recording_of(
     parts.check_hints(path, hints, _HINTS, what)
     chosen = parse_streams(hints.streams)
     own = _own_document(path, topics)
-    by_name = {topic.name: topic for topic in topics if topic.wanted}
+    by_name = {topic.name: topic for topic in topics if topic.wanted and topic.raw}  # a channel may be empty
     if own is not None:
         chosen = {**{part: name for part, name in TOPICS.items() if name in by_name}, **chosen}
     available = _available(topics, chosen)
@@ -142,9 +142,6 @@ def recording_of(
         if stream is None:
             continue
         messages = by_name[stream.name].decoded(path)
-        if not len(messages.stamp_ns):
-            notes.append(f"{part}: {stream.name} has no message that could be read; it was left out.")
-            continue
         frame = "/".join(messages.texts.get("header.frame_id", []))
         notes.append(f"{part}: {stream.name} ({stream.kind}{f', frame {frame}' if frame else ''}).")
         taken[part] = messages

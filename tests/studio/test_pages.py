@@ -281,6 +281,7 @@ def test_a_run_with_an_outage_that_is_drawn_has_the_numbers_of_the_command(serve
         chromium.wait_for(page, f"{plan}.dataset.mapped === 'roads.geojson'", 60.0)
         assert chromium.run(page, f"{plan}.data.length") == drawn + 1
         press(page, "remove")
+        chromium.wait_for(page, "!document.querySelector('.command pre').textContent.includes('--outage')")
         _, second, _ = navigated(page)
         choose(page, "against run", out)
         heads = "[...document.querySelectorAll('th')].map(h => h.textContent)"

@@ -224,12 +224,21 @@ def hover(page: Page, selector: str, right: float = 0.0, down: float = 0.0) -> N
 
 
 def click(page: Page, selector: str) -> None:
-    """Press and release the left button on an element."""
-    x, y = centre(page, selector)
-    mouse(page, "mouseMoved", x, y)
-    for kind in ("mousePressed", "mouseReleased"):
-        mouse(page, kind, x, y, button="left", clickCount=1)
-    settle(page)
+    """Press and release the left button on an element; again, if the page had moved it from under the mouse."""
+    name = json.dumps(selector)
+    noted = f"e => {{ pressed = e.target.closest({name}) }}, {{capture: true, once: true}}"
+    for _ in range(20):
+        x, y = centre(page, selector)
+        mouse(page, "mouseMoved", x, y)
+        run(page, f"var pressed = null; addEventListener('mousedown', {noted})")
+        if not run(page, f"Boolean(document.elementFromPoint({x}, {y})?.closest({name}))"):
+            continue
+        for kind in ("mousePressed", "mouseReleased"):
+            mouse(page, kind, x, y, button="left", clickCount=1)
+        settle(page)
+        if run(page, "Boolean(pressed)"):
+            return
+    raise AssertionError(f"never under the mouse: {selector}")
 
 
 def errors(page: Page) -> tuple[str, ...]:

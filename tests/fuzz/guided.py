@@ -83,7 +83,7 @@ def body(name: str, told: str, *options: str) -> None:
         atheris.Fuzz()
 
 
-def run(names: list[str], *, minutes: float, tell: bool = True) -> tuple[int, list[str]]:
+def run(names: list[str], *, minutes: float) -> tuple[int, list[str]]:
     """Guided runs of targets one after the other, each with the same share of the time; runs and findings."""
     total, found = 0, []
     root = Path(__file__).parents[2]
@@ -105,9 +105,11 @@ def run(names: list[str], *, minutes: float, tell: bool = True) -> tuple[int, li
             f"{time.monotonic() - began:7.0f}",
             flush=True,
         )
+        here = [f"{name}: {line['signature']} ({line['member']}:{line['hex'][:6000]})" for line in lines]
         if runs is None:
-            found.append(f"{name}: the process ended with code {done.returncode}: {done.stderr[-1500:]}")
-        found += [f"{name}: {line['signature']} ({line['member']}:{line['hex'][:6000]})" for line in lines]
-    if tell:
-        print(f"{'all':20s}{total:10d}", *found, sep="\n")
+            here.append(f"{name}: the process ended with code {done.returncode}: {done.stderr[-1500:]}")
+        for finding in here:
+            print(finding, flush=True)
+        found += here
+    print(f"{'all':20s}{total:10d}")
     return total, found

@@ -9,17 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from schuler.arrays import ArrayLike, BoolArray, FloatArray
+from schuler.arrays import ArrayLike, FloatArray
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import FileFormatError, InputError
 from schuler.filtering.initial_state import InitialState
-from schuler.filtering.measurements import MeasurementSchedule, merged
+from schuler.filtering.measurements import merged
 from schuler.filtering.states import StateLayout
-from schuler.gnss.ranges import Ranges
-from schuler.live.aids import LiveAids, series_of
-from schuler.live.checks import check_live, checked, checked_together, name_of
+from schuler.live.checks import check_live, checked
 from schuler.live.collection import JUDGED_S, Collection
 from schuler.live.events import EventLog
+from schuler.live.intake import Intake
 from schuler.live.messages import (
     Broadcast,
     Event,
@@ -47,17 +46,13 @@ from schuler.live.warm import LONGEST_S, Kept, stands
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.navigator_file import read_document, write_document
 from schuler.navigation.start.alignment import aligned_sentence
-from schuler.recording.io.checks import MAX_FORCE, MAX_RATE
 from schuler.recording.io.own import time_document, time_from
-from schuler.recording.series import GnssSeries, Kind
+from schuler.recording.series import Kind
 from schuler.timebase import TimeBase
 
 _BLOCK_S = 1.0  # samples of so long are filtered together, unless the solution is asked for before [s]
 _COLLECTED_S = 0.2  # the same before the start [s]
 _JUDGE_S = 1.0  # how often health is judged [s]
-_AHEAD_S = 60.0  # a measurement stamped later than the newest sample by more is of another clock [s]
-_AHEAD_STEPPED_S = 1.0  # the same after a step back, when those of the clock before are still under way [s]
-_LIMITS = np.array([MAX_RATE] * 3 + [MAX_FORCE] * 3)
 
 #: Format and version of the files of :meth:`LiveNavigator.save`.
 STATE_FORMAT = "schuler/live/3"
@@ -108,7 +103,7 @@ class LiveNavigator:
         self._satellites = LiveSatellites(config) if config.gnss.coupling == "tight" else None
         self._health: Health = "aligning"
         self._stood_still = False
-        self._stepped_until = -math.inf  # end of the lag after a step back of the clock [s]
+        self._intake = Intake(self._satellites, self._say)
         #: Meaning of zero seconds, for whoever knows it; saved with the state.
         self.time: TimeBase | None = None
         self._begin()
@@ -379,7 +374,7 @@ class LiveNavigator:
             "temperature": math.nan if run is None else run.temperature,
             "stamps": [stamps.last, stamps.other, stamps.count],
             "newest": self._newest,
-            "stepped_until": self._stepped_until,
+            "stepped_until": self._intake.stepped_until,
             "health": self._health,
             "collection": None if self._collection is None else self._collection.document(),
             "kept": None if self._kept is None else self._kept._asdict(),
@@ -391,7 +386,7 @@ class LiveNavigator:
         """Go on from a document of the run's configuration."""
         self._stamps.last, self._stamps.other, self._stamps.count = document["stamps"]
         self._newest, self._health = document["newest"], document["health"]
-        self._stepped_until = document["stepped_until"]
+        self._intake.stepped_until = document["stepped_until"]
         self.time = None if document["time"] is None else time_from(document["time"])
         if document["collection"] is None:
             self._collection = None
@@ -422,6 +417,11 @@ class LiveNavigator:
         """Samples of so long are filtered together. [s]"""
         return _COLLECTED_S if self._run is None else _BLOCK_S
 
+    @property
+    def _interval_s(self) -> float:
+        """Sample interval, before the alignment a usual one. [s]"""
+        return 0.01 if self._run is None else self._run.preparation.recent.interval_s
+
     def _work(self) -> None:
         """Take what is in the queue."""
         if not self._queue:
@@ -432,13 +432,13 @@ class LiveNavigator:
         if self._run is not None and self._stamps.continues(rows[:, 0]):
             # measurements before the samples they are of: the filter does not go back for them
             newest = float(rows[-1, 0]) + self.config.imu.clock_shift_s if len(rows) else self._newest
-            self._measure([message for _, message in waiting], newest)
+            self._intake.take([message for _, message in waiting], newest, self._run, self._collection)
             self._take(rows)
             return
         first = 0
         for count, message in waiting:
             self._take(rows[first:count])
-            self._measure([message], self._newest)
+            self._intake.take([message], self._newest, self._run, self._collection)
             first = count
         self._take(rows[first:])
 
@@ -455,12 +455,12 @@ class LiveNavigator:
         for _, message in waiting:
             made = run.aids.usual_fix(message) if isinstance(message, Fix) and message.t <= self._newest else None
             if made is None:
-                self._measure([message], self._newest)
+                self._intake.take([message], self._newest, self._run, self._collection)
             else:
-                self._aid(run, made)
+                self._intake.apply(run, made)
         if run.aids.watches:
             t, x = columns["t"][-n:], run.preparation.motion(n)
-            self._aid(run, run.aids.extend(t, x[:, :3], x[:, 3:]))
+            self._intake.apply(run, run.aids.extend(t, x[:, :3], x[:, 3:]))
         self._filter(run)
         return True
 
@@ -477,7 +477,7 @@ class LiveNavigator:
             if not self._readings.is_si:
                 gyro, accel = self._readings.to_si(rows[:, 1:4], rows[:, 4:7])
                 x = np.column_stack((rows[:, 0], gyro, accel, rows[:, 7]))
-            bad = self._impossible(x)
+            bad = self._readings.impossible(x[:, 1:7], self._interval_s)
             if bad is not None:
                 self._say("imu", f"{int(bad.sum())} IMU samples left out that no sensor reads", "impossible")
                 rows, x = rows[~bad], x[~bad]
@@ -494,18 +494,6 @@ class LiveNavigator:
                 float(rows[resumed, 0]) + self.config.imu.clock_shift_s,
             )
             rows = rows[resumed:]
-
-    def _impossible(self, x: FloatArray) -> BoolArray | None:
-        """Samples with readings that are none, shape (n,); None if there are none of these."""
-        per = 1.0
-        if self._readings.kind == "increment":
-            per = 1.0 / (0.01 if self._run is None else self._run.preparation.recent.interval_s)
-        with np.errstate(invalid="ignore"):
-            good: BoolArray = np.abs(x[:, 1:7]) * per <= _LIMITS
-        if good.all():
-            return None
-        bad: BoolArray = ~np.all(good, axis=1)
-        return bad
 
     def _extend(self, x: FloatArray) -> None:
         """Take samples that follow those before. Shape (n, 8)."""
@@ -525,21 +513,11 @@ class LiveNavigator:
         for sentence in sentences:
             self._say("imu", sentence, "bridged")
         run.filter.extend(samples)
-        self._aid(run, run.aids.extend(samples.t, samples.rate, samples.force))
+        self._intake.apply(run, run.aids.extend(samples.t, samples.rate, samples.force))
         self._filter(run)
         if self._collection is not None and self._run is run and self._newest > run.initial.nav.t + JUDGED_S:
             self._start()
             self._collection = None
-
-    def _aid(self, run: LiveRun, measurements: MeasurementSchedule) -> None:
-        if not len(measurements):
-            return
-        late, repeated = run.filter.aid(measurements)
-        if len(repeated):
-            self._say("measurement", f"a measurement of {repeated[0]:.3f} s came again", "repeated")
-        if len(late):
-            lag_s = run.filter.lag_s
-            self._say("late", f"measurements of {late[0]:.3f} s left out, more than lag_s = {lag_s:g} s late", "late")
 
     def _judge(self, run: LiveRun) -> None:
         """Let go of what is too old, and say when the health changes."""
@@ -549,102 +527,6 @@ class LiveNavigator:
         elif health != self._health:
             self._say("health", f"{self._health} becomes {health}", f"health {health}")
             self._health = health
-
-    def _measure(self, messages: Sequence[Measurement], newest: float) -> None:
-        """Take fixes, ranges and readings that came before a sample of a time, or soon after."""
-        run, together = self._run, checked_together(messages)
-        if run is not None and together is not None and together.t[-1] <= newest + _AHEAD_S:
-            fixes = [m for m in messages if isinstance(m, Fix)]
-            if run.aids.takes_together(fixes):
-                if self._collection is not None:
-                    self._collection.messages += fixes
-                self._aid(run, self._measurements(run.aids, fixes, together))
-                return
-        for message in messages:
-            if isinstance(message, Broadcast):
-                if self._satellites is not None:
-                    self._satellites.learn(message.ephemerides)
-            elif self._is_ahead(message, newest):
-                continue
-            elif isinstance(message, SatelliteEpoch):
-                self._measure_ranges(message)
-            else:
-                self._measure_one(message)
-
-    def _is_ahead(self, message: Fix | Speed | Heading | Height | SatelliteEpoch, newest: float) -> bool:
-        """Whether a measurement is of another clock than the samples, which is said."""
-        if newest < self._stepped_until and message.t > newest + _AHEAD_STEPPED_S:
-            text = f"a {name_of(message)} of {message.t:.3f} s is left out: it is of the clock before its step back"
-            self._say("clock", text, "stepped")
-            return True
-        if not message.t > newest + _AHEAD_S:
-            return False
-        self._say(
-            "clock",
-            f"a {name_of(message)} of {message.t:.3f} s is left out: it is ahead of the IMU by more than "
-            f"{_AHEAD_S:g} s, so one of the clocks has another zero",
-            "ahead",
-        )
-        return True
-
-    def _measure_one(self, message: Fix | Speed | Heading | Height) -> None:
-        """Take a fix or reading."""
-        try:
-            series = checked(message)
-        except (InputError, ValueError) as error:
-            text = f"a {name_of(message)} is left out: {error}"
-            self._say("measurement", text, f"{name_of(message)} {str(error)[:40]}")
-            return
-        if self._collection is not None:
-            self._collection.add(message)
-        if self._run is not None:
-            self._aid(self._run, self._measurements(self._run.aids, [message], series))
-
-    def _measure_ranges(self, message: SatelliteEpoch) -> None:
-        """Take the ranges of an epoch."""
-        satellites, run = self._satellites, self._run
-        assert satellites is not None
-        try:
-            epoch, sentences = satellites.take(message)
-        except InputError as error:
-            self._say("measurement", f"a {name_of(message)} of {message.t:.3f} s is left out: {error}", str(error)[:40])
-            return
-        for sentence in sentences:
-            self._say("measurement", sentence, "ranges")
-        if epoch.fix is not None and self._collection is not None:
-            self._collection.add(epoch.fix)
-        satellites.forget(-math.inf if self._collection is not None else epoch.t)
-        if run is not None:
-            if epoch.fix is not None:  # it tells rests
-                self._measurements(run.aids, [epoch.fix], series_of([epoch.fix]))
-            self._aid(run, self._ranges(run.aids, epoch.usable))
-
-    def _ranges(self, aids: LiveAids, ranges: Ranges | None) -> MeasurementSchedule:
-        """Measurements of ranges; what is none is said."""
-        notes: list[str] = []
-        made = MeasurementSchedule.empty() if ranges is None or not len(ranges) else aids.ranges(ranges, notes)
-        for note in notes:
-            self._say("measurement", note, note[:20])
-        return made
-
-    def _measurements(
-        self, aids: LiveAids, messages: Sequence[Fix | Speed | Heading | Height], series: GnssSeries | None
-    ) -> MeasurementSchedule:
-        """Measurements of a message, or of fixes taken together; what is none is said."""
-        notes: list[str] = []
-        message = messages[0]
-        try:
-            if isinstance(message, Fix):
-                fixes = [m for m in messages if isinstance(m, Fix)]
-                made = MeasurementSchedule.empty() if series is None else aids.fix(fixes, series, notes)
-            else:
-                made = aids.reading(message)
-        except InputError as error:
-            self._say("measurement", f"a {name_of(message)} is left out: {error}", name_of(message))
-            return MeasurementSchedule.empty()
-        for note in notes:
-            self._say("measurement", note, note[:20])
-        return made
 
     def _start(self) -> None:
         """Align over what came so far, and filter from there to the newest sample.
@@ -671,13 +553,15 @@ class LiveNavigator:
         for sentence in begun.sentences:
             self._say("imu", sentence, "bridged")
         self._run = run = begun.run
-        schedules = [self._measurements(run.aids, [m], checked(m)) for m in collection.messages]
-        self._aid(
+        intake = self._intake
+        usable = None if satellites is None else satellites.ranges(oldest, usable=True)
+        schedules = [intake.measurements(run.aids, [m], checked(m)) for m in collection.messages]
+        intake.apply(
             run,
             merged(
                 run.aids.known_places(),
                 *schedules,
-                self._ranges(run.aids, None if satellites is None else satellites.ranges(oldest, usable=True)),
+                intake.range_measurements(run.aids, usable),
                 run.aids.extend(begun.samples.t, begun.samples.rate, begun.samples.force),
             ),
         )
@@ -697,7 +581,7 @@ class LiveNavigator:
         if kept is not None and not 0.0 < goes_on - kept.t <= LONGEST_S:
             kept = None
         self._stood_still = False
-        self._stepped_until = goes_on + self.lag_s if goes_on < self._newest else -math.inf
+        self._intake.stepped_until = goes_on + self.lag_s if goes_on < self._newest else -math.inf
         if run is None:
             self._say("clock", f"{reason}; collecting begins anew", "restart")
         self._begin()

@@ -6,13 +6,16 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from schuler.arrays import FloatArray
+from schuler.arrays import BoolArray, FloatArray
 from schuler.exceptions import ConfigError, InputError
 from schuler.navigation.config import NavigationConfig
+from schuler.recording.io.checks import MAX_FORCE, MAX_RATE
 from schuler.recording.io.columns import ACCEL, GYRO
 from schuler.recording.io.hint_texts import axes_matrix, factor, parse_scale, parse_units
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.series import Kind
+
+_LIMITS = np.array([MAX_RATE] * 3 + [MAX_FORCE] * 3)
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,28 @@ class Readings:
     def to_si(self, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Angular rate and specific force, or their integrals, in SI and forward-right-down axes. Shapes (n, 3)."""
         return (gyro * self.gyro) @ self.C_bs.T, (accel * self.accel) @ self.C_bs.T
+
+    def impossible(self, x: FloatArray, interval_s: float) -> BoolArray | None:
+        """Whether samples have readings that no sensor gives; None if there are none of these.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n, 6)
+            Angular rate and specific force, or their integrals, in SI.
+        interval_s : float
+            Sample interval, for integrals. [s]
+
+        Returns
+        -------
+        ndarray of bool, shape (n,), or None
+        """
+        per = 1.0 / interval_s if self.kind == "increment" else 1.0
+        with np.errstate(invalid="ignore"):
+            possible: BoolArray = np.abs(x) * per <= _LIMITS
+        if possible.all():
+            return None
+        impossible: BoolArray = ~np.all(possible, axis=1)
+        return impossible
 
 
 def imu_readings(config: NavigationConfig, kind: Kind | None = None) -> Readings:

@@ -60,3 +60,16 @@ def test_options_stand(tmp_path):
     _, w = save(path, [], scale_gyro=1.0)
     recording = Reading(units="accel=mg,gyro=rad/s,t=ms").read(path)
     np.testing.assert_allclose(recording.imu.gyro, w, atol=1e-6)
+
+
+def test_hints_are_entries_for_commands_with_a_configuration(tmp_path, capsys):
+    """Hints of a reader are spelled as the command takes them."""
+    path = tmp_path / "rest.csv"
+    save(path, ["a,b,c,d,e,f,g"])
+    (tmp_path / "drive.toml").write_text('[imu]\ncatalogue = "MTi-3"\n')
+    message = refusal(capsys, "navigate", path, "--config", tmp_path / "drive.toml")
+    assert 'columns = "t,ax,ay,az,gx,gy,gz"' in message
+    assert "--set recording." in message
+    assert "columns='" not in message
+    message = refusal(capsys, "info", path)
+    assert "--columns t,ax,ay,az,gx,gy,gz" in message

@@ -5,6 +5,7 @@ those of :mod:`tests.fuzz.mutators` and, half of the time, its own. The good log
 it begins. atheris is not among the requirements: ``pip install atheris`` (Linux, macOS; Python 3.11 to 3.13).
 """
 
+import contextlib
 import json
 import re
 import subprocess
@@ -74,7 +75,9 @@ def body(name: str, told: str, *options: str) -> None:
         def change(data: bytes, most: int, seed: int) -> bytes:
             rng = random.Random(seed)
             if len(data) > 1 and rng.random() < 0.6:
-                return data[:1] + mutators.damage(name, data[1:], seed)[: most - 1]
+                # what was damaged before may have no structure left to be changed by
+                with contextlib.suppress(Exception):
+                    return data[:1] + mutators.damage(name, data[1:], seed)[: most - 1]
             return atheris.Mutate(data, most)
 
         setup = [sys.argv[0], *options, f"-max_len={LARGEST}", "-print_final_stats=1", "-timeout=120",

@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         complain(f"{' '.join(str(error).split())}  (see schuler --help)")
         return 2
     except SchulerError as error:
-        complain(printable(_in_options(str(error), given)))
+        complain(printable(_as_given(str(error), given)))
         return 2
     except BrokenPipeError:
         return 1
@@ -46,15 +46,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return result if isinstance(result, int) else 0
 
 
-def _in_options(text: str, arguments: Sequence[str]) -> str:
-    """A message with hints on reading in the spelling of commands that have them as options, of Python for others."""
-    from schuler.cli.app import HINTED
+def _as_given(text: str, arguments: Sequence[str]) -> str:
+    """A message with hints on reading as the command takes them: options, entries of a configuration, or Python."""
+    from schuler.cli.app import CONFIGURED, HINTED
 
-    if not arguments or arguments[0] not in HINTED:
+    command = arguments[0] if arguments else ""
+    if command not in (*HINTED, *CONFIGURED):
         return text
-    from schuler.diagnosis.result import as_options
+    from schuler.diagnosis.result import as_entries, as_options
 
-    return as_options(text)
+    if command in HINTED:
+        return as_options(text)
+    spelt = as_entries(text)
+    where = "in [recording], or in the file's own section such as [recording.imu]; on the command line --set recording."
+    return text if spelt == text else f"{spelt} ({where}KEY=VALUE)"
 
 
 def _of_the_system(error: OSError) -> str:

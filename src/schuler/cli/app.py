@@ -194,6 +194,8 @@ _ELSEWHERE = {"field": "schuler.cli.calibrate_field:field"}
 
 #: Commands that take hints on how a log is read as options.
 HINTED = ("info", "check", "convert", "allan", "calibrate", "apply", "foot")
+#: Commands that take hints on how a log is read as entries of a configuration.
+CONFIGURED = ("navigate", "init")
 #: Commands that write no file.
 _READ_ONLY = ("info", "catalogue", "explain", "doctor", "completion")
 

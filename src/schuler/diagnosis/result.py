@@ -350,8 +350,13 @@ def as_entries(fix: str, part: str = "") -> str:
     part : str
         Series it is about, if its section is to be named.
     """
-    spelt, count = _ENTRY.subn(lambda match: f"{match[1]} = {match[2].replace(chr(39), chr(34))}", fix)
-    return f"{spelt.removesuffix(' for the IMU')} in [recording.{part}]" if count and part else spelt
+
+    def entry(match: re.Match[str]) -> str:
+        known = match[1] in ReadHints.__dataclass_fields__
+        return f"{match[1]} = {match[2].replace(chr(39), chr(34))}" if known else match[0]
+
+    spelt = _ENTRY.sub(entry, fix)
+    return f"{spelt.removesuffix(' for the IMU')} in [recording.{part}]" if spelt != fix and part else spelt
 
 
 def _likelihood(f: Finding) -> str:

@@ -182,8 +182,8 @@ def _values(sheet: _Sheet, path: Path) -> FloatArray:
     if not body.strip():
         return np.zeros((0, len(sheet.words)))
     try:
-        values = np.genfromtxt(io.StringIO(body), delimiter=delimiter, invalid_raise=True) if ",," in body else (
-            np.loadtxt(io.StringIO(body), delimiter=delimiter, ndmin=2)
+        values = np.genfromtxt(io.StringIO(body), delimiter=delimiter, comments=None) if ",," in body else (
+            np.loadtxt(io.StringIO(body), delimiter=delimiter, comments=None, ndmin=2)
         )  # fmt: skip
     except ValueError as error:
         raise FileFormatError(f"{sheet.name}: expected numbers below the header ({error})", path) from error

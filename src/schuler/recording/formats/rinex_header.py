@@ -231,7 +231,7 @@ def broadcast_leap_seconds(file: RinexFile) -> int | None:
     if text is None or not text[:6].strip().isdecimal():
         return None
     # BeiDou counts from 2006, when GPS was 14 s ahead of UTC
-    return int(text[:6]) + (14 if text[24:27].strip() in ("BDS", "BDT") else 0)
+    return int(text[:6].strip()) + (14 if text[24:27].strip() in ("BDS", "BDT") else 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,10 +287,10 @@ def _new_types(file: RinexFile) -> dict[str, list[str]]:
     system = ""
     for text in file.header.get(label, []):
         if text[0] != " ":
-            system = text[0].upper()
-            if system in codes_of or not text[3:6].strip().isdecimal():
+            system, count = text[0].upper(), text[3:6].strip()
+            if system in codes_of or not count.isdecimal():
                 raise file.fault(f"{label}: expected one list with a count for each system, got {text.strip()!r}")
-            counts[system], codes_of[system] = int(text[3:6]), []
+            counts[system], codes_of[system] = int(count), []
         if not system:
             raise file.fault(f"{label}: expected the letter of a system, got {text.strip()!r}")
         codes_of[system] += text[6:60].split()
@@ -315,7 +315,7 @@ def _old_types(file: RinexFile) -> list[str]:
     texts = file.header.get(label, [])
     if not texts or not texts[0][:6].strip().isdecimal():
         raise file.fault(f"the header has no {label!r} with their number: is it a file of observations?")
-    count = int(texts[0][:6])
+    count = int(texts[0][:6].strip())
     codes = [code for text in texts for code in text[6:60].split()]
     if len(codes) != count or any(len(c) != 2 for c in codes):
         raise file.fault(f"{label}: expected {count} types such as C1, got {' '.join(codes)}")

@@ -10,6 +10,7 @@ Sources: RINEX 2.11 (Gurtner and Estey, 2007), 2.12, 3.00 to 3.05 and 4.00 to 4.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -250,7 +251,7 @@ def _header_channels(file: RinexFile) -> dict[int, int]:
     for text in file.header.get("GLONASS SLOT / FRQ #", []):
         for first in range(4, 60, 7):
             name, channel = text[first : first + 3], text[first + 3 : first + 6].strip()
-            if name[:1] == "R" and name[1:].strip().isdecimal() and channel.lstrip("-+").isdecimal():
+            if name[:1] == "R" and name[1:].strip().isdecimal() and re.fullmatch(r"[-+]?\d+", channel):
                 channels[satellite(name)] = int(channel)
     return channels
 

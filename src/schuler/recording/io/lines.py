@@ -29,6 +29,7 @@ _NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _DATE = re.compile(r"\d{1,4}[-/:]\d{1,2}[-/:]\d{1,4}")
 _HEAD_BYTES = 1 << 16
+_PACKED = (".gz", ".bz2", ".xz", ".lzma")
 #: Size of a file from which loading the compiled code is worth its half a second. [bytes]
 MANY = 4_000_000
 
@@ -340,7 +341,8 @@ def _fast(table: TextTable, n_columns: int, used: list[int], count: int | None) 
     """All rows by NumPy's compiled reader, ``None`` if it stumbles; ``count`` says that so many lines were checked."""
     # NumPy reads the file itself as long as nothing has to be taken out of its lines. Without usecols it also checks
     # that every line has as many fields; once each line was checked the unused columns may hold words.
-    direct = count is None and not table.replaced
+    # By the name it would unpack what is called .gz, .bz2 or .xz and is a text.
+    direct = count is None and not table.replaced and table.path.suffix not in _PACKED
     delimiter = None if table.delimiter == " " else table.delimiter
     with warnings.catch_warnings(), closing(_bare_lines(table)) as bare:
         warnings.simplefilter("error")

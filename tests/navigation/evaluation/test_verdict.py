@@ -248,3 +248,19 @@ def test_a_covariance_that_is_not_positive_fails_the_run(recording):
 def test_resets_have_no_test_and_break_nothing(recording):
     run = navigate(recording, config(gnss={"coupling": "reset"}))
     assert not any("broke down" in reason for reason in run.verdict.reasons)
+
+
+def test_a_run_that_a_few_measurements_tested_is_doubtful(recording):
+    short = recording.between(recording.imu.t[0], recording.imu.t[0] + 33.0)
+    late = config(alignment=GIVEN, gnss={"velocity": False}, outages={"windows_s": [[0.0, 27.0]]})
+    verdict = navigate(short, late).verdict
+    assert verdict.status == "doubtful"
+    assert "too few to tell" in " ".join(verdict.reasons)
+
+
+@pytest.mark.parametrize(("accel", "claimed"), [(0.05, False), (5e3, True)])
+def test_a_claim_beyond_the_distance_between_fixes_is_doubtful(recording, accel, claimed):
+    noisy = {"gyro": IMU["gyro"], "accel": {**IMU["accel"], "vrw_m_s_rthr": accel}}
+    run = config(imu=noisy, filter={"tune": False}, gnss={"velocity": False})
+    verdict = navigate(recording, run).verdict
+    assert any("adds nothing" in reason for reason in verdict.reasons) == claimed

@@ -92,6 +92,10 @@ def causes(result: NavigationResult, findings: list[Finding]) -> list[str]:
         explained.append((0.45, f"what {names} assumes does not hold: mount angles, lever arms, sigmas of that aid"))
     if "attitude" in size:
         explained.append((0.7, "the motion does not show the heading: give it (alignment.rpy_deg), or drive turns"))
+    if "untested" in size:
+        explained.append((0.8, "the run starts late in its log, or has too few fixes: give the attitude (alignment)"))
+    if "claims" in size:
+        explained.append((0.65, "fixes come too rarely for this IMU, or its tuned noise is too large: state it (imu)"))
     if not explained:
         explained.append((0.1, "the IMU or GNSS is worse than it states"))
     return list(dict.fromkeys(text for _, text in sorted(explained, key=lambda c: -c[0])))[:3]

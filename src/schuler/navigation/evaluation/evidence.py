@@ -78,7 +78,7 @@ def evidence(result: NavigationResult) -> list[Finding]:
     if broken := [*_numbers(result)]:
         return broken
     findings = [*_rejections(result), *_sizes(result), *_pauses(result), *_budgets(result)]
-    findings += [*_halves(result), *_attitude(result)]
+    findings += [*_halves(result), *_attitude(result), *_claims(result)]
     # noise beyond the budget is cured where innovations have the size that the run, which enlarged it, predicts
     findings += [Finding(-1, note, "noise") for note in result.notes if note.startswith(NOISIER)]
     for note in result.notes:
@@ -260,6 +260,38 @@ def _pauses(result: NavigationResult) -> Iterator[Finding]:
                 "times their predicted size"
             )
             yield Finding(0, text, f"pause {code}", mean)
+
+
+def _claims(result: NavigationResult) -> Iterator[Finding]:
+    """Claims that nothing tested, or so large that the last fix would have served as well as the IMU.
+
+    Notes
+    -----
+    A fix of covariance R that meets a prediction of covariance P leaves P R / (P + R) and has the innovation covariance
+    P + R, which is above four times the former exactly where the prediction adds less than the fix.
+    """
+    inn, T = result.innovations, result.trajectory
+    tested = int(np.isfinite(inn.nis).sum())
+    if 0 < tested < LEAST:
+        text = (
+            f"measurements that tested the run, from {T.t[0]:.1f} s on: {tested}, too few to tell whether it is right"
+        )
+        yield Finding(0, text, "untested", LEAST / tested)
+    fixes = inn.where((inn.kind == POSITION) & np.isin(inn.status, (ACCEPTED, FORCED)))
+    if result.smoothed or len(fixes) < 3:
+        return
+    variance = np.sum(result.sigma("dr")[:, :2] ** 2, axis=1)
+    left = variance[np.minimum(np.searchsorted(result.t, fixes.t, side="right"), len(result.t) - 1)]
+    after = T.r_eb_e[np.minimum(np.searchsorted(T.t, fixes.t, side="right"), len(T.t) - 1)]
+    travelled = float(np.median(np.linalg.norm(np.diff(after, axis=0), axis=1)))
+    predicted = np.sum(fixes.sigma[1:, :2] ** 2, axis=1)
+    claim = float(np.sqrt(np.median(predicted)))
+    if claim > travelled > 2.0 * float(np.sqrt(np.median(left))) and np.median(predicted / left[1:]) > 4.0:
+        text = (
+            f"{kind_text(POSITION)}: predicted to {claim:.2g} m (1 sigma, median), and {travelled:.2g} m lie between "
+            "one fix and the next: the IMU adds nothing to them"
+        )
+        yield Finding(0, text, "claims", claim / travelled)
 
 
 def _budgets(result: NavigationResult) -> Iterator[Finding]:

@@ -210,10 +210,10 @@ def package_of(path: Path) -> str:
     return ".".join(path.relative_to(PACKAGE.parent).parent.parts)
 
 
-def imports_of_private_names(text: str, package: str) -> list[str]:
+def imports_of_private_names(tree: ast.Module, package: str) -> list[str]:
     """Imports, in a file of ``package``, of a name with a leading underscore from outside what holds it."""
     intruding = []
-    for node in ast.walk(ast.parse(text)):
+    for node in ast.walk(tree):
         names: list[str] = []
         if isinstance(node, ast.ImportFrom):
             names = [f"{node.module}.{alias.name}" for alias in node.names]
@@ -228,7 +228,7 @@ def imports_of_private_names(text: str, package: str) -> list[str]:
 
 def test_names_with_an_underscore_are_private_to_what_holds_them():
     """``a._kernels`` is imported inside the package ``a`` only, ``a.b._row`` inside ``a.b`` only."""
-    check_each(MODULES, lambda path: imports_of_private_names(source(path), package_of(path)))
+    check_each(MODULES, lambda path: imports_of_private_names(parsed(path), package_of(path)))
 
 
 @pytest.mark.parametrize(
@@ -244,7 +244,7 @@ def test_names_with_an_underscore_are_private_to_what_holds_them():
     ],
 )
 def test_the_search_for_private_imports_tells_them_apart(line, package, allowed):
-    assert (imports_of_private_names(line, package) == []) is allowed
+    assert (imports_of_private_names(ast.parse(line), package) == []) is allowed
 
 
 # ------------------------------------------------------------------------------------------- docstrings

@@ -103,6 +103,7 @@ REAL = [(name, k) for name in ("imu1", "imu2", "laser") for k in range(6)]
 
 
 @pytest.mark.realdata
+@pytest.mark.campaign
 def test_white_noise_of_a_log_and_its_halves_overlap():
     """An axis on which those of one model alone were disjoint: the laser gyro was moved in the first half."""
     assert all(inside for term, inside in overlaps(*real_axis("laser", 1)) if term == "N")

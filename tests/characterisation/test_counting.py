@@ -91,7 +91,7 @@ def imu_with(z: np.ndarray) -> ImuSeries:
 
 def test_the_person_is_told():
     truth = Counted(White(1.5e-4) + RandomWalk(1e-5), ShotNoise(3e-4, 20.0, 0.02), 5e-3, 10.0121, 125.0)
-    found = identify_noise(imu_with(log_of(truth, 60_000, 7)), models=("N", "N+K"))
+    found = identify_noise(imu_with(log_of(truth, 30_000, 7)), models=("N", "N+K"))
     axis = found.axes["accel_z"]
     text = next(f.text for f in axis.findings if f.code == "counted")
     assert "0.005 m/s^2*s" in text

@@ -110,7 +110,7 @@ def test_a_budget_of_several_switch_ons_has_their_spread_and_not_their_mean(tmp_
     for bias in turn_on * DEG_PER_HR:
         gyro = bias + 1e-7 * rng.standard_normal((2000, 3))
         logs.append(ImuSeries(np.arange(2000) * 0.02, gyro, np.zeros((2000, 3))))  # gyroscopes alone
-    several, fewer = identify_noise(logs), identify_noise(logs[:2])
+    several, fewer = (identify_noise(part, models=("N",)) for part in (logs, logs[:2]))
     sigma = np.sqrt(np.mean(4.0 / 3.0 * turn_on.var(axis=0, ddof=1)))
     assert several.spec.gyro.turn_on_bias / DEG_PER_HR == pytest.approx(sigma, rel=1e-3)  # noise of the means: 1e-4
     assert several.spec_sigma["gyro"]["turn_on_bias"] == pytest.approx(1.0 / np.sqrt(2.0 * 6.0))

@@ -98,7 +98,7 @@ def test_the_clean_simulated_drive_raises_no_alarm(simulated, tmp_path):
 KINDS = [("single", SINGLES), ("pair", PAIRS)]
 
 
-@pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("every", [8, pytest.param(1, marks=pytest.mark.campaign)])
 @pytest.mark.parametrize(("kind", "target"), KINDS)
 def test_faults_of_the_simulated_drive_are_named(simulated, tmp_path, kind, target, every):
     """Measured when written: 66 of 66, 40 of 40."""

@@ -66,7 +66,7 @@ def test_nees_at_full_covariance_rate(drive_case):
 )
 def test_nees_over_an_hour(runs):
     """Truth from the filter's own model for an hour: a defect too small for two minutes has time to show."""
-    case = cases.Case.of(cases.drive(60.0), 3600.0, rate_hz=50.0)
+    case = cases.Case.of(cases.drive(60.0), 3600.0, rate_hz=25.0)
     lay = cases.StateLayout(
         {
             "b_a": cases.StateModel.gauss_markov(0.02, 3600.0),

@@ -81,8 +81,8 @@ def test_summed_angles_are_wrong_for_large_turns():
 @pytest.mark.parametrize("grade", ["consumer", "tactical"])
 @pytest.mark.parametrize("start", ["zero", "stationary"])
 def test_planar_monte_carlo_meets_the_closed_forms(grade, start):
-    """20,000 runs, four standard errors; samples of 10 Hz leave 3 / k = 1 % of a variance at 30 s."""
-    result = planar_bounds(spec(f"flenniken-{grade}"), 30.0, rate_hz=10.0, runs=20_000, start=start, seed=7)
+    """5,000 runs, four standard errors; samples of 10 Hz leave 3 / k = 1 % of a variance at 30 s."""
+    result = planar_bounds(spec(f"flenniken-{grade}"), 30.0, rate_hz=10.0, runs=5000, start=start, seed=7)
     exact = growth(spec(f"flenniken-{grade}"), result.t, gravity=0.0, start=start)
     for k in (149, 299):
         for name, quantity in (("heading", "heading"), ("velocity_north", "velocity"), ("position_north", "position")):

@@ -145,6 +145,7 @@ def test_walk_goes_on_with_a_subset_of_satellites(walk, whole_walk, most, larges
     assert 0 < np.sum(within) <= 80 * most
 
 
+@pytest.mark.campaign
 def test_walk_with_a_subset_of_satellites_all_along(walk):
     """By the entry of the configuration: the uncertainty says what is lost."""
     sigma = {}

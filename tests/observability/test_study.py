@@ -94,6 +94,7 @@ NOISE = {
 
 
 @pytest.mark.parametrize(("imu", "name"), ANCHORS)
+@pytest.mark.thinned(2)
 def test_means_and_sigmas_of_chapter_5(imu, name):
     """Standard deviations of a velocity filter at 1 Hz, 1 cm/s. Tolerance: 0.6 of the last printed digit, or 1.5 % for
     how the reference puts noise into steps of a second (it matters for the MTi-G's tilt, 0.0543 here)."""

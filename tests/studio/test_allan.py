@@ -23,7 +23,7 @@ def noise():
     gyro = rng.standard_normal((n, 3)) * 1e-3 + walk
     accel = rng.standard_normal((n, 3)) * 1e-2 - (0.0, 0.0, 9.8)
     imu = ImuSeries(dt * np.arange(1, n + 1), gyro, accel)
-    return identify_noise(imu, method="allan")
+    return identify_noise(imu, models=("N", "N+K"), method="allan")
 
 
 @pytest.fixture(scope="module")

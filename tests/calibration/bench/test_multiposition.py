@@ -393,6 +393,7 @@ def test_nothing_to_go_on(rng):
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 12])
+@pytest.mark.thinned(2)
 def test_few_poses_much_alike_are_refused_without_nonsense(rng, n):
     """No NaN, no warning of numpy, no infinite value; what is determined has a finite variance, the rest says so."""
     for spread in (0.0, 1e-4, 0.1):

@@ -109,6 +109,7 @@ def test_what_the_log_says_of_its_noise(found):
     ],
 )  # fmt: skip
 @pytest.mark.thinned(3)
+@pytest.mark.thinned(2)
 def test_it_does_not_depend_on_what_is_chosen(bench, found, change):
     """Within 1.5 sigma of the same log's result with other settings. Statistical in part: they weigh readings anew.
 

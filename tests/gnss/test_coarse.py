@@ -64,6 +64,17 @@ def test_a_long_log_costs_no_more_than_five_hundred_fixes(rng):
     assert np.all(np.diff(t_fix) >= 10.0)
 
 
+def test_a_track_does_not_depend_on_where_a_log_begins(rng):
+    """One fix in ten seconds of the clock; an epoch stamped a little before a whole second belongs to it."""
+    r_sat, _, _ = sats_above(5, rng)
+    t = np.repeat(np.arange(40.0) - 1e-4, 5)
+    p = np.tile(geometric_ranges(r_sat, HOME[None]), 40)
+    whole, _ = coarse_track(t, p, np.tile(r_sat, (40, 1)))
+    np.testing.assert_allclose(whole, [0.0, 10.0, 20.0, 30.0], rtol=0.0, atol=2e-4)
+    cut, _ = coarse_track(t[35:], p[35:], np.tile(r_sat, (33, 1)))
+    np.testing.assert_array_equal(cut[1:], whole[1:])
+
+
 def test_medians_of_epochs(rng):
     epoch = np.sort(rng.integers(0, 40, 300))
     value = rng.standard_normal(300)

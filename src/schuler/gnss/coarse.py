@@ -13,6 +13,7 @@ from schuler.gnss.ranges import sagnac
 
 OMEGA_IE = 7.2921151467e-5  # GPS and Galileo; BeiDou's and GLONASS's 7.292115e-5 changes a range by 1 um [rad/s]
 SPACING_S = 10.0  # a track needs no more: 3 km at the speed of an airliner [s]
+_EARLY = 1e-3  # of a spacing: an epoch at its beginning may be stamped so much before
 MOST_FIXES = 500
 _GROSS = 1_000.0  # residuals above this are not of orbits, clocks or atmosphere [m]
 _LOWEST, _HIGHEST = -2e3, 5e4  # heights of receivers [m]
@@ -42,6 +43,8 @@ def directions(r_e: ArrayLike, r_sat_e: ArrayLike) -> tuple[FloatArray, FloatArr
 
 def coarse_track(t: FloatArray, pseudorange: FloatArray, r_sat_e: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Positions every ten seconds or so, by unweighted least squares from the Earth's centre.
+
+    One of every ten seconds of the clock, so that they do not depend on where a log begins.
 
     Parameters
     ----------
@@ -73,16 +76,17 @@ def coarse_track(t: FloatArray, pseudorange: FloatArray, r_sat_e: FloatArray) ->
     if not len(starts):
         return np.zeros(0), np.zeros((0, 3))
     spacing = max(SPACING_S, (t[starts[-1]] - t[starts[0]]) / MOST_FIXES)
+    part = np.floor(t[starts] / spacing + _EARLY)
     times, fixes = [], []
     done = -np.inf
-    for a, b in zip(starts, ends, strict=True):
-        if t[a] < done + spacing:
+    for a, b, number in zip(starts, ends, part, strict=True):
+        if number == done:
             continue
         fix = _fix(pseudorange[a:b], r_sat_e[a:b])
         if fix is not None:
             times.append(t[a])
             fixes.append(fix)
-            done = t[a]
+            done = number
     return np.array(times), np.array(fixes).reshape(-1, 3)
 
 

@@ -165,8 +165,11 @@ class Intake:
             self._say("measurement", sentence, "ranges")
         if epoch.fix is not None and collection is not None:
             collection.add(epoch.fix)
-        satellites.forget(-math.inf if collection is not None else epoch.t)
+        satellites.forget(-math.inf if run is None or collection is not None else epoch.t - run.filter.lag_s)
         if run is not None:
             if epoch.fix is not None:  # it tells rests
                 self.measurements(run.aids, [epoch.fix], series_of([epoch.fix]))
             self.apply(run, self.range_measurements(run.aids, epoch.usable))
+        times, again = satellites.complete(epoch)
+        if run is not None and len(times):
+            run.filter.exchange(times, self.range_measurements(run.aids, again))

@@ -176,6 +176,18 @@ class ReplayFilter:
             self._take(Aiding._make(np.ascontiguousarray(x[order]) for x in both))
         return measurements.t[late], repeated
 
+    def exchange(self, times: FloatArray, measurements: MeasurementSchedule) -> None:
+        """Put ranges of satellites and their rates in place of those of some times, shape (k,), unless too old. [s]"""
+        times = times[times > self.oldest + 1e-6]
+        t, kind = self._measurements["t"], self._measurements["kind"]
+        gone = np.isin(kind, _MANY) & np.isin(t, times)
+        if gone.any():
+            first = float(t[gone][0])
+            if first <= self.time + _SAME:
+                self._go_back(first)
+            self._take(Aiding._make(np.ascontiguousarray(x[~gone]) for x in self.aiding))
+        self.aid(measurements.where(measurements.t > self.oldest + 1e-6))
+
     def run(self) -> None:
         """Filter up to the newest sample."""
         t, arrays = self.samples["t"], self.state.arrays

@@ -20,13 +20,14 @@ from schuler.gnss.receiver_clock import MILLISECOND
 from schuler.live.decoders.base import fixes
 from schuler.live.messages import Fix, SatelliteEpoch
 from schuler.navigation.config import NavigationConfig
-from schuler.navigation.inputs.satellite_noise import WINDOW_S
+from schuler.navigation.inputs.satellite_noise import WINDOW_S, window_of
 from schuler.navigation.inputs.satellites import corrected_ranges, limited, once_each, screened
 from schuler.recording.series import gnss_series
 
 _FEWEST, _MOST = 10, 20  # epochs by which one is screened
 _SETTLED = 5  # epochs that show that a jump of the clock lasts, as in a log
 _SMALLEST = 1.0  # jumps are of 20 m and more, the rest is rounding [m]
+_RAW_S = 3.0 * WINDOW_S  # how long raw measurements are kept, to be corrected again [s]
 _KEPT_S = 86_400.0  # age of the oldest broadcast message that is kept [s]
 _EXCLUDED = 6  # schuler.gnss.ranges.REASONS
 
@@ -64,7 +65,8 @@ class LiveSatellites:
 
     An epoch is screened together with those of the ten seconds before it (ten epochs at least, twenty at most): faults
     in its snapshot, standard deviations by the scatter of single points, jumps of the receiver clock. A log has the
-    epochs after it, too. Orbits are those of the messages that came.
+    epochs after it, too: ten seconds that are complete are corrected and screened once more, as those of a log. Orbits
+    are those of the messages that came.
 
     Parameters
     ----------
@@ -114,12 +116,45 @@ class LiveSatellites:
         earlier = earlier[min(first, max(len(earlier) - _FEWEST + 1, 0)) :]
         step = earlier[-1].step if earlier else 0.0
         raw = measured if isinstance(measured, Observations) else None
-        ranges = measured if isinstance(measured, Ranges) else self._corrected(measured, earlier)
+        ranges = measured if isinstance(measured, Ranges) else self._newest_corrected(measured, earlier)
         ranges = once_each(replace(ranges, pseudorange=ranges.pseudorange - step), [])
         epoch = Epoch(t, ranges, ranges, step, None, raw)
         notes = self._screen([*earlier, epoch])
         self.epochs.insert(at, epoch)
         return epoch, notes
+
+    def complete(self, newest: Epoch) -> tuple[FloatArray, Ranges | None]:
+        """Correct and screen the ten seconds that an epoch completes, or comes late to, with the epochs after them.
+
+        Parameters
+        ----------
+        newest : Epoch
+            The one taken last.
+
+        Returns
+        -------
+        times : ndarray, shape (k,)
+            Of the ranges that they had for the filter; none where nothing changes. [s]
+        ranges : Ranges, optional
+            Those in their place.
+        """
+        windows = window_of(np.array([e.t for e in self.epochs]))
+        at = bisect_left(self.epochs, newest.t, key=_time)
+        due = windows[at] if windows[at] < windows[-1] else windows[max(at - 1, 0)]
+        if due == windows[-1]:
+            return np.empty(0), None
+        first, stop = np.searchsorted(windows, (due, due + 1)).tolist()
+        members, after = self.epochs[first:stop], self.epochs[stop : stop + _SETTLED]
+        self._correct_again(members, after[0])
+        begin = max(first - _FEWEST, 0)
+        epochs = self.epochs[begin : stop + _SETTLED]
+        out, _ = screened(joined_ranges([e.ranges for e in epochs]), self._config, [])
+        of = np.repeat(np.arange(len(epochs)), [len(e.ranges) for e in epochs])
+        section, times = self._config.gnss.tight, [e.usable.t for e in members]
+        for k, epoch in enumerate(members, first - begin):
+            epoch.usable = limited(out.where(of == k), section.min_satellites, section.max_satellites)
+        usable = [e.usable for e in members if len(e.usable)]
+        return np.unique(np.concatenate(times)), joined_ranges(usable) if usable else None
 
     def ranges(self, since: float = -math.inf, *, usable: bool = False) -> Ranges | None:
         """Ranges of the epochs that are kept, as a log of them; None without any. [s]"""
@@ -130,9 +165,10 @@ class LiveSatellites:
     def forget(self, t: float) -> None:
         """Drop epochs before a time, but for those by which the next are screened. [s]"""
         older = max(len(self.epochs) - _MOST, 0)
-        for epoch in self.epochs[:older]:
+        complete = bisect_left(self.epochs, self.epochs[-1].t - _RAW_S, key=_time) if self.epochs else 0
+        for epoch in self.epochs[: min(complete, older)]:
             epoch.raw = None
-        del self.epochs[: min(bisect_left(self.epochs, t, key=_time), older)]
+        del self.epochs[: min(bisect_left(self.epochs, t - 2.0 * WINDOW_S, key=_time), older)]
 
     def document(self) -> dict[str, Any]:
         """What goes on from one epoch to the next, for files."""
@@ -166,31 +202,48 @@ class LiveSatellites:
             for x in document["epochs"]
         ]  # fmt: skip
 
-    def _corrected(self, raw: Observations, earlier: list[Epoch]) -> Ranges:
+    def _newest_corrected(self, raw: Observations, earlier: list[Epoch]) -> Ranges:
         """Ranges of raw measurements, with the receiver clock as continuous as in the epochs before."""
         if not (np.isfinite(raw.pseudorange) | np.isfinite(raw.range_rate)).any():
             raise InputError("it has neither pseudoranges nor Doppler shifts")
-        section = self._config.gnss.tight
         before = [e for e in earlier if e.raw is not None and e.raw.epoch_gps_s == raw.epoch_gps_s]
-        observations = joined_observations([*(e.raw for e in before if e.raw is not None), raw])
+        raws = [*(e.raw for e in before if e.raw is not None), raw]
+        ranges = self._corrected(raws, before[0] if before else None)
+        return ranges.where(ranges.t == ranges.t[-1])
+
+    def _correct_again(self, epochs: list[Epoch], following: Epoch) -> None:
+        """Correct consecutive epochs by the places and ephemerides that there are now."""
+        raws = [e.raw for e in (*epochs, following) if e.raw is not None]
+        if len(raws) <= len(epochs) or len({raw.epoch_gps_s for raw in raws}) > 1:
+            return
+        ranges = self._corrected(raws, epochs[0])
+        times = np.unique(ranges.t)
+        if len(times) != len(raws):
+            return
+        for epoch, t in zip(epochs, times, strict=False):
+            own = ranges.where(ranges.t == t)
+            epoch.ranges = once_each(replace(own, pseudorange=own.pseudorange - epoch.step), [])
+
+    def _corrected(self, raws: list[Observations], reference: Epoch | None) -> Ranges:
+        """Ranges of consecutive epochs, with the receiver clock as the first of them, the reference, had it before."""
+        section, observations = self._config.gnss.tight, joined_observations(raws)
         ranges = corrected_ranges(observations, self.ephemerides, section, causal=True)
         if self._place is not None and not np.isfinite(ranges.elevation).any():
             ranges = corrected_ranges(observations, self.ephemerides, section, causal=True, position_e=self._place)
-        epoch = ranges.where(ranges.t == ranges.t[-1])
-        if not before:
-            return epoch
+        if reference is None:
+            return ranges
         # steps of whole milliseconds are taken out from the first of these epochs on, which had some before
-        first, reference = ranges.where(ranges.t == ranges.t[0]), before[0]
+        first = ranges.where(ranges.t == ranges.t[0])
         _, i, j = np.intersect1d(first.sat, reference.ranges.sat, return_indices=True)
         moved = first.pseudorange[i] - reference.ranges.pseudorange[j] - reference.step
         moved = moved[np.isfinite(moved)]
         taken_out = MILLISECOND * np.round(np.median(moved) / MILLISECOND) if len(moved) else 0.0
-        return replace(epoch, pseudorange=epoch.pseudorange - taken_out)
+        return replace(ranges, pseudorange=ranges.pseudorange - taken_out)
 
     def _screen(self, epochs: list[Epoch]) -> list[str]:
         """Screen the last of some consecutive epochs; sentences on it."""
         joined = joined_ranges([e.ranges for e in epochs])
-        out, solution = screened(joined, self._config, [])
+        out, solution = screened(joined, self._config, [], float(joined.t[0]))
         of = np.repeat(np.arange(len(epochs)), [len(e.ranges) for e in epochs])
         epoch, section = epochs[-1], self._config.gnss.tight
         last = out.where(of == len(epochs) - 1)

@@ -18,8 +18,11 @@ from schuler.live.replay import ReplayFilter
 from schuler.live.run import LiveRun
 from schuler.live.warm import LONGEST_S, Kept, grown, informed
 from schuler.navigation.config import NavigationConfig
+from schuler.navigation.inputs.satellite_noise import WINDOW_S
 from schuler.navigation.run import prepared_run
 from schuler.recording.series import ImuSeries, Kind
+
+_INTERVAL_S = 2.0  # until the epoch that shows that ten seconds of ranges are complete [s]
 
 
 @dataclass(frozen=True)
@@ -95,8 +98,10 @@ def start(
     samples, sentences = preparation.take(raw["t"], raw["gyro"], raw["accel"], raw["temperature"])
     options = replace(prepared.options, smoother=False, gap_s=None, gap_gyro=0.0, gap_accel=0.0)
     replay = ReplayFilter(initial, prepared.layout, prepared.psd, options, interval, lag_s)
+    if prepared.ranges is not None:
+        replay.lag_s = lag_s + WINDOW_S + _INTERVAL_S
     if smoother_lag_s is not None:
-        replay.lag_s = max(lag_s, smoother_lag_s + 2.0 * replay.propagation_s)
+        replay.lag_s = max(replay.lag_s, smoother_lag_s + 2.0 * replay.propagation_s)
     replay.extend(samples)
     clocks = () if prepared.ranges is None else prepared.ranges.groups
     imu = ImuSeries(samples.t, samples.rate, samples.force)

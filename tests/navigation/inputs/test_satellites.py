@@ -179,7 +179,7 @@ def test_true_standard_deviations_stay(case):
 
 @pytest.mark.parametrize("factor", [2.0, 5.0, 300.0])
 def test_too_small_standard_deviations_are_enlarged_where_they_are(clean, factor):
-    late = clean.t >= 60.5
+    late = clean.t >= 60.0  # a window begins
     wrong = replace(
         clean,
         sigma_range=np.where(late, clean.sigma_range / factor, clean.sigma_range),
@@ -194,6 +194,15 @@ def test_too_small_standard_deviations_are_enlarged_where_they_are(clean, factor
         assert np.all((ratio[late] > 0.75) & (ratio[late] < 1.3)), ratio[late]
     assert len(notes) == 2
     assert notes[0].startswith(f"standard deviations of {late.sum()} ranges were enlarged")
+
+
+def test_standard_deviations_do_not_depend_on_where_a_log_begins(clean):
+    """Windows are those of the clock; a log without its first seven seconds has the numbers of the whole one."""
+    wrong = replace(clean, sigma_range=clean.sigma_range / np.where(clean.t >= 60.0, 3.0, 1.0))
+    part = wrong.t >= 7.0
+    whole, cut = (inflate_sigmas(r, [])[0] for r in (wrong, wrong.where(part)))
+    assert np.any(whole.sigma_range > 2.0 * wrong.sigma_range)
+    np.testing.assert_array_equal(cut.sigma_range, whole.sigma_range[part])
 
 
 def test_too_large_standard_deviations_stay(clean):

@@ -13,6 +13,7 @@ from schuler.gnss.point_result import PointSolution
 from schuler.gnss.ranges import Ranges
 
 WINDOW_S = 10.0
+_EARLY = 1e-3  # of a window: an epoch at its beginning may be stamped so much before
 _ROUNDS = 4  # of scaling and solving: exclusions made with the old weights hide a part of the scatter
 _SIGMAS = 3.1  # of chance, 99.9 %
 _LEAST = 1.25  # standard deviations that are wrong by less do no harm
@@ -20,7 +21,12 @@ _SETTLED = 1.05
 _ALONE = Integrity(neighbours=False)  # the filter is what ties epochs here, and statistics are those of one epoch
 
 
-def inflate_sigmas(ranges: Ranges, notes: list[str]) -> tuple[Ranges, PointSolution]:
+def window_of(t: FloatArray | float, origin: float = 0.0) -> IntArray:
+    """Number of the window in which times lie, by the clock of their stamps from an origin on. [s]"""
+    return np.floor((np.asarray(t) - origin) / WINDOW_S + _EARLY).astype(np.int64)
+
+
+def inflate_sigmas(ranges: Ranges, notes: list[str], origin: float = 0.0) -> tuple[Ranges, PointSolution]:
     """Enlarge standard deviations of ranges that are smaller than their scatter.
 
     Parameters
@@ -29,6 +35,8 @@ def inflate_sigmas(ranges: Ranges, notes: list[str]) -> tuple[Ranges, PointSolut
         Ranges with positive standard deviations.
     notes : list of str
         Gets a sentence if any were enlarged.
+    origin : float
+        Where a window begins; by default at every ten seconds of the clock, wherever a log begins. [s]
 
     Returns
     -------
@@ -53,12 +61,13 @@ def inflate_sigmas(ranges: Ranges, notes: list[str]) -> tuple[Ranges, PointSolut
     """
     range_factor, rate_factor = np.ones(len(ranges)), np.ones(len(ranges))
     solution = solve_points(ranges, integrity=_ALONE)
+    window = window_of(solution.t, origin)
     larger_range, larger_rate = np.zeros((2, len(solution)), dtype=bool)
     for _ in range(_ROUNDS):
         tested = solution.status != 2
         freedom, rate_freedom = solution.redundancy, np.maximum(solution.n_rates - 4, 0)
-        of_range = _factors(solution.t, solution.statistic, freedom, tested & (freedom > 0), larger_range)
-        of_rate = _factors(solution.t, solution.velocity_statistic, rate_freedom, rate_freedom > 0, larger_rate)
+        of_range = _factors(solution.statistic, freedom, tested & (freedom > 0), larger_range, window)
+        of_rate = _factors(solution.velocity_statistic, rate_freedom, rate_freedom > 0, larger_rate, window)
         if max(of_range.max(), of_rate.max()) < _SETTLED:
             break
         larger_range, larger_rate = larger_range | (of_range > 1.0), larger_rate | (of_rate > 1.0)
@@ -83,7 +92,7 @@ def inflate_sigmas(ranges: Ranges, notes: list[str]) -> tuple[Ranges, PointSolut
 
 
 def _factors(
-    t: FloatArray, statistic: FloatArray, freedom: IntArray, tested: BoolArray, larger: BoolArray
+    statistic: FloatArray, freedom: IntArray, tested: BoolArray, larger: BoolArray, window: IntArray
 ) -> FloatArray:
     """Factor on the standard deviations of each epoch, 1 or more; epochs without redundancy take their window's.
 
@@ -91,12 +100,11 @@ def _factors(
     """
     from scipy.special import chdtri
 
-    factors = np.ones(len(t))
+    factors = np.ones(len(statistic))
     tested = tested & np.isfinite(statistic)
     if not tested.any():
         return factors
     normal = statistic[tested] / chdtri(freedom[tested], 0.5)
-    window = np.floor((t - t[0]) / WINDOW_S).astype(np.int64)
     windows = window[tested]
     for w in np.unique(windows):
         members = windows == w

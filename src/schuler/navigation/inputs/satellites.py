@@ -124,7 +124,9 @@ def corrected_ranges(
     )
 
 
-def screened(ranges: Ranges, config: NavigationConfig, notes: list[str]) -> tuple[Ranges, PointSolution]:
+def screened(
+    ranges: Ranges, config: NavigationConfig, notes: list[str], origin: float = 0.0
+) -> tuple[Ranges, PointSolution]:
     """Ranges without repetitions, snapshot faults and jumps of the receiver clock, with standard deviations to use.
 
     Parameters
@@ -134,6 +136,8 @@ def screened(ranges: Ranges, config: NavigationConfig, notes: list[str]) -> tupl
         ``gnss.tight.integrity`` and ``gnss.correlated``.
     notes : list of str
         Gets sentences on what was left out or changed.
+    origin : float
+        See :func:`~schuler.navigation.inputs.satellite_noise.inflate_sigmas`. [s]
 
     Returns
     -------
@@ -143,7 +147,7 @@ def screened(ranges: Ranges, config: NavigationConfig, notes: list[str]) -> tupl
     """
     ranges = with_sigmas(once_each(ranges, notes), notes)
     if config.gnss.tight.integrity:
-        ranges, solution = inflate_sigmas(ranges, notes)
+        ranges, solution = inflate_sigmas(ranges, notes, origin)
         ranges = without_faults(ranges, solution, notes)
     else:
         solution = solve_points(ranges, integrity=None)

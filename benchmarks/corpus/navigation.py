@@ -20,7 +20,8 @@ from schuler.navigation.result import NavigationResult
 from schuler.navigation.run import navigate
 from schuler.recording.io import read
 from schuler.recording.recording import Recording
-from schuler.recording.series import GnssSeries, gnss_series
+from schuler.recording.satellite_positions import gnss_series
+from schuler.recording.series import GnssSeries
 
 from .case import ROOT, Case
 from .judgement import Judge, Windows, consistency, horizontal_errors, largest, rms, within

@@ -17,7 +17,7 @@ from schuler.gnss.point import solve_points
 from schuler.navigation.aids.satellite import range_measurements
 from schuler.navigation.evaluation.consistency import chi_square_band, nees
 from schuler.navigation.result import NavigationResult
-from schuler.recording.series import gnss_series
+from schuler.recording.satellite_positions import gnss_series
 
 RUNS = [16, pytest.param(40, marks=pytest.mark.campaign), pytest.param(400, marks=pytest.mark.slow)]
 CLOCK = ("clock", "clock_drift")

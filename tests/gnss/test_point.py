@@ -14,7 +14,7 @@ from schuler.gnss.point import solve_points
 from schuler.gnss.ranges import predicted_ranges, predicted_rates
 from schuler.gnss.signals import SPEED_OF_LIGHT
 from schuler.gnss.synthetic import EXACT, RangeErrors, synthetic_ranges
-from schuler.recording.series import gnss_series
+from schuler.recording.satellite_positions import gnss_series
 from schuler.units import DEG
 
 # Rounding of 2.5e7 m is 4e-9 m; geometry and sums of a few ranges multiply it.

@@ -4,7 +4,7 @@ import numpy as np
 
 from schuler.rotary.profiles import AngleProfile
 from schuler.rotary.search.scenario import RotaryScenario
-from schuler.studio.platform import platform_document
+from schuler.studio.figures import platform_document
 from schuler.studio.workspace import Workspace, write_mission
 
 

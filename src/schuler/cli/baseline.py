@@ -107,7 +107,7 @@ def baseline(
     from schuler.gnss.antennas import antenna_pair
     from schuler.gnss.baseline import solve_baseline
     from schuler.recording.io import write
-    from schuler.recording.series import baseline_series
+    from schuler.recording.satellite_positions import baseline_series
 
     began = time.perf_counter()
     roving = read_log(rover, None)

@@ -100,7 +100,7 @@ def single_points(recording: Recording, most: int = 300) -> GnssSeries | None:
     from schuler.exceptions import SchulerError
     from schuler.gnss.point import solve_points
     from schuler.gnss.preparation import prepare_ranges
-    from schuler.recording.series import gnss_series
+    from schuler.recording.satellite_positions import gnss_series
 
     try:
         ranges = recording.ranges

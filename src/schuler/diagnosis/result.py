@@ -352,8 +352,8 @@ def as_entries(fix: str, part: str = "") -> str:
     """
 
     def entry(match: re.Match[str]) -> str:
-        known = match[1] in ReadHints.__dataclass_fields__
-        return f"{match[1]} = {match[2].replace(chr(39), chr(34))}" if known else match[0]
+        is_hint = match[1] in ReadHints.__dataclass_fields__
+        return f"{match[1]} = {match[2].replace(chr(39), chr(34))}" if is_hint else match[0]
 
     spelt = _ENTRY.sub(entry, fix)
     return f"{spelt.removesuffix(' for the IMU')} in [recording.{part}]" if spelt != fix and part else spelt

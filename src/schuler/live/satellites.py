@@ -22,7 +22,7 @@ from schuler.live.messages import Fix, SatelliteEpoch
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.satellite_noise import WINDOW_S, window_of
 from schuler.navigation.inputs.satellites import corrected_ranges, limited, once_each, screened
-from schuler.recording.series import gnss_series
+from schuler.recording.satellite_positions import gnss_series
 
 _FEWEST, _MOST = 10, 20  # epochs by which one is screened
 _SETTLED = 5  # epochs that show that a jump of the clock lasts, as in a log

@@ -19,13 +19,13 @@ from .public import PublicRecording as PublicRecording
 from .public import fetch as fetch
 from .recording import Metadata as Metadata
 from .recording import Recording as Recording
+from .satellite_positions import baseline_series as baseline_series
+from .satellite_positions import gnss_series as gnss_series
 from .series import GnssSeries as GnssSeries
 from .series import ImuSeries as ImuSeries
 from .series import Increments as Increments
 from .series import OdometerSeries as OdometerSeries
 from .series import ScalarSeries as ScalarSeries
-from .series import baseline_series as baseline_series
-from .series import gnss_series as gnss_series
 from .tables.pandas import from_pandas as from_pandas
 from .tables.pandas import tables_from_pandas as tables_from_pandas
 from .tables.pandas import to_pandas as to_pandas

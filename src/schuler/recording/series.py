@@ -8,26 +8,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
-from schuler import frames
 from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray, as_floats
 from schuler.exceptions import InputError
 from schuler.plotting.notebook import Displayed
 from schuler.timebase import SAME_TIME, check_times
 from schuler.units import G0
 
-if TYPE_CHECKING:
-    from schuler.gnss.baseline_result import BaselineSolution
-    from schuler.gnss.point_result import PointSolution
-
 Kind = Literal["rate", "increment"]
 
 #: GNSS solution quality, RTKLIB's numbers.
 QUALITY = {1: "fixed", 2: "float", 3: "sbas", 4: "dgps", 5: "single", 6: "ppp", 7: "dead reckoning"}
-_FIXED, _FLOAT, _SINGLE = 1, 2, 5  # of QUALITY
 _NO_DILUTION = 99.0  # receivers that know no dilution write 99.99, or zero [-]
 _NEAR = 1e-6  # far above rounding [-]
 _BLOCK = 8192  # rows whose temporaries stay in the cache
@@ -471,64 +465,3 @@ def stated_dilution(horizontal: ArrayLike | None, vertical: ArrayLike | None) ->
     dop = np.stack([np.full(shape, np.nan) if x is None else x for x in given], axis=-1)
     stated = (dop > 0.0) & (dop < _NO_DILUTION)
     return np.where(stated, dop, np.nan) if stated.any() else None
-
-
-def gnss_series(points: PointSolution) -> GnssSeries:
-    """The epochs with a usable position, and velocity if all of them have one.
-
-    Returns
-    -------
-    GnssSeries
-        With the dilutions of the points. Covariances are the formal ones, from the standard deviations of the ranges.
-        Velocities are left out as a whole if fewer than half of the epochs have one; else the epochs without one are
-        left out.
-
-    Raises
-    ------
-    InputError
-        If no epoch has a usable position.
-    """
-    keep = points.ok
-    if not keep.any():
-        raise InputError(f"no epoch has a usable position: {points.summary()}")
-    moving = points.velocity_ok
-    with_velocity = bool(moving.sum() >= 0.5 * keep.sum())
-    if with_velocity:
-        keep = moving
-    llh = points.llh[keep]
-    C_ne = np.swapaxes(frames.C_en(llh), 1, 2)
-
-    def to_n(cov: FloatArray) -> FloatArray:
-        rotated: FloatArray = C_ne @ cov @ np.swapaxes(C_ne, 1, 2)
-        return np.asarray(0.5 * (rotated + np.swapaxes(rotated, 1, 2)))
-
-    return GnssSeries(
-        points.t[keep],
-        llh,
-        to_n(points.cov_r_e[keep]),
-        np.einsum("kij,kj->ki", C_ne, points.v_e[keep]) if with_velocity else None,
-        to_n(points.cov_v_e[keep]) if with_velocity else None,
-        np.full(int(keep.sum()), _SINGLE),
-        points.n_used[keep],
-        dop=stated_dilution(points.dilution.hdop[keep], points.dilution.vdop[keep]),
-    )
-
-
-def baseline_series(baseline: BaselineSolution) -> GnssSeries:
-    """The rover's positions of a baseline, fixed and float; errors of the base position are not in their covariance.
-
-    Raises
-    ------
-    InputError
-        If no epoch has a baseline.
-    """
-    keep = baseline.ok
-    if not keep.any():
-        raise InputError(f"no epoch has a baseline: {baseline.summary()}")
-    llh = baseline.llh[keep]
-    turn = np.swapaxes(frames.C_en(llh), 1, 2) @ frames.C_en(baseline.base_llh)
-    cov = turn @ baseline.cov_baseline_n[keep] @ np.swapaxes(turn, 1, 2)
-    return GnssSeries(
-        baseline.t[keep], llh, 0.5 * (cov + np.swapaxes(cov, 1, 2)),
-        quality=np.where(baseline.fixed[keep], _FIXED, _FLOAT), n_satellites=baseline.n_satellites[keep],
-    )  # fmt: skip

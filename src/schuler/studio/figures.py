@@ -1,4 +1,4 @@
-"""Figures of the reports as pages draw them: panels with traces and layouts for plotly, colours by their roles."""
+"""Figures of the reports and pictures of platforms as pages draw them: data for the scripts, colours by their roles."""
 
 from __future__ import annotations
 
@@ -14,8 +14,12 @@ from schuler.exceptions import InputError
 from schuler.plotting.figure import Figure
 from schuler.plotting.interactive import panel_data
 from schuler.recording.figures import shown_units, spectrogram_content
+from schuler.rotary import gimbals
+from schuler.rotary.report import cycle, projected
+from schuler.rotary.schedule import Schedule
 from schuler.studio.signals import View
 
+_PLATFORM_FRAMES, _PLATFORM_DIGITS = 360, 4  # of one cycle of a platform
 _CALIBRATION = {"residuals": residuals, "correlations": correlation_map}
 
 
@@ -74,6 +78,37 @@ def sphere_document(result: CalibrationResult) -> dict[str, Any]:
     angle, where = largest_gap(np.array([pose["v"] for pose in poses]))
     text = f"middle of the largest gap, {angle / units.DEG:.0f} degrees from the nearest pose"
     return {"poses": poses, "gap": {"v": where.tolist(), "role": "unused", "text": text}}
+
+
+def platform_document(schedule: Schedule, duration: float) -> dict[str, Any]:
+    """Frames of one cycle for the script of the page.
+
+    Parameters
+    ----------
+    schedule : Schedule
+    duration : float
+        Of the mission. [s]
+
+    Returns
+    -------
+    dict
+        ``name``; ``t`` [s]; ``C``: of each frame the attitude of the IMU in the vehicle, nine numbers by rows;
+        ``axes``: of each frame the directions of the platform's axes, outermost first; ``view``: what forward, right
+        and down of the vehicle are on the page, to the right, up and towards the viewer.
+    """
+    t = np.linspace(0.0, cycle(schedule, duration), _PLATFORM_FRAMES)
+    angles = schedule.angles(t)
+    axes = [
+        gimbals.C_bs(schedule.axes[:k], angles[:, :k], np.eye(3)) @ schedule.axes[k] if k else
+        np.broadcast_to(schedule.axes[0], (len(t), 3)) for k in range(len(schedule.axes))
+    ]  # fmt: skip
+    seen, depth = projected(np.eye(3))
+    return {
+        "name": schedule.name, "t": np.round(t, 3).tolist(),
+        "C": np.round(schedule.C_bs(t).reshape(-1, 9), _PLATFORM_DIGITS).tolist(),
+        "axes": np.round(np.stack(axes, axis=1), _PLATFORM_DIGITS).tolist(),
+        "view": np.round(np.column_stack((seen, depth)), 6).tolist(),
+    }  # fmt: skip
 
 
 def span_figure(seen: View, name: str, start: float, stop: float) -> Figure | None:

@@ -11,9 +11,8 @@ from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import InputError, SchulerError, printable
 from schuler.studio import jobs
 from schuler.studio.allan import allan_document
-from schuler.studio.figures import calibration_figure, figure_document, span_figure, sphere_document
+from schuler.studio.figures import calibration_figure, figure_document, platform_document, span_figure, sphere_document
 from schuler.studio.maps import backdrop_of, map_document
-from schuler.studio.platform import platform_document
 from schuler.studio.signals import COLUMNS, MOST, Views, window
 from schuler.studio.tracks import plan
 from schuler.studio.uploads import receive, target_of

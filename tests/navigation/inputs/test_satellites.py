@@ -41,7 +41,7 @@ from schuler.navigation.run import navigate
 from schuler.navigation.sections import CorrelatedSection
 from schuler.navigation.states import imu_spec, state_layout
 from schuler.recording.recording import Metadata, Recording
-from schuler.recording.series import gnss_series
+from schuler.recording.satellite_positions import gnss_series
 from schuler.sensors import catalogue
 from schuler.sensors.errors import ImuErrors
 from schuler.simulation.imu import ideal_imu, simulate_imu

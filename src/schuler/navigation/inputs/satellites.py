@@ -25,7 +25,8 @@ from schuler.navigation.config import NavigationConfig
 from schuler.navigation.inputs.satellite_noise import inflate_sigmas
 from schuler.navigation.sections import CorrelatedSection, TightSection
 from schuler.recording.recording import Recording
-from schuler.recording.series import GnssSeries, gnss_series
+from schuler.recording.satellite_positions import gnss_series
+from schuler.recording.series import GnssSeries
 
 _MISSING_RANGE, _MISSING_RATE = 10.0, 1.0  # 1-sigma of measurements that come without one [m], [m/s]
 _EXCLUDED = 6  # schuler.gnss.ranges.REASONS

@@ -199,15 +199,18 @@ def resize(page: Page, width: int, height: int = 900) -> None:
 
 
 def centre(page: Page, selector: str) -> tuple[float, float]:
-    """Where an element is in the window, after scrolling to it."""
+    """Where an element is in the window, after scrolling to it and once it stands still."""
     name = json.dumps(selector)
     run(page, f"document.querySelector({name}).scrollIntoView({{block: 'center', behavior: 'instant'}})")
-    settle(page)
-    x, y = run(
-        page,
-        f"(r => [r.x + r.width / 2, r.y + r.height / 2])(document.querySelector({name}).getBoundingClientRect())",
-    )
-    return x, y
+    box = f"document.querySelector({name}).getBoundingClientRect()"
+    before: Any = None
+    for _ in range(100):
+        settle(page)
+        place = run(page, f"(r => [r.x + r.width / 2, r.y + r.height / 2])({box})")
+        if place == before:
+            break
+        before = place
+    return place[0], place[1]
 
 
 def mouse(page: Page, kind: str, x: float, y: float, **more: Any) -> None:

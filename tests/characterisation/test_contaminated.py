@@ -38,15 +38,15 @@ def inside(result):
     return [e.low <= true <= e.high for e, true in terms if e is not None]
 
 
-def test_a_tenth_of_wide_outliers_leads_the_findings_and_widens_the_intervals():
-    """They are all right within their sigmas (statistical), ten times as wide as those of a clean log, 0.4 %."""
+def test_a_tenth_of_wide_outliers_leads_the_findings_and_leaves_the_intervals_narrow():
+    """All are right within three sigmas (statistical), and these hardly above those of a clean log, 0.3 to 0.6 %."""
     result = identified("wide", 0.1, 1)
     assert len(result.axes) == 6
     for axis in result.axes.values():
         assert (axis.findings[0].code, axis.findings[0].severity) == ("outliers", "warning")
         N = axis.terms["N"]
         assert abs(N.value - 1e-3) < 3.0 * N.sigma
-        assert 0.02 < N.sigma / N.value < 0.1
+        assert 0.003 < N.sigma / N.value < 0.01
 
 
 @pytest.mark.parametrize(("kind", "share"), [("wide", 0.3), ("bursts", 0.1)])
@@ -59,7 +59,8 @@ def test_what_replacing_cannot_mend_is_refused(kind, share):
 
 @pytest.mark.campaign
 def test_intervals_of_contaminated_logs_cover():
-    """Statistical, three kinds by four shares, twenty-four axes each; where a run refuses there is no interval."""
+    """Statistical, three kinds by four shares, twenty-four axes each (48 intervals, 2 sigma are 6 %), and all
+    together (350, 1.2 %): no more than at 95 % either. Where a run refuses there is no interval."""
     table = {}
     for kind in ("wide", "one-sided", "bursts"):
         for share in (0.01, 0.05, 0.1, 0.3):
@@ -68,5 +69,7 @@ def test_intervals_of_contaminated_logs_cover():
             table[kind, share] = held, sum(len(result.refused) for result in several)
     for (kind, share), (held, refused) in table.items():
         print(kind, share, f"{np.mean(held):.3f} of {len(held)}" if held else "", refused, "refused")
-        assert not held or np.mean(held) >= 0.93
+        assert not held or np.mean(held) >= 0.95 - 0.06
         assert share < 0.3 or refused == 24
+    together = np.mean([yes for held, _ in table.values() for yes in held])
+    assert 0.93 < together < 0.985, together

@@ -195,6 +195,32 @@ def gappy_integral(X, ms, order, stride, out, count):
                 count[q] += 1
 
 
+@kernel
+def draw_states(good, bad, share, lasting, u, out):
+    """Draw which samples are in the second state of a Markov chain of two states.
+
+    ``good`` and ``bad`` are the likelihoods of each sample in either state, ``share`` the probability of the second,
+    ``lasting`` that it follows itself, ``u`` uniform numbers. Probabilities go forwards, states are drawn backwards.
+    """
+    n = good.shape[0]
+    begins = share * (1.0 - lasting) / (1.0 - share)
+    forward = np.empty(n)
+    p = share
+    for i in range(n):
+        if i > 0:
+            p = p * lasting + (1.0 - p) * begins
+        p = p * bad[i] / (p * bad[i] + (1.0 - p) * good[i])
+        forward[i] = p
+    for i in range(n - 1, -1, -1):
+        p = forward[i]
+        if i < n - 1:
+            to_bad, to_good = p * lasting, (1.0 - p) * begins
+            if not out[i + 1]:
+                to_bad, to_good = p * (1.0 - lasting), (1.0 - p) * (1.0 - begins)
+            p = to_bad / (to_bad + to_good)
+        out[i] = u[i] < p
+
+
 def prepare_allan(gaps: bool) -> None:
     """Compile or load the kernels of one branch, with a word to the user if that takes long."""
     f, i = float64[::1], int64[::1]

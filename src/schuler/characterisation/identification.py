@@ -21,9 +21,9 @@ from schuler.characterisation.records import (
     half_moments,
     longest_run,
     mean_moments,
-    other_limits,
     pooled_curve,
     read_off,
+    replaced_sigma,
     sampling_rate,
     shifted_by,
     with_bounds,
@@ -55,7 +55,7 @@ _SWITCH_ONS = 3  # recordings from which on their means tell a spread
 _LEAST = 1000  # samples below which nothing is identified
 _MANY_REPLACED = 0.03  # share of samples from which on outliers replaced are a warning
 _MOST_CLUSTERED = 0.03  # share from which on there is no number where most outliers have a neighbour
-_MOST_REPLACED = 0.15  # and from which on there is none: hidden outliers make what is left 10 % too large and more
+_MOST_REPLACED = 0.15  # and from which on there is none: so much is no sensor at rest
 _FIELDS = {
     "Q": "quantisation", "N": "random_walk", "B": "bias_instability", "K": "rate_random_walk", "R": "rate_ramp",
     "sigma_1": "in_run_bias", "tau_1": "in_run_time",
@@ -263,7 +263,7 @@ def _axis_noise(
     lines = () if clean is None else clean.lines
     selection = select(
         data, models, "full" if method == "gmwm" else "diagonal",
-        halves=half_moments(signals, lines), limits=other_limits(signals, lines),
+        halves=half_moments(signals, lines), white_sigma=replaced_sigma(signals),
     )  # fmt: skip
     fit = selection.fit
     pooled = pooled_curve(signals)
@@ -297,8 +297,8 @@ def _axis_noise(
         text = f"{axis}: {replaced} outliers ({100.0 * share:.2g} %) were replaced"
         if share > _MANY_REPLACED:
             text += (
-                ": what is left depends on where outliers begin, and the intervals allow for that; look for their "
-                "cause and record again"
+                ": where they and the noise meet, chance decides which samples, and the intervals allow for that; "
+                "look for their cause and record again"
             )
             remarks.insert(0, Finding("outliers", text))  # leads: every number rests on it
         else:

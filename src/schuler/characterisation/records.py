@@ -11,7 +11,7 @@ from schuler.characterisation import moments
 from schuler.characterisation.allan import AllanCurve, allan_deviation
 from schuler.characterisation.fitting import NoFitError
 from schuler.characterisation.moments import Moments
-from schuler.characterisation.outliers import repaired_signals
+from schuler.characterisation.outliers import without_outliers
 from schuler.characterisation.result import Finding
 from schuler.characterisation.spectrum import Line
 from schuler.characterisation.variance import on_grid
@@ -23,7 +23,6 @@ from schuler.sensors.noise import (
 )
 
 _LEAST_OF_HALF = 1000  # samples
-_OTHER_LIMIT = 0.5  # by which the limit for outliers is moved to see what depends on it [spread]
 
 
 @dataclass(frozen=True)
@@ -39,8 +38,8 @@ class AxisSignal:
         Outliers replaced.
     clustered : int
         Those of them next to another one.
-    others : tuple of ndarray, shape (n,)
-        The same with a limit for outliers half a spread lower, and higher; empty where none was replaced.
+    replaced_sigma : float
+        Relative 1-sigma uncertainty of white noise by what the outliers leave unknown.
     temperature : ndarray, shape (n,), or None
         [degC]
     start_s : float
@@ -53,7 +52,7 @@ class AxisSignal:
     temperature: FloatArray | None = None
     start_s: float = 0.0
     clustered: int = 0
-    others: tuple[FloatArray, ...] = ()
+    replaced_sigma: float = 0.0
 
 
 def sampling_rate(imu: ImuSeries) -> float:
@@ -77,12 +76,10 @@ def axis_signal(imu: ImuSeries, k: int, robust: bool) -> AxisSignal:
         temperature = None if temperature is None else on_grid(imu.t, temperature, rate_hz)
     if not robust:
         return AxisSignal(x, rate_hz, 0, temperature)
-    (x, outlier), *others = repaired_signals(x, (0.0, -_OTHER_LIMIT, _OTHER_LIMIT))
-    replaced = int(outlier.sum())
-    beside = np.convolve(outlier, [1, 0, 1], mode="same") > 0
-    moved = tuple(y for y, _ in others) if replaced else ()
-    clustered = int(np.count_nonzero(outlier & beside))
-    return AxisSignal(x, rate_hz, replaced, temperature, clustered=clustered, others=moved)
+    repair = without_outliers(x)
+    beside = np.convolve(repair.outlier, [1, 0, 1], mode="same") > 0
+    replaced, clustered = (int(np.count_nonzero(which)) for which in (repair.outlier, repair.outlier & beside))
+    return AxisSignal(repair.x, rate_hz, replaced, temperature, clustered=clustered, replaced_sigma=repair.sigma)
 
 
 def axis_findings(findings: list[Finding], signal: AxisSignal, number: int, of: int) -> list[Finding]:
@@ -141,12 +138,11 @@ def half_moments(signals: list[AxisSignal], lines: tuple[Line, ...]) -> tuple[Mo
         return None
 
 
-def other_limits(signals: list[AxisSignal], lines: tuple[Line, ...]) -> tuple[Moments, Moments] | None:
-    """Moments with lower and higher limits for outliers; None where none was replaced."""
-    if all(not s.others for s in signals):
-        return None
-    parts = [[replace(s, x=s.others[k] if s.others else s.x) for s in signals] for k in (0, 1)]
-    return mean_moments(parts[0], lines), mean_moments(parts[1], lines)
+def replaced_sigma(signals: list[AxisSignal]) -> float:
+    """Relative 1-sigma uncertainty of white noise over all recordings by what outliers replaced leave unknown."""
+    length = np.array([np.count_nonzero(np.isfinite(s.x)) for s in signals])
+    each = np.array([s.replaced_sigma for s in signals])
+    return float(np.sqrt(np.sum(np.square(length * each))) / max(length.sum(), 1))
 
 
 def pooled_curve(signals: list[AxisSignal]) -> AllanCurve:

@@ -13,8 +13,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from schuler.characterisation.averaging import Spread, changes, spreads, widened
 from schuler.characterisation.fitting import Fit, NoFitError, Weights, fit, parse_terms
 from schuler.characterisation.moments import Moments
@@ -80,7 +78,7 @@ def select(
     default: tuple[str, ...] = MODELS,
     probes: tuple[str, ...] = _PROBES,
     halves: tuple[Moments, Moments] | None = None,
-    limits: tuple[Moments, Moments] | None = None,
+    white_sigma: float = 0.0,
 ) -> Selection:
     """Fit models to moments and keep the best.
 
@@ -94,8 +92,8 @@ def select(
         Tried where no models are given, with what the shortest averaging times ask for; and those of them that tell.
     halves : (Moments, Moments), optional
         Of the halves of the log, to see what changes in it.
-    limits : (Moments, Moments), optional
-        Of the log with a lower and a higher limit for the outliers replaced, to see what depends on it.
+    white_sigma : float
+        Relative 1-sigma uncertainty of white noise besides, by outliers that were replaced.
 
     Returns
     -------
@@ -128,9 +126,8 @@ def select(
     if halves is not None and (fitted := _refitted(kept, halves, shortest, weights, departure)) is not None:
         change = changes(kept, fitted)
         spread = widened(kept, spread, change)
-    if limits is not None and (fitted := _refitted(kept, limits, shortest, weights, departure)) is not None:
-        moved = np.log(fitted[1].values / fitted[0].values)
-        spread = widened(kept, spread, {n: float(by) for n, by in zip(kept.names, moved, strict=True)})
+    if white_sigma > 0.0 and "N" in kept.names:
+        spread = widened(kept, spread, {"N": 2.0 * white_sigma})
     return Selection(kept, candidates, int(part.m[0]), departure, _passes(kept), spread, change)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from schuler.calibration.freepose import calibrate as freepose
 from schuler.calibration.freepose.accel import ellipsoid_start, magnitude_residuals, response, sphere_start
-from schuler.calibration.freepose.bias import bias_difference
+from schuler.calibration.freepose.bias import bias_difference, bias_in_turns
 from schuler.calibration.freepose.calibrate import calibrate_freepose
 from schuler.calibration.freepose.gyro import fit_gyroscopes
 from schuler.calibration.freepose.rests import pose_means
@@ -15,6 +15,7 @@ from schuler.calibration.freepose.simulation import hand_log, spread_turns
 from schuler.calibration.freepose.turns import Turns, vertical_residuals
 from schuler.calibration.result.halves import halves_of, split
 from schuler.calibration.result.parameters import BIAS_G, in_gauge, vector
+from schuler.calibration.result.rest_scatter import RestScatter
 from schuler.recording.series import ImuSeries
 from schuler.sensors.errors import ImuErrors
 from schuler.sensors.noise import GaussMarkov, NoiseModel, White
@@ -304,10 +305,38 @@ def coverage(runs, *, G, wander, **options):
 @pytest.mark.campaign
 @pytest.mark.parametrize(("G", "wander"), [(0.0, 0.0), (0.0, 3e-4), (5e-5, 3e-4)])
 def test_intervals_cover_with_a_bias_that_wanders_and_g_sensitivity_that_is_not_estimated(G, wander):
-    """95 % intervals hold the truth in 93 to 97 % of 150 logs, with two standard errors (0.8 % to 1 %) beside."""
+    """95 % intervals hold the truth in 93 to 97 % of 150 logs, with two standard errors (0.5 % to 0.9 %) beside.
+    Without wander that of `b_g` allows for one that so few rests do not refute."""
     share = coverage(150, G=G, wander=wander, g_sensitivity=False)
-    for value in share.values():
-        assert 0.93 - 0.02 < value < 0.97 + 0.02, share
+    for block, value in share.items():
+        error = 0.01 if block == "M_g" else 0.018
+        assert 0.93 - error < value < 0.97 + (error if wander or block != "b_g" else 0.02), share
+
+
+def test_what_the_held_bias_misses_in_turns_is_what_drawn_biases_miss():
+    """Biases that drift and scatter, rests that measure them: covariances of 20000 draws (statistical, 4 sigma;
+    a bridge of 24 steps lacks 0.2 %). What all rests have in common is in the bias of the log, not in the turns."""
+    rng, m, draws = np.random.default_rng(8), 7, 20_000
+    t, white = np.arange(m), np.full((m, 3), 0.5)
+    S = np.exp(-np.abs(t[:, None] - t) / 3.0) + 2.0
+    V = S + np.diag(white[:, 0] ** 2)
+    pair = np.array([(0, 1), (1, 2), (2, 3), (4, 5), (5, 6)])  # a turn is left out
+    bias = np.linalg.cholesky(S) @ rng.standard_normal((m, draws))
+    w = np.linalg.solve(V, np.ones(m))
+    held = (w / w.sum()) @ (bias + 0.5 * rng.standard_normal((m, draws)))
+    way = np.cumsum(rng.standard_normal((24, len(pair), draws)), axis=0) / np.sqrt(24.0)
+    bridge = (way - np.arange(1, 25)[:, None, None] / 24.0 * way[-1]).mean(axis=0)
+    step = np.sqrt(2.0 - 2.0 * np.exp(-1.0 / 3.0))  # of the bias from a rest to the next
+    missed = held - bias[pair].mean(axis=1) - step * bridge
+    empty = np.zeros((m, 3))
+    scatter = RestScatter(empty[:1], np.zeros((3, 1, 1)), np.array([V] * 3), empty, empty[0], empty[0], 0.0, 1)
+    turns = bias_in_turns(scatter, white, pair)
+    spread = np.cov(np.vstack((missed, held)))
+    tolerance = 4.0 * np.sqrt(np.outer(np.diag(spread), np.diag(spread)) * 2.0 / draws)
+    for i in range(3):
+        assert (np.abs(turns.covariance[i] - spread[:-1, :-1]) < tolerance[:-1, :-1]).all()
+        assert (np.abs(turns.cross[:, i] - spread[:-1, -1]) < tolerance[:-1, -1]).all()
+    assert turns.covariance[0].max() < 1.0 < 2.0 < spread[-1, -1]
 
 
 def test_a_few_logs_with_a_bias_that_wanders():

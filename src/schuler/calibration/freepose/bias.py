@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from schuler.arrays import BoolArray, FloatArray
+from schuler.arrays import BoolArray, FloatArray, IntArray
+from schuler.calibration.freepose.gyro import TurnBias
 from schuler.calibration.freepose.rests import Rests
 from schuler.calibration.result.rest_causes import RestCause, rest_causes
 from schuler.calibration.result.rest_scatter import RestScatter, rest_scatter
@@ -31,6 +32,8 @@ class RestBias:
         Rates at rest, fitted with a constant, and with specific force if ``by_force``.
     causes : tuple of RestCause
         What the rates at rest follow, the likeliest first.
+    white : ndarray, shape (n, 3)
+        1 sigma of the mean rates at rest by white noise.
     """
 
     value: FloatArray
@@ -39,6 +42,7 @@ class RestBias:
     by_force: bool
     scatter: RestScatter
     causes: tuple[RestCause, ...]
+    white: FloatArray
 
 
 def bias_at_rest(
@@ -74,10 +78,10 @@ def bias_at_rest(
         scatter = rest_scatter(t, rests.gyro, white, np.column_stack((np.ones(len(t)), f)))
     if initial_rest_s is None:
         sigma = np.sqrt(constant.covariance[:, 0, 0])
-        return RestBias(constant.values[0], sigma, float(rests.duration.sum()), by_force, scatter, causes)
+        return RestBias(constant.values[0], sigma, float(rests.duration.sum()), by_force, scatter, causes, white)
     n = int(np.searchsorted(rates.t, rates.t[0] + initial_rest_s))
     sigma = np.hypot(rests.density_g / np.sqrt(n * rates.interval), constant.sigma)
-    return RestBias(rates.gyro[:n].mean(axis=0), sigma, n * rates.interval, by_force, scatter, causes)
+    return RestBias(rates.gyro[:n].mean(axis=0), sigma, n * rates.interval, by_force, scatter, causes, white)
 
 
 def bias_difference(rates: ImuSeries, rests: Rests, first: BoolArray) -> FloatArray:
@@ -89,6 +93,43 @@ def bias_difference(rates: ImuSeries, rests: Rests, first: BoolArray) -> FloatAr
     t, white = _times_and_noise(rates, rests)
     P = rest_scatter(t, rests.gyro, white, np.column_stack((first, ~first)).astype(np.float64)).covariance
     return np.asarray(P[:, 0, 0] + P[:, 1, 1] - 2.0 * P[:, 0, 1])
+
+
+def bias_in_turns(scatter: RestScatter, white: FloatArray, pair: IntArray) -> TurnBias:
+    """Bias of all rests less that in every turn, which is tied to those in the rests before and after it.
+
+    What drifts slowly is common to a turn and its rests: it makes the bias of the log uncertain, but not the turn.
+    Between two rests the bias is taken for a Brownian bridge: its mean is that of both ends, with a twelfth of the
+    variance of their difference.
+
+    Parameters
+    ----------
+    scatter : RestScatter
+        Of rates at rest, fitted with a constant.
+    white : ndarray, shape (m, 3)
+        1 sigma of these rates by white noise. [x]
+    pair : ndarray of int, shape (n, 2)
+        Rests before and after each turn.
+
+    Returns
+    -------
+    TurnBias
+        Of errors of the bias that weights by ``scatter.rests`` give. [x^2]
+    """
+    n = len(pair)
+    A = np.zeros((n, len(white)))
+    np.add.at(A, (np.repeat(np.arange(n), 2), pair.ravel()), 0.5)
+    covariance, cross = np.empty((3, n, n)), np.empty((n, 3))
+    for i, V in enumerate(scatter.rests):
+        S = V - np.diag(white[:, i] ** 2)
+        w = np.linalg.solve(V, np.ones(len(V)))
+        w /= w.sum()
+        common, own = float(w @ V @ w), A @ S @ w
+        a, b = pair.T
+        bridge = (S[a, a] + S[b, b] - 2.0 * S[a, b]) / 12.0
+        covariance[i] = A @ S @ A.T - own[:, None] - own + common + np.diag(bridge)
+        cross[:, i] = common - own
+    return TurnBias(covariance, cross)
 
 
 def _times_and_noise(rates: ImuSeries, rests: Rests) -> tuple[FloatArray, FloatArray]:

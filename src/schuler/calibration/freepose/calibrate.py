@@ -12,7 +12,7 @@ import numpy as np
 from schuler.arrays import ArrayLike, FloatArray, IntArray, as_floats
 from schuler.calibration.freepose import accel as freepose_accel
 from schuler.calibration.freepose.accel import AccelFit, fit_accelerometers
-from schuler.calibration.freepose.bias import bias_at_rest, bias_difference
+from schuler.calibration.freepose.bias import bias_at_rest, bias_difference, bias_in_turns
 from schuler.calibration.freepose.gyro import GyroFit, fit_gyroscopes, rescaled
 from schuler.calibration.freepose.lost_rates import lost_rates
 from schuler.calibration.freepose.motion import PLACES, MotionFit, fit_motion
@@ -329,6 +329,7 @@ def _with_gyroscopes(
     options = options | {"g_sensitivity": bias.by_force, "g_sensitivity_asked": options["g_sensitivity"]}
     names = _parameter_names(bias.by_force, options["size_effect"], options["delay"])
     if enough:
+        of_all_rests = options["initial_rest_s"] is None and not bias.by_force and options["rests"] != "tedaldi"
         gyro = fit_gyroscopes(
             turns, rests, accel, sigma_f, factor_g, factor_g * bias.value, factor_g * bias.sigma,
             estimate_bias=options["gyro_bias"] == "estimate", g_sensitivity=bias.by_force, robust=options["robust"],
@@ -336,6 +337,7 @@ def _with_gyroscopes(
             rest_covariance=factor_g**2 * bias.scatter.rests,
             # that of a turn is the mean of its neighbours; programs to compare with weigh all turns alike
             wander=0.0 if options["rests"] == "tedaldi" else np.sqrt(0.5) * factor_g * _rms(bias.scatter.sigma),
+            turn_bias=bias_in_turns(bias.scatter, bias.white, turns.pair).scaled(factor_g) if of_all_rests else None,
         )  # fmt: skip
         if factors is None and scale != 1.0:
             gain = np.cbrt(np.linalg.det(np.eye(3) + gyro.M))

@@ -30,6 +30,33 @@ from schuler.calibration.freepose.weights import (
 
 
 @dataclass(frozen=True, eq=False)
+class TurnBias:
+    """A held bias less that in every turn, where the bias scatters between rests.
+
+    Attributes
+    ----------
+    covariance : ndarray, shape (3, n, n)
+        Of axis and turns. [(rad/s)^2]
+    cross : ndarray, shape (n, 3)
+        Covariance with the error of the held bias. [(rad/s)^2]
+    """
+
+    covariance: FloatArray
+    cross: FloatArray
+
+    def scaled(self, factor: float) -> TurnBias:
+        """The same in another unit of the log."""
+        return TurnBias(factor**2 * self.covariance, factor**2 * self.cross)
+
+    def in_residuals(self, by_bias: FloatArray) -> FloatArray:
+        """Covariance of two residuals a turn with derivatives ``by_bias`` (2 n, 3). Shape (2 n, 2 n). [rad^2]"""
+        n = len(self.cross)
+        by = by_bias.reshape(n, 2, 3)
+        V = np.einsum("kai,ikl,lci->kalc", by, self.covariance, by, optimize=True)
+        return np.asarray(V.reshape(2 * n, 2 * n))
+
+
+@dataclass(frozen=True, eq=False)
 class GyroFit:
     """Gyroscopes from turns.
 
@@ -96,6 +123,7 @@ def fit_gyroscopes(
     near: bool = False,
     rest_covariance: FloatArray | None = None,
     wander: float = 0.0,
+    turn_bias: TurnBias | None = None,
 ) -> GyroFit:
     """Gauss-Newton on the verticals that the turns predict.
 
@@ -121,6 +149,8 @@ def fit_gyroscopes(
         alone. [(rad/s)^2]
     wander : float
         How much the bias in a turn differs from that of the log, 1 sigma: its scatter between rests. [rad/s]
+    turn_bias : TurnBias, optional
+        Of the turns, where the bias of all rests is held: stands for ``bias_sigma`` and ``wander``.
 
     Returns
     -------
@@ -145,7 +175,8 @@ def fit_gyroscopes(
     estimated, n = start.estimated, len(turns.spans)
     tangent = tangents(turns.up[turns.pair[:, 1]])
     up_noise, to_accel = direction_noise(turns, accel, sigma_f)
-    held_bias_sigma = None if start.estimates_bias else bias_sigma
+    held_bias = None if start.estimates_bias else (turn_bias or _constant_bias(bias_sigma, n))
+    wander = wander if turn_bias is None or start.estimates_bias else 0.0
     weight, spread, hat = np.ones(n), 0.0, np.zeros(n)
     for k in range(15):
         residual, J, C, seconds = parameters.residuals(turns, nominal, 1)
@@ -154,7 +185,7 @@ def fit_gyroscopes(
         if k < 3 or k == 14:
             to_residual = residual_map(turns, tangent, C, up_noise)
             noise = _turn_noise(
-                to_residual, sigma_f, J_t[:, 9:12], held_bias_sigma, parameters.M, nominal * rests.density_g, seconds,
+                to_residual, sigma_f, J_t[:, 9:12], held_bias, parameters.M, nominal * rests.density_g, seconds,
                 wander,
             )  # fmt: skip
         own = np.repeat(noise.gyro, 2)
@@ -185,13 +216,13 @@ def fit_gyroscopes(
         return fit_gyroscopes(
             turns, rests, accel, sigma_f, nominal, bias, bias_sigma, estimate_bias=estimate_bias,
             g_sensitivity=g_sensitivity, robust=False, M=parameters.M, rest_covariance=rest_covariance,
-            wander=wander,
+            wander=wander, turn_bias=turn_bias,
         )  # fmt: skip
     residual, _, _, _ = parameters.residuals(turns, nominal, 1)
     r = np.einsum("kia,ki->ka", tangent, residual).ravel()
     gain = -inverse @ WA[:, :-1].T
     covariance, cross, bias_cross = _gyro_covariance(
-        gain, to_residual, sigma_f.ravel() ** 2, own, to_accel, J_t[:, 9:12], held_bias_sigma
+        gain, to_residual, sigma_f.ravel() ** 2, own, to_accel, J_t[:, 9:12], held_bias
     )
     chi2 = float(r @ solve_weighted(noise.common, np.repeat(noise.gyro, 2), r[:, None])[:, 0])
     freedom, rest_spread = 2 * n - len(estimated), 0.0
@@ -295,7 +326,7 @@ def _turn_noise(
     to_residual: FloatArray,
     sigma_f: FloatArray,
     by_bias: FloatArray,
-    bias_sigma: FloatArray | None,
+    held_bias: TurnBias | None,
     M: FloatArray,
     density: FloatArray,
     seconds: FloatArray,
@@ -303,12 +334,17 @@ def _turn_noise(
 ) -> _TurnNoise:
     """Noise of the residuals: pose means, a bias measured at rest, and of each turn ``N^2 T`` and that of its bias."""
     common = propagated(to_residual, sigma_f.ravel() ** 2)
-    if bias_sigma is not None:  # its error is common to all turns
-        common = common + (by_bias * bias_sigma**2) @ by_bias.T
+    if held_bias is not None:
+        common = common + held_bias.in_residuals(by_bias)
     # the density is that of the readings; calibrated rates have it divided by the response
     Q = np.linalg.inv(np.eye(3) + M)
     gyro = float(np.mean(Q**2 @ density**2)) * seconds + (wander * seconds) ** 2
     return _TurnNoise(common, gyro, np.sqrt(0.5 * np.diag(common).reshape(-1, 2).sum(axis=1) + gyro))
+
+
+def _constant_bias(sigma: FloatArray, n: int) -> TurnBias:
+    """A bias that is the same in all n turns, measured with an error of ``sigma`` (3,)."""
+    return TurnBias(np.broadcast_to((sigma**2)[:, None, None], (3, n, n)), np.broadcast_to(sigma**2, (n, 3)))
 
 
 class _RestRates(NamedTuple):
@@ -355,17 +391,16 @@ def _gyro_covariance(
     own: FloatArray,
     to_accel: FloatArray,
     by_bias: FloatArray,
-    bias_sigma: FloatArray | None,
+    held_bias: TurnBias | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Covariance of the estimated parameters, cross-covariance with accelerometers (p, 9) and held bias (p, 3)."""
     from_poses = gain @ to_residual
     covariance = (from_poses * variance) @ from_poses.T + (gain * own) @ gain.T
     cross = (from_poses * variance) @ to_accel.T
     bias_cross = np.zeros((len(gain), 3))
-    if bias_sigma is not None:
-        by_held = gain @ by_bias
-        covariance += (by_held * bias_sigma**2) @ by_held.T
-        bias_cross = by_held * bias_sigma**2
+    if held_bias is not None:
+        covariance += gain @ held_bias.in_residuals(by_bias) @ gain.T
+        bias_cross = gain @ (by_bias * np.repeat(held_bias.cross, 2, axis=0))
     return covariance, cross, bias_cross
 
 

@@ -153,7 +153,7 @@ def test_what_comes_wrong_is_said_and_changes_nothing(recording, batch):
             live.imu(imu.t[i + 5], imu.gyro[i], imu.accel[i])
             live.imu(imu.t[i] + 500.0, imu.gyro[i], imu.accel[i])
             live.imu(imu.t[i] + 0.1, imu.gyro[i] * np.nan, imu.accel[i])
-            live.fix(imu.t[i] + 1e6, waiting[0].llh, waiting[0].cov_r_n)
+            live.fix(imu.t[i] + 62.0, waiting[0].llh, waiting[0].cov_r_n)
             live.fix(imu.t[i], waiting[0].llh * np.nan, waiting[0].cov_r_n)
             live.fix(np.nan, waiting[0].llh, waiting[0].cov_r_n)
             live.fix(imu.t[i], waiting[0].llh, -waiting[0].cov_r_n)

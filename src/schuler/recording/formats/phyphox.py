@@ -182,9 +182,10 @@ def _values(sheet: _Sheet, path: Path) -> FloatArray:
     if not body.strip():
         return np.zeros((0, len(sheet.words)))
     try:
-        values = np.genfromtxt(io.StringIO(body), delimiter=delimiter, comments=None) if ",," in body else (
-            np.loadtxt(io.StringIO(body), delimiter=delimiter, comments=None, ndmin=2)
-        )  # fmt: skip
+        if ",," in body:  # no comments either: NUL stands in no number
+            values = np.genfromtxt(io.StringIO(body), delimiter=delimiter, comments="\0")
+        else:
+            values = np.loadtxt(io.StringIO(body), delimiter=delimiter, comments=None, ndmin=2)
     except ValueError as error:
         raise FileFormatError(f"{sheet.name}: expected numbers below the header ({error})", path) from error
     values = np.atleast_2d(values)

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from schuler.live.navigator import LiveNavigator
     from schuler.live.publishing import Publisher
     from schuler.navigation.config import NavigationConfig
+    from schuler.navigation.foot.config import FootConfig
+    from schuler.navigation.result import NavigationResult
     from schuler.recording.series import Kind
 
 _REDRAWN_S = 0.25  # between two drawings of the status line [s]
@@ -37,7 +39,8 @@ _COLOURS = {"ok": "green", "coasting": "yellow", "doubtful": "yellow", "failed":
 
 def live(
     *source: Annotated[str, Parameter(allow_leading_hyphen=True)],
-    config: Path,
+    config: Path | None = None,
+    foot: Flag = False,
     out: Texts = (),
     record: Folder = None,
     output_rate: float = 10.0,
@@ -64,7 +67,11 @@ def live(
         stdin: (or -), or replay:LOG?speed=10 (0: as fast as it goes). Several are navigated together. What may stand
         behind the question mark, such as part=imu, is in docs/live.md.
     config
-        TOML file, as of schuler navigate; its [recording] section describes lines of text.
+        TOML file, as of schuler navigate; its [recording] section describes lines of text. Needed, but for --foot.
+    foot
+        The IMU is on a shoe: the walk, as of schuler foot with filter.smooth = "stride", and by its configuration. The
+        solution smoothed by stride goes beside the newest one into lines of json, and into smoothed.parquet of the
+        record.
     out
         Where solutions go: FORMAT:PLACE with json or nmea and - (stdout), a file that is appended to,
         udp://HOST:PORT, or tcp://HOST:PORT or ws://HOST:PORT for clients to connect to; with all input, too:
@@ -102,6 +109,7 @@ def live(
     """
     from schuler.live.clock import SourceClock
     from schuler.live.endpoint import HealthEndpoint, HealthReport, Watchdog
+    from schuler.live.foot import LiveFoot
     from schuler.live.mavlink import MavlinkSink
     from schuler.live.navigator import LiveNavigator
     from schuler.live.publishing import FORMATS, open_publisher
@@ -119,9 +127,12 @@ def live(
         raise InputError(f"--state-every: expected seconds from 0.1 to 86400, got {state_every:g}")
     if json and any(text.endswith(":-") for text in out):
         raise InputError("--json and --out to stdout: both print there; leave one of them out")
+    if foot and (state is not None or calibration is not None or smoother_lag is not None):
+        raise InputError("--foot has no --state, --calibration or --smoother-lag: a walk is smoothed stride by stride")
     addresses = [parse_source(text) for text in source]
-    loaded = NavigationConfig.load(config, entries(set))
+    loaded = _configured(config, entries(set), foot)
     clock, began = SourceClock(), time.monotonic()
+    is_smoothed = foot or smoother_lag is not None
     with ExitStack() as held:
         sinks: list[Any] = []
         smoothed_sinks: list[Any] = []
@@ -136,16 +147,17 @@ def live(
                 sinks.append(open_line_sink(text, clock, geoid_separation))
             held.callback(sinks[-1].close)
             # NMEA and MAVLink have no word for what is no longer so
-            if smoother_lag is not None and not text.startswith(("nmea:", "mavlink:")):
+            if is_smoothed and not text.startswith(("nmea:", "mavlink:")):
                 smoothed_sinks.append(sinks[-1])
         tables = {} if record is None else {"solution": SolutionTable(_free_name(record), clock)}
         sinks += tables.values()
-        if record is not None and smoother_lag is not None:
+        if record is not None and is_smoothed:
             tables["smoothed"] = SolutionTable(_free_name(record, "smoothed"), clock, smoothed=True)
             smoothed_sinks.append(tables["smoothed"])
         sources, kind = connect(
             addresses, loaded.recording, clock, replayed=lambda log: _read(log, config),
-            kept_in=_keeper(record, held, publishers), raw=loaded.gnss.coupling == "tight",
+            kept_in=_keeper(record, held, publishers),
+            raw=isinstance(loaded, NavigationConfig) and loaded.gnss.coupling == "tight",
         )  # fmt: skip
         stop = held.enter_context(_stopped_by_signals())
         status = held.enter_context(_status_line(not headless))
@@ -160,14 +172,20 @@ def live(
                 gc.collect()
                 gc.freeze()
 
-        navigator = _restored(
-            state, loaded, kind, (lag, smoother_lag), calibration, stood_still, clock, publish
-        ) or LiveNavigator.from_config(
-            loaded, calibration=calibration, lag_s=lag, smoother_lag_s=smoother_lag, kind=kind, on_event=publish
-        )  # fmt: skip
+        navigator: LiveFoot | LiveNavigator
+        if isinstance(loaded, NavigationConfig):
+            navigator = _restored(
+                state, loaded, kind, (lag, smoother_lag), calibration, stood_still, clock, publish
+            ) or LiveNavigator.from_config(
+                loaded, calibration=calibration, lag_s=lag, smoother_lag_s=smoother_lag, kind=kind, on_event=publish
+            )  # fmt: skip
+        else:
+            navigator = LiveFoot(
+                loaded, kind=kind, on_event=publish, on_stride=_stride_sender(smoothed_sinks, output_rate)
+            )  # fmt: skip
 
         def save() -> None:
-            if state is not None:
+            if state is not None and isinstance(navigator, LiveNavigator):
                 navigator.time = clock.base
                 navigator.save(state)
 
@@ -182,11 +200,13 @@ def live(
             watchdog.alive()
 
         summary = run_session(
-            sources, navigator, clock, sinks, smoothed_sinks=smoothed_sinks, stop=stop, rate_hz=output_rate,
-            every_s=state_every, on_interval=save, on_idle=idle,
+            sources, navigator, clock, sinks, smoothed_sinks=() if foot else smoothed_sinks, stop=stop,
+            rate_hz=output_rate, every_s=state_every, on_interval=save, on_idle=idle,
             on_message=[*(publisher.message for publisher in publishers), report.message],
         )  # fmt: skip
         watchdog.notify("STOPPING=1")
+        if isinstance(navigator, LiveFoot):
+            navigator.finish()
         last = navigator.solution()
         lost = sum(publisher.lost for publisher in publishers)
         if lost:
@@ -233,7 +253,41 @@ def _restored(
     return navigator
 
 
-def _read(log: Path, config: Path) -> Any:
+def _configured(config: Path | None, changes: Sequence[tuple[str, Any]], foot: bool) -> NavigationConfig | FootConfig:
+    """The configuration of a vehicle, or that of a walk, which may be left out."""
+    from schuler.navigation.config import NavigationConfig
+    from schuler.navigation.foot.config import FootConfig
+    from schuler.navigation.sections import change_entry
+
+    if config is not None:
+        return (FootConfig if foot else NavigationConfig).load(config, changes)
+    if not foot:
+        raise InputError("live: expected --config FILE as schuler navigate has it (schuler init writes one), got none")
+    data: dict[str, Any] = {}
+    for key, value in changes:
+        change_entry(data, key, value)
+    return FootConfig.parse(data, "--set")
+
+
+def _stride_sender(sinks: Sequence[Any], rate_hz: float) -> Callable[[NavigationResult, Health, float], None]:
+    """Function that sends the smoothed solutions of a stride to sinks, so many in a second."""
+    from schuler.live.foot import stride_solutions
+
+    sent = -np.inf
+
+    def send(stride: NavigationResult, health: Health, newest: float) -> None:
+        nonlocal sent
+        for solution in stride_solutions(stride, health, newest) if sinks else ():
+            if rate_hz > 0.0 and solution.t < sent + (1.0 - 1e-6) / rate_hz:
+                continue
+            sent = solution.t
+            for sink in sinks:
+                sink.solution(solution)
+
+    return send
+
+
+def _read(log: Path, config: Path | None) -> Any:
     from schuler.cli.reading import read_log
 
     return read_log(log, config)

@@ -1,3 +1,4 @@
+from .foot import LiveFoot as LiveFoot
 from .messages import Broadcast as Broadcast
 from .messages import Event as Event
 from .messages import Fix as Fix
@@ -18,6 +19,7 @@ __all__ = [
     "Height",
     "ImuBlock",
     "ImuSample",
+    "LiveFoot",
     "LiveNavigator",
     "SatelliteEpoch",
     "Solution",

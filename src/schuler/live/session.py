@@ -18,7 +18,6 @@ from schuler.exceptions import InputError
 from schuler.live.clock import SourceClock
 from schuler.live.decoders.base import Decoder
 from schuler.live.messages import Event, EventKind, ImuBlock, ImuSample, Message, Solution, parted
-from schuler.live.navigator import LiveNavigator
 from schuler.live.sources import POLL_S, Notify
 from schuler.timebase import UNIX_TO_GPS_S
 
@@ -76,6 +75,22 @@ class Sink(Protocol):
         ...
 
 
+class Navigating(Protocol):
+    """Something that navigates messages."""
+
+    def take(self, message: Message) -> None:
+        """Take a message."""
+        ...
+
+    def solution(self) -> Solution | None:
+        """Solution at the newest sample."""
+        ...
+
+    def smoothed(self) -> Solution | None:
+        """Newest smoothed solution."""
+        ...
+
+
 @dataclass(frozen=True)
 class _Arrival:
     """A piece of a source, a sentence about it, or its end (``None``), which an error may have brought about."""
@@ -107,7 +122,7 @@ class Summary:
 
 def run_session(
     sources: Sequence[Source],
-    navigator: LiveNavigator,
+    navigator: Navigating,
     clock: SourceClock,
     sinks: Sequence[Sink],
     *,
@@ -124,7 +139,7 @@ def run_session(
     Parameters
     ----------
     sources : sequence of Source
-    navigator : LiveNavigator
+    navigator : LiveNavigator or LiveFoot
         Takes messages in SI, forward, right, down; its events must come to ``sinks`` by its own ``on_event``.
     clock : SourceClock
         That of the decoders.

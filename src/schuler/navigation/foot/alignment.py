@@ -1,4 +1,4 @@
-"""Alignment of a foot: levelled over its first rest, gyro biases from its mean rate, heading as given."""
+"""Start and alignment of a walk: levelled over its first rest, gyro biases from its mean rate, heading as given."""
 
 from __future__ import annotations
 
@@ -8,19 +8,66 @@ import numpy as np
 
 from schuler import earth, units
 from schuler.arrays import FloatArray
+from schuler.exceptions import InputError
 from schuler.filtering.initial_state import InitialState
 from schuler.filtering.states import StateLayout
 from schuler.mechanization.alignment import levelling
 from schuler.mechanization.strapdown import NavState
 from schuler.navigation.foot.config import FootConfig
 from schuler.navigation.start.rest_bias import with_bias
-from schuler.recording.series import ImuSeries
+from schuler.recording.series import ImuSeries, Increments
 from schuler.standstill.intervals import Rests
 
 _SWAY_S = 0.1  # a foot that stands sways for about as long in one direction
 _STILL, _MOST_OF_GRAVITY = 0.04, 0.25  # of gravity: missed by no foot that stands, and by more than a stance of a run
+_EARLY_S = 3.0  # a few strides; rests that are long enough are not waited for any longer
+_LEVELLED = 0.15  # of gravity: acceleration of a stance that can still be levelled over
 _LEAST_BLOCKS = 4  # of that length, for a scatter
 _MOST_OF_BIAS = 4.0  # 1 sigmas of the biases believed in and of sway
+
+
+def walk_start(
+    imu: ImuSeries, rests: Rests, increments: Increments, config: FootConfig, gravity: float, notes: list[str]
+) -> float:
+    """Start of the first rest that is long enough, at the beginning of an interval. [s]
+
+    A log that begins in a run has but stances: where a long rest comes late, an early stance is taken that levels best.
+
+    Parameters
+    ----------
+    imu : ImuSeries
+        Rates.
+    rests : Rests
+    increments : Increments
+        Of the same samples.
+    config : FootConfig
+    gravity : float
+        [m/s^2]
+    notes : list of str
+        Gets a sentence if the log does not begin with that rest.
+
+    Raises
+    ------
+    InputError
+        If the foot does not rest.
+    """
+    long = np.flatnonzero(rests.stop - rests.start >= config.alignment.min_rest_s - 1e-9)
+    early = np.flatnonzero((rests.start <= increments.start + _EARLY_S) & (np.diff(rests.index)[:, 0] > 2))
+    if len(early) and not (len(long) and long[0] <= early[-1]):
+        sigmas = [acceleration_sigma(imu.between(*rests.t[rests.index[k] - [0, 1]]), config, gravity) for k in early]
+        if min(sigmas) < _LEVELLED * gravity:
+            long = early[[int(np.argmin(sigmas))]]
+    if not len(long):
+        raise InputError(
+            f"the foot never rests for {config.alignment.min_rest_s} s ({len(rests)} shorter rests; {rests.method}): "
+            "check units and axes, raise the threshold, or give rest="
+        )
+    if rests.index[long[0], 0] == 0:
+        return increments.start
+    start = float(rests.start[long[0]])
+    begin = float(increments.t[np.searchsorted(increments.t, start - 1e-9)])
+    notes.append(f"the foot first rests {begin - increments.start:.2f} s into the log; navigation starts there")
+    return begin
 
 
 def align_foot(

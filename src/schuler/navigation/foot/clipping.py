@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from schuler import units
-from schuler.arrays import FloatArray, IntArray
+from schuler.arrays import BoolArray, FloatArray, IntArray
 from schuler.recording.series import ImuSeries
 
 _LEVEL, _FLAT = 0.9, 0.004  # of the largest rate of an axis: where a plateau may lie, and its change in a sample
@@ -39,13 +39,19 @@ class Clips:
     def __len__(self) -> int:
         return len(self.axis)
 
+    def where(self, keep: BoolArray) -> Clips:
+        """Some of the places; a mask, shape (k,)."""
+        return Clips(self.axis[keep], self.index[keep], self.angle[keep])
 
-def gyro_clips(imu: ImuSeries) -> Clips:
+
+def gyro_clips(imu: ImuSeries, largest: FloatArray | None = None) -> Clips:
     """Find plateaus of the rates and the angle they hide.
 
     Parameters
     ----------
     imu : ImuSeries
+    largest : ndarray, shape (3,), optional
+        Largest rates of the axes, if the series is a part of a log; left out: those of the series. [rad/s]
 
     Returns
     -------
@@ -61,7 +67,7 @@ def gyro_clips(imu: ImuSeries) -> Clips:
     axes, spans, angles = [], [], []
     for axis in range(3):
         x = gyro[:, axis]
-        top = float(np.abs(x).max())
+        top = float(np.abs(x).max() if largest is None else largest[axis])
         if top < _LEAST_RATE:
             continue
         high = np.abs(x) > _LEVEL * top

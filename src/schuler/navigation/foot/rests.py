@@ -169,7 +169,7 @@ def zero_velocities(imu: ImuSeries, rests: Rests, config: FootConfig) -> Measure
         times its distance from the point it rolls on, and that point wanders by ``roll``.
     """
     section = config.zupt
-    times = rests.t[1:][rests.mask[1:]]  # the first one is the start
+    times = rests.t[rests.mask]
     at = np.searchsorted(imu.t, times - 1e-9)
     omega = np.linalg.norm(imu.rates().gyro[at], axis=1)
     unit = zero_velocity(times, 1.0, gate=None if section.gate == "off" else section.gate)

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from schuler import earth, frames, units
-from schuler.arrays import ArrayLike, BoolArray, FloatArray, IntArray
+from schuler.arrays import ArrayLike, BoolArray, FloatArray
 from schuler.exceptions import InputError
 from schuler.filtering.engine import FilterOptions, Progress, run
 from schuler.filtering.initial_state import InitialState
-from schuler.filtering.measurements import MeasurementSchedule
 from schuler.filtering.states import StateLayout, StateModel
-from schuler.navigation.foot.alignment import acceleration_sigma, align_foot
+from schuler.navigation.foot.alignment import align_foot, walk_start
+from schuler.navigation.foot.by_stride import by_stride
 from schuler.navigation.foot.clipping import clip_noise, clip_sentences, gyro_clips, restored
 from schuler.navigation.foot.config import FootConfig
 from schuler.navigation.foot.motion import in_motion, noise_in_motion, spike_doubts
@@ -25,16 +24,13 @@ from schuler.navigation.foot.result import FootResult
 from schuler.navigation.foot.strides import segment
 from schuler.navigation.result import NavigationResult
 from schuler.recording.recording import Recording
-from schuler.recording.series import ImuSeries, Increments
-from schuler.recording.trajectory import FullTrajectory
+from schuler.recording.series import ImuSeries
 from schuler.standstill.gait import stride_period
 from schuler.standstill.intervals import Rests, rests_from_mask
 
-_EARLY_S = 3.0  # a few strides; rests that are long enough are not waited for any longer
 _MOST_OF_BIAS_SIGMA = 4.0  # 3.6 at most on walks of unbiased gyroscopes, 4.1 and more where errors were ten claims
 _UNTOLD = 0.9  # of the variance of gyro biases that rests leave: 0.87 at most where one told them, chosen on half
 _FEW_STRIDES = 6
-_MOST_OF_GRAVITY = 0.15  # acceleration of a stance that can still be levelled over
 
 
 def navigate_foot(
@@ -112,13 +108,14 @@ def navigate_foot(
     else:
         rests = rests_from_mask(imu.t, rest)
     increments = imu.increments(order=config.sensor.rate_order)
-    begin = _beginning(imu.rates(), rests, increments, config, gravity, notes)
+    begin = walk_start(imu.rates(), rests, increments, config, gravity, notes)
     increments = increments.between(begin - 1e-9, increments.t[-1])
     layout = foot_layout(config)
     initial = align_foot(imu, rests, begin, llh, layout, config, notes)
     navigated = imu.t >= begin - 1e-9
     rests = _from(rests, navigated, begin, imu.t)
     schedule = zero_velocities(imu, rests, config)
+    schedule = schedule.where(schedule.t > rests.t[0])  # that one is the start
     gyro_psd, accel_psd, note = noise_in_motion(imu, config.sensor, gravity)
     notes += [note] if note else []
     psd = gyro_psd + clip_noise(imu, clips), accel_psd
@@ -128,7 +125,7 @@ def navigate_foot(
     )  # fmt: skip
     smoothed: NavigationResult | None
     if config.filter.smooth == "stride":
-        filtered, smoothed = _by_stride(increments, schedule, initial, layout, psd, options, rests, progress)
+        filtered, smoothed = by_stride(increments, schedule, initial, layout, psd, options, rests, progress)
     else:
         forward = run(increments, schedule, initial, layout, *psd, options, progress)
         if forward.epochs == 0 or not len(forward.rec_t):
@@ -156,7 +153,7 @@ def navigate_foot(
     )  # fmt: skip
     smoothing = "none" if smoothed is None else config.filter.smooth
     expected = None if stride is None else float(in_motion(imu).sum()) * imu.interval / stride
-    speeds = _residual_speeds(filtered, config.stride.min_motion_s)
+    speeds = residual_speeds(filtered, config.stride.min_motion_s)
     doubts = [*spikes, *clip_doubts, *strides.doubts(expected, speeds)]
     if _bias_untold(initial, layout, config) and strides.walking.sum() >= _FEW_STRIDES:
         text = f"no rest tells the gyro biases, taken as {config.sensor.gyro_bias_deg_s:.2g} deg/s (1 sigma)"
@@ -202,8 +199,15 @@ def _bias_doubts(text: str, rests: Rests, config: FootConfig) -> list[str]:
     ]
 
 
-def _residual_speeds(filtered: NavigationResult, min_motion_s: float) -> FloatArray:
-    """Speed left at the first zero velocity of every stance but that of the start. [m/s]"""
+def residual_speeds(filtered: NavigationResult, min_motion_s: float) -> FloatArray:
+    """Speed left at the first zero velocity of every stance but that of the start. Shape (k,). [m/s]
+
+    Parameters
+    ----------
+    filtered : NavigationResult
+    min_motion_s : float
+        Shorter motions are within a stance. [s]
+    """
     innovations = filtered.innovations
     first = np.flatnonzero(np.diff(innovations.t) > min_motion_s) + 1
     speed: FloatArray = np.linalg.norm(innovations.innovation[first, :3], axis=1)
@@ -236,32 +240,6 @@ def _check_gaps(imu: ImuSeries, config: FootConfig, notes: list[str]) -> None:
     notes.append(f"{len(gaps)} pauses of the IMU log bridged, the longest {longest[1]:.3f} s at {longest[0]:.3f} s")
 
 
-def _beginning(
-    imu: ImuSeries, rests: Rests, increments: Increments, config: FootConfig, gravity: float, notes: list[str]
-) -> float:
-    """Start of the first rest that is long enough, at the beginning of an interval.
-
-    A log that begins in a run has but stances: where a long rest comes late, an early stance is taken that levels best.
-    """
-    long = np.flatnonzero(rests.stop - rests.start >= config.alignment.min_rest_s - 1e-9)
-    early = np.flatnonzero((rests.start <= increments.start + _EARLY_S) & (np.diff(rests.index)[:, 0] > 2))
-    if len(early) and not (len(long) and long[0] <= early[-1]):
-        sigmas = [acceleration_sigma(imu.between(*rests.t[rests.index[k] - [0, 1]]), config, gravity) for k in early]
-        if min(sigmas) < _MOST_OF_GRAVITY * gravity:
-            long = early[[int(np.argmin(sigmas))]]
-    if not len(long):
-        raise InputError(
-            f"the foot never rests for {config.alignment.min_rest_s} s ({len(rests)} shorter rests; {rests.method}): "
-            "check units and axes, raise the threshold, or give rest="
-        )
-    if rests.index[long[0], 0] == 0:
-        return increments.start
-    start = float(rests.start[long[0]])
-    begin = float(increments.t[np.searchsorted(increments.t, start - 1e-9)])
-    notes.append(f"the foot first rests {begin - increments.start:.2f} s into the log; navigation starts there")
-    return begin
-
-
 def _from(rests: Rests, navigated: BoolArray, begin: float, t: FloatArray) -> Rests:
     """The rests of the samples that are navigated; the first sample is the start."""
     mask, times = rests.mask[navigated], t[navigated]
@@ -270,71 +248,3 @@ def _from(rests: Rests, navigated: BoolArray, begin: float, t: FloatArray) -> Re
         times, mask = np.concatenate(([begin], times)), np.concatenate(([mask[0]], mask))
         statistic, threshold = (np.concatenate((x[:1], x)) for x in (statistic, threshold))
     return rests_from_mask(times, mask, statistic=statistic, threshold=threshold, method=rests.method)
-
-
-def _by_stride(
-    increments: Increments,
-    schedule: MeasurementSchedule,
-    initial: InitialState,
-    layout: StateLayout,
-    psd: tuple[FloatArray, FloatArray],
-    options: FilterOptions,
-    rests: Rests,
-    progress: Progress | None,
-) -> tuple[NavigationResult, NavigationResult]:
-    """Filter from the middle of one rest to the middle of the next, smooth that piece, go on from the filtered state.
-
-    The solution at any time uses all zero velocities up to the middle of the next rest and no later ones.
-    """
-    cuts = _cuts(rests, increments)
-    filtered: list[NavigationResult] = []
-    smoothed: list[NavigationResult] = []
-    for first, last in pairwise(cuts.tolist()):
-        part = Increments(
-            increments.t[first:last], increments.dt[first:last], increments.dtheta_ib_b[first:last],
-            increments.dv_ib_b[first:last],
-        )  # fmt: skip
-        due = schedule.where((schedule.t > part.start + 1e-9) & (schedule.t <= part.t[-1] + 1e-9))
-        forward = run(part, due, initial, layout, *psd, options)
-        if not forward.complete:
-            if not filtered:
-                raise KeyboardInterrupt
-            break
-        result = NavigationResult.from_run(forward, due.t, due.kind, layout)
-        filtered.append(result)
-        smoothed.append(result.smooth())
-        initial = result.state_at(-1)
-        if progress is not None:
-            progress(last / len(increments))
-    complete = len(filtered) == len(cuts) - 1
-    return _joined(filtered, complete), _joined(smoothed, complete)
-
-
-def _cuts(rests: Rests, increments: Increments) -> IntArray:
-    """First interval of each piece, and the number of intervals: pieces end in the middle of a rest."""
-    at = np.searchsorted(increments.t, rests.t[rests.middle] - 1e-9) + 1
-    inner = at[(at > 1) & (at < len(increments))]
-    return np.unique(np.concatenate(([0], inner, [len(increments)])))
-
-
-def _joined(parts: list[NavigationResult], complete: bool) -> NavigationResult:
-    """Pieces of one run as one result."""
-
-    def together(name: str) -> Any:
-        return np.concatenate([getattr(p, name) for p in parts])
-
-    def path(name: str) -> FullTrajectory:
-        def column(which: str) -> FloatArray:
-            return np.concatenate([getattr(getattr(p, name), which) for p in parts])
-
-        return FullTrajectory(column("t"), column("r_eb_e"), column("v_eb_e"), column("q_eb"))
-
-    innovations = [p.innovations for p in parts]
-    fields = ("t", "kind", "status", "nis", "innovation", "sigma")
-    joined = {f: np.concatenate([getattr(i, f) for i in innovations]) for f in fields}
-    return replace(
-        parts[0], trajectory=path("trajectory"), states=path("states"), t=together("t"),
-        parameters=together("parameters"), covariance_e=together("covariance_e"),
-        innovations=replace(innovations[0], **joined), epochs=sum(p.epochs for p in parts),
-        propagations=sum(p.propagations for p in parts), complete=complete, _nodes=None,
-    )  # fmt: skip

@@ -101,7 +101,7 @@ class Strides:
                 "missed, and the errors are larger than claimed; try another detector.kind, a larger detector.ratio or "
                 "detector.stillest"
             )
-        sentences += _residual_doubts(np.asarray(residual, dtype=np.float64), self.speed[w])
+        sentences += residual_doubts(np.asarray(residual, dtype=np.float64), self.speed[w])
         for name, values, limit, unit in (
             ("length", self.length, _LONGEST_M, "m"),
             ("clearance", self.clearance, _HIGHEST_M, "m"),
@@ -127,8 +127,16 @@ class Strides:
         )
 
 
-def _residual_doubts(residual: FloatArray, speed: FloatArray) -> list[str]:
-    """Sentences on swings that end with a velocity which no error of a sensor makes in a stride."""
+def residual_doubts(residual: FloatArray, speed: FloatArray) -> list[str]:
+    """Sentences on swings that end with a velocity which no error of a sensor makes in a stride.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (m,)
+        Speed left at the first zero velocity of each stance, those after the start first. [m/s]
+    speed : ndarray, shape (k,)
+        Of the strides. [m/s]
+    """
     if len(residual) < _FEW or not len(speed):
         return []
     rms, usual = float(np.sqrt(np.mean(residual**2))), float(np.median(residual[_FIRST:]))

@@ -132,6 +132,15 @@ def _row_group(path: Path, file: Any, group: int, name: str) -> Columns:
             arrays[n] = column
     if not arrays:
         raise FileFormatError(f"the columns of {name} are missing; write the file anew", path)
+    # a damaged page may end before its column does, of which pyarrow says nothing where columns are read alone
+    expected = file.metadata.row_group(group).num_rows
+    cut = [n for n, a in arrays.items() if len(a) != expected]
+    if cut:
+        raise FileFormatError(
+            f"expected {expected} rows of {name}, got {len(arrays[cut[0]])} of its column {cut[0]}: "
+            "the file is damaged; write it anew",
+            path,
+        )
     return arrays
 
 
@@ -247,6 +256,10 @@ def _open(path: Path) -> tuple[Any, dict[str, Any] | None]:
         raise FileFormatError(f"there is no such file (working folder {Path.cwd()})", path)
     file = _guarded(path, lambda: pq.ParquetFile(path))
     _guarded(path, lambda: _check_size(file, path))
+    names = file.schema_arrow.names
+    twice = [name for k, name in enumerate(names) if name in names[:k]]
+    if twice:
+        raise FileFormatError(f"expected each column once, got {twice[0]!r} twice; write the file anew", path)
     text = (file.schema_arrow.metadata or {}).get(KEY)
     if text is None:
         return file, None

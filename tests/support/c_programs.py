@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import re
 import shutil
 import subprocess
@@ -20,6 +21,14 @@ def compiler(*names: str) -> str:
     if path is None:
         pytest.skip(f"needs one of the compilers {', '.join(names)}, none is installed")
     return path
+
+
+def fusing() -> tuple[str, ...]:
+    """Options with which products and sums are fused as LLVM does for Python; none where the processor cannot."""
+    if platform.machine() in ("aarch64", "arm64"):
+        return ("-ffp-contract=fast",)
+    flags = Path("/proc/cpuinfo")
+    return ("-ffp-contract=fast", "-mfma") if flags.is_file() and " fma " in flags.read_text() else ()
 
 
 def program(folder: Path, *flags: str, main: str = "main_test.c", cc: str | None = None) -> Path:

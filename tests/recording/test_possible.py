@@ -53,6 +53,12 @@ def test_an_impossible_number_is_refused_with_its_row_unless_allowed(aided, tmp_
     assert any(note.startswith("Passed over: row 8 of") for note in back.metadata.notes)
 
 
+def test_a_radius_whose_square_no_number_holds_is_refused(aided, tmp_path):
+    path = write(beyond(aided, "reference", "r_eb_e", 1e200), tmp_path / "run.parquet")[0]
+    with pytest.raises(FileFormatError, match="distance from the Earth's centre is inf m"):
+        read(path)
+
+
 def test_a_whole_log_beyond_is_a_unit_and_left_to_the_checks(aided, tmp_path):
     counts = replace(aided, imu=replace(aided.imu, accel=400.0 * aided.imu.accel))
     back = read(write(counts, tmp_path / "run.parquet")[0])

@@ -226,7 +226,8 @@ def _quantities(recording: Recording) -> Iterator[_Quantity]:
         ):
             yield _Quantity("ranges", name, values, (-most, most), unit, holes=True)
     if (reference := recording.reference) is not None:
-        radius = np.linalg.norm(reference.r_eb_e, axis=1)
+        with np.errstate(over="ignore"):  # infinite is beyond all limits
+            radius = np.linalg.norm(reference.r_eb_e, axis=1)
         yield _Quantity("reference", "distance from the Earth's centre", radius, RADII, "m")
         if reference.v_eb_e is not None:
             yield _Quantity("reference", "velocity", reference.v_eb_e, (-MAX_SPEED, MAX_SPEED), "m/s")

@@ -349,6 +349,30 @@ def test_damaged_parquet_files_are_errors_of_ours(run, tmp_path, damage):
         read(path)
 
 
+def test_a_parquet_column_that_ends_before_the_others_is_refused(run, tmp_path):
+    """A page whose header states fewer values than there are rows; pyarrow returns the short column without a word."""
+    path = tmp_path / "run.parquet"
+    imu = run.imu
+    write(replace(run, imu=ImuSeries(imu.t[:25], imu.gyro[:25], imu.accel[:25])), path)
+    data = bytearray(path.read_bytes())
+    group = pq.ParquetFile(path).metadata.row_group(0)
+    column = next(group.column(k) for k in range(group.num_columns) if group.column(k).path_in_schema == "ay")
+    count = data.index(b"\x2c\x15\x32", column.data_page_offset) + 2  # 25 as a zigzag integer of Thrift
+    assert count < column.data_page_offset + 16
+    data[count] = 2 * 13
+    path.write_bytes(data)
+    with pytest.raises(FileFormatError, match="expected 25 rows of imu, got 13 of its column ay"):
+        read(path)
+
+
+def test_a_parquet_file_with_a_column_twice_is_refused(tmp_path):
+    path = write_table(tmp_path / "table.parquet", {"a": np.arange(3.0), "b": np.arange(3.0)}, {"format": "test/1"})
+    table = pq.read_table(path)
+    pq.write_table(table.rename_columns(["a", "a"]).replace_schema_metadata(table.schema.metadata), path)
+    with pytest.raises(FileFormatError, match="each column once, got 'a' twice"):
+        read_table(path)
+
+
 def test_a_foreign_parquet_file_is_read_with_hints(still, tmp_path):
     names = ["stamp", "fx", "fy", "fz", "wx", "wy", "wz"]
     path = tmp_path / "foreign.parquet"

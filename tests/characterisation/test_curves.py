@@ -44,6 +44,15 @@ def test_an_exact_curve_gives_its_terms_back():
     assert axis.unit == "m/s^2"
 
 
+@pytest.mark.parametrize("count", [12, 40, 61])
+def test_averaging_times_need_not_be_multiples_of_a_sample(count):
+    """Times of equal ratios, as other programs choose them: short ones between two samples are not fitted."""
+    tau = np.geomspace(0.01, 1000.0, count)
+    axis = identify_curve(tau, np.sqrt(4.0 / tau + 1e-4 * tau / 3.0), duration_s=1e6)
+    assert axis.terms["N"].value == pytest.approx(2.0, rel=0.02)  # 5 % of tau is 2.5 % of a deviation, scattered
+    assert axis.terms["K"].value == pytest.approx(1e-2, rel=0.05)
+
+
 def test_the_shortest_log_is_assumed_and_said(log):
     curve = allan_deviation(log[:, 1], RATE, taus="octave")
     assumed = identify_curve(curve.tau, curve.deviation)

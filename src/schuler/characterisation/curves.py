@@ -21,6 +21,7 @@ from schuler.exceptions import FileFormatError, InputError
 
 _SPACING = 1.9  # least ratio of averaging times fitted; closer ones hardly tell anything new
 _FEWEST = 5  # of them
+_OFF_GRID = 0.05  # of an averaging time, by which it may miss a multiple of a sample; others are not fitted
 _SEPARATOR = re.compile(r"\s*[,;\t]\s*|\s+")
 
 
@@ -39,7 +40,7 @@ def identify_curve(
     Parameters
     ----------
     tau : array_like, shape (k,)
-        Averaging times, increasing. [s]
+        Averaging times, increasing. Those that are multiples of a sample, to 5 %, are fitted: all long ones. [s]
     deviation : array_like, shape (k,)
         Overlapping Allan deviation of angular rate [rad/s] or specific force [m/s^2].
     axis : str
@@ -82,14 +83,17 @@ def identify_curve(
             "or more"
         )
     m = np.round(t / dt).astype(np.int64)
-    if m[0] < 1 or np.any(np.abs(m * dt / t - 1.0) > 0.05):
-        raise InputError(f"expected averaging times that are multiples of {dt:g} s (one sample), got {t[0]:g} s")
-    kept = [0]
-    for k in range(1, len(m)):
-        if m[k] >= _SPACING * m[kept[-1]]:
+    if m[0] < 1:
+        raise InputError(f"rate_hz: a sample of {dt:g} s is longer than the shortest averaging time, {t[0]:g} s")
+    kept: list[int] = []
+    for k in np.flatnonzero(np.abs(m * dt / t - 1.0) < _OFF_GRID).tolist():
+        if not kept or m[k] >= _SPACING * m[kept[-1]]:
             kept.append(k)
     if len(kept) < _FEWEST:
-        raise InputError(f"expected averaging times over at least {_FEWEST} octaves, got {t[0]:g} to {t[-1]:g} s")
+        raise InputError(
+            f"expected averaging times over at least {_FEWEST} octaves, multiples of {dt:g} s (one sample), got "
+            f"{len(kept)} such from {t[0]:g} to {t[-1]:g} s"
+        )
     samples = round(duration / dt)
     data = Moments(m[kept], np.square(d[kept]), dt, np.array([samples]))
     weights: Weights = "full" if method == "gmwm" else "diagonal"

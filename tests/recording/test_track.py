@@ -12,6 +12,7 @@ from schuler.exceptions import InputError
 from schuler.recording import GnssSeries, Recording, Trajectory
 from schuler.recording.formats.track import write_geojson, write_kml
 from schuler.recording.io import write
+from schuler.recording.io.over_ground import velocity_scatter
 from schuler.timebase import TimeBase
 
 NS = {"k": "http://www.opengis.net/kml/2.2", "gx": "http://www.google.com/kml/ext/2.2"}
@@ -179,3 +180,12 @@ def test_recordings_are_drawn_by_suffix(run, tmp_path):
         write(run, tmp_path / "a.kml", series="imu")
     with pytest.raises(InputError, match="has no GNSS series or reference to draw"):
         write(Recording(imu=run.imu), tmp_path / "a.kml")
+
+
+def test_velocities_of_damaged_places_are_judged_without_a_warning():
+    """A latitude or a speed beyond double precision in metres: a number, or none, and the gate names the row."""
+    t, zero = np.arange(40.0), np.zeros(40)
+    for lat, speed in ((1e305, 1.0), (0.0, 1e305)):
+        spoilt = np.where(t == 7.0, lat, 0.0)
+        scatter = velocity_scatter(t, spoilt, zero, np.where(t == 7.0, speed, 1.0), zero)
+        assert scatter > 0.0 or np.isnan(scatter)

@@ -105,7 +105,7 @@ def velocity_scatter(t: FloatArray, lat: FloatArray, lon: FloatArray, speed: Flo
     pair = (dt > 0.0) & (dt < _LONGEST)
     if pair.sum() < _ENOUGH:
         return float("nan")
-    with np.errstate(invalid="ignore"):  # of damaged numbers, which are refused with their row
+    with np.errstate(invalid="ignore", over="ignore"):  # of damaged numbers, which are refused with their row
         meridian, normal = earth.radii_of_curvature(lat[:-1])
         step = np.stack((meridian * np.diff(lat), normal * np.cos(lat[:-1]) * np.diff(np.unwrap(lon))))
         v = np.stack((speed * np.cos(course), speed * np.sin(course)))

@@ -157,6 +157,12 @@ def _recognise(path: Path, arrays: Arrays, hints: ReadHints, values: dict[str, F
             f"{_BOTH_ORDERS}; {_listing(arrays)}",
             path,
         )
+    if len(arrays) == 1 and all(3 in a.shape and _last(n) not in _ACCEL_NAMES + _GYRO_NAMES for n, a in arrays.items()):
+        raise FileFormatError(
+            f"of three columns it is not known what they are: say columns='gx,gy,gz' (angular rate) or "
+            f"columns='ax,ay,az' (specific force); {_listing(arrays)}",
+            path,
+        )
     for triad, spellings in (("accel", _ACCEL_NAMES), ("gyro", _GYRO_NAMES)):
         fitting = [n for n, a in arrays.items() if _last(n) in spellings and a.ndim == 2 and 3 in a.shape]
         if len(fitting) != 1:

@@ -74,6 +74,14 @@ def test_linear_acceleration(good):
 PROPER = [P for P in signed_permutations() if np.linalg.det(P) > 0.0 and not np.array_equal(P, I3)]
 
 
+@pytest.mark.parametrize("samples", [3, 12, 39])
+def test_a_handful_of_readings_without_gravity_is_too_few_to_say_so(samples):
+    """Twentieths of so few samples are empty or without scatter; warnings are errors here."""
+    accel = np.random.default_rng(3).normal(0.0, 5.0, (samples, 3))
+    imu = ImuSeries(np.arange(samples) / 100.0, np.zeros((samples, 3)), accel - accel.mean(axis=0))
+    assert "no_gravity" not in diagnose(Recording(imu=imu), quick=True).codes()
+
+
 @pytest.mark.parametrize("P", PROPER[::3], ids=[letters(P) for P in PROPER[::3]])
 def test_every_rotation_of_the_sensor_is_named_by_its_letters(good, P):
     found = diagnose(drives.turned(good, P, P), quick=True)

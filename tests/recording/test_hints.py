@@ -70,6 +70,19 @@ def test_unknown_hint_lists_the_known_and_proposes_the_nearest():
 
 
 @pytest.mark.parametrize(
+    ("text", "stated"),
+    [
+        ("mg", {"accel": "mg"}),
+        ("deg/s", {"gyro": "deg/s"}),
+        ("ms", {"t": "ms"}),
+        ("counts", dict.fromkeys(("accel", "gyro"), "counts")),
+    ],
+)
+def test_one_unit_is_of_what_it_can_be_of(text, stated):
+    assert parse_units(text) == stated
+
+
+@pytest.mark.parametrize(
     ("hints", "message"),
     [
         ({"columns": "t,ax,ay,az,gx,gy,gzz"}, r"columns: 'gzz' is not known; did you mean 'gz'"),
@@ -77,7 +90,7 @@ def test_unknown_hint_lists_the_known_and_proposes_the_nearest():
         ({"columns": "t,=5"}, "cannot read"),
         ({"columns": "-,-"}, "names no column"),
         ({"columns": 5}, "columns: expected text, got 5"),
-        ({"units": "g"}, "expected two .* or three"),
+        ({"units": "furlong"}, "expected two .* or three"),
         ({"units": "acel=g"}, "did you mean 'accel'"),
         ({"units": "accel=g,deg/s"}, "either all are named or none"),
         ({"units": "deg/s,g"}, "'deg/s' is no unit of specific force"),

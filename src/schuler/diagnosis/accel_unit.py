@@ -218,6 +218,8 @@ def _gravity_shows(accel: FloatArray, interval: float) -> bool:
 
 def _mean_is_noise(accel: FloatArray) -> bool:
     """No tenth of the log has a mean that stands out of its own scatter, as gravity in any attitude would."""
+    if len(accel) < 40:  # twentieths of one sample have no scatter
+        return False
     parts = np.array_split(accel, 20)
     ratio = [np.linalg.norm(p.mean(axis=0)) / max(float(np.linalg.norm(p.std(axis=0))), 1e-300) for p in parts]
     return bool(np.median(ratio) < 1.0)

@@ -11,7 +11,7 @@ import numpy as np
 
 from schuler import units
 from schuler.arrays import FloatArray
-from schuler.exceptions import InputError
+from schuler.exceptions import InputError, SchulerError
 from schuler.recording.io.columns import GROUP, GROUP_QUANTITY, INCREMENT_QUANTITY, SIGNED, SKIPS, TRIADS, check_known
 
 #: Checks and demands a user may lift by name, with what happens then.
@@ -117,11 +117,24 @@ def parse_units(text: str | None, kind: str = "rate") -> dict[str, str]:
             stated[check_known(group, GROUP_QUANTITY, "units")] = unit
     elif len(parts) in (2, 3):
         stated = dict(zip(("accel", "gyro", "t"), parts, strict=False))
-    else:
-        raise InputError(f"units: expected two (accel,gyro) or three (and time) units, or group=unit, got {text!r}")
+    elif len(parts) == 1:
+        stated = {group: parts[0] for group in ("accel", "gyro", "t") if _is_unit(parts[0], group, kind)}
+    if not stated:
+        raise InputError(
+            "units: expected two (accel,gyro) or three (and time) units, one that tells what it is of, or group=unit, "
+            f"got {text!r}"
+        )
     for group, unit in stated.items():
         factor(unit, group, kind)
     return stated
+
+
+def _is_unit(unit: str, group: str, kind: str) -> bool:
+    try:
+        factor(unit, group, kind)
+    except SchulerError:
+        return False
+    return True
 
 
 def factor(unit: str, group: str, kind: str = "rate") -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from places import EXAMPLES
@@ -11,9 +13,11 @@ from schuler.exceptions import ConfigError, InputError
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.errors import drift_curve, outage_errors, trajectory_errors
 from schuler.navigation.run import navigate
+from schuler.navigation.states import imu_spec
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 from schuler.recording.trajectory import Trajectory
+from schuler.sensors import TriadSpec, catalogue, write_spec
 from schuler.simulation.scenario import prepare_mission, simulate_mission
 
 IMU = {
@@ -267,6 +271,16 @@ def test_clocks_that_do_not_overlap_are_refused(recording):
 def test_faulty_configurations_are_refused_with_place_and_reason(sections, message):
     with pytest.raises(ConfigError, match=message):
         NavigationConfig.parse(config(**sections))
+
+
+@pytest.mark.parametrize(("missing", "sensors"), [("accel", "accelerometers"), ("gyro", "gyroscopes")])
+def test_a_budget_from_a_log_of_one_triad_alone_is_refused(tmp_path, missing, sensors):
+    """Identified from gyroscopes alone it would make the accelerometers perfect."""
+    spec = catalogue.spec("consumer")
+    path = write_spec(tmp_path / "imu.toml", replace(spec, **{missing: TriadSpec(random_walk=0.0)}))
+    config = NavigationConfig.parse({"imu": {"spec": str(path)}})
+    with pytest.raises(ConfigError, match=rf"got nothing of the {sensors} .* into its section \[{missing}\]"):
+        imu_spec(config)
 
 
 def test_unknown_data_sheet_values_are_refused(recording):

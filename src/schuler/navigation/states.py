@@ -25,7 +25,7 @@ def imu_spec(config: NavigationConfig, notes: list[str] | None = None) -> ImuSpe
     """
     section = config.imu
     if section.spec is not None:
-        return configured_spec(section.spec)
+        return _complete(configured_spec(section.spec))
     if section.catalogue is not None:
         spec, entry = catalogue.spec(section.catalogue), catalogue.entry(section.catalogue)
         unstated = entry.unstated
@@ -48,6 +48,17 @@ def imu_spec(config: NavigationConfig, notes: list[str] | None = None) -> ImuSpe
     spec, sentences = with_typical_biases(spec, unstated)
     if notes is not None:
         notes += sentences
+    return spec
+
+
+def _complete(spec: ImuSpec) -> ImuSpec:
+    """The budget of a file, unless one triad has no entry at all: it was identified from a log without that triad."""
+    for which, sensors in (("gyro", "gyroscopes"), ("accel", "accelerometers")):
+        if not any(getattr(spec, which).to_dict().values()):
+            raise ConfigError(
+                f"imu.spec: expected the noise of gyroscopes and accelerometers, got nothing of the {sensors} of "
+                f"{spec.name}: put random_walk into its section [{which}], or name the IMU by imu.catalogue"
+            )
     return spec
 
 

@@ -244,3 +244,11 @@ def test_a_local_clock_cannot_be_written(still, table, tmp_path):
     path = table([(0, 48, 9, 300)], header="t,lat [deg],lon [deg],h")
     with pytest.raises(InputError, match=r"a .pos file needs GPS time, and this recording runs on local time"):
         write(read(path, sigma="1,1,1"), tmp_path / "run.pos")
+
+
+def test_a_stamp_without_a_date_cannot_be_written(run, tmp_path):
+    t = run.gnss.t[:4] + np.array([0.0, 1.0, 2.0, 4e10])
+    gnss = GnssSeries(t, run.gnss.llh[:4], np.tile(np.eye(3), (4, 1, 1)))
+    with pytest.raises(InputError, match=r"stamps up to 4e\+10 s have none: expected up to 8e\+09 s"):
+        write(Recording(gnss=gnss, metadata=run.metadata), tmp_path / "run.pos")
+    assert not (tmp_path / "run.pos").exists()

@@ -28,6 +28,7 @@ from schuler.timebase import GPS_EPOCH, UNIX_TO_GPS_S, WEEK_S, calendar, gps_fro
 
 _LAYOUTS = {"latitude(deg)": "llh", "x-ecef(m)": "ecef", "latitude(d'": "dms", "e-baseline(m)": "baseline"}
 _TIME_SCALES = ("GPST", "UTC", "JST")
+_LONGEST_S = 8e9  # from 1980 to 2233; nanoseconds of more are no 64-bit number
 _POSITION, _WITH_VELOCITY = 13, 22  # columns after the time
 _NEEDLESS = {"columns", "units", "rate", "axes", "time", "delimiter", "skip", "comment", "scale", "rest", "variable"}
 
@@ -331,6 +332,10 @@ def _accuracy_text(value: float) -> str:
 
 def _calendar_texts(t: FloatArray, epoch_gps_s: float) -> list[str]:
     """Dates and times with as many decimals of a second (3, 6 or 9) as the stamps need."""
+    if np.abs(t).max(initial=0.0) > _LONGEST_S:
+        raise InputError(
+            f"a .pos file has dates, and stamps up to {np.abs(t).max():.3g} s have none: expected up to {_LONGEST_S:g} s"
+        )
     # whole nanoseconds keep 59.9999999996 s from being printed as 60
     whole_epoch = int(epoch_gps_s // 1.0)
     nanoseconds = np.round(t * 1e9).astype(np.int64) + whole_epoch * 10**9 + round((epoch_gps_s - whole_epoch) * 1e9)

@@ -332,9 +332,9 @@ def _accuracy_text(value: float) -> str:
 
 def _calendar_texts(t: FloatArray, epoch_gps_s: float) -> list[str]:
     """Dates and times with as many decimals of a second (3, 6 or 9) as the stamps need."""
-    if np.abs(t).max(initial=0.0) > _LONGEST_S:
+    if (longest := float(np.abs(t).max(initial=0.0))) > _LONGEST_S:
         raise InputError(
-            f"a .pos file has dates, and stamps up to {np.abs(t).max():.3g} s have none: expected up to {_LONGEST_S:g} s"
+            f"a .pos file has dates, and stamps up to {longest:.3g} s have none: expected up to {_LONGEST_S:g} s"
         )
     # whole nanoseconds keep 59.9999999996 s from being printed as 60
     whole_epoch = int(epoch_gps_s // 1.0)

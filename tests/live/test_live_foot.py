@@ -82,6 +82,15 @@ def test_increments_are_taken_as_they_are():
     assert_that_of_the_log(imu, live, strides)
 
 
+def test_increments_of_long_intervals_pass():
+    """A swing at 50 Hz: 0.3 rad in an interval."""
+    live = LiveFoot(kind="increment")
+    live.imu_many(0.02 * np.arange(1, 11), np.full((10, 3), 0.3), np.full((10, 3), 0.5))
+    assert not live.events
+    live.imu(0.22, np.full(3, 20.0), np.zeros(3))
+    assert "1 not finite or impossible" in live.events[0].text
+
+
 def test_a_long_stand_is_cut_and_its_memory_bounded():
     """Two minutes at rest in mid-walk: cut every ten seconds in log and stream, no more samples kept than for that."""
     imu = walked()[1]

@@ -222,7 +222,7 @@ class LiveFoot:
 
     def _possible(self, rows: list[FloatArray]) -> list[FloatArray]:
         """Samples without those that no IMU gives."""
-        scale = 1.0 if self.kind == "rate" else 1.0 / 1000.0
+        scale = 1.0 if self.kind == "rate" else self.config.sensor.max_gap_s  # of the longest interval
         with np.errstate(invalid="ignore"):
             good = (np.abs(rows[1]) < MAX_RATE * scale).all(axis=1) & (np.abs(rows[2]) < MAX_FORCE * scale).all(axis=1)
         if not good.all():

@@ -95,13 +95,13 @@ def campaign():
 
 @pytest.mark.thinned(3)
 @pytest.mark.parametrize(("share", "tau"), [(0.05, 349.0), (0.5, 672.0), (0.95, 1427.0)])
-def test_the_correlation_time_scatters_as_the_digest_says(campaign, share, tau):
+def test_the_correlation_time_scatters_as_in_simulated_records(campaign, share, tau):
     """4.3: median 672 s, 90 % within 349 and 1427 s, from 400 records. Binomial shares, 3 standard errors of both."""
     se = np.sqrt(share * (1 - share) * (1 / len(campaign) + 1 / 400))
     assert np.mean([r.tau.value < tau for r in campaign]) == pytest.approx(share, abs=3 * se)
 
 
-def test_the_standard_deviation_is_short_as_the_digest_says(campaign):
+def test_the_standard_deviation_is_short_as_in_simulated_records(campaign):
     """4.3: 0.87 of the true one in the mean; 3 standard errors of both campaigns and half a printed digit."""
     ratio = np.array([r.sigma_b.value for r in campaign]) / AQRS[1]
     se = ratio.std() * np.sqrt(1 / len(campaign) + 1 / 400)

@@ -50,11 +50,9 @@ def turned(tmp_path_factory):
     return write(imu, tmp_path_factory.mktemp("field") / "turned.parquet"), errors
 
 
-@pytest.fixture(scope="module")
-def calibrated(turned, tmp_path_factory):
-    """Its calibration with all files, as JSON."""
-    folder = tmp_path_factory.mktemp("calibrated")
-    arguments = ("calibrate", "field", turned[0], "--imu", "yaman-automotive", *PLACE, "--heading", "0,1")
+def printed_calibration(log, folder, *options):
+    """What the command prints as JSON, its files in a folder."""
+    arguments = ("calibrate", "field", log, "--imu", "yaman-automotive", *PLACE, "--heading", "0,1", *options)
     with pytest.MonkeyPatch.context() as patch:
         printed = []
         patch.setattr("schuler.cli.calibrate_output.print_json", printed.append)
@@ -63,8 +61,15 @@ def calibrated(turned, tmp_path_factory):
     return printed[0]
 
 
+@pytest.fixture(scope="module")
+def calibrated(turned, tmp_path_factory):
+    """Its calibration with all files but the report and its figures, as JSON."""
+    return printed_calibration(turned[0], tmp_path_factory.mktemp("calibrated"), "--no-report")
+
+
 @pytest.mark.campaign
-def test_json_and_files_are_those_of_every_method(calibrated, turned):
+def test_json_and_files_are_those_of_every_method(turned, tmp_path):
+    calibrated = printed_calibration(turned[0], tmp_path)
     assert calibrated.keys() >= {"status", "gauge", "parameters", "condition", "residual_rms", "verdicts", "next_pose"}
     assert (calibrated["command"], calibrated["method"]) == ("calibrate", "field")
     assert (calibrated["status"], calibrated["gauge"]) == ("ok", "upper")

@@ -158,6 +158,7 @@ def test_walk_with_a_subset_of_satellites_all_along(walk):
     assert list(sigma.values()) == sorted(sigma.values())
 
 
+@pytest.mark.campaign
 def test_walk_with_other_systems_and_files(walk, shared_data):
     for systems, most in (("GE", 0.6), ("GC", 1.0), ("EC", 1.0)):
         _, _, e = walk.run(("gnss.tight.systems", systems))

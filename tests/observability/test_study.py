@@ -183,6 +183,7 @@ def test_a_recorded_run_is_looked_at_as_it_was():
         result_system(result.smooth())
 
 
+@pytest.mark.campaign
 @pytest.mark.realdata
 def test_a_recorded_drive(shared_data):
     """29 states on a car (rtkexp_drive): sigmas are the run's own, and height cannot be told from the antenna's height

@@ -149,6 +149,7 @@ def test_a_second_mechanization_reproduces_the_anchors_to_their_digits(cell):
         assert abs(P[2] - up) < 0.9  # the reference's gravity does not follow the latitude, or its last digit is off
 
 
+@pytest.mark.thinned(3)
 @every
 def test_the_engine_agrees_with_the_second_mechanization(cell):
     """Attitude and horizontal velocity to the effect of falling gravity on them: 2e-3 deg, 0.03 m/s."""

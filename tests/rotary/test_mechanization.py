@@ -58,6 +58,7 @@ def differences(a: FullTrajectory, b: FullTrajectory) -> tuple[float, float, flo
     return tuple(float(np.linalg.norm(d, axis=1).max()) for d in (a.r_eb_e - b.r_eb_e, a.v_eb_e - b.v_eb_e, turn))
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("name", SCHEDULES)
 @pytest.mark.parametrize("vehicle", [REST, DRIVE], ids=["rest", "drive"])
 def test_perfect_data_come_back_by_both_routes(name, vehicle):

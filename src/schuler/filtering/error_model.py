@@ -167,8 +167,8 @@ def system_matrix_ned(
 
     References
     ----------
-    Groves (2013), eqs. (14.63)-(14.71); Yaman (2017), eqs. (2-105)-(2-110) with corrections 4 to 7 of its digest; Du
-    (2015), eqs. (2.16)-(2.18), whose signs of F_eps_r, F_eps_v are reversed in print.
+    Groves (2013), eqs. (14.63)-(14.71); Yaman (2017), eqs. (2-105)-(2-110) without their misprints; Du (2015),
+    eqs. (2.16)-(2.18), whose signs of F_eps_r, F_eps_v are reversed in print.
     """
     if position not in ("metres", "radians"):
         raise InputError(f"position: expected 'metres' or 'radians', got {position!r}")

@@ -62,6 +62,7 @@ def recovered(blocks, sign, scene):
     return np.abs(found.values - vector(errors, found.names)) / prior
 
 
+@pytest.mark.thinned(3)
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("blocks", SOME, ids=" ".join)
 def test_perfect_data_return_what_was_put_in(blocks, sign):

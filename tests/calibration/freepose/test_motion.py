@@ -29,7 +29,8 @@ def log_of(errors=ERRORS, seed=1, n=20, turns_seed=5, **options):
     return hand_log(errors, np.random.default_rng(seed), rotvecs=rotvecs, **options)
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.004, -0.003])
+@pytest.mark.thinned(3)
+@pytest.mark.parametrize("delay", [0.004, 0.0, -0.003])
 def test_places_and_delay_are_found(delay):
     """Discretisation: second order in the sampling interval, 10 um and 1 us at 100 Hz; carried 0.1 m to and fro."""
     error = []

@@ -208,10 +208,10 @@ def calibrate_field(
     >>> import numpy as np
     >>> from schuler.sensors import catalogue
     >>> unit = schuler.simulate("examples/field_routine.toml")  # or schuler.read("turned.csv")
-    >>> found = schuler.calibrate_field(
+    >>> field = schuler.calibrate_field(
     ...     unit.imu, catalogue.spec("yaman-automotive"), latitude=np.radians(39.92), height=1000.0
     ... )
-    >>> found.calibration.status
+    >>> field.calibration.status
     'ok'
     """
     options = options or FieldOptions()

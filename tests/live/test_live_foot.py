@@ -171,6 +171,45 @@ def test_samples_that_no_imu_gives_are_left_out_and_said():
     assert np.hypot(north, east) == pytest.approx(14 * 1.3, abs=0.1)
 
 
+def damage(seed, t, gyro, accel):
+    """A stretch of a log, other than it should be, one of eight kinds."""
+    rng = np.random.default_rng(seed)
+    k, n = int(rng.integers(0, len(t) - 600)), int(rng.integers(1, 600))
+    rows = slice(k, k + n)
+    if (kind := seed % 8) == 0:
+        gyro[rows] = rng.normal(0.0, 30.0, (n, 3))
+    elif kind == 1:
+        accel[rows] *= rng.choice([-1.0, 10.0, 100.0])
+    elif kind == 2:
+        gyro[rows], accel[rows] = 0.0, 0.0
+    elif kind == 3:
+        t[k:] += rng.choice([0.05, 3.0, 1e6, -1.0, -100.0])
+    elif kind == 4:
+        gyro[rows], accel[rows] = gyro[k], accel[k]
+    elif kind == 5:
+        accel[rows] += rng.normal(0.0, 300.0, 3)
+    elif kind == 6:
+        t[rows] = t[k]
+    else:
+        gyro[rows] = np.nan
+
+
+@pytest.mark.thinned(4)
+@pytest.mark.parametrize("seed", range(48))
+def test_whatever_comes_solutions_are_numbers(seed):
+    """Two stretches of damage in a walk; no exception, no warning, nothing that is not finite."""
+    imu = walked(strides=12, seed=seed)[1]
+    t, gyro, accel = imu.t.copy(), imu.gyro.copy(), imu.accel.copy()
+    damage(seed, t, gyro, accel)
+    damage(seed // 8 + 3 * seed, t, gyro, accel)
+    live = LiveFoot({"place": wc.PLACE})
+    for k in range(0, len(t), 53):
+        live.imu_many(t[k : k + 53], gyro[k : k + 53], accel[k : k + 53])
+        if (s := live.solution()) is not None:
+            assert np.isfinite([*s.llh, *s.v_eb_n, *s.rpy_nb, *s.sigma_r_n, *s.sigma_psi_n]).all()
+    live.finish()
+
+
 def test_it_coasts_where_no_stance_comes():
     imu = walked()[1]
     live = LiveFoot({"place": wc.PLACE})

@@ -199,6 +199,12 @@ def test_uniform_rotation_is_motion_but_not_as_printed(axis, rng):
     assert np.all(evaluate(imu, "acceleration magnitude", 1.0) < 3.0)
 
 
+def test_a_sensor_that_feels_nothing_is_off_by_gravity():
+    """Closed form: no scatter, no rate, and a mean that misses the norm of gravity by all of it. No warning."""
+    imu = ImuSeries(np.arange(100) / 100.0, np.zeros((100, 3)), np.zeros((100, 3)))
+    np.testing.assert_allclose(evaluate(imu, "glrt"), (G / SIGMA_F) ** 2, rtol=1e-12)  # rounding
+
+
 def test_a_given_gyro_bias_is_not_motion(rng):
     imu = at_rest(2000, rng)
     biased = ImuSeries(imu.t, imu.gyro + np.array((0.05, -0.02, 0.01)), imu.accel)

@@ -41,6 +41,7 @@ _WORKED_S = 0.2  # samples of so long are worked off together [s]
 _LEARNT_STRIDES = 6  # of walking, from which the gait is known
 _LEAST_RATE = 0.7  # RMS of somebody who shuffles: less is none who walks [rad/s]
 _COLLECTED_S = 60.0  # kept until the gait is known [s]
+_EARLY_S = 1.0  # left out behind a start that cannot be levelled
 _NO_GAIT_S = 1.5  # stands for a stride where nothing repeats
 _WITHOUT_REST_S = 60.0  # after which a walk without a stance is none any more [s]
 _STRIDES_WITHOUT_REST = 3.0  # after which the solution coasts
@@ -374,20 +375,20 @@ class LiveFoot:
         if not self._is_learnt and not self._learn(self._raw(), ended):
             self._samples.drop_before(self._last - _COLLECTED_S)
             return
-        imu = self._series()[0]
-        rests, config = self._rests(imu), self.config
+        imu, config = self._series()[0], self.config
         notes: list[str] = []
-        increments = imu.increments(order=config.sensor.rate_order)
+        begin, layout = math.nan, foot_layout(config)
         try:
+            rests = self._rests(imu)
+            increments = imu.increments(order=config.sensor.rate_order)
             begin = walk_start(imu.rates(), rests, increments, config, self._gravity, notes)
-        except InputError as error:
+            if not ended and begin + config.alignment.rest_s + self._certain_s > self._last:
+                return
+            state = align_foot(imu, rests, begin, self._place, layout, config, notes)
+        except InputError as error:  # too few samples, no rest, or one that is none
             self._say("start", f"waits for a rest: {error}", "waits")
-            self._samples.drop_before(self._last - _COLLECTED_S)
+            self._samples.drop_before(self._last - _COLLECTED_S if math.isnan(begin) else begin + _EARLY_S)
             return
-        if not ended and begin + config.alignment.rest_s + self._certain_s > self._last:
-            return
-        layout = foot_layout(config)
-        state = align_foot(imu, rests, begin, self._place, layout, config, notes)
         gyro_psd, accel_psd, _ = noise_in_motion(imu, config.sensor, self._gravity)
         self._walk = _Walk(layout, state, (gyro_psd, accel_psd))
         for note in notes:

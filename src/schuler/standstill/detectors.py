@@ -217,7 +217,10 @@ def statistic(
     if kind == "acceleration variance":
         return spread
     # the part of f - g f_m/|f_m| that is common to the window, along f_m
-    excess = f_m * (1.0 - positive_number(gravity, "gravity") / np.linalg.norm(f_m, axis=1, keepdims=True))
+    norm = np.linalg.norm(f_m, axis=1, keepdims=True)
+    none = norm[:, 0] == 0.0  # free fall, or a sensor without power: off by gravity in whatever direction
+    excess = f_m * (1.0 - positive_number(gravity, "gravity") / np.where(none[:, None], 1.0, norm))
+    excess[none, 2] = -gravity
     energy = moving_moments(np.sum((omega / sw) ** 2, axis=1), W)[0]
     return np.asarray(spread + np.sum((excess / sf) ** 2, axis=1) + energy)
 

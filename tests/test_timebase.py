@@ -283,12 +283,13 @@ def test_unix_stamps_reach_to_the_first_second_of_2100(system_list):
 
 
 def test_times_increase_and_the_first_that_does_not_is_named():
-    """However short the interval; a repeated time is not an increase. Samples of a fast log are not one time."""
+    """Intervals down to a picosecond; a repeated time is not an increase. Samples of a fast log are not one time."""
     np.testing.assert_array_equal(timebase.check_times([0.0, 1e-9, 0.5], "t"), [0.0, 1e-9, 0.5])
     assert timebase.SAME_TIME < 1e-4
     for t, said in (
         ([0.0, 1.0, 0.5, 2.0, 1.9], "sample 2 goes back: 0.500000 s after 1.000000 s"),
         ([0.0, 1.0, 1.0, 0.0], "sample 2 repeats: 1.000000 s after 1.000000 s"),
+        ([0.0, 1e-320, 1.0], "sample 1 repeats: 0.000000 s after 0.000000 s"),
     ):
         with pytest.raises(InputError, match=f"t: expected increasing times, but {said}"):
             timebase.check_times(t, "t")

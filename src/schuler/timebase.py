@@ -207,6 +207,9 @@ def gps_from_unix(unix_s: FloatArray) -> FloatArray:
     return t - UNIX_TO_GPS_S + np.searchsorted(steps, t, side="right")
 
 
+_SAME_S = 1e-12  # stamps so close are one stamp: increments over less are rates beyond double precision
+
+
 def check_times(t: ArrayLike, name: str) -> FloatArray:
     """Strictly increasing finite times; the message names the first that is not.
 
@@ -219,9 +222,9 @@ def check_times(t: ArrayLike, name: str) -> FloatArray:
     if len(t) == 0:
         raise InputError(f"{name}: expected at least one sample, got none")
     step = np.diff(t)
-    if np.any(step <= 0.0):
-        k = int(np.flatnonzero(step <= 0.0)[0]) + 1
-        what = "repeats" if step[k - 1] == 0.0 else "goes back"
+    if np.any(step < _SAME_S):
+        k = int(np.flatnonzero(step < _SAME_S)[0]) + 1
+        what = "repeats" if step[k - 1] >= 0.0 else "goes back"
         raise InputError(
             f"{name}: expected increasing times, but sample {k} {what}: {t[k]:.6f} s after {t[k - 1]:.6f} s; "
             "remove repeated samples or sort the log"

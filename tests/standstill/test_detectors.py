@@ -272,3 +272,14 @@ def test_glrt_agrees_with_the_labels_published_for_foot_mounted_walks(shared_dat
     assert (
         np.ptp(factors) / np.mean(factors) < 0.15
     )  # the grid of limits, and how flat the agreement is around its best
+
+
+def test_moving_variance_is_that_of_each_window(rng):
+    """Far from zero, too: rounding of sums that start anew every window."""
+    from schuler.standstill import _kernels
+
+    W, sigma2 = 8, np.array([1.0, 4.0, 9.0])
+    x, out = 1e3 + rng.standard_normal((100, 3)), np.zeros((100, 3))
+    _kernels.moving_variance(x, W, sigma2, out)
+    windows = np.lib.stride_tricks.sliding_window_view(x, W, axis=0)
+    np.testing.assert_allclose(out[W // 2 : W // 2 + len(windows)], windows.var(axis=-1) / (3.0 * sigma2), rtol=1e-9)

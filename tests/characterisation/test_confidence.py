@@ -8,6 +8,8 @@ from scipy.stats import chi2
 from schuler.characterisation.allan import allan_deviation
 from schuler.characterisation.confidence import (
     KINDS,
+    _nodes,
+    _non_negative,
     bounds,
     differences,
     exponents,
@@ -18,6 +20,7 @@ from schuler.characterisation.confidence import (
     slopes,
     total_bias,
     total_dof,
+    with_doubt,
 )
 from schuler.characterisation.differences import (
     Differences,
@@ -255,11 +258,11 @@ def test_mixture_finds_the_parts():
     model = White(0.01) + GaussMarkov(0.05, 30.0) + RandomWalk(0.001)
     variance = model.allan_variance(ms * dt)
     mixture = fit_mixture(ms, variance, n, dt)
-    ours, f = exponents(mixture, ms * dt), 0.5 / (ms * dt)
+    ours, f = exponents(mixture, ms * dt, dt), 0.5 / (ms * dt)
     true = np.log(model.psd(f * 1.1) / model.psd(f / 1.1)) / (2.0 * np.log(1.1))
     np.testing.assert_allclose(ours[1:16], true[1:16], atol=0.3)
     quantised = fit_mixture(ms, 3e-4 / (ms * dt) ** 2, n, dt)
-    assert exponents(quantised, ms[:10] * dt) == pytest.approx(2.0, abs=0.01)
+    assert exponents(quantised, ms[:10] * dt, dt) == pytest.approx(2.0, abs=0.01)
 
 
 class Odd(Process):
@@ -360,3 +363,104 @@ def test_total_variance_has_more_freedom_the_shorter_the_average(alpha):
     assert freedom[1] == pytest.approx(expected, rel=0.03)
     single = Differences(2, 1, 4096)  # of single samples there is nothing to extend: the overlapping variance
     assert total_dof(alpha, 1, 4096) == pytest.approx(dof(single, power_law(alpha, single), 1.0), rel=0.15)
+
+
+@pytest.mark.parametrize("dt", [1.0, 0.01])
+def test_exponents_of_quantised_white_noise(dt):
+    """Spectrum of ``w + (q[k] - q[k - 1]) / dt``, far below the sampling rate (2 sin x / x: 0.3 % at 16 samples)."""
+    tau, N2 = 2.0 ** np.arange(4, 12) * dt, 1e-3
+    q2 = N2 * dt * 20.0
+    f = 0.5 / tau * np.array([[1.1], [1.0 / 1.1]])
+    high, low = N2 + 2.0 * q2 * dt * (2.0 * np.sin(np.pi * f * dt) / dt) ** 2
+    np.testing.assert_allclose(
+        exponents(((q2, 2), (N2, White(1.0))), tau, dt), np.log(high / low) / (2.0 * np.log(1.1)), rtol=0.02
+    )
+
+
+def test_doubt_is_a_walk_with_its_share_of_the_variance():
+    """One part in the degrees of freedom, a half at most, of the Allan variance of the differences; rounding."""
+    noise = ((3.0, 2), (2.0, White(1.0)))
+    for m, n in ((10, 1000), (50, 1000), (300, 1000)):
+        d = Differences(2, m, n)
+        *kept, (strength, walk) = with_doubt(noise, d, 1.0)
+        assert tuple(kept) == noise
+        variance = autocovariance(d, noise, 1.0, np.zeros(1))[0] / (2.0 * m**2)
+        expected = min(0.5, 1.0 / dof(d, noise, 1.0)) * variance
+        assert strength * walk.allan_variance(float(m)) == pytest.approx(expected, rel=1e-9)
+    assert with_doubt(noise, Differences(2, 4, 1000), 1.0) is noise
+
+
+def test_the_longest_times_have_no_vote_and_weights_are_relative():
+    """A hundred times the variance from a sixth of the record on, 10 % too much at one sample: between, all stays."""
+    n, ms = 2**14, 2 ** np.arange(13)
+    model = White(1.0) + RandomWalk(0.02)
+    variance = model.allan_variance(ms.astype(float))
+    seen = 6 * ms <= n
+    damaged = np.where(seen, variance, 100.0 * variance)
+    damaged[0] *= 1.1
+    between = ms[3:][seen[3:]].astype(float)
+    fitted = sum(s * kind.allan_variance(between) for s, kind in fit_mixture(ms, damaged, n, 1.0) if kind != 2)
+    np.testing.assert_allclose(fitted, model.allan_variance(between), rtol=0.05)  # half of what is wrong at one sample
+
+
+def test_correlation_times_of_a_mixture_begin_at_four_samples():
+    """A shorter one is white noise to an Allan variance."""
+    ms, dt = 2 ** np.arange(12), 0.1
+    for times in (0.1, 0.2, 3.0):
+        mixture = fit_mixture(ms, GaussMarkov(1.0, times).allan_variance(ms * dt), 2**14, dt)
+        correlated = [kind.tau for _, kind in mixture if isinstance(kind, GaussMarkov)]
+        assert all(tau >= 4.0 * dt * (1.0 - 1e-12) for tau in correlated)
+
+
+def test_least_squares_without_the_active_set_of_scipy(monkeypatch):
+    """Columns of sizes from 1e-6 to 1e6, one coefficient that would be negative: the same minimum, to 1e-6 of each."""
+    rng = np.random.default_rng(8)
+    a = rng.uniform(0.1, 1.0, (12, 4)) * np.array([1e-6, 1.0, 1e3, 1e6])
+    b = a @ np.array([3e6, 2.0, -1e-3, 5e-6])
+    expected = _non_negative(a, b)
+    assert expected[2] == 0.0
+
+    def circles(*_):
+        raise RuntimeError
+
+    monkeypatch.setattr("scipy.optimize.nnls", circles)
+    ours, size = _non_negative(a, b), np.linalg.norm(a, axis=0)
+    np.testing.assert_allclose(ours * size, expected * size, atol=1e-6 * np.linalg.norm(b))
+
+
+def test_dense_lists_are_interpolated_and_octaves_are_not():
+    """Bounds of octaves are those of each alone; of every averaging time interpolated from less than 40 of them.
+
+    Discretisation: 1 % up to a tenth of the record, 6 % of the upper bound at its end, where it rises steeply.
+    """
+    n, noise = 4000, ((1.0, 0),)
+    octaves = 2 ** np.arange(11)
+    both = bounds("overlapping", octaves, np.full(11, n), noise, np.zeros(11), 1.0, 0.95)
+    for k, m in enumerate(octaves):
+        alone = bounds("overlapping", np.array([m]), np.array([n]), noise, np.zeros(1), 1.0, 0.95)
+        np.testing.assert_allclose([row[k] for row in both], [row[0] for row in alone], rtol=1e-12)
+    every = np.arange(1, n // 2 + 1)
+    assert len(_nodes(every, n)) < 40
+    dense = bounds("overlapping", every, np.full(len(every), n), noise, np.zeros(len(every)), 1.0, 0.95)
+    for m, tolerance in ((3, 0.01), (50, 0.01), (333, 0.01), (900, 0.06), (1700, 0.06)):
+        alone = bounds("overlapping", np.array([m]), np.array([n]), noise, np.zeros(1), 1.0, 0.95)
+        np.testing.assert_allclose([row[m - 1] for row in dense], [row[0] for row in alone], rtol=tolerance)
+
+
+def test_power_laws_end_at_what_the_differences_bear():
+    for d, least in ((Differences(2, 10, 100), -2.0), (Differences(3, 10, 100), -4.0)):
+        assert power_law(least - 1.0, d) == power_law(least, d)
+        assert power_law(3.0, d) == power_law(2.0, d)
+        for alpha in (least, -1.0, 0.0, 2.0):  # a whole exponent is one noise
+            assert [a for _, a in power_law(alpha, d)] == [alpha]
+
+
+def test_lag1_takes_away_a_drift_and_no_more():
+    """A parabola of the integral is a drift, a cubic none; exponents are reported up to 2."""
+    rng = np.random.default_rng(6)
+    X, u = np.cumsum(rng.standard_normal(3001)), np.linspace(-1.0, 1.0, 3001)
+    assert lag1_exponent(X + 1e6 * (u + u**2), 1) == pytest.approx(lag1_exponent(X, 1), abs=1e-4)
+    assert lag1_exponent(X + 1e6 * u**3, 1) < -2.0
+    blue = np.diff(rng.standard_normal(3003), 2)
+    assert lag1_exponent(blue, 1) > 2.5
+    assert lag1_exponents(blue, np.array([1])).tolist() == [2.0]

@@ -228,7 +228,8 @@ def test_every_kind_has_as_many_components_as_its_rows():
     nav, kinds = somewhere(np.random.default_rng(0)), [k for k in ms.KINDS if k not in (*ms.RESET_KINDS, ms.CLONE)]
     z = np.concatenate((nav[7:10] + np.array([2e7, 1e7, 0.0]), [2.2e7, 0.0, 0.0]))
     for kind in kinds:
-        rows(kind, nav, np.zeros(M), np.zeros(3), np.array([0.0, 0.0, -9.8]), np.zeros(3), z)
+        with np.errstate(invalid="ignore"):  # counted only: a carrier's other epoch is where its satellite is
+            rows(kind, nav, np.zeros(M), np.zeros(3), np.array([0.0, 0.0, -9.8]), np.zeros(3), z)
     assert all(ms.DIMENSIONS[kind] == 3 for kind in ms.RESET_KINDS)
     assert ms.DIMENSIONS[ms.CLONE] == 0
     assert (len(ms.KINDS), len(ms.STATUS)) == (21, 5)

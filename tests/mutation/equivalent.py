@@ -107,3 +107,27 @@ _same(
     "where the iteration begins, not where it ends",
 )
 _same("calibration.bench.gauss_helmert", "max_iterations: int = 100,", {"100": "101"}, "what converges does in ten")
+_same(
+    "characterisation.confidence",
+    "for differenced in range(4):",
+    {"4": " 5"},
+    "the third difference ends it",
+)
+_same(
+    "characterisation.confidence",
+    "if delta < 0.25 or differenced == 3:",
+    {"3": "4"},
+    "the fourth round is the last of the loop, and what is differenced after it is not read",
+)
+_same(
+    "characterisation.confidence",
+    "share = dof(short, power_law(alpha, short), 1.0) / dof(long, power_law(alpha, long), 1.0)",
+    {"long), 1.0": "long), 0.0"},
+    "lags of power laws are counted in samples: the interval is not read",
+)
+_same(
+    "characterisation.confidence",
+    "*((g := GaussMarkov(1.0, float(t)), g.allan_variance(tau)) for t in times),",
+    {"(1.0": "( 2.0"},
+    "of twice the size, a quarter of the strength",
+)

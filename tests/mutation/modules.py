@@ -21,5 +21,9 @@ MODULES: dict[str, tuple[str, ...]] = {
     ),
     "filtering.measurements": ("tests/filtering/test_measurements.py", "-k", "not jacobian"),
     "calibration.bench.gauss_helmert": ("tests/calibration/bench/test_gauss_helmert.py",),
+    "characterisation.confidence": (
+        *("tests/characterisation/test_confidence.py", "-k"),
+        "not coverage and not by_simulation and not chi_square_is_too_low and not can_be_stated and not a_pure",
+    ),
     "rotary.modulated_errors": ("tests/rotary/test_modulation.py",),
 }

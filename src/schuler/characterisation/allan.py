@@ -194,7 +194,7 @@ def _noise(
     if noise is None:
         octaves, values, n = _octaves(s, kind, ms, variance, count)
         mixture = fit_mixture(octaves, values, n, dt)
-        return mixture, exponents(mixture, tau)
+        return mixture, exponents(mixture, tau, dt)
     if isinstance(noise, Process):
         alpha = conf.slopes(noise, tau)
         return (((1.0, noise),) if has_covariance(noise) else alpha), alpha

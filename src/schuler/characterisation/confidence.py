@@ -242,8 +242,10 @@ def with_doubt(noise: Mixture, d: Differences, dt: float) -> Mixture:
     return (*noise, (share * variance / float(walk.allan_variance(tau)), walk))
 
 
-def exponents(noise: Mixture, tau: FloatArray) -> FloatArray:
+def exponents(noise: Mixture, tau: FloatArray, dt: float) -> FloatArray:
     """Local exponents ``d ln S / d ln f`` of a mixture at the frequencies 1 / (2 tau).
+
+    Quantisation, exponent 2, is that of samples ``dt`` apart [s]: an integral with white errors of variance 2 each.
 
     Returns
     -------
@@ -257,7 +259,7 @@ def exponents(noise: Mixture, tau: FloatArray) -> FloatArray:
         total = np.zeros_like(g)
         for strength, kind in noise:
             if isinstance(kind, int):
-                total += strength * 2.0 * (2.0 * pi * g) ** 2 if kind == 2 else strength * g**kind
+                total += strength * 2.0 * dt * (2.0 * pi * g) ** 2 if kind == 2 else strength * g**kind
             else:
                 total += strength * kind.psd(g)
         return total

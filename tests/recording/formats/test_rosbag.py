@@ -497,3 +497,10 @@ def test_a_message_that_is_not_what_its_type_says(tmp_path):
     for bad in (raw[:-60], raw + bytes(60), b"\x00\x00" + raw[2:], raw[:12] + b"\xff\xff\xff\x7f" + raw[16:], b""):
         with pytest.raises(FileFormatError, match=r"/t: message 1 of \d+ bytes is no sensor_msgs/Imu"):
             ros_messages.decode("sensor_msgs/Imu", [bad], [0], "cdr", "/t", Path("x"))
+
+
+@pytest.mark.parametrize("stamp", [None, 2**70, "late"])
+def test_a_message_without_a_time_of_the_log_is_refused(stamp):
+    """Tables of a damaged rosbag2 file hold what they hold."""
+    with pytest.raises(FileFormatError, match="/t: a message has no time at which it was logged"):
+        ros_messages.decode("sensor_msgs/Imu", [b"", b""], [0, stamp], "cdr", "/t", Path("x"))

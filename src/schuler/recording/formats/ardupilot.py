@@ -224,14 +224,16 @@ def gnss_table(log: DataFlash, name: str, hints: ReadHints, notes: list[str]) ->
         sampled = accuracy["SMS"] * _MS
         arrival = np.where((sampled > 0.0) & (np.abs(sampled - arrival) < 1.0), sampled, arrival)
     course = gps["GCrs"] * units.DEG
+    with np.errstate(invalid="ignore"):  # what is no number then is refused with its row
+        north, east = gps["Spd"] * np.cos(course), gps["Spd"] * np.sin(course)
     values = {
         "t": arrival,
         "gps": gps_s[keep],
         "lat": gps["Lat"] * units.DEG,
         "lon": gps["Lng"] * units.DEG,
         "h": gps["Alt"] + _separation(log, gps["Alt"], accuracy, hints, notes),
-        "vn": gps["Spd"] * np.cos(course),
-        "ve": gps["Spd"] * np.sin(course),
+        "vn": north,
+        "ve": east,
         "vd": gps["VZ"],
         "q": np.array([QUALITY.get(int(s), 5) for s in gps["Status"]], dtype=np.float64),
     }

@@ -170,7 +170,7 @@ def _matrix(data: memoryview, order: str, depth: int, names: Collection[str] | N
     if dtype is None or len(stored) != count * np.dtype(dtype).itemsize:
         raise ValueError(f"{name or 'an array'} claims the shape {shape} in {len(stored)} bytes")
     try:
-        with np.errstate(invalid="raise"):
+        with np.errstate(over="ignore", invalid="raise"):  # beyond single precision it is infinite, and refused so
             values = np.frombuffer(stored, dtype=order + dtype).astype(_CLASSES[what])
     except FloatingPointError as error:
         raise ValueError(f"{name or 'an array'} claims whole numbers and holds others") from error

@@ -129,7 +129,11 @@ def decode(
         At the first message that is not of the layout of its type.
     """
     layout = LAYOUTS[kind]
-    logged = np.asarray(log_ns, dtype=np.int64)
+    try:
+        logged = np.asarray(log_ns, dtype=np.int64)
+    except (TypeError, OverflowError, ValueError):  # of a damaged table
+        text = f"{topic}: a message has no time at which it was logged; is the bag damaged?"
+        raise FileFormatError(text, path) from None
     if encoding == "json":
         return _decode_json(layout, raw, logged, topic, path)
     groups: dict[tuple[int, ...], list[int]] = {}

@@ -183,7 +183,8 @@ def reference_table(
         q_eb = rotation.quat_from_dcm(C_en @ C_nb)
         values |= {name: q_eb[:, k] for k, name in enumerate(("qw", "qx", "qy", "qz"))}
         if "twist.twist.linear.x" in m.values:
-            v_e = np.einsum("ij,njk,nk->ni", C_en, C_nb, m.stack("twist.twist.linear")[keep] @ FLU)
+            with np.errstate(invalid="ignore"):  # what is no number then is refused with its row
+                v_e = np.einsum("ij,njk,nk->ni", C_en, C_nb, m.stack("twist.twist.linear")[keep] @ FLU)
             values |= {f"v{axis}": v_e[:, k] for k, axis in enumerate("xyz")}
             notes.append("reference: its velocity is that of the twist, in axes of the body as ROS defines it.")
     return Table(values)

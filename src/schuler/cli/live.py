@@ -255,18 +255,21 @@ def _restored(
 
 def _configured(config: Path | None, changes: Sequence[tuple[str, Any]], foot: bool) -> NavigationConfig | FootConfig:
     """The configuration of a vehicle, or that of a walk, which may be left out."""
+    from schuler.files import read_toml
     from schuler.navigation.config import NavigationConfig
     from schuler.navigation.foot.config import FootConfig
     from schuler.navigation.sections import change_entry
 
-    if config is not None:
-        return (FootConfig if foot else NavigationConfig).load(config, changes)
     if not foot:
-        raise InputError("live: expected --config FILE as schuler navigate has it (schuler init writes one), got none")
-    data: dict[str, Any] = {}
+        if config is None:
+            raise InputError(
+                "live: expected --config FILE as schuler navigate has it (schuler init writes one), got none"
+            )
+        return NavigationConfig.load(config, changes)
+    data = {} if config is None else read_toml(config)
     for key, value in changes:
         change_entry(data, key, value)
-    return FootConfig.parse(data, "--set")
+    return FootConfig.parse(data, "--set" if config is None else str(config))
 
 
 def _stride_sender(sinks: Sequence[Any], rate_hz: float) -> Callable[[NavigationResult, Health, float], None]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -62,19 +61,9 @@ class Config(Section, metaclass=_InSentences):
             raise ConfigError(f"{source}: " + "; ".join(sentences(error, cls))) from None
 
     @classmethod
-    def load(cls, path: Path | str, changes: Sequence[tuple[str, Any]] = ()) -> Self:
-        """Checked configuration of a TOML file; see :meth:`parse`.
-
-        Parameters
-        ----------
-        path : Path or str
-        changes : sequence of (str, value)
-            Entries put over those of the file, see :func:`change_entry`.
-        """
-        data = read_toml(path)
-        for key, value in changes:
-            change_entry(data, key, value)
-        return cls.parse(data, str(path))
+    def load(cls, path: Path | str) -> Self:
+        """Checked configuration of a TOML file; see :meth:`parse`."""
+        return cls.parse(read_toml(path), str(path))
 
     @classmethod
     def checked(cls, source: Self | dict[str, Any] | Path | str) -> Self:

@@ -1,5 +1,9 @@
 """Text logs without options: columns, units and clock proposed for allan, calibrate and foot, and asked once."""
 
+import re
+import shlex
+import tomllib
+
 import numpy as np
 import pytest
 from command import answer, refusal
@@ -7,6 +11,7 @@ from command import answer, refusal
 from schuler import units
 from schuler.cli import proposal
 from schuler.cli.reading import Reading
+from schuler.diagnosis.result import as_entries
 
 NS = 1_707_350_382_000_000_000
 
@@ -53,6 +58,16 @@ def test_what_nothing_tells_is_one_question_in_options_of_the_command(tmp_path, 
     monkeypatch.setattr("builtins.input", lambda _: "1")
     recording = Reading().read(path)
     np.testing.assert_allclose(recording.imu.gyro, w, atol=1e-6)
+
+
+def test_options_of_the_command_line_stay_as_a_shell_takes_them(tmp_path, capsys):
+    """`navigate` asks in --set, quoted once for the shell and once for TOML; entries of [recording] are spelt anew."""
+    save(tmp_path / "rest.csv", [])
+    message = refusal(capsys, "navigate", tmp_path / "rest.csv")
+    for unit, option in zip(("deg/s", "rad/s"), re.findall(r"--set recording\.units=('\S+')", message), strict=True):
+        assert f"gyro={unit}" in tomllib.loads(f"units = {shlex.split(option)[0]}")["units"]
+    text = "--set recording.units='\"g,deg/s\"' or units='g,deg/s'"
+    assert as_entries(text) == '--set recording.units=\'"g,deg/s"\' or units = "g,deg/s"'
 
 
 def test_options_stand(tmp_path):

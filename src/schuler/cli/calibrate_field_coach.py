@@ -27,6 +27,7 @@ from schuler.recording.recording import Recording
 if TYPE_CHECKING:
     from schuler.calibration.field.coaching import Coach
     from schuler.live.messages import Message
+    from schuler.recording.series import ImuSeries
     from schuler.sensors.spec import ImuSpec
 
 _COLUMNS, _UNITS = "t,gx,gy,gz,ax,ay,az", "m/s^2,rad/s"  # of lines on stdin that nothing is said about
@@ -133,14 +134,12 @@ def run_coach(
                         spec, latitude=latitude, height=height, gravity=gravity, heading=heading, kind=imu.kind, **more
                     )  # fmt: skip
                     lines.waiting(coach)
-                while fed < len(imu) and not coach.advice.done:
-                    stop = max(fed + 1, int(np.searchsorted(imu.t, imu.t[fed] + _BLOCK_S)))
-                    advice = coach.imu(imu.t[fed:stop], imu.gyro[fed:stop], imu.accel[fed:stop])
-                    fed = stop
-                    lines.tell(coach, advice is not None, float(imu.t[fed - 1] - imu.t[0]))
+                fed = _feed(coach, imu, fed, lines, to_end=not following)
                 if coach.advice.done:
                     break
             elif not following or (ended if piped else source.idle_s > idle_s):
+                if coach is not None:
+                    _feed(coach, source.recording().need_imu(), fed, lines, to_end=True)
                 break
             if following:
                 time.sleep(max(_POLL_S, 2.0 * source.took_s))
@@ -153,6 +152,21 @@ def run_coach(
     recording = source.recording()
     lines.end(coach, recording)
     return recording
+
+
+def _feed(coach: Coach, imu: ImuSeries, fed: int, lines: _CoachLines, *, to_end: bool) -> int:
+    """Give the coach samples in blocks that do not depend on how they came; the number of samples given so far.
+
+    The last block waits until it is complete, unless the log has come to its end.
+    """
+    while fed < len(imu) and not coach.advice.done:
+        stop = max(fed + 1, int(np.searchsorted(imu.t, imu.t[fed] + _BLOCK_S)))
+        if stop == len(imu) and not to_end:
+            break
+        advice = coach.imu(imu.t[fed:stop], imu.gyro[fed:stop], imu.accel[fed:stop])
+        fed = stop
+        lines.tell(coach, advice is not None, float(imu.t[fed - 1] - imu.t[0]))
+    return fed
 
 
 class _CoachLines:

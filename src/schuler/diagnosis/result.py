@@ -78,7 +78,7 @@ CODES = {
 }
 #: Likelihood from which on what makes results garbage is an error and stops; what is less likely warns.
 SURE = 0.98
-_ENTRY = re.compile(r"\b([a-z_]+)=('[^']*'|[-+]?\d[\d.]*(?:e[-+]?\d+)?)")
+_ENTRY = re.compile(r"(?<![\w.])([a-z_]+)=('[^']*'|[-+]?\d[\d.]*(?:e[-+]?\d+)?)")
 _PLAIN = re.compile(r"[\w./=,:-]+")
 
 

@@ -41,7 +41,7 @@ def read_toml(path: Path | str, missing: str = "no such configuration file") -> 
         If there is no such file, it cannot be opened, or it is no TOML.
     """
     path = Path(path)
-    _note_input(path)
+    note_input(path)
     try:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
@@ -77,7 +77,7 @@ def outputs(*, force: bool = False) -> Iterator[None]:
     A folder that does not exist is written under a temporary name and renamed; in one that exists, every file is. A
     file that exists is replaced only with ``force``, or in a folder that an earlier block made or found empty, if it is
     as that block left it: a hidden list in the folder has the checksums. A file that was read (:func:`sha256`,
-    :func:`hashed`, :func:`read_toml`) is never replaced.
+    :func:`hashed`, :func:`read_toml`, :func:`note_input`) is never replaced.
 
     Parameters
     ----------
@@ -352,7 +352,7 @@ def package_version() -> str:
 
 def sha256(path: Path | str) -> str:
     """SHA-256 of a file's bytes as hexadecimal text, for the provenance of results."""
-    _note_input(Path(path))
+    note_input(path)
     return _checksum(Path(path))
 
 
@@ -364,10 +364,11 @@ def _checksum(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _note_input(path: Path) -> None:
+def note_input(path: Path | str) -> None:
+    """Keep a file that is read from being replaced by the command that reads it, see :func:`outputs`."""
     if _outputs is not None:
         with suppress(OSError):
-            _outputs.inputs.add(_identity(path))
+            _outputs.inputs.add(_identity(Path(path)))
 
 
 def _umask() -> int:
@@ -390,7 +391,7 @@ def hashed(paths: Iterable[Path], root: Path | None = None) -> Iterator[Callable
 
     paths = list(paths)
     for path in paths:
-        _note_input(path)
+        note_input(path)
 
     def work() -> dict[str, str]:
         return {path.name if root is None else path.relative_to(root).as_posix(): sha256(path) for path in paths}

@@ -3,10 +3,17 @@
 import re
 import subprocess
 import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 from command import answer, refusal, run
 from places import EXAMPLES
+
+from schuler.calibration.freepose.simulation import hand_log
+from schuler.recording.io import write as write_recording
+from schuler.recording.recording import Recording
+from schuler.sensors.errors import ImuErrors
 
 LOG = "0.0,0,0,-9.81,0,0,0\n0.1,0,0,-9.81,0,0,0\n0.2,0,0,-9.81,0,0,0\n0.3,0,0,-9.81,0,0,0\n"
 HINTS = ("--columns", "t,ax,ay,az,gx,gy,gz", "--units", "m/s^2,rad/s", "--axes", "FRD", "--allow", "norm")
@@ -86,3 +93,16 @@ def test_full_devices_are_one_sentence(log, town, tmp_path):
 def test_a_place_that_cannot_be_written_is_refused_before_the_work(tmp_path, capsys):
     message = refusal(capsys, "montecarlo", tmp_path / "missing.toml", "--out", "/proc/results")
     assert "Expected a place to write to; /proc/results cannot be written" in message
+
+
+def test_a_calibration_that_is_read_is_never_replaced(tmp_path, capsys):
+    """The folder of an earlier calibration may be written again, but not by a command that compares with it."""
+    imu = hand_log(ImuErrors(), np.random.default_rng(0), poses=20, rate_hz=50.0).rates()
+    log = write_recording(Recording(imu=imu), tmp_path / "hand.parquet")[0]
+    call = ("calibrate", "freepose", log, "--out", tmp_path / "unit", "--no-report", "--json")
+    before = Path(answer(capsys, *call)["files"]["calibration"])
+    text = before.read_text()
+    for more in ((), ("--force",)):
+        said = refusal(capsys, *call, "--previous", before, "--date", "2026-01-01", *more)
+        assert f"{before} was read by this command" in said
+    assert before.read_text() == text

@@ -18,6 +18,7 @@ from schuler.characterisation.result import AXES, AxisNoise, Estimate, Finding
 from schuler.characterisation.selection import select
 from schuler.characterisation.simulation_model import terms_of_fit
 from schuler.exceptions import FileFormatError, InputError
+from schuler.files import note_input
 
 _SPACING = 1.9  # least ratio of averaging times fitted; closer ones hardly tell anything new
 _FEWEST = 5  # of them
@@ -160,6 +161,7 @@ def read_curves(path: Path, columns: str | None = None) -> tuple[FloatArray, dic
     FileFormatError
         With the first line that is no row of numbers.
     """
+    note_input(path)
     lines = path.read_text(encoding="latin-1").lstrip("\ufeff").splitlines()
     rows = [(k, _SEPARATOR.split(text.strip().lstrip("# "))) for k, text in enumerate(lines, 1) if text.strip()]
     names = [name.strip().lower() for name in columns.split(",")] if columns is not None else []

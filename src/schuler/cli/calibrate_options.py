@@ -14,6 +14,7 @@ from schuler import units as u
 from schuler.cli.output import File, Flag, Folder, progress
 from schuler.cli.reading import Checking, Reading
 from schuler.exceptions import InputError
+from schuler.files import note_input
 from schuler.recording.recording import Recording
 from schuler.recording.series import ImuSeries
 
@@ -212,6 +213,7 @@ def sections_of(path: Path, imu: ImuSeries) -> dict[str, tuple[float, float]]:
 
 def _table(path: Path, imu: ImuSeries, named: bool) -> list[tuple[str, float, float]]:
     """Lines of (NAME,)START,STOP in seconds from the start of the log, in the time of the log."""
+    note_input(path)
     shape = "NAME,START,STOP" if named else "START,STOP"
     try:
         lines = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))

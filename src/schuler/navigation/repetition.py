@@ -12,7 +12,7 @@ from typing import Any
 
 from schuler.diagnosis.admission import checked
 from schuler.exceptions import FileFormatError, InputError
-from schuler.files import json_text, read_toml, sha256
+from schuler.files import json_text, note_input, read_toml, sha256
 from schuler.filtering.engine import Progress
 from schuler.navigation.config import NavigationConfig
 from schuler.navigation.evaluation.evaluated import EvaluatedRun, evaluate_run
@@ -199,6 +199,8 @@ def metrics_text(numbers: Mapping[str, Any]) -> str:
 
 def _document(path: Path) -> dict[str, Any]:
     """Entries of a run's file."""
+    for file in (path, path.parent / "metrics.json"):
+        note_input(file)
     try:
         data: Any = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

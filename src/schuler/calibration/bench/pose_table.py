@@ -19,6 +19,7 @@ from schuler.calibration.result.parameters import BIAS_G
 from schuler.calibration.result.rest_scatter import rest_scatter
 from schuler.calibration.result.result import CalibrationResult
 from schuler.exceptions import FileFormatError, InputError
+from schuler.files import note_input
 from schuler.recording.io.checks import norm_causes
 from schuler.recording.io.columns import ACCEL, GYRO, MAG, SKIPS, recognise, unit_in
 from schuler.recording.io.hint_texts import COUNTS, factor, parse_units
@@ -76,6 +77,7 @@ def read_pose_table(path: Path | str, columns: str | None = None, units: str | N
     """
     place = Path(path)
     given = parse_units(units)
+    note_input(place)
     try:
         text = place.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:

@@ -13,7 +13,7 @@ from schuler.calibration.result.result import CalibrationResult, Residuals
 from schuler.calibration.result.result_entries import FORMAT, RESIDUALS, VERSION, parsed_result
 from schuler.calibration.result.sheet import sheet, shown
 from schuler.exceptions import FileFormatError, InputError
-from schuler.files import write_text
+from schuler.files import note_input, write_text
 
 _HEAD = """\
 # Calibration of an IMU. Errors are added to the truth, numbers are SI, 1 sigma (docs/calibration.md):
@@ -115,6 +115,7 @@ def read_result(path: Path | str) -> CalibrationResult:
         message has the nearest known name), missing or impossible.
     """
     path = Path(path)
+    note_input(path)
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:

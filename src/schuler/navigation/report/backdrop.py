@@ -13,6 +13,7 @@ import numpy as np
 from schuler import frames, units
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
+from schuler.files import note_input
 from schuler.plotting.figure import ByteArray, Item, Line, Markers, Picture, Text
 from schuler.plotting.geojson import read_geojson
 from schuler.plotting.georeference import Georeference, read_picture
@@ -94,6 +95,7 @@ def read_backdrop(path: Path | str) -> Backdrop:
     buildings by ``building``, everything else alike. Points are left out.
     """
     path = Path(path)
+    note_input(path)
     if not path.is_file():
         raise InputError(f"background: {path} is no file; {_EXPECTED}")
     suffix = path.suffix.lower()

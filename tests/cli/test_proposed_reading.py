@@ -6,12 +6,14 @@ import tomllib
 
 import numpy as np
 import pytest
-from command import answer, refusal
+from command import answer, refusal, run
 
 from schuler import units
+from schuler.calibration.freepose.simulation import hand_log
 from schuler.cli import proposal
 from schuler.cli.reading import Reading
 from schuler.diagnosis.result import as_entries
+from schuler.sensors import ImuErrors, catalogue
 
 NS = 1_707_350_382_000_000_000
 
@@ -86,5 +88,35 @@ def test_hints_are_entries_for_commands_with_a_configuration(tmp_path, capsys):
     assert 'columns = "t,ax,ay,az,gx,gy,gz"' in message
     assert "--set recording." in message
     assert "columns='" not in message
-    message = refusal(capsys, "info", path)
+    short = tmp_path / "short.csv"
+    short.write_text("".join(path.read_text().splitlines(keepends=True)[:50]))  # too little to tell the columns
+    message = refusal(capsys, "info", short)
     assert "--columns t,ax,ay,az,gx,gy,gz" in message
+
+
+@pytest.mark.parametrize("order", [slice(None), [3, 4, 5, 0, 1, 2]])
+def test_a_biased_gyroscope_is_told_from_gravity_by_what_turns_make_of_it(tmp_path, capsys, order):
+    """At rest both are constant: a log turned by hand, without a header and without times, asks for its rate alone."""
+    errors = ImuErrors.draw(catalogue.spec("MPU-6050"), np.random.default_rng(4))
+    imu = hand_log(errors, np.random.default_rng(5), poses=12, initial_rest_s=5.0).rates()
+    path = tmp_path / "turned.txt"
+    np.savetxt(path, np.column_stack((imu.accel, imu.gyro + 0.03))[:, order], fmt="%.5f")
+    code, _, err = run(capsys, "info", path)
+    assert code == 2
+    assert "or say its rate, such as --rate=100" in err.splitlines()[-1]
+    recording = Reading(rate=100.0, units="m/s^2,rad/s").read(path)
+    np.testing.assert_allclose(recording.imu.accel, imu.accel, atol=1e-5)  # printed digits
+    np.testing.assert_allclose(recording.imu.gyro, imu.gyro + 0.03, atol=1e-5)
+
+
+def test_a_folder_is_read_as_navigate_would_read_it(tmp_path, capsys):
+    """info recognises columns of a folder's files, and names the folders in one that has no logs of its own."""
+    (tmp_path / "inner").mkdir()
+    save(tmp_path / "inner" / "rest.csv", ["time,gx (deg/s),gy (deg/s),gz (deg/s),ax,ay,az"])
+    code, out, err = run(capsys, "info", tmp_path / "inner")
+    assert code == 0
+    assert "4000 samples at 100 Hz" in out
+    assert "recording.imu.units = accel=mg,t=ms" in err
+    message = refusal(capsys, "info", tmp_path)
+    assert "give one of the folders in it: inner" in message
+    assert "give one of the folders in it: inner" in refusal(capsys, "navigate", tmp_path)

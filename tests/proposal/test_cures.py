@@ -103,9 +103,12 @@ def test_a_folder_without_accuracies_is_recognised_checked_and_proposed(tmp_path
     }
     for name, (head, rows) in tables.items():
         np.savetxt(tmp_path / name, rows, delimiter=",", fmt="%.9f", header=head, comments="")
-    code, _, err = run(capsys, "info", tmp_path / "gps.csv")
+    code, _, err = run(capsys, "info", tmp_path / "gps.csv", "--columns", "t,lat,lon,h,speed,course")
     assert code == 2
     assert "say --sigma N,E,D [m]" in err  # as the command has it
+    code, _, err = run(capsys, "info", tmp_path / "gps.csv")
+    assert code == 0, err
+    assert "--sigma '5,5,7.5': no column states an accuracy" in err
     assert run(capsys, "check", tmp_path / "gps.csv")[0] == 0
     with_velocities = files_of([tmp_path / "fixes.csv"], {})
     assert with_velocities.entries["sigma"] == "5,5,7.5,0.1,0.1,0.1"

@@ -154,6 +154,15 @@ def test_a_folder_with_entries(folder):
     assert np.isnan(alone.observations.range_rate[glonass]).all()
 
 
+def test_ephemerides_of_a_folder_may_be_in_several_files(folder):
+    """Satellites alone are a recording: without entries, every file of ephemerides belongs to the observations."""
+    (folder / "imu.csv").unlink()
+    found = read(folder)
+    parts = read(folder, observations={"file": "rover.obs"}, ephemerides={"file": ["glonass.nav", "gps.nav"]})
+    assert (len(found.ephemerides.kepler), len(found.ephemerides.glonass)) == (1, 1)
+    np.testing.assert_array_equal(found.observations.range_rate, parts.observations.range_rate)
+
+
 def test_a_folder_whose_imu_counts_another_week(folder):
     """Everything comes to the time base of the first entry, observations with their own epoch."""
     late = {**IMU, "time": f"gps-tow:{WEEK - 1}"}

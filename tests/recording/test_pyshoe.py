@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from command import refusal
 from scipy.io import savemat
 
 from schuler import frames
@@ -56,6 +57,10 @@ def test_a_trial(tmp_path):
     assert trial.recording.metadata.name == "2017-11-22-11-22-03"
     assert path.name in trial.recording.metadata.sources
     assert is_pyshoe(path)
+
+
+def test_navigate_says_which_command_a_trial_is_for(tmp_path, capsys):
+    assert "schuler foot" in refusal(capsys, "navigate", written(tmp_path), "--out", tmp_path / "out")
 
 
 def test_the_stamps_as_they_are(tmp_path):

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from schuler.cli.output import File, Flag, say
+from schuler.cli.proposal import recognised_files
 from schuler.cli.reading import LogHints, foot_log, recording_section
 from schuler.exceptions import InputError
 from schuler.recording.part import cut
@@ -71,7 +72,7 @@ def check(
     else:
         parts = given
     if not parts:
-        parts = _recognised(log)
+        parts = recognised_files(log)
     diagnosis = _diagnosed(log, parts, hints)
     print(diagnosis.to_json() if json else diagnosis.summary(command=not log.is_dir(), folder=log.is_dir()))
     if report is not None:
@@ -79,27 +80,6 @@ def check(
     if write is not None:
         return _write_cures(write, log, parts)
     return 0 if diagnosis.ok else 2
-
-
-def _recognised(log: Path) -> dict[str, Any]:
-    """Files, columns and units of a log as ``schuler navigate`` recognises them, said; empty where it does not."""
-    from schuler.exceptions import SchulerError
-    from schuler.proposal import UndecidedError
-    from schuler.proposal.files import files_of
-
-    try:
-        files = files_of([log], {})
-    except UndecidedError as question:
-        words = " or ".join(f"--{k.split('.')[1]} {v}" for _, answer in question.choices for k, v in answer.items())
-        if log.is_dir() and words:
-            raise InputError(f"{question.text}: say {words}") from None
-        return {}
-    except SchulerError:
-        return {}  # the diagnosis says why
-    for d in files.decisions:
-        option = f"--{d.entry.rpartition('.')[2].replace('_', '-')}"
-        say(f"{f'{d.entry} =' if log.is_dir() else option} {d.value}: {d.evidence}")
-    return files.entries
 
 
 def _write_cures(target: Path, log: Path, parts: dict[str, Any]) -> int:

@@ -9,9 +9,8 @@ import numpy as np
 
 from schuler import units
 from schuler.cli.output import Flag, print_json, say
-from schuler.cli.reading import LogHints, read_log
+from schuler.cli.reading import LogHints
 from schuler.gnss.signals import satellite_name
-from schuler.recording.part import cut
 from schuler.recording.recording import TIMED, Recording
 
 _HINTS = LogHints()
@@ -35,7 +34,7 @@ def convert(log: Path, out: Path, /, *, to: str | None = None, json: Flag = Fals
     from schuler.recording.io import write
     from schuler.recording.io.dispatch import left_out
 
-    recording = cut(read_log(log, hints.config, **hints.given), hints.start, hints.stop)
+    recording = hints.read(log)
     written = write(recording, out, format=to)
     missing = left_out(recording, out, to)
     if json:

@@ -9,10 +9,9 @@ from typing import Any
 
 from schuler.cli.convert import described
 from schuler.cli.output import Flag, print_json
-from schuler.cli.reading import LogHints, read_log
+from schuler.cli.reading import LogHints
 from schuler.exceptions import InputError, SchulerError
 from schuler.recording.io.streams import Stream, table
-from schuler.recording.part import cut
 
 _HINTS = LogHints()
 #: Modules of formats that are found by their suffix or looks (``recording.io.dispatch``), and the extras they need.
@@ -51,7 +50,7 @@ def info(log: Path | None = None, /, *, formats: Flag = False, json: Flag = Fals
     listed = streams_in(log, hints.format)
     if listed is None:
         try:
-            recording = cut(read_log(log, hints.config, **hints.given), hints.start, hints.stop)
+            recording = hints.read(log)
         except SchulerError:
             from schuler.diagnosis.log import not_a_log
 
@@ -65,7 +64,7 @@ def info(log: Path | None = None, /, *, formats: Flag = False, json: Flag = Fals
         return
     content: dict[str, Any] = {}
     try:
-        recording = cut(read_log(log, hints.config, **hints.given), hints.start, hints.stop)
+        recording = hints.read(log)
     except SchulerError as error:
         if not listed:
             raise

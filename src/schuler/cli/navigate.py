@@ -10,7 +10,7 @@ from typing import Any, Literal
 from schuler.cli.configuration import configuration, entries, with_outages
 from schuler.cli.output import Flag, Folder, Texts, drawable, named, print_json, print_verdict, progress, say, tabled
 from schuler.cli.proposal import proposed
-from schuler.cli.reading import Part
+from schuler.cli.reading import Part, is_trial
 from schuler.cli.rerun import write_run
 from schuler.exceptions import InputError
 from schuler.files import write_text
@@ -107,6 +107,8 @@ def navigate(
     changes += [(f"aiding.{name}", {}) for name in aid]
     proposal = None
     if config is None:
+        if any(is_trial(log, {}) for log in logs):
+            raise InputError(f"{logs[0]} is a walk of an IMU on a shoe: schuler foot {logs[0]}")
         proposal = proposed(logs, imu, changes, without, part=part)
         log, changes = proposal.log, []
         loaded = with_outages(proposal.config, outage, outage_every)

@@ -64,7 +64,7 @@ def proposed(
 
 
 def proposed_hints(log: Path, given: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Hints proposed for a text log that was not read with those given: columns, units and clock by header and physics.
+    """Hints proposed for a log that was not read with those given: columns, units and clock by header and physics.
 
     What is decided is said on stderr; what is open is asked on a terminal.
 
@@ -77,7 +77,7 @@ def proposed_hints(log: Path, given: Mapping[str, Any]) -> dict[str, Any] | None
     Returns
     -------
     dict or None
-        None if the log is no table of an IMU.
+        By part for a folder; None if the log is no table of an IMU, or no folder with one.
 
     Raises
     ------
@@ -87,8 +87,10 @@ def proposed_hints(log: Path, given: Mapping[str, Any]) -> dict[str, Any] | None
     from schuler.exceptions import SchulerError
     from schuler.proposal import UndecidedError, propose_reading
 
-    if not log.is_file() or "columns" in given or "format" in given:
+    if "columns" in given or "format" in given or (given and log.is_dir()):
         return None
+    if log.is_dir():
+        return _read_folder(log)
     hints = dict(given)
     for _ in range(_MOST):
         try:
@@ -100,14 +102,71 @@ def proposed_hints(log: Path, given: Mapping[str, Any]) -> dict[str, Any] | None
                 raise in_options_of_reading(question) from None
             hints |= {name.rpartition(".")[2]: value for name, value in answer(question).items()}
             continue
-        except SchulerError:
-            return None
+        except SchulerError:  # reading says what is missing
+            return recognised_files(log) or None
         for d in decisions:
             if d.value is not None:
                 name = d.entry.rpartition(".")[2]
                 say(f"{log.name}: --{name.replace('_', '-')} {d.value!r}: {d.evidence}")
         return entries
     raise AssertionError("a question was asked again although it was answered")
+
+
+def _read_folder(log: Path) -> dict[str, Any] | None:
+    """Entries of a folder's files with every sure cure in them, its clocks' among them; None where there is no IMU."""
+    from schuler.exceptions import SchulerError
+    from schuler.proposal import UndecidedError, propose_reading
+
+    try:
+        entries, decisions = propose_reading(log, {}, {})
+    except UndecidedError as question:
+        files = [value for _, answer in question.choices for name, value in answer.items() if name.endswith(".file")]
+        if files:
+            raise InputError(f"{question.text}: give one by itself, such as {log / files[0]}") from None
+        return recognised_files(log) or None
+    except SchulerError:
+        return recognised_files(log) or None
+    for d in decisions:
+        if d.value is not None:
+            say(f"{d.entry} = {d.value}: {d.evidence}")
+    return entries
+
+
+def recognised_files(log: Path) -> dict[str, Any]:
+    """Files, columns and units of a log as ``schuler navigate`` recognises them, said; empty where it does not.
+
+    Parameters
+    ----------
+    log : Path
+        File or folder.
+
+    Returns
+    -------
+    dict
+        Hints, by part for a folder.
+
+    Raises
+    ------
+    InputError
+        If two files of a folder could be the same part; options answer.
+    """
+    from schuler.exceptions import SchulerError
+    from schuler.proposal import UndecidedError
+    from schuler.proposal.files import files_of
+
+    try:
+        files = files_of([log], {})
+    except UndecidedError as question:
+        words = " or ".join(f"--{k.split('.')[1]} {v}" for _, answer in question.choices for k, v in answer.items())
+        if log.is_dir() and words:
+            raise InputError(f"{question.text}: say {words}") from None
+        return {}
+    except SchulerError:
+        return {}  # the diagnosis says why
+    for d in files.decisions:
+        option = f"--{d.entry.rpartition('.')[2].replace('_', '-')}"
+        say(f"{f'{d.entry} =' if log.is_dir() else option} {d.value}: {d.evidence}")
+    return files.entries
 
 
 def in_options_of_reading(question: UndecidedError) -> InputError:

@@ -100,14 +100,37 @@ class Part:
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class PartHints(Part, Hints):
-    """How a log is read, and what part of it."""
+class Reading(Part, Hints):
+    """How logs are read, and what part of them."""
+
+    def read(self, log: Path, *, uncalibrated: bool = False, proposing: bool = True) -> Recording:
+        """The log, cut as asked for; the norm of an uncalibrated sensor's specific force is not checked in a file.
+
+        Hints that it needs and that are not given are proposed, unless it still grows: its motion is still to come.
+        """
+        if uncalibrated:
+            self = of_part(self, log)
+        hints = self.given
+        # our own files need no hints and take none
+        if uncalibrated and not log.is_dir() and hints:
+            hints["allow"] = ",".join([*([hints["allow"]] if hints.get("allow") else []), "norm"])
+        try:
+            recording = read_log(log, self.config, **hints)
+        except InputError:
+            from schuler.cli.proposal import proposed_hints
+            from schuler.recording.io import read
+
+            proposal = None if self.config is not None or not proposing else proposed_hints(log, self.given)
+            if proposal is None:
+                raise
+            recording = read(log, **{**hints, **proposal})
+        return cut(recording, self.start, self.stop)
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class LogHints(PartHints):
-    """What a log of any kind does not say of itself.
+class LogHints(Reading):
+    """How a log of any kind is read, and what part of it.
 
     Parameters
     ----------
@@ -131,34 +154,6 @@ class LogHints(PartHints):
     origin: str | None = None
     offset: float | None = None
     series: str | None = None
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Reading(PartHints):
-    """How logs are read, and what part of them."""
-
-    def read(self, log: Path, *, uncalibrated: bool = False, proposing: bool = True) -> Recording:
-        """The log, cut as asked for; the norm of an uncalibrated sensor's specific force is not checked in a file.
-
-        Hints that it needs and that are not given are proposed, unless it still grows: its motion is still to come.
-        """
-        if uncalibrated:
-            self = of_part(self, log)
-        hints = self.given
-        # our own files need no hints and take none
-        if uncalibrated and not log.is_dir() and hints:
-            hints["allow"] = ",".join([*([hints["allow"]] if hints.get("allow") else []), "norm"])
-        try:
-            recording = read_log(log, self.config, **hints)
-        except InputError:
-            from schuler.cli.proposal import proposed_hints
-
-            proposal = None if self.config is not None or not proposing else proposed_hints(log, self.given)
-            if proposal is None:
-                raise
-            recording = read_log(log, None, **proposal, **{k: v for k, v in hints.items() if k not in proposal})
-        return cut(recording, self.start, self.stop)
 
 
 @Parameter(name="*")

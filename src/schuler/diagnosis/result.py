@@ -15,6 +15,7 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import InputError
 from schuler.plotting.notebook import Displayed
+from schuler.recording.io.hint_texts import SAY_WHICH
 from schuler.recording.io.hints import ReadHints
 
 Severity: TypeAlias = Literal["error", "warning", "note"]
@@ -80,6 +81,7 @@ CODES = {
 SURE = 0.98
 _ENTRY = re.compile(r"(?<![\w.])([a-z_]+)=('[^']*'|[-+]?\d[\d.]*(?:e[-+]?\d+)?)")
 _PLAIN = re.compile(r"[\w./=,:-]+")
+_PART = re.compile(r"(\w+)=\{([^{}]*)\}")  # an entry of a folder
 
 
 def number_of(count: int, what: str) -> str:
@@ -337,7 +339,14 @@ def as_options(fix: str) -> str:
             return f"--{name} {plain if _PLAIN.fullmatch(plain) else value}"
         return f"--{name}={value}"
 
-    return _ENTRY.sub(option, fix)
+    spelt = _PART.sub(_as_table, _ENTRY.sub(option, fix))
+    return spelt.replace(SAY_WHICH, "give a file by itself, or say which in [recording] of a --config: ")
+
+
+def _as_table(match: re.Match[str]) -> str:
+    """An entry of a folder as TOML has it: ``imu={'file': 'NAME'}`` is ``imu = {file = "NAME"}``."""
+    fields = re.sub(r"'(\w+)': ", r"\1 = ", match[2]).replace("'", '"')
+    return f"{match[1]} = {{{fields}}}"
 
 
 def as_entries(fix: str, part: str = "") -> str:
@@ -355,7 +364,7 @@ def as_entries(fix: str, part: str = "") -> str:
         is_hint = match[1] in ReadHints.__dataclass_fields__
         return f"{match[1]} = {match[2].replace(chr(39), chr(34))}" if is_hint else match[0]
 
-    spelt = _ENTRY.sub(entry, fix)
+    spelt = _PART.sub(_as_table, _ENTRY.sub(entry, fix))
     return f"{spelt.removesuffix(' for the IMU')} in [recording.{part}]" if spelt != fix and part else spelt
 
 

@@ -16,7 +16,7 @@ from schuler.proposal import arrays, tables
 from schuler.proposal.decision import Decision, UndecidedError
 from schuler.recording.formats import nmea, registry, rtklib, text
 from schuler.recording.io import columns, dispatch, lines
-from schuler.recording.io.folder import recognised
+from schuler.recording.io.folder import folders_in, listed, recognised
 from schuler.recording.io.hint_texts import SATELLITES
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.series import GnssSeries
@@ -197,7 +197,7 @@ def _folder(log: Path, names: list[str], given: Mapping[str, Any]) -> Files:
     if "imu" in candidates or not all(len(candidates.get(half, ())) == 1 for half in HALVES):
         files.ignored += [f[1] for half in HALVES for f in candidates.pop(half, [])]
     if "imu" not in candidates and HALVES[0] not in candidates:
-        raise _nothing(log, names)
+        raise _nothing(log, names, satellites="observations" in candidates)
     if "gnss" in candidates:
         for part in SATELLITES:
             for _, name, _, _ in candidates.pop(part, []):
@@ -464,9 +464,11 @@ def _unknown(path: Path, section: str) -> UndecidedError:
     )
 
 
-def _nothing(log: Path, names: list[str]) -> InputError:
-    shown = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+def _nothing(log: Path, names: list[str], *, satellites: bool) -> InputError:
+    if inside := folders_in(log):
+        return InputError(f"{log}: no log of an IMU is recognised among {listed(names) or 'no files'}: {inside}")
+    positions = f"; schuler points {log} makes positions of its satellite measurements" if satellites else ""
     return InputError(
-        f"{log}: no log of an IMU is recognised among {shown or 'no files'}: name the file and its columns, "
-        "--set recording.imu.file=NAME --set recording.imu.columns='\"t,ax,ay,az,gx,gy,gz\"'"
+        f"{log}: no log of an IMU is recognised among {listed(names) or 'no files'}: name the file and its columns, "
+        f"--set recording.imu.file=NAME --set recording.imu.columns='\"t,ax,ay,az,gx,gy,gz\"'{positions}"
     )

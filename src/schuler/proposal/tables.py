@@ -24,6 +24,7 @@ _CLEARLY = 4.0  # times that the other sensor's norm spreads more
 #: Units of a counter, and the steps of an IMU's samples in it: 8 Hz to 4 kHz do not overlap from one to the next.
 _TIME_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
 _GRAVITY = 0.7  # logarithm of the median norm over gravity's that motion and a poor scale make
+_POOR_SCALE = 0.15
 _FASTEST_S, _SLOWEST_S = 1.0 / 4000.0, 1.0 / 8.0
 _CALLED = {"accel": re.compile(r"acc", re.IGNORECASE), "gyro": re.compile(r"gyr", re.IGNORECASE)}
 _UNIX_S = (1e9, 2.1e9)  # the years 2001 to 2036
@@ -40,7 +41,8 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
     -------
     columns, evidence : str
         None if the file is no table, or its numbers leave it open: gravity has a constant norm in calm moments, which
-        makes the accelerometer; the gyroscope's is nearly nothing then; time increases.
+        makes the accelerometer; the gyroscope's is nearly nothing then. A bias that is constant at rest is told from
+        gravity by what turns make of its norm. Time increases.
     """
     values = _numbers(path)
     if values is None or len(values) < 20 * _BLOCK:
@@ -50,16 +52,23 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
         return None  # a counter of rows
     others = [k for k in range(values.shape[1]) if k not in clock]
     triads = [(k, k + 1, k + 2) for k in others if k + 1 in others and k + 2 in others]
-    spread = {trio: _spread(values[:, trio]) for trio in triads}
+    calm = {trio: _spread(values[:, trio]) for trio in triads}
     pairs = [
-        (spread[b] / max(spread[a], 1e-12), a, b)
-        for a, b in itertools.permutations(triads, 2)
-        if not set(a) & set(b) and spread[a] < _STEADY
+        (a, g)
+        for a, g in itertools.permutations(triads, 2)
+        if (calm[a] < _STEADY or _is_gravity(values[:, a])) and not set(a) & set(g) and _aligned(a, g, others)
     ]
     if not pairs or len(others) > 8:
         return None
-    ratio, accel, gyro = max(pairs)
-    if ratio < _CLEARLY or not _aligned(accel, gyro, others):
+    lively = {trio: _spread(values[:, trio], calm=False) for trio in triads}
+    # a gyroscope's bias is as constant at rest as gravity, but turns change its norm
+    for spread in (lively, calm):
+        ratio, accel, gyro = max((spread[g] / max(spread[a], 1e-12), a, g) for a, g in pairs)
+        if ratio >= _CLEARLY and lively[gyro] >= lively[accel]:
+            break
+    else:
+        return None
+    if _is_gravity(values[:, gyro]) and not _is_gravity(values[:, accel]):
         return None
     names = ["-"] * values.shape[1]
     if clock:
@@ -68,8 +77,8 @@ def imu_columns(path: Path) -> tuple[str, str] | None:
         for axis, k in zip("xyz", trio, strict=True):
             names[k] = f"{stem}{axis}"
     evidence = (
-        f"columns {accel[0] + 1} to {accel[2] + 1} have a constant norm in calm moments as gravity has (spread "
-        f"{100.0 * spread[accel]:.1f} %), columns {gyro[0] + 1} to {gyro[2] + 1} have none"
+        f"columns {accel[0] + 1} to {accel[2] + 1} have a constant norm as gravity has (spread "
+        f"{100.0 * spread[accel]:.2g} %), columns {gyro[0] + 1} to {gyro[2] + 1} have none"
     )
     return ",".join(names), evidence
 
@@ -237,14 +246,21 @@ def _is_clock(x: FloatArray) -> bool:
     return bool(near.mean() > 0.9 and not (usual == 1.0 and (step == 1.0).all()))
 
 
-def _spread(x: FloatArray) -> float:
-    """Spread of the norm of block means among the calmer half of the blocks, as a share of its median."""
+def _spread(x: FloatArray, calm: bool = True) -> float:
+    """Spread of block means' norm over its median: in the calmer half of the blocks, or in both extreme tenths."""
     n = len(x) // _BLOCK
     blocks = x[: n * _BLOCK].reshape(n, _BLOCK, 3)
-    calm = blocks.std(axis=1).sum(axis=1)
-    norm = np.linalg.norm(blocks.mean(axis=1), axis=1)[calm <= np.median(calm)]
+    order = np.argsort(blocks.std(axis=1).sum(axis=1))
+    chosen = order[: n // 2] if calm else np.concatenate((order[: n // 10], order[-(n // 10) :]))
+    norm = np.linalg.norm(blocks.mean(axis=1), axis=1)[chosen]
     middle = float(np.median(norm))
     return float(np.subtract(*np.quantile(norm, (0.9, 0.1))) / middle) if middle > 0.0 else np.inf
+
+
+def _is_gravity(x: FloatArray) -> bool:
+    """Whether the median norm is gravity's in a unit of accelerometers, to a poor scale factor."""
+    size = float(np.median(np.linalg.norm(x, axis=1)))
+    return any(abs(size * factor_for(unit, "specific force") / G0 - 1.0) < _POOR_SCALE for unit in ("m/s^2", "g", "mg"))
 
 
 def _aligned(accel: tuple[int, ...], gyro: tuple[int, ...], others: list[int]) -> bool:

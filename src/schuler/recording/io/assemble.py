@@ -220,7 +220,7 @@ def _time(raw: Raw, hints: ReadHints, base: TimeBase | None) -> tuple[FloatArray
     n = len(next(iter(raw.values.values())))
     if "t" not in raw.values:
         if hints.rate is None:
-            raise raw.fault("there is no time column: name one with columns='t,...', or say rate=... [Hz]")
+            raise raw.fault("there is no time column: name one with columns='t,...', or say its rate, such as rate=100")
         first = 1 if hints.kind == "increment" else 0
         raw.notes.append(f"No time column: stamps are counted at {hints.rate:g} Hz from {first / hints.rate:g} s.")
         raw.values["t"] = (np.arange(n) + first) / hints.rate

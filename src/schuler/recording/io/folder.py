@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.recording.formats import registry, rtklib, text
 from schuler.recording.io import columns, dispatch, lines, streams
 from schuler.recording.io.columns import check_known
-from schuler.recording.io.hint_texts import SATELLITES, SERIES
+from schuler.recording.io.hint_texts import SATELLITES, SAY_WHICH, SERIES
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.satellite_files import channels_of, kinds_of
 from schuler.recording.recording import Recording
@@ -35,7 +35,7 @@ def read_folder(path: Path | str, parts: Mapping[str, Mapping[str, Any]] | None 
         For each of ``imu``, ``gnss``, ``odometer``, ``reference``, ``observations``, ``ephemerides`` an entry
         ``{"file": NAME, hint: value, ...}`` (see :class:`ReadHints`). An IMU in two files is given as ``accel`` and
         ``gyro``; ephemerides may be in several, ``{"file": [NAME, NAME]}``. Without entries the folder must hold one
-        file that is recognised per series.
+        file that is recognised per series, or several of ephemerides.
 
     Returns
     -------
@@ -170,11 +170,28 @@ def _found(path: Path) -> tuple[dict[str, dict[str, Any]], list[str]]:
         if not held:
             ignored.append(file.name)
     listing = "; ".join(f"{series}: {', '.join(names)}" for series, names in candidates.items()) or "nothing recognised"
-    advice = "say which: imu={'file': 'NAME', 'units': 'g,deg/s'}, gnss={'file': 'NAME'}"
-    if not candidates or any(len(names) > 1 for names in candidates.values()):
-        others = f"; not recognised: {', '.join(ignored)}" if ignored else ""
-        raise FileFormatError(f"expected one file per series, found {listing}{others}; {advice}", path)
-    return {series: {"file": names[0]} for series, names in candidates.items()}, ignored
+    advice = f"{SAY_WHICH}imu={{'file': 'NAME', 'units': 'g,deg/s'}}, gnss={{'file': 'NAME'}}"
+    if not candidates or any(len(names) > 1 for series, names in candidates.items() if series != "ephemerides"):
+        others = f"; not recognised: {listed(ignored)}" if ignored else ""
+        inside = "" if candidates else folders_in(path)
+        raise FileFormatError(f"expected one file per series, found {listing}{others}; {inside or advice}", path)
+    return {series: {"file": names if len(names) > 1 else names[0]} for series, names in candidates.items()}, ignored
+
+
+def folders_in(path: Path) -> str:
+    """Advice to give one of the folders in a folder that has no readable files of its own; empty if it has none.
+
+    Parameters
+    ----------
+    path : Path
+    """
+    names = sorted(p.name for p in path.iterdir() if p.is_dir() and not p.name.startswith("."))
+    return f"give one of the folders in it: {listed(names)}" if names else ""
+
+
+def listed(names: Sequence[str]) -> str:
+    """The first eight of some names, in a sentence."""
+    return ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
 
 
 def recognised(file: Path) -> tuple[str, ...]:

@@ -32,6 +32,8 @@ COUNTS_NOTE = "raw counts, not SI"
 SERIES = ("imu", "gnss", "odometer", "heading", "height", "reference")
 #: What files of satellite receivers hold besides.
 SATELLITES = ("observations", "ephemerides", "ranges")
+#: Before what a folder whose files leave a choice is read with; commands put their own words in its place.
+SAY_WHICH = "say which: "
 _DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t", "\\t": "\t", "blank": " ", "blanks": " ", "space": " "}
 _DIRECTIONS = {"F": (1, 0, 0), "B": (-1, 0, 0), "R": (0, 1, 0), "L": (0, -1, 0), "D": (0, 0, 1), "U": (0, 0, -1)}
 

@@ -151,6 +151,15 @@ NUMBERS = {
     ("MTi-3", "accel"): {"random_walk": 120e-6 * G, "bias_instability": 30e-6 * G, "range": 16 * G},
     ("VN-100", "gyro"): {"random_walk": 0.0035 * DEG, "bias_instability": 10 * DEG / 3600},
     ("VN-100", "accel"): {"random_walk": 140e-6 * G, "bias_instability": 40e-6 * G},
+    ("ADIS16470", "gyro"): {"random_walk": 0.008 * DEG, "bias_instability": 8 * DEG / 3600, "range": 2000 * DEG},
+    ("ADIS16505-1", "gyro"): {"random_walk": 0.13 * DEG / 60, "bias_instability": 2.3 * DEG / 3600,
+        "misalignment": 0.25 * DEG},
+    ("ICM-20602", "gyro"): {"random_walk": 0.004 * DEG, "scale_factor": 0.01, "range": 2000 * DEG},
+    ("ICM-20602", "accel"): {"random_walk": 100e-6 * G, "range": 16 * G},
+    ("ICM-42605", "gyro"): {"random_walk": 0.0038 * DEG},
+    ("ICM-42605", "accel"): {"random_walk": 70e-6 * G},
+    ("BMI270", "gyro"): {"random_walk": 0.007 * DEG},
+    ("BMI270", "accel"): {"random_walk": 160e-6 * G},
 }  # fmt: skip
 
 

@@ -123,6 +123,21 @@ def test_one_spike_of_10_m_s_is_no_motion(town, axis):
     assert all(o.status == "accepted" for o in live.outcomes)
 
 
+@pytest.mark.parametrize("at", [0, 1, 5])
+def test_a_spike_before_there_is_anything_to_compare_it_with(town, at):
+    """Taken as read it moved the solution by 19 m; left out of the first sample its dv of gravity is lost, 0.1 m/s."""
+    log, schedule, initial, _ = town
+    dv = log.dv_ib_b.copy()
+    dv[at, 0] += 10.0
+    live, clean = live_run(initial), live_run(initial)
+    part = slice(0, 1500)
+    r = fed(live, ImuSeries(log.t, log.dtheta_ib_b, dv, "increment"), schedule, part)[part]
+    usual = fed(clean, ImuSeries(log.t, log.dtheta_ib_b, log.dv_ib_b, "increment"), schedule, part)[part]
+    assert np.linalg.norm(r - usual, axis=1).max() < 2.5  # until the first fixes, less than their sigma
+    assert "is no motion" in live.notes[0]
+    assert all(o.status == "accepted" for o in live.outcomes)
+
+
 def test_a_shock_that_lasts_is_motion():
     """Two readings in a row beyond what was before are a launch: only the first is doubted, and its sigma says so."""
     case = cases.Case.of(cases.drive(1.0), 2.0)

@@ -228,6 +228,26 @@ def test_our_own_files_take_no_hints(run, tmp_path, suffix):
         read(path, axes="RFU", units="g,deg/s")
 
 
+def test_a_covariance_that_was_changed_is_said_or_refused(run, tmp_path):
+    """Between sigmas of metres: a cross term of 50 m^2 is no covariance's, one of 1e30 not even a wrong one's."""
+    paths = write(run, tmp_path / "run.csv")
+    lines = paths[1].read_text().splitlines()
+    column = lines[1].split(",").index("cne [m^2]")
+
+    def with_term(value):
+        cells = lines[4].split(",")
+        cells[column] = value
+        paths[1].write_text("\n".join([*lines[:4], ",".join(cells), *lines[5:]]) + "\n")
+        return paths[0]
+
+    back = read(with_term("50.0"))
+    assert back.gnss.cov_r_n[2, 0, 1] == 0.0
+    expected = "At 1 epochs the rounded covariance of position was not positive definite; its cross terms were dropped."
+    assert back.metadata.notes == (*run.metadata.notes, expected)
+    with pytest.raises(FileFormatError, match=r"run_gnss\.csv:5: expected cross terms .* up to 1e\+14 .*, got 1e\+30"):
+        read(with_term("1e30"))
+
+
 def test_a_missing_companion_is_noted(run, tmp_path):
     paths = write(run, tmp_path / "run.csv")
     paths[1].unlink()

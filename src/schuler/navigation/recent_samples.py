@@ -126,9 +126,7 @@ class RecentSamples:
 
     def is_spike(self, rate: float, force: float) -> bool:
         """Whether a single reading of so large components is no motion, after those so far. [rad/s], [m/s^2]"""
-        return bool(self.count[0] >= _FEWEST) and any(
-            x > SPIKE[i] and x > _TIMES * self.largest[i] for i, x in enumerate((rate, force))
-        )
+        return any(x > SPIKE[i] and x > _TIMES * self.largest[i] for i, x in enumerate((rate, force)))
 
     def _bridged(self, sample: Sample) -> tuple[Sample, str]:
         """A late sample with what it does not cover, as in a batch run."""
@@ -167,10 +165,10 @@ class RecentSamples:
         return gyro * longer, accel * longer
 
     def _without_spike(self, sample: Sample, rate: float, force: float) -> tuple[Sample, str]:
-        """A sample with the rate before it in place of a reading that is no motion, uncertain by the difference."""
+        """A sample with the rate before it, or none, in place of a reading that is no motion, and its uncertainty."""
         keep = self.keep
         spikes = [
-            self.count[0] >= _FEWEST and self.largest[2] == 0.0 and x > SPIKE[i] and x > _TIMES * self.largest[i]
+            self.largest[2] == 0.0 and x > SPIKE[i] and x > _TIMES * self.largest[i]
             for i, x in enumerate((rate, force))
         ]
         self.largest[2] = float(any(spikes))
@@ -178,17 +176,19 @@ class RecentSamples:
             self.largest[0] = max(rate, keep * self.largest[0])
             self.largest[1] = max(force, keep * self.largest[1])
             return sample, ""
-        before = self.rows[(self.count[0] - 1) % len(self.rows)]
         read, unknown = [sample.dtheta, sample.dv], [0.0, 0.0]
+        what = f"{sample.t:.3f} s: a single reading of {rate:.3g} rad/s, {force:.3g} m/s^2 is no motion; "
+        if self.count[0]:
+            before = self.rows[(self.count[0] - 1) % len(self.rows)]
+            usual = [before[2:5] * (sample.dt / before[1]), before[5:8] * (sample.dt / before[1])]
+            sentence = what + "the one before is repeated, uncertain by the difference"
+        else:
+            usual = [np.zeros(3), np.zeros(3)]
+            sentence = what + "it is the first, and left out, uncertain by its size"
         for i in (0, 1):
             if spikes[i]:
-                usual = before[2 + 3 * i : 5 + 3 * i] * (sample.dt / before[1])
-                unknown[i] = float(np.linalg.norm(read[i] - usual)) / sample.dt
-                read[i] = usual
-        sentence = (
-            f"{sample.t:.3f} s: a single reading of {rate:.3g} rad/s, {force:.3g} m/s^2 is no motion; the one before "
-            "is repeated, uncertain by the difference"
-        )
+                unknown[i] = float(np.linalg.norm(read[i] - usual[i])) / sample.dt
+                read[i] = usual[i]
         return Sample(sample.t, sample.dt, read[0], read[1], unknown[0], unknown[1]), sentence
 
     def _ordered(self, most: int) -> FloatArray:

@@ -14,7 +14,7 @@ import numpy as np
 from schuler.arrays import FloatArray
 from schuler.exceptions import FileFormatError, InputError, SchulerError
 from schuler.recording.io import clock, columns, dates, lines, own, own_satellites
-from schuler.recording.io.assemble import recording_from
+from schuler.recording.io.assemble import CONVERTED, recording_from
 from schuler.recording.io.hint_texts import ColumnSpec, factor, parse_columns, parse_units
 from schuler.recording.io.hints import ReadHints
 from schuler.recording.io.lines import TextTable
@@ -419,6 +419,7 @@ def _read_own(opening: Opening, hints: ReadHints, document: dict[str, Any], *, a
         own.check_rows(name, series[name], own.rows(raw.values), path)
         raw.ellipsoidal = True
         recording = replace(recording_from(raw, inner, trusted=True, time=metadata.time), **parts)
+        metadata = metadata.noting(*(note for note in raw.notes if not note.startswith(CONVERTED)))
     if hints.name:
         metadata = replace(metadata, name=hints.name)
     recording = replace(recording, metadata=metadata)
@@ -457,5 +458,7 @@ def _read_companion(path: Path) -> Recording:
     own_mark = next(((number, c) for number, c in opening.comments if c.startswith(OWN_MARK)), None)
     if own_mark is None:
         raise FileFormatError("expected a table written by schuler with the file that names it", path)
-    part = _read_own(opening, ReadHints(), _own_document(own_mark[1], path, own_mark[0]), alone=True)
-    return replace(part, metadata=replace(part.metadata, notes=(), options={}))
+    document = _own_document(own_mark[1], path, own_mark[0])
+    part = _read_own(opening, ReadHints(), document, alone=True)
+    written = len(own.metadata_from(document, path).notes)  # those that the first file has, too
+    return replace(part, metadata=replace(part.metadata, notes=part.metadata.notes[written:], options={}))

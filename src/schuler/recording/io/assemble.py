@@ -32,6 +32,7 @@ from schuler.recording.series import GnssSeries, ImuSeries, OdometerSeries, Scal
 from schuler.recording.trajectory import Trajectory
 from schuler.timebase import TimeBase
 
+CONVERTED = "Converted to SI"  # how a note on units begins
 SHORTEST_S = 1e-7  # a sample interval below is a wrong unit of time [s]
 # size of the Earth's field, 22 to 67 uT; a unit is taken for right up to a factor of four
 _EARTH_FIELD = {"T": 45e-6, "gauss": 0.45, "uT": 45.0, "mgauss": 450.0, "nT": 45e3}
@@ -186,7 +187,7 @@ def _to_si(raw: Raw, hints: ReadHints, series: str) -> None:
         raw.notes.append(f"Numbers were multiplied before their units: {given}.")
     used = {g: u for g, u in raw.unit.items() if u not in _SI}
     if used:
-        raw.notes.append(f"Converted to SI: {', '.join(f'{g} from {u}' for g, u in used.items())}.")
+        raw.notes.append(f"{CONVERTED}: {', '.join(f'{g} from {u}' for g, u in used.items())}.")
 
 
 def _times(values: FloatArray, number: float, passing: bool) -> FloatArray:

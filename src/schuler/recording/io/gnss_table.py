@@ -12,6 +12,7 @@ from schuler.exceptions import InputError
 from schuler.recording.io import columns, over_ground
 from schuler.recording.io.checks import unit_quaternions
 from schuler.recording.io.hints import ReadHints
+from schuler.recording.io.possible import MAX_SIGMA
 from schuler.recording.io.raw import Raw
 from schuler.recording.recording import Recording
 from schuler.recording.series import QUALITY, GnssSeries, positive_definite, stated_dilution
@@ -150,6 +151,13 @@ def _covariance(raw: Raw, hints: ReadHints, names: tuple[str, ...], cross: tuple
     if raw.has(cross):
         for name, (i, j) in zip(cross, ((0, 1), (0, 2), (1, 2)), strict=True):
             cov[:, i, j] = cov[:, j, i] = raw.values[name]
+        beyond = np.flatnonzero(np.abs(raw.stack(cross)).max(axis=1) > MAX_SIGMA**2)
+        if len(beyond):
+            row = int(beyond[0])
+            raise raw.fault(
+                f"expected cross terms of the covariance of {what} up to {MAX_SIGMA**2:.0e} ({', '.join(cross)}), got "
+                f"{np.abs(raw.stack(cross)[row]).max():.3g}: a damaged number or another unit", row
+            )  # fmt: skip
         definite = positive_definite(cov)
         if not definite.all():
             cov[~definite] *= np.eye(3)

@@ -55,6 +55,115 @@ def turn_coefficients(s):
     return (1.0 - cos(x)) / s, (x - sin(x)) / (s * x)
 
 
+@inlined
+def step_integral(t, x, before, i, stop):
+    """Integral of the readings of an axis triad over steps i to stop, each with its mean reading."""
+    after = 1.0 - before
+    s0 = 0.0
+    s1 = 0.0
+    s2 = 0.0
+    for m in range(i, stop):
+        dt = t[m + 1] - t[m]
+        s0 += dt * (before * x[m, 0] + after * x[m + 1, 0])
+        s1 += dt * (before * x[m, 1] + after * x[m + 1, 1])
+        s2 += dt * (before * x[m, 2] + after * x[m + 1, 2])
+    return s0, s1, s2
+
+
+@inlined
+def times(A, x):
+    """A x of a matrix and a tuple of three."""
+    return (
+        A[0, 0] * x[0] + A[0, 1] * x[1] + A[0, 2] * x[2],
+        A[1, 0] * x[0] + A[1, 1] * x[1] + A[1, 2] * x[2],
+        A[2, 0] * x[0] + A[2, 1] * x[1] + A[2, 2] * x[2],
+    )
+
+
+@inlined
+def less(x, b, h):
+    """Difference x - b h of a tuple of three: an integral over h without its bias."""
+    return x[0] - b[0] * h, x[1] - b[1] * h, x[2] - b[2] * h
+
+
+@inlined
+def turn_derivative(C, p):
+    """D = C Jl(p), row by row: Jl = I + a [p x] + b [p x]^2, [p x]^2 = p p^T - p^2 I."""
+    p0, p1, p2 = p
+    a, b = turn_coefficients(p0 * p0 + p1 * p1 + p2 * p2)
+    s = 1.0 - b * (p0 * p0 + p1 * p1 + p2 * p2)
+    j00 = s + b * p0 * p0
+    j11 = s + b * p1 * p1
+    j22 = s + b * p2 * p2
+    j01 = b * p0 * p1 - a * p2
+    j10 = b * p0 * p1 + a * p2
+    j02 = b * p0 * p2 + a * p1
+    j20 = b * p0 * p2 - a * p1
+    j12 = b * p1 * p2 - a * p0
+    j21 = b * p1 * p2 + a * p0
+    return (
+        C[0] * j00 + C[1] * j10 + C[2] * j20,
+        C[0] * j01 + C[1] * j11 + C[2] * j21,
+        C[0] * j02 + C[1] * j12 + C[2] * j22,
+        C[3] * j00 + C[4] * j10 + C[5] * j20,
+        C[3] * j01 + C[4] * j11 + C[5] * j21,
+        C[3] * j02 + C[4] * j12 + C[5] * j22,
+        C[6] * j00 + C[7] * j10 + C[8] * j20,
+        C[6] * j01 + C[7] * j11 + C[8] * j21,
+        C[6] * j02 + C[7] * j12 + C[8] * j22,
+    )
+
+
+@inlined
+def turned(C, D, p):
+    """C exp([p x]) = C + D [p x], row by row."""
+    return (
+        C[0] + (D[1] * p[2] - D[2] * p[1]),
+        C[1] + (D[2] * p[0] - D[0] * p[2]),
+        C[2] + (D[0] * p[1] - D[1] * p[0]),
+        C[3] + (D[4] * p[2] - D[5] * p[1]),
+        C[4] + (D[5] * p[0] - D[3] * p[2]),
+        C[5] + (D[3] * p[1] - D[4] * p[0]),
+        C[6] + (D[7] * p[2] - D[8] * p[1]),
+        C[7] + (D[8] * p[0] - D[6] * p[2]),
+        C[8] + (D[6] * p[1] - D[7] * p[0]),
+    )
+
+
+@inlined
+def component(c, p, h, f):
+    """Element c of (p, h, f), as a choice: an index of a tuple costs 8 %."""
+    if c == 0:
+        w = p[0]
+    elif c == 1:
+        w = p[1]
+    elif c == 2:
+        w = p[2]
+    elif c == 3:
+        w = h
+    elif c == 4:
+        w = f[0]
+    elif c == 5:
+        w = f[1]
+    else:
+        w = f[2]
+    return w
+
+
+@inlined
+def add_scaled(H, c, D, w):
+    """H[:, :, c] += D w."""
+    H[0, 0, c] += D[0] * w
+    H[0, 1, c] += D[1] * w
+    H[0, 2, c] += D[2] * w
+    H[1, 0, c] += D[3] * w
+    H[1, 1, c] += D[4] * w
+    H[1, 2, c] += D[5] * w
+    H[2, 0, c] += D[6] * w
+    H[2, 1, c] += D[7] * w
+    H[2, 2, c] += D[8] * w
+
+
 @kernel
 def turns(t, gyro, accel, spans, before, B_g, b_g, G, B_a, b_a, stride, columns, C_out, H_out, S_out):
     """Rotation from the end of each span to its start, with what its derivatives need.
@@ -73,128 +182,31 @@ def turns(t, gyro, accel, spans, before, B_g, b_g, G, B_a, b_a, stride, columns,
     of which the first ``columns`` (4 or 7) are kept. S is the sum of dt.
     """
     with_f = columns == 7
-    f0 = 0.0
-    f1 = 0.0
-    f2 = 0.0
-    after = 1.0 - before
+    f = (0.0, 0.0, 0.0)
     for k in range(spans.shape[0]):
-        c00 = 1.0
-        c01 = 0.0
-        c02 = 0.0
-        c10 = 0.0
-        c11 = 1.0
-        c12 = 0.0
-        c20 = 0.0
-        c21 = 0.0
-        c22 = 1.0
+        C = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
         H = H_out[k]
-        for r in range(3):
-            for c in range(3):
-                for q in range(columns):
-                    H[r, c, q] = 0.0
-        last = spans[k, 1]
+        H[:] = 0.0
         i = spans[k, 0]
+        last = spans[k, 1]
         S_out[k] = t[last] - t[i]
         while i < last:
             stop = min(i + stride, last)
-            y0 = 0.0
-            y1 = 0.0
-            y2 = 0.0
-            a0 = 0.0
-            a1 = 0.0
-            a2 = 0.0
             h = t[stop] - t[i]
-            for m in range(i, stop):
-                dt = t[m + 1] - t[m]
-                y0 += dt * (before * gyro[m, 0] + after * gyro[m + 1, 0])
-                y1 += dt * (before * gyro[m, 1] + after * gyro[m + 1, 1])
-                y2 += dt * (before * gyro[m, 2] + after * gyro[m + 1, 2])
-                if with_f:
-                    a0 += dt * (before * accel[m, 0] + after * accel[m + 1, 0])
-                    a1 += dt * (before * accel[m, 1] + after * accel[m + 1, 1])
-                    a2 += dt * (before * accel[m, 2] + after * accel[m + 1, 2])
-            i = stop
-            y0 -= b_g[0] * h
-            y1 -= b_g[1] * h
-            y2 -= b_g[2] * h
+            y = less(step_integral(t, gyro, before, i, stop), b_g, h)
             if with_f:
-                a0 -= b_a[0] * h
-                a1 -= b_a[1] * h
-                a2 -= b_a[2] * h
-                f0 = B_a[0, 0] * a0 + B_a[0, 1] * a1 + B_a[0, 2] * a2
-                f1 = B_a[1, 0] * a0 + B_a[1, 1] * a1 + B_a[1, 2] * a2
-                f2 = B_a[2, 0] * a0 + B_a[2, 1] * a1 + B_a[2, 2] * a2
-                y0 -= G[0, 0] * f0 + G[0, 1] * f1 + G[0, 2] * f2
-                y1 -= G[1, 0] * f0 + G[1, 1] * f1 + G[1, 2] * f2
-                y2 -= G[2, 0] * f0 + G[2, 1] * f1 + G[2, 2] * f2
-            p0 = B_g[0, 0] * y0 + B_g[0, 1] * y1 + B_g[0, 2] * y2
-            p1 = B_g[1, 0] * y0 + B_g[1, 1] * y1 + B_g[1, 2] * y2
-            p2 = B_g[2, 0] * y0 + B_g[2, 1] * y1 + B_g[2, 2] * y2
-            a, b = turn_coefficients(p0 * p0 + p1 * p1 + p2 * p2)
-            # Jl = I + a [p x] + b [p x]^2, [p x]^2 = p p^T - p^2 I
-            s = 1.0 - b * (p0 * p0 + p1 * p1 + p2 * p2)
-            j00 = s + b * p0 * p0
-            j11 = s + b * p1 * p1
-            j22 = s + b * p2 * p2
-            j01 = b * p0 * p1 - a * p2
-            j10 = b * p0 * p1 + a * p2
-            j02 = b * p0 * p2 + a * p1
-            j20 = b * p0 * p2 - a * p1
-            j12 = b * p1 * p2 - a * p0
-            j21 = b * p1 * p2 + a * p0
-            d00 = c00 * j00 + c01 * j10 + c02 * j20
-            d01 = c00 * j01 + c01 * j11 + c02 * j21
-            d02 = c00 * j02 + c01 * j12 + c02 * j22
-            d10 = c10 * j00 + c11 * j10 + c12 * j20
-            d11 = c10 * j01 + c11 * j11 + c12 * j21
-            d12 = c10 * j02 + c11 * j12 + c12 * j22
-            d20 = c20 * j00 + c21 * j10 + c22 * j20
-            d21 = c20 * j01 + c21 * j11 + c22 * j21
-            d22 = c20 * j02 + c21 * j12 + c22 * j22
-            for q in range(columns):
-                if q == 0:
-                    w = p0
-                elif q == 1:
-                    w = p1
-                elif q == 2:
-                    w = p2
-                elif q == 3:
-                    w = h
-                elif q == 4:
-                    w = f0
-                elif q == 5:
-                    w = f1
-                else:
-                    w = f2
-                H[0, 0, q] += d00 * w
-                H[0, 1, q] += d01 * w
-                H[0, 2, q] += d02 * w
-                H[1, 0, q] += d10 * w
-                H[1, 1, q] += d11 * w
-                H[1, 2, q] += d12 * w
-                H[2, 0, q] += d20 * w
-                H[2, 1, q] += d21 * w
-                H[2, 2, q] += d22 * w
-            # C exp([p x]) = C + D [p x]
-            c00 += d01 * p2 - d02 * p1
-            c01 += d02 * p0 - d00 * p2
-            c02 += d00 * p1 - d01 * p0
-            c10 += d11 * p2 - d12 * p1
-            c11 += d12 * p0 - d10 * p2
-            c12 += d10 * p1 - d11 * p0
-            c20 += d21 * p2 - d22 * p1
-            c21 += d22 * p0 - d20 * p2
-            c22 += d20 * p1 - d21 * p0
-        C = C_out[k]
-        C[0, 0] = c00
-        C[0, 1] = c01
-        C[0, 2] = c02
-        C[1, 0] = c10
-        C[1, 1] = c11
-        C[1, 2] = c12
-        C[2, 0] = c20
-        C[2, 1] = c21
-        C[2, 2] = c22
+                f = times(B_a, less(step_integral(t, accel, before, i, stop), b_a, h))
+                g = times(G, f)
+                y = (y[0] - g[0], y[1] - g[1], y[2] - g[2])
+            phi = times(B_g, y)
+            D = turn_derivative(C, phi)
+            for c in range(columns):
+                add_scaled(H, c, D, component(c, phi, h, f))
+            C = turned(C, D, phi)
+            i = stop
+        for r in range(3):
+            for c in range(3):
+                C_out[k, r, c] = C[3 * r + c]
 
 
 @kernel

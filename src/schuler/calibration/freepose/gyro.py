@@ -166,51 +166,35 @@ def fit_gyroscopes(
     Runge-Kutta, analytic derivatives, weights and covariance. White noise N is taken alike on the three axes (their
     root mean square), and the Earth's rotation is part of the scatter beyond noise.
     """
-    start = _GyroParameters(np.array(M), bias.copy(), np.zeros((3, 3)), estimate_bias or g_sensitivity, g_sensitivity)
-    if g_sensitivity:
-        rows = np.column_stack((np.ones(len(turns.f)), turns.f))
-        x = np.linalg.lstsq(rows, nominal * rests.gyro, rcond=None)[0]
-        start = replace(start, b=np.array(x[0], dtype=np.float64), G=np.array(x[1:].T, dtype=np.float64))
+    start = _start(turns, rests, nominal, bias, M, estimate_bias, g_sensitivity)
     parameters, history = (start, [start.vector]) if near else _coarse_fit(turns, nominal, start)
-    estimated, n = start.estimated, len(turns.spans)
+    n = len(turns.spans)
     tangent = tangents(turns.up[turns.pair[:, 1]])
     up_noise, to_accel = direction_noise(turns, accel, sigma_f)
     held_bias = None if start.estimates_bias else (turn_bias or _constant_bias(bias_sigma, n))
     wander = wander if turn_bias is None or start.estimates_bias else 0.0
     weight, spread, hat = np.ones(n), 0.0, np.zeros(n)
+    rates: _RestRates | None = None
     for k in range(15):
-        residual, J, C, seconds = parameters.residuals(turns, nominal, 1)
-        r = np.einsum("kia,ki->ka", tangent, residual).ravel()
-        J_t = np.einsum("kia,kip->kap", tangent, J).reshape(2 * n, -1)[:, : 21 if g_sensitivity else 12]
+        at = _linearised(parameters, turns, tangent, nominal)
         if k < 3 or k == 14:
-            to_residual = residual_map(turns, tangent, C, up_noise)
+            to_residual = residual_map(turns, tangent, at.C, up_noise)
             noise = _turn_noise(
-                to_residual, sigma_f, J_t[:, 9:12], held_bias, parameters.M, nominal * rests.density_g, seconds,
-                wander,
-            )  # fmt: skip
-        own = np.repeat(noise.gyro, 2)
+                to_residual, sigma_f, at.by_bias, held_bias, parameters.M, nominal * rests.density_g, at.seconds, wander
+            )
         if k > 0:
-            size = np.linalg.norm(r.reshape(n, 2), axis=1) / residual_factor(hat)
-            spread = excess_spread(size, noise.sigma, 2, robust)
-            if robust:
-                weight = outlier_weights(size / np.sqrt(noise.sigma**2 + spread**2), 2)
-            own = np.repeat((noise.gyro + spread**2) / weight + (1.0 / weight - 1.0) * (noise.sigma**2 - noise.gyro), 2)
-        A = J_t[:, estimated]
-        WA = solve_weighted(noise.common, own, np.column_stack((A, r)))
-        N, g = A.T @ WA[:, :-1], A.T @ WA[:, -1]
-        rates = None
+            spread, weight = _scatter_and_weights(at.r, hat, noise.sigma, robust)
+        own = _own_variance(noise, spread, weight)
         if g_sensitivity:
             rates = _rest_rates(parameters, turns.f, rests, nominal, rest_covariance, robust)
-            N, g = N + rates.D.T @ rates.WD, g + rates.WD.T @ rates.residual.T.ravel()
-        inverse = pseudo_inverse(N)
-        hat = 0.5 * ((A @ inverse) * WA[:, :-1]).sum(axis=1).reshape(n, 2).sum(axis=1)
-        dx = -inverse @ g
-        parameters = parameters.moved(dx)
+        step = _gauss_newton_step(at.J[:, start.estimated], at.r, noise.common, own, rates)
+        hat = step.leverage
+        parameters = parameters.moved(step.dx)
         history.append(parameters.vector)
-        if not np.isfinite(dx).all() or np.linalg.det(np.eye(3) + parameters.M) < 1e-3:
+        if not np.isfinite(step.dx).all() or np.linalg.det(np.eye(3) + parameters.M) < 1e-3:
             parameters = replace(parameters, M=history[-2][:9].reshape(3, 3))
             break
-        if k >= 2 and float(dx @ N @ dx) < 1e-4 if near else k >= 3 and float(np.abs(dx[:9]).max()) < 1e-9:
+        if k >= 2 and step.length < 1e-4 if near else k >= 3 and float(np.abs(step.dx[:9]).max()) < 1e-9:
             break
     if too_many_outliers(weight):
         return fit_gyroscopes(
@@ -218,22 +202,19 @@ def fit_gyroscopes(
             g_sensitivity=g_sensitivity, robust=False, M=parameters.M, rest_covariance=rest_covariance,
             wander=wander, turn_bias=turn_bias,
         )  # fmt: skip
-    residual, _, _, _ = parameters.residuals(turns, nominal, 1)
-    r = np.einsum("kia,ki->ka", tangent, residual).ravel()
-    gain = -inverse @ WA[:, :-1].T
     covariance, cross, bias_cross = _gyro_covariance(
-        gain, to_residual, sigma_f.ravel() ** 2, own, to_accel, J_t[:, 9:12], held_bias
+        step, to_residual, sigma_f.ravel() ** 2, own, to_accel, at.by_bias, held_bias, rates
     )
-    chi2 = float(r @ solve_weighted(noise.common, np.repeat(noise.gyro, 2), r[:, None])[:, 0])
-    freedom, rest_spread = 2 * n - len(estimated), 0.0
+    end = _linearised(parameters, turns, tangent, nominal)
+    chi2 = float(end.r @ solve_weighted(noise.common, np.repeat(noise.gyro, 2), end.r[:, None])[:, 0])
+    freedom = 2 * n - len(start.estimated)
     if rates is not None:
-        covariance += inverse @ (rates.D.T @ rates.WD) @ inverse
         q, sigma = parameters.rest_residual(turns.f, nominal * rests.gyro), _rest_sigma(rests, nominal)
-        chi2, freedom, rest_spread = chi2 + float((q**2 / sigma**2).sum()), freedom + q.size, rates.spread
+        chi2, freedom = chi2 + float((q**2 / sigma**2).sum()), freedom + q.size
     return GyroFit(
-        parameters.M, parameters.b, parameters.G, parameters.columns, residual, noise.sigma, spread, rest_spread,
-        weight, chi2, freedom, N, 0.5 * (covariance + covariance.T), cross, np.diag(bias_sigma**2), bias_cross,
-        np.array(history),
+        parameters.M, parameters.b, parameters.G, parameters.columns, end.residual, noise.sigma, spread,
+        0.0 if rates is None else rates.spread, weight, chi2, freedom, step.N, covariance, cross,
+        np.diag(bias_sigma**2), bias_cross, np.array(history),
     )  # fmt: skip
 
 
@@ -281,6 +262,97 @@ class _GyroParameters:
     def rest_residual(self, f: FloatArray, omega: FloatArray) -> FloatArray:
         """Rates at rest less ``b + G f``. Shape (K, 3). [rad/s]"""
         return np.asarray(omega - self.b - f @ self.G.T)
+
+
+def _start(
+    turns: Turns,
+    rests: Rests,
+    nominal: float,
+    bias: FloatArray,
+    M: FloatArray,
+    estimate_bias: bool,
+    g_sensitivity: bool,
+) -> _GyroParameters:
+    """Parameters to begin with; b and G from the rates at rest by least squares, where G is estimated."""
+    start = _GyroParameters(np.array(M), bias.copy(), np.zeros((3, 3)), estimate_bias or g_sensitivity, g_sensitivity)
+    if not g_sensitivity:
+        return start
+    rows = np.column_stack((np.ones(len(turns.f)), turns.f))
+    x = np.linalg.lstsq(rows, nominal * rests.gyro, rcond=None)[0]
+    return replace(start, b=np.array(x[0], dtype=np.float64), G=np.array(x[1:].T, dtype=np.float64))
+
+
+class _Linearised(NamedTuple):
+    """Predicted less measured verticals of n turns and their derivatives.
+
+    ``residual`` (n, 3) in the axes of the unit, ``r`` (2 n,) along the tangents [rad]; ``J`` (2 n, 12 or 21) by M, b
+    and G; ``C`` (n, 3, 3) the turns; ``seconds`` (n,) how long they took.
+    """
+
+    residual: FloatArray
+    r: FloatArray
+    J: FloatArray
+    C: FloatArray
+    seconds: FloatArray
+
+    @property
+    def by_bias(self) -> FloatArray:
+        """Derivatives by the bias. Shape (2 n, 3). [s]"""
+        return self.J[:, 9:12]
+
+
+def _linearised(parameters: _GyroParameters, turns: Turns, tangent: FloatArray, nominal: float) -> _Linearised:
+    """Residuals of the verticals about parameters."""
+    residual, J, C, seconds = parameters.residuals(turns, nominal, 1)
+    r = np.einsum("kia,ki->ka", tangent, residual).ravel()
+    J_t = np.einsum("kia,kip->kap", tangent, J).reshape(len(r), -1)[:, : 21 if parameters.g_sensitivity else 12]
+    return _Linearised(residual, r, J_t, C, seconds)
+
+
+def _scatter_and_weights(
+    r: FloatArray, leverage: FloatArray, sigma: FloatArray, robust: bool
+) -> tuple[float, FloatArray]:
+    """Scatter beyond noise [rad] and weights of the turns from the sizes of their residuals."""
+    size = np.linalg.norm(r.reshape(-1, 2), axis=1) / residual_factor(leverage)
+    spread = excess_spread(size, sigma, 2, robust)
+    return spread, outlier_weights(size / np.sqrt(sigma**2 + spread**2), 2) if robust else np.ones(len(size))
+
+
+def _own_variance(noise: _TurnNoise, spread: float, weight: FloatArray) -> FloatArray:
+    """Variance of a component that a turn shares with no other; a small weight is more of it. Shape (2 n,). [rad^2]"""
+    return np.repeat((noise.gyro + spread**2) / weight + (1.0 / weight - 1.0) * (noise.sigma**2 - noise.gyro), 2)
+
+
+class _Step(NamedTuple):
+    """Step of Gauss and Newton.
+
+    ``dx`` (p,) the step, ``N`` (p, p) the normal matrix and its ``inverse``, ``gain`` (p, 2 n) the step by residuals
+    of turns, ``leverage`` (n,) of the turns.
+    """
+
+    dx: FloatArray
+    N: FloatArray
+    inverse: FloatArray
+    gain: FloatArray
+    leverage: FloatArray
+
+    @property
+    def length(self) -> float:
+        """Square of the step in sigmas."""
+        return float(self.dx @ self.N @ self.dx)
+
+
+def _gauss_newton_step(
+    A: FloatArray, r: FloatArray, common: FloatArray, own: FloatArray, rates: _RestRates | None
+) -> _Step:
+    """Step ``-N^-1 g`` of residuals r (2 n,) of turns, of covariance ``common + diag(own)``, and of rates at rest."""
+    WA = solve_weighted(common, own, np.column_stack((A, r)))
+    N, g = A.T @ WA[:, :-1], A.T @ WA[:, -1]
+    if rates is not None:
+        N, g = N + rates.D.T @ rates.WD, g + rates.WD.T @ rates.residual.T.ravel()
+    inverse = pseudo_inverse(N)
+    leverage = 0.5 * ((A @ inverse) * WA[:, :-1]).sum(axis=1).reshape(-1, 2).sum(axis=1)
+    return _Step(-inverse @ g, N, inverse, -inverse @ WA[:, :-1].T, leverage)
 
 
 def _coarse_fit(turns: Turns, nominal: float, start: _GyroParameters) -> tuple[_GyroParameters, list[FloatArray]]:
@@ -385,15 +457,17 @@ def _rest_sigma(rests: Rests, nominal: float) -> FloatArray:
 
 
 def _gyro_covariance(
-    gain: FloatArray,
+    step: _Step,
     to_residual: FloatArray,
     variance: FloatArray,
     own: FloatArray,
     to_accel: FloatArray,
     by_bias: FloatArray,
     held_bias: TurnBias | None,
+    rates: _RestRates | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Covariance of the estimated parameters, cross-covariance with accelerometers (p, 9) and held bias (p, 3)."""
+    gain = step.gain
     from_poses = gain @ to_residual
     covariance = (from_poses * variance) @ from_poses.T + (gain * own) @ gain.T
     cross = (from_poses * variance) @ to_accel.T
@@ -401,7 +475,9 @@ def _gyro_covariance(
     if held_bias is not None:
         covariance += gain @ held_bias.in_residuals(by_bias) @ gain.T
         bias_cross = gain @ (by_bias * np.repeat(held_bias.cross, 2, axis=0))
-    return covariance, cross, bias_cross
+    if rates is not None:
+        covariance += step.inverse @ (rates.D.T @ rates.WD) @ step.inverse
+    return 0.5 * (covariance + covariance.T), cross, bias_cross
 
 
 def rescaled(fit: GyroFit, ratio: float) -> GyroFit:
